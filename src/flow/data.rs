@@ -1,0 +1,211 @@
+//! Data sets: seeded samples in windows, and pairs of a flow map.
+
+use super::Reference;
+use crate::error::Error;
+use crate::network::Stream;
+use crate::system::Hamiltonian;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+/// A box in phase space and how many points to draw in it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Window {
+    /// The lower corner, 2n numbers.
+    pub low: Vec<f64>,
+    /// The upper corner, 2n numbers.
+    pub high: Vec<f64>,
+    /// The number of points.
+    pub samples: usize,
+}
+
+/// Points drawn uniformly in the windows, one window after the other: an array
+/// (N, 2n).
+///
+/// # Errors
+/// When a corner is not of 2n finite numbers, or low > high somewhere.
+pub fn sample(windows: &[Window], dof: usize, stream: &mut Stream) -> Result<Vec<f64>, Error> {
+    let mut points = Vec::new();
+    for (index, window) in windows.iter().enumerate() {
+        for (name, corner) in [("low", &window.low), ("high", &window.high)] {
+            let place = format!("window {index}: {name}");
+            if corner.len() != 2 * dof {
+                return Err(Error::invalid(
+                    &place,
+                    format!("{} numbers", corner.len()),
+                    format!("{} numbers", 2 * dof),
+                ));
+            }
+            if let Some(bad) = corner.iter().find(|v| !v.is_finite()) {
+                return Err(Error::invalid(&place, bad, "a finite number"));
+            }
+        }
+        if let Some(k) = (0..2 * dof).find(|&k| window.low[k] > window.high[k]) {
+            return Err(Error::invalid(
+                &format!("window {index}: low[{k}]"),
+                window.low[k],
+                format!("at most high[{k}] = {}", window.high[k]),
+            ));
+        }
+        for _ in 0..window.samples {
+            for (low, high) in window.low.iter().zip(&window.high) {
+                points.push(stream.uniform(*low, *high));
+            }
+        }
+    }
+    Ok(points)
+}
+
+/// Pairs (z, P(z)) of a map: two arrays (N, 2n), columns q₁…qₙ, p₁…pₙ.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pairs {
+    dof: usize,
+    input: Vec<f64>,
+    output: Vec<f64>,
+}
+
+impl Pairs {
+    /// Pairs from two arrays, row by row. `place` names them in errors.
+    ///
+    /// # Errors
+    /// When the lengths differ, are zero or are no multiple of 2n, or a number
+    /// is not finite.
+    pub fn new(
+        place: &str,
+        dof: usize,
+        input: Vec<f64>,
+        output: Vec<f64>,
+    ) -> Result<Self, Error> {
+        let dim = 2 * dof;
+        for (name, array) in [("input", &input), ("output", &output)] {
+            let place = format!("{place}: {name}");
+            if dim == 0 || array.len() % dim != 0 {
+                return Err(Error::content(
+                    place,
+                    format!("rows of {dim} numbers"),
+                    format!("{} numbers", array.len()),
+                ));
+            }
+            check_finite(&place, array, dim)?;
+        }
+        if input.len() != output.len() {
+            return Err(Error::content(
+                format!("{place}: output"),
+                format!("{} rows, as in input", input.len() / dim),
+                format!("{} rows", output.len() / dim),
+            ));
+        }
+        if input.is_empty() {
+            return Err(Error::content(
+                format!("{place}: input"),
+                "at least one row",
+                "zero rows",
+            ));
+        }
+        Ok(Self { dof, input, output })
+    }
+
+    /// The time-`time` flow map of `system` at these points, with the largest
+    /// error estimate of the reference over 256 of them, evenly spaced.
+    ///
+    /// # Errors
+    /// As [`Reference::flow`] and [`Pairs::new`].
+    pub fn of_flow(
+        system: &(impl Hamiltonian + Sync),
+        points: Vec<f64>,
+        time: f64,
+    ) -> Result<(Self, f64), Error> {
+        let dim = 2 * system.dof();
+        let reference = Reference::new(system);
+        let mut output = points.clone();
+        output
+            .par_chunks_mut(dim)
+            .try_for_each(|point| reference.flow(system, point, time))?;
+        let stride = (points.len() / dim).div_ceil(256).max(1);
+        let mut error = 0.0_f64;
+        for point in points.chunks_exact(dim).step_by(stride) {
+            error = error.max(reference.flow_with_error(system, point, time)?.error);
+        }
+        Ok((Self::new("flow map", system.dof(), points, output)?, error))
+    }
+
+    /// n.
+    pub fn dof(&self) -> usize {
+        self.dof
+    }
+
+    /// N.
+    pub fn len(&self) -> usize {
+        self.input.len() / (2 * self.dof)
+    }
+
+    /// Never true: an empty set is refused at the border.
+    pub fn is_empty(&self) -> bool {
+        self.input.is_empty()
+    }
+
+    /// z, row by row.
+    pub fn input(&self) -> &[f64] {
+        &self.input
+    }
+
+    /// P(z), row by row.
+    pub fn output(&self) -> &[f64] {
+        &self.output
+    }
+
+    /// Splits off `fraction` of the pairs, chosen by `stream`: (rest, split
+    /// off). At least one pair stays on each side when there are two.
+    pub fn split(self, fraction: f64, stream: &mut Stream) -> (Self, Option<Self>) {
+        let count = self.len();
+        let held = ((count as f64 * fraction).round() as usize).min(count.saturating_sub(1));
+        if held == 0 {
+            return (self, None);
+        }
+        // Fisher and Yates, drawn from the top.
+        let mut order: Vec<usize> = (0..count).collect();
+        for i in (1..count).rev() {
+            let j = (stream.unit() * (i + 1) as f64) as usize;
+            order.swap(i, j.min(i));
+        }
+        let (held_rows, kept_rows) = order.split_at(held);
+        let take = |rows: &[usize]| {
+            let mut rows = rows.to_vec();
+            rows.sort_unstable();
+            let dim = 2 * self.dof;
+            let gather = |array: &[f64]| {
+                rows.iter().flat_map(|&r| array[r * dim..(r + 1) * dim].to_vec()).collect()
+            };
+            Self { dof: self.dof, input: gather(&self.input), output: gather(&self.output) }
+        };
+        (take(kept_rows), Some(take(held_rows)))
+    }
+
+    /// SHA-256 of the numbers, in hexadecimal: what a model's provenance names.
+    pub fn digest(&self) -> String {
+        let mut hash = Sha256::new();
+        hash.update((self.dof as u64).to_le_bytes());
+        for value in self.input.iter().chain(&self.output) {
+            hash.update(value.to_le_bytes());
+        }
+        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+/// Fails at the first number of an array of `columns` columns that is NaN or
+/// infinite, naming its row and column.
+///
+/// # Errors
+/// [`Error::NotFinite`].
+pub(crate) fn check_finite(place: &str, array: &[f64], columns: usize) -> Result<(), Error> {
+    match array.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(index) => Err(Error::NotFinite {
+            place: place.to_owned(),
+            row: index / columns,
+            column: index % columns,
+            value: array[index],
+        }),
+    }
+}

@@ -1,0 +1,37 @@
+//! The classical fourth-order Runge–Kutta method.
+
+use crate::scalar::Elementary;
+use crate::system::Hamiltonian;
+
+/// z ← the flow over `time`, in `steps` equal steps of the classical
+/// fourth-order method. Not symplectic.
+///
+/// # Panics
+/// When `steps` is 0 or z is not of 2n numbers.
+pub fn runge_kutta_4<S: Elementary>(
+    system: &impl Hamiltonian,
+    z: &mut [S],
+    time: f64,
+    steps: usize,
+) {
+    assert!(steps > 0 && z.len() == 2 * system.dof());
+    let h = time / steps as f64;
+    let dim = z.len();
+    let mut stage = vec![S::zero(); dim];
+    let mut slope = vec![S::zero(); dim];
+    let mut sum = vec![S::zero(); dim];
+    for _ in 0..steps {
+        sum.fill(S::zero());
+        stage.copy_from_slice(z);
+        for (advance, weight) in [(0.5, 1.0), (0.5, 2.0), (1.0, 2.0), (0.0, 1.0)] {
+            system.vector_field(&stage, &mut slope);
+            for i in 0..dim {
+                sum[i] = S::from_f64(weight).mul_add(slope[i], sum[i]);
+                stage[i] = S::from_f64(advance * h).mul_add(slope[i], z[i]);
+            }
+        }
+        for i in 0..dim {
+            z[i] = S::from_f64(h / 6.0).mul_add(sum[i], z[i]);
+        }
+    }
+}

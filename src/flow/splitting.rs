@@ -1,0 +1,121 @@
+//! Symmetric splittings of H = H_A + εH_B.
+
+use crate::scalar::Elementary;
+use crate::system::Splittable;
+
+/// A symmetric composition of the flows of the two parts,
+/// A(a₁h) B(b₁h) A(a₂h) … A(a₁h), symplectic for every step.
+///
+/// The sequences of coefficients are palindromes; the first half, the middle
+/// one included, is stored.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Splitting {
+    /// The name used in tables.
+    pub name: &'static str,
+    /// The order in h.
+    pub order: usize,
+    stages: usize,
+    a: &'static [f64],
+    b: &'static [f64],
+}
+
+impl Splitting {
+    /// Strang's splitting, order 2.
+    pub const STRANG: Self =
+        Self { name: "Strang", order: 2, stages: 1, a: &[0.5], b: &[1.0] };
+
+    /// Yoshida's triple jump of Strang's splitting, order 4.
+    ///
+    /// Source: <https://doi.org/10.1016/0375-9601(90)90092-3>.
+    pub const YOSHIDA_4: Self = Self {
+        name: "Yoshida 4",
+        order: 4,
+        stages: 3,
+        a: &[0.675_603_595_979_828_8, -0.175_603_595_979_828_8],
+        b: &[1.351_207_191_959_657_6, -1.702_414_383_919_315_3],
+    };
+
+    /// ABA(8,6,4): error O(εh⁸ + ε²h⁶ + ε³h⁴), seven stages.
+    ///
+    /// Source: table 3 of Blanes et al.,
+    /// <https://doi.org/10.1016/j.apnum.2013.01.003>.
+    pub const ABA_864: Self = Self {
+        name: "ABA(8,6,4)",
+        order: 4,
+        stages: 7,
+        a: &[
+            0.071_133_426_498_223_12,
+            0.241_153_427_956_640_1,
+            0.521_411_761_772_814_8,
+            -0.333_698_616_227_678,
+        ],
+        b: &[
+            0.183_083_687_472_197_22,
+            0.310_782_859_898_574_85,
+            -0.026_564_618_511_958_8,
+            0.065_396_142_282_373_42,
+        ],
+    };
+
+    /// ABA(10,6,4): error O(εh¹⁰ + ε²h⁶ + ε³h⁴), eight stages.
+    ///
+    /// Source: as [`Splitting::ABA_864`].
+    pub const ABA_1064: Self = Self {
+        name: "ABA(10,6,4)",
+        order: 4,
+        stages: 8,
+        a: &[
+            0.038_094_497_422_412_194,
+            0.145_298_716_116_913_75,
+            0.207_627_695_725_541_25,
+            0.435_909_703_651_526_16,
+            -0.653_861_225_832_786_7,
+        ],
+        b: &[
+            0.095_858_880_837_075_21,
+            0.204_446_153_142_998_78,
+            0.217_070_347_978_991_1,
+            -0.017_375_381_959_065_093,
+        ],
+    };
+
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::STRANG, Self::YOSHIDA_4, Self::ABA_864, Self::ABA_1064];
+
+    /// a_i, i = 0 … stages.
+    fn a(&self, i: usize) -> f64 {
+        self.a[i.min(self.stages - i)]
+    }
+
+    /// b_i, i = 0 … stages − 1.
+    fn b(&self, i: usize) -> f64 {
+        self.b[i.min(self.stages - 1 - i)]
+    }
+
+    /// z ← the flow over `time` in `steps` equal steps. The last A of a step
+    /// and the first of the next are taken together.
+    ///
+    /// # Panics
+    /// When `steps` is 0 or z is not of 2n numbers.
+    pub fn integrate<S: Elementary>(
+        &self,
+        system: &impl Splittable,
+        z: &mut [S],
+        time: f64,
+        steps: usize,
+    ) {
+        assert!(steps > 0 && z.len() == 2 * system.dof());
+        let h = time / steps as f64;
+        system.enter(z);
+        system.flow_a(z, S::from_f64(self.a(0) * h));
+        for step in 0..steps {
+            for i in 0..self.stages {
+                system.flow_b(z, S::from_f64(self.b(i) * h));
+                let last = i + 1 == self.stages;
+                let a = if last && step + 1 < steps { 2.0 * self.a(0) } else { self.a(i + 1) };
+                system.flow_a(z, S::from_f64(a * h));
+            }
+        }
+        system.leave(z);
+    }
+}

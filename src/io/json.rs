@@ -1,0 +1,183 @@
+//! Models and checkpoints as JSON.
+
+use super::{read_bytes, write_atomically};
+use crate::error::Error;
+use crate::network::{Architecture, Model};
+use crate::train::Checkpoint;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::path::Path;
+
+/// The newest model format that this version reads, and the one it writes.
+const MODEL_VERSION: u64 = 1;
+/// The same for checkpoints.
+const CHECKPOINT_VERSION: u64 = 1;
+
+/// Where a model comes from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Provenance {
+    /// The scene it was trained by, or `import`.
+    pub scene: String,
+    /// The seed.
+    pub seed: Option<u64>,
+    /// SHA-256 of the training pairs, or of the imported file.
+    pub data: Option<String>,
+    /// The time of the flow map that it stands for.
+    pub flow_time: Option<f64>,
+    /// The held-out mean squared error.
+    pub validation: Option<f64>,
+    /// The version of this crate.
+    pub crate_version: String,
+}
+
+impl Provenance {
+    /// With the version of this crate.
+    pub fn of(scene: &str) -> Self {
+        Self {
+            scene: scene.to_owned(),
+            crate_version: env!("CARGO_PKG_VERSION").to_owned(),
+            ..Self::default()
+        }
+    }
+}
+
+/// A model with its provenance, as a file holds it.
+#[derive(Clone, Debug)]
+pub struct StoredModel {
+    /// The network.
+    pub model: Model,
+    /// Where it comes from.
+    pub provenance: Provenance,
+}
+
+#[derive(Serialize, Deserialize)]
+struct ModelFile {
+    format: String,
+    version: u64,
+    architecture: Architecture,
+    provenance: Provenance,
+    parameters: Vec<f64>,
+}
+
+const MODEL_FORMAT: &str = "gyroceptron-model";
+const CHECKPOINT_FORMAT: &str = "gyroceptron-checkpoint";
+
+/// Reads a document of this format, checking its name and version before
+/// anything else, so that a newer one is called newer and not corrupt.
+fn read_document<T: DeserializeOwned>(
+    path: &Path,
+    format: &str,
+    supported: u64,
+) -> Result<T, Error> {
+    let bytes = read_bytes(path)?;
+    let place = &path.display().to_string();
+    let expected = format!("a {format} file");
+    let value: serde_json::Value = serde_json::from_slice(&bytes)
+        .map_err(|reason| Error::content(place, &expected, format!("corrupt JSON: {reason}")))?;
+    match value.get("format").and_then(|v| v.as_str()) {
+        Some(found) if found == format => {}
+        Some(found) => return Err(Error::content(place, &expected, format!("a {found} file"))),
+        None => return Err(Error::content(place, &expected, "no key `format`")),
+    }
+    let version = value
+        .get("version")
+        .and_then(serde_json::Value::as_u64)
+        .ok_or_else(|| Error::content(place, "a version number", "none"))?;
+    if version > supported {
+        return Err(Error::NewerFormat { path: path.to_owned(), found: version, supported });
+    }
+    serde_json::from_value(value)
+        .map_err(|reason| Error::content(place, &expected, reason))
+}
+
+/// Writes a model file. Numbers are the shortest decimals that read back as
+/// the same bits.
+///
+/// # Errors
+/// [`Error::Write`].
+pub fn save_model(path: &Path, stored: &StoredModel) -> Result<(), Error> {
+    let file = ModelFile {
+        format: MODEL_FORMAT.into(),
+        version: MODEL_VERSION,
+        architecture: stored.model.architecture(),
+        provenance: stored.provenance.clone(),
+        parameters: stored.model.composition().parameters().to_vec(),
+    };
+    write_atomically(path, |out| {
+        serde_json::to_writer_pretty(&mut *out, &file)?;
+        writeln!(out)
+    })
+}
+
+/// Reads a model file.
+///
+/// # Errors
+/// When it is missing, corrupt, of a newer format, or does not hold a model.
+pub fn load_model(path: &Path) -> Result<StoredModel, Error> {
+    let file: ModelFile = read_document(path, MODEL_FORMAT, MODEL_VERSION)?;
+    let expected = file.architecture.parameter_count();
+    if file.parameters.len() != expected {
+        return Err(Error::content(
+            format!("{}: parameters", path.display()),
+            format!("{expected} numbers"),
+            file.parameters.len(),
+        ));
+    }
+    let model = Model::new(file.architecture, file.parameters)
+        .map_err(|e| Error::content(path.display(), "a valid model", e))?;
+    Ok(StoredModel { model, provenance: file.provenance })
+}
+
+#[derive(Serialize, Deserialize)]
+struct CheckpointFile {
+    format: String,
+    version: u64,
+    crate_version: String,
+    /// SHA-256 of `state`: a flipped digit is not a different run.
+    digest: String,
+    state: String,
+}
+
+fn digest(text: &str) -> String {
+    Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Writes a checkpoint.
+///
+/// # Errors
+/// [`Error::Write`].
+pub fn save_checkpoint(path: &Path, checkpoint: &Checkpoint) -> Result<(), Error> {
+    let state = serde_json::to_string(checkpoint).map_err(|e| Error::write(path, e))?;
+    let file = CheckpointFile {
+        format: CHECKPOINT_FORMAT.into(),
+        version: CHECKPOINT_VERSION,
+        crate_version: env!("CARGO_PKG_VERSION").into(),
+        digest: digest(&state),
+        state,
+    };
+    write_atomically(path, |out| Ok(serde_json::to_writer(out, &file)?))
+}
+
+/// Reads a checkpoint.
+///
+/// # Errors
+/// When it is missing, corrupt, or of another version of the crate, which may
+/// take another path.
+pub fn load_checkpoint(path: &Path) -> Result<Checkpoint, Error> {
+    let file: CheckpointFile = read_document(path, CHECKPOINT_FORMAT, CHECKPOINT_VERSION)?;
+    let place = &path.display().to_string();
+    if file.crate_version != env!("CARGO_PKG_VERSION") {
+        return Err(Error::content(
+            place,
+            format!("a checkpoint of gyroceptron {}", env!("CARGO_PKG_VERSION")),
+            format!("one of {}", file.crate_version),
+        ));
+    }
+    if digest(&file.state) != file.digest {
+        return Err(Error::content(place, "an intact checkpoint", "a corrupt one (digest)"));
+    }
+    serde_json::from_str(&file.state)
+        .map_err(|reason| Error::content(place, "the state of a run", reason))
+}

@@ -1,0 +1,61 @@
+//! Files: models, data sets, weights of others, checkpoints.
+//!
+//! Every file is written to a temporary name in its folder and renamed, so
+//! that a reader, or a killed run, never sees half of one.
+
+mod arrays;
+mod json;
+mod weights;
+
+pub use arrays::{PairsFile, read_pairs, read_points, write_pairs, write_points};
+pub use json::{
+    Provenance, StoredModel, load_checkpoint, load_model, save_checkpoint, save_model,
+};
+pub use weights::{Tensor, export_weights, import_weights, read_tensors};
+
+use crate::error::Error;
+use std::io::Write;
+use std::path::Path;
+
+/// Writes a file whole or not at all.
+///
+/// # Errors
+/// [`Error::Write`] with the path.
+pub fn write_atomically(
+    path: &Path,
+    fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+) -> Result<(), Error> {
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let attempt = || -> std::io::Result<()> {
+        let mut file = tempfile::Builder::new().prefix(".gyroceptron-").tempfile_in(folder)?;
+        let mut buffered = std::io::BufWriter::new(file.as_file_mut());
+        fill(&mut buffered)?;
+        buffered.flush()?;
+        drop(buffered);
+        set_ordinary_permissions(file.as_file())?;
+        file.persist(path).map_err(|e| e.error)?;
+        Ok(())
+    };
+    attempt().map_err(|reason| Error::write(path, reason))
+}
+
+/// Temporary files are made private; results are for everybody that the folder
+/// is for.
+fn set_ordinary_permissions(file: &std::fs::File) -> std::io::Result<()> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        file.set_permissions(std::fs::Permissions::from_mode(0o644))?;
+    }
+    #[cfg(not(unix))]
+    let _ = file;
+    Ok(())
+}
+
+/// The bytes of a file.
+pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
+    std::fs::read(path).map_err(|reason| Error::read(path, reason))
+}

@@ -1,0 +1,241 @@
+//! Weights of others: `.safetensors` and `.npz` under documented names.
+//!
+//! `psi.{i}.w_in` (n, h), `psi.{i}.b_in` (1, h), `psi.{i}.w_out` (h, 1),
+//! `psi.{i}.eta` (1, n), the same under `near_identity.{i}.`, and `theta` (one
+//! element); a HénonNet has `henon.{i}.…` only. Layers are numbered from 0 in
+//! the order of application; numbers are float32 or float64.
+
+use super::arrays::{Archive, write_archive};
+use super::{read_bytes, write_atomically};
+use crate::error::Error;
+use crate::layer::CircleAction;
+use crate::network::{Architecture, GyroceptronShape, Model};
+use safetensors::tensor::{Dtype, TensorView};
+use safetensors::{SafeTensors, serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A named array of numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tensor {
+    /// Its shape.
+    pub shape: Vec<usize>,
+    /// Its numbers, row by row.
+    pub values: Vec<f64>,
+}
+
+/// The tensors of a `.safetensors` or `.npz` file, by name.
+///
+/// # Errors
+/// When the file is missing or corrupt, of another ending, or a tensor is not
+/// float32 or float64.
+pub fn read_tensors(path: &Path) -> Result<BTreeMap<String, Tensor>, Error> {
+    let bytes = read_bytes(path)?;
+    let place = path.display().to_string();
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("safetensors") => from_safetensors(&place, &bytes),
+        Some("npz") => from_npz(&place, bytes),
+        other => Err(Error::content(
+            &place,
+            "a file ending in .safetensors or .npz",
+            other.map_or("no ending".into(), |e| format!(".{e}")),
+        )),
+    }
+}
+
+fn from_safetensors(place: &str, bytes: &[u8]) -> Result<BTreeMap<String, Tensor>, Error> {
+    let file = SafeTensors::deserialize(bytes)
+        .map_err(|reason| Error::content(place, "a .safetensors file", reason))?;
+    let mut tensors = BTreeMap::new();
+    for (name, view) in file.tensors() {
+        let data = view.data();
+        let values = match view.dtype() {
+            Dtype::F64 => data
+                .as_chunks::<8>()
+                .0
+                .iter()
+                .map(|b| f64::from_le_bytes(*b))
+                .collect(),
+            Dtype::F32 => data
+                .as_chunks::<4>()
+                .0
+                .iter()
+                .map(|b| f64::from(f32::from_le_bytes(*b)))
+                .collect(),
+            other => {
+                return Err(Error::content(
+                    format!("{place}: {name}"),
+                    "float32 or float64",
+                    format!("{other:?}"),
+                ));
+            }
+        };
+        tensors.insert(name, Tensor { shape: view.shape().to_vec(), values });
+    }
+    Ok(tensors)
+}
+
+fn from_npz(place: &str, bytes: Vec<u8>) -> Result<BTreeMap<String, Tensor>, Error> {
+    let mut archive = Archive::open(place, bytes)?;
+    let mut tensors = BTreeMap::new();
+    for name in archive.names() {
+        let array = archive.array(&name)?;
+        tensors.insert(name, Tensor { shape: array.shape, values: array.values });
+    }
+    Ok(tensors)
+}
+
+/// The names and shapes of one layer's tensors, in the order of the flat
+/// layout.
+fn layer_tensors(part: &str, layer: usize, dof: usize, width: usize) -> [(String, [usize; 2]); 4] {
+    let name = |tensor: &str| format!("{part}.{layer}.{tensor}");
+    [
+        (name("w_in"), [dof, width]),
+        (name("b_in"), [1, width]),
+        (name("w_out"), [width, 1]),
+        (name("eta"), [1, dof]),
+    ]
+}
+
+/// The widths of a part's layers, read off the tensors `{part}.{i}.w_in`.
+fn widths(
+    place: &str,
+    tensors: &BTreeMap<String, Tensor>,
+    part: &str,
+    dof: usize,
+) -> Result<Vec<usize>, Error> {
+    let mut out = Vec::new();
+    while let Some(tensor) = tensors.get(&format!("{part}.{}.w_in", out.len())) {
+        match tensor.shape[..] {
+            [rows, width] if rows == dof => out.push(width),
+            _ => {
+                return Err(Error::content(
+                    format!("{place}: {part}.{}.w_in", out.len()),
+                    format!("shape ({dof}, h)"),
+                    format!("shape {:?}", tensor.shape),
+                ));
+            }
+        }
+    }
+    if out.is_empty() {
+        return Err(Error::content(format!("{place}: {part}.0.w_in"), "a tensor", "none"));
+    }
+    Ok(out)
+}
+
+/// Reads the weights of a gyroceptron with this circle action at ε.
+///
+/// # Errors
+/// When a tensor is missing, superfluous or of another shape, or the file
+/// cannot be read.
+pub fn import_weights(
+    path: &Path,
+    circle_action: CircleAction,
+    epsilon: f64,
+) -> Result<Model, Error> {
+    let place = path.display().to_string();
+    let mut tensors = read_tensors(path)?;
+    let dof = circle_action.dof();
+    let architecture = Architecture::Gyroceptron {
+        shape: GyroceptronShape {
+            psi: widths(&place, &tensors, "psi", dof)?,
+            near_identity: widths(&place, &tensors, "near_identity", dof)?,
+            circle_action,
+        },
+        epsilon,
+    };
+    let mut parameters = Vec::with_capacity(architecture.parameter_count());
+    let mut take = |name: &str, shape: Option<[usize; 2]>| -> Result<(), Error> {
+        let place = format!("{place}: {name}");
+        let tensor = tensors
+            .remove(name)
+            .ok_or_else(|| Error::content(&place, "a tensor of that name", "none"))?;
+        let fits = match shape {
+            Some(shape) => tensor.shape == shape,
+            None => tensor.values.len() == 1,
+        };
+        if !fits {
+            let expected =
+                shape.map_or("one element".into(), |[r, c]| format!("shape [{r}, {c}]"));
+            return Err(Error::content(&place, expected, format!("shape {:?}", tensor.shape)));
+        }
+        crate::flow::check_finite(&place, &tensor.values, tensor.values.len().max(1))?;
+        parameters.extend(tensor.values);
+        Ok(())
+    };
+    for (part, shape) in architecture.parts() {
+        for (layer, &width) in shape.widths.iter().enumerate() {
+            for (name, shape) in layer_tensors(part, layer, shape.dof, width) {
+                take(&name, Some(shape))?;
+            }
+        }
+    }
+    take("theta", None)?;
+    if let Some(name) = tensors.keys().next() {
+        return Err(Error::content(
+            format!("{place}: {name}"),
+            "no other tensor than the network's",
+            format!("{} superfluous", tensors.len()),
+        ));
+    }
+    Model::new(architecture, parameters)
+}
+
+/// Writes a model's weights as `.safetensors` or `.npz`, float64.
+///
+/// # Errors
+/// When the ending is another one or the file cannot be written.
+pub fn export_weights(path: &Path, model: &Model) -> Result<(), Error> {
+    let architecture = model.architecture();
+    let parameters = model.composition().parameters();
+    let mut tensors: Vec<(String, Vec<usize>, &[f64])> = Vec::new();
+    let mut rest = parameters;
+    for (part, shape) in architecture.parts() {
+        for (layer, &width) in shape.widths.iter().enumerate() {
+            for (name, shape) in layer_tensors(part, layer, shape.dof, width) {
+                let (own, after) = rest.split_at(shape[0] * shape[1]);
+                rest = after;
+                tensors.push((name, shape.to_vec(), own));
+            }
+        }
+    }
+    if !rest.is_empty() {
+        tensors.push(("theta".into(), vec![1], rest));
+    }
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("safetensors") => {
+            let bytes: Vec<Vec<u8>> = tensors
+                .iter()
+                .map(|(_, _, values)| values.iter().flat_map(|v| v.to_le_bytes()).collect())
+                .collect();
+            let views: Result<Vec<_>, _> = tensors
+                .iter()
+                .zip(&bytes)
+                .map(|((name, shape, _), bytes)| {
+                    Ok((name.clone(), TensorView::new(Dtype::F64, shape.clone(), bytes)?))
+                })
+                .collect();
+            let file = views
+                .and_then(|views| serialize(views, None))
+                .map_err(|reason: safetensors::SafeTensorError| Error::write(path, reason))?;
+            write_atomically(path, |out| out.write_all(&file))
+        }
+        Some("npz") => {
+            let shapes: Vec<Vec<u64>> = tensors
+                .iter()
+                .map(|(_, shape, _)| shape.iter().map(|&d| d as u64).collect())
+                .collect();
+            let arrays: Vec<_> = tensors
+                .iter()
+                .zip(&shapes)
+                .map(|((name, _, values), shape)| (name.as_str(), &shape[..], *values))
+                .collect();
+            write_archive(path, &arrays)
+        }
+        other => Err(Error::invalid(
+            &format!("{}", path.display()),
+            other.map_or("no ending".into(), |e| format!(".{e}")),
+            "a file ending in .safetensors or .npz",
+        )),
+    }
+}

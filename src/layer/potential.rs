@@ -1,0 +1,190 @@
+//! Potentials V(y) and what their gradients and adjoints need.
+
+use crate::scalar::{Over, Scalar};
+
+/// A potential V: ℝⁿ → ℝ, seen through its gradient.
+///
+/// The methods work on slices that the caller owns; none allocates.
+pub trait Potential<S: Scalar> {
+    /// n, the length of `y`.
+    fn dof(&self) -> usize;
+
+    /// How many numbers [`Potential::gradient_recording`] leaves for
+    /// [`Potential::pullback`].
+    fn tape_len(&self) -> usize;
+
+    /// `out` ← ∇V(y).
+    fn gradient(&self, y: &[S], out: &mut [S]);
+
+    /// As [`Potential::gradient`], filling `tape` for the pullback.
+    fn gradient_recording(&self, y: &[S], out: &mut [S], tape: &mut [S]);
+
+    /// The adjoint of (y, parameters) ↦ ∇V(y): for the cotangent `u` of the
+    /// gradient, `y_bar` ← V″(y)u and `parameters_bar` += ∂(u·∇V)/∂parameters.
+    fn pullback(&self, y: &[S], tape: &[S], u: &[S], y_bar: &mut [S], parameters_bar: &mut [S]);
+
+    /// `out` ← a bound of |V″(y)| that rounding errors are measured by, n × n
+    /// row by row.
+    fn hessian_magnitude(&self, y: &[S], out: &mut [S]);
+
+    /// `out` ← δ, with u·δ the scale of the rounding error of ∇V(y).
+    fn gradient_magnitude(&self, y: &[S], out: &mut [S]);
+}
+
+/// V(y) = w·tanh(Wᵀy + b): one hidden layer of h neurons (the paper's V\[W\]).
+///
+/// ∇V(y) = W(w ⊙ sech²(Wᵀy + b)). There is no output bias, which no gradient
+/// would see. `D` fixes n at compile time where the caller knows it; `D = 0`
+/// takes n from the arguments.
+#[derive(Clone, Copy, Debug)]
+pub struct TanhPotential<'a, P, const D: usize = 0> {
+    dof: usize,
+    w_in: &'a [P],
+    b_in: &'a [P],
+    w_out: &'a [P],
+}
+
+impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
+    /// A view of the parameters `[W (n × h, row by row), b (h), w (h)]`.
+    ///
+    /// # Panics
+    /// When `parameters` does not hold `width·(dof + 2)` numbers, or `D` is
+    /// neither 0 nor `dof`.
+    #[inline(always)]
+    pub fn new(dof: usize, width: usize, parameters: &'a [P]) -> Self {
+        assert!(D == 0 || D == dof);
+        let (w_in, rest) = parameters.split_at(dof * width);
+        let (b_in, w_out) = rest.split_at(width);
+        assert!(w_out.len() == width);
+        Self { dof, w_in, b_in, w_out }
+    }
+
+    #[inline(always)]
+    fn n(&self) -> usize {
+        if D > 0 { D } else { self.dof }
+    }
+
+    /// h, the number of neurons.
+    #[inline(always)]
+    pub fn width(&self) -> usize {
+        self.w_out.len()
+    }
+
+    #[inline(always)]
+    fn preactivation<S: Over<P>>(&self, j: usize, y: &[S]) -> S {
+        let h = self.width();
+        let mut z = S::embed(self.b_in[j]);
+        for i in 0..self.n() {
+            z = y[i].mul_add_parameter(self.w_in[i * h + j], z);
+        }
+        z
+    }
+
+    #[inline(always)]
+    fn accumulate<S: Over<P>>(&self, j: usize, s: S, out: &mut [S]) {
+        let h = self.width();
+        let c = s.times(self.w_out[j]);
+        for i in 0..self.n() {
+            out[i] = c.mul_add_parameter(self.w_in[i * h + j], out[i]);
+        }
+    }
+}
+
+impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, D> {
+    #[inline(always)]
+    fn dof(&self) -> usize {
+        self.n()
+    }
+
+    #[inline(always)]
+    fn tape_len(&self) -> usize {
+        2 * self.width()
+    }
+
+    #[inline(always)]
+    fn gradient(&self, y: &[S], out: &mut [S]) {
+        let (y, out) = (&y[..self.n()], &mut out[..self.n()]);
+        out.fill(S::zero());
+        for j in 0..self.width() {
+            let s = self.preactivation(j, y).sech2();
+            self.accumulate(j, s, out);
+        }
+    }
+
+    #[inline(always)]
+    fn gradient_recording(&self, y: &[S], out: &mut [S], tape: &mut [S]) {
+        let (y, out) = (&y[..self.n()], &mut out[..self.n()]);
+        out.fill(S::zero());
+        for (j, slot) in tape.chunks_exact_mut(2).enumerate() {
+            let (t, s) = self.preactivation(j, y).tanh_sech2();
+            slot[0] = t;
+            slot[1] = s;
+            self.accumulate(j, s, out);
+        }
+    }
+
+    #[inline(always)]
+    fn pullback(&self, y: &[S], tape: &[S], u: &[S], y_bar: &mut [S], parameters_bar: &mut [S]) {
+        let n = self.n();
+        let h = self.width();
+        let (y, u, y_bar) = (&y[..n], &u[..n], &mut y_bar[..n]);
+        let (w_bar, rest) = parameters_bar.split_at_mut(n * h);
+        let (b_bar, w_out_bar) = rest.split_at_mut(h);
+        y_bar.fill(S::zero());
+        for (j, slot) in tape.chunks_exact(2).enumerate() {
+            let (t, s) = (slot[0], slot[1]);
+            // r = (Wᵀu)ⱼ, so that u·∇V = Σⱼ wⱼ sⱼ rⱼ.
+            let mut r = S::zero();
+            for i in 0..n {
+                r = u[i].mul_add_parameter(self.w_in[i * h + j], r);
+            }
+            let ws = s.times(self.w_out[j]);
+            let sr = s * r;
+            w_out_bar[j] = w_out_bar[j] + sr;
+            let z_bar = S::from_f64(-2.0) * t * (ws * r);
+            b_bar[j] = b_bar[j] + z_bar;
+            for i in 0..n {
+                let entry = &mut w_bar[i * h + j];
+                *entry = ws.mul_add(u[i], z_bar.mul_add(y[i], *entry));
+                y_bar[i] = z_bar.mul_add_parameter(self.w_in[i * h + j], y_bar[i]);
+            }
+        }
+    }
+
+    /// |W||D||Wᵀ| with D = diag(2 w s t), the diagonal of second derivatives.
+    fn hessian_magnitude(&self, y: &[S], out: &mut [S]) {
+        let n = self.n();
+        let h = self.width();
+        out.fill(S::zero());
+        for j in 0..h {
+            let (t, s) = self.preactivation(j, y).tanh_sech2();
+            let d = (S::from_f64(2.0) * t * s).times(self.w_out[j]).abs();
+            for i in 0..n {
+                let row = S::embed(self.w_in[i * h + j]).abs();
+                for k in 0..n {
+                    let column = S::embed(self.w_in[k * h + j]).abs();
+                    out[i * n + k] = (d * row).mul_add(column, out[i * n + k]);
+                }
+            }
+        }
+    }
+
+    /// |W|(|w| ⊙ (s + 2|t| s (|W|ᵀ|y| + |b|))).
+    fn gradient_magnitude(&self, y: &[S], out: &mut [S]) {
+        let n = self.n();
+        let h = self.width();
+        out.fill(S::zero());
+        for j in 0..h {
+            let (t, s) = self.preactivation(j, y).tanh_sech2();
+            let mut reach = S::embed(self.b_in[j]).abs();
+            for i in 0..n {
+                reach = S::embed(self.w_in[i * h + j]).abs().mul_add(y[i].abs(), reach);
+            }
+            let sensitivity = S::from_f64(2.0) * t.abs() * s * reach + s;
+            let weight = S::embed(self.w_out[j]).abs() * sensitivity;
+            for i in 0..n {
+                out[i] = S::embed(self.w_in[i * h + j]).abs().mul_add(weight, out[i]);
+            }
+        }
+    }
+}

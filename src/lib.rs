@@ -1,0 +1,16 @@
+//! Symplectic gyroceptrons.
+#![warn(missing_docs)]
+
+pub mod error;
+pub mod flow;
+#[cfg(feature = "files")]
+pub mod io;
+pub mod layer;
+pub mod measure;
+pub mod network;
+pub mod phase;
+pub mod scalar;
+pub mod system;
+pub mod train;
+
+pub use error::Error;

@@ -1,0 +1,142 @@
+//! The axioms of a circle action, for Φ and for ψ∘Φ∘ψ⁻¹.
+
+use super::{Conditioned, Walk};
+use crate::layer::CircleAction;
+use crate::network::Gyroceptron;
+use crate::scalar::Scalar;
+use std::f64::consts::TAU;
+
+/// One of the axioms, with its angles in radians.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CircleAxiom {
+    /// Φ₀ = Id.
+    Identity,
+    /// Φ_{θ + 2π} = Φ_θ.
+    Periodicity(f64),
+    /// Φ_{θ₁ + θ₂} = Φ_{θ₁}∘Φ_{θ₂}.
+    Additivity(f64, f64),
+    /// Φ_{−θ}∘Φ_θ = Id.
+    Inverse(f64),
+}
+
+impl CircleAxiom {
+    /// The two sides, each as angles applied one after the other.
+    fn sides(self) -> [Vec<f64>; 2] {
+        match self {
+            Self::Identity => [vec![0.0], vec![]],
+            Self::Periodicity(a) => [vec![a + TAU], vec![a]],
+            Self::Additivity(a, b) => [vec![a + b], vec![b, a]],
+            Self::Inverse(a) => [vec![a, -a], vec![]],
+        }
+    }
+
+    /// The bound of |left − right| in a plane of weight m, in units of
+    /// u·(the plane's radius).
+    ///
+    /// 4 for the shears themselves, |m·angle| for the rounding of the sum of
+    /// angles, 2.2 because fl(2π) − 2π = −2.2u; nothing for the identity,
+    /// which is bitwise.
+    fn bound(self, weight: i32) -> f64 {
+        let m = f64::from(weight.abs());
+        match self {
+            Self::Identity => 0.0,
+            Self::Periodicity(a) => 4.0 + m * (2.2 + (a + TAU).abs()),
+            Self::Additivity(a, b) => 4.0 + m * (a + b).abs(),
+            Self::Inverse(_) => 4.0,
+        }
+    }
+}
+
+fn radii(z: &[f64]) -> Vec<f64> {
+    let n = z.len() / 2;
+    (0..n).map(|j| z[j].hypot(z[n + j])).collect()
+}
+
+/// An error over its bound, where 0 over 0 is 0.
+fn over(error: f64, bound: f64) -> f64 {
+    if error == 0.0 { 0.0 } else { error / bound }
+}
+
+/// The defect of the axiom for Φ at z over its bound, the largest over the
+/// components.
+pub fn circle_axiom_ratio(action: &CircleAction, axiom: CircleAxiom, z: &[f64]) -> f64 {
+    let apply = |angles: &[f64]| {
+        let mut out = z.to_vec();
+        for &angle in angles {
+            action.at(angle).apply(&mut out, false);
+        }
+        out
+    };
+    let [left, right] = axiom.sides();
+    let (left, right) = (apply(&left), apply(&right));
+    let n = action.dof();
+    let radii = radii(z);
+    let mut largest = 0.0;
+    for i in 0..2 * n {
+        let weight = action.weights()[i % n];
+        let bound = f64::unit_roundoff() * axiom.bound(weight) * radii[i % n];
+        let ratio = over((left[i] - right[i]).abs(), if weight == 0 { 0.0 } else { bound });
+        if !(ratio <= largest) {
+            largest = ratio;
+        }
+    }
+    largest
+}
+
+/// The same for the conjugated action ψ∘Φ_θ∘ψ⁻¹ of a gyroceptron: the bound is
+/// that of Φ carried through ψ by its Jacobian, and the rounding of ψ itself.
+pub fn conjugated_axiom_ratio(
+    network: &Gyroceptron<f64>,
+    axiom: CircleAxiom,
+    z: &[f64],
+) -> Conditioned {
+    let u = f64::unit_roundoff();
+    let dim = z.len();
+    let mut squares: Vec<f64> = z.iter().map(|v| v * v).collect();
+    let mut reach = 0.0_f64;
+    let mut ends = Vec::new();
+    for side in axiom.sides() {
+        let maps: Vec<_> =
+            side.iter().map(|&angle| network.conjugated_circle_action(angle)).collect();
+        let steps: Vec<_> = maps.iter().flat_map(|map| map.elementary()).collect();
+        let walk = Walk::new(&steps, z);
+        let (own, sums) = walk.value_bounds();
+        for (square, own) in squares.iter_mut().zip(own) {
+            *square += own * own;
+        }
+        reach = sums.iter().fold(reach, |m, v| if *v > m || v.is_nan() { *v } else { m });
+        ends.push(walk.end().to_vec());
+    }
+    // |G|, the Jacobian of ψ where Φ leaves w = ψ⁻¹(z).
+    let psi = network.psi();
+    let mut w = z.to_vec();
+    crate::phase::Map::inverse(&psi, &mut w);
+    let action = &network.shape().circle_action;
+    let angle = axiom.sides()[0].iter().sum();
+    action.at(angle).apply(&mut w, false);
+    let conjugation = Walk::new(&psi.composition().elementary(), &w);
+    let radii = radii(&w);
+    let size = z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let mut largest = 0.0;
+    for row in 0..dim {
+        let mut carried = 0.0;
+        for column in 0..dim {
+            let plane = column % (dim / 2);
+            let weight = action.weights()[plane];
+            if weight != 0 {
+                let entry = conjugation.jacobian()[row * dim + column].abs();
+                carried += entry * axiom.bound(weight) * radii[plane];
+            }
+        }
+        if !(u * (reach + carried) <= 0.1 * size) {
+            return Conditioned::IllConditioned;
+        }
+        let bound = u * (squares[row].sqrt() + carried);
+        let error = (ends[0][row] - ends[1][row]).abs();
+        let ratio = over(error, bound);
+        if !(ratio <= largest) {
+            largest = ratio;
+        }
+    }
+    Conditioned::Ratio(largest)
+}

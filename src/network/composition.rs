@@ -1,0 +1,378 @@
+//! A composition of kicks and rotations over one flat parameter vector.
+
+use super::HenonShape;
+use crate::layer::{Elementary, Kick, KickForm, Rotation, TanhPotential, layer_parameter_count};
+use crate::phase::Map;
+use crate::scalar::{Over, Scalar};
+use std::ops::Range;
+
+/// Forward or inverse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// The map.
+    Forward,
+    /// Its inverse.
+    Inverse,
+}
+
+/// One step of a composition, pointing into its parameters.
+#[derive(Clone, Debug)]
+pub enum Step {
+    /// A kick of a Hénon layer.
+    Kick {
+        /// Where the layer's parameters are.
+        parameters: Range<usize>,
+        /// Its number of neurons.
+        width: usize,
+        /// Which of the four kicks.
+        form: KickForm,
+        /// The inverse of the kick.
+        inverse: bool,
+        /// Scaled by the composition's ε; else by 1.
+        near_identity: bool,
+    },
+    /// The rotation Φ_θ; its inverse when true.
+    Rotation {
+        /// Φ_θ⁻¹ in place of Φ_θ.
+        inverse: bool,
+    },
+}
+
+/// Runs `$body` with `$D` bound to n where kernels are specialised for it, and
+/// to 0 (n read at run time) elsewhere.
+macro_rules! with_dof {
+    ($n:expr, $D:ident => $body:expr) => {
+        match $n {
+            1 => {
+                const $D: usize = 1;
+                $body
+            }
+            2 => {
+                const $D: usize = 2;
+                $body
+            }
+            3 => {
+                const $D: usize = 3;
+                $body
+            }
+            _ => {
+                const $D: usize = 0;
+                $body
+            }
+        }
+    };
+}
+pub(crate) use with_dof;
+
+/// A map given as a sequence of kicks and rotations.
+///
+/// Its parameters are one flat vector (see the [module](super) for the order);
+/// every step points into it, and several steps may share a layer, as ψ and
+/// ψ⁻¹ do in a gyroceptron.
+#[derive(Clone, Debug)]
+pub struct Composition<P> {
+    dof: usize,
+    steps: Vec<Step>,
+    parameters: Vec<P>,
+    epsilon: P,
+    rotation: Option<Rotation<P>>,
+    theta: Option<usize>,
+}
+
+/// What a forward pass keeps for the pullback, and working space for both.
+#[derive(Clone, Debug)]
+pub struct Recording<S> {
+    tape: Vec<S>,
+    scratch: Vec<S>,
+}
+
+/// Small maps keep their working space on the stack.
+const STACK: usize = 16;
+
+impl<P: Scalar> Composition<P> {
+    /// A composition without steps: the identity in `dof` degrees of freedom.
+    pub(super) fn new(dof: usize, parameters: Vec<P>, epsilon: P) -> Self {
+        Self { dof, steps: Vec::new(), parameters, epsilon, rotation: None, theta: None }
+    }
+
+    /// Appends the layers of `shape`, whose parameters start at `offset`.
+    pub(super) fn push_henon(
+        &mut self,
+        shape: &HenonShape,
+        offset: usize,
+        direction: Direction,
+        near_identity: bool,
+    ) {
+        let mut start = offset;
+        let mut kicks = Vec::with_capacity(4 * shape.widths.len());
+        for &width in &shape.widths {
+            let end = start + layer_parameter_count(self.dof, width);
+            for form in KickForm::LAYER {
+                let inverse = direction == Direction::Inverse;
+                let parameters = start..end;
+                kicks.push(Step::Kick { parameters, width, form, inverse, near_identity });
+            }
+            start = end;
+        }
+        if direction == Direction::Inverse {
+            kicks.reverse();
+        }
+        self.steps.extend(kicks);
+    }
+
+    /// Appends a rotation whose angle is the parameter number `theta`.
+    pub(super) fn push_rotation(&mut self, rotation: Rotation<P>, theta: usize) {
+        self.rotation = Some(rotation);
+        self.theta = Some(theta);
+        self.steps.push(Step::Rotation { inverse: false });
+    }
+
+    /// The number of degrees of freedom.
+    pub fn dof(&self) -> usize {
+        self.dof
+    }
+
+    /// The flat parameters.
+    pub fn parameters(&self) -> &[P] {
+        &self.parameters
+    }
+
+    /// ε of the near-identity steps.
+    pub fn epsilon(&self) -> P {
+        self.epsilon
+    }
+
+    /// The same map at another ε.
+    pub fn with_epsilon(&self, epsilon: P) -> Self {
+        Self { epsilon, ..self.clone() }
+    }
+
+    /// The steps, in the order of application.
+    pub fn steps(&self) -> &[Step] {
+        &self.steps
+    }
+
+    /// The inverse map, as a composition of its own.
+    pub fn inverted(&self) -> Self {
+        let steps = self
+            .steps
+            .iter()
+            .rev()
+            .map(|step| match step.clone() {
+                Step::Kick { parameters, width, form, inverse, near_identity } => {
+                    Step::Kick { parameters, width, form, inverse: !inverse, near_identity }
+                }
+                Step::Rotation { inverse } => Step::Rotation { inverse: !inverse },
+            })
+            .collect();
+        Self { steps, ..self.clone() }
+    }
+
+    /// The numbers of tanh (with its sech²) that one evaluation takes.
+    pub fn activation_count(&self) -> usize {
+        self.steps
+            .iter()
+            .map(|step| match step {
+                Step::Kick { width, .. } => *width,
+                Step::Rotation { .. } => 0,
+            })
+            .sum()
+    }
+
+    #[inline(always)]
+    fn kick<const D: usize>(
+        &self,
+        parameters: &Range<usize>,
+        width: usize,
+        form: KickForm,
+        inverse: bool,
+        near_identity: bool,
+    ) -> Kick<'_, P, TanhPotential<'_, P, D>> {
+        let own = &self.parameters[parameters.clone()];
+        let (potential, eta) = own.split_at(width * (self.dof + 2));
+        let epsilon = if near_identity { self.epsilon } else { P::from_f64(1.0) };
+        let potential = TanhPotential::<P, D>::new(self.dof, width, potential);
+        let kick = form.kick(potential, eta, epsilon);
+        if inverse { kick.inverse() } else { kick }
+    }
+
+    #[inline(always)]
+    fn rotation(&self) -> &Rotation<P> {
+        self.rotation.as_ref().expect("a rotation step comes with its rotation")
+    }
+
+    #[inline(always)]
+    fn apply_step<S: Over<P>, const D: usize>(
+        &self,
+        step: &Step,
+        direction: Direction,
+        z: &mut [S],
+        scratch: &mut [S],
+    ) {
+        let undo = direction == Direction::Inverse;
+        match step {
+            Step::Kick { parameters, width, form, inverse, near_identity } => self
+                .kick::<D>(parameters, *width, *form, *inverse != undo, *near_identity)
+                .apply(z, scratch),
+            Step::Rotation { inverse } => self.rotation().apply(z, *inverse != undo),
+        }
+    }
+
+    /// The map or its inverse on one point, n fixed at compile time unless 0.
+    #[inline(always)]
+    pub(crate) fn apply<S: Over<P>, const D: usize>(
+        &self,
+        direction: Direction,
+        z: &mut [S],
+        scratch: &mut [S],
+    ) {
+        match direction {
+            Direction::Forward => {
+                for step in &self.steps {
+                    self.apply_step::<S, D>(step, direction, z, scratch);
+                }
+            }
+            Direction::Inverse => {
+                for step in self.steps.iter().rev() {
+                    self.apply_step::<S, D>(step, direction, z, scratch);
+                }
+            }
+        }
+    }
+
+    fn run<S: Over<P>>(&self, direction: Direction, z: &mut [S]) {
+        assert!(z.len() == 2 * self.dof, "a point of {} numbers in {} dof", z.len(), self.dof);
+        let mut stack = [S::zero(); STACK];
+        let mut heap;
+        let scratch = if z.len() <= STACK {
+            &mut stack[..z.len()]
+        } else {
+            heap = vec![S::zero(); z.len()];
+            &mut heap[..]
+        };
+        with_dof!(self.dof, D => self.apply::<S, D>(direction, z, scratch));
+    }
+
+    /// Space for [`Composition::forward_recording`] and
+    /// [`Composition::pullback`]: n + 2h numbers a kick, 2n a rotation.
+    pub fn recording<S: Over<P>>(&self) -> Recording<S> {
+        let tape = self.steps.iter().map(|step| self.step_tape_len(step)).sum();
+        Recording { tape: vec![S::zero(); tape], scratch: vec![S::zero(); 2 * self.dof] }
+    }
+
+    #[inline(always)]
+    fn step_tape_len(&self, step: &Step) -> usize {
+        match step {
+            Step::Kick { width, .. } => self.dof + 2 * width,
+            Step::Rotation { .. } => 2 * self.dof,
+        }
+    }
+
+    /// z ← P(z), recording what the pullback needs.
+    #[inline(always)]
+    pub(crate) fn record<S: Over<P>, const D: usize>(
+        &self,
+        z: &mut [S],
+        recording: &mut Recording<S>,
+    ) {
+        let mut tape = &mut recording.tape[..];
+        for step in &self.steps {
+            let (own, rest) = tape.split_at_mut(self.step_tape_len(step));
+            tape = rest;
+            match step {
+                Step::Kick { parameters, width, form, inverse, near_identity } => self
+                    .kick::<D>(parameters, *width, *form, *inverse, *near_identity)
+                    .apply_recording(z, &mut recording.scratch, own),
+                Step::Rotation { inverse } => {
+                    self.rotation().apply(z, *inverse);
+                    own.copy_from_slice(z);
+                }
+            }
+        }
+    }
+
+    /// The adjoint at the recorded point.
+    #[inline(always)]
+    pub(crate) fn pull<S: Over<P>, const D: usize>(
+        &self,
+        recording: &mut Recording<S>,
+        z_bar: &mut [S],
+        parameters_bar: &mut [S],
+    ) {
+        let mut tape = &recording.tape[..];
+        for step in self.steps.iter().rev() {
+            let (rest, own) = tape.split_at(tape.len() - self.step_tape_len(step));
+            tape = rest;
+            match step {
+                Step::Kick { parameters, width, form, inverse, near_identity } => self
+                    .kick::<D>(parameters, *width, *form, *inverse, *near_identity)
+                    .pullback(
+                        own,
+                        z_bar,
+                        &mut parameters_bar[parameters.clone()],
+                        &mut recording.scratch,
+                    ),
+                Step::Rotation { inverse } => {
+                    let theta_bar = self.rotation().pullback(own, z_bar, *inverse);
+                    let theta = self.theta.expect("a rotation step comes with its angle");
+                    parameters_bar[theta] = parameters_bar[theta] + theta_bar;
+                }
+            }
+        }
+    }
+
+    /// z ← P(z), filling `recording` (of [`Composition::recording`]).
+    pub fn forward_recording<S: Over<P>>(&self, z: &mut [S], recording: &mut Recording<S>) {
+        assert!(z.len() == 2 * self.dof);
+        with_dof!(self.dof, D => self.record::<S, D>(z, recording));
+    }
+
+    /// The pullback at the recorded point: `z_bar` from the cotangent of P(z)
+    /// to the cotangent of z; the cotangent of the parameters is added to
+    /// `parameters_bar`. Costs about twice an evaluation.
+    pub fn pullback<S: Over<P>>(
+        &self,
+        recording: &mut Recording<S>,
+        z_bar: &mut [S],
+        parameters_bar: &mut [S],
+    ) {
+        assert!(z_bar.len() == 2 * self.dof && parameters_bar.len() == self.parameters.len());
+        with_dof!(self.dof, D => self.pull::<S, D>(recording, z_bar, parameters_bar));
+    }
+
+    /// The shears that the map consists of, in the order of application.
+    pub fn elementary(&self) -> Vec<Elementary<'_, P, TanhPotential<'_, P>>> {
+        let mut out = Vec::new();
+        for step in &self.steps {
+            match step {
+                Step::Kick { parameters, width, form, inverse, near_identity } => {
+                    out.push(Elementary::Kick(self.kick::<0>(
+                        parameters,
+                        *width,
+                        *form,
+                        *inverse,
+                        *near_identity,
+                    )));
+                }
+                Step::Rotation { inverse } => {
+                    out.extend(Elementary::rotation(self.rotation(), *inverse));
+                }
+            }
+        }
+        out
+    }
+}
+
+impl<P: Scalar, S: Over<P>> Map<S> for Composition<P> {
+    fn dof(&self) -> usize {
+        self.dof
+    }
+
+    fn forward(&self, z: &mut [S]) {
+        self.run(Direction::Forward, z);
+    }
+
+    fn inverse(&self, z: &mut [S]) {
+        self.run(Direction::Inverse, z);
+    }
+}

@@ -1,0 +1,169 @@
+//! The symplectic gyroceptron.
+
+use super::composition::{Composition, Direction};
+use super::{HenonNet, HenonShape};
+use crate::error::Error;
+use crate::layer::CircleAction;
+use crate::phase::Map;
+use crate::scalar::{Over, Real, Scalar};
+use serde::{Deserialize, Serialize};
+
+/// The shape of a symplectic gyroceptron.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GyroceptronShape {
+    /// Φ_θ; its length is the number of degrees of freedom.
+    pub circle_action: CircleAction,
+    /// The widths of ψ's layers.
+    pub psi: Vec<usize>,
+    /// The widths of I_ε's layers.
+    pub near_identity: Vec<usize>,
+}
+
+impl GyroceptronShape {
+    /// n.
+    pub fn dof(&self) -> usize {
+        self.circle_action.dof()
+    }
+
+    /// The shape of ψ.
+    pub fn psi_shape(&self) -> HenonShape {
+        HenonShape { dof: self.dof(), widths: self.psi.clone() }
+    }
+
+    /// The shape of I_ε.
+    pub fn near_identity_shape(&self) -> HenonShape {
+        HenonShape { dof: self.dof(), widths: self.near_identity.clone() }
+    }
+
+    /// The number of parameters, θ included.
+    pub fn parameter_count(&self) -> usize {
+        self.psi_shape().parameter_count() + self.near_identity_shape().parameter_count() + 1
+    }
+}
+
+/// P_ε = I_ε ∘ ψ ∘ Φ_θ ∘ ψ⁻¹, ψ a HénonNet and I_ε a near-identity HénonNet.
+///
+/// For all weights it is symplectic, invertible in closed form, and nearly
+/// periodic: P₀ = ψ∘Φ_θ∘ψ⁻¹ is a circle action. Where θ is not resonant it
+/// owns an adiabatic invariant, μ₀ = 𝔍₀∘ψ⁻¹ to leading order
+/// ([`Gyroceptron::adiabatic_invariant`]).
+///
+/// Source: definition of the symplectic gyroceptron in Duruisseaux, Burby and
+/// Tang, <https://doi.org/10.1038/s41598-023-34862-w>.
+#[derive(Clone, Debug)]
+pub struct Gyroceptron<P> {
+    shape: GyroceptronShape,
+    composition: Composition<P>,
+}
+
+impl<P: Real> Gyroceptron<P> {
+    /// The gyroceptron of this shape at ε with these parameters: ψ, I_ε, θ.
+    ///
+    /// # Errors
+    /// When `parameters` is not of the length that `shape` asks for.
+    pub fn new(shape: GyroceptronShape, epsilon: P, parameters: Vec<P>) -> Result<Self, Error> {
+        Error::check_count("parameters", shape.parameter_count(), parameters.len())?;
+        let psi = shape.psi_shape();
+        let near_identity = shape.near_identity_shape();
+        let theta = parameters.len() - 1;
+        let rotation = shape.circle_action.at(parameters[theta]);
+        let mut composition = Composition::new(shape.dof(), parameters, epsilon);
+        composition.push_henon(&psi, 0, Direction::Inverse, false);
+        composition.push_rotation(rotation, theta);
+        composition.push_henon(&psi, 0, Direction::Forward, false);
+        composition.push_henon(&near_identity, psi.parameter_count(), Direction::Forward, true);
+        Ok(Self { shape, composition })
+    }
+
+    /// θ, in radians.
+    pub fn theta(&self) -> P {
+        self.composition.parameters()[self.composition.parameters().len() - 1]
+    }
+
+    /// The conjugated circle action ψ∘Φ_θ∘ψ⁻¹ at another angle.
+    pub fn conjugated_circle_action(&self, theta: P) -> Composition<P> {
+        let psi = self.shape.psi_shape();
+        let parameters = self.composition.parameters()[..psi.parameter_count()].to_vec();
+        let index = parameters.len();
+        let parameters = [parameters, vec![theta]].concat();
+        let mut out = Composition::new(self.shape.dof(), parameters, self.epsilon());
+        out.push_henon(&psi, 0, Direction::Inverse, false);
+        out.push_rotation(self.shape.circle_action.at(theta), index);
+        out.push_henon(&psi, 0, Direction::Forward, false);
+        out
+    }
+}
+
+impl<P: Scalar> Gyroceptron<P> {
+    /// Circle action and widths.
+    pub fn shape(&self) -> &GyroceptronShape {
+        &self.shape
+    }
+
+    /// The steps and parameters.
+    pub fn composition(&self) -> &Composition<P> {
+        &self.composition
+    }
+
+    /// ε.
+    pub fn epsilon(&self) -> P {
+        self.composition.epsilon()
+    }
+
+    /// The same network at another ε.
+    pub fn with_epsilon(&self, epsilon: P) -> Self {
+        Self { composition: self.composition.with_epsilon(epsilon), shape: self.shape.clone() }
+    }
+
+    /// ψ.
+    pub fn psi(&self) -> HenonNet<P> {
+        let shape = self.shape.psi_shape();
+        let parameters = self.composition.parameters()[..shape.parameter_count()].to_vec();
+        HenonNet::new(shape, parameters).expect("the count is that of the shape")
+    }
+
+    /// I_ε.
+    pub fn near_identity(&self) -> HenonNet<P> {
+        let shape = self.shape.near_identity_shape();
+        let start = self.shape.psi_shape().parameter_count();
+        let parameters =
+            self.composition.parameters()[start..start + shape.parameter_count()].to_vec();
+        HenonNet::near_identity(shape, self.epsilon(), parameters)
+            .expect("the count is that of the shape")
+    }
+
+    /// μ₀ = 𝔍₀∘ψ⁻¹ at each of the points of `z` (2n numbers each).
+    pub fn adiabatic_invariant<S: Over<P>>(&self, z: &[S]) -> Vec<S> {
+        let psi = self.psi();
+        z.chunks_exact(2 * self.shape.dof())
+            .map(|point| {
+                let mut w = point.to_vec();
+                psi.inverse(&mut w);
+                self.shape.circle_action.invariant(&w)
+            })
+            .collect()
+    }
+}
+
+impl Gyroceptron<f64> {
+    /// The same network over another number type.
+    pub fn lift<P: Real>(&self) -> Gyroceptron<P> {
+        let parameters =
+            self.composition.parameters().iter().map(|&v| P::from_f64(v)).collect();
+        Gyroceptron::new(self.shape.clone(), P::from_f64(self.epsilon()), parameters)
+            .expect("the count is that of the shape")
+    }
+}
+
+impl<P: Scalar, S: Over<P>> Map<S> for Gyroceptron<P> {
+    fn dof(&self) -> usize {
+        self.shape.dof()
+    }
+    fn forward(&self, z: &mut [S]) {
+        self.composition.forward(z);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        self.composition.inverse(z);
+    }
+}

@@ -1,0 +1,119 @@
+//! HénonNets, plain and near the identity.
+
+use super::composition::{Composition, Direction};
+use crate::error::Error;
+use crate::layer::{HenonLayer, layer_parameter_count};
+use crate::phase::Map;
+use crate::scalar::{Over, Real, Scalar};
+use serde::{Deserialize, Serialize};
+
+/// The shape of a HénonNet: degrees of freedom and the width of each layer.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HenonShape {
+    /// n.
+    pub dof: usize,
+    /// The number of neurons of each layer, in the order of application.
+    pub widths: Vec<usize>,
+}
+
+impl HenonShape {
+    /// `layers` layers of `width` neurons each.
+    pub fn uniform(dof: usize, layers: usize, width: usize) -> Self {
+        Self { dof, widths: vec![width; layers] }
+    }
+
+    /// The number of parameters.
+    pub fn parameter_count(&self) -> usize {
+        self.widths.iter().map(|&h| layer_parameter_count(self.dof, h)).sum()
+    }
+}
+
+/// ℋ = L\[V_N, η_N\] ∘ … ∘ L\[V₁, η₁\], a composition of Hénon layers; with
+/// ε ≠ 1 the near-identity network ℋ_ε, the identity at ε = 0.
+///
+/// Source: definitions of the HénonNet and of the near-identity HénonNet in
+/// Duruisseaux, Burby and Tang, <https://doi.org/10.1038/s41598-023-34862-w>.
+#[derive(Clone, Debug)]
+pub struct HenonNet<P> {
+    shape: HenonShape,
+    composition: Composition<P>,
+}
+
+impl<P: Scalar> HenonNet<P> {
+    /// The plain network.
+    ///
+    /// # Errors
+    /// When `parameters` is not of the length that `shape` asks for.
+    pub fn new(shape: HenonShape, parameters: Vec<P>) -> Result<Self, Error> {
+        Self::near_identity(shape, P::from_f64(1.0), parameters)
+    }
+
+    /// The near-identity network at ε.
+    ///
+    /// # Errors
+    /// As [`HenonNet::new`].
+    pub fn near_identity(
+        shape: HenonShape,
+        epsilon: P,
+        parameters: Vec<P>,
+    ) -> Result<Self, Error> {
+        Error::check_count("parameters", shape.parameter_count(), parameters.len())?;
+        let mut composition = Composition::new(shape.dof, parameters, epsilon);
+        composition.push_henon(&shape, 0, Direction::Forward, true);
+        Ok(Self { shape, composition })
+    }
+
+    /// Degrees of freedom and widths.
+    pub fn shape(&self) -> &HenonShape {
+        &self.shape
+    }
+
+    /// The steps and parameters.
+    pub fn composition(&self) -> &Composition<P> {
+        &self.composition
+    }
+
+    /// The layers, in the order of application.
+    pub fn layers(&self) -> impl DoubleEndedIterator<Item = HenonLayer<'_, P>> {
+        let mut start = 0;
+        let views: Vec<_> = self
+            .shape
+            .widths
+            .iter()
+            .map(|&width| {
+                let end = start + layer_parameter_count(self.shape.dof, width);
+                let own = &self.composition.parameters()[start..end];
+                start = end;
+                HenonLayer::new(self.shape.dof, width, self.composition.epsilon(), own)
+            })
+            .collect();
+        views.into_iter()
+    }
+}
+
+impl HenonNet<f64> {
+    /// The same network over another number type.
+    pub fn lift<P: Real>(&self) -> HenonNet<P> {
+        let parameters =
+            self.composition.parameters().iter().map(|&v| P::from_f64(v)).collect();
+        HenonNet::near_identity(
+            self.shape.clone(),
+            P::from_f64(self.composition.epsilon()),
+            parameters,
+        )
+        .expect("the count is that of the shape")
+    }
+}
+
+impl<P: Scalar, S: Over<P>> Map<S> for HenonNet<P> {
+    fn dof(&self) -> usize {
+        self.shape.dof
+    }
+    fn forward(&self, z: &mut [S]) {
+        self.composition.forward(z);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        self.composition.inverse(z);
+    }
+}

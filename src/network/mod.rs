@@ -1,0 +1,29 @@
+//! Networks: compositions of layers over one flat parameter vector.
+//!
+//! [`HenonNet`] (plain and near the identity) and [`Gyroceptron`] are both a
+//! [`Composition`], which is what is evaluated, inverted, differentiated and
+//! measured. [`Model`] is either of them in double precision, as files hold it.
+//!
+//! # Parameter layout
+//!
+//! A layer of width h in n degrees of freedom owns h(n + 2) + n consecutive
+//! numbers: `W` (n × h, row by row), `b` (h), `w` (h), `η` (n). A HénonNet is
+//! its layers in the order of application. A gyroceptron is the layers of ψ,
+//! then those of I_ε, then θ.
+
+mod batch;
+mod composition;
+mod gyroceptron;
+mod henon_net;
+mod init;
+mod model;
+
+pub use batch::{Rollout, map_points, rollout};
+pub use composition::{Composition, Direction, Recording, Step};
+pub use gyroceptron::{Gyroceptron, GyroceptronShape};
+pub use henon_net::{HenonNet, HenonShape};
+pub use init::{InitialWeights, Stream};
+pub use model::{Architecture, Model};
+
+pub(crate) use batch::load;
+pub(crate) use composition::with_dof;

@@ -1,0 +1,205 @@
+//! A network in double precision with its architecture: what files hold.
+
+use super::{
+    Composition, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights, Stream,
+};
+use crate::error::Error;
+use crate::phase::Map;
+use crate::scalar::Over;
+use serde::{Deserialize, Serialize};
+
+/// Which network, without its parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum Architecture {
+    /// A HénonNet; near the identity unless ε = 1.
+    HenonNet {
+        /// Degrees of freedom and widths.
+        #[serde(flatten)]
+        shape: HenonShape,
+        /// ε.
+        epsilon: f64,
+    },
+    /// A symplectic gyroceptron.
+    Gyroceptron {
+        /// Circle action and widths.
+        #[serde(flatten)]
+        shape: GyroceptronShape,
+        /// ε.
+        epsilon: f64,
+    },
+}
+
+impl Architecture {
+    /// n.
+    pub fn dof(&self) -> usize {
+        match self {
+            Self::HenonNet { shape, .. } => shape.dof,
+            Self::Gyroceptron { shape, .. } => shape.dof(),
+        }
+    }
+
+    /// ε.
+    pub fn epsilon(&self) -> f64 {
+        match self {
+            Self::HenonNet { epsilon, .. } | Self::Gyroceptron { epsilon, .. } => *epsilon,
+        }
+    }
+
+    /// The number of parameters.
+    pub fn parameter_count(&self) -> usize {
+        match self {
+            Self::HenonNet { shape, .. } => shape.parameter_count(),
+            Self::Gyroceptron { shape, .. } => shape.parameter_count(),
+        }
+    }
+
+    /// The HénonNets of the architecture with the tensor prefix of each.
+    pub fn parts(&self) -> Vec<(&'static str, HenonShape)> {
+        match self {
+            Self::HenonNet { shape, .. } => vec![("henon", shape.clone())],
+            Self::Gyroceptron { shape, .. } => {
+                vec![("psi", shape.psi_shape()), ("near_identity", shape.near_identity_shape())]
+            }
+        }
+    }
+
+    /// Fails unless ε is finite, there is a degree of freedom, and no layer is
+    /// empty.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the value.
+    pub fn check(&self) -> Result<(), Error> {
+        if !self.epsilon().is_finite() {
+            return Err(Error::invalid("epsilon", self.epsilon(), "a finite number"));
+        }
+        if self.dof() == 0 {
+            return Err(Error::invalid("degrees of freedom", 0, "at least 1"));
+        }
+        for (part, shape) in self.parts() {
+            if shape.widths.contains(&0) {
+                return Err(Error::invalid(part, "a layer of width 0", "at least one neuron"));
+            }
+        }
+        if let Self::Gyroceptron { shape, .. } = self {
+            if shape.circle_action.weights().iter().all(|w| *w == 0) {
+                return Err(Error::invalid(
+                    "circle action",
+                    "all weights 0",
+                    "at least one weight other than 0",
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// A model with seeded random weights and θ = `theta` (its frequency times
+    /// the flow time, in training).
+    ///
+    /// # Errors
+    /// As [`Architecture::check`].
+    pub fn initialise(
+        &self,
+        weights: InitialWeights,
+        theta: f64,
+        seed: u64,
+    ) -> Result<Model, Error> {
+        self.check()?;
+        let mut parameters = Vec::with_capacity(self.parameter_count());
+        for (part, shape) in self.parts() {
+            let mut stream = Stream::new(seed, &format!("weights/{part}"));
+            for &width in &shape.widths {
+                parameters.extend(weights.layer(shape.dof, width, &mut stream));
+            }
+        }
+        if matches!(self, Self::Gyroceptron { .. }) {
+            parameters.push(theta);
+        }
+        Model::new(self.clone(), parameters)
+    }
+}
+
+/// A network in double precision.
+#[derive(Clone, Debug)]
+pub enum Model {
+    /// A HénonNet.
+    HenonNet(HenonNet<f64>),
+    /// A symplectic gyroceptron.
+    Gyroceptron(Gyroceptron<f64>),
+}
+
+impl Model {
+    /// The network of this architecture with these parameters.
+    ///
+    /// # Errors
+    /// When the count is wrong, a number is not finite, or the architecture
+    /// does not pass [`Architecture::check`].
+    pub fn new(architecture: Architecture, parameters: Vec<f64>) -> Result<Self, Error> {
+        architecture.check()?;
+        if let Some(index) = parameters.iter().position(|v| !v.is_finite()) {
+            return Err(Error::invalid(
+                &format!("parameter {index}"),
+                parameters[index],
+                "a finite number",
+            ));
+        }
+        Ok(match architecture {
+            Architecture::HenonNet { shape, epsilon } => {
+                Self::HenonNet(HenonNet::near_identity(shape, epsilon, parameters)?)
+            }
+            Architecture::Gyroceptron { shape, epsilon } => {
+                Self::Gyroceptron(Gyroceptron::new(shape, epsilon, parameters)?)
+            }
+        })
+    }
+
+    /// Its architecture.
+    pub fn architecture(&self) -> Architecture {
+        match self {
+            Self::HenonNet(net) => Architecture::HenonNet {
+                shape: net.shape().clone(),
+                epsilon: net.composition().epsilon(),
+            },
+            Self::Gyroceptron(net) => Architecture::Gyroceptron {
+                shape: net.shape().clone(),
+                epsilon: net.epsilon(),
+            },
+        }
+    }
+
+    /// Its steps and parameters.
+    pub fn composition(&self) -> &Composition<f64> {
+        match self {
+            Self::HenonNet(net) => net.composition(),
+            Self::Gyroceptron(net) => net.composition(),
+        }
+    }
+
+    /// The same architecture with other parameters.
+    ///
+    /// # Errors
+    /// As [`Model::new`].
+    pub fn with_parameters(&self, parameters: Vec<f64>) -> Result<Self, Error> {
+        Self::new(self.architecture(), parameters)
+    }
+
+    /// The gyroceptron, if it is one.
+    pub fn gyroceptron(&self) -> Option<&Gyroceptron<f64>> {
+        match self {
+            Self::HenonNet(_) => None,
+            Self::Gyroceptron(net) => Some(net),
+        }
+    }
+}
+
+impl<S: Over<f64>> Map<S> for Model {
+    fn dof(&self) -> usize {
+        self.composition().dof()
+    }
+    fn forward(&self, z: &mut [S]) {
+        self.composition().forward(z);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        self.composition().inverse(z);
+    }
+}

@@ -1,0 +1,76 @@
+//! A point of phase space, its order in arrays, and the sign of Ω: stated once.
+//!
+//! A point z of n degrees of freedom is a slice of 2n numbers,
+//! `[q₁, …, qₙ, p₁, …, pₙ]`. The canonical form is
+//!
+//! Ω = ( 0  I ; −I  0 ),
+//!
+//! so that Hamilton's equations read ż = Ω∇H, and a map with Jacobian J is
+//! symplectic when JᵀΩJ = Ω.
+
+use serde::{Deserialize, Serialize};
+
+/// One half of the coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Half {
+    /// q₁ … qₙ, the paper's x.
+    Position,
+    /// p₁ … pₙ, the paper's y.
+    Momentum,
+}
+
+impl Half {
+    /// Splits z into `(the other half, this half)`: the source and the target
+    /// of a shear that changes this half.
+    #[inline(always)]
+    pub fn split<S>(self, dof: usize, z: &mut [S]) -> (&[S], &mut [S]) {
+        let (q, p) = z.split_at_mut(dof);
+        match self {
+            Half::Position => (&p[..dof], q),
+            Half::Momentum => (&q[..dof], &mut p[..dof]),
+        }
+    }
+
+    /// As [`Half::split`], both halves mutable.
+    #[inline(always)]
+    pub fn split_mut<S>(self, dof: usize, z: &mut [S]) -> (&mut [S], &mut [S]) {
+        let (q, p) = z.split_at_mut(dof);
+        match self {
+            Half::Position => (&mut p[..dof], q),
+            Half::Momentum => (q, &mut p[..dof]),
+        }
+    }
+
+    /// The index in z of coordinate `j` of this half.
+    #[inline(always)]
+    pub fn index(self, dof: usize, j: usize) -> usize {
+        match self {
+            Half::Position => j,
+            Half::Momentum => dof + j,
+        }
+    }
+
+    /// The other half.
+    #[inline(always)]
+    pub fn other(self) -> Self {
+        match self {
+            Half::Position => Half::Momentum,
+            Half::Momentum => Half::Position,
+        }
+    }
+}
+
+/// A map of phase space to itself that is invertible in closed form.
+///
+/// `S` is the number it is evaluated on; a map that needs no elementary
+/// function implements it for every [`Scalar`](crate::scalar::Scalar).
+pub trait Map<S> {
+    /// The number of degrees of freedom n; points have 2n components.
+    fn dof(&self) -> usize;
+
+    /// z ← P(z). `z` holds 2n numbers.
+    fn forward(&self, z: &mut [S]);
+
+    /// z ← P⁻¹(z). `z` holds 2n numbers.
+    fn inverse(&self, z: &mut [S]);
+}

@@ -1,0 +1,185 @@
+//! Forward-mode dual numbers over any scalar.
+
+use super::{Elementary, Over, Real, Scalar, over_itself};
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// `re + Σ eps[k]·dₖ` with dₖdₗ = 0: a value and its derivatives in `N`
+/// directions.
+///
+/// Every derivative is exact up to rounding; nothing is truncated. Duals nest
+/// (`Dual<Dual<S, N>, M>` has second derivatives).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dual<S, const N: usize> {
+    /// The value.
+    pub re: S,
+    /// The derivatives.
+    pub eps: [S; N],
+}
+
+impl<S: Scalar, const N: usize> Dual<S, N> {
+    /// A constant: all derivatives zero.
+    #[inline(always)]
+    pub fn constant(re: S) -> Self {
+        Self { re, eps: [S::zero(); N] }
+    }
+
+    /// The variable number `direction`: derivative one in that direction.
+    /// A direction ≥ N gives a constant.
+    #[inline(always)]
+    pub fn variable(re: S, direction: usize) -> Self {
+        let mut out = Self::constant(re);
+        if let Some(slot) = out.eps.get_mut(direction) {
+            *slot = S::from_f64(1.0);
+        }
+        out
+    }
+
+    /// f(x) from f and f′ at the real part.
+    #[inline(always)]
+    fn chain(self, value: S, slope: S) -> Self {
+        let mut eps = self.eps;
+        for e in &mut eps {
+            *e = *e * slope;
+        }
+        Self { re: value, eps }
+    }
+
+    #[inline(always)]
+    fn zip(self, other: Self, re: S, f: impl Fn(S, S) -> S) -> Self {
+        let mut eps = self.eps;
+        for (a, b) in eps.iter_mut().zip(other.eps) {
+            *a = f(*a, b);
+        }
+        Self { re, eps }
+    }
+}
+
+impl<S: Scalar, const N: usize> Neg for Dual<S, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        let mut eps = self.eps;
+        for e in &mut eps {
+            *e = -*e;
+        }
+        Self { re: -self.re, eps }
+    }
+}
+
+impl<S: Scalar, const N: usize> Add for Dual<S, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.zip(other, self.re + other.re, |a, b| a + b)
+    }
+}
+
+impl<S: Scalar, const N: usize> Sub for Dual<S, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.zip(other, self.re - other.re, |a, b| a - b)
+    }
+}
+
+impl<S: Scalar, const N: usize> Mul for Dual<S, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.zip(other, self.re * other.re, |a, b| {
+            a.mul_add(other.re, self.re * b)
+        })
+    }
+}
+
+impl<S: Scalar, const N: usize> Div for Dual<S, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        let quotient = self.re / other.re;
+        self.zip(other, quotient, |a, b| {
+            (-quotient).mul_add(b, a) / other.re
+        })
+    }
+}
+
+impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
+    #[inline(always)]
+    fn from_f64(value: f64) -> Self {
+        Self::constant(S::from_f64(value))
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        let mut eps = b.eps;
+        for k in 0..N {
+            eps[k] = self.eps[k].mul_add(a.re, self.re.mul_add(a.eps[k], eps[k]));
+        }
+        Self { re: self.re.mul_add(a.re, b.re), eps }
+    }
+    #[inline(always)]
+    fn tanh_sech2(self) -> (Self, Self) {
+        let (t, s) = self.re.tanh_sech2();
+        let slope = S::from_f64(-2.0) * t * s;
+        (self.chain(t, s), self.chain(s, slope))
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // |x| = x·(|x|/x): the derivative follows the sign of the real part.
+        let magnitude = self.re.abs();
+        let sign = if self.re.is_zero() { S::zero() } else { magnitude / self.re };
+        self.chain(magnitude, sign)
+    }
+    #[inline(always)]
+    fn is_zero(self) -> bool {
+        self.re.is_zero() && self.eps.iter().all(|e| e.is_zero())
+    }
+    fn unit_roundoff() -> f64 {
+        S::unit_roundoff()
+    }
+}
+
+impl<S: Elementary, const N: usize> Elementary for Dual<S, N> {
+    #[inline]
+    fn sin_cos(self) -> (Self, Self) {
+        let (s, c) = self.re.sin_cos();
+        (self.chain(s, c), self.chain(c, -s))
+    }
+    #[inline]
+    fn exp(self) -> Self {
+        let e = self.re.exp();
+        self.chain(e, e)
+    }
+}
+
+impl<S: Real, const N: usize> Real for Dual<S, N> {
+    #[inline(always)]
+    fn value(self) -> f64 {
+        self.re.value()
+    }
+}
+
+over_itself!([S: Scalar, const N: usize] Dual<S, N>);
+
+/// Constant weights: no derivative of theirs is formed.
+impl<S: Over<f64>, const N: usize> Over<f64> for Dual<S, N> {
+    #[inline(always)]
+    fn embed(parameter: f64) -> Self {
+        Self::constant(S::embed(parameter))
+    }
+    #[inline(always)]
+    fn mul_add_parameter(self, parameter: f64, addend: Self) -> Self {
+        self.zip(
+            addend,
+            self.re.mul_add_parameter(parameter, addend.re),
+            |a, b| a.mul_add_parameter(parameter, b),
+        )
+    }
+    #[inline(always)]
+    fn times(self, parameter: f64) -> Self {
+        let mut eps = self.eps;
+        for e in &mut eps {
+            *e = e.times(parameter);
+        }
+        Self { re: self.re.times(parameter), eps }
+    }
+}

@@ -1,0 +1,109 @@
+//! `f64` and `f32` as scalars.
+
+use super::{Elementary, Over, Real, Scalar, over_itself, tanh_sech2};
+
+impl Scalar for f64 {
+    #[inline(always)]
+    fn from_f64(value: f64) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        f64::mul_add(self, a, b)
+    }
+    #[inline(always)]
+    fn tanh_sech2(self) -> (Self, Self) {
+        tanh_sech2(self)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        f64::abs(self)
+    }
+    #[inline(always)]
+    fn is_zero(self) -> bool {
+        self == 0.0
+    }
+    fn unit_roundoff() -> f64 {
+        f64::EPSILON / 2.0
+    }
+}
+
+impl Elementary for f64 {
+    #[inline]
+    fn sin_cos(self) -> (Self, Self) {
+        libm::sincos(self)
+    }
+    #[inline]
+    fn exp(self) -> Self {
+        libm::exp(self)
+    }
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn value(self) -> f64 {
+        self
+    }
+}
+
+/// Single precision. tanh and sech² are those of `f64`, rounded.
+impl Scalar for f32 {
+    #[inline(always)]
+    fn from_f64(value: f64) -> Self {
+        value as f32
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        f32::mul_add(self, a, b)
+    }
+    #[inline(always)]
+    fn tanh_sech2(self) -> (Self, Self) {
+        let (t, s) = tanh_sech2(f64::from(self));
+        (t as f32, s as f32)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        f32::abs(self)
+    }
+    #[inline(always)]
+    fn is_zero(self) -> bool {
+        self == 0.0
+    }
+    fn unit_roundoff() -> f64 {
+        f64::from(f32::EPSILON) / 2.0
+    }
+}
+
+impl Elementary for f32 {
+    #[inline]
+    fn sin_cos(self) -> (Self, Self) {
+        let (s, c) = libm::sincos(f64::from(self));
+        (s as f32, c as f32)
+    }
+    #[inline]
+    fn exp(self) -> Self {
+        libm::exp(f64::from(self)) as f32
+    }
+}
+
+impl Real for f32 {
+    #[inline(always)]
+    fn value(self) -> f64 {
+        f64::from(self)
+    }
+}
+
+over_itself!([] f64);
+over_itself!([] f32);
+
+/// Weights of a double-precision model, rounded to single precision.
+impl Over<f64> for f32 {
+    #[inline(always)]
+    fn embed(parameter: f64) -> Self {
+        parameter as f32
+    }
+    #[inline(always)]
+    fn mul_add_parameter(self, parameter: f64, addend: Self) -> Self {
+        f32::mul_add(self, parameter as f32, addend)
+    }
+}

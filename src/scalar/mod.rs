@@ -1,0 +1,129 @@
+//! The number layer: every map of the crate is written once over [`Scalar`].
+//!
+//! | number | question it answers |
+//! |---|---|
+//! | `f64` | where does the map go? |
+//! | [`Lanes`] | where do eight points go at once? |
+//! | `f32` | does the defect shrink with the unit roundoff? |
+//! | [`Dual`] | what is the exact Jacobian? |
+//!
+//! Weights have a number type of their own, so that a constant weight costs a
+//! dual number nothing: `S: Over<P>` says that a state of type `S` can be moved
+//! by a map whose parameters are of type `P`. With `P = Dual` the same code
+//! differentiates in the parameters.
+
+mod dual;
+mod float;
+mod lanes;
+mod tanh;
+
+pub use dual::Dual;
+pub use lanes::{Lanes, WIDTH};
+pub use tanh::tanh_sech2;
+
+use std::fmt::Debug;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// A number that a layer can be evaluated on.
+///
+/// All operations are by value. `mul_add` is fused on every implementation (one
+/// rounding), on every processor, so that results do not depend on the
+/// instruction set.
+pub trait Scalar:
+    Copy
+    + Debug
+    + Send
+    + Sync
+    + 'static
+    + Neg<Output = Self>
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+{
+    /// The nearest number to `value`, without derivatives.
+    fn from_f64(value: f64) -> Self;
+
+    /// `self · a + b`, rounded once.
+    fn mul_add(self, a: Self, b: Self) -> Self;
+
+    /// `(tanh x, sech² x)`, sharing their exponential. Each is accurate on its
+    /// own: sech² is never computed as 1 − tanh².
+    fn tanh_sech2(self) -> (Self, Self);
+
+    /// Absolute value.
+    fn abs(self) -> Self;
+
+    /// True when the number is zero in every lane and in every derivative.
+    fn is_zero(self) -> bool;
+
+    /// The unit roundoff u of the underlying arithmetic: 2⁻⁵³ for `f64`.
+    fn unit_roundoff() -> f64;
+
+    /// Zero.
+    #[inline(always)]
+    fn zero() -> Self {
+        Self::from_f64(0.0)
+    }
+
+    /// sech² x = 1/cosh² x.
+    #[inline(always)]
+    fn sech2(self) -> Self {
+        self.tanh_sech2().1
+    }
+
+    /// tanh x.
+    #[inline(always)]
+    fn tanh(self) -> Self {
+        self.tanh_sech2().0
+    }
+}
+
+/// Elementary functions that Hamiltonian systems need and layers do not.
+pub trait Elementary: Scalar {
+    /// `(sin x, cos x)`.
+    fn sin_cos(self) -> (Self, Self);
+    /// eˣ.
+    fn exp(self) -> Self;
+}
+
+/// A number with one real part, on which code may branch.
+///
+/// A branch looks at the real part only, so that it does not depend on the
+/// number type.
+pub trait Real: Elementary {
+    /// The real part, rounded to `f64`.
+    fn value(self) -> f64;
+}
+
+/// A state number that parameters of type `P` can act on.
+pub trait Over<P>: Scalar {
+    /// The parameter as a state number.
+    fn embed(parameter: P) -> Self;
+
+    /// `self · parameter + addend`, rounded once.
+    fn mul_add_parameter(self, parameter: P, addend: Self) -> Self;
+
+    /// `self · parameter`.
+    #[inline(always)]
+    fn times(self, parameter: P) -> Self {
+        self * Self::embed(parameter)
+    }
+}
+
+/// Implements `Over<Self>`: a parameter is already a state number.
+macro_rules! over_itself {
+    ([$($generics:tt)*] $number:ty) => {
+        impl<$($generics)*> crate::scalar::Over<$number> for $number {
+            #[inline(always)]
+            fn embed(parameter: $number) -> Self {
+                parameter
+            }
+            #[inline(always)]
+            fn mul_add_parameter(self, parameter: $number, addend: Self) -> Self {
+                crate::scalar::Scalar::mul_add(self, parameter, addend)
+            }
+        }
+    };
+}
+pub(crate) use over_itself;

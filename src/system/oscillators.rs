@@ -1,0 +1,97 @@
+//! Two nonlinearly coupled oscillators, one fast and one slow.
+
+use super::{Hamiltonian, Splittable, turn};
+use crate::layer::CircleAction;
+use crate::scalar::Elementary;
+use serde::{Deserialize, Serialize};
+
+/// H = ½(q₁² + p₁²) + ½ε(q₂² + p₂²) + εU(q₁, q₂),
+/// U = q₁q₂ sin(2q₁ + 2q₂).
+///
+/// z = [q₁, q₂, p₁, p₂]. At ε = 0 the first oscillator turns with frequency 1
+/// and the second stands still.
+///
+/// Source: section "Nonlinearly Coupled Oscillators" of
+/// <https://doi.org/10.1038/s41598-023-34862-w>.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Oscillators {
+    /// ε.
+    pub epsilon: f64,
+}
+
+impl Oscillators {
+    /// U(q₁, q₂).
+    pub fn coupling<S: Elementary>(q1: S, q2: S) -> S {
+        let two = S::from_f64(2.0);
+        q1 * q2 * (two * (q1 + q2)).sin_cos().0
+    }
+
+    /// (∂U/∂q₁, ∂U/∂q₂).
+    pub fn coupling_gradient<S: Elementary>(q1: S, q2: S) -> (S, S) {
+        let two = S::from_f64(2.0);
+        let (s, c) = (two * (q1 + q2)).sin_cos();
+        let common = two * q1 * q2 * c;
+        (q2.mul_add(s, common), q1.mul_add(s, common))
+    }
+
+    /// The averaged Hamiltonian of the slow oscillator at fixed
+    /// R² = q₁² + p₁², up to a constant and a factor ε:
+    /// H̄ = ½(q₂² + p₂²) + q₂ cos(2q₂) R J₁(2R).
+    ///
+    /// Its level sets are what (q₂, p₂) follows for small ε.
+    pub fn averaged_energy(q2: f64, p2: f64, radius: f64) -> f64 {
+        0.5 * (q2 * q2 + p2 * p2) + q2 * libm::cos(2.0 * q2) * radius * libm::j1(2.0 * radius)
+    }
+}
+
+impl Hamiltonian for Oscillators {
+    fn dof(&self) -> usize {
+        2
+    }
+    fn epsilon(&self) -> f64 {
+        self.epsilon
+    }
+    fn energy<S: Elementary>(&self, z: &[S]) -> S {
+        let half = S::from_f64(0.5);
+        let slow = half * (z[1] * z[1] + z[3] * z[3]) + Self::coupling(z[0], z[1]);
+        half * (z[0] * z[0] + z[2] * z[2]) + S::from_f64(self.epsilon) * slow
+    }
+    fn vector_field<S: Elementary>(&self, z: &[S], out: &mut [S]) {
+        let epsilon = S::from_f64(self.epsilon);
+        let (u1, u2) = Self::coupling_gradient(z[0], z[1]);
+        out[0] = z[2];
+        out[1] = epsilon * z[3];
+        out[2] = -(z[0] + epsilon * u1);
+        out[3] = -(epsilon * (z[1] + u2));
+    }
+    fn circle_action(&self) -> CircleAction {
+        CircleAction::new([1, 0])
+    }
+    fn limiting_frequency(&self) -> f64 {
+        1.0
+    }
+    /// μ₀ = ½(q₁² + p₁²).
+    fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
+        S::from_f64(0.5) * z[0].mul_add(z[0], z[2] * z[2])
+    }
+    fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
+        turn(z, 0, 2, time);
+    }
+}
+
+/// A: both oscillators turn, by h and εh. B: p ← p − hε∇U.
+impl Splittable for Oscillators {
+    fn enter<S: Elementary>(&self, _: &mut [S]) {}
+    fn leave<S: Elementary>(&self, _: &mut [S]) {}
+    fn flow_a<S: Elementary>(&self, z: &mut [S], time: S) {
+        turn(z, 0, 2, time);
+        turn(z, 1, 3, S::from_f64(self.epsilon) * time);
+    }
+    fn flow_b<S: Elementary>(&self, z: &mut [S], time: S) {
+        let kick = -(S::from_f64(self.epsilon) * time);
+        let (u1, u2) = Self::coupling_gradient(z[0], z[1]);
+        z[2] = kick.mul_add(u1, z[2]);
+        z[3] = kick.mul_add(u2, z[3]);
+    }
+}

@@ -1,0 +1,191 @@
+//! A charged particle in the electromagnetic field that it generates.
+
+use super::{Hamiltonian, Splittable, turn};
+use crate::layer::CircleAction;
+use crate::scalar::Elementary;
+use serde::{Deserialize, Serialize};
+
+/// V_k: how the momentum of a field mode is displaced.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum FieldProfile {
+    /// V = 0.
+    Zero,
+    /// V = a sin(bQ).
+    Sine {
+        /// a.
+        amplitude: f64,
+        /// b.
+        wavenumber: f64,
+    },
+    /// V = a exp(−bQ²), b > 0.
+    Gaussian {
+        /// a.
+        amplitude: f64,
+        /// b.
+        rate: f64,
+    },
+}
+
+impl FieldProfile {
+    /// (V(Q), V′(Q)).
+    pub fn value_and_slope<S: Elementary>(self, x: S) -> (S, S) {
+        match self {
+            Self::Zero => (S::zero(), S::zero()),
+            Self::Sine { amplitude, wavenumber } => {
+                let (a, b) = (S::from_f64(amplitude), S::from_f64(wavenumber));
+                let (s, c) = (b * x).sin_cos();
+                (a * s, a * b * c)
+            }
+            Self::Gaussian { amplitude, rate } => {
+                let value = S::from_f64(amplitude) * (S::from_f64(-rate) * x * x).exp();
+                // The exponential wins over any Q: 0·∞ is 0 here.
+                if value.is_zero() {
+                    (S::zero(), S::zero())
+                } else {
+                    (value, S::from_f64(-2.0 * rate) * x * value)
+                }
+            }
+        }
+    }
+}
+
+/// H = ½ε(p − Σ sin(kq)Q_k)² + ½Σ k([P_k − V_k(Q_k)]² + Q_k²), k = 1 … K.
+///
+/// n = K + 1 and z = [q, Q₁, …, Q_K, p, P₁, …, P_K]. At ε = 0 the modes turn
+/// with frequencies k in the coordinates (Q_k, Π_k), Π_k = P_k − V_k(Q_k).
+///
+/// Source: section "Charged Particle Interacting with its Self-Generated
+/// Electromagnetic Field" of <https://doi.org/10.1038/s41598-023-34862-w>.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ParticleField {
+    /// ε.
+    pub epsilon: f64,
+    /// V₁ … V_K; their number is K.
+    pub profiles: Vec<FieldProfile>,
+}
+
+impl ParticleField {
+    /// The paper's two modes, V₁ = ½ sin 2Q₁ and V₂ = ½ exp(−5Q₂²).
+    pub fn two_modes(epsilon: f64) -> Self {
+        Self {
+            epsilon,
+            profiles: vec![
+                FieldProfile::Sine { amplitude: 0.5, wavenumber: 2.0 },
+                FieldProfile::Gaussian { amplitude: 0.5, rate: 5.0 },
+            ],
+        }
+    }
+
+    fn modes(&self) -> usize {
+        self.profiles.len()
+    }
+
+    /// p − Σ sin(kq)Q_k.
+    fn velocity<S: Elementary>(&self, z: &[S]) -> S {
+        let mut v = z[self.modes() + 1];
+        for k in 1..=self.modes() {
+            let (s, _) = (S::from_f64(k as f64) * z[0]).sin_cos();
+            v = (-s).mul_add(z[k], v);
+        }
+        v
+    }
+
+    fn shift_momenta<S: Elementary>(&self, z: &mut [S], sign: f64) {
+        for (k, profile) in self.profiles.iter().enumerate() {
+            let (value, _) = profile.value_and_slope(z[k + 1]);
+            let index = self.modes() + 2 + k;
+            z[index] = value.mul_add(S::from_f64(sign), z[index]);
+        }
+    }
+}
+
+impl Hamiltonian for ParticleField {
+    fn dof(&self) -> usize {
+        self.modes() + 1
+    }
+    fn epsilon(&self) -> f64 {
+        self.epsilon
+    }
+    fn energy<S: Elementary>(&self, z: &[S]) -> S {
+        let half = S::from_f64(0.5);
+        let v = self.velocity(z);
+        half * S::from_f64(self.epsilon) * v * v + self.adiabatic_invariant(z)
+    }
+    fn vector_field<S: Elementary>(&self, z: &[S], out: &mut [S]) {
+        let n = self.dof();
+        let drift = S::from_f64(self.epsilon) * self.velocity(z);
+        out[0] = drift;
+        let mut force = S::zero();
+        for (index, profile) in self.profiles.iter().enumerate() {
+            let (i, k) = (index + 1, S::from_f64((index + 1) as f64));
+            let (s, c) = (k * z[0]).sin_cos();
+            force = (k * c).mul_add(z[i], force);
+            let (value, slope) = profile.value_and_slope(z[i]);
+            let turning = k * (z[n + i] - value);
+            out[i] = turning;
+            out[n + i] = drift.mul_add(s, turning.mul_add(slope, -(k * z[i])));
+        }
+        out[n] = drift * force;
+    }
+    /// Weights 0, 1, …, K.
+    fn circle_action(&self) -> CircleAction {
+        CircleAction::new((0..=self.modes() as i32).collect::<Vec<_>>())
+    }
+    fn limiting_frequency(&self) -> f64 {
+        1.0
+    }
+    /// μ₀ = ½Σ k([P_k − V_k(Q_k)]² + Q_k²).
+    fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
+        let n = self.dof();
+        let mut total = S::zero();
+        for (index, profile) in self.profiles.iter().enumerate() {
+            let i = index + 1;
+            let momentum = z[n + i] - profile.value_and_slope(z[i]).0;
+            let square = momentum.mul_add(momentum, z[i] * z[i]);
+            total = S::from_f64(0.5 * i as f64).mul_add(square, total);
+        }
+        total
+    }
+    fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
+        self.enter(z);
+        self.flow_a(z, time);
+        self.leave(z);
+    }
+}
+
+/// In the coordinates (q, Q, p, Π) the profiles drop out of the dynamics:
+/// Λ₀⁻¹ is applied once before and Λ₀ once after an integration.
+/// A: (Q_k, Π_k) turns by kh. B: the flow of ½εv², on which v and Q are
+/// constant.
+impl Splittable for ParticleField {
+    fn enter<S: Elementary>(&self, z: &mut [S]) {
+        self.shift_momenta(z, -1.0);
+    }
+    fn leave<S: Elementary>(&self, z: &mut [S]) {
+        self.shift_momenta(z, 1.0);
+    }
+    fn flow_a<S: Elementary>(&self, z: &mut [S], time: S) {
+        let n = self.dof();
+        for k in 1..=self.modes() {
+            turn(z, k, n + k, S::from_f64(k as f64) * time);
+        }
+    }
+    /// With d = εvh/2 and m = q + d: q += 2d, p += 2ΣQ_k cos(km) sin(kd),
+    /// Π_k += (2/k) sin(km) sin(kd).
+    fn flow_b<S: Elementary>(&self, z: &mut [S], time: S) {
+        let n = self.dof();
+        let two = S::from_f64(2.0);
+        let d = S::from_f64(0.5 * self.epsilon) * self.velocity(z) * time;
+        let m = z[0] + d;
+        z[0] = two.mul_add(d, z[0]);
+        for index in 1..=self.modes() {
+            let k = S::from_f64(index as f64);
+            let (sm, cm) = (k * m).sin_cos();
+            let (sd, _) = (k * d).sin_cos();
+            z[n] = (two * z[index] * cm).mul_add(sd, z[n]);
+            z[n + index] = (two / k * sm).mul_add(sd, z[n + index]);
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! What a killed run is resumed from.
+
+use super::lbfgs::{Stop, TrainingOptions, TrainingRecord};
+use crate::error::Error;
+use crate::flow::Pairs;
+use crate::network::{Architecture, Model};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+/// The inputs that decide every bit of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct RunIdentity {
+    architecture: Architecture,
+    initial_parameters: String,
+    pairs: String,
+    validation: Option<String>,
+    options: TrainingOptions,
+}
+
+impl RunIdentity {
+    pub(super) fn of(
+        model: &Model,
+        pairs: &Pairs,
+        validation: Option<&Pairs>,
+        options: &TrainingOptions,
+    ) -> Self {
+        let mut hash = Sha256::new();
+        for value in model.composition().parameters() {
+            hash.update(value.to_le_bytes());
+        }
+        // Neither the number of iterations nor how often to save changes the
+        // path: both may differ when a run goes on.
+        let options = TrainingOptions {
+            iterations: 0,
+            checkpoint_every: 1,
+            target: 0.0,
+            patience: 0,
+            ..options.clone()
+        };
+        Self {
+            architecture: model.architecture(),
+            initial_parameters: hash.finalize().iter().map(|b| format!("{b:02x}")).collect(),
+            pairs: pairs.digest(),
+            validation: validation.map(Pairs::digest),
+            options,
+        }
+    }
+}
+
+/// The optimiser inside a segment, between two iterations.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct SegmentSnapshot {
+    pub(super) scale: Vec<f64>,
+    pub(super) optimiser: serde_json::Value,
+}
+
+/// The state of training between two iterations, from which it continues to
+/// the same bits. It serialises; numbers keep their bits.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Checkpoint {
+    run: RunIdentity,
+    pub(super) parameters: Vec<f64>,
+    pub(super) best_parameters: Vec<f64>,
+    pub(super) best: TrainingRecord,
+    best_score: f64,
+    /// Held-out evaluations since the best one.
+    unimproved: u64,
+    pub(super) history: Vec<TrainingRecord>,
+    pub(super) earlier_evaluations: u64,
+    pub(super) segment_iterations: u64,
+    pub(super) segment: Option<SegmentSnapshot>,
+}
+
+impl Checkpoint {
+    pub(super) fn start(run: RunIdentity, parameters: Vec<f64>, record: TrainingRecord) -> Self {
+        Self {
+            run,
+            best_parameters: parameters.clone(),
+            parameters,
+            best: record,
+            best_score: record.validation.unwrap_or(record.loss),
+            unimproved: 0,
+            history: vec![record],
+            earlier_evaluations: record.evaluations,
+            segment_iterations: 0,
+            segment: None,
+        }
+    }
+
+    /// The newest record.
+    pub fn last(&self) -> TrainingRecord {
+        self.history.last().copied().unwrap_or(self.best)
+    }
+
+    /// All records so far.
+    pub fn history(&self) -> &[TrainingRecord] {
+        &self.history
+    }
+
+    /// Adds a record; `score` is what the best model is chosen by, where it
+    /// was evaluated.
+    pub(super) fn push(&mut self, record: TrainingRecord, score: Option<f64>) {
+        self.history.push(record);
+        self.segment_iterations += 1;
+        match score {
+            Some(score) if score < self.best_score => {
+                self.best_score = score;
+                self.best = record;
+                self.best_parameters.clone_from(&self.parameters);
+                self.unimproved = 0;
+            }
+            Some(_) => self.unimproved += 1,
+            None => {}
+        }
+    }
+
+    pub(super) fn close_segment(&mut self, evaluations: u64) {
+        self.earlier_evaluations += evaluations;
+        self.segment_iterations = 0;
+        self.segment = None;
+    }
+
+    pub(super) fn finished(&self, options: &TrainingOptions) -> Option<Stop> {
+        if options.target > 0.0 && self.best_score <= options.target {
+            Some(Stop::Target)
+        } else if self.last().gradient <= options.gradient_tolerance {
+            Some(Stop::Gradient)
+        } else if options.patience > 0 && self.unimproved >= options.patience {
+            Some(Stop::Patience)
+        } else if self.last().iteration >= options.iterations {
+            Some(Stop::Iterations)
+        } else {
+            None
+        }
+    }
+
+    /// Fails unless the checkpoint is of this run and fits its model.
+    pub(super) fn check(&self, run: &RunIdentity, model: &Model) -> Result<(), Error> {
+        if self.run != *run {
+            let differs = |same: bool, what: &'static str| (!same).then_some(what);
+            let what: Vec<_> = [
+                differs(self.run.architecture == run.architecture, "architecture"),
+                differs(
+                    self.run.initial_parameters == run.initial_parameters,
+                    "initial weights",
+                ),
+                differs(self.run.pairs == run.pairs, "training pairs"),
+                differs(self.run.validation == run.validation, "held-out pairs"),
+                differs(self.run.options == run.options, "training options"),
+            ]
+            .into_iter()
+            .flatten()
+            .collect();
+            return Err(Error::content(
+                "checkpoint",
+                "one of this run",
+                format!("one with other {}", what.join(", ")),
+            ));
+        }
+        let count = model.composition().parameters().len();
+        let scale = self.segment.as_ref().map_or(count, |s| s.scale.len());
+        for (what, found) in [
+            ("parameters", self.parameters.len()),
+            ("best parameters", self.best_parameters.len()),
+            ("scale", scale),
+        ] {
+            if found != count {
+                return Err(Error::content(format!("checkpoint: {what}"), count, found));
+            }
+        }
+        if self.history.is_empty() {
+            return Err(Error::content("checkpoint: history", "at least one record", "none"));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,11 @@
+//! Training: a loss, its gradient and curvature, and L-BFGS on them.
+
+mod checkpoint;
+mod lbfgs;
+mod loss;
+
+pub use checkpoint::Checkpoint;
+pub use lbfgs::{
+    Control, Outcome, Progress, Scaling, Stop, TrainingOptions, TrainingRecord, train,
+};
+pub use loss::{Loss, Objective};
