@@ -10,6 +10,8 @@ pub mod measure;
 pub mod network;
 pub mod phase;
 pub mod scalar;
+#[cfg(feature = "scenes")]
+pub mod scene;
 pub mod system;
 pub mod train;
 

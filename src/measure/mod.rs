@@ -12,7 +12,7 @@ mod near_identity;
 mod rounding;
 mod symplecticity;
 
-pub use certificate::{Certificate, CertificateOptions, Row, Verdict, certify};
+pub use certificate::{Certificate, CertificateOptions, Row, Verdict, certify, certify_all};
 pub use circle_axioms::{CircleAxiom, circle_axiom_ratio, conjugated_axiom_ratio};
 pub use inversion::{Conditioned, inversion_ratio};
 pub use jacobian::{Differentiable, jacobian};

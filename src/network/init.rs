@@ -47,7 +47,12 @@ impl Stream {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum InitialWeights {
-    /// Glorot's uniform law, ±√(6/(fan-in + fan-out)), for W and w; b = η = 0.
+    /// Glorot's uniform law, ±√(6/(fan-in + fan-out)), for W and w; the bounds
+    /// of W for b and η too.
+    ///
+    /// With b = η = 0 the potential would be odd and the layer's generator
+    /// −[V(y) + V(−y−η) + V(−x) + V(x−η)] zero: I_ε would differ from the
+    /// identity in second order only.
     Glorot,
     /// Normal with standard deviation `scale` for all of W, b, w and η.
     Normal {
@@ -66,9 +71,9 @@ impl InitialWeights {
                 let outer = (6.0 / (width + 1) as f64).sqrt();
                 let mut out: Vec<f64> =
                     (0..dof * width).map(|_| stream.uniform(-inner, inner)).collect();
-                out.extend(std::iter::repeat_n(0.0, width));
+                out.extend((0..width).map(|_| stream.uniform(-inner, inner)));
                 out.extend((0..width).map(|_| stream.uniform(-outer, outer)));
-                out.extend(std::iter::repeat_n(0.0, dof));
+                out.extend((0..dof).map(|_| stream.uniform(-inner, inner)));
                 out
             }
             Self::Normal { scale } => (0..crate::layer::layer_parameter_count(dof, width))

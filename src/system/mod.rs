@@ -3,7 +3,7 @@
 mod oscillators;
 mod particle_field;
 
-pub use oscillators::Oscillators;
+pub use oscillators::{AveragedOscillator, Oscillators};
 pub use particle_field::{FieldProfile, ParticleField};
 
 use crate::error::Error;

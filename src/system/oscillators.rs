@@ -34,15 +34,6 @@ impl Oscillators {
         let common = two * q1 * q2 * c;
         (q2.mul_add(s, common), q1.mul_add(s, common))
     }
-
-    /// The averaged Hamiltonian of the slow oscillator at fixed
-    /// R² = q₁² + p₁², up to a constant and a factor ε:
-    /// H̄ = ½(q₂² + p₂²) + q₂ cos(2q₂) R J₁(2R).
-    ///
-    /// Its level sets are what (q₂, p₂) follows for small ε.
-    pub fn averaged_energy(q2: f64, p2: f64, radius: f64) -> f64 {
-        0.5 * (q2 * q2 + p2 * p2) + q2 * libm::cos(2.0 * q2) * radius * libm::j1(2.0 * radius)
-    }
 }
 
 impl Hamiltonian for Oscillators {
@@ -93,5 +84,56 @@ impl Splittable for Oscillators {
         let (u1, u2) = Self::coupling_gradient(z[0], z[1]);
         z[2] = kick.mul_add(u1, z[2]);
         z[3] = kick.mul_add(u2, z[3]);
+    }
+}
+
+/// The averaged slow oscillator at fixed R² = q₁² + p₁²: one degree of freedom,
+/// H̄ = ½(q² + p²) + q cos(2q) R J₁(2R), in the slow time εt.
+///
+/// Source: the averaged Hamiltonian of the section on the oscillators in
+/// <https://doi.org/10.1038/s41598-023-34862-w>, without the common factor ε.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AveragedOscillator {
+    /// R J₁(2R).
+    strength: f64,
+}
+
+impl AveragedOscillator {
+    /// The average over the fast oscillator of amplitude R.
+    pub fn new(radius: f64) -> Self {
+        Self { strength: radius * libm::j1(2.0 * radius) }
+    }
+}
+
+impl Hamiltonian for AveragedOscillator {
+    fn dof(&self) -> usize {
+        1
+    }
+    fn epsilon(&self) -> f64 {
+        1.0
+    }
+    fn energy<S: Elementary>(&self, z: &[S]) -> S {
+        let two = S::from_f64(2.0);
+        let (_, c) = (two * z[0]).sin_cos();
+        let quadratic = S::from_f64(0.5) * z[0].mul_add(z[0], z[1] * z[1]);
+        quadratic + S::from_f64(self.strength) * z[0] * c
+    }
+    fn vector_field<S: Elementary>(&self, z: &[S], out: &mut [S]) {
+        let two = S::from_f64(2.0);
+        let (s, c) = (two * z[0]).sin_cos();
+        out[0] = z[1];
+        out[1] = -(z[0] + S::from_f64(self.strength) * (c - two * z[0] * s));
+    }
+    fn circle_action(&self) -> CircleAction {
+        CircleAction::new([1])
+    }
+    fn limiting_frequency(&self) -> f64 {
+        1.0
+    }
+    fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
+        self.energy(z)
+    }
+    fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
+        turn(z, 0, 1, time);
     }
 }

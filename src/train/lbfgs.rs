@@ -235,15 +235,22 @@ fn finite_or_rejected(value: f64) -> f64 {
     if value.is_finite() { value } else { f64::INFINITY }
 }
 
-/// D: the inverse square root of the curvature, with a floor under it for
-/// parameters that hardly matter, such as those of a dead neuron.
-fn scale_of(scaling: Scaling, objective: &Objective<'_>, map: &Composition<f64>, loss: f64) -> Vec<f64> {
+/// D: the inverse square root of the curvature, which counts as no smaller than
+/// the loss itself: a parameter that hardly matters, as that of a dead neuron,
+/// would otherwise be asked to mend the whole loss and be sent far outside the
+/// reach of the linearisation. With the floor it moves by 1 at most.
+fn scale_of(
+    scaling: Scaling,
+    objective: &Objective<'_>,
+    map: &Composition<f64>,
+    loss: f64,
+) -> Vec<f64> {
     let count = map.parameters().len();
     if scaling == Scaling::None {
         return vec![1.0; count];
     }
     let diagonal = objective.curvature_diagonal(map);
-    let floor = loss * std::env::var("FLOOR").map(|v|v.parse().unwrap()).unwrap_or(1.0);
+    let floor = loss;
     diagonal
         .into_iter()
         .map(|d| if d.is_finite() { d.max(floor).sqrt().recip() } else { 1.0 })

@@ -1,0 +1,208 @@
+//! The command line.
+
+use clap::{Args, Parser, Subcommand};
+use gyroceptron::Error;
+use gyroceptron::layer::CircleAction;
+use std::path::PathBuf;
+
+/// Symplectic gyroceptrons: train, certify and roll out nearly-periodic
+/// symplectic maps. Without a command it runs the scene `quickstart`.
+#[derive(Debug, Parser)]
+#[command(name = "gyroceptron", version, args_conflicts_with_subcommands = true)]
+pub struct Arguments {
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    #[command(flatten)]
+    pub run: Run,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run a scene: data, training, certificate, roll-out, report.
+    Run(Run),
+    /// List the built-in scenes, a line each.
+    Scenes {
+        /// One JSON document instead of a table.
+        #[arg(long)]
+        json: bool,
+        /// Print the file of this scene, to start one's own from.
+        #[arg(long, value_name = "SCENE")]
+        show: Option<String>,
+    },
+    /// Certify the structure of a model, or of networks with random weights.
+    Verify(Verify),
+    /// Train a gyroceptron on pairs of one's own.
+    Train(Train),
+    /// Roll a model out from given points.
+    Predict(Predict),
+    /// Make a model of weights trained elsewhere.
+    Import(Import),
+    /// Write the weights of a model for others.
+    Export(Export),
+    /// What to cite, as BibTeX.
+    Cite {
+        /// A built-in scene or a .toml file.
+        scene: Option<String>,
+    },
+}
+
+#[derive(Debug, Args)]
+pub struct Run {
+    /// A built-in scene or a .toml file.
+    #[arg(value_name = "SCENE|FILE.toml")]
+    pub scene: Option<String>,
+    /// The folder to write to [default: gyroceptron-out/SCENE].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// The seed in place of the scene's.
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+    #[command(flatten)]
+    pub common: Common,
+    /// Go on with the run in the folder, from its last checkpoint.
+    #[arg(long, conflicts_with = "overwrite")]
+    pub resume: bool,
+    /// Replace the run in the folder.
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Common {
+    /// Threads to use [default: all]; the results do not depend on it.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// One JSON document instead of tables.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Verify {
+    /// The model to certify.
+    #[arg(long, value_name = "FILE", conflicts_with = "random")]
+    pub model: Option<PathBuf>,
+    /// Certify so many gyroceptrons with random weights [default: 10].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub random: Option<i64>,
+    /// Points for each model.
+    #[arg(long, value_name = "N", default_value_t = 200, allow_negative_numbers = true)]
+    pub samples: i64,
+    /// Points are uniform in |z_i| ≤ RADIUS.
+    #[arg(long, default_value_t = 1.6, allow_negative_numbers = true)]
+    pub radius: f64,
+    /// The seed of points, angles and random weights.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+#[derive(Debug, Args)]
+pub struct Train {
+    /// An .npz with `input` and `output`, both (N, 2n) float64, columns
+    /// q1 … qn, p1 … pn.
+    #[arg(long, value_name = "FILE.npz")]
+    pub data: PathBuf,
+    /// The integer weight of each plane (q_j, p_j), such as 1,0.
+    #[arg(long, value_name = "WEIGHTS", allow_hyphen_values = true)]
+    pub circle_action: String,
+    /// Network and training options are taken from this scene.
+    #[arg(long, value_name = "FILE.toml")]
+    pub scene: Option<String>,
+    /// The model file to write; FILE.checkpoint beside it while training.
+    #[arg(long, value_name = "FILE.json")]
+    pub output: PathBuf,
+    /// ε of the near-identity part.
+    #[arg(long, default_value_t = 0.01, allow_negative_numbers = true)]
+    pub epsilon: f64,
+    /// θ to start from, in radians [default: the rotation nearest to the data].
+    #[arg(long, allow_negative_numbers = true)]
+    pub theta: Option<f64>,
+    /// Iterations in place of the scene's.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub iterations: Option<i64>,
+    /// The share of the pairs to hold out.
+    #[arg(long, default_value_t = 0.1, allow_negative_numbers = true)]
+    pub validation: f64,
+    /// The seed of weights and of the held-out choice.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Go on from FILE.checkpoint.
+    #[arg(long, conflicts_with = "overwrite")]
+    pub resume: bool,
+    /// Replace an existing model file.
+    #[arg(long)]
+    pub overwrite: bool,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+#[derive(Debug, Args)]
+pub struct Predict {
+    /// The model.
+    #[arg(long, value_name = "FILE.json")]
+    pub model: PathBuf,
+    /// Initial points, an .npy of (M, 2n) float64.
+    #[arg(long, value_name = "FILE.npy")]
+    pub input: PathBuf,
+    /// Applications of the map.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub steps: i64,
+    /// Keep one state in so many.
+    #[arg(long, value_name = "K", default_value_t = 1, allow_negative_numbers = true)]
+    pub every: i64,
+    /// The trajectories, an .npy of (steps/every + 1, M, 2n).
+    #[arg(long, value_name = "FILE.npy")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+#[derive(Debug, Args)]
+pub struct Import {
+    /// The tensors, under the names of the README.
+    #[arg(long, value_name = "FILE.safetensors|FILE.npz")]
+    pub weights: PathBuf,
+    /// The integer weight of each plane (q_j, p_j), such as 1,0.
+    #[arg(long, value_name = "WEIGHTS", allow_hyphen_values = true)]
+    pub circle_action: String,
+    /// ε of the near-identity part.
+    #[arg(long, allow_negative_numbers = true)]
+    pub epsilon: f64,
+    /// The model file to write.
+    #[arg(long, value_name = "FILE.json")]
+    pub output: PathBuf,
+    /// One JSON document instead of a line.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Export {
+    /// The model.
+    #[arg(long, value_name = "FILE.json")]
+    pub model: PathBuf,
+    /// The file to write.
+    #[arg(long, value_name = "FILE.safetensors|FILE.npz")]
+    pub output: PathBuf,
+    /// One JSON document instead of a line.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `1,0` as a circle action.
+pub fn circle_action(text: &str) -> Result<CircleAction, Error> {
+    let weights: Result<Vec<i32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    weights
+        .map(CircleAction::new)
+        .map_err(|_| Error::invalid("--circle-action", text, "integers with commas, such as 1,0"))
+}
+
+/// A count that must be at least 1.
+pub fn positive(name: &str, value: i64) -> Result<usize, Error> {
+    usize::try_from(value)
+        .ok()
+        .filter(|v| *v > 0)
+        .ok_or_else(|| Error::invalid(name, value, "at least 1"))
+}

@@ -1,0 +1,67 @@
+//! What to cite.
+
+use gyroceptron::scene::Scene;
+
+const CRATE: &str = concat!(
+    "@software{gyroceptron,\n  title = {gyroceptron: symplectic gyroceptrons in Rust},\n  version = {",
+    env!("CARGO_PKG_VERSION"),
+    "},\n  year = {2026}\n}\n"
+);
+
+const PAPER: &str = "@article{DuruisseauxBurbyTang2023,
+  author = {Duruisseaux, Valentin and Burby, Joshua W. and Tang, Qi},
+  title = {Approximation of nearly-periodic symplectic maps via structure-preserving neural networks},
+  journal = {Scientific Reports},
+  volume = {13},
+  pages = {8351},
+  year = {2023},
+  doi = {10.1038/s41598-023-34862-w}
+}
+";
+
+const HENON: &str = "@article{BurbyTangMaulik2021,
+  author = {Burby, Joshua W. and Tang, Qi and Maulik, Romit},
+  title = {Fast neural {P}oincar\\'e maps for toroidal magnetic fields},
+  journal = {Plasma Physics and Controlled Fusion},
+  volume = {63},
+  number = {2},
+  pages = {024001},
+  year = {2021},
+  doi = {10.1088/1361-6587/abcbaa}
+}
+";
+
+const LBFGS: &str = "@article{LiuNocedal1989,
+  author = {Liu, Dong C. and Nocedal, Jorge},
+  title = {On the limited memory {BFGS} method for large scale optimization},
+  journal = {Mathematical Programming},
+  volume = {45},
+  pages = {503--528},
+  year = {1989},
+  doi = {10.1007/BF01589116}
+}
+";
+
+const GAUSS: &str = "@book{HairerLubichWanner2006,
+  author = {Hairer, Ernst and Lubich, Christian and Wanner, Gerhard},
+  title = {Geometric Numerical Integration},
+  edition = {2},
+  publisher = {Springer},
+  year = {2006},
+  doi = {10.1007/3-540-30666-8}
+}
+";
+
+/// The entries for the program and, with a scene, for the methods it runs.
+pub fn bibtex(scene: Option<&Scene>) -> String {
+    let mut entries = vec![CRATE, PAPER];
+    if let Some(scene) = scene {
+        if !scene.models.is_empty() {
+            entries.extend([HENON, LBFGS]);
+        }
+        if scene.system.is_some() {
+            entries.push(GAUSS);
+        }
+    }
+    entries.join("\n")
+}

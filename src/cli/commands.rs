@@ -1,0 +1,472 @@
+//! The commands.
+
+use super::arguments::{
+    Arguments, Command, Common, Export, Import, Predict, Run, Train, Verify, circle_action,
+    positive,
+};
+use super::progress::Progress;
+use super::table::{certificate, json, out, status_of, table};
+use super::{Status, cite};
+use gyroceptron::Error;
+use gyroceptron::flow::Pairs;
+use gyroceptron::io::{
+    Provenance, StoredModel, export_weights, import_weights, load_checkpoint, load_model,
+    read_pairs, read_points, save_checkpoint, save_model, write_points,
+};
+use gyroceptron::layer::CircleAction;
+use gyroceptron::measure::{CertificateOptions, certify, certify_all};
+use gyroceptron::network::{
+    Architecture, GyroceptronShape, InitialWeights, Model, Rollout, Stream, rollout,
+};
+use gyroceptron::scene::{
+    Folder, ModelSpec, NetworkSpec, Observer, Report, Scene, catalogue, default_scene, find, parse,
+    run, stop_words,
+};
+use gyroceptron::train::{Control, Stop, TrainingOptions, fit_rotation, train};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+pub fn dispatch(arguments: Arguments) -> Result<Status, Error> {
+    match arguments.command.unwrap_or(Command::Run(arguments.run)) {
+        Command::Run(arguments) => run_scene(&arguments),
+        Command::Scenes { json, show } => scenes(json, show.as_deref()),
+        Command::Verify(arguments) => verify(&arguments),
+        Command::Train(arguments) => train_pairs(&arguments),
+        Command::Predict(arguments) => predict(&arguments),
+        Command::Import(arguments) => import(&arguments),
+        Command::Export(arguments) => export(&arguments),
+        Command::Cite { scene } => {
+            let scene = scene.as_deref().map(read_scene).transpose()?;
+            out(&cite::bibtex(scene.as_ref()));
+            Ok(Status::Done)
+        }
+    }
+}
+
+/// A built-in scene by name, any other from its file.
+fn read_scene(name: &str) -> Result<Scene, Error> {
+    let path = Path::new(name);
+    if path.extension().is_some_and(|e| e == "toml") {
+        let text = std::fs::read_to_string(path).map_err(|reason| Error::read(path, reason))?;
+        parse(name, &text)
+    } else {
+        find(name)?.scene()
+    }
+}
+
+fn use_threads(common: &Common) -> Result<(), Error> {
+    if let Some(threads) = common.threads {
+        if threads == 0 {
+            return Err(Error::invalid("--threads", threads, "at least 1"));
+        }
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build_global()
+            .map_err(|reason| Error::invalid("--threads", threads, reason))?;
+    }
+    Ok(())
+}
+
+fn run_scene(arguments: &Run) -> Result<Status, Error> {
+    use_threads(&arguments.common)?;
+    let mut scene = match &arguments.scene {
+        Some(name) => read_scene(name)?,
+        None => default_scene().scene()?,
+    };
+    if let Some(seed) = arguments.seed {
+        scene.seed = seed;
+    }
+    scene.experiment()?;
+    let path =
+        arguments.out.clone().unwrap_or_else(|| Path::new("gyroceptron-out").join(&scene.name));
+    let folder = Folder::open(&path, arguments.resume, arguments.overwrite)?;
+    let mut progress = Progress::new();
+    let result = run(&scene, &folder, &mut progress);
+    progress.finish();
+    let Some(report) = result? else {
+        progress.note(&format!(
+            "interrupted; the same command with --resume goes on from the checkpoint in {}",
+            path.display()
+        ));
+        return Ok(Status::Interrupted);
+    };
+    if arguments.common.json {
+        json(&report)?;
+    } else {
+        out(&run_summary(&report, &path));
+    }
+    Ok(status_of(report.holds()))
+}
+
+fn run_summary(report: &Report, path: &Path) -> String {
+    let mut text = String::new();
+    for model in &report.models {
+        if let Some(own) = &model.certificate {
+            text.push_str(&format!("structure certificate of {}\n{}", model.name, certificate(own)));
+        }
+    }
+    let number = |v: Option<f64>| v.map_or("–".to_owned(), |v| format!("{v:.3e}"));
+    let rows = report.models.iter().map(|model| {
+        let worst = model
+            .rollout
+            .as_ref()
+            .map(|r| r.largest_errors.iter().copied().fold(0.0, f64::max));
+        [
+            model.name.clone(),
+            model.parameters.to_string(),
+            model.last.iteration.to_string(),
+            format!("{:.3e}", model.best.loss),
+            number(model.best.validation),
+            report.improvement(model).map_or("–".into(), |v| format!("{v:.0}")),
+            number(worst),
+        ]
+    });
+    text.push_str(&table(
+        &[
+            "network",
+            "parameters",
+            "iterations",
+            "loss",
+            "held-out error",
+            "rotation's / its",
+            "largest roll-out distance",
+        ],
+        rows,
+    ));
+    text.push_str(&format!("report: {}\n", path.join("report.md").display()));
+    text
+}
+
+fn scenes(as_json: bool, show: Option<&str>) -> Result<Status, Error> {
+    if let Some(name) = show {
+        out(find(name)?.text);
+        return Ok(Status::Done);
+    }
+    let mut rows = Vec::new();
+    for entry in catalogue() {
+        rows.push((entry.name, entry.scene()?.title));
+    }
+    if as_json {
+        let list: Vec<_> =
+            rows.iter().map(|(name, title)| json!({ "name": name, "title": title })).collect();
+        json(&list)?;
+    } else {
+        for (name, title) in rows {
+            out(&format!("{name:20} {title}\n"));
+        }
+    }
+    Ok(Status::Done)
+}
+
+/// The network of `verify --random` and of `train` without a scene: that of
+/// the paper's time-5 map.
+fn default_architecture(circle_action: CircleAction, epsilon: f64) -> Architecture {
+    Architecture::Gyroceptron {
+        shape: GyroceptronShape { circle_action, psi: vec![8; 10], near_identity: vec![8; 10] },
+        epsilon,
+    }
+}
+
+fn verify(arguments: &Verify) -> Result<Status, Error> {
+    use_threads(&arguments.common)?;
+    if !(arguments.radius > 0.0 && arguments.radius.is_finite()) {
+        return Err(Error::invalid("--radius", arguments.radius, "a positive number"));
+    }
+    let options = CertificateOptions {
+        samples: positive("--samples", arguments.samples)?,
+        radius: arguments.radius,
+        seed: arguments.seed,
+    };
+    let (subject, result) = match &arguments.model {
+        Some(path) => {
+            let stored = load_model(path)?;
+            (path.display().to_string(), certify(&stored.model, options))
+        }
+        None => {
+            let count = positive("--random", arguments.random.unwrap_or(10))?;
+            let mut angles = Stream::new(arguments.seed, "verify/theta");
+            let models: Vec<Model> = (0..count as u64)
+                .map(|k| {
+                    let theta = angles.uniform(0.0, std::f64::consts::TAU);
+                    default_architecture(CircleAction::new([1, 0]), 0.01).initialise(
+                        InitialWeights::Glorot,
+                        theta,
+                        arguments.seed.wrapping_add(k),
+                    )
+                })
+                .collect::<Result<_, Error>>()?;
+            (
+                format!("{count} gyroceptrons with random weights (Glorot, 681 parameters)"),
+                certify_all(&models, options),
+            )
+        }
+    };
+    if arguments.common.json {
+        json(&json!({
+            "subject": subject,
+            "crate_version": env!("CARGO_PKG_VERSION"),
+            "holds": result.holds(),
+            "certificate": result,
+        }))?;
+    } else {
+        out(&format!(
+            "{subject}: {} points each, uniform in |z_i| ≤ {}, seed {}\n{}{}\n",
+            options.samples,
+            options.radius,
+            options.seed,
+            certificate(&result),
+            if result.holds() { "the certificate holds" } else { "THE CERTIFICATE DOES NOT HOLD" },
+        ));
+    }
+    Ok(status_of(result.holds()))
+}
+
+/// What `train` takes from a scene.
+struct Recipe {
+    name: String,
+    network: NetworkSpec,
+    weights: InitialWeights,
+    training: TrainingOptions,
+}
+
+fn recipe(scene: Option<&str>) -> Result<Recipe, Error> {
+    let default = NetworkSpec::Gyroceptron {
+        psi: gyroceptron::scene::Layers { count: 10, width: 8 },
+        near_identity: gyroceptron::scene::Layers { count: 10, width: 8 },
+        circle_action: None,
+    };
+    let Some(name) = scene else {
+        return Ok(Recipe {
+            name: "train".into(),
+            network: default,
+            weights: InitialWeights::Normal { scale: 0.15 },
+            training: TrainingOptions::default(),
+        });
+    };
+    let scene = read_scene(name)?;
+    let spec = match &scene.models[..] {
+        [] => ModelSpec {
+            name: scene.name.clone(),
+            network: default,
+            weights: InitialWeights::Normal { scale: 0.15 },
+        },
+        [spec] => spec.clone(),
+        several => {
+            return Err(Error::content(
+                format!("{name}: models"),
+                "one network to train",
+                several.len(),
+            ));
+        }
+    };
+    Ok(Recipe {
+        name: scene.name,
+        network: spec.network,
+        weights: spec.weights,
+        training: scene.training,
+    })
+}
+
+fn train_pairs(arguments: &Train) -> Result<Status, Error> {
+    use_threads(&arguments.common)?;
+    let action = circle_action(&arguments.circle_action)?;
+    let mut recipe = recipe(arguments.scene.as_deref())?;
+    if let Some(iterations) = arguments.iterations {
+        recipe.training.iterations = positive("--iterations", iterations)? as u64;
+    }
+    if !(0.0..1.0).contains(&arguments.validation) {
+        return Err(Error::invalid(
+            "--validation",
+            arguments.validation,
+            "a share of at least 0 and less than 1",
+        ));
+    }
+    if let Some(theta) = arguments.theta.filter(|t| !t.is_finite()) {
+        return Err(Error::invalid("--theta", theta, "a finite number"));
+    }
+    if let NetworkSpec::Gyroceptron { circle_action, .. } = &mut recipe.network {
+        *circle_action = None;
+    }
+    let architecture = recipe.network.architecture(&action, arguments.epsilon);
+    architecture.check()?;
+    let checkpoint_file = checkpoint_beside(&arguments.output);
+    if !arguments.overwrite && !arguments.resume {
+        for path in [&arguments.output, &checkpoint_file] {
+            if path.exists() {
+                return Err(Error::OutputExists { path: path.clone() });
+            }
+        }
+    }
+
+    let mut progress = Progress::new();
+    let file = read_pairs(&arguments.data)?;
+    if file.single_precision {
+        progress.note(&format!(
+            "{}: float32 numbers, taken as they are",
+            arguments.data.display()
+        ));
+    }
+    if file.pairs.dof() != action.dof() {
+        return Err(Error::invalid(
+            "--circle-action",
+            format!("{} weights", action.dof()),
+            format!(
+                "{} weights, one for each plane of {}",
+                file.pairs.dof(),
+                arguments.data.display()
+            ),
+        ));
+    }
+    let digest = file.pairs.digest();
+    let theta = arguments.theta.unwrap_or_else(|| fit_rotation(&file.pairs, &action));
+    let (pairs, held_out) = file
+        .pairs
+        .split(arguments.validation, &mut Stream::new(arguments.seed, "data/held-out"));
+    let model = architecture.initialise(recipe.weights, theta, arguments.seed)?;
+    let resume = if arguments.resume { Some(load_checkpoint(&checkpoint_file)?) } else { None };
+    progress.note(&format!(
+        "training {} parameters on {} pairs, {} held out, θ from {theta:.6}",
+        model.composition().parameters().len(),
+        pairs.len(),
+        held_out.as_ref().map_or(0, Pairs::len)
+    ));
+    // Better to learn before training than after it that nothing can be saved.
+    probe_writable(&arguments.output)?;
+    let iterations = recipe.training.iterations;
+    let outcome = train(&model, &pairs, held_out.as_ref(), &recipe.training, resume, &mut |p| {
+        if let Some(checkpoint) = p.checkpoint {
+            save_checkpoint(&checkpoint_file, checkpoint)?;
+        }
+        progress.iteration("training", p.record, iterations);
+        Ok(if progress.interrupted() { Control::Interrupt } else { Control::Continue })
+    });
+    progress.finish();
+    let outcome = outcome?;
+    if outcome.stop == Stop::Interrupted {
+        progress.note(&format!(
+            "interrupted; the same command with --resume goes on from {}",
+            checkpoint_file.display()
+        ));
+        return Ok(Status::Interrupted);
+    }
+    let provenance = Provenance {
+        seed: Some(arguments.seed),
+        data: Some(digest),
+        validation: outcome.best.validation,
+        ..Provenance::of(&recipe.name)
+    };
+    save_model(&arguments.output, &StoredModel { model: outcome.model.clone(), provenance })?;
+    let theta_after = outcome.model.gyroceptron().map(|g| g.theta());
+    if arguments.common.json {
+        json(&json!({
+            "model": arguments.output,
+            "parameters": outcome.model.composition().parameters().len(),
+            "stop": outcome.stop,
+            "best": outcome.best,
+            "theta": theta_after,
+        }))?;
+    } else {
+        let number = |v: Option<f64>| v.map_or("–".to_owned(), |v| format!("{v:.6e}"));
+        out(&table(
+            &["model", "iterations", "loss", "held-out error", "θ", "ended"],
+            [[
+                arguments.output.display().to_string(),
+                outcome.best.iteration.to_string(),
+                format!("{:.6e}", outcome.best.loss),
+                number(outcome.best.validation),
+                theta_after.map_or("–".into(), |t| format!("{t:.6}")),
+                stop_words(outcome.stop).to_owned(),
+            ]],
+        ));
+    }
+    Ok(Status::Done)
+}
+
+fn checkpoint_beside(model: &Path) -> PathBuf {
+    let mut name = model.as_os_str().to_owned();
+    name.push(".checkpoint");
+    name.into()
+}
+
+fn probe_writable(path: &Path) -> Result<(), Error> {
+    let mut probe = path.as_os_str().to_owned();
+    probe.push(".probe");
+    let probe = PathBuf::from(probe);
+    let fail = |reason: std::io::Error| Error::write(path, reason);
+    std::fs::write(&probe, []).map_err(fail)?;
+    std::fs::remove_file(&probe).map_err(fail)
+}
+
+fn predict(arguments: &Predict) -> Result<Status, Error> {
+    use_threads(&arguments.common)?;
+    let request = Rollout {
+        steps: positive("--steps", arguments.steps)?,
+        every: positive("--every", arguments.every)?,
+    };
+    let stored = load_model(&arguments.model)?;
+    let map = stored.model.composition();
+    let dim = 2 * map.dof();
+    let initial = read_points(&arguments.input, map.dof())?;
+    let points = initial.len() / dim;
+    probe_writable(&arguments.output)?;
+    let values = rollout(map, &initial, request)?;
+    if let Some(index) = values.iter().position(|v| !v.is_finite()) {
+        let state = index / initial.len();
+        return Err(Error::Diverged {
+            what: format!("{}: roll-out", arguments.model.display()),
+            place: format!(
+                "row {} of the input, at the latest after {} steps",
+                index % initial.len() / dim,
+                state * request.every
+            ),
+        });
+    }
+    let shape = [request.kept() as u64, points as u64, dim as u64];
+    write_points(&arguments.output, &shape, &values)?;
+    if arguments.common.json {
+        json(&json!({ "output": arguments.output, "shape": shape }))?;
+    } else {
+        out(&format!(
+            "{}: {} states of {points} trajectories of {dim} numbers\n",
+            arguments.output.display(),
+            request.kept()
+        ));
+    }
+    Ok(Status::Done)
+}
+
+fn describe(model: &Model, path: &Path, as_json: bool) -> Result<Status, Error> {
+    let count = model.composition().parameters().len();
+    if as_json {
+        json(&json!({
+            "file": path,
+            "architecture": model.architecture(),
+            "parameters": count,
+            "theta": model.gyroceptron().map(|g| g.theta()),
+        }))?;
+    } else {
+        let layers = model
+            .architecture()
+            .parts()
+            .iter()
+            .map(|(part, shape)| format!("{part} {} layers", shape.widths.len()))
+            .collect::<Vec<_>>()
+            .join(", ");
+        out(&format!("{}: {count} parameters, {layers}\n", path.display()));
+    }
+    Ok(Status::Done)
+}
+
+fn import(arguments: &Import) -> Result<Status, Error> {
+    let action = circle_action(&arguments.circle_action)?;
+    let model = import_weights(&arguments.weights, action, arguments.epsilon)?;
+    let provenance = Provenance::of("import");
+    save_model(&arguments.output, &StoredModel { model: model.clone(), provenance })?;
+    describe(&model, &arguments.output, arguments.json)
+}
+
+fn export(arguments: &Export) -> Result<Status, Error> {
+    let stored = load_model(&arguments.model)?;
+    export_weights(&arguments.output, &stored.model)?;
+    describe(&stored.model, &arguments.output, arguments.json)
+}

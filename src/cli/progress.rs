@@ -1,0 +1,120 @@
+//! Progress on standard error: a bar on a terminal, lines elsewhere.
+
+use gyroceptron::scene::{Event, Observer, stop_words};
+use gyroceptron::train::TrainingRecord;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::{IsTerminal, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Where there is no terminal, a line at most so often.
+const QUIET: Duration = Duration::from_secs(15);
+
+pub struct Progress {
+    terminal: bool,
+    bar: Option<ProgressBar>,
+    last_line: Instant,
+    validation: Option<f64>,
+    interrupted: Arc<AtomicBool>,
+}
+
+impl Progress {
+    /// Also takes Ctrl-C: the first asks for a checkpoint and an orderly end,
+    /// the second ends the program at once.
+    pub fn new() -> Self {
+        let interrupted = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&interrupted);
+        // Without a handler Ctrl-C ends the program at once; the checkpoint of
+        // the last hundred iterations is there all the same.
+        let _ = ctrlc::set_handler(move || {
+            if flag.swap(true, Ordering::SeqCst) {
+                std::process::exit(130);
+            }
+        });
+        Self {
+            terminal: std::io::stderr().is_terminal(),
+            bar: None,
+            last_line: Instant::now(),
+            validation: None,
+            interrupted,
+        }
+    }
+
+    pub fn note(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| line(text)),
+            None => line(text),
+        }
+    }
+
+    pub fn iteration(&mut self, model: &str, record: TrainingRecord, iterations: u64) {
+        self.validation = record.validation.or(self.validation);
+        let held_out =
+            self.validation.map(|v| format!(", held out {v:.2e}")).unwrap_or_default();
+        let state = format!("loss {:.2e}{held_out}", record.loss);
+        if self.terminal {
+            let bar = self.bar.get_or_insert_with(|| {
+                let bar = ProgressBar::with_draw_target(
+                    Some(iterations),
+                    ProgressDrawTarget::stderr_with_hz(5),
+                );
+                let style = "{prefix} {bar:24} {pos}/{len} {msg}, {per_sec}, {eta} left";
+                if let Ok(style) = ProgressStyle::with_template(style) {
+                    bar.set_style(style);
+                }
+                bar.set_prefix(model.to_owned());
+                bar.set_position(record.iteration.saturating_sub(1));
+                bar.reset_eta();
+                bar
+            });
+            bar.set_position(record.iteration);
+            bar.set_message(state);
+        } else if self.last_line.elapsed() >= QUIET {
+            self.last_line = Instant::now();
+            line(&format!("{model}: iteration {} of {iterations}, {state}", record.iteration));
+        }
+    }
+
+    pub fn finish(&mut self) {
+        if let Some(bar) = self.bar.take() {
+            bar.finish_and_clear();
+        }
+        self.validation = None;
+    }
+}
+
+fn line(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+impl Observer for Progress {
+    fn event(&mut self, event: Event<'_>) {
+        match event {
+            Event::Stage(stage) => {
+                self.finish();
+                self.note(&format!("{stage} …"));
+            }
+            Event::Iteration { model, record, iterations } => {
+                self.iteration(model, record, iterations);
+            }
+            Event::Trained { model, stop, best } => {
+                self.finish();
+                let held_out = best
+                    .validation
+                    .map(|v| format!(", held-out mean squared error {v:.3e}"))
+                    .unwrap_or_default();
+                self.note(&format!(
+                    "{model}: {}; kept iteration {}, loss {:.3e}{held_out}",
+                    stop_words(stop),
+                    best.iteration,
+                    best.loss
+                ));
+            }
+        }
+    }
+
+    fn interrupted(&self) -> bool {
+        self.interrupted.load(Ordering::SeqCst)
+    }
+}

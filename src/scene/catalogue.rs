@@ -1,0 +1,53 @@
+//! The built-in scenes: embedded files of the same format as a user's.
+
+use super::declaration::{Scene, parse};
+use crate::error::Error;
+
+/// A built-in scene.
+#[derive(Clone, Copy, Debug)]
+pub struct CatalogueEntry {
+    /// Its name.
+    pub name: &'static str,
+    /// Its file.
+    pub text: &'static str,
+}
+
+macro_rules! entries {
+    ($($name:literal),* $(,)?) => {
+        &[$(CatalogueEntry {
+            name: $name,
+            text: include_str!(concat!("catalogue/", $name, ".toml")),
+        }),*]
+    };
+}
+
+/// All built-in scenes, the default one first.
+pub fn catalogue() -> &'static [CatalogueEntry] {
+    entries!["quickstart", "oscillators-short", "oscillators-long", "particle-field"]
+}
+
+impl CatalogueEntry {
+    /// The scene.
+    ///
+    /// # Errors
+    /// As [`parse`]; a test reads them all.
+    pub fn scene(&self) -> Result<Scene, Error> {
+        parse(&format!("built-in scene {}", self.name), self.text)
+    }
+}
+
+/// The scene that a run without arguments runs.
+pub fn default_scene() -> &'static CatalogueEntry {
+    &catalogue()[0]
+}
+
+/// The built-in scene of this name.
+///
+/// # Errors
+/// [`Error::Invalid`] with the names there are.
+pub fn find(name: &str) -> Result<&'static CatalogueEntry, Error> {
+    catalogue().iter().find(|entry| entry.name == name).ok_or_else(|| {
+        let names: Vec<_> = catalogue().iter().map(|entry| entry.name).collect();
+        Error::invalid("scene", name, format!("one of {} or a .toml file", names.join(", ")))
+    })
+}

@@ -1,0 +1,273 @@
+//! What a scene file holds.
+
+use crate::error::Error;
+use crate::flow::Window;
+use crate::layer::CircleAction;
+use crate::measure::CertificateOptions;
+use crate::network::{Architecture, GyroceptronShape, HenonShape, InitialWeights};
+use crate::system::{Hamiltonian, System};
+use crate::train::TrainingOptions;
+use serde::{Deserialize, Serialize};
+
+/// A declared experiment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Its name: the default folder of a run.
+    pub name: String,
+    /// One line that says what it shows.
+    #[serde(default)]
+    pub title: String,
+    /// The seed of all its random streams.
+    #[serde(default)]
+    pub seed: u64,
+    /// The system whose flow map is learnt.
+    pub system: Option<System>,
+    /// The time of the flow map.
+    pub flow_time: Option<f64>,
+    /// Where the training pairs are.
+    pub data: Option<Data>,
+    /// The networks to train.
+    #[serde(default)]
+    pub models: Vec<ModelSpec>,
+    /// How to train them.
+    #[serde(default)]
+    pub training: TrainingOptions,
+    /// The structure certificate, if wanted.
+    pub certificate: Option<CertificateOptions>,
+    /// The roll-out against the reference, if wanted.
+    pub rollout: Option<RolloutSpec>,
+    /// The plots to draw.
+    #[serde(default)]
+    pub plots: Vec<Plot>,
+}
+
+/// The training and held-out pairs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Data {
+    /// Boxes with their numbers of training points.
+    pub windows: Vec<Window>,
+    /// Held-out points, as a share of each window's training points.
+    pub validation: f64,
+}
+
+/// A network to train.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelSpec {
+    /// Its name in tables and files.
+    pub name: String,
+    /// Which network.
+    pub network: NetworkSpec,
+    /// How its weights are drawn.
+    pub weights: InitialWeights,
+}
+
+/// Which network, the degrees of freedom and ε being the system's.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum NetworkSpec {
+    /// A symplectic gyroceptron.
+    Gyroceptron {
+        /// ψ.
+        psi: Layers,
+        /// I_ε.
+        near_identity: Layers,
+        /// Φ; the system's, unless given.
+        circle_action: Option<CircleAction>,
+    },
+    /// A HénonNet.
+    HenonNet {
+        /// Its layers.
+        layers: Layers,
+    },
+}
+
+/// So many layers of the same width.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Layers {
+    /// The number of layers.
+    pub count: usize,
+    /// The neurons of each.
+    pub width: usize,
+}
+
+impl Layers {
+    fn widths(self) -> Vec<usize> {
+        vec![self.width; self.count]
+    }
+}
+
+impl NetworkSpec {
+    /// The architecture for this circle action and ε.
+    pub fn architecture(&self, action: &CircleAction, epsilon: f64) -> Architecture {
+        match self {
+            Self::Gyroceptron { psi, near_identity, circle_action } => Architecture::Gyroceptron {
+                shape: GyroceptronShape {
+                    circle_action: circle_action.as_ref().unwrap_or(action).clone(),
+                    psi: psi.widths(),
+                    near_identity: near_identity.widths(),
+                },
+                epsilon,
+            },
+            Self::HenonNet { layers } => Architecture::HenonNet {
+                shape: HenonShape { dof: action.dof(), widths: layers.widths() },
+                epsilon: 1.0,
+            },
+        }
+    }
+}
+
+/// Trajectories of the networks beside the reference.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RolloutSpec {
+    /// Applications of the map.
+    pub steps: usize,
+    /// One state in so many is kept.
+    pub every: usize,
+    /// The initial points, 2n numbers each.
+    pub initial: Vec<Vec<f64>>,
+}
+
+/// What can be drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Plot {
+    /// Loss and held-out error against iterations and against seconds.
+    Loss,
+    /// The slow plane of the roll-out beside the reference, with the level
+    /// sets of the averaged Hamiltonian where they are known.
+    Portrait,
+    /// μ₀ along the roll-out.
+    AdiabaticInvariant,
+    /// The distance from the reference along the roll-out.
+    RolloutError,
+}
+
+/// What the adiabatic invariant did along a roll-out.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Adiabatic {
+    /// At the start.
+    pub initial: f64,
+    /// The largest |μ − μ(0)| afterwards.
+    pub drift: f64,
+}
+
+/// Reads a scene. `place` names the file in errors.
+///
+/// # Errors
+/// When it is no TOML, a key is unknown (with the nearest known one), a value
+/// is missing or out of range.
+pub fn parse(place: &str, text: &str) -> Result<Scene, Error> {
+    let scene: Scene = toml::from_str(text).map_err(|error| {
+        let line = error
+            .span()
+            .map_or(String::new(), |span| format!(":{}", text[..span.start].lines().count().max(1)));
+        let place = format!("{place}{line}");
+        unknown_key(&place, error.message()).unwrap_or_else(|| {
+            Error::content(place, "a scene", error.message().replace('\n', " "))
+        })
+    })?;
+    scene.check(place)?;
+    Ok(scene)
+}
+
+/// Reads "unknown field `key`, expected one of `a`, `b`" back into an error
+/// that names the nearest key.
+fn unknown_key(place: &str, message: &str) -> Option<Error> {
+    let rest = message.strip_prefix("unknown field `")?;
+    let (key, expected) = rest.split_once('`')?;
+    let nearest = expected
+        .split('`')
+        .skip(1)
+        .step_by(2)
+        .max_by(|a, b| strsim::jaro_winkler(key, a).total_cmp(&strsim::jaro_winkler(key, b)))
+        .map(str::to_owned);
+    Some(Error::UnknownKey { place: place.to_owned(), key: key.to_owned(), nearest })
+}
+
+impl Scene {
+    /// Fails unless what is named is complete and in range.
+    fn check(&self, place: &str) -> Result<(), Error> {
+        let fail = |key: &str, expected: &str, found: &dyn std::fmt::Display| {
+            Err(Error::content(format!("{place}: {key}"), expected, found))
+        };
+        let sane = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        for name in std::iter::once(&self.name).chain(self.models.iter().map(|m| &m.name)) {
+            if name.is_empty() || !name.chars().all(sane) {
+                return fail("name", "letters, digits, - and _", &format!("`{name}`"));
+            }
+        }
+        if let Some(system) = &self.system {
+            system.check()?;
+        }
+        if let Some(time) = self.flow_time {
+            if !(time.is_finite() && time > 0.0) {
+                return fail("flow_time", "a positive number", &time);
+            }
+        }
+        for (index, model) in self.models.iter().enumerate() {
+            if self.models[..index].iter().any(|other| other.name == model.name) {
+                return fail("models", "a name for each", &format!("`{}` twice", model.name));
+            }
+        }
+        self.training.check()?;
+        if let Some(data) = &self.data {
+            if !(0.0..=1.0).contains(&data.validation) {
+                return fail("data.validation", "a share between 0 and 1", &data.validation);
+            }
+            if data.windows.iter().all(|w| w.samples == 0) {
+                return fail("data.windows", "at least one sample", &"none");
+            }
+        }
+        if let Some(certificate) = &self.certificate {
+            if certificate.samples == 0 {
+                return fail("certificate.samples", "at least 1", &0);
+            }
+            if !(certificate.radius.is_finite() && certificate.radius > 0.0) {
+                return fail("certificate.radius", "a positive number", &certificate.radius);
+            }
+        }
+        if let Some(rollout) = &self.rollout {
+            for (key, value) in [("rollout.steps", rollout.steps), ("rollout.every", rollout.every)]
+            {
+                if value == 0 {
+                    return fail(key, "at least 1", &0);
+                }
+            }
+            if rollout.initial.is_empty() {
+                return fail("rollout.initial", "at least one point", &"none");
+            }
+            if let Some(system) = &self.system {
+                for point in &rollout.initial {
+                    if point.len() != 2 * system.dof() || point.iter().any(|v| !v.is_finite()) {
+                        return fail(
+                            "rollout.initial",
+                            &format!("points of {} finite numbers", 2 * system.dof()),
+                            &format!("{point:?}"),
+                        );
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The system, flow time and data that a run needs.
+    ///
+    /// # Errors
+    /// [`Error::Content`] naming what is missing.
+    pub fn experiment(&self) -> Result<(&System, f64, &Data), Error> {
+        let missing = |key: &str| {
+            Error::content(format!("scene {}: {key}", self.name), "a value, to run it", "none")
+        };
+        Ok((
+            self.system.as_ref().ok_or_else(|| missing("system"))?,
+            self.flow_time.ok_or_else(|| missing("flow_time"))?,
+            self.data.as_ref().ok_or_else(|| missing("data"))?,
+        ))
+    }
+}

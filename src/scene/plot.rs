@@ -1,0 +1,212 @@
+//! Figures as SVG.
+
+use crate::error::Error;
+use crate::io::write_atomically;
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use std::path::Path;
+
+/// How a series is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Style {
+    Line,
+    Faint,
+    Dots,
+}
+
+/// Points with a name; the name appears in the legend, unless empty.
+pub(super) struct Series {
+    pub(super) name: String,
+    pub(super) color: usize,
+    pub(super) style: Style,
+    pub(super) points: Vec<(f64, f64)>,
+}
+
+/// One coordinate system.
+pub(super) struct Panel {
+    pub(super) title: String,
+    pub(super) x_label: String,
+    pub(super) y_label: String,
+    pub(super) log_y: bool,
+    /// Same scale on both axes.
+    pub(super) square: bool,
+    pub(super) series: Vec<Series>,
+}
+
+/// Okabe and Ito's colours, told apart by everybody.
+const COLORS: [RGBColor; 8] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(120, 120, 120),
+    RGBColor(60, 60, 60),
+];
+
+/// At most so many points of a series are drawn.
+const MOST_POINTS: usize = 2000;
+
+/// Draws panels side by side.
+pub(super) fn draw(path: &Path, panels: &[Panel]) -> Result<(), Error> {
+    let mut svg = String::new();
+    {
+        let size = (560 * panels.len() as u32, 460);
+        let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+        root.fill(&WHITE).map_err(|e| Error::write(path, e))?;
+        for (area, panel) in root.split_evenly((1, panels.len())).iter().zip(panels) {
+            let drawn = if panel.log_y { draw_log(area, panel) } else { draw_linear(area, panel) };
+            drawn.map_err(|e| Error::write(path, e))?;
+        }
+        root.present().map_err(|e| Error::write(path, e))?;
+    }
+    write_atomically(path, |out| out.write_all(svg.as_bytes()))
+}
+
+type Drawn = Result<(), Box<dyn std::error::Error>>;
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// The finite points of a series, thinned evenly.
+fn thinned(series: &Series, log_y: bool) -> Vec<(f64, f64)> {
+    let usable: Vec<_> = series
+        .points
+        .iter()
+        .copied()
+        .filter(|(x, y)| x.is_finite() && y.is_finite() && (!log_y || *y > 0.0))
+        .collect();
+    let stride = usable.len().div_ceil(MOST_POINTS).max(1);
+    usable.into_iter().step_by(stride).collect()
+}
+
+fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (low, high) =
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    if low > high {
+        (0.0, 1.0)
+    } else if low == high {
+        let margin = if low == 0.0 { 1.0 } else { 0.05 * low.abs() };
+        (low - margin, high + margin)
+    } else {
+        (low, high)
+    }
+}
+
+fn widened((low, high): (f64, f64)) -> (f64, f64) {
+    let margin = 0.04 * (high - low);
+    (low - margin, high + margin)
+}
+
+/// Numbers on axes: short, and different where the ticks are.
+fn tick(value: f64, span: f64) -> String {
+    if value == 0.0 {
+        return "0".into();
+    }
+    if !(1e-3..1e5).contains(&value.abs()) {
+        return format!("{value:.0e}");
+    }
+    let digits = (1.0 - span.abs().max(1e-12).log10().floor()).clamp(0.0, 8.0) as usize;
+    let text = format!("{value:.digits$}");
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+macro_rules! draw_series {
+    ($chart:expr, $panel:expr, $points:expr) => {
+        for (series, points) in $panel.series.iter().zip($points) {
+            let color = COLORS[series.color % COLORS.len()];
+            let annotation = match series.style {
+                Style::Line => $chart.draw_series(LineSeries::new(points, color.stroke_width(2)))?,
+                Style::Faint => $chart.draw_series(LineSeries::new(
+                    points,
+                    color.mix(0.45).stroke_width(1),
+                ))?,
+                Style::Dots => $chart.draw_series(
+                    points.into_iter().map(|point| Circle::new(point, 1, color.filled())),
+                )?,
+            };
+            if !series.name.is_empty() {
+                annotation.label(&series.name).legend(move |(x, y)| {
+                    Rectangle::new([(x, y - 2), (x + 14, y + 2)], color.filled())
+                });
+            }
+        }
+        if $panel.series.iter().any(|s| !s.name.is_empty()) {
+            $chart
+                .configure_series_labels()
+                .position(SeriesLabelPosition::UpperRight)
+                .background_style(WHITE.mix(0.85))
+                .border_style(BLACK.mix(0.3))
+                .label_font(("sans-serif", 12))
+                .draw()?;
+        }
+    };
+}
+
+fn draw_linear(area: &Area<'_>, panel: &Panel) -> Drawn {
+    let points: Vec<_> = panel.series.iter().map(|s| thinned(s, false)).collect();
+    let mut x = widened(range(points.iter().flatten().map(|p| p.0)));
+    let mut y = widened(range(points.iter().flatten().map(|p| p.1)));
+    if panel.square {
+        // The plotting area is about 470 × 370 pixels.
+        let scale = f64::max((x.1 - x.0) / 470.0, (y.1 - y.0) / 370.0);
+        let around = |(low, high): (f64, f64), pixels: f64| {
+            let (middle, half) = (0.5 * (low + high), 0.5 * scale * pixels);
+            (middle - half, middle + half)
+        };
+        (x, y) = (around(x, 470.0), around(y, 370.0));
+    }
+    let (x_span, y_span) = (x.1 - x.0, y.1 - y.0);
+    let mut chart = ChartBuilder::on(area)
+        .caption(&panel.title, ("sans-serif", 16))
+        .margin(10)
+        .x_label_area_size(42)
+        .y_label_area_size(68)
+        .build_cartesian_2d(x.0..x.1, y.0..y.1)?;
+    chart
+        .configure_mesh()
+        .x_desc(&panel.x_label)
+        .y_desc(&panel.y_label)
+        .x_labels(8)
+        .y_labels(8)
+        .x_label_formatter(&|v| tick(*v, x_span))
+        .y_label_formatter(&|v| tick(*v, y_span))
+        .light_line_style(WHITE)
+        .bold_line_style(BLACK.mix(0.12))
+        .axis_desc_style(("sans-serif", 14))
+        .label_style(("sans-serif", 12))
+        .draw()?;
+    draw_series!(chart, panel, points);
+    Ok(())
+}
+
+fn draw_log(area: &Area<'_>, panel: &Panel) -> Drawn {
+    let points: Vec<_> = panel.series.iter().map(|s| thinned(s, true)).collect();
+    let x = widened(range(points.iter().flatten().map(|p| p.0)));
+    let (low, high) = range(points.iter().flatten().map(|p| p.1));
+    let (low, high) = if low > 0.0 { (low, high) } else { (1e-3, 1.0) };
+    let x_span = x.1 - x.0;
+    let mut chart = ChartBuilder::on(area)
+        .caption(&panel.title, ("sans-serif", 16))
+        .margin(10)
+        .x_label_area_size(42)
+        .y_label_area_size(68)
+        .build_cartesian_2d(x.0..x.1, (low / 1.5..high * 1.5).log_scale())?;
+    chart
+        .configure_mesh()
+        .x_desc(&panel.x_label)
+        .y_desc(&panel.y_label)
+        .x_labels(8)
+        .x_label_formatter(&|v| tick(*v, x_span))
+        .y_label_formatter(&|v| format!("{v:.0e}"))
+        .light_line_style(WHITE)
+        .bold_line_style(BLACK.mix(0.12))
+        .axis_desc_style(("sans-serif", 14))
+        .label_style(("sans-serif", 12))
+        .draw()?;
+    draw_series!(chart, panel, points);
+    Ok(())
+}

@@ -1,0 +1,742 @@
+//! Running a scene: data, training, certificate, roll-out, report.
+
+use super::declaration::{Adiabatic, ModelSpec, Plot, RolloutSpec, Scene};
+use super::plot::{Panel, Series, Style, draw};
+use super::report::{ModelReport, Report, RolloutReport};
+use crate::error::Error;
+use crate::flow::{Pairs, Reference, Window, sample};
+use crate::io::{
+    Provenance, StoredModel, load_checkpoint, save_checkpoint, save_model, write_atomically,
+};
+use crate::measure::certify;
+use crate::network::{Direction, Model, Rollout, Stream, map_points, rollout};
+use crate::system::{AveragedOscillator, Hamiltonian, System};
+use crate::train::{Control, Progress, Stop, TrainingRecord, train};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// What a run tells while it goes on.
+#[derive(Debug)]
+pub enum Event<'a> {
+    /// A stage begins.
+    Stage(&'a str),
+    /// An iteration of training is done.
+    Iteration {
+        /// The network's name.
+        model: &'a str,
+        /// Its newest record.
+        record: TrainingRecord,
+        /// The most iterations there will be.
+        iterations: u64,
+    },
+    /// A network is trained.
+    Trained {
+        /// The network's name.
+        model: &'a str,
+        /// Why training ended.
+        stop: Stop,
+        /// The record of the model that was kept.
+        best: TrainingRecord,
+    },
+}
+
+/// Listens to a run, and may stop it.
+pub trait Observer {
+    /// Something happened.
+    fn event(&mut self, event: Event<'_>);
+
+    /// True when the run should stop at the next iteration, with a checkpoint.
+    fn interrupted(&self) -> bool {
+        false
+    }
+}
+
+/// The folder of a run.
+#[derive(Clone, Debug)]
+pub struct Folder {
+    path: PathBuf,
+    resume: bool,
+}
+
+/// The files that mark a folder as one of a run.
+const MARKS: [&str; 3] = ["report.json", "scene.toml", "checkpoint"];
+
+impl Folder {
+    /// Makes the folder and tests that it can be written.
+    ///
+    /// # Errors
+    /// [`Error::OutputExists`] when it holds a run that is neither resumed nor
+    /// overwritten; [`Error::Write`] when it cannot be written.
+    pub fn open(path: &Path, resume: bool, overwrite: bool) -> Result<Self, Error> {
+        let holds_run = MARKS.iter().any(|mark| path.join(mark).exists());
+        if holds_run && !resume && !overwrite {
+            return Err(Error::OutputExists { path: path.to_owned() });
+        }
+        std::fs::create_dir_all(path).map_err(|reason| Error::write(path, reason))?;
+        let folder = Self { path: path.to_owned(), resume };
+        write_atomically(&folder.file(".writable"), |_| Ok(()))
+            .and_then(|()| {
+                std::fs::remove_file(folder.file(".writable"))
+                    .map_err(|reason| Error::write(path, reason))
+            })
+            .map_err(|_| Error::write(path, "the folder is not writable"))?;
+        if holds_run && overwrite && !resume {
+            folder.clear()?;
+        }
+        Ok(folder)
+    }
+
+    /// Removes what a run leaves, and nothing else.
+    fn clear(&self) -> Result<(), Error> {
+        let fail = |reason: std::io::Error| Error::write(&self.path, reason);
+        for entry in std::fs::read_dir(&self.path).map_err(fail)? {
+            let path = entry.map_err(fail)?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let ours = MARKS.contains(&name.as_str())
+                || ["report.md", "timings.json"].contains(&name.as_str())
+                || name.starts_with("checkpoint-")
+                || (name.starts_with("model") && name.ends_with(".json"))
+                || (name.ends_with(".svg") && !name.starts_with('.'));
+            if ours {
+                std::fs::remove_file(&path).map_err(fail)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A file in the folder.
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+
+    /// `model.json`, or `model-NAME.json` where a scene has several.
+    fn own(&self, scene: &Scene, stem: &str, spec: &ModelSpec, ending: &str) -> PathBuf {
+        if scene.models.len() == 1 {
+            self.file(&format!("{stem}{ending}"))
+        } else {
+            self.file(&format!("{stem}-{}{ending}", spec.name))
+        }
+    }
+}
+
+/// Seconds at iterations, of one network; kept apart from the results.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct Timing {
+    model: String,
+    /// (iteration, seconds of training since its start).
+    points: Vec<(u64, f64)>,
+    rollout_seconds: Option<f64>,
+}
+
+#[derive(Debug, Default, Serialize, Deserialize)]
+struct Timings {
+    models: Vec<Timing>,
+    data_seconds: f64,
+    reference_rollout_seconds: Option<f64>,
+}
+
+/// The points of a roll-out, (T, M, 2n).
+struct Trajectories {
+    values: Vec<f64>,
+    dim: usize,
+    count: usize,
+}
+
+impl Trajectories {
+    /// State number `t` of trajectory `m`.
+    fn state(&self, t: usize, m: usize) -> &[f64] {
+        let start = (t * self.count + m) * self.dim;
+        &self.values[start..start + self.dim]
+    }
+
+    fn len(&self) -> usize {
+        self.values.len() / (self.dim * self.count)
+    }
+}
+
+/// Runs a scene into a folder; None when the observer interrupted it, in which
+/// case a checkpoint is there to resume from.
+///
+/// # Errors
+/// When the scene is incomplete, a computation fails, a checkpoint does not
+/// belong to the scene, or a file cannot be written.
+pub fn run(
+    scene: &Scene,
+    folder: &Folder,
+    observer: &mut dyn Observer,
+) -> Result<Option<Report>, Error> {
+    let (system, time, data) = scene.experiment()?;
+    let action = system.circle_action();
+    // Refuse what cannot run before anything is computed.
+    let architectures: Vec<_> = scene
+        .models
+        .iter()
+        .map(|spec| {
+            let architecture = spec.network.architecture(&action, system.epsilon());
+            Error::check_count(
+                &format!("models.{}: circle action", spec.name),
+                system.dof(),
+                architecture.dof(),
+            )?;
+            architecture.check()?;
+            Ok(architecture)
+        })
+        .collect::<Result<_, Error>>()?;
+    let text = toml::to_string_pretty(scene)
+        .map_err(|reason| Error::write(&folder.file("scene.toml"), reason))?;
+    write_atomically(&folder.file("scene.toml"), |out| out.write_all(text.as_bytes()))?;
+
+    observer.event(Event::Stage("reference flow of the training and held-out points"));
+    let start = Instant::now();
+    let points = sample(&data.windows, system.dof(), &mut Stream::new(scene.seed, "data/training"))?;
+    let held_out_windows: Vec<_> = data
+        .windows
+        .iter()
+        .map(|window| Window {
+            samples: (window.samples as f64 * data.validation).round() as usize,
+            ..window.clone()
+        })
+        .collect();
+    let held_out_points =
+        sample(&held_out_windows, system.dof(), &mut Stream::new(scene.seed, "data/held-out"))?;
+    let (pairs, mut reference_error) = Pairs::of_flow(system, points, time)?;
+    let held_out = if held_out_points.is_empty() {
+        None
+    } else {
+        let (held_out, error) = Pairs::of_flow(system, held_out_points, time)?;
+        reference_error = reference_error.max(error);
+        Some(held_out)
+    };
+    let mut timings =
+        Timings { data_seconds: start.elapsed().as_secs_f64(), ..Timings::default() };
+    let earlier: Timings = if folder.resume {
+        std::fs::read(folder.file("timings.json"))
+            .ok()
+            .and_then(|bytes| serde_json::from_slice(&bytes).ok())
+            .unwrap_or_default()
+    } else {
+        Timings::default()
+    };
+
+    let mut trained = Vec::new();
+    for (spec, architecture) in scene.models.iter().zip(architectures) {
+        observer.event(Event::Stage(&format!("training {}", spec.name)));
+        let theta = system.limiting_frequency() * time;
+        let model = architecture.initialise(spec.weights, theta, scene.seed)?;
+        let checkpoint_file = folder.own(scene, "checkpoint", spec, "");
+        let resume = if folder.resume && checkpoint_file.exists() {
+            Some(load_checkpoint(&checkpoint_file)?)
+        } else {
+            None
+        };
+        let mut timing = earlier
+            .models
+            .iter()
+            .find(|t| t.model == spec.name)
+            .cloned()
+            .unwrap_or_else(|| Timing { model: spec.name.clone(), ..Timing::default() });
+        let resumed_at = resume.as_ref().map_or(0, |c| c.last().iteration);
+        timing.points.retain(|(iteration, _)| *iteration <= resumed_at);
+        let before = timing.points.last().map_or(0.0, |(_, seconds)| *seconds);
+        let start = Instant::now();
+        let mut observe = |progress: Progress<'_>| -> Result<Control, Error> {
+            let record = progress.record;
+            if record.validation.is_some() || progress.checkpoint.is_some() {
+                let seconds = before + start.elapsed().as_secs_f64();
+                timing.points.push((record.iteration, seconds));
+            }
+            if let Some(checkpoint) = progress.checkpoint {
+                save_checkpoint(&checkpoint_file, checkpoint)?;
+                let mut all = Timings { models: timings.models.clone(), ..Timings::default() };
+                all.models.push(timing.clone());
+                save_timings(folder, &all)?;
+            }
+            let iterations = scene.training.iterations;
+            observer.event(Event::Iteration { model: &spec.name, record, iterations });
+            Ok(if observer.interrupted() { Control::Interrupt } else { Control::Continue })
+        };
+        let outcome =
+            train(&model, &pairs, held_out.as_ref(), &scene.training, resume, &mut observe)?;
+        timings.models.push(timing);
+        let (stop, best) = (outcome.stop, outcome.best);
+        observer.event(Event::Trained { model: &spec.name, stop, best });
+        if stop == Stop::Interrupted {
+            return Ok(None);
+        }
+        let provenance = Provenance {
+            seed: Some(scene.seed),
+            data: Some(pairs.digest()),
+            flow_time: Some(time),
+            validation: best.validation,
+            ..Provenance::of(&scene.name)
+        };
+        let stored = StoredModel { model: outcome.model.clone(), provenance };
+        save_model(&folder.own(scene, "model", spec, ".json"), &stored)?;
+        trained.push((spec, model, outcome));
+    }
+
+    let reference = match &scene.rollout {
+        None => None,
+        Some(request) => {
+            observer.event(Event::Stage("reference trajectories"));
+            let start = Instant::now();
+            let result = reference_rollout(system, request, time)?;
+            timings.reference_rollout_seconds = Some(start.elapsed().as_secs_f64());
+            Some((request, result))
+        }
+    };
+
+    let mut models = Vec::new();
+    let mut trajectories = Vec::new();
+    for ((spec, initial, outcome), timing) in trained.iter().zip(&mut timings.models) {
+        let model = &outcome.model;
+        let certificate = scene.certificate.map(|options| {
+            observer.event(Event::Stage(&format!("structure certificate of {}", spec.name)));
+            certify(model, options)
+        });
+        let rolled = match &reference {
+            None => None,
+            Some((request, (values, _))) => {
+                observer.event(Event::Stage(&format!("roll-out of {}", spec.name)));
+                let start = Instant::now();
+                let own = model_rollout(model, request)?;
+                timing.rollout_seconds = Some(start.elapsed().as_secs_f64());
+                let report = compare(system, model, &own, values);
+                trajectories.push((spec.name.clone(), model, own));
+                Some(report)
+            }
+        };
+        models.push(ModelReport {
+            name: spec.name.clone(),
+            architecture: model.architecture(),
+            parameters: model.composition().parameters().len(),
+            stop: outcome.stop,
+            last: outcome.history[outcome.history.len() - 1],
+            best: outcome.best,
+            history: outcome
+                .history
+                .iter()
+                .copied()
+                .filter(|r| {
+                    r.validation.is_some()
+                        || (held_out.is_none() && r.iteration % scene.training.validate_every == 0)
+                })
+                .collect(),
+            component_errors: match &held_out {
+                Some(held_out) => component_errors(model, held_out)?,
+                None => Vec::new(),
+            },
+            initial_theta: initial.gyroceptron().map(|g| g.theta()),
+            theta: model.gyroceptron().map(|g| g.theta()),
+            certificate,
+            rollout: rolled,
+        });
+    }
+
+    let report = Report {
+        crate_version: env!("CARGO_PKG_VERSION").into(),
+        scene: scene.clone(),
+        data_digest: pairs.digest(),
+        training_pairs: pairs.len(),
+        held_out_pairs: held_out.as_ref().map_or(0, Pairs::len),
+        reference_error,
+        rotation_error: held_out.as_ref().map(|set| rotation_error(system, set, time)),
+        rollout_reference_error: reference.as_ref().map(|(_, (_, error))| *error),
+        models,
+    };
+    observer.event(Event::Stage("report"));
+    let mut figures = Vec::new();
+    for plot in &scene.plots {
+        let Some((name, caption, panels)) =
+            figure(*plot, &report, system, time, &timings, reference.as_ref(), &trajectories)
+        else {
+            continue;
+        };
+        draw(&folder.file(&name), &panels)?;
+        figures.push((name, caption));
+    }
+    save_timings(folder, &timings)?;
+    let markdown = report.markdown(&timings_markdown(&timings, scene), &figures);
+    write_atomically(&folder.file("report.md"), |out| out.write_all(markdown.as_bytes()))?;
+    write_atomically(&folder.file("report.json"), |out| {
+        serde_json::to_writer_pretty(&mut *out, &report)?;
+        writeln!(out)
+    })?;
+    Ok(Some(report))
+}
+
+fn save_timings(folder: &Folder, timings: &Timings) -> Result<(), Error> {
+    write_atomically(&folder.file("timings.json"), |out| {
+        serde_json::to_writer_pretty(out, timings)?;
+        Ok(())
+    })
+}
+
+fn timings_markdown(timings: &Timings, scene: &Scene) -> String {
+    let mut out = format!("- reference flow of the pairs: {:.1} s\n", timings.data_seconds);
+    for timing in &timings.models {
+        if let Some((iterations, seconds)) = timing.points.last() {
+            out.push_str(&format!(
+                "- training of `{}`: {seconds:.1} s, {:.1} iterations a second\n",
+                timing.model,
+                *iterations as f64 / seconds
+            ));
+        }
+        if let (Some(seconds), Some(rollout)) = (timing.rollout_seconds, &scene.rollout) {
+            out.push_str(&format!(
+                "- roll-out of `{}`: {seconds:.2} s for {} trajectories of {} steps\n",
+                timing.model,
+                rollout.initial.len(),
+                rollout.steps
+            ));
+        }
+    }
+    if let Some(seconds) = timings.reference_rollout_seconds {
+        out.push_str(&format!(
+            "- the same trajectories by the reference flow, at two resolutions: {seconds:.2} s\n"
+        ));
+    }
+    out
+}
+
+/// The reference trajectories and the largest difference of two resolutions at
+/// their ends.
+fn reference_rollout(
+    system: &System,
+    request: &RolloutSpec,
+    time: f64,
+) -> Result<(Trajectories, f64), Error> {
+    let reference = Reference::new(system);
+    let interval = time * request.every as f64;
+    let kept = request.steps / request.every + 1;
+    let each: Vec<(Vec<Vec<f64>>, f64)> = request
+        .initial
+        .par_iter()
+        .map(|initial| {
+            let (mut fine, mut coarse) = (initial.clone(), initial.clone());
+            let mut states = vec![initial.clone()];
+            for _ in 1..kept {
+                fine = reference.flow_with_error(system, &fine, interval)?.point;
+                reference.flow(system, &mut coarse, interval)?;
+                states.push(fine.clone());
+            }
+            Ok((states, distance(&fine, &coarse)))
+        })
+        .collect::<Result<_, Error>>()?;
+    let dim = 2 * system.dof();
+    let mut values = Vec::with_capacity(kept * each.len() * dim);
+    for t in 0..kept {
+        for (states, _) in &each {
+            values.extend_from_slice(&states[t]);
+        }
+    }
+    let error = each.iter().map(|(_, e)| *e).fold(0.0, f64::max);
+    Ok((Trajectories { values, dim, count: each.len() }, error))
+}
+
+fn model_rollout(model: &Model, request: &RolloutSpec) -> Result<Trajectories, Error> {
+    let initial = request.initial.concat();
+    let values = rollout(
+        model.composition(),
+        &initial,
+        Rollout { steps: request.steps, every: request.every },
+    )?;
+    Ok(Trajectories { values, dim: 2 * model.composition().dof(), count: request.initial.len() })
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+/// μ₀ of the network along its trajectories, in their order, if it has one.
+fn network_invariant(model: &Model, own: &Trajectories) -> Option<Vec<f64>> {
+    Some(model.gyroceptron()?.adiabatic_invariant(&own.values))
+}
+
+fn drift(values: impl Iterator<Item = f64> + Clone) -> Adiabatic {
+    let initial = values.clone().next().unwrap_or(f64::NAN);
+    let mut drift = 0.0;
+    for value in values {
+        let change = (value - initial).abs();
+        if !(change <= drift) {
+            drift = change;
+        }
+    }
+    Adiabatic { initial, drift }
+}
+
+fn compare(
+    system: &System,
+    model: &Model,
+    own: &Trajectories,
+    reference: &Trajectories,
+) -> RolloutReport {
+    let last = reference.len() - 1;
+    let trajectories = 0..reference.count;
+    let largest_errors = trajectories
+        .clone()
+        .map(|m| {
+            let mut largest = 0.0;
+            for t in 0..=last {
+                let error = distance(own.state(t, m), reference.state(t, m));
+                if !(error <= largest) {
+                    largest = error;
+                }
+            }
+            largest
+        })
+        .collect();
+    let final_errors = trajectories
+        .clone()
+        .map(|m| distance(own.state(last, m), reference.state(last, m)))
+        .collect();
+    let adiabatic = network_invariant(model, own).map(|mu| {
+        trajectories
+            .clone()
+            .map(|m| drift((0..=last).map(|t| mu[t * own.count + m])))
+            .collect()
+    });
+    let reference_adiabatic = trajectories
+        .map(|m| drift((0..=last).map(|t| system.adiabatic_invariant(reference.state(t, m)))))
+        .collect();
+    RolloutReport { largest_errors, final_errors, adiabatic, reference_adiabatic }
+}
+
+/// The mean squared error, over all components, of the limiting flow alone.
+fn rotation_error(system: &System, pairs: &Pairs, time: f64) -> f64 {
+    let dim = 2 * pairs.dof();
+    let mut total = 0.0;
+    for (input, output) in pairs.input().chunks_exact(dim).zip(pairs.output().chunks_exact(dim)) {
+        let mut moved = input.to_vec();
+        system.limiting_flow(&mut moved, time);
+        for (a, b) in moved.iter().zip(output) {
+            total += (a - b) * (a - b);
+        }
+    }
+    total / pairs.output().len() as f64
+}
+
+fn component_errors(model: &Model, pairs: &Pairs) -> Result<Vec<f64>, Error> {
+    let dim = 2 * pairs.dof();
+    let mut moved = pairs.input().to_vec();
+    map_points(model.composition(), Direction::Forward, &mut moved)?;
+    let mut squares = vec![0.0; dim];
+    for (own, target) in moved.chunks_exact(dim).zip(pairs.output().chunks_exact(dim)) {
+        for c in 0..dim {
+            squares[c] += (own[c] - target[c]) * (own[c] - target[c]);
+        }
+    }
+    Ok(squares.into_iter().map(|s| (s / pairs.len() as f64).sqrt()).collect())
+}
+
+type ReferenceRollout<'a> = (&'a RolloutSpec, (Trajectories, f64));
+
+/// The file, caption and panels of a plot; None where the scene has not
+/// computed what it shows.
+fn figure(
+    plot: Plot,
+    report: &Report,
+    system: &System,
+    time: f64,
+    timings: &Timings,
+    reference: Option<&ReferenceRollout<'_>>,
+    own: &[(String, &Model, Trajectories)],
+) -> Option<(String, String, Vec<Panel>)> {
+    let (name, caption, panels) = match plot {
+        Plot::Loss => (
+            "loss.svg",
+            "Training loss and held-out mean squared error, against iterations and against \
+             seconds of training on this machine.",
+            loss_panels(report, timings),
+        ),
+        Plot::Portrait => (
+            "portrait.svg",
+            "The slow plane: reference trajectories over the level sets of the averaged \
+             Hamiltonian through their initial points (grey), and the trajectories of each network.",
+            portrait_panels(system, reference?, own),
+        ),
+        Plot::AdiabaticInvariant => (
+            "adiabatic-invariant.svg",
+            "The leading adiabatic invariant: of the network along its own trajectories (lines), \
+             of the system along the reference (grey).",
+            invariant_panels(system, time, reference?, own),
+        ),
+        Plot::RolloutError => (
+            "rollout-error.svg",
+            "Distance of each trajectory from the reference.",
+            error_panels(time, reference?, own),
+        ),
+    };
+    (!panels.is_empty()).then(|| (name.into(), caption.into(), panels))
+}
+
+fn loss_panels(report: &Report, timings: &Timings) -> Vec<Panel> {
+    let mut against_iterations = Vec::new();
+    let mut against_seconds = Vec::new();
+    for (index, model) in report.models.iter().enumerate() {
+        let timing = timings.models.iter().find(|t| t.model == model.name);
+        let seconds = |iteration: u64| {
+            let points = &timing?.points;
+            points.iter().find(|(i, _)| *i == iteration).map(|(_, s)| *s)
+        };
+        for (kind, style, color) in [("loss", Style::Faint, 2 * index + 1), ("held out", Style::Line, 2 * index)]
+        {
+            let value = |r: &TrainingRecord| {
+                if kind == "loss" { Some(r.loss) } else { r.validation }
+            };
+            let name = format!("{}, {kind}", model.name);
+            let points: Vec<_> = model
+                .history
+                .iter()
+                .filter_map(|r| Some((r.iteration as f64, value(r)?)))
+                .collect();
+            if points.is_empty() {
+                continue;
+            }
+            let timed = model
+                .history
+                .iter()
+                .filter_map(|r| Some((seconds(r.iteration)?, value(r)?)))
+                .collect();
+            against_iterations.push(Series { name: name.clone(), color, style, points });
+            against_seconds.push(Series { name, color, style, points: timed });
+        }
+    }
+    let panel = |x_label: &str, series| Panel {
+        title: "Training".into(),
+        x_label: x_label.into(),
+        y_label: "mean squared error".into(),
+        log_y: true,
+        square: false,
+        series,
+    };
+    vec![panel("iterations", against_iterations), panel("seconds", against_seconds)]
+}
+
+/// The last plane: (q₂, p₂) for the oscillators.
+fn slow_plane(dim: usize) -> (usize, usize) {
+    (dim / 2 - 1, dim - 1)
+}
+
+fn portrait_panels(
+    system: &System,
+    (request, (reference, _)): &ReferenceRollout<'_>,
+    own: &[(String, &Model, Trajectories)],
+) -> Vec<Panel> {
+    let System::Oscillators(_) = system else {
+        return Vec::new();
+    };
+    let (i, k) = slow_plane(reference.dim);
+    let panel = |title: &str, trajectories: &Trajectories, levels: Vec<Series>| {
+        let mut series = levels;
+        for m in 0..trajectories.count {
+            let points = (0..trajectories.len())
+                .map(|t| (trajectories.state(t, m)[i], trajectories.state(t, m)[k]))
+                .collect();
+            series.push(Series { name: String::new(), color: m, style: Style::Dots, points });
+        }
+        Panel {
+            title: title.into(),
+            x_label: "q₂".into(),
+            y_label: "p₂".into(),
+            log_y: false,
+            square: true,
+            series,
+        }
+    };
+    let levels = || request.initial.iter().filter_map(|z| level_set(z)).collect::<Vec<_>>();
+    let mut panels = vec![panel("Reference", reference, levels())];
+    for (name, _, trajectories) in own {
+        panels.push(panel(name, trajectories, levels()));
+    }
+    panels
+}
+
+/// The level set of the averaged Hamiltonian through an initial point, traced
+/// by its own flow once around.
+fn level_set(z: &[f64]) -> Option<Series> {
+    const STEPS: usize = 600;
+    let system = AveragedOscillator::new(z[0].hypot(z[2]));
+    let reference = Reference::new(&system);
+    let mut w = vec![z[1], z[3]];
+    let mut points = vec![(w[0], w[1])];
+    for _ in 0..STEPS {
+        reference.flow(&system, &mut w, 0.02).ok()?;
+        points.push((w[0], w[1]));
+    }
+    Some(Series { name: String::new(), color: 6, style: Style::Faint, points })
+}
+
+fn invariant_panels(
+    system: &System,
+    time: f64,
+    (request, (reference, _)): &ReferenceRollout<'_>,
+    own: &[(String, &Model, Trajectories)],
+) -> Vec<Panel> {
+    let at = |t: usize| (t * request.every) as f64 * time;
+    own.iter()
+        .filter_map(|(name, model, trajectories)| {
+            let mu = network_invariant(model, trajectories)?;
+            let mut series = Vec::new();
+            for m in 0..trajectories.count {
+                series.push(Series {
+                    name: String::new(),
+                    color: 6,
+                    style: Style::Faint,
+                    points: (0..reference.len())
+                        .map(|t| (at(t), system.adiabatic_invariant(reference.state(t, m))))
+                        .collect(),
+                });
+            }
+            for m in 0..trajectories.count {
+                series.push(Series {
+                    name: String::new(),
+                    color: m,
+                    style: Style::Line,
+                    points: (0..trajectories.len())
+                        .map(|t| (at(t), mu[t * trajectories.count + m]))
+                        .collect(),
+                });
+            }
+            Some(Panel {
+                title: format!("Adiabatic invariant: {name}"),
+                x_label: "time".into(),
+                y_label: "μ₀".into(),
+                log_y: false,
+                square: false,
+                series,
+            })
+        })
+        .collect()
+}
+
+fn error_panels(
+    time: f64,
+    (request, (reference, _)): &ReferenceRollout<'_>,
+    own: &[(String, &Model, Trajectories)],
+) -> Vec<Panel> {
+    own.iter()
+        .map(|(name, _, trajectories)| Panel {
+            title: format!("Distance from the reference: {name}"),
+            x_label: "time".into(),
+            y_label: "|z − reference|".into(),
+            log_y: true,
+            square: false,
+            series: (0..trajectories.count)
+                .map(|m| Series {
+                    name: String::new(),
+                    color: m,
+                    style: Style::Line,
+                    points: (1..trajectories.len())
+                        .map(|t| {
+                            let error = distance(trajectories.state(t, m), reference.state(t, m));
+                            ((t * request.every) as f64 * time, error)
+                        })
+                        .collect(),
+                })
+                .collect(),
+        })
+        .collect()
+}

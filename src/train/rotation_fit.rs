@@ -1,0 +1,55 @@
+//! θ for data whose frequency nobody stated.
+
+use crate::flow::Pairs;
+use crate::layer::CircleAction;
+use std::f64::consts::{PI, TAU};
+
+/// The angle θ in (−π, π] whose rotation Φ_θ is nearest to the pairs in the
+/// mean square: where to start θ when ω₀t is unknown.
+///
+/// Σ|Φ_θz − z′|² = const − 2Σ_j(C_j cos m_jθ + S_j sin m_jθ) with
+/// C_j = Σ(qq′ + pp′) and S_j = Σ(pq′ − qp′); its minimum is found by a scan
+/// and golden-section search.
+///
+/// # Panics
+/// When the action and the pairs differ in their degrees of freedom.
+pub fn fit_rotation(pairs: &Pairs, action: &CircleAction) -> f64 {
+    let n = pairs.dof();
+    assert!(action.dof() == n);
+    let mut cosine = vec![0.0; n];
+    let mut sine = vec![0.0; n];
+    let rows = pairs.input().chunks_exact(2 * n).zip(pairs.output().chunks_exact(2 * n));
+    for (z, w) in rows {
+        for j in 0..n {
+            cosine[j] += z[j] * w[j] + z[n + j] * w[n + j];
+            sine[j] += z[n + j] * w[j] - z[j] * w[n + j];
+        }
+    }
+    let misfit = |theta: f64| -> f64 {
+        let terms = action.weights().iter().zip(cosine.iter().zip(&sine));
+        -terms
+            .map(|(&m, (c, s))| {
+                let (sin, cos) = libm::sincos(f64::from(m) * theta);
+                c * cos + s * sin
+            })
+            .sum::<f64>()
+    };
+    let harmonics = action.weights().iter().map(|w| w.unsigned_abs()).max().unwrap_or(1).max(1);
+    let points = 64 * harmonics;
+    let spacing = TAU / f64::from(points);
+    let best = (0..points)
+        .map(|k| PI - spacing * f64::from(k))
+        .min_by(|a, b| misfit(*a).total_cmp(&misfit(*b)))
+        .unwrap_or(0.0);
+    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let (mut low, mut high) = (best - spacing, best + spacing);
+    while high - low > 1e-10 {
+        let (a, b) = (high - golden * (high - low), low + golden * (high - low));
+        if misfit(a) <= misfit(b) {
+            high = b;
+        } else {
+            low = a;
+        }
+    }
+    0.5 * (low + high)
+}
