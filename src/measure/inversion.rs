@@ -1,8 +1,8 @@
 //! P⁻¹∘P = Id, measured in units of its rounding bound.
 
 use super::Walk;
-use crate::layer::{Elementary, TanhPotential};
-use crate::scalar::Scalar;
+use crate::layer::{Elementary, Potential};
+use crate::scalar::{Dual, Scalar};
 
 /// A ratio, or the word that no digit is left to test.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,10 +19,10 @@ const ILL_CONDITIONED: f64 = 0.1;
 /// ρ_I: how far the steps, which should compose to the identity, are from it
 /// at z, over the rounding bound √(Σᵢ(|J_N Jᵢ⁻¹|δᵢ)² + z²)·u, the largest over
 /// the components.
-pub fn inversion_ratio(
-    steps: &[Elementary<'_, f64, TanhPotential<'_, f64>>],
-    z: &[f64],
-) -> Conditioned {
+pub fn inversion_ratio<V>(steps: &[Elementary<'_, f64, V>], z: &[f64]) -> Conditioned
+where
+    V: Potential<f64> + Potential<Dual<f64, 8>>,
+{
     let u = f64::unit_roundoff();
     let walk = Walk::new(steps, z);
     let (squares, sums) = walk.value_bounds();

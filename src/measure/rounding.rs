@@ -1,7 +1,7 @@
 //! Rounding errors followed through a map, shear by shear.
 
 use crate::layer::{Elementary, Potential};
-use crate::scalar::{Dual, Over, Scalar};
+use crate::scalar::{Dual, Scalar};
 
 /// The points and Jacobians along a sequence of shears, with the scale of the
 /// rounding error that each of them makes.
@@ -40,7 +40,6 @@ impl Walk {
     pub fn new<V>(steps: &[Elementary<'_, f64, V>], z: &[f64]) -> Self
     where
         V: Potential<f64> + Potential<Dual<f64, 8>>,
-        Dual<f64, 8>: Over<f64>,
     {
         let dim = z.len();
         let mut jacobians = vec![vec![0.0; dim * dim]; steps.len() + 1];

@@ -6,6 +6,7 @@
 //! | [`Lanes`] | where do eight points go at once? |
 //! | `f32` | does the defect shrink with the unit roundoff? |
 //! | [`Dual`] | what is the exact Jacobian? |
+//! | [`Tracked`] | how large can the rounding error be? |
 //!
 //! Weights have a number type of their own, so that a constant weight costs a
 //! dual number nothing: `S: Over<P>` says that a state of type `S` can be moved
@@ -16,10 +17,12 @@ mod dual;
 mod float;
 mod lanes;
 mod tanh;
+mod tracked;
 
 pub use dual::Dual;
 pub use lanes::{Lanes, WIDTH};
 pub use tanh::tanh_sech2;
+pub use tracked::Tracked;
 
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};

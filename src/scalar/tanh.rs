@@ -83,11 +83,15 @@ pub fn tanh_sech2(x: f64) -> (f64, f64) {
     let remainder = (-quotient).mul_add(d, high) + (-quotient).mul_add(d_low, low);
     let t = -remainder.mul_add(inverse, quotient);
 
-    let correction = (-d).mul_add(inverse, 1.0) - d_low * inverse;
-    let reciprocal = correction.mul_add(inverse, inverse);
+    // e^r/D² with D² = square + square_low, the quotient corrected once.
     let e = 1.0 + r;
     let e_low = (r - (e - 1.0)) + c;
-    let s = (4.0 * (e + e_low)) * (reciprocal * reciprocal) * scale_1 * scale_2;
+    let square = d * d;
+    let square_low = (2.0 * d).mul_add(d_low, d.mul_add(d, -square));
+    let inverse_square = inverse * inverse;
+    let ratio = e * inverse_square;
+    let remainder = (-ratio).mul_add(square, e) + (-ratio).mul_add(square_low, e_low);
+    let s = 4.0 * remainder.mul_add(inverse_square, ratio) * scale_1 * scale_2;
 
     (t.copysign(x), s)
 }

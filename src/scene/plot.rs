@@ -99,7 +99,7 @@ fn widened((low, high): (f64, f64)) -> (f64, f64) {
 
 /// Numbers on axes: short, and different where the ticks are.
 fn tick(value: f64, span: f64) -> String {
-    if value == 0.0 {
+    if value.abs() <= 1e-9 * span.abs() {
         return "0".into();
     }
     if !(1e-3..1e5).contains(&value.abs()) {

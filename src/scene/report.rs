@@ -60,6 +60,27 @@ pub struct ModelReport {
     pub rollout: Option<RolloutReport>,
 }
 
+impl ModelReport {
+    /// The powers of ten that the held-out error passed in training, with the
+    /// iteration at which it was first seen at or below each.
+    pub fn milestones(&self) -> Vec<(f64, u64)> {
+        let errors: Vec<(u64, f64)> =
+            self.history.iter().filter_map(|r| Some((r.iteration, r.validation?))).collect();
+        let Some((_, first)) = errors.first() else {
+            return Vec::new();
+        };
+        let mut exponent = libm::floor(libm::log10(*first)) as i32;
+        let mut out = Vec::new();
+        for (iteration, error) in &errors {
+            while *error <= libm::exp10(f64::from(exponent)) && exponent > -32 {
+                out.push((libm::exp10(f64::from(exponent)), *iteration));
+                exponent -= 1;
+            }
+        }
+        out
+    }
+}
+
 /// The trajectories of a network beside the reference.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RolloutReport {

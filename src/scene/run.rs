@@ -358,7 +358,7 @@ pub fn run(
         figures.push((name, caption));
     }
     save_timings(folder, &timings)?;
-    let markdown = report.markdown(&timings_markdown(&timings, scene), &figures);
+    let markdown = report.markdown(&timings_markdown(&timings, &report), &figures);
     write_atomically(&folder.file("report.md"), |out| out.write_all(markdown.as_bytes()))?;
     write_atomically(&folder.file("report.json"), |out| {
         serde_json::to_writer_pretty(&mut *out, &report)?;
@@ -374,7 +374,7 @@ fn save_timings(folder: &Folder, timings: &Timings) -> Result<(), Error> {
     })
 }
 
-fn timings_markdown(timings: &Timings, scene: &Scene) -> String {
+fn timings_markdown(timings: &Timings, report: &Report) -> String {
     let mut out = format!("- reference flow of the pairs: {:.1} s\n", timings.data_seconds);
     for timing in &timings.models {
         if let Some((iterations, seconds)) = timing.points.last() {
@@ -383,8 +383,17 @@ fn timings_markdown(timings: &Timings, scene: &Scene) -> String {
                 timing.model,
                 *iterations as f64 / seconds
             ));
+            let model = report.models.iter().find(|m| m.name == timing.model);
+            for (level, iteration) in model.map(ModelReport::milestones).unwrap_or_default() {
+                if let Some((_, seconds)) = timing.points.iter().find(|(i, _)| *i == iteration) {
+                    out.push_str(&format!(
+                        "  - held-out error ≤ {level:.0e} after {iteration} iterations, \
+                         {seconds:.1} s\n"
+                    ));
+                }
+            }
         }
-        if let (Some(seconds), Some(rollout)) = (timing.rollout_seconds, &scene.rollout) {
+        if let (Some(seconds), Some(rollout)) = (timing.rollout_seconds, &report.scene.rollout) {
             out.push_str(&format!(
                 "- roll-out of `{}`: {seconds:.2} s for {} trajectories of {} steps\n",
                 timing.model,
@@ -559,8 +568,8 @@ fn figure(
         ),
         Plot::AdiabaticInvariant => (
             "adiabatic-invariant.svg",
-            "The leading adiabatic invariant: of the network along its own trajectories (lines), \
-             of the system along the reference (grey).",
+            "The change of the leading adiabatic invariant: of the system along the reference \
+             trajectories, and of each network, μ₀ = 𝔍₀∘ψ⁻¹, along its own.",
             invariant_panels(system, time, reference?, own),
         ),
         Plot::RolloutError => (
@@ -675,40 +684,46 @@ fn invariant_panels(
     (request, (reference, _)): &ReferenceRollout<'_>,
     own: &[(String, &Model, Trajectories)],
 ) -> Vec<Panel> {
-    let at = |t: usize| (t * request.every) as f64 * time;
-    own.iter()
-        .filter_map(|(name, model, trajectories)| {
-            let mu = network_invariant(model, trajectories)?;
-            let mut series = Vec::new();
-            for m in 0..trajectories.count {
-                series.push(Series {
-                    name: String::new(),
-                    color: 6,
-                    style: Style::Faint,
-                    points: (0..reference.len())
-                        .map(|t| (at(t), system.adiabatic_invariant(reference.state(t, m))))
-                        .collect(),
-                });
-            }
-            for m in 0..trajectories.count {
-                series.push(Series {
-                    name: String::new(),
-                    color: m,
-                    style: Style::Line,
-                    points: (0..trajectories.len())
-                        .map(|t| (at(t), mu[t * trajectories.count + m]))
-                        .collect(),
-                });
-            }
-            Some(Panel {
-                title: format!("Adiabatic invariant: {name}"),
-                x_label: "time".into(),
-                y_label: "μ₀".into(),
-                log_y: false,
-                square: false,
-                series,
+    let interval = request.every as f64 * time;
+    let panel = |title: String, of: &Trajectories, value: &dyn Fn(usize) -> f64| Panel {
+        title,
+        x_label: "time".into(),
+        y_label: "μ₀ − μ₀(0)".into(),
+        log_y: false,
+        square: false,
+        series: (0..of.count)
+            .map(|m| Series {
+                name: String::new(),
+                color: m,
+                style: Style::Faint,
+                points: change(of, m, interval, value),
             })
-        })
+            .collect(),
+    };
+    let along_reference = |index: usize| {
+        let start = index * reference.dim;
+        system.adiabatic_invariant(&reference.values[start..start + reference.dim])
+    };
+    let mut panels =
+        vec![panel("μ₀ of the system, reference".into(), reference, &along_reference)];
+    for (name, model, trajectories) in own {
+        if let Some(mu) = network_invariant(model, trajectories) {
+            panels.push(panel(format!("μ₀ of {name}, its own"), trajectories, &|i| mu[i]));
+        }
+    }
+    panels
+}
+
+/// The change of a quantity along trajectory `m`, against time.
+fn change(
+    trajectories: &Trajectories,
+    m: usize,
+    interval: f64,
+    value: impl Fn(usize) -> f64,
+) -> Vec<(f64, f64)> {
+    let initial = value(m);
+    (0..trajectories.len())
+        .map(|t| (t as f64 * interval, value(t * trajectories.count + m) - initial))
         .collect()
 }
 

@@ -1,0 +1,303 @@
+//! Layers against their definitions.
+
+use gyroceptron::layer::{CircleAction, HenonLayer, HenonMap, TanhPotential, layer_parameter_count};
+use gyroceptron::network::{InitialWeights, Stream};
+use gyroceptron::phase::Map;
+use gyroceptron::scalar::{Scalar, Tracked};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+fn parameters(dof: usize, width: usize, scale: f64, seed: u64) -> Vec<f64> {
+    let mut stream = Stream::new(seed, "layer");
+    InitialWeights::Normal { scale }.layer(dof, width, &mut stream)
+}
+
+fn point(dof: usize, scale: f64, seed: u64) -> Vec<f64> {
+    let mut stream = Stream::new(seed, "point");
+    (0..2 * dof).map(|_| stream.uniform(-scale, scale)).collect()
+}
+
+fn tracked(values: &[f64]) -> Vec<Tracked> {
+    values.iter().map(|&v| Tracked::exact(v)).collect()
+}
+
+/// Two computations of the same thing, each with its rounding bound.
+fn largest_ratio(a: &[Tracked], b: &[Tracked]) -> f64 {
+    let mut largest = 0.0;
+    for (a, b) in a.iter().zip(b) {
+        let ratio = (a.value - b.value).abs() / (a.error() + b.error());
+        if !(ratio <= largest) {
+            largest = ratio;
+        }
+    }
+    largest
+}
+
+#[test]
+fn a_layer_has_as_many_parameters_as_the_paper_says() {
+    assert_eq!(layer_parameter_count(2, 8), 34);
+    assert_eq!(layer_parameter_count(2, 6), 26);
+    assert_eq!(layer_parameter_count(2, 10), 42);
+    assert_eq!(layer_parameter_count(3, 8), 43);
+}
+
+#[test]
+fn four_henon_maps_are_the_layer() {
+    let mut moved_ratio = 0.0_f64;
+    for seed in 0..60 {
+        for dof in 1..=4 {
+            let epsilon = [1.0, 0.3, -0.01][seed as usize % 3];
+            let weights = parameters(dof, 5, 0.5, seed);
+            let layer = HenonLayer::new(dof, 5, epsilon, &weights);
+            let z = point(dof, 2.0, seed);
+            let (mut by_layer, mut by_maps) = (tracked(&z), tracked(&z));
+            layer.forward(&mut by_layer);
+            for _ in 0..4 {
+                layer.map().forward(&mut by_maps);
+            }
+            let ratio = largest_ratio(&by_layer, &by_maps);
+            assert!(ratio <= 1.0, "forward, dof {dof}, seed {seed}: {ratio}");
+            moved_ratio = moved_ratio.max(ratio);
+
+            let (mut by_layer, mut by_maps) = (tracked(&z), tracked(&z));
+            layer.inverse(&mut by_layer);
+            for _ in 0..4 {
+                layer.map().inverse(&mut by_maps);
+            }
+            let ratio = largest_ratio(&by_layer, &by_maps);
+            assert!(ratio <= 1.0, "inverse, dof {dof}, seed {seed}: {ratio}");
+        }
+    }
+    assert!(moved_ratio > 0.01, "the bound is vacuous: {moved_ratio}");
+}
+
+#[test]
+fn the_bound_sees_a_layer_that_is_wrong_by_1e_12() {
+    let weights = parameters(2, 5, 0.5, 0);
+    let mut wrong = weights.clone();
+    wrong[0] *= 1.0 + 1e-12;
+    let z = point(2, 2.0, 0);
+    let (mut right, mut moved) = (tracked(&z), tracked(&z));
+    HenonLayer::new(2, 5, 1.0, &weights).forward(&mut right);
+    HenonLayer::new(2, 5, 1.0, &wrong).forward(&mut moved);
+    assert!(largest_ratio(&right, &moved) > 1.0);
+}
+
+#[test]
+fn the_henon_map_is_the_papers() {
+    let weights = parameters(2, 3, 0.7, 4);
+    let (w_in, b_in, w_out, eta) =
+        (&weights[..6], &weights[6..9], &weights[9..12], &weights[12..]);
+    let map =
+        HenonMap { potential: TanhPotential::<f64>::new(2, 3, &weights[..12]), eta, epsilon: 1.0 };
+    let z = point(2, 1.5, 4);
+    // H(x, y) = (y + η, −x + ∇V(y)) with V = w·tanh(Wᵀy + b), by the libm tanh
+    // and central differences of V itself.
+    let potential = |y: [f64; 2]| -> f64 {
+        (0..3)
+            .map(|j| {
+                let argument = b_in[j] + w_in[j] * y[0] + w_in[3 + j] * y[1];
+                w_out[j] * libm::tanh(argument)
+            })
+            .sum()
+    };
+    let step = 1e-5;
+    let y = [z[2], z[3]];
+    let slope = |i: usize| {
+        let (mut up, mut down) = (y, y);
+        up[i] += step;
+        down[i] -= step;
+        (potential(up) - potential(down)) / (2.0 * step)
+    };
+    let mut moved = z.clone();
+    map.forward(&mut moved);
+    for i in 0..2 {
+        assert_eq!(moved[i], z[2 + i] + eta[i]);
+        let expected = -z[i] + slope(i);
+        assert!((moved[2 + i] - expected).abs() < 1e-9, "{} for {expected}", moved[2 + i]);
+    }
+    // −x and not +x: blind in the fourth iterate, seen in the map itself.
+    let mut back = moved.clone();
+    map.inverse(&mut back);
+    for (a, b) in back.iter().zip(&z) {
+        assert!((a - b).abs() < 1e-15);
+    }
+}
+
+#[test]
+fn near_identity_layers_are_the_identity_at_zero_bit_for_bit() {
+    let mut weights = parameters(2, 4, 1.0, 9);
+    for extreme in [1.0, 1e200, 1e308] {
+        for w in &mut weights {
+            *w = w.signum() * extreme;
+        }
+        for epsilon in [0.0, -0.0] {
+            let layer = HenonLayer::new(2, 4, epsilon, &weights);
+            for z in [
+                vec![1.0, -0.0, 5e-324, -1e308],
+                vec![f64::MAX, -f64::MAX, 1e-300, 0.0],
+                point(2, 3.0, 1),
+            ] {
+                let mut moved = z.clone();
+                layer.forward(&mut moved);
+                assert!(moved.iter().zip(&z).all(|(a, b)| a.to_bits() == b.to_bits()));
+                layer.inverse(&mut moved);
+                assert!(moved.iter().zip(&z).all(|(a, b)| a.to_bits() == b.to_bits()));
+            }
+        }
+    }
+    // The literal four-fold map is not: it loses x against a large η.
+    let mut weights = parameters(2, 4, 1.0, 9);
+    let eta_start = weights.len() - 2;
+    weights[eta_start..].fill(1e6);
+    let layer = HenonLayer::new(2, 4, 0.0, &weights);
+    let z = vec![0.1, 0.2, 0.3, 0.4];
+    let mut literal = z.clone();
+    for _ in 0..4 {
+        layer.map().forward(&mut literal);
+    }
+    assert_ne!(literal, z);
+}
+
+#[test]
+fn tiny_epsilon_moves_by_no_more_than_epsilon() {
+    let weights = parameters(2, 4, 1.0, 3);
+    let z = point(2, 1.0, 3);
+    for epsilon in [1e-300, 5e-324, -1e-300] {
+        let layer = HenonLayer::new(2, 4, epsilon, &weights);
+        let mut moved = z.clone();
+        layer.forward(&mut moved);
+        assert_eq!(moved, z);
+    }
+}
+
+#[test]
+fn a_large_shift_does_not_absorb_the_point() {
+    // |η| ≫ |x|: the shears lose rounding of the increment only.
+    let mut weights = parameters(2, 4, 0.5, 5);
+    let eta = weights.len() - 2;
+    weights[eta..].fill(1e12);
+    let layer = HenonLayer::new(2, 4, 1.0, &weights);
+    let z = vec![1e-3, 2e-3, -1e-3, 5e-4];
+    let mut moved = z.clone();
+    layer.forward(&mut moved);
+    layer.inverse(&mut moved);
+    for (a, b) in moved.iter().zip(&z) {
+        assert!((a - b).abs() < 1e-15, "{a} for {b}");
+    }
+}
+
+#[test]
+fn a_circle_action_turns_clockwise_with_its_weights() {
+    let action = CircleAction::new([1, 0, -2, 5]);
+    let z = point(4, 1.0, 6);
+    for theta in [0.3, 1.0, -2.5, 3.0, 0.785_398, 100.0] {
+        let mut moved = z.clone();
+        action.at(theta).apply(&mut moved, false);
+        for (j, &m) in [1.0, 0.0, -2.0, 5.0].iter().enumerate() {
+            let (s, c) = libm::sincos(m * theta);
+            let expected_q = c * z[j] + s * z[4 + j];
+            let expected_p = -s * z[j] + c * z[4 + j];
+            let slack = 1e-15 * (4.0 + (m * theta).abs());
+            assert!((moved[j] - expected_q).abs() <= slack, "θ = {theta}, plane {j}");
+            assert!((moved[4 + j] - expected_p).abs() <= slack, "θ = {theta}, plane {j}");
+        }
+    }
+}
+
+#[test]
+fn right_angles_are_exact() {
+    let action = CircleAction::new([1]);
+    let turned = |theta: f64| {
+        let mut z = vec![3.0, 4.0];
+        action.at(theta).apply(&mut z, false);
+        z
+    };
+    for (theta, expected) in [
+        (0.0, [3.0, 4.0]),
+        (FRAC_PI_2, [4.0, -3.0]),
+        (PI, [-3.0, -4.0]),
+        (-FRAC_PI_2, [-4.0, 3.0]),
+    ] {
+        let z = turned(theta);
+        // fl(π/2) is not π/2: the rest is a rotation by u.
+        assert!((z[0] - expected[0]).abs() + (z[1] - expected[1]).abs() < 2e-15, "{theta}: {z:?}");
+    }
+    let mut z = vec![-0.0, f64::MIN_POSITIVE];
+    let before: Vec<u64> = z.iter().map(|v: &f64| v.to_bits()).collect();
+    action.at(0.0).apply(&mut z, false);
+    assert_eq!(z.iter().map(|v| v.to_bits()).collect::<Vec<_>>(), before);
+}
+
+#[test]
+fn rotations_are_undone_to_an_ulp_in_every_quadrant() {
+    let action = CircleAction::new([1, 3]);
+    for k in -40_i32..40 {
+        let theta = f64::from(k) * 0.17 * PI;
+        let z = point(2, 1.0, k.unsigned_abs().into());
+        let mut moved = z.clone();
+        action.at(theta).apply(&mut moved, false);
+        let mut by_negative_angle = moved.clone();
+        action.at(theta).apply(&mut moved, true);
+        action.at(-theta).apply(&mut by_negative_angle, false);
+        for i in 0..4 {
+            assert_eq!(moved[i].to_bits(), by_negative_angle[i].to_bits(), "θ = {theta}");
+            assert!((moved[i] - z[i]).abs() <= 4.0 * f64::EPSILON, "θ = {theta}");
+        }
+    }
+}
+
+#[test]
+fn high_harmonics_keep_the_accuracy_of_theta() {
+    // m·θ rounds by u·m·θ; the rotation must not.
+    let (m, theta) = (1_000_003, 0.123_456_789_f64);
+    let mut z = vec![1.0, 0.0];
+    CircleAction::new([m]).at(theta).apply(&mut z, false);
+    // cos(mθ), mθ formed exactly as hi + lo and reduced with 2π in two parts.
+    let product = f64::from(m) * theta;
+    let rest = f64::from(m).mul_add(theta, -product);
+    let turns = (product / TAU).round();
+    let tau_low = 2.449_293_598_294_706_4e-16;
+    let reduced = turns.mul_add(-TAU, product) + (rest - turns * tau_low);
+    assert!((z[0] - libm::cos(reduced)).abs() < 4e-16, "{} for {}", z[0], libm::cos(reduced));
+    assert!((z[1] + libm::sin(reduced)).abs() < 4e-16);
+}
+
+#[test]
+fn the_invariant_drifts_as_rounding_and_not_as_the_matrix() {
+    let action = CircleAction::new([1]);
+    let mut stream = Stream::new(0, "drift");
+    let (mut shears, mut matrix) = (0.0_f64, 0.0_f64);
+    let (count, steps) = (32, 10_000);
+    for _ in 0..count {
+        let theta = stream.uniform(0.0, TAU);
+        let rotation = action.at(theta);
+        let (s, c) = libm::sincos(theta);
+        let mut z = vec![1.0, 0.0];
+        let mut w = [1.0_f64, 0.0];
+        for _ in 0..steps {
+            rotation.apply(&mut z, false);
+            w = [c * w[0] + s * w[1], c * w[1] - s * w[0]];
+        }
+        shears += (2.0 * action.invariant::<f64>(&z) - 1.0).powi(2);
+        matrix += (w[0] * w[0] + w[1] * w[1] - 1.0_f64).powi(2);
+    }
+    let (shears, matrix) =
+        ((shears / f64::from(count)).sqrt(), (matrix / f64::from(count)).sqrt());
+    assert!(shears < 1e-13, "rms drift of the shears {shears:e}");
+    assert!(matrix > 5.0 * shears, "matrix {matrix:e} against shears {shears:e}");
+}
+
+#[test]
+fn single_precision_runs_the_same_code() {
+    let weights: Vec<f32> = parameters(2, 4, 0.5, 8).iter().map(|&v| v as f32).collect();
+    let layer = HenonLayer::new(2, 4, 1.0_f32, &weights);
+    let mut z = [0.5_f32, -0.3, 0.8, 0.1];
+    let start = z;
+    layer.forward(&mut z);
+    let moved = z;
+    layer.inverse(&mut z);
+    for i in 0..4 {
+        assert!((z[i] - start[i]).abs() <= 20.0 * f32::unit_roundoff() as f32);
+        assert!((moved[i] - start[i]).abs() > 1e-3);
+    }
+}

@@ -1,0 +1,186 @@
+//! The number layer against independent arithmetic.
+
+use astro_float::{BigFloat, Consts, RoundingMode};
+use gyroceptron::network::Stream;
+use gyroceptron::scalar::{Dual, Elementary, Lanes, Scalar, Tracked, WIDTH, tanh_sech2};
+
+const BITS: usize = 320;
+const TO_NEAREST: RoundingMode = RoundingMode::ToEven;
+
+/// `(computed − exact)/exact` for tanh and sech² at 320 bits, and the distance
+/// of tanh in units of its last place.
+fn errors(x: f64, constants: &mut Consts) -> (f64, f64) {
+    let one = BigFloat::from_f64(1.0, BITS);
+    let big = BigFloat::from_f64(x, BITS);
+    let exact_tanh = big.tanh(BITS, TO_NEAREST, constants);
+    let cosh = big.cosh(BITS, TO_NEAREST, constants);
+    let exact_sech2 = one.div(&cosh.mul(&cosh, BITS, TO_NEAREST), BITS, TO_NEAREST);
+    let (t, s) = tanh_sech2(x);
+    let difference = |computed: f64, exact: &BigFloat| {
+        to_f64(&BigFloat::from_f64(computed, BITS).sub(exact, BITS, TO_NEAREST))
+    };
+    let ulp = f64::from_bits(t.abs().to_bits() + 1) - t.abs();
+    let tanh_error = (difference(t, &exact_tanh) / ulp).abs();
+    let sech2_error = (difference(s, &exact_sech2) / to_f64(&exact_sech2)).abs();
+    (tanh_error, sech2_error)
+}
+
+fn to_f64(value: &BigFloat) -> f64 {
+    if value.is_zero() { 0.0 } else { value.to_string().parse().expect("a decimal number") }
+}
+
+#[test]
+fn tanh_is_within_an_ulp_and_sech2_within_3e_16() {
+    let mut constants = Consts::new().expect("memory for constants");
+    let mut stream = Stream::new(0, "tanh");
+    let mut points: Vec<f64> = Vec::new();
+    points.extend((0..1500).map(|_| stream.uniform(-4.0, 4.0)));
+    points.extend((0..500).map(|_| stream.uniform(-100.0, 100.0)));
+    // Every binade from 2⁻⁴⁰ to 2⁷, and the edges of the argument reduction.
+    points.extend((-40..7).map(|e| libm::exp2(f64::from(e)) * stream.uniform(1.0, 2.0)));
+    for k in 1..60 {
+        let edge = (f64::from(k) - 0.5) * std::f64::consts::LN_2 / 2.0;
+        points.extend([edge - 1e-15, edge, edge + 1e-15]);
+    }
+    points.extend([8.0, 16.0, 19.0, 19.1, 100.0, 1e-300, 5e-324, 1e-8]);
+    let (mut worst_tanh, mut worst_sech2) = (0.0_f64, 0.0_f64);
+    for x in points {
+        let (tanh, sech2) = errors(x, &mut constants);
+        assert!(tanh <= 1.0, "tanh({x:e}) is {tanh} ulp off");
+        assert!(sech2 <= 3e-16, "sech²({x:e}) is {sech2:e} off");
+        worst_tanh = worst_tanh.max(tanh);
+        worst_sech2 = worst_sech2.max(sech2);
+    }
+    // Rounding shows: an oracle that echoed the kernel would show none.
+    println!("largest errors: tanh {worst_tanh} ulp, sech² {worst_sech2:e}");
+    assert!(worst_tanh > 0.4 && worst_sech2 > 5e-17, "{worst_tanh} {worst_sech2:e}");
+}
+
+#[test]
+fn tanh_at_the_ends_of_the_range() {
+    for x in [0.0, -0.0] {
+        let (t, s) = tanh_sech2(x);
+        assert_eq!((t.to_bits(), s), (x.to_bits(), 1.0));
+    }
+    for x in [400.0, 1e300, f64::INFINITY] {
+        assert_eq!(tanh_sech2(x), (1.0, 0.0));
+        assert_eq!(tanh_sech2(-x), (-1.0, 0.0));
+    }
+    let (t, s) = tanh_sech2(f64::NAN);
+    assert!(t.is_nan() && s.is_nan());
+    // Gradual underflow: 4e^{-740} is subnormal.
+    let (_, s) = tanh_sech2(370.0);
+    let exact = 4.0 * libm::exp(-740.0);
+    assert!((s - exact).abs() <= 1e-323, "{s:e} for {exact:e}");
+}
+
+#[test]
+fn saturated_neurons_keep_their_digits() {
+    // W = w = 1e8 at 19 below saturation: 1 − tanh² would give 0.
+    let (_, s) = tanh_sech2(19.0);
+    let exact = 1.2556531168192118;
+    let gradient = 1e8 * 1e8 * s;
+    assert!((gradient - exact).abs() <= 1e-14, "{gradient}");
+}
+
+#[test]
+fn lanes_are_the_scalar_bit_for_bit() {
+    let mut stream = Stream::new(1, "lanes");
+    for _ in 0..200 {
+        let a: [f64; WIDTH] = std::array::from_fn(|_| stream.uniform(-20.0, 20.0));
+        let b: [f64; WIDTH] = std::array::from_fn(|_| stream.uniform(-1e3, 1e3));
+        let (t, s) = Lanes(a).tanh_sech2();
+        let fused = Lanes(a).mul_add(Lanes(b), Lanes(b));
+        for k in 0..WIDTH {
+            let (tk, sk) = tanh_sech2(a[k]);
+            assert_eq!(t.0[k].to_bits(), tk.to_bits());
+            assert_eq!(s.0[k].to_bits(), sk.to_bits());
+            assert_eq!(fused.0[k].to_bits(), a[k].mul_add(b[k], b[k]).to_bits());
+        }
+    }
+}
+
+/// A function that uses every operation of the number layer.
+fn everything<S: Elementary>(x: S, y: S) -> S {
+    let (s, c) = (x * y).sin_cos();
+    let (t, h) = (x + y).tanh_sech2();
+    let quotient = (x - y) / (S::from_f64(2.0) + c * c);
+    (t.mul_add(s, h) * (-quotient).exp()).mul_add(x, y)
+}
+
+#[test]
+fn duals_agree_with_two_other_implementations() {
+    let mut stream = Stream::new(2, "duals");
+    for _ in 0..200 {
+        let (x, y) = (stream.uniform(-1.5, 1.5), stream.uniform(-1.5, 1.5));
+        let ours = everything(Dual::<f64, 2>::variable(x, 0), Dual::variable(y, 1));
+        let with_num_dual = {
+            use num_dual::{Dual64, DualNum};
+            let f = |x: Dual64, y: Dual64| {
+                let (s, c) = (x * y).sin_cos();
+                let t = (x + y).tanh();
+                let h = (x + y).cosh().powi(-2);
+                let quotient = (x - y) / (c * c + 2.0);
+                (t * s + h) * (-quotient).exp() * x + y
+            };
+            let constant = |v: f64| Dual64::from_re(v);
+            let variable = |v: f64| Dual64::from_re(v).derivative();
+            let dx = f(variable(x), constant(y));
+            let dy = f(constant(x), variable(y));
+            [dx.re, dx.eps, dy.eps]
+        };
+        let with_dual_num = {
+            use dual_num::{Dual, Float};
+            let f = |x: Dual<f64>, y: Dual<f64>| {
+                let (s, c) = ((x * y).sin(), (x * y).cos());
+                let t = (x + y).tanh();
+                let h = (x + y).cosh().powi(-2);
+                let quotient = (x - y) / (c * c + 2.0);
+                (t * s + h) * (-quotient).exp() * x + y
+            };
+            let dx = f(Dual::new(x, 1.0), Dual::from_real(y));
+            let dy = f(Dual::from_real(x), Dual::new(y, 1.0));
+            [dx.real(), dx.dual(), dy.dual()]
+        };
+        let bound = everything(
+            Dual::<Tracked, 2>::variable(Tracked::exact(x), 0),
+            Dual::variable(Tracked::exact(y), 1),
+        );
+        let ours = [ours.re, ours.eps[0], ours.eps[1]];
+        let bounds = [bound.re, bound.eps[0], bound.eps[1]];
+        for k in 0..3 {
+            for other in [with_num_dual[k], with_dual_num[k]] {
+                let ratio = (ours[k] - other).abs() / bounds[k].error();
+                // The other evaluation is as long as ours: twice the bound.
+                assert!(ratio <= 2.0, "component {k} at ({x}, {y}): {ratio}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_tracked_bound_holds_against_multiprecision() {
+    // Σ of products with cancellation, exact in 320 bits.
+    let mut stream = Stream::new(3, "tracked");
+    let mut largest = 0.0_f64;
+    for _ in 0..200 {
+        let terms: Vec<(f64, f64)> =
+            (0..20).map(|_| (stream.uniform(-1.0, 1.0), stream.uniform(-1e3, 1e3))).collect();
+        let mut tracked = Tracked::exact(0.0);
+        let mut exact = BigFloat::from_f64(0.0, BITS);
+        for &(a, b) in &terms {
+            tracked = tracked + Tracked::exact(a) * Tracked::exact(b);
+            let product = BigFloat::from_f64(a, BITS).mul(
+                &BigFloat::from_f64(b, BITS),
+                BITS,
+                TO_NEAREST,
+            );
+            exact = exact.add(&product, BITS, TO_NEAREST);
+        }
+        let difference = BigFloat::from_f64(tracked.value, BITS).sub(&exact, BITS, TO_NEAREST);
+        let ratio = to_f64(&difference).abs() / tracked.error();
+        assert!(ratio <= 1.0, "{ratio}");
+        largest = largest.max(ratio);
+    }
+    assert!(largest > 0.02, "the bound is vacuous: {largest}");
+}
