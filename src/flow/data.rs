@@ -117,7 +117,7 @@ impl Pairs {
         time: f64,
     ) -> Result<(Self, f64), Error> {
         let dim = 2 * system.dof();
-        let reference = Reference::new(system);
+        let reference = Reference::calibrated(system, &points, time)?;
         let mut output = points.clone();
         output
             .par_chunks_mut(dim)

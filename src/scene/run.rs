@@ -417,8 +417,8 @@ fn reference_rollout(
     request: &RolloutSpec,
     time: f64,
 ) -> Result<(Trajectories, f64), Error> {
-    let reference = Reference::new(system);
     let interval = time * request.every as f64;
+    let reference = Reference::calibrated(system, &request.initial.concat(), interval)?;
     let kept = request.steps / request.every + 1;
     let each: Vec<(Vec<Vec<f64>>, f64)> = request
         .initial

@@ -1,0 +1,340 @@
+//! Networks: counts, inverses, pullbacks, batches.
+
+use gyroceptron::layer::CircleAction;
+use gyroceptron::measure::jacobian;
+use gyroceptron::network::{
+    Architecture, Direction, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights,
+    Model, Rollout, Stream, map_points, rollout,
+};
+use gyroceptron::phase::Map;
+use gyroceptron::scalar::{Dual, Real, Scalar, Tracked};
+
+fn shape(action: &[i32], psi: Vec<usize>, near_identity: Vec<usize>) -> GyroceptronShape {
+    GyroceptronShape { circle_action: CircleAction::new(action), psi, near_identity }
+}
+
+fn gyroceptron(shape: GyroceptronShape, scale: f64, seed: u64) -> Gyroceptron<f64> {
+    let architecture = Architecture::Gyroceptron { shape, epsilon: 0.01 };
+    let weights = InitialWeights::Normal { scale };
+    match architecture.initialise(weights, 0.7, seed).expect("a valid architecture") {
+        Model::Gyroceptron(network) => network,
+        Model::HenonNet(_) => unreachable!("asked for a gyroceptron"),
+    }
+}
+
+fn point(dim: usize, seed: u64) -> Vec<f64> {
+    let mut stream = Stream::new(seed, "point");
+    (0..dim).map(|_| stream.uniform(-1.5, 1.5)).collect()
+}
+
+#[test]
+fn parameter_counts_are_the_papers() {
+    assert_eq!(shape(&[1, 0], vec![8; 10], vec![6; 8]).parameter_count(), 549);
+    assert_eq!(shape(&[1, 0], vec![8; 10], vec![8; 10]).parameter_count(), 681);
+    assert_eq!(shape(&[0, 1, 2], vec![8; 12], vec![8; 12]).parameter_count(), 1033);
+    assert_eq!(HenonShape::uniform(2, 16, 10).parameter_count(), 672);
+}
+
+#[test]
+fn a_wrong_number_of_parameters_is_an_error() {
+    let shape = shape(&[1, 0], vec![8; 2], vec![6; 2]);
+    let error = Gyroceptron::new(shape, 0.01, vec![0.0; 7]).unwrap_err().to_string();
+    assert!(error.contains("121") && error.contains('7'), "{error}");
+}
+
+/// The derivative of c·P(z) in all parameters and in z, forward by duals.
+fn by_duals<R>(network: &Gyroceptron<f64>, z: &[f64], c: &[f64]) -> (Vec<R>, Vec<R>)
+where
+    R: Real,
+{
+    let parameters = network.composition().parameters();
+    let total = parameters.len() + z.len();
+    let mut out = Vec::new();
+    for first in (0..total).step_by(8) {
+        let lift = |index: usize, value: f64| {
+            Dual::<R, 8>::variable(R::from_f64(value), index.wrapping_sub(first))
+        };
+        let lifted = parameters.iter().enumerate().map(|(i, &p)| lift(i, p)).collect();
+        let epsilon = Dual::constant(R::from_f64(network.epsilon()));
+        let dual = Gyroceptron::new(network.shape().clone(), epsilon, lifted).expect("same shape");
+        let mut w: Vec<_> =
+            z.iter().enumerate().map(|(i, &v)| lift(parameters.len() + i, v)).collect();
+        dual.forward(&mut w);
+        for k in 0..8.min(total - first) {
+            let mut sum = R::zero();
+            for (value, &weight) in w.iter().zip(c) {
+                sum = value.eps[k].mul_add(R::from_f64(weight), sum);
+            }
+            out.push(sum);
+        }
+    }
+    let state = out.split_off(parameters.len());
+    (out, state)
+}
+
+#[test]
+fn pullback_agrees_with_duals_for_every_parameter() {
+    let network = gyroceptron(shape(&[1, 0], vec![8; 10], vec![6; 8]), 0.3, 5);
+    let network_tracked = network.lift::<Tracked>();
+    for seed in 0..3 {
+        let z = point(4, seed);
+        let c = point(4, seed + 100);
+        let tracked = |v: &[f64]| v.iter().map(|&v| Tracked::exact(v)).collect::<Vec<_>>();
+        let map = network_tracked.composition();
+        let mut recording = map.recording::<Tracked>();
+        let mut moved = tracked(&z);
+        map.forward_recording(&mut moved, &mut recording);
+        let mut state_bar = tracked(&c);
+        let mut parameters_bar = tracked(&vec![0.0; 549]);
+        map.pullback(&mut recording, &mut state_bar, &mut parameters_bar);
+
+        let (parameters, state) = by_duals::<Tracked>(&network, &z, &c);
+        assert_eq!((parameters.len(), state.len()), (549, 4));
+        let mut largest = 0.0_f64;
+        let mut tightest = f64::INFINITY;
+        let pairs = parameters_bar.iter().chain(&state_bar).zip(parameters.iter().chain(&state));
+        for (index, (reverse, forward)) in pairs.enumerate() {
+            let bound = reverse.error() + forward.error();
+            let ratio = (reverse.value - forward.value).abs() / bound;
+            assert!(ratio <= 1.0, "parameter {index}: {ratio}");
+            largest = largest.max(ratio);
+            if reverse.value != 0.0 {
+                tightest = tightest.min(bound / reverse.value.abs());
+            }
+        }
+        // The bound is tight enough to see a relative error of 1e-9 somewhere,
+        // and rounding fills part of it.
+        assert!(tightest < 1e-9, "{tightest:e}");
+        assert!(largest > 1e-6, "{largest:e}");
+    }
+}
+
+#[test]
+fn pullback_agrees_with_duals_in_other_dimensions() {
+    for (action, widths) in [
+        (vec![1], vec![3, 2]),
+        (vec![0, 1, 2], vec![4, 3]),
+        (vec![1, -1, 0, 3], vec![2, 2]),
+        (vec![0, 1, 2, 3, 4], vec![3]),
+    ] {
+        let network = gyroceptron(shape(&action, widths.clone(), widths), 0.4, 11);
+        let dim = 2 * action.len();
+        let (z, c) = (point(dim, 1), point(dim, 2));
+        let map = network.composition();
+        let mut recording = map.recording::<f64>();
+        let mut moved = z.clone();
+        map.forward_recording(&mut moved, &mut recording);
+        let mut state_bar = c.clone();
+        let mut parameters_bar = vec![0.0; map.parameters().len()];
+        map.pullback(&mut recording, &mut state_bar, &mut parameters_bar);
+        let (parameters, state) = by_duals::<f64>(&network, &z, &c);
+        for (a, b) in parameters_bar.iter().chain(&state_bar).zip(parameters.iter().chain(&state)) {
+            assert!((a - b).abs() <= 1e-13 * (1.0 + b.abs()), "{action:?}: {a} for {b}");
+        }
+        let mut plain = z.clone();
+        network.forward(&mut plain);
+        assert_eq!(moved, plain);
+    }
+}
+
+#[test]
+fn the_gyroceptron_is_the_composition_of_its_parts() {
+    let network = gyroceptron(shape(&[1, 0], vec![5; 3], vec![4; 3]), 0.4, 2);
+    let z = point(4, 3);
+    let mut by_parts = z.clone();
+    network.psi().inverse(&mut by_parts);
+    network.shape().circle_action.at(network.theta()).apply(&mut by_parts, false);
+    network.psi().forward(&mut by_parts);
+    network.near_identity().forward(&mut by_parts);
+    let mut whole = z.clone();
+    network.forward(&mut whole);
+    assert_eq!(whole, by_parts);
+    // Layer by layer too.
+    let psi: HenonNet<f64> = network.psi();
+    let (mut by_layers, mut by_net) = (z.clone(), z);
+    for layer in psi.layers() {
+        layer.forward(&mut by_layers);
+    }
+    psi.forward(&mut by_net);
+    assert_eq!(by_layers, by_net);
+}
+
+#[test]
+fn inverses_and_inverted_compositions_agree() {
+    let network = gyroceptron(shape(&[1, 2], vec![5; 3], vec![4; 3]), 0.4, 2);
+    let z = point(4, 4);
+    let (mut by_method, mut by_composition) = (z.clone(), z.clone());
+    network.inverse(&mut by_method);
+    network.composition().inverted().forward(&mut by_composition);
+    assert_eq!(by_method, by_composition);
+    network.forward(&mut by_method);
+    for (a, b) in by_method.iter().zip(&z) {
+        assert!((a - b).abs() < 1e-14);
+    }
+}
+
+#[test]
+fn jacobians_agree_with_central_differences() {
+    for action in [vec![1], vec![1, 0], vec![0, 1, 2], vec![0, 1, 2, 3, 4]] {
+        let network = gyroceptron(shape(&action, vec![4; 2], vec![3; 2]), 0.4, 8);
+        let dim = 2 * action.len();
+        let z = point(dim, 5);
+        let exact = jacobian(&network, &z);
+        let step = 1e-6;
+        for column in 0..dim {
+            let shifted = |sign: f64| {
+                let mut w = z.clone();
+                w[column] += sign * step;
+                network.forward(&mut w);
+                w
+            };
+            let (up, down) = (shifted(1.0), shifted(-1.0));
+            for row in 0..dim {
+                let difference = (up[row] - down[row]) / (2.0 * step);
+                assert!((exact[(row, column)] - difference).abs() < 1e-8);
+            }
+        }
+    }
+}
+
+#[test]
+fn batches_are_single_points_bit_for_bit() {
+    let network = gyroceptron(shape(&[1, 0], vec![5; 3], vec![4; 3]), 0.4, 2);
+    // A ragged tail, and more points than one task moves.
+    for count in [1, 7, 8, 9, 300, 515] {
+        let points = point(4 * count, 9);
+        for direction in [Direction::Forward, Direction::Inverse] {
+            let mut batch = points.clone();
+            map_points(network.composition(), direction, &mut batch).expect("whole points");
+            for (moved, start) in batch.chunks_exact(4).zip(points.chunks_exact(4)) {
+                let mut single = start.to_vec();
+                match direction {
+                    Direction::Forward => network.forward(&mut single),
+                    Direction::Inverse => network.inverse(&mut single),
+                }
+                assert!(moved.iter().zip(&single).all(|(a, b)| a.to_bits() == b.to_bits()));
+            }
+        }
+    }
+    assert!(map_points(network.composition(), Direction::Forward, &mut [0.0; 5]).is_err());
+}
+
+#[test]
+fn a_rollout_keeps_what_was_asked_for() {
+    let network = gyroceptron(shape(&[1, 0], vec![3; 2], vec![3; 2]), 0.3, 2);
+    let initial = point(4 * 3, 9);
+    let request = Rollout { steps: 11, every: 4 };
+    let kept = rollout(network.composition(), &initial, request).expect("a valid request");
+    assert_eq!(kept.len(), 3 * initial.len());
+    let mut state = initial.clone();
+    for t in 0..=8 {
+        if t % 4 == 0 {
+            assert_eq!(&kept[t / 4 * 12..(t / 4 + 1) * 12], &state[..]);
+        }
+        for z in state.chunks_exact_mut(4) {
+            network.forward(z);
+        }
+    }
+    let none = Rollout { steps: 1, every: 0 };
+    assert!(rollout(network.composition(), &initial, none).is_err());
+}
+
+#[test]
+fn the_generator_of_the_near_identity_network_is_the_known_one() {
+    // ∂_ε I_ε at 0 is X_{G₁}, G₁ = −Σ[V(y) + V(−y−η) + V(−x) + V(x−η)].
+    let shape = HenonShape { dof: 2, widths: vec![3, 4] };
+    let mut stream = Stream::new(3, "weights");
+    let weights = InitialWeights::Normal { scale: 0.6 };
+    let parameters: Vec<f64> =
+        shape.widths.iter().flat_map(|&h| weights.layer(2, h, &mut stream)).collect();
+    let z = point(4, 12);
+
+    type D = Dual<f64, 1>;
+    let lifted = parameters.iter().map(|&p| D::constant(p)).collect();
+    let net = HenonNet::near_identity(shape.clone(), D::variable(0.0, 0), lifted).expect("fits");
+    let mut moved: Vec<D> = z.iter().map(|&v| D::constant(v)).collect();
+    net.forward(&mut moved);
+
+    type E = Dual<f64, 4>;
+    let w: Vec<E> = z.iter().enumerate().map(|(i, &v)| E::variable(v, i)).collect();
+    let mut generator = E::zero();
+    let mut start = 0;
+    for &h in &shape.widths {
+        let (w_in, rest) = parameters[start..].split_at(2 * h);
+        let (b, rest) = rest.split_at(h);
+        let (out, rest) = rest.split_at(h);
+        let eta = &rest[..2];
+        start += 4 * h + 2;
+        let potential = |y: [E; 2]| {
+            (0..h).fold(E::zero(), |sum, j| {
+                let argument = E::constant(w_in[j]) * y[0]
+                    + E::constant(w_in[h + j]) * y[1]
+                    + E::constant(b[j]);
+                sum + E::constant(out[j]) * argument.tanh()
+            })
+        };
+        let shift = |v: [E; 2]| [v[0] - E::constant(eta[0]), v[1] - E::constant(eta[1])];
+        let (x, y) = ([w[0], w[1]], [w[2], w[3]]);
+        generator = generator
+            - potential(y)
+            - potential(shift([-y[0], -y[1]]))
+            - potential([-x[0], -x[1]])
+            - potential(shift(x));
+    }
+    // X_G = Ω∇G.
+    let expected =
+        [generator.eps[2], generator.eps[3], -generator.eps[0], -generator.eps[1]];
+    for i in 0..4 {
+        assert_eq!(moved[i].re, z[i]);
+        assert!((moved[i].eps[0] - expected[i]).abs() < 1e-14, "component {i}");
+        assert!(expected[i].abs() > 1e-3);
+    }
+}
+
+#[test]
+fn initial_weights_depend_on_the_seed_alone() {
+    let architecture = Architecture::Gyroceptron {
+        shape: shape(&[1, 0], vec![4; 2], vec![3; 2]),
+        epsilon: 0.01,
+    };
+    for weights in [InitialWeights::Glorot, InitialWeights::Normal { scale: 0.15 }] {
+        let draw = |seed| {
+            let model = architecture.initialise(weights, 0.05, seed).expect("valid");
+            model.composition().parameters().to_vec()
+        };
+        assert_eq!(draw(1), draw(1));
+        assert_ne!(draw(1), draw(2));
+        assert_eq!(*draw(1).last().expect("θ"), 0.05);
+        // A wider ψ changes no weight of I_ε: streams have names.
+        let wider = Architecture::Gyroceptron {
+            shape: shape(&[1, 0], vec![9; 2], vec![3; 2]),
+            epsilon: 0.01,
+        };
+        let wide = wider.initialise(weights, 0.05, 1).expect("valid");
+        let tail = draw(1).split_off(36);
+        assert!(wide.composition().parameters().ends_with(&tail));
+    }
+    // Glorot's bound, reached but not passed.
+    let model = architecture.initialise(InitialWeights::Glorot, 0.0, 3).expect("valid");
+    let bound = (6.0_f64 / 6.0).sqrt();
+    let inner = &model.composition().parameters()[..8];
+    assert!(inner.iter().all(|w| w.abs() <= bound) && inner.iter().any(|w| w.abs() > 0.3));
+}
+
+#[test]
+fn impossible_architectures_are_refused() {
+    let ok = shape(&[1, 0], vec![3], vec![3]);
+    for (shape, epsilon) in [
+        (ok.clone(), f64::NAN),
+        (ok.clone(), f64::INFINITY),
+        (shape(&[], vec![3], vec![3]), 0.01),
+        (shape(&[0, 0], vec![3], vec![3]), 0.01),
+        (shape(&[1, 0], vec![0], vec![3]), 0.01),
+    ] {
+        assert!(Architecture::Gyroceptron { shape, epsilon }.check().is_err());
+    }
+    let architecture = Architecture::Gyroceptron { shape: ok, epsilon: 0.01 };
+    let mut parameters = vec![0.0; architecture.parameter_count()];
+    parameters[4] = f64::NAN;
+    assert!(Model::new(architecture, parameters).is_err());
+}

@@ -1,0 +1,367 @@
+//! Systems and flows against the equations of motion.
+
+use gyroceptron::flow::{GaussLegendre, Reference, Splitting, runge_kutta_4};
+use gyroceptron::measure::log_slope;
+use gyroceptron::network::Stream;
+use gyroceptron::scalar::Dual;
+use gyroceptron::system::{
+    AveragedOscillator, FieldProfile, Hamiltonian, Oscillators, ParticleField, Splittable, System,
+};
+
+fn particle(epsilon: f64, modes: usize) -> ParticleField {
+    let mut system = ParticleField::two_modes(epsilon);
+    system.profiles.resize(modes, FieldProfile::Sine { amplitude: 0.3, wavenumber: 1.5 });
+    system
+}
+
+fn systems(epsilon: f64) -> Vec<System> {
+    vec![
+        System::Oscillators(Oscillators { epsilon }),
+        System::ParticleField(particle(epsilon, 1)),
+        System::ParticleField(particle(epsilon, 2)),
+        System::ParticleField(particle(epsilon, 4)),
+    ]
+}
+
+fn point(dof: usize, seed: u64) -> Vec<f64> {
+    let mut stream = Stream::new(seed, "point");
+    (0..2 * dof).map(|_| stream.uniform(-1.2, 1.2)).collect()
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+/// Ω∇H by duals.
+fn from_energy(system: &impl Hamiltonian, z: &[f64]) -> Vec<f64> {
+    let n = system.dof();
+    let slope = |direction: usize| {
+        let w: Vec<_> = z
+            .iter()
+            .enumerate()
+            .map(|(i, &v)| Dual::<f64, 1>::variable(v, if i == direction { 0 } else { 1 }))
+            .collect();
+        system.energy(&w).eps[0]
+    };
+    (0..2 * n).map(|i| if i < n { slope(n + i) } else { -slope(i - n) }).collect()
+}
+
+#[test]
+fn vector_fields_are_hamiltonian() {
+    for system in systems(0.3) {
+        for seed in 0..20 {
+            let z = point(system.dof(), seed);
+            let mut field = vec![0.0; z.len()];
+            system.vector_field(&z, &mut field);
+            assert!(distance(&field, &from_energy(&system, &z)) < 1e-14);
+        }
+    }
+    let averaged = AveragedOscillator::new(1.5);
+    let mut field = [0.0; 2];
+    averaged.vector_field(&[0.7, -0.4], &mut field);
+    assert!(distance(&field, &from_energy(&averaged, &[0.7, -0.4])) < 1e-15);
+}
+
+/// The equations as the paper displays them, written out once more.
+#[test]
+fn equations_of_motion_are_the_papers() {
+    let (epsilon, z) = (0.07, [0.4, -0.9, 1.1, 0.3]);
+    let [q1, q2, p1, p2]: [f64; 4] = z;
+    let (s, c) = (2.0 * q1 + 2.0 * q2).sin_cos();
+    let expected = [
+        p1,
+        epsilon * p2,
+        -q1 - epsilon * (q2 * s + 2.0 * q1 * q2 * c),
+        -epsilon * q2 - epsilon * (q1 * s + 2.0 * q1 * q2 * c),
+    ];
+    let mut field = [0.0; 4];
+    Oscillators { epsilon }.vector_field(&z, &mut field);
+    assert!(distance(&field, &expected) < 1e-15);
+
+    let w = [0.5, -0.3, 0.8, 0.9, 0.2, -0.6];
+    let [q, a1, a2, p, b1, b2]: [f64; 6] = w;
+    let v = p - q.sin() * a1 - (2.0 * q).sin() * a2;
+    let v1 = 0.5 * (2.0 * a1).sin();
+    let v2 = 0.5 * (-5.0 * a2 * a2).exp();
+    let (d1, d2) = ((2.0 * a1).cos(), -5.0 * a2 * (-5.0 * a2 * a2).exp());
+    let expected = [
+        epsilon * v,
+        b1 - v1,
+        2.0 * (b2 - v2),
+        epsilon * v * (q.cos() * a1 + 2.0 * (2.0 * q).cos() * a2),
+        -a1 + (b1 - v1) * d1 + epsilon * v * q.sin(),
+        -2.0 * a2 + 2.0 * (b2 - v2) * d2 + epsilon * v * (2.0 * q).sin(),
+    ];
+    let mut field = [0.0; 6];
+    ParticleField::two_modes(epsilon).vector_field(&w, &mut field);
+    assert!(distance(&field, &expected) < 1e-15);
+}
+
+#[test]
+fn the_limit_is_the_circle_action() {
+    for system in systems(0.0) {
+        let z = point(system.dof(), 3);
+        let time = 2.3;
+        let mut by_flow = z.clone();
+        Reference::new(&system).flow(&system, &mut by_flow, time).expect("converges");
+        let mut by_limit = z.clone();
+        system.limiting_flow(&mut by_limit, time);
+        assert!(distance(&by_flow, &by_limit) < 1e-13);
+        // In the simple coordinates it is Φ_{ω₀t}, and μ₀ is its invariant.
+        let mut by_action = z.clone();
+        system.enter(&mut by_action);
+        let invariant = system.circle_action().invariant(&by_action);
+        assert!((invariant - system.adiabatic_invariant(&z)).abs() < 1e-14);
+        let angle = system.limiting_frequency() * time;
+        system.circle_action().at(angle).apply(&mut by_action, false);
+        system.leave(&mut by_action);
+        assert!(distance(&by_action, &by_limit) < 1e-14);
+    }
+}
+
+#[test]
+fn splittings_have_their_orders_for_the_papers_equations() {
+    // Against the vector field of the paper, with V: the splitting drops V.
+    for system in [
+        System::Oscillators(Oscillators { epsilon: 0.2 }),
+        System::ParticleField(particle(0.2, 2)),
+    ] {
+        let z = point(system.dof(), 7);
+        let time = 4.0;
+        let exact = Reference::calibrated(&system, &z, time)
+        .and_then(|reference| reference.flow_with_error(&system, &z, time))
+        .expect("converges");
+        assert!(exact.error < 1e-13, "{:e}", exact.error);
+        for scheme in Splitting::ALL {
+            // In ABA(8,6,4) and ABA(10,6,4) small steps show the ε³h⁴ term.
+            let steps: &[usize] = if scheme.order == 2 {
+                &[64, 96, 128, 192, 256]
+            } else if scheme.name == "Yoshida 4" {
+                &[32, 48, 64, 96, 128]
+            } else {
+                &[6, 9, 12, 18]
+            };
+            let (mut sizes, mut errors) = (Vec::new(), Vec::new());
+            for &count in steps {
+                let mut w = z.clone();
+                scheme.integrate(&system, &mut w, time, count);
+                sizes.push(time / count as f64);
+                errors.push(distance(&w, &exact.point));
+            }
+            assert!(errors[errors.len() - 1] > 1e-13, "{}: at the floor", scheme.name);
+            let slope = log_slope(&sizes, &errors);
+            let expected = scheme.order as f64;
+            if scheme.name.starts_with("ABA") {
+                assert!(slope > expected - 0.2, "{}: {slope}", scheme.name);
+            } else {
+                assert!((slope - expected).abs() < 0.1, "{}: {slope}", scheme.name);
+            }
+        }
+    }
+}
+
+/// ABA(8,6,4) errs by O(εh⁸ + ε²h⁶), ABA(10,6,4) by O(εh¹⁰ + ε²h⁶): for small ε
+/// the first term shows, for larger ε the second.
+#[test]
+fn generalised_orders_show_in_epsilon() {
+    let time = 6.0;
+    let points: Vec<f64> = (0..20).flat_map(|seed| point(2, seed)).collect();
+    for (epsilon, scheme, order, steps) in [
+        (1e-4, Splitting::ABA_864, 8.0, [16, 18, 20, 24]),
+        (1e-4, Splitting::ABA_1064, 10.0, [8, 9, 10, 12]),
+        (1e-2, Splitting::ABA_864, 6.0, [16, 20, 24, 32]),
+        (1e-2, Splitting::ABA_1064, 6.0, [20, 24, 28, 32]),
+    ] {
+        let system = Oscillators { epsilon };
+        let reference = Reference::calibrated(&system, &points, time).expect("converges");
+        let (mut sizes, mut errors) = (Vec::new(), Vec::new());
+        for count in steps {
+            let mut largest = 0.0_f64;
+            for z in points.chunks_exact(4) {
+                let mut exact = z.to_vec();
+                reference.flow(&system, &mut exact, time).expect("converges");
+                let mut w = z.to_vec();
+                scheme.integrate(&system, &mut w, time, count);
+                largest = largest.max(distance(&w, &exact));
+            }
+            sizes.push(time / count as f64);
+            errors.push(largest);
+        }
+        let slope = log_slope(&sizes, &errors);
+        assert!((slope - order).abs() < 1.2, "{} at ε = {epsilon}: {slope}", scheme.name);
+        assert!(errors[3] > 2e-14, "{}: at the floor", scheme.name);
+    }
+}
+
+#[test]
+fn errors_of_splittings_scale_with_epsilon() {
+    let z = [0.8, -0.5, 0.3, 0.9];
+    let epsilons = [1e-1, 1e-2, 1e-3];
+    let errors: Vec<f64> = epsilons
+        .iter()
+        .map(|&epsilon| {
+            let system = Oscillators { epsilon };
+            let mut w = z.to_vec();
+            Splitting::STRANG.integrate(&system, &mut w, 2.0, 20);
+            let exact = Reference::new(&system).flow_with_error(&system, &z, 2.0).expect("ok");
+            distance(&w, &exact.point)
+        })
+        .collect();
+    let slope = log_slope(&epsilons, &errors);
+    assert!((slope - 1.0).abs() < 0.1, "{slope}");
+}
+
+#[test]
+fn gauss_and_runge_kutta_have_their_orders() {
+    let system = System::ParticleField(particle(0.2, 2));
+    let z = point(3, 9);
+    let time = 2.0;
+    let exact = Reference::calibrated(&system, &z, time)
+        .and_then(|reference| reference.flow_with_error(&system, &z, time))
+        .expect("converges");
+    for (stages, steps) in
+        [(1, [80, 120, 160, 240]), (2, [40, 60, 80, 120]), (3, [30, 40, 50, 60]), (4, [20, 24, 28, 32])]
+    {
+        let method = GaussLegendre::new(stages);
+        let (mut sizes, mut errors) = (Vec::new(), Vec::new());
+        for count in steps {
+            let mut w = z.clone();
+            method.integrate(&system, &mut w, time, count).expect("converges");
+            sizes.push(time / f64::from(count as u32));
+            errors.push(distance(&w, &exact.point));
+        }
+        let slope = log_slope(&sizes, &errors);
+        let order = 2.0 * stages as f64;
+        assert!((slope - order).abs() < 0.35, "{stages} stages: {slope}");
+    }
+    let steps = [100, 150, 200, 300];
+    let errors: Vec<f64> = steps
+        .iter()
+        .map(|&count| {
+            let mut w = z.clone();
+            runge_kutta_4(&system, &mut w, time, count);
+            distance(&w, &exact.point)
+        })
+        .collect();
+    let sizes: Vec<f64> = steps.iter().map(|&n| time / n as f64).collect();
+    let slope = log_slope(&sizes, &errors);
+    assert!((slope - 4.0).abs() < 0.1, "RK4: {slope}");
+}
+
+#[test]
+fn gauss_nodes_and_weights_are_the_known_ones() {
+    let method = GaussLegendre::new(2);
+    let offset = 3.0_f64.sqrt() / 6.0;
+    assert!((method.nodes()[0] - (0.5 - offset)).abs() < 1e-16);
+    assert!((method.nodes()[1] - (0.5 + offset)).abs() < 2e-16);
+    assert_eq!(GaussLegendre::new(1).nodes(), &[0.5]);
+}
+
+#[test]
+fn the_reference_keeps_energy_and_estimates_its_error() {
+    for system in systems(0.01) {
+        let z = point(system.dof(), 11);
+        let result = Reference::calibrated(&system, &z, 5.0)
+            .and_then(|reference| reference.flow_with_error(&system, &z, 5.0))
+            .expect("converges");
+        assert!(result.error < 1e-13, "{:e}", result.error);
+        let change = (system.energy(&result.point) - system.energy(&z)).abs();
+        assert!(change < 1e-14 * (1.0 + system.energy(&z).abs()), "{change:e}");
+    }
+}
+
+#[test]
+fn the_reference_says_when_it_cannot() {
+    let system = Oscillators { epsilon: 0.01 };
+    let method = GaussLegendre::new(12);
+    // A step of 60 radians does not converge by fixed-point iteration.
+    assert!(method.integrate(&system, &mut [1.0, 0.0, 0.0, 0.0], 60.0, 1).is_err());
+    let mut bad = [f64::NAN, 0.0, 0.0, 0.0];
+    assert!(Reference::new(&system).flow(&system, &mut bad, 1.0).is_err());
+}
+
+#[test]
+fn split_flows_are_symplectic() {
+    for system in systems(0.3) {
+        let n = system.dof();
+        let z = point(n, 13);
+        let mut columns = Vec::new();
+        for direction in 0..2 * n {
+            let mut w: Vec<_> = z
+                .iter()
+                .enumerate()
+                .map(|(i, &v)| Dual::<f64, 1>::variable(v, if i == direction { 0 } else { 1 }))
+                .collect();
+            Splitting::ABA_864.integrate(&system, &mut w, 1.0, 2);
+            columns.push(w.iter().map(|v| v.eps[0]).collect::<Vec<_>>());
+        }
+        for j in 0..2 * n {
+            for k in 0..2 * n {
+                let form: f64 = (0..n)
+                    .map(|i| columns[j][i] * columns[k][n + i] - columns[j][n + i] * columns[k][i])
+                    .sum();
+                let omega = if k == j + n {
+                    1.0
+                } else if j == k + n {
+                    -1.0
+                } else {
+                    0.0
+                };
+                assert!((form - omega).abs() < 2e-14, "{form} for {omega}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_averaged_energy_is_the_average() {
+    // ⟨U⟩ over the fast phase by the trapezoidal rule, exact for smooth
+    // periodic integrands.
+    for (radius, q2) in [(1.5, 0.7), (0.4, -1.2), (2.0, 1.55)] {
+        let count = 200;
+        let mean = (0..count)
+            .map(|k| {
+                let phase = std::f64::consts::TAU * f64::from(k) / f64::from(count);
+                Oscillators::coupling(radius * phase.cos(), q2)
+            })
+            .sum::<f64>()
+            / f64::from(count);
+        let p2 = 0.3;
+        let expected = 0.5 * (q2 * q2 + p2 * p2) + mean;
+        let averaged = AveragedOscillator::new(radius).energy(&[q2, p2]);
+        assert!((averaged - expected).abs() < 2e-15, "{averaged} for {expected}");
+    }
+}
+
+#[test]
+fn the_slow_plane_follows_the_averaged_energy() {
+    let energies: Vec<f64> = [4e-3, 2e-3, 1e-3]
+        .iter()
+        .map(|&epsilon| {
+            let system = Oscillators { epsilon };
+            let reference = Reference::new(&system);
+            let averaged = AveragedOscillator::new(1.5);
+            let mut z = vec![1.5, 0.3, 0.0, 0.0];
+            let start = averaged.energy(&[z[1], z[3]]);
+            let mut largest = 0.0_f64;
+            for _ in 0..100 {
+                reference.flow(&system, &mut z, 0.01 / epsilon).expect("converges");
+                largest = largest.max((averaged.energy(&[z[1], z[3]]) - start).abs());
+            }
+            largest
+        })
+        .collect();
+    let slope = log_slope(&[4e-3, 2e-3, 1e-3], &energies);
+    assert!((slope - 1.0).abs() < 0.3, "{slope}, {energies:?}");
+}
+
+#[test]
+fn far_out_the_gaussian_profile_is_zero() {
+    let profile = FieldProfile::Gaussian { amplitude: 0.5, rate: 5.0 };
+    for x in [12.3, -40.0, 1e200, f64::INFINITY] {
+        assert_eq!(profile.value_and_slope::<f64>(x), (0.0, 0.0));
+    }
+    let (value, slope) = profile.value_and_slope::<f64>(0.3);
+    assert!((value - 0.5 * (-0.45_f64).exp()).abs() < 1e-16);
+    assert!((slope + 3.0 * value).abs() < 1e-15);
+}
