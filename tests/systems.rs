@@ -168,7 +168,7 @@ fn generalised_orders_show_in_epsilon() {
     let points: Vec<f64> = (0..20).flat_map(|seed| point(2, seed)).collect();
     for (epsilon, scheme, order, steps) in [
         (1e-4, Splitting::ABA_864, 8.0, [16, 18, 20, 24]),
-        (1e-5, Splitting::ABA_1064, 10.0, [8, 9, 10, 11]),
+        (1e-5, Splitting::ABA_1064, 10.0, [5, 6, 8, 10]),
         (1e-2, Splitting::ABA_864, 6.0, [16, 20, 24, 32]),
         (1e-2, Splitting::ABA_1064, 6.0, [20, 24, 28, 32]),
     ] {
@@ -188,7 +188,8 @@ fn generalised_orders_show_in_epsilon() {
             errors.push(largest);
         }
         let slope = log_slope(&sizes, &errors);
-        assert!((slope - order).abs() < 1.2, "{} at ε = {epsilon}: {slope}, {errors:?}", scheme.name);
+        // The order is reached from above.
+        assert!(slope > order - 0.7 && slope < order + 2.0, "{} at ε = {epsilon}: {slope}, {errors:?}", scheme.name);
         assert!(errors[3] > 2e-14, "{}: at the floor", scheme.name);
     }
 }

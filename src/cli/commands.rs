@@ -22,6 +22,7 @@ use gyroceptron::scene::{
     Folder, ModelSpec, NetworkSpec, Observer, Report, Scene, catalogue, default_scene, find, parse,
     run, stop_words,
 };
+use gyroceptron::scalar::max_or_nan;
 use gyroceptron::train::{Control, Stop, TrainingOptions, fit_rotation, train};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -110,7 +111,7 @@ fn run_summary(report: &Report, path: &Path) -> String {
         let worst = model
             .rollout
             .as_ref()
-            .map(|r| r.largest_errors.iter().copied().fold(0.0, f64::max));
+            .map(|r| r.largest_errors.iter().copied().fold(0.0, max_or_nan));
         [
             model.name.clone(),
             model.parameters.to_string(),

@@ -1,6 +1,7 @@
 //! Gauss–Legendre collocation: the reference flow, with an error estimate.
 
 use crate::error::Error;
+use crate::scalar::max_or_nan;
 use crate::system::Hamiltonian;
 
 /// The s-stage Gauss–Legendre Runge–Kutta method: symplectic, of order 2s.
@@ -143,9 +144,7 @@ impl GaussLegendre {
                 let mut change = 0.0_f64;
                 for (old, new) in slopes.iter().zip(&updated) {
                     let difference = (h * (new - old)).abs();
-                    if !(difference <= change) {
-                        change = difference;
-                    }
+                    change = max_or_nan(change, difference);
                 }
                 std::mem::swap(&mut slopes, &mut updated);
                 iteration += 1;
@@ -291,7 +290,7 @@ impl Reference {
         let steps = self.steps(time);
         self.method.integrate(system, &mut coarse, time, steps)?;
         self.method.integrate(system, &mut point, time, 2 * steps)?;
-        let error = coarse.iter().zip(&point).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let error = coarse.iter().zip(&point).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
         Ok(ReferenceValue { point, error })
     }
 }

@@ -3,7 +3,7 @@
 use super::{Conditioned, Walk};
 use crate::layer::CircleAction;
 use crate::network::Gyroceptron;
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, max_or_nan};
 use std::f64::consts::TAU;
 
 /// One of the axioms, with its angles in radians.
@@ -75,10 +75,8 @@ pub fn circle_axiom_ratio(action: &CircleAction, axiom: CircleAxiom, z: &[f64]) 
     for i in 0..2 * n {
         let weight = action.weights()[i % n];
         let bound = f64::unit_roundoff() * axiom.bound(weight) * radii[i % n];
-        let ratio = over((left[i] - right[i]).abs(), if weight == 0 { 0.0 } else { bound });
-        if !(ratio <= largest) {
-            largest = ratio;
-        }
+        let bound = if weight == 0 { 0.0 } else { bound };
+        largest = max_or_nan(largest, over((left[i] - right[i]).abs(), bound));
     }
     largest
 }
@@ -104,7 +102,7 @@ pub fn conjugated_axiom_ratio(
         for (square, own) in squares.iter_mut().zip(own) {
             *square += own * own;
         }
-        reach = sums.iter().fold(reach, |m, v| if *v > m || v.is_nan() { *v } else { m });
+        reach = sums.into_iter().fold(reach, max_or_nan);
         ends.push(walk.end().to_vec());
     }
     // |G|, the Jacobian of ψ where Φ leaves w = ψ⁻¹(z).
@@ -133,10 +131,7 @@ pub fn conjugated_axiom_ratio(
         }
         let bound = u * (squares[row].sqrt() + carried);
         let error = (ends[0][row] - ends[1][row]).abs();
-        let ratio = over(error, bound);
-        if !(ratio <= largest) {
-            largest = ratio;
-        }
+        largest = max_or_nan(largest, over(error, bound));
     }
     Conditioned::Ratio(largest)
 }

@@ -2,7 +2,7 @@
 
 use super::Walk;
 use crate::layer::{Elementary, Potential};
-use crate::scalar::{Dual, Scalar};
+use crate::scalar::{Dual, Scalar, max_or_nan};
 
 /// A ratio, or the word that no digit is left to test.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +27,7 @@ where
     let walk = Walk::new(steps, z);
     let (squares, sums) = walk.value_bounds();
     let size = z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    let reach = sums.iter().fold(0.0_f64, |m, v| if *v > m || v.is_nan() { *v } else { m });
+    let reach = sums.into_iter().fold(0.0, max_or_nan);
     // The plain evaluation, not the walk's: what a user calls.
     let mut point = z.to_vec();
     let mut scratch = vec![0.0; z.len()];
@@ -45,9 +45,7 @@ where
         let bound = u * square.hypot(*start);
         let error = (moved - start).abs();
         let ratio = if error == 0.0 { 0.0 } else { error / bound };
-        if !(ratio <= largest) {
-            largest = ratio;
-        }
+        largest = max_or_nan(largest, ratio);
     }
     Conditioned::Ratio(largest)
 }

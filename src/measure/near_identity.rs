@@ -1,6 +1,7 @@
 //! I₀ = Id, and how I_ε leaves it.
 
 use crate::phase::Map;
+use crate::scalar::max_or_nan;
 
 /// The number of components of z that the map changes, bit for bit.
 pub fn differing_components(map: &impl Map<f64>, z: &[f64]) -> usize {
@@ -29,10 +30,7 @@ fn largest_change(points: &[f64], dim: usize, f: impl Fn(&mut [f64])) -> f64 {
         let mut moved = point.to_vec();
         f(&mut moved);
         for (a, b) in moved.iter().zip(point) {
-            let change = (a - b).abs();
-            if !(change <= largest) {
-                largest = change;
-            }
+            largest = max_or_nan(largest, (a - b).abs());
         }
     }
     largest

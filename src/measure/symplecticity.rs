@@ -1,7 +1,7 @@
 //! JᵀΩJ = Ω, measured in units of its rounding bound.
 
 use super::Walk;
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, max_or_nan};
 
 /// R = JᵀΩJ − Ω, 2n × 2n row by row, for a Jacobian given row by row.
 pub fn symplecticity_defect(jacobian: &[f64], dof: usize) -> Vec<f64> {
@@ -68,14 +68,15 @@ pub fn symplecticity_ratio(walk: &Walk) -> f64 {
             // F counts every product of J with itself once.
             let forming = 0.5 * symmetric_product(end, end, j, k);
             let bound = (squares[j * dim + k] + forming * forming).sqrt();
-            let ratio = defect[j * dim + k].abs() / (f64::unit_roundoff() * bound);
-            if !(ratio <= largest) {
-                largest = ratio;
-            }
-            if largest.is_nan() {
-                return f64::NAN;
-            }
+            // Over an infinite bound every defect would be small.
+            let ratio = if bound.is_finite() {
+                defect[j * dim + k].abs() / (f64::unit_roundoff() * bound)
+            } else {
+                f64::NAN
+            };
+            largest = max_or_nan(largest, ratio);
         }
     }
-    if end.iter().all(|v| v.is_finite()) { largest } else { f64::NAN }
+    let finite = end.iter().chain(walk.end()).all(|v| v.is_finite());
+    if finite { largest } else { f64::NAN }
 }

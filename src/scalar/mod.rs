@@ -114,6 +114,13 @@ pub trait Over<P>: Scalar {
     }
 }
 
+/// The larger of two numbers, NaN if either is: `f64::max` would lose the NaN
+/// that a check has to fail on.
+#[inline(always)]
+pub fn max_or_nan(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b <= a { a } else { b }
+}
+
 /// Implements `Over<Self>`: a parameter is already a state number.
 macro_rules! over_itself {
     ([$($generics:tt)*] $number:ty) => {

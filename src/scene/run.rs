@@ -10,6 +10,7 @@ use crate::io::{
 };
 use crate::measure::certify;
 use crate::network::{Direction, Model, Rollout, Stream, map_points, rollout};
+use crate::scalar::max_or_nan;
 use crate::system::{AveragedOscillator, Hamiltonian, System};
 use crate::train::{Control, Progress, Stop, TrainingRecord, train};
 use rayon::prelude::*;
@@ -441,7 +442,7 @@ fn reference_rollout(
             values.extend_from_slice(&states[t]);
         }
     }
-    let error = each.iter().map(|(_, e)| *e).fold(0.0, f64::max);
+    let error = each.iter().map(|(_, e)| *e).fold(0.0, max_or_nan);
     Ok((Trajectories { values, dim, count: each.len() }, error))
 }
 
@@ -468,10 +469,7 @@ fn drift(values: impl Iterator<Item = f64> + Clone) -> Adiabatic {
     let initial = values.clone().next().unwrap_or(f64::NAN);
     let mut drift = 0.0;
     for value in values {
-        let change = (value - initial).abs();
-        if !(change <= drift) {
-            drift = change;
-        }
+        drift = max_or_nan(drift, (value - initial).abs());
     }
     Adiabatic { initial, drift }
 }
@@ -490,9 +488,7 @@ fn compare(
             let mut largest = 0.0;
             for t in 0..=last {
                 let error = distance(own.state(t, m), reference.state(t, m));
-                if !(error <= largest) {
-                    largest = error;
-                }
+                largest = max_or_nan(largest, error);
             }
             largest
         })

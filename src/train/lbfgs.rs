@@ -11,6 +11,7 @@ use super::{Loss, Objective};
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::network::{Composition, Model};
+use crate::scalar::max_or_nan;
 use basin::solver::lbfgs::Unbounded;
 use basin::{
     CostFunction, ExactCheckpoint, Executor, FirstOrderState, Gradient, Lbfgs, MoreThuente, State,
@@ -343,7 +344,7 @@ impl<'a> Segment<'a> {
             return None;
         }
         let largest =
-            gradient.iter().zip(&self.scale).map(|(g, d)| (g / d).abs()).fold(0.0, f64::max);
+            gradient.iter().zip(&self.scale).map(|(g, d)| (g / d).abs()).fold(0.0, max_or_nan);
         Some((loss, largest / self.factor))
     }
 
@@ -457,7 +458,7 @@ pub fn train(
                 iteration: 0,
                 evaluations: 1,
                 loss,
-                gradient: gradient.iter().fold(0.0, |m, g| m.max(g.abs())),
+                gradient: gradient.iter().map(|g| g.abs()).fold(0.0, max_or_nan),
                 validation: held_out.as_ref().map(|o| o.value(model.composition())),
             };
             Checkpoint::start(run, parameters, record)
