@@ -1,4 +1,79 @@
-//! Symplectic gyroceptrons.
+//! Symplectic gyroceptrons: neural networks that are symplectic, invertible and
+//! nearly periodic, and own an adiabatic invariant, whatever their weights.
+//!
+//! A symplectic gyroceptron is the map
+//!
+//! P_ε = I_ε ∘ ψ ∘ Φ_θ ∘ ψ⁻¹
+//!
+//! with a circle action Φ_θ, a symplectic network ψ and a symplectic network
+//! I_ε that is the identity at ε = 0. This crate evaluates, inverts,
+//! differentiates, trains, certifies and rolls out such maps.
+//!
+//! # Example
+//!
+//! Train a small surrogate of the coupled oscillators' flow and look at what it
+//! is, whatever the training made of it:
+//!
+//! ```
+//! use gyroceptron::flow::{Pairs, Window, sample};
+//! use gyroceptron::layer::CircleAction;
+//! use gyroceptron::measure::{CertificateOptions, certify};
+//! use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Stream};
+//! use gyroceptron::phase::Map;
+//! use gyroceptron::system::Oscillators;
+//! use gyroceptron::train::{Control, TrainingOptions, train};
+//!
+//! # fn main() -> Result<(), gyroceptron::Error> {
+//! let system = Oscillators { epsilon: 0.01 };
+//! let window = Window { low: vec![-1.6; 4], high: vec![1.6; 4], samples: 200 };
+//! let points = sample(&[window], 2, &mut Stream::new(1, "points"))?;
+//! let (pairs, _) = Pairs::of_flow(&system, points, 0.5)?;
+//!
+//! let shape = GyroceptronShape {
+//!     circle_action: CircleAction::new([1, 0]),
+//!     psi: vec![4; 2],
+//!     near_identity: vec![4; 2],
+//! };
+//! let model = Architecture::Gyroceptron { shape, epsilon: 0.01 }
+//!     .initialise(InitialWeights::Normal { scale: 0.15 }, 0.5, 1)?;
+//! let options = TrainingOptions { iterations: 50, ..Default::default() };
+//! let trained = train(&model, &pairs, None, &options, None, &mut |_| Ok(Control::Continue))?;
+//!
+//! let mut z = [1.5, 0.3, 0.0, 0.0]; // q₁, q₂, p₁, p₂
+//! trained.model.forward(&mut z);
+//! trained.model.inverse(&mut z);
+//! assert!((z[0] - 1.5).abs() < 1e-14);
+//! let options = CertificateOptions { samples: 20, ..Default::default() };
+//! assert!(certify(&trained.model, options).holds());
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Where things are
+//!
+//! In reading order; arrows between modules point upwards in this list only.
+//!
+//! - [`scalar`]: the numbers that maps are written over.
+//! - [`phase`]: points, their order in arrays, the sign of Ω, and
+//!   [`Map`](phase::Map).
+//! - [`layer`]: shears, potentials, Hénon layers, circle actions.
+//! - [`network`]: HénonNets and gyroceptrons over one flat parameter vector.
+//! - [`system`]: the Hamiltonian systems.
+//! - [`flow`]: their flows, and data sets of flow maps.
+//! - [`train`]: loss, L-BFGS, checkpoints.
+//! - [`measure`]: from a map and points to numbers; the structure certificate.
+//! - `io` (feature `files`): models, data sets, weights of others.
+//! - `scene` (feature `scenes`): declared experiments and their reports.
+//!
+//! # Pitfalls
+//!
+//! - Points are `[q₁, …, qₙ, p₁, …, pₙ]`, not (q₁, p₁, q₂, p₂, …).
+//! - I_{−ε} is not I_ε⁻¹: it undoes it to first order only. The inverse is
+//!   [`Map::inverse`](phase::Map::inverse).
+//! - θ and I_ε are not identifiable together from data at one ε: training may
+//!   move part of the rotation into I_ε. Start θ at ω₀t.
+//! - Near a resonance, θ close to 2πp/q with small q, there is no adiabatic
+//!   invariant to speak of.
 #![warn(missing_docs)]
 
 pub mod error;

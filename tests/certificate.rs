@@ -2,9 +2,8 @@
 
 use gyroceptron::layer::{CircleAction, Elementary, KickForm, Potential, TanhPotential};
 use gyroceptron::measure::{
-    Certificate, CertificateOptions, CircleAxiom, Conditioned, Verdict, Walk, certify,
-    certify_all, circle_axiom_ratio, inversion_ratio, jacobian, symplecticity_defect,
-    symplecticity_ratio,
+    Certificate, CertificateOptions, CircleAxiom, Conditioned, Verdict, Walk, certify, certify_all,
+    circle_axiom_ratio, inversion_ratio, jacobian, symplecticity_defect, symplecticity_ratio,
 };
 use gyroceptron::network::{
     Architecture, Gyroceptron, GyroceptronShape, HenonShape, InitialWeights, Model, Stream,
@@ -54,11 +53,9 @@ fn random_networks_hold_with_headroom() {
 
 #[test]
 fn henon_nets_have_a_certificate_too() {
-    let architecture =
-        Architecture::HenonNet { shape: HenonShape::uniform(2, 6, 5), epsilon: 1.0 };
-    let model = architecture
-        .initialise(InitialWeights::Normal { scale: 0.4 }, 0.0, 1)
-        .expect("valid");
+    let architecture = Architecture::HenonNet { shape: HenonShape::uniform(2, 6, 5), epsilon: 1.0 };
+    let model =
+        architecture.initialise(InitialWeights::Normal { scale: 0.4 }, 0.0, 1).expect("valid");
     let certificate = certify(&model, small(2));
     assert!(certificate.holds());
     assert_eq!(certificate.rows.len(), 3);
@@ -76,8 +73,7 @@ fn the_certificate_is_the_same_bits_again() {
 /// rounded, and the test of symplecticity cannot fail.
 #[test]
 fn a_check_that_cannot_fail_says_so() {
-    let architecture =
-        Architecture::HenonNet { shape: HenonShape::uniform(2, 2, 3), epsilon: 1.0 };
+    let architecture = Architecture::HenonNet { shape: HenonShape::uniform(2, 2, 3), epsilon: 1.0 };
     let count = architecture.parameter_count();
     let model = Model::new(architecture, vec![0.0; count]).expect("finite");
     let certificate = certify(&model, small(0));
@@ -100,9 +96,8 @@ fn a_check_that_cannot_fail_says_so() {
 fn where_no_digit_is_left_the_certificate_says_so() {
     let architecture =
         Architecture::HenonNet { shape: HenonShape::uniform(2, 24, 8), epsilon: 1.0 };
-    let model = architecture
-        .initialise(InitialWeights::Normal { scale: 1.5 }, 0.0, 1)
-        .expect("valid");
+    let model =
+        architecture.initialise(InitialWeights::Normal { scale: 1.5 }, 0.0, 1).expect("valid");
     let certificate = certify(&model, small(0));
     let inversion = row(&certificate, "P⁻¹∘P");
     assert!(inversion.ill_conditioned > 0, "{inversion:?}");
@@ -110,8 +105,7 @@ fn where_no_digit_is_left_the_certificate_says_so() {
 
 #[test]
 fn numbers_out_of_range_violate() {
-    let architecture =
-        Architecture::HenonNet { shape: HenonShape::uniform(2, 2, 2), epsilon: 1.0 };
+    let architecture = Architecture::HenonNet { shape: HenonShape::uniform(2, 2, 2), epsilon: 1.0 };
     let parameters = [[0.1; 6].as_slice(), &[1e307; 2], &[0.0; 2]].concat().repeat(2);
     let model = Model::new(architecture, parameters).expect("finite");
     let certificate = certify(&model, small(0));
@@ -237,8 +231,7 @@ fn owned(steps: &Steps<'_>) -> Steps<'static> {
                 let parameters: Vec<f64> =
                     [potential.w_in, potential.b_in, potential.w_out].concat();
                 let parameters: &'static [f64] = parameters.leak();
-                let shift: Option<&'static [f64]> =
-                    kick.shift.map(|eta| &*eta.to_vec().leak());
+                let shift: Option<&'static [f64]> = kick.shift.map(|eta| &*eta.to_vec().leak());
                 Elementary::Kick(gyroceptron::layer::Kick {
                     potential: Faulty::new(2, 5, parameters, potential.fault),
                     scale: kick.scale,
@@ -254,9 +247,7 @@ fn owned(steps: &Steps<'_>) -> Steps<'static> {
 
 fn weights(seed: u64) -> Vec<f64> {
     let mut stream = Stream::new(seed, "weights");
-    (0..4)
-        .flat_map(|_| InitialWeights::Normal { scale: 0.6 }.layer(2, 5, &mut stream))
-        .collect()
+    (0..4).flat_map(|_| InitialWeights::Normal { scale: 0.6 }.layer(2, 5, &mut stream)).collect()
 }
 
 fn points() -> Vec<Vec<f64>> {
@@ -345,7 +336,8 @@ fn symplecticity_rejects_a_rotation_that_is_none() {
     // A shear with another coefficient is still symplectic; scaling a plane is
     // not, and no kick or shear can do it: the matrix form is measured.
     let (s, c) = libm::sincos(0.7);
-    let single = [f64::from(c as f32), f64::from(s as f32), -f64::from(s as f32), f64::from(c as f32)];
+    let single =
+        [f64::from(c as f32), f64::from(s as f32), -f64::from(s as f32), f64::from(c as f32)];
     let defect = symplecticity_defect(&single, 1);
     assert!(defect[1].abs() > 10.0 * f64::unit_roundoff() * 2.0, "{defect:?}");
     let wrong_sign = [c, s, s, c];
@@ -411,9 +403,8 @@ fn the_adiabatic_invariant_is_kept_to_order_epsilon_where_it_exists() {
         epsilon,
     };
     let drift = |epsilon: f64| {
-        let model = architecture(epsilon)
-            .initialise(InitialWeights::Glorot, golden, 1)
-            .expect("valid");
+        let model =
+            architecture(epsilon).initialise(InitialWeights::Glorot, golden, 1).expect("valid");
         let network: &Gyroceptron<f64> = model.gyroceptron().expect("a gyroceptron");
         let mut z = vec![0.6, 0.2];
         let start = network.adiabatic_invariant(&z)[0];

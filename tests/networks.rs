@@ -282,8 +282,7 @@ fn the_generator_of_the_near_identity_network_is_the_known_one() {
             - potential(shift(x));
     }
     // X_G = Ω∇G.
-    let expected =
-        [generator.eps[2], generator.eps[3], -generator.eps[0], -generator.eps[1]];
+    let expected = [generator.eps[2], generator.eps[3], -generator.eps[0], -generator.eps[1]];
     for i in 0..4 {
         assert_eq!(moved[i].re, z[i]);
         assert!((moved[i].eps[0] - expected[i]).abs() < 1e-14, "component {i}");
@@ -293,10 +292,8 @@ fn the_generator_of_the_near_identity_network_is_the_known_one() {
 
 #[test]
 fn initial_weights_depend_on_the_seed_alone() {
-    let architecture = Architecture::Gyroceptron {
-        shape: shape(&[1, 0], vec![4; 2], vec![3; 2]),
-        epsilon: 0.01,
-    };
+    let architecture =
+        Architecture::Gyroceptron { shape: shape(&[1, 0], vec![4; 2], vec![3; 2]), epsilon: 0.01 };
     for weights in [InitialWeights::Glorot, InitialWeights::Normal { scale: 0.15 }] {
         let draw = |seed| {
             let model = architecture.initialise(weights, 0.05, seed).expect("valid");

@@ -170,11 +170,8 @@ fn the_tracked_bound_holds_against_multiprecision() {
         let mut exact = BigFloat::from_f64(0.0, BITS);
         for &(a, b) in &terms {
             tracked = tracked + Tracked::exact(a) * Tracked::exact(b);
-            let product = BigFloat::from_f64(a, BITS).mul(
-                &BigFloat::from_f64(b, BITS),
-                BITS,
-                TO_NEAREST,
-            );
+            let product =
+                BigFloat::from_f64(a, BITS).mul(&BigFloat::from_f64(b, BITS), BITS, TO_NEAREST);
             exact = exact.add(&product, BITS, TO_NEAREST);
         }
         let difference = BigFloat::from_f64(tracked.value, BITS).sub(&exact, BITS, TO_NEAREST);

@@ -122,15 +122,14 @@ fn the_limit_is_the_circle_action() {
 #[test]
 fn splittings_have_their_orders_for_the_papers_equations() {
     // Against the vector field of the paper, with V: the splitting drops V.
-    for system in [
-        System::Oscillators(Oscillators { epsilon: 0.2 }),
-        System::ParticleField(particle(0.2, 2)),
-    ] {
+    for system in
+        [System::Oscillators(Oscillators { epsilon: 0.2 }), System::ParticleField(particle(0.2, 2))]
+    {
         let z = point(system.dof(), 7);
         let time = 4.0;
         let exact = Reference::calibrated(&system, &z, time)
-        .and_then(|reference| reference.flow_with_error(&system, &z, time))
-        .expect("converges");
+            .and_then(|reference| reference.flow_with_error(&system, &z, time))
+            .expect("converges");
         assert!(exact.error < 1e-13, "{:e}", exact.error);
         for scheme in Splitting::ALL {
             // In ABA(8,6,4) and ABA(10,6,4) small steps show the ε³h⁴ term.
@@ -189,7 +188,11 @@ fn generalised_orders_show_in_epsilon() {
         }
         let slope = log_slope(&sizes, &errors);
         // The order is reached from above.
-        assert!(slope > order - 0.7 && slope < order + 2.0, "{} at ε = {epsilon}: {slope}, {errors:?}", scheme.name);
+        assert!(
+            slope > order - 0.7 && slope < order + 2.0,
+            "{} at ε = {epsilon}: {slope}, {errors:?}",
+            scheme.name
+        );
         assert!(errors[3] > 2e-14, "{}: at the floor", scheme.name);
     }
 }
@@ -220,9 +223,12 @@ fn gauss_and_runge_kutta_have_their_orders() {
     let exact = Reference::calibrated(&system, &z, time)
         .and_then(|reference| reference.flow_with_error(&system, &z, time))
         .expect("converges");
-    for (stages, steps) in
-        [(1, [80, 120, 160, 240]), (2, [40, 60, 80, 120]), (3, [30, 40, 50, 60]), (4, [20, 24, 28, 32])]
-    {
+    for (stages, steps) in [
+        (1, [80, 120, 160, 240]),
+        (2, [40, 60, 80, 120]),
+        (3, [30, 40, 50, 60]),
+        (4, [20, 24, 28, 32]),
+    ] {
         let method = GaussLegendre::new(stages);
         let (mut sizes, mut errors) = (Vec::new(), Vec::new());
         for count in steps {

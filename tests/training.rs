@@ -136,7 +136,10 @@ fn training_lowers_the_held_out_error_and_keeps_the_best() {
     for pair in outcome.history.windows(2) {
         assert!(pair[1].loss < pair[0].loss);
         assert!(pair[1].evaluations > pair[0].evaluations);
-        assert_eq!(pair[1].validation.is_some(), pair[1].iteration % 7 == 0 || pair[1].iteration == 60);
+        assert_eq!(
+            pair[1].validation.is_some(),
+            pair[1].iteration % 7 == 0 || pair[1].iteration == 60
+        );
     }
     let objective = Objective::new(&Loss::MeanSquaredError, &held_out).expect("valid");
     assert_eq!(objective.value(outcome.model.composition()), best);
@@ -169,12 +172,11 @@ fn scaled_variables_get_further_than_plain_ones() {
 fn with_checkpoints(iterations: u64) -> (Outcome, Vec<Checkpoint>) {
     let (pairs, held_out) = (pairs(300, 0.5, 5), pairs(100, 0.5, 6));
     let mut kept = Vec::new();
-    let outcome =
-        train(&model(3), &pairs, Some(&held_out), &options(iterations), None, &mut |p| {
-            kept.extend(p.checkpoint.cloned());
-            Ok(Control::Continue)
-        })
-        .expect("runs");
+    let outcome = train(&model(3), &pairs, Some(&held_out), &options(iterations), None, &mut |p| {
+        kept.extend(p.checkpoint.cloned());
+        Ok(Control::Continue)
+    })
+    .expect("runs");
     (outcome, kept)
 }
 
@@ -210,30 +212,19 @@ fn an_interrupted_run_leaves_a_checkpoint_to_resume_from() {
     let (whole, _) = with_checkpoints(52);
     for stop_at in [1, 20, 23, 25] {
         let mut last = None;
-        let outcome =
-            train(&model(3), &pairs, Some(&held_out), &options(52), None, &mut |p| {
-                if let Some(checkpoint) = p.checkpoint {
-                    last = Some(checkpoint.clone());
-                }
-                Ok(if p.record.iteration == stop_at {
-                    Control::Interrupt
-                } else {
-                    Control::Continue
-                })
-            })
-            .expect("stops");
+        let outcome = train(&model(3), &pairs, Some(&held_out), &options(52), None, &mut |p| {
+            if let Some(checkpoint) = p.checkpoint {
+                last = Some(checkpoint.clone());
+            }
+            Ok(if p.record.iteration == stop_at { Control::Interrupt } else { Control::Continue })
+        })
+        .expect("stops");
         assert_eq!(outcome.stop, Stop::Interrupted);
         let checkpoint = last.expect("a checkpoint");
         assert_eq!(checkpoint.last().iteration, stop_at);
-        let resumed = train(
-            &model(3),
-            &pairs,
-            Some(&held_out),
-            &options(52),
-            Some(checkpoint),
-            &mut quiet,
-        )
-        .expect("resumes");
+        let resumed =
+            train(&model(3), &pairs, Some(&held_out), &options(52), Some(checkpoint), &mut quiet)
+                .expect("resumes");
         assert_eq!(bits(&resumed.model), bits(&whole.model), "stopped at {stop_at}");
     }
 }
@@ -317,11 +308,9 @@ fn a_perfect_start_stalls_at_once() {
 
 #[test]
 fn henon_nets_train_too() {
-    let architecture =
-        Architecture::HenonNet { shape: HenonShape::uniform(2, 4, 4), epsilon: 1.0 };
-    let model = architecture
-        .initialise(InitialWeights::Normal { scale: 0.2 }, 0.0, 1)
-        .expect("valid");
+    let architecture = Architecture::HenonNet { shape: HenonShape::uniform(2, 4, 4), epsilon: 1.0 };
+    let model =
+        architecture.initialise(InitialWeights::Normal { scale: 0.2 }, 0.0, 1).expect("valid");
     let pairs = pairs(300, 0.5, 5);
     let outcome = train(&model, &pairs, None, &options(100), None, &mut quiet).expect("runs");
     assert!(outcome.best.loss < 0.02 * outcome.history[0].loss);
@@ -356,8 +345,7 @@ fn bad_options_and_shapes_are_refused() {
 
 #[test]
 fn a_diverging_start_is_an_error() {
-    let architecture =
-        Architecture::HenonNet { shape: HenonShape::uniform(2, 1, 2), epsilon: 1.0 };
+    let architecture = Architecture::HenonNet { shape: HenonShape::uniform(2, 1, 2), epsilon: 1.0 };
     // [W (2 × 2), b, w, η]: increments whose squares overflow.
     let parameters = [[0.1; 6].as_slice(), &[1e300; 2], &[0.0; 2]].concat();
     let model = Model::new(architecture, parameters).expect("finite");

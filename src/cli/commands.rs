@@ -18,11 +18,11 @@ use gyroceptron::measure::{CertificateOptions, certify, certify_all};
 use gyroceptron::network::{
     Architecture, GyroceptronShape, InitialWeights, Model, Rollout, Stream, rollout,
 };
+use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{
     Folder, ModelSpec, NetworkSpec, Observer, Report, Scene, catalogue, default_scene, find, parse,
     run, stop_words,
 };
-use gyroceptron::scalar::max_or_nan;
 use gyroceptron::train::{Control, Stop, TrainingOptions, fit_rotation, train};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -103,15 +103,17 @@ fn run_summary(report: &Report, path: &Path) -> String {
     let mut text = String::new();
     for model in &report.models {
         if let Some(own) = &model.certificate {
-            text.push_str(&format!("structure certificate of {}\n{}", model.name, certificate(own)));
+            text.push_str(&format!(
+                "structure certificate of {}\n{}",
+                model.name,
+                certificate(own)
+            ));
         }
     }
     let number = |v: Option<f64>| v.map_or("–".to_owned(), |v| format!("{v:.3e}"));
     let rows = report.models.iter().map(|model| {
-        let worst = model
-            .rollout
-            .as_ref()
-            .map(|r| r.largest_errors.iter().copied().fold(0.0, max_or_nan));
+        let worst =
+            model.rollout.as_ref().map(|r| r.largest_errors.iter().copied().fold(0.0, max_or_nan));
         [
             model.name.clone(),
             model.parameters.to_string(),
@@ -302,10 +304,7 @@ fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let mut progress = Progress::new();
     let file = read_pairs(&arguments.data)?;
     if file.single_precision {
-        progress.note(&format!(
-            "{}: float32 numbers, taken as they are",
-            arguments.data.display()
-        ));
+        progress.note(&format!("{}: float32 numbers, taken as they are", arguments.data.display()));
     }
     if file.pairs.dof() != action.dof() {
         return Err(Error::invalid(
@@ -320,9 +319,8 @@ fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     }
     let digest = file.pairs.digest();
     let theta = arguments.theta.unwrap_or_else(|| fit_rotation(&file.pairs, &action));
-    let (pairs, held_out) = file
-        .pairs
-        .split(arguments.validation, &mut Stream::new(arguments.seed, "data/held-out"));
+    let (pairs, held_out) =
+        file.pairs.split(arguments.validation, &mut Stream::new(arguments.seed, "data/held-out"));
     let model = architecture.initialise(recipe.weights, theta, arguments.seed)?;
     let resume = if arguments.resume { Some(load_checkpoint(&checkpoint_file)?) } else { None };
     progress.note(&format!(

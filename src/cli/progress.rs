@@ -50,8 +50,7 @@ impl Progress {
 
     pub fn iteration(&mut self, model: &str, record: TrainingRecord, iterations: u64) {
         self.validation = record.validation.or(self.validation);
-        let held_out =
-            self.validation.map(|v| format!(", held out {v:.2e}")).unwrap_or_default();
+        let held_out = self.validation.map(|v| format!(", held out {v:.2e}")).unwrap_or_default();
         let state = format!("loss {:.2e}{held_out}", record.loss);
         if self.terminal {
             let bar = self.bar.get_or_insert_with(|| {

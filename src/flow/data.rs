@@ -71,12 +71,7 @@ impl Pairs {
     /// # Errors
     /// When the lengths differ, are zero or are no multiple of 2n, or a number
     /// is not finite.
-    pub fn new(
-        place: &str,
-        dof: usize,
-        input: Vec<f64>,
-        output: Vec<f64>,
-    ) -> Result<Self, Error> {
+    pub fn new(place: &str, dof: usize, input: Vec<f64>, output: Vec<f64>) -> Result<Self, Error> {
         let dim = 2 * dof;
         for (name, array) in [("input", &input), ("output", &output)] {
             let place = format!("{place}: {name}");
@@ -97,11 +92,7 @@ impl Pairs {
             ));
         }
         if input.is_empty() {
-            return Err(Error::content(
-                format!("{place}: input"),
-                "at least one row",
-                "zero rows",
-            ));
+            return Err(Error::content(format!("{place}: input"), "at least one row", "zero rows"));
         }
         Ok(Self { dof, input, output })
     }
@@ -119,9 +110,7 @@ impl Pairs {
         let dim = 2 * system.dof();
         let reference = Reference::calibrated(system, &points, time)?;
         let mut output = points.clone();
-        output
-            .par_chunks_mut(dim)
-            .try_for_each(|point| reference.flow(system, point, time))?;
+        output.par_chunks_mut(dim).try_for_each(|point| reference.flow(system, point, time))?;
         let stride = (points.len() / dim).div_ceil(256).max(1);
         let mut error = 0.0_f64;
         for point in points.chunks_exact(dim).step_by(stride) {

@@ -21,8 +21,7 @@ fn legendre(stages: usize, x: f64) -> (f64, f64) {
     let (mut previous, mut current) = (1.0, x);
     for k in 2..=stages {
         let k = k as f64;
-        (previous, current) =
-            (current, ((2.0 * k - 1.0) * x * current - (k - 1.0) * previous) / k);
+        (previous, current) = (current, ((2.0 * k - 1.0) * x * current - (k - 1.0) * previous) / k);
     }
     let slope = stages as f64 * (x * current - previous) / (x * x - 1.0);
     (current, slope)
@@ -54,8 +53,7 @@ impl GaussLegendre {
         let mut x = vec![0.0; s];
         let mut weights = vec![0.0; s];
         for i in 0..s {
-            let mut root =
-                -libm::cos(std::f64::consts::PI * (i as f64 + 0.75) / (s as f64 + 0.5));
+            let mut root = -libm::cos(std::f64::consts::PI * (i as f64 + 0.75) / (s as f64 + 0.5));
             if s == 1 {
                 root = 0.0;
             }
@@ -203,13 +201,9 @@ impl Reference {
     /// The reference for `system`: 12 stages, one step for each radian of its
     /// fastest mode.
     pub fn new(system: &impl Hamiltonian) -> Self {
-        let fastest = system
-            .circle_action()
-            .weights()
-            .iter()
-            .map(|w| f64::from(w.abs()))
-            .fold(1.0, f64::max)
-            * system.limiting_frequency();
+        let fastest =
+            system.circle_action().weights().iter().map(|w| f64::from(w.abs())).fold(1.0, f64::max)
+                * system.limiting_frequency();
         Self { method: GaussLegendre::new(12), steps_per_time: fastest }
     }
 
@@ -219,11 +213,7 @@ impl Reference {
     ///
     /// # Errors
     /// When the flow leaves the finite numbers.
-    pub fn calibrated(
-        system: &impl Hamiltonian,
-        points: &[f64],
-        time: f64,
-    ) -> Result<Self, Error> {
+    pub fn calibrated(system: &impl Hamiltonian, points: &[f64], time: f64) -> Result<Self, Error> {
         const HALVINGS: usize = 8;
         let dim = 2 * system.dof();
         let stride = (points.len() / dim).div_ceil(64).max(1);

@@ -5,6 +5,7 @@ mod gauss;
 mod runge_kutta;
 mod splitting;
 
+#[cfg(feature = "files")]
 pub(crate) use data::check_finite;
 pub use data::{Pairs, Window, sample};
 pub use gauss::{GaussLegendre, Reference, ReferenceValue};

@@ -21,8 +21,7 @@ pub struct Splitting {
 
 impl Splitting {
     /// Strang's splitting, order 2.
-    pub const STRANG: Self =
-        Self { name: "Strang", order: 2, stages: 1, a: &[0.5], b: &[1.0] };
+    pub const STRANG: Self = Self { name: "Strang", order: 2, stages: 1, a: &[0.5], b: &[1.0] };
 
     /// Yoshida's triple jump of Strang's splitting, order 4.
     ///

@@ -100,19 +100,13 @@ impl Archive {
 }
 
 /// Writes named arrays as an `.npz` archive.
-pub(super) fn write_archive(
-    path: &Path,
-    arrays: &[(&str, &[u64], &[f64])],
-) -> Result<(), Error> {
+pub(super) fn write_archive(path: &Path, arrays: &[(&str, &[u64], &[f64])]) -> Result<(), Error> {
     write_atomically(path, |out| {
         let mut buffer = Cursor::new(Vec::new());
         let mut archive = npyz::npz::NpzWriter::new(&mut buffer);
         for (name, shape, values) in arrays {
-            let mut writer = archive
-                .array(name, Default::default())?
-                .default_dtype()
-                .shape(shape)
-                .begin_nd()?;
+            let mut writer =
+                archive.array(name, Default::default())?.default_dtype().shape(shape).begin_nd()?;
             writer.extend(values.iter().copied())?;
             writer.finish()?;
         }

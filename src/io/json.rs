@@ -88,8 +88,7 @@ fn read_document<T: DeserializeOwned>(
     if version > supported {
         return Err(Error::NewerFormat { path: path.to_owned(), found: version, supported });
     }
-    serde_json::from_value(value)
-        .map_err(|reason| Error::content(place, &expected, reason))
+    serde_json::from_value(value).map_err(|reason| Error::content(place, &expected, reason))
 }
 
 /// Writes a model file. Numbers are the shortest decimals that read back as

@@ -8,9 +8,7 @@ mod json;
 mod weights;
 
 pub use arrays::{PairsFile, read_pairs, read_points, write_pairs, write_points};
-pub use json::{
-    Provenance, StoredModel, load_checkpoint, load_model, save_checkpoint, save_model,
-};
+pub use json::{Provenance, StoredModel, load_checkpoint, load_model, save_checkpoint, save_model};
 pub use weights::{Tensor, export_weights, import_weights, read_tensors};
 
 use crate::error::Error;

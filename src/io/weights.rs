@@ -50,18 +50,10 @@ fn from_safetensors(place: &str, bytes: &[u8]) -> Result<BTreeMap<String, Tensor
     for (name, view) in file.tensors() {
         let data = view.data();
         let values = match view.dtype() {
-            Dtype::F64 => data
-                .as_chunks::<8>()
-                .0
-                .iter()
-                .map(|b| f64::from_le_bytes(*b))
-                .collect(),
-            Dtype::F32 => data
-                .as_chunks::<4>()
-                .0
-                .iter()
-                .map(|b| f64::from(f32::from_le_bytes(*b)))
-                .collect(),
+            Dtype::F64 => data.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect(),
+            Dtype::F32 => {
+                data.as_chunks::<4>().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect()
+            }
             other => {
                 return Err(Error::content(
                     format!("{place}: {name}"),
@@ -155,8 +147,7 @@ pub fn import_weights(
             None => tensor.values.len() == 1,
         };
         if !fits {
-            let expected =
-                shape.map_or("one element".into(), |[r, c]| format!("shape [{r}, {c}]"));
+            let expected = shape.map_or("one element".into(), |[r, c]| format!("shape [{r}, {c}]"));
             return Err(Error::content(&place, expected, format!("shape {:?}", tensor.shape)));
         }
         crate::flow::check_finite(&place, &tensor.values, tensor.values.len().max(1))?;

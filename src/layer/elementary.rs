@@ -52,8 +52,7 @@ impl<'a, P: Scalar, V> Elementary<'a, P, V> {
                 shear(Half::Momentum, -plane.s),
                 shear(Half::Position, plane.t),
             ];
-            let turns =
-                Self::QuarterTurns { dof, plane: plane.plane, count: plane.quarter_turns };
+            let turns = Self::QuarterTurns { dof, plane: plane.plane, count: plane.quarter_turns };
             own.insert(if plane.quarter_turns == 3 { 3 } else { 0 }, turns);
             if inverse {
                 own.reverse();

@@ -125,11 +125,8 @@ impl<P: Scalar, V> Kick<'_, P, V> {
         let (potential_bar, eta_bar) = parameters_bar.split_at_mut(parameters_bar.len() - n);
         self.potential.pullback(argument, tape, u, y_bar, potential_bar);
         for i in 0..n {
-            source_bar[i] = if self.reflect {
-                source_bar[i] - y_bar[i]
-            } else {
-                source_bar[i] + y_bar[i]
-            };
+            source_bar[i] =
+                if self.reflect { source_bar[i] - y_bar[i] } else { source_bar[i] + y_bar[i] };
             if self.shift.is_some() {
                 eta_bar[i] = eta_bar[i] - y_bar[i];
             }

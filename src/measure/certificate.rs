@@ -328,10 +328,9 @@ impl Samples {
             .iter()
             .map(|&e| near_identity_undoing(&at(e), &at(-e), &self.points))
             .collect();
-        for (values, order, equation) in [
-            (first, 1.0, "|I_ε − Id| = O(ε)"),
-            (second, 2.0, "|I₋ε∘I_ε − Id| = O(ε²)"),
-        ] {
+        for (values, order, equation) in
+            [(first, 1.0, "|I_ε − Id| = O(ε)"), (second, 2.0, "|I₋ε∘I_ε − Id| = O(ε²)")]
+        {
             let slope = log_slope(&epsilons, &values);
             let shortfall = if slope >= order { 0.0 } else { order - slope };
             // A network that does not respond to ε has no slope.
@@ -351,7 +350,9 @@ impl Samples {
         let axioms: [(&str, &str, Form); 4] = [
             ("identity", "Φ₀ = Id", |_| CircleAxiom::Identity),
             ("periodicity", "Φ_{θ+2π} = Φ_θ", |a| CircleAxiom::Periodicity(a[0])),
-            ("additivity", "Φ_{θ₁+θ₂} = Φ_θ₁∘Φ_θ₂", |a| CircleAxiom::Additivity(a[0], a[1])),
+            ("additivity", "Φ_{θ₁+θ₂} = Φ_θ₁∘Φ_θ₂", |a| {
+                CircleAxiom::Additivity(a[0], a[1])
+            }),
             ("inverse", "Φ₋θ∘Φ_θ = Id", |a| CircleAxiom::Inverse(a[0])),
         ];
         let action = &network.shape().circle_action;

@@ -70,9 +70,7 @@ fn iterate(
     if !points.len().is_multiple_of(dim) {
         return Err(Error::invalid("points", points.len(), format!("a multiple of {dim} numbers")));
     }
-    points
-        .par_chunks_mut(BLOCK * dim)
-        .for_each(|block| map_block(map, direction, times, block));
+    points.par_chunks_mut(BLOCK * dim).for_each(|block| map_block(map, direction, times, block));
     Ok(())
 }
 

@@ -304,14 +304,14 @@ impl<P: Scalar> Composition<P> {
             let (rest, own) = tape.split_at(tape.len() - self.step_tape_len(step));
             tape = rest;
             match step {
-                Step::Kick { parameters, width, form, inverse, near_identity } => self
-                    .kick::<D>(parameters, *width, *form, *inverse, *near_identity)
-                    .pullback(
+                Step::Kick { parameters, width, form, inverse, near_identity } => {
+                    self.kick::<D>(parameters, *width, *form, *inverse, *near_identity).pullback(
                         own,
                         z_bar,
                         &mut parameters_bar[parameters.clone()],
                         &mut recording.scratch,
-                    ),
+                    )
+                }
                 Step::Rotation { inverse } => {
                     let theta_bar = self.rotation().pullback(own, z_bar, *inverse);
                     let theta = self.theta.expect("a rotation step comes with its angle");

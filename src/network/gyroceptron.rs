@@ -149,8 +149,7 @@ impl<P: Scalar> Gyroceptron<P> {
 impl Gyroceptron<f64> {
     /// The same network over another number type.
     pub fn lift<P: Real>(&self) -> Gyroceptron<P> {
-        let parameters =
-            self.composition.parameters().iter().map(|&v| P::from_f64(v)).collect();
+        let parameters = self.composition.parameters().iter().map(|&v| P::from_f64(v)).collect();
         Gyroceptron::new(self.shape.clone(), P::from_f64(self.epsilon()), parameters)
             .expect("the count is that of the shape")
     }

@@ -53,11 +53,7 @@ impl<P: Scalar> HenonNet<P> {
     ///
     /// # Errors
     /// As [`HenonNet::new`].
-    pub fn near_identity(
-        shape: HenonShape,
-        epsilon: P,
-        parameters: Vec<P>,
-    ) -> Result<Self, Error> {
+    pub fn near_identity(shape: HenonShape, epsilon: P, parameters: Vec<P>) -> Result<Self, Error> {
         Error::check_count("parameters", shape.parameter_count(), parameters.len())?;
         let mut composition = Composition::new(shape.dof, parameters, epsilon);
         composition.push_henon(&shape, 0, Direction::Forward, true);
@@ -95,8 +91,7 @@ impl<P: Scalar> HenonNet<P> {
 impl HenonNet<f64> {
     /// The same network over another number type.
     pub fn lift<P: Real>(&self) -> HenonNet<P> {
-        let parameters =
-            self.composition.parameters().iter().map(|&v| P::from_f64(v)).collect();
+        let parameters = self.composition.parameters().iter().map(|&v| P::from_f64(v)).collect();
         HenonNet::near_identity(
             self.shape.clone(),
             P::from_f64(self.composition.epsilon()),

@@ -81,14 +81,14 @@ impl Architecture {
                 return Err(Error::invalid(part, "a layer of width 0", "at least one neuron"));
             }
         }
-        if let Self::Gyroceptron { shape, .. } = self {
-            if shape.circle_action.weights().iter().all(|w| *w == 0) {
-                return Err(Error::invalid(
-                    "circle action",
-                    "all weights 0",
-                    "at least one weight other than 0",
-                ));
-            }
+        if let Self::Gyroceptron { shape, .. } = self
+            && shape.circle_action.weights().iter().all(|w| *w == 0)
+        {
+            return Err(Error::invalid(
+                "circle action",
+                "all weights 0",
+                "at least one weight other than 0",
+            ));
         }
         Ok(())
     }
@@ -160,10 +160,9 @@ impl Model {
                 shape: net.shape().clone(),
                 epsilon: net.composition().epsilon(),
             },
-            Self::Gyroceptron(net) => Architecture::Gyroceptron {
-                shape: net.shape().clone(),
-                epsilon: net.epsilon(),
-            },
+            Self::Gyroceptron(net) => {
+                Architecture::Gyroceptron { shape: net.shape().clone(), epsilon: net.epsilon() }
+            }
         }
     }
 

@@ -86,9 +86,7 @@ impl<S: Scalar, const N: usize> Mul for Dual<S, N> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
-        self.zip(other, self.re * other.re, |a, b| {
-            a.mul_add(other.re, self.re * b)
-        })
+        self.zip(other, self.re * other.re, |a, b| a.mul_add(other.re, self.re * b))
     }
 }
 
@@ -97,9 +95,7 @@ impl<S: Scalar, const N: usize> Div for Dual<S, N> {
     #[inline(always)]
     fn div(self, other: Self) -> Self {
         let quotient = self.re / other.re;
-        self.zip(other, quotient, |a, b| {
-            (-quotient).mul_add(b, a) / other.re
-        })
+        self.zip(other, quotient, |a, b| (-quotient).mul_add(b, a) / other.re)
     }
 }
 
@@ -168,11 +164,9 @@ impl<S: Over<f64>, const N: usize> Over<f64> for Dual<S, N> {
     }
     #[inline(always)]
     fn mul_add_parameter(self, parameter: f64, addend: Self) -> Self {
-        self.zip(
-            addend,
-            self.re.mul_add_parameter(parameter, addend.re),
-            |a, b| a.mul_add_parameter(parameter, b),
-        )
+        self.zip(addend, self.re.mul_add_parameter(parameter, addend.re), |a, b| {
+            a.mul_add_parameter(parameter, b)
+        })
     }
     #[inline(always)]
     fn times(self, parameter: f64) -> Self {

@@ -163,13 +163,12 @@ pub struct Adiabatic {
 /// is missing or out of range.
 pub fn parse(place: &str, text: &str) -> Result<Scene, Error> {
     let scene: Scene = toml::from_str(text).map_err(|error| {
-        let line = error
-            .span()
-            .map_or(String::new(), |span| format!(":{}", text[..span.start].lines().count().max(1)));
+        let line = error.span().map_or(String::new(), |span| {
+            format!(":{}", text[..span.start].lines().count().max(1))
+        });
         let place = format!("{place}{line}");
-        unknown_key(&place, error.message()).unwrap_or_else(|| {
-            Error::content(place, "a scene", error.message().replace('\n', " "))
-        })
+        unknown_key(&place, error.message())
+            .unwrap_or_else(|| Error::content(place, "a scene", error.message().replace('\n', " ")))
     })?;
     scene.check(place)?;
     Ok(scene)
@@ -204,10 +203,10 @@ impl Scene {
         if let Some(system) = &self.system {
             system.check()?;
         }
-        if let Some(time) = self.flow_time {
-            if !(time.is_finite() && time > 0.0) {
-                return fail("flow_time", "a positive number", &time);
-            }
+        if let Some(time) = self.flow_time
+            && !(time.is_finite() && time > 0.0)
+        {
+            return fail("flow_time", "a positive number", &time);
         }
         for (index, model) in self.models.iter().enumerate() {
             if self.models[..index].iter().any(|other| other.name == model.name) {

@@ -119,11 +119,12 @@ macro_rules! draw_series {
         for (series, points) in $panel.series.iter().zip($points) {
             let color = COLORS[series.color % COLORS.len()];
             let annotation = match series.style {
-                Style::Line => $chart.draw_series(LineSeries::new(points, color.stroke_width(2)))?,
-                Style::Faint => $chart.draw_series(LineSeries::new(
-                    points,
-                    color.mix(0.45).stroke_width(1),
-                ))?,
+                Style::Line => {
+                    $chart.draw_series(LineSeries::new(points, color.stroke_width(2)))?
+                }
+                Style::Faint => {
+                    $chart.draw_series(LineSeries::new(points, color.mix(0.45).stroke_width(1)))?
+                }
                 Style::Dots => $chart.draw_series(
                     points.into_iter().map(|point| Circle::new(point, 1, color.filled())),
                 )?,

@@ -237,10 +237,9 @@ impl Report {
         )?;
         for (k, point) in spec.initial.iter().enumerate() {
             let (mu, drift) = match &rollout.adiabatic {
-                Some(values) => (
-                    format!("{:.6}", values[k].initial),
-                    format!("{:.2e}", values[k].drift),
-                ),
+                Some(values) => {
+                    (format!("{:.6}", values[k].initial), format!("{:.2e}", values[k].drift))
+                }
                 None => ("–".into(), "–".into()),
             };
             let reference = rollout.reference_adiabatic[k];

@@ -191,7 +191,8 @@ pub fn run(
 
     observer.event(Event::Stage("reference flow of the training and held-out points"));
     let start = Instant::now();
-    let points = sample(&data.windows, system.dof(), &mut Stream::new(scene.seed, "data/training"))?;
+    let points =
+        sample(&data.windows, system.dof(), &mut Stream::new(scene.seed, "data/training"))?;
     let held_out_windows: Vec<_> = data
         .windows
         .iter()
@@ -210,8 +211,7 @@ pub fn run(
         reference_error = reference_error.max(error);
         Some(held_out)
     };
-    let mut timings =
-        Timings { data_seconds: start.elapsed().as_secs_f64(), ..Timings::default() };
+    let mut timings = Timings { data_seconds: start.elapsed().as_secs_f64(), ..Timings::default() };
     let earlier: Timings = if folder.resume {
         std::fs::read(folder.file("timings.json"))
             .ok()
@@ -498,10 +498,7 @@ fn compare(
         .map(|m| distance(own.state(last, m), reference.state(last, m)))
         .collect();
     let adiabatic = network_invariant(model, own).map(|mu| {
-        trajectories
-            .clone()
-            .map(|m| drift((0..=last).map(|t| mu[t * own.count + m])))
-            .collect()
+        trajectories.clone().map(|m| drift((0..=last).map(|t| mu[t * own.count + m]))).collect()
     });
     let reference_adiabatic = trajectories
         .map(|m| drift((0..=last).map(|t| system.adiabatic_invariant(reference.state(t, m)))))
@@ -586,7 +583,8 @@ fn loss_panels(report: &Report, timings: &Timings) -> Vec<Panel> {
             let points = &timing?.points;
             points.iter().find(|(i, _)| *i == iteration).map(|(_, s)| *s)
         };
-        for (kind, style, color) in [("loss", Style::Faint, 2 * index + 1), ("held out", Style::Line, 2 * index)]
+        for (kind, style, color) in
+            [("loss", Style::Faint, 2 * index + 1), ("held out", Style::Line, 2 * index)]
         {
             let value = |r: &TrainingRecord| {
                 if kind == "loss" { Some(r.loss) } else { r.validation }
@@ -700,8 +698,7 @@ fn invariant_panels(
         let start = index * reference.dim;
         system.adiabatic_invariant(&reference.values[start..start + reference.dim])
     };
-    let mut panels =
-        vec![panel("μ₀ of the system, reference".into(), reference, &along_reference)];
+    let mut panels = vec![panel("μ₀ of the system, reference".into(), reference, &along_reference)];
     for (name, model, trajectories) in own {
         if let Some(mu) = network_invariant(model, trajectories) {
             panels.push(panel(format!("μ₀ of {name}, its own"), trajectories, &|i| mu[i]));

@@ -140,10 +140,7 @@ impl Checkpoint {
             let differs = |same: bool, what: &'static str| (!same).then_some(what);
             let what: Vec<_> = [
                 differs(self.run.architecture == run.architecture, "architecture"),
-                differs(
-                    self.run.initial_parameters == run.initial_parameters,
-                    "initial weights",
-                ),
+                differs(self.run.initial_parameters == run.initial_parameters, "initial weights"),
                 differs(self.run.pairs == run.pairs, "training pairs"),
                 differs(self.run.validation == run.validation, "held-out pairs"),
                 differs(self.run.options == run.options, "training options"),

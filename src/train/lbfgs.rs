@@ -307,7 +307,8 @@ impl<'a> Segment<'a> {
             }
             None => {
                 let current = model.with_parameters(state.parameters.clone())?;
-                let scale = scale_of(options.scaling, objective, current.composition(), state.last().loss);
+                let scale =
+                    scale_of(options.scaling, objective, current.composition(), state.last().loss);
                 let u = state.parameters.iter().zip(&scale).map(|(p, d)| p / d).collect();
                 let solver = Lbfgs::new().unbounded().with_m_capacity(options.memory);
                 (Executor::new(problem(&scale), solver, FirstOrderState::new(u)), scale)
@@ -365,7 +366,7 @@ impl<'a> Segment<'a> {
             let u = self.stepper.state().param();
             state.parameters = u.iter().zip(&self.scale).map(|(u, d)| u * d).collect();
             let evaluate =
-                iteration % options.validate_every == 0 || iteration == options.iterations;
+                iteration.is_multiple_of(options.validate_every) || iteration == options.iterations;
             let validation = match held_out {
                 Some(held_out) if evaluate => {
                     let current = model.with_parameters(state.parameters.clone())?;
@@ -387,7 +388,7 @@ impl<'a> Segment<'a> {
                 Scaling::GaussNewton { renew } => state.segment_iterations >= renew,
             };
             let over = state.finished(options).is_some();
-            let due = over || iteration % options.checkpoint_every == 0;
+            let due = over || iteration.is_multiple_of(options.checkpoint_every);
             if renew || over {
                 state.close_segment(self.evaluations());
             } else if due {
