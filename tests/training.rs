@@ -197,13 +197,18 @@ fn a_run_resumes_to_the_same_bits_from_any_checkpoint() {
         assert_eq!(bits(&resumed.model), bits(&whole.model), "from iteration {at}");
         assert_eq!(resumed.history, whole.history, "from iteration {at}");
     }
-    // A run that was asked for fewer iterations goes on to more.
-    let (_, shorter) = with_checkpoints(33);
-    let last = shorter.into_iter().last().expect("one at the end");
-    assert_eq!(last.last().iteration, 33);
-    let longer = train(&model(3), &pairs, Some(&held_out), &options(52), Some(last), &mut quiet)
-        .expect("resumes");
-    assert_eq!(longer.history.len(), 53);
+    // A run that was asked for fewer iterations goes on to more as if nothing
+    // had been.
+    for fewer in [33, 40] {
+        let (_, shorter) = with_checkpoints(fewer);
+        let last = shorter.into_iter().last().expect("one at the end");
+        assert_eq!(last.last().iteration, fewer);
+        let longer =
+            train(&model(3), &pairs, Some(&held_out), &options(52), Some(last), &mut quiet)
+                .expect("resumes");
+        assert_eq!(bits(&longer.model), bits(&whole.model), "from {fewer}");
+        assert_eq!(longer.history, whole.history, "from {fewer}");
+    }
 }
 
 #[test]
@@ -284,6 +289,34 @@ fn training_stops_for_the_reason_asked_for() {
     assert_eq!(outcome.stop, Stop::Patience);
     let best = outcome.best.iteration;
     assert_eq!(outcome.history.len() as u64, best + 3 + 1);
+}
+
+/// Basin would stop after 1000 iterations of one memory on its own.
+#[test]
+fn plain_lbfgs_is_not_restarted() {
+    let pairs = pairs(8, 0.5, 5);
+    let architecture = Architecture::HenonNet { shape: HenonShape::uniform(2, 1, 2), epsilon: 1.0 };
+    let model =
+        architecture.initialise(InitialWeights::Normal { scale: 0.2 }, 0.0, 1).expect("valid");
+    let options = TrainingOptions {
+        scaling: Scaling::None,
+        memory: 1,
+        checkpoint_every: 1001,
+        ..options(1001)
+    };
+    let mut held = None;
+    let outcome = train(&model, &pairs, None, &options, None, &mut |p| {
+        held = p.checkpoint.cloned().or(held.take());
+        Ok(Control::Continue)
+    })
+    .expect("runs");
+    if outcome.stop == Stop::Iterations {
+        let text = serde_json::to_string(&held.expect("one at the end")).expect("serialises");
+        let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        assert_eq!(json["segment_iterations"], 1001);
+    } else {
+        panic!("stopped at {} for {:?}", outcome.history.len(), outcome.stop);
+    }
 }
 
 fn pairs_of_three() -> Pairs {

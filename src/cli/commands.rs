@@ -4,7 +4,7 @@ use super::arguments::{
     Arguments, Command, Common, Export, Import, Predict, Run, Train, Verify, circle_action,
     positive,
 };
-use super::progress::Progress;
+use super::progress::{Progress, line};
 use super::table::{certificate, json, out, status_of, table};
 use super::{Status, cite};
 use gyroceptron::Error;
@@ -172,14 +172,12 @@ fn default_architecture(circle_action: CircleAction, epsilon: f64) -> Architectu
 
 fn verify(arguments: &Verify) -> Result<Status, Error> {
     use_threads(&arguments.common)?;
-    if !(arguments.radius > 0.0 && arguments.radius.is_finite()) {
-        return Err(Error::invalid("--radius", arguments.radius, "a positive number"));
-    }
     let options = CertificateOptions {
         samples: positive("--samples", arguments.samples)?,
         radius: arguments.radius,
         seed: arguments.seed,
     };
+    options.check()?;
     let (subject, result) = match &arguments.model {
         Some(path) => {
             let stored = load_model(path)?;
@@ -405,7 +403,11 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     let stored = load_model(&arguments.model)?;
     let map = stored.model.composition();
     let dim = 2 * map.dof();
-    let initial = read_points(&arguments.input, map.dof())?;
+    let file = read_points(&arguments.input, map.dof())?;
+    if file.single_precision {
+        line(&format!("{}: float32 numbers, taken as they are", arguments.input.display()));
+    }
+    let initial = file.points;
     let points = initial.len() / dim;
     probe_writable(&arguments.output)?;
     let values = rollout(map, &initial, request)?;

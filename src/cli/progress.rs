@@ -15,6 +15,8 @@ pub struct Progress {
     terminal: bool,
     bar: Option<ProgressBar>,
     last_line: Instant,
+    /// When the first iteration seen here was, and its number.
+    start: Option<(Instant, u64)>,
     validation: Option<f64>,
     interrupted: Arc<AtomicBool>,
 }
@@ -36,6 +38,7 @@ impl Progress {
             terminal: std::io::stderr().is_terminal(),
             bar: None,
             last_line: Instant::now(),
+            start: None,
             validation: None,
             interrupted,
         }
@@ -51,6 +54,7 @@ impl Progress {
     pub fn iteration(&mut self, model: &str, record: TrainingRecord, iterations: u64) {
         self.validation = record.validation.or(self.validation);
         let held_out = self.validation.map(|v| format!(", held out {v:.2e}")).unwrap_or_default();
+        self.start.get_or_insert_with(|| (Instant::now(), record.iteration));
         let state = format!("loss {:.2e}{held_out}", record.loss);
         if self.terminal {
             let bar = self.bar.get_or_insert_with(|| {
@@ -71,7 +75,18 @@ impl Progress {
             bar.set_message(state);
         } else if self.last_line.elapsed() >= QUIET {
             self.last_line = Instant::now();
-            line(&format!("{model}: iteration {} of {iterations}, {state}", record.iteration));
+            let (start, first) = self.start.unwrap_or((Instant::now(), record.iteration));
+            let rate = (record.iteration - first) as f64 / start.elapsed().as_secs_f64();
+            let left = (iterations - record.iteration.min(iterations)) as f64 / rate;
+            let pace = if rate > 0.0 {
+                format!(", {rate:.1} a second, {left:.0} s left")
+            } else {
+                String::new()
+            };
+            line(&format!(
+                "{model}: iteration {} of {iterations}, {state}{pace}",
+                record.iteration
+            ));
         }
     }
 
@@ -80,10 +95,12 @@ impl Progress {
             bar.finish_and_clear();
         }
         self.validation = None;
+        self.start = None;
     }
 }
 
-fn line(text: &str) {
+/// A line on standard error.
+pub fn line(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 

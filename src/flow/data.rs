@@ -20,6 +20,36 @@ pub struct Window {
     pub samples: usize,
 }
 
+impl Window {
+    /// Fails unless both corners are of 2n finite numbers and low ≤ high.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`], `name` being the window's.
+    pub fn check(&self, name: &str, dof: usize) -> Result<(), Error> {
+        for (corner, values) in [("low", &self.low), ("high", &self.high)] {
+            let place = format!("{name}: {corner}");
+            if values.len() != 2 * dof {
+                return Err(Error::invalid(
+                    &place,
+                    format!("{} numbers", values.len()),
+                    format!("{} numbers", 2 * dof),
+                ));
+            }
+            if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
+                return Err(Error::invalid(&place, bad, "a finite number"));
+            }
+        }
+        match (0..2 * dof).find(|&k| self.low[k] > self.high[k]) {
+            Some(k) => Err(Error::invalid(
+                &format!("{name}: low[{k}]"),
+                self.low[k],
+                format!("at most high[{k}] = {}", self.high[k]),
+            )),
+            None => Ok(()),
+        }
+    }
+}
+
 /// Points drawn uniformly in the windows, one window after the other: an array
 /// (N, 2n).
 ///
@@ -28,26 +58,7 @@ pub struct Window {
 pub fn sample(windows: &[Window], dof: usize, stream: &mut Stream) -> Result<Vec<f64>, Error> {
     let mut points = Vec::new();
     for (index, window) in windows.iter().enumerate() {
-        for (name, corner) in [("low", &window.low), ("high", &window.high)] {
-            let place = format!("window {index}: {name}");
-            if corner.len() != 2 * dof {
-                return Err(Error::invalid(
-                    &place,
-                    format!("{} numbers", corner.len()),
-                    format!("{} numbers", 2 * dof),
-                ));
-            }
-            if let Some(bad) = corner.iter().find(|v| !v.is_finite()) {
-                return Err(Error::invalid(&place, bad, "a finite number"));
-            }
-        }
-        if let Some(k) = (0..2 * dof).find(|&k| window.low[k] > window.high[k]) {
-            return Err(Error::invalid(
-                &format!("window {index}: low[{k}]"),
-                window.low[k],
-                format!("at most high[{k}] = {}", window.high[k]),
-            ));
-        }
+        window.check(&format!("window {index}"), dof)?;
         for _ in 0..window.samples {
             for (low, high) in window.low.iter().zip(&window.high) {
                 points.push(stream.uniform(*low, *high));
@@ -145,7 +156,8 @@ impl Pairs {
     }
 
     /// Splits off `fraction` of the pairs, chosen by `stream`: (rest, split
-    /// off). At least one pair stays on each side when there are two.
+    /// off). At least one pair stays; none is split off where the share rounds to
+    /// none.
     pub fn split(self, fraction: f64, stream: &mut Stream) -> (Self, Option<Self>) {
         let count = self.len();
         let held = ((count as f64 * fraction).round() as usize).min(count.saturating_sub(1));

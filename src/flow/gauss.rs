@@ -111,6 +111,9 @@ impl GaussLegendre {
         steps: usize,
     ) -> Result<(), Error> {
         const MAXIMUM: usize = 100;
+        if steps == 0 {
+            return Err(Error::invalid("steps", steps, "at least 1"));
+        }
         let (s, dim) = (self.stages(), z.len());
         let h = time / steps as f64;
         let mut slopes = vec![0.0; s * dim];
@@ -125,7 +128,6 @@ impl GaussLegendre {
                     block.copy_from_slice(&stage);
                 }
             }
-            let scale = z.iter().fold(1e-300_f64, |m, v| m.max(v.abs()));
             let mut last = f64::INFINITY;
             let mut iteration = 0;
             loop {
@@ -140,7 +142,10 @@ impl GaussLegendre {
                     system.vector_field(&stage, &mut updated[i * dim..(i + 1) * dim]);
                 }
                 let mut change = 0.0_f64;
+                // What a stage is rounded by: its own size or its increment's.
+                let mut scale = z.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
                 for (old, new) in slopes.iter().zip(&updated) {
+                    scale = scale.max((h * new).abs());
                     let difference = (h * (new - old)).abs();
                     change = max_or_nan(change, difference);
                 }
@@ -212,17 +217,19 @@ impl Reference {
     /// rounding or falls no more.
     ///
     /// # Errors
-    /// When the flow leaves the finite numbers.
+    /// When the flow leaves the finite numbers, or converges at none of the
+    /// steps tried.
     pub fn calibrated(system: &impl Hamiltonian, points: &[f64], time: f64) -> Result<Self, Error> {
         const HALVINGS: usize = 8;
         let dim = 2 * system.dof();
         let stride = (points.len() / dim).div_ceil(64).max(1);
         let mut own = Self::new(system);
         let mut last = f64::INFINITY;
+        let mut last_failure = None;
         for _ in 0..HALVINGS {
             let mut error = 0.0_f64;
             let mut scale = 1.0_f64;
-            let mut diverged = None;
+            let mut failed = None;
             for point in points.chunks_exact(dim).step_by(stride) {
                 match own.flow_with_error(system, point, time) {
                     Ok(value) => {
@@ -232,20 +239,21 @@ impl Reference {
                     // Too long a step does not converge; half of it may.
                     Err(reason) => {
                         error = f64::INFINITY;
-                        diverged = Some(reason);
+                        failed = Some(reason);
                     }
                 }
             }
             if error <= Self::AT_ROUNDING * scale || (error.is_finite() && error > 0.5 * last) {
-                break;
-            }
-            if let (Some(reason), true) = (diverged, own.steps(time) > 1 << 24) {
-                return Err(reason);
+                return Ok(own);
             }
             last = error;
+            last_failure = failed;
             own.steps_per_time = 2.0 * own.steps(time) as f64 / time.abs();
         }
-        Ok(own)
+        match last_failure {
+            Some(reason) => Err(reason),
+            None => Ok(own),
+        }
     }
 
     /// An error estimate of this size, relative to the largest component, is

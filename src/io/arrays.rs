@@ -99,6 +99,11 @@ impl Archive {
     }
 }
 
+/// The same numbers give the same file: no time of writing in it.
+fn undated() -> npyz::zip::write::FileOptions {
+    npyz::zip::write::FileOptions::default().last_modified_time(npyz::zip::DateTime::default())
+}
+
 /// Writes named arrays as an `.npz` archive.
 pub(super) fn write_archive(path: &Path, arrays: &[(&str, &[u64], &[f64])]) -> Result<(), Error> {
     write_atomically(path, |out| {
@@ -106,7 +111,7 @@ pub(super) fn write_archive(path: &Path, arrays: &[(&str, &[u64], &[f64])]) -> R
         let mut archive = npyz::npz::NpzWriter::new(&mut buffer);
         for (name, shape, values) in arrays {
             let mut writer =
-                archive.array(name, Default::default())?.default_dtype().shape(shape).begin_nd()?;
+                archive.array(name, undated())?.default_dtype().shape(shape).begin_nd()?;
             writer.extend(values.iter().copied())?;
             writer.finish()?;
         }
@@ -156,12 +161,21 @@ pub fn read_pairs(path: &Path) -> Result<PairsFile, Error> {
     Ok(PairsFile { pairs, single_precision })
 }
 
+/// Points read from a file, and what was noticed.
+#[derive(Debug)]
+pub struct PointsFile {
+    /// The points, row by row.
+    pub points: Vec<f64>,
+    /// The array held single precision.
+    pub single_precision: bool,
+}
+
 /// Reads points (M, 2n) from an `.npy` file.
 ///
 /// # Errors
 /// When the file is missing or corrupt, or the array is not of M ≥ 1 rows of
 /// 2n finite numbers.
-pub fn read_points(path: &Path, dof: usize) -> Result<Vec<f64>, Error> {
+pub fn read_points(path: &Path, dof: usize) -> Result<PointsFile, Error> {
     let place = path.display().to_string();
     let file = NpyFile::new(Cursor::new(read_bytes(path)?))
         .map_err(|reason| Error::content(&place, "an array in the NPY format", reason))?;
@@ -178,7 +192,7 @@ pub fn read_points(path: &Path, dof: usize) -> Result<Vec<f64>, Error> {
         return Err(Error::content(&place, "at least one row", "zero rows"));
     }
     check_finite(&place, &array.values, columns)?;
-    Ok(array.values)
+    Ok(PointsFile { points: array.values, single_precision: array.single })
 }
 
 /// Writes points or trajectories as `.npy`; `shape` is the array's.

@@ -177,6 +177,7 @@ pub fn load_checkpoint(path: &Path) -> Result<Checkpoint, Error> {
     if digest(&file.state) != file.digest {
         return Err(Error::content(place, "an intact checkpoint", "a corrupt one (digest)"));
     }
-    serde_json::from_str(&file.state)
-        .map_err(|reason| Error::content(place, "the state of a run", reason))
+    let checkpoint: Checkpoint = serde_json::from_str(&file.state)
+        .map_err(|reason| Error::content(place, "the state of a run", reason))?;
+    Ok(checkpoint.from_file(place.as_str()))
 }

@@ -7,7 +7,7 @@ mod arrays;
 mod json;
 mod weights;
 
-pub use arrays::{PairsFile, read_pairs, read_points, write_pairs, write_points};
+pub use arrays::{PairsFile, PointsFile, read_pairs, read_points, write_pairs, write_points};
 pub use json::{Provenance, StoredModel, load_checkpoint, load_model, save_checkpoint, save_model};
 pub use weights::{Tensor, export_weights, import_weights, read_tensors};
 
@@ -28,29 +28,20 @@ pub fn write_atomically(
         _ => Path::new("."),
     };
     let attempt = || -> std::io::Result<()> {
-        let mut file = tempfile::Builder::new().prefix(".gyroceptron-").tempfile_in(folder)?;
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".gyroceptron-");
+        // Temporary files are private by default; results follow the umask.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let mut file = builder.tempfile_in(folder)?;
         let mut buffered = std::io::BufWriter::new(file.as_file_mut());
         fill(&mut buffered)?;
         buffered.flush()?;
         drop(buffered);
-        set_ordinary_permissions(file.as_file())?;
         file.persist(path).map_err(|e| e.error)?;
         Ok(())
     };
     attempt().map_err(|reason| Error::write(path, reason))
-}
-
-/// Temporary files are made private; results are for everybody that the folder
-/// is for.
-fn set_ordinary_permissions(file: &std::fs::File) -> std::io::Result<()> {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        file.set_permissions(std::fs::Permissions::from_mode(0o644))?;
-    }
-    #[cfg(not(unix))]
-    let _ = file;
-    Ok(())
 }
 
 /// The bytes of a file.

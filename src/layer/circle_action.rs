@@ -92,7 +92,7 @@ impl<P: Real> PlaneRotation<P> {
             (0, cos, sin)
         } else if vs >= vc.abs() {
             (1, sin, -cos)
-        } else if -vc >= vs.abs() {
+        } else if -vc > vs.abs() {
             (2, -cos, -sin)
         } else {
             (3, -sin, cos)
@@ -172,7 +172,8 @@ impl<P: Scalar> Rotation<P> {
         let mut theta_bar = S::zero();
         for plane in &self.planes {
             let (i, k) = (plane.plane, n + plane.plane);
-            let m = S::from_f64(if inverse { -plane.weight } else { plane.weight }.into());
+            let weight = S::from_f64(plane.weight.into());
+            let m = if inverse { -weight } else { weight };
             let turn = z_bar[i] * out[k] - z_bar[k] * out[i];
             theta_bar = m.mul_add(turn, theta_bar);
         }

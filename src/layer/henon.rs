@@ -6,8 +6,11 @@ use crate::scalar::{Over, Scalar};
 
 /// The parameters of a layer of `width` neurons in `dof` degrees of freedom:
 /// h(n + 2) + n.
+///
+/// Saturates instead of overflowing: no architecture of that size passes its
+/// check.
 pub const fn layer_parameter_count(dof: usize, width: usize) -> usize {
-    width * (dof + 2) + dof
+    width.saturating_mul(dof.saturating_add(2)).saturating_add(dof)
 }
 
 /// The Hénon map H\[V, η\](x, y) = (y + η, −x + ε∇V(y)), in its literal form.

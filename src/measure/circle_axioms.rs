@@ -37,7 +37,7 @@ impl CircleAxiom {
     /// angles, 2.2 because fl(2π) − 2π = −2.2u; nothing for the identity,
     /// which is bitwise.
     fn bound(self, weight: i32) -> f64 {
-        let m = f64::from(weight.abs());
+        let m = f64::from(weight).abs();
         match self {
             Self::Identity => 0.0,
             Self::Periodicity(a) => 4.0 + m * (2.2 + (a + TAU).abs()),
@@ -49,7 +49,7 @@ impl CircleAxiom {
 
 fn radii(z: &[f64]) -> Vec<f64> {
     let n = z.len() / 2;
-    (0..n).map(|j| z[j].hypot(z[n + j])).collect()
+    (0..n).map(|j| libm::hypot(z[j], z[n + j])).collect()
 }
 
 /// An error over its bound, where 0 over 0 is 0.
@@ -114,6 +114,9 @@ pub fn conjugated_axiom_ratio(
     action.at(angle).apply(&mut w, false);
     let conjugation = Walk::new(&psi.composition().elementary(), &w);
     let radii = radii(&w);
+    if ends.iter().flatten().any(|v| !v.is_finite()) {
+        return Conditioned::Ratio(f64::NAN);
+    }
     let size = z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     let mut largest = 0.0;
     for row in 0..dim {

@@ -28,12 +28,7 @@ where
     let (squares, sums) = walk.value_bounds();
     let size = z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     let reach = sums.into_iter().fold(0.0, max_or_nan);
-    // The plain evaluation, not the walk's: what a user calls.
-    let mut point = z.to_vec();
-    let mut scratch = vec![0.0; z.len()];
-    for step in steps {
-        step.apply(&mut point, &mut scratch);
-    }
+    let point = walk.end();
     if point.iter().any(|v| !v.is_finite()) {
         return Conditioned::Ratio(f64::NAN);
     }
@@ -42,7 +37,7 @@ where
     }
     let mut largest = 0.0;
     for ((moved, start), square) in point.iter().zip(z).zip(&squares) {
-        let bound = u * square.hypot(*start);
+        let bound = u * libm::hypot(*square, *start);
         let error = (moved - start).abs();
         let ratio = if error == 0.0 { 0.0 } else { error / bound };
         largest = max_or_nan(largest, ratio);

@@ -4,6 +4,7 @@
 //! computation that made it, O(1) when all is well. A defect that does not come
 //! from rounding shows as a ratio of many orders. Nothing here prints.
 
+mod accuracy;
 mod certificate;
 mod circle_axioms;
 mod inversion;
@@ -12,6 +13,7 @@ mod near_identity;
 mod rounding;
 mod symplecticity;
 
+pub use accuracy::{Drift, component_errors, distance, drift, limiting_flow_error};
 pub use certificate::{Certificate, CertificateOptions, Row, Verdict, certify, certify_all};
 pub use circle_axioms::{CircleAxiom, circle_axiom_ratio, conjugated_axiom_ratio};
 pub use inversion::{Conditioned, inversion_ratio};

@@ -86,7 +86,7 @@ pub struct Rollout {
 impl Rollout {
     /// The number of states kept: steps/every + 1.
     pub fn kept(&self) -> usize {
-        self.steps / self.every + 1
+        (self.steps / self.every.max(1)).saturating_add(1)
     }
 }
 
@@ -96,7 +96,8 @@ impl Rollout {
 /// Memory is the result; cost is steps × points evaluations.
 ///
 /// # Errors
-/// When `initial` is not a whole number of points or `every` is 0.
+/// When `initial` is not a whole number of points, `every` is 0, or the states
+/// do not fit into memory.
 pub fn rollout(
     map: &Composition<f64>,
     initial: &[f64],
@@ -105,10 +106,16 @@ pub fn rollout(
     if request.every == 0 {
         return Err(Error::invalid("every", 0, "at least 1"));
     }
-    let mut out = Vec::with_capacity(request.kept() * initial.len());
+    let kept = request.kept();
+    let too_many = || {
+        Error::invalid("states to keep", format!("{kept} of {} numbers", initial.len()), "fewer")
+    };
+    let size = kept.checked_mul(initial.len()).ok_or_else(too_many)?;
+    let mut out = Vec::new();
+    out.try_reserve_exact(size).map_err(|_| too_many())?;
     out.extend_from_slice(initial);
     let mut state = initial.to_vec();
-    for _ in 1..request.kept() {
+    for _ in 1..kept {
         iterate(map, Direction::Forward, request.every, &mut state)?;
         out.extend_from_slice(&state);
     }

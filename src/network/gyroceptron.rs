@@ -38,7 +38,10 @@ impl GyroceptronShape {
 
     /// The number of parameters, θ included.
     pub fn parameter_count(&self) -> usize {
-        self.psi_shape().parameter_count() + self.near_identity_shape().parameter_count() + 1
+        self.psi_shape()
+            .parameter_count()
+            .saturating_add(self.near_identity_shape().parameter_count())
+            .saturating_add(1)
     }
 }
 

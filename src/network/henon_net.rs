@@ -25,7 +25,9 @@ impl HenonShape {
 
     /// The number of parameters.
     pub fn parameter_count(&self) -> usize {
-        self.widths.iter().map(|&h| layer_parameter_count(self.dof, h)).sum()
+        self.widths
+            .iter()
+            .fold(0, |n: usize, &h| n.saturating_add(layer_parameter_count(self.dof, h)))
     }
 }
 
@@ -54,6 +56,9 @@ impl<P: Scalar> HenonNet<P> {
     /// # Errors
     /// As [`HenonNet::new`].
     pub fn near_identity(shape: HenonShape, epsilon: P, parameters: Vec<P>) -> Result<Self, Error> {
+        if shape.dof == 0 {
+            return Err(Error::invalid("degrees of freedom", 0, "at least 1"));
+        }
         Error::check_count("parameters", shape.parameter_count(), parameters.len())?;
         let mut composition = Composition::new(shape.dof, parameters, epsilon);
         composition.push_henon(&shape, 0, Direction::Forward, true);

@@ -8,6 +8,11 @@ use crate::phase::Map;
 use crate::scalar::Over;
 use serde::{Deserialize, Serialize};
 
+/// More is a mistake in a file: 8 GB of weights.
+const MOST_PARAMETERS: usize = 1_000_000_000;
+/// The largest |m| of a circle action: mθ keeps its digits.
+const LARGEST_WEIGHT: u32 = 1_000_000;
+
 /// Which network, without its parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
@@ -76,10 +81,24 @@ impl Architecture {
         if self.dof() == 0 {
             return Err(Error::invalid("degrees of freedom", 0, "at least 1"));
         }
+        if self.parameter_count() > MOST_PARAMETERS {
+            return Err(Error::invalid(
+                "parameters of the architecture",
+                self.parameter_count(),
+                format!("at most {MOST_PARAMETERS}"),
+            ));
+        }
         for (part, shape) in self.parts() {
             if shape.widths.contains(&0) {
                 return Err(Error::invalid(part, "a layer of width 0", "at least one neuron"));
             }
+        }
+        if let Self::Gyroceptron { shape, .. } = self
+            && let Some(weight) =
+                shape.circle_action.weights().iter().find(|w| w.unsigned_abs() > LARGEST_WEIGHT)
+        {
+            let expected = format!("weights of at most {LARGEST_WEIGHT}");
+            return Err(Error::invalid("circle action", weight, expected));
         }
         if let Self::Gyroceptron { shape, .. } = self
             && shape.circle_action.weights().iter().all(|w| *w == 0)

@@ -67,13 +67,15 @@ pub fn tanh_sech2(x: f64) -> (f64, f64) {
     let scale = scale_1 * scale_2;
 
     // N = (2ᵏ − 1) + 2ᵏ(r + c), as high + low.
+    // Below 2⁻⁵³ the subtraction itself rounds.
     let m = scale - 1.0;
+    let m_low = scale - (m + 1.0);
     let u = scale * r;
     let v = scale * c;
     let partial = m + u;
     let partial_low = u - (partial - m);
     let high = partial + v;
-    let low = (v - (high - partial)) + partial_low;
+    let low = (v - (high - partial)) + (partial_low + m_low);
     // D = 2 + N, as d + d_low.
     let d = 2.0 + high;
     let d_low = (high - (d - 2.0)) + low;

@@ -100,7 +100,19 @@ impl Layers {
     }
 }
 
+/// More layers are a slip of the pen.
+const MOST_LAYERS: usize = 100_000;
+/// The same for samples, steps kept and the like.
+const MOST: usize = 100_000_000;
+
 impl NetworkSpec {
+    fn layers(&self) -> Vec<Layers> {
+        match self {
+            Self::Gyroceptron { psi, near_identity, .. } => vec![*psi, *near_identity],
+            Self::HenonNet { layers } => vec![*layers],
+        }
+    }
+
     /// The architecture for this circle action and ε.
     pub fn architecture(&self, action: &CircleAction, epsilon: f64) -> Architecture {
         match self {
@@ -147,13 +159,20 @@ pub enum Plot {
     RolloutError,
 }
 
-/// What the adiabatic invariant did along a roll-out.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Adiabatic {
-    /// At the start.
-    pub initial: f64,
-    /// The largest |μ − μ(0)| afterwards.
-    pub drift: f64,
+impl Plot {
+    /// All plots.
+    pub const ALL: [Self; 4] =
+        [Self::Loss, Self::Portrait, Self::AdiabaticInvariant, Self::RolloutError];
+
+    /// The file it is written to.
+    pub fn file(self) -> &'static str {
+        match self {
+            Self::Loss => "loss.svg",
+            Self::Portrait => "portrait.svg",
+            Self::AdiabaticInvariant => "adiabatic-invariant.svg",
+            Self::RolloutError => "rollout-error.svg",
+        }
+    }
 }
 
 /// Reads a scene. `place` names the file in errors.
@@ -164,7 +183,7 @@ pub struct Adiabatic {
 pub fn parse(place: &str, text: &str) -> Result<Scene, Error> {
     let scene: Scene = toml::from_str(text).map_err(|error| {
         let line = error.span().map_or(String::new(), |span| {
-            format!(":{}", text[..span.start].lines().count().max(1))
+            format!(":{}", text[..span.start].matches('\n').count() + 1)
         });
         let place = format!("{place}{line}");
         unknown_key(&place, error.message())
@@ -200,8 +219,46 @@ impl Scene {
                 return fail("name", "letters, digits, - and _", &format!("`{name}`"));
             }
         }
+        let named = |key: &str, error: Error| {
+            Error::content(format!("{place}: {key}"), "a valid value", error)
+        };
+        if i64::try_from(self.seed).is_err() {
+            return fail("seed", &format!("at most {}", i64::MAX), &self.seed);
+        }
         if let Some(system) = &self.system {
-            system.check()?;
+            system.check().map_err(|e| named("system", e))?;
+            let action = system.circle_action();
+            for model in &self.models {
+                let architecture = model.network.architecture(&action, system.epsilon());
+                let key = format!("models.{}", model.name);
+                architecture.check().map_err(|e| named(&key, e))?;
+                if architecture.dof() != system.dof() {
+                    let key = format!("{key}.circle_action");
+                    return fail(&key, &format!("{} weights", system.dof()), &architecture.dof());
+                }
+            }
+            for (index, window) in self.data.iter().flat_map(|d| d.windows.iter().enumerate()) {
+                window
+                    .check(&format!("data.windows[{index}]"), system.dof())
+                    .map_err(|e| named("data", e))?;
+            }
+            self.training
+                .loss
+                .component_weights(system.dof())
+                .map_err(|e| named("training.loss", e))?;
+        }
+        for plot in &self.plots {
+            let possible = match plot {
+                Plot::Loss => !self.models.is_empty(),
+                Plot::Portrait => {
+                    self.rollout.is_some() && matches!(self.system, Some(System::Oscillators(_)))
+                }
+                Plot::AdiabaticInvariant | Plot::RolloutError => self.rollout.is_some(),
+            };
+            if !possible {
+                let expected = "plots of what the scene computes (a portrait is of a roll-out of the oscillators)";
+                return fail("plots", expected, &format!("{plot:?}"));
+            }
         }
         if let Some(time) = self.flow_time
             && !(time.is_finite() && time > 0.0)
@@ -209,26 +266,30 @@ impl Scene {
             return fail("flow_time", "a positive number", &time);
         }
         for (index, model) in self.models.iter().enumerate() {
+            for layers in model.network.layers() {
+                if layers.count > MOST_LAYERS || layers.count == 0 {
+                    let expected = format!("1 to {MOST_LAYERS} layers");
+                    return fail("models.network", &expected, &layers.count);
+                }
+            }
             if self.models[..index].iter().any(|other| other.name == model.name) {
                 return fail("models", "a name for each", &format!("`{}` twice", model.name));
             }
         }
-        self.training.check()?;
+        self.training.check().map_err(|e| named("training", e))?;
         if let Some(data) = &self.data {
             if !(0.0..=1.0).contains(&data.validation) {
                 return fail("data.validation", "a share between 0 and 1", &data.validation);
+            }
+            if let Some(window) = data.windows.iter().find(|w| w.samples > MOST) {
+                return fail("data.windows.samples", &format!("at most {MOST}"), &window.samples);
             }
             if data.windows.iter().all(|w| w.samples == 0) {
                 return fail("data.windows", "at least one sample", &"none");
             }
         }
         if let Some(certificate) = &self.certificate {
-            if certificate.samples == 0 {
-                return fail("certificate.samples", "at least 1", &0);
-            }
-            if !(certificate.radius.is_finite() && certificate.radius > 0.0) {
-                return fail("certificate.radius", "a positive number", &certificate.radius);
-            }
+            certificate.check().map_err(|e| Error::content(place, "a valid certificate", e))?;
         }
         if let Some(rollout) = &self.rollout {
             for (key, value) in [("rollout.steps", rollout.steps), ("rollout.every", rollout.every)]

@@ -10,9 +10,7 @@ mod report;
 mod run;
 
 pub use catalogue::{CatalogueEntry, catalogue, default_scene, find};
-pub use declaration::{
-    Adiabatic, Data, Layers, ModelSpec, NetworkSpec, Plot, RolloutSpec, Scene, parse,
-};
+pub use declaration::{Data, Layers, ModelSpec, NetworkSpec, Plot, RolloutSpec, Scene, parse};
 pub use report::{
     CERTIFICATE_HEADINGS, ModelReport, Report, RolloutReport, certificate_cells, stop_words,
 };

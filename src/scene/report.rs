@@ -1,7 +1,7 @@
 //! What a run found: as data, as Markdown, as JSON.
 
-use super::declaration::{Adiabatic, Scene};
-use crate::measure::{Certificate, Row, Verdict};
+use super::declaration::Scene;
+use crate::measure::{Certificate, Drift, Row, Verdict};
 use crate::network::Architecture;
 use crate::train::{Stop, TrainingRecord};
 use serde::{Deserialize, Serialize};
@@ -90,9 +90,9 @@ pub struct RolloutReport {
     /// The distance at the end.
     pub final_errors: Vec<f64>,
     /// The network's own μ₀ = 𝔍₀∘ψ⁻¹ along its trajectories.
-    pub adiabatic: Option<Vec<Adiabatic>>,
+    pub adiabatic: Option<Vec<Drift>>,
     /// The system's μ₀ along the reference trajectories.
-    pub reference_adiabatic: Vec<Adiabatic>,
+    pub reference_adiabatic: Vec<Drift>,
 }
 
 impl Report {
@@ -111,7 +111,6 @@ impl Report {
     pub fn markdown(&self, timings: &str, figures: &[(String, String)]) -> String {
         let mut out = String::new();
         let text = &mut out;
-        let scene = &self.scene;
         // Writing to a string cannot fail.
         let _ = self.write_head(text);
         for model in &self.models {
@@ -126,9 +125,9 @@ impl Report {
         let _ = writeln!(text, "\n## Timings on this machine\n\n{timings}");
         let _ = writeln!(
             text,
-            "\n## To repeat it\n\n`gyroceptron run {} --seed {}` with gyroceptron {}: every number \
-             above this line but the timings comes out the same, bit for bit.",
-            scene.name, scene.seed, self.crate_version
+            "\n## To repeat it\n\n`gyroceptron run as-run.toml --out …` with the file of that name beside this report \
+             and gyroceptron {}: every number above but the timings comes out the same, bit for bit.",
+            self.crate_version
         );
         out
     }
@@ -238,7 +237,7 @@ impl Report {
         for (k, point) in spec.initial.iter().enumerate() {
             let (mu, drift) = match &rollout.adiabatic {
                 Some(values) => {
-                    (format!("{:.6}", values[k].initial), format!("{:.2e}", values[k].drift))
+                    (format!("{:.6}", values[k].initial), format!("{:.2e}", values[k].largest))
                 }
                 None => ("–".into(), "–".into()),
             };
@@ -249,7 +248,7 @@ impl Report {
                 rollout.largest_errors[k],
                 rollout.final_errors[k],
                 reference.initial,
-                reference.drift
+                reference.largest
             )?;
         }
         Ok(())

@@ -1,6 +1,6 @@
 //! Running a scene: data, training, certificate, roll-out, report.
 
-use super::declaration::{Adiabatic, ModelSpec, Plot, RolloutSpec, Scene};
+use super::declaration::{ModelSpec, Plot, RolloutSpec, Scene, parse};
 use super::plot::{Panel, Series, Style, draw};
 use super::report::{ModelReport, Report, RolloutReport};
 use crate::error::Error;
@@ -8,8 +8,8 @@ use crate::flow::{Pairs, Reference, Window, sample};
 use crate::io::{
     Provenance, StoredModel, load_checkpoint, save_checkpoint, save_model, write_atomically,
 };
-use crate::measure::certify;
-use crate::network::{Direction, Model, Rollout, Stream, map_points, rollout};
+use crate::measure::{certify, component_errors, distance, drift, limiting_flow_error};
+use crate::network::{Model, Rollout, Stream, rollout};
 use crate::scalar::max_or_nan;
 use crate::system::{AveragedOscillator, Hamiltonian, System};
 use crate::train::{Control, Progress, Stop, TrainingRecord, train};
@@ -61,8 +61,10 @@ pub struct Folder {
     resume: bool,
 }
 
+/// The scene as it was run: what a folder is resumed and repeated from.
+const AS_RUN: &str = "as-run.toml";
 /// The files that mark a folder as one of a run.
-const MARKS: [&str; 3] = ["report.json", "scene.toml", "checkpoint"];
+const MARKS: [&str; 5] = ["report.json", "report.md", AS_RUN, "checkpoint", "model.json"];
 
 impl Folder {
     /// Makes the folder and tests that it can be written.
@@ -77,31 +79,34 @@ impl Folder {
         }
         std::fs::create_dir_all(path).map_err(|reason| Error::write(path, reason))?;
         let folder = Self { path: path.to_owned(), resume };
-        write_atomically(&folder.file(".writable"), |_| Ok(()))
-            .and_then(|()| {
-                std::fs::remove_file(folder.file(".writable"))
-                    .map_err(|reason| Error::write(path, reason))
-            })
-            .map_err(|_| Error::write(path, "the folder is not writable"))?;
-        if holds_run && overwrite && !resume {
+        tempfile::Builder::new()
+            .prefix(".gyroceptron-")
+            .tempfile_in(path)
+            .map_err(|reason| Error::write(path, reason))?;
+        if holds_run && !resume {
             folder.clear()?;
         }
         Ok(folder)
     }
 
-    /// Removes what a run leaves, and nothing else.
+    /// Removes the files of the run that the folder holds, by their names, and
+    /// nothing else.
     fn clear(&self) -> Result<(), Error> {
-        let fail = |reason: std::io::Error| Error::write(&self.path, reason);
-        for entry in std::fs::read_dir(&self.path).map_err(fail)? {
-            let path = entry.map_err(fail)?.path();
-            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            let ours = MARKS.contains(&name.as_str())
-                || ["report.md", "timings.json"].contains(&name.as_str())
-                || name.starts_with("checkpoint-")
-                || (name.starts_with("model") && name.ends_with(".json"))
-                || (name.ends_with(".svg") && !name.starts_with('.'));
-            if ours {
-                std::fs::remove_file(&path).map_err(fail)?;
+        let mut names: Vec<String> = MARKS.iter().map(|mark| (*mark).to_owned()).collect();
+        names.push("timings.json".into());
+        names.extend(Plot::ALL.iter().map(|plot| plot.file().to_owned()));
+        if let Ok(text) = std::fs::read_to_string(self.file(AS_RUN))
+            && let Ok(earlier) = parse(AS_RUN, &text)
+        {
+            for spec in &earlier.models {
+                names.push(format!("checkpoint-{}", spec.name));
+                names.push(format!("model-{}.json", spec.name));
+            }
+        }
+        for name in names {
+            let path = self.file(&name);
+            if path.is_file() {
+                std::fs::remove_file(&path).map_err(|reason| Error::write(&path, reason))?;
             }
         }
         Ok(())
@@ -170,24 +175,14 @@ pub fn run(
 ) -> Result<Option<Report>, Error> {
     let (system, time, data) = scene.experiment()?;
     let action = system.circle_action();
-    // Refuse what cannot run before anything is computed.
-    let architectures: Vec<_> = scene
-        .models
-        .iter()
-        .map(|spec| {
-            let architecture = spec.network.architecture(&action, system.epsilon());
-            Error::check_count(
-                &format!("models.{}: circle action", spec.name),
-                system.dof(),
-                architecture.dof(),
-            )?;
-            architecture.check()?;
-            Ok(architecture)
-        })
-        .collect::<Result<_, Error>>()?;
     let text = toml::to_string_pretty(scene)
-        .map_err(|reason| Error::write(&folder.file("scene.toml"), reason))?;
-    write_atomically(&folder.file("scene.toml"), |out| out.write_all(text.as_bytes()))?;
+        .map_err(|reason| Error::write(&folder.file(AS_RUN), reason))?;
+    let save_scene =
+        || write_atomically(&folder.file(AS_RUN), |out| out.write_all(text.as_bytes()));
+    // A resumed run that turns out to be another one must not leave its name.
+    if !folder.resume {
+        save_scene()?;
+    }
 
     observer.event(Event::Stage("reference flow of the training and held-out points"));
     let start = Instant::now();
@@ -222,8 +217,9 @@ pub fn run(
     };
 
     let mut trained = Vec::new();
-    for (spec, architecture) in scene.models.iter().zip(architectures) {
+    for spec in &scene.models {
         observer.event(Event::Stage(&format!("training {}", spec.name)));
+        let architecture = spec.network.architecture(&action, system.epsilon());
         let theta = system.limiting_frequency() * time;
         let model = architecture.initialise(spec.weights, theta, scene.seed)?;
         let checkpoint_file = folder.own(scene, "checkpoint", spec, "");
@@ -326,7 +322,7 @@ pub fn run(
                 })
                 .collect(),
             component_errors: match &held_out {
-                Some(held_out) => component_errors(model, held_out)?,
+                Some(held_out) => component_errors(model.composition(), held_out)?,
                 None => Vec::new(),
             },
             initial_theta: initial.gyroceptron().map(|g| g.theta()),
@@ -343,7 +339,7 @@ pub fn run(
         training_pairs: pairs.len(),
         held_out_pairs: held_out.as_ref().map_or(0, Pairs::len),
         reference_error,
-        rotation_error: held_out.as_ref().map(|set| rotation_error(system, set, time)),
+        rotation_error: held_out.as_ref().map(|set| limiting_flow_error(system, set, time)),
         rollout_reference_error: reference.as_ref().map(|(_, (_, error))| *error),
         models,
     };
@@ -358,6 +354,7 @@ pub fn run(
         draw(&folder.file(&name), &panels)?;
         figures.push((name, caption));
     }
+    save_scene()?;
     save_timings(folder, &timings)?;
     let markdown = report.markdown(&timings_markdown(&timings, &report), &figures);
     write_atomically(&folder.file("report.md"), |out| out.write_all(markdown.as_bytes()))?;
@@ -456,22 +453,9 @@ fn model_rollout(model: &Model, request: &RolloutSpec) -> Result<Trajectories, E
     Ok(Trajectories { values, dim: 2 * model.composition().dof(), count: request.initial.len() })
 }
 
-fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
-}
-
 /// μ₀ of the network along its trajectories, in their order, if it has one.
 fn network_invariant(model: &Model, own: &Trajectories) -> Option<Vec<f64>> {
     Some(model.gyroceptron()?.adiabatic_invariant(&own.values))
-}
-
-fn drift(values: impl Iterator<Item = f64> + Clone) -> Adiabatic {
-    let initial = values.clone().next().unwrap_or(f64::NAN);
-    let mut drift = 0.0;
-    for value in values {
-        drift = max_or_nan(drift, (value - initial).abs());
-    }
-    Adiabatic { initial, drift }
 }
 
 fn compare(
@@ -506,33 +490,6 @@ fn compare(
     RolloutReport { largest_errors, final_errors, adiabatic, reference_adiabatic }
 }
 
-/// The mean squared error, over all components, of the limiting flow alone.
-fn rotation_error(system: &System, pairs: &Pairs, time: f64) -> f64 {
-    let dim = 2 * pairs.dof();
-    let mut total = 0.0;
-    for (input, output) in pairs.input().chunks_exact(dim).zip(pairs.output().chunks_exact(dim)) {
-        let mut moved = input.to_vec();
-        system.limiting_flow(&mut moved, time);
-        for (a, b) in moved.iter().zip(output) {
-            total += (a - b) * (a - b);
-        }
-    }
-    total / pairs.output().len() as f64
-}
-
-fn component_errors(model: &Model, pairs: &Pairs) -> Result<Vec<f64>, Error> {
-    let dim = 2 * pairs.dof();
-    let mut moved = pairs.input().to_vec();
-    map_points(model.composition(), Direction::Forward, &mut moved)?;
-    let mut squares = vec![0.0; dim];
-    for (own, target) in moved.chunks_exact(dim).zip(pairs.output().chunks_exact(dim)) {
-        for c in 0..dim {
-            squares[c] += (own[c] - target[c]) * (own[c] - target[c]);
-        }
-    }
-    Ok(squares.into_iter().map(|s| (s / pairs.len() as f64).sqrt()).collect())
-}
-
 type ReferenceRollout<'a> = (&'a RolloutSpec, (Trajectories, f64));
 
 /// The file, caption and panels of a plot; None where the scene has not
@@ -546,32 +503,27 @@ fn figure(
     reference: Option<&ReferenceRollout<'_>>,
     own: &[(String, &Model, Trajectories)],
 ) -> Option<(String, String, Vec<Panel>)> {
-    let (name, caption, panels) = match plot {
+    let (caption, panels) = match plot {
         Plot::Loss => (
-            "loss.svg",
             "Training loss and held-out mean squared error, against iterations and against \
              seconds of training on this machine.",
             loss_panels(report, timings),
         ),
         Plot::Portrait => (
-            "portrait.svg",
             "The slow plane: reference trajectories over the level sets of the averaged \
              Hamiltonian through their initial points (grey), and the trajectories of each network.",
             portrait_panels(system, reference?, own),
         ),
         Plot::AdiabaticInvariant => (
-            "adiabatic-invariant.svg",
             "The change of the leading adiabatic invariant: of the system along the reference \
              trajectories, and of each network, μ₀ = 𝔍₀∘ψ⁻¹, along its own.",
             invariant_panels(system, time, reference?, own),
         ),
-        Plot::RolloutError => (
-            "rollout-error.svg",
-            "Distance of each trajectory from the reference.",
-            error_panels(time, reference?, own),
-        ),
+        Plot::RolloutError => {
+            ("Distance of each trajectory from the reference.", error_panels(time, reference?, own))
+        }
     };
-    (!panels.is_empty()).then(|| (name.into(), caption.into(), panels))
+    (!panels.is_empty()).then(|| (plot.file().into(), caption.into(), panels))
 }
 
 fn loss_panels(report: &Report, timings: &Timings) -> Vec<Panel> {
@@ -661,7 +613,7 @@ fn portrait_panels(
 /// by its own flow once around.
 fn level_set(z: &[f64]) -> Option<Series> {
     const STEPS: usize = 600;
-    let system = AveragedOscillator::new(z[0].hypot(z[2]));
+    let system = AveragedOscillator::new(libm::hypot(z[0], z[2]));
     let reference = Reference::new(&system);
     let mut w = vec![z[1], z[3]];
     let mut points = vec![(w[0], w[1])];

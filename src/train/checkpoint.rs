@@ -28,8 +28,8 @@ impl RunIdentity {
         for value in model.composition().parameters() {
             hash.update(value.to_le_bytes());
         }
-        // Neither the number of iterations nor how often to save changes the
-        // path: both may differ when a run goes on.
+        // When to stop and how often to save do not change the path: they may
+        // differ when a run goes on.
         let options = TrainingOptions {
             iterations: 0,
             checkpoint_every: 1,
@@ -69,6 +69,9 @@ pub struct Checkpoint {
     pub(super) earlier_evaluations: u64,
     pub(super) segment_iterations: u64,
     pub(super) segment: Option<SegmentSnapshot>,
+    /// Where it was read from, for errors.
+    #[serde(skip)]
+    source: Option<String>,
 }
 
 impl Checkpoint {
@@ -84,7 +87,17 @@ impl Checkpoint {
             earlier_evaluations: record.evaluations,
             segment_iterations: 0,
             segment: None,
+            source: None,
         }
+    }
+
+    /// The same, read from the file of this name.
+    pub fn from_file(self, name: impl Into<String>) -> Self {
+        Self { source: Some(name.into()), ..self }
+    }
+
+    fn place(&self) -> &str {
+        self.source.as_deref().unwrap_or("checkpoint")
     }
 
     /// The newest record.
@@ -149,8 +162,8 @@ impl Checkpoint {
             .flatten()
             .collect();
             return Err(Error::content(
-                "checkpoint",
-                "one of this run",
+                self.place(),
+                "a checkpoint of this run",
                 format!("one with other {}", what.join(", ")),
             ));
         }
@@ -162,11 +175,15 @@ impl Checkpoint {
             ("scale", scale),
         ] {
             if found != count {
-                return Err(Error::content(format!("checkpoint: {what}"), count, found));
+                return Err(Error::content(format!("{}: {what}", self.place()), count, found));
             }
         }
         if self.history.is_empty() {
-            return Err(Error::content("checkpoint: history", "at least one record", "none"));
+            return Err(Error::content(
+                format!("{}: history", self.place()),
+                "at least one record",
+                "none",
+            ));
         }
         Ok(())
     }

@@ -91,6 +91,10 @@ impl TrainingOptions {
                 return Err(Error::invalid(name, value, "at least 1"));
             }
         }
+        if self.memory > LARGEST_MEMORY {
+            let expected = format!("at most {LARGEST_MEMORY}");
+            return Err(Error::invalid("training.memory", self.memory, expected));
+        }
         if self.scaling == (Scaling::GaussNewton { renew: 0 }) {
             return Err(Error::invalid("training.scaling.renew", 0, "at least 1"));
         }
@@ -105,6 +109,9 @@ impl TrainingOptions {
         Ok(())
     }
 }
+
+/// More pairs than this serve no purpose and cost their square.
+const LARGEST_MEMORY: usize = 10_000;
 
 /// Where training stands after an iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -230,8 +237,8 @@ impl Gradient for Scaled<'_> {
     }
 }
 
-/// A line search retreats from an infinite loss; a NaN it might take for
-/// progress.
+/// An infinite loss ends a line search without a step, and so the segment; a
+/// NaN it might take for progress.
 fn finite_or_rejected(value: f64) -> f64 {
     if value.is_finite() { value } else { f64::INFINITY }
 }
@@ -314,7 +321,8 @@ impl<'a> Segment<'a> {
                 (Executor::new(problem(&scale), solver, FirstOrderState::new(u)), scale)
             }
         };
-        let stepper = executor.into_stepper().expect("an infallible problem");
+        // Basin stops after 1000 iterations unless told otherwise.
+        let stepper = executor.max_iter(u64::MAX).into_stepper().expect("an infallible problem");
         Ok(Self { stepper, scale, factor })
     }
 
@@ -365,8 +373,7 @@ impl<'a> Segment<'a> {
             let iteration = state.last().iteration + 1;
             let u = self.stepper.state().param();
             state.parameters = u.iter().zip(&self.scale).map(|(u, d)| u * d).collect();
-            let evaluate =
-                iteration.is_multiple_of(options.validate_every) || iteration == options.iterations;
+            let evaluate = iteration.is_multiple_of(options.validate_every);
             let validation = match held_out {
                 Some(held_out) if evaluate => {
                     let current = model.with_parameters(state.parameters.clone())?;
@@ -389,7 +396,8 @@ impl<'a> Segment<'a> {
             };
             let over = state.finished(options).is_some();
             let due = over || iteration.is_multiple_of(options.checkpoint_every);
-            if renew || over {
+            // A run that is over keeps the optimiser too: it may be asked for more.
+            if renew {
                 state.close_segment(self.evaluations());
             } else if due {
                 state.segment = Some(self.snapshot());
@@ -455,12 +463,19 @@ pub fn train(
                     place: "the initial parameters".into(),
                 });
             }
+            let validation = held_out.as_ref().map(|o| o.value(model.composition()));
+            if validation.is_some_and(|v| !v.is_finite()) {
+                return Err(Error::Diverged {
+                    what: "held-out error".into(),
+                    place: "the initial parameters".into(),
+                });
+            }
             let record = TrainingRecord {
                 iteration: 0,
                 evaluations: 1,
                 loss,
                 gradient: gradient.iter().map(|g| g.abs()).fold(0.0, max_or_nan),
-                validation: held_out.as_ref().map(|o| o.value(model.composition())),
+                validation,
             };
             Checkpoint::start(run, parameters, record)
         }
@@ -483,6 +498,15 @@ pub fn train(
         }
     };
 
+    // The last iteration is a candidate too, but only in what is returned:
+    // when training goes on, its path must not depend on where it paused.
+    if let (Some(held_out), None) = (&held_out, state.last().validation) {
+        let current = model.with_parameters(state.parameters.clone())?;
+        let score = held_out.value(current.composition());
+        let record = TrainingRecord { validation: Some(score), ..state.last() };
+        state.history.pop();
+        state.push(record, Some(score));
+    }
     Ok(Outcome {
         model: model.with_parameters(state.best_parameters)?,
         best: state.best,

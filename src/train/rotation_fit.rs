@@ -51,5 +51,6 @@ pub fn fit_rotation(pairs: &Pairs, action: &CircleAction) -> f64 {
             low = a;
         }
     }
-    0.5 * (low + high)
+    let theta = 0.5 * (low + high);
+    if theta > PI { theta - TAU } else { theta }
 }

@@ -1,0 +1,559 @@
+//! The program, as its users call it.
+#![cfg(feature = "cli")]
+
+use gyroceptron::flow::{Pairs, Window, sample};
+use gyroceptron::io::{load_model, read_points, write_pairs, write_points};
+use gyroceptron::network::{Rollout, Stream, rollout};
+use gyroceptron::system::Oscillators;
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+fn command(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_gyroceptron"));
+    command.current_dir(folder).args(arguments);
+    command
+}
+
+fn call(folder: &Path, arguments: &[&str]) -> Output {
+    command(folder, arguments).output().expect("the program starts")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("UTF-8")
+}
+
+fn succeeds(folder: &Path, arguments: &[&str]) -> Output {
+    let output = call(folder, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
+    output
+}
+
+/// Status 2, one line on standard error with these words, nothing on standard
+/// output, and no file made or changed.
+fn refuses(folder: &Path, arguments: &[&str], words: &[&str]) {
+    let before = listing(folder);
+    let output = call(folder, arguments);
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
+    // Beside notes of stages that were passed, which end with an ellipsis.
+    let lines: Vec<_> = error.lines().filter(|line| !line.ends_with('…')).collect();
+    assert_eq!(lines.len(), 1, "{arguments:?}: {error}");
+    for word in words {
+        assert!(error.contains(word), "{arguments:?} does not name {word}: {error}");
+    }
+    assert!(output.stdout.is_empty(), "{arguments:?}");
+    assert_eq!(listing(folder), before, "{arguments:?}");
+}
+
+/// Names and contents of all files below a folder.
+fn listing(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut out = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(current) = folders.pop() {
+        for entry in std::fs::read_dir(&current).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.display().to_string();
+                out.push((name, std::fs::read(&path).expect("readable")));
+            }
+        }
+    }
+    out.sort();
+    out
+}
+
+const SCENE: &str = r#"
+name = "small"
+title = "A small scene"
+seed = 3
+flow_time = 0.5
+plots = ["loss", "portrait", "adiabatic-invariant", "rollout-error"]
+
+[system]
+kind = "oscillators"
+epsilon = 0.01
+
+[data]
+validation = 0.5
+windows = [{ low = [-1.6, -1.6, -1.6, -1.6], high = [1.6, 1.6, 1.6, 1.6], samples = 400 }]
+
+[[models]]
+name = "gyroceptron"
+network = { kind = "gyroceptron", psi = { count = 3, width = 4 }, near_identity = { count = 3, width = 4 } }
+weights = { kind = "normal", scale = 0.15 }
+
+[training]
+iterations = 60
+checkpoint_every = 10
+
+[certificate]
+samples = 20
+radius = 1.6
+
+[rollout]
+steps = 100
+every = 10
+initial = [[1.5, 0.15, 0.0, 0.0], [1.5, 1.0, 0.0, 0.0]]
+"#;
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+fn with_scene(name: &str, scene: &str) -> tempfile::TempDir {
+    let folder = folder();
+    std::fs::write(folder.path().join(name), scene).expect("written");
+    folder
+}
+
+fn write_data(folder: &Path) {
+    let window = Window { low: vec![-1.6; 4], high: vec![1.6; 4], samples: 300 };
+    let points = sample(&[window], 2, &mut Stream::new(1, "points")).expect("valid");
+    let system = Oscillators { epsilon: 0.01 };
+    let (pairs, _) = Pairs::of_flow(&system, points, 0.5).expect("converges");
+    write_pairs(&folder.join("pairs.npz"), &pairs).expect("written");
+    let start: Vec<f64> = pairs.input()[..12].to_vec();
+    write_points(&folder.join("z.npy"), &[3, 4], &start).expect("written");
+}
+
+/// A folder with pairs.npz, z.npy and a trained model.json.
+fn with_model() -> tempfile::TempDir {
+    let folder = folder();
+    write_data(folder.path());
+    succeeds(
+        folder.path(),
+        &[
+            "train",
+            "--data",
+            "pairs.npz",
+            "--circle-action",
+            "1,0",
+            "--output",
+            "model.json",
+            "--iterations",
+            "12",
+        ],
+    );
+    folder
+}
+
+#[test]
+fn a_scene_runs_to_a_report() {
+    let folder = with_scene("small.toml", SCENE);
+    let output = succeeds(folder.path(), &["run", "small.toml"]);
+    assert!(text(&output.stdout).contains("symplecticity"));
+    let out = folder.path().join("gyroceptron-out/small");
+    let report = std::fs::read_to_string(out.join("report.md")).expect("a report");
+    for words in ["seed 3", "Structure certificate", "held-out mean squared error", "μ₀"] {
+        assert!(report.contains(words), "the report lacks {words}");
+    }
+    for plot in ["loss", "portrait", "adiabatic-invariant", "rollout-error"] {
+        let svg = std::fs::read_to_string(out.join(format!("{plot}.svg"))).expect("a plot");
+        assert!(svg.starts_with("<svg") && svg.len() > 3000, "{plot}");
+    }
+    let json: Value =
+        serde_json::from_slice(&std::fs::read(out.join("report.json")).expect("a report"))
+            .expect("JSON");
+    let model = &json["models"][0];
+    assert_eq!(model["certificate"]["rows"][0]["verdict"], "holds");
+    assert!(json["reference_error"].as_f64().expect("a number") < 1e-13);
+    let held_out = model["best"]["validation"].as_f64().expect("a number");
+    let rotation = json["rotation_error"].as_f64().expect("a number");
+    assert!(held_out < rotation, "{held_out:e} against {rotation:e}");
+    // What a scene does not name is not made.
+    assert!(!out.join("checkpoint-gyroceptron").exists());
+}
+
+#[test]
+fn the_same_scene_gives_the_same_bits_on_one_thread_and_on_two() {
+    let folder = with_scene("small.toml", SCENE);
+    for (threads, out) in [("1", "one"), ("2", "two")] {
+        succeeds(folder.path(), &["small.toml", "--threads", threads, "--out", out]);
+    }
+    for file in ["report.json", "model.json", "portrait.svg"] {
+        let read = |out: &str| std::fs::read(folder.path().join(out).join(file)).expect("there");
+        assert!(read("one") == read("two"), "{file}");
+    }
+}
+
+#[test]
+fn a_killed_run_resumes_to_the_same_bits() {
+    let scene = SCENE.replace("iterations = 60", "iterations = 400");
+    let folder = with_scene("small.toml", &scene);
+    succeeds(folder.path(), &["small.toml", "--out", "whole"]);
+    let mut child = command(folder.path(), &["small.toml", "--out", "killed"])
+        .stderr(Stdio::null())
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("starts");
+    let checkpoint = folder.path().join("killed/checkpoint");
+    for _ in 0..6000 {
+        if checkpoint.exists() || child.try_wait().expect("a child").is_some() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    child.kill().expect("killed");
+    child.wait().expect("ended");
+    assert!(checkpoint.exists(), "killed after the first checkpoint");
+    refuses(folder.path(), &["small.toml", "--out", "killed"], &["killed", "--resume"]);
+    succeeds(folder.path(), &["small.toml", "--out", "killed", "--resume"]);
+    for file in ["report.json", "model.json"] {
+        let read = |out: &str| std::fs::read(folder.path().join(out).join(file)).expect("there");
+        assert!(read("whole") == read("killed"), "{file}");
+    }
+}
+
+#[test]
+fn a_scene_computes_only_what_it_names() {
+    let start = SCENE.find("[certificate]").expect("in the scene");
+    let bare =
+        SCENE[..start].replace("\"portrait\", \"adiabatic-invariant\", \"rollout-error\"", "");
+    let folder = with_scene("bare.toml", &bare);
+    let output = succeeds(folder.path(), &["bare.toml", "--out", "out", "--json"]);
+    let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
+    assert!(json["models"][0]["certificate"].is_null());
+    assert!(json["models"][0]["rollout"].is_null());
+    assert!(!folder.path().join("out/portrait.svg").exists());
+}
+
+#[test]
+fn several_networks_share_a_scene() {
+    let second = r#"
+[[models]]
+name = "henon-net"
+network = { kind = "henon-net", layers = { count = 4, width = 4 } }
+weights = { kind = "glorot" }
+
+[training]
+"#;
+    let folder = with_scene("two.toml", &SCENE.replacen("[training]\n", second, 1));
+    succeeds(folder.path(), &["two.toml", "--out", "out"]);
+    for file in ["model-gyroceptron.json", "model-henon-net.json", "checkpoint-henon-net"] {
+        assert!(folder.path().join("out").join(file).exists(), "{file}");
+    }
+}
+
+#[test]
+fn train_verify_predict_export_and_import() {
+    let folder = with_model();
+    let path = folder.path();
+    let output = succeeds(path, &["verify", "--model", "model.json", "--json"]);
+    let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
+    assert_eq!(json["holds"], true);
+
+    succeeds(
+        path,
+        &[
+            "predict",
+            "--model",
+            "model.json",
+            "--input",
+            "z.npy",
+            "--steps",
+            "20",
+            "--every",
+            "5",
+            "--output",
+            "t.npy",
+        ],
+    );
+    let stored = load_model(&path.join("model.json")).expect("a model");
+    let start = read_points(&path.join("z.npy"), 2).expect("points").points;
+    let expected = rollout(stored.model.composition(), &start, Rollout { steps: 20, every: 5 })
+        .expect("valid");
+    let file = std::fs::read(path.join("t.npy")).expect("trajectories");
+    let header = String::from_utf8_lossy(&file[..128]);
+    assert!(header.contains("(5, 3, 4)") || header.contains("(5, 3, 4, )"), "{header}");
+    let values: Vec<f64> = file[file.len() - expected.len() * 8..]
+        .chunks_exact(8)
+        .map(|b| f64::from_le_bytes(b.try_into().expect("eight bytes")))
+        .collect();
+    assert_eq!(values, expected);
+
+    for weights in ["w.safetensors", "w.npz"] {
+        succeeds(path, &["export", "--model", "model.json", "--output", weights]);
+        succeeds(
+            path,
+            &[
+                "import",
+                "--weights",
+                weights,
+                "--circle-action",
+                "1,0",
+                "--epsilon",
+                "0.01",
+                "--output",
+                "back.json",
+            ],
+        );
+        let back = load_model(&path.join("back.json")).expect("a model");
+        assert_eq!(back.model.composition().parameters(), stored.model.composition().parameters());
+        std::fs::remove_file(path.join("back.json")).expect("removed");
+    }
+}
+
+#[test]
+fn training_is_reproducible_and_resumes() {
+    let folder = folder();
+    write_data(folder.path());
+    let train = |output: &str, iterations: &str, more: &[&str]| {
+        let mut arguments = vec![
+            "train",
+            "--data",
+            "pairs.npz",
+            "--circle-action",
+            "1,0",
+            "--output",
+            output,
+            "--iterations",
+            iterations,
+        ];
+        arguments.extend(more);
+        succeeds(folder.path(), &arguments);
+    };
+    train("a.json", "150", &["--threads", "1"]);
+    train("b.json", "100", &["--threads", "2"]);
+    train("b.json", "150", &["--resume"]);
+    let read = |file: &str| std::fs::read(folder.path().join(file)).expect("a model");
+    assert!(read("a.json") == read("b.json"));
+}
+
+#[test]
+fn random_networks_are_certified() {
+    let folder = folder();
+    let output = succeeds(folder.path(), &["verify", "--random", "2", "--samples", "10", "--json"]);
+    let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
+    assert_eq!(json["holds"], true);
+    assert_eq!(json["certificate"]["rows"][0]["samples"], 20);
+    let again = succeeds(folder.path(), &["verify", "--random", "2", "--samples", "10", "--json"]);
+    assert_eq!(output.stdout, again.stdout);
+}
+
+#[test]
+fn a_failed_check_has_status_1() {
+    // A network of zeros cannot fail its symplecticity test: vacuous.
+    let folder = with_model();
+    let path = folder.path().join("model.json");
+    let mut json: Value =
+        serde_json::from_slice(&std::fs::read(&path).expect("a model")).expect("JSON");
+    for value in json["parameters"].as_array_mut().expect("numbers") {
+        *value = 0.0.into();
+    }
+    std::fs::write(&path, json.to_string()).expect("written");
+    let output = call(folder.path(), &["verify", "--model", "model.json", "--samples", "5"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stdout).contains("VACUOUS"));
+}
+
+#[test]
+fn scenes_are_listed_and_shown() {
+    let folder = folder();
+    let listed = text(&succeeds(folder.path(), &["scenes"]).stdout);
+    for entry in gyroceptron::scene::catalogue() {
+        assert!(listed.contains(entry.name));
+        let shown = text(&succeeds(folder.path(), &["scenes", "--show", entry.name]).stdout);
+        assert_eq!(shown, entry.text);
+        let scene = entry.scene().expect("a valid scene");
+        assert_eq!(scene.name, entry.name);
+        scene.experiment().expect("complete");
+        let cited = text(&succeeds(folder.path(), &["cite", entry.name]).stdout);
+        assert!(cited.contains("10.1038/s41598-023-34862-w") && cited.contains("Nocedal"));
+    }
+    assert_eq!(listed.lines().count(), gyroceptron::scene::catalogue().len());
+    assert!(text(&succeeds(folder.path(), &["cite"]).stdout).contains("@article"));
+}
+
+#[test]
+fn the_parameter_counts_of_the_built_in_scenes_are_the_papers() {
+    let count = |name: &str, model: usize| {
+        let scene = gyroceptron::scene::find(name).and_then(|e| e.scene()).expect("a scene");
+        let (system, ..) = scene.experiment().expect("complete");
+        use gyroceptron::system::Hamiltonian;
+        let action = system.circle_action();
+        scene.models[model].network.architecture(&action, 0.01).parameter_count()
+    };
+    assert_eq!(count("oscillators-short", 0), 549);
+    assert_eq!(count("oscillators-long", 0), 681);
+    assert_eq!(count("oscillators-long", 1), 672);
+    assert_eq!(count("particle-field", 0), 1033);
+}
+
+#[test]
+fn missing_files_are_named() {
+    let folder = folder();
+    let path = folder.path();
+    refuses(path, &["run", "gone.toml"], &["gone.toml"]);
+    refuses(path, &["run", "gone"], &["gone", "quickstart"]);
+    refuses(path, &["verify", "--model", "gone.json"], &["gone.json"]);
+    refuses(
+        path,
+        &["train", "--data", "gone.npz", "--circle-action", "1,0", "--output", "m.json"],
+        &["gone.npz"],
+    );
+    refuses(
+        path,
+        &[
+            "predict",
+            "--model",
+            "gone.json",
+            "--input",
+            "z.npy",
+            "--steps",
+            "1",
+            "--output",
+            "t.npy",
+        ],
+        &["gone.json"],
+    );
+    refuses(
+        path,
+        &[
+            "import",
+            "--weights",
+            "gone.npz",
+            "--circle-action",
+            "1,0",
+            "--epsilon",
+            "0.01",
+            "--output",
+            "m.json",
+        ],
+        &["gone.npz"],
+    );
+    refuses(path, &["export", "--model", "gone.json", "--output", "w.npz"], &["gone.json"]);
+}
+
+#[test]
+fn bad_arguments_are_named() {
+    let folder = with_model();
+    let path = folder.path();
+    let train = |more: &[&str], words: &[&str]| {
+        let mut arguments = vec!["train", "--data", "pairs.npz", "--output", "new.json"];
+        arguments.extend(more);
+        refuses(path, &arguments, words);
+    };
+    train(&["--circle-action", "1,0,0"], &["--circle-action", "3 weights", "2 weights"]);
+    train(&["--circle-action", "1,x"], &["--circle-action", "1,x"]);
+    train(&["--circle-action", "0,0"], &["circle action"]);
+    train(&["--circle-action", "1,0", "--epsilon", "NaN"], &["epsilon", "NaN"]);
+    train(&["--circle-action", "1,0", "--epsilon", "inf"], &["epsilon"]);
+    train(&["--circle-action", "1,0", "--iterations", "-3"], &["--iterations", "-3"]);
+    train(&["--circle-action", "1,0", "--validation", "1.5"], &["--validation", "1.5"]);
+    train(&["--circle-action", "1,0", "--theta", "nan"], &["--theta"]);
+    train(&["--circle-action", "1,0", "--threads", "0"], &["--threads"]);
+    train(&[], &["--circle-action"]);
+    refuses(
+        path,
+        &["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "model.json"],
+        &["model.json"],
+    );
+    for (steps, every) in [("0", "1"), ("-5", "1"), ("5", "0"), ("5", "-1")] {
+        refuses(
+            path,
+            &[
+                "predict",
+                "--model",
+                "model.json",
+                "--input",
+                "z.npy",
+                "--steps",
+                steps,
+                "--every",
+                every,
+                "--output",
+                "t.npy",
+            ],
+            &["at least 1"],
+        );
+    }
+    refuses(path, &["verify", "--random", "0"], &["--random"]);
+    refuses(path, &["verify", "--samples", "-1"], &["--samples"]);
+    refuses(path, &["verify", "--radius", "NaN"], &["--radius"]);
+    refuses(path, &["frobnicate"], &["frobnicate"]);
+    refuses(path, &["verify", "--frobnicate"], &["--frobnicate"]);
+    refuses(path, &["export", "--model", "model.json", "--output", "w.txt"], &["w.txt", ".npz"]);
+    refuses(
+        path,
+        &["export", "--model", "model.json", "--output", "no/such/w.npz"],
+        &["no/such/w.npz"],
+    );
+}
+
+#[test]
+fn unknown_keys_are_named_with_the_nearest_known_one() {
+    for (from, to, words) in [
+        ("flow_time", "flow_tiem", ["flow_tiem", "flow_time"]),
+        ("iterations", "iteration", ["`iteration`", "iterations"]),
+        ("epsilon = 0.01", "epsilon = 0.01\nepsilom = 1", ["epsilom", "epsilon"]),
+        ("validation", "validaton", ["validaton", "validation"]),
+        ("every = 10\ninitial", "evry = 10\ninitial", ["evry", "every"]),
+    ] {
+        let folder = with_scene("bad.toml", &SCENE.replacen(from, to, 1));
+        refuses(folder.path(), &["run", "bad.toml"], &["bad.toml:", words[0], words[1]]);
+    }
+}
+
+#[test]
+fn scenes_with_bad_values_are_refused() {
+    for (from, to, word) in [
+        ("epsilon = 0.01", "epsilon = nan", "epsilon"),
+        ("flow_time = 0.5", "flow_time = -1.0", "flow_time"),
+        ("steps = 100", "steps = 0", "steps"),
+        ("steps = 100", "steps = -7", "-7"),
+        ("samples = 400", "samples = 0", "sample"),
+        ("low = [-1.6,", "low = [1.7,", "low"),
+        ("low = [-1.6,", "low = [", "window 0"),
+        ("[[1.5, 0.15, 0.0, 0.0]", "[[1.5, 0.15, 0.0]", "initial"),
+        ("kind = \"oscillators\"", "kind = \"oscillator\"", "oscillator"),
+        ("plots = [\"loss\"", "plots = [\"los\"", "los"),
+        ("name = \"small\"", "name = \"../small\"", "name"),
+        ("width = 4", "width = 0", "width"),
+        ("flow_time = 0.5\n", "", "flow_time"),
+        ("title = ", "title = = ", "bad.toml"),
+    ] {
+        let folder = with_scene("bad.toml", &SCENE.replacen(from, to, 1));
+        refuses(folder.path(), &["run", "bad.toml", "--out", "o"], &[word]);
+    }
+}
+
+#[test]
+fn output_folders_are_not_overwritten_unless_told_so() {
+    let folder = with_scene("small.toml", SCENE);
+    let path = folder.path();
+    succeeds(path, &["small.toml", "--out", "o"]);
+    std::fs::write(path.join("o/mine.txt"), "mine").expect("written");
+    refuses(path, &["small.toml", "--out", "o"], &["o", "--resume", "--overwrite"]);
+    succeeds(path, &["small.toml", "--out", "o", "--overwrite"]);
+    assert!(path.join("o/mine.txt").exists());
+    std::fs::write(path.join("file"), "a file").expect("written");
+    refuses(path, &["small.toml", "--out", "file"], &["file"]);
+    refuses(path, &["small.toml", "--out", "/proc/nowhere"], &["/proc/nowhere"]);
+}
+
+#[test]
+fn a_resumed_run_must_be_the_same_run() {
+    let folder = with_scene("small.toml", SCENE);
+    let path = folder.path();
+    succeeds(path, &["small.toml", "--out", "o"]);
+    refuses(path, &["small.toml", "--out", "o", "--resume", "--seed", "8"], &["checkpoint"]);
+    let checkpoint = path.join("o/checkpoint");
+    let whole = std::fs::read(&checkpoint).expect("a checkpoint");
+    std::fs::write(&checkpoint, &whole[..whole.len() / 2]).expect("written");
+    refuses(path, &["small.toml", "--out", "o", "--resume"], &["checkpoint", "corrupt"]);
+    let flipped = text(&whole).replacen("0.", "1.", 1);
+    std::fs::write(&checkpoint, flipped).expect("written");
+    refuses(path, &["small.toml", "--out", "o", "--resume"], &["checkpoint"]);
+}
+
+#[test]
+fn a_closed_pipe_is_no_error() {
+    let folder = folder();
+    let mut child =
+        command(folder.path(), &["scenes"]).stdout(Stdio::piped()).spawn().expect("starts");
+    drop(child.stdout.take());
+    assert!(child.wait().expect("ends").success());
+}
