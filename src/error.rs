@@ -34,7 +34,9 @@ pub enum Error {
         found: String,
     },
     /// A number that is NaN or infinite.
-    #[error("{place}: row {row}, column {column}: expected a finite number, found {value}")]
+    #[error(
+        "{place}: row {row}, column {column} (counted from 0): expected a finite number, found {value}"
+    )]
     NotFinite {
         /// The file or array.
         place: String,
@@ -83,6 +85,12 @@ pub enum Error {
     )]
     OutputExists {
         /// The folder.
+        path: PathBuf,
+    },
+    /// A file that is there already.
+    #[error("{}: exists already; give --overwrite to replace it, or another name", path.display())]
+    FileExists {
+        /// The file.
         path: PathBuf,
     },
     /// A computation that left the finite numbers.

@@ -39,7 +39,7 @@
 //! let options = TrainingOptions { iterations: 50, ..Default::default() };
 //! let trained = train(&model, &pairs, None, &options, None, &mut |_| Ok(Control::Continue))?;
 //!
-//! let mut z = [1.5, 0.3, 0.0, 0.0]; // q₁, q₂, p₁, p₂
+//! let mut z: [f64; 4] = [1.5, 0.3, 0.0, 0.0]; // q₁, q₂, p₁, p₂
 //! trained.model.forward(&mut z);
 //! trained.model.inverse(&mut z);
 //! assert!((z[0] - 1.5).abs() < 1e-14);

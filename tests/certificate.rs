@@ -58,7 +58,7 @@ fn henon_nets_have_a_certificate_too() {
         architecture.initialise(InitialWeights::Normal { scale: 0.4 }, 0.0, 1).expect("valid");
     let certificate = certify(&model, small(2));
     assert!(certificate.holds());
-    assert_eq!(certificate.rows.len(), 3);
+    assert_eq!(certificate.rows.len(), 4);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 #![cfg(feature = "cli")]
 
 use gyroceptron::flow::{Pairs, Window, sample};
-use gyroceptron::io::{load_model, read_points, write_pairs, write_points};
+use gyroceptron::io::{load_model, read_points, save_model, write_pairs, write_points};
 use gyroceptron::network::{Rollout, Stream, rollout};
 use gyroceptron::system::Oscillators;
 use serde_json::Value;
@@ -338,12 +338,10 @@ fn a_failed_check_has_status_1() {
     // A network of zeros cannot fail its symplecticity test: vacuous.
     let folder = with_model();
     let path = folder.path().join("model.json");
-    let mut json: Value =
-        serde_json::from_slice(&std::fs::read(&path).expect("a model")).expect("JSON");
-    for value in json["parameters"].as_array_mut().expect("numbers") {
-        *value = 0.0.into();
-    }
-    std::fs::write(&path, json.to_string()).expect("written");
+    let mut stored = load_model(&path).expect("a model");
+    let zeros = vec![0.0; stored.model.composition().parameters().len()];
+    stored.model = stored.model.with_parameters(zeros).expect("finite");
+    save_model(&path, &stored).expect("written");
     let output = call(folder.path(), &["verify", "--model", "model.json", "--samples", "5"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stdout).contains("VACUOUS"));
@@ -470,9 +468,19 @@ fn bad_arguments_are_named() {
             &["at least 1"],
         );
     }
+    // Nothing is replaced unasked, an input never.
+    std::fs::write(path.join("t.npy"), "mine").expect("written");
+    let predict = ["predict", "--model", "model.json", "--input", "z.npy", "--steps", "2"];
+    refuses(path, &[&predict[..], &["--output", "t.npy"]].concat(), &["t.npy", "--overwrite"]);
+    for own in ["z.npy", "model.json"] {
+        let arguments = [&predict[..], &["--output", own, "--overwrite"]].concat();
+        refuses(path, &arguments, &[own, "input"]);
+    }
+    let huge = ["--steps", "9000000000000000000", "--output", "huge.npy"];
+    refuses(path, &[&predict[..5], &huge].concat(), &["states"]);
     refuses(path, &["verify", "--random", "0"], &["--random"]);
     refuses(path, &["verify", "--samples", "-1"], &["--samples"]);
-    refuses(path, &["verify", "--radius", "NaN"], &["--radius"]);
+    refuses(path, &["verify", "--radius", "NaN"], &["radius", "NaN"]);
     refuses(path, &["frobnicate"], &["frobnicate"]);
     refuses(path, &["verify", "--frobnicate"], &["--frobnicate"]);
     refuses(path, &["export", "--model", "model.json", "--output", "w.txt"], &["w.txt", ".npz"]);
@@ -506,7 +514,7 @@ fn scenes_with_bad_values_are_refused() {
         ("steps = 100", "steps = -7", "-7"),
         ("samples = 400", "samples = 0", "sample"),
         ("low = [-1.6,", "low = [1.7,", "low"),
-        ("low = [-1.6,", "low = [", "window 0"),
+        ("low = [-1.6,", "low = [", "windows[0]"),
         ("[[1.5, 0.15, 0.0, 0.0]", "[[1.5, 0.15, 0.0]", "initial"),
         ("kind = \"oscillators\"", "kind = \"oscillator\"", "oscillator"),
         ("plots = [\"loss\"", "plots = [\"los\"", "los"),
@@ -531,6 +539,16 @@ fn output_folders_are_not_overwritten_unless_told_so() {
     assert!(path.join("o/mine.txt").exists());
     std::fs::write(path.join("file"), "a file").expect("written");
     refuses(path, &["small.toml", "--out", "file"], &["file"]);
+    refuses(path, &["small.toml", "--out", "new", "--resume"], &["new", "resume"]);
+    // A scene that cannot run costs nothing of an earlier run.
+    std::fs::write(path.join("bad.toml"), SCENE.replace("low = [-1.6,", "low = ["))
+        .expect("written");
+    refuses(path, &["bad.toml", "--out", "o", "--overwrite"], &["bad.toml", "low"]);
+    // Nor does a file of somebody else's.
+    std::fs::write(path.join("o/notes.svg"), "mine").expect("written");
+    std::fs::write(path.join("o/model-mine.json"), "mine").expect("written");
+    succeeds(path, &["small.toml", "--out", "o", "--overwrite"]);
+    assert!(path.join("o/notes.svg").exists() && path.join("o/model-mine.json").exists());
     refuses(path, &["small.toml", "--out", "/proc/nowhere"], &["/proc/nowhere"]);
 }
 

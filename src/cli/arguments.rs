@@ -155,6 +155,9 @@ pub struct Predict {
     /// The trajectories, an .npy of (steps/every + 1, M, 2n).
     #[arg(long, value_name = "FILE.npy")]
     pub output: PathBuf,
+    /// Replace an existing file.
+    #[arg(long)]
+    pub overwrite: bool,
     #[command(flatten)]
     pub common: Common,
 }
@@ -173,6 +176,9 @@ pub struct Import {
     /// The model file to write.
     #[arg(long, value_name = "FILE.json")]
     pub output: PathBuf,
+    /// Replace an existing file.
+    #[arg(long)]
+    pub overwrite: bool,
     /// One JSON document instead of a line.
     #[arg(long)]
     pub json: bool,
@@ -186,6 +192,9 @@ pub struct Export {
     /// The file to write.
     #[arg(long, value_name = "FILE.safetensors|FILE.npz")]
     pub output: PathBuf,
+    /// Replace an existing file.
+    #[arg(long)]
+    pub overwrite: bool,
     /// One JSON document instead of a line.
     #[arg(long)]
     pub json: bool,

@@ -10,8 +10,8 @@ use super::{Status, cite};
 use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
 use gyroceptron::io::{
-    Provenance, StoredModel, export_weights, import_weights, load_checkpoint, load_model,
-    read_pairs, read_points, save_checkpoint, save_model, write_points,
+    Provenance, StoredModel, export_weights, file_digest, import_weights, load_checkpoint,
+    load_model, read_pairs, read_points, save_checkpoint, save_model, write_points,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{CertificateOptions, certify, certify_all};
@@ -38,7 +38,7 @@ pub fn dispatch(arguments: Arguments) -> Result<Status, Error> {
         Command::Export(arguments) => export(&arguments),
         Command::Cite { scene } => {
             let scene = scene.as_deref().map(read_scene).transpose()?;
-            out(&cite::bibtex(scene.as_ref()));
+            out(&cite::bibtex(scene.as_ref()))?;
             Ok(Status::Done)
         }
     }
@@ -57,8 +57,9 @@ fn read_scene(name: &str) -> Result<Scene, Error> {
 
 fn use_threads(common: &Common) -> Result<(), Error> {
     if let Some(threads) = common.threads {
-        if threads == 0 {
-            return Err(Error::invalid("--threads", threads, "at least 1"));
+        const MOST: usize = 1024;
+        if threads == 0 || threads > MOST {
+            return Err(Error::invalid("--threads", threads, format!("1 to {MOST}")));
         }
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -94,7 +95,10 @@ fn run_scene(arguments: &Run) -> Result<Status, Error> {
     if arguments.common.json {
         json(&report)?;
     } else {
-        out(&run_summary(&report, &path));
+        out(&run_summary(&report, &path))?;
+    }
+    if !report.holds() {
+        line("THE CERTIFICATE DOES NOT HOLD: see the table above or the report");
     }
     Ok(status_of(report.holds()))
 }
@@ -142,7 +146,7 @@ fn run_summary(report: &Report, path: &Path) -> String {
 
 fn scenes(as_json: bool, show: Option<&str>) -> Result<Status, Error> {
     if let Some(name) = show {
-        out(find(name)?.text);
+        out(find(name)?.text)?;
         return Ok(Status::Done);
     }
     let mut rows = Vec::new();
@@ -155,7 +159,7 @@ fn scenes(as_json: bool, show: Option<&str>) -> Result<Status, Error> {
         json(&list)?;
     } else {
         for (name, title) in rows {
-            out(&format!("{name:20} {title}\n"));
+            out(&format!("{name:20} {title}\n"))?;
         }
     }
     Ok(Status::Done)
@@ -217,7 +221,7 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
             options.seed,
             certificate(&result),
             if result.holds() { "the certificate holds" } else { "THE CERTIFICATE DOES NOT HOLD" },
-        ));
+        ))?;
     }
     Ok(status_of(result.holds()))
 }
@@ -291,12 +295,9 @@ fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let architecture = recipe.network.architecture(&action, arguments.epsilon);
     architecture.check()?;
     let checkpoint_file = checkpoint_beside(&arguments.output);
-    if !arguments.overwrite && !arguments.resume {
-        for path in [&arguments.output, &checkpoint_file] {
-            if path.exists() {
-                return Err(Error::OutputExists { path: path.clone() });
-            }
-        }
+    let replace = arguments.overwrite || arguments.resume;
+    for path in [&arguments.output, &checkpoint_file] {
+        guard_output(path, replace, &[&arguments.data])?;
     }
 
     let mut progress = Progress::new();
@@ -327,8 +328,6 @@ fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         pairs.len(),
         held_out.as_ref().map_or(0, Pairs::len)
     ));
-    // Better to learn before training than after it that nothing can be saved.
-    probe_writable(&arguments.output)?;
     let iterations = recipe.training.iterations;
     let outcome = train(&model, &pairs, held_out.as_ref(), &recipe.training, resume, &mut |p| {
         if let Some(checkpoint) = p.checkpoint {
@@ -356,7 +355,7 @@ fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let theta_after = outcome.model.gyroceptron().map(|g| g.theta());
     if arguments.common.json {
         json(&json!({
-            "model": arguments.output,
+            "model": arguments.output.display().to_string(),
             "parameters": outcome.model.composition().parameters().len(),
             "stop": outcome.stop,
             "best": outcome.best,
@@ -374,7 +373,7 @@ fn train_pairs(arguments: &Train) -> Result<Status, Error> {
                 theta_after.map_or("–".into(), |t| format!("{t:.6}")),
                 stop_words(outcome.stop).to_owned(),
             ]],
-        ));
+        ))?;
     }
     Ok(Status::Done)
 }
@@ -383,6 +382,25 @@ fn checkpoint_beside(model: &Path) -> PathBuf {
     let mut name = model.as_os_str().to_owned();
     name.push(".checkpoint");
     name.into()
+}
+
+/// Refuses an output that would replace an input, an existing file unless told
+/// so, or anything that is no ordinary file; and one that cannot be written.
+fn guard_output(output: &Path, overwrite: bool, inputs: &[&Path]) -> Result<(), Error> {
+    let real = |path: &Path| std::fs::canonicalize(path).ok();
+    if let Some(input) = inputs.iter().find(|i| real(i).is_some() && real(i) == real(output)) {
+        let expected = "another file than the input";
+        return Err(Error::invalid("--output", input.display(), expected));
+    }
+    if let Ok(metadata) = std::fs::symlink_metadata(output) {
+        if !metadata.is_file() {
+            return Err(Error::write(output, "it is no ordinary file"));
+        }
+        if !overwrite {
+            return Err(Error::FileExists { path: output.to_owned() });
+        }
+    }
+    probe_writable(output)
 }
 
 fn probe_writable(path: &Path) -> Result<(), Error> {
@@ -400,7 +418,9 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
         steps: positive("--steps", arguments.steps)?,
         every: positive("--every", arguments.every)?,
     };
+    let inputs = [arguments.model.as_path(), arguments.input.as_path()];
     let stored = load_model(&arguments.model)?;
+    guard_output(&arguments.output, arguments.overwrite, &inputs)?;
     let map = stored.model.composition();
     let dim = 2 * map.dof();
     let file = read_points(&arguments.input, map.dof())?;
@@ -409,7 +429,6 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     }
     let initial = file.points;
     let points = initial.len() / dim;
-    probe_writable(&arguments.output)?;
     let values = rollout(map, &initial, request)?;
     if let Some(index) = values.iter().position(|v| !v.is_finite()) {
         let state = index / initial.len();
@@ -425,13 +444,13 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     let shape = [request.kept() as u64, points as u64, dim as u64];
     write_points(&arguments.output, &shape, &values)?;
     if arguments.common.json {
-        json(&json!({ "output": arguments.output, "shape": shape }))?;
+        json(&json!({ "output": arguments.output.display().to_string(), "shape": shape }))?;
     } else {
         out(&format!(
             "{}: {} states of {points} trajectories of {dim} numbers\n",
             arguments.output.display(),
             request.kept()
-        ));
+        ))?;
     }
     Ok(Status::Done)
 }
@@ -440,7 +459,7 @@ fn describe(model: &Model, path: &Path, as_json: bool) -> Result<Status, Error> 
     let count = model.composition().parameters().len();
     if as_json {
         json(&json!({
-            "file": path,
+            "file": path.display().to_string(),
             "architecture": model.architecture(),
             "parameters": count,
             "theta": model.gyroceptron().map(|g| g.theta()),
@@ -453,7 +472,7 @@ fn describe(model: &Model, path: &Path, as_json: bool) -> Result<Status, Error> 
             .map(|(part, shape)| format!("{part} {} layers", shape.widths.len()))
             .collect::<Vec<_>>()
             .join(", ");
-        out(&format!("{}: {count} parameters, {layers}\n", path.display()));
+        out(&format!("{}: {count} parameters, {layers}\n", path.display()))?;
     }
     Ok(Status::Done)
 }
@@ -461,13 +480,16 @@ fn describe(model: &Model, path: &Path, as_json: bool) -> Result<Status, Error> 
 fn import(arguments: &Import) -> Result<Status, Error> {
     let action = circle_action(&arguments.circle_action)?;
     let model = import_weights(&arguments.weights, action, arguments.epsilon)?;
-    let provenance = Provenance::of("import");
+    guard_output(&arguments.output, arguments.overwrite, &[&arguments.weights])?;
+    let provenance =
+        Provenance { data: Some(file_digest(&arguments.weights)?), ..Provenance::of("import") };
     save_model(&arguments.output, &StoredModel { model: model.clone(), provenance })?;
     describe(&model, &arguments.output, arguments.json)
 }
 
 fn export(arguments: &Export) -> Result<Status, Error> {
     let stored = load_model(&arguments.model)?;
+    guard_output(&arguments.output, arguments.overwrite, &[&arguments.model])?;
     export_weights(&arguments.output, &stored.model)?;
     describe(&stored.model, &arguments.output, arguments.json)
 }

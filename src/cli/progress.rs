@@ -19,18 +19,21 @@ pub struct Progress {
     start: Option<(Instant, u64)>,
     validation: Option<f64>,
     interrupted: Arc<AtomicBool>,
+    /// True while there is a checkpoint to write before ending.
+    training: Arc<AtomicBool>,
 }
 
 impl Progress {
-    /// Also takes Ctrl-C: the first asks for a checkpoint and an orderly end,
-    /// the second ends the program at once.
+    /// Also takes Ctrl-C: in training the first asks for a checkpoint and an
+    /// orderly end; outside it, and the second time, the program ends at once.
     pub fn new() -> Self {
         let interrupted = Arc::new(AtomicBool::new(false));
-        let flag = Arc::clone(&interrupted);
+        let training = Arc::new(AtomicBool::new(false));
+        let (flag, in_training) = (Arc::clone(&interrupted), Arc::clone(&training));
         // Without a handler Ctrl-C ends the program at once; the checkpoint of
         // the last hundred iterations is there all the same.
         let _ = ctrlc::set_handler(move || {
-            if flag.swap(true, Ordering::SeqCst) {
+            if flag.swap(true, Ordering::SeqCst) || !in_training.load(Ordering::SeqCst) {
                 std::process::exit(130);
             }
         });
@@ -41,6 +44,7 @@ impl Progress {
             start: None,
             validation: None,
             interrupted,
+            training,
         }
     }
 
@@ -52,6 +56,7 @@ impl Progress {
     }
 
     pub fn iteration(&mut self, model: &str, record: TrainingRecord, iterations: u64) {
+        self.training.store(true, Ordering::SeqCst);
         self.validation = record.validation.or(self.validation);
         let held_out = self.validation.map(|v| format!(", held out {v:.2e}")).unwrap_or_default();
         self.start.get_or_insert_with(|| (Instant::now(), record.iteration));
@@ -94,6 +99,7 @@ impl Progress {
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
         }
+        self.training.store(false, Ordering::SeqCst);
         self.validation = None;
         self.start = None;
     }

@@ -8,19 +8,24 @@ use gyroceptron::measure::Certificate;
 use gyroceptron::scene::{CERTIFICATE_HEADINGS, certificate_cells};
 use serde::Serialize;
 use std::io::Write;
+use std::path::Path;
 
 /// Writes to standard output. A reader that closed the pipe is no error.
-pub fn out(text: &str) {
+pub fn out(text: &str) -> Result<(), Error> {
     let mut stdout = std::io::stdout().lock();
-    let _ = stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush());
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(reason) if reason.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Error::write(Path::new("standard output"), reason))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// One JSON document.
 pub fn json(value: &impl Serialize) -> Result<(), Error> {
     let text = serde_json::to_string_pretty(value)
         .map_err(|reason| Error::invalid("--json", reason, "numbers that JSON can hold"))?;
-    out(&format!("{text}\n"));
-    Ok(())
+    out(&format!("{text}\n"))
 }
 
 pub fn table<R>(headings: &[&str], rows: impl IntoIterator<Item = R>) -> String

@@ -87,14 +87,22 @@ impl Archive {
     pub(super) fn array(&mut self, name: &str) -> Result<Array, Error> {
         let place = format!("{}: {name}", self.place);
         let names = self.names();
-        let file = self
-            .archive
-            .by_name(name)
-            .map_err(|reason| Error::content(&place, "an array in the NPY format", reason))?
-            .ok_or_else(|| {
-                let found = if names.is_empty() { "none".into() } else { names.join(", ") };
-                Error::content(&place, "an array of that name", found)
-            })?;
+        if !names.iter().any(|known| known == name) {
+            let found = if names.is_empty() { "none".into() } else { names.join(", ") };
+            return Err(Error::content(&place, "an array of that name", found));
+        }
+        let corrupt = |reason: &dyn std::fmt::Display| {
+            Error::content(&place, "an array in the NPY format", reason)
+        };
+        // The checksum of an entry is compared when it has been read to its end.
+        let mut bytes = Vec::new();
+        self.archive
+            .zip_archive()
+            .by_name(&npyz::npz::file_name_from_array_name(name))
+            .map_err(|e| corrupt(&e))?
+            .read_to_end(&mut bytes)
+            .map_err(|e| corrupt(&e))?;
+        let file = NpyFile::new(Cursor::new(bytes)).map_err(|e| corrupt(&e))?;
         read_array(&place, file)
     }
 }

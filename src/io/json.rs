@@ -53,12 +53,27 @@ pub struct StoredModel {
 }
 
 #[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct ModelFile {
     format: String,
     version: u64,
     architecture: Architecture,
     provenance: Provenance,
+    /// SHA-256 of the parameters' bits: a flipped digit is another model.
+    digest: String,
     parameters: Vec<f64>,
+}
+
+fn parameter_digest(parameters: &[f64]) -> String {
+    let mut hash = Sha256::new();
+    for value in parameters {
+        hash.update(value.to_le_bytes());
+    }
+    hexadecimal(&hash.finalize())
+}
+
+fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 const MODEL_FORMAT: &str = "gyroceptron-model";
@@ -102,6 +117,7 @@ pub fn save_model(path: &Path, stored: &StoredModel) -> Result<(), Error> {
         version: MODEL_VERSION,
         architecture: stored.model.architecture(),
         provenance: stored.provenance.clone(),
+        digest: parameter_digest(stored.model.composition().parameters()),
         parameters: stored.model.composition().parameters().to_vec(),
     };
     write_atomically(path, |out| {
@@ -116,6 +132,7 @@ pub fn save_model(path: &Path, stored: &StoredModel) -> Result<(), Error> {
 /// When it is missing, corrupt, of a newer format, or does not hold a model.
 pub fn load_model(path: &Path) -> Result<StoredModel, Error> {
     let file: ModelFile = read_document(path, MODEL_FORMAT, MODEL_VERSION)?;
+    file.architecture.check().map_err(|e| Error::content(path.display(), "a valid model", e))?;
     let expected = file.architecture.parameter_count();
     if file.parameters.len() != expected {
         return Err(Error::content(
@@ -124,12 +141,20 @@ pub fn load_model(path: &Path) -> Result<StoredModel, Error> {
             file.parameters.len(),
         ));
     }
+    if parameter_digest(&file.parameters) != file.digest {
+        return Err(Error::content(
+            format!("{}: parameters", path.display()),
+            "numbers that match their digest",
+            "others: the file is corrupt or was edited",
+        ));
+    }
     let model = Model::new(file.architecture, file.parameters)
         .map_err(|e| Error::content(path.display(), "a valid model", e))?;
     Ok(StoredModel { model, provenance: file.provenance })
 }
 
 #[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct CheckpointFile {
     format: String,
     version: u64,
@@ -140,7 +165,7 @@ struct CheckpointFile {
 }
 
 fn digest(text: &str) -> String {
-    Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+    hexadecimal(&Sha256::digest(text.as_bytes()))
 }
 
 /// Writes a checkpoint.

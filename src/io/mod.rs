@@ -44,6 +44,16 @@ pub fn write_atomically(
     attempt().map_err(|reason| Error::write(path, reason))
 }
 
+/// SHA-256 of a file, in hexadecimal.
+///
+/// # Errors
+/// [`Error::Read`].
+pub fn file_digest(path: &Path) -> Result<String, Error> {
+    use sha2::{Digest, Sha256};
+    let digest = Sha256::digest(read_bytes(path)?);
+    Ok(digest.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
 /// The bytes of a file.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
     std::fs::read(path).map_err(|reason| Error::read(path, reason))

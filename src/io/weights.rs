@@ -150,7 +150,8 @@ pub fn import_weights(
             let expected = shape.map_or("one element".into(), |[r, c]| format!("shape [{r}, {c}]"));
             return Err(Error::content(&place, expected, format!("shape {:?}", tensor.shape)));
         }
-        crate::flow::check_finite(&place, &tensor.values, tensor.values.len().max(1))?;
+        let columns = tensor.shape.last().copied().unwrap_or(1).max(1);
+        crate::flow::check_finite(&place, &tensor.values, columns)?;
         parameters.extend(tensor.values);
         Ok(())
     };

@@ -77,6 +77,13 @@ impl Folder {
         if holds_run && !resume && !overwrite {
             return Err(Error::OutputExists { path: path.to_owned() });
         }
+        if resume && !path.join(AS_RUN).exists() {
+            return Err(Error::content(
+                path.display(),
+                format!("an earlier run to resume, with its {AS_RUN}"),
+                "none",
+            ));
+        }
         std::fs::create_dir_all(path).map_err(|reason| Error::write(path, reason))?;
         let folder = Self { path: path.to_owned(), resume };
         tempfile::Builder::new()

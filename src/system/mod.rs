@@ -92,6 +92,12 @@ impl System {
         if self.dof() < 2 {
             return Err(Error::invalid("system.profiles", "none", "at least one field mode"));
         }
+        if let Self::ParticleField(system) = self
+            && let Some(profile) = system.profiles.iter().find(|p| !p.is_sound())
+        {
+            let expected = "finite numbers, the rate of a Gaussian not negative";
+            return Err(Error::invalid("system.profiles", format!("{profile:?}"), expected));
+        }
         Ok(())
     }
 }

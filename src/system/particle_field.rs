@@ -28,6 +28,17 @@ pub enum FieldProfile {
 }
 
 impl FieldProfile {
+    /// Its numbers are finite, and it is bounded.
+    pub fn is_sound(self) -> bool {
+        match self {
+            Self::Zero => true,
+            Self::Sine { amplitude, wavenumber } => amplitude.is_finite() && wavenumber.is_finite(),
+            Self::Gaussian { amplitude, rate } => {
+                amplitude.is_finite() && rate.is_finite() && rate >= 0.0
+            }
+        }
+    }
+
     /// (V(Q), V′(Q)).
     pub fn value_and_slope<S: Elementary>(self, x: S) -> (S, S) {
         match self {

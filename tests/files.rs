@@ -1,0 +1,381 @@
+//! Files: round trips, and every way in which they can be bad.
+#![cfg(feature = "files")]
+
+use gyroceptron::Error;
+use gyroceptron::flow::Pairs;
+use gyroceptron::io::{
+    Provenance, StoredModel, export_weights, import_weights, load_checkpoint, load_model,
+    read_pairs, read_points, read_tensors, save_checkpoint, save_model, write_pairs, write_points,
+};
+use gyroceptron::layer::CircleAction;
+use gyroceptron::network::{Architecture, GyroceptronShape, HenonShape, InitialWeights, Model};
+use gyroceptron::train::{Control, TrainingOptions, train};
+use npyz::zip::write::FileOptions;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+fn model() -> Model {
+    Architecture::Gyroceptron {
+        shape: GyroceptronShape {
+            circle_action: CircleAction::new([1, 0]),
+            psi: vec![3, 4],
+            near_identity: vec![2],
+        },
+        epsilon: 0.01,
+    }
+    .initialise(InitialWeights::Glorot, 0.123_456_789_012_345_67, 5)
+    .expect("valid")
+}
+
+/// An array in the NPY format, version 1.
+fn npy(descr: &str, fortran: bool, shape: &str, data: &[u8]) -> Vec<u8> {
+    let order = if fortran { "True" } else { "False" };
+    let mut header =
+        format!("{{'descr': '{descr}', 'fortran_order': {order}, 'shape': {shape}, }}");
+    while (10 + header.len() + 1) % 64 != 0 {
+        header.push(' ');
+    }
+    header.push('\n');
+    let mut out = b"\x93NUMPY\x01\x00".to_vec();
+    out.extend((header.len() as u16).to_le_bytes());
+    out.extend(header.as_bytes());
+    out.extend(data);
+    out
+}
+
+fn doubles(values: &[f64]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+fn npz(path: &Path, entries: &[(&str, Vec<u8>)]) {
+    let mut archive = npyz::zip::ZipWriter::new(std::fs::File::create(path).expect("created"));
+    for (name, bytes) in entries {
+        let options =
+            FileOptions::default().compression_method(npyz::zip::CompressionMethod::Stored);
+        archive.start_file(format!("{name}.npy"), options).expect("an entry");
+        archive.write_all(bytes).expect("written");
+    }
+    archive.finish().expect("closed");
+}
+
+fn matrix(rows: usize, columns: usize) -> Vec<u8> {
+    let values: Vec<f64> = (0..rows * columns).map(|i| i as f64 * 0.1).collect();
+    npy("<f8", false, &format!("({rows}, {columns})"), &doubles(&values))
+}
+
+/// The one-line message of a refusal, which must name all these words.
+fn names<T>(result: Result<T, Error>, words: &[&str]) {
+    let Err(error) = result else { panic!("accepted what lacks {words:?}") };
+    let text = error.to_string();
+    assert_eq!(text.lines().count(), 1, "{text}");
+    for word in words {
+        assert!(text.contains(word), "`{text}` does not name `{word}`");
+    }
+}
+
+#[test]
+fn models_keep_their_bits() {
+    let folder = folder();
+    let path = folder.path().join("model.json");
+    for model in [
+        model(),
+        Architecture::HenonNet { shape: HenonShape::uniform(3, 2, 4), epsilon: 1.0 }
+            .initialise(InitialWeights::Normal { scale: 1e-17 }, 0.0, 1)
+            .expect("valid"),
+    ] {
+        let provenance = Provenance { seed: Some(u64::MAX), ..Provenance::of("test") };
+        save_model(&path, &StoredModel { model: model.clone(), provenance }).expect("written");
+        let back = load_model(&path).expect("read");
+        assert_eq!(back.model.architecture(), model.architecture());
+        let bits = |m: &Model| {
+            m.composition().parameters().iter().map(|v| v.to_bits()).collect::<Vec<_>>()
+        };
+        assert_eq!(bits(&back.model), bits(&model));
+        assert_eq!(back.provenance.seed, Some(u64::MAX));
+    }
+}
+
+#[test]
+fn broken_models_are_refused() {
+    let folder = folder();
+    let path = folder.path().join("model.json");
+    let stored = StoredModel { model: model(), provenance: Provenance::of("test") };
+    save_model(&path, &stored).expect("written");
+    let whole = std::fs::read_to_string(&path).expect("read");
+    let with = |from: &str, to: &str| {
+        assert!(whole.contains(from), "{from}");
+        std::fs::write(&path, whole.replacen(from, to, 1)).expect("written");
+        load_model(&path)
+    };
+    names(with("\"version\": 1", "\"version\": 2"), &["model.json", "2", "1", "newer"]);
+    names(with("gyroceptron-model", "gyroceptron-checkpoint"), &["model.json", "checkpoint"]);
+    names(with("\"epsilon\": 0.01", "\"epsilon\": null"), &["model.json"]);
+    names(with("\"epsilon\": 0.01", "\"epsilon\": 1e999"), &["model.json"]);
+    names(with("\"parameters\": [", "\"parameters\": [0.5,"), &["parameters", "43", "44"]);
+    names(with("0.123456789", "0.123456788"), &["model.json", "digest"]);
+    names(with("\"digest\"", "\"digets\""), &["model.json", "digets"]);
+    // Counts that would wrap around.
+    let wrap = "\"psi\": [\n      4611686018427387904,";
+    names(with("\"psi\": [\n      3,", wrap), &["model.json", "parameters"]);
+    for cut in [0, 1, 100, whole.len() / 2, whole.len() - 3] {
+        std::fs::write(&path, &whole[..cut]).expect("written");
+        names(load_model(&path), &["model.json"]);
+    }
+    std::fs::write(&path, [0xff, 0xfe, 0x00]).expect("written");
+    names(load_model(&path), &["model.json"]);
+    names(load_model(&folder.path().join("none.json")), &["none.json"]);
+}
+
+#[test]
+fn checkpoints_notice_a_single_changed_digit() {
+    let folder = folder();
+    let path = folder.path().join("checkpoint");
+    let input: Vec<f64> = (0..40).map(|i| libm::sin(f64::from(i))).collect();
+    let pairs = Pairs::new("p", 2, input.clone(), input).expect("finite");
+    let options = TrainingOptions { iterations: 3, checkpoint_every: 1, ..Default::default() };
+    train(&model(), &pairs, None, &options, None, &mut |p| {
+        if let Some(checkpoint) = p.checkpoint {
+            save_checkpoint(&path, checkpoint)?;
+        }
+        Ok(Control::Continue)
+    })
+    .expect("runs");
+    load_checkpoint(&path).expect("intact");
+    let whole = std::fs::read(&path).expect("read");
+    for at in (0..whole.len()).step_by(whole.len() / 97) {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 1;
+        std::fs::write(&path, &bytes).expect("written");
+        names(load_checkpoint(&path), &["checkpoint"]);
+    }
+    std::fs::write(&path, &whole[..whole.len() - 1]).expect("written");
+    names(load_checkpoint(&path), &["checkpoint"]);
+}
+
+#[test]
+fn pairs_come_back_and_other_layouts_are_read() {
+    let folder = folder();
+    let path = folder.path().join("pairs.npz");
+    let values: Vec<f64> = (0..12).map(|i| f64::from(i) * 0.1).collect();
+    let pairs = Pairs::new("p", 2, values.clone(), values.clone()).expect("finite");
+    write_pairs(&path, &pairs).expect("written");
+    let back = read_pairs(&path).expect("read");
+    assert_eq!((back.pairs, back.single_precision), (pairs.clone(), false));
+    // The same numbers give the same bytes.
+    let once = std::fs::read(&path).expect("read");
+    write_pairs(&path, &pairs).expect("written");
+    assert_eq!(once, std::fs::read(&path).expect("read"));
+
+    let columns: Vec<f64> = (0..12).map(|i| values[(i % 3) * 4 + i / 3]).collect();
+    let big: Vec<u8> = values.iter().flat_map(|v| v.to_be_bytes()).collect();
+    for bytes in [npy("<f8", true, "(3, 4)", &doubles(&columns)), npy(">f8", false, "(3, 4)", &big)]
+    {
+        npz(&path, &[("input", bytes.clone()), ("output", bytes)]);
+        assert_eq!(read_pairs(&path).expect("read").pairs, pairs);
+    }
+    let single: Vec<u8> = values.iter().flat_map(|v| (*v as f32).to_le_bytes()).collect();
+    let single = npy("<f4", false, "(3, 4)", &single);
+    npz(&path, &[("input", single.clone()), ("output", single), ("other", vec![1, 2])]);
+    let read = read_pairs(&path).expect("read");
+    assert!(read.single_precision);
+    assert_eq!(read.pairs.input()[1], f64::from(0.1_f32));
+}
+
+#[test]
+fn broken_pairs_are_refused() {
+    let folder = folder();
+    let path = folder.path().join("pairs.npz");
+    let check = |entries: &[(&str, Vec<u8>)], words: &[&str]| {
+        npz(&path, entries);
+        names(read_pairs(&path), words);
+    };
+    let good = matrix(3, 4);
+    check(&[("input", good.clone())], &["pairs.npz: output", "input"]);
+    check(&[("output", good.clone())], &["pairs.npz: input", "output"]);
+    check(&[], &["pairs.npz: input", "none"]);
+    check(&[("input", good.clone()), ("output", matrix(2, 4))], &["output", "3 rows", "2 rows"]);
+    check(&[("input", good.clone()), ("output", matrix(3, 6))], &["4 columns", "6 columns"]);
+    check(&[("input", matrix(3, 5)), ("output", matrix(3, 5))], &["even", "5 columns"]);
+    check(&[("input", matrix(0, 4)), ("output", matrix(0, 4))], &["input", "zero rows"]);
+    let bad = |value: f64| {
+        let mut values = vec![0.5; 12];
+        values[6] = value;
+        npy("<f8", false, "(3, 4)", &doubles(&values))
+    };
+    for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let words = ["pairs.npz: output", "row 1", "column 2"];
+        check(&[("input", good.clone()), ("output", bad(value))], &words);
+    }
+    let integers = npy("<i8", false, "(3, 4)", &[0; 96]);
+    check(&[("input", integers), ("output", good.clone())], &["input", "float64", "i8"]);
+    let line = npy("<f8", false, "(12,)", &[0; 96]);
+    check(&[("input", line), ("output", good.clone())], &["two-dimensional"]);
+    let cube = npy("<f8", false, "(3, 2, 2)", &[0; 96]);
+    check(&[("input", cube), ("output", good.clone())], &["two dimensions"]);
+    let short = npy("<f8", false, "(3, 4)", &[0; 95]);
+    check(&[("input", short), ("output", good.clone())], &["pairs.npz: input"]);
+    let vast = npy("<f8", false, "(4000000000, 4)", &[0; 96]);
+    check(&[("input", vast), ("output", good.clone())], &["pairs.npz: input"]);
+    check(&[("input", b"no array".to_vec()), ("output", good.clone())], &["pairs.npz: input"]);
+
+    npz(&path, &[("input", good.clone()), ("output", good)]);
+    let whole = std::fs::read(&path).expect("read");
+    for cut in [0, 10, whole.len() / 2, whole.len() - 1] {
+        std::fs::write(&path, &whole[..cut]).expect("written");
+        names(read_pairs(&path), &["pairs.npz"]);
+    }
+    // A flipped bit of a number: the archive's checksum sees it.
+    let at = whole.windows(8).position(|w| w == 0.1_f64.to_le_bytes()).expect("a number");
+    let mut flipped = whole;
+    flipped[at + 5] ^= 4;
+    std::fs::write(&path, flipped).expect("written");
+    names(read_pairs(&path), &["pairs.npz: input"]);
+    names(read_pairs(&folder.path().join("gone.npz")), &["gone.npz"]);
+}
+
+#[test]
+fn points_come_back_and_bad_ones_are_refused() {
+    let folder = folder();
+    let path = folder.path().join("z.npy");
+    write_points(&path, &[2, 4], &[0.5; 8]).expect("written");
+    assert_eq!(read_points(&path, 2).expect("read").points, vec![0.5; 8]);
+    names(read_points(&path, 3), &["z.npy", "6 columns", "4 columns"]);
+    std::fs::write(&path, matrix(0, 4)).expect("written");
+    names(read_points(&path, 2), &["z.npy", "zero rows"]);
+    let nan = npy("<f8", false, "(1, 4)", &doubles(&[0.0, 1.0, f64::NAN, 0.0]));
+    std::fs::write(&path, nan).expect("written");
+    names(read_points(&path, 2), &["z.npy", "row 0", "column 2"]);
+    std::fs::write(&path, &matrix(2, 4)[..100]).expect("written");
+    names(read_points(&path, 2), &["z.npy"]);
+    names(write_points(Path::new("/no/such/z.npy"), &[1], &[0.0]), &["/no/such/z.npy"]);
+}
+
+fn exported(ending: &str) -> (tempfile::TempDir, PathBuf) {
+    let folder = folder();
+    let path = folder.path().join(format!("w.{ending}"));
+    export_weights(&path, &model()).expect("written");
+    (folder, path)
+}
+
+fn import(path: &Path) -> Result<Model, Error> {
+    import_weights(path, CircleAction::new([1, 0]), 0.01)
+}
+
+#[test]
+fn weights_come_back_from_both_formats() {
+    for ending in ["safetensors", "npz"] {
+        let (_folder, path) = exported(ending);
+        let back = import(&path).expect("read");
+        assert_eq!(back.composition().parameters(), model().composition().parameters());
+        assert_eq!(back.architecture(), model().architecture());
+        let tensors = read_tensors(&path).expect("read");
+        assert_eq!(tensors.len(), 13);
+        assert_eq!(tensors["psi.1.w_in"].shape, [2, 4]);
+        assert_eq!(tensors["psi.0.b_in"].shape, [1, 3]);
+        assert_eq!(tensors["near_identity.0.w_out"].shape, [2, 1]);
+        assert_eq!(tensors["near_identity.0.eta"].shape, [1, 2]);
+        assert_eq!(tensors["theta"].values, [0.123_456_789_012_345_67]);
+    }
+}
+
+#[test]
+fn broken_weights_are_refused() {
+    let (_folder, path) = exported("npz");
+    let tensors = read_tensors(&path).expect("read");
+    let write = |change: &dyn Fn(&str, Vec<usize>, Vec<f64>) -> Option<(String, Vec<u8>)>| {
+        let entries: Vec<(String, Vec<u8>)> = tensors
+            .iter()
+            .filter_map(|(name, t)| change(name, t.shape.clone(), t.values.clone()))
+            .collect();
+        let entries: Vec<(&str, Vec<u8>)> =
+            entries.iter().map(|(n, b)| (n.as_str(), b.clone())).collect();
+        npz(&path, &entries);
+    };
+    let array = |shape: &[usize], values: &[f64]| {
+        let shape: Vec<String> = shape.iter().map(|d| format!("{d},")).collect();
+        npy("<f8", false, &format!("({})", shape.concat()), &doubles(values))
+    };
+    write(&|n, s, v| Some((n.into(), array(&s, &v))));
+    import(&path).expect("unchanged");
+    write(&|n, s, v| (n != "psi.1.eta").then(|| (n.into(), array(&s, &v))));
+    names(import(&path), &["psi.1.eta", "none"]);
+    write(&|n, s, v| (n != "theta").then(|| (n.into(), array(&s, &v))));
+    names(import(&path), &["theta", "none"]);
+    write(&|n, s, v| Some((n.replace("psi.1.eta", "psi.1.etta"), array(&s, &v))));
+    names(import(&path), &["psi.1.eta"]);
+    write(&|n, s, v| {
+        let s = if n == "psi.0.w_out" { vec![1, 3] } else { s };
+        Some((n.into(), array(&s, &v)))
+    });
+    names(import(&path), &["psi.0.w_out", "[3, 1]", "[1, 3]"]);
+    write(&|n, s, v| {
+        let v = if n == "psi.1.w_in" { [&v[..6], &[f64::NAN], &v[7..]].concat() } else { v };
+        Some((n.into(), array(&s, &v)))
+    });
+    names(import(&path), &["psi.1.w_in", "row 1", "column 2"]);
+    write(&|n, s, v| Some((n.into(), array(&s, &v))));
+    names(import_weights(&path, CircleAction::new([1, 0, 2]), 0.01), &["w_in", "3"]);
+    names(import_weights(&path, CircleAction::new([1, 0]), f64::NAN), &["epsilon", "NaN"]);
+
+    // One tensor too many, in the other format.
+    let (_folder, path) = exported("safetensors");
+    let whole = std::fs::read(&path).expect("read");
+    for cut in [0, 7, 50, whole.len() - 1] {
+        std::fs::write(&path, &whole[..cut]).expect("written");
+        names(import(&path), &["w.safetensors"]);
+    }
+    let text = String::from_utf8_lossy(&whole).into_owned();
+    assert!(text.contains("near_identity.0.eta"));
+    let renamed: Vec<u8> = replace(&whole, b"near_identity.0.eta", b"near_identity.0.etb");
+    std::fs::write(&path, renamed).expect("written");
+    names(import(&path), &["near_identity.0.eta"]);
+    let halves = replace(&whole, b"\"dtype\":\"F64\"", b"\"dtype\":\"I64\"");
+    std::fs::write(&path, halves).expect("written");
+    names(import(&path), &["float"]);
+    names(import(&folder().path().join("w.txt")), &["w.txt"]);
+    let other = path.with_extension("bin");
+    std::fs::write(&other, whole).expect("written");
+    names(import(&other), &["w.bin", ".safetensors or .npz"]);
+}
+
+fn replace(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
+    let at = bytes.windows(from.len()).position(|w| w == from).expect("present");
+    [&bytes[..at], to, &bytes[at + from.len()..]].concat()
+}
+
+#[test]
+fn superfluous_tensors_are_named() {
+    let (_folder, path) = exported("npz");
+    let mut entries: Vec<(String, Vec<u8>)> = read_tensors(&path)
+        .expect("read")
+        .into_iter()
+        .map(|(name, t)| {
+            let shape: Vec<String> = t.shape.iter().map(|d| format!("{d},")).collect();
+            (name, npy("<f8", false, &format!("({})", shape.concat()), &doubles(&t.values)))
+        })
+        .collect();
+    entries.push(("psi.7.eta".into(), npy("<f8", false, "(1, 2)", &[0; 16])));
+    let entries: Vec<(&str, Vec<u8>)> =
+        entries.iter().map(|(n, b)| (n.as_str(), b.clone())).collect();
+    npz(&path, &entries);
+    names(import(&path), &["psi.7.eta", "superfluous"]);
+}
+
+#[test]
+fn nothing_is_left_of_a_file_that_could_not_be_written() {
+    let folder = folder();
+    let path = folder.path().join("out");
+    let result = gyroceptron::io::write_atomically(&path, |out| {
+        out.write_all(b"half")?;
+        Err(std::io::Error::other("the disk went away"))
+    });
+    names(result, &["out", "the disk went away"]);
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
+    std::fs::write(&path, "old").expect("written");
+    let _ = gyroceptron::io::write_atomically(&path, |_| Err(std::io::Error::other("no")));
+    assert_eq!(std::fs::read_to_string(&path).expect("still there"), "old");
+}
