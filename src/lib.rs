@@ -91,3 +91,8 @@ pub mod system;
 pub mod train;
 
 pub use error::Error;
+
+/// The README's example is compiled and run as it stands.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -286,7 +286,8 @@ fn weights_come_back_from_both_formats() {
 fn broken_weights_are_refused() {
     let (_folder, path) = exported("npz");
     let tensors = read_tensors(&path).expect("read");
-    let write = |change: &dyn Fn(&str, Vec<usize>, Vec<f64>) -> Option<(String, Vec<u8>)>| {
+    type Change<'a> = &'a dyn Fn(&str, Vec<usize>, Vec<f64>) -> Option<(String, Vec<u8>)>;
+    let write = |change: Change<'_>| {
         let entries: Vec<(String, Vec<u8>)> = tensors
             .iter()
             .filter_map(|(name, t)| change(name, t.shape.clone(), t.values.clone()))
