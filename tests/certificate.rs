@@ -52,6 +52,16 @@ fn random_networks_hold_with_headroom() {
 }
 
 #[test]
+fn networks_that_hardly_respond_hold_too() {
+    for scale in [0.1, 0.05, 0.02] {
+        let model = gyroceptron(&[1, 0], InitialWeights::Normal { scale }, 2);
+        for row in certify(&model, small(4)).rows {
+            assert_eq!(row.verdict, Verdict::Holds, "scale {scale}: {row:?}");
+        }
+    }
+}
+
+#[test]
 fn henon_nets_have_a_certificate_too() {
     let architecture = Architecture::HenonNet { shape: HenonShape::uniform(2, 6, 5), epsilon: 1.0 };
     let model =

@@ -227,8 +227,9 @@ fn right_angles_are_exact() {
 #[test]
 fn rotations_are_undone_to_an_ulp_in_every_quadrant() {
     let action = CircleAction::new([1, 3]);
-    for k in -40_i32..40 {
-        let theta = f64::from(k) * 0.17 * PI;
+    // Odd multiples of π/4 are where the quarter turns change over.
+    for k in -80_i32..80 {
+        let theta = if k % 2 == 0 { f64::from(k) * 0.085 * PI } else { f64::from(k) * PI / 4.0 };
         let z = point(2, 1.0, k.unsigned_abs().into());
         let mut moved = z.clone();
         action.at(theta).apply(&mut moved, false);

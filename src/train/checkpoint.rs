@@ -1,6 +1,6 @@
 //! What a killed run is resumed from.
 
-use super::lbfgs::{Stop, TrainingOptions, TrainingRecord};
+use super::options::{Stop, TrainingOptions, TrainingRecord};
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::network::{Architecture, Model};
