@@ -3,7 +3,8 @@
 use gyroceptron::layer::{CircleAction, Elementary, KickForm, Potential, TanhPotential};
 use gyroceptron::measure::{
     Certificate, CertificateOptions, CircleAxiom, Conditioned, Verdict, Walk, certify, certify_all,
-    circle_axiom_ratio, inversion_ratio, jacobian, symplecticity_defect, symplecticity_ratio,
+    certify_map, circle_axiom_ratio, inversion_ratio, jacobian, symplecticity_defect,
+    symplecticity_ratio,
 };
 use gyroceptron::network::{
     Architecture, Gyroceptron, GyroceptronShape, HenonShape, InitialWeights, Model, Stream,
@@ -48,6 +49,21 @@ fn random_networks_hold_with_headroom() {
             let median = certificate.rows[0].median.expect("measured");
             assert!((0.05..=0.6).contains(&median), "median of ρ_S: {median}");
         }
+    }
+}
+
+#[test]
+fn the_parts_of_a_network_are_certified_alone() {
+    let model = gyroceptron(&[1, 0], InitialWeights::Glorot, 2);
+    let network = model.gyroceptron().expect("a gyroceptron");
+    for map in [
+        network.psi().composition().clone(),
+        network.near_identity().composition().clone(),
+        network.conjugated_circle_action(1.0),
+    ] {
+        let certificate = certify_map(&map, small(3));
+        assert!(certificate.holds(), "{certificate:?}");
+        assert_eq!(certificate.rows.len(), 4);
     }
 }
 

@@ -232,7 +232,7 @@ pub fn certify(model: &Model, options: CertificateOptions) -> Certificate {
 pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate {
     let mut tallies: Vec<Tally> = Vec::new();
     for (index, model) in models.iter().enumerate() {
-        let own = Samples::draw(model.composition().dof(), index, options).tallies(model);
+        let own = Samples::draw(model.composition().dof(), index, options).of_model(model);
         if tallies.is_empty() {
             tallies = own;
         } else {
@@ -247,6 +247,14 @@ pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate
             }
         }
     }
+    Certificate { options, rows: tallies.into_iter().map(Tally::row).collect() }
+}
+
+/// The laws that any map of the library obeys, such as ψ, I_ε or a conjugated
+/// circle action alone: symplecticity, inversion, and that all ways of
+/// evaluating it give the same bits.
+pub fn certify_map(map: &Composition<f64>, options: CertificateOptions) -> Certificate {
+    let tallies = Samples::draw(map.dof(), 0, options).of_map(map);
     Certificate { options, rows: tallies.into_iter().map(Tally::row).collect() }
 }
 
@@ -285,15 +293,19 @@ impl Samples {
         Self { dim, points, angles }
     }
 
-    fn tallies(&self, model: &Model) -> Vec<Tally> {
-        let map = model.composition();
+    /// The laws of any composition of shears.
+    fn of_map(&self, map: &Composition<f64>) -> Vec<Tally> {
         let inverse = map.inverted();
-        let mut out = vec![
+        vec![
             self.symplecticity(map),
             self.inversion("inversion of P", "P⁻¹∘P = Id", map, &inverse),
             self.inversion("inversion of P", "P∘P⁻¹ = Id", &inverse, map),
-            self.evaluations_agree(model),
-        ];
+            self.evaluations_agree(map),
+        ]
+    }
+
+    fn of_model(&self, model: &Model) -> Vec<Tally> {
+        let mut out = self.of_map(model.composition());
         if let Model::Gyroceptron(network) = model {
             let psi = network.psi();
             let near_identity = network.near_identity();
@@ -326,8 +338,7 @@ impl Samples {
 
     /// The shears that the other rows walk over are what users call, for one
     /// point and for many, forward and back, bit for bit.
-    fn evaluations_agree(&self, model: &Model) -> Tally {
-        let map = model.composition();
+    fn evaluations_agree(&self, map: &Composition<f64>) -> Tally {
         let inverse = map.inverted();
         let walk = |steps: &[Elementary<'_, f64, TanhPotential<'_, f64>>], z: &mut [f64]| {
             let mut scratch = vec![0.0; z.len()];
@@ -346,10 +357,10 @@ impl Samples {
             let own = index * self.dim..(index + 1) * self.dim;
             let (mut walked, mut single) = (z.to_vec(), z.to_vec());
             walk(&steps, &mut walked);
-            model.forward(&mut single);
+            map.forward(&mut single);
             let (mut walked_back, mut single_back) = (z.to_vec(), z.to_vec());
             walk(&inverse_steps, &mut walked_back);
-            model.inverse(&mut single_back);
+            map.inverse(&mut single_back);
             let count = differing(&walked, &single)
                 + differing(&walked, &forward[own.clone()])
                 + differing(&walked_back, &single_back)

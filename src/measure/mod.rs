@@ -14,7 +14,9 @@ mod rounding;
 mod symplecticity;
 
 pub use accuracy::{Drift, component_errors, distance, drift, limiting_flow_error};
-pub use certificate::{Certificate, CertificateOptions, Row, Verdict, certify, certify_all};
+pub use certificate::{
+    Certificate, CertificateOptions, Row, Verdict, certify, certify_all, certify_map,
+};
 pub use circle_axioms::{CircleAxiom, circle_axiom_ratio, conjugated_axiom_ratio};
 pub use inversion::{Conditioned, inversion_ratio};
 pub use jacobian::{Differentiable, jacobian};
