@@ -63,21 +63,18 @@ impl Progress {
         let state = format!("loss {:.2e}{held_out}", record.loss);
         if self.terminal {
             let bar = self.bar.get_or_insert_with(|| {
-                let bar = ProgressBar::with_draw_target(
-                    Some(iterations),
-                    ProgressDrawTarget::stderr_with_hz(5),
-                );
-                let style = "{prefix} {bar:24} {pos}/{len} {msg}, {per_sec}, {eta} left";
-                if let Ok(style) = ProgressStyle::with_template(style) {
-                    bar.set_style(style);
-                }
-                bar.set_prefix(model.to_owned());
-                bar.set_position(record.iteration.saturating_sub(1));
-                bar.reset_eta();
-                bar
+                let template = "{prefix} {bar:24} {pos}/{len} {msg}, {per_sec}, {eta} left";
+                let style = ProgressStyle::with_template(template)
+                    .unwrap_or_else(|_| ProgressStyle::default_bar());
+                let target = ProgressDrawTarget::stderr_with_hz(5);
+                ProgressBar::with_draw_target(Some(iterations), target)
+                    .with_position(record.iteration)
+                    .with_message(state.clone())
+                    .with_prefix(model.to_owned())
+                    .with_style(style)
             });
-            bar.set_position(record.iteration);
             bar.set_message(state);
+            bar.set_position(record.iteration);
         } else if self.last_line.elapsed() >= QUIET {
             self.last_line = Instant::now();
             let (start, first) = self.start.unwrap_or((Instant::now(), record.iteration));

@@ -5,8 +5,10 @@
 
 mod catalogue;
 mod declaration;
+mod figures;
 mod plot;
 mod report;
+mod results;
 mod run;
 
 pub use catalogue::{CatalogueEntry, catalogue, default_scene, find};
