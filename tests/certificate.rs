@@ -1,6 +1,6 @@
 //! The structure measures: clean networks pass, mutants do not.
 
-use gyroceptron::layer::{CircleAction, Elementary, KickForm, Potential, TanhPotential};
+use gyroceptron::layer::{CircleAction, ElementaryStep, KickForm, Potential, TanhPotential};
 use gyroceptron::measure::{
     Certificate, CertificateOptions, CircleAxiom, Conditioned, Verdict, Walk, certify, certify_all,
     certify_map, circle_axiom_ratio, inversion_ratio, jacobian, symplecticity_defect,
@@ -143,7 +143,7 @@ fn numbers_out_of_range_violate() {
 fn symplecticity_of_the_walk_is_that_of_the_map() {
     let model = gyroceptron(&[1, 2], InitialWeights::Glorot, 3);
     let z = [0.3, -0.8, 1.1, 0.4];
-    let walk = Walk::new(&model.composition().elementary(), &z);
+    let walk = Walk::new(&model.composition().elementary_steps(), &z);
     let exact = jacobian(&model, &z);
     for row in 0..4 {
         for column in 0..4 {
@@ -228,7 +228,7 @@ impl<S: Over<f64>> Potential<S> for Faulty<'_> {
     }
 }
 
-type Steps<'a> = Vec<Elementary<'a, f64, Faulty<'a>>>;
+type Steps<'a> = Vec<ElementaryStep<'a, f64, Faulty<'a>>>;
 
 /// The kicks of layers of width 5 in two degrees of freedom.
 fn kicks(parameters: &[f64], fault: Fault, forms: [KickForm; 4]) -> Steps<'_> {
@@ -237,28 +237,28 @@ fn kicks(parameters: &[f64], fault: Fault, forms: [KickForm; 4]) -> Steps<'_> {
         .flat_map(|own| {
             let (potential, eta) = own.split_at(20);
             let potential = Faulty::new(2, 5, potential, fault);
-            forms.map(|form| Elementary::Kick(form.kick(potential, eta, 1.0)))
+            forms.map(|form| ElementaryStep::Kick(form.kick(potential, eta, 1.0)))
         })
         .collect()
 }
 
-fn inverted(steps: &Steps<'_>) -> Vec<Elementary<'static, f64, Faulty<'static>>> {
+fn inverted(steps: &Steps<'_>) -> Vec<ElementaryStep<'static, f64, Faulty<'static>>> {
     // Lifetimes are those of the parameters, which the tests leak.
     let steps: Steps<'static> = owned(steps);
-    steps.into_iter().rev().map(Elementary::inverse).collect()
+    steps.into_iter().rev().map(ElementaryStep::inverse).collect()
 }
 
 fn owned(steps: &Steps<'_>) -> Steps<'static> {
     steps
         .iter()
         .map(|step| match step {
-            Elementary::Kick(kick) => {
+            ElementaryStep::Kick(kick) => {
                 let potential = &kick.potential;
                 let parameters: Vec<f64> =
                     [potential.w_in, potential.b_in, potential.w_out].concat();
                 let parameters: &'static [f64] = parameters.leak();
                 let shift: Option<&'static [f64]> = kick.shift.map(|eta| &*eta.to_vec().leak());
-                Elementary::Kick(gyroceptron::layer::Kick {
+                ElementaryStep::Kick(gyroceptron::layer::Kick {
                     potential: Faulty::new(2, 5, parameters, potential.fault),
                     scale: kick.scale,
                     reflect: kick.reflect,

@@ -8,16 +8,16 @@
 //! - [`HenonMap`], [`HenonLayer`]: the paper's H\[V, η\] and its fourth iterate,
 //!   the latter as four kicks.
 //! - [`CircleAction`], [`Rotation`]: Φ_θ as three shears a plane.
-//! - [`Elementary`]: one shear of any of these, as the measures see it.
+//! - [`ElementaryStep`]: one shear of any of these, as the measures see it.
 
 mod circle_action;
-mod elementary;
+mod elementary_step;
 mod henon;
 mod potential;
 mod shear;
 
 pub use circle_action::{CircleAction, PlaneRotation, Rotation};
-pub use elementary::Elementary;
+pub use elementary_step::ElementaryStep;
 pub use henon::{HenonLayer, HenonMap, KickForm, layer_parameter_count};
 pub use potential::{Potential, TanhPotential};
 pub use shear::Kick;

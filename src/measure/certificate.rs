@@ -7,7 +7,7 @@ use super::near_identity::{
 };
 use super::{Walk, symplecticity_ratio};
 use crate::error::Error;
-use crate::layer::{Elementary, TanhPotential};
+use crate::layer::{ElementaryStep, TanhPotential};
 use crate::network::{Composition, Direction, Gyroceptron, HenonNet, Model, Stream, map_points};
 use crate::phase::Map;
 use crate::scalar::Scalar;
@@ -262,9 +262,9 @@ pub fn certify_map(map: &Composition<f64>, options: CertificateOptions) -> Certi
 fn chain<'a>(
     first: &'a Composition<f64>,
     second: &'a Composition<f64>,
-) -> Vec<Elementary<'a, f64, TanhPotential<'a, f64>>> {
-    let mut steps = first.elementary();
-    steps.extend(second.elementary());
+) -> Vec<ElementaryStep<'a, f64, TanhPotential<'a, f64>>> {
+    let mut steps = first.elementary_steps();
+    steps.extend(second.elementary_steps());
     steps
 }
 
@@ -327,7 +327,7 @@ impl Samples {
     }
 
     fn symplecticity(&self, map: &Composition<f64>) -> Tally {
-        let steps = map.elementary();
+        let steps = map.elementary_steps();
         let ratios =
             self.each().map(|z| Conditioned::Ratio(symplecticity_ratio(&Walk::new(&steps, z))));
         Tally {
@@ -340,7 +340,7 @@ impl Samples {
     /// point and for many, forward and back, bit for bit.
     fn evaluations_agree(&self, map: &Composition<f64>) -> Tally {
         let inverse = map.inverted();
-        let walk = |steps: &[Elementary<'_, f64, TanhPotential<'_, f64>>], z: &mut [f64]| {
+        let walk = |steps: &[ElementaryStep<'_, f64, TanhPotential<'_, f64>>], z: &mut [f64]| {
             let mut scratch = vec![0.0; z.len()];
             for step in steps {
                 step.apply(z, &mut scratch);
@@ -352,7 +352,7 @@ impl Samples {
             points
         };
         let (forward, backward) = (batch(Direction::Forward), batch(Direction::Inverse));
-        let (steps, inverse_steps) = (map.elementary(), inverse.elementary());
+        let (steps, inverse_steps) = (map.elementary_steps(), inverse.elementary_steps());
         let counts = self.each().enumerate().map(|(index, z)| {
             let own = index * self.dim..(index + 1) * self.dim;
             let (mut walked, mut single) = (z.to_vec(), z.to_vec());

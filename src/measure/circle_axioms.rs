@@ -96,7 +96,7 @@ pub fn conjugated_axiom_ratio(
     for side in axiom.sides() {
         let maps: Vec<_> =
             side.iter().map(|&angle| network.conjugated_circle_action(angle)).collect();
-        let steps: Vec<_> = maps.iter().flat_map(|map| map.elementary()).collect();
+        let steps: Vec<_> = maps.iter().flat_map(|map| map.elementary_steps()).collect();
         let walk = Walk::new(&steps, z);
         let (own, sums) = walk.value_bounds();
         for (square, own) in squares.iter_mut().zip(own) {
@@ -112,7 +112,7 @@ pub fn conjugated_axiom_ratio(
     let action = &network.shape().circle_action;
     let angle = axiom.sides()[0].iter().sum();
     action.at(angle).apply(&mut w, false);
-    let conjugation = Walk::new(&psi.composition().elementary(), &w);
+    let conjugation = Walk::new(&psi.composition().elementary_steps(), &w);
     let radii = radii(&w);
     if ends.iter().flatten().any(|v| !v.is_finite()) {
         return Conditioned::Ratio(f64::NAN);

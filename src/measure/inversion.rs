@@ -1,7 +1,7 @@
 //! P⁻¹∘P = Id, measured in units of its rounding bound.
 
 use super::Walk;
-use crate::layer::{Elementary, Potential};
+use crate::layer::{ElementaryStep, Potential};
 use crate::scalar::{Dual, Scalar, max_or_nan};
 
 /// A ratio, or the word that no digit is left to test.
@@ -19,7 +19,7 @@ const ILL_CONDITIONED: f64 = 0.1;
 /// ρ_I: how far the steps, which should compose to the identity, are from it
 /// at z, over the rounding bound √(Σᵢ(|J_N Jᵢ⁻¹|δᵢ)² + z²)·u, the largest over
 /// the components.
-pub fn inversion_ratio<V>(steps: &[Elementary<'_, f64, V>], z: &[f64]) -> Conditioned
+pub fn inversion_ratio<V>(steps: &[ElementaryStep<'_, f64, V>], z: &[f64]) -> Conditioned
 where
     V: Potential<f64> + Potential<Dual<f64, 8>>,
 {

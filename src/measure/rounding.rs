@@ -1,6 +1,6 @@
 //! Rounding errors followed through a map, shear by shear.
 
-use crate::layer::{Elementary, Potential};
+use crate::layer::{ElementaryStep, Potential};
 use crate::scalar::{Dual, Scalar};
 
 /// The points and Jacobians along a sequence of shears, with the scale of the
@@ -37,7 +37,7 @@ pub fn inverse_of_symplectic(jacobian: &[f64], dof: usize) -> Vec<f64> {
 
 impl Walk {
     /// Walks from z through the steps.
-    pub fn new<V>(steps: &[Elementary<'_, f64, V>], z: &[f64]) -> Self
+    pub fn new<V>(steps: &[ElementaryStep<'_, f64, V>], z: &[f64]) -> Self
     where
         V: Potential<f64> + Potential<Dual<f64, 8>>,
     {

@@ -1,7 +1,9 @@
 //! A composition of kicks and rotations over one flat parameter vector.
 
 use super::HenonShape;
-use crate::layer::{Elementary, Kick, KickForm, Rotation, TanhPotential, layer_parameter_count};
+use crate::layer::{
+    ElementaryStep, Kick, KickForm, Rotation, TanhPotential, layer_parameter_count,
+};
 use crate::phase::Map;
 use crate::scalar::{Over, Scalar};
 use std::ops::Range;
@@ -341,12 +343,12 @@ impl<P: Scalar> Composition<P> {
     }
 
     /// The shears that the map consists of, in the order of application.
-    pub fn elementary(&self) -> Vec<Elementary<'_, P, TanhPotential<'_, P>>> {
+    pub fn elementary_steps(&self) -> Vec<ElementaryStep<'_, P, TanhPotential<'_, P>>> {
         let mut out = Vec::new();
         for step in &self.steps {
             match step {
                 Step::Kick { parameters, width, form, inverse, near_identity } => {
-                    out.push(Elementary::Kick(self.kick::<0>(
+                    out.push(ElementaryStep::Kick(self.kick::<0>(
                         parameters,
                         *width,
                         *form,
@@ -355,7 +357,7 @@ impl<P: Scalar> Composition<P> {
                     )));
                 }
                 Step::Rotation { inverse } => {
-                    out.extend(Elementary::rotation(self.rotation(), *inverse));
+                    out.extend(ElementaryStep::rotation(self.rotation(), *inverse));
                 }
             }
         }

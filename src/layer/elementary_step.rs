@@ -10,7 +10,7 @@ use crate::scalar::{Over, Scalar};
 /// A measure that follows rounding errors through a map walks over these; each
 /// knows how to apply itself to any number and how large its own errors are.
 #[derive(Clone, Copy, Debug)]
-pub enum Elementary<'a, P, V> {
+pub enum ElementaryStep<'a, P, V> {
     /// A kick of a network.
     Kick(Kick<'a, P, V>),
     /// A linear shear inside one plane: target += coefficient·source.
@@ -35,7 +35,7 @@ pub enum Elementary<'a, P, V> {
     },
 }
 
-impl<'a, P: Scalar, V> Elementary<'a, P, V> {
+impl<'a, P: Scalar, V> ElementaryStep<'a, P, V> {
     /// The steps of a rotation, or of its inverse, in the order of application.
     pub fn rotation(rotation: &Rotation<P>, inverse: bool) -> Vec<Self> {
         let dof = rotation.dof();
@@ -98,7 +98,7 @@ impl<'a, P: Scalar, V> Elementary<'a, P, V> {
     }
 }
 
-impl<P: Over<P>, V: Potential<P>> Elementary<'_, P, V> {
+impl<P: Over<P>, V: Potential<P>> ElementaryStep<'_, P, V> {
     /// `e` ← the scale, in units of u, of the rounding error that this step
     /// leaves in the running Jacobian (2n × 2n, row by row).
     pub fn jacobian_magnitude(&self, z: &[P], before: &[P], after: &[P], e: &mut [P]) {
