@@ -11,7 +11,7 @@ use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
 use gyroceptron::io::{
     Provenance, StoredModel, export_weights, file_digest, import_weights, load_checkpoint,
-    load_model, read_pairs, read_points, save_checkpoint, save_model, write_points,
+    load_model, read_pairs, read_points, read_tensors, save_checkpoint, save_model, write_points,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{CertificateOptions, certify, certify_all};
@@ -480,6 +480,9 @@ fn describe(model: &Model, path: &Path, as_json: bool) -> Result<Status, Error> 
 fn import(arguments: &Import) -> Result<Status, Error> {
     let action = circle_action(&arguments.circle_action)?;
     let model = import_weights(&arguments.weights, action, arguments.epsilon)?;
+    if read_tensors(&arguments.weights)?.values().any(|tensor| tensor.single_precision) {
+        line(&format!("{}: float32 numbers, taken as they are", arguments.weights.display()));
+    }
     guard_output(&arguments.output, arguments.overwrite, &[&arguments.weights])?;
     let provenance =
         Provenance { data: Some(file_digest(&arguments.weights)?), ..Provenance::of("import") };

@@ -22,6 +22,8 @@ pub struct Tensor {
     pub shape: Vec<usize>,
     /// Its numbers, row by row.
     pub values: Vec<f64>,
+    /// The file held single precision.
+    pub single_precision: bool,
 }
 
 /// The tensors of a `.safetensors` or `.npz` file, by name.
@@ -62,7 +64,14 @@ fn from_safetensors(place: &str, bytes: &[u8]) -> Result<BTreeMap<String, Tensor
                 ));
             }
         };
-        tensors.insert(name, Tensor { shape: view.shape().to_vec(), values });
+        tensors.insert(
+            name,
+            Tensor {
+                shape: view.shape().to_vec(),
+                values,
+                single_precision: view.dtype() == Dtype::F32,
+            },
+        );
     }
     Ok(tensors)
 }
@@ -72,7 +81,10 @@ fn from_npz(place: &str, bytes: Vec<u8>) -> Result<BTreeMap<String, Tensor>, Err
     let mut tensors = BTreeMap::new();
     for name in archive.names() {
         let array = archive.array(&name)?;
-        tensors.insert(name, Tensor { shape: array.shape, values: array.values });
+        tensors.insert(
+            name,
+            Tensor { shape: array.shape, values: array.values, single_precision: array.single },
+        );
     }
     Ok(tensors)
 }
