@@ -76,6 +76,7 @@
 //!   invariant to speak of.
 #![warn(missing_docs)]
 
+mod digest;
 pub mod error;
 pub mod flow;
 #[cfg(feature = "files")]

@@ -1,12 +1,12 @@
 //! Data sets: seeded samples in windows, and pairs of a flow map.
 
 use super::Reference;
+use crate::digest;
 use crate::error::Error;
 use crate::network::Stream;
 use crate::system::Hamiltonian;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 /// A box in phase space and how many points to draw in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -185,12 +185,8 @@ impl Pairs {
 
     /// SHA-256 of the numbers, in hexadecimal: what a model's provenance names.
     pub fn digest(&self) -> String {
-        let mut hash = Sha256::new();
-        hash.update((self.dof as u64).to_le_bytes());
-        for value in self.input.iter().chain(&self.output) {
-            hash.update(value.to_le_bytes());
-        }
-        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        let dof = self.dof as f64;
+        digest::of_numbers(std::iter::once(&dof).chain(&self.input).chain(&self.output))
     }
 }
 

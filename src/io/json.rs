@@ -1,12 +1,12 @@
 //! Models and checkpoints as JSON.
 
 use super::{read_bytes, write_atomically};
+use crate::digest;
 use crate::error::Error;
 use crate::network::{Architecture, Model};
 use crate::train::Checkpoint;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 use std::path::Path;
 
 /// The newest model format that this version reads, and the one it writes.
@@ -64,18 +64,6 @@ struct ModelFile {
     parameters: Vec<f64>,
 }
 
-fn parameter_digest(parameters: &[f64]) -> String {
-    let mut hash = Sha256::new();
-    for value in parameters {
-        hash.update(value.to_le_bytes());
-    }
-    hexadecimal(&hash.finalize())
-}
-
-fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
 const MODEL_FORMAT: &str = "gyroceptron-model";
 const CHECKPOINT_FORMAT: &str = "gyroceptron-checkpoint";
 
@@ -117,7 +105,7 @@ pub fn save_model(path: &Path, stored: &StoredModel) -> Result<(), Error> {
         version: MODEL_VERSION,
         architecture: stored.model.architecture(),
         provenance: stored.provenance.clone(),
-        digest: parameter_digest(stored.model.composition().parameters()),
+        digest: digest::of_numbers(stored.model.composition().parameters()),
         parameters: stored.model.composition().parameters().to_vec(),
     };
     write_atomically(path, |out| {
@@ -141,7 +129,7 @@ pub fn load_model(path: &Path) -> Result<StoredModel, Error> {
             file.parameters.len(),
         ));
     }
-    if parameter_digest(&file.parameters) != file.digest {
+    if digest::of_numbers(&file.parameters) != file.digest {
         return Err(Error::content(
             format!("{}: parameters", path.display()),
             "numbers that match their digest",
@@ -164,10 +152,6 @@ struct CheckpointFile {
     state: String,
 }
 
-fn digest(text: &str) -> String {
-    hexadecimal(&Sha256::digest(text.as_bytes()))
-}
-
 /// Writes a checkpoint.
 ///
 /// # Errors
@@ -178,7 +162,7 @@ pub fn save_checkpoint(path: &Path, checkpoint: &Checkpoint) -> Result<(), Error
         format: CHECKPOINT_FORMAT.into(),
         version: CHECKPOINT_VERSION,
         crate_version: env!("CARGO_PKG_VERSION").into(),
-        digest: digest(&state),
+        digest: digest::of_bytes(state.as_bytes()),
         state,
     };
     write_atomically(path, |out| Ok(serde_json::to_writer(out, &file)?))
@@ -199,7 +183,7 @@ pub fn load_checkpoint(path: &Path) -> Result<Checkpoint, Error> {
             format!("one of {}", file.crate_version),
         ));
     }
-    if digest(&file.state) != file.digest {
+    if digest::of_bytes(file.state.as_bytes()) != file.digest {
         return Err(Error::content(place, "an intact checkpoint", "a corrupt one (digest)"));
     }
     let checkpoint: Checkpoint = serde_json::from_str(&file.state)

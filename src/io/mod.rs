@@ -49,9 +49,7 @@ pub fn write_atomically(
 /// # Errors
 /// [`Error::Read`].
 pub fn file_digest(path: &Path) -> Result<String, Error> {
-    use sha2::{Digest, Sha256};
-    let digest = Sha256::digest(read_bytes(path)?);
-    Ok(digest.iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(crate::digest::of_bytes(&read_bytes(path)?))
 }
 
 /// The bytes of a file.

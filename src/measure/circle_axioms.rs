@@ -1,5 +1,6 @@
 //! The axioms of a circle action, for Φ and for ψ∘Φ∘ψ⁻¹.
 
+use super::inversion::ILL_CONDITIONED;
 use super::{Conditioned, Walk};
 use crate::layer::CircleAction;
 use crate::network::Gyroceptron;
@@ -60,20 +61,32 @@ fn over(error: f64, bound: f64) -> f64 {
 /// The defect of the axiom for Φ at z over its bound, the largest over the
 /// components.
 pub fn circle_axiom_ratio(action: &CircleAction, axiom: CircleAxiom, z: &[f64]) -> f64 {
+    let turn = |angle: f64, z: &mut [f64]| action.at(angle).apply(z, false);
+    turning_axiom_ratio(action.weights(), turn, axiom, z)
+}
+
+/// The same for any map `turn(θ, z)` that claims to turn the plane (q_j, p_j)
+/// by `weights[j]`·θ.
+pub fn turning_axiom_ratio(
+    weights: &[i32],
+    turn: impl Fn(f64, &mut [f64]),
+    axiom: CircleAxiom,
+    z: &[f64],
+) -> f64 {
     let apply = |angles: &[f64]| {
         let mut out = z.to_vec();
         for &angle in angles {
-            action.at(angle).apply(&mut out, false);
+            turn(angle, &mut out);
         }
         out
     };
     let [left, right] = axiom.sides();
     let (left, right) = (apply(&left), apply(&right));
-    let n = action.dof();
+    let n = weights.len();
     let radii = radii(z);
     let mut largest = 0.0;
     for i in 0..2 * n {
-        let weight = action.weights()[i % n];
+        let weight = weights[i % n];
         let bound = f64::unit_roundoff() * axiom.bound(weight) * radii[i % n];
         let bound = if weight == 0 { 0.0 } else { bound };
         largest = max_or_nan(largest, over((left[i] - right[i]).abs(), bound));
@@ -129,7 +142,7 @@ pub fn conjugated_axiom_ratio(
                 carried += entry * axiom.bound(weight) * radii[plane];
             }
         }
-        if !(u * (reach + carried) <= 0.1 * size) {
+        if !(u * (reach + carried) <= ILL_CONDITIONED * size) {
             return Conditioned::IllConditioned;
         }
         let bound = u * (squares[row].sqrt() + carried);

@@ -14,7 +14,7 @@ pub enum Conditioned {
 }
 
 /// The share of |z| beyond which rounding leaves no digit to test.
-const ILL_CONDITIONED: f64 = 0.1;
+pub(super) const ILL_CONDITIONED: f64 = 0.1;
 
 /// ρ_I: how far the steps, which should compose to the identity, are from it
 /// at z, over the rounding bound √(Σᵢ(|J_N Jᵢ⁻¹|δᵢ)² + z²)·u, the largest over

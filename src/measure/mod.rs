@@ -17,7 +17,9 @@ pub use accuracy::{Drift, component_errors, distance, drift, limiting_flow_error
 pub use certificate::{
     Certificate, CertificateOptions, Row, Verdict, certify, certify_all, certify_map,
 };
-pub use circle_axioms::{CircleAxiom, circle_axiom_ratio, conjugated_axiom_ratio};
+pub use circle_axioms::{
+    CircleAxiom, circle_axiom_ratio, conjugated_axiom_ratio, turning_axiom_ratio,
+};
 pub use inversion::{Conditioned, inversion_ratio};
 pub use jacobian::{Differentiable, jacobian};
 pub use near_identity::{

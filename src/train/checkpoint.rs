@@ -1,11 +1,11 @@
 //! What a killed run is resumed from.
 
 use super::options::{Stop, TrainingOptions, TrainingRecord};
+use crate::digest;
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::network::{Architecture, Model};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 /// The inputs that decide every bit of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,10 +24,6 @@ impl RunIdentity {
         validation: Option<&Pairs>,
         options: &TrainingOptions,
     ) -> Self {
-        let mut hash = Sha256::new();
-        for value in model.composition().parameters() {
-            hash.update(value.to_le_bytes());
-        }
         // When to stop and how often to save do not change the path: they may
         // differ when a run goes on.
         let options = TrainingOptions {
@@ -39,7 +35,7 @@ impl RunIdentity {
         };
         Self {
             architecture: model.architecture(),
-            initial_parameters: hash.finalize().iter().map(|b| format!("{b:02x}")).collect(),
+            initial_parameters: digest::of_numbers(model.composition().parameters()),
             pairs: pairs.digest(),
             validation: validation.map(Pairs::digest),
             options,
