@@ -1,5 +1,6 @@
 //! The circle action Φ_θ: each plane (q_j, p_j) turned clockwise by m_j θ.
 
+use crate::phase::Map;
 use crate::scalar::{Over, Real, Scalar};
 use serde::{Deserialize, Serialize};
 
@@ -180,5 +181,17 @@ impl<P: Scalar> Rotation<P> {
         // A rotation is orthogonal: its adjoint is its inverse.
         self.apply(z_bar, !inverse);
         theta_bar
+    }
+}
+
+impl<P: Scalar, S: Over<P>> Map<S> for Rotation<P> {
+    fn dof(&self) -> usize {
+        self.dof
+    }
+    fn forward(&self, z: &mut [S]) {
+        self.apply(z, false);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        self.apply(z, true);
     }
 }

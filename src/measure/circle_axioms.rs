@@ -1,9 +1,9 @@
 //! The axioms of a circle action, for Φ and for ψ∘Φ∘ψ⁻¹.
 
 use super::inversion::ILL_CONDITIONED;
-use super::{Conditioned, Walk};
+use super::{Conditioned, NearlyPeriodic, Walk};
 use crate::layer::CircleAction;
-use crate::network::Gyroceptron;
+use crate::network::Direction;
 use crate::scalar::{Scalar, max_or_nan};
 use std::f64::consts::TAU;
 
@@ -94,10 +94,10 @@ pub fn turning_axiom_ratio(
     largest
 }
 
-/// The same for the conjugated action ψ∘Φ_θ∘ψ⁻¹ of a gyroceptron: the bound is
-/// that of Φ carried through ψ by its Jacobian, and the rounding of ψ itself.
+/// The same for the conjugated action ψ∘Φ_θ∘ψ⁻¹: the bound is that of Φ carried
+/// through ψ by its Jacobian, and the rounding of ψ itself.
 pub fn conjugated_axiom_ratio(
-    network: &Gyroceptron<f64>,
+    family: &dyn NearlyPeriodic,
     axiom: CircleAxiom,
     z: &[f64],
 ) -> Conditioned {
@@ -107,9 +107,9 @@ pub fn conjugated_axiom_ratio(
     let mut reach = 0.0_f64;
     let mut ends = Vec::new();
     for side in axiom.sides() {
-        let maps: Vec<_> =
-            side.iter().map(|&angle| network.conjugated_circle_action(angle)).collect();
-        let steps: Vec<_> = maps.iter().flat_map(|map| map.elementary_steps()).collect();
+        let maps: Vec<_> = side.iter().map(|&angle| family.conjugated_action_at(angle)).collect();
+        let steps: Vec<_> =
+            maps.iter().flat_map(|map| map.measured_steps(Direction::Forward)).collect();
         let walk = Walk::new(&steps, z);
         let (own, sums) = walk.value_bounds();
         for (square, own) in squares.iter_mut().zip(own) {
@@ -119,13 +119,14 @@ pub fn conjugated_axiom_ratio(
         ends.push(walk.end().to_vec());
     }
     // |G|, the Jacobian of ψ where Φ leaves w = ψ⁻¹(z).
-    let psi = network.psi();
+    let psi = family.conjugation();
+    let weights = family.action_weights();
     let mut w = z.to_vec();
-    crate::phase::Map::inverse(&psi, &mut w);
-    let action = &network.shape().circle_action;
-    let angle = axiom.sides()[0].iter().sum();
-    action.at(angle).apply(&mut w, false);
-    let conjugation = Walk::new(&psi.composition().elementary_steps(), &w);
+    psi.inverse(&mut w);
+    for &angle in &axiom.sides()[0] {
+        family.turn(angle, &mut w);
+    }
+    let conjugation = Walk::new(&psi.measured_steps(Direction::Forward), &w);
     let radii = radii(&w);
     if ends.iter().flatten().any(|v| !v.is_finite()) {
         return Conditioned::Ratio(f64::NAN);
@@ -136,7 +137,7 @@ pub fn conjugated_axiom_ratio(
         let mut carried = 0.0;
         for column in 0..dim {
             let plane = column % (dim / 2);
-            let weight = action.weights()[plane];
+            let weight = weights[plane];
             if weight != 0 {
                 let entry = conjugation.jacobian()[row * dim + column].abs();
                 carried += entry * axiom.bound(weight) * radii[plane];

@@ -1,8 +1,7 @@
 //! P⁻¹∘P = Id, measured in units of its rounding bound.
 
-use super::Walk;
-use crate::layer::{ElementaryStep, Potential};
-use crate::scalar::{Dual, Scalar, max_or_nan};
+use super::{MeasuredStep, Walk};
+use crate::scalar::{Scalar, max_or_nan};
 
 /// A ratio, or the word that no digit is left to test.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,10 +18,7 @@ pub(super) const ILL_CONDITIONED: f64 = 0.1;
 /// ρ_I: how far the steps, which should compose to the identity, are from it
 /// at z, over the rounding bound √(Σᵢ(|J_N Jᵢ⁻¹|δᵢ)² + z²)·u, the largest over
 /// the components.
-pub fn inversion_ratio<V>(steps: &[ElementaryStep<'_, f64, V>], z: &[f64]) -> Conditioned
-where
-    V: Potential<f64> + Potential<Dual<f64, 8>>,
-{
+pub fn inversion_ratio(steps: &[Box<dyn MeasuredStep + '_>], z: &[f64]) -> Conditioned {
     let u = f64::unit_roundoff();
     let walk = Walk::new(steps, z);
     let (squares, sums) = walk.value_bounds();

@@ -5,25 +5,36 @@
 //! from rounding shows as a ratio of many orders. Nothing here prints.
 
 mod accuracy;
+mod adiabatic;
 mod certificate;
 mod circle_axioms;
+mod determinant;
 mod inversion;
 mod jacobian;
+pub mod laws;
+mod measurable;
 mod near_identity;
 mod rounding;
 mod symplecticity;
+mod tally;
 
 pub use accuracy::{Drift, component_errors, distance, drift, limiting_flow_error};
+pub use adiabatic::{Line, invariant_drift, log_line, log_slope};
 pub use certificate::{
-    Certificate, CertificateOptions, Row, Verdict, certify, certify_all, certify_map,
+    Certificate, CertificateOptions, certify, certify_all, certify_family, certify_map,
 };
 pub use circle_axioms::{
     CircleAxiom, circle_axiom_ratio, conjugated_axiom_ratio, turning_axiom_ratio,
 };
+pub use determinant::determinant_ratio;
 pub use inversion::{Conditioned, inversion_ratio};
 pub use jacobian::{Differentiable, jacobian};
-pub use near_identity::{
-    differing_components, log_slope, near_identity_size, near_identity_undoing,
-};
-pub use rounding::{Walk, inverse_of_symplectic};
+pub use laws::Samples;
+pub use measurable::{Measurable, NearlyPeriodic, Numbers, Whole};
+pub use near_identity::{differing_components, near_identity_size, near_identity_undoing};
+pub use rounding::{MeasuredStep, MeasuredSteps, Walk, inverse_of_symplectic};
 pub use symplecticity::{symplecticity_defect, symplecticity_ratio};
+pub use tally::{
+    COUNT_LIMIT, RATIO_LIMIT, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_MEDIAN, TESTABLE, Tally,
+    Verdict, merged,
+};

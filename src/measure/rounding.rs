@@ -1,7 +1,48 @@
 //! Rounding errors followed through a map, shear by shear.
 
 use crate::layer::{ElementaryStep, Potential};
-use crate::scalar::{Dual, Scalar};
+use crate::scalar::Dual;
+
+/// One step of a map, with the scale of the rounding errors that it makes.
+///
+/// Matrices are 2n × 2n, row by row.
+pub trait MeasuredStep {
+    /// z ← the step of z.
+    fn apply(&self, z: &mut [f64]);
+
+    /// The same with derivatives in eight directions.
+    fn apply_tangent(&self, z: &mut [Dual<f64, 8>]);
+
+    /// `e` ← the scale, in units of u, of the error that the step leaves in
+    /// the running Jacobian, which is `before` at its input z and `after` at
+    /// its output.
+    fn jacobian_magnitude(&self, z: &[f64], before: &[f64], after: &[f64], e: &mut [f64]);
+
+    /// `delta` ← the scale, in units of u, of the error that the step leaves
+    /// in the point, which it moves from z to `after`.
+    fn value_magnitude(&self, z: &[f64], after: &[f64], delta: &mut [f64]);
+}
+
+/// Steps in the order of application.
+pub type MeasuredSteps<'a> = Vec<Box<dyn MeasuredStep + 'a>>;
+
+impl<V> MeasuredStep for ElementaryStep<'_, f64, V>
+where
+    V: Potential<f64> + Potential<Dual<f64, 8>>,
+{
+    fn apply(&self, z: &mut [f64]) {
+        ElementaryStep::apply(self, z, &mut vec![0.0; z.len()]);
+    }
+    fn apply_tangent(&self, z: &mut [Dual<f64, 8>]) {
+        ElementaryStep::apply(self, z, &mut vec![Dual::constant(0.0); z.len()]);
+    }
+    fn jacobian_magnitude(&self, z: &[f64], before: &[f64], after: &[f64], e: &mut [f64]) {
+        ElementaryStep::jacobian_magnitude(self, z, before, after, e);
+    }
+    fn value_magnitude(&self, z: &[f64], after: &[f64], delta: &mut [f64]) {
+        ElementaryStep::value_magnitude(self, z, after, delta);
+    }
+}
 
 /// The points and Jacobians along a sequence of shears, with the scale of the
 /// rounding error that each of them makes.
@@ -37,10 +78,7 @@ pub fn inverse_of_symplectic(jacobian: &[f64], dof: usize) -> Vec<f64> {
 
 impl Walk {
     /// Walks from z through the steps.
-    pub fn new<V>(steps: &[ElementaryStep<'_, f64, V>], z: &[f64]) -> Self
-    where
-        V: Potential<f64> + Potential<Dual<f64, 8>>,
-    {
+    pub fn new(steps: &[Box<dyn MeasuredStep + '_>], z: &[f64]) -> Self {
         let dim = z.len();
         let mut jacobians = vec![vec![0.0; dim * dim]; steps.len() + 1];
         let mut points = Vec::with_capacity(steps.len() + 1);
@@ -50,10 +88,9 @@ impl Walk {
                 .enumerate()
                 .map(|(i, &v)| Dual::variable(v, i.wrapping_sub(first)))
                 .collect();
-            let mut scratch = vec![Dual::zero(); dim];
             for k in 0..=steps.len() {
                 if k > 0 {
-                    steps[k - 1].apply(&mut w, &mut scratch);
+                    steps[k - 1].apply_tangent(&mut w);
                 }
                 for (row, value) in w.iter().enumerate() {
                     for column in first..dim.min(first + 8) {

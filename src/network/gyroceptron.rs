@@ -3,7 +3,7 @@
 use super::composition::{Composition, Direction};
 use super::{HenonNet, HenonShape};
 use crate::error::Error;
-use crate::layer::CircleAction;
+use crate::layer::{CircleAction, HenonLayer};
 use crate::phase::Map;
 use crate::scalar::{Over, Real, Scalar};
 use serde::{Deserialize, Serialize};
@@ -134,6 +134,15 @@ impl<P: Scalar> Gyroceptron<P> {
             self.composition.parameters()[start..start + shape.parameter_count()].to_vec();
         HenonNet::near_identity(shape, self.epsilon(), parameters)
             .expect("the count is that of the shape")
+    }
+
+    /// The layers of ψ, then those of I_ε, each in the order of application.
+    pub fn layers(&self) -> impl DoubleEndedIterator<Item = HenonLayer<'_, P>> {
+        let parameters = self.composition.parameters();
+        let psi = self.shape.psi_shape();
+        let near_identity = &parameters[psi.parameter_count()..];
+        psi.layers(P::from_f64(1.0), parameters)
+            .chain(self.shape.near_identity_shape().layers(self.epsilon(), near_identity))
     }
 
     /// μ₀ = 𝔍₀∘ψ⁻¹ at each of the points of `z` (2n numbers each).

@@ -29,6 +29,25 @@ impl HenonShape {
             .iter()
             .fold(0, |n: usize, &h| n.saturating_add(layer_parameter_count(self.dof, h)))
     }
+
+    /// The layers of this shape over the first of `parameters`.
+    pub(super) fn layers<'a, P: Scalar>(
+        &self,
+        epsilon: P,
+        parameters: &'a [P],
+    ) -> impl DoubleEndedIterator<Item = HenonLayer<'a, P>> + use<'a, P> {
+        let mut rest = parameters;
+        let views: Vec<_> = self
+            .widths
+            .iter()
+            .map(|&width| {
+                let (own, others) = rest.split_at(layer_parameter_count(self.dof, width));
+                rest = others;
+                HenonLayer::new(self.dof, width, epsilon, own)
+            })
+            .collect();
+        views.into_iter()
+    }
 }
 
 /// ℋ = L\[V_N, η_N\] ∘ … ∘ L\[V₁, η₁\], a composition of Hénon layers; with
@@ -77,19 +96,7 @@ impl<P: Scalar> HenonNet<P> {
 
     /// The layers, in the order of application.
     pub fn layers(&self) -> impl DoubleEndedIterator<Item = HenonLayer<'_, P>> {
-        let mut start = 0;
-        let views: Vec<_> = self
-            .shape
-            .widths
-            .iter()
-            .map(|&width| {
-                let end = start + layer_parameter_count(self.shape.dof, width);
-                let own = &self.composition.parameters()[start..end];
-                start = end;
-                HenonLayer::new(self.shape.dof, width, self.composition.epsilon(), own)
-            })
-            .collect();
-        views.into_iter()
+        self.shape.layers(self.composition.epsilon(), self.composition.parameters())
     }
 }
 

@@ -1,0 +1,39 @@
+//! det J = 1, where the determinant of a rounded matrix means anything.
+
+use super::{Conditioned, Walk};
+use crate::scalar::Scalar;
+use faer::MatRef;
+
+/// The share of 1 beyond which the rounding of the decomposition leaves no
+/// digit to test.
+const NO_DIGIT: f64 = 0.1;
+
+/// |det J − 1| over its rounding bound, det J from faer's LU decomposition with
+/// partial pivoting.
+///
+/// The decomposition of a 2n × 2n matrix errs by 2n·u‖J‖², and the rounding of
+/// J itself by the sum over the steps of u·|J⁻¹|e, here bounded by its trace.
+pub fn determinant_ratio(walk: &Walk) -> Conditioned {
+    let dim = walk.dim();
+    let jacobian = MatRef::from_row_major_slice(walk.jacobian(), dim, dim);
+    if !walk.jacobian().iter().all(|v| v.is_finite()) {
+        return Conditioned::Ratio(f64::NAN);
+    }
+    let norm = jacobian.norm_l2();
+    let decomposition = dim as f64 * norm * norm;
+    // d(log det) = tr(J⁻¹dJ), step by step.
+    let mut own = 0.0;
+    for (jacobian, error) in walk.jacobian_steps() {
+        let inverse = super::inverse_of_symplectic(jacobian, dim / 2);
+        for i in 0..dim {
+            for k in 0..dim {
+                own += inverse[i * dim + k].abs() * error[k * dim + i];
+            }
+        }
+    }
+    let bound = f64::unit_roundoff() * (decomposition + own + 1.0);
+    if !(bound <= NO_DIGIT) {
+        return Conditioned::IllConditioned;
+    }
+    Conditioned::Ratio((jacobian.determinant() - 1.0).abs() / bound)
+}

@@ -1,0 +1,327 @@
+//! The laws, each a function from a map and points to a [`Tally`].
+//!
+//! Points are given one after the other, 2n numbers each.
+
+use super::adiabatic::{invariant_drift, log_slope};
+use super::circle_axioms::{CircleAxiom, conjugated_axiom_ratio, turning_axiom_ratio};
+use super::determinant::determinant_ratio;
+use super::inversion::{Conditioned, inversion_ratio};
+use super::near_identity::{differing_components, near_identity_size, near_identity_undoing};
+use super::tally::Tally;
+use super::{CertificateOptions, Measurable, NearlyPeriodic, Walk, symplecticity_ratio};
+use crate::network::{Direction, Stream};
+use crate::phase::Map;
+use crate::scalar::{Scalar, max_or_nan};
+use std::f64::consts::TAU;
+
+/// Slopes are taken from values so many times above rounding.
+const ABOVE_ROUNDING: f64 = 1e3;
+
+/// Seeded points in a box, with a pair of angles in (−2π, 2π) to each.
+#[derive(Clone, Debug)]
+pub struct Samples {
+    points: Vec<f64>,
+    angles: Vec<[f64; 2]>,
+}
+
+impl Samples {
+    /// The samples of map number `index` of a certificate.
+    pub fn draw(dof: usize, index: usize, options: CertificateOptions) -> Self {
+        let mut stream = Stream::new(options.seed, &format!("certificate/points/{index}"));
+        let points = (0..options.samples * 2 * dof)
+            .map(|_| stream.uniform(-options.radius, options.radius))
+            .collect();
+        let mut stream = Stream::new(options.seed, &format!("certificate/angles/{index}"));
+        let angles = (0..options.samples)
+            .map(|_| [stream.uniform(-TAU, TAU), stream.uniform(-TAU, TAU)])
+            .collect();
+        Self { points, angles }
+    }
+
+    /// Samples of one's own, as many pairs of angles as points.
+    pub fn new(points: Vec<f64>, angles: Vec<[f64; 2]>) -> Self {
+        Self { points, angles }
+    }
+
+    /// The points.
+    pub fn points(&self) -> &[f64] {
+        &self.points
+    }
+
+    fn with_angles(&self, dof: usize) -> impl Iterator<Item = (&[f64], &[f64; 2])> {
+        self.points.chunks_exact(2 * dof).zip(&self.angles)
+    }
+}
+
+/// The number of components that differ in their bits or are not finite.
+fn differing(a: &[f64], b: &[f64]) -> usize {
+    a.iter().zip(b).filter(|(a, b)| a.to_bits() != b.to_bits() || !a.is_finite()).count()
+}
+
+fn moved(map: &(impl Map<f64> + ?Sized), direction: Direction, z: &[f64]) -> Vec<f64> {
+    let mut out = z.to_vec();
+    match direction {
+        Direction::Forward => map.forward(&mut out),
+        Direction::Inverse => map.inverse(&mut out),
+    }
+    out
+}
+
+/// JᵀΩJ = Ω, by [`symplecticity_ratio`].
+pub fn symplecticity(map: &dyn Measurable, points: &[f64]) -> Tally {
+    let steps = map.measured_steps(Direction::Forward);
+    Tally::of_ratios("symplecticity of P", "JᵀΩJ = Ω").must_be_sound().extend(
+        points
+            .chunks_exact(2 * map.dof())
+            .map(|z| Conditioned::Ratio(symplecticity_ratio(&Walk::new(&steps, z)))),
+    )
+}
+
+/// P⁻¹∘P = Id (`first` forward) or P∘P⁻¹ = Id (`first` inverse), by
+/// [`inversion_ratio`].
+pub fn inversion(
+    law: &str,
+    equation: &str,
+    map: &dyn Measurable,
+    first: Direction,
+    points: &[f64],
+) -> Tally {
+    let then = match first {
+        Direction::Forward => Direction::Inverse,
+        Direction::Inverse => Direction::Forward,
+    };
+    let mut steps = map.measured_steps(first);
+    steps.extend(map.measured_steps(then));
+    let results = points.chunks_exact(2 * map.dof()).map(|z| inversion_ratio(&steps, z));
+    Tally::of_ratios(law, equation).extend(results)
+}
+
+/// L⁻¹∘L = Id for each layer alone: the test that is left where the
+/// composition has no digit to show. None for a map without layers.
+pub fn layers(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
+    let (law, equation) = ("inversion of layers", "L⁻¹∘L = Id, each");
+    map.layers()
+        .iter()
+        .map(|layer| inversion(law, equation, &**layer, Direction::Forward, points))
+        .reduce(|mut all, own| {
+            all.merge(own);
+            all
+        })
+}
+
+/// The steps that the other laws walk over are what users call, for one point
+/// and for many, forward and back, bit for bit.
+pub fn evaluation(map: &dyn Measurable, points: &[f64]) -> Tally {
+    let mut tally = Tally::of_counts("evaluation", "shears = single = batch, bitwise");
+    let dim = 2 * map.dof();
+    let mut counts = vec![0; points.len() / dim];
+    for direction in [Direction::Forward, Direction::Inverse] {
+        let mut batch = points.to_vec();
+        map.move_points(direction, &mut batch);
+        let steps = map.measured_steps(direction);
+        for (index, z) in points.chunks_exact(dim).enumerate() {
+            let mut walked = z.to_vec();
+            for step in &steps {
+                step.apply(&mut walked);
+            }
+            counts[index] += differing(&walked, &moved(map, direction, z))
+                + differing(&walked, &batch[index * dim..(index + 1) * dim]);
+        }
+    }
+    for count in counts {
+        tally.push(Conditioned::Ratio(count as f64));
+    }
+    tally
+}
+
+/// det J = 1 by faer's LU decomposition, where its rounding leaves a digit.
+///
+/// For information: it is blind to whatever keeps volumes.
+pub fn determinant(map: &dyn Measurable, points: &[f64]) -> Tally {
+    let steps = map.measured_steps(Direction::Forward);
+    let results =
+        points.chunks_exact(2 * map.dof()).map(|z| determinant_ratio(&Walk::new(&steps, z)));
+    Tally::of_ratios("determinant", "det J = 1").reported().extend(results)
+}
+
+/// I₀ = I₋₀ = Id bit for bit, and the orders of I_ε − Id and I₋ε∘I_ε − Id.
+pub fn near_identity(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<Tally> {
+    let dim = 2 * family.dof();
+    let bitwise = |equation: &str, epsilon: f64| {
+        let map = family.near_identity_at(epsilon);
+        let counts = points
+            .chunks_exact(dim)
+            .map(|z| Conditioned::Ratio(differing_components(&*map, z) as f64));
+        Tally::of_counts("near identity", equation).extend(counts)
+    };
+    let size = |e: f64| near_identity_size(&*family.near_identity_at(e), points);
+    let undoing = |e: f64| {
+        let (there, back) = (family.near_identity_at(e), family.near_identity_at(-e));
+        near_identity_undoing(&*there, &*back, points)
+    };
+    let epsilons = small_epsilons(family, points);
+    let law = "near identity";
+    vec![
+        bitwise("I₀ = Id, bitwise", 0.0),
+        bitwise("I₋₀ = Id, bitwise", -0.0),
+        order(law, "|I_ε − Id| = O(ε)", 1.0, &epsilons, points, dim, &size),
+        order(law, "|I₋ε∘I_ε − Id| = O(ε²)", 2.0, &epsilons, points, dim, &undoing),
+    ]
+}
+
+/// ∂I_ε/∂ε at ε = 0 is the Hamiltonian vector field `field(z, out)`: the
+/// central difference quotient differs from it by O(ε²).
+pub fn generator(
+    family: &dyn NearlyPeriodic,
+    field: &dyn Fn(&[f64], &mut [f64]),
+    points: &[f64],
+) -> Tally {
+    let dim = 2 * family.dof();
+    let difference = |e: f64| {
+        let (plus, minus) = (family.near_identity_at(e), family.near_identity_at(-e));
+        let mut largest = 0.0;
+        let mut expected = vec![0.0; dim];
+        for z in points.chunks_exact(dim) {
+            field(z, &mut expected);
+            let a = moved(&*plus, Direction::Forward, z);
+            let b = moved(&*minus, Direction::Forward, z);
+            for i in 0..dim {
+                // Twice ε times the error, so that rounding is that of z.
+                let error = (2.0 * e).mul_add(-expected[i], a[i] - b[i]);
+                largest = max_or_nan(largest, error.abs());
+            }
+        }
+        largest
+    };
+    let epsilons = small_epsilons(family, points);
+    order("near identity", "I_ε − I₋ε = 2ε X_G₁ + O(ε³)", 3.0, &epsilons, points, dim, &difference)
+}
+
+fn radius(points: &[f64]) -> f64 {
+    points.iter().fold(0.0_f64, |m, v| m.max(v.abs()))
+}
+
+/// Eight values, halved one after the other, from where I_ε moves points by
+/// about a hundredth of their size.
+fn small_epsilons(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<f64> {
+    let response = near_identity_size(&*family.near_identity_at(1e-6), points) / 1e-6;
+    let largest = f64::min(1.0, 1e-2 * radius(points) / response);
+    (0..6).map(|k| largest * libm::exp2(-f64::from(k))).collect()
+}
+
+/// How much is missing to the order in ε of a quantity that vanishes with it,
+/// from the values that stand out of rounding.
+fn order(
+    law: &str,
+    equation: &str,
+    order: f64,
+    epsilons: &[f64],
+    points: &[f64],
+    dim: usize,
+    value: &dyn Fn(f64) -> f64,
+) -> Tally {
+    let floor = ABOVE_ROUNDING * f64::unit_roundoff() * radius(points);
+    let (epsilons, values): (Vec<f64>, Vec<f64>) = epsilons
+        .iter()
+        .map(|&epsilon| (epsilon, value(epsilon)))
+        .filter(|(_, size)| !(*size <= floor))
+        .unzip();
+    // A network that does not respond to ε has no slope.
+    let vacuous = values.len() < 3;
+    let slope = log_slope(&epsilons, &values);
+    let shortfall = if slope >= order { 0.0 } else { order - slope };
+    let result = Conditioned::Ratio(if vacuous { 0.0 } else { shortfall });
+    Tally::of_slopes(law, equation, points.len() / dim).is_vacuous(vacuous).extend([result])
+}
+
+/// P₀ = ψ∘Φ_θ∘ψ⁻¹, bit for bit.
+pub fn near_periodicity(family: &dyn NearlyPeriodic, points: &[f64]) -> Tally {
+    let limit = family.map_at(0.0);
+    let rotation = family.conjugated_action_at(family.angle());
+    let counts = points.chunks_exact(2 * family.dof()).map(|z| {
+        let forward = Direction::Forward;
+        Conditioned::Ratio(
+            differing(&moved(&*limit, forward, z), &moved(&*rotation, forward, z)) as f64
+        )
+    });
+    Tally::of_counts("near periodicity", "P₀ = ψ∘Φ_θ∘ψ⁻¹, bitwise").extend(counts)
+}
+
+type Form = fn(&[f64; 2]) -> CircleAxiom;
+const AXIOMS: [(&str, &str, Form); 4] = [
+    ("identity", "Φ₀ = Id", |_| CircleAxiom::Identity),
+    ("periodicity", "Φ_{θ+2π} = Φ_θ", |a| CircleAxiom::Periodicity(a[0])),
+    ("additivity", "Φ_{θ₁+θ₂} = Φ_θ₁∘Φ_θ₂", |a| {
+        CircleAxiom::Additivity(a[0], a[1])
+    }),
+    ("inverse", "Φ₋θ∘Φ_θ = Id", |a| CircleAxiom::Inverse(a[0])),
+];
+
+/// The axioms of the circle action Φ.
+pub fn circle_action(family: &dyn NearlyPeriodic, samples: &Samples) -> Vec<Tally> {
+    let weights = family.action_weights();
+    let each = AXIOMS.iter().map(|(name, equation, form)| {
+        let ratios = samples.with_angles(weights.len()).map(|(z, a)| {
+            let turn = |angle: f64, z: &mut [f64]| family.turn(angle, z);
+            Conditioned::Ratio(turning_axiom_ratio(weights, turn, form(a), z))
+        });
+        Tally::of_ratios(format!("circle action: {name}"), *equation).extend(ratios)
+    });
+    each.collect()
+}
+
+/// The axioms of the conjugated action ψ∘Φ∘ψ⁻¹.
+pub fn conjugated_circle_action(family: &dyn NearlyPeriodic, samples: &Samples) -> Vec<Tally> {
+    let dof = family.dof();
+    let each = AXIOMS.iter().map(|(name, equation, form)| {
+        let ratios =
+            samples.with_angles(dof).map(|(z, a)| conjugated_axiom_ratio(family, form(a), z));
+        Tally::of_ratios(format!("conjugated by ψ: {name}"), *equation).extend(ratios)
+    });
+    each.collect()
+}
+
+/// The exponent of the drift D(N) of μ₀ in N along the orbit of the first
+/// point, N = 256 … 4096: near 0 for an adiabatic invariant, 1 for what only
+/// drifts slowly.
+///
+/// For information: on a resonance there is no invariant, and near one the
+/// orbit takes longer to show its range.
+pub fn adiabatic_invariance(family: &dyn NearlyPeriodic, points: &[f64]) -> Tally {
+    const EXPONENT: f64 = 0.2;
+    const HORIZONS: [usize; 5] = [256, 512, 1024, 2048, 4096];
+    let invariant = |z: &[f64]| family.leading_invariant(z);
+    let start = &points[..2 * family.dof()];
+    let drifts = invariant_drift(family, &invariant, start, &HORIZONS);
+    let exponent = log_slope(&HORIZONS.map(|n| n as f64), &drifts);
+    Tally::with_limit("adiabatic invariant", "|μ₀ − μ₀(0)| ∝ N⁰", EXPONENT, 1)
+        .reported()
+        .extend([Conditioned::Ratio(exponent.abs())])
+}
+
+/// Q∘T = T∘P, bit for bit, for the change of variables `transform`: an exact
+/// symmetry of the parameters, which takes P to Q.
+///
+/// The transformation has to be exact in floating point: powers of two, signs,
+/// permutations.
+pub fn exact_relation(
+    equation: &str,
+    map: &(impl Map<f64> + ?Sized),
+    other: &(impl Map<f64> + ?Sized),
+    transform: &dyn Fn(&mut [f64]),
+    points: &[f64],
+) -> Tally {
+    let mut tally = Tally::of_counts("exact relation", equation);
+    for z in points.chunks_exact(2 * map.dof()) {
+        let mut count = 0;
+        for direction in [Direction::Forward, Direction::Inverse] {
+            let mut left = moved(map, direction, z);
+            transform(&mut left);
+            let mut right = z.to_vec();
+            transform(&mut right);
+            count += differing(&left, &moved(other, direction, &right));
+        }
+        tally.push(Conditioned::Ratio(count as f64));
+    }
+    tally
+}

@@ -1,0 +1,245 @@
+//! The results of a law over its samples, and what they come to.
+
+use super::Conditioned;
+use serde::{Deserialize, Serialize};
+
+/// Every ratio must stay below it.
+pub const RATIO_LIMIT: f64 = 10.0;
+/// Slopes in ε may fall short of 1 and 2 by this; they may exceed them, as they
+/// do where the potentials are odd and the leading term vanishes.
+pub const SLOPE_LIMIT: f64 = 0.1;
+/// A count of components that must be none.
+pub const COUNT_LIMIT: f64 = 0.5;
+/// What ρ_S is for a computation whose errors are those of rounding: its upper
+/// decile is at least the first. Below, all but a few samples saturate, or make
+/// no error at all, and the test shows nothing.
+pub const SOUND_DECILE: f64 = 0.05;
+/// The largest median of ρ_S of such a computation: above, a defect smaller
+/// than the limit hides among the errors of rounding.
+pub const SOUND_MEDIAN: f64 = 2.0;
+/// The least share of samples with a digit to test.
+pub const TESTABLE: f64 = 0.5;
+
+/// What a row of the certificate came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// The law holds to rounding on all samples that have a digit to test.
+    Holds,
+    /// The law is violated.
+    Violated,
+    /// On these samples the law cannot fail: nothing is shown.
+    Vacuous,
+    /// On more than half of the samples no digit is left to test.
+    IllConditioned,
+    /// A figure for information: nothing is concluded from it.
+    Reported,
+}
+
+impl Verdict {
+    /// One word for tables.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Holds => "holds",
+            Self::Violated => "VIOLATED",
+            Self::Vacuous => "VACUOUS",
+            Self::IllConditioned => "ill-conditioned",
+            Self::Reported => "reported",
+        }
+    }
+}
+
+/// One law, measured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// The law.
+    pub law: String,
+    /// What is measured.
+    pub equation: String,
+    /// The number of samples.
+    pub samples: usize,
+    /// On how many of them rounding leaves no digit to test.
+    pub ill_conditioned: usize,
+    /// The largest ratio; a count of components for bitwise laws, what is
+    /// missing to the order for slopes. None where no sample could be tested or a result was NaN.
+    pub largest: Option<f64>,
+    /// The median.
+    pub median: Option<f64>,
+    /// What `largest` must stay below.
+    pub limit: f64,
+    /// What it came to.
+    pub verdict: Verdict,
+}
+
+impl Row {
+    /// How many times `largest` would have to grow to reach the limit; none
+    /// where nothing was measured or nothing deviated.
+    pub fn headroom(&self) -> Option<f64> {
+        self.largest.filter(|largest| *largest > 0.0).map(|largest| self.limit / largest)
+    }
+}
+
+/// The results of one law, collected sample by sample.
+///
+/// ```
+/// use gyroceptron::measure::{Conditioned, Tally, Verdict};
+///
+/// let mut tally = Tally::of_ratios("my law", "P(P(z)) = z");
+/// tally.push(Conditioned::Ratio(0.3));
+/// assert_eq!(tally.row().verdict, Verdict::Holds);
+/// tally.push(Conditioned::Ratio(f64::NAN));
+/// assert_eq!(tally.row().verdict, Verdict::Violated);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Tally {
+    law: String,
+    equation: String,
+    limit: f64,
+    must_be_sound: bool,
+    ratios: Vec<f64>,
+    ill_conditioned: usize,
+    /// The samples that each ratio stands for.
+    samples_each: usize,
+    vacuous: bool,
+    reported: bool,
+}
+
+impl Tally {
+    fn new(law: impl Into<String>, equation: impl Into<String>, limit: f64) -> Self {
+        Self {
+            law: law.into(),
+            equation: equation.into(),
+            limit,
+            must_be_sound: false,
+            ratios: Vec::new(),
+            ill_conditioned: 0,
+            samples_each: 1,
+            vacuous: false,
+            reported: false,
+        }
+    }
+
+    /// A law whose results are errors over their rounding bounds.
+    pub fn of_ratios(law: impl Into<String>, equation: impl Into<String>) -> Self {
+        Self::new(law, equation, RATIO_LIMIT)
+    }
+
+    /// A law that holds bit for bit: its results are numbers of components that
+    /// differ.
+    pub fn of_counts(law: impl Into<String>, equation: impl Into<String>) -> Self {
+        Self::new(law, equation, COUNT_LIMIT)
+    }
+
+    /// A law on the order of something that vanishes with ε: its results are
+    /// what is missing to the order, each from `samples` points.
+    pub fn of_slopes(law: impl Into<String>, equation: impl Into<String>, samples: usize) -> Self {
+        Self { samples_each: samples, ..Self::new(law, equation, SLOPE_LIMIT) }
+    }
+
+    /// A law with a limit of its own.
+    pub fn with_limit(
+        law: impl Into<String>,
+        equation: impl Into<String>,
+        limit: f64,
+        samples: usize,
+    ) -> Self {
+        Self { samples_each: samples, ..Self::new(law, equation, limit) }
+    }
+
+    /// The same, vacuous below [`SOUND_DECILE`] and violated above
+    /// [`SOUND_MEDIAN`].
+    pub fn must_be_sound(self) -> Self {
+        Self { must_be_sound: true, ..self }
+    }
+
+    /// The same, for information only.
+    pub fn reported(self) -> Self {
+        Self { reported: true, ..self }
+    }
+
+    /// The law.
+    pub fn law(&self) -> &str {
+        &self.law
+    }
+
+    /// What is measured.
+    pub fn equation(&self) -> &str {
+        &self.equation
+    }
+
+    /// Adds a sample.
+    pub fn push(&mut self, result: Conditioned) {
+        match result {
+            Conditioned::Ratio(ratio) => self.ratios.push(ratio),
+            Conditioned::IllConditioned => self.ill_conditioned += 1,
+        }
+    }
+
+    /// Adds samples.
+    pub fn extend(mut self, results: impl IntoIterator<Item = Conditioned>) -> Self {
+        for result in results {
+            self.push(result);
+        }
+        self
+    }
+
+    /// Says that the samples cannot show a violation.
+    pub fn is_vacuous(mut self, vacuous: bool) -> Self {
+        self.vacuous |= vacuous;
+        self
+    }
+
+    /// Adds the results of the same law on another map.
+    pub fn merge(&mut self, other: Self) {
+        self.ratios.extend(other.ratios);
+        self.ill_conditioned += other.ill_conditioned;
+        self.vacuous |= other.vacuous;
+    }
+
+    /// What the samples come to.
+    pub fn row(&self) -> Row {
+        let testable = self.ratios.len() * self.samples_each;
+        let samples = testable + self.ill_conditioned * self.samples_each;
+        let nan = self.ratios.iter().any(|r| r.is_nan());
+        let mut sorted = self.ratios.clone();
+        sorted.sort_by(f64::total_cmp);
+        let usable = !nan && !sorted.is_empty();
+        let largest = usable.then(|| sorted[sorted.len() - 1]);
+        let median = usable.then(|| sorted[sorted.len() / 2]);
+        let decile = usable.then(|| sorted[sorted.len() * 9 / 10]);
+        let sound = self.must_be_sound;
+        let verdict = match (largest, median.zip(decile)) {
+            _ if self.reported => Verdict::Reported,
+            _ if samples == 0 => Verdict::Vacuous,
+            _ if nan => Verdict::Violated,
+            (Some(largest), _) if !(largest < self.limit) => Verdict::Violated,
+            _ if self.vacuous => Verdict::Vacuous,
+            (_, Some((_, decile))) if sound && decile < SOUND_DECILE => Verdict::Vacuous,
+            (_, Some((median, _))) if sound && median > SOUND_MEDIAN => Verdict::Violated,
+            _ if (testable as f64) < TESTABLE * samples as f64 => Verdict::IllConditioned,
+            _ => Verdict::Holds,
+        };
+        Row {
+            law: self.law.clone(),
+            equation: self.equation.clone(),
+            samples,
+            ill_conditioned: self.ill_conditioned,
+            largest,
+            median,
+            limit: self.limit,
+            verdict,
+        }
+    }
+}
+
+/// Joins the tallies of the same laws on several maps, in their first order.
+pub fn merged(tallies: impl IntoIterator<Item = Tally>) -> Vec<Tally> {
+    let mut out: Vec<Tally> = Vec::new();
+    for own in tallies {
+        match out.iter_mut().find(|t| t.equation == own.equation && t.law == own.law) {
+            Some(tally) => tally.merge(own),
+            None => out.push(own),
+        }
+    }
+    out
+}
