@@ -2,7 +2,9 @@
 
 use astro_float::{BigFloat, Consts, RoundingMode};
 use gyroceptron::network::Stream;
-use gyroceptron::scalar::{Dual, Elementary, Lanes, Scalar, Tracked, WIDTH, tanh_sech2};
+use gyroceptron::scalar::{
+    DoubleDouble, Dual, Elementary, Lanes, Real, Scalar, Tracked, WIDTH, max_or_nan, tanh_sech2,
+};
 
 const BITS: usize = 320;
 const TO_NEAREST: RoundingMode = RoundingMode::ToEven;
@@ -183,4 +185,65 @@ fn the_tracked_bound_holds_against_multiprecision() {
         largest = largest.max(ratio);
     }
     assert!(largest > 0.02, "the bound is vacuous: {largest}");
+}
+
+fn big(value: DoubleDouble) -> BigFloat {
+    let (high, low) = value.parts();
+    BigFloat::from_f64(high, BITS).add(&BigFloat::from_f64(low, BITS), BITS, TO_NEAREST)
+}
+
+/// |computed − exact| in units of 2⁻¹⁰⁶·(the larger of |exact| and `scale`).
+fn units(computed: DoubleDouble, exact: &BigFloat, scale: f64) -> f64 {
+    let difference = to_f64(&big(computed).sub(exact, BITS, TO_NEAREST));
+    difference.abs() / (to_f64(exact).abs().max(scale) * DoubleDouble::unit_roundoff())
+}
+
+#[test]
+fn double_doubles_agree_with_multiprecision() {
+    let mut constants = Consts::new().expect("memory for constants");
+    let mut stream = Stream::new(0, "double-double");
+    let mut draw = |scale: f64| {
+        let high = stream.uniform(-scale, scale);
+        DoubleDouble::new(high, high * stream.uniform(-1e-16, 1e-16))
+    };
+    let mut worst = [0.0; 9];
+    let one = BigFloat::from_f64(1.0, BITS);
+    for index in 0..400 {
+        let scale = [1e-12, 1e-3, 0.5, 1.0, 10.0, 60.0][index % 6];
+        let (x, y) = (draw(scale), draw(2.0));
+        let (a, b) = (big(x), big(y));
+        let (t, s) = x.tanh_sech2();
+        let cosh = a.cosh(BITS, TO_NEAREST, &mut constants);
+        let sech2 = one.div(&cosh.mul(&cosh, BITS, TO_NEAREST), BITS, TO_NEAREST);
+        let (sin, cos) = x.sin_cos();
+        let product = a.mul(&b, BITS, TO_NEAREST);
+        // Angles carry the rounding of their reduction.
+        let angle = x.value().abs();
+        let found = [
+            units(t, &a.tanh(BITS, TO_NEAREST, &mut constants), 0.0),
+            units(s, &sech2, 0.0),
+            units(x.exp(), &a.exp(BITS, TO_NEAREST, &mut constants), 0.0),
+            units(sin, &a.sin(BITS, TO_NEAREST, &mut constants), angle),
+            units(cos, &a.cos(BITS, TO_NEAREST, &mut constants), angle),
+            units(x + y, &a.add(&b, BITS, TO_NEAREST), 0.0),
+            units(x * y, &product, 0.0),
+            units(x / y, &a.div(&b, BITS, TO_NEAREST), 0.0),
+            units(x.mul_add(y, x), &product.add(&a, BITS, TO_NEAREST), scale),
+        ];
+        for (worst, found) in worst.iter_mut().zip(found) {
+            *worst = max_or_nan(*worst, found);
+        }
+    }
+    println!("largest errors in 2⁻¹⁰⁶: tanh, sech², exp, sin, cos, +, ·, /, fma {worst:.2?}");
+    assert!(worst.iter().all(|e| *e < 6.0), "{worst:?}");
+    // Rounding shows: a single double would err by 2⁵³ of these units.
+    assert!(worst.iter().all(|e| *e > 0.1), "{worst:?}");
+    let zero = DoubleDouble::from_f64(-0.0);
+    assert!(zero.tanh().value().is_sign_negative() && zero.sech2().value() == 1.0);
+    let nan = DoubleDouble::from_f64(f64::NAN);
+    assert!(nan.tanh().value().is_nan() && nan.sech2().value().is_nan());
+    for x in [40.0, 300.0, 800.0, f64::INFINITY] {
+        assert_eq!(DoubleDouble::from_f64(-x).tanh().value(), -1.0);
+        assert!((0.0..1e-15).contains(&DoubleDouble::from_f64(x).sech2().value()));
+    }
 }

@@ -30,10 +30,11 @@ impl Array {
 }
 
 /// Reads an array of float64 or float32 of at most two dimensions.
-fn read_array(place: &str, file: NpyFile<impl Read>) -> Result<Array, Error> {
+fn read_array(place: &str, bytes: &[u8]) -> Result<Array, Error> {
     let corrupt = |reason: &dyn std::fmt::Display| {
         Error::content(place, "an array in the NPY format", reason)
     };
+    let file = NpyFile::new(Cursor::new(bytes)).map_err(|e| corrupt(&e))?;
     let shape: Vec<usize> = file.shape().iter().map(|&d| d as usize).collect();
     let Some(count) = shape.iter().try_fold(1_usize, |n, d| n.checked_mul(*d)) else {
         return Err(corrupt(&format!("shape {shape:?}")));
@@ -102,8 +103,7 @@ impl Archive {
             .map_err(|e| corrupt(&e))?
             .read_to_end(&mut bytes)
             .map_err(|e| corrupt(&e))?;
-        let file = NpyFile::new(Cursor::new(bytes)).map_err(|e| corrupt(&e))?;
-        read_array(&place, file)
+        read_array(&place, &bytes)
     }
 }
 
@@ -143,9 +143,15 @@ pub struct PairsFile {
 /// When the file is missing or corrupt, an array is missing, of another shape
 /// or type, or holds NaN or infinity.
 pub fn read_pairs(path: &Path) -> Result<PairsFile, Error> {
-    let place = path.display().to_string();
-    let bytes = read_bytes(path)?;
-    let mut archive = Archive::open(&place, bytes)?;
+    parse_pairs(&path.display().to_string(), read_bytes(path)?)
+}
+
+/// The same from the bytes of an `.npz` file; `place` names it in errors.
+///
+/// # Errors
+/// As [`read_pairs`].
+pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
+    let mut archive = Archive::open(place, bytes)?;
     let input = archive.array("input")?;
     let output = archive.array("output")?;
     let (_, columns) = input.matrix_shape(&format!("{place}: input"))?;
@@ -165,7 +171,7 @@ pub fn read_pairs(path: &Path) -> Result<PairsFile, Error> {
         ));
     }
     let single_precision = input.single || output.single;
-    let pairs = Pairs::new(&place, columns / 2, input.values, output.values)?;
+    let pairs = Pairs::new(place, columns / 2, input.values, output.values)?;
     Ok(PairsFile { pairs, single_precision })
 }
 
@@ -184,22 +190,27 @@ pub struct PointsFile {
 /// When the file is missing or corrupt, or the array is not of M ≥ 1 rows of
 /// 2n finite numbers.
 pub fn read_points(path: &Path, dof: usize) -> Result<PointsFile, Error> {
-    let place = path.display().to_string();
-    let file = NpyFile::new(Cursor::new(read_bytes(path)?))
-        .map_err(|reason| Error::content(&place, "an array in the NPY format", reason))?;
-    let array = read_array(&place, file)?;
-    let (rows, columns) = array.matrix_shape(&place)?;
+    parse_points(&path.display().to_string(), &read_bytes(path)?, dof)
+}
+
+/// The same from the bytes of an `.npy` file; `place` names it in errors.
+///
+/// # Errors
+/// As [`read_points`].
+pub fn parse_points(place: &str, bytes: &[u8], dof: usize) -> Result<PointsFile, Error> {
+    let array = read_array(place, bytes)?;
+    let (rows, columns) = array.matrix_shape(place)?;
     if columns != 2 * dof {
         return Err(Error::content(
-            &place,
+            place,
             format!("{} columns", 2 * dof),
             format!("{columns} columns"),
         ));
     }
     if rows == 0 {
-        return Err(Error::content(&place, "at least one row", "zero rows"));
+        return Err(Error::content(place, "at least one row", "zero rows"));
     }
-    check_finite(&place, &array.values, columns)?;
+    check_finite(place, &array.values, columns)?;
     Ok(PointsFile { points: array.values, single_precision: array.single })
 }
 

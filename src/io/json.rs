@@ -69,15 +69,14 @@ const CHECKPOINT_FORMAT: &str = "gyroceptron-checkpoint";
 
 /// Reads a document of this format, checking its name and version before
 /// anything else, so that a newer one is called newer and not corrupt.
-fn read_document<T: DeserializeOwned>(
-    path: &Path,
+fn parse_document<T: DeserializeOwned>(
+    place: &str,
+    bytes: &[u8],
     format: &str,
     supported: u64,
 ) -> Result<T, Error> {
-    let bytes = read_bytes(path)?;
-    let place = &path.display().to_string();
     let expected = format!("a {format} file");
-    let value: serde_json::Value = serde_json::from_slice(&bytes)
+    let value: serde_json::Value = serde_json::from_slice(bytes)
         .map_err(|reason| Error::content(place, &expected, format!("corrupt JSON: {reason}")))?;
     match value.get("format").and_then(|v| v.as_str()) {
         Some(found) if found == format => {}
@@ -89,17 +88,17 @@ fn read_document<T: DeserializeOwned>(
         .and_then(serde_json::Value::as_u64)
         .ok_or_else(|| Error::content(place, "a version number", "none"))?;
     if version > supported {
-        return Err(Error::NewerFormat { path: path.to_owned(), found: version, supported });
+        return Err(Error::NewerFormat { path: place.into(), found: version, supported });
     }
     serde_json::from_value(value).map_err(|reason| Error::content(place, &expected, reason))
 }
 
-/// Writes a model file. Numbers are the shortest decimals that read back as
-/// the same bits.
+/// The text of a model file. Numbers are the shortest decimals that read back
+/// as the same bits.
 ///
 /// # Errors
-/// [`Error::Write`].
-pub fn save_model(path: &Path, stored: &StoredModel) -> Result<(), Error> {
+/// When a number is not finite, which JSON cannot hold.
+pub fn model_text(stored: &StoredModel) -> Result<String, Error> {
     let file = ModelFile {
         format: MODEL_FORMAT.into(),
         version: MODEL_VERSION,
@@ -108,10 +107,18 @@ pub fn save_model(path: &Path, stored: &StoredModel) -> Result<(), Error> {
         digest: digest::of_numbers(stored.model.composition().parameters()),
         parameters: stored.model.composition().parameters().to_vec(),
     };
-    write_atomically(path, |out| {
-        serde_json::to_writer_pretty(&mut *out, &file)?;
-        writeln!(out)
-    })
+    let text = serde_json::to_string_pretty(&file)
+        .map_err(|reason| Error::invalid("model", reason, "numbers that JSON can hold"))?;
+    Ok(text + "\n")
+}
+
+/// Writes a model file, [`model_text`].
+///
+/// # Errors
+/// [`Error::Write`], or as [`model_text`].
+pub fn save_model(path: &Path, stored: &StoredModel) -> Result<(), Error> {
+    let text = model_text(stored)?;
+    write_atomically(path, |out| out.write_all(text.as_bytes()))
 }
 
 /// Reads a model file.
@@ -119,25 +126,33 @@ pub fn save_model(path: &Path, stored: &StoredModel) -> Result<(), Error> {
 /// # Errors
 /// When it is missing, corrupt, of a newer format, or does not hold a model.
 pub fn load_model(path: &Path) -> Result<StoredModel, Error> {
-    let file: ModelFile = read_document(path, MODEL_FORMAT, MODEL_VERSION)?;
-    file.architecture.check().map_err(|e| Error::content(path.display(), "a valid model", e))?;
+    parse_model(&path.display().to_string(), &read_bytes(path)?)
+}
+
+/// Reads the text of a model file; `place` names it in errors.
+///
+/// # Errors
+/// As [`load_model`].
+pub fn parse_model(place: &str, bytes: &[u8]) -> Result<StoredModel, Error> {
+    let file: ModelFile = parse_document(place, bytes, MODEL_FORMAT, MODEL_VERSION)?;
+    file.architecture.check().map_err(|e| Error::content(place, "a valid model", e))?;
     let expected = file.architecture.parameter_count();
     if file.parameters.len() != expected {
         return Err(Error::content(
-            format!("{}: parameters", path.display()),
+            format!("{place}: parameters"),
             format!("{expected} numbers"),
             file.parameters.len(),
         ));
     }
     if digest::of_numbers(&file.parameters) != file.digest {
         return Err(Error::content(
-            format!("{}: parameters", path.display()),
+            format!("{place}: parameters"),
             "numbers that match their digest",
             "others: the file is corrupt or was edited",
         ));
     }
     let model = Model::new(file.architecture, file.parameters)
-        .map_err(|e| Error::content(path.display(), "a valid model", e))?;
+        .map_err(|e| Error::content(place, "a valid model", e))?;
     Ok(StoredModel { model, provenance: file.provenance })
 }
 
@@ -174,8 +189,10 @@ pub fn save_checkpoint(path: &Path, checkpoint: &Checkpoint) -> Result<(), Error
 /// When it is missing, corrupt, or of another version of the crate, which may
 /// take another path.
 pub fn load_checkpoint(path: &Path) -> Result<Checkpoint, Error> {
-    let file: CheckpointFile = read_document(path, CHECKPOINT_FORMAT, CHECKPOINT_VERSION)?;
     let place = &path.display().to_string();
+    let bytes = read_bytes(path)?;
+    let file: CheckpointFile =
+        parse_document(place, &bytes, CHECKPOINT_FORMAT, CHECKPOINT_VERSION)?;
     if file.crate_version != env!("CARGO_PKG_VERSION") {
         return Err(Error::content(
             place,

@@ -7,9 +7,18 @@ mod arrays;
 mod json;
 mod weights;
 
-pub use arrays::{PairsFile, PointsFile, read_pairs, read_points, write_pairs, write_points};
-pub use json::{Provenance, StoredModel, load_checkpoint, load_model, save_checkpoint, save_model};
-pub use weights::{Tensor, export_weights, import_weights, read_tensors};
+pub use arrays::{
+    PairsFile, PointsFile, parse_pairs, parse_points, read_pairs, read_points, write_pairs,
+    write_points,
+};
+pub use json::{
+    Provenance, StoredModel, load_checkpoint, load_model, model_text, parse_model, save_checkpoint,
+    save_model,
+};
+pub use weights::{
+    Tensor, WeightsFormat, assemble_weights, export_weights, import_weights, parse_tensors,
+    read_tensors,
+};
 
 use crate::error::Error;
 use std::io::Write;

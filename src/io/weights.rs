@@ -26,22 +26,52 @@ pub struct Tensor {
     pub single_precision: bool,
 }
 
+/// The file formats of weights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WeightsFormat {
+    /// `.safetensors`.
+    Safetensors,
+    /// `.npz`.
+    Npz,
+}
+
+impl WeightsFormat {
+    /// The format that the ending of a file name says.
+    fn of(path: &Path) -> Result<Self, Error> {
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("safetensors") => Ok(Self::Safetensors),
+            Some("npz") => Ok(Self::Npz),
+            other => Err(Error::content(
+                path.display(),
+                "a file ending in .safetensors or .npz",
+                other.map_or("no ending".into(), |e| format!(".{e}")),
+            )),
+        }
+    }
+}
+
 /// The tensors of a `.safetensors` or `.npz` file, by name.
 ///
 /// # Errors
 /// When the file is missing or corrupt, of another ending, or a tensor is not
 /// float32 or float64.
 pub fn read_tensors(path: &Path) -> Result<BTreeMap<String, Tensor>, Error> {
-    let bytes = read_bytes(path)?;
-    let place = path.display().to_string();
-    match path.extension().and_then(|e| e.to_str()) {
-        Some("safetensors") => from_safetensors(&place, &bytes),
-        Some("npz") => from_npz(&place, bytes),
-        other => Err(Error::content(
-            &place,
-            "a file ending in .safetensors or .npz",
-            other.map_or("no ending".into(), |e| format!(".{e}")),
-        )),
+    let format = WeightsFormat::of(path)?;
+    parse_tensors(&path.display().to_string(), format, read_bytes(path)?)
+}
+
+/// The same from the bytes of a file; `place` names it in errors.
+///
+/// # Errors
+/// As [`read_tensors`].
+pub fn parse_tensors(
+    place: &str,
+    format: WeightsFormat,
+    bytes: Vec<u8>,
+) -> Result<BTreeMap<String, Tensor>, Error> {
+    match format {
+        WeightsFormat::Safetensors => from_safetensors(place, &bytes),
+        WeightsFormat::Npz => from_npz(place, bytes),
     }
 }
 
@@ -137,13 +167,24 @@ pub fn import_weights(
     circle_action: CircleAction,
     epsilon: f64,
 ) -> Result<Model, Error> {
-    let place = path.display().to_string();
-    let mut tensors = read_tensors(path)?;
+    assemble_weights(&path.display().to_string(), read_tensors(path)?, circle_action, epsilon)
+}
+
+/// The same from tensors in memory; `place` names them in errors.
+///
+/// # Errors
+/// As [`import_weights`].
+pub fn assemble_weights(
+    place: &str,
+    mut tensors: BTreeMap<String, Tensor>,
+    circle_action: CircleAction,
+    epsilon: f64,
+) -> Result<Model, Error> {
     let dof = circle_action.dof();
     let architecture = Architecture::Gyroceptron {
         shape: GyroceptronShape {
-            psi: widths(&place, &tensors, "psi", dof)?,
-            near_identity: widths(&place, &tensors, "near_identity", dof)?,
+            psi: widths(place, &tensors, "psi", dof)?,
+            near_identity: widths(place, &tensors, "near_identity", dof)?,
             circle_action,
         },
         epsilon,
@@ -190,6 +231,7 @@ pub fn import_weights(
 /// # Errors
 /// When the ending is another one or the file cannot be written.
 pub fn export_weights(path: &Path, model: &Model) -> Result<(), Error> {
+    let format = WeightsFormat::of(path)?;
     let architecture = model.architecture();
     let parameters = model.composition().parameters();
     let mut tensors: Vec<(String, Vec<usize>, &[f64])> = Vec::new();
@@ -206,8 +248,8 @@ pub fn export_weights(path: &Path, model: &Model) -> Result<(), Error> {
     if !rest.is_empty() {
         tensors.push(("theta".into(), vec![1], rest));
     }
-    match path.extension().and_then(|e| e.to_str()) {
-        Some("safetensors") => {
+    match format {
+        WeightsFormat::Safetensors => {
             let bytes: Vec<Vec<u8>> = tensors
                 .iter()
                 .map(|(_, _, values)| values.iter().flat_map(|v| v.to_le_bytes()).collect())
@@ -224,7 +266,7 @@ pub fn export_weights(path: &Path, model: &Model) -> Result<(), Error> {
                 .map_err(|reason: safetensors::SafeTensorError| Error::write(path, reason))?;
             write_atomically(path, |out| out.write_all(&file))
         }
-        Some("npz") => {
+        WeightsFormat::Npz => {
             let shapes: Vec<Vec<u64>> = tensors
                 .iter()
                 .map(|(_, shape, _)| shape.iter().map(|&d| d as u64).collect())
@@ -236,10 +278,5 @@ pub fn export_weights(path: &Path, model: &Model) -> Result<(), Error> {
                 .collect();
             write_archive(path, &arrays)
         }
-        other => Err(Error::invalid(
-            &format!("{}", path.display()),
-            other.map_or("no ending".into(), |e| format!(".{e}")),
-            "a file ending in .safetensors or .npz",
-        )),
     }
 }

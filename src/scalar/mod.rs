@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `f64` | where does the map go? |
 //! | [`Lanes`] | where do eight points go at once? |
-//! | `f32` | does the defect shrink with the unit roundoff? |
+//! | `f32`, [`DoubleDouble`] | does the defect shrink with the unit roundoff? |
 //! | [`Dual`] | what is the exact Jacobian? |
 //! | [`Tracked`] | how large can the rounding error be? |
 //!
@@ -13,12 +13,14 @@
 //! by a map whose parameters are of type `P`. With `P = Dual` the same code
 //! differentiates in the parameters.
 
+mod double_double;
 mod dual;
 mod float;
 mod lanes;
 mod tanh;
 mod tracked;
 
+pub use double_double::DoubleDouble;
 pub use dual::Dual;
 pub use lanes::{Lanes, WIDTH};
 pub use tanh::tanh_sech2;

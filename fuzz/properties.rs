@@ -1,0 +1,372 @@
+//! What the fuzz targets assert of one input. `cargo test` replays the seeds
+//! in `seeds/` through the same functions.
+#![allow(dead_code)]
+
+use arbitrary::Unstructured;
+use gyroceptron::io::{
+    Provenance, StoredModel, WeightsFormat, assemble_weights, model_text, parse_model, parse_pairs,
+    parse_points, parse_tensors,
+};
+use gyroceptron::layer::{CircleAction, HenonLayer, layer_parameter_count};
+use gyroceptron::measure::{
+    Conditioned, Measurable, RATIO_LIMIT, differing_components, inversion_ratio,
+};
+use gyroceptron::network::{
+    Architecture, Direction, GyroceptronShape, HenonNet, HenonShape, Model,
+};
+use gyroceptron::phase::Map;
+use gyroceptron::scalar::max_or_nan;
+use gyroceptron::scene::parse;
+
+/// What an input came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// The ratio was measured, and is below the limit.
+    Tested,
+    /// Rounding leaves no digit to test.
+    IllConditioned,
+    /// The numbers may leave the range of f64.
+    OutOfRange,
+    /// Refused with an error.
+    Refused,
+    /// Read, and as it should be.
+    Accepted,
+}
+
+pub type Property = fn(&[u8]) -> Result<Outcome, String>;
+
+/// Panics where the property does not hold.
+pub fn check(property: Property, data: &[u8]) {
+    if let Err(reason) = property(data) {
+        panic!("{reason}");
+    }
+}
+
+/// Numbers at which arithmetic is at its ends.
+const SPECIAL: [f64; 24] = [
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    f64::MIN_POSITIVE,
+    -f64::MIN_POSITIVE,
+    5e-324,
+    -5e-324,
+    f64::MAX,
+    f64::MIN,
+    f64::NAN,
+    f64::INFINITY,
+    f64::NEG_INFINITY,
+    f64::EPSILON,
+    1e8,
+    -1e8,
+    1e-8,
+    1e16,
+    1e154,
+    1e-300,
+    std::f64::consts::PI,
+    -std::f64::consts::FRAC_PI_2,
+    std::f64::consts::FRAC_PI_4,
+    19.0,
+];
+
+/// A number of any size: common ones, special ones, any bits.
+fn number(u: &mut Unstructured<'_>) -> f64 {
+    let kind: u8 = u.arbitrary().unwrap_or(0);
+    match kind % 8 {
+        0..=3 => f64::from(u.arbitrary::<i16>().unwrap_or(0)) / 4096.0,
+        4 => {
+            let mantissa = f64::from(u.arbitrary::<i16>().unwrap_or(0)) / 32768.0;
+            let exponent = i32::from(u.arbitrary::<i8>().unwrap_or(0));
+            mantissa * 2.0_f64.powi(exponent)
+        }
+        5 => SPECIAL[usize::from(u.arbitrary::<u8>().unwrap_or(0)) % SPECIAL.len()],
+        6 => f64::from(u.arbitrary::<i8>().unwrap_or(0)) / 16.0,
+        _ => f64::from_bits(u.arbitrary().unwrap_or(0)),
+    }
+}
+
+fn numbers(u: &mut Unstructured<'_>, count: usize) -> Vec<f64> {
+    (0..count).map(|_| number(u)).collect()
+}
+
+fn small(u: &mut Unstructured<'_>, most: u8) -> usize {
+    usize::from(u.arbitrary::<u8>().unwrap_or(0) % most) + 1
+}
+
+/// Whether no step can leave the finite numbers: |z| grows by at most the sum
+/// of |ε||w||W| over the neurons in each kick, and |W||z| + |b| + |η| stays
+/// finite.
+fn in_range(widest: usize, kicks: usize, epsilon: f64, weights: &[f64], z: &[f64]) -> bool {
+    const ROOM: f64 = 1e300;
+    let size = |v: &[f64]| v.iter().fold(0.0_f64, |m, x| max_or_nan(m, x.abs()));
+    let (w, z) = (size(weights), size(z));
+    let gain = widest as f64 * w * w * epsilon.abs().max(1.0);
+    // A rotation may lengthen a component by √2.
+    let reach = 2.0 * (z + w + kicks as f64 * gain);
+    gain < ROOM && reach * (1.0 + w) * 8.0 < ROOM
+}
+
+/// P⁻¹∘P and P∘P⁻¹ at z.
+fn inverts(map: &dyn Measurable, z: &[f64], in_range: bool) -> Result<Outcome, String> {
+    let mut tested = Outcome::IllConditioned;
+    for (first, then) in
+        [(Direction::Forward, Direction::Inverse), (Direction::Inverse, Direction::Forward)]
+    {
+        let mut steps = map.measured_steps(first);
+        steps.extend(map.measured_steps(then));
+        match inversion_ratio(&steps, z) {
+            Conditioned::IllConditioned => {}
+            Conditioned::Ratio(ratio) if ratio < RATIO_LIMIT => tested = Outcome::Tested,
+            Conditioned::Ratio(ratio) if in_range => {
+                return Err(format!("{first:?}, then back: ratio {ratio:e} at {z:?}"));
+            }
+            Conditioned::Ratio(_) => tested = Outcome::OutOfRange,
+        }
+    }
+    // What users call gives the same bits as the steps.
+    for direction in [Direction::Forward, Direction::Inverse] {
+        let mut walked = z.to_vec();
+        for step in &map.measured_steps(direction) {
+            step.apply(&mut walked);
+        }
+        let mut single = z.to_vec();
+        match direction {
+            Direction::Forward => map.forward(&mut single),
+            Direction::Inverse => map.inverse(&mut single),
+        }
+        let mut many = z.to_vec();
+        map.move_points(direction, &mut many);
+        let same = |a: &f64, b: &f64| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan());
+        for other in [single, many] {
+            if !walked.iter().zip(&other).all(|(a, b)| same(a, b)) {
+                return Err(format!("{direction:?}: {walked:?} by steps, {other:?} at once"));
+            }
+        }
+    }
+    Ok(tested)
+}
+
+fn epsilon(u: &mut Unstructured<'_>) -> f64 {
+    if u.arbitrary().unwrap_or(false) { 1.0 } else { number(u) }
+}
+
+pub fn henon_layer(data: &[u8]) -> Result<Outcome, String> {
+    let u = &mut Unstructured::new(data);
+    let (dof, width) = (small(u, 4), small(u, 8));
+    let z = numbers(u, 2 * dof);
+    let epsilon = epsilon(u);
+    let weights = numbers(u, layer_parameter_count(dof, width));
+    let layer = HenonLayer::new(dof, width, epsilon, &weights);
+    let range = in_range(width, 8, epsilon, &weights, &z) && epsilon.is_finite();
+    let outcome = inverts(&layer, &z, range)?;
+    // The single map whose fourth iterate it is must not panic either.
+    let mut w = z.clone();
+    layer.map().forward(&mut w);
+    layer.map().inverse(&mut w);
+    Ok(outcome)
+}
+
+fn net(u: &mut Unstructured<'_>, epsilon: f64) -> Result<Outcome, String> {
+    let dof = small(u, 4);
+    let widths: Vec<usize> = (0..small(u, 4)).map(|_| small(u, 6)).collect();
+    let shape = HenonShape { dof, widths: widths.clone() };
+    let z = numbers(u, 2 * dof);
+    let weights = numbers(u, shape.parameter_count());
+    let architecture = Architecture::HenonNet { shape: shape.clone(), epsilon };
+    let finite = weights.iter().chain([&epsilon]).all(|v| v.is_finite());
+    let model = match Model::new(architecture, weights.clone()) {
+        Ok(model) if finite => model,
+        Ok(_) => return Err("a model of numbers that are not finite".into()),
+        Err(_) if !finite => return Ok(Outcome::Refused),
+        Err(reason) => return Err(format!("refused without a cause: {reason}")),
+    };
+    let widest = widths.iter().copied().max().unwrap_or(0);
+    let range = in_range(widest, 8 * widths.len(), epsilon, &weights, &z);
+    let outcome = inverts(&model, &z, range)?;
+    // At ε = 0 nothing moves, whatever the weights.
+    for zero in [0.0, -0.0] {
+        let Ok(at_zero) = HenonNet::near_identity(shape.clone(), zero, weights.clone()) else {
+            return Err("refused at ε = 0".into());
+        };
+        if differing_components(&at_zero, &z) > 0 {
+            return Err(format!("moved at ε = {zero:?}: {z:?}"));
+        }
+    }
+    Ok(outcome)
+}
+
+pub fn henon_net(data: &[u8]) -> Result<Outcome, String> {
+    net(&mut Unstructured::new(data), 1.0)
+}
+
+pub fn near_identity(data: &[u8]) -> Result<Outcome, String> {
+    let u = &mut Unstructured::new(data);
+    let epsilon = number(u);
+    net(u, epsilon)
+}
+
+pub fn circle_action(data: &[u8]) -> Result<Outcome, String> {
+    let u = &mut Unstructured::new(data);
+    let dof = small(u, 4);
+    let weights: Vec<i32> = (0..dof)
+        .map(|_| match u.arbitrary::<u8>().unwrap_or(0) % 8 {
+            0..=5 => i32::from(u.arbitrary::<i8>().unwrap_or(0)),
+            6 => 0,
+            _ => u.arbitrary().unwrap_or(0),
+        })
+        .collect();
+    let theta = number(u);
+    let z = numbers(u, 2 * dof);
+    let rotation = CircleAction::new(weights.clone()).at(theta);
+    let largest = weights.iter().map(|w| f64::from(*w).abs()).fold(1.0, f64::max);
+    let range = in_range(0, 0, 0.0, &[], &z) && (theta * largest).is_finite();
+    inverts(&rotation, &z, range)
+}
+
+pub fn gyroceptron(data: &[u8]) -> Result<Outcome, String> {
+    let u = &mut Unstructured::new(data);
+    let dof = small(u, 3);
+    let action: Vec<i32> = (0..dof).map(|_| i32::from(u.arbitrary::<i8>().unwrap_or(1))).collect();
+    let layers = |u: &mut Unstructured<'_>| -> Vec<usize> {
+        (0..small(u, 3)).map(|_| small(u, 5)).collect()
+    };
+    let (psi, near_identity) = (layers(u), layers(u));
+    let epsilon = number(u);
+    let kicks = 8 * (2 * psi.len() + near_identity.len());
+    let widest = psi.iter().chain(&near_identity).copied().max().unwrap_or(0);
+    let shape =
+        GyroceptronShape { circle_action: CircleAction::new(action.clone()), psi, near_identity };
+    let z = numbers(u, 2 * dof);
+    let weights = numbers(u, shape.parameter_count());
+    let finite = weights.iter().chain([&epsilon]).all(|v| v.is_finite());
+    let acts = action.iter().any(|m| *m != 0);
+    let model = match Model::new(Architecture::Gyroceptron { shape, epsilon }, weights.clone()) {
+        Ok(model) if finite && acts => model,
+        Ok(_) => return Err("a model that should have been refused".into()),
+        Err(_) if !(finite && acts) => return Ok(Outcome::Refused),
+        Err(reason) => return Err(format!("refused without a cause: {reason}")),
+    };
+    let range = in_range(widest, kicks, epsilon, &weights, &z);
+    let outcome = inverts(&model, &z, range)?;
+    let own = model.gyroceptron().ok_or("not a gyroceptron")?.near_identity();
+    if differing_components(&own.composition().with_epsilon(0.0), &z) > 0 {
+        return Err(format!("moved at ε = 0: {z:?}"));
+    }
+    Ok(outcome)
+}
+
+/// A model file: raw bytes, or the file of a drawn model, written, read and
+/// compared, then read again with one byte changed.
+pub fn model(data: &[u8]) -> Result<Outcome, String> {
+    let u = &mut Unstructured::new(data);
+    if data.first().is_some_and(|b| b.is_ascii()) {
+        return match parse_model("model.json", data) {
+            Err(_) => Ok(Outcome::Refused),
+            Ok(stored) => same_again(&stored),
+        };
+    }
+    let shape = HenonShape { dof: small(u, 3), widths: vec![small(u, 4); small(u, 3)] };
+    let weights = numbers(u, shape.parameter_count());
+    let architecture = Architecture::HenonNet { shape, epsilon: number(u) };
+    let Ok(model) = Model::new(architecture, weights) else { return Ok(Outcome::Refused) };
+    let stored = StoredModel { model, provenance: Provenance::of("fuzz") };
+    let outcome = same_again(&stored)?;
+    let mut bytes = model_text(&stored).map_err(|e| e.to_string())?.into_bytes();
+    let at = u.arbitrary::<u32>().unwrap_or(0) as usize % bytes.len();
+    bytes[at] = u.arbitrary().unwrap_or(b'9');
+    if let Ok(changed) = parse_model("model.json", &bytes) {
+        // Then only the provenance, the spacing or ε can be another.
+        if bits(&changed.model) != bits(&stored.model) {
+            return Err(format!("byte {at}: other parameters, and no word"));
+        }
+    }
+    Ok(outcome)
+}
+
+fn bits(model: &Model) -> Vec<u64> {
+    model.composition().parameters().iter().map(|v| v.to_bits()).collect()
+}
+
+fn same_again(stored: &StoredModel) -> Result<Outcome, String> {
+    let text = model_text(stored).map_err(|e| format!("a model that cannot be written: {e}"))?;
+    let back =
+        parse_model("model.json", text.as_bytes()).map_err(|e| format!("its own file: {e}"))?;
+    let same = bits(&back.model) == bits(&stored.model)
+        && back.model.architecture() == stored.model.architecture()
+        && back.provenance == stored.provenance;
+    if same { Ok(Outcome::Accepted) } else { Err("another model came back".into()) }
+}
+
+pub fn scene(data: &[u8]) -> Result<Outcome, String> {
+    let Ok(text) = std::str::from_utf8(data) else { return Ok(Outcome::Refused) };
+    match parse("scene.toml", text) {
+        Err(reason) if reason.to_string().is_empty() => Err("an error without a word".into()),
+        Err(_) => Ok(Outcome::Refused),
+        Ok(scene) => {
+            // Either an experiment or a word why it is none.
+            if let Err(reason) = scene.experiment()
+                && reason.to_string().is_empty()
+            {
+                return Err("an error without a word".into());
+            }
+            Ok(Outcome::Accepted)
+        }
+    }
+}
+
+/// Archives of pairs and of weights, and, behind them, single arrays.
+pub fn npz(data: &[u8]) -> Result<Outcome, String> {
+    if let Ok(points) = parse_points("z.npy", data, 2)
+        && (points.points.is_empty() || points.points.iter().any(|v| !v.is_finite()))
+    {
+        return Err("points that are none".into());
+    }
+    tensors(WeightsFormat::Npz, data)?;
+    match parse_pairs("pairs.npz", data.to_vec()) {
+        Err(_) => Ok(Outcome::Refused),
+        Ok(file) => {
+            let pairs = file.pairs;
+            let sound = pairs.len() > 0
+                && pairs.input().len() == pairs.output().len()
+                && pairs.input().len() == 2 * pairs.dof() * pairs.len()
+                && pairs.input().iter().chain(pairs.output()).all(|v| v.is_finite());
+            if sound { Ok(Outcome::Accepted) } else { Err("pairs that are none".into()) }
+        }
+    }
+}
+
+pub fn safetensors(data: &[u8]) -> Result<Outcome, String> {
+    tensors(WeightsFormat::Safetensors, data)
+}
+
+fn tensors(format: WeightsFormat, data: &[u8]) -> Result<Outcome, String> {
+    let Ok(tensors) = parse_tensors("weights", format, data.to_vec()) else {
+        return Ok(Outcome::Refused);
+    };
+    for (name, tensor) in &tensors {
+        if tensor.shape.iter().product::<usize>() != tensor.values.len() {
+            return Err(format!("{name}: {:?} of {}", tensor.shape, tensor.values.len()));
+        }
+    }
+    match assemble_weights("weights", tensors, CircleAction::new([1, 0]), 0.01) {
+        Err(_) => Ok(Outcome::Refused),
+        Ok(model) if bits(&model).len() == model.architecture().parameter_count() => {
+            Ok(Outcome::Accepted)
+        }
+        Ok(_) => Err("a model of another size".into()),
+    }
+}
+
+/// The targets by name.
+pub const TARGETS: [(&str, Property); 9] = [
+    ("henon_layer", henon_layer),
+    ("henon_net", henon_net),
+    ("near_identity", near_identity),
+    ("circle_action", circle_action),
+    ("gyroceptron", gyroceptron),
+    ("model", model),
+    ("scene", scene),
+    ("npz", npz),
+    ("safetensors", safetensors),
+];
