@@ -71,7 +71,7 @@ const SPECIAL: [f64; 24] = [
 ];
 
 /// A number of any size: common ones, special ones, any bits.
-fn number(u: &mut Unstructured<'_>) -> f64 {
+pub fn number(u: &mut Unstructured<'_>) -> f64 {
     let kind: u8 = u.arbitrary().unwrap_or(0);
     match kind % 8 {
         0..=3 => f64::from(u.arbitrary::<i16>().unwrap_or(0)) / 4096.0,
@@ -86,11 +86,11 @@ fn number(u: &mut Unstructured<'_>) -> f64 {
     }
 }
 
-fn numbers(u: &mut Unstructured<'_>, count: usize) -> Vec<f64> {
+pub fn numbers(u: &mut Unstructured<'_>, count: usize) -> Vec<f64> {
     (0..count).map(|_| number(u)).collect()
 }
 
-fn small(u: &mut Unstructured<'_>, most: u8) -> usize {
+pub fn small(u: &mut Unstructured<'_>, most: u8) -> usize {
     usize::from(u.arbitrary::<u8>().unwrap_or(0) % most) + 1
 }
 
@@ -108,7 +108,7 @@ fn in_range(widest: usize, kicks: usize, epsilon: f64, weights: &[f64], z: &[f64
 }
 
 /// P⁻¹∘P and P∘P⁻¹ at z.
-fn inverts(map: &dyn Measurable, z: &[f64], in_range: bool) -> Result<Outcome, String> {
+pub fn inverts(map: &dyn Measurable, z: &[f64], in_range: bool) -> Result<Outcome, String> {
     let mut tested = Outcome::IllConditioned;
     for (first, then) in
         [(Direction::Forward, Direction::Inverse), (Direction::Inverse, Direction::Forward)]
@@ -137,7 +137,9 @@ fn inverts(map: &dyn Measurable, z: &[f64], in_range: bool) -> Result<Outcome, S
         }
         let mut many = z.to_vec();
         map.move_points(direction, &mut many);
-        let same = |a: &f64, b: &f64| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan());
+        let same = |a: &f64, b: &f64| {
+            a.to_bits() == b.to_bits() || !(in_range || (a.is_finite() && b.is_finite()))
+        };
         for other in [single, many] {
             if !walked.iter().zip(&other).all(|(a, b)| same(a, b)) {
                 return Err(format!("{direction:?}: {walked:?} by steps, {other:?} at once"));
@@ -147,7 +149,7 @@ fn inverts(map: &dyn Measurable, z: &[f64], in_range: bool) -> Result<Outcome, S
     Ok(tested)
 }
 
-fn epsilon(u: &mut Unstructured<'_>) -> f64 {
+pub fn epsilon(u: &mut Unstructured<'_>) -> f64 {
     if u.arbitrary().unwrap_or(false) { 1.0 } else { number(u) }
 }
 
@@ -327,7 +329,7 @@ pub fn npz(data: &[u8]) -> Result<Outcome, String> {
         Err(_) => Ok(Outcome::Refused),
         Ok(file) => {
             let pairs = file.pairs;
-            let sound = pairs.len() > 0
+            let sound = !pairs.is_empty()
                 && pairs.input().len() == pairs.output().len()
                 && pairs.input().len() == 2 * pairs.dof() * pairs.len()
                 && pairs.input().iter().chain(pairs.output()).all(|v| v.is_finite());

@@ -61,9 +61,13 @@
 //! - [`system`]: the Hamiltonian systems.
 //! - [`flow`]: their flows, and data sets of flow maps.
 //! - [`train`]: loss, L-BFGS, checkpoints.
-//! - [`measure`]: from a map and points to numbers; the structure certificate.
+//! - [`measure`]: from a map and points to numbers; the laws, generic over the
+//!   map; the structure certificate.
 //! - `io` (feature `files`): models, data sets, weights of others.
 //! - `scene` (feature `scenes`): declared experiments and their reports.
+//!
+//! Each definition of the paper, with its item and its law, is on the page
+//! [`conformance`].
 //!
 //! # Pitfalls
 //!
@@ -76,6 +80,7 @@
 //!   invariant to speak of.
 #![warn(missing_docs)]
 
+pub mod conformance;
 mod digest;
 pub mod error;
 pub mod flow;

@@ -334,6 +334,23 @@ fn random_networks_are_certified() {
 }
 
 #[test]
+fn a_resonant_angle_is_told() {
+    let folder = with_model();
+    let path = folder.path().join("model.json");
+    let mut stored = load_model(&path).expect("a model");
+    let verify = ["verify", "--model", "model.json", "--samples", "5"];
+    let mut at = |theta: f64| {
+        let mut parameters = stored.model.composition().parameters().to_vec();
+        *parameters.last_mut().expect("θ") = theta;
+        stored.model = stored.model.with_parameters(parameters).expect("finite");
+        save_model(&path, &stored).expect("written");
+        text(&call(folder.path(), &verify).stderr)
+    };
+    assert!(at(0.005).contains("resonance 2π·0/1"), "{}", at(0.005));
+    assert!(!at(3.8832).contains("resonance"));
+}
+
+#[test]
 fn a_failed_check_has_status_1() {
     // A network of zeros cannot fail its symplecticity test: vacuous.
     let folder = with_model();

@@ -14,7 +14,7 @@ use gyroceptron::io::{
     load_model, read_pairs, read_points, read_tensors, save_checkpoint, save_model, write_points,
 };
 use gyroceptron::layer::CircleAction;
-use gyroceptron::measure::{CertificateOptions, certify, certify_all};
+use gyroceptron::measure::{CertificateOptions, certify, certify_all, disturbing_resonance};
 use gyroceptron::network::{
     Architecture, GyroceptronShape, InitialWeights, Model, Rollout, Stream, rollout,
 };
@@ -185,6 +185,15 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
     let (subject, result) = match &arguments.model {
         Some(path) => {
             let stored = load_model(path)?;
+            if let Some(network) = stored.model.gyroceptron()
+                && let Some(resonance) = disturbing_resonance(network.theta(), network.epsilon())
+            {
+                line(&format!(
+                    "note: θ = {} is next to the resonance {resonance}: there is hardly an \
+                     adiabatic invariant",
+                    network.theta()
+                ));
+            }
             (path.display().to_string(), certify(&stored.model, options))
         }
         None => {

@@ -29,11 +29,45 @@ impl Array {
     }
 }
 
+/// Fails on a header that is not that of a plain array: the parser behind takes
+/// a time exponential in the depth of nested brackets.
+fn check_header(place: &str, bytes: &[u8]) -> Result<(), Error> {
+    const LONGEST: usize = 4096;
+    let fail = |found: &dyn std::fmt::Display| {
+        Err(Error::content(place, "an array in the NPY format", found))
+    };
+    let (length, start) = match bytes {
+        [0x93, b'N', b'U', b'M', b'P', b'Y', 1, _, a, b, ..] => {
+            (usize::from(u16::from_le_bytes([*a, *b])), 10)
+        }
+        [0x93, b'N', b'U', b'M', b'P', b'Y', 2 | 3, _, a, b, c, d, ..] => {
+            (u32::from_le_bytes([*a, *b, *c, *d]) as usize, 12)
+        }
+        _ => return fail(&"no header of one"),
+    };
+    if length > LONGEST {
+        return fail(&format!("a header of {length} bytes"));
+    }
+    let Some(header) = bytes.get(start..start + length) else {
+        return fail(&"half a header");
+    };
+    let count = |bracket: u8| header.iter().filter(|b| **b == bracket).count();
+    if count(b'{') > 1 || count(b'(') > 1 || count(b'[') > 0 {
+        return Err(Error::content(
+            place,
+            "float64 (or float32) numbers",
+            "records: a header with nested brackets",
+        ));
+    }
+    Ok(())
+}
+
 /// Reads an array of float64 or float32 of at most two dimensions.
 fn read_array(place: &str, bytes: &[u8]) -> Result<Array, Error> {
     let corrupt = |reason: &dyn std::fmt::Display| {
         Error::content(place, "an array in the NPY format", reason)
     };
+    check_header(place, bytes)?;
     let file = NpyFile::new(Cursor::new(bytes)).map_err(|e| corrupt(&e))?;
     let shape: Vec<usize> = file.shape().iter().map(|&d| d as usize).collect();
     let Some(count) = shape.iter().try_fold(1_usize, |n, d| n.checked_mul(*d)) else {

@@ -86,8 +86,10 @@ impl<P: Real> PlaneRotation<P> {
         let angle = m * theta;
         let rest = m.mul_add(theta, -angle);
         let (sin_0, cos_0) = angle.sin_cos();
-        let sin = cos_0.mul_add(rest, sin_0);
-        let cos = (-sin_0).mul_add(rest, cos_0);
+        // Not small where θ is beyond 2⁵³.
+        let (sin_rest, cos_rest) = rest.sin_cos();
+        let sin = cos_0.mul_add(sin_rest, sin_0 * cos_rest);
+        let cos = (-sin_0).mul_add(sin_rest, cos_0 * cos_rest);
         let (vs, vc) = (sin.value(), cos.value());
         let (quarter_turns, c, s) = if vc >= vs.abs() {
             (0, cos, sin)
@@ -152,9 +154,15 @@ impl<P: Scalar> Rotation<P> {
             }
             if !plane.s.is_zero() {
                 let (t, s) = if inverse { (-plane.t, -plane.s) } else { (plane.t, plane.s) };
-                *q = p.mul_add_parameter(t, *q);
+                // A tangent that underflows adds nothing: 0·p would turn −0 into 0.
+                let bends = !t.is_zero();
+                if bends {
+                    *q = p.mul_add_parameter(t, *q);
+                }
                 *p = q.mul_add_parameter(-s, *p);
-                *q = p.mul_add_parameter(t, *q);
+                if bends {
+                    *q = p.mul_add_parameter(t, *q);
+                }
             }
             if plane.turns_first() == inverse {
                 quarter_turns(turns, q, p);

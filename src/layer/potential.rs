@@ -1,6 +1,6 @@
 //! Potentials V(y) and what their gradients and adjoints need.
 
-use crate::scalar::{Over, Scalar};
+use crate::scalar::{Over, Real, Scalar, max_or_nan};
 
 /// A potential V: ℝⁿ → ℝ, seen through its gradient.
 ///
@@ -29,6 +29,23 @@ pub trait Potential<S: Scalar> {
 
     /// `out` ← δ, with u·δ the scale of the rounding error of ∇V(y).
     fn gradient_magnitude(&self, y: &[S], out: &mut [S]);
+
+    /// How far errors `spread` of y move the argument of the nonlinearity, in
+    /// units of the scale on which it bends: ∇V is linear over errors for which
+    /// this is small. Zero for a potential that says nothing of it.
+    fn argument_spread(&self, y: &[S], spread: &[S]) -> f64
+    where
+        S: Real,
+    {
+        let _ = (y, spread);
+        0.0
+    }
+}
+
+/// The least scale of a rounding error: below it numbers are rounded to
+/// multiples of 2⁻¹⁰⁷⁴.
+fn tiny<S: Scalar>() -> S {
+    S::from_f64(2.225_073_858_507_201_4e-308)
 }
 
 /// V(y) = w·tanh(Wᵀy + b): one hidden layer of h neurons (the paper's V\[W\]).
@@ -158,7 +175,7 @@ impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, 
         out.fill(S::zero());
         for j in 0..h {
             let (t, s) = self.preactivation(j, y).tanh_sech2();
-            let d = (S::from_f64(2.0) * t * s).times(self.w_out[j]).abs();
+            let d = (S::from_f64(2.0) * t.abs() * s + tiny::<S>()).times(self.w_out[j]).abs();
             for i in 0..n {
                 let row = S::embed(self.w_in[i * h + j]).abs();
                 for k in 0..n {
@@ -180,11 +197,35 @@ impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, 
             for i in 0..n {
                 reach = S::embed(self.w_in[i * h + j]).abs().mul_add(y[i].abs(), reach);
             }
-            let sensitivity = S::from_f64(2.0) * t.abs() * s * reach + s;
-            let weight = S::embed(self.w_out[j]).abs() * sensitivity;
+            let sensitivity = S::from_f64(2.0) * t.abs() * s * reach + (s + tiny());
+            let weight = S::embed(self.w_out[j]).abs().mul_add(sensitivity, tiny());
             for i in 0..n {
                 out[i] = S::embed(self.w_in[i * h + j]).abs().mul_add(weight, out[i]);
             }
         }
+    }
+
+    /// The largest |W|ᵀ(spread) of a neuron that is not saturated all over it.
+    fn argument_spread(&self, y: &[S], spread: &[S]) -> f64
+    where
+        S: Real,
+    {
+        /// No sech² is left beyond, even where the error is a hundred times
+        /// what it is taken for.
+        const SATURATED: f64 = 400.0;
+        const ROOM: f64 = 100.0;
+        let h = self.width();
+        let mut largest = 0.0;
+        for j in 0..h {
+            let mut own = 0.0;
+            for i in 0..self.n() {
+                own += S::embed(self.w_in[i * h + j]).value().abs() * spread[i].value().abs();
+            }
+            let saturated = self.preactivation(j, y).value().abs() - ROOM * own > SATURATED;
+            if !saturated {
+                largest = max_or_nan(largest, own);
+            }
+        }
+        largest
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Potential;
 use crate::phase::Half;
-use crate::scalar::{Over, Scalar};
+use crate::scalar::{Over, Real, Scalar};
 
 /// target += c·∇V(τ·source − η), where target is one half of the coordinates
 /// and source the other; c = ±ε, τ = ±1.
@@ -176,6 +176,19 @@ impl<P: Over<P>, V: Potential<P>> Kick<'_, P, V> {
             let row = self.target.index(n, i);
             delta[row] = self.scale.abs().mul_add(magnitude[i], after[row].abs());
         }
+    }
+
+    /// As [`Potential::argument_spread`], for errors `spread` of the point z.
+    pub fn argument_spread(&self, z: &[P], spread: &[P]) -> f64
+    where
+        P: Real,
+    {
+        if self.is_identity() {
+            return 0.0;
+        }
+        let mut argument = vec![P::zero(); self.potential.dof()];
+        self.argument(self.source_of(z), &mut argument);
+        self.potential.argument_spread(&argument, self.source_of(spread))
     }
 
     fn hessian_magnitude(&self, z: &[P]) -> Vec<P> {

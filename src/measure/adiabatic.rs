@@ -1,7 +1,9 @@
 //! The drift of an adiabatic invariant, and the exponents it is judged by.
 
+use crate::error::Error;
 use crate::phase::Map;
 use crate::scalar::max_or_nan;
+use std::f64::consts::TAU;
 
 /// D(N) = max over k ≤ N of |μ(P^k z) − μ(z)| for each N of `horizons`, which
 /// have to ascend. NaN from where a value is.
@@ -25,6 +27,94 @@ pub fn invariant_drift(
         largest
     };
     horizons.iter().map(to_horizon).collect()
+}
+
+/// The resonance θ = 2πp/q with q ≤ `largest` next to the angle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Resonance {
+    /// p.
+    pub turns: u32,
+    /// q.
+    pub period: u32,
+    /// |θ − 2πp/q| modulo 2π, in radians.
+    pub distance: f64,
+}
+
+/// The nearest resonance with a period of at most `largest`; none for an angle
+/// that is not finite.
+///
+/// At a distance δ ≫ ε the drift of μ₀ is about ε/δ; on the resonance it tends
+/// to the width of an island that no ε makes smaller.
+pub fn nearest_resonance(theta: f64, largest: u32) -> Option<Resonance> {
+    let turn = theta.rem_euclid(TAU) / TAU;
+    (1..=largest)
+        .map(|q| {
+            let p = (turn * f64::from(q)).round();
+            let distance = (turn - p / f64::from(q)).abs() * TAU;
+            Resonance { turns: p as u32 % q, period: q, distance }
+        })
+        .filter(|resonance| resonance.distance.is_finite())
+        .min_by(|a, b| a.distance.total_cmp(&b.distance))
+}
+
+/// The resonance with q ≤ 7 that is so near, within 10ε, that μ₀ drifts by some
+/// tenth of its size and more; none where there is an adiabatic invariant.
+pub fn disturbing_resonance(theta: f64, epsilon: f64) -> Option<Resonance> {
+    const PERIODS: u32 = 7;
+    const NEAR: f64 = 10.0;
+    nearest_resonance(theta, PERIODS).filter(|r| r.distance < NEAR * epsilon.abs())
+}
+
+impl std::fmt::Display for Resonance {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { turns, period, distance } = self;
+        write!(out, "2π·{turns}/{period}, at a distance of {distance:.1e}")
+    }
+}
+
+/// K(ε) = ⌊10 + ε^{−1/4}⌋, the number of iterations whose drift the horizon is
+/// measured by.
+///
+/// # Errors
+/// Unless 0 < ε < ∞.
+pub fn settling_iterations(epsilon: f64) -> Result<usize, Error> {
+    if !(epsilon > 0.0 && epsilon < f64::INFINITY) {
+        return Err(Error::invalid("epsilon", epsilon, "a positive finite number"));
+    }
+    Ok((10.0 + libm::pow(epsilon, -0.25)).floor() as usize)
+}
+
+/// N(ε): the first iteration at which |μ − μ(z)| exceeds `factor` times its
+/// largest value over the first K(ε) ones; none up to `most`.
+///
+/// Source: section "Numerical Confirmation of the Existence of Adiabatic
+/// Invariants" of <https://doi.org/10.1038/s41598-023-34862-w>, which takes
+/// 1.1 for the factor.
+///
+/// # Errors
+/// As [`settling_iterations`].
+pub fn invariant_horizon(
+    map: &(impl Map<f64> + ?Sized),
+    invariant: &dyn Fn(&[f64]) -> f64,
+    start: &[f64],
+    epsilon: f64,
+    factor: f64,
+    most: usize,
+) -> Result<Option<usize>, Error> {
+    let settling = settling_iterations(epsilon)?;
+    let mut z = start.to_vec();
+    let initial = invariant(&z);
+    let mut largest = 0.0;
+    for step in 1..=most {
+        map.forward(&mut z);
+        let drift = (invariant(&z) - initial).abs();
+        if step <= settling {
+            largest = max_or_nan(largest, drift);
+        } else if !(drift <= factor * largest) {
+            return Ok(Some(step));
+        }
+    }
+    Ok(None)
 }
 
 /// A straight line through points, by least squares.

@@ -77,7 +77,8 @@ impl CertificateOptions {
 /// Measures the laws that `model` is built to obey.
 ///
 /// A HénonNet: those of [`certify_map`]. A gyroceptron: those of
-/// [`certify_family`]. Cost: some 100 evaluations over dual numbers a sample.
+/// [`certify_family`]. Both: those of [`laws::of_parameters`]. Cost: some 200
+/// evaluations over dual numbers a sample.
 pub fn certify(model: &Model, options: CertificateOptions) -> Certificate {
     certify_all(std::slice::from_ref(model), options)
 }
@@ -86,10 +87,12 @@ pub fn certify(model: &Model, options: CertificateOptions) -> Certificate {
 pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate {
     let tallies = models.iter().enumerate().flat_map(|(index, model)| {
         let samples = Samples::draw(model.composition().dof(), index, options);
-        match model {
+        let mut out = match model {
             Model::HenonNet(network) => of_map(network, &samples),
             Model::Gyroceptron(network) => of_family(network, &samples),
-        }
+        };
+        out.extend(laws::of_parameters(model, samples.points()));
+        out
     });
     Certificate::of(options, tallies)
 }

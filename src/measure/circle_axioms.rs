@@ -103,8 +103,8 @@ pub fn conjugated_axiom_ratio(
 ) -> Conditioned {
     let u = f64::unit_roundoff();
     let dim = z.len();
-    let mut squares: Vec<f64> = z.iter().map(|v| v * v).collect();
-    let mut reach = 0.0_f64;
+    let mut squares: Vec<f64> = z.to_vec();
+    let (mut reach, mut linear) = (0.0_f64, true);
     let mut ends = Vec::new();
     for side in axiom.sides() {
         let maps: Vec<_> = side.iter().map(|&angle| family.conjugated_action_at(angle)).collect();
@@ -113,9 +113,10 @@ pub fn conjugated_axiom_ratio(
         let walk = Walk::new(&steps, z);
         let (own, sums) = walk.value_bounds();
         for (square, own) in squares.iter_mut().zip(own) {
-            *square += own * own;
+            *square = libm::hypot(*square, own);
         }
         reach = sums.into_iter().fold(reach, max_or_nan);
+        linear &= walk.is_linear();
         ends.push(walk.end().to_vec());
     }
     // |G|, the Jacobian of ψ where Φ leaves w = ψ⁻¹(z).
@@ -126,7 +127,8 @@ pub fn conjugated_axiom_ratio(
     for &angle in &axiom.sides()[0] {
         family.turn(angle, &mut w);
     }
-    let conjugation = Walk::new(&psi.measured_steps(Direction::Forward), &w);
+    let steps = psi.measured_steps(Direction::Forward);
+    let conjugation = Walk::new(&steps, &w);
     let radii = radii(&w);
     if ends.iter().flatten().any(|v| !v.is_finite()) {
         return Conditioned::Ratio(f64::NAN);
@@ -143,10 +145,10 @@ pub fn conjugated_axiom_ratio(
                 carried += entry * axiom.bound(weight) * radii[plane];
             }
         }
-        if !(u * (reach + carried) <= ILL_CONDITIONED * size) {
+        if !(linear && u * (reach + carried) <= ILL_CONDITIONED * size) {
             return Conditioned::IllConditioned;
         }
-        let bound = u * (squares[row].sqrt() + carried);
+        let bound = u * (squares[row] + carried);
         let error = (ends[0][row] - ends[1][row]).abs();
         largest = max_or_nan(largest, over(error, bound));
     }

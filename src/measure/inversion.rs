@@ -8,7 +8,8 @@ use crate::scalar::{Scalar, max_or_nan};
 pub enum Conditioned {
     /// The error over its rounding bound.
     Ratio(f64),
-    /// Rounding alone may move the result by a tenth of its size.
+    /// Rounding alone may move the result by a tenth of its size, or reaches a
+    /// step with errors over which it is not linear.
     IllConditioned,
 }
 
@@ -28,7 +29,7 @@ pub fn inversion_ratio(steps: &[Box<dyn MeasuredStep + '_>], z: &[f64]) -> Condi
     if point.iter().any(|v| !v.is_finite()) {
         return Conditioned::Ratio(f64::NAN);
     }
-    if !(u * reach <= ILL_CONDITIONED * size) {
+    if !(u * reach <= ILL_CONDITIONED * size) || !walk.is_linear() {
         return Conditioned::IllConditioned;
     }
     let mut largest = 0.0;

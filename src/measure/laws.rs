@@ -3,13 +3,17 @@
 //! Points are given one after the other, 2n numbers each.
 
 use super::adiabatic::{invariant_drift, log_slope};
+use super::adjoint::{Adjoint, adjoint_ratio};
 use super::circle_axioms::{CircleAxiom, conjugated_axiom_ratio, turning_axiom_ratio};
 use super::determinant::determinant_ratio;
 use super::inversion::{Conditioned, inversion_ratio};
-use super::near_identity::{differing_components, near_identity_size, near_identity_undoing};
+use super::near_identity::{
+    differing_components, near_identity_generator, near_identity_size, near_identity_undoing,
+};
+use super::relations::Relation;
 use super::tally::Tally;
 use super::{CertificateOptions, Measurable, NearlyPeriodic, Walk, symplecticity_ratio};
-use crate::network::{Direction, Stream};
+use crate::network::{Direction, Model, Stream};
 use crate::phase::Map;
 use crate::scalar::{Scalar, max_or_nan};
 use std::f64::consts::TAU;
@@ -160,12 +164,12 @@ pub fn near_identity(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<Tally> 
         near_identity_undoing(&*there, &*back, points)
     };
     let epsilons = small_epsilons(family, points);
-    let law = "near identity";
+    let (radius, count) = (radius(points), points.len() / dim);
     vec![
         bitwise("I₀ = Id, bitwise", 0.0),
         bitwise("I₋₀ = Id, bitwise", -0.0),
-        order(law, "|I_ε − Id| = O(ε)", 1.0, &epsilons, points, dim, &size),
-        order(law, "|I₋ε∘I_ε − Id| = O(ε²)", 2.0, &epsilons, points, dim, &undoing),
+        order("|I_ε − Id| = O(ε)", 1.0, &epsilons, radius, count, false, &size),
+        order("|I₋ε∘I_ε − Id| = O(ε²)", 2.0, &epsilons, radius, count, false, &undoing),
     ]
 }
 
@@ -194,14 +198,18 @@ pub fn generator(
         largest
     };
     let epsilons = small_epsilons(family, points);
-    order("near identity", "I_ε − I₋ε = 2ε X_G₁ + O(ε³)", 3.0, &epsilons, points, dim, &difference)
+    let equation = "I_ε − I₋ε = 2ε X_G₁ + O(ε³)";
+    let responds = !(near_identity_size(&*family.near_identity_at(epsilons[0]), points)
+        <= ABOVE_ROUNDING * f64::unit_roundoff() * radius(points));
+    let count = points.len() / dim;
+    order(equation, 3.0, &epsilons, radius(points), count, responds, &difference)
 }
 
 fn radius(points: &[f64]) -> f64 {
     points.iter().fold(0.0_f64, |m, v| m.max(v.abs()))
 }
 
-/// Eight values, halved one after the other, from where I_ε moves points by
+/// Six values, halved one after the other, from where I_ε moves points by
 /// about a hundredth of their size.
 fn small_epsilons(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<f64> {
     let response = near_identity_size(&*family.near_identity_at(1e-6), points) / 1e-6;
@@ -210,28 +218,30 @@ fn small_epsilons(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<f64> {
 }
 
 /// How much is missing to the order in ε of a quantity that vanishes with it,
-/// from the values that stand out of rounding.
+/// from the values that stand out of rounding. Where they do not, the law holds
+/// if it is known that the network `responds` to ε, and shows nothing else.
 fn order(
-    law: &str,
     equation: &str,
     order: f64,
     epsilons: &[f64],
-    points: &[f64],
-    dim: usize,
+    radius: f64,
+    samples: usize,
+    responds: bool,
     value: &dyn Fn(f64) -> f64,
 ) -> Tally {
-    let floor = ABOVE_ROUNDING * f64::unit_roundoff() * radius(points);
+    let floor = ABOVE_ROUNDING * f64::unit_roundoff() * radius;
     let (epsilons, values): (Vec<f64>, Vec<f64>) = epsilons
         .iter()
         .map(|&epsilon| (epsilon, value(epsilon)))
         .filter(|(_, size)| !(*size <= floor))
         .unzip();
-    // A network that does not respond to ε has no slope.
-    let vacuous = values.len() < 3;
+    let hidden = values.len() < 3;
     let slope = log_slope(&epsilons, &values);
     let shortfall = if slope >= order { 0.0 } else { order - slope };
-    let result = Conditioned::Ratio(if vacuous { 0.0 } else { shortfall });
-    Tally::of_slopes(law, equation, points.len() / dim).is_vacuous(vacuous).extend([result])
+    let result = Conditioned::Ratio(if hidden { 0.0 } else { shortfall });
+    Tally::of_slopes("near identity", equation, samples)
+        .is_vacuous(hidden && !responds)
+        .extend([result])
 }
 
 /// P₀ = ψ∘Φ_θ∘ψ⁻¹, bit for bit.
@@ -279,6 +289,38 @@ pub fn conjugated_circle_action(family: &dyn NearlyPeriodic, samples: &Samples) 
         Tally::of_ratios(format!("conjugated by ψ: {name}"), *equation).extend(ratios)
     });
     each.collect()
+}
+
+/// ⟨c, DP·d⟩ = ⟨DPᵀ·c, d⟩: the pullback, in the point and in all parameters,
+/// is the transpose of what duals give, by [`adjoint_ratio`] with seeded
+/// directions.
+pub fn pullback(map: &dyn Adjoint, points: &[f64], dof: usize, seed: u64) -> Tally {
+    let mut stream = Stream::new(seed, "certificate/directions");
+    let count = 2 * dof + map.parameters().len();
+    let mut draw = |count| (0..count).map(|_| stream.uniform(-1.0, 1.0)).collect::<Vec<_>>();
+    let results = points
+        .chunks_exact(2 * dof)
+        .map(|z| adjoint_ratio(map, z, &draw(count), &draw(2 * dof)))
+        .collect::<Vec<_>>();
+    Tally::of_ratios("gradient", "⟨c, DP·d⟩ = ⟨DPᵀ·c, d⟩").extend(results)
+}
+
+/// The laws that only a network of tanh potentials can be asked for: the exact
+/// relations of its parameters, and the generator of its near-identity part.
+pub fn of_parameters(model: &Model, points: &[f64]) -> Vec<Tally> {
+    let mut out = Vec::new();
+    for relation in Relation::ALL {
+        // Scaled parameters that leave the finite numbers relate to nothing.
+        let Ok(other) = relation.transform_model(model) else { continue };
+        let transform = |z: &mut [f64]| relation.transform_point(z);
+        out.push(exact_relation(relation.equation(), model, &other, &transform, points));
+    }
+    if let Model::Gyroceptron(network) = model {
+        let own = network.near_identity();
+        let field = |z: &[f64], out: &mut [f64]| near_identity_generator(&own, z, out);
+        out.push(generator(network, &field, points));
+    }
+    out
 }
 
 /// The exponent of the drift D(N) of μ₀ in N along the orbit of the first

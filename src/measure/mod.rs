@@ -6,6 +6,7 @@
 
 mod accuracy;
 mod adiabatic;
+mod adjoint;
 mod certificate;
 mod circle_axioms;
 mod determinant;
@@ -14,12 +15,17 @@ mod jacobian;
 pub mod laws;
 mod measurable;
 mod near_identity;
+mod relations;
 mod rounding;
 mod symplecticity;
 mod tally;
 
 pub use accuracy::{Drift, component_errors, distance, drift, limiting_flow_error};
-pub use adiabatic::{Line, invariant_drift, log_line, log_slope};
+pub use adiabatic::{
+    Line, Resonance, disturbing_resonance, invariant_drift, invariant_horizon, log_line, log_slope,
+    nearest_resonance, settling_iterations,
+};
+pub use adjoint::{Adjoint, adjoint_ratio};
 pub use certificate::{
     Certificate, CertificateOptions, certify, certify_all, certify_family, certify_map,
 };
@@ -31,9 +37,12 @@ pub use inversion::{Conditioned, inversion_ratio};
 pub use jacobian::{Differentiable, jacobian};
 pub use laws::Samples;
 pub use measurable::{Measurable, NearlyPeriodic, Numbers, Whole};
-pub use near_identity::{differing_components, near_identity_size, near_identity_undoing};
+pub use near_identity::{
+    differing_components, near_identity_generator, near_identity_size, near_identity_undoing,
+};
+pub use relations::Relation;
 pub use rounding::{MeasuredStep, MeasuredSteps, Walk, inverse_of_symplectic};
-pub use symplecticity::{symplecticity_defect, symplecticity_ratio};
+pub use symplecticity::{symplecticity_defect, symplecticity_ratio, symplecticity_scale};
 pub use tally::{
     COUNT_LIMIT, RATIO_LIMIT, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_MEDIAN, TESTABLE, Tally,
     Verdict, merged,

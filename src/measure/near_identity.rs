@@ -1,5 +1,7 @@
 //! I₀ = Id, and how I_ε leaves it.
 
+use crate::layer::Potential;
+use crate::network::HenonNet;
 use crate::phase::Map;
 use crate::scalar::max_or_nan;
 
@@ -38,4 +40,30 @@ fn largest_change(points: &[f64], dim: usize, f: impl Fn(&mut [f64])) -> f64 {
         }
     }
     largest
+}
+
+/// `out` ← X_{G₁}(z) = Ω∇G₁, the derivative of I_ε in ε at 0, from the formula
+/// G₁ = −Σ_layers [V(y) + V(−y−η) + V(−x) + V(x−η)] with (x, y) = (q, p).
+pub fn near_identity_generator(network: &HenonNet<f64>, z: &[f64], out: &mut [f64]) {
+    let n = network.shape().dof;
+    let (x, y) = z.split_at(n);
+    out.fill(0.0);
+    let (mut argument, mut slope) = (vec![0.0; n], vec![0.0; n]);
+    for layer in network.layers() {
+        let eta = layer.eta;
+        let mut add = |at: &dyn Fn(usize) -> f64, sign: f64, first: usize| {
+            for i in 0..n {
+                argument[i] = at(i);
+            }
+            layer.potential.gradient(&argument, &mut slope);
+            for i in 0..n {
+                out[first + i] += sign * slope[i];
+            }
+        };
+        // ẋ = ∂G₁/∂y = −g(y) + g(−y−η), ẏ = −∂G₁/∂x = −g(−x) + g(x−η).
+        add(&|i| y[i], -1.0, 0);
+        add(&|i| -y[i] - eta[i], 1.0, 0);
+        add(&|i| -x[i], -1.0, n);
+        add(&|i| x[i] - eta[i], 1.0, n);
+    }
 }

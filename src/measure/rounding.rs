@@ -1,7 +1,8 @@
 //! Rounding errors followed through a map, shear by shear.
 
 use crate::layer::{ElementaryStep, Potential};
-use crate::scalar::Dual;
+use crate::network::Stream;
+use crate::scalar::{Dual, Scalar, max_or_nan};
 
 /// One step of a map, with the scale of the rounding errors that it makes.
 ///
@@ -21,6 +22,13 @@ pub trait MeasuredStep {
     /// `delta` ← the scale, in units of u, of the error that the step leaves
     /// in the point, which it moves from z to `after`.
     fn value_magnitude(&self, z: &[f64], after: &[f64], delta: &mut [f64]);
+
+    /// How far errors `spread` of z move the arguments of the step, in units of
+    /// the scale on which it bends. Zero for a step that says nothing of it.
+    fn argument_spread(&self, z: &[f64], spread: &[f64]) -> f64 {
+        let _ = (z, spread);
+        0.0
+    }
 }
 
 /// Steps in the order of application.
@@ -42,14 +50,20 @@ where
     fn value_magnitude(&self, z: &[f64], after: &[f64], delta: &mut [f64]) {
         ElementaryStep::value_magnitude(self, z, after, delta);
     }
+    fn argument_spread(&self, z: &[f64], spread: &[f64]) -> f64 {
+        match self {
+            ElementaryStep::Kick(kick) => kick.argument_spread(z, spread),
+            _ => 0.0,
+        }
+    }
 }
 
 /// The points and Jacobians along a sequence of shears, with the scale of the
 /// rounding error that each of them makes.
 ///
 /// Matrices are 2n × 2n, row by row.
-#[derive(Clone, Debug)]
-pub struct Walk {
+pub struct Walk<'a> {
+    steps: &'a [Box<dyn MeasuredStep + 'a>],
     dim: usize,
     /// Before the first step and after each.
     points: Vec<Vec<f64>>,
@@ -76,31 +90,45 @@ pub fn inverse_of_symplectic(jacobian: &[f64], dof: usize) -> Vec<f64> {
     out
 }
 
-impl Walk {
+/// An error of rounding is at least u times this: results below it are rounded
+/// to multiples of 2⁻¹⁰⁷⁴.
+const UNDERFLOW: f64 = f64::MIN_POSITIVE;
+
+/// One step over duals that start as `directions` (row by row); `out` ← the derivatives behind it, in the same form.
+fn carry(step: &dyn MeasuredStep, z: &[f64], directions: &[f64], out: &mut [f64]) {
+    let dim = z.len();
+    for first in (0..dim).step_by(8) {
+        let columns = first..dim.min(first + 8);
+        let mut w: Vec<Dual<f64, 8>> = z.iter().map(|&v| Dual::constant(v)).collect();
+        for (row, value) in w.iter_mut().enumerate() {
+            for column in columns.clone() {
+                value.eps[column - first] = directions[row * dim + column];
+            }
+        }
+        step.apply_tangent(&mut w);
+        for (row, value) in w.iter().enumerate() {
+            for column in columns.clone() {
+                out[row * dim + column] = value.eps[column - first];
+            }
+        }
+    }
+}
+
+impl<'a> Walk<'a> {
     /// Walks from z through the steps.
-    pub fn new(steps: &[Box<dyn MeasuredStep + '_>], z: &[f64]) -> Self {
+    pub fn new(steps: &'a [Box<dyn MeasuredStep + 'a>], z: &[f64]) -> Self {
         let dim = z.len();
         let mut jacobians = vec![vec![0.0; dim * dim]; steps.len() + 1];
-        let mut points = Vec::with_capacity(steps.len() + 1);
-        for first in (0..dim).step_by(8) {
-            let mut w: Vec<Dual<f64, 8>> = z
-                .iter()
-                .enumerate()
-                .map(|(i, &v)| Dual::variable(v, i.wrapping_sub(first)))
-                .collect();
-            for k in 0..=steps.len() {
-                if k > 0 {
-                    steps[k - 1].apply_tangent(&mut w);
-                }
-                for (row, value) in w.iter().enumerate() {
-                    for column in first..dim.min(first + 8) {
-                        jacobians[k][row * dim + column] = value.eps[column - first];
-                    }
-                }
-                if first == 0 {
-                    points.push(w.iter().map(|v| v.re).collect::<Vec<f64>>());
-                }
-            }
+        for i in 0..dim {
+            jacobians[0][i * dim + i] = 1.0;
+        }
+        let mut points = vec![z.to_vec()];
+        for (k, step) in steps.iter().enumerate() {
+            let (done, rest) = jacobians.split_at_mut(k + 1);
+            carry(&**step, &points[k], &done[k], &mut rest[0]);
+            let mut next = points[k].clone();
+            step.apply(&mut next);
+            points.push(next);
         }
         let mut jacobian_errors = Vec::with_capacity(steps.len());
         let mut value_errors = Vec::with_capacity(steps.len());
@@ -110,9 +138,12 @@ impl Walk {
             jacobian_errors.push(e);
             let mut delta = vec![0.0; dim];
             step.value_magnitude(&points[k], &points[k + 1], &mut delta);
+            for d in delta.iter_mut().filter(|d| **d != 0.0) {
+                *d += UNDERFLOW;
+            }
             value_errors.push(delta);
         }
-        Self { dim, points, jacobians, jacobian_errors, value_errors }
+        Self { steps, dim, points, jacobians, jacobian_errors, value_errors }
     }
 
     /// 2n.
@@ -138,32 +169,75 @@ impl Walk {
             .map(|(jacobian, error)| (&jacobian[..], &error[..]))
     }
 
+    /// Whether the steps are linear over the rounding errors that reach them, as
+    /// every bound here assumes. The errors are found by walking again with each
+    /// result moved by the scale of its rounding error, up or down at random.
+    pub fn is_linear(&self) -> bool {
+        /// A tenth, for errors that are ten times those of the probes.
+        const SMALL: f64 = 0.01;
+        const PROBES: usize = 2;
+        let u = f64::unit_roundoff();
+        let mut stream = Stream::new(0, "rounding probe");
+        let mut probes = vec![self.points[0].clone(); PROBES];
+        for (k, step) in self.steps.iter().enumerate() {
+            let point = &self.points[k];
+            let mut spread = vec![0.0; self.dim];
+            for probe in &probes {
+                for i in 0..self.dim {
+                    spread[i] = max_or_nan(spread[i], (probe[i] - point[i]).abs());
+                }
+            }
+            if !(step.argument_spread(point, &spread) <= SMALL) {
+                return false;
+            }
+            for probe in &mut probes {
+                step.apply(probe);
+                for (value, delta) in probe.iter_mut().zip(&self.value_errors[k]) {
+                    *value += u * if stream.unit() < 0.5 { -delta } else { *delta };
+                }
+            }
+        }
+        true
+    }
+
     /// Bounds of the rounding error at the end, in units of u, for each
     /// component: the root of the sum of squares and the plain sum of
-    /// |J_N Jᵢ⁻¹|δᵢ over the steps.
+    /// |A_N ⋯ A_{i+1}|δᵢ over the steps, Aᵢ being their Jacobians.
+    ///
+    /// The product is formed from the end: J_N Jᵢ⁻¹ would lose all digits in a
+    /// composition that comes back to where it began.
     pub fn value_bounds(&self) -> (Vec<f64>, Vec<f64>) {
         let dim = self.dim;
         let mut squares = vec![0.0; dim];
         let mut sums = vec![0.0; dim];
-        let total = self.jacobian();
-        for (jacobian, delta) in self.jacobians[1..].iter().zip(&self.value_errors) {
-            if delta.iter().all(|d| *d == 0.0) {
-                continue;
-            }
-            let inverse = inverse_of_symplectic(jacobian, dim / 2);
+        let mut identity = vec![0.0_f64; dim * dim];
+        for i in 0..dim {
+            identity[i * dim + i] = 1.0;
+        }
+        let mut behind = identity.clone();
+        let mut own = identity.clone();
+        for (k, delta) in self.value_errors.iter().enumerate().rev() {
             for row in 0..dim {
-                let mut reach = 0.0;
-                for (column, d) in delta.iter().enumerate() {
-                    let mut entry = 0.0;
-                    for k in 0..dim {
-                        entry += total[row * dim + k] * inverse[k * dim + column];
-                    }
-                    reach += entry.abs() * d;
-                }
-                squares[row] += reach * reach;
+                let reach: f64 = (0..dim)
+                    .filter(|column| delta[*column] != 0.0)
+                    .map(|column| behind[row * dim + column].abs() * delta[column])
+                    .sum();
+                // Squares would under- and overflow.
+                squares[row] = libm::hypot(squares[row], reach);
                 sums[row] += reach;
             }
+            carry(&*self.steps[k], &self.points[k], &identity, &mut own);
+            let mut product = vec![0.0; dim * dim];
+            for row in 0..dim {
+                for inner in 0..dim {
+                    for column in 0..dim {
+                        let entry = behind[row * dim + inner] * own[inner * dim + column];
+                        product[row * dim + column] += entry;
+                    }
+                }
+            }
+            behind = product;
         }
-        (squares.into_iter().map(f64::sqrt).collect(), sums)
+        (squares, sums)
     }
 }

@@ -140,10 +140,11 @@ impl<S: Elementary, const N: usize> Elementary for Dual<S, N> {
         let (s, c) = self.re.sin_cos();
         (self.chain(s, c), self.chain(c, -s))
     }
+    /// Where eˣ is zero its derivatives are, also those of an infinite x.
     #[inline]
     fn exp(self) -> Self {
         let e = self.re.exp();
-        self.chain(e, e)
+        if e.is_zero() { Self::constant(e) } else { self.chain(e, e) }
     }
 }
 

@@ -1,8 +1,9 @@
 //! What a run found: as data, as Markdown, as JSON.
 
 use super::declaration::Scene;
-use crate::measure::{Certificate, Drift, Row, Verdict};
+use crate::measure::{Certificate, Drift, Row, Verdict, disturbing_resonance};
 use crate::network::Architecture;
+use crate::system::Hamiltonian;
 use crate::train::{Stop, TrainingRecord};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
@@ -209,6 +210,10 @@ impl Report {
         }
         if let (Some(before), Some(after)) = (model.initial_theta, model.theta) {
             writeln!(out, "| θ | {before} before training, {after:.6} after |")?;
+            let epsilon = self.scene.system.as_ref().map(Hamiltonian::epsilon);
+            if let Some(near) = epsilon.and_then(|e| disturbing_resonance(after, e)) {
+                writeln!(out, "| resonance | {near}: there is hardly an adiabatic invariant |")?;
+            }
         }
         if let Some(rollout) = &model.rollout {
             self.write_rollout(out, rollout)?;
@@ -267,9 +272,8 @@ pub fn stop_words(stop: Stop) -> &'static str {
     }
 }
 
-/// The cells of a certificate's row: law, measured, samples, largest, median,
-/// limit, verdict.
-pub fn certificate_cells(row: &Row) -> [String; 7] {
+/// The cells of a certificate's row, under [`CERTIFICATE_HEADINGS`].
+pub fn certificate_cells(row: &Row) -> [String; 8] {
     let number = |value: Option<f64>| match value {
         None => "–".to_owned(),
         Some(0.0) => "0".to_owned(),
@@ -285,20 +289,27 @@ pub fn certificate_cells(row: &Row) -> [String; 7] {
     } else {
         number(row.largest)
     };
+    let (limit, headroom) = match row.verdict {
+        // Nothing is concluded from it.
+        Verdict::Reported => ("–".to_owned(), None),
+        _ if row.limit < 1e-3 => (format!("< {:e}", row.limit), row.headroom()),
+        _ => (format!("< {}", row.limit), row.headroom()),
+    };
     [
         row.law.clone(),
         row.equation.clone(),
         samples,
         largest,
         number(row.median),
-        format!("< {}", row.limit),
+        limit,
+        headroom.map_or("–".to_owned(), |headroom| format!("{headroom:.1} ×")),
         row.verdict.word().to_owned(),
     ]
 }
 
 /// The headings of [`certificate_cells`].
-pub const CERTIFICATE_HEADINGS: [&str; 7] =
-    ["law", "measured", "samples", "largest", "median", "limit", "verdict"];
+pub const CERTIFICATE_HEADINGS: [&str; 8] =
+    ["law", "measured", "samples", "largest", "median", "limit", "headroom", "verdict"];
 
 fn certificate_markdown(certificate: &Certificate) -> String {
     let mut out = format!("| {} |\n|", CERTIFICATE_HEADINGS.join(" | "));

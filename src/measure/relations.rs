@@ -1,0 +1,81 @@
+//! Exact symmetries of the parameters: change them so, and the map changes by
+//! a power of two, a sign, or not at all, bit for bit.
+
+use crate::error::Error;
+use crate::network::Model;
+
+/// A symmetry of networks of tanh potentials.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Relation {
+    /// (W, w, η, z) → (W/2ᵏ, w·4ᵏ, 2ᵏη, 2ᵏz): the map in other units.
+    Scaling(i32),
+    /// (W, w, b) → −(W, w, b): every neuron turned round, the same map.
+    NeuronFlip,
+    /// (w, b, η, z) → −(w, b, η, z): the map seen from −z.
+    PointFlip,
+}
+
+impl Relation {
+    /// All, with k = 3.
+    pub const ALL: [Self; 3] = [Self::Scaling(3), Self::NeuronFlip, Self::PointFlip];
+
+    /// The relation in words for tables.
+    pub fn equation(self) -> &'static str {
+        match self {
+            Self::Scaling(_) => "(W,w,η,z) → (W/2ᵏ,4ᵏw,2ᵏη,2ᵏz), bitwise",
+            Self::NeuronFlip => "(W,w,b) → −(W,w,b), bitwise",
+            Self::PointFlip => "(w,b,η,z) → −(w,b,η,z), bitwise",
+        }
+    }
+
+    /// z ← the point that belongs to it.
+    pub fn transform_point(self, z: &mut [f64]) {
+        let factor = match self {
+            Self::Scaling(k) => libm::exp2(k.into()),
+            Self::NeuronFlip => 1.0,
+            Self::PointFlip => -1.0,
+        };
+        z.iter_mut().for_each(|v| *v *= factor);
+    }
+
+    /// The factors of W, b, w and η.
+    fn factors(self) -> [f64; 4] {
+        match self {
+            Self::Scaling(k) => {
+                let unit = libm::exp2(k.into());
+                [1.0 / unit, 1.0, unit * unit, unit]
+            }
+            Self::NeuronFlip => [-1.0, -1.0, -1.0, 1.0],
+            Self::PointFlip => [1.0, -1.0, -1.0, -1.0],
+        }
+    }
+
+    /// The parameters of a layer, `[W, b, w, η]`, that belong to it.
+    pub fn transform_layer(self, dof: usize, width: usize, parameters: &mut [f64]) {
+        let [inner, bias, outer, shift] = self.factors();
+        let (w_in, rest) = parameters.split_at_mut(dof * width);
+        let (b_in, rest) = rest.split_at_mut(width);
+        let (w_out, eta) = rest.split_at_mut(width);
+        for (part, factor) in [(w_in, inner), (b_in, bias), (w_out, outer), (eta, shift)] {
+            part.iter_mut().for_each(|v| *v *= factor);
+        }
+    }
+
+    /// The model that belongs to it.
+    ///
+    /// # Errors
+    /// When a scaled parameter leaves the finite numbers.
+    pub fn transform_model(self, model: &Model) -> Result<Model, Error> {
+        let mut parameters = model.composition().parameters().to_vec();
+        let mut rest = &mut parameters[..];
+        for (_, shape) in model.architecture().parts() {
+            for &width in &shape.widths {
+                let count = crate::layer::layer_parameter_count(shape.dof, width);
+                let (own, others) = rest.split_at_mut(count);
+                self.transform_layer(shape.dof, width, own);
+                rest = others;
+            }
+        }
+        model.with_parameters(parameters)
+    }
+}

@@ -1,0 +1,276 @@
+//! μ₀ = 𝔍₀∘ψ⁻¹ of gyroceptrons with random weights at a Diophantine angle: its
+//! drift is of the order of ε and does not grow with the number of iterations;
+//! that of the control, which a small friction makes non-symplectic, does.
+
+use crate::mutants::{self, Fault};
+use crate::{suite, tolerances};
+use gyroceptron::layer::CircleAction;
+use gyroceptron::measure::{
+    Conditioned, Line, NearlyPeriodic, Row, Tally, invariant_drift, log_line, log_slope,
+};
+use gyroceptron::network::{Architecture, Gyroceptron, GyroceptronShape, InitialWeights};
+use gyroceptron::phase::Map;
+use statrs::distribution::{ContinuousCDF, StudentsT};
+use std::fmt::Write;
+use std::sync::OnceLock;
+
+/// 2π divided by the golden mean: the angle farthest from all resonances.
+pub const GOLDEN: f64 = 3.883_222_077_450_933;
+const NETWORKS: usize = 8;
+/// Halved from 1e-6: the second order stays below what rounding leaves of the
+/// last one, so that the residuals of the line are noise.
+const EPSILONS: [f64; 8] = [1e-6, 5e-7, 2.5e-7, 1.25e-7, 6.25e-8, 3.125e-8, 1.5625e-8, 7.8125e-9];
+/// Iterations of the slope in ε.
+const ITERATIONS: usize = 10_000;
+/// ε of the exponent in N, whose last horizon is 16/ε.
+const EPSILON: f64 = 1e-3;
+const HORIZONS: [usize; 6] = [500, 1000, 2000, 4000, 8000, 16_000];
+const START: [f64; 2] = [0.6, 0.2];
+
+/// The network of the paper's study: three layers of eight neurons each.
+fn network(seed: u64, epsilon: f64) -> Gyroceptron<f64> {
+    let shape = GyroceptronShape {
+        circle_action: CircleAction::new([1]),
+        psi: vec![8; 3],
+        near_identity: vec![8; 3],
+    };
+    Architecture::Gyroceptron { shape, epsilon }
+        .initialise(InitialWeights::Glorot, GOLDEN, seed)
+        .expect("a sound architecture")
+        .gyroceptron()
+        .expect("a gyroceptron")
+        .clone()
+}
+
+/// The network followed by p ← (1 − 1e-6)p.
+struct Control<'a>(&'a Gyroceptron<f64>);
+
+impl Map<f64> for Control<'_> {
+    fn dof(&self) -> usize {
+        1
+    }
+    fn forward(&self, z: &mut [f64]) {
+        self.0.forward(z);
+        z[1] *= 1.0 - 1e-6;
+    }
+    fn inverse(&self, z: &mut [f64]) {
+        z[1] /= 1.0 - 1e-6;
+        self.0.inverse(z);
+    }
+}
+
+fn drifts(map: &impl Map<f64>, network: &Gyroceptron<f64>, horizons: &[usize]) -> Vec<f64> {
+    let invariant = |z: &[f64]| network.adiabatic_invariant(z)[0];
+    invariant_drift(map, &invariant, &START, horizons)
+}
+
+/// One network's drifts.
+pub struct Orbit {
+    slope: Line,
+    exponent: Line,
+    control: Line,
+    /// The smallest drift over the drift at ε = 0.
+    above_floor: f64,
+    /// D/ε at the smallest ε.
+    constant: f64,
+}
+
+pub struct Study {
+    orbits: Vec<Orbit>,
+}
+
+/// Half the width of the confidence interval of a slope, such that the
+/// intervals of all networks hold together with the stated confidence
+/// (Bonferroni).
+pub fn half_width(line: Line) -> f64 {
+    let networks = (NETWORKS * suite::times()) as f64;
+    let student = StudentsT::new(0.0, 1.0, line.degrees_of_freedom as f64).expect("positive");
+    let each = (1.0 - tolerances::CONFIDENCE) / networks;
+    student.inverse_cdf(1.0 - 0.5 * each) * line.slope_error
+}
+
+pub fn study() -> &'static Study {
+    static STUDY: OnceLock<Study> = OnceLock::new();
+    STUDY.get_or_init(|| {
+        let count = NETWORKS * suite::times();
+        Study { orbits: (0..count as u64).map(|k| orbit(suite::seed() + k)).collect() }
+    })
+}
+
+fn orbit(seed: u64) -> Orbit {
+    let drift = |epsilon: f64| {
+        let network = network(seed, epsilon);
+        drifts(&network, &network, &[ITERATIONS])[0]
+    };
+    let by_epsilon = EPSILONS.map(drift);
+    let floor = drift(0.0);
+    let network = network(seed, EPSILON);
+    let horizons = HORIZONS.map(|n| n as f64);
+    // Where the friction's share stands out of the oscillation of order ε.
+    let later: Vec<usize> = HORIZONS.iter().map(|n| 8 * n).collect();
+    let later_numbers: Vec<f64> = later.iter().map(|n| *n as f64).collect();
+    let weak = network.with_epsilon(1e-2 * EPSILON);
+    Orbit {
+        slope: log_line(&EPSILONS, &by_epsilon),
+        exponent: log_line(&horizons, &drifts(&network, &network, &HORIZONS)),
+        control: log_line(&later_numbers, &drifts(&Control(&weak), &weak, &later)),
+        above_floor: by_epsilon[EPSILONS.len() - 1] / floor,
+        constant: by_epsilon[EPSILONS.len() - 1] / EPSILONS[EPSILONS.len() - 1],
+    }
+}
+
+impl Study {
+    fn each(&self, f: impl Fn(&Orbit) -> f64) -> impl Iterator<Item = f64> {
+        self.orbits.iter().map(f)
+    }
+    pub fn slope_defect(&self) -> f64 {
+        self.each(|o| (o.slope.slope - 1.0).abs()).fold(0.0, f64::max)
+    }
+    pub fn largest_exponent(&self) -> f64 {
+        self.each(|o| o.exponent.slope.abs()).fold(0.0, f64::max)
+    }
+    pub fn control_exponent(&self) -> f64 {
+        self.each(|o| o.control.slope).fold(f64::INFINITY, f64::min)
+    }
+    pub fn control_defect(&self) -> f64 {
+        self.each(|o| (o.control.slope - 1.0).abs()).fold(0.0, f64::max)
+    }
+    pub fn least_above_floor(&self) -> f64 {
+        self.each(|o| o.above_floor).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// The median of the slopes with the interval of its line.
+fn median(lines: impl Iterator<Item = Line>) -> Line {
+    let mut lines: Vec<Line> = lines.collect();
+    lines.sort_by(|a, b| a.slope.total_cmp(&b.slope));
+    lines[lines.len() / 2]
+}
+
+const EXPONENT: (&str, &str) = ("adiabatic invariant", "|μ₀ − μ₀(0)| ∝ N⁰, exponent");
+const SLOPE: (&str, &str) = ("adiabatic invariant", "|μ₀ − μ₀(0)| ∝ ε¹, slope − 1");
+
+fn tally(of: (&str, &str), limit: f64, samples: usize, values: impl Iterator<Item = f64>) -> Row {
+    Tally::with_limit(of.0, of.1, limit, samples).extend(values.map(Conditioned::Ratio)).row()
+}
+
+/// Each sample is an iteration.
+pub fn rows() -> &'static [Row] {
+    static ROWS: OnceLock<Vec<Row>> = OnceLock::new();
+    ROWS.get_or_init(|| {
+        let study = study();
+        let (last, each) = (HORIZONS[HORIZONS.len() - 1], ITERATIONS * EPSILONS.len());
+        let exponents = study.each(|o| o.exponent.slope.abs());
+        let slopes = study.each(|o| (o.slope.slope - 1.0).abs());
+        vec![
+            tally(EXPONENT, tolerances::DRIFT_EXPONENT, last, exponents),
+            tally(SLOPE, tolerances::DRIFT_SLOPE, each, slopes),
+        ]
+    })
+}
+
+/// The same two laws on a mutant of two degrees of freedom.
+pub fn rows_of_mutant(fault: Fault) -> Vec<Row> {
+    let model = mutants::clean();
+    let golden = {
+        let mut parameters = model.composition().parameters().to_vec();
+        let theta = parameters.len() - 1;
+        parameters[theta] = GOLDEN;
+        model.with_parameters(parameters).expect("finite")
+    };
+    let broken = mutants::mutant(fault, &golden);
+    let start = [0.3, 0.2, 0.1, -0.2];
+    let drift = |epsilon: f64, horizons: &[usize]| {
+        let map = broken.map_at(epsilon);
+        let invariant = |z: &[f64]| broken.leading_invariant(z);
+        invariant_drift(&*map, &invariant, &start, horizons)
+    };
+    let horizons = [200, 400, 800, 1600];
+    let exponent = log_slope(&horizons.map(|n| n as f64), &drift(1e-6, &horizons));
+    let epsilons = [1e-4, 5e-5, 2.5e-5];
+    let slope = log_slope(&epsilons, &epsilons.map(|e| drift(e, &[200])[0]));
+    vec![
+        tally(EXPONENT, tolerances::DRIFT_EXPONENT, 1600, [exponent.abs()].into_iter()),
+        tally(SLOPE, tolerances::DRIFT_SLOPE, 200, [(slope - 1.0).abs()].into_iter()),
+    ]
+}
+
+#[test]
+fn the_slope_in_epsilon_is_one_within_its_interval() {
+    for (index, orbit) in study().orbits.iter().enumerate() {
+        let half = half_width(orbit.slope);
+        let defect = (orbit.slope.slope - 1.0).abs();
+        assert!(defect <= half && defect <= tolerances::DRIFT_SLOPE, "{index}: {defect} ± {half}");
+        let above = orbit.above_floor;
+        assert!(above >= tolerances::ABOVE_FLOOR, "{index}: {above} above the floor");
+    }
+}
+
+#[test]
+fn the_drift_does_not_grow_and_that_of_the_control_does() {
+    for (index, orbit) in study().orbits.iter().enumerate() {
+        let (exponent, control) = (orbit.exponent.slope, orbit.control.slope);
+        assert!(exponent.abs() <= tolerances::DRIFT_EXPONENT, "{index}: {exponent}");
+        let defect = (control - 1.0).abs();
+        assert!(defect <= tolerances::CONTROL_EXPONENT, "{index}: the control's {control}");
+    }
+}
+
+#[test]
+fn the_last_horizon_is_long_enough() {
+    assert!(HORIZONS[HORIZONS.len() - 1] as f64 >= 10.0 / EPSILON);
+    assert!(EPSILONS.len() >= 6);
+    let golden = std::f64::consts::TAU * 0.5 * (5.0_f64.sqrt() - 1.0);
+    assert!((GOLDEN - golden).abs() < 1e-15);
+}
+
+/// The slope alone cannot tell: the control has it too.
+#[test]
+fn the_control_has_the_slope_in_epsilon_as_well() {
+    let epsilons = [1e-3, 5e-4, 2.5e-4];
+    let slope = log_slope(
+        &epsilons,
+        &epsilons.map(|epsilon| {
+            let network = network(suite::SEED, epsilon);
+            drifts(&Control(&network), &network, &[50])[0]
+        }),
+    );
+    assert!((slope - 1.0).abs() < tolerances::DRIFT_SLOPE, "{slope}");
+}
+
+#[test]
+fn the_study_is_as_cited() {
+    if suite::seed() != suite::SEED || suite::extensive() {
+        return;
+    }
+    let study = study();
+    let mut text = format!(
+        "{NETWORKS} networks 3×8 / 3×8 with Glorot weights, seeds {} …, golden-mean angle.\n\
+         Slope of log max|μ₀ − μ₀(0)| over {ITERATIONS} iterations in log ε, {} values from \
+         {:e}; exponent in N up to {} at ε = {EPSILON:e}; the control loses 1e-6 of p an \
+         iteration. Intervals: Student t, {} % for all networks together.\n\n\
+         network  slope in ε             exponent in N           control's exponent       D/ε        \
+         above floor\n",
+        suite::SEED,
+        EPSILONS.len(),
+        EPSILONS[0],
+        HORIZONS[HORIZONS.len() - 1],
+        100.0 * tolerances::CONFIDENCE,
+    );
+    let interval = |line: Line| format!("{:.4} ± {:.1e}", line.slope + 0.0, half_width(line));
+    for (index, orbit) in study.orbits.iter().enumerate() {
+        writeln!(
+            text,
+            "{index:<8} {:<22} {:<23} {:<24} {:<10} {:.0e}",
+            interval(orbit.slope),
+            interval(orbit.exponent),
+            interval(orbit.control),
+            format!("{:.3e}", orbit.constant),
+            orbit.above_floor,
+        )
+        .expect("memory");
+    }
+    let middle = median(study.orbits.iter().map(|o| o.slope));
+    writeln!(text, "median   {}", interval(middle)).expect("memory");
+    insta::assert_snapshot!("adiabatic", text);
+}

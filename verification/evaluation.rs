@@ -1,0 +1,41 @@
+//! All ways of evaluating a map give the same bits.
+
+use crate::samples::wide;
+use crate::suite;
+use gyroceptron::measure::{Row, laws};
+use std::sync::OnceLock;
+
+pub const STATED: usize = 5000;
+
+pub fn rows() -> &'static [Row] {
+    static ROWS: OnceLock<Vec<Row>> = OnceLock::new();
+    ROWS.get_or_init(|| {
+        // Eleven points: a full register and a ragged one.
+        suite::run("evaluation", STATED.div_ceil(11), wide(1, 20), |case| {
+            vec![laws::evaluation(&case.model(), &case.points(11))]
+        })
+    })
+}
+
+#[test]
+fn holds() {
+    suite::assert_holds(rows(), STATED);
+}
+
+#[test]
+fn threads_do_not_change_a_bit() {
+    use gyroceptron::network::{Direction, map_points};
+    use proptest::strategy::{Strategy, ValueTree};
+    let mut runner = proptest::test_runner::TestRunner::deterministic();
+    let case = wide(2, 8).new_tree(&mut runner).expect("a case").current();
+    let model = case.model();
+    let on = |threads: usize| {
+        let mut points = case.points(3001);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        pool.install(|| map_points(model.composition(), Direction::Forward, &mut points))
+            .expect("whole points");
+        points.iter().map(|v| v.to_bits()).collect::<Vec<_>>()
+    };
+    assert_eq!(on(1), on(2));
+    assert_eq!(on(1), on(3));
+}

@@ -1,0 +1,43 @@
+//! P⁻¹∘P = P∘P⁻¹ = Id, for networks, their parts, every layer alone and the
+//! single Hénon map alone.
+
+use crate::samples::{Case, wide};
+use crate::suite;
+use gyroceptron::layer::HenonMap;
+use gyroceptron::measure::{Measurable, Row, Tally, Whole, laws};
+use gyroceptron::network::Direction;
+use std::sync::OnceLock;
+
+pub const STATED: usize = 2000;
+
+pub fn rows() -> &'static [Row] {
+    static ROWS: OnceLock<Vec<Row>> = OnceLock::new();
+    ROWS.get_or_init(|| suite::run("inversion", STATED / 2, wide(1, 24), measure))
+}
+
+fn measure(case: &Case) -> Vec<Tally> {
+    let points = &case.points(2);
+    let model = case.model();
+    let network = case.gyroceptron();
+    let (psi, near_identity) = (network.psi(), network.near_identity());
+    let (forward, inverse) = (Direction::Forward, Direction::Inverse);
+    let alone =
+        |map: &dyn Measurable, law, equation| laws::inversion(law, equation, map, forward, points);
+    let mut out = vec![
+        laws::inversion("inversion of P", "P⁻¹∘P = Id", &model, forward, points),
+        laws::inversion("inversion of P", "P∘P⁻¹ = Id", &model, inverse, points),
+        alone(&psi, "inversion of ψ", "ψ⁻¹∘ψ = Id"),
+        alone(&near_identity, "inversion of I_ε", "I_ε⁻¹∘I_ε = Id"),
+    ];
+    out.extend(laws::layers(&model, points));
+    for layer in psi.layers().chain(near_identity.layers()).take(4) {
+        let map: HenonMap<'_, f64> = layer.map();
+        out.push(alone(&Whole(map), "inversion of H", "H⁻¹∘H = Id"));
+    }
+    out
+}
+
+#[test]
+fn holds() {
+    suite::assert_holds(rows(), STATED);
+}

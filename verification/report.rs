@@ -1,0 +1,94 @@
+//! The table of all laws: the snapshot, and the README's copy of it.
+
+use crate::{
+    adiabatic, circle_action, determinant, evaluation, exact_relations, gradients, inversion,
+    near_identity, near_periodicity, precision, suite, symplecticity, tanh, tolerances,
+};
+use gyroceptron::measure::{Row, Verdict};
+use gyroceptron::scene::{CERTIFICATE_HEADINGS, certificate_cells};
+use std::fmt::Write;
+
+/// A law file: its name, its rows, and the samples that it states.
+pub struct Law {
+    pub file: &'static str,
+    pub rows: fn() -> &'static [Row],
+    pub stated: usize,
+}
+
+pub const LAWS: [Law; 12] = [
+    Law { file: "symplecticity", rows: symplecticity::rows, stated: symplecticity::STATED },
+    Law { file: "inversion", rows: inversion::rows, stated: inversion::STATED },
+    Law { file: "near_identity", rows: near_identity::rows, stated: near_identity::STATED },
+    Law {
+        file: "near_periodicity",
+        rows: near_periodicity::rows,
+        stated: near_periodicity::STATED,
+    },
+    Law { file: "circle_action", rows: circle_action::rows, stated: circle_action::STATED },
+    Law { file: "adiabatic", rows: adiabatic::rows, stated: 100_000 },
+    Law { file: "evaluation", rows: evaluation::rows, stated: evaluation::STATED },
+    Law { file: "exact_relations", rows: exact_relations::rows, stated: exact_relations::STATED },
+    Law { file: "determinant", rows: determinant::rows, stated: determinant::STATED },
+    Law { file: "gradients", rows: gradients::rows, stated: gradients::STATED },
+    Law { file: "tanh", rows: tanh::rows, stated: tanh::STATED },
+    Law { file: "precision", rows: precision::rows, stated: 900 },
+];
+
+pub fn clean_rows() -> Vec<Row> {
+    LAWS.iter().flat_map(|law| (law.rows)().iter().cloned()).collect()
+}
+
+/// Markdown, as it stands in the README.
+fn table() -> String {
+    let mut text = format!("| {} |\n|", CERTIFICATE_HEADINGS.join(" | "));
+    text.push_str(&"---|".repeat(CERTIFICATE_HEADINGS.len()));
+    text.push('\n');
+    for row in clean_rows() {
+        let cells = certificate_cells(&row).map(|cell| cell.replace('|', "\\|"));
+        writeln!(text, "| {} |", cells.join(" | ")).expect("memory");
+    }
+    text
+}
+
+#[test]
+fn the_table_is_as_cited() {
+    if suite::seed() != suite::SEED {
+        return;
+    }
+    let text = format!("seed {}\n\n{}", suite::SEED, table());
+    let name = if suite::extensive() { "laws_extensive" } else { "laws" };
+    insta::assert_snapshot!(name, text);
+}
+
+/// `GYROCEPTRON_UPDATE_README=1 cargo test` writes it.
+#[test]
+fn the_readme_has_the_same_table() {
+    const BEGIN: &str = "<!-- laws: begin -->\n";
+    const END: &str = "<!-- laws: end -->";
+    if suite::seed() != suite::SEED || suite::extensive() {
+        return;
+    }
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/README.md");
+    let readme = std::fs::read_to_string(path).expect("a README");
+    let (before, rest) = readme.split_once(BEGIN).expect("the mark where the table begins");
+    let (own, after) = rest.split_once(END).expect("the mark where it ends");
+    let table = table();
+    if std::env::var("GYROCEPTRON_UPDATE_README").is_ok_and(|value| value == "1") {
+        let text = format!("{before}{BEGIN}{table}{END}{after}");
+        std::fs::write(path, text).expect("a README that can be written");
+    } else {
+        assert!(own == table, "the README's table of laws is another: see the comment here");
+    }
+}
+
+#[test]
+fn all_ratios_are_below_the_limit_with_headroom() {
+    for row in clean_rows() {
+        if row.verdict == Verdict::Holds {
+            assert!(row.headroom().is_none_or(|headroom| headroom > 1.0), "{row:?}");
+        }
+        if row.limit == tolerances::RATIO {
+            assert!(row.largest.expect("measured") < tolerances::RATIO, "{row:?}");
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! tanh and sech² against multiprecision: the one thing that no structural law
+//! can see, since any diagonal will do for them.
+
+use crate::tolerances;
+use astro_float::{BigFloat, Consts, RoundingMode};
+use gyroceptron::measure::{Conditioned, Row, Tally};
+use gyroceptron::network::Stream;
+use gyroceptron::scalar::{max_or_nan, tanh_sech2};
+use std::sync::OnceLock;
+
+pub const STATED: usize = 600;
+const BITS: usize = 256;
+const TO_NEAREST: RoundingMode = RoundingMode::ToEven;
+
+pub fn rows() -> &'static [Row] {
+    static ROWS: OnceLock<Vec<Row>> = OnceLock::new();
+    ROWS.get_or_init(|| rows_of(tanh_sech2))
+}
+
+/// tanh in units in the last place, sech² relative.
+pub fn rows_of(kernel: fn(f64) -> (f64, f64)) -> Vec<Row> {
+    let limit = |law, limit| Tally::with_limit("elementary functions", law, limit, 1);
+    let mut tanh = limit("tanh, in ulp", tolerances::TANH_ULPS);
+    let mut sech2 = limit("sech², relative", tolerances::SECH2);
+    for (t, s) in errors(kernel) {
+        tanh.push(Conditioned::Ratio(t));
+        sech2.push(Conditioned::Ratio(s));
+    }
+    vec![tanh.row(), sech2.row()]
+}
+
+pub fn worst(kernel: fn(f64) -> (f64, f64)) -> (f64, f64) {
+    errors(kernel)
+        .into_iter()
+        .fold((0.0, 0.0), |(a, b), (t, s)| (max_or_nan(a, t), max_or_nan(b, s)))
+}
+
+/// 1 − tanh² for sech²: no digit is left where tanh is 1.
+pub fn by_difference(x: f64) -> (f64, f64) {
+    let t = libm::tanh(x);
+    (t, 1.0 - t * t)
+}
+
+/// (1 − E)/(1 + E) without the rest of the exponential's argument.
+pub fn by_exponentials(x: f64) -> (f64, f64) {
+    let e = libm::exp(-2.0 * x.abs());
+    let t = if x.abs() < 0.3 { libm::tanh(x) } else { ((1.0 - e) / (1.0 + e)).copysign(x) };
+    (t, 4.0 * e / ((1.0 + e) * (1.0 + e)))
+}
+
+fn to_f64(value: &BigFloat) -> f64 {
+    if value.is_zero() { 0.0 } else { value.to_string().parse().expect("a decimal number") }
+}
+
+fn errors(kernel: fn(f64) -> (f64, f64)) -> Vec<(f64, f64)> {
+    let mut constants = Consts::new().expect("memory for constants");
+    let mut stream = Stream::new(crate::suite::SEED, "tanh");
+    let one = BigFloat::from_f64(1.0, BITS);
+    let each = (0..STATED).map(|index| {
+        let x = match index % 3 {
+            0 => stream.uniform(-3.0, 3.0),
+            1 => stream.uniform(-100.0, 100.0),
+            _ => libm::exp2(stream.uniform(-30.0, 4.0)),
+        };
+        let big = BigFloat::from_f64(x, BITS);
+        let tanh = big.tanh(BITS, TO_NEAREST, &mut constants);
+        let cosh = big.cosh(BITS, TO_NEAREST, &mut constants);
+        let sech2 = one.div(&cosh.mul(&cosh, BITS, TO_NEAREST), BITS, TO_NEAREST);
+        let (t, s) = kernel(x);
+        let error = |computed: f64, exact: &BigFloat| {
+            to_f64(&BigFloat::from_f64(computed, BITS).sub(exact, BITS, TO_NEAREST)).abs()
+        };
+        let exact = to_f64(&tanh).abs();
+        let ulp = exact - f64::from_bits(exact.to_bits() - 1);
+        (error(t, &tanh) / ulp, error(s, &sech2) / to_f64(&sech2))
+    });
+    each.collect()
+}
+
+#[test]
+fn holds() {
+    crate::suite::assert_holds(rows(), STATED / crate::suite::times());
+}

@@ -1,0 +1,145 @@
+//! Every threshold of the suite, with its derivation. No other file of
+//! `verification/` holds one.
+
+use gyroceptron::measure;
+
+/// Ratios are errors over the rounding bound of the computation that made
+/// them: O(1) by construction, and below 4 in all that was ever measured. A
+/// decimal order above that leaves room for another processor's worst sample
+/// and none for a weight that is wrong by 1e-13, which shows as some 20.
+pub const RATIO: f64 = measure::RATIO_LIMIT;
+
+/// Bitwise laws count components that differ: there must be none.
+pub const COUNT: f64 = measure::COUNT_LIMIT;
+
+/// The median of ρ_S over the clean suite. T adds the scales of the errors in
+/// squares, as independent errors add, and an error is on average a third of
+/// its scale: some 0.3. Saturated neurons make no error at all and pull the
+/// median to 0: below 0.05 the suite would say nothing.
+pub const CLEAN_MEDIAN: [f64; 2] = [0.05, 0.6];
+
+/// What may be missing to an order in ε: the next order contributes a relative
+/// 1e-2 at the largest ε, where I_ε moves points by a hundredth of their size,
+/// and its effect on the slope is several times that for weights where the
+/// leading term is small.
+pub const ORDER: f64 = measure::SLOPE_LIMIT;
+
+/// The exponent of the drift of μ₀ in the number of iterations, one degree of
+/// freedom. The curve is invariant, so that the drift fills its range and
+/// stays: 0, up to the last points of the curve being reached late.
+pub const DRIFT_EXPONENT: f64 = 0.05;
+
+/// The exponent of the control, which loses a fixed share of μ₀ at each
+/// iteration, is 1: up to the oscillation that it has in common with the clean
+/// map at its first horizon, and its exponential decay at the last.
+pub const CONTROL_EXPONENT: f64 = 0.1;
+
+/// The slope of the drift in ε is 1, up to the second order in ε: a relative
+/// 1e-2 at ε = 1e-3.
+pub const DRIFT_SLOPE: f64 = 0.1;
+
+/// Drifts count that are so many times the drift of rounding at ε = 0.
+pub const ABOVE_FLOOR: f64 = 100.0;
+
+/// Confidence of all intervals.
+pub const CONFIDENCE: f64 = 0.99;
+
+/// |slope − 1| of log residual in log u, one seed, two rungs of 29 bits: ratios
+/// of two samples of rounding may differ by 2^(0.2·29) = 56.
+pub const LADDER_TWO_RUNGS: f64 = 0.20;
+/// The same over all three rungs, 82 bits apart: a factor of 17.
+pub const LADDER_THREE_RUNGS: f64 = 0.05;
+/// The same for the median of twenty seeds: a factor of 3, which the spread of
+/// a median does not reach.
+pub const LADDER_MEDIAN: f64 = 0.02;
+
+/// tanh to an ulp.
+pub const TANH_ULPS: f64 = 1.0;
+/// sech² to 3e-16 relative: 1.35 ulp at worst.
+pub const SECH2: f64 = 3e-16;
+
+/// A violation of a law among random networks: the upper end of the interval
+/// for none in ten thousand is 5.3e-4.
+pub const VIOLATION_RATE: f64 = 6e-4;
+
+mod needed {
+    use super::*;
+    use crate::mutants::Fault;
+    use crate::{adiabatic, mutants, near_identity, precision, statistics, suite, symplecticity};
+    use crate::{inversion, tanh};
+
+    /// A tenth of the limit would reject the clean suite, ten times the limit
+    /// would let a mutant live.
+    fn is_needed(name: &str, clean: f64, limit: f64, mutant: f64) {
+        assert!(clean < limit && limit < mutant, "{name}: {clean:e} < {limit:e} < {mutant:e}");
+        assert!(clean > limit / 10.0, "{name}: a tenth of {limit:e} would do, {clean:e} is seen");
+        assert!(mutant < limit * 10.0, "{name}: no mutant needs less than ten times {limit:e}");
+    }
+
+    fn largest(rows: &[gyroceptron::measure::Row]) -> f64 {
+        rows.iter().filter_map(|row| row.largest).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn the_ratio() {
+        let clean = largest(symplecticity::rows()).max(largest(inversion::rows()));
+        let weakest = mutants::smallest_inversion(Fault::InverseInnerBarely);
+        is_needed("RATIO", clean, RATIO, weakest);
+    }
+
+    #[test]
+    fn the_count() {
+        let clean = largest(crate::near_periodicity::rows());
+        let mutant = mutants::largest_of(Fault::Friction, "near periodicity");
+        assert!(clean < COUNT && COUNT < mutant, "{clean} {mutant}");
+    }
+
+    #[test]
+    fn the_median() {
+        let median = symplecticity::clean_median();
+        let [low, high] = CLEAN_MEDIAN;
+        assert!(low < median && median < high, "{median}");
+        // Saturated inputs fall below; a tenth of the range would not hold it.
+        assert!(symplecticity::saturated_median() < low);
+        assert!(median > high / 10.0 && median < low * 10.0, "{median}");
+    }
+
+    #[test]
+    fn the_orders() {
+        let clean = near_identity::largest_shortfall();
+        is_needed("ORDER", clean, ORDER, mutants::largest_of(Fault::AbsoluteEpsilon, "O(ε²)"));
+    }
+
+    #[test]
+    fn the_drifts() {
+        let study = adiabatic::study();
+        is_needed("CONTROL_EXPONENT", study.control_defect(), CONTROL_EXPONENT, 0.95);
+        assert!(study.largest_exponent() < DRIFT_EXPONENT);
+        assert!(study.control_exponent() > DRIFT_EXPONENT * 10.0);
+        assert!(study.slope_defect() < DRIFT_SLOPE);
+        assert!(study.least_above_floor() > ABOVE_FLOOR);
+    }
+
+    #[test]
+    fn the_ladder() {
+        let ladder = precision::ladder();
+        is_needed("LADDER_TWO_RUNGS", ladder.worst_two_rungs(), LADDER_TWO_RUNGS, 1.0);
+        is_needed("LADDER_THREE_RUNGS", ladder.worst_three_rungs(), LADDER_THREE_RUNGS, 0.4);
+        assert!(ladder.median_defect() < LADDER_MEDIAN);
+    }
+
+    #[test]
+    fn the_elementary_functions() {
+        let (ulps, relative) = tanh::worst(gyroceptron::scalar::tanh_sech2);
+        is_needed("TANH_ULPS", ulps, TANH_ULPS, tanh::worst(tanh::by_exponentials).0);
+        assert!(relative > SECH2 / 10.0 && relative < SECH2);
+        assert!(tanh::worst(tanh::by_difference).1 > SECH2 * 10.0);
+    }
+
+    #[test]
+    fn the_rate() {
+        let none = statistics::upper_bound(0, suite::NETWORKS);
+        let one = statistics::upper_bound(1, suite::NETWORKS);
+        is_needed("VIOLATION_RATE", none, VIOLATION_RATE, one);
+    }
+}
