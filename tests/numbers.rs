@@ -9,56 +9,8 @@ use gyroceptron::scalar::{
 const BITS: usize = 320;
 const TO_NEAREST: RoundingMode = RoundingMode::ToEven;
 
-/// `(computed − exact)/exact` for tanh and sech² at 320 bits, and the distance
-/// of tanh in units of its last place.
-fn errors(x: f64, constants: &mut Consts) -> (f64, f64) {
-    let one = BigFloat::from_f64(1.0, BITS);
-    let big = BigFloat::from_f64(x, BITS);
-    let exact_tanh = big.tanh(BITS, TO_NEAREST, constants);
-    let cosh = big.cosh(BITS, TO_NEAREST, constants);
-    let exact_sech2 = one.div(&cosh.mul(&cosh, BITS, TO_NEAREST), BITS, TO_NEAREST);
-    let (t, s) = tanh_sech2(x);
-    let difference = |computed: f64, exact: &BigFloat| {
-        to_f64(&BigFloat::from_f64(computed, BITS).sub(exact, BITS, TO_NEAREST))
-    };
-    // The spacing at the exact value, which below 1 is half that above it.
-    let below = f64::from_bits(t.abs().to_bits().saturating_sub(1));
-    let ulp = t.abs() - below;
-    let tanh_error = (difference(t, &exact_tanh) / ulp).abs();
-    let sech2_error = (difference(s, &exact_sech2) / to_f64(&exact_sech2)).abs();
-    (tanh_error, sech2_error)
-}
-
 fn to_f64(value: &BigFloat) -> f64 {
     if value.is_zero() { 0.0 } else { value.to_string().parse().expect("a decimal number") }
-}
-
-#[test]
-fn tanh_is_within_an_ulp_and_sech2_within_3e_16() {
-    let mut constants = Consts::new().expect("memory for constants");
-    let mut stream = Stream::new(0, "tanh");
-    let mut points: Vec<f64> = Vec::new();
-    points.extend((0..1500).map(|_| stream.uniform(-4.0, 4.0)));
-    points.extend((0..500).map(|_| stream.uniform(-100.0, 100.0)));
-    // Every binade from 2⁻⁴⁰ to 2⁷, and the edges of the argument reduction.
-    points.extend((-40..7).map(|e| libm::exp2(f64::from(e)) * stream.uniform(1.0, 2.0)));
-    for k in 1..60 {
-        let edge = (f64::from(k) - 0.5) * std::f64::consts::LN_2 / 2.0;
-        points.extend([edge - 1e-15, edge, edge + 1e-15]);
-    }
-    points.extend((0..500).map(|_| stream.uniform(17.5, 20.0)));
-    points.extend([18.546_596_438_916_218, 8.0, 16.0, 19.0, 19.1, 100.0, 1e-300, 5e-324, 1e-8]);
-    let (mut worst_tanh, mut worst_sech2) = (0.0_f64, 0.0_f64);
-    for x in points {
-        let (tanh, sech2) = errors(x, &mut constants);
-        assert!(tanh <= 1.0, "tanh({x:e}) is {tanh} ulp off");
-        assert!(sech2 <= 3e-16, "sech²({x:e}) is {sech2:e} off");
-        worst_tanh = worst_tanh.max(tanh);
-        worst_sech2 = worst_sech2.max(sech2);
-    }
-    // Rounding shows: an oracle that echoed the kernel would show none.
-    println!("largest errors: tanh {worst_tanh} ulp, sech² {worst_sech2:e}");
-    assert!(worst_tanh > 0.4 && worst_sech2 > 5e-17, "{worst_tanh} {worst_sech2:e}");
 }
 
 #[test]
@@ -77,15 +29,6 @@ fn tanh_at_the_ends_of_the_range() {
     let (_, s) = tanh_sech2(370.0);
     let exact = 4.0 * libm::exp(-740.0);
     assert!((s - exact).abs() <= 1e-323, "{s:e} for {exact:e}");
-}
-
-#[test]
-fn saturated_neurons_keep_their_digits() {
-    // W = w = 1e8 at 19 below saturation: 1 − tanh² would give 0.
-    let (_, s) = tanh_sech2(19.0);
-    let exact = 1.2556531168192118;
-    let gradient = 1e8 * 1e8 * s;
-    assert!((gradient - exact).abs() <= 1e-14, "{gradient}");
 }
 
 #[test]

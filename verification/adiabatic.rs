@@ -257,7 +257,7 @@ fn the_study_is_as_cited() {
         HORIZONS[HORIZONS.len() - 1],
         100.0 * tolerances::CONFIDENCE,
     );
-    let interval = |line: Line| format!("{:.4} ± {:.1e}", line.slope + 0.0, half_width(line));
+    let interval = |line: Line| format!("{:.6} ± {:.1e}", line.slope + 0.0, half_width(line));
     for (index, orbit) in study.orbits.iter().enumerate() {
         writeln!(
             text,

@@ -8,8 +8,8 @@ use gyroceptron::network::Stream;
 use gyroceptron::scalar::{max_or_nan, tanh_sech2};
 use std::sync::OnceLock;
 
-pub const STATED: usize = 600;
-const BITS: usize = 256;
+pub const STATED: usize = 2500;
+const BITS: usize = 320;
 const TO_NEAREST: RoundingMode = RoundingMode::ToEven;
 
 pub fn rows() -> &'static [Row] {
@@ -52,16 +52,25 @@ fn to_f64(value: &BigFloat) -> f64 {
     if value.is_zero() { 0.0 } else { value.to_string().parse().expect("a decimal number") }
 }
 
+fn points() -> Vec<f64> {
+    let mut stream = Stream::new(crate::suite::SEED, "tanh");
+    let mut out: Vec<f64> = (0..1200).map(|_| stream.uniform(-4.0, 4.0)).collect();
+    out.extend((0..600).map(|_| stream.uniform(-100.0, 100.0)));
+    out.extend((0..500).map(|_| stream.uniform(17.5, 20.0)));
+    // Every binade, and the edges of the argument reduction.
+    out.extend((-40..7).map(|e| libm::exp2(f64::from(e)) * stream.uniform(1.0, 2.0)));
+    for k in 1..60 {
+        let edge = (f64::from(k) - 0.5) * std::f64::consts::LN_2 / 2.0;
+        out.extend([edge - 1e-15, edge, edge + 1e-15]);
+    }
+    out.extend([18.546_596_438_916_218, 8.0, 16.0, 19.0, 19.1, 100.0, 1e-300, 5e-324, 1e-8]);
+    out
+}
+
 fn errors(kernel: fn(f64) -> (f64, f64)) -> Vec<(f64, f64)> {
     let mut constants = Consts::new().expect("memory for constants");
-    let mut stream = Stream::new(crate::suite::SEED, "tanh");
     let one = BigFloat::from_f64(1.0, BITS);
-    let each = (0..STATED).map(|index| {
-        let x = match index % 3 {
-            0 => stream.uniform(-3.0, 3.0),
-            1 => stream.uniform(-100.0, 100.0),
-            _ => libm::exp2(stream.uniform(-30.0, 4.0)),
-        };
+    let each = points().into_iter().map(|x| {
         let big = BigFloat::from_f64(x, BITS);
         let tanh = big.tanh(BITS, TO_NEAREST, &mut constants);
         let cosh = big.cosh(BITS, TO_NEAREST, &mut constants);
@@ -71,7 +80,8 @@ fn errors(kernel: fn(f64) -> (f64, f64)) -> Vec<(f64, f64)> {
             to_f64(&BigFloat::from_f64(computed, BITS).sub(exact, BITS, TO_NEAREST)).abs()
         };
         let exact = to_f64(&tanh).abs();
-        let ulp = exact - f64::from_bits(exact.to_bits() - 1);
+        // The spacing below, which at a power of two is the smaller one.
+        let ulp = exact - f64::from_bits(exact.to_bits().saturating_sub(1));
         (error(t, &tanh) / ulp, error(s, &sech2) / to_f64(&sech2))
     });
     each.collect()

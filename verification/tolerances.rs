@@ -72,6 +72,9 @@ mod needed {
     /// would let a mutant live.
     fn is_needed(name: &str, clean: f64, limit: f64, mutant: f64) {
         assert!(clean < limit && limit < mutant, "{name}: {clean:e} < {limit:e} < {mutant:e}");
+        if suite::seed() != suite::SEED || suite::extensive() {
+            return;
+        }
         assert!(clean > limit / 10.0, "{name}: a tenth of {limit:e} would do, {clean:e} is seen");
         assert!(mutant < limit * 10.0, "{name}: no mutant needs less than ten times {limit:e}");
     }
