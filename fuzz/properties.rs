@@ -14,7 +14,6 @@ use gyroceptron::measure::{
 use gyroceptron::network::{
     Architecture, Direction, GyroceptronShape, HenonNet, HenonShape, Model,
 };
-use gyroceptron::phase::Map;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::parse;
 
@@ -107,21 +106,20 @@ fn in_range(widest: usize, kicks: usize, epsilon: f64, weights: &[f64], z: &[f64
     gain < ROOM && reach * (1.0 + w) * 8.0 < ROOM
 }
 
-/// P⁻¹∘P and P∘P⁻¹ at z.
+/// P⁻¹∘P and P∘P⁻¹ at z. Only a result that is not finite may be put down to
+/// numbers out of range.
 pub fn inverts(map: &dyn Measurable, z: &[f64], in_range: bool) -> Result<Outcome, String> {
-    let mut tested = Outcome::IllConditioned;
+    let mut outcome = Outcome::IllConditioned;
     for (first, then) in
         [(Direction::Forward, Direction::Inverse), (Direction::Inverse, Direction::Forward)]
     {
-        let mut steps = map.measured_steps(first);
-        steps.extend(map.measured_steps(then));
-        match inversion_ratio(&steps, z) {
+        match inversion_ratio(map.measured_steps(first), map.measured_steps(then), z) {
             Conditioned::IllConditioned => {}
-            Conditioned::Ratio(ratio) if ratio < RATIO_LIMIT => tested = Outcome::Tested,
-            Conditioned::Ratio(ratio) if in_range => {
+            Conditioned::Ratio(ratio) if ratio < RATIO_LIMIT => outcome = Outcome::Tested,
+            Conditioned::Ratio(ratio) if in_range || !ratio.is_nan() => {
                 return Err(format!("{first:?}, then back: ratio {ratio:e} at {z:?}"));
             }
-            Conditioned::Ratio(_) => tested = Outcome::OutOfRange,
+            Conditioned::Ratio(_) => outcome = Outcome::OutOfRange,
         }
     }
     // What users call gives the same bits as the steps.
@@ -146,7 +144,7 @@ pub fn inverts(map: &dyn Measurable, z: &[f64], in_range: bool) -> Result<Outcom
             }
         }
     }
-    Ok(tested)
+    Ok(outcome)
 }
 
 pub fn epsilon(u: &mut Unstructured<'_>) -> f64 {
@@ -162,10 +160,8 @@ pub fn henon_layer(data: &[u8]) -> Result<Outcome, String> {
     let layer = HenonLayer::new(dof, width, epsilon, &weights);
     let range = in_range(width, 8, epsilon, &weights, &z) && epsilon.is_finite();
     let outcome = inverts(&layer, &z, range)?;
-    // The single map whose fourth iterate it is must not panic either.
-    let mut w = z.clone();
-    layer.map().forward(&mut w);
-    layer.map().inverse(&mut w);
+    // The single map whose fourth iterate it is.
+    inverts(&layer.map(), &z, range)?;
     Ok(outcome)
 }
 

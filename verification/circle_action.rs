@@ -9,7 +9,7 @@ pub const STATED: usize = 1000;
 
 pub fn rows() -> &'static [Row] {
     static ROWS: OnceLock<Vec<Row>> = OnceLock::new();
-    ROWS.get_or_init(|| suite::run("circle-action", STATED / 2, wide(1, 12), measure))
+    ROWS.get_or_init(|| suite::run("circle-action", STATED / 2, wide(1, 40), measure))
 }
 
 fn measure(case: &Case) -> Vec<Tally> {

@@ -1,8 +1,8 @@
-//! Every public map has a law, every law runs the samples that it states, and
-//! no threshold stands outside `tolerances.rs`.
+//! Every public map has a law, and every law runs the samples that it states.
 
 use crate::report::LAWS;
 use crate::suite;
+use crate::tolerances::ILL_CONDITIONED_SHARE as SHARE;
 use std::path::{Path, PathBuf};
 
 /// The maps of the crate, and the law file that runs them.
@@ -18,14 +18,13 @@ const MAPS: [(&str, &str); 7] = [
 /// What makes a map of another.
 const ADAPTORS: [&str; 1] = ["Whole"];
 /// The number types that a law runs on, or a test of `tests/` covers.
-const NUMBERS: [(&str, &str); 7] = [
+const NUMBERS: [(&str, &str); 6] = [
     ("f64", "symplecticity"),
     ("f32", "precision"),
     ("DoubleDouble", "precision"),
     ("Dual<S, N>", "gradients"),
     ("Lanes", "evaluation"),
     ("Tracked", "gradients"),
-    ("potential", "gradients"),
 ];
 
 fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
@@ -102,8 +101,10 @@ fn every_law_runs_the_samples_it_states() {
         let rows = (law.rows)();
         assert!(!rows.is_empty(), "{}", law.file);
         for row in rows {
-            let stated = law.stated * if law.file == "tanh" { 1 } else { suite::times() };
-            assert!(row.samples >= stated, "{}: {} < {stated}: {row:?}", law.file, row.samples);
+            let stated = law.stated * suite::times();
+            let testable = row.samples - row.ill_conditioned;
+            let enough = row.samples >= stated && testable as f64 >= (1.0 - SHARE) * stated as f64;
+            assert!(enough, "{}: {testable} for {stated}: {row:?}", law.file);
         }
     }
 }

@@ -11,7 +11,7 @@ pub const STATED: usize = 1000;
 pub fn rows() -> &'static [Row] {
     static ROWS: OnceLock<Vec<Row>> = OnceLock::new();
     ROWS.get_or_init(|| {
-        suite::run("determinant", STATED / 2, wide(2, 20), |case| {
+        suite::run("determinant", STATED / 2, wide(2, 40), |case| {
             vec![laws::determinant(&case.henon_net(), &case.points(2))]
         })
     })

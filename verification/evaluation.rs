@@ -11,7 +11,7 @@ pub fn rows() -> &'static [Row] {
     static ROWS: OnceLock<Vec<Row>> = OnceLock::new();
     ROWS.get_or_init(|| {
         // Eleven points: a full register and a ragged one.
-        suite::run("evaluation", STATED.div_ceil(11), wide(1, 20), |case| {
+        suite::run("evaluation", STATED.div_ceil(11), wide(1, 40), |case| {
             vec![laws::evaluation(&case.model(), &case.points(11))]
         })
     })

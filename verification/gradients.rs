@@ -5,7 +5,9 @@ use crate::mutants;
 use crate::samples::{Case, mild};
 use crate::suite;
 use gyroceptron::layer::CircleAction;
-use gyroceptron::measure::{Adjoint, Conditioned, Measurable, Row, Tally, Walk, laws};
+use gyroceptron::measure::{
+    Adjoint, Conditioned, ILL_CONDITIONED, Measurable, Row, Tally, Walk, laws,
+};
 use gyroceptron::network::{Direction, Gyroceptron, HenonShape, Model};
 use gyroceptron::phase::Map;
 use gyroceptron::scalar::{Dual, Elementary, Scalar, Tracked, max_or_nan};
@@ -183,6 +185,21 @@ fn bounded(network: &Gyroceptron<f64>, z: &[f64], direction: usize) -> Vec<Bound
     w
 }
 
+/// The largest ratio of (difference, bound, size); none if a bound leaves no
+/// digit. A difference that is not finite is a violation, whatever its bound.
+fn worst_of(entries: impl Iterator<Item = (f64, f64, f64)>) -> Conditioned {
+    let (mut largest, mut ill_conditioned) = (0.0, false);
+    for (difference, bound, size) in entries {
+        if !difference.is_finite() {
+            return Conditioned::Ratio(f64::NAN);
+        }
+        ill_conditioned |= !(bound < ILL_CONDITIONED * size);
+        let ratio = if difference == 0.0 { 0.0 } else { difference.abs() / bound };
+        largest = max_or_nan(largest, ratio);
+    }
+    if ill_conditioned { Conditioned::IllConditioned } else { Conditioned::Ratio(largest) }
+}
+
 /// The map against the formulas: |P(z) − literal(z)| over the sum of both
 /// bounds.
 pub fn literal_formula(model: &Model, map: &dyn Measurable, points: &[f64]) -> Tally {
@@ -194,16 +211,11 @@ pub fn literal_formula(model: &Model, map: &dyn Measurable, points: &[f64]) -> T
         let (own, _) = walk.value_bounds();
         let reference = bounded(network, z, 0);
         let size = z.iter().fold(1.0_f64, |m, v| m.max(v.abs()));
-        let mut largest = 0.0;
-        for i in 0..z.len() {
+        let entries = (0..z.len()).map(|i| {
             let bound = u * own[i] + reference[i].re.error();
-            if !(bound < 0.1 * size) {
-                return Conditioned::IllConditioned;
-            }
-            let error = (walk.end()[i] - reference[i].re.value).abs();
-            largest = max_or_nan(largest, if error == 0.0 { 0.0 } else { error / bound });
-        }
-        Conditioned::Ratio(largest)
+            (walk.end()[i] - reference[i].re.value, bound, size)
+        });
+        worst_of(entries)
     });
     Tally::of_ratios("gradient", "P(z) = the formulas").extend(results.collect::<Vec<_>>())
 }
@@ -216,8 +228,7 @@ pub fn other_derivatives(model: &Model, map: &dyn Measurable, points: &[f64]) ->
     for z in points.chunks_exact(2 * map.dof()) {
         let walk = Walk::new(&steps, z);
         let own = walk.jacobian();
-        let mut worst = 0.0;
-        let mut ill_conditioned = false;
+        let mut entries = Vec::new();
         for column in 0..z.len() {
             let one = |i: usize| if i == column { 1.0 } else { 0.0 };
             let mut first: Vec<num_dual::Dual64> =
@@ -229,18 +240,12 @@ pub fn other_derivatives(model: &Model, map: &dyn Measurable, points: &[f64]) ->
             // Both computations err by the bound of the formulas: ours by less.
             for (row, bounded) in bounded(network, z, column).iter().enumerate() {
                 let bound = 2.0 * bounded.eps[0].error();
-                ill_conditioned |= !(bound < 0.1);
                 for other in [first[row].eps, second[row].dual()] {
-                    let error = (own[row * z.len() + column] - other).abs();
-                    worst = max_or_nan(worst, if error == 0.0 { 0.0 } else { error / bound });
+                    entries.push((own[row * z.len() + column] - other, bound, 1.0));
                 }
             }
         }
-        tally.push(if ill_conditioned {
-            Conditioned::IllConditioned
-        } else {
-            Conditioned::Ratio(worst)
-        });
+        tally.push(worst_of(entries.into_iter()));
     }
     tally
 }

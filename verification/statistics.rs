@@ -47,19 +47,30 @@ fn network(index: usize) -> (Model, Samples) {
     (model, Samples::new(points, angles))
 }
 
+/// The laws that hold at every point. Orders in ε and drifts are slopes over
+/// many points and have no one sample.
 fn laws_on(index: usize) -> Vec<Tally> {
     let (model, samples) = network(index);
     let network = model.gyroceptron().expect("a gyroceptron");
     let points = samples.points();
-    let (map, forward): (&dyn Measurable, _) = (&model, Direction::Forward);
+    let (psi, near_identity) = (network.psi(), network.near_identity());
+    let inversion = |law: &str, equation: &str, map: &dyn Measurable, first: Direction| {
+        laws::inversion(law, equation, map, first, points)
+    };
+    let (forward, inverse) = (Direction::Forward, Direction::Inverse);
     let mut out = vec![
-        laws::symplecticity(map, points),
-        laws::inversion("inversion of P", "P⁻¹∘P = Id", map, forward, points),
-        laws::evaluation(map, points),
+        laws::symplecticity(&model, points),
+        inversion("inversion of P", "P⁻¹∘P = Id", &model, forward),
+        inversion("inversion of P", "P∘P⁻¹ = Id", &model, inverse),
+        inversion("inversion of ψ", "ψ⁻¹∘ψ = Id", &psi, forward),
+        inversion("inversion of I_ε", "I_ε⁻¹∘I_ε = Id", &near_identity, forward),
+        laws::evaluation(&model, points),
         laws::near_periodicity(network, points),
     ];
-    out.extend(laws::near_identity(network, points).into_iter().take(1));
+    out.extend(laws::identity_at_zero(network, points));
     out.extend(laws::circle_action(network, &samples));
+    out.extend(laws::conjugated_circle_action(network, &samples));
+    out.extend(laws::exact_relations(&model, points));
     out
 }
 

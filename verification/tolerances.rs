@@ -19,8 +19,8 @@ pub const COUNT: f64 = measure::COUNT_LIMIT;
 pub const CLEAN_MEDIAN: [f64; 2] = [0.05, 0.6];
 
 /// What may be missing to an order in ε: the next order contributes a relative
-/// 1e-2 at the largest ε, where I_ε moves points by a hundredth of their size,
-/// and its effect on the slope is several times that for weights where the
+/// 1e-3 at the largest ε, where I_ε moves points by a thousandth of their size,
+/// and its effect on the slope is some tens of times that for weights where the
 /// leading term is small.
 pub const ORDER: f64 = measure::SLOPE_LIMIT;
 
@@ -29,17 +29,26 @@ pub const ORDER: f64 = measure::SLOPE_LIMIT;
 /// stays: 0, up to the last points of the curve being reached late.
 pub const DRIFT_EXPONENT: f64 = 0.05;
 
+/// The same with a second degree of freedom, up to Nε = 10: the orbit fills more
+/// than a curve and finds its range more slowly.
+pub const DRIFT_EXPONENT_4D: f64 = 0.2;
+
 /// The exponent of the control, which loses a fixed share of μ₀ at each
 /// iteration, is 1: up to the oscillation that it has in common with the clean
 /// map at its first horizon, and its exponential decay at the last.
 pub const CONTROL_EXPONENT: f64 = 0.1;
 
-/// The slope of the drift in ε is 1, up to the second order in ε: a relative
-/// 1e-2 at ε = 1e-3.
+/// The slope of the drift in ε is 1, up to the second order in ε, which is a
+/// relative 1e-6 at the largest ε, and to rounding, 1e-5 at the smallest. The
+/// confidence interval is the sharper criterion; this one bounds its width.
 pub const DRIFT_SLOPE: f64 = 0.1;
 
 /// Drifts count that are so many times the drift of rounding at ε = 0.
 pub const ABOVE_FLOOR: f64 = 100.0;
+
+/// The share of samples on which rounding may leave no digit: a twelfth is
+/// seen, in the determinant of networks of 40 layers.
+pub const ILL_CONDITIONED_SHARE: f64 = 0.1;
 
 /// Confidence of all intervals.
 pub const CONFIDENCE: f64 = 0.99;
@@ -67,9 +76,10 @@ mod needed {
     use crate::mutants::Fault;
     use crate::{adiabatic, mutants, near_identity, precision, statistics, suite, symplecticity};
     use crate::{inversion, tanh};
+    use gyroceptron::scalar::max_or_nan;
 
     /// A tenth of the limit would reject the clean suite, ten times the limit
-    /// would let a mutant live.
+    /// would let a mutant live. All three are measured.
     fn is_needed(name: &str, clean: f64, limit: f64, mutant: f64) {
         assert!(clean < limit && limit < mutant, "{name}: {clean:e} < {limit:e} < {mutant:e}");
         if suite::seed() != suite::SEED || suite::extensive() {
@@ -80,12 +90,12 @@ mod needed {
     }
 
     fn largest(rows: &[gyroceptron::measure::Row]) -> f64 {
-        rows.iter().filter_map(|row| row.largest).fold(0.0, f64::max)
+        rows.iter().map(|row| row.largest.unwrap_or(f64::NAN)).fold(0.0, max_or_nan)
     }
 
     #[test]
     fn the_ratio() {
-        let clean = largest(symplecticity::rows()).max(largest(inversion::rows()));
+        let clean = max_or_nan(largest(symplecticity::rows()), largest(inversion::rows()));
         let weakest = mutants::smallest_inversion(Fault::InverseInnerBarely);
         is_needed("RATIO", clean, RATIO, weakest);
     }
@@ -110,25 +120,45 @@ mod needed {
     #[test]
     fn the_orders() {
         let clean = near_identity::largest_shortfall();
-        is_needed("ORDER", clean, ORDER, mutants::largest_of(Fault::AbsoluteEpsilon, "O(ε²)"));
+        // Orders are whole numbers: a mutant is wrong by one.
+        let mutant = mutants::largest_of(Fault::AbsoluteEpsilon, "O(ε²)");
+        assert!(clean < ORDER && ORDER < mutant, "{clean} {mutant}");
+        assert!(clean > ORDER / 100.0, "{clean}");
     }
 
     #[test]
+    fn the_share() {
+        let share =
+            |row: &gyroceptron::measure::Row| row.ill_conditioned as f64 / row.samples as f64;
+        let clean = crate::report::clean_rows().iter().map(share).fold(0.0, max_or_nan);
+        assert!(ILL_CONDITIONED_SHARE / 10.0 < clean && clean < ILL_CONDITIONED_SHARE, "{clean}");
+    }
+
+    /// The limits of the drifts are those that the theory promises, far above
+    /// what is seen; the control shows that they are not out of reach.
+    #[test]
     fn the_drifts() {
         let study = adiabatic::study();
-        is_needed("CONTROL_EXPONENT", study.control_defect(), CONTROL_EXPONENT, 0.95);
-        assert!(study.largest_exponent() < DRIFT_EXPONENT);
-        assert!(study.control_exponent() > DRIFT_EXPONENT * 10.0);
+        let control = study.control_exponent();
+        assert!(study.largest_exponent() < DRIFT_EXPONENT && DRIFT_EXPONENT < control);
+        assert!(DRIFT_EXPONENT_4D < control && control < 10.0 * DRIFT_EXPONENT_4D, "{control}");
+        let defect = study.control_defect();
+        assert!(defect < CONTROL_EXPONENT && defect > CONTROL_EXPONENT / 10.0, "{defect}");
         assert!(study.slope_defect() < DRIFT_SLOPE);
+        let ignored = mutants::largest_of(Fault::EpsilonIgnored, "slope − 1");
+        assert!(DRIFT_SLOPE < ignored, "{ignored}");
         assert!(study.least_above_floor() > ABOVE_FLOOR);
     }
 
     #[test]
     fn the_ladder() {
         let ladder = precision::ladder();
-        is_needed("LADDER_TWO_RUNGS", ladder.worst_two_rungs(), LADDER_TWO_RUNGS, 1.0);
-        is_needed("LADDER_THREE_RUNGS", ladder.worst_three_rungs(), LADDER_THREE_RUNGS, 0.4);
-        assert!(ladder.median_defect() < LADDER_MEDIAN);
+        let two = precision::two_rungs_of_mutant(1e-24);
+        is_needed("LADDER_TWO_RUNGS", ladder.worst_two_rungs(), LADDER_TWO_RUNGS, two);
+        let three = precision::three_rungs_of_mutant(1e-26);
+        is_needed("LADDER_THREE_RUNGS", ladder.worst_three_rungs(), LADDER_THREE_RUNGS, three);
+        let weak = precision::three_rungs_of_mutant(1e-28);
+        is_needed("LADDER_MEDIAN", ladder.median_defect(), LADDER_MEDIAN, weak);
     }
 
     #[test]

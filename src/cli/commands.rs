@@ -186,7 +186,11 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
         Some(path) => {
             let stored = load_model(path)?;
             if let Some(network) = stored.model.gyroceptron()
-                && let Some(resonance) = disturbing_resonance(network.theta(), network.epsilon())
+                && let Some(resonance) = disturbing_resonance(
+                    &network.shape().circle_action,
+                    network.theta(),
+                    network.epsilon(),
+                )
             {
                 line(&format!(
                     "note: θ = {} is next to the resonance {resonance}: there is hardly an \

@@ -29,8 +29,8 @@ impl Array {
     }
 }
 
-/// Fails on a header that is not that of a plain array: the parser behind takes
-/// a time exponential in the depth of nested brackets.
+/// Fails on a header that is not that of a plain array which the bytes can hold:
+/// the parser behind takes a time exponential in the depth of nested brackets.
 fn check_header(place: &str, bytes: &[u8]) -> Result<(), Error> {
     const LONGEST: usize = 4096;
     let fail = |found: &dyn std::fmt::Display| {
@@ -51,6 +51,31 @@ fn check_header(place: &str, bytes: &[u8]) -> Result<(), Error> {
     let Some(header) = bytes.get(start..start + length) else {
         return fail(&"half a header");
     };
+    // The sizes, as the parser behind multiplies them: it checks for neither
+    // overflow nor memory.
+    let sizes = header
+        .split(|b| *b == b'(')
+        .nth(1)
+        .and_then(|rest| rest.split(|b| *b == b')').next())
+        .unwrap_or_default()
+        .split(|b| !b.is_ascii_digit())
+        .filter(|digits| !digits.is_empty());
+    let (mut numbers, mut empty) = (1_usize, false);
+    for digits in sizes {
+        let size = std::str::from_utf8(digits).ok().and_then(|text| text.parse().ok());
+        let product = match size {
+            Some(0) => {
+                empty = true;
+                Some(numbers)
+            }
+            Some(size) => numbers.checked_mul(size),
+            None => None,
+        };
+        match product {
+            Some(product) if empty || product <= bytes.len() => numbers = product,
+            _ => return fail(&"more numbers than the file holds"),
+        }
+    }
     let count = |bracket: u8| header.iter().filter(|b| **b == bracket).count();
     if count(b'{') > 1 || count(b'(') > 1 || count(b'[') > 0 {
         return Err(Error::content(

@@ -1,6 +1,6 @@
 //! Potentials V(y) and what their gradients and adjoints need.
 
-use crate::scalar::{Over, Real, Scalar, max_or_nan};
+use crate::scalar::{Over, Real, Scalar};
 
 /// A potential V: ℝⁿ → ℝ, seen through its gradient.
 ///
@@ -30,15 +30,15 @@ pub trait Potential<S: Scalar> {
     /// `out` ← δ, with u·δ the scale of the rounding error of ∇V(y).
     fn gradient_magnitude(&self, y: &[S], out: &mut [S]);
 
-    /// How far errors `spread` of y move the argument of the nonlinearity, in
-    /// units of the scale on which it bends: ∇V is linear over errors for which
-    /// this is small. Zero for a potential that says nothing of it.
-    fn argument_spread(&self, y: &[S], spread: &[S]) -> f64
+    /// `out` ← a bound of how far ∇V(y) is from linear over errors `spread` of y:
+    /// what a first-order analysis of rounding leaves out. Zero for a potential
+    /// that says nothing of it.
+    fn curvature_magnitude(&self, y: &[S], spread: &[S], out: &mut [S])
     where
         S: Real,
     {
         let _ = (y, spread);
-        0.0
+        out.fill(S::zero());
     }
 }
 
@@ -205,27 +205,29 @@ impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, 
         }
     }
 
-    /// The largest |W|ᵀ(spread) of a neuron that is not saturated all over it.
-    fn argument_spread(&self, y: &[S], spread: &[S]) -> f64
+    /// |W|(|w| ⊙ c·min(d², 1)) with d = |W|ᵀ·spread and c = min(1, 8e^{−2|a|}) a
+    /// bound of ½|(sech²)″| next to the preactivation a, for errors up to a
+    /// hundred times what they are taken for.
+    fn curvature_magnitude(&self, y: &[S], spread: &[S], out: &mut [S])
     where
         S: Real,
     {
-        /// No sech² is left beyond, even where the error is a hundred times
-        /// what it is taken for.
-        const SATURATED: f64 = 400.0;
         const ROOM: f64 = 100.0;
-        let h = self.width();
-        let mut largest = 0.0;
+        let (n, h) = (self.n(), self.width());
+        out.fill(S::zero());
         for j in 0..h {
-            let mut own = 0.0;
-            for i in 0..self.n() {
-                own += S::embed(self.w_in[i * h + j]).value().abs() * spread[i].value().abs();
+            let mut d = 0.0;
+            for i in 0..n {
+                d += S::embed(self.w_in[i * h + j]).value().abs() * spread[i].value().abs();
             }
-            let saturated = self.preactivation(j, y).value().abs() - ROOM * own > SATURATED;
-            if !saturated {
-                largest = max_or_nan(largest, own);
+            // `min` would lose a NaN.
+            let at_most_one = |x: f64| if x > 1.0 { 1.0 } else { x };
+            let nearest = self.preactivation(j, y).value().abs() - ROOM * d;
+            let bend = at_most_one(8.0 * libm::exp(-2.0 * nearest)) * at_most_one(d * d);
+            let weight = S::embed(self.w_out[j]).abs() * S::from_f64(bend);
+            for i in 0..n {
+                out[i] = S::embed(self.w_in[i * h + j]).abs().mul_add(weight, out[i]);
             }
         }
-        largest
     }
 }

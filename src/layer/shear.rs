@@ -178,17 +178,24 @@ impl<P: Over<P>, V: Potential<P>> Kick<'_, P, V> {
         }
     }
 
-    /// As [`Potential::argument_spread`], for errors `spread` of the point z.
-    pub fn argument_spread(&self, z: &[P], spread: &[P]) -> f64
+    /// `out` ← a bound of how far the shear is from linear over errors `spread`
+    /// of the point z.
+    pub fn curvature_magnitude(&self, z: &[P], spread: &[P], out: &mut [P])
     where
         P: Real,
     {
+        out.fill(P::zero());
         if self.is_identity() {
-            return 0.0;
+            return;
         }
-        let mut argument = vec![P::zero(); self.potential.dof()];
+        let n = self.potential.dof();
+        let mut argument = vec![P::zero(); n];
+        let mut own = vec![P::zero(); n];
         self.argument(self.source_of(z), &mut argument);
-        self.potential.argument_spread(&argument, self.source_of(spread))
+        self.potential.curvature_magnitude(&argument, self.source_of(spread), &mut own);
+        for i in 0..n {
+            out[self.target.index(n, i)] = self.scale.abs() * own[i];
+        }
     }
 
     fn hessian_magnitude(&self, z: &[P]) -> Vec<P> {

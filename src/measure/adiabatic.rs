@@ -1,6 +1,7 @@
 //! The drift of an adiabatic invariant, and the exponents it is judged by.
 
 use crate::error::Error;
+use crate::layer::CircleAction;
 use crate::phase::Map;
 use crate::scalar::max_or_nan;
 use std::f64::consts::TAU;
@@ -57,12 +58,19 @@ pub fn nearest_resonance(theta: f64, largest: u32) -> Option<Resonance> {
         .min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
-/// The resonance with q ≤ 7 that is so near, within 10ε, that μ₀ drifts by some
-/// tenth of its size and more; none where there is an adiabatic invariant.
-pub fn disturbing_resonance(theta: f64, epsilon: f64) -> Option<Resonance> {
+/// The resonance of one of the planes, m_jθ next to 2πp/q with q ≤ 7, that is so
+/// near, within 10ε, that μ₀ drifts by some tenth of its size and more; none
+/// where there is an adiabatic invariant.
+pub fn disturbing_resonance(action: &CircleAction, theta: f64, epsilon: f64) -> Option<Resonance> {
     const PERIODS: u32 = 7;
     const NEAR: f64 = 10.0;
-    nearest_resonance(theta, PERIODS).filter(|r| r.distance < NEAR * epsilon.abs())
+    action
+        .weights()
+        .iter()
+        .filter(|weight| **weight != 0)
+        .filter_map(|&weight| nearest_resonance(f64::from(weight) * theta, PERIODS))
+        .filter(|r| !(r.distance >= NEAR * epsilon.abs()))
+        .min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
 impl std::fmt::Display for Resonance {
@@ -122,7 +130,7 @@ pub fn invariant_horizon(
 pub struct Line {
     /// Its slope.
     pub slope: f64,
-    /// The standard error of the slope; NaN for two points.
+    /// The standard error of the slope.
     pub slope_error: f64,
     /// The number of points less 2.
     pub degrees_of_freedom: usize,

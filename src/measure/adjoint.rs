@@ -65,6 +65,9 @@ pub fn adjoint_ratio(
     let bars = z_bar.iter().chain(&parameters_bar).copied();
     let right = dot(&mut bars.zip(direction.iter().copied()));
     let bound = left.error() + right.error();
+    if !(left.value - right.value).is_finite() {
+        return Conditioned::Ratio(f64::NAN);
+    }
     if !(bound <= super::inversion::ILL_CONDITIONED * size) {
         return Conditioned::IllConditioned;
     }

@@ -5,6 +5,7 @@ use super::tally::{RATIO_LIMIT, Row, Tally, Verdict, merged};
 use super::{Measurable, NearlyPeriodic};
 use crate::error::Error;
 use crate::network::{Direction, Model};
+use crate::scalar::max_or_nan;
 use serde::{Deserialize, Serialize};
 
 /// What was asked, and a row for each law.
@@ -27,13 +28,16 @@ impl Certificate {
         !self.rows.is_empty() && self.rows.iter().all(holds)
     }
 
-    /// The largest ratio of all laws with a rounding bound.
+    /// The largest ratio of all laws with a rounding bound; NaN if one is.
     pub fn largest_ratio(&self) -> Option<f64> {
         self.rows
             .iter()
             .filter(|row| row.limit == RATIO_LIMIT && row.verdict != Verdict::Reported)
-            .filter_map(|row| row.largest)
-            .max_by(f64::total_cmp)
+            .filter_map(|row| match row.verdict {
+                Verdict::Violated => Some(row.largest.unwrap_or(f64::NAN)),
+                _ => row.largest,
+            })
+            .reduce(max_or_nan)
     }
 }
 
@@ -77,8 +81,9 @@ impl CertificateOptions {
 /// Measures the laws that `model` is built to obey.
 ///
 /// A HénonNet: those of [`certify_map`]. A gyroceptron: those of
-/// [`certify_family`]. Both: those of [`laws::of_parameters`]. Cost: some 200
-/// evaluations over dual numbers a sample.
+/// [`certify_family`] and [`laws::formula_of_generator`]. Both:
+/// [`laws::exact_relations`]. Cost: some 200 evaluations over dual numbers a
+/// sample.
 pub fn certify(model: &Model, options: CertificateOptions) -> Certificate {
     certify_all(std::slice::from_ref(model), options)
 }
@@ -89,9 +94,13 @@ pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate
         let samples = Samples::draw(model.composition().dof(), index, options);
         let mut out = match model {
             Model::HenonNet(network) => of_map(network, &samples),
-            Model::Gyroceptron(network) => of_family(network, &samples),
+            Model::Gyroceptron(network) => {
+                let mut out = of_family(network, &samples);
+                out.push(laws::formula_of_generator(network, samples.points()));
+                out
+            }
         };
-        out.extend(laws::of_parameters(model, samples.points()));
+        out.extend(laws::exact_relations(model, samples.points()));
         out
     });
     Certificate::of(options, tallies)
@@ -163,7 +172,8 @@ fn of_family(family: &dyn NearlyPeriodic, samples: &Samples) -> Vec<Tally> {
     let forward = Direction::Forward;
     out.push(laws::inversion("inversion of ψ", "ψ⁻¹∘ψ = Id", &*psi, forward, points));
     out.push(laws::inversion("inversion of I_ε", "I_ε⁻¹∘I_ε = Id", &*own, forward, points));
-    out.extend(laws::near_identity(family, points));
+    out.extend(laws::identity_at_zero(family, points));
+    out.extend(laws::near_identity_orders(family, points));
     out.push(laws::near_periodicity(family, points));
     out.extend(laws::circle_action(family, samples));
     out.extend(laws::conjugated_circle_action(family, samples));

@@ -87,9 +87,16 @@ pub fn turning_axiom_ratio(
     let mut largest = 0.0;
     for i in 0..2 * n {
         let weight = weights[i % n];
-        let bound = f64::unit_roundoff() * axiom.bound(weight) * radii[i % n];
+        // Where it is not exact, underflow rounds to multiples of 2⁻¹⁰⁷⁴.
+        let bound = match axiom.bound(weight) {
+            0.0 => 0.0,
+            units => f64::unit_roundoff() * (units * radii[i % n] + f64::MIN_POSITIVE),
+        };
         let bound = if weight == 0 { 0.0 } else { bound };
-        largest = max_or_nan(largest, over((left[i] - right[i]).abs(), bound));
+        let error = (left[i] - right[i]).abs();
+        let same_zero = axiom != CircleAxiom::Identity || left[i].to_bits() == right[i].to_bits();
+        let error = if same_zero { error } else { f64::INFINITY };
+        largest = max_or_nan(largest, over(error, bound));
     }
     largest
 }
@@ -135,6 +142,7 @@ pub fn conjugated_axiom_ratio(
     }
     let size = z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     let mut largest = 0.0;
+    let mut ill_conditioned = !linear;
     for row in 0..dim {
         let mut carried = 0.0;
         for column in 0..dim {
@@ -145,12 +153,10 @@ pub fn conjugated_axiom_ratio(
                 carried += entry * axiom.bound(weight) * radii[plane];
             }
         }
-        if !(linear && u * (reach + carried) <= ILL_CONDITIONED * size) {
-            return Conditioned::IllConditioned;
-        }
+        ill_conditioned |= !(u * (reach + carried) <= ILL_CONDITIONED * size);
         let bound = u * (squares[row] + carried);
         let error = (ends[0][row] - ends[1][row]).abs();
         largest = max_or_nan(largest, over(error, bound));
     }
-    Conditioned::Ratio(largest)
+    if ill_conditioned { Conditioned::IllConditioned } else { Conditioned::Ratio(largest) }
 }

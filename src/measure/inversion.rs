@@ -1,6 +1,6 @@
 //! P⁻¹∘P = Id, measured in units of its rounding bound.
 
-use super::{MeasuredStep, Walk};
+use super::{MeasuredSteps, Walk};
 use crate::scalar::{Scalar, max_or_nan};
 
 /// A ratio, or the word that no digit is left to test.
@@ -14,30 +14,55 @@ pub enum Conditioned {
 }
 
 /// The share of |z| beyond which rounding leaves no digit to test.
-pub(super) const ILL_CONDITIONED: f64 = 0.1;
+pub const ILL_CONDITIONED: f64 = 0.1;
 
-/// ρ_I: how far the steps, which should compose to the identity, are from it
-/// at z, over the rounding bound √(Σᵢ(|J_N Jᵢ⁻¹|δᵢ)² + z²)·u, the largest over
-/// the components.
-pub fn inversion_ratio(steps: &[Box<dyn MeasuredStep + '_>], z: &[f64]) -> Conditioned {
-    let u = f64::unit_roundoff();
-    let walk = Walk::new(steps, z);
-    let (squares, sums) = walk.value_bounds();
-    let size = z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    let reach = sums.into_iter().fold(0.0, max_or_nan);
-    let point = walk.end();
-    if point.iter().any(|v| !v.is_finite()) {
-        return Conditioned::Ratio(f64::NAN);
+/// ρ_I: how far the steps `there` and then `back`, which should be their
+/// inverse, come from z, over the rounding bound u·√(2Σᵢ(|Jᵢ⁻¹|δᵢ)² + z²) with
+/// i over the steps there; the largest over the components.
+pub fn inversion_ratio(
+    there: MeasuredSteps<'_>,
+    back: MeasuredSteps<'_>,
+    z: &[f64],
+) -> Conditioned {
+    ThereAndBack::new(there, back).ratio(z)
+}
+
+/// The steps of a map and of what should be its inverse, for many points.
+pub struct ThereAndBack<'a> {
+    steps: MeasuredSteps<'a>,
+    there: usize,
+}
+
+impl<'a> ThereAndBack<'a> {
+    /// The way there and the way back.
+    pub fn new(there: MeasuredSteps<'a>, back: MeasuredSteps<'a>) -> Self {
+        let count = there.len();
+        let mut steps = there;
+        steps.extend(back);
+        Self { steps, there: count }
     }
-    if !(u * reach <= ILL_CONDITIONED * size) || !walk.is_linear() {
-        return Conditioned::IllConditioned;
+
+    /// As [`inversion_ratio`].
+    pub fn ratio(&self, z: &[f64]) -> Conditioned {
+        let u = f64::unit_roundoff();
+        let walk = Walk::new(&self.steps, z);
+        let (squares, sums) = walk.return_bounds(self.there);
+        let size = z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let reach = sums.into_iter().fold(0.0, max_or_nan);
+        let point = walk.end();
+        if point.iter().any(|v| !v.is_finite()) {
+            return Conditioned::Ratio(f64::NAN);
+        }
+        if !(u * reach <= ILL_CONDITIONED * size) || !walk.is_linear() {
+            return Conditioned::IllConditioned;
+        }
+        let mut largest = 0.0;
+        for ((moved, start), square) in point.iter().zip(z).zip(&squares) {
+            let bound = u * libm::hypot(*square, *start);
+            let error = (moved - start).abs();
+            let ratio = if error == 0.0 { 0.0 } else { error / bound };
+            largest = max_or_nan(largest, ratio);
+        }
+        Conditioned::Ratio(largest)
     }
-    let mut largest = 0.0;
-    for ((moved, start), square) in point.iter().zip(z).zip(&squares) {
-        let bound = u * libm::hypot(*square, *start);
-        let error = (moved - start).abs();
-        let ratio = if error == 0.0 { 0.0 } else { error / bound };
-        largest = max_or_nan(largest, ratio);
-    }
-    Conditioned::Ratio(largest)
 }

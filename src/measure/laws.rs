@@ -6,14 +6,14 @@ use super::adiabatic::{invariant_drift, log_slope};
 use super::adjoint::{Adjoint, adjoint_ratio};
 use super::circle_axioms::{CircleAxiom, conjugated_axiom_ratio, turning_axiom_ratio};
 use super::determinant::determinant_ratio;
-use super::inversion::{Conditioned, inversion_ratio};
+use super::inversion::{Conditioned, ThereAndBack};
 use super::near_identity::{
     differing_components, near_identity_generator, near_identity_size, near_identity_undoing,
 };
 use super::relations::Relation;
 use super::tally::Tally;
 use super::{CertificateOptions, Measurable, NearlyPeriodic, Walk, symplecticity_ratio};
-use crate::network::{Direction, Model, Stream};
+use crate::network::{Direction, Gyroceptron, Model, Stream};
 use crate::phase::Map;
 use crate::scalar::{Scalar, max_or_nan};
 use std::f64::consts::TAU;
@@ -71,10 +71,15 @@ fn moved(map: &(impl Map<f64> + ?Sized), direction: Direction, z: &[f64]) -> Vec
     out
 }
 
-/// JᵀΩJ = Ω, by [`symplecticity_ratio`].
+/// JᵀΩJ = Ω, by [`symplecticity_ratio`]; the samples have to be sound.
 pub fn symplecticity(map: &dyn Measurable, points: &[f64]) -> Tally {
+    symplecticity_of("symplecticity of P", map, points).must_be_sound()
+}
+
+/// The same of a part, under a name of its own, on any samples.
+pub fn symplecticity_of(law: &str, map: &dyn Measurable, points: &[f64]) -> Tally {
     let steps = map.measured_steps(Direction::Forward);
-    Tally::of_ratios("symplecticity of P", "JᵀΩJ = Ω").must_be_sound().extend(
+    Tally::of_ratios(law, "JᵀΩJ = Ω").extend(
         points
             .chunks_exact(2 * map.dof())
             .map(|z| Conditioned::Ratio(symplecticity_ratio(&Walk::new(&steps, z)))),
@@ -90,27 +95,34 @@ pub fn inversion(
     first: Direction,
     points: &[f64],
 ) -> Tally {
-    let then = match first {
-        Direction::Forward => Direction::Inverse,
-        Direction::Inverse => Direction::Forward,
-    };
-    let mut steps = map.measured_steps(first);
-    steps.extend(map.measured_steps(then));
-    let results = points.chunks_exact(2 * map.dof()).map(|z| inversion_ratio(&steps, z));
+    let both = ThereAndBack::new(map.measured_steps(first), map.measured_steps(other(first)));
+    let results = points.chunks_exact(2 * map.dof()).map(|z| both.ratio(z));
     Tally::of_ratios(law, equation).extend(results)
 }
 
-/// L⁻¹∘L = Id for each layer alone: the test that is left where the
+fn other(direction: Direction) -> Direction {
+    match direction {
+        Direction::Forward => Direction::Inverse,
+        Direction::Inverse => Direction::Forward,
+    }
+}
+
+/// L⁻¹∘L = Id for each layer alone, in the direction in which the map applies
+/// it and at the points that reach it: the test that is left where the
 /// composition has no digit to show. None for a map without layers.
 pub fn layers(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
-    let (law, equation) = ("inversion of layers", "L⁻¹∘L = Id, each");
-    map.layers()
-        .iter()
-        .map(|layer| inversion(law, equation, &**layer, Direction::Forward, points))
-        .reduce(|mut all, own| {
-            all.merge(own);
-            all
-        })
+    let mut tally = Tally::of_ratios("inversion of layers", "L⁻¹∘L = Id, each");
+    let layers = map.layers();
+    let mut reached = points.to_vec();
+    for (direction, layer) in &layers {
+        let there = layer.measured_steps(*direction);
+        let both = ThereAndBack::new(there, layer.measured_steps(other(*direction)));
+        for z in reached.chunks_exact_mut(2 * map.dof()) {
+            tally.push(both.ratio(z));
+            z.copy_from_slice(&moved(&**layer, *direction, z));
+        }
+    }
+    (!layers.is_empty()).then_some(tally)
 }
 
 /// The steps that the other laws walk over are what users call, for one point
@@ -148,8 +160,8 @@ pub fn determinant(map: &dyn Measurable, points: &[f64]) -> Tally {
     Tally::of_ratios("determinant", "det J = 1").reported().extend(results)
 }
 
-/// I₀ = I₋₀ = Id bit for bit, and the orders of I_ε − Id and I₋ε∘I_ε − Id.
-pub fn near_identity(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<Tally> {
+/// I₀ = I₋₀ = Id, bit for bit.
+pub fn identity_at_zero(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<Tally> {
     let dim = 2 * family.dof();
     let bitwise = |equation: &str, epsilon: f64| {
         let map = family.near_identity_at(epsilon);
@@ -158,18 +170,22 @@ pub fn near_identity(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<Tally> 
             .map(|z| Conditioned::Ratio(differing_components(&*map, z) as f64));
         Tally::of_counts("near identity", equation).extend(counts)
     };
+    vec![bitwise("I₀ = Id, bitwise", 0.0), bitwise("I₋₀ = Id, bitwise", -0.0)]
+}
+
+/// The orders of I_ε − Id and I₋ε∘I_ε − Id in ε.
+pub fn near_identity_orders(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<Tally> {
     let size = |e: f64| near_identity_size(&*family.near_identity_at(e), points);
     let undoing = |e: f64| {
         let (there, back) = (family.near_identity_at(e), family.near_identity_at(-e));
         near_identity_undoing(&*there, &*back, points)
     };
     let epsilons = small_epsilons(family, points);
-    let (radius, count) = (radius(points), points.len() / dim);
+    let radius = radius(points);
+    let responds = responds(family, &epsilons, points);
     vec![
-        bitwise("I₀ = Id, bitwise", 0.0),
-        bitwise("I₋₀ = Id, bitwise", -0.0),
-        order("|I_ε − Id| = O(ε)", 1.0, &epsilons, radius, count, false, &size),
-        order("|I₋ε∘I_ε − Id| = O(ε²)", 2.0, &epsilons, radius, count, false, &undoing),
+        order("|I_ε − Id| = O(ε)", 1.0, &epsilons, radius, false, &size),
+        order("|I₋ε∘I_ε − Id| = O(ε²)", 2.0, &epsilons, radius, responds, &undoing),
     ]
 }
 
@@ -199,10 +215,14 @@ pub fn generator(
     };
     let epsilons = small_epsilons(family, points);
     let equation = "I_ε − I₋ε = 2ε X_G₁ + O(ε³)";
-    let responds = !(near_identity_size(&*family.near_identity_at(epsilons[0]), points)
-        <= ABOVE_ROUNDING * f64::unit_roundoff() * radius(points));
-    let count = points.len() / dim;
-    order(equation, 3.0, &epsilons, radius(points), count, responds, &difference)
+    let responds = responds(family, &epsilons, points);
+    order(equation, 3.0, &epsilons, radius(points), responds, &difference)
+}
+
+/// Whether I_ε moves points by more than rounding at the first of `epsilons`.
+fn responds(family: &dyn NearlyPeriodic, epsilons: &[f64], points: &[f64]) -> bool {
+    let size = near_identity_size(&*family.near_identity_at(epsilons[0]), points);
+    !(size <= ABOVE_ROUNDING * f64::unit_roundoff() * radius(points))
 }
 
 fn radius(points: &[f64]) -> f64 {
@@ -210,10 +230,10 @@ fn radius(points: &[f64]) -> f64 {
 }
 
 /// Six values, halved one after the other, from where I_ε moves points by
-/// about a hundredth of their size.
+/// about a thousandth of their size, or from 0.03 where that takes more.
 fn small_epsilons(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<f64> {
     let response = near_identity_size(&*family.near_identity_at(1e-6), points) / 1e-6;
-    let largest = f64::min(1.0, 1e-2 * radius(points) / response);
+    let largest = f64::min(0.03, 1e-3 * radius(points) / response);
     (0..6).map(|k| largest * libm::exp2(-f64::from(k))).collect()
 }
 
@@ -225,7 +245,6 @@ fn order(
     order: f64,
     epsilons: &[f64],
     radius: f64,
-    samples: usize,
     responds: bool,
     value: &dyn Fn(f64) -> f64,
 ) -> Tally {
@@ -235,24 +254,32 @@ fn order(
         .map(|&epsilon| (epsilon, value(epsilon)))
         .filter(|(_, size)| !(*size <= floor))
         .unzip();
-    let hidden = values.len() < 3;
+    let nan = values.iter().any(|value| value.is_nan());
+    let hidden = values.len() < 3 && !nan;
     let slope = log_slope(&epsilons, &values);
     let shortfall = if slope >= order { 0.0 } else { order - slope };
     let result = Conditioned::Ratio(if hidden { 0.0 } else { shortfall });
-    Tally::of_slopes("near identity", equation, samples)
-        .is_vacuous(hidden && !responds)
-        .extend([result])
+    Tally::of_slopes("near identity", equation).is_vacuous(hidden && !responds).extend([result])
 }
 
-/// P₀ = ψ∘Φ_θ∘ψ⁻¹, bit for bit.
+/// P₀ = ψ∘Φ_θ∘ψ⁻¹ bit for bit, in both directions; and forward the same bits
+/// as ψ⁻¹, Φ_θ and ψ one after the other.
 pub fn near_periodicity(family: &dyn NearlyPeriodic, points: &[f64]) -> Tally {
     let limit = family.map_at(0.0);
     let rotation = family.conjugated_action_at(family.angle());
+    let psi = family.conjugation();
     let counts = points.chunks_exact(2 * family.dof()).map(|z| {
-        let forward = Direction::Forward;
-        Conditioned::Ratio(
-            differing(&moved(&*limit, forward, z), &moved(&*rotation, forward, z)) as f64
-        )
+        let mut parts = moved(&*psi, Direction::Inverse, z);
+        family.turn(family.angle(), &mut parts);
+        psi.forward(&mut parts);
+        let ahead = moved(&*limit, Direction::Forward, z);
+        let count = differing(&ahead, &moved(&*rotation, Direction::Forward, z))
+            + differing(&ahead, &parts)
+            + differing(
+                &moved(&*limit, Direction::Inverse, z),
+                &moved(&*rotation, Direction::Inverse, z),
+            );
+        Conditioned::Ratio(count as f64)
     });
     Tally::of_counts("near periodicity", "P₀ = ψ∘Φ_θ∘ψ⁻¹, bitwise").extend(counts)
 }
@@ -305,22 +332,22 @@ pub fn pullback(map: &dyn Adjoint, points: &[f64], dof: usize, seed: u64) -> Tal
     Tally::of_ratios("gradient", "⟨c, DP·d⟩ = ⟨DPᵀ·c, d⟩").extend(results)
 }
 
-/// The laws that only a network of tanh potentials can be asked for: the exact
-/// relations of its parameters, and the generator of its near-identity part.
-pub fn of_parameters(model: &Model, points: &[f64]) -> Vec<Tally> {
-    let mut out = Vec::new();
-    for relation in Relation::ALL {
+/// The exact relations of a network of tanh potentials.
+pub fn exact_relations(model: &Model, points: &[f64]) -> Vec<Tally> {
+    let each = Relation::ALL.iter().filter_map(|relation| {
         // Scaled parameters that leave the finite numbers relate to nothing.
-        let Ok(other) = relation.transform_model(model) else { continue };
+        let other = relation.transform_model(model).ok()?;
         let transform = |z: &mut [f64]| relation.transform_point(z);
-        out.push(exact_relation(relation.equation(), model, &other, &transform, points));
-    }
-    if let Model::Gyroceptron(network) = model {
-        let own = network.near_identity();
-        let field = |z: &[f64], out: &mut [f64]| near_identity_generator(&own, z, out);
-        out.push(generator(network, &field, points));
-    }
-    out
+        Some(exact_relation(relation.equation(), model, &other, &transform, points))
+    });
+    each.collect()
+}
+
+/// The generator of a gyroceptron's near-identity part, from its formula.
+pub fn formula_of_generator(network: &Gyroceptron<f64>, points: &[f64]) -> Tally {
+    let own = network.near_identity();
+    let field = |z: &[f64], out: &mut [f64]| near_identity_generator(&own, z, out);
+    generator(network, &field, points)
 }
 
 /// The exponent of the drift D(N) of μ₀ in N along the orbit of the first
@@ -332,13 +359,12 @@ pub fn of_parameters(model: &Model, points: &[f64]) -> Vec<Tally> {
 pub fn adiabatic_invariance(family: &dyn NearlyPeriodic, points: &[f64]) -> Tally {
     const EXPONENT: f64 = 0.2;
     const HORIZONS: [usize; 5] = [256, 512, 1024, 2048, 4096];
+    let tally = Tally::with_limit("adiabatic invariant", "|μ₀ − μ₀(0)| ∝ N⁰", EXPONENT).reported();
+    let Some(start) = points.get(..2 * family.dof()) else { return tally };
     let invariant = |z: &[f64]| family.leading_invariant(z);
-    let start = &points[..2 * family.dof()];
     let drifts = invariant_drift(family, &invariant, start, &HORIZONS);
     let exponent = log_slope(&HORIZONS.map(|n| n as f64), &drifts);
-    Tally::with_limit("adiabatic invariant", "|μ₀ − μ₀(0)| ∝ N⁰", EXPONENT, 1)
-        .reported()
-        .extend([Conditioned::Ratio(exponent.abs())])
+    tally.extend([Conditioned::Ratio(exponent.abs())])
 }
 
 /// Q∘T = T∘P, bit for bit, for the change of variables `transform`: an exact

@@ -1,7 +1,7 @@
 //! What a map must tell of itself to be measured.
 
 use super::rounding::{MeasuredStep, MeasuredSteps};
-use crate::layer::{CircleAction, ElementaryStep, HenonLayer, Potential, Rotation};
+use crate::layer::{CircleAction, ElementaryStep, HenonLayer, HenonMap, Potential, Rotation};
 use crate::network::{Composition, Direction, Gyroceptron, HenonNet, Model, map_points};
 use crate::phase::Map;
 use crate::scalar::{Dual, Scalar, Tracked};
@@ -26,10 +26,20 @@ pub trait Measurable: Map<f64> {
         }
     }
 
-    /// The layers, each to be measured alone; none where the map has no parts.
-    fn layers(&self) -> Vec<Box<dyn Measurable + '_>> {
+    /// The layers in the order of application, each with the direction in which
+    /// it is applied; none where the map has no parts.
+    fn layers(&self) -> Layers<'_> {
         Vec::new()
     }
+}
+
+/// Layers, each to be measured alone.
+pub type Layers<'a> = Vec<(Direction, Box<dyn Measurable + 'a>)>;
+
+/// Layers applied forward.
+fn forward_layers<'a, M: Measurable + 'a>(layers: impl Iterator<Item = M>) -> Layers<'a> {
+    let boxed = |layer| Box::new(layer) as Box<dyn Measurable + 'a>;
+    layers.map(|layer| (Direction::Forward, boxed(layer))).collect()
 }
 
 /// A family of nearly-periodic maps P_ε = I_ε∘ψ∘Φ_θ∘ψ⁻¹, seen through its
@@ -93,6 +103,94 @@ where
     }
 }
 
+impl<'p, V> Measurable for HenonMap<'p, f64, V>
+where
+    V: Potential<f64> + Potential<Dual<f64, 8>> + Copy + 'p,
+{
+    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
+        vec![Box::new(HenonStep { map: *self, inverse: direction == Direction::Inverse })]
+    }
+}
+
+/// The single Hénon map, or its inverse, as one step. One half of the output is
+/// a shifted copy, the other is a kick away from the other half of the input.
+struct HenonStep<'p, V> {
+    map: HenonMap<'p, f64, V>,
+    inverse: bool,
+}
+
+impl<V: Potential<f64> + Potential<Dual<f64, 8>>> HenonStep<'_, V> {
+    /// Where ∇V is taken: y, or x − η in the inverse.
+    fn argument(&self, z: &[f64]) -> Vec<f64> {
+        let n = z.len() / 2;
+        match self.inverse {
+            false => z[n..].to_vec(),
+            true => (0..n).map(|i| z[i] - self.map.eta[i]).collect(),
+        }
+    }
+
+    /// The first row of the half that ∇V is added to, and of the half that it
+    /// is taken of.
+    fn rows(&self, n: usize) -> (usize, usize) {
+        if self.inverse { (0, 0) } else { (n, n) }
+    }
+}
+
+impl<V: Potential<f64> + Potential<Dual<f64, 8>>> MeasuredStep for HenonStep<'_, V>
+where
+    V: Copy,
+{
+    fn apply(&self, z: &mut [f64]) {
+        if self.inverse { self.map.inverse(z) } else { self.map.forward(z) }
+    }
+
+    fn apply_tangent(&self, z: &mut [Dual<f64, 8>]) {
+        if self.inverse { self.map.inverse(z) } else { self.map.forward(z) }
+    }
+
+    fn jacobian_magnitude(&self, z: &[f64], before: &[f64], after: &[f64], e: &mut [f64]) {
+        let (dim, n) = (z.len(), z.len() / 2);
+        let (target, source) = self.rows(n);
+        let mut hessian = vec![0.0; n * n];
+        self.map.potential.hessian_magnitude(&self.argument(z), &mut hessian);
+        e.fill(0.0);
+        for i in 0..n {
+            for column in 0..dim {
+                let reach: f64 = (0..n)
+                    .map(|k| hessian[i * n + k] * before[(source + k) * dim + column].abs())
+                    .sum();
+                let row = (target + i) * dim + column;
+                e[row] = self.map.epsilon.abs().mul_add(reach, after[row].abs());
+            }
+        }
+    }
+
+    fn value_magnitude(&self, z: &[f64], after: &[f64], delta: &mut [f64]) {
+        let n = z.len() / 2;
+        let (target, _) = self.rows(n);
+        let mut magnitude = vec![0.0; n];
+        self.map.potential.gradient_magnitude(&self.argument(z), &mut magnitude);
+        for (d, value) in delta.iter_mut().zip(after) {
+            *d = value.abs();
+        }
+        for i in 0..n {
+            delta[target + i] += self.map.epsilon.abs() * magnitude[i];
+        }
+    }
+
+    fn curvature_magnitude(&self, z: &[f64], spread: &[f64], out: &mut [f64]) {
+        let n = z.len() / 2;
+        let (target, source) = self.rows(n);
+        let mut own = vec![0.0; n];
+        let spread = &spread[source..source + n];
+        self.map.potential.curvature_magnitude(&self.argument(z), spread, &mut own);
+        out.fill(0.0);
+        for i in 0..n {
+            out[target + i] = self.map.epsilon.abs() * own[i];
+        }
+    }
+}
+
 impl Measurable for Rotation<f64> {
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
         let undo = direction == Direction::Inverse;
@@ -109,8 +207,8 @@ impl Measurable for HenonNet<f64> {
     fn move_points(&self, direction: Direction, points: &mut [f64]) {
         self.composition().move_points(direction, points);
     }
-    fn layers(&self) -> Vec<Box<dyn Measurable + '_>> {
-        HenonNet::layers(self).map(|layer| Box::new(layer) as Box<dyn Measurable + '_>).collect()
+    fn layers(&self) -> Layers<'_> {
+        forward_layers(HenonNet::layers(self))
     }
 }
 
@@ -121,12 +219,17 @@ impl Measurable for Gyroceptron<f64> {
     fn move_points(&self, direction: Direction, points: &mut [f64]) {
         self.composition().move_points(direction, points);
     }
-    fn layers(&self) -> Vec<Box<dyn Measurable + '_>> {
+    fn layers(&self) -> Layers<'_> {
+        let psi = self.shape().psi.len();
+        let mut out: Layers<'_> = forward_layers(Gyroceptron::layers(self).take(psi));
+        out.reverse();
+        for (direction, _) in &mut out {
+            *direction = Direction::Inverse;
+        }
         let rotation = self.shape().circle_action.at(self.theta());
-        Gyroceptron::layers(self)
-            .map(|layer| Box::new(layer) as Box<dyn Measurable + '_>)
-            .chain(std::iter::once(Box::new(rotation) as Box<dyn Measurable + '_>))
-            .collect()
+        out.push((Direction::Forward, Box::new(rotation)));
+        out.extend(forward_layers(Gyroceptron::layers(self)));
+        out
     }
 }
 
@@ -137,7 +240,7 @@ impl Measurable for Model {
     fn move_points(&self, direction: Direction, points: &mut [f64]) {
         self.composition().move_points(direction, points);
     }
-    fn layers(&self) -> Vec<Box<dyn Measurable + '_>> {
+    fn layers(&self) -> Layers<'_> {
         match self {
             Self::HenonNet(net) => Measurable::layers(net),
             Self::Gyroceptron(net) => Measurable::layers(net),

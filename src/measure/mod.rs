@@ -33,10 +33,10 @@ pub use circle_axioms::{
     CircleAxiom, circle_axiom_ratio, conjugated_axiom_ratio, turning_axiom_ratio,
 };
 pub use determinant::determinant_ratio;
-pub use inversion::{Conditioned, inversion_ratio};
+pub use inversion::{Conditioned, ILL_CONDITIONED, ThereAndBack, inversion_ratio};
 pub use jacobian::{Differentiable, jacobian};
 pub use laws::Samples;
-pub use measurable::{Measurable, NearlyPeriodic, Numbers, Whole};
+pub use measurable::{Layers, Measurable, NearlyPeriodic, Numbers, Whole};
 pub use near_identity::{
     differing_components, near_identity_generator, near_identity_size, near_identity_undoing,
 };

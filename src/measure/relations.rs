@@ -38,6 +38,14 @@ impl Relation {
         z.iter_mut().for_each(|v| *v *= factor);
     }
 
+    /// The relation that leads back.
+    fn undone(self) -> Self {
+        match self {
+            Self::Scaling(k) => Self::Scaling(-k),
+            other => other,
+        }
+    }
+
     /// The factors of W, b, w and η.
     fn factors(self) -> [f64; 4] {
         match self {
@@ -64,7 +72,8 @@ impl Relation {
     /// The model that belongs to it.
     ///
     /// # Errors
-    /// When a scaled parameter leaves the finite numbers.
+    /// When a scaled parameter leaves the finite numbers, or loses digits below
+    /// the normal ones: then it is no exact relation.
     pub fn transform_model(self, model: &Model) -> Result<Model, Error> {
         let mut parameters = model.composition().parameters().to_vec();
         let mut rest = &mut parameters[..];
@@ -72,7 +81,17 @@ impl Relation {
             for &width in &shape.widths {
                 let count = crate::layer::layer_parameter_count(shape.dof, width);
                 let (own, others) = rest.split_at_mut(count);
+                let before = own.to_vec();
                 self.transform_layer(shape.dof, width, own);
+                let mut back = own.to_vec();
+                self.undone().transform_layer(shape.dof, width, &mut back);
+                if let Some(k) = (0..count).find(|&k| back[k].to_bits() != before[k].to_bits()) {
+                    return Err(Error::invalid(
+                        "scaled parameter",
+                        before[k],
+                        "a normal number, also when scaled",
+                    ));
+                }
                 rest = others;
             }
         }

@@ -23,11 +23,11 @@ pub trait MeasuredStep {
     /// in the point, which it moves from z to `after`.
     fn value_magnitude(&self, z: &[f64], after: &[f64], delta: &mut [f64]);
 
-    /// How far errors `spread` of z move the arguments of the step, in units of
-    /// the scale on which it bends. Zero for a step that says nothing of it.
-    fn argument_spread(&self, z: &[f64], spread: &[f64]) -> f64 {
+    /// `out` ← a bound of how far the step is from linear over errors `spread`
+    /// of z. Zero for a step that says nothing of it.
+    fn curvature_magnitude(&self, z: &[f64], spread: &[f64], out: &mut [f64]) {
         let _ = (z, spread);
-        0.0
+        out.fill(0.0);
     }
 }
 
@@ -50,10 +50,10 @@ where
     fn value_magnitude(&self, z: &[f64], after: &[f64], delta: &mut [f64]) {
         ElementaryStep::value_magnitude(self, z, after, delta);
     }
-    fn argument_spread(&self, z: &[f64], spread: &[f64]) -> f64 {
+    fn curvature_magnitude(&self, z: &[f64], spread: &[f64], out: &mut [f64]) {
         match self {
-            ElementaryStep::Kick(kick) => kick.argument_spread(z, spread),
-            _ => 0.0,
+            ElementaryStep::Kick(kick) => kick.curvature_magnitude(z, spread, out),
+            _ => out.fill(0.0),
         }
     }
 }
@@ -94,9 +94,11 @@ pub fn inverse_of_symplectic(jacobian: &[f64], dof: usize) -> Vec<f64> {
 /// to multiples of 2⁻¹⁰⁷⁴.
 const UNDERFLOW: f64 = f64::MIN_POSITIVE;
 
-/// One step over duals that start as `directions` (row by row); `out` ← the derivatives behind it, in the same form.
-fn carry(step: &dyn MeasuredStep, z: &[f64], directions: &[f64], out: &mut [f64]) {
+/// One step over duals that start as `directions` (row by row); `out` ← the
+/// derivatives behind it, in the same form. Returns the point behind it.
+fn carry(step: &dyn MeasuredStep, z: &[f64], directions: &[f64], out: &mut [f64]) -> Vec<f64> {
     let dim = z.len();
+    let mut point = Vec::new();
     for first in (0..dim).step_by(8) {
         let columns = first..dim.min(first + 8);
         let mut w: Vec<Dual<f64, 8>> = z.iter().map(|&v| Dual::constant(v)).collect();
@@ -111,7 +113,9 @@ fn carry(step: &dyn MeasuredStep, z: &[f64], directions: &[f64], out: &mut [f64]
                 out[row * dim + column] = value.eps[column - first];
             }
         }
+        point = w.iter().map(|value| value.re).collect();
     }
+    point
 }
 
 impl<'a> Walk<'a> {
@@ -125,9 +129,13 @@ impl<'a> Walk<'a> {
         let mut points = vec![z.to_vec()];
         for (k, step) in steps.iter().enumerate() {
             let (done, rest) = jacobians.split_at_mut(k + 1);
-            carry(&**step, &points[k], &done[k], &mut rest[0]);
+            let tangent = carry(&**step, &points[k], &done[k], &mut rest[0]);
             let mut next = points[k].clone();
             step.apply(&mut next);
+            // The derivative of another map certifies nothing of this one.
+            if tangent.iter().zip(&next).any(|(a, b)| a.to_bits() != b.to_bits()) {
+                next.fill(f64::NAN);
+            }
             points.push(next);
         }
         let mut jacobian_errors = Vec::with_capacity(steps.len());
@@ -170,34 +178,63 @@ impl<'a> Walk<'a> {
     }
 
     /// Whether the steps are linear over the rounding errors that reach them, as
-    /// every bound here assumes. The errors are found by walking again with each
-    /// result moved by the scale of its rounding error, up or down at random.
+    /// every bound here assumes: what is not linear has to be small against the
+    /// errors themselves. These are found by walking again with each result moved
+    /// by the scale of its rounding error, up or down at random.
     pub fn is_linear(&self) -> bool {
-        /// A tenth, for errors that are ten times those of the probes.
-        const SMALL: f64 = 0.01;
+        /// A share of the error, as it is found by the probes, that grows to no
+        /// more than its triple where it is ten times that.
+        const SMALL: f64 = 0.3;
         const PROBES: usize = 2;
         let u = f64::unit_roundoff();
         let mut stream = Stream::new(0, "rounding probe");
         let mut probes = vec![self.points[0].clone(); PROBES];
+        let mut spread = vec![0.0; self.dim];
+        let mut curvature = vec![0.0; self.dim];
         for (k, step) in self.steps.iter().enumerate() {
-            let point = &self.points[k];
-            let mut spread = vec![0.0; self.dim];
-            for probe in &probes {
-                for i in 0..self.dim {
-                    spread[i] = max_or_nan(spread[i], (probe[i] - point[i]).abs());
-                }
-            }
-            if !(step.argument_spread(point, &spread) <= SMALL) {
-                return false;
-            }
+            step.curvature_magnitude(&self.points[k], &spread, &mut curvature);
             for probe in &mut probes {
                 step.apply(probe);
                 for (value, delta) in probe.iter_mut().zip(&self.value_errors[k]) {
                     *value += u * if stream.unit() < 0.5 { -delta } else { *delta };
                 }
             }
+            for i in 0..self.dim {
+                let error = |probe: &Vec<f64>| (probe[i] - self.points[k + 1][i]).abs();
+                spread[i] = probes.iter().map(error).fold(0.0, max_or_nan);
+                let own = max_or_nan(spread[i], u * self.value_errors[k][i]);
+                if !(curvature[i] <= SMALL * own) {
+                    return false;
+                }
+            }
         }
         true
+    }
+
+    /// Bounds, in units of u, of how far a way back by the exact inverse of the
+    /// first `count` steps ends from the start: √2 times the root of the sum of
+    /// squares, and twice the plain sum, of |Jᵢ⁻¹|δᵢ over these steps, since the
+    /// way back makes the same errors once more.
+    ///
+    /// Nothing of the steps behind enters: a wrong inverse cannot excuse itself.
+    pub fn return_bounds(&self, count: usize) -> (Vec<f64>, Vec<f64>) {
+        let dim = self.dim;
+        let mut squares = vec![0.0; dim];
+        let mut sums = vec![0.0; dim];
+        for (jacobian, delta) in self.jacobians[1..=count].iter().zip(&self.value_errors) {
+            let inverse = inverse_of_symplectic(jacobian, dim / 2);
+            for row in 0..dim {
+                let reach: f64 = (0..dim)
+                    .filter(|column| delta[*column] != 0.0)
+                    .map(|column| inverse[row * dim + column].abs() * delta[column])
+                    .sum();
+                // Squares would under- and overflow.
+                squares[row] = libm::hypot(squares[row], reach);
+                sums[row] += reach;
+            }
+        }
+        let twice = |v: Vec<f64>, factor: f64| v.into_iter().map(|x| factor * x).collect();
+        (twice(squares, std::f64::consts::SQRT_2), twice(sums, 2.0))
     }
 
     /// Bounds of the rounding error at the end, in units of u, for each

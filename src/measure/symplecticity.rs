@@ -55,7 +55,8 @@ pub fn symplecticity_scale(walk: &Walk<'_>) -> Vec<f64> {
         for j in 0..dim {
             for k in 0..dim {
                 let term = symmetric_product(jacobian, error, j, k);
-                scale[j * dim + k] += term * term;
+                // Squares would overflow.
+                scale[j * dim + k] = libm::hypot(scale[j * dim + k], term);
             }
         }
     }
@@ -65,7 +66,7 @@ pub fn symplecticity_scale(walk: &Walk<'_>) -> Vec<f64> {
             // F counts every product of J with itself once.
             let forming = 0.5 * symmetric_product(end, end, j, k);
             let entry = &mut scale[j * dim + k];
-            *entry = (*entry + forming * forming).sqrt();
+            *entry = libm::hypot(*entry, forming);
         }
     }
     scale

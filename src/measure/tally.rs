@@ -60,6 +60,8 @@ pub struct Row {
     pub samples: usize,
     /// On how many of them rounding leaves no digit to test.
     pub ill_conditioned: usize,
+    /// The smallest result.
+    pub smallest: Option<f64>,
     /// The largest ratio; a count of components for bitwise laws, what is
     /// missing to the order for slopes. None where no sample could be tested or a result was NaN.
     pub largest: Option<f64>,
@@ -98,8 +100,6 @@ pub struct Tally {
     must_be_sound: bool,
     ratios: Vec<f64>,
     ill_conditioned: usize,
-    /// The samples that each ratio stands for.
-    samples_each: usize,
     vacuous: bool,
     reported: bool,
 }
@@ -113,7 +113,6 @@ impl Tally {
             must_be_sound: false,
             ratios: Vec::new(),
             ill_conditioned: 0,
-            samples_each: 1,
             vacuous: false,
             reported: false,
         }
@@ -131,19 +130,14 @@ impl Tally {
     }
 
     /// A law on the order of something that vanishes with ε: its results are
-    /// what is missing to the order, each from `samples` points.
-    pub fn of_slopes(law: impl Into<String>, equation: impl Into<String>, samples: usize) -> Self {
-        Self { samples_each: samples, ..Self::new(law, equation, SLOPE_LIMIT) }
+    /// what is missing to the order, one for each map.
+    pub fn of_slopes(law: impl Into<String>, equation: impl Into<String>) -> Self {
+        Self::new(law, equation, SLOPE_LIMIT)
     }
 
     /// A law with a limit of its own.
-    pub fn with_limit(
-        law: impl Into<String>,
-        equation: impl Into<String>,
-        limit: f64,
-        samples: usize,
-    ) -> Self {
-        Self { samples_each: samples, ..Self::new(law, equation, limit) }
+    pub fn with_limit(law: impl Into<String>, equation: impl Into<String>, limit: f64) -> Self {
+        Self::new(law, equation, limit)
     }
 
     /// The same, vacuous below [`SOUND_DECILE`] and violated above
@@ -198,12 +192,13 @@ impl Tally {
 
     /// What the samples come to.
     pub fn row(&self) -> Row {
-        let testable = self.ratios.len() * self.samples_each;
-        let samples = testable + self.ill_conditioned * self.samples_each;
+        let testable = self.ratios.len();
+        let samples = testable + self.ill_conditioned;
         let nan = self.ratios.iter().any(|r| r.is_nan());
         let mut sorted = self.ratios.clone();
         sorted.sort_by(f64::total_cmp);
         let usable = !nan && !sorted.is_empty();
+        let smallest = usable.then(|| sorted[0]);
         let largest = usable.then(|| sorted[sorted.len() - 1]);
         let median = usable.then(|| sorted[sorted.len() / 2]);
         let decile = usable.then(|| sorted[sorted.len() * 9 / 10]);
@@ -224,6 +219,7 @@ impl Tally {
             equation: self.equation.clone(),
             samples,
             ill_conditioned: self.ill_conditioned,
+            smallest,
             largest,
             median,
             limit: self.limit,

@@ -210,8 +210,11 @@ impl Report {
         }
         if let (Some(before), Some(after)) = (model.initial_theta, model.theta) {
             writeln!(out, "| θ | {before} before training, {after:.6} after |")?;
-            let epsilon = self.scene.system.as_ref().map(Hamiltonian::epsilon);
-            if let Some(near) = epsilon.and_then(|e| disturbing_resonance(after, e)) {
+            if let (Some(system), Architecture::Gyroceptron { shape, .. }) =
+                (&self.scene.system, &model.architecture)
+                && let Some(near) =
+                    disturbing_resonance(&shape.circle_action, after, system.epsilon())
+            {
                 writeln!(out, "| resonance | {near}: there is hardly an adiabatic invariant |")?;
             }
         }
