@@ -116,7 +116,7 @@ pub fn inverts(map: &dyn Measurable, z: &[f64], in_range: bool) -> Result<Outcom
         match inversion_ratio(map.measured_steps(first), map.measured_steps(then), z) {
             Conditioned::IllConditioned => {}
             Conditioned::Ratio(ratio) if ratio < RATIO_LIMIT => outcome = Outcome::Tested,
-            Conditioned::Ratio(ratio) if in_range || !ratio.is_nan() => {
+            Conditioned::Ratio(ratio) if in_range || ratio.is_finite() => {
                 return Err(format!("{first:?}, then back: ratio {ratio:e} at {z:?}"));
             }
             Conditioned::Ratio(_) => outcome = Outcome::OutOfRange,

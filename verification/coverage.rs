@@ -101,7 +101,9 @@ fn every_law_runs_the_samples_it_states() {
         let rows = (law.rows)();
         assert!(!rows.is_empty(), "{}", law.file);
         for row in rows {
-            let stated = law.stated * suite::times();
+            // One number for all networks.
+            let single = row.equation.ends_with("median");
+            let stated = if single { 1 } else { law.stated * suite::times() };
             let testable = row.samples - row.ill_conditioned;
             let enough = row.samples >= stated && testable as f64 >= (1.0 - SHARE) * stated as f64;
             assert!(enough, "{}: {testable} for {stated}: {row:?}", law.file);

@@ -3,6 +3,9 @@
 use super::{MeasuredSteps, Walk};
 use crate::scalar::{Scalar, max_or_nan};
 
+/// The spacing of the subnormal numbers.
+const SMALLEST: f64 = 5e-324;
+
 /// A ratio, or the word that no digit is left to test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Conditioned {
@@ -58,7 +61,9 @@ impl<'a> ThereAndBack<'a> {
         }
         let mut largest = 0.0;
         for ((moved, start), square) in point.iter().zip(z).zip(&squares) {
-            let bound = u * libm::hypot(*square, *start);
+            // Each step may lose a product that underflows to nothing.
+            let least = self.steps.len() as f64 * SMALLEST;
+            let bound = u * libm::hypot(*square, *start) + least;
             let error = (moved - start).abs();
             let ratio = if error == 0.0 { 0.0 } else { error / bound };
             largest = max_or_nan(largest, ratio);

@@ -90,9 +90,9 @@ pub fn inverse_of_symplectic(jacobian: &[f64], dof: usize) -> Vec<f64> {
     out
 }
 
-/// An error of rounding is at least u times this: results below it are rounded
-/// to multiples of 2⁻¹⁰⁷⁴.
-const UNDERFLOW: f64 = f64::MIN_POSITIVE;
+/// An error of rounding is at least u times this, a few multiples of 2⁻¹⁰⁷⁴, to
+/// which results below the normal numbers are rounded.
+const UNDERFLOW: f64 = 4.0 * f64::MIN_POSITIVE;
 
 /// One step over duals that start as `directions` (row by row); `out` ← the
 /// derivatives behind it, in the same form. Returns the point behind it.
@@ -216,6 +216,8 @@ impl<'a> Walk<'a> {
     /// squares, and twice the plain sum, of |Jᵢ⁻¹|δᵢ over these steps, since the
     /// way back makes the same errors once more.
     ///
+    /// Infinite where a Jacobian left the finite numbers.
+    ///
     /// Nothing of the steps behind enters: a wrong inverse cannot excuse itself.
     pub fn return_bounds(&self, count: usize) -> (Vec<f64>, Vec<f64>) {
         let dim = self.dim;
@@ -231,6 +233,9 @@ impl<'a> Walk<'a> {
                 // Squares would under- and overflow.
                 squares[row] = libm::hypot(squares[row], reach);
                 sums[row] += reach;
+            }
+            if !jacobian.iter().all(|entry| entry.is_finite()) {
+                sums.fill(f64::INFINITY);
             }
         }
         let twice = |v: Vec<f64>, factor: f64| v.into_iter().map(|x| factor * x).collect();

@@ -9,7 +9,8 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 ///
 /// Sums and products err by a few 2⁻¹⁰⁶ (the accurate sum of the `qd` crate, not
 /// its `+`); `mul_add` is a product and a sum. tanh, sech², sine, cosine and
-/// exponential are our own, within 2⁻¹⁰² relative. The range is that of `f64`,
+/// exponential are our own, within 2⁻¹⁰² relative
+/// (of `f64` accuracy beyond e⁷⁰⁹). The range is that of `f64`,
 /// less some 16 digits at its lower end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DoubleDouble(Quad);

@@ -31,9 +31,9 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A number that a layer can be evaluated on.
 ///
-/// All operations are by value. `mul_add` is fused on every implementation (one
-/// rounding), on every processor, so that results do not depend on the
-/// instruction set.
+/// All operations are by value. `mul_add` is fused (one rounding) on every
+/// processor, so that results do not depend on the instruction set; only on
+/// [`DoubleDouble`] it is a product and a sum.
 pub trait Scalar:
     Copy
     + Debug
