@@ -6,11 +6,13 @@ use crate::mutants::{self, Fault};
 use crate::{suite, tolerances};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
-    Conditioned, Line, NearlyPeriodic, Row, Tally, invariant_drift, log_line, log_slope,
+    Conditioned, Line, NearlyPeriodic, Row, Tally, invariant_drift, leading_invariant, log_line,
+    log_slope,
 };
 use gyroceptron::network::{Architecture, Gyroceptron, GyroceptronShape, InitialWeights};
 use gyroceptron::phase::Map;
 use gyroceptron::scalar::max_or_nan;
+use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::fmt::Write;
 use std::sync::OnceLock;
@@ -77,7 +79,8 @@ impl Map<f64> for Control<'_> {
 }
 
 fn drifts(map: &impl Map<f64>, network: &Gyroceptron<f64>, horizons: &[usize]) -> Vec<f64> {
-    let invariant = |z: &[f64]| network.adiabatic_invariant(z)[0];
+    let psi = network.psi();
+    let invariant = leading_invariant(&psi, network.shape().circle_action.weights());
     invariant_drift(map, &invariant, &START, horizons)
 }
 
@@ -112,7 +115,9 @@ pub fn study() -> &'static Study {
     static STUDY: OnceLock<Study> = OnceLock::new();
     STUDY.get_or_init(|| {
         let count = NETWORKS * suite::times();
-        Study { orbits: (0..count as u64).map(|k| orbit(suite::seed() + k)).collect() }
+        Study {
+            orbits: (0..count as u64).into_par_iter().map(|k| orbit(suite::seed() + k)).collect(),
+        }
     })
 }
 
@@ -155,13 +160,14 @@ fn exponents_in_four_dimensions() -> &'static [f64] {
                 .initialise(InitialWeights::Glorot, GOLDEN, seed)
                 .expect("a sound architecture");
             let network = model.gyroceptron().expect("a gyroceptron");
-            let invariant = |z: &[f64]| network.adiabatic_invariant(z)[0];
+            let psi = network.psi();
+            let invariant = leading_invariant(&psi, network.shape().circle_action.weights());
             let start = [0.6, 0.3, 0.2, -0.1];
             let drifts = invariant_drift(network, &invariant, &start, &FOUR_DIMENSIONS);
             log_slope(&FOUR_DIMENSIONS.map(|n| n as f64), &drifts)
         };
         let count = (NETWORKS * suite::times()) as u64;
-        (0..count).map(|k| exponent(suite::seed() + k)).collect()
+        (0..count).into_par_iter().map(|k| exponent(suite::seed() + k)).collect()
     })
 }
 
@@ -237,7 +243,8 @@ pub fn rows_of_mutant(fault: Fault) -> Vec<Row> {
     let start = [0.3, 0.2, 0.1, -0.2];
     let drift = |epsilon: f64, horizons: &[usize]| {
         let map = broken.map_at(epsilon);
-        let invariant = |z: &[f64]| broken.leading_invariant(z);
+        let psi = broken.conjugation();
+        let invariant = leading_invariant(&*psi, broken.action_weights());
         invariant_drift(&*map, &invariant, &start, horizons)
     };
     let horizons = [200, 400, 800, 1600];

@@ -212,19 +212,20 @@ impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, 
     where
         S: Real,
     {
-        const ROOM: f64 = 100.0;
         let (n, h) = (self.n(), self.width());
+        let (room, one) = (S::from_f64(100.0), S::from_f64(1.0));
+        // A minimum that keeps a NaN.
+        let at_most_one = |x: S| if x.value() > 1.0 { one } else { x };
         out.fill(S::zero());
         for j in 0..h {
-            let mut d = 0.0;
+            let mut d = S::zero();
             for i in 0..n {
-                d += S::embed(self.w_in[i * h + j]).value().abs() * spread[i].value().abs();
+                d = S::embed(self.w_in[i * h + j]).abs().mul_add(spread[i].abs(), d);
             }
-            // `min` would lose a NaN.
-            let at_most_one = |x: f64| if x > 1.0 { 1.0 } else { x };
-            let nearest = self.preactivation(j, y).value().abs() - ROOM * d;
-            let bend = at_most_one(8.0 * libm::exp(-2.0 * nearest)) * at_most_one(d * d);
-            let weight = S::embed(self.w_out[j]).abs() * S::from_f64(bend);
+            let nearest = self.preactivation(j, y).abs() - room * d;
+            let tail = S::from_f64(8.0) * (S::from_f64(-2.0) * nearest).exp();
+            let bend = at_most_one(tail) * at_most_one(d * d);
+            let weight = S::embed(self.w_out[j]).abs() * bend;
             for i in 0..n {
                 out[i] = S::embed(self.w_in[i * h + j]).abs().mul_add(weight, out[i]);
             }

@@ -2,7 +2,7 @@
 //!
 //! Points are given one after the other, 2n numbers each.
 
-use super::adiabatic::{invariant_drift, log_slope};
+use super::adiabatic::{invariant_drift, leading_invariant, log_slope};
 use super::adjoint::{Adjoint, adjoint_ratio};
 use super::circle_axioms::{CircleAxiom, conjugated_axiom_ratio, turning_axiom_ratio};
 use super::determinant::determinant_ratio;
@@ -87,7 +87,7 @@ pub fn symplecticity_of(law: &str, map: &dyn Measurable, points: &[f64]) -> Tall
 }
 
 /// P⁻¹∘P = Id (`first` forward) or P∘P⁻¹ = Id (`first` inverse), by
-/// [`inversion_ratio`].
+/// [`ThereAndBack`].
 pub fn inversion(
     law: &str,
     equation: &str,
@@ -361,7 +361,8 @@ pub fn adiabatic_invariance(family: &dyn NearlyPeriodic, points: &[f64]) -> Tall
     const HORIZONS: [usize; 5] = [256, 512, 1024, 2048, 4096];
     let tally = Tally::with_limit("adiabatic invariant", "|μ₀ − μ₀(0)| ∝ N⁰", EXPONENT).reported();
     let Some(start) = points.get(..2 * family.dof()) else { return tally };
-    let invariant = |z: &[f64]| family.leading_invariant(z);
+    let psi = family.conjugation();
+    let invariant = leading_invariant(&*psi, family.action_weights());
     let drifts = invariant_drift(family, &invariant, start, &HORIZONS);
     let exponent = log_slope(&HORIZONS.map(|n| n as f64), &drifts);
     tally.extend([Conditioned::Ratio(exponent.abs())])

@@ -1,7 +1,7 @@
 //! What a map must tell of itself to be measured.
 
 use super::rounding::{MeasuredStep, MeasuredSteps};
-use crate::layer::{CircleAction, ElementaryStep, HenonLayer, HenonMap, Potential, Rotation};
+use crate::layer::{ElementaryStep, HenonLayer, HenonMap, Potential, Rotation};
 use crate::network::{Composition, Direction, Gyroceptron, HenonNet, Model, map_points};
 use crate::phase::Map;
 use crate::scalar::{Dual, Scalar, Tracked};
@@ -61,13 +61,6 @@ pub trait NearlyPeriodic: Measurable {
     fn angle(&self) -> f64;
     /// ε of the map.
     fn epsilon_now(&self) -> f64;
-
-    /// μ₀ = 𝔍₀∘ψ⁻¹ at a point, 𝔍₀ = ½ Σ m_j (q_j² + p_j²).
-    fn leading_invariant(&self, z: &[f64]) -> f64 {
-        let mut w = z.to_vec();
-        self.conjugation().inverse(&mut w);
-        CircleAction::new(self.action_weights()).invariant(&w)
-    }
 }
 
 /// Elementary steps as measures see them, those of the inverse backwards.

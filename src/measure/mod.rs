@@ -22,8 +22,8 @@ mod tally;
 
 pub use accuracy::{Drift, component_errors, distance, drift, limiting_flow_error};
 pub use adiabatic::{
-    Line, Resonance, disturbing_resonance, invariant_drift, invariant_horizon, log_line, log_slope,
-    nearest_resonance, settling_iterations,
+    Line, Resonance, disturbing_resonance, invariant_drift, invariant_horizon, leading_invariant,
+    log_line, log_slope, nearest_resonance, settling_iterations,
 };
 pub use adjoint::{Adjoint, adjoint_ratio};
 pub use certificate::{

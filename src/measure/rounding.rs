@@ -94,6 +94,12 @@ pub fn inverse_of_symplectic(jacobian: &[f64], dof: usize) -> Vec<f64> {
 /// which results below the normal numbers are rounded.
 const UNDERFLOW: f64 = 4.0 * f64::MIN_POSITIVE;
 
+/// The size of an entry of a Jacobian: what underflowed on the way to it may be
+/// as large as the smallest normal number.
+fn entry_size(entry: f64) -> f64 {
+    entry.abs() + f64::MIN_POSITIVE
+}
+
 /// One step over duals that start as `directions` (row by row); `out` ← the
 /// derivatives behind it, in the same form. Returns the point behind it.
 fn carry(step: &dyn MeasuredStep, z: &[f64], directions: &[f64], out: &mut [f64]) -> Vec<f64> {
@@ -228,7 +234,7 @@ impl<'a> Walk<'a> {
             for row in 0..dim {
                 let reach: f64 = (0..dim)
                     .filter(|column| delta[*column] != 0.0)
-                    .map(|column| inverse[row * dim + column].abs() * delta[column])
+                    .map(|column| entry_size(inverse[row * dim + column]) * delta[column])
                     .sum();
                 // Squares would under- and overflow.
                 squares[row] = libm::hypot(squares[row], reach);
@@ -262,7 +268,7 @@ impl<'a> Walk<'a> {
             for row in 0..dim {
                 let reach: f64 = (0..dim)
                     .filter(|column| delta[*column] != 0.0)
-                    .map(|column| behind[row * dim + column].abs() * delta[column])
+                    .map(|column| entry_size(behind[row * dim + column]) * delta[column])
                     .sum();
                 // Squares would under- and overflow.
                 squares[row] = libm::hypot(squares[row], reach);
