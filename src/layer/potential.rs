@@ -205,17 +205,17 @@ impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, 
         }
     }
 
-    /// |W|(|w| ⊙ c·min(d², 1)) with d = |W|ᵀ·spread and c = min(1, 8e^{−2|a|}) a
-    /// bound of ½|(sech²)″| next to the preactivation a, for errors up to a
-    /// hundred times what they are taken for.
+    /// |W|(|w| ⊙ c·min(d², 1 + d)) with d = |W|ᵀ·spread and c = min(1, 8e^{−2|a|})
+    /// a bound of ½|(sech²)″|, |(sech²)′| and sech² next to the preactivation a,
+    /// for errors up to a hundred times what they are taken for.
     fn curvature_magnitude(&self, y: &[S], spread: &[S], out: &mut [S])
     where
         S: Real,
     {
         let (n, h) = (self.n(), self.width());
         let (room, one) = (S::from_f64(100.0), S::from_f64(1.0));
-        // A minimum that keeps a NaN.
-        let at_most_one = |x: S| if x.value() > 1.0 { one } else { x };
+        // A minimum that keeps a NaN of x.
+        let at_most = |most: S, x: S| if x.value() > most.value() { most } else { x };
         out.fill(S::zero());
         for j in 0..h {
             let mut d = S::zero();
@@ -224,7 +224,7 @@ impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, 
             }
             let nearest = self.preactivation(j, y).abs() - room * d;
             let tail = S::from_f64(8.0) * (S::from_f64(-2.0) * nearest).exp();
-            let bend = at_most_one(tail) * at_most_one(d * d);
+            let bend = at_most(one, tail) * at_most(one + d, d * d);
             let weight = S::embed(self.w_out[j]).abs() * bend;
             for i in 0..n {
                 out[i] = S::embed(self.w_in[i * h + j]).abs().mul_add(weight, out[i]);

@@ -185,32 +185,50 @@ impl<'a> Walk<'a> {
 
     /// Whether the steps are linear over the rounding errors that reach them, as
     /// every bound here assumes: what is not linear has to be small against the
-    /// errors themselves. These are found by walking again with each result moved
-    /// by the scale of its rounding error, up or down at random.
+    /// linear response to these errors, or against the step's own. They are found
+    /// by walking again with each result moved by the scale of its rounding error,
+    /// up or down at random.
     pub fn is_linear(&self) -> bool {
         /// A share of the error, as it is found by the probes, that grows to no
         /// more than its triple where it is ten times that.
         const SMALL: f64 = 0.3;
         const PROBES: usize = 2;
         let u = f64::unit_roundoff();
+        // Half a unit may round back to where it began.
+        let moved = |value: f64, by: f64, down: bool| {
+            let (to, next) =
+                if down { (value - by, value.next_down()) } else { (value + by, value.next_up()) };
+            if to == value && by > 0.0 { next } else { to }
+        };
         let mut stream = Stream::new(0, "rounding probe");
         let mut probes = vec![self.points[0].clone(); PROBES];
-        let mut spread = vec![0.0; self.dim];
         let mut curvature = vec![0.0; self.dim];
         for (k, step) in self.steps.iter().enumerate() {
-            step.curvature_magnitude(&self.points[k], &spread, &mut curvature);
+            let point = &self.points[k];
+            let errors: Vec<[f64; 8]> = (0..self.dim)
+                .map(|i| {
+                    let error =
+                        |probe| probes.get(probe).map_or(0.0, |p: &Vec<f64>| p[i] - point[i]);
+                    std::array::from_fn(error)
+                })
+                .collect();
+            let largest =
+                |errors: &[f64; 8]| errors.iter().fold(0.0, |m, e| max_or_nan(m, e.abs()));
+            let spread: Vec<f64> = errors.iter().map(largest).collect();
+            step.curvature_magnitude(point, &spread, &mut curvature);
+            let mut response: Vec<Dual<f64, 8>> =
+                point.iter().zip(errors).map(|(&re, eps)| Dual { re, eps }).collect();
+            step.apply_tangent(&mut response);
+            for i in 0..self.dim {
+                let linear = max_or_nan(largest(&response[i].eps), u * self.value_errors[k][i]);
+                if !(curvature[i] <= SMALL * linear && linear.is_finite()) {
+                    return false;
+                }
+            }
             for probe in &mut probes {
                 step.apply(probe);
                 for (value, delta) in probe.iter_mut().zip(&self.value_errors[k]) {
-                    *value += u * if stream.unit() < 0.5 { -delta } else { *delta };
-                }
-            }
-            for i in 0..self.dim {
-                let error = |probe: &Vec<f64>| (probe[i] - self.points[k + 1][i]).abs();
-                spread[i] = probes.iter().map(error).fold(0.0, max_or_nan);
-                let own = max_or_nan(spread[i], u * self.value_errors[k][i]);
-                if !(curvature[i] <= SMALL * own) {
-                    return false;
+                    *value = moved(*value, u * delta, stream.unit() < 0.5);
                 }
             }
         }
