@@ -861,7 +861,8 @@ fn blind_laws_are_blind() {
 
 #[test]
 fn the_table_is_as_cited() {
-    if suite::seed() != suite::SEED {
+    // The elementary functions are sampled more densely in the extensive run.
+    if suite::seed() != suite::SEED || suite::extensive() {
         return;
     }
     let laws = all_laws();

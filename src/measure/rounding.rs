@@ -186,18 +186,22 @@ impl<'a> Walk<'a> {
     /// Whether the steps are linear over the rounding errors that reach them, as
     /// every bound here assumes: what is not linear has to be small against the
     /// linear response to these errors, or against the step's own. They are found
-    /// by walking again with each result moved by the scale of its rounding error,
-    /// up or down at random.
+    /// by walking again with each result moved up or down by half to all of the
+    /// scale of its rounding error, at random.
     pub fn is_linear(&self) -> bool {
         /// A share of the error, as it is found by the probes, that grows to no
         /// more than its triple where it is ten times that.
         const SMALL: f64 = 0.3;
         const PROBES: usize = 2;
         let u = f64::unit_roundoff();
-        // Half a unit may round back to where it began.
-        let moved = |value: f64, by: f64, down: bool| {
-            let (to, next) =
-                if down { (value - by, value.next_down()) } else { (value + by, value.next_up()) };
+        // Not by one size, of which sums cancel, nor back to where it began.
+        let moved = |value: f64, most: f64, draw: f64| {
+            let by = most * (0.5 + (draw - 0.5).abs());
+            let (to, next) = if draw < 0.5 {
+                (value - by, value.next_down())
+            } else {
+                (value + by, value.next_up())
+            };
             if to == value && by > 0.0 { next } else { to }
         };
         let mut stream = Stream::new(0, "rounding probe");
@@ -228,7 +232,7 @@ impl<'a> Walk<'a> {
             for probe in &mut probes {
                 step.apply(probe);
                 for (value, delta) in probe.iter_mut().zip(&self.value_errors[k]) {
-                    *value = moved(*value, u * delta, stream.unit() < 0.5);
+                    *value = moved(*value, u * delta, stream.unit());
                 }
             }
         }
