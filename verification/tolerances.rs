@@ -46,9 +46,10 @@ pub const DRIFT_SLOPE: f64 = 0.1;
 /// Drifts count that are so many times the drift of rounding at ε = 0.
 pub const ABOVE_FLOOR: f64 = 100.0;
 
-/// The share of samples on which rounding may leave no digit: a twelfth is
-/// seen, in the determinant of networks of 40 layers.
-pub const ILL_CONDITIONED_SHARE: f64 = 0.1;
+/// The share of samples on which rounding may leave no digit: 942 of 10,000 are
+/// seen, in the determinant of networks of up to 40 layers. Of 500 networks with
+/// two points each it is as much within four standard deviations (0.013).
+pub const ILL_CONDITIONED_SHARE: f64 = 0.15;
 
 /// Confidence of all intervals.
 pub const CONFIDENCE: f64 = 0.99;
