@@ -1,13 +1,15 @@
 //! Networks: counts, inverses, pullbacks, batches.
 
+use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::jacobian;
 use gyroceptron::network::{
     Architecture, Direction, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights,
-    Model, Rollout, Stream, map_points, rollout,
+    Model, Rollout, Stream, map_jacobians, map_points, rollout,
 };
 use gyroceptron::phase::Map;
-use gyroceptron::scalar::{Dual, Real, Scalar, Tracked};
+use gyroceptron::scalar::{Dual, Real, Scalar, Simd, Tracked};
+use gyroceptron::train::{Loss, Objective};
 
 fn shape(action: &[i32], psi: Vec<usize>, near_identity: Vec<usize>) -> GyroceptronShape {
     GyroceptronShape { circle_action: CircleAction::new(action), psi, near_identity }
@@ -197,46 +199,124 @@ fn jacobians_agree_with_central_differences() {
     }
 }
 
+/// On all sets of vector instructions that this processor has. Other tests that
+/// run meanwhile get the same bits.
+fn on_each_simd(check: impl Fn(Simd)) {
+    let sets: Vec<Simd> = Simd::ALL.into_iter().filter(|set| set.is_available()).collect();
+    for &set in &sets {
+        set.limit();
+        assert!(Simd::current() == set);
+        check(set);
+    }
+    Simd::Avx512.limit();
+}
+
+fn same_bits(a: &[f64], b: &[f64]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
+}
+
+/// The limit is one for the process: what sets it is one test.
 #[test]
-fn batches_are_single_points_bit_for_bit() {
-    let network = gyroceptron(shape(&[1, 0], vec![5; 3], vec![4; 3]), 0.4, 2);
+fn batches_are_single_points_bit_for_bit_on_all_instruction_sets() {
+    // Widths that leave neurons over in groups of eight, four and two.
+    let network = gyroceptron(shape(&[1, 0], vec![5, 11, 8], vec![4, 1, 7]), 0.4, 2);
     // A ragged tail, and more points than one task moves.
     for count in [1, 7, 8, 9, 300, 515] {
         let points = point(4 * count, 9);
         for direction in [Direction::Forward, Direction::Inverse] {
-            let mut batch = points.clone();
-            map_points(network.composition(), direction, &mut batch).expect("whole points");
-            for (moved, start) in batch.chunks_exact(4).zip(points.chunks_exact(4)) {
-                let mut single = start.to_vec();
+            let mut singles = points.clone();
+            for single in singles.chunks_exact_mut(4) {
                 match direction {
-                    Direction::Forward => network.forward(&mut single),
-                    Direction::Inverse => network.inverse(&mut single),
+                    Direction::Forward => network.forward(single),
+                    Direction::Inverse => network.inverse(single),
                 }
-                assert!(moved.iter().zip(&single).all(|(a, b)| a.to_bits() == b.to_bits()));
             }
+            on_each_simd(|set| {
+                let mut batch = points.clone();
+                map_points(network.composition(), direction, &mut batch).expect("whole points");
+                assert!(same_bits(&batch, &singles), "{set:?}, {count} points");
+            });
         }
     }
     assert!(map_points(network.composition(), Direction::Forward, &mut [0.0; 5]).is_err());
+
+    let one = HenonShape { dof: 1, widths: vec![8, 3, 17] };
+    let wide = Architecture::HenonNet { shape: one, epsilon: 1.0 };
+    let wide = wide.initialise(InitialWeights::Glorot, 0.0, 3).expect("valid");
+    for z in [[0.3, -0.7], [1e8, -1e-8], [f64::NAN, 0.0], [f64::INFINITY, 1.0]] {
+        let mut single = z;
+        wide.forward(&mut single);
+        on_each_simd(|set| {
+            let mut across = z;
+            map_points(wide.composition(), Direction::Forward, &mut across).expect("a point");
+            let fits = |a: f64, b: f64| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan());
+            assert!(across.iter().zip(single).all(|(a, b)| fits(*a, b)), "{set:?} {z:?}");
+        });
+    }
+
+    // Jacobians, in as many directions as go at once and in more.
+    for dof in [1, 2, 3, 5] {
+        let shape = HenonShape { dof, widths: vec![6, 5] };
+        let architecture = Architecture::HenonNet { shape, epsilon: 1.0 };
+        let net = architecture.initialise(InitialWeights::Glorot, 0.0, 3).expect("valid");
+        let dim = 2 * dof;
+        let points = point(dim * 11, 5);
+        let expected: Vec<f64> = points
+            .chunks_exact(dim)
+            .flat_map(|z| {
+                let own = jacobian(net.composition(), z);
+                (0..dim * dim).map(move |k| own[(k / dim, k % dim)])
+            })
+            .collect();
+        on_each_simd(|set| {
+            let mut out = vec![f64::NAN; points.len() * dim];
+            map_jacobians(net.composition(), &points, &mut out).expect("whole points");
+            assert!(same_bits(&out, &expected), "{set:?}, {dof} degrees of freedom");
+        });
+        assert!(map_jacobians(net.composition(), &points, &mut [0.0; 7]).is_err());
+    }
+
+    // Loss, gradient and curvature.
+    let pairs = Pairs::new("pairs", 2, point(4 * 1100, 3), point(4 * 1100, 4)).expect("finite");
+    let objective = Objective::new(&Loss::MeanSquaredError, &pairs).expect("weights");
+    let all = || {
+        let mut gradient = vec![0.0; network.composition().parameters().len()];
+        let value = objective.value_and_gradient(network.composition(), &mut gradient);
+        gradient.push(value);
+        gradient.push(objective.value(network.composition()));
+        gradient.extend(objective.curvature_diagonal(network.composition()));
+        gradient
+    };
+    let expected = all();
+    on_each_simd(|set| assert!(same_bits(&all(), &expected), "{set:?}"));
 }
 
 #[test]
 fn a_rollout_keeps_what_was_asked_for() {
     let network = gyroceptron(shape(&[1, 0], vec![3; 2], vec![3; 2]), 0.3, 2);
-    let initial = point(4 * 3, 9);
-    let request = Rollout { steps: 11, every: 4 };
-    let kept = rollout(network.composition(), &initial, request).expect("a valid request");
-    assert_eq!(kept.len(), 3 * initial.len());
-    let mut state = initial.clone();
-    for t in 0..=8 {
-        if t % 4 == 0 {
-            assert_eq!(&kept[t / 4 * 12..(t / 4 + 1) * 12], &state[..]);
-        }
-        for z in state.chunks_exact_mut(4) {
-            network.forward(z);
+    // One point, a few, and more than one task moves, kept for longer than one
+    // task keeps them apart.
+    for (count, steps, every) in [(1, 11, 4), (3, 11, 4), (257, 5, 1), (530, 67, 1)] {
+        let initial = point(4 * count, 9);
+        let request = Rollout { steps, every };
+        let kept = rollout(network.composition(), &initial, request).expect("a valid request");
+        assert_eq!(kept.len(), request.kept() * initial.len());
+        let mut state = initial.clone();
+        for t in 0..=steps {
+            if t % every == 0 {
+                let own = &kept[t / every * 4 * count..][..4 * count];
+                assert!(same_bits(own, &state), "{count} points, step {t}");
+            }
+            for z in state.chunks_exact_mut(4) {
+                network.forward(z);
+            }
         }
     }
+    let request = Rollout { steps: 3, every: 1 };
+    assert!(rollout(network.composition(), &[], request).expect("no point").is_empty());
     let none = Rollout { steps: 1, every: 0 };
-    assert!(rollout(network.composition(), &initial, none).is_err());
+    assert!(rollout(network.composition(), &point(4, 9), none).is_err());
+    assert!(rollout(network.composition(), &[0.0; 5], request).is_err());
 }
 
 #[test]

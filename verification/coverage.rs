@@ -18,12 +18,15 @@ const MAPS: [(&str, &str); 7] = [
 /// What makes a map of another.
 const ADAPTORS: [&str; 1] = ["Whole"];
 /// The number types that a law runs on, or a test of `tests/` covers.
-const NUMBERS: [(&str, &str); 6] = [
+const NUMBERS: [(&str, &str); 9] = [
     ("f64", "symplecticity"),
     ("f32", "precision"),
     ("DoubleDouble", "precision"),
     ("Dual<S, N>", "gradients"),
     ("Lanes", "evaluation"),
+    ("Ymm", "evaluation"),
+    ("Zmm", "evaluation"),
+    ("Pair", "evaluation"),
     ("Tracked", "gradients"),
 ];
 

@@ -1,6 +1,6 @@
 //! Potentials V(y) and what their gradients and adjoints need.
 
-use crate::scalar::{Over, Real, Scalar};
+use crate::scalar::{Over, Pack, Real, Scalar, WIDTH};
 
 /// A potential V: ℝⁿ → ℝ, seen through its gradient.
 ///
@@ -87,24 +87,121 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
         self.w_out.len()
     }
 
+    /// (Wᵀy + b)ⱼ.
     #[inline(always)]
     fn preactivation<S: Over<P>>(&self, j: usize, y: &[S]) -> S {
+        let [z] = self.preactivations(j, y);
+        z
+    }
+
+    /// The same of K neurons from j on.
+    #[inline(always)]
+    fn preactivations<S: Over<P>, const K: usize>(&self, j: usize, y: &[S]) -> [S; K] {
         let h = self.width();
-        let mut z = S::embed(self.b_in[j]);
+        let b_in = &self.b_in[j..j + K];
+        let mut z = [S::zero(); K];
+        for k in 0..K {
+            z[k] = S::embed(b_in[k]);
+        }
         for i in 0..self.n() {
-            z = y[i].mul_add_parameter(self.w_in[i * h + j], z);
+            let w_in = &self.w_in[i * h + j..i * h + j + K];
+            for k in 0..K {
+                z[k] = y[i].mul_add_parameter(w_in[k], z[k]);
+            }
         }
         z
     }
 
+    /// out += Σₖ W_{·k} wₖ sₖ over K neurons from j on, in their order.
     #[inline(always)]
-    fn accumulate<S: Over<P>>(&self, j: usize, s: S, out: &mut [S]) {
+    fn accumulate<S: Over<P>, const K: usize>(&self, j: usize, s: [S; K], out: &mut [S]) {
         let h = self.width();
-        let c = s.times(self.w_out[j]);
+        let w_out = &self.w_out[j..j + K];
+        let mut c = s;
+        for k in 0..K {
+            c[k] = s[k].times(w_out[k]);
+        }
         for i in 0..self.n() {
-            out[i] = c.mul_add_parameter(self.w_in[i * h + j], out[i]);
+            let w_in = &self.w_in[i * h + j..i * h + j + K];
+            for k in 0..K {
+                out[i] = c[k].mul_add_parameter(w_in[k], out[i]);
+            }
         }
     }
+
+    #[inline(always)]
+    fn add_gradient<S: Over<P>, const K: usize>(&self, j: usize, y: &[S], out: &mut [S]) {
+        let (_, s) = S::tanh_sech2_each::<K>(self.preactivations(j, y));
+        self.accumulate(j, s, out);
+    }
+
+    /// As `add_gradient`, keeping (tanh, sech²) of each neuron.
+    #[inline(always)]
+    fn add_gradient_recording<S: Over<P>, const K: usize>(
+        &self,
+        j: usize,
+        y: &[S],
+        out: &mut [S],
+        tape: &mut [S],
+    ) {
+        let (t, s) = S::tanh_sech2_each::<K>(self.preactivations(j, y));
+        let tape = &mut tape[2 * j..2 * (j + K)];
+        for k in 0..K {
+            tape[2 * k] = t[k];
+            tape[2 * k + 1] = s[k];
+        }
+        self.accumulate(j, s, out);
+    }
+}
+
+impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
+    /// ∇V at one point, with a neuron in each lane: the same bits as
+    /// [`Potential::gradient`].
+    #[inline(always)]
+    pub(crate) fn gradient_across<V: Pack<P>>(&self, y: &[P], out: &mut [P]) {
+        let (n, h) = (self.n(), self.width());
+        let (y, out) = (&y[..n], &mut out[..n]);
+        out.fill(P::zero());
+        let mut c = [P::zero(); WIDTH];
+        for j in (0..h).step_by(V::LANES) {
+            let end = h.min(j + V::LANES);
+            let mut z = V::load_part(&self.b_in[j..end]);
+            for i in 0..n {
+                let w_in = V::load_part(&self.w_in[i * h + j..i * h + end]);
+                z = V::splat(y[i]).mul_add(w_in, z);
+            }
+            let weighted = z.sech2() * V::load_part(&self.w_out[j..end]);
+            weighted.store(&mut c[..V::LANES]);
+            for i in 0..n {
+                for (c, &w_in) in c.iter().zip(&self.w_in[i * h + j..i * h + end]) {
+                    out[i] = c.mul_add(w_in, out[i]);
+                }
+            }
+        }
+    }
+}
+
+/// Runs `$body` for all neurons, `$j` being the first of `$K` at a time: as many
+/// as keep a processor busy whose results take long to come.
+macro_rules! for_neurons {
+    ($width:expr, $j:ident, $K:ident => $body:expr) => {{
+        let width = $width;
+        let mut $j = 0;
+        while $j + 4 <= width {
+            const $K: usize = 4;
+            $body;
+            $j += $K;
+        }
+        while $j + 2 <= width {
+            const $K: usize = 2;
+            $body;
+            $j += $K;
+        }
+        if $j < width {
+            const $K: usize = 1;
+            $body;
+        }
+    }};
 }
 
 impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, D> {
@@ -122,22 +219,14 @@ impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, 
     fn gradient(&self, y: &[S], out: &mut [S]) {
         let (y, out) = (&y[..self.n()], &mut out[..self.n()]);
         out.fill(S::zero());
-        for j in 0..self.width() {
-            let s = self.preactivation(j, y).sech2();
-            self.accumulate(j, s, out);
-        }
+        for_neurons!(self.width(), j, K => self.add_gradient::<S, K>(j, y, out));
     }
 
     #[inline(always)]
     fn gradient_recording(&self, y: &[S], out: &mut [S], tape: &mut [S]) {
         let (y, out) = (&y[..self.n()], &mut out[..self.n()]);
         out.fill(S::zero());
-        for (j, slot) in tape.chunks_exact_mut(2).enumerate() {
-            let (t, s) = self.preactivation(j, y).tanh_sech2();
-            slot[0] = t;
-            slot[1] = s;
-            self.accumulate(j, s, out);
-        }
+        for_neurons!(self.width(), j, K => self.add_gradient_recording::<S, K>(j, y, out, tape));
     }
 
     #[inline(always)]

@@ -55,16 +55,27 @@ impl<P: Scalar, V> Kick<'_, P, V> {
     where
         V: Potential<S>,
     {
+        self.apply_by(self.potential.dof(), z, scratch, |y, out| self.potential.gradient(y, out));
+    }
+
+    /// The same with ∇V as `gradient` computes it.
+    #[inline(always)]
+    pub(crate) fn apply_by<S: Over<P>>(
+        &self,
+        n: usize,
+        z: &mut [S],
+        scratch: &mut [S],
+        gradient: impl Fn(&[S], &mut [S]),
+    ) {
         if self.is_identity() {
             return;
         }
-        let n = self.potential.dof();
-        let (argument, gradient) = scratch.split_at_mut(n);
+        let (argument, increment) = scratch.split_at_mut(n);
         let (source, target) = self.target.split(n, z);
         self.argument(source, argument);
-        self.potential.gradient(argument, gradient);
+        gradient(argument, increment);
         for i in 0..n {
-            target[i] = gradient[i].mul_add_parameter(self.scale, target[i]);
+            target[i] = increment[i].mul_add_parameter(self.scale, target[i]);
         }
     }
 

@@ -2,46 +2,111 @@
 
 use super::{Composition, Direction, with_dof};
 use crate::error::Error;
-use crate::scalar::{Lanes, WIDTH};
-use multiversion::multiversion;
+use crate::scalar::{Dual, Kernel, Pack, WIDTH, on_lanes};
 use rayon::prelude::*;
 
-/// Points that one task moves: a multiple of the lane width, small enough to
-/// spread over threads and to stay in cache.
+/// The most points that one task moves: they stay in cache.
 const BLOCK: usize = 32 * WIDTH;
 
-/// Loads up to [`WIDTH`] points into lanes; the lanes beyond the last point
-/// repeat it, so that they compute nothing unusual.
+/// Numbers that a block keeps before they are put in their place.
+const SLAB: usize = 1 << 16;
+
+/// Loads up to as many points as lanes; the lanes beyond the last point repeat
+/// it, so that they compute nothing unusual.
 #[inline(always)]
-pub(crate) fn load(points: &[f64], dim: usize, lanes: &mut [Lanes]) {
+pub(crate) fn load<V: Pack>(points: &[f64], dim: usize, lanes: &mut [V]) {
     let count = points.len() / dim;
+    let mut column = [0.0; WIDTH];
     for (component, lane) in lanes.iter_mut().enumerate() {
-        for k in 0..WIDTH {
-            lane.0[k] = points[k.min(count - 1) * dim + component];
+        for (k, value) in column[..V::LANES].iter_mut().enumerate() {
+            *value = points[k.min(count - 1) * dim + component];
         }
+        *lane = V::load(&column[..V::LANES]);
     }
 }
 
 #[inline(always)]
-fn store(lanes: &[Lanes], dim: usize, points: &mut [f64]) {
-    for (k, point) in points.chunks_exact_mut(dim).enumerate() {
-        for (value, lane) in point.iter_mut().zip(lanes) {
-            *value = lane.0[k];
+fn store<V: Pack>(lanes: &[V], dim: usize, points: &mut [f64]) {
+    let mut column = [0.0; WIDTH];
+    for (component, lane) in lanes.iter().enumerate() {
+        lane.store(&mut column[..V::LANES]);
+        for (point, value) in points.chunks_exact_mut(dim).zip(column) {
+            point[component] = value;
         }
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn map_block(map: &Composition<f64>, direction: Direction, times: usize, points: &mut [f64]) {
-    let dim = 2 * map.dof();
-    let mut lanes = vec![Lanes::splat(0.0); dim];
-    let mut scratch = lanes.clone();
-    for group in points.chunks_mut(WIDTH * dim) {
-        load(group, dim, &mut lanes);
-        for _ in 0..times {
-            with_dof!(map.dof(), D => map.apply::<Lanes, D>(direction, &mut lanes, &mut scratch));
+/// The map of each point of a block.
+struct MapBlock<'a> {
+    map: &'a Composition<f64>,
+    direction: Direction,
+    points: &'a mut [f64],
+}
+
+impl Kernel for MapBlock<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Pack>(self) {
+        let Self { map, direction, points } = self;
+        let dim = 2 * map.dof();
+        if points.len() == dim {
+            let mut scratch = vec![0.0; dim];
+            with_dof!(map.dof(), D => map.apply_across::<V, D>(direction, points, &mut scratch));
+            return;
         }
-        store(&lanes, dim, group);
+        let mut lanes = vec![V::zero(); dim];
+        let mut scratch = lanes.clone();
+        for group in points.chunks_mut(V::LANES * dim) {
+            load(group, dim, &mut lanes);
+            with_dof!(map.dof(), D => map.apply::<V, D>(direction, &mut lanes, &mut scratch));
+            store(&lanes, dim, group);
+        }
+    }
+}
+
+/// The trajectories of a block of points, which end where they are to go on.
+struct Trajectories<'a> {
+    map: &'a Composition<f64>,
+    every: usize,
+    points: &'a mut [f64],
+    /// The states kept, all points of the block after one another.
+    kept: &'a mut [f64],
+}
+
+impl Kernel for Trajectories<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Pack>(self) {
+        let Self { map, every, points, kept } = self;
+        let (dim, size) = (2 * map.dof(), points.len());
+        if size == dim {
+            // The neurons of a layer are all that can go together.
+            let mut scratch = vec![0.0; dim];
+            for state in kept.chunks_exact_mut(size) {
+                for _ in 0..every {
+                    with_dof!(map.dof(), D => map.apply_across::<V, D>(
+                        Direction::Forward, points, &mut scratch));
+                }
+                state.copy_from_slice(points);
+            }
+            return;
+        }
+        let mut lanes = vec![V::zero(); dim];
+        let mut scratch = lanes.clone();
+        for (number, group) in points.chunks_mut(V::LANES * dim).enumerate() {
+            let first = number * V::LANES * dim;
+            load(group, dim, &mut lanes);
+            for state in kept.chunks_exact_mut(size) {
+                for _ in 0..every {
+                    with_dof!(map.dof(), D => map.apply::<V, D>(
+                        Direction::Forward, &mut lanes, &mut scratch));
+                }
+                store(&lanes, dim, &mut state[first..first + group.len()]);
+            }
+            store(&lanes, dim, group);
+        }
     }
 }
 
@@ -57,20 +122,97 @@ pub fn map_points(
     direction: Direction,
     points: &mut [f64],
 ) -> Result<(), Error> {
-    iterate(map, direction, 1, points)
+    let dim = 2 * map.dof();
+    check_points(points, dim)?;
+    points.par_chunks_mut(block_size(points.len() / dim) * dim).for_each(|points| {
+        on_lanes::<WIDTH, _>(MapBlock { map, direction, points });
+    });
+    Ok(())
 }
 
-fn iterate(
-    map: &Composition<f64>,
-    direction: Direction,
-    times: usize,
-    points: &mut [f64],
-) -> Result<(), Error> {
-    let dim = 2 * map.dof();
+fn check_points(points: &[f64], dim: usize) -> Result<(), Error> {
     if !points.len().is_multiple_of(dim) {
         return Err(Error::invalid("points", points.len(), format!("a multiple of {dim} numbers")));
     }
-    points.par_chunks_mut(BLOCK * dim).for_each(|block| map_block(map, direction, times, block));
+    Ok(())
+}
+
+/// Points a task: whole groups of lanes for every thread, no more than stay in
+/// cache. Nothing that is computed depends on it.
+fn block_size(points: usize) -> usize {
+    points.div_ceil(rayon::current_num_threads()).next_multiple_of(WIDTH).clamp(WIDTH, BLOCK)
+}
+
+/// The Jacobians at the points of a block, 2n × 2n row by row.
+struct Jacobians<'a> {
+    map: &'a Composition<f64>,
+    points: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl Jacobians<'_> {
+    /// N columns at a time.
+    #[inline(always)]
+    fn columns<V: Pack, const D: usize, const N: usize>(self) {
+        let dim = 2 * self.map.dof();
+        let mut start = vec![V::zero(); dim];
+        let mut duals = vec![Dual::<V, N>::constant(V::zero()); dim];
+        let mut scratch = duals.clone();
+        let mut column = [0.0; WIDTH];
+        let groups = self.points.chunks(V::LANES * dim);
+        for (group, out) in groups.zip(self.out.chunks_mut(V::LANES * dim * dim)) {
+            load(group, dim, &mut start);
+            for first in (0..dim).step_by(N) {
+                for (i, (dual, &value)) in duals.iter_mut().zip(&start).enumerate() {
+                    // A direction before the first is none of these.
+                    *dual = Dual::variable(value, i.wrapping_sub(first));
+                }
+                self.map.apply::<Dual<V, N>, D>(Direction::Forward, &mut duals, &mut scratch);
+                for (row, dual) in duals.iter().enumerate() {
+                    for (k, derivative) in dual.eps.iter().take(dim - first).enumerate() {
+                        derivative.store(&mut column[..V::LANES]);
+                        for (jacobian, value) in out.chunks_exact_mut(dim * dim).zip(column) {
+                            jacobian[row * dim + first + k] = value;
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Kernel for Jacobians<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Pack>(self) {
+        match self.map.dof() {
+            1 => self.columns::<V, 1, 2>(),
+            2 => self.columns::<V, 2, 4>(),
+            3 => self.columns::<V, 3, 6>(),
+            _ => self.columns::<V, 0, 8>(),
+        }
+    }
+}
+
+/// `out` ← ∂P/∂z at each point, exact up to rounding: 2n × 2n numbers a point,
+/// row by row. The same bits as [`jacobian`](crate::measure::jacobian) gives.
+///
+/// Nothing is allocated for a point; the cost is that of 1 + 2n evaluations
+/// without their tanh, which all directions share. A [`faer::MatRef`] of one is
+/// `MatRef::from_row_major_slice(&out[k * d * d..(k + 1) * d * d], d, d)` with
+/// d = 2n.
+///
+/// # Errors
+/// When `points` is not a whole number of points, or `out` of another size.
+pub fn map_jacobians(map: &Composition<f64>, points: &[f64], out: &mut [f64]) -> Result<(), Error> {
+    let dim = 2 * map.dof();
+    check_points(points, dim)?;
+    Error::check_count("Jacobian entries", points.len() * dim, out.len())?;
+    let block = block_size(points.len() / dim) * dim;
+    points.par_chunks(block).zip(out.par_chunks_mut(block * dim)).for_each(|(points, out)| {
+        on_lanes::<WIDTH, _>(Jacobians { map, points, out });
+    });
     Ok(())
 }
 
@@ -93,7 +235,10 @@ impl Rollout {
 /// The trajectories of the map from each of the points in `initial`: an array
 /// (T, M, 2n) with T = [`Rollout::kept`], the first entry being the input.
 ///
-/// Memory is the result; cost is steps × points evaluations.
+/// Memory is the result and, for more points than one task has, 64 Ki numbers a
+/// task; cost is steps × points evaluations. One point alone is moved with the
+/// neurons of each layer in the lanes, several with a point in each lane, and
+/// these on all threads: the same bits.
 ///
 /// # Errors
 /// When `initial` is not a whole number of points, `every` is 0, or the states
@@ -103,6 +248,7 @@ pub fn rollout(
     initial: &[f64],
     request: Rollout,
 ) -> Result<Vec<f64>, Error> {
+    check_points(initial, 2 * map.dof())?;
     if request.every == 0 {
         return Err(Error::invalid("every", 0, "at least 1"));
     }
@@ -114,10 +260,36 @@ pub fn rollout(
     let mut out = Vec::new();
     out.try_reserve_exact(size).map_err(|_| too_many())?;
     out.extend_from_slice(initial);
+    out.resize(size, 0.0);
     let mut state = initial.to_vec();
-    for _ in 1..kept {
-        iterate(map, Direction::Forward, request.every, &mut state)?;
-        out.extend_from_slice(&state);
+    let dim = 2 * map.dof();
+    let block = block_size(initial.len() / dim) * dim;
+    let every = request.every;
+    let run = |points: &mut [f64], kept: &mut [f64]| {
+        on_lanes::<WIDTH, _>(Trajectories { map, every, points, kept });
+    };
+    let kept = &mut out[initial.len()..];
+    if initial.is_empty() {
+        return Ok(out);
+    }
+    if initial.len() <= block {
+        run(&mut state, kept);
+        return Ok(out);
+    }
+    // Blocks keep their states apart for a while, then all are put in place.
+    let slab = SLAB.div_ceil(block);
+    let mut apart = vec![0.0; slab * initial.len()];
+    for kept in kept.chunks_mut(slab * initial.len()) {
+        let times = kept.len() / initial.len();
+        let blocks = state.par_chunks_mut(block).zip(apart.par_chunks_mut(slab * block));
+        blocks.for_each(|(points, own)| run(points, &mut own[..times * points.len()]));
+        for (number, own) in apart.chunks(slab * block).enumerate() {
+            let first = number * block;
+            let size = block.min(initial.len() - first);
+            for (states, own) in kept.chunks_exact_mut(initial.len()).zip(own.chunks_exact(size)) {
+                states[first..first + size].copy_from_slice(own);
+            }
+        }
     }
     Ok(out)
 }

@@ -5,7 +5,7 @@ use crate::layer::{
     ElementaryStep, Kick, KickForm, Rotation, TanhPotential, layer_parameter_count,
 };
 use crate::phase::Map;
-use crate::scalar::{Over, Scalar};
+use crate::scalar::{Over, Pack, Scalar};
 use std::ops::Range;
 
 /// Forward or inverse.
@@ -239,6 +239,34 @@ impl<P: Scalar> Composition<P> {
                     self.apply_step::<S, D>(step, direction, z, scratch);
                 }
             }
+        }
+    }
+
+    /// The map or its inverse on one point, a neuron in each lane: the same bits
+    /// as [`Composition::apply`].
+    #[inline(always)]
+    pub(crate) fn apply_across<V: Pack<P>, const D: usize>(
+        &self,
+        direction: Direction,
+        z: &mut [P],
+        scratch: &mut [P],
+    ) where
+        P: Over<P>,
+    {
+        let undo = direction == Direction::Inverse;
+        let mut apply = |step: &Step| match step {
+            Step::Kick { parameters, width, form, inverse, near_identity } => {
+                let inverse = *inverse != undo;
+                let kick = self.kick::<D>(parameters, *width, *form, inverse, *near_identity);
+                kick.apply_by(self.dof, z, scratch, |y, out| {
+                    kick.potential.gradient_across::<V>(y, out);
+                });
+            }
+            Step::Rotation { inverse } => self.rotation().apply(z, *inverse != undo),
+        };
+        match direction {
+            Direction::Forward => self.steps.iter().for_each(&mut apply),
+            Direction::Inverse => self.steps.iter().rev().for_each(&mut apply),
         }
     }
 

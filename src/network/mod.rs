@@ -18,7 +18,7 @@ mod henon_net;
 mod init;
 mod model;
 
-pub use batch::{Rollout, map_points, rollout};
+pub use batch::{Rollout, map_jacobians, map_points, rollout};
 pub use composition::{Composition, Direction, Recording, Step};
 pub use gyroceptron::{Gyroceptron, GyroceptronShape};
 pub use henon_net::{HenonNet, HenonShape};

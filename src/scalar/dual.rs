@@ -114,9 +114,19 @@ impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
     }
     #[inline(always)]
     fn tanh_sech2(self) -> (Self, Self) {
-        let (t, s) = self.re.tanh_sech2();
-        let slope = S::from_f64(-2.0) * t * s;
-        (self.chain(t, s), self.chain(s, slope))
+        let ([t], [s]) = Self::tanh_sech2_each([self]);
+        (t, s)
+    }
+    #[inline(always)]
+    fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
+        let (t, s) = S::tanh_sech2_each(x.map(|x| x.re));
+        let (mut tanh, mut sech2) = (x, x);
+        for i in 0..K {
+            let slope = S::from_f64(-2.0) * t[i] * s[i];
+            tanh[i] = x[i].chain(t[i], s[i]);
+            sech2[i] = x[i].chain(s[i], slope);
+        }
+        (tanh, sech2)
     }
     #[inline(always)]
     fn abs(self) -> Self {

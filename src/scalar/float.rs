@@ -1,5 +1,6 @@
 //! `f64` and `f32` as scalars.
 
+use super::tanh::Lanewise;
 use super::{Elementary, Over, Real, Scalar, over_itself, tanh_sech2};
 
 impl Scalar for f64 {
@@ -25,6 +26,35 @@ impl Scalar for f64 {
     }
     fn unit_roundoff() -> f64 {
         f64::EPSILON / 2.0
+    }
+}
+
+impl Lanewise for f64 {
+    #[inline(always)]
+    fn negative_mul_add(self, a: Self, b: Self) -> Self {
+        (-self).mul_add(a, b)
+    }
+    #[inline(always)]
+    fn at_most(self, most: f64) -> Self {
+        // `min` would swallow a NaN.
+        if self > most { most } else { self }
+    }
+    #[inline(always)]
+    fn power_of_low_bits(self) -> Self {
+        f64::from_bits(self.to_bits() << 52)
+    }
+    #[inline(always)]
+    fn times_four_powers(self, power: Self) -> Self {
+        let exponent = power.to_bits().wrapping_sub(1021 << 52);
+        f64::from_bits(self.to_bits().wrapping_add(exponent))
+    }
+    #[inline(always)]
+    fn select_above(self, limit: f64, above: Self, otherwise: Self) -> Self {
+        if self > limit { above } else { otherwise }
+    }
+    #[inline(always)]
+    fn with_sign_of(self, sign: Self) -> Self {
+        self.copysign(sign)
     }
 }
 

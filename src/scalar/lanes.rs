@@ -1,6 +1,7 @@
 //! Several points at once: SIMD lanes of `f64`.
 
-use super::{Over, Scalar, tanh_sech2};
+use super::tanh::{Lanewise, tanh_sech2_in_step};
+use super::{Pack, Scalar, over_parameters};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// The number of lanes that the batch kernels work on, on every processor.
@@ -24,6 +25,24 @@ impl<const L: usize> Lanes<L> {
         Self([value; L])
     }
 
+    #[inline(always)]
+    fn each(self, f: impl Fn(f64) -> f64) -> Self {
+        let mut out = self;
+        for i in 0..L {
+            out.0[i] = f(self.0[i]);
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn zip(self, a: Self, b: Self, f: impl Fn(f64, f64, f64) -> f64) -> Self {
+        let mut out = self;
+        for i in 0..L {
+            out.0[i] = f(self.0[i], a.0[i], b.0[i]);
+        }
+        out
+    }
+
     /// The sum of the lanes, from the first to the last.
     #[inline(always)]
     pub fn sum(self) -> f64 {
@@ -36,34 +55,26 @@ impl<const L: usize> Lanes<L> {
 }
 
 macro_rules! lanewise {
-    ($trait:ident, $method:ident, $operator:tt) => {
+    ($trait:ident, $method:ident) => {
         impl<const L: usize> $trait for Lanes<L> {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                let mut out = [0.0; L];
-                for i in 0..L {
-                    out[i] = self.0[i] $operator other.0[i];
-                }
-                Self(out)
+                self.zip(other, other, |a, b, _| a.$method(b))
             }
         }
     };
 }
-lanewise!(Add, add, +);
-lanewise!(Sub, sub, -);
-lanewise!(Mul, mul, *);
-lanewise!(Div, div, /);
+lanewise!(Add, add);
+lanewise!(Sub, sub);
+lanewise!(Mul, mul);
+lanewise!(Div, div);
 
 impl<const L: usize> Neg for Lanes<L> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        let mut out = [0.0; L];
-        for i in 0..L {
-            out[i] = -self.0[i];
-        }
-        Self(out)
+        self.each(|x| -x)
     }
 }
 
@@ -74,28 +85,20 @@ impl<const L: usize> Scalar for Lanes<L> {
     }
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {
-        let mut out = [0.0; L];
-        for i in 0..L {
-            out[i] = self.0[i].mul_add(a.0[i], b.0[i]);
-        }
-        Self(out)
+        self.zip(a, b, f64::mul_add)
     }
     #[inline(always)]
     fn tanh_sech2(self) -> (Self, Self) {
-        let mut t = [0.0; L];
-        let mut s = [0.0; L];
-        for i in 0..L {
-            (t[i], s[i]) = tanh_sech2(self.0[i]);
-        }
-        (Self(t), Self(s))
+        let ([t], [s]) = tanh_sech2_in_step([self]);
+        (t, s)
+    }
+    #[inline(always)]
+    fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
+        tanh_sech2_in_step(x)
     }
     #[inline(always)]
     fn abs(self) -> Self {
-        let mut out = [0.0; L];
-        for i in 0..L {
-            out[i] = self.0[i].abs();
-        }
-        Self(out)
+        self.each(f64::abs)
     }
     #[inline(always)]
     fn is_zero(self) -> bool {
@@ -106,13 +109,43 @@ impl<const L: usize> Scalar for Lanes<L> {
     }
 }
 
-impl<const L: usize> Over<f64> for Lanes<L> {
+over_parameters!([const L: usize] Lanes<L>);
+
+impl<const L: usize> Lanewise for Lanes<L> {
     #[inline(always)]
-    fn embed(parameter: f64) -> Self {
-        Self::splat(parameter)
+    fn negative_mul_add(self, a: Self, b: Self) -> Self {
+        self.zip(a, b, Lanewise::negative_mul_add)
     }
     #[inline(always)]
-    fn mul_add_parameter(self, parameter: f64, addend: Self) -> Self {
-        self.mul_add(Self::splat(parameter), addend)
+    fn at_most(self, most: f64) -> Self {
+        self.each(|x| x.at_most(most))
+    }
+    #[inline(always)]
+    fn power_of_low_bits(self) -> Self {
+        self.each(Lanewise::power_of_low_bits)
+    }
+    #[inline(always)]
+    fn times_four_powers(self, power: Self) -> Self {
+        self.zip(power, power, |x, power, _| x.times_four_powers(power))
+    }
+    #[inline(always)]
+    fn select_above(self, limit: f64, above: Self, otherwise: Self) -> Self {
+        self.zip(above, otherwise, |x, above, otherwise| x.select_above(limit, above, otherwise))
+    }
+    #[inline(always)]
+    fn with_sign_of(self, sign: Self) -> Self {
+        self.zip(sign, sign, |x, sign, _| x.with_sign_of(sign))
+    }
+}
+
+impl<const L: usize> Pack for Lanes<L> {
+    const LANES: usize = L;
+    #[inline(always)]
+    fn load(values: &[f64]) -> Self {
+        Self(values.try_into().expect("as many as lanes"))
+    }
+    #[inline(always)]
+    fn store(self, values: &mut [f64]) {
+        values.copy_from_slice(&self.0);
     }
 }

@@ -17,12 +17,16 @@ mod double_double;
 mod dual;
 mod float;
 mod lanes;
+#[allow(unsafe_code)]
+mod simd;
 mod tanh;
 mod tracked;
 
 pub use double_double::DoubleDouble;
 pub use dual::Dual;
 pub use lanes::{Lanes, WIDTH};
+pub use simd::Simd;
+pub(crate) use simd::{Kernel, Pack, on_lanes};
 pub use tanh::tanh_sech2;
 pub use tracked::Tracked;
 
@@ -55,6 +59,17 @@ pub trait Scalar:
     /// `(tanh x, sech² x)`, sharing their exponential. Each is accurate on its
     /// own: sech² is never computed as 1 − tanh².
     fn tanh_sech2(self) -> (Self, Self);
+
+    /// [`Scalar::tanh_sech2`] of K numbers: the same bits, and for lanes in less
+    /// time than one after the other.
+    #[inline(always)]
+    fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
+        let (mut t, mut s) = (x, x);
+        for i in 0..K {
+            (t[i], s[i]) = x[i].tanh_sech2();
+        }
+        (t, s)
+    }
 
     /// Absolute value.
     fn abs(self) -> Self;
@@ -139,3 +154,21 @@ macro_rules! over_itself {
     };
 }
 pub(crate) use over_itself;
+
+/// Implements `Over<f64>` for lanes: a parameter is the same in each of them.
+macro_rules! over_parameters {
+    ([$($generics:tt)*] $number:ty) => {
+        impl<$($generics)*> crate::scalar::Over<f64> for $number {
+            #[inline(always)]
+            fn embed(parameter: f64) -> Self {
+                crate::scalar::Scalar::from_f64(parameter)
+            }
+            #[inline(always)]
+            fn mul_add_parameter(self, parameter: f64, addend: Self) -> Self {
+                let parameter = crate::scalar::Scalar::from_f64(parameter);
+                crate::scalar::Scalar::mul_add(self, parameter, addend)
+            }
+        }
+    };
+}
+pub(crate) use over_parameters;

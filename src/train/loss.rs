@@ -2,9 +2,8 @@
 
 use crate::error::Error;
 use crate::flow::Pairs;
-use crate::network::{Composition, with_dof};
-use crate::scalar::{Lanes, Scalar, WIDTH};
-use multiversion::multiversion;
+use crate::network::{Composition, Direction, with_dof};
+use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -66,13 +65,17 @@ impl<'a> Objective<'a> {
         Ok(Self { weights: loss.component_weights(pairs.dof())?, pairs })
     }
 
-    fn block_results<T: Send>(&self, f: impl Fn(&[f64], &[f64]) -> T + Sync) -> Vec<T> {
+    fn block_results<T: Send>(
+        &self,
+        map: &Composition<f64>,
+        f: impl Fn(Block<'_>) -> T + Sync,
+    ) -> Vec<T> {
         let size = BLOCK * 2 * self.pairs.dof();
         self.pairs
             .input()
             .par_chunks(size)
             .zip(self.pairs.output().par_chunks(size))
-            .map(|(input, output)| f(input, output))
+            .map(|(input, output)| f(Block { map, weights: &self.weights, input, output }))
             .collect()
     }
 
@@ -80,7 +83,7 @@ impl<'a> Objective<'a> {
     pub fn value(&self, map: &Composition<f64>) -> f64 {
         self.assert_dof(map);
         let mut total = 0.0;
-        for part in self.block_results(|i, o| block_value(map, &self.weights, i, o)) {
+        for part in self.block_results(map, |block| on_lanes::<WIDTH, _>(Value(block))) {
             total += part;
         }
         total / self.pairs.len() as f64
@@ -96,7 +99,8 @@ impl<'a> Objective<'a> {
         assert!(gradient.len() == map.parameters().len());
         gradient.fill(0.0);
         let mut total = 0.0;
-        for (value, part) in self.block_results(|i, o| block_gradient(map, &self.weights, i, o)) {
+        for (value, part) in self.block_results(map, |block| on_lanes::<WIDTH, _>(Gradient(block)))
+        {
             total += value;
             for (g, p) in gradient.iter_mut().zip(part) {
                 *g += p;
@@ -115,7 +119,7 @@ impl<'a> Objective<'a> {
     pub fn curvature_diagonal(&self, map: &Composition<f64>) -> Vec<f64> {
         self.assert_dof(map);
         let mut diagonal = vec![0.0; map.parameters().len()];
-        for part in self.block_results(|i, o| block_curvature(map, &self.weights, i, o)) {
+        for part in self.block_results(map, |block| on_lanes::<WIDTH, _>(Curvature(block))) {
             for (d, p) in diagonal.iter_mut().zip(part) {
                 *d += p;
             }
@@ -136,100 +140,148 @@ impl<'a> Objective<'a> {
     }
 }
 
-/// Loads a group of up to eight rows; lanes without a row repeat the last one
-/// with weight 0. Returns the weight of each lane.
+/// A block of pairs, and what a kernel needs to take its part of the loss.
+#[derive(Clone, Copy)]
+struct Block<'a> {
+    map: &'a Composition<f64>,
+    weights: &'a [f64],
+    input: &'a [f64],
+    output: &'a [f64],
+}
+
+/// The lanes of a group of pairs.
+struct Group<V> {
+    state: Vec<V>,
+    target: Vec<V>,
+    cotangent: Vec<V>,
+    /// 1 in a lane that has a pair. The others repeat the last pair.
+    present: V,
+}
+
+impl<'a> Block<'a> {
+    #[inline(always)]
+    fn space<V: Pack>(&self) -> Group<V> {
+        let zero = vec![V::zero(); self.weights.len()];
+        Group { state: zero.clone(), target: zero.clone(), cotangent: zero, present: V::zero() }
+    }
+
+    /// Inputs and outputs of as many pairs as there are lanes at a time.
+    #[inline(always)]
+    fn groups<V: Pack>(&self) -> impl Iterator<Item = (&'a [f64], &'a [f64])> + use<'a, V> {
+        let size = V::LANES * self.weights.len();
+        self.input.chunks(size).zip(self.output.chunks(size))
+    }
+}
+
+impl<V: Pack> Group<V> {
+    #[inline(always)]
+    fn load(&mut self, input: &[f64], output: &[f64]) {
+        let dim = self.state.len();
+        crate::network::load(input, dim, &mut self.state);
+        crate::network::load(output, dim, &mut self.target);
+        let rows = input.len() / dim;
+        let mut present = [0.0; WIDTH];
+        present[..rows].fill(1.0);
+        self.present = V::load(&present[..V::LANES]);
+    }
+
+    /// (residual_c, weight_c·residual_c), zero in lanes without a pair.
+    #[inline(always)]
+    fn residual(&self, c: usize, weight: f64) -> (V, V) {
+        let residual = self.state[c] - self.target[c];
+        (residual, residual * self.present * V::from_f64(weight))
+    }
+}
+
+/// The sum of the lanes, from the first to the last.
 #[inline(always)]
-fn load_group(
-    input: &[f64],
-    output: &[f64],
-    dim: usize,
-    state: &mut [Lanes],
-    target: &mut [Lanes],
-) -> Lanes {
-    crate::network::load(input, dim, state);
-    crate::network::load(output, dim, target);
-    let rows = input.len() / dim;
-    let mut present = Lanes::splat(0.0);
-    for (k, lane) in present.0.iter_mut().enumerate() {
-        *lane = if k < rows { 1.0 } else { 0.0 };
+fn sum<V: Pack>(lanes: V) -> f64 {
+    let mut values = [0.0; WIDTH];
+    lanes.store(&mut values[..V::LANES]);
+    let mut total = 0.0;
+    for value in values {
+        total += value;
     }
-    present
+    total
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn block_value(map: &Composition<f64>, weights: &[f64], input: &[f64], output: &[f64]) -> f64 {
-    let dim = weights.len();
-    let mut state = vec![Lanes::splat(0.0); dim];
-    let (mut target, mut scratch) = (state.clone(), state.clone());
-    let mut total = Lanes::splat(0.0);
-    for (i, o) in input.chunks(WIDTH * dim).zip(output.chunks(WIDTH * dim)) {
-        let present = load_group(i, o, dim, &mut state, &mut target);
-        with_dof!(map.dof(), D => map.apply::<Lanes, D>(
-            crate::network::Direction::Forward, &mut state, &mut scratch));
-        for c in 0..dim {
-            let residual = state[c] - target[c];
-            total = (residual * present * Lanes::splat(weights[c])).mul_add(residual, total);
-        }
-    }
-    total.sum()
-}
+struct Value<'a>(Block<'a>);
 
-#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn block_gradient(
-    map: &Composition<f64>,
-    weights: &[f64],
-    input: &[f64],
-    output: &[f64],
-) -> (f64, Vec<f64>) {
-    let dim = weights.len();
-    let mut state = vec![Lanes::splat(0.0); dim];
-    let (mut target, mut cotangent) = (state.clone(), state.clone());
-    let mut recording = map.recording::<Lanes>();
-    let mut gradient = vec![Lanes::splat(0.0); map.parameters().len()];
-    let mut total = Lanes::splat(0.0);
-    for (i, o) in input.chunks(WIDTH * dim).zip(output.chunks(WIDTH * dim)) {
-        let present = load_group(i, o, dim, &mut state, &mut target);
-        with_dof!(map.dof(), D => map.record::<Lanes, D>(&mut state, &mut recording));
-        for c in 0..dim {
-            let residual = state[c] - target[c];
-            let weighted = residual * present * Lanes::splat(weights[c]);
-            total = weighted.mul_add(residual, total);
-            cotangent[c] = weighted + weighted;
-        }
-        with_dof!(map.dof(), D => map.pull::<Lanes, D>(
-            &mut recording, &mut cotangent, &mut gradient));
-    }
-    (total.sum(), gradient.into_iter().map(Lanes::sum).collect())
-}
+impl Kernel for Value<'_> {
+    type Output = f64;
 
-#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
-fn block_curvature(
-    map: &Composition<f64>,
-    weights: &[f64],
-    input: &[f64],
-    output: &[f64],
-) -> Vec<f64> {
-    let dim = weights.len();
-    let zero = Lanes::splat(0.0);
-    let mut state = vec![zero; dim];
-    let (mut target, mut cotangent) = (state.clone(), state.clone());
-    let mut recording = map.recording::<Lanes>();
-    let mut row = vec![zero; map.parameters().len()];
-    let mut diagonal = row.clone();
-    for (i, o) in input.chunks(WIDTH * dim).zip(output.chunks(WIDTH * dim)) {
-        let present = load_group(i, o, dim, &mut state, &mut target);
-        with_dof!(map.dof(), D => map.record::<Lanes, D>(&mut state, &mut recording));
-        for c in 0..dim {
-            cotangent.fill(zero);
-            cotangent[c] = present;
-            row.fill(zero);
-            with_dof!(map.dof(), D => map.pull::<Lanes, D>(
-                &mut recording, &mut cotangent, &mut row));
-            let weight = Lanes::splat(weights[c]);
-            for (d, r) in diagonal.iter_mut().zip(&row) {
-                *d = (*r * weight).mul_add(*r, *d);
+    #[inline(always)]
+    fn run<V: Pack>(self) -> f64 {
+        let Block { map, weights, .. } = self.0;
+        let mut group = self.0.space::<V>();
+        let mut scratch = group.state.clone();
+        let mut total = V::zero();
+        for (input, output) in self.0.groups::<V>() {
+            group.load(input, output);
+            with_dof!(map.dof(), D => map.apply::<V, D>(
+                Direction::Forward, &mut group.state, &mut scratch));
+            for (c, &weight) in weights.iter().enumerate() {
+                let (residual, weighted) = group.residual(c, weight);
+                total = weighted.mul_add(residual, total);
             }
         }
+        sum(total)
     }
-    diagonal.into_iter().map(Lanes::sum).collect()
+}
+
+struct Gradient<'a>(Block<'a>);
+
+impl Kernel for Gradient<'_> {
+    type Output = (f64, Vec<f64>);
+
+    #[inline(always)]
+    fn run<V: Pack>(self) -> (f64, Vec<f64>) {
+        let Block { map, weights, .. } = self.0;
+        let mut group = self.0.space::<V>();
+        let mut recording = map.recording::<V>();
+        let mut gradient = vec![V::zero(); map.parameters().len()];
+        let mut total = V::zero();
+        for (input, output) in self.0.groups::<V>() {
+            group.load(input, output);
+            with_dof!(map.dof(), D => map.record::<V, D>(&mut group.state, &mut recording));
+            for (c, &weight) in weights.iter().enumerate() {
+                let (residual, weighted) = group.residual(c, weight);
+                total = weighted.mul_add(residual, total);
+                group.cotangent[c] = weighted + weighted;
+            }
+            with_dof!(map.dof(), D => map.pull::<V, D>(
+                &mut recording, &mut group.cotangent, &mut gradient));
+        }
+        (sum(total), gradient.into_iter().map(sum).collect())
+    }
+}
+
+struct Curvature<'a>(Block<'a>);
+
+impl Kernel for Curvature<'_> {
+    type Output = Vec<f64>;
+
+    #[inline(always)]
+    fn run<V: Pack>(self) -> Vec<f64> {
+        let Block { map, weights, .. } = self.0;
+        let mut group = self.0.space::<V>();
+        let mut recording = map.recording::<V>();
+        let mut row = vec![V::zero(); map.parameters().len()];
+        let mut diagonal = row.clone();
+        for (input, output) in self.0.groups::<V>() {
+            group.load(input, output);
+            with_dof!(map.dof(), D => map.record::<V, D>(&mut group.state, &mut recording));
+            for (c, &weight) in weights.iter().enumerate() {
+                group.cotangent.fill(V::zero());
+                group.cotangent[c] = group.present;
+                row.fill(V::zero());
+                with_dof!(map.dof(), D => map.pull::<V, D>(
+                    &mut recording, &mut group.cotangent, &mut row));
+                for (d, r) in diagonal.iter_mut().zip(&row) {
+                    *d = (*r * V::from_f64(weight)).mul_add(*r, *d);
+                }
+            }
+        }
+        diagonal.into_iter().map(sum).collect()
+    }
 }

@@ -1,0 +1,439 @@
+//! Vector registers, chosen at run time. The only `unsafe` of the crate.
+//!
+//! # Safety
+//! Every intrinsic here needs a processor that has its instructions, and nothing
+//! else but the loads and stores, which are of arrays of the register's size. The
+//! register types are private to this module, and the only place that names them
+//! is [`on_lanes`], which runs a kernel on them after the processor has been asked.
+//! A kernel gets them as a type parameter, works with their values on the thread
+//! it is called on, and cannot keep one: its output does not depend on the type.
+
+use super::tanh::{Lanewise, tanh_sech2_in_step};
+use super::{Lanes, Over, Scalar, WIDTH, over_parameters};
+use std::sync::atomic::{AtomicU8, Ordering};
+
+/// Lanes that can be filled from memory and written back.
+pub(crate) trait Pack<P: Scalar = f64>: Lanewise + Over<P> {
+    /// The number of lanes.
+    const LANES: usize;
+
+    /// The numbers of a slice of [`Pack::LANES`].
+    fn load(values: &[P]) -> Self;
+
+    /// `values` ← the lanes.
+    fn store(self, values: &mut [P]);
+
+    /// The same number in every lane.
+    #[inline(always)]
+    fn splat(value: P) -> Self {
+        Self::embed(value)
+    }
+
+    /// As [`Pack::load`], of fewer numbers: the other lanes are zero.
+    #[inline(always)]
+    fn load_part(values: &[P]) -> Self {
+        if values.len() == Self::LANES {
+            return Self::load(values);
+        }
+        let mut all = [P::zero(); WIDTH];
+        all[..values.len()].copy_from_slice(values);
+        Self::load(&all[..Self::LANES])
+    }
+}
+
+/// A computation that is written for any lanes.
+///
+/// `run` and all that it calls for each lane must be `#[inline(always)]`, else it
+/// is compiled for any processor, and slow.
+pub(crate) trait Kernel {
+    /// The result.
+    type Output;
+
+    /// The computation.
+    fn run<V: Pack>(self) -> Self::Output;
+}
+
+/// Sets of vector instructions that the kernels are compiled for.
+///
+/// Results are the same bits with each of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Simd {
+    /// What every processor of the architecture has.
+    Portable,
+    /// Four lanes a register, fused multiply-add.
+    Avx2,
+    /// Eight lanes a register.
+    Avx512,
+}
+
+/// The widest set that may be used, for comparisons.
+static LIMIT: AtomicU8 = AtomicU8::new(Simd::Avx512 as u8);
+
+impl Simd {
+    /// All of them, the narrowest first.
+    pub const ALL: [Self; 3] = [Self::Portable, Self::Avx2, Self::Avx512];
+
+    /// Whether this processor has it.
+    pub fn is_available(self) -> bool {
+        match self {
+            Self::Portable => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => {
+                Self::Avx2.is_available()
+                    && is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512vl")
+            }
+            #[cfg(not(target_arch = "x86_64"))]
+            _ => false,
+        }
+    }
+
+    /// The set that is used: the widest that this processor has, and that
+    /// [`Simd::limit`] leaves.
+    pub fn current() -> Self {
+        let limit = LIMIT.load(Ordering::Relaxed);
+        let allowed = |set: &Self| *set as u8 <= limit && set.is_available();
+        Self::ALL.into_iter().rev().find(allowed).unwrap_or(Self::Portable)
+    }
+
+    /// From now on nothing wider than this is used in this process. No result
+    /// changes by it, only times.
+    pub fn limit(self) {
+        LIMIT.store(self as u8, Ordering::Relaxed);
+    }
+}
+
+/// Runs a kernel on eight lanes (`L` = 8) or on four.
+pub(crate) fn on_lanes<const L: usize, K: Kernel>(kernel: K) -> K::Output {
+    const { assert!(L == 4 || L == 8) };
+    match Simd::current() {
+        Simd::Portable => kernel.run::<Lanes<L>>(),
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: `current` gives what the processor has.
+        Simd::Avx2 => unsafe { x86::on_avx2::<L, K>(kernel) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: as above.
+        Simd::Avx512 => unsafe { x86::on_avx512::<L, K>(kernel) },
+        #[cfg(not(target_arch = "x86_64"))]
+        _ => kernel.run::<Lanes<L>>(),
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::*;
+    use std::arch::x86_64::*;
+    use std::ops::{Add, Div, Mul, Neg, Sub};
+
+    #[target_feature(enable = "avx2,fma")]
+    pub(super) fn on_avx2<const L: usize, K: Kernel>(kernel: K) -> K::Output {
+        if L == 4 { kernel.run::<Ymm>() } else { kernel.run::<Pair<Ymm>>() }
+    }
+
+    #[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512vl")]
+    pub(super) fn on_avx512<const L: usize, K: Kernel>(kernel: K) -> K::Output {
+        if L == 4 { kernel.run::<Ymm>() } else { kernel.run::<Zmm>() }
+    }
+
+    /// A method of the register by an intrinsic of the same operands.
+    macro_rules! intrinsic {
+        ($($method:ident($($operand:ident),*) = $body:expr;)*) => {
+            $(#[inline(always)]
+            fn $method($($operand: Self),*) -> Self {
+                // SAFETY: see the module.
+                Self(unsafe { $body })
+            })*
+        };
+    }
+
+    macro_rules! operator {
+        ($register:ident, $($trait:ident, $method:ident, $intrinsic:ident;)*) => {
+            $(impl $trait for $register {
+                type Output = Self;
+                #[inline(always)]
+                fn $method(self, other: Self) -> Self {
+                    // SAFETY: see the module.
+                    Self(unsafe { $intrinsic(self.0, other.0) })
+                }
+            })*
+        };
+    }
+
+    /// Four lanes.
+    #[derive(Clone, Copy, Debug)]
+    #[repr(transparent)]
+    struct Ymm(__m256d);
+
+    operator! { Ymm,
+        Add, add, _mm256_add_pd; Sub, sub, _mm256_sub_pd;
+        Mul, mul, _mm256_mul_pd; Div, div, _mm256_div_pd;
+    }
+
+    impl Neg for Ymm {
+        type Output = Self;
+        intrinsic! { neg(self) = _mm256_xor_pd(self.0, _mm256_set1_pd(-0.0)); }
+    }
+
+    impl Scalar for Ymm {
+        #[inline(always)]
+        fn from_f64(value: f64) -> Self {
+            // SAFETY: see the module.
+            Self(unsafe { _mm256_set1_pd(value) })
+        }
+        intrinsic! {
+            mul_add(self, a, b) = _mm256_fmadd_pd(self.0, a.0, b.0);
+            abs(self) = _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0);
+        }
+        #[inline(always)]
+        fn tanh_sech2(self) -> (Self, Self) {
+            let ([t], [s]) = tanh_sech2_in_step([self]);
+            (t, s)
+        }
+        #[inline(always)]
+        fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
+            tanh_sech2_in_step(x)
+        }
+        #[inline(always)]
+        fn is_zero(self) -> bool {
+            // SAFETY: see the module.
+            unsafe {
+                _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_EQ_OQ>(self.0, _mm256_setzero_pd())) == 15
+            }
+        }
+        fn unit_roundoff() -> f64 {
+            f64::unit_roundoff()
+        }
+    }
+
+    impl Lanewise for Ymm {
+        intrinsic! {
+            negative_mul_add(self, a, b) = _mm256_fnmadd_pd(self.0, a.0, b.0);
+            power_of_low_bits(self) =
+                _mm256_castsi256_pd(_mm256_slli_epi64::<52>(_mm256_castpd_si256(self.0)));
+            times_four_powers(self, power) = _mm256_castsi256_pd(_mm256_add_epi64(
+                _mm256_castpd_si256(self.0),
+                _mm256_sub_epi64(_mm256_castpd_si256(power.0), _mm256_set1_epi64x(1021 << 52)),
+            ));
+            with_sign_of(self, sign) = _mm256_or_pd(
+                _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0),
+                _mm256_and_pd(_mm256_set1_pd(-0.0), sign.0),
+            );
+        }
+        #[inline(always)]
+        fn at_most(self, most: f64) -> Self {
+            // SAFETY: see the module. A NaN in the second operand comes through.
+            Self(unsafe { _mm256_min_pd(_mm256_set1_pd(most), self.0) })
+        }
+        #[inline(always)]
+        fn select_above(self, limit: f64, above: Self, otherwise: Self) -> Self {
+            // SAFETY: see the module.
+            Self(unsafe {
+                let mask = _mm256_cmp_pd::<_CMP_GT_OQ>(self.0, _mm256_set1_pd(limit));
+                _mm256_blendv_pd(otherwise.0, above.0, mask)
+            })
+        }
+    }
+
+    over_parameters!([] Ymm);
+
+    impl Pack for Ymm {
+        const LANES: usize = 4;
+        #[inline(always)]
+        fn load(values: &[f64]) -> Self {
+            let values: &[f64; 4] = values.try_into().expect("four lanes");
+            // SAFETY: see the module; the array is of the register's size.
+            Self(unsafe { _mm256_loadu_pd(values.as_ptr()) })
+        }
+        #[inline(always)]
+        fn store(self, values: &mut [f64]) {
+            let values: &mut [f64; 4] = values.try_into().expect("four lanes");
+            // SAFETY: as in `load`.
+            unsafe { _mm256_storeu_pd(values.as_mut_ptr(), self.0) }
+        }
+    }
+
+    /// Eight lanes.
+    #[derive(Clone, Copy, Debug)]
+    #[repr(transparent)]
+    struct Zmm(__m512d);
+
+    operator! { Zmm,
+        Add, add, _mm512_add_pd; Sub, sub, _mm512_sub_pd;
+        Mul, mul, _mm512_mul_pd; Div, div, _mm512_div_pd;
+    }
+
+    impl Neg for Zmm {
+        type Output = Self;
+        intrinsic! { neg(self) = _mm512_xor_pd(self.0, _mm512_set1_pd(-0.0)); }
+    }
+
+    impl Scalar for Zmm {
+        #[inline(always)]
+        fn from_f64(value: f64) -> Self {
+            // SAFETY: see the module.
+            Self(unsafe { _mm512_set1_pd(value) })
+        }
+        intrinsic! {
+            mul_add(self, a, b) = _mm512_fmadd_pd(self.0, a.0, b.0);
+            abs(self) = _mm512_abs_pd(self.0);
+        }
+        #[inline(always)]
+        fn tanh_sech2(self) -> (Self, Self) {
+            let ([t], [s]) = tanh_sech2_in_step([self]);
+            (t, s)
+        }
+        #[inline(always)]
+        fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
+            tanh_sech2_in_step(x)
+        }
+        #[inline(always)]
+        fn is_zero(self) -> bool {
+            // SAFETY: see the module.
+            unsafe { _mm512_cmp_pd_mask::<_CMP_EQ_OQ>(self.0, _mm512_setzero_pd()) == u8::MAX }
+        }
+        fn unit_roundoff() -> f64 {
+            f64::unit_roundoff()
+        }
+    }
+
+    impl Lanewise for Zmm {
+        intrinsic! {
+            negative_mul_add(self, a, b) = _mm512_fnmadd_pd(self.0, a.0, b.0);
+            power_of_low_bits(self) =
+                _mm512_castsi512_pd(_mm512_slli_epi64::<52>(_mm512_castpd_si512(self.0)));
+            times_four_powers(self, power) = _mm512_castsi512_pd(_mm512_add_epi64(
+                _mm512_castpd_si512(self.0),
+                _mm512_sub_epi64(_mm512_castpd_si512(power.0), _mm512_set1_epi64(1021 << 52)),
+            ));
+            // The bits of self where the mask is set, else those of `sign`.
+            with_sign_of(self, sign) = _mm512_castsi512_pd(_mm512_ternarylogic_epi64::<0xe4>(
+                _mm512_castpd_si512(self.0),
+                _mm512_castpd_si512(sign.0),
+                _mm512_set1_epi64(i64::MAX),
+            ));
+        }
+        #[inline(always)]
+        fn at_most(self, most: f64) -> Self {
+            // SAFETY: see the module. A NaN in the second operand comes through.
+            Self(unsafe { _mm512_min_pd(_mm512_set1_pd(most), self.0) })
+        }
+        #[inline(always)]
+        fn select_above(self, limit: f64, above: Self, otherwise: Self) -> Self {
+            // SAFETY: see the module.
+            Self(unsafe {
+                let mask = _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0, _mm512_set1_pd(limit));
+                _mm512_mask_mov_pd(otherwise.0, mask, above.0)
+            })
+        }
+    }
+
+    over_parameters!([] Zmm);
+
+    impl Pack for Zmm {
+        const LANES: usize = 8;
+        #[inline(always)]
+        fn load(values: &[f64]) -> Self {
+            let values: &[f64; 8] = values.try_into().expect("eight lanes");
+            // SAFETY: see the module; the array is of the register's size.
+            Self(unsafe { _mm512_loadu_pd(values.as_ptr()) })
+        }
+        #[inline(always)]
+        fn store(self, values: &mut [f64]) {
+            let values: &mut [f64; 8] = values.try_into().expect("eight lanes");
+            // SAFETY: as in `load`.
+            unsafe { _mm512_storeu_pd(values.as_mut_ptr(), self.0) }
+        }
+    }
+
+    /// Twice the lanes, in two registers.
+    #[derive(Clone, Copy, Debug)]
+    struct Pair<V>(V, V);
+
+    macro_rules! both {
+        ($($method:ident($($operand:ident),*);)*) => {
+            $(#[inline(always)]
+            fn $method(self $(, $operand: Self)*) -> Self {
+                Self(self.0.$method($($operand.0),*), self.1.$method($($operand.1),*))
+            })*
+        };
+    }
+
+    macro_rules! pair_operator {
+        ($($trait:ident, $method:ident;)*) => {
+            $(impl<V: Pack> $trait for Pair<V> {
+                type Output = Self;
+                both! { $method(other); }
+            })*
+        };
+    }
+    pair_operator! { Add, add; Sub, sub; Mul, mul; Div, div; }
+
+    impl<V: Pack> Neg for Pair<V> {
+        type Output = Self;
+        both! { neg(); }
+    }
+
+    impl<V: Pack> Scalar for Pair<V> {
+        #[inline(always)]
+        fn from_f64(value: f64) -> Self {
+            Self(V::from_f64(value), V::from_f64(value))
+        }
+        both! { mul_add(a, b); abs(); }
+        #[inline(always)]
+        fn tanh_sech2(self) -> (Self, Self) {
+            let ([t], [s]) = tanh_sech2_in_step([self]);
+            (t, s)
+        }
+        #[inline(always)]
+        fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
+            tanh_sech2_in_step(x)
+        }
+        #[inline(always)]
+        fn is_zero(self) -> bool {
+            self.0.is_zero() && self.1.is_zero()
+        }
+        fn unit_roundoff() -> f64 {
+            f64::unit_roundoff()
+        }
+    }
+
+    impl<V: Pack> Lanewise for Pair<V> {
+        both! {
+            negative_mul_add(a, b);
+            power_of_low_bits();
+            times_four_powers(power);
+            with_sign_of(sign);
+        }
+        #[inline(always)]
+        fn at_most(self, most: f64) -> Self {
+            Self(self.0.at_most(most), self.1.at_most(most))
+        }
+        #[inline(always)]
+        fn select_above(self, limit: f64, above: Self, otherwise: Self) -> Self {
+            Self(
+                self.0.select_above(limit, above.0, otherwise.0),
+                self.1.select_above(limit, above.1, otherwise.1),
+            )
+        }
+    }
+
+    over_parameters!([V: Pack] Pair<V>);
+
+    impl<V: Pack> Pack for Pair<V> {
+        const LANES: usize = 2 * V::LANES;
+        #[inline(always)]
+        fn load(values: &[f64]) -> Self {
+            let (low, high) = values.split_at(V::LANES);
+            Self(V::load(low), V::load(high))
+        }
+        #[inline(always)]
+        fn store(self, values: &mut [f64]) {
+            let (low, high) = values.split_at_mut(V::LANES);
+            self.0.store(low);
+            self.1.store(high);
+        }
+    }
+}
