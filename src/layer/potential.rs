@@ -61,6 +61,47 @@ pub struct TanhPotential<'a, P, const D: usize = 0> {
     w_out: &'a [P],
 }
 
+/// Runs `$body` on copies of the n inputs and of the n outputs whose number the
+/// compiler knows (unless `$D` is 0), so that it keeps them in registers.
+macro_rules! in_registers {
+    ($n:expr, $D:ident, [$($input:ident),*], $out:ident => $body:expr) => {
+        if $D > 0 {
+            let own = $out;
+            $(let $input: &[S; $D] = &std::array::from_fn(|i| $input[i]);)*
+            let $out = &mut [S::zero(); $D];
+            $body;
+            own[..$D].copy_from_slice($out);
+        } else {
+            $(let $input = &$input[..$n];)*
+            let $out = &mut $out[..$n];
+            $body;
+        }
+    };
+}
+
+/// Runs `$body` for all neurons, `$j` being the first of `$K` at a time: as many
+/// as keep a processor busy whose results take long to come.
+macro_rules! for_neurons {
+    ($width:expr, $j:ident, $K:ident => $body:expr) => {{
+        let width = $width;
+        let mut $j = 0;
+        while $j + 4 <= width {
+            const $K: usize = 4;
+            $body;
+            $j += $K;
+        }
+        while $j + 2 <= width {
+            const $K: usize = 2;
+            $body;
+            $j += $K;
+        }
+        if $j < width {
+            const $K: usize = 1;
+            $body;
+        }
+    }};
+}
+
 impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
     /// A view of the parameters `[W (n × h, row by row), b (h), w (h)]`.
     ///
@@ -135,6 +176,52 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
         self.accumulate(j, s, out);
     }
 
+    #[inline(always)]
+    fn gradient_of<S: Over<P>>(&self, y: &[S], out: &mut [S]) {
+        out.fill(S::zero());
+        for_neurons!(self.width(), j, K => self.add_gradient::<S, K>(j, y, out));
+    }
+
+    #[inline(always)]
+    fn gradient_of_recording<S: Over<P>>(&self, y: &[S], out: &mut [S], tape: &mut [S]) {
+        out.fill(S::zero());
+        for_neurons!(self.width(), j, K => self.add_gradient_recording::<S, K>(j, y, out, tape));
+    }
+
+    #[inline(always)]
+    fn pullback_of<S: Over<P>>(
+        &self,
+        y: &[S],
+        tape: &[S],
+        u: &[S],
+        y_bar: &mut [S],
+        parameters_bar: &mut [S],
+    ) {
+        let (n, h) = (self.n(), self.width());
+        let (w_bar, rest) = parameters_bar.split_at_mut(n * h);
+        let (b_bar, w_out_bar) = rest.split_at_mut(h);
+        let (b_bar, w_out_bar, w_out) = (&mut b_bar[..h], &mut w_out_bar[..h], &self.w_out[..h]);
+        y_bar.fill(S::zero());
+        for (j, slot) in tape[..2 * h].chunks_exact(2).enumerate() {
+            let (t, s) = (slot[0], slot[1]);
+            // r = (Wᵀu)ⱼ, so that u·∇V = Σⱼ wⱼ sⱼ rⱼ.
+            let mut r = S::zero();
+            for i in 0..n {
+                r = u[i].mul_add_parameter(self.w_in[i * h + j], r);
+            }
+            let ws = s.times(w_out[j]);
+            let sr = s * r;
+            w_out_bar[j] = w_out_bar[j] + sr;
+            let z_bar = S::from_f64(-2.0) * t * (ws * r);
+            b_bar[j] = b_bar[j] + z_bar;
+            for i in 0..n {
+                let entry = &mut w_bar[i * h + j];
+                *entry = ws.mul_add(u[i], z_bar.mul_add(y[i], *entry));
+                y_bar[i] = z_bar.mul_add_parameter(self.w_in[i * h + j], y_bar[i]);
+            }
+        }
+    }
+
     /// As `add_gradient`, keeping (tanh, sech²) of each neuron.
     #[inline(always)]
     fn add_gradient_recording<S: Over<P>, const K: usize>(
@@ -181,29 +268,6 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
     }
 }
 
-/// Runs `$body` for all neurons, `$j` being the first of `$K` at a time: as many
-/// as keep a processor busy whose results take long to come.
-macro_rules! for_neurons {
-    ($width:expr, $j:ident, $K:ident => $body:expr) => {{
-        let width = $width;
-        let mut $j = 0;
-        while $j + 4 <= width {
-            const $K: usize = 4;
-            $body;
-            $j += $K;
-        }
-        while $j + 2 <= width {
-            const $K: usize = 2;
-            $body;
-            $j += $K;
-        }
-        if $j < width {
-            const $K: usize = 1;
-            $body;
-        }
-    }};
-}
-
 impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, D> {
     #[inline(always)]
     fn dof(&self) -> usize {
@@ -217,44 +281,19 @@ impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, 
 
     #[inline(always)]
     fn gradient(&self, y: &[S], out: &mut [S]) {
-        let (y, out) = (&y[..self.n()], &mut out[..self.n()]);
-        out.fill(S::zero());
-        for_neurons!(self.width(), j, K => self.add_gradient::<S, K>(j, y, out));
+        in_registers!(self.n(), D, [y], out => self.gradient_of(y, out));
     }
 
     #[inline(always)]
     fn gradient_recording(&self, y: &[S], out: &mut [S], tape: &mut [S]) {
-        let (y, out) = (&y[..self.n()], &mut out[..self.n()]);
-        out.fill(S::zero());
-        for_neurons!(self.width(), j, K => self.add_gradient_recording::<S, K>(j, y, out, tape));
+        in_registers!(self.n(), D, [y], out => self.gradient_of_recording(y, out, tape));
     }
 
     #[inline(always)]
     fn pullback(&self, y: &[S], tape: &[S], u: &[S], y_bar: &mut [S], parameters_bar: &mut [S]) {
-        let n = self.n();
-        let h = self.width();
-        let (y, u, y_bar) = (&y[..n], &u[..n], &mut y_bar[..n]);
-        let (w_bar, rest) = parameters_bar.split_at_mut(n * h);
-        let (b_bar, w_out_bar) = rest.split_at_mut(h);
-        y_bar.fill(S::zero());
-        for (j, slot) in tape.chunks_exact(2).enumerate() {
-            let (t, s) = (slot[0], slot[1]);
-            // r = (Wᵀu)ⱼ, so that u·∇V = Σⱼ wⱼ sⱼ rⱼ.
-            let mut r = S::zero();
-            for i in 0..n {
-                r = u[i].mul_add_parameter(self.w_in[i * h + j], r);
-            }
-            let ws = s.times(self.w_out[j]);
-            let sr = s * r;
-            w_out_bar[j] = w_out_bar[j] + sr;
-            let z_bar = S::from_f64(-2.0) * t * (ws * r);
-            b_bar[j] = b_bar[j] + z_bar;
-            for i in 0..n {
-                let entry = &mut w_bar[i * h + j];
-                *entry = ws.mul_add(u[i], z_bar.mul_add(y[i], *entry));
-                y_bar[i] = z_bar.mul_add_parameter(self.w_in[i * h + j], y_bar[i]);
-            }
-        }
+        in_registers!(self.n(), D, [y, u], y_bar => {
+            self.pullback_of(y, tape, u, y_bar, parameters_bar);
+        });
     }
 
     /// |W||D||Wᵀ| with D = diag(2 w s t), the diagonal of second derivatives.

@@ -1,8 +1,8 @@
 //! The shear along a potential's gradient: the primitive of every network.
 
-use super::Potential;
+use super::{Potential, TanhPotential};
 use crate::phase::Half;
-use crate::scalar::{Over, Real, Scalar};
+use crate::scalar::{Over, Pack, Real, Scalar};
 
 /// target += c·∇V(τ·source − η), where target is one half of the coordinates
 /// and source the other; c = ±ε, τ = ±1.
@@ -55,27 +55,22 @@ impl<P: Scalar, V> Kick<'_, P, V> {
     where
         V: Potential<S>,
     {
-        self.apply_by(self.potential.dof(), z, scratch, |y, out| self.potential.gradient(y, out));
-    }
-
-    /// The same with ∇V as `gradient` computes it.
-    #[inline(always)]
-    pub(crate) fn apply_by<S: Over<P>>(
-        &self,
-        n: usize,
-        z: &mut [S],
-        scratch: &mut [S],
-        gradient: impl Fn(&[S], &mut [S]),
-    ) {
         if self.is_identity() {
             return;
         }
-        let (argument, increment) = scratch.split_at_mut(n);
+        let n = self.potential.dof();
+        let (argument, gradient) = scratch.split_at_mut(n);
         let (source, target) = self.target.split(n, z);
         self.argument(source, argument);
-        gradient(argument, increment);
-        for i in 0..n {
-            target[i] = increment[i].mul_add_parameter(self.scale, target[i]);
+        self.potential.gradient(argument, gradient);
+        self.add(gradient, target);
+    }
+
+    /// target += c·∇V.
+    #[inline(always)]
+    fn add<S: Over<P>>(&self, gradient: &[S], target: &mut [S]) {
+        for (target, gradient) in target.iter_mut().zip(gradient) {
+            *target = gradient.mul_add_parameter(self.scale, *target);
         }
     }
 
@@ -104,9 +99,7 @@ impl<P: Scalar, V> Kick<'_, P, V> {
         self.argument(source, argument);
         let gradient = &mut scratch[..n];
         self.potential.gradient_recording(argument, gradient, tape);
-        for i in 0..n {
-            target[i] = gradient[i].mul_add_parameter(self.scale, target[i]);
-        }
+        self.add(gradient, target);
     }
 
     /// The adjoint at the recorded point: `z_bar` from the cotangent of the
@@ -142,6 +135,22 @@ impl<P: Scalar, V> Kick<'_, P, V> {
                 eta_bar[i] = eta_bar[i] - y_bar[i];
             }
         }
+    }
+}
+
+impl<P: Over<P>, const D: usize> Kick<'_, P, TanhPotential<'_, P, D>> {
+    /// As [`Kick::apply`] to one point, with a neuron in each lane.
+    #[inline(always)]
+    pub(crate) fn apply_across<V: Pack<P>>(&self, z: &mut [P], scratch: &mut [P]) {
+        if self.is_identity() {
+            return;
+        }
+        let n = Potential::<P>::dof(&self.potential);
+        let (argument, gradient) = scratch.split_at_mut(n);
+        let (source, target) = self.target.split(n, z);
+        self.argument(source, argument);
+        self.potential.gradient_across::<V>(argument, gradient);
+        self.add(gradient, target);
     }
 }
 

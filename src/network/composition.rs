@@ -203,6 +203,7 @@ impl<P: Scalar> Composition<P> {
         self.rotation.as_ref().expect("a rotation step comes with its rotation")
     }
 
+    /// One step of each of the points in z, 2n numbers a point.
     #[inline(always)]
     fn apply_step<S: Over<P>, const D: usize>(
         &self,
@@ -212,15 +213,26 @@ impl<P: Scalar> Composition<P> {
         scratch: &mut [S],
     ) {
         let undo = direction == Direction::Inverse;
+        let points = z.chunks_exact_mut(2 * self.dof);
         match step {
-            Step::Kick { parameters, width, form, inverse, near_identity } => self
-                .kick::<D>(parameters, *width, *form, *inverse != undo, *near_identity)
-                .apply(z, scratch),
-            Step::Rotation { inverse } => self.rotation().apply(z, *inverse != undo),
+            Step::Kick { parameters, width, form, inverse, near_identity } => {
+                let inverse = *inverse != undo;
+                let kick = self.kick::<D>(parameters, *width, *form, inverse, *near_identity);
+                for z in points {
+                    kick.apply(z, scratch);
+                }
+            }
+            Step::Rotation { inverse } => {
+                for z in points {
+                    self.rotation().apply(z, *inverse != undo);
+                }
+            }
         }
     }
 
-    /// The map or its inverse on one point, n fixed at compile time unless 0.
+    /// The map or its inverse on points of 2n numbers, n fixed at compile time
+    /// unless 0. Of several points each makes a step before the next one: while
+    /// the last results of one are awaited, the processor has the others.
     #[inline(always)]
     pub(crate) fn apply<S: Over<P>, const D: usize>(
         &self,
@@ -228,17 +240,13 @@ impl<P: Scalar> Composition<P> {
         z: &mut [S],
         scratch: &mut [S],
     ) {
-        match direction {
-            Direction::Forward => {
-                for step in &self.steps {
-                    self.apply_step::<S, D>(step, direction, z, scratch);
-                }
-            }
-            Direction::Inverse => {
-                for step in self.steps.iter().rev() {
-                    self.apply_step::<S, D>(step, direction, z, scratch);
-                }
-            }
+        for number in 0..self.steps.len() {
+            // One loop for both: the step is compiled into it once.
+            let number = match direction {
+                Direction::Forward => number,
+                Direction::Inverse => self.steps.len() - 1 - number,
+            };
+            self.apply_step::<S, D>(&self.steps[number], direction, z, scratch);
         }
     }
 
@@ -254,19 +262,16 @@ impl<P: Scalar> Composition<P> {
         P: Over<P>,
     {
         let undo = direction == Direction::Inverse;
-        let mut apply = |step: &Step| match step {
-            Step::Kick { parameters, width, form, inverse, near_identity } => {
-                let inverse = *inverse != undo;
-                let kick = self.kick::<D>(parameters, *width, *form, inverse, *near_identity);
-                kick.apply_by(self.dof, z, scratch, |y, out| {
-                    kick.potential.gradient_across::<V>(y, out);
-                });
+        for number in 0..self.steps.len() {
+            let number = if undo { self.steps.len() - 1 - number } else { number };
+            match &self.steps[number] {
+                Step::Kick { parameters, width, form, inverse, near_identity } => {
+                    let inverse = *inverse != undo;
+                    self.kick::<D>(parameters, *width, *form, inverse, *near_identity)
+                        .apply_across::<V>(z, scratch);
+                }
+                Step::Rotation { inverse } => self.rotation().apply(z, *inverse != undo),
             }
-            Step::Rotation { inverse } => self.rotation().apply(z, *inverse != undo),
-        };
-        match direction {
-            Direction::Forward => self.steps.iter().for_each(&mut apply),
-            Direction::Inverse => self.steps.iter().rev().for_each(&mut apply),
         }
     }
 
@@ -286,8 +291,14 @@ impl<P: Scalar> Composition<P> {
     /// Space for [`Composition::forward_recording`] and
     /// [`Composition::pullback`]: n + 2h numbers a kick, 2n a rotation.
     pub fn recording<S: Over<P>>(&self) -> Recording<S> {
-        let tape = self.steps.iter().map(|step| self.step_tape_len(step)).sum();
-        Recording { tape: vec![S::zero(); tape], scratch: vec![S::zero(); 2 * self.dof] }
+        self.recording_of(1)
+    }
+
+    /// The same for so many points.
+    pub(crate) fn recording_of<S: Over<P>>(&self, points: usize) -> Recording<S> {
+        let tape: usize = self.steps.iter().map(|step| self.step_tape_len(step)).sum();
+        let tape = vec![S::zero(); points * tape];
+        Recording { tape, scratch: vec![S::zero(); 2 * self.dof] }
     }
 
     #[inline(always)]
@@ -298,30 +309,39 @@ impl<P: Scalar> Composition<P> {
         }
     }
 
-    /// z ← P(z), recording what the pullback needs.
+    /// z ← P(z) for each of the points in z, as many as the recording has space
+    /// for, recording what the pullback needs.
     #[inline(always)]
     pub(crate) fn record<S: Over<P>, const D: usize>(
         &self,
         z: &mut [S],
         recording: &mut Recording<S>,
     ) {
+        let dim = 2 * self.dof;
         let mut tape = &mut recording.tape[..];
         for step in &self.steps {
-            let (own, rest) = tape.split_at_mut(self.step_tape_len(step));
+            let size = self.step_tape_len(step);
+            let (own, rest) = tape.split_at_mut(size * (z.len() / dim));
             tape = rest;
+            let points = z.chunks_exact_mut(dim).zip(own.chunks_exact_mut(size));
             match step {
-                Step::Kick { parameters, width, form, inverse, near_identity } => self
-                    .kick::<D>(parameters, *width, *form, *inverse, *near_identity)
-                    .apply_recording(z, &mut recording.scratch, own),
+                Step::Kick { parameters, width, form, inverse, near_identity } => {
+                    let kick = self.kick::<D>(parameters, *width, *form, *inverse, *near_identity);
+                    for (z, own) in points {
+                        kick.apply_recording(z, &mut recording.scratch, own);
+                    }
+                }
                 Step::Rotation { inverse } => {
-                    self.rotation().apply(z, *inverse);
-                    own.copy_from_slice(z);
+                    for (z, own) in points {
+                        self.rotation().apply(z, *inverse);
+                        own.copy_from_slice(z);
+                    }
                 }
             }
         }
     }
 
-    /// The adjoint at the recorded point.
+    /// The adjoint at the recorded points.
     #[inline(always)]
     pub(crate) fn pull<S: Over<P>, const D: usize>(
         &self,
@@ -329,23 +349,27 @@ impl<P: Scalar> Composition<P> {
         z_bar: &mut [S],
         parameters_bar: &mut [S],
     ) {
+        let dim = 2 * self.dof;
         let mut tape = &recording.tape[..];
         for step in self.steps.iter().rev() {
-            let (rest, own) = tape.split_at(tape.len() - self.step_tape_len(step));
+            let size = self.step_tape_len(step);
+            let (rest, own) = tape.split_at(tape.len() - size * (z_bar.len() / dim));
             tape = rest;
+            let points = z_bar.chunks_exact_mut(dim).zip(own.chunks_exact(size));
             match step {
                 Step::Kick { parameters, width, form, inverse, near_identity } => {
-                    self.kick::<D>(parameters, *width, *form, *inverse, *near_identity).pullback(
-                        own,
-                        z_bar,
-                        &mut parameters_bar[parameters.clone()],
-                        &mut recording.scratch,
-                    )
+                    let kick = self.kick::<D>(parameters, *width, *form, *inverse, *near_identity);
+                    let parameters_bar = &mut parameters_bar[parameters.clone()];
+                    for (z_bar, own) in points {
+                        kick.pullback(own, z_bar, parameters_bar, &mut recording.scratch);
+                    }
                 }
                 Step::Rotation { inverse } => {
-                    let theta_bar = self.rotation().pullback(own, z_bar, *inverse);
                     let theta = self.theta.expect("a rotation step comes with its angle");
-                    parameters_bar[theta] = parameters_bar[theta] + theta_bar;
+                    for (z_bar, own) in points {
+                        let theta_bar = self.rotation().pullback(own, z_bar, *inverse);
+                        parameters_bar[theta] = parameters_bar[theta] + theta_bar;
+                    }
                 }
             }
         }

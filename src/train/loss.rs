@@ -42,13 +42,17 @@ impl Loss {
     }
 }
 
-/// Pairs of one task: fixed, so that the order of all sums is.
+/// Groups of eight pairs that go through the map together: fixed as the lanes
+/// are, and with them the order of all sums.
+const TOGETHER: usize = 4;
+
+/// Pairs of one task, fixed for the same reason.
 const BLOCK: usize = 128 * WIDTH;
 
 /// The loss of a composition on a set of pairs.
 ///
-/// Sums are taken in a fixed order — lanes, then groups of eight pairs, then
-/// blocks of 1024 — so that values and gradients are the same bits on every
+/// Sums are taken in a fixed order — four groups of eight pairs that go together,
+/// these after one another, the eight lanes, then blocks of 1024 pairs — so that values and gradients are the same bits on every
 /// processor and number of threads.
 #[derive(Clone, Debug)]
 pub struct Objective<'a> {
@@ -149,26 +153,28 @@ struct Block<'a> {
     output: &'a [f64],
 }
 
-/// The lanes of a group of pairs.
+/// The lanes of the pairs that go together.
 struct Group<V> {
+    /// One group of pairs after another, 2n numbers each.
     state: Vec<V>,
     target: Vec<V>,
     cotangent: Vec<V>,
-    /// 1 in a lane that has a pair. The others repeat the last pair.
-    present: V,
+    /// 1 in a lane that has a pair, for each group. The others repeat a pair.
+    present: Vec<V>,
 }
 
 impl<'a> Block<'a> {
     #[inline(always)]
     fn space<V: Pack>(&self) -> Group<V> {
-        let zero = vec![V::zero(); self.weights.len()];
-        Group { state: zero.clone(), target: zero.clone(), cotangent: zero, present: V::zero() }
+        let zero = vec![V::zero(); TOGETHER * self.weights.len()];
+        let present = vec![V::zero(); TOGETHER];
+        Group { state: zero.clone(), target: zero.clone(), cotangent: zero, present }
     }
 
-    /// Inputs and outputs of as many pairs as there are lanes at a time.
+    /// Inputs and outputs of as many pairs as go together at a time.
     #[inline(always)]
     fn groups<V: Pack>(&self) -> impl Iterator<Item = (&'a [f64], &'a [f64])> + use<'a, V> {
-        let size = V::LANES * self.weights.len();
+        let size = TOGETHER * V::LANES * self.weights.len();
         self.input.chunks(size).zip(self.output.chunks(size))
     }
 }
@@ -176,21 +182,42 @@ impl<'a> Block<'a> {
 impl<V: Pack> Group<V> {
     #[inline(always)]
     fn load(&mut self, input: &[f64], output: &[f64]) {
-        let dim = self.state.len();
-        crate::network::load(input, dim, &mut self.state);
-        crate::network::load(output, dim, &mut self.target);
+        let dim = self.state.len() / TOGETHER;
         let rows = input.len() / dim;
-        let mut present = [0.0; WIDTH];
-        present[..rows].fill(1.0);
-        self.present = V::load(&present[..V::LANES]);
+        for group in 0..TOGETHER {
+            let first = (group * V::LANES).min(rows);
+            let count = (rows - first).min(V::LANES);
+            self.present[group] = present(count);
+            // A group without a pair repeats the last one.
+            let part = first.min(rows - 1) * dim..(first + count.max(1)).min(rows) * dim;
+            let lanes = group * dim..(group + 1) * dim;
+            crate::network::load(&input[part.clone()], dim, &mut self.state[lanes.clone()]);
+            crate::network::load(&output[part], dim, &mut self.target[lanes]);
+        }
     }
 
-    /// (residual_c, weight_c·residual_c), zero in lanes without a pair.
+    /// Calls `f(k, residual, weight_c·residual)` for the components c of each
+    /// group, k counting through all; the last is zero in lanes without a pair.
     #[inline(always)]
-    fn residual(&self, c: usize, weight: f64) -> (V, V) {
-        let residual = self.state[c] - self.target[c];
-        (residual, residual * self.present * V::from_f64(weight))
+    fn residuals(&mut self, weights: &[f64], mut f: impl FnMut(&mut V, V, V)) {
+        let dim = weights.len();
+        for group in 0..TOGETHER {
+            for (c, &weight) in weights.iter().enumerate() {
+                let k = group * dim + c;
+                let residual = self.state[k] - self.target[k];
+                let weighted = residual * self.present[group] * V::from_f64(weight);
+                f(&mut self.cotangent[k], residual, weighted);
+            }
+        }
     }
+}
+
+/// 1 in so many lanes, 0 in the others.
+#[inline(always)]
+fn present<V: Pack>(count: usize) -> V {
+    let mut present = [0.0; WIDTH];
+    present[..count].fill(1.0);
+    V::load(&present[..V::LANES])
 }
 
 /// The sum of the lanes, from the first to the last.
@@ -214,16 +241,15 @@ impl Kernel for Value<'_> {
     fn run<V: Pack>(self) -> f64 {
         let Block { map, weights, .. } = self.0;
         let mut group = self.0.space::<V>();
-        let mut scratch = group.state.clone();
+        let mut scratch = vec![V::zero(); weights.len()];
         let mut total = V::zero();
         for (input, output) in self.0.groups::<V>() {
             group.load(input, output);
             with_dof!(map.dof(), D => map.apply::<V, D>(
                 Direction::Forward, &mut group.state, &mut scratch));
-            for (c, &weight) in weights.iter().enumerate() {
-                let (residual, weighted) = group.residual(c, weight);
+            group.residuals(weights, |_, residual, weighted| {
                 total = weighted.mul_add(residual, total);
-            }
+            });
         }
         sum(total)
     }
@@ -238,17 +264,16 @@ impl Kernel for Gradient<'_> {
     fn run<V: Pack>(self) -> (f64, Vec<f64>) {
         let Block { map, weights, .. } = self.0;
         let mut group = self.0.space::<V>();
-        let mut recording = map.recording::<V>();
+        let mut recording = map.recording_of::<V>(TOGETHER);
         let mut gradient = vec![V::zero(); map.parameters().len()];
         let mut total = V::zero();
         for (input, output) in self.0.groups::<V>() {
             group.load(input, output);
             with_dof!(map.dof(), D => map.record::<V, D>(&mut group.state, &mut recording));
-            for (c, &weight) in weights.iter().enumerate() {
-                let (residual, weighted) = group.residual(c, weight);
+            group.residuals(weights, |cotangent, residual, weighted| {
                 total = weighted.mul_add(residual, total);
-                group.cotangent[c] = weighted + weighted;
-            }
+                *cotangent = weighted + weighted;
+            });
             with_dof!(map.dof(), D => map.pull::<V, D>(
                 &mut recording, &mut group.cotangent, &mut gradient));
         }
@@ -264,19 +289,23 @@ impl Kernel for Curvature<'_> {
     #[inline(always)]
     fn run<V: Pack>(self) -> Vec<f64> {
         let Block { map, weights, .. } = self.0;
-        let mut group = self.0.space::<V>();
+        let dim = weights.len();
+        let zero = V::zero();
         let mut recording = map.recording::<V>();
-        let mut row = vec![V::zero(); map.parameters().len()];
+        let (mut state, mut cotangent) = (vec![zero; dim], vec![zero; dim]);
+        let mut row = vec![zero; map.parameters().len()];
         let mut diagonal = row.clone();
-        for (input, output) in self.0.groups::<V>() {
-            group.load(input, output);
-            with_dof!(map.dof(), D => map.record::<V, D>(&mut group.state, &mut recording));
+        for input in self.0.input.chunks(V::LANES * dim) {
+            crate::network::load(input, dim, &mut state);
+            let present = present::<V>(input.len() / dim);
+            with_dof!(map.dof(), D => map.record::<V, D>(&mut state, &mut recording));
             for (c, &weight) in weights.iter().enumerate() {
-                group.cotangent.fill(V::zero());
-                group.cotangent[c] = group.present;
-                row.fill(V::zero());
+                // The squares of a single pair's row: one group at a time.
+                cotangent.fill(zero);
+                cotangent[c] = present;
+                row.fill(zero);
                 with_dof!(map.dof(), D => map.pull::<V, D>(
-                    &mut recording, &mut group.cotangent, &mut row));
+                    &mut recording, &mut cotangent, &mut row));
                 for (d, r) in diagonal.iter_mut().zip(&row) {
                     *d = (*r * V::from_f64(weight)).mul_add(*r, *d);
                 }
