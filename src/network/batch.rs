@@ -8,6 +8,10 @@ use rayon::prelude::*;
 /// The most points that one task moves: they stay in cache.
 const BLOCK: usize = 32 * WIDTH;
 
+/// Groups of points that make each step together: while the last results of one
+/// are awaited, the processor has the others.
+const TOGETHER: usize = 4;
+
 /// Numbers that a block keeps before they are put in their place.
 const SLAB: usize = 1 << 16;
 
@@ -36,6 +40,25 @@ fn store<V: Pack>(lanes: &[V], dim: usize, points: &mut [f64]) {
     }
 }
 
+/// As [`load`] and [`store`], of several groups; returns how many numbers a lane
+/// they are.
+#[inline(always)]
+fn load_groups<V: Pack>(points: &[f64], dim: usize, lanes: &mut [V]) -> usize {
+    let groups = points.chunks(V::LANES * dim);
+    let count = groups.len();
+    for (group, lanes) in groups.zip(lanes.chunks_exact_mut(dim)) {
+        load(group, dim, lanes);
+    }
+    count * dim
+}
+
+#[inline(always)]
+fn store_groups<V: Pack>(lanes: &[V], dim: usize, points: &mut [f64]) {
+    for (group, lanes) in points.chunks_mut(V::LANES * dim).zip(lanes.chunks_exact(dim)) {
+        store(lanes, dim, group);
+    }
+}
+
 /// The map of each point of a block.
 struct MapBlock<'a> {
     map: &'a Composition<f64>,
@@ -55,12 +78,13 @@ impl Kernel for MapBlock<'_> {
             with_dof!(map.dof(), D => map.apply_across::<V, D>(direction, points, &mut scratch));
             return;
         }
-        let mut lanes = vec![V::zero(); dim];
-        let mut scratch = lanes.clone();
-        for group in points.chunks_mut(V::LANES * dim) {
-            load(group, dim, &mut lanes);
-            with_dof!(map.dof(), D => map.apply::<V, D>(direction, &mut lanes, &mut scratch));
-            store(&lanes, dim, group);
+        let mut lanes = vec![V::zero(); TOGETHER * dim];
+        let mut scratch = vec![V::zero(); dim];
+        for groups in points.chunks_mut(TOGETHER * V::LANES * dim) {
+            let size = load_groups(groups, dim, &mut lanes);
+            let lanes = &mut lanes[..size];
+            with_dof!(map.dof(), D => map.apply::<V, D>(direction, lanes, &mut scratch));
+            store_groups(lanes, dim, groups);
         }
     }
 }
@@ -93,19 +117,21 @@ impl Kernel for Trajectories<'_> {
             }
             return;
         }
-        let mut lanes = vec![V::zero(); dim];
-        let mut scratch = lanes.clone();
-        for (number, group) in points.chunks_mut(V::LANES * dim).enumerate() {
-            let first = number * V::LANES * dim;
-            load(group, dim, &mut lanes);
+        let mut lanes = vec![V::zero(); TOGETHER * dim];
+        let mut scratch = vec![V::zero(); dim];
+        let together = TOGETHER * V::LANES * dim;
+        for (number, groups) in points.chunks_mut(together).enumerate() {
+            let first = number * together;
+            let count = load_groups(groups, dim, &mut lanes);
+            let lanes = &mut lanes[..count];
             for state in kept.chunks_exact_mut(size) {
                 for _ in 0..every {
                     with_dof!(map.dof(), D => map.apply::<V, D>(
-                        Direction::Forward, &mut lanes, &mut scratch));
+                        Direction::Forward, lanes, &mut scratch));
                 }
-                store(&lanes, dim, &mut state[first..first + group.len()]);
+                store_groups(lanes, dim, &mut state[first..first + groups.len()]);
             }
-            store(&lanes, dim, group);
+            store_groups(lanes, dim, groups);
         }
     }
 }
