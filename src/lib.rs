@@ -79,6 +79,8 @@
 //! - Near a resonance, θ close to 2πp/q with small q, there is no adiabatic
 //!   invariant to speak of.
 #![warn(missing_docs)]
+// But for one module: see `scalar::simd`.
+#![deny(unsafe_code)]
 
 pub mod conformance;
 mod digest;

@@ -8,7 +8,7 @@ use gyroceptron::network::{
     Model, Rollout, Stream, map_jacobians, map_points, rollout,
 };
 use gyroceptron::phase::Map;
-use gyroceptron::scalar::{Dual, Real, Scalar, Simd, Tracked};
+use gyroceptron::scalar::{Dual, Real, Scalar, Simd, Tracked, tanh_sech2, tanh_sech2_of_all};
 use gyroceptron::train::{Loss, Objective};
 
 fn shape(action: &[i32], psi: Vec<usize>, near_identity: Vec<usize>) -> GyroceptronShape {
@@ -253,6 +253,18 @@ fn batches_are_single_points_bit_for_bit_on_all_instruction_sets() {
             assert!(across.iter().zip(single).all(|(a, b)| fits(*a, b)), "{set:?} {z:?}");
         });
     }
+
+    // tanh and sech², ragged and at the ends of the range.
+    let mut x = point(77, 8);
+    x.extend([0.0, -0.0, 18.6, 18.7, -354.0, 355.0, 5e-324, f64::INFINITY, f64::NEG_INFINITY]);
+    on_each_simd(|set| {
+        let (mut t, mut s) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+        tanh_sech2_of_all(&x, &mut t, &mut s);
+        let (a, b): (Vec<f64>, Vec<f64>) = x.iter().map(|&x| tanh_sech2(x)).unzip();
+        assert!(same_bits(&t, &a) && same_bits(&s, &b), "{set:?}");
+        tanh_sech2_of_all(&[f64::NAN], &mut t[..1], &mut s[..1]);
+        assert!(t[0].is_nan() && s[0].is_nan(), "{set:?}");
+    });
 
     // Jacobians, in as many directions as go at once and in more.
     for dof in [1, 2, 3, 5] {

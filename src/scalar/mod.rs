@@ -25,8 +25,8 @@ mod tracked;
 pub use double_double::DoubleDouble;
 pub use dual::Dual;
 pub use lanes::{Lanes, WIDTH};
-pub use simd::Simd;
 pub(crate) use simd::{Kernel, Pack, on_lanes};
+pub use simd::{Simd, tanh_sech2_of_all};
 pub use tanh::tanh_sech2;
 pub use tracked::Tracked;
 

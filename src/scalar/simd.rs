@@ -29,6 +29,17 @@ pub(crate) trait Pack<P: Scalar = f64>: Lanewise + Over<P> {
         Self::embed(value)
     }
 
+    /// As [`Pack::store`], of the first lanes.
+    #[inline(always)]
+    fn store_part(self, values: &mut [P]) {
+        if values.len() == Self::LANES {
+            return self.store(values);
+        }
+        let mut all = [P::zero(); WIDTH];
+        self.store(&mut all[..Self::LANES]);
+        values.copy_from_slice(&all[..values.len()]);
+    }
+
     /// As [`Pack::load`], of fewer numbers: the other lanes are zero.
     #[inline(always)]
     fn load_part(values: &[P]) -> Self {
@@ -119,6 +130,51 @@ pub(crate) fn on_lanes<const L: usize, K: Kernel>(kernel: K) -> K::Output {
         Simd::Avx512 => unsafe { x86::on_avx512::<L, K>(kernel) },
         #[cfg(not(target_arch = "x86_64"))]
         _ => kernel.run::<Lanes<L>>(),
+    }
+}
+
+/// `tanh[i]`, `sech2[i]` ← [`tanh_sech2`](super::tanh_sech2)`(x[i])`, the same
+/// bits, on the widest vector registers there are.
+///
+/// # Panics
+/// When the three are not of one length.
+pub fn tanh_sech2_of_all(x: &[f64], tanh: &mut [f64], sech2: &mut [f64]) {
+    assert!(x.len() == tanh.len() && x.len() == sech2.len());
+    on_lanes::<WIDTH, _>(TanhSech2 { x, tanh, sech2 });
+}
+
+struct TanhSech2<'a> {
+    x: &'a [f64],
+    tanh: &'a mut [f64],
+    sech2: &'a mut [f64],
+}
+
+impl Kernel for TanhSech2<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Pack>(self) {
+        /// Registers that go in step.
+        const K: usize = 4;
+        let Self { x, tanh, sech2 } = self;
+        let whole = x.len() / (K * V::LANES) * (K * V::LANES);
+        for first in (0..whole).step_by(K * V::LANES) {
+            let mut lanes = [V::zero(); K];
+            for (k, lane) in lanes.iter_mut().enumerate() {
+                *lane = V::load(&x[first + k * V::LANES..][..V::LANES]);
+            }
+            let (t, s) = V::tanh_sech2_each(lanes);
+            for k in 0..K {
+                t[k].store(&mut tanh[first + k * V::LANES..][..V::LANES]);
+                s[k].store(&mut sech2[first + k * V::LANES..][..V::LANES]);
+            }
+        }
+        for first in (whole..x.len()).step_by(V::LANES) {
+            let part = first..x.len().min(first + V::LANES);
+            let (t, s) = V::load_part(&x[part.clone()]).tanh_sech2();
+            t.store_part(&mut tanh[part.clone()]);
+            s.store_part(&mut sech2[part]);
+        }
     }
 }
 
