@@ -128,52 +128,52 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
         self.w_out.len()
     }
 
+    /// K neurons from j on.
+    #[inline(always)]
+    fn neurons<const K: usize>(&self, j: usize) -> Neurons<'_, P, K, D> {
+        let own = |row: &[P]| row[j..j + K].try_into().expect("K of them");
+        let h = self.width();
+        Neurons {
+            w_in: std::array::from_fn(|i| own(&self.w_in[i * h..(i + 1) * h])),
+            b_in: own(self.b_in),
+            w_out: own(self.w_out),
+            all: self.w_in,
+            row: h,
+            first: j,
+        }
+    }
+
     /// (Wᵀy + b)ⱼ.
     #[inline(always)]
     fn preactivation<S: Over<P>>(&self, j: usize, y: &[S]) -> S {
-        let [z] = self.preactivations(j, y);
+        let [z] = self.neurons(j).preactivations(y);
         z
-    }
-
-    /// The same of K neurons from j on.
-    #[inline(always)]
-    fn preactivations<S: Over<P>, const K: usize>(&self, j: usize, y: &[S]) -> [S; K] {
-        let h = self.width();
-        let b_in = &self.b_in[j..j + K];
-        let mut z = [S::zero(); K];
-        for k in 0..K {
-            z[k] = S::embed(b_in[k]);
-        }
-        for i in 0..self.n() {
-            let w_in = &self.w_in[i * h + j..i * h + j + K];
-            for k in 0..K {
-                z[k] = y[i].mul_add_parameter(w_in[k], z[k]);
-            }
-        }
-        z
-    }
-
-    /// out += Σₖ W_{·k} wₖ sₖ over K neurons from j on, in their order.
-    #[inline(always)]
-    fn accumulate<S: Over<P>, const K: usize>(&self, j: usize, s: [S; K], out: &mut [S]) {
-        let h = self.width();
-        let w_out = &self.w_out[j..j + K];
-        let mut c = s;
-        for k in 0..K {
-            c[k] = s[k].times(w_out[k]);
-        }
-        for i in 0..self.n() {
-            let w_in = &self.w_in[i * h + j..i * h + j + K];
-            for k in 0..K {
-                out[i] = c[k].mul_add_parameter(w_in[k], out[i]);
-            }
-        }
     }
 
     #[inline(always)]
     fn add_gradient<S: Over<P>, const K: usize>(&self, j: usize, y: &[S], out: &mut [S]) {
-        let (_, s) = S::tanh_sech2_each::<K>(self.preactivations(j, y));
-        self.accumulate(j, s, out);
+        let neurons = self.neurons::<K>(j);
+        let (_, s) = S::tanh_sech2_each(neurons.preactivations(y));
+        neurons.accumulate(s, out);
+    }
+
+    /// As `add_gradient`, keeping (tanh, sech²) of each neuron.
+    #[inline(always)]
+    fn add_gradient_recording<S: Over<P>, const K: usize>(
+        &self,
+        j: usize,
+        y: &[S],
+        out: &mut [S],
+        tape: &mut [S],
+    ) {
+        let neurons = self.neurons::<K>(j);
+        let tape = &mut tape[2 * j..2 * (j + K)];
+        let (t, s) = S::tanh_sech2_each(neurons.preactivations(y));
+        for k in 0..K {
+            tape[2 * k] = t[k];
+            tape[2 * k + 1] = s[k];
+        }
+        neurons.accumulate(s, out);
     }
 
     #[inline(always)]
@@ -221,23 +221,60 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
             }
         }
     }
+}
 
-    /// As `add_gradient`, keeping (tanh, sech²) of each neuron.
+/// The parameters of K neurons, taken out before anything is computed with them:
+/// a check of a bound between two computations would keep them from going in step.
+struct Neurons<'a, P, const K: usize, const D: usize> {
+    /// K columns of W, row by row, where the number of rows is known.
+    w_in: [[P; K]; D],
+    b_in: [P; K],
+    w_out: [P; K],
+    /// W, the length of its rows, and the first of the columns.
+    all: &'a [P],
+    row: usize,
+    first: usize,
+}
+
+impl<P: Copy, const K: usize, const D: usize> Neurons<'_, P, K, D> {
     #[inline(always)]
-    fn add_gradient_recording<S: Over<P>, const K: usize>(
-        &self,
-        j: usize,
-        y: &[S],
-        out: &mut [S],
-        tape: &mut [S],
-    ) {
-        let (t, s) = S::tanh_sech2_each::<K>(self.preactivations(j, y));
-        let tape = &mut tape[2 * j..2 * (j + K)];
-        for k in 0..K {
-            tape[2 * k] = t[k];
-            tape[2 * k + 1] = s[k];
+    fn row(&self, i: usize) -> [P; K] {
+        if D > 0 {
+            return self.w_in[i];
         }
-        self.accumulate(j, s, out);
+        let first = i * self.row + self.first;
+        self.all[first..first + K].try_into().expect("K of them")
+    }
+
+    /// Wᵀy + b.
+    #[inline(always)]
+    fn preactivations<S: Over<P>>(&self, y: &[S]) -> [S; K] {
+        let mut z = [S::zero(); K];
+        for k in 0..K {
+            z[k] = S::embed(self.b_in[k]);
+        }
+        for (i, &y) in y.iter().enumerate() {
+            let w_in = self.row(i);
+            for k in 0..K {
+                z[k] = y.mul_add_parameter(w_in[k], z[k]);
+            }
+        }
+        z
+    }
+
+    /// out += Σₖ W_{·k} wₖ sₖ, in the order of the neurons.
+    #[inline(always)]
+    fn accumulate<S: Over<P>>(&self, s: [S; K], out: &mut [S]) {
+        let mut c = s;
+        for k in 0..K {
+            c[k] = s[k].times(self.w_out[k]);
+        }
+        for (i, out) in out.iter_mut().enumerate() {
+            let w_in = self.row(i);
+            for k in 0..K {
+                *out = c[k].mul_add_parameter(w_in[k], *out);
+            }
+        }
     }
 }
 

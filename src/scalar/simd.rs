@@ -157,18 +157,21 @@ impl Kernel for TanhSech2<'_> {
         /// Registers that go in step.
         const K: usize = 4;
         let Self { x, tanh, sech2 } = self;
-        let whole = x.len() / (K * V::LANES) * (K * V::LANES);
-        for first in (0..whole).step_by(K * V::LANES) {
+        let size = K * V::LANES;
+        let outputs = tanh.chunks_exact_mut(size).zip(sech2.chunks_exact_mut(size));
+        for (x, (tanh, sech2)) in x.chunks_exact(size).zip(outputs) {
             let mut lanes = [V::zero(); K];
             for (k, lane) in lanes.iter_mut().enumerate() {
-                *lane = V::load(&x[first + k * V::LANES..][..V::LANES]);
+                *lane = V::load(&x[k * V::LANES..(k + 1) * V::LANES]);
             }
             let (t, s) = V::tanh_sech2_each(lanes);
             for k in 0..K {
-                t[k].store(&mut tanh[first + k * V::LANES..][..V::LANES]);
-                s[k].store(&mut sech2[first + k * V::LANES..][..V::LANES]);
+                let own = k * V::LANES..(k + 1) * V::LANES;
+                t[k].store(&mut tanh[own.clone()]);
+                s[k].store(&mut sech2[own]);
             }
         }
+        let whole = x.len() / size * size;
         for first in (whole..x.len()).step_by(V::LANES) {
             let part = first..x.len().min(first + V::LANES);
             let (t, s) = V::load_part(&x[part.clone()]).tanh_sech2();
