@@ -2,6 +2,7 @@
 """The same work here and in JAX, alternately, and the table of their times.
 
     python3 benches/peers/compare.py [--rounds N] [WORKLOAD ...]
+    python3 benches/peers/compare.py --accuracy    errors of JAX's tanh and 1 - tanh^2
 
 Makes a virtual environment of its own in target/peers (JAX from PyPI), builds the
 Rust side, lets it write parameters, points and results, and checks that both do
@@ -29,7 +30,7 @@ def environment():
     python = FOLDER / "venv" / "bin" / "python"
     if not (FOLDER / "venv" / JAX).exists():
         subprocess.run([sys.executable, "-m", "venv", FOLDER / "venv"], check=True)
-        subprocess.run([python, "-m", "pip", "install", "--quiet", JAX, "numpy"], check=True)
+        subprocess.run([python, "-m", "pip", "install", "--quiet", JAX, "numpy", "mpmath"], check=True)
         (FOLDER / "venv" / JAX).touch()
     if pathlib.Path(sys.prefix) != FOLDER / "venv":
         os.execv(python, [python, __file__, *sys.argv[1:]])
@@ -97,6 +98,29 @@ def start_jax(name, dtype, threads):
     return Process(command, env=environment)
 
 
+def accuracy():
+    """Against 200 bits, where the neurons of a trained network are, and further out."""
+    import jax
+    import jax.numpy as jnp
+    import mpmath
+    import numpy
+
+    jax.config.update("jax_enable_x64", True)
+    mpmath.mp.prec = 200
+    random = numpy.random.default_rng(1)
+    for low, high in ((0, 4), (4, 17)):
+        x = random.uniform(low, high, 3000)
+        computed = zip(x, *map(numpy.asarray, jax.jit(lambda x: (jnp.tanh(x), 1 - jnp.tanh(x) ** 2))(x)))
+        ulps, relative = 0.0, 0.0
+        for a, t, s in computed:
+            a = mpmath.mpf(float(a))
+            tanh, sech2 = mpmath.tanh(a), 1 / mpmath.cosh(a) ** 2
+            ulps = max(ulps, abs(float(mpmath.mpf(float(t)) - tanh)) / numpy.spacing(float(tanh)))
+            relative = max(relative, abs(float((mpmath.mpf(float(s)) - sech2) / sech2)))
+        print(f"|x| in {low} ... {high}: tanh {ulps:.2f} ulp, 1 - tanh^2 {relative:.1e} relative")
+    return 0
+
+
 def figure(samples):
     unit, factor = ("ms", 1e3) if statistics.median(samples) < 1 else ("s", 1)
     middle, low, high = (f(samples) * factor for f in (statistics.median, min, max))
@@ -106,11 +130,14 @@ def figure(samples):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--accuracy", action="store_true")
     parser.add_argument("--worker", nargs=2, help=argparse.SUPPRESS)
     parser.add_argument("workloads", nargs="*")
     options = parser.parse_args()
     if options.worker:
         return jax_worker(*options.worker)
+    if options.accuracy:
+        return accuracy()
 
     bench = ["cargo", "bench", "--quiet", "--bench", "peers", "--"]
     subprocess.run([*bench, "prepare", FOLDER / "data"], check=True, cwd=ROOT)
