@@ -1,6 +1,6 @@
 //! Several points at once: SIMD lanes of `f64`.
 
-use super::tanh::{Lanewise, tanh_sech2_in_step};
+use super::tanh::{Lanewise, functions_of_lanes};
 use super::{Pack, Scalar, over_parameters};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -87,15 +87,7 @@ impl<const L: usize> Scalar for Lanes<L> {
     fn mul_add(self, a: Self, b: Self) -> Self {
         self.zip(a, b, f64::mul_add)
     }
-    #[inline(always)]
-    fn tanh_sech2(self) -> (Self, Self) {
-        let ([t], [s]) = tanh_sech2_in_step([self]);
-        (t, s)
-    }
-    #[inline(always)]
-    fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
-        tanh_sech2_in_step(x)
-    }
+    functions_of_lanes!();
     #[inline(always)]
     fn abs(self) -> Self {
         self.each(f64::abs)
@@ -103,9 +95,6 @@ impl<const L: usize> Scalar for Lanes<L> {
     #[inline(always)]
     fn is_zero(self) -> bool {
         self.0.iter().all(|value| *value == 0.0)
-    }
-    fn unit_roundoff() -> f64 {
-        f64::unit_roundoff()
     }
 }
 

@@ -8,7 +8,7 @@
 //! A kernel gets them as a type parameter, works with their values on the thread
 //! it is called on, and cannot keep one: its output does not depend on the type.
 
-use super::tanh::{Lanewise, tanh_sech2_in_step};
+use super::tanh::{Lanewise, functions_of_lanes};
 use super::{Lanes, Over, Scalar, WIDTH, over_parameters};
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -246,24 +246,13 @@ mod x86 {
             mul_add(self, a, b) = _mm256_fmadd_pd(self.0, a.0, b.0);
             abs(self) = _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0);
         }
-        #[inline(always)]
-        fn tanh_sech2(self) -> (Self, Self) {
-            let ([t], [s]) = tanh_sech2_in_step([self]);
-            (t, s)
-        }
-        #[inline(always)]
-        fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
-            tanh_sech2_in_step(x)
-        }
+        functions_of_lanes!();
         #[inline(always)]
         fn is_zero(self) -> bool {
             // SAFETY: see the module.
             unsafe {
                 _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_EQ_OQ>(self.0, _mm256_setzero_pd())) == 15
             }
-        }
-        fn unit_roundoff() -> f64 {
-            f64::unit_roundoff()
         }
     }
 
@@ -339,22 +328,11 @@ mod x86 {
             mul_add(self, a, b) = _mm512_fmadd_pd(self.0, a.0, b.0);
             abs(self) = _mm512_abs_pd(self.0);
         }
-        #[inline(always)]
-        fn tanh_sech2(self) -> (Self, Self) {
-            let ([t], [s]) = tanh_sech2_in_step([self]);
-            (t, s)
-        }
-        #[inline(always)]
-        fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
-            tanh_sech2_in_step(x)
-        }
+        functions_of_lanes!();
         #[inline(always)]
         fn is_zero(self) -> bool {
             // SAFETY: see the module.
             unsafe { _mm512_cmp_pd_mask::<_CMP_EQ_OQ>(self.0, _mm512_setzero_pd()) == u8::MAX }
-        }
-        fn unit_roundoff() -> f64 {
-            f64::unit_roundoff()
         }
     }
 
@@ -441,21 +419,10 @@ mod x86 {
             Self(V::from_f64(value), V::from_f64(value))
         }
         both! { mul_add(a, b); abs(); }
-        #[inline(always)]
-        fn tanh_sech2(self) -> (Self, Self) {
-            let ([t], [s]) = tanh_sech2_in_step([self]);
-            (t, s)
-        }
-        #[inline(always)]
-        fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
-            tanh_sech2_in_step(x)
-        }
+        functions_of_lanes!();
         #[inline(always)]
         fn is_zero(self) -> bool {
             self.0.is_zero() && self.1.is_zero()
-        }
-        fn unit_roundoff() -> f64 {
-            f64::unit_roundoff()
         }
     }
 

@@ -134,3 +134,22 @@ pub(crate) fn tanh_sech2_in_step<V: Lanewise, const K: usize>(x: [V; K]) -> ([V;
     let s = each!(i => magnitude[i].select_above(SATURATED, c(0.0), s[i]));
     (each!(i => t[i].with_sign_of(x[i])), s)
 }
+
+/// What all lanes of `f64` implement of [`Scalar`] in the same way.
+macro_rules! functions_of_lanes {
+    () => {
+        #[inline(always)]
+        fn tanh_sech2(self) -> (Self, Self) {
+            let ([t], [s]) = crate::scalar::tanh::tanh_sech2_in_step([self]);
+            (t, s)
+        }
+        #[inline(always)]
+        fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
+            crate::scalar::tanh::tanh_sech2_in_step(x)
+        }
+        fn unit_roundoff() -> f64 {
+            f64::unit_roundoff()
+        }
+    };
+}
+pub(super) use functions_of_lanes;
