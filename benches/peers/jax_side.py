@@ -42,12 +42,10 @@ def henon_inverse(layer, x, y, eps):
 
 
 def gyroceptron(parameters, z, action, eps):
-    """Rows of z are points. Layers of one width are stacked: one scan each, which
-    compiles fast and runs as fast as the unrolled loop here."""
+    """Rows of z are points."""
     psi, near, theta = parameters
     n = len(action)
     x, y = z[:, :n], z[:, n:]
-    step = lambda inverse, e: lambda c, layer: ((henon_inverse if inverse else henon)(layer, *c, e), None)
     for layer in reversed(psi):
         x, y = henon_inverse(layer, x, y, 1.0)
     c, s = jnp.cos(jnp.asarray(action) * theta), jnp.sin(jnp.asarray(action) * theta)

@@ -19,12 +19,6 @@ pub const WIDTH: usize = 8;
 pub struct Lanes<const L: usize = WIDTH>(pub [f64; L]);
 
 impl<const L: usize> Lanes<L> {
-    /// The same number in every lane.
-    #[inline(always)]
-    pub fn splat(value: f64) -> Self {
-        Self([value; L])
-    }
-
     #[inline(always)]
     fn each(self, f: impl Fn(f64) -> f64) -> Self {
         let mut out = self;
@@ -41,16 +35,6 @@ impl<const L: usize> Lanes<L> {
             out.0[i] = f(self.0[i], a.0[i], b.0[i]);
         }
         out
-    }
-
-    /// The sum of the lanes, from the first to the last.
-    #[inline(always)]
-    pub fn sum(self) -> f64 {
-        let mut total = 0.0;
-        for value in self.0 {
-            total += value;
-        }
-        total
     }
 }
 
@@ -81,7 +65,7 @@ impl<const L: usize> Neg for Lanes<L> {
 impl<const L: usize> Scalar for Lanes<L> {
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
-        Self::splat(value)
+        Self([value; L])
     }
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {

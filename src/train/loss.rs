@@ -51,9 +51,10 @@ const BLOCK: usize = 128 * WIDTH;
 
 /// The loss of a composition on a set of pairs.
 ///
-/// Sums are taken in a fixed order — four groups of eight pairs that go together,
-/// these after one another, the eight lanes, then blocks of 1024 pairs — so that values and gradients are the same bits on every
-/// processor and number of threads.
+/// Sums are taken in a fixed order — in each lane over the pairs of a block of
+/// 1024, four groups of eight going through the map together; then over the eight
+/// lanes; then over the blocks — so that values and gradients are the same bits on
+/// every processor and number of threads.
 #[derive(Clone, Debug)]
 pub struct Objective<'a> {
     pairs: &'a Pairs,
@@ -196,8 +197,8 @@ impl<V: Pack> Group<V> {
         }
     }
 
-    /// Calls `f(k, residual, weight_c·residual)` for the components c of each
-    /// group, k counting through all; the last is zero in lanes without a pair.
+    /// Calls `f(cotangent, residual, weight_c·residual)` for the components c of
+    /// each group; the last is zero in lanes without a pair.
     #[inline(always)]
     fn residuals(&mut self, weights: &[f64], mut f: impl FnMut(&mut V, V, V)) {
         let dim = weights.len();
