@@ -10,7 +10,7 @@ use gyroceptron::layer::CircleAction;
 use gyroceptron::network::Direction;
 use gyroceptron::network::{
     Architecture, GyroceptronShape, InitialWeights, Model, Rollout, Stream, map_jacobians,
-    map_points, rollout,
+    map_jacobians_by_chain_rule, map_points, rollout,
 };
 use gyroceptron::scalar::{Simd, tanh_sech2, tanh_sech2_of_all};
 use std::hint::black_box;
@@ -172,6 +172,9 @@ fn kernels(criterion: &mut Criterion) {
     group.throughput(Throughput::Elements(1000));
     group.bench_function("681 parameters, 4-D", |b| {
         b.iter(|| map_jacobians(large.composition(), black_box(&z), &mut jacobians));
+    });
+    group.bench_function("the same by the chain rule", |b| {
+        b.iter(|| map_jacobians_by_chain_rule(large.composition(), black_box(&z), &mut jacobians));
     });
     group.finish();
 }

@@ -5,10 +5,13 @@ use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::jacobian;
 use gyroceptron::network::{
     Architecture, Direction, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights,
-    Model, Rollout, Stream, map_jacobians, map_points, rollout,
+    Model, Rollout, Stream, map_jacobians, map_jacobians_by_chain_rule,
+    map_jacobians_by_differences, map_points, rollout,
 };
 use gyroceptron::phase::Map;
-use gyroceptron::scalar::{Dual, Real, Scalar, Simd, Tracked, tanh_sech2, tanh_sech2_of_all};
+use gyroceptron::scalar::{
+    Dual, Real, Scalar, Simd, Tracked, max_or_nan, tanh_sech2, tanh_sech2_of_all,
+};
 use gyroceptron::train::{Loss, Objective};
 
 fn shape(action: &[i32], psi: Vec<usize>, near_identity: Vec<usize>) -> GyroceptronShape {
@@ -426,4 +429,40 @@ fn impossible_architectures_are_refused() {
     let mut parameters = vec![0.0; architecture.parameter_count()];
     parameters[4] = f64::NAN;
     assert!(Model::new(architecture, parameters).is_err());
+}
+
+/// Three ways to a Jacobian that share no derivative: the duals', the product of
+/// the steps' Hessians, and differences, which are wrong by O(h²).
+#[test]
+fn jacobians_by_three_ways_agree() {
+    for action in [vec![1], vec![1, 0], vec![0, 1, 2], vec![1, 1, 2, 3, 5]] {
+        let dim = 2 * action.len();
+        let network = gyroceptron(shape(&action, vec![6, 7], vec![5, 4]), 0.6, 2);
+        let map = network.composition();
+        let points = point(dim * 21, 8);
+        let all = |f: &dyn Fn(&mut [f64])| {
+            let mut out = vec![f64::NAN; points.len() * dim];
+            f(&mut out);
+            out
+        };
+        let by_duals = all(&|out| map_jacobians(map, &points, out).expect("whole points"));
+        let by_hand =
+            all(&|out| map_jacobians_by_chain_rule(map, &points, out).expect("whole points"));
+        let difference =
+            |a: &[f64]| a.iter().zip(&by_duals).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+        let size = by_duals.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        assert!(difference(&by_hand) < 1e-14 * size, "{:e}", difference(&by_hand));
+        let errors: Vec<f64> = [2e-3, 1e-3]
+            .iter()
+            .map(|&step| {
+                difference(&all(&|out| {
+                    map_jacobians_by_differences(map, step, &points, out).expect("whole points");
+                }))
+            })
+            .collect();
+        let order = (errors[0] / errors[1]).log2();
+        assert!((order - 2.0).abs() < 0.02, "{order}, {errors:?}");
+        assert!(map_jacobians_by_chain_rule(map, &points, &mut [0.0; 7]).is_err());
+        assert!(map_jacobians_by_differences(map, 1e-3, &points[1..], &mut [0.0; 7]).is_err());
+    }
 }

@@ -1,6 +1,6 @@
 //! Systems and flows against the equations of motion.
 
-use gyroceptron::flow::{GaussLegendre, Reference, Splitting, runge_kutta_4};
+use gyroceptron::flow::{GaussLegendre, Integrator, Reference, Splitting, runge_kutta_4};
 use gyroceptron::measure::log_slope;
 use gyroceptron::network::Stream;
 use gyroceptron::scalar::Dual;
@@ -382,4 +382,45 @@ fn far_out_the_gaussian_profile_is_zero() {
     let (value, slope) = profile.value_and_slope::<f64>(0.3);
     assert!((value - 0.5 * (-0.45_f64).exp()).abs() < 1e-16);
     assert!((slope + 3.0 * value).abs() < 1e-15);
+}
+
+/// Many trajectories, in the order (T, M, 2n), against each method called alone.
+#[test]
+fn trajectories_are_those_of_the_methods_bit_for_bit() {
+    for system in systems(0.1) {
+        let dim = 2 * system.dof();
+        for count in [1, 7, 40] {
+            let initial: Vec<f64> = (0..count).flat_map(|k| point(system.dof(), k)).collect();
+            for (integrator, steps) in [
+                (Integrator::RungeKutta4, 9),
+                (Integrator::Strang, 5),
+                (Integrator::Yoshida4, 4),
+                (Integrator::Aba864, 1),
+                (Integrator::Aba1064, 2),
+                (Integrator::GaussLegendre { stages: 5 }, 3),
+            ] {
+                let states =
+                    integrator.trajectories(&system, &initial, 0.7, steps, 3).expect("converges");
+                assert_eq!(states.len(), 3 * initial.len());
+                for (m, start) in initial.chunks_exact(dim).enumerate() {
+                    let mut z = start.to_vec();
+                    for t in 0..3 {
+                        match (integrator, integrator.splitting()) {
+                            (_, Some(method)) => method.integrate(&system, &mut z, 0.7, steps),
+                            (Integrator::GaussLegendre { stages }, _) => GaussLegendre::new(stages)
+                                .integrate(&system, &mut z, 0.7, steps)
+                                .expect("converges"),
+                            _ => runge_kutta_4(&system, &mut z, 0.7, steps),
+                        }
+                        let first = t * initial.len() + m * dim;
+                        assert_eq!(&states[first..first + dim], &z[..], "{}", integrator.name());
+                    }
+                }
+            }
+        }
+        let gauss = Integrator::GaussLegendre { stages: 2 };
+        assert!(gauss.trajectories(&system, &point(system.dof(), 1), 1e6, 1, 1).is_err());
+        assert!(Integrator::Strang.trajectories(&system, &[0.0; 3], 1.0, 1, 1).is_err());
+        assert!(Integrator::Strang.trajectories(&system, &[], 1.0, 1, 1).expect("none").is_empty());
+    }
 }

@@ -103,6 +103,7 @@ impl GaussLegendre {
     ///
     /// # Errors
     /// When a step does not converge or the numbers leave their range.
+    #[inline(always)]
     pub fn integrate(
         &self,
         system: &impl Hamiltonian,

@@ -2,6 +2,7 @@
 
 mod data;
 mod gauss;
+mod integrator;
 mod runge_kutta;
 mod splitting;
 
@@ -9,5 +10,6 @@ mod splitting;
 pub(crate) use data::check_finite;
 pub use data::{Pairs, Window, sample};
 pub use gauss::{GaussLegendre, Reference, ReferenceValue};
+pub use integrator::Integrator;
 pub use runge_kutta::runge_kutta_4;
-pub use splitting::Splitting;
+pub use splitting::{Splitting, SplittingSteps};

@@ -1,6 +1,7 @@
 //! Symmetric splittings of H = H_A + εH_B.
 
-use crate::scalar::Elementary;
+use crate::layer::Rotation;
+use crate::scalar::{Over, Real};
 use crate::system::Splittable;
 
 /// A symmetric composition of the flows of the two parts,
@@ -82,21 +83,38 @@ impl Splitting {
     pub const ALL: [Self; 4] = [Self::STRANG, Self::YOSHIDA_4, Self::ABA_864, Self::ABA_1064];
 
     /// a_i, i = 0 … stages.
+    #[inline(always)]
     fn a(&self, i: usize) -> f64 {
         self.a[i.min(self.stages - i)]
     }
 
     /// b_i, i = 0 … stages − 1.
+    #[inline(always)]
     fn b(&self, i: usize) -> f64 {
         self.b[i.min(self.stages - 1 - i)]
     }
 
-    /// z ← the flow over `time` in `steps` equal steps. The last A of a step
-    /// and the first of the next are taken together.
+    /// Steps of size `h` of this method, ready to be taken.
+    pub fn steps<S: Real>(&self, system: &impl Splittable, h: f64) -> SplittingSteps<S> {
+        let frequencies = system.frequencies();
+        let turn = |a: f64| {
+            let time = S::from_f64(a * h);
+            let angles: Vec<S> = frequencies.iter().map(|&w| S::from_f64(w) * time).collect();
+            Rotation::by_angles(&angles)
+        };
+        SplittingSteps {
+            first: turn(self.a(0)),
+            between: turn(2.0 * self.a(0)),
+            inner: (1..=self.stages).map(|i| turn(self.a(i))).collect(),
+            kicks: (0..self.stages).map(|i| S::from_f64(self.b(i) * h)).collect(),
+        }
+    }
+
+    /// z ← the flow over `time` in `steps` equal steps.
     ///
     /// # Panics
     /// When `steps` is 0 or z is not of 2n numbers.
-    pub fn integrate<S: Elementary>(
+    pub fn integrate<S: Real + Over<S>>(
         &self,
         system: &impl Splittable,
         z: &mut [S],
@@ -104,15 +122,35 @@ impl Splitting {
         steps: usize,
     ) {
         assert!(steps > 0 && z.len() == 2 * system.dof());
-        let h = time / steps as f64;
+        self.steps(system, time / steps as f64).take(system, z, steps);
+    }
+}
+
+/// Steps of one size of a splitting: what they turn planes by is known before
+/// the first one.
+#[derive(Clone, Debug)]
+pub struct SplittingSteps<S> {
+    first: Rotation<S>,
+    /// The last A of a step and the first of the next.
+    between: Rotation<S>,
+    /// The A after each B.
+    inner: Vec<Rotation<S>>,
+    /// The time of each B.
+    kicks: Vec<S>,
+}
+
+impl<S: Real + Over<S>> SplittingSteps<S> {
+    /// z ← `count` steps of z, 2n numbers.
+    #[inline(always)]
+    pub fn take(&self, system: &impl Splittable, z: &mut [S], count: usize) {
         system.enter(z);
-        system.flow_a(z, S::from_f64(self.a(0) * h));
-        for step in 0..steps {
-            for i in 0..self.stages {
-                system.flow_b(z, S::from_f64(self.b(i) * h));
-                let last = i + 1 == self.stages;
-                let a = if last && step + 1 < steps { 2.0 * self.a(0) } else { self.a(i + 1) };
-                system.flow_a(z, S::from_f64(a * h));
+        self.first.apply(z, false);
+        for step in 0..count {
+            for (i, (&time, turn)) in self.kicks.iter().zip(&self.inner).enumerate() {
+                system.flow_b(z, time);
+                let last = i + 1 == self.inner.len();
+                let turn = if last && step + 1 < count { &self.between } else { turn };
+                turn.apply(z, false);
             }
         }
         system.leave(z);

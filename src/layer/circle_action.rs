@@ -131,6 +131,16 @@ pub struct Rotation<P> {
     planes: Vec<PlaneRotation<P>>,
 }
 
+impl<P: Real> Rotation<P> {
+    /// Each plane (q_j, p_j) turned clockwise by its own angle; an angle of 0
+    /// leaves it alone.
+    pub fn by_angles(angles: &[P]) -> Self {
+        let turned = angles.iter().enumerate().filter(|(_, angle)| !angle.is_zero());
+        let planes = turned.map(|(plane, &angle)| PlaneRotation::new(plane, 1, angle)).collect();
+        Self { dof: angles.len(), planes }
+    }
+}
+
 impl<P: Scalar> Rotation<P> {
     /// The rotations of the planes with a weight other than 0.
     pub fn planes(&self) -> &[PlaneRotation<P>] {

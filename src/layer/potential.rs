@@ -188,6 +188,35 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
         for_neurons!(self.width(), j, K => self.add_gradient_recording::<S, K>(j, y, out, tape));
     }
 
+    /// `out` ← ∇V(y), `hessian` ← V″(y) = W diag(−2 w t s) Wᵀ, n × n row by row.
+    #[inline(always)]
+    pub(crate) fn gradient_and_hessian<S: Over<P>>(
+        &self,
+        y: &[S],
+        out: &mut [S],
+        hessian: &mut [S],
+    ) {
+        let n = self.n();
+        let (y, out, hessian) = (&y[..n], &mut out[..n], &mut hessian[..n * n]);
+        out.fill(S::zero());
+        hessian.fill(S::zero());
+        for_neurons!(self.width(), j, K => {
+            let neurons = self.neurons::<K>(j);
+            let (t, s) = S::tanh_sech2_each(neurons.preactivations(y));
+            neurons.accumulate(s, out);
+            for k in 0..K {
+                let d = S::from_f64(-2.0) * t[k] * s[k].times(neurons.w_out[k]);
+                for row in 0..n {
+                    let d = d.times(neurons.row(row)[k]);
+                    for column in 0..n {
+                        let entry = &mut hessian[row * n + column];
+                        *entry = d.mul_add_parameter(neurons.row(column)[k], *entry);
+                    }
+                }
+            }
+        });
+    }
+
     #[inline(always)]
     fn pullback_of<S: Over<P>>(
         &self,

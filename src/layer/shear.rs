@@ -138,6 +138,43 @@ impl<P: Scalar, V> Kick<'_, P, V> {
     }
 }
 
+impl<P: Scalar, const D: usize> Kick<'_, P, TanhPotential<'_, P, D>> {
+    /// As [`Kick::apply`]; the rows of the target in `columns`, each a column of
+    /// the running Jacobian, get cτV″ times those of the source. `scratch` holds
+    /// at least 2n + n² numbers.
+    #[inline(always)]
+    pub(crate) fn apply_with_jacobian<S: Over<P>>(
+        &self,
+        z: &mut [S],
+        columns: &mut [S],
+        scratch: &mut [S],
+    ) {
+        if self.is_identity() {
+            return;
+        }
+        let n = Potential::<S>::dof(&self.potential);
+        let (argument, rest) = scratch.split_at_mut(n);
+        let (gradient, rest) = rest.split_at_mut(n);
+        let hessian = &mut rest[..n * n];
+        let (source, target) = self.target.split(n, z);
+        self.argument(source, argument);
+        self.potential.gradient_and_hessian(argument, gradient, hessian);
+        self.add(gradient, target);
+        let scale = if self.reflect { -self.scale } else { self.scale };
+        for entry in hessian.iter_mut() {
+            *entry = entry.times(scale);
+        }
+        for column in columns.chunks_exact_mut(2 * n) {
+            let (source, target) = self.target.split(n, column);
+            for i in 0..n {
+                for k in 0..n {
+                    target[i] = hessian[i * n + k].mul_add(source[k], target[i]);
+                }
+            }
+        }
+    }
+}
+
 impl<P: Over<P>, const D: usize> Kick<'_, P, TanhPotential<'_, P, D>> {
     /// As [`Kick::apply`] to one point, with a neuron in each lane.
     #[inline(always)]

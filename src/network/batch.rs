@@ -2,7 +2,7 @@
 
 use super::{Composition, Direction, with_dof};
 use crate::error::Error;
-use crate::scalar::{Dual, Kernel, Pack, WIDTH, on_lanes};
+use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
 use rayon::prelude::*;
 
 /// The most points that one task moves: they stay in cache.
@@ -60,10 +60,10 @@ fn store_groups<V: Pack>(lanes: &[V], dim: usize, points: &mut [f64]) {
 }
 
 /// The map of each point of a block.
-struct MapBlock<'a> {
-    map: &'a Composition<f64>,
-    direction: Direction,
-    points: &'a mut [f64],
+pub(super) struct MapBlock<'a> {
+    pub(super) map: &'a Composition<f64>,
+    pub(super) direction: Direction,
+    pub(super) points: &'a mut [f64],
 }
 
 impl Kernel for MapBlock<'_> {
@@ -156,7 +156,7 @@ pub fn map_points(
     Ok(())
 }
 
-fn check_points(points: &[f64], dim: usize) -> Result<(), Error> {
+pub(super) fn check_points(points: &[f64], dim: usize) -> Result<(), Error> {
     if !points.len().is_multiple_of(dim) {
         return Err(Error::invalid("points", points.len(), format!("a multiple of {dim} numbers")));
     }
@@ -165,81 +165,8 @@ fn check_points(points: &[f64], dim: usize) -> Result<(), Error> {
 
 /// Points a task: whole groups of lanes for every thread, no more than stay in
 /// cache. Nothing that is computed depends on it.
-fn block_size(points: usize) -> usize {
+pub(super) fn block_size(points: usize) -> usize {
     points.div_ceil(rayon::current_num_threads()).next_multiple_of(WIDTH).clamp(WIDTH, BLOCK)
-}
-
-/// The Jacobians at the points of a block, 2n × 2n row by row.
-struct Jacobians<'a> {
-    map: &'a Composition<f64>,
-    points: &'a [f64],
-    out: &'a mut [f64],
-}
-
-impl Jacobians<'_> {
-    /// N columns at a time.
-    #[inline(always)]
-    fn columns<V: Pack, const D: usize, const N: usize>(self) {
-        let dim = 2 * self.map.dof();
-        let mut start = vec![V::zero(); dim];
-        let mut duals = vec![Dual::<V, N>::constant(V::zero()); dim];
-        let mut scratch = duals.clone();
-        let mut column = [0.0; WIDTH];
-        let groups = self.points.chunks(V::LANES * dim);
-        for (group, out) in groups.zip(self.out.chunks_mut(V::LANES * dim * dim)) {
-            load(group, dim, &mut start);
-            for first in (0..dim).step_by(N) {
-                for (i, (dual, &value)) in duals.iter_mut().zip(&start).enumerate() {
-                    // A direction before the first is none of these.
-                    *dual = Dual::variable(value, i.wrapping_sub(first));
-                }
-                self.map.apply::<Dual<V, N>, D>(Direction::Forward, &mut duals, &mut scratch);
-                for (row, dual) in duals.iter().enumerate() {
-                    for (k, derivative) in dual.eps.iter().take(dim - first).enumerate() {
-                        derivative.store(&mut column[..V::LANES]);
-                        for (jacobian, value) in out.chunks_exact_mut(dim * dim).zip(column) {
-                            jacobian[row * dim + first + k] = value;
-                        }
-                    }
-                }
-            }
-        }
-    }
-}
-
-impl Kernel for Jacobians<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<V: Pack>(self) {
-        match self.map.dof() {
-            1 => self.columns::<V, 1, 2>(),
-            2 => self.columns::<V, 2, 4>(),
-            3 => self.columns::<V, 3, 6>(),
-            _ => self.columns::<V, 0, 8>(),
-        }
-    }
-}
-
-/// `out` ← ∂P/∂z at each point, exact up to rounding: 2n × 2n numbers a point,
-/// row by row. The same bits as [`jacobian`](crate::measure::jacobian) gives.
-///
-/// Nothing is allocated for a point; the cost is that of 1 + 2n evaluations
-/// without their tanh, which all directions share. A [`faer::MatRef`] of one is
-/// `MatRef::from_row_major_slice(&out[k * d * d..(k + 1) * d * d], d, d)` with
-/// d = 2n.
-///
-/// # Errors
-/// When `points` is not a whole number of points, or `out` of another size.
-pub fn map_jacobians(map: &Composition<f64>, points: &[f64], out: &mut [f64]) -> Result<(), Error> {
-    let dim = 2 * map.dof();
-    check_points(points, dim)?;
-    Error::check_count("Jacobian entries", points.len() * dim, out.len())?;
-    let block = block_size(points.len() / dim) * dim;
-    points.par_chunks(block).zip(out.par_chunks_mut(block * dim)).for_each(|(points, out)| {
-        on_lanes::<WIDTH, _>(Jacobians { map, points, out });
-    });
-    Ok(())
 }
 
 /// What a roll-out keeps.

@@ -275,6 +275,31 @@ impl<P: Scalar> Composition<P> {
         }
     }
 
+    /// z ← P(z), and `columns`, those of a 2n × 2n matrix, ← ∂P/∂z times each:
+    /// the chain rule over the steps. `scratch` holds at least 2n + n² numbers.
+    #[inline(always)]
+    pub(super) fn apply_with_jacobian<S: Over<P>, const D: usize>(
+        &self,
+        z: &mut [S],
+        columns: &mut [S],
+        scratch: &mut [S],
+    ) {
+        for step in &self.steps {
+            match step {
+                Step::Kick { parameters, width, form, inverse, near_identity } => {
+                    self.kick::<D>(parameters, *width, *form, *inverse, *near_identity)
+                        .apply_with_jacobian(z, columns, scratch);
+                }
+                Step::Rotation { inverse } => {
+                    self.rotation().apply(z, *inverse);
+                    for column in columns.chunks_exact_mut(2 * self.dof) {
+                        self.rotation().apply(column, *inverse);
+                    }
+                }
+            }
+        }
+    }
+
     fn run<S: Over<P>>(&self, direction: Direction, z: &mut [S]) {
         assert!(z.len() == 2 * self.dof, "a point of {} numbers in {} dof", z.len(), self.dof);
         let mut stack = [S::zero(); STACK];

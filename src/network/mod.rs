@@ -16,13 +16,15 @@ mod composition;
 mod gyroceptron;
 mod henon_net;
 mod init;
+mod jacobians;
 mod model;
 
-pub use batch::{Rollout, map_jacobians, map_points, rollout};
+pub use batch::{Rollout, map_points, rollout};
 pub use composition::{Composition, Direction, Recording, Step};
 pub use gyroceptron::{Gyroceptron, GyroceptronShape};
 pub use henon_net::{HenonNet, HenonShape};
 pub use init::{InitialWeights, Stream};
+pub use jacobians::{map_jacobians, map_jacobians_by_chain_rule, map_jacobians_by_differences};
 pub use model::{Architecture, Model};
 
 pub(crate) use batch::load;

@@ -44,7 +44,7 @@ pub trait Hamiltonian {
 }
 
 /// A Hamiltonian H = H_A + H_B whose two parts have exact flows: what a
-/// splitting composes.
+/// splitting composes. H_A = ½Σ ω_j(q_j² + p_j²) turns planes.
 pub trait Splittable: Hamiltonian {
     /// z ← the coordinates in which the parts are simple. Applied once before
     /// an integration.
@@ -53,8 +53,8 @@ pub trait Splittable: Hamiltonian {
     /// The inverse of [`Splittable::enter`].
     fn leave<S: Elementary>(&self, z: &mut [S]);
 
-    /// z ← the flow of the unperturbed part over `time`.
-    fn flow_a<S: Elementary>(&self, z: &mut [S], time: S);
+    /// ω_j of each plane (q_j, p_j).
+    fn frequencies(&self) -> Vec<f64>;
 
     /// z ← the flow of the perturbation, of size ε, over `time`.
     fn flow_b<S: Elementary>(&self, z: &mut [S], time: S);
@@ -136,8 +136,8 @@ impl Splittable for System {
     fn leave<S: Elementary>(&self, z: &mut [S]) {
         each_system!(self, s => s.leave(z))
     }
-    fn flow_a<S: Elementary>(&self, z: &mut [S], time: S) {
-        each_system!(self, s => s.flow_a(z, time))
+    fn frequencies(&self) -> Vec<f64> {
+        each_system!(self, s => s.frequencies())
     }
     fn flow_b<S: Elementary>(&self, z: &mut [S], time: S) {
         each_system!(self, s => s.flow_b(z, time))

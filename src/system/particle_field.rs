@@ -40,6 +40,7 @@ impl FieldProfile {
     }
 
     /// (V(Q), V′(Q)).
+    #[inline(always)]
     pub fn value_and_slope<S: Elementary>(self, x: S) -> (S, S) {
         match self {
             Self::Zero => (S::zero(), S::zero()),
@@ -94,6 +95,7 @@ impl ParticleField {
     }
 
     /// p − Σ sin(kq)Q_k.
+    #[inline(always)]
     fn velocity<S: Elementary>(&self, z: &[S]) -> S {
         let mut v = z[self.modes() + 1];
         for k in 1..=self.modes() {
@@ -103,6 +105,7 @@ impl ParticleField {
         v
     }
 
+    #[inline(always)]
     fn shift_momenta<S: Elementary>(&self, z: &mut [S], sign: f64) {
         for (k, profile) in self.profiles.iter().enumerate() {
             let (value, _) = profile.value_and_slope(z[k + 1]);
@@ -124,6 +127,7 @@ impl Hamiltonian for ParticleField {
         let v = self.velocity(z);
         half * S::from_f64(self.epsilon) * v * v + self.adiabatic_invariant(z)
     }
+    #[inline(always)]
     fn vector_field<S: Elementary>(&self, z: &[S], out: &mut [S]) {
         let n = self.dof();
         let drift = S::from_f64(self.epsilon) * self.velocity(z);
@@ -160,31 +164,34 @@ impl Hamiltonian for ParticleField {
         total
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
+        let n = self.dof();
         self.enter(z);
-        self.flow_a(z, time);
+        for k in 1..=self.modes() {
+            turn(z, k, n + k, S::from_f64(k as f64) * time);
+        }
         self.leave(z);
     }
 }
 
 /// In the coordinates (q, Q, p, Π) the profiles drop out of the dynamics:
 /// Λ₀⁻¹ is applied once before and Λ₀ once after an integration.
-/// A: (Q_k, Π_k) turns by kh. B: the flow of ½εv², on which v and Q are
+/// A: (Q_k, Π_k) turns with frequency k. B: the flow of ½εv², on which v and Q are
 /// constant.
 impl Splittable for ParticleField {
+    #[inline(always)]
     fn enter<S: Elementary>(&self, z: &mut [S]) {
         self.shift_momenta(z, -1.0);
     }
+    #[inline(always)]
     fn leave<S: Elementary>(&self, z: &mut [S]) {
         self.shift_momenta(z, 1.0);
     }
-    fn flow_a<S: Elementary>(&self, z: &mut [S], time: S) {
-        let n = self.dof();
-        for k in 1..=self.modes() {
-            turn(z, k, n + k, S::from_f64(k as f64) * time);
-        }
+    fn frequencies(&self) -> Vec<f64> {
+        (0..=self.modes()).map(|k| k as f64).collect()
     }
     /// With d = εvh/2 and m = q + d: q += 2d, p += 2ΣQ_k cos(km) sin(kd),
     /// Π_k += (2/k) sin(km) sin(kd).
+    #[inline(always)]
     fn flow_b<S: Elementary>(&self, z: &mut [S], time: S) {
         let n = self.dof();
         let two = S::from_f64(2.0);

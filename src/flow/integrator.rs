@@ -1,0 +1,202 @@
+//! The integrators by name, on many points.
+
+use super::{GaussLegendre, Splitting, SplittingSteps, runge_kutta_4};
+use crate::error::Error;
+use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
+use crate::system::{Splittable, System};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// A numerical integrator, as scenes name it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Integrator {
+    /// [`runge_kutta_4`].
+    RungeKutta4,
+    /// [`Splitting::STRANG`].
+    Strang,
+    /// [`Splitting::YOSHIDA_4`].
+    #[serde(rename = "yoshida-4")]
+    Yoshida4,
+    /// [`Splitting::ABA_864`].
+    #[serde(rename = "aba-864")]
+    Aba864,
+    /// [`Splitting::ABA_1064`].
+    #[serde(rename = "aba-1064")]
+    Aba1064,
+    /// [`GaussLegendre`].
+    GaussLegendre {
+        /// s, the number of stages.
+        stages: usize,
+    },
+}
+
+impl Integrator {
+    /// The name used in tables.
+    pub fn name(self) -> String {
+        match self {
+            Self::RungeKutta4 => "RK4".into(),
+            Self::GaussLegendre { stages } => format!("Gauss–Legendre, {stages} stages"),
+            Self::Strang | Self::Yoshida4 | Self::Aba864 | Self::Aba1064 => {
+                self.splitting().map_or_else(String::new, |splitting| splitting.name.into())
+            }
+        }
+    }
+
+    /// The splitting behind the name, if it is one.
+    pub fn splitting(self) -> Option<Splitting> {
+        match self {
+            Self::Strang => Some(Splitting::STRANG),
+            Self::Yoshida4 => Some(Splitting::YOSHIDA_4),
+            Self::Aba864 => Some(Splitting::ABA_864),
+            Self::Aba1064 => Some(Splitting::ABA_1064),
+            Self::RungeKutta4 | Self::GaussLegendre { .. } => None,
+        }
+    }
+
+    /// Fails unless it has a sensible number of stages.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the number.
+    pub fn check(self) -> Result<(), Error> {
+        const MOST: usize = 64;
+        match self {
+            Self::GaussLegendre { stages } if !(1..=MOST).contains(&stages) => {
+                Err(Error::invalid("stages", stages, format!("1 to {MOST}")))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The states of trajectories from each of the points in `initial`, 2n
+    /// numbers each, at the times `interval`, 2·`interval`, … `kept`·`interval`,
+    /// `steps` equal steps in each: an array (kept, M, 2n).
+    ///
+    /// Each trajectory is moved alone, with the instructions that the processor
+    /// has, and several on all threads: the same bits on any of them.
+    ///
+    /// # Errors
+    /// When a number is out of its range, or the stages of Gauss–Legendre do not
+    /// converge.
+    pub fn trajectories(
+        self,
+        system: &System,
+        initial: &[f64],
+        interval: f64,
+        steps: usize,
+        kept: usize,
+    ) -> Result<Vec<f64>, Error> {
+        let request = Request { integrator: self, interval, steps, kept };
+        match system {
+            System::Oscillators(system) => request.run(system, initial),
+            System::ParticleField(system) => request.run(system, initial),
+        }
+    }
+}
+
+/// Trajectories of one task, at most.
+const BLOCK: usize = 16;
+
+/// Small systems keep their state on the stack.
+const STACK: usize = 16;
+
+/// A method with what it knows before the first step.
+enum Prepared {
+    RungeKutta4,
+    Splitting(SplittingSteps<f64>),
+    GaussLegendre(GaussLegendre),
+}
+
+struct Request {
+    integrator: Integrator,
+    interval: f64,
+    steps: usize,
+    kept: usize,
+}
+
+impl Request {
+    fn run(self, system: &(impl Splittable + Sync), initial: &[f64]) -> Result<Vec<f64>, Error> {
+        self.integrator.check()?;
+        let Self { integrator, interval, steps, kept } = self;
+        let dim = 2 * system.dof();
+        if steps == 0 || !initial.len().is_multiple_of(dim) {
+            let expected = format!("at least 1 step, points of {dim} numbers");
+            let found = format!("{steps} steps, {} numbers", initial.len());
+            return Err(Error::invalid("trajectories", found, expected));
+        }
+        if initial.is_empty() || kept == 0 {
+            return Ok(Vec::new());
+        }
+        let prepared = match (integrator, integrator.splitting()) {
+            (_, Some(splitting)) => {
+                Prepared::Splitting(splitting.steps(system, interval / steps as f64))
+            }
+            (Integrator::GaussLegendre { stages }, _) => {
+                Prepared::GaussLegendre(GaussLegendre::new(stages))
+            }
+            _ => Prepared::RungeKutta4,
+        };
+        let points = initial.len() / dim;
+        let block = points.div_ceil(rayon::current_num_threads()).clamp(1, BLOCK) * dim;
+        let mut apart = vec![0.0; initial.len() * kept];
+        let tasks = initial.par_chunks(block).zip(apart.par_chunks_mut(block * kept));
+        tasks.try_for_each(|(initial, states)| {
+            let prepared = &prepared;
+            let task = Trajectories { prepared, system, interval, steps, kept, initial, states };
+            on_lanes::<WIDTH, _>(task)
+        })?;
+        let mut out = Vec::with_capacity(apart.len());
+        for t in 0..kept {
+            for own in apart.chunks_exact(kept * dim) {
+                out.extend_from_slice(&own[t * dim..(t + 1) * dim]);
+            }
+        }
+        Ok(out)
+    }
+}
+
+/// Some trajectories, one after another; a kernel for the fused multiply-adds,
+/// not for the lanes.
+struct Trajectories<'a, H> {
+    prepared: &'a Prepared,
+    system: &'a H,
+    interval: f64,
+    steps: usize,
+    kept: usize,
+    initial: &'a [f64],
+    /// All states of one trajectory after another.
+    states: &'a mut [f64],
+}
+
+impl<H: Splittable> Kernel for Trajectories<'_, H> {
+    type Output = Result<(), Error>;
+
+    #[inline(always)]
+    fn run<V: Pack>(self) -> Result<(), Error> {
+        let Self { prepared, system, interval, steps, kept, initial, states } = self;
+        let dim = 2 * system.dof();
+        let mut stack = [0.0; STACK];
+        let mut heap;
+        let z = if dim <= STACK {
+            &mut stack[..dim]
+        } else {
+            heap = vec![0.0; dim];
+            &mut heap[..]
+        };
+        for (initial, states) in initial.chunks_exact(dim).zip(states.chunks_exact_mut(kept * dim))
+        {
+            z.copy_from_slice(initial);
+            for state in states.chunks_exact_mut(dim) {
+                match prepared {
+                    Prepared::Splitting(method) => method.take(system, z, steps),
+                    Prepared::GaussLegendre(method) => {
+                        method.integrate(system, z, interval, steps)?;
+                    }
+                    Prepared::RungeKutta4 => runge_kutta_4(system, z, interval, steps),
+                }
+                state.copy_from_slice(z);
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,192 @@
+//! The Jacobians of many points: by duals over lanes, and two other ways to
+//! compare them with.
+
+use super::batch::{MapBlock, block_size, check_points, load};
+use super::{Composition, Direction, with_dof};
+use crate::error::Error;
+use crate::scalar::{Dual, Kernel, Pack, WIDTH, on_lanes};
+use rayon::prelude::*;
+
+/// The entry of this index of the Jacobian of each point, a point in each lane.
+#[inline(always)]
+fn store_entry<V: Pack>(entry: V, dim: usize, index: usize, jacobians: &mut [f64]) {
+    let mut lanes = [0.0; WIDTH];
+    entry.store(&mut lanes[..V::LANES]);
+    for (jacobian, value) in jacobians.chunks_exact_mut(dim * dim).zip(lanes) {
+        jacobian[index] = value;
+    }
+}
+
+/// The Jacobians at the points of a block, 2n × 2n row by row.
+struct Jacobians<'a> {
+    map: &'a Composition<f64>,
+    points: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl Jacobians<'_> {
+    /// N columns at a time.
+    #[inline(always)]
+    fn columns<V: Pack, const D: usize, const N: usize>(self) {
+        let dim = 2 * self.map.dof();
+        let mut start = vec![V::zero(); dim];
+        let mut duals = vec![Dual::<V, N>::constant(V::zero()); dim];
+        let mut scratch = duals.clone();
+        let groups = self.points.chunks(V::LANES * dim);
+        for (group, out) in groups.zip(self.out.chunks_mut(V::LANES * dim * dim)) {
+            load(group, dim, &mut start);
+            for first in (0..dim).step_by(N) {
+                for (i, (dual, &value)) in duals.iter_mut().zip(&start).enumerate() {
+                    // A direction before the first is none of these.
+                    *dual = Dual::variable(value, i.wrapping_sub(first));
+                }
+                self.map.apply::<Dual<V, N>, D>(Direction::Forward, &mut duals, &mut scratch);
+                for (row, dual) in duals.iter().enumerate() {
+                    for (k, derivative) in dual.eps.iter().take(dim - first).enumerate() {
+                        store_entry(*derivative, dim, row * dim + first + k, out);
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Kernel for Jacobians<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Pack>(self) {
+        match self.map.dof() {
+            1 => self.columns::<V, 1, 2>(),
+            2 => self.columns::<V, 2, 4>(),
+            3 => self.columns::<V, 3, 6>(),
+            _ => self.columns::<V, 0, 8>(),
+        }
+    }
+}
+
+/// `out` ← ∂P/∂z at each point, exact up to rounding: 2n × 2n numbers a point,
+/// row by row. The same bits as [`jacobian`](crate::measure::jacobian) gives.
+///
+/// Nothing is allocated for a point; the cost is that of 1 + 2n evaluations
+/// without their tanh, which all directions share. A [`faer::MatRef`] of one is
+/// `MatRef::from_row_major_slice(&out[k * d * d..(k + 1) * d * d], d, d)` with
+/// d = 2n.
+///
+/// # Errors
+/// When `points` is not a whole number of points, or `out` of another size.
+pub fn map_jacobians(map: &Composition<f64>, points: &[f64], out: &mut [f64]) -> Result<(), Error> {
+    each_block_of_jacobians(map, points, out, |points, out| {
+        on_lanes::<WIDTH, _>(Jacobians { map, points, out });
+    })
+}
+
+/// The same by the chain rule over the steps.
+struct ChainRule<'a> {
+    map: &'a Composition<f64>,
+    points: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl Kernel for ChainRule<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Pack>(self) {
+        let Self { map, points, out } = self;
+        let dim = 2 * map.dof();
+        let mut z = vec![V::zero(); dim];
+        let mut columns = vec![V::zero(); dim * dim];
+        let mut scratch = vec![V::zero(); dim + map.dof() * map.dof()];
+        let groups = points.chunks(V::LANES * dim);
+        for (group, out) in groups.zip(out.chunks_mut(V::LANES * dim * dim)) {
+            load(group, dim, &mut z);
+            columns.fill(V::zero());
+            for i in 0..dim {
+                columns[i * dim + i] = V::from_f64(1.0);
+            }
+            with_dof!(map.dof(), D => {
+                map.apply_with_jacobian::<V, D>(&mut z, &mut columns, &mut scratch)
+            });
+            for (column, entries) in columns.chunks_exact(dim).enumerate() {
+                for (row, entry) in entries.iter().enumerate() {
+                    store_entry(*entry, dim, row * dim + column, out);
+                }
+            }
+        }
+    }
+}
+
+/// [`map_jacobians`] without duals: the product of the steps' Jacobians
+/// Id + cτV″, written out by hand. Equal to it up to rounding: what one differs by
+/// from the other is an error of either.
+///
+/// # Errors
+/// As [`map_jacobians`].
+pub fn map_jacobians_by_chain_rule(
+    map: &Composition<f64>,
+    points: &[f64],
+    out: &mut [f64],
+) -> Result<(), Error> {
+    each_block_of_jacobians(map, points, out, |points, out| {
+        on_lanes::<WIDTH, _>(ChainRule { map, points, out });
+    })
+}
+
+/// `out` ← the central differences (P(z + hd) − P(z − hd))/2h at each point, d
+/// the unit vectors: ∂P/∂z up to O(h²) and to rounding over h, where
+/// [`map_jacobians`] is exact. Costs 4n evaluations a point.
+///
+/// # Errors
+/// As [`map_jacobians`].
+pub fn map_jacobians_by_differences(
+    map: &Composition<f64>,
+    step: f64,
+    points: &[f64],
+    out: &mut [f64],
+) -> Result<(), Error> {
+    let dim = 2 * map.dof();
+    each_block_of_jacobians(map, points, out, |points, out| {
+        let mut moved = Vec::with_capacity(2 * dim * points.len());
+        for point in points.chunks_exact(dim) {
+            for direction in 0..2 * dim {
+                moved.extend_from_slice(point);
+                let first = moved.len() - dim;
+                let sign = if direction % 2 == 0 { step } else { -step };
+                moved[first + direction / 2] += sign;
+            }
+        }
+        on_lanes::<WIDTH, _>(MapBlock { map, direction: Direction::Forward, points: &mut moved });
+        let jacobians = out.chunks_exact_mut(dim * dim);
+        for ((point, moved), jacobian) in
+            points.chunks_exact(dim).zip(moved.chunks_exact(2 * dim * dim)).zip(jacobians)
+        {
+            for (column, pair) in moved.chunks_exact(2 * dim).enumerate() {
+                let (ahead, behind) = pair.split_at(dim);
+                // The step that was taken, not the one that was asked for.
+                let taken = (point[column] + step) - (point[column] - step);
+                for row in 0..dim {
+                    jacobian[row * dim + column] = (ahead[row] - behind[row]) / taken;
+                }
+            }
+        }
+    })
+}
+
+/// Calls `f` for blocks of points and of their Jacobians, on all threads.
+fn each_block_of_jacobians(
+    map: &Composition<f64>,
+    points: &[f64],
+    out: &mut [f64],
+    f: impl Fn(&[f64], &mut [f64]) + Sync,
+) -> Result<(), Error> {
+    let dim = 2 * map.dof();
+    check_points(points, dim)?;
+    Error::check_count("Jacobian entries", points.len() * dim, out.len())?;
+    let block = block_size(points.len() / dim) * dim;
+    points
+        .par_chunks(block)
+        .zip(out.par_chunks_mut(block * dim))
+        .for_each(|(points, out)| f(points, out));
+    Ok(())
+}
