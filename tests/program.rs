@@ -220,6 +220,170 @@ fn a_scene_computes_only_what_it_names() {
     assert!(!folder.path().join("out/portrait.svg").exists());
 }
 
+const COMPARISON: &str = r#"
+[work_precision]
+points = 32
+rounds = 2
+differences = [1e-2, 1e-4]
+integrators = [
+    { integrator = { kind = "runge-kutta-4" }, one_step = [2, 4], rollout = [8, 16] },
+    { integrator = { kind = "aba-864" }, one_step = [1], rollout = [2, 4] },
+    { integrator = { kind = "gauss-legendre", stages = 4 }, one_step = [1], rollout = [8] },
+]
+
+[tanh]
+values = 512
+largest = 20.0
+rounds = 2
+"#;
+
+/// The scene with error against run time, and its plots.
+fn comparing() -> String {
+    SCENE.replace("\"rollout-error\"]", "\"error-against-time\", \"jacobians\", \"tanh\"]")
+        + COMPARISON
+}
+
+#[test]
+fn error_against_run_time_is_reported() {
+    let folder = with_scene("small.toml", &comparing());
+    for (threads, out) in [("1", "one"), ("2", "two")] {
+        succeeds(folder.path(), &["small.toml", "--threads", threads, "--out", out]);
+    }
+    let read = |name: &str| std::fs::read(folder.path().join(name)).expect("there");
+    // Errors are results, times are not.
+    assert!(read("one/report.json") == read("two/report.json"));
+    let json: Value = serde_json::from_slice(&read("one/report.json")).expect("JSON");
+    let ways = json["error_against_time"]["rollout"]["ways"].as_array().expect("ways");
+    let of = |ways: &[Value], name: &str| -> Vec<f64> {
+        let own = ways.iter().filter(|w| w["name"].as_str().expect("a name").contains(name));
+        own.map(|w| w["error"].as_f64().expect("an error")).collect()
+    };
+    let (network, rk4) = (of(ways, "gyroceptron, "), of(ways, "RK4"));
+    // All together and one alone.
+    assert!(network.len() == 2 && network[0] == network[1], "{network:?}");
+    // Of order 4.
+    assert!((rk4[0] / rk4[1] / 16.0 - 1.0).abs() < 0.2, "{rk4:?}");
+    assert!(ways.iter().all(|w| w["seconds"].is_null()));
+    let ways = json["error_against_time"]["jacobians"][0]["ways"].as_array().expect("ways");
+    assert!(of(ways, "duals")[0] < 1e-14 && of(ways, "chain rule")[0] < 1e-14);
+    assert!(of(ways, "differences").iter().all(|e| *e > 1e-10));
+    assert_eq!(json["tanh"].as_array().expect("ways").len(), 5);
+    assert!(json["tanh"][0]["tanh_ulps"].as_f64().expect("a number") < 1.0);
+    assert_eq!(json["evaluations"]["jacobians"], 64);
+
+    let timings: Value = serde_json::from_slice(&read("one/timings.json")).expect("JSON");
+    let timed = &timings["comparison"]["one_step"]["ways"][0]["seconds"];
+    assert!(timed["lower"].as_f64() <= timed["upper"].as_f64() && timed["lower"].is_number());
+    let report = text(&read("one/report.md"));
+    for words in [
+        "errs by",
+        "one alone",
+        "Fastest of all",
+        "RK4 | 16 |",
+        "ABA(8,6,4)",
+        "duals err by",
+        "libm, sech²",
+        "What was computed",
+        "| Jacobian over dual numbers | 64 |",
+    ] {
+        assert!(report.contains(words), "the report lacks {words}");
+    }
+    for plot in ["error-against-time", "jacobians", "tanh"] {
+        let svg = text(&read(&format!("one/{plot}.svg")));
+        assert!(svg.contains("error against run time") || plot == "jacobians", "{plot}");
+        assert!(svg.contains("µs a") || svg.contains("ns a"), "{plot} has no labelled axis");
+    }
+}
+
+/// A scene of two parts.
+fn two_parts() -> String {
+    let start = SCENE.find("[certificate]").expect("in the scene");
+    let part = |name: &str| {
+        SCENE[..start]
+            .replace("name = \"small\"", &format!("[[parts]]\nname = \"{name}\""))
+            .replace(
+                "plots = [\"loss\", \"portrait\", \"adiabatic-invariant\", \"rollout-error\"]",
+                "",
+            )
+            .replace("iterations = 60", "iterations = 300")
+            .replace("\n[[models]]", "\n[[parts.models]]")
+            .replace("\n[system]", "\n[parts.system]")
+            .replace("\n[data]", "\n[parts.data]")
+            .replace("\n[training]", "\n[parts.training]")
+    };
+    format!("name = \"both\"\n{}{}", part("first"), part("second"))
+}
+
+#[test]
+fn parts_run_one_after_another_and_resume() {
+    let folder = with_scene("both.toml", &two_parts());
+    let path = folder.path();
+    let output = succeeds(path, &["both.toml", "--out", "whole"]);
+    assert!(text(&output.stdout).contains("second"));
+    let report = std::fs::read_to_string(path.join("whole/report.md")).expect("a report");
+    assert!(report.contains("[second](second/report.md)"));
+    for file in ["first/model.json", "second/report.md", "second/checkpoint"] {
+        assert!(path.join("whole").join(file).exists(), "{file}");
+    }
+    // Killed in its second part, it goes on there.
+    let mut child = command(path, &["both.toml", "--out", "killed"])
+        .stderr(Stdio::null())
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("starts");
+    for _ in 0..6000 {
+        if path.join("killed/second/checkpoint").exists() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    child.kill().expect("killed");
+    child.wait().expect("ended");
+    assert!(!path.join("killed/report.json").exists(), "killed too late");
+    succeeds(path, &["both.toml", "--out", "killed", "--resume"]);
+    let read = |name: &str| std::fs::read(path.join(name)).expect("there");
+    assert!(read("whole/report.json") == read("killed/report.json"));
+    refuses(path, &["both.toml", "--out", "killed"], &["killed", "--resume"]);
+    // Another seed is another run of both; what is replaced is replaced whole.
+    succeeds(path, &["both.toml", "--out", "killed", "--overwrite", "--seed", "8"]);
+    for part in ["first", "second"] {
+        let model = format!("{part}/model.json");
+        assert!(read(&format!("whole/{model}")) != read(&format!("killed/{model}")), "{part}");
+    }
+}
+
+#[test]
+fn scenes_that_compare_or_have_parts_are_checked() {
+    let whole = comparing();
+    for (from, to, word) in [
+        ("points = 32", "points = 0", "points"),
+        ("rounds = 2\ndifferences", "rounds = 0\ndifferences", "rounds"),
+        ("one_step = [2, 4]", "one_step = [2, 0]", "steps"),
+        ("stages = 4", "stages = 0", "stages"),
+        ("stages = 4", "stages = 400", "stages"),
+        ("differences = [1e-2,", "differences = [-1e-2,", "differences"),
+        ("kind = \"aba-864\"", "kind = \"aba-865\"", "aba-865"),
+        ("one_step = [1], rollout = [2, 4]", "one_stp = [1]", "one_step"),
+        ("values = 512", "values = 0", "values"),
+        ("largest = 20.0", "largest = nan", "largest"),
+        ("differences = [1e-2, 1e-4]", "", "Jacobians"),
+    ] {
+        assert!(whole.contains(from), "{from}");
+        let folder = with_scene("bad.toml", &whole.replacen(from, to, 1));
+        refuses(folder.path(), &["run", "bad.toml", "--out", "o"], &[word]);
+    }
+    let both = two_parts();
+    for (from, to, word) in [
+        ("name = \"second\"", "name = \"first\"", "first"),
+        ("name = \"second\"", "name = \"../second\"", "name"),
+        ("name = \"both\"", "name = \"both\"\nflow_time = 1.0", "parts"),
+        ("flow_time = 0.5\n", "", "flow_time"),
+    ] {
+        let folder = with_scene("bad.toml", &both.replacen(from, to, 1));
+        refuses(folder.path(), &["run", "bad.toml", "--out", "o"], &[word]);
+    }
+}
+
 #[test]
 fn several_networks_share_a_scene() {
     let second = r#"
@@ -374,12 +538,16 @@ fn scenes_are_listed_and_shown() {
         assert_eq!(shown, entry.text);
         let scene = entry.scene().expect("a valid scene");
         assert_eq!(scene.name, entry.name);
-        scene.experiment().expect("complete");
+        scene.complete().expect("complete");
         let cited = text(&succeeds(folder.path(), &["cite", entry.name]).stdout);
         assert!(cited.contains("10.1038/s41598-023-34862-w") && cited.contains("Nocedal"));
     }
     assert_eq!(listed.lines().count(), gyroceptron::scene::catalogue().len());
     assert!(text(&succeeds(folder.path(), &["cite"]).stdout).contains("@article"));
+    let splittings = "10.1016/j.apnum.2013.01.003";
+    let cited = |scene| text(&succeeds(folder.path(), &["cite", scene]).stdout);
+    assert!(cited("error-against-time").contains(splittings));
+    assert!(!cited("quickstart").contains(splittings));
 }
 
 #[test]

@@ -52,15 +52,34 @@ const GAUSS: &str = "@book{HairerLubichWanner2006,
 }
 ";
 
+const SPLITTINGS: &str = "@article{BlanesEtAl2013,
+  author = {Blanes, Sergio and Casas, Fernando and Farr\\'es, Ariadna and Laskar, Jacques and Makazaga, Joseba and Murua, Ander},
+  title = {New families of symplectic splitting methods for numerical integration in dynamical astronomy},
+  journal = {Applied Numerical Mathematics},
+  volume = {68},
+  pages = {58--72},
+  year = {2013},
+  doi = {10.1016/j.apnum.2013.01.003}
+}
+";
+
 /// The entries for the program and, with a scene, for the methods it runs.
 pub fn bibtex(scene: Option<&Scene>) -> String {
     let mut entries = vec![CRATE, PAPER];
     if let Some(scene) = scene {
-        if !scene.models.is_empty() {
+        let any = |holds: fn(&Scene) -> bool| holds(scene) || scene.parts.iter().any(holds);
+        if any(|own| !own.models.is_empty()) {
             entries.extend([HENON, LBFGS]);
         }
-        if scene.system.is_some() {
+        if any(|own| own.system.is_some()) {
             entries.push(GAUSS);
+        }
+        let splits = |own: &Scene| {
+            let mut integrators = own.work_precision.iter().flat_map(|w| &w.integrators);
+            integrators.any(|entry| entry.integrator.splitting().is_some())
+        };
+        if any(splits) {
+            entries.push(SPLITTINGS);
         }
     }
     entries.join("\n")

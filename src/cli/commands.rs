@@ -76,9 +76,9 @@ fn run_scene(arguments: &Run) -> Result<Status, Error> {
         None => default_scene().scene()?,
     };
     if let Some(seed) = arguments.seed {
-        scene.seed = seed;
+        scene = scene.with_seed(seed);
     }
-    scene.experiment()?;
+    scene.complete()?;
     let path =
         arguments.out.clone().unwrap_or_else(|| Path::new("gyroceptron-out").join(&scene.name));
     let folder = Folder::open(&path, arguments.resume, arguments.overwrite)?;
@@ -105,7 +105,20 @@ fn run_scene(arguments: &Run) -> Result<Status, Error> {
 
 fn run_summary(report: &Report, path: &Path) -> String {
     let mut text = String::new();
-    for model in &report.models {
+    for part in &report.parts {
+        text.push_str(&format!("{}\n{}", part.scene.name, run_tables(part)));
+    }
+    text.push_str(&run_tables(report));
+    text.push_str(&format!("report: {}\n", path.join("report.md").display()));
+    text
+}
+
+fn run_tables(report: &Report) -> String {
+    let mut text = String::new();
+    if report.models().is_empty() {
+        return text;
+    }
+    for model in report.models() {
         if let Some(own) = &model.certificate {
             text.push_str(&format!(
                 "structure certificate of {}\n{}",
@@ -115,7 +128,7 @@ fn run_summary(report: &Report, path: &Path) -> String {
         }
     }
     let number = |v: Option<f64>| v.map_or("–".to_owned(), |v| format!("{v:.3e}"));
-    let rows = report.models.iter().map(|model| {
+    let rows = report.models().iter().map(|model| {
         let worst =
             model.rollout.as_ref().map(|r| r.largest_errors.iter().copied().fold(0.0, max_or_nan));
         [
@@ -140,7 +153,6 @@ fn run_summary(report: &Report, path: &Path) -> String {
         ],
         rows,
     ));
-    text.push_str(&format!("report: {}\n", path.join("report.md").display()));
     text
 }
 

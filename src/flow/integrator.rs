@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Integrator {
     /// [`runge_kutta_4`].
+    #[serde(rename = "runge-kutta-4")]
     RungeKutta4,
     /// [`Splitting::STRANG`].
     Strang,

@@ -19,6 +19,7 @@ mod relations;
 mod rounding;
 mod symplecticity;
 mod tally;
+mod work_precision;
 
 pub use accuracy::{Drift, component_errors, distance, drift, limiting_flow_error};
 pub use adiabatic::{
@@ -46,4 +47,8 @@ pub use symplecticity::{symplecticity_defect, symplecticity_ratio, symplecticity
 pub use tally::{
     COUNT_LIMIT, RATIO_LIMIT, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_MEDIAN, TESTABLE, Tally,
     Verdict, merged,
+};
+pub use work_precision::{
+    Contestant, Spread, WorkPrecision, precise_jacobians, relative_difference,
+    root_mean_square_distance, tanh_errors, work_precision,
 };

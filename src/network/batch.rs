@@ -188,8 +188,8 @@ impl Rollout {
 /// The trajectories of the map from each of the points in `initial`: an array
 /// (T, M, 2n) with T = [`Rollout::kept`], the first entry being the input.
 ///
-/// Memory is the result and, for more points than one task has, 64 Ki numbers a
-/// task; cost is steps × points evaluations. One point alone is moved with the
+/// Memory is the result and, for more points than one task has, at most 64 Ki
+/// numbers a task and no more than the result; cost is steps × points evaluations. One point alone is moved with the
 /// neurons of each layer in the lanes, several with a point in each lane, and
 /// these on all threads: the same bits.
 ///
@@ -230,7 +230,7 @@ pub fn rollout(
         return Ok(out);
     }
     // Blocks keep their states apart for a while, then all are put in place.
-    let slab = SLAB.div_ceil(block);
+    let slab = SLAB.div_ceil(block).min(request.kept() - 1).max(1);
     let mut apart = vec![0.0; slab * initial.len()];
     for kept in kept.chunks_mut(slab * initial.len()) {
         let times = kept.len() / initial.len();

@@ -16,6 +16,25 @@ pub struct Dual<S, const N: usize> {
     pub eps: [S; N],
 }
 
+/// Variables made so far by this process.
+#[cfg(debug_assertions)]
+static VARIABLES: std::sync::atomic::AtomicU64 = std::sync::atomic::AtomicU64::new(0);
+
+#[inline(always)]
+fn count_variable() {
+    #[cfg(debug_assertions)]
+    VARIABLES.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+}
+
+/// How many variables this process has made with [`Dual::variable`]: none where no
+/// Jacobian is asked for. Counted in builds with debug assertions, None in others.
+pub fn dual_variables_made() -> Option<u64> {
+    #[cfg(debug_assertions)]
+    return Some(VARIABLES.load(std::sync::atomic::Ordering::Relaxed));
+    #[cfg(not(debug_assertions))]
+    None
+}
+
 impl<S: Scalar, const N: usize> Dual<S, N> {
     /// A constant: all derivatives zero.
     #[inline(always)]
@@ -27,6 +46,7 @@ impl<S: Scalar, const N: usize> Dual<S, N> {
     /// A direction ≥ N gives a constant.
     #[inline(always)]
     pub fn variable(re: S, direction: usize) -> Self {
+        count_variable();
         let mut out = Self::constant(re);
         if let Some(slot) = out.eps.get_mut(direction) {
             *slot = S::from_f64(1.0);

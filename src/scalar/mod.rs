@@ -23,7 +23,7 @@ mod tanh;
 mod tracked;
 
 pub use double_double::DoubleDouble;
-pub use dual::Dual;
+pub use dual::{Dual, dual_variables_made};
 pub use lanes::{Lanes, WIDTH};
 pub(crate) use simd::{Kernel, Pack, on_lanes};
 pub use simd::{Simd, tanh_sech2_of_all};

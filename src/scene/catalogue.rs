@@ -23,7 +23,13 @@ macro_rules! entries {
 
 /// All built-in scenes, the default one first.
 pub fn catalogue() -> &'static [CatalogueEntry] {
-    entries!["quickstart", "oscillators-short", "oscillators-long", "particle-field"]
+    entries![
+        "quickstart",
+        "oscillators-short",
+        "oscillators-long",
+        "particle-field",
+        "error-against-time",
+    ]
 }
 
 impl CatalogueEntry {

@@ -1,7 +1,7 @@
 //! What a scene file holds.
 
 use crate::error::Error;
-use crate::flow::Window;
+use crate::flow::{Integrator, Window};
 use crate::layer::CircleAction;
 use crate::measure::CertificateOptions;
 use crate::network::{Architecture, GyroceptronShape, HenonShape, InitialWeights};
@@ -37,9 +37,17 @@ pub struct Scene {
     pub certificate: Option<CertificateOptions>,
     /// The roll-out against the reference, if wanted.
     pub rollout: Option<RolloutSpec>,
+    /// Error against run time, of the networks and of integrators, if wanted.
+    pub work_precision: Option<WorkPrecisionSpec>,
+    /// Error against run time of tanh and sech², if wanted.
+    pub tanh: Option<TanhSpec>,
     /// The plots to draw.
     #[serde(default)]
     pub plots: Vec<Plot>,
+    /// Scenes that this one consists of, in place of a system of its own: each is
+    /// run in a folder of its name, and one report sums them up.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<Scene>,
 }
 
 /// The training and held-out pairs.
@@ -144,6 +152,50 @@ pub struct RolloutSpec {
     pub initial: Vec<Vec<f64>>,
 }
 
+/// Error against run time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WorkPrecisionSpec {
+    /// One step is judged at so many held-out pairs (training pairs, where none
+    /// are held out), evenly spaced.
+    pub points: usize,
+    /// How often each time is taken.
+    pub rounds: usize,
+    /// What the networks are compared with.
+    #[serde(default)]
+    pub integrators: Vec<IntegratorSteps>,
+    /// The steps h of the central differences that the networks' Jacobians are
+    /// compared with; without any, no Jacobian is computed.
+    #[serde(default)]
+    pub differences: Vec<f64>,
+}
+
+/// An integrator with the numbers of steps it is tried with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct IntegratorSteps {
+    /// Which.
+    pub integrator: Integrator,
+    /// Steps in the flow time.
+    #[serde(default)]
+    pub one_step: Vec<usize>,
+    /// Steps between two states that the roll-out keeps.
+    #[serde(default)]
+    pub rollout: Vec<usize>,
+}
+
+/// Error against run time of tanh and sech².
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TanhSpec {
+    /// The number of values.
+    pub values: usize,
+    /// They are uniform in |x| ≤ this.
+    pub largest: f64,
+    /// How often each time is taken.
+    pub rounds: usize,
+}
+
 /// What can be drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -157,12 +209,25 @@ pub enum Plot {
     AdiabaticInvariant,
     /// The distance from the reference along the roll-out.
     RolloutError,
+    /// The error of one step and of the roll-out against run time.
+    ErrorAgainstTime,
+    /// The error of Jacobians against run time.
+    Jacobians,
+    /// The error of tanh and sech² against run time.
+    Tanh,
 }
 
 impl Plot {
     /// All plots.
-    pub const ALL: [Self; 4] =
-        [Self::Loss, Self::Portrait, Self::AdiabaticInvariant, Self::RolloutError];
+    pub const ALL: [Self; 7] = [
+        Self::Loss,
+        Self::Portrait,
+        Self::AdiabaticInvariant,
+        Self::RolloutError,
+        Self::ErrorAgainstTime,
+        Self::Jacobians,
+        Self::Tanh,
+    ];
 
     /// The file it is written to.
     pub fn file(self) -> &'static str {
@@ -171,6 +236,9 @@ impl Plot {
             Self::Portrait => "portrait.svg",
             Self::AdiabaticInvariant => "adiabatic-invariant.svg",
             Self::RolloutError => "rollout-error.svg",
+            Self::ErrorAgainstTime => "error-against-time.svg",
+            Self::Jacobians => "jacobians.svg",
+            Self::Tanh => "tanh.svg",
         }
     }
 }
@@ -247,6 +315,38 @@ fn unknown_key(place: &str, text: &str, message: &str) -> Option<Error> {
     Some(unknown(place, text, key, expected.split('`').skip(1).step_by(2)))
 }
 
+/// Rounds beyond this are a slip of the pen.
+const MOST_ROUNDS: usize = 10_000;
+
+/// Fails unless a count is between 1 and `most`.
+fn count(name: &str, value: usize, most: usize) -> Result<(), Error> {
+    if value == 0 || value > most {
+        return Err(Error::invalid(name, value, format!("1 to {most}")));
+    }
+    Ok(())
+}
+
+impl WorkPrecisionSpec {
+    fn check(&self, rolls_out: bool) -> Result<(), Error> {
+        count("points", self.points, MOST)?;
+        count("rounds", self.rounds, MOST_ROUNDS)?;
+        for entry in &self.integrators {
+            entry.integrator.check()?;
+            for &steps in entry.one_step.iter().chain(&entry.rollout) {
+                count("integrators.steps", steps, MOST)?;
+            }
+            if !entry.rollout.is_empty() && !rolls_out {
+                let name = entry.integrator.name();
+                return Err(Error::invalid("integrators.rollout", name, "a scene with a roll-out"));
+            }
+        }
+        match self.differences.iter().find(|h| !(**h > 0.0 && h.is_finite())) {
+            Some(bad) => Err(Error::invalid("differences", bad, "positive numbers")),
+            None => Ok(()),
+        }
+    }
+}
+
 impl Scene {
     /// Fails unless what is named is complete and in range.
     fn check(&self, place: &str) -> Result<(), Error> {
@@ -294,9 +394,16 @@ impl Scene {
                     self.rollout.is_some() && matches!(self.system, Some(System::Oscillators(_)))
                 }
                 Plot::AdiabaticInvariant | Plot::RolloutError => self.rollout.is_some(),
+                Plot::ErrorAgainstTime => self.work_precision.is_some(),
+                Plot::Jacobians => {
+                    self.work_precision.as_ref().is_some_and(|w| !w.differences.is_empty())
+                        && !self.models.is_empty()
+                }
+                Plot::Tanh => self.tanh.is_some(),
             };
             if !possible {
-                let expected = "plots of what the scene computes (a portrait is of a roll-out of the oscillators)";
+                let expected = "plots of what the scene computes (a portrait is of a roll-out \
+                                of the oscillators, Jacobians are compared with differences)";
                 return fail("plots", expected, &format!("{plot:?}"));
             }
         }
@@ -353,7 +460,57 @@ impl Scene {
                 }
             }
         }
+        if let Some(spec) = &self.work_precision {
+            spec.check(self.rollout.is_some()).map_err(|e| named("work_precision", e))?;
+        }
+        if let Some(tanh) = &self.tanh {
+            count("tanh.values", tanh.values, MOST).map_err(|e| named("tanh", e))?;
+            count("tanh.rounds", tanh.rounds, MOST_ROUNDS).map_err(|e| named("tanh", e))?;
+            if !(tanh.largest > 0.0 && tanh.largest.is_finite()) {
+                return fail("tanh.largest", "a positive number", &tanh.largest);
+            }
+        }
+        let alone = self.system.is_none()
+            && self.flow_time.is_none()
+            && self.data.is_none()
+            && self.models.is_empty()
+            && self.rollout.is_none()
+            && self.work_precision.is_none()
+            && self.certificate.is_none();
+        if !self.parts.is_empty() && !alone {
+            return fail("parts", "either parts or a system of its own", &"both");
+        }
+        for (index, part) in self.parts.iter().enumerate() {
+            part.check(&format!("{place}: parts.{}", part.name))?;
+            if self.parts[..index].iter().any(|other| other.name == part.name) {
+                return fail("parts", "a name for each", &format!("`{}` twice", part.name));
+            }
+        }
         Ok(())
+    }
+
+    /// Fails unless the scene, and each of its parts, names all that a run needs.
+    ///
+    /// # Errors
+    /// As [`Scene::experiment`].
+    pub fn complete(&self) -> Result<(), Error> {
+        for part in &self.parts {
+            part.complete()?;
+        }
+        if self.is_experiment() { self.experiment().map(|_| ()) } else { Ok(()) }
+    }
+
+    /// Whether it is to learn a flow map, rather than to hold parts or to measure
+    /// tanh alone.
+    pub(super) fn is_experiment(&self) -> bool {
+        self.parts.is_empty() && (self.tanh.is_none() || self.system.is_some())
+    }
+
+    /// The same scene with another seed, in all its parts.
+    pub fn with_seed(mut self, seed: u64) -> Self {
+        self.seed = seed;
+        self.parts = self.parts.into_iter().map(|part| part.with_seed(seed)).collect();
+        self
     }
 
     /// The system, flow time and data that a run needs.

@@ -1,29 +1,30 @@
 //! What each plot of a report shows.
 
-use super::declaration::{Plot, RolloutSpec};
-use super::plot::{Panel, Series, Style};
-use super::report::Report;
-use super::results::{Timings, Trajectories, network_invariant};
+use super::declaration::Plot;
+use super::plot::{Axis, Legend, Panel, Series, Style};
+use super::report::Experiment;
+use super::results::{ReferenceRollout, Timings, Trajectories, network_invariant};
 use crate::flow::Reference;
 use crate::measure::distance;
 use crate::network::Model;
 use crate::system::{AveragedOscillator, Hamiltonian, System};
 use crate::train::TrainingRecord;
 
-/// The roll-out asked for, its reference trajectories and their error.
-pub(super) type ReferenceRollout<'a> = (&'a RolloutSpec, (Trajectories, f64));
+/// All that a figure may show.
+pub(super) struct Results<'a> {
+    pub(super) report: &'a Experiment,
+    pub(super) system: &'a System,
+    pub(super) time: f64,
+    pub(super) timings: &'a Timings,
+    pub(super) reference: Option<&'a ReferenceRollout<'a>>,
+    pub(super) own: &'a [(String, &'a Model, Trajectories)],
+}
 
 /// The file, caption and panels of a plot; None where the scene has not
 /// computed what it shows.
-pub(super) fn figure(
-    plot: Plot,
-    report: &Report,
-    system: &System,
-    time: f64,
-    timings: &Timings,
-    reference: Option<&ReferenceRollout<'_>>,
-    own: &[(String, &Model, Trajectories)],
-) -> Option<(String, String, Vec<Panel>)> {
+pub(super) fn figure(plot: Plot, results: &Results<'_>) -> Option<(String, String, Vec<Panel>)> {
+    let Results { report, system, time, timings, reference, own } = *results;
+    let comparison = timings.comparison.as_ref();
     let (caption, panels) = match plot {
         Plot::Loss => (
             "Training loss and held-out mean squared error, against iterations and against \
@@ -43,11 +44,33 @@ pub(super) fn figure(
         Plot::RolloutError => {
             ("Distance of each trajectory from the reference.", error_panels(time, reference?, own))
         }
+        Plot::ErrorAgainstTime => (comparison_caption(plot)?, comparison?.trajectory_panels()),
+        Plot::Jacobians => (comparison_caption(plot)?, comparison?.jacobian_panels()),
+        Plot::Tanh => return None,
     };
     (!panels.is_empty()).then(|| (plot.file().into(), caption.into(), panels))
 }
 
-fn loss_panels(report: &Report, timings: &Timings) -> Vec<Panel> {
+/// The caption of a plot of error against run time.
+pub(super) fn comparison_caption(plot: Plot) -> Option<&'static str> {
+    match plot {
+        Plot::ErrorAgainstTime => Some(
+            "Error against run time on this machine, one thread: medians, and lines from quartile \
+             to quartile. Lower and further left is better.",
+        ),
+        Plot::Jacobians => {
+            Some("Jacobians of each network: error against run time on this machine, one thread.")
+        }
+        _ => None,
+    }
+}
+
+/// The caption of [`Plot::Tanh`].
+pub(super) fn tanh_caption() -> String {
+    "tanh with sech²: the error of sech² against run time on this machine, one thread.".into()
+}
+
+fn loss_panels(report: &Experiment, timings: &Timings) -> Vec<Panel> {
     let mut against_iterations = Vec::new();
     let mut against_seconds = Vec::new();
     for (index, model) in report.models.iter().enumerate() {
@@ -84,8 +107,10 @@ fn loss_panels(report: &Report, timings: &Timings) -> Vec<Panel> {
         title: "Training".into(),
         x_label: x_label.into(),
         y_label: "mean squared error".into(),
-        log_y: true,
+        x: Axis::Linear,
+        y: Axis::Log,
         square: false,
+        legend: Legend::UpperRight,
         series,
     };
     vec![panel("iterations", against_iterations), panel("seconds", against_seconds)]
@@ -117,8 +142,10 @@ fn portrait_panels(
             title: title.into(),
             x_label: "q₂".into(),
             y_label: "p₂".into(),
-            log_y: false,
+            x: Axis::Linear,
+            y: Axis::Linear,
             square: true,
+            legend: Legend::UpperRight,
             series,
         }
     };
@@ -156,8 +183,10 @@ fn invariant_panels(
         title,
         x_label: "time".into(),
         y_label: "μ₀ − μ₀(0)".into(),
-        log_y: false,
+        x: Axis::Linear,
+        y: Axis::Linear,
         square: false,
+        legend: Legend::UpperRight,
         series: (0..of.count)
             .map(|m| Series {
                 name: String::new(),
@@ -203,8 +232,10 @@ fn error_panels(
             title: format!("Distance from the reference: {name}"),
             x_label: "time".into(),
             y_label: "|z − reference|".into(),
-            log_y: true,
+            x: Axis::Linear,
+            y: Axis::Log,
             square: false,
+            legend: Legend::UpperRight,
             series: (0..trajectories.count)
                 .map(|m| Series {
                     name: String::new(),

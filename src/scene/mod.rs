@@ -4,16 +4,26 @@
 //! to measure and to draw. What it does not name is not computed.
 
 mod catalogue;
+mod comparison;
+mod comparison_words;
+mod counted;
 mod declaration;
+mod experiment;
 mod figures;
 mod plot;
 mod report;
 mod results;
 mod run;
+mod timings_words;
 
 pub use catalogue::{CatalogueEntry, catalogue, default_scene, find};
-pub use declaration::{Data, Layers, ModelSpec, NetworkSpec, Plot, RolloutSpec, Scene, parse};
+pub use comparison::{Comparison, Contest, JacobianContest, TanhWay};
+pub use declaration::{
+    Data, IntegratorSteps, Layers, ModelSpec, NetworkSpec, Plot, RolloutSpec, Scene, TanhSpec,
+    WorkPrecisionSpec, parse,
+};
 pub use report::{
-    CERTIFICATE_HEADINGS, ModelReport, Report, RolloutReport, certificate_cells, stop_words,
+    CERTIFICATE_HEADINGS, Evaluations, Experiment, ModelReport, Report, RolloutReport,
+    certificate_cells, stop_words,
 };
 pub use run::{Event, Folder, Observer, run};

@@ -12,6 +12,33 @@ pub(super) enum Style {
     Line,
     Faint,
     Dots,
+    /// A line with a mark at each point.
+    Marked,
+}
+
+/// Where the names are: where the series are not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Legend {
+    UpperRight,
+    LowerLeft,
+    Middle,
+}
+
+impl Legend {
+    fn position(self) -> SeriesLabelPosition {
+        match self {
+            Self::UpperRight => SeriesLabelPosition::UpperRight,
+            Self::LowerLeft => SeriesLabelPosition::LowerLeft,
+            Self::Middle => SeriesLabelPosition::MiddleMiddle,
+        }
+    }
+}
+
+/// How an axis is divided.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Axis {
+    Linear,
+    Log,
 }
 
 /// Points with a name; the name appears in the legend, unless empty.
@@ -27,14 +54,16 @@ pub(super) struct Panel {
     pub(super) title: String,
     pub(super) x_label: String,
     pub(super) y_label: String,
-    pub(super) log_y: bool,
+    pub(super) x: Axis,
+    pub(super) y: Axis,
     /// Same scale on both axes.
     pub(super) square: bool,
+    pub(super) legend: Legend,
     pub(super) series: Vec<Series>,
 }
 
-/// Okabe and Ito's colours, told apart by everybody.
-const COLORS: [RGBColor; 8] = [
+/// Okabe and Ito's colours, told apart by everybody, and two more.
+const COLORS: [RGBColor; 10] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -43,6 +72,8 @@ const COLORS: [RGBColor; 8] = [
     RGBColor(86, 180, 233),
     RGBColor(120, 120, 120),
     RGBColor(60, 60, 60),
+    RGBColor(148, 103, 189),
+    RGBColor(140, 86, 75),
 ];
 
 /// At most so many points of a series are drawn.
@@ -56,7 +87,11 @@ pub(super) fn draw(path: &Path, panels: &[Panel]) -> Result<(), Error> {
         let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
         root.fill(&WHITE).map_err(|e| Error::write(path, e))?;
         for (area, panel) in root.split_evenly((1, panels.len())).iter().zip(panels) {
-            let drawn = if panel.log_y { draw_log(area, panel) } else { draw_linear(area, panel) };
+            let drawn = match (panel.x, panel.y) {
+                (Axis::Linear, Axis::Linear) => draw_linear(area, panel),
+                (Axis::Linear, Axis::Log) => draw_log(area, panel),
+                (Axis::Log, _) => draw_log_log(area, panel),
+            };
             drawn.map_err(|e| Error::write(path, e))?;
         }
         root.present().map_err(|e| Error::write(path, e))?;
@@ -68,12 +103,13 @@ type Drawn = Result<(), Box<dyn std::error::Error>>;
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// The finite points of a series, thinned evenly.
-fn thinned(series: &Series, log_y: bool) -> Vec<(f64, f64)> {
+fn thinned(series: &Series, panel: &Panel) -> Vec<(f64, f64)> {
+    let drawable = |axis, v: f64| v.is_finite() && (axis == Axis::Linear || v > 0.0);
     let usable: Vec<_> = series
         .points
         .iter()
         .copied()
-        .filter(|(x, y)| x.is_finite() && y.is_finite() && (!log_y || *y > 0.0))
+        .filter(|(x, y)| drawable(panel.x, *x) && drawable(panel.y, *y))
         .collect();
     let stride = usable.len().div_ceil(MOST_POINTS).max(1);
     usable.into_iter().step_by(stride).collect()
@@ -125,6 +161,13 @@ macro_rules! draw_series {
                 Style::Faint => {
                     $chart.draw_series(LineSeries::new(points, color.mix(0.45).stroke_width(1)))?
                 }
+                Style::Marked => {
+                    let marks = points.clone();
+                    $chart.draw_series(LineSeries::new(points, color.mix(0.7).stroke_width(1)))?;
+                    $chart.draw_series(
+                        marks.into_iter().map(|point| Circle::new(point, 3, color.filled())),
+                    )?
+                }
                 Style::Dots => $chart.draw_series(
                     points.into_iter().map(|point| Circle::new(point, 1, color.filled())),
                 )?,
@@ -138,7 +181,7 @@ macro_rules! draw_series {
         if $panel.series.iter().any(|s| !s.name.is_empty()) {
             $chart
                 .configure_series_labels()
-                .position(SeriesLabelPosition::UpperRight)
+                .position($panel.legend.position())
                 .background_style(WHITE.mix(0.85))
                 .border_style(BLACK.mix(0.3))
                 .label_font(("sans-serif", 12))
@@ -148,7 +191,7 @@ macro_rules! draw_series {
 }
 
 fn draw_linear(area: &Area<'_>, panel: &Panel) -> Drawn {
-    let points: Vec<_> = panel.series.iter().map(|s| thinned(s, false)).collect();
+    let points: Vec<_> = panel.series.iter().map(|s| thinned(s, panel)).collect();
     let mut x = widened(range(points.iter().flatten().map(|p| p.0)));
     let mut y = widened(range(points.iter().flatten().map(|p| p.1)));
     if panel.square {
@@ -185,7 +228,7 @@ fn draw_linear(area: &Area<'_>, panel: &Panel) -> Drawn {
 }
 
 fn draw_log(area: &Area<'_>, panel: &Panel) -> Drawn {
-    let points: Vec<_> = panel.series.iter().map(|s| thinned(s, true)).collect();
+    let points: Vec<_> = panel.series.iter().map(|s| thinned(s, panel)).collect();
     let x = widened(range(points.iter().flatten().map(|p| p.0)));
     let (low, high) = range(points.iter().flatten().map(|p| p.1));
     let (low, high) = if low > 0.0 { (low, high) } else { (1e-3, 1.0) };
@@ -210,4 +253,45 @@ fn draw_log(area: &Area<'_>, panel: &Panel) -> Drawn {
         .draw()?;
     draw_series!(chart, panel, points);
     Ok(())
+}
+
+/// A range on a logarithmic axis, and room at its ends.
+fn log_range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
+    let (low, high) = range(values);
+    if low > 0.0 { low / 2.0..high * 2.0 } else { 1e-3..1.0 }
+}
+
+fn draw_log_log(area: &Area<'_>, panel: &Panel) -> Drawn {
+    let points: Vec<_> = panel.series.iter().map(|s| thinned(s, panel)).collect();
+    let x = log_range(points.iter().flatten().map(|p| p.0));
+    let y = log_range(points.iter().flatten().map(|p| p.1));
+    let mut chart = ChartBuilder::on(area)
+        .caption(&panel.title, ("sans-serif", 16))
+        .margin(10)
+        .x_label_area_size(42)
+        .y_label_area_size(68)
+        .build_cartesian_2d(x.log_scale(), y.log_scale())?;
+    chart
+        .configure_mesh()
+        .x_desc(&panel.x_label)
+        .y_desc(&panel.y_label)
+        .x_label_formatter(&|v| power(*v))
+        .y_label_formatter(&|v| power(*v))
+        .light_line_style(WHITE)
+        .bold_line_style(BLACK.mix(0.12))
+        .axis_desc_style(("sans-serif", 14))
+        .label_style(("sans-serif", 12))
+        .draw()?;
+    draw_series!(chart, panel, points);
+    Ok(())
+}
+
+/// A tick of a logarithmic axis: `0.01 … 1000` as they are.
+fn power(value: f64) -> String {
+    if (0.009..1100.0).contains(&value) {
+        let text = format!("{value:.2}");
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        format!("{value:.0e}")
+    }
 }

@@ -1,10 +1,12 @@
 //! What a run found: as data, as Markdown, as JSON.
 
+use super::comparison::{Comparison, TanhWay};
 use super::declaration::Scene;
+use crate::flow::Pairs;
 use crate::measure::{Certificate, Drift, Row, Verdict, disturbing_resonance};
 use crate::network::Architecture;
 use crate::system::Hamiltonian;
-use crate::train::{Stop, TrainingRecord};
+use crate::train::{Outcome, Stop, TrainingRecord};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 
@@ -16,6 +18,20 @@ pub struct Report {
     pub crate_version: String,
     /// The scene, whole.
     pub scene: Scene,
+    /// What it found, where it has a system of its own.
+    #[serde(flatten)]
+    pub experiment: Option<Experiment>,
+    /// Error against run time of tanh and sech²; the times are not here.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tanh: Vec<TanhWay>,
+    /// The reports of its parts.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<Report>,
+}
+
+/// The results of learning a flow map.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Experiment {
     /// SHA-256 of the training pairs.
     pub data_digest: String,
     /// The number of training pairs.
@@ -30,6 +46,66 @@ pub struct Report {
     pub rollout_reference_error: Option<f64>,
     /// The networks.
     pub models: Vec<ModelReport>,
+    /// Error against run time; the times are not here.
+    pub error_against_time: Option<Comparison>,
+    /// What was computed, and how often.
+    pub evaluations: Evaluations,
+}
+
+/// How often what was evaluated: a scene computes what it names and nothing else.
+/// Runs that only take times are not counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Evaluations {
+    /// The equations of motion, for the pairs.
+    pub of_data: u64,
+    /// Loss and gradient, a pair each.
+    pub loss_and_gradient: u64,
+    /// The curvature diagonal, a pair each.
+    pub curvature: u64,
+    /// The held-out error in training, a pair each.
+    pub held_out: u64,
+    /// The equations of motion, for the reference trajectories.
+    pub of_reference_rollout: u64,
+    /// The networks, for their trajectories.
+    pub rollout: u64,
+    /// Measurements of a law at a point: with the Jacobians, the only work over
+    /// dual numbers.
+    pub certificate: u64,
+    /// Jacobians over dual numbers.
+    pub jacobians: u64,
+}
+
+impl Evaluations {
+    pub(super) fn of_training(
+        &mut self,
+        outcome: &Outcome,
+        pairs: &Pairs,
+        held_out: Option<&Pairs>,
+    ) {
+        let count = pairs.len() as u64;
+        let last = outcome.history[outcome.history.len() - 1];
+        let validated = outcome.history.iter().filter(|r| r.validation.is_some()).count();
+        self.loss_and_gradient += last.evaluations * count;
+        self.curvature += outcome.curvatures * count;
+        self.held_out += (validated * held_out.map_or(0, Pairs::len)) as u64;
+    }
+
+    /// What there is to count, the name first.
+    pub fn rows(&self) -> Vec<(&'static str, u64)> {
+        [
+            ("equations of motion, for the pairs", self.of_data),
+            ("loss and gradient of a pair", self.loss_and_gradient),
+            ("curvature diagonal of a pair", self.curvature),
+            ("held-out error of a pair", self.held_out),
+            ("equations of motion, for the reference trajectories", self.of_reference_rollout),
+            ("network, for its trajectories", self.rollout),
+            ("law at a point, for the certificate", self.certificate),
+            ("Jacobian over dual numbers", self.jacobians),
+        ]
+        .into_iter()
+        .filter(|(_, count)| *count > 0)
+        .collect()
+    }
 }
 
 /// The results for one network.
@@ -99,12 +175,18 @@ pub struct RolloutReport {
 impl Report {
     /// No certificate of the run has failed.
     pub fn holds(&self) -> bool {
-        self.models.iter().filter_map(|m| m.certificate.as_ref()).all(Certificate::holds)
+        let mut own = self.models().iter().filter_map(|m| m.certificate.as_ref());
+        own.all(Certificate::holds) && self.parts.iter().all(Report::holds)
+    }
+
+    /// The networks; none where the scene has no system of its own.
+    pub fn models(&self) -> &[ModelReport] {
+        self.experiment.as_ref().map_or(&[], |own| &own.models)
     }
 
     /// How many times smaller than the rotation's a model's held-out error is.
     pub fn improvement(&self, model: &ModelReport) -> Option<f64> {
-        Some(self.rotation_error? / model.best.validation?)
+        Some(self.experiment.as_ref()?.rotation_error? / model.best.validation?)
     }
 
     /// The report as Markdown; `timings` is the section that differs from
@@ -114,9 +196,11 @@ impl Report {
         let text = &mut out;
         // Writing to a string cannot fail.
         let _ = self.write_head(text);
-        for model in &self.models {
+        for model in self.models() {
             let _ = self.write_model(text, model);
         }
+        let _ = self.write_parts(text);
+        let _ = self.write_evaluations(text);
         if !figures.is_empty() {
             let _ = writeln!(text, "\n## Figures\n");
             for (file, caption) in figures {
@@ -144,22 +228,27 @@ impl Report {
             writeln!(out, "| system | `{json}` |")?;
             writeln!(out, "| flow time | {time} |")?;
         }
-        writeln!(
-            out,
-            "| pairs | {} for training, {} held out; SHA-256 `{}…` |",
-            self.training_pairs,
-            self.held_out_pairs,
-            &self.data_digest[..16.min(self.data_digest.len())]
-        )?;
-        writeln!(
-            out,
-            "| reference flow | Gauss–Legendre, 12 stages; largest difference of two resolutions {:.1e} |",
-            self.reference_error
-        )?;
-        if let Some(error) = self.rotation_error {
-            writeln!(out, "| limiting rotation alone | held-out mean squared error {error:.3e} |")?;
+        if let Some(own) = &self.experiment {
+            writeln!(
+                out,
+                "| pairs | {} for training, {} held out; SHA-256 `{}…` |",
+                own.training_pairs,
+                own.held_out_pairs,
+                &own.data_digest[..16.min(own.data_digest.len())]
+            )?;
+            writeln!(
+                out,
+                "| reference flow | Gauss–Legendre, 12 stages; largest difference of two resolutions {:.1e} |",
+                own.reference_error
+            )?;
+            if let Some(error) = own.rotation_error {
+                writeln!(
+                    out,
+                    "| limiting rotation alone | held-out mean squared error {error:.3e} |"
+                )?;
+            }
         }
-        for model in &self.models {
+        for model in self.models() {
             if let Some(certificate) = &model.certificate {
                 writeln!(
                     out,
@@ -224,6 +313,44 @@ impl Report {
         Ok(())
     }
 
+    fn write_parts(&self, out: &mut String) -> std::fmt::Result {
+        if self.parts.is_empty() {
+            return Ok(());
+        }
+        writeln!(out, "\n## Parts\n")?;
+        writeln!(
+            out,
+            "| part | network | parameters | held-out mean squared error | the limiting rotation's / its |\n\
+             |---|---|---|---|---|"
+        )?;
+        for part in &self.parts {
+            let name = &part.scene.name;
+            for model in part.models() {
+                let number = |v: Option<f64>| v.map_or("–".into(), |v| format!("{v:.3e}"));
+                writeln!(
+                    out,
+                    "| [{name}]({name}/report.md) | `{}` | {} | {} | {} |",
+                    model.name,
+                    model.parameters,
+                    number(model.best.validation),
+                    part.improvement(model).map_or("–".into(), |v| format!("{v:.2}"))
+                )?;
+            }
+        }
+        Ok(())
+    }
+
+    fn write_evaluations(&self, out: &mut String) -> std::fmt::Result {
+        let Some(own) = &self.experiment else {
+            return Ok(());
+        };
+        writeln!(out, "\n## What was computed\n\n| what | how often |\n|---|---|")?;
+        for (what, count) in own.evaluations.rows() {
+            writeln!(out, "| {what} | {count} |")?;
+        }
+        Ok(())
+    }
+
     fn write_rollout(&self, out: &mut String, rollout: &RolloutReport) -> std::fmt::Result {
         let (Some(spec), Some(time)) = (&self.scene.rollout, self.scene.flow_time) else {
             return Ok(());
@@ -234,7 +361,9 @@ impl Report {
             spec.steps,
             spec.steps as f64 * time,
             spec.every,
-            self.rollout_reference_error
+            self.experiment
+                .as_ref()
+                .and_then(|own| own.rollout_reference_error)
                 .map(|e| format!("; the reference's own error at the end is {e:.1e}"))
                 .unwrap_or_default()
         )?;

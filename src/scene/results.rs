@@ -1,5 +1,7 @@
 //! What a run has computed, before it becomes report and figures.
 
+use super::comparison::{Comparison, TanhWay};
+use super::declaration::RolloutSpec;
 use crate::network::Model;
 use serde::{Deserialize, Serialize};
 
@@ -15,9 +17,18 @@ pub(super) struct Timing {
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Timings {
     pub(super) models: Vec<Timing>,
-    pub(super) data_seconds: f64,
+    pub(super) data_seconds: Option<f64>,
     pub(super) reference_rollout_seconds: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) comparison: Option<Comparison>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) tanh: Vec<TanhWay>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) parts: Vec<Timings>,
 }
+
+/// The roll-out asked for, its reference trajectories and their error.
+pub(super) type ReferenceRollout<'a> = (&'a RolloutSpec, (Trajectories, f64));
 
 /// The points of a roll-out, (T, M, 2n).
 pub(super) struct Trajectories {

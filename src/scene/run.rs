@@ -1,23 +1,18 @@
-//! Running a scene: data, training, certificate, roll-out, report.
+//! Running a scene into a folder, and telling how it goes.
 
-use super::declaration::{ModelSpec, Plot, RolloutSpec, Scene, parse};
-use super::figures::figure;
+use super::comparison::compare_tanh;
+use super::comparison_words::tanh_panels;
+use super::declaration::{ModelSpec, Plot, Scene, parse};
+use super::experiment::experiment;
+use super::figures::tanh_caption;
 use super::plot::draw;
-use super::report::{ModelReport, Report, RolloutReport};
-use super::results::{Timing, Timings, Trajectories, network_invariant};
+use super::report::Report;
+use super::results::Timings;
+use super::timings_words::timings_markdown;
 use crate::error::Error;
-use crate::flow::{Pairs, Reference, Window, sample};
-use crate::io::{
-    Provenance, StoredModel, load_checkpoint, save_checkpoint, save_model, write_atomically,
-};
-use crate::measure::{certify, component_errors, distance, drift, limiting_flow_error};
-use crate::network::{Model, Rollout, Stream, rollout};
-use crate::scalar::max_or_nan;
-use crate::system::{Hamiltonian, System};
-use crate::train::{Control, Progress, Stop, TrainingRecord, train};
-use rayon::prelude::*;
+use crate::io::write_atomically;
+use crate::train::{Stop, TrainingRecord};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 /// What a run tells while it goes on.
 #[derive(Debug)]
@@ -64,6 +59,8 @@ pub struct Folder {
 
 /// The scene as it was run: what a folder is resumed and repeated from.
 const AS_RUN: &str = "as-run.toml";
+/// What depends on the machine.
+const TIMINGS: &str = "timings.json";
 /// The files that mark a folder as one of a run.
 const MARKS: [&str; 5] = ["report.json", "report.md", AS_RUN, "checkpoint", "model.json"];
 
@@ -101,7 +98,7 @@ impl Folder {
     /// nothing else.
     fn clear(&self) -> Result<(), Error> {
         let mut names: Vec<String> = MARKS.iter().map(|mark| (*mark).to_owned()).collect();
-        names.push("timings.json".into());
+        names.push(TIMINGS.into());
         names.extend(Plot::ALL.iter().map(|plot| plot.file().to_owned()));
         if let Ok(text) = std::fs::read_to_string(self.file(AS_RUN))
             && let Ok(earlier) = parse(AS_RUN, &text)
@@ -109,6 +106,12 @@ impl Folder {
             for spec in &earlier.models {
                 names.push(format!("checkpoint-{}", spec.name));
                 names.push(format!("model-{}.json", spec.name));
+            }
+            for part in &earlier.parts {
+                let part = Self { path: self.file(&part.name), resume: false };
+                if part.path.is_dir() {
+                    part.clear()?;
+                }
             }
         }
         for name in names {
@@ -125,8 +128,33 @@ impl Folder {
         self.path.join(name)
     }
 
+    /// The folder of a part, which need not have been begun.
+    fn part(&self, name: &str) -> Result<Self, Error> {
+        let path = self.file(name);
+        let resume = self.resume && path.join(AS_RUN).exists();
+        Self::open(&path, resume, !resume)
+    }
+
+    /// Whether a run goes on with what is there.
+    pub(super) fn resumes(&self) -> bool {
+        self.resume
+    }
+
+    /// The timings of the run that is gone on with.
+    pub(super) fn earlier_timings(&self) -> Timings {
+        let bytes = if self.resume { std::fs::read(self.file(TIMINGS)).ok() } else { None };
+        bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default()
+    }
+
+    pub(super) fn save_timings(&self, timings: &Timings) -> Result<(), Error> {
+        write_atomically(&self.file(TIMINGS), |out| {
+            serde_json::to_writer_pretty(out, timings)?;
+            Ok(())
+        })
+    }
+
     /// `model.json`, or `model-NAME.json` where a scene has several.
-    fn own(&self, scene: &Scene, stem: &str, spec: &ModelSpec, ending: &str) -> PathBuf {
+    pub(super) fn own(&self, scene: &Scene, stem: &str, spec: &ModelSpec, ending: &str) -> PathBuf {
         if scene.models.len() == 1 {
             self.file(&format!("{stem}{ending}"))
         } else {
@@ -136,7 +164,8 @@ impl Folder {
 }
 
 /// Runs a scene into a folder; None when the observer interrupted it, in which
-/// case a checkpoint is there to resume from.
+/// case a checkpoint is there to resume from. The parts of a scene run one after
+/// another, each in a folder of its own below.
 ///
 /// # Errors
 /// When the scene is incomplete, a computation fails, a checkpoint does not
@@ -146,8 +175,15 @@ pub fn run(
     folder: &Folder,
     observer: &mut dyn Observer,
 ) -> Result<Option<Report>, Error> {
-    let (system, time, data) = scene.experiment()?;
-    let action = system.circle_action();
+    scene.complete()?;
+    Ok(run_timed(scene, folder, observer)?.map(|(report, _)| report))
+}
+
+fn run_timed(
+    scene: &Scene,
+    folder: &Folder,
+    observer: &mut dyn Observer,
+) -> Result<Option<(Report, Timings)>, Error> {
     let text = toml::to_string_pretty(scene)
         .map_err(|reason| Error::write(&folder.file(AS_RUN), reason))?;
     let save_scene =
@@ -157,303 +193,49 @@ pub fn run(
         save_scene()?;
     }
 
-    observer.event(Event::Stage("reference flow of the training and held-out points"));
-    let start = Instant::now();
-    let points =
-        sample(&data.windows, system.dof(), &mut Stream::new(scene.seed, "data/training"))?;
-    let held_out_windows: Vec<_> = data
-        .windows
-        .iter()
-        .map(|window| Window {
-            samples: (window.samples as f64 * data.validation).round() as usize,
-            ..window.clone()
-        })
-        .collect();
-    let held_out_points =
-        sample(&held_out_windows, system.dof(), &mut Stream::new(scene.seed, "data/held-out"))?;
-    let (pairs, mut reference_error) = Pairs::of_flow(system, points, time)?;
-    let held_out = if held_out_points.is_empty() {
-        None
-    } else {
-        let (held_out, error) = Pairs::of_flow(system, held_out_points, time)?;
-        reference_error = reference_error.max(error);
-        Some(held_out)
-    };
-    let mut timings = Timings { data_seconds: start.elapsed().as_secs_f64(), ..Timings::default() };
-    let earlier: Timings = if folder.resume {
-        std::fs::read(folder.file("timings.json"))
-            .ok()
-            .and_then(|bytes| serde_json::from_slice(&bytes).ok())
-            .unwrap_or_default()
-    } else {
-        Timings::default()
-    };
-
-    let mut trained = Vec::new();
-    for spec in &scene.models {
-        observer.event(Event::Stage(&format!("training {}", spec.name)));
-        let architecture = spec.network.architecture(&action, system.epsilon());
-        let theta = system.limiting_frequency() * time;
-        let model = architecture.initialise(spec.weights, theta, scene.seed)?;
-        let checkpoint_file = folder.own(scene, "checkpoint", spec, "");
-        let resume = if folder.resume && checkpoint_file.exists() {
-            Some(load_checkpoint(&checkpoint_file)?)
-        } else {
-            None
-        };
-        let mut timing = earlier
-            .models
-            .iter()
-            .find(|t| t.model == spec.name)
-            .cloned()
-            .unwrap_or_else(|| Timing { model: spec.name.clone(), ..Timing::default() });
-        let resumed_at = resume.as_ref().map_or(0, |c| c.last().iteration);
-        timing.points.retain(|(iteration, _)| *iteration <= resumed_at);
-        let before = timing.points.last().map_or(0.0, |(_, seconds)| *seconds);
-        let start = Instant::now();
-        let mut observe = |progress: Progress<'_>| -> Result<Control, Error> {
-            let record = progress.record;
-            if record.validation.is_some() || progress.checkpoint.is_some() {
-                let seconds = before + start.elapsed().as_secs_f64();
-                timing.points.push((record.iteration, seconds));
-            }
-            if let Some(checkpoint) = progress.checkpoint {
-                save_checkpoint(&checkpoint_file, checkpoint)?;
-                let mut all = Timings { models: timings.models.clone(), ..Timings::default() };
-                all.models.push(timing.clone());
-                save_timings(folder, &all)?;
-            }
-            let iterations = scene.training.iterations;
-            observer.event(Event::Iteration { model: &spec.name, record, iterations });
-            Ok(if observer.interrupted() { Control::Interrupt } else { Control::Continue })
-        };
-        let outcome =
-            train(&model, &pairs, held_out.as_ref(), &scene.training, resume, &mut observe)?;
-        timings.models.push(timing);
-        let (stop, best) = (outcome.stop, outcome.best);
-        observer.event(Event::Trained { model: &spec.name, stop, best });
-        if stop == Stop::Interrupted {
+    let mut timings = Timings::default();
+    let mut parts = Vec::new();
+    for part in &scene.parts {
+        observer.event(Event::Stage(&format!("part {}", part.name)));
+        let Some((report, own)) = run_timed(part, &folder.part(&part.name)?, observer)? else {
             return Ok(None);
-        }
-        let provenance = Provenance {
-            seed: Some(scene.seed),
-            data: Some(pairs.digest()),
-            flow_time: Some(time),
-            validation: best.validation,
-            ..Provenance::of(&scene.name)
         };
-        let stored = StoredModel { model: outcome.model.clone(), provenance };
-        save_model(&folder.own(scene, "model", spec, ".json"), &stored)?;
-        trained.push((spec, model, outcome));
+        parts.push(report);
+        timings.parts.push(own);
     }
-
-    let reference = match &scene.rollout {
-        None => None,
-        Some(request) => {
-            observer.event(Event::Stage("reference trajectories"));
-            let start = Instant::now();
-            let result = reference_rollout(system, request, time)?;
-            timings.reference_rollout_seconds = Some(start.elapsed().as_secs_f64());
-            Some((request, result))
-        }
+    let mut figures = Vec::new();
+    let own = if scene.is_experiment() {
+        let Some((own, drawn)) = experiment(scene, folder, observer, &mut timings)? else {
+            return Ok(None);
+        };
+        figures = drawn;
+        Some(own)
+    } else {
+        None
     };
-
-    let mut models = Vec::new();
-    let mut trajectories = Vec::new();
-    for ((spec, initial, outcome), timing) in trained.iter().zip(&mut timings.models) {
-        let model = &outcome.model;
-        let certificate = scene.certificate.map(|options| {
-            observer.event(Event::Stage(&format!("structure certificate of {}", spec.name)));
-            certify(model, options)
-        });
-        let rolled = match &reference {
-            None => None,
-            Some((request, (values, _))) => {
-                observer.event(Event::Stage(&format!("roll-out of {}", spec.name)));
-                let start = Instant::now();
-                let own = model_rollout(model, request)?;
-                timing.rollout_seconds = Some(start.elapsed().as_secs_f64());
-                let report = compare(system, model, &own, values);
-                trajectories.push((spec.name.clone(), model, own));
-                Some(report)
-            }
-        };
-        models.push(ModelReport {
-            name: spec.name.clone(),
-            architecture: model.architecture(),
-            parameters: model.composition().parameters().len(),
-            stop: outcome.stop,
-            last: outcome.history[outcome.history.len() - 1],
-            best: outcome.best,
-            history: outcome
-                .history
-                .iter()
-                .copied()
-                .filter(|r| {
-                    r.validation.is_some()
-                        || (held_out.is_none() && r.iteration % scene.training.validate_every == 0)
-                })
-                .collect(),
-            component_errors: match &held_out {
-                Some(held_out) => component_errors(model.composition(), held_out)?,
-                None => Vec::new(),
-            },
-            initial_theta: initial.gyroceptron().map(|g| g.theta()),
-            theta: model.gyroceptron().map(|g| g.theta()),
-            certificate,
-            rollout: rolled,
-        });
+    if let Some(spec) = &scene.tanh {
+        observer.event(Event::Stage("tanh and sech²"));
+        timings.tanh = compare_tanh(spec, scene.seed)?;
+        if scene.plots.contains(&Plot::Tanh) {
+            draw(&folder.file(Plot::Tanh.file()), &tanh_panels(&timings.tanh))?;
+            figures.push((Plot::Tanh.file().into(), tanh_caption()));
+        }
     }
-
     let report = Report {
         crate_version: env!("CARGO_PKG_VERSION").into(),
         scene: scene.clone(),
-        data_digest: pairs.digest(),
-        training_pairs: pairs.len(),
-        held_out_pairs: held_out.as_ref().map_or(0, Pairs::len),
-        reference_error,
-        rotation_error: held_out.as_ref().map(|set| limiting_flow_error(system, set, time)),
-        rollout_reference_error: reference.as_ref().map(|(_, (_, error))| *error),
-        models,
+        experiment: own,
+        tanh: timings.tanh.iter().map(|way| way.without_times()).collect(),
+        parts,
     };
     observer.event(Event::Stage("report"));
-    let mut figures = Vec::new();
-    for plot in &scene.plots {
-        let Some((name, caption, panels)) =
-            figure(*plot, &report, system, time, &timings, reference.as_ref(), &trajectories)
-        else {
-            continue;
-        };
-        draw(&folder.file(&name), &panels)?;
-        figures.push((name, caption));
-    }
     save_scene()?;
-    save_timings(folder, &timings)?;
+    folder.save_timings(&timings)?;
     let markdown = report.markdown(&timings_markdown(&timings, &report), &figures);
     write_atomically(&folder.file("report.md"), |out| out.write_all(markdown.as_bytes()))?;
     write_atomically(&folder.file("report.json"), |out| {
         serde_json::to_writer_pretty(&mut *out, &report)?;
         writeln!(out)
     })?;
-    Ok(Some(report))
-}
-
-fn save_timings(folder: &Folder, timings: &Timings) -> Result<(), Error> {
-    write_atomically(&folder.file("timings.json"), |out| {
-        serde_json::to_writer_pretty(out, timings)?;
-        Ok(())
-    })
-}
-
-fn timings_markdown(timings: &Timings, report: &Report) -> String {
-    let mut out = format!("- reference flow of the pairs: {:.1} s\n", timings.data_seconds);
-    for timing in &timings.models {
-        if let Some((iterations, seconds)) = timing.points.last() {
-            out.push_str(&format!(
-                "- training of `{}`: {seconds:.1} s, {:.1} iterations a second\n",
-                timing.model,
-                *iterations as f64 / seconds
-            ));
-            let model = report.models.iter().find(|m| m.name == timing.model);
-            for (level, iteration) in model.map(ModelReport::milestones).unwrap_or_default() {
-                if let Some((_, seconds)) = timing.points.iter().find(|(i, _)| *i == iteration) {
-                    out.push_str(&format!(
-                        "  - held-out error ≤ {level:.0e} after {iteration} iterations, \
-                         {seconds:.1} s\n"
-                    ));
-                }
-            }
-        }
-        if let (Some(seconds), Some(rollout)) = (timing.rollout_seconds, &report.scene.rollout) {
-            out.push_str(&format!(
-                "- roll-out of `{}`: {seconds:.2} s for {} trajectories of {} steps\n",
-                timing.model,
-                rollout.initial.len(),
-                rollout.steps
-            ));
-        }
-    }
-    if let Some(seconds) = timings.reference_rollout_seconds {
-        out.push_str(&format!(
-            "- the same trajectories by the reference flow, at two resolutions: {seconds:.2} s\n"
-        ));
-    }
-    out
-}
-
-/// The reference trajectories and the largest difference of two resolutions at
-/// their ends.
-fn reference_rollout(
-    system: &System,
-    request: &RolloutSpec,
-    time: f64,
-) -> Result<(Trajectories, f64), Error> {
-    let interval = time * request.every as f64;
-    let reference = Reference::calibrated(system, &request.initial.concat(), interval)?;
-    let kept = request.steps / request.every + 1;
-    let each: Vec<(Vec<Vec<f64>>, f64)> = request
-        .initial
-        .par_iter()
-        .map(|initial| {
-            let (mut fine, mut coarse) = (initial.clone(), initial.clone());
-            let mut states = vec![initial.clone()];
-            for _ in 1..kept {
-                fine = reference.flow_with_error(system, &fine, interval)?.point;
-                reference.flow(system, &mut coarse, interval)?;
-                states.push(fine.clone());
-            }
-            Ok((states, distance(&fine, &coarse)))
-        })
-        .collect::<Result<_, Error>>()?;
-    let dim = 2 * system.dof();
-    let mut values = Vec::with_capacity(kept * each.len() * dim);
-    for t in 0..kept {
-        for (states, _) in &each {
-            values.extend_from_slice(&states[t]);
-        }
-    }
-    let error = each.iter().map(|(_, e)| *e).fold(0.0, max_or_nan);
-    Ok((Trajectories { values, dim, count: each.len() }, error))
-}
-
-fn model_rollout(model: &Model, request: &RolloutSpec) -> Result<Trajectories, Error> {
-    let initial = request.initial.concat();
-    let values = rollout(
-        model.composition(),
-        &initial,
-        Rollout { steps: request.steps, every: request.every },
-    )?;
-    Ok(Trajectories { values, dim: 2 * model.composition().dof(), count: request.initial.len() })
-}
-
-fn compare(
-    system: &System,
-    model: &Model,
-    own: &Trajectories,
-    reference: &Trajectories,
-) -> RolloutReport {
-    let last = reference.len() - 1;
-    let trajectories = 0..reference.count;
-    let largest_errors = trajectories
-        .clone()
-        .map(|m| {
-            let mut largest = 0.0;
-            for t in 0..=last {
-                let error = distance(own.state(t, m), reference.state(t, m));
-                largest = max_or_nan(largest, error);
-            }
-            largest
-        })
-        .collect();
-    let final_errors = trajectories
-        .clone()
-        .map(|m| distance(own.state(last, m), reference.state(last, m)))
-        .collect();
-    let adiabatic = network_invariant(model, own).map(|mu| {
-        trajectories.clone().map(|m| drift((0..=last).map(|t| mu[t * own.count + m]))).collect()
-    });
-    let reference_adiabatic = trajectories
-        .map(|m| drift((0..=last).map(|t| system.adiabatic_invariant(reference.state(t, m)))))
-        .collect();
-    RolloutReport { largest_errors, final_errors, adiabatic, reference_adiabatic }
+    Ok(Some((report, timings)))
 }

@@ -64,6 +64,9 @@ pub struct Checkpoint {
     pub(super) history: Vec<TrainingRecord>,
     pub(super) earlier_evaluations: u64,
     pub(super) segment_iterations: u64,
+    /// Evaluations of the curvature diagonal.
+    #[serde(default)]
+    pub(super) curvatures: u64,
     pub(super) segment: Option<SegmentSnapshot>,
     /// Where it was read from, for errors.
     #[serde(skip)]
@@ -82,6 +85,7 @@ impl Checkpoint {
             history: vec![record],
             earlier_evaluations: record.evaluations,
             segment_iterations: 0,
+            curvatures: 0,
             segment: None,
             source: None,
         }

@@ -48,6 +48,8 @@ pub struct Outcome {
     pub best: TrainingRecord,
     /// The records of all iterations.
     pub history: Vec<TrainingRecord>,
+    /// How often the curvature diagonal was evaluated.
+    pub curvatures: u64,
     /// Why it ended.
     pub stop: Stop,
 }
@@ -188,6 +190,7 @@ impl<'a> Segment<'a> {
             }
             None => {
                 let current = model.with_parameters(state.parameters.clone())?;
+                state.curvatures += u64::from(options.scaling != Scaling::None);
                 let scale =
                     scale_of(options.scaling, objective, current.composition(), state.last().loss);
                 let u = state.parameters.iter().zip(&scale).map(|(p, d)| p / d).collect();
@@ -385,6 +388,7 @@ pub fn train(
         model: model.with_parameters(state.best_parameters)?,
         best: state.best,
         history: state.history,
+        curvatures: state.curvatures,
         stop,
     })
 }
