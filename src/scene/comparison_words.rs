@@ -55,7 +55,7 @@ fn fastest<'a>(
 
 fn with_setting(own: &WorkPrecision) -> String {
     match own.setting {
-        Some(steps) if steps == 1.0 => format!("{} with 1 step", own.name),
+        Some(1.0) => format!("{} with 1 step", own.name),
         Some(steps) => format!("{} with {steps} steps", own.name),
         None => own.name.clone(),
     }
