@@ -2,8 +2,7 @@
 //! processor does in the same process: `cargo bench --bench kernels`, with
 //! `-- --quick` in a minute.
 //!
-//! Wall time is noisy; `valgrind --tool=callgrind` on the same program with
-//! `--profile-time 1` counts instructions (on what valgrind knows: AVX2).
+//! Wall time is noisy: `training.rs` says how to count instructions.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use gyroceptron::layer::CircleAction;
@@ -13,61 +12,10 @@ use gyroceptron::network::{
     map_jacobians_by_chain_rule, map_points, rollout,
 };
 use gyroceptron::scalar::{Simd, tanh_sech2, tanh_sech2_of_all};
+use peak::{TANH_PRODUCTS, peak, share};
 use std::hint::black_box;
-use std::time::Instant;
 
-/// Multiplications, fused or not, of one tanh with its sech². Additions go
-/// beside; the one division does not.
-const TANH_PRODUCTS: f64 = 23.0;
-
-#[inline(always)]
-fn products(lanes: &mut [[f64; 8]; 12], times: usize) {
-    // The compiler keeps a copy of its own in registers.
-    let mut own = *lanes;
-    let (factor, addend) = (black_box([0.999_999; 8]), black_box([1e-9; 8]));
-    for _ in 0..times {
-        for chain in &mut own {
-            for i in 0..8 {
-                chain[i] = chain[i].mul_add(factor[i], addend[i]);
-            }
-        }
-    }
-    *lanes = own;
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
-fn products_avx512(lanes: &mut [[f64; 8]; 12], times: usize) {
-    products(lanes, times);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-fn products_avx2(lanes: &mut [[f64; 8]; 12], times: usize) {
-    products(lanes, times);
-}
-
-/// Fused multiply-adds a second of one core, in independent chains.
-fn peak() -> f64 {
-    const TIMES: usize = 1_000_000;
-    let mut lanes = [[1.0; 8]; 12];
-    let mut best = f64::INFINITY;
-    for _ in 0..5 {
-        let start = Instant::now();
-        match Simd::current() {
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: `current` gives what the processor has.
-            Simd::Avx512 => unsafe { products_avx512(&mut lanes, TIMES) },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: as above.
-            Simd::Avx2 => unsafe { products_avx2(&mut lanes, TIMES) },
-            _ => products(&mut lanes, TIMES),
-        }
-        black_box(&lanes);
-        best = best.min(start.elapsed().as_secs_f64());
-    }
-    (TIMES * 96) as f64 / best
-}
+mod peak;
 
 fn model(action: &[i32], psi: Vec<usize>, near_identity: Vec<usize>) -> Model {
     let circle_action = CircleAction::new(action);
@@ -82,23 +30,15 @@ fn points(count: usize) -> Vec<f64> {
     (0..count).map(|_| stream.uniform(-1.5, 1.5)).collect()
 }
 
-/// The share of the peak on one thread: `counted` products take so long.
-fn share(name: &str, counted: f64, peak: f64, mut work: impl FnMut()) {
-    let mut times: Vec<f64> = (0..15)
-        .map(|_| {
-            let start = Instant::now();
-            work();
-            start.elapsed().as_secs_f64()
-        })
-        .collect();
-    times.sort_by(f64::total_cmp);
-    let rate = counted / times[times.len() / 2];
-    println!(
-        "{name}: {:.1} of {:.1} G products/s, {:.0} % of the peak",
-        rate / 1e9,
-        peak / 1e9,
-        100.0 * rate / peak
-    );
+/// Products of a neuron with n inputs: preactivation, tanh, weight, increments.
+fn evaluation(n: f64) -> f64 {
+    TANH_PRODUCTS + 2.0 * n + 1.0
+}
+
+/// The same with 2n derivatives along: of the preactivation, sech², the weight and
+/// the increments.
+fn derivatives(n: f64) -> f64 {
+    2.0 + 2.0 * n * (n + 1.0 + 1.0 + n)
 }
 
 fn shares() {
@@ -107,18 +47,33 @@ fn shares() {
         let peak = peak();
         let x = points(1 << 16);
         let (mut t, mut s) = (x.clone(), x.clone());
-        share("tanh and sech²", TANH_PRODUCTS * x.len() as f64, peak, || {
+        share("tanh and sech²", x.len(), TANH_PRODUCTS, peak, || {
             tanh_sech2_of_all(black_box(&x), &mut t, &mut s);
         });
         for (name, action) in [("4-D", vec![1, 0]), ("6-D", vec![0, 1, 2])] {
+            const POINTS: usize = 4096;
             let model = model(&action, vec![8; 10], vec![8; 10]);
             let (map, dim) = (model.composition(), 2 * action.len());
-            let mut z = points(4096 * dim);
-            // Preactivation, weight and increment of each neuron.
-            let neuron = TANH_PRODUCTS + (dim + 1) as f64;
-            let counted = neuron * (map.activation_count() * 4096) as f64;
-            share(&format!("evaluation, {name}"), counted, peak, || {
+            let n = action.len() as f64;
+            let neurons = map.activation_count() as f64;
+            let mut z = points(POINTS * dim);
+            share(&format!("evaluation, {name}"), POINTS, evaluation(n) * neurons, peak, || {
                 map_points(map, Direction::Forward, black_box(&mut z)).expect("whole points");
+            });
+            let request = Rollout { steps: 8, every: 8 };
+            let start = points(POINTS / 8 * dim);
+            share(&format!("roll-out, {name}"), POINTS, evaluation(n) * neurons, peak, || {
+                black_box(rollout(map, black_box(&start), request).expect("whole points"));
+            });
+            let request = Rollout { steps: 64, every: 64 };
+            let name_alone = format!("roll-out of one trajectory, {name}");
+            share(&name_alone, 64, evaluation(n) * neurons, peak, || {
+                black_box(rollout(map, black_box(&start[..dim]), request).expect("a point"));
+            });
+            let mut jacobians = vec![0.0; POINTS * dim * dim];
+            let products = (evaluation(n) + derivatives(n)) * neurons;
+            share(&format!("Jacobian, {name}"), POINTS, products, peak, || {
+                map_jacobians(map, black_box(&z), &mut jacobians).expect("whole points");
             });
         }
     });

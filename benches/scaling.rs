@@ -100,19 +100,27 @@ const WORKS: [&str; 3] =
 /// A table, and below it the exponents with their standard errors.
 fn report(title: &str, varied: &str, rows: &[Row]) {
     println!("\n## {title}\n");
-    print!("| {varied} | parameters |");
+    let by_parameters = varied == "parameters";
+    print!("| {varied} |{}", if by_parameters { "" } else { " parameters |" });
     for name in WORKS {
         print!(" {name}, ms | MiB beside |");
     }
-    println!("\n|---|---|{}", "---|".repeat(2 * WORKS.len()));
+    println!("\n|{}", "---|".repeat(2 * WORKS.len() + if by_parameters { 1 } else { 2 }));
     for row in rows {
-        print!("| {} | {} |", row.varied, row.parameters);
+        print!("| {} |", row.varied);
+        if !by_parameters {
+            print!(" {} |", row.parameters);
+        }
         for own in &row.measured {
             let Spread { lower, median, upper } = own.seconds.scaled(1e3);
             let mebibytes = own.peak as f64 / f64::from(1 << 20);
             print!(" {median:.3} ({lower:.3} – {upper:.3}) | {mebibytes:.3} |");
         }
         println!();
+    }
+    if rows.len() < 3 {
+        println!("\nToo few rows for an exponent: their ratio says it.");
+        return;
     }
     let x: Vec<f64> = rows.iter().map(|row| row.varied).collect();
     println!();
@@ -176,7 +184,4 @@ fn main() {
         })
         .collect();
     report("Threads: 2 degrees of freedom, 20 layers of 8", "threads", &rows);
-    if cores < 3 {
-        println!("\n(Fewer than three cores: no exponent; the ratio of the rows is the speed-up.)");
-    }
 }

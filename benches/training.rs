@@ -1,40 +1,100 @@
 //! One evaluation of the loss and of its gradient on 60,000 pairs, for the
-//! models of the paper: `cargo bench --bench training`.
+//! models of the paper, and its share of the fused multiply-adds that a core does
+//! in the same process: `cargo bench --bench training`, with `-- --quick` in less
+//! than a minute.
 //!
 //! `RAYON_NUM_THREADS=1 cargo bench --bench training` is the same on one core.
+//!
+//! Wall time is noisy, instructions are not (those of AVX2, which valgrind knows):
+//!
+//! ```sh
+//! cargo bench --bench training --no-run     # says where the executable is
+//! for n in 1 2; do
+//!     RAYON_NUM_THREADS=1 valgrind --tool=callgrind --callgrind-out-file=/dev/null \
+//!         EXECUTABLE --count $n
+//! done
+//! ```
+//!
+//! The difference is one evaluation of loss and gradient, 681 parameters, 1024
+//! pairs.
 
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::{Criterion, Throughput, criterion_group};
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
-use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Stream};
+use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model, Stream};
 use gyroceptron::train::{Loss, Objective};
+use peak::{TANH_PRODUCTS, peak, share};
 use std::hint::black_box;
+
+mod peak;
 
 const SAMPLES: usize = 60_000;
 
+/// The models of the paper: circle action, layers of ψ and of I_ε.
+const MODELS: [(&[i32], [usize; 2], [usize; 2]); 3] =
+    [(&[1, 0], [10, 8], [8, 6]), (&[1, 0], [10, 8], [10, 8]), (&[0, 1, 2], [12, 8], [12, 8])];
+
+fn model((action, psi, near_identity): (&[i32], [usize; 2], [usize; 2])) -> Model {
+    let shape = GyroceptronShape {
+        circle_action: CircleAction::new(action),
+        psi: vec![psi[1]; psi[0]],
+        near_identity: vec![near_identity[1]; near_identity[0]],
+    };
+    Architecture::Gyroceptron { shape, epsilon: 0.01 }
+        .initialise(InitialWeights::Normal { scale: 0.15 }, 5.0, 1)
+        .expect("a valid architecture")
+}
+
+fn pairs(dof: usize, count: usize) -> Pairs {
+    let mut stream = Stream::new(1, "points");
+    let mut points = || (0..count * 2 * dof).map(|_| stream.uniform(-1.6, 1.6)).collect::<Vec<_>>();
+    Pairs::new("bench", dof, points(), points()).expect("finite numbers")
+}
+
+/// Products of a neuron with n inputs. Forward: tanh, the preactivation, the
+/// weight, the increments. Backward: the cotangents of sech², of the weight, of the
+/// preactivation, of W (two each) and of the inputs.
+fn products(n: usize) -> (f64, f64) {
+    let n = n as f64;
+    (TANH_PRODUCTS + 2.0 * n + 1.0, 4.0 * n + 5.0)
+}
+
+fn shares() {
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    one.install(|| {
+        let peak = peak();
+        for own in MODELS {
+            let model = model(own);
+            let map = model.composition();
+            let pairs = pairs(map.dof(), 8192);
+            let objective = Objective::new(&Loss::MeanSquaredError, &pairs).expect("weights");
+            let mut gradient = vec![0.0; map.parameters().len()];
+            let (forward, backward) = products(map.dof());
+            let (neurons, count) = (map.activation_count() as f64, pairs.len());
+            let name = format!("{} parameters", gradient.len());
+            share(&format!("loss, {name}"), count, forward * neurons, peak, || {
+                black_box(objective.value(map));
+            });
+            let products = (forward + backward) * neurons;
+            share(&format!("loss and gradient, {name}"), count, products, peak, || {
+                black_box(objective.value_and_gradient(map, &mut gradient));
+            });
+        }
+    });
+}
+
 fn training(criterion: &mut Criterion) {
-    for (action, psi, near_identity) in [
-        (vec![1, 0], vec![8; 10], vec![6; 8]),
-        (vec![1, 0], vec![8; 10], vec![8; 10]),
-        (vec![0, 1, 2], vec![8; 12], vec![8; 12]),
-    ] {
-        let shape =
-            GyroceptronShape { circle_action: CircleAction::new(action), psi, near_identity };
-        let dim = 2 * shape.dof();
-        let architecture = Architecture::Gyroceptron { shape, epsilon: 0.01 };
-        let model = architecture
-            .initialise(InitialWeights::Normal { scale: 0.15 }, 5.0, 1)
-            .expect("a valid architecture");
-        let mut stream = Stream::new(1, "points");
-        let mut points =
-            || (0..SAMPLES * dim).map(|_| stream.uniform(-1.6, 1.6)).collect::<Vec<_>>();
-        let pairs = Pairs::new("bench", dim / 2, points(), points()).expect("finite numbers");
-        let objective = Objective::new(&Loss::MeanSquaredError, &pairs).expect("valid weights");
+    shares();
+    for own in MODELS {
+        let model = model(own);
         let map = model.composition();
+        let pairs = pairs(map.dof(), SAMPLES);
+        let objective = Objective::new(&Loss::MeanSquaredError, &pairs).expect("valid weights");
         let mut gradient = vec![0.0; map.parameters().len()];
         let name = format!("{} parameters, {SAMPLES} pairs", gradient.len());
         let mut group = criterion.benchmark_group(name);
         group.sample_size(10);
+        group.throughput(Throughput::Elements(SAMPLES as u64));
         group.bench_function("loss", |b| b.iter(|| black_box(objective.value(map))));
         group.bench_function("loss and gradient", |b| {
             b.iter(|| black_box(objective.value_and_gradient(map, &mut gradient)));
@@ -43,5 +103,28 @@ fn training(criterion: &mut Criterion) {
     }
 }
 
+/// What valgrind counts.
+fn evaluate(times: usize) {
+    let model = model(MODELS[1]);
+    let map = model.composition();
+    let pairs = pairs(map.dof(), 1024);
+    let objective = Objective::new(&Loss::MeanSquaredError, &pairs).expect("valid weights");
+    let mut gradient = vec![0.0; map.parameters().len()];
+    for _ in 0..times {
+        black_box(objective.value_and_gradient(map, &mut gradient));
+    }
+}
+
 criterion_group!(benches, training);
-criterion_main!(benches);
+
+fn main() {
+    let mut arguments = std::env::args().skip_while(|argument| argument != "--count").skip(1);
+    match arguments.next().map(|times| times.parse()) {
+        Some(Ok(times)) => evaluate(times),
+        Some(Err(reason)) => eprintln!("--count: {reason}"),
+        None => {
+            benches();
+            Criterion::default().configure_from_args().final_summary();
+        }
+    }
+}

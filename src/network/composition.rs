@@ -2,10 +2,10 @@
 
 use super::HenonShape;
 use crate::layer::{
-    ElementaryStep, Kick, KickForm, Rotation, TanhPotential, layer_parameter_count,
+    ElementaryStep, Kick, KickForm, Potential, Rotation, TanhPotential, layer_parameter_count,
 };
 use crate::phase::Map;
-use crate::scalar::{Over, Pack, Scalar};
+use crate::scalar::{Over, Pack, Part, Scalar};
 use std::ops::Range;
 
 /// Forward or inverse.
@@ -79,6 +79,62 @@ pub struct Composition<P> {
     epsilon: P,
     rotation: Option<Rotation<P>>,
     theta: Option<usize>,
+}
+
+/// One kick of all points, 2n numbers each.
+struct Apply<'a, P, S, const D: usize> {
+    kick: Kick<'a, P, TanhPotential<'a, P, D>>,
+    z: &'a mut [S],
+    scratch: &'a mut [S],
+}
+
+impl<P: Scalar, S: Over<P>, const D: usize> Part for Apply<'_, P, S, D> {
+    #[inline(always)]
+    fn run(self) {
+        let dim = 2 * Potential::<S>::dof(&self.kick.potential);
+        for z in self.z.chunks_exact_mut(dim) {
+            self.kick.apply(z, self.scratch);
+        }
+    }
+}
+
+/// The same, filling the tape of each.
+struct Record<'a, P, S, const D: usize> {
+    kick: Kick<'a, P, TanhPotential<'a, P, D>>,
+    z: &'a mut [S],
+    tape: &'a mut [S],
+    scratch: &'a mut [S],
+}
+
+impl<P: Scalar, S: Over<P>, const D: usize> Part for Record<'_, P, S, D> {
+    #[inline(always)]
+    fn run(self) {
+        let dim = 2 * Potential::<S>::dof(&self.kick.potential);
+        let tapes = self.tape.chunks_exact_mut(self.kick.tape_len::<S>());
+        for (z, tape) in self.z.chunks_exact_mut(dim).zip(tapes) {
+            self.kick.apply_recording(z, self.scratch, tape);
+        }
+    }
+}
+
+/// The adjoint of one kick at all points recorded.
+struct Pull<'a, P, S, const D: usize> {
+    kick: Kick<'a, P, TanhPotential<'a, P, D>>,
+    tape: &'a [S],
+    z_bar: &'a mut [S],
+    parameters_bar: &'a mut [S],
+    scratch: &'a mut [S],
+}
+
+impl<P: Scalar, S: Over<P>, const D: usize> Part for Pull<'_, P, S, D> {
+    #[inline(always)]
+    fn run(self) {
+        let dim = 2 * Potential::<S>::dof(&self.kick.potential);
+        let tapes = self.tape.chunks_exact(self.kick.tape_len::<S>());
+        for (z_bar, tape) in self.z_bar.chunks_exact_mut(dim).zip(tapes) {
+            self.kick.pullback(tape, z_bar, self.parameters_bar, self.scratch);
+        }
+    }
 }
 
 /// What a forward pass keeps for the pullback, and working space for both.
@@ -213,17 +269,14 @@ impl<P: Scalar> Composition<P> {
         scratch: &mut [S],
     ) {
         let undo = direction == Direction::Inverse;
-        let points = z.chunks_exact_mut(2 * self.dof);
         match step {
             Step::Kick { parameters, width, form, inverse, near_identity } => {
                 let inverse = *inverse != undo;
                 let kick = self.kick::<D>(parameters, *width, *form, inverse, *near_identity);
-                for z in points {
-                    kick.apply(z, scratch);
-                }
+                S::apart(Apply { kick, z, scratch });
             }
             Step::Rotation { inverse } => {
-                for z in points {
+                for z in z.chunks_exact_mut(2 * self.dof) {
                     self.rotation().apply(z, *inverse != undo);
                 }
             }
@@ -348,16 +401,13 @@ impl<P: Scalar> Composition<P> {
             let size = self.step_tape_len(step);
             let (own, rest) = tape.split_at_mut(size * (z.len() / dim));
             tape = rest;
-            let points = z.chunks_exact_mut(dim).zip(own.chunks_exact_mut(size));
             match step {
                 Step::Kick { parameters, width, form, inverse, near_identity } => {
                     let kick = self.kick::<D>(parameters, *width, *form, *inverse, *near_identity);
-                    for (z, own) in points {
-                        kick.apply_recording(z, &mut recording.scratch, own);
-                    }
+                    S::apart(Record { kick, z, tape: own, scratch: &mut recording.scratch });
                 }
                 Step::Rotation { inverse } => {
-                    for (z, own) in points {
+                    for (z, own) in z.chunks_exact_mut(dim).zip(own.chunks_exact_mut(size)) {
                         self.rotation().apply(z, *inverse);
                         own.copy_from_slice(z);
                     }
@@ -380,18 +430,16 @@ impl<P: Scalar> Composition<P> {
             let size = self.step_tape_len(step);
             let (rest, own) = tape.split_at(tape.len() - size * (z_bar.len() / dim));
             tape = rest;
-            let points = z_bar.chunks_exact_mut(dim).zip(own.chunks_exact(size));
             match step {
                 Step::Kick { parameters, width, form, inverse, near_identity } => {
                     let kick = self.kick::<D>(parameters, *width, *form, *inverse, *near_identity);
                     let parameters_bar = &mut parameters_bar[parameters.clone()];
-                    for (z_bar, own) in points {
-                        kick.pullback(own, z_bar, parameters_bar, &mut recording.scratch);
-                    }
+                    let scratch = &mut recording.scratch;
+                    S::apart(Pull { kick, tape: own, z_bar, parameters_bar, scratch });
                 }
                 Step::Rotation { inverse } => {
                     let theta = self.theta.expect("a rotation step comes with its angle");
-                    for (z_bar, own) in points {
+                    for (z_bar, own) in z_bar.chunks_exact_mut(dim).zip(own.chunks_exact(size)) {
                         let theta_bar = self.rotation().pullback(own, z_bar, *inverse);
                         parameters_bar[theta] = parameters_bar[theta] + theta_bar;
                     }

@@ -1,6 +1,6 @@
 //! Forward-mode dual numbers over any scalar.
 
-use super::{Elementary, Over, Real, Scalar, over_itself};
+use super::{Elementary, Over, Part, Real, Scalar, over_itself};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// `re + Σ eps[k]·dₖ` with dₖdₗ = 0: a value and its derivatives in `N`
@@ -131,6 +131,10 @@ impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
             eps[k] = self.eps[k].mul_add(a.re, self.re.mul_add(a.eps[k], eps[k]));
         }
         Self { re: self.re.mul_add(a.re, b.re), eps }
+    }
+    #[inline(always)]
+    fn apart(part: impl Part) {
+        S::apart(part);
     }
     #[inline(always)]
     fn tanh_sech2(self) -> (Self, Self) {

@@ -33,6 +33,12 @@ pub use tracked::Tracked;
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
+/// A part of a computation: see [`Scalar::apart`].
+pub trait Part {
+    /// Does it. To be `#[inline(always)]`, with all that it calls for each number.
+    fn run(self);
+}
+
 /// A number that a layer can be evaluated on.
 ///
 /// All operations are by value. `mul_add` is fused (one rounding) on every
@@ -69,6 +75,13 @@ pub trait Scalar:
             (t[i], s[i]) = x[i].tanh_sech2();
         }
         (t, s)
+    }
+
+    /// Runs a part of a computation on such numbers: for vector registers as a
+    /// function of its own, in which the compiler gives all registers to the part.
+    #[inline(always)]
+    fn apart(part: impl Part) {
+        part.run();
     }
 
     /// Absolute value.

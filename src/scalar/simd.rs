@@ -9,7 +9,7 @@
 //! it is called on, and cannot keep one: its output does not depend on the type.
 
 use super::tanh::{Lanewise, functions_of_lanes};
-use super::{Lanes, Over, Scalar, WIDTH, over_parameters};
+use super::{Lanes, Over, Part, Scalar, WIDTH, over_parameters};
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// Lanes that can be filled from memory and written back.
@@ -185,16 +185,47 @@ impl Kernel for TanhSech2<'_> {
 mod x86 {
     use super::*;
     use std::arch::x86_64::*;
+    use std::hint::black_box;
     use std::ops::{Add, Div, Mul, Neg, Sub};
 
     #[target_feature(enable = "avx2,fma")]
     pub(super) fn on_avx2<const L: usize, K: Kernel>(kernel: K) -> K::Output {
+        align_frame();
         if L == 4 { kernel.run::<Ymm>() } else { kernel.run::<Pair<Ymm>>() }
     }
 
     #[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512vl")]
     pub(super) fn on_avx512<const L: usize, K: Kernel>(kernel: K) -> K::Output {
+        align_frame();
         if L == 4 { kernel.run::<Ymm>() } else { kernel.run::<Zmm>() }
+    }
+
+    /// A local variable of this alignment makes the compiler align the frame, and
+    /// with it the registers that it spills: else a spilled register may lie across
+    /// two cache lines, which costs up to a quarter of the time, or not, as the
+    /// callers happen to have left the stack.
+    #[repr(align(64))]
+    struct Aligned(u8);
+
+    #[inline(always)]
+    fn align_frame() {
+        // A constant would not be a local variable.
+        let mut own = Aligned(black_box(0));
+        black_box(&mut own);
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    #[inline(never)]
+    fn apart_avx2(part: impl Part) {
+        align_frame();
+        part.run();
+    }
+
+    #[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512vl")]
+    #[inline(never)]
+    fn apart_avx512(part: impl Part) {
+        align_frame();
+        part.run();
     }
 
     /// A method of the register by an intrinsic of the same operands.
@@ -247,6 +278,11 @@ mod x86 {
             abs(self) = _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0);
         }
         functions_of_lanes!();
+        #[inline(always)]
+        fn apart(part: impl Part) {
+            // SAFETY: see the module.
+            unsafe { apart_avx2(part) }
+        }
         #[inline(always)]
         fn is_zero(self) -> bool {
             // SAFETY: see the module.
@@ -329,6 +365,11 @@ mod x86 {
             abs(self) = _mm512_abs_pd(self.0);
         }
         functions_of_lanes!();
+        #[inline(always)]
+        fn apart(part: impl Part) {
+            // SAFETY: see the module.
+            unsafe { apart_avx512(part) }
+        }
         #[inline(always)]
         fn is_zero(self) -> bool {
             // SAFETY: see the module.
@@ -420,6 +461,10 @@ mod x86 {
         }
         both! { mul_add(a, b); abs(); }
         functions_of_lanes!();
+        #[inline(always)]
+        fn apart(part: impl Part) {
+            V::apart(part);
+        }
         #[inline(always)]
         fn is_zero(self) -> bool {
             self.0.is_zero() && self.1.is_zero()

@@ -30,6 +30,8 @@ pub struct Comparison {
 /// Ways to the same trajectories.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Contest {
+    /// How many there are.
+    pub trajectories: usize,
     /// How long they are.
     pub time: f64,
     /// The root mean square of |z| along them.
@@ -82,7 +84,8 @@ impl Contest {
         let judge = |states: &[f64]| root_mean_square_distance(states, reference, dim);
         let ways = work_precision(contestants, &judge, trajectories as f64 * time, rounds)?;
         let origin = vec![0.0; reference.len()];
-        Ok(Self { time, size: root_mean_square_distance(reference, &origin, dim), ways })
+        let size = root_mean_square_distance(reference, &origin, dim);
+        Ok(Self { trajectories, time, size, ways })
     }
 }
 

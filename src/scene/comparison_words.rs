@@ -144,11 +144,12 @@ impl Comparison {
     pub(super) fn words(&self) -> String {
         let mut out = String::new();
         for (title, contest) in [("One step", &self.one_step), ("Roll-out", &self.rollout)] {
-            if let Some(Contest { time, size, ways }) = contest {
+            if let Some(Contest { trajectories, time, size, ways }) = contest {
                 let winners = winners(ways, *size);
                 let _ = writeln!(
                     out,
-                    "{title} of time {time}, µs a trajectory and unit time:\n\n{winners}"
+                    "{title} of time {time}, {trajectories} trajectories, µs for one and unit time:\n\n\
+                     {winners}"
                 );
             }
         }
