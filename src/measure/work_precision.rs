@@ -211,7 +211,7 @@ pub fn tanh_errors(x: &[f64], t: &[f64], s: &[f64]) -> (f64, f64) {
     for ((&x, &t), &s) in x.iter().zip(t).zip(s) {
         let (exact_t, exact_s) = DoubleDouble::from_f64(x).tanh_sech2();
         let size = exact_t.value().abs();
-        let ulp = size - f64::from_bits(size.to_bits().saturating_sub(1));
+        let ulp = f64::from_bits(size.to_bits().max(1)) - f64::from_bits(size.to_bits().max(1) - 1);
         ulps = max_or_nan(ulps, (DoubleDouble::from_f64(t) - exact_t).value().abs() / ulp);
         let difference = (DoubleDouble::from_f64(s) - exact_s).value().abs();
         relative = max_or_nan(relative, difference / exact_s.value());

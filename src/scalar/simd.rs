@@ -205,7 +205,7 @@ mod x86 {
     /// two cache lines, which costs up to a quarter of the time, or not, as the
     /// callers happen to have left the stack.
     #[repr(align(64))]
-    struct Aligned(u8);
+    struct Aligned(#[allow(dead_code)] u8);
 
     #[inline(always)]
     fn align_frame() {
