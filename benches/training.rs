@@ -118,13 +118,12 @@ fn evaluate(times: usize) {
 criterion_group!(benches, training);
 
 fn main() {
-    let mut arguments = std::env::args().skip_while(|argument| argument != "--count").skip(1);
-    match arguments.next().map(|times| times.parse()) {
-        Some(Ok(times)) => evaluate(times),
-        Some(Err(reason)) => eprintln!("--count: {reason}"),
-        None => {
-            benches();
-            Criterion::default().configure_from_args().final_summary();
-        }
+    let arguments: Vec<String> = std::env::args().collect();
+    if let Some(position) = arguments.iter().position(|argument| argument == "--count") {
+        let times = arguments.get(position + 1).and_then(|times| times.parse().ok());
+        evaluate(times.expect("--count takes a number"));
+        return;
     }
+    benches();
+    Criterion::default().configure_from_args().final_summary();
 }

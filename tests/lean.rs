@@ -169,6 +169,8 @@ fn scenes() {
 
 #[test]
 fn a_scene_takes_what_it_names_and_no_more() {
-    memory();
+    // Each thread has a tape of its own.
+    let two = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("threads");
+    two.install(memory);
     scenes();
 }

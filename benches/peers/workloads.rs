@@ -7,7 +7,8 @@
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
 use gyroceptron::network::{
-    Architecture, GyroceptronShape, InitialWeights, Model, Rollout, Stream, map_jacobians, rollout,
+    Architecture, Composition, GyroceptronShape, InitialWeights, Model, Rollout, Stream,
+    map_jacobians, map_jacobians_by_chain_rule, rollout,
 };
 use gyroceptron::train::{Loss, Objective};
 use std::error::Error;
@@ -16,14 +17,17 @@ use std::io::{BufRead, Write};
 use std::path::Path;
 use std::time::Instant;
 
+/// A way to the Jacobians at all points.
+type Way = fn(&Composition<f64>, &[f64], &mut [f64]) -> Result<(), gyroceptron::Error>;
+
 /// What is done with the model.
 enum Kind {
     /// Loss and gradient on the pairs.
     Loss(Pairs),
     /// All states of so many steps.
     Rollout(usize),
-    /// The Jacobian at every point.
-    Jacobians,
+    /// The Jacobian at every point, by duals or by the chain rule.
+    Jacobians(Way),
 }
 
 struct Workload {
@@ -73,7 +77,12 @@ fn workloads() -> Vec<Workload> {
         workload("loss-681", (&[1, 0], 10, 8, 10, 8), 60_000, all, pairs(2)),
         workload("loss-1033", (&[0, 1, 2], 12, 8, 12, 8), 60_000, all, pairs(3)),
         workload("rollout-549", (&[1, 0], 10, 8, 8, 6), 7, all, steps(40_000)),
-        workload("jacobians-681", (&[1, 0], 10, 8, 10, 8), 10_000, all, |_, _| Kind::Jacobians),
+        workload("jacobians-681", (&[1, 0], 10, 8, 10, 8), 10_000, all, |_, _| {
+            Kind::Jacobians(map_jacobians)
+        }),
+        workload("jacobians-681-by-chain-rule", (&[1, 0], 10, 8, 10, 8), 10_000, all, |_, _| {
+            Kind::Jacobians(map_jacobians_by_chain_rule)
+        }),
         workload("one-trajectory", (&[1], 3, 8, 3, 8), 1, 1, steps(20_000)),
         workload("64-trajectories", (&[1], 3, 8, 3, 8), 64, 1, steps(5_000)),
     ]
@@ -94,9 +103,9 @@ impl Workload {
                 let request = Rollout { steps: *steps, every: 1 };
                 rollout(map, &self.points, request).expect("memory for the states")
             }
-            Kind::Jacobians => {
+            Kind::Jacobians(f) => {
                 let mut out = vec![0.0; self.points.len() * 2 * map.dof()];
-                map_jacobians(map, &self.points, &mut out).expect("whole points");
+                f(map, &self.points, &mut out).expect("whole points");
                 out
             }
         }
@@ -132,7 +141,7 @@ impl Workload {
                 // The first state kept is the input.
                 result = result[self.points.len()..][..COMPARED * self.points.len()].to_vec();
             }
-            Kind::Jacobians => meta["kind"] = "jacobians".into(),
+            Kind::Jacobians(_) => meta["kind"] = "jacobians".into(),
         }
         write("parameters", self.model.composition().parameters())?;
         write("input", &self.points)?;

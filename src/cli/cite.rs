@@ -1,5 +1,6 @@
 //! What to cite.
 
+use gyroceptron::flow::Integrator;
 use gyroceptron::scene::Scene;
 
 const CRATE: &str = concat!(
@@ -63,23 +64,38 @@ const SPLITTINGS: &str = "@article{BlanesEtAl2013,
 }
 ";
 
+const YOSHIDA: &str = "@article{Yoshida1990,
+  author = {Yoshida, Haruo},
+  title = {Construction of higher order symplectic integrators},
+  journal = {Physics Letters A},
+  volume = {150},
+  number = {5--7},
+  pages = {262--268},
+  year = {1990},
+  doi = {10.1016/0375-9601(90)90092-3}
+}
+";
+
 /// The entries for the program and, with a scene, for the methods it runs.
 pub fn bibtex(scene: Option<&Scene>) -> String {
     let mut entries = vec![CRATE, PAPER];
     if let Some(scene) = scene {
-        let any = |holds: fn(&Scene) -> bool| holds(scene) || scene.parts.iter().any(holds);
-        if any(|own| !own.models.is_empty()) {
+        let any = |holds: &dyn Fn(&Scene) -> bool| holds(scene) || scene.parts.iter().any(holds);
+        if any(&|own| !own.models.is_empty()) {
             entries.extend([HENON, LBFGS]);
         }
-        if any(|own| own.system.is_some()) {
+        if any(&|own| own.system.is_some()) {
             entries.push(GAUSS);
         }
-        let splits = |own: &Scene| {
+        let runs = |own: &Scene, wanted: &[Integrator]| {
             let mut integrators = own.work_precision.iter().flat_map(|w| &w.integrators);
-            integrators.any(|entry| entry.integrator.splitting().is_some())
+            integrators.any(|entry| wanted.contains(&entry.integrator))
         };
-        if any(splits) {
+        if any(&|own| runs(own, &[Integrator::Aba864, Integrator::Aba1064])) {
             entries.push(SPLITTINGS);
+        }
+        if any(&|own| runs(own, &[Integrator::Yoshida4])) {
+            entries.push(YOSHIDA);
         }
     }
     entries.join("\n")

@@ -37,6 +37,7 @@ impl Integrator {
     pub fn name(self) -> String {
         match self {
             Self::RungeKutta4 => "RK4".into(),
+            Self::GaussLegendre { stages: 1 } => "Gauss–Legendre, 1 stage".into(),
             Self::GaussLegendre { stages } => format!("Gauss–Legendre, {stages} stages"),
             Self::Strang | Self::Yoshida4 | Self::Aba864 | Self::Aba1064 => {
                 self.splitting().map_or_else(String::new, |splitting| splitting.name.into())
@@ -55,7 +56,7 @@ impl Integrator {
         }
     }
 
-    /// Fails unless it has a sensible number of stages.
+    /// Fails unless it has 1 to 64 stages.
     ///
     /// # Errors
     /// [`Error::Invalid`] with the number.
@@ -77,8 +78,9 @@ impl Integrator {
     /// has, and several on all threads: the same bits on any of them.
     ///
     /// # Errors
-    /// When a number is out of its range, or the stages of Gauss–Legendre do not
-    /// converge.
+    /// When there are no steps, points are not whole, the interval is not finite, the
+    /// states do not fit into memory, or the stages of Gauss–Legendre do not converge.
+    /// The other methods may leave the finite numbers: they say so by what they give.
     pub fn trajectories(
         self,
         system: &System,
@@ -125,6 +127,9 @@ impl Request {
             let found = format!("{steps} steps, {} numbers", initial.len());
             return Err(Error::invalid("trajectories", found, expected));
         }
+        if !interval.is_finite() {
+            return Err(Error::invalid("interval", interval, "a finite number"));
+        }
         if initial.is_empty() || kept == 0 {
             return Ok(Vec::new());
         }
@@ -139,14 +144,20 @@ impl Request {
         };
         let points = initial.len() / dim;
         let block = points.div_ceil(rayon::current_num_threads()).clamp(1, BLOCK) * dim;
-        let mut apart = vec![0.0; initial.len() * kept];
+        let too_many =
+            || Error::invalid("states to keep", format!("{kept} of {points} points"), "fewer");
+        let size = initial.len().checked_mul(kept).ok_or_else(too_many)?;
+        let (mut apart, mut out) = (Vec::new(), Vec::new());
+        for space in [&mut apart, &mut out] {
+            Vec::try_reserve_exact(space, size).map_err(|_| too_many())?;
+        }
+        apart.resize(size, 0.0);
         let tasks = initial.par_chunks(block).zip(apart.par_chunks_mut(block * kept));
         tasks.try_for_each(|(initial, states)| {
             let prepared = &prepared;
             let task = Trajectories { prepared, system, interval, steps, kept, initial, states };
             on_lanes::<WIDTH, _>(task)
         })?;
-        let mut out = Vec::with_capacity(apart.len());
         for t in 0..kept {
             for own in apart.chunks_exact(kept * dim) {
                 out.extend_from_slice(&own[t * dim..(t + 1) * dim]);

@@ -140,9 +140,16 @@ pub struct SplittingSteps<S> {
 }
 
 impl<S: Real + Over<S>> SplittingSteps<S> {
-    /// z ← `count` steps of z, 2n numbers.
+    /// z ← `count` steps of z, 2n numbers, of the system that they are of.
+    ///
+    /// # Panics
+    /// When z is not of 2n numbers.
     #[inline(always)]
     pub fn take(&self, system: &impl Splittable, z: &mut [S], count: usize) {
+        assert!(z.len() == 2 * self.first.dof());
+        if count == 0 {
+            return;
+        }
         system.enter(z);
         self.first.apply(z, false);
         for step in 0..count {

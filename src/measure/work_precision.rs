@@ -66,6 +66,9 @@ pub struct WorkPrecision {
     pub error: Option<f64>,
     /// Seconds for a unit of work; None where there is no result.
     pub seconds: Option<Spread>,
+    /// Why there is no result.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failure: Option<String>,
 }
 
 /// Measurements shorter than this are of several runs.
@@ -102,9 +105,15 @@ pub fn work_precision(
         let mut trials: Vec<Trial> = contestants
             .iter()
             .map(|contestant| {
-                let result = (contestant.run)().ok();
-                let error = result.as_deref().map(error).filter(|e| e.is_finite());
-                Trial { error, runs: error.map_or(0, |_| runs(contestant)), seconds: Vec::new() }
+                let (error, failure) = match (contestant.run)() {
+                    Err(reason) => (None, Some(reason.to_string())),
+                    Ok(result) => match error(&result) {
+                        error if error.is_finite() => (Some(error), None),
+                        error => (None, Some(format!("its error is {error}"))),
+                    },
+                };
+                let runs = error.map_or(0, |_| runs(contestant));
+                Trial { error, failure, runs, seconds: Vec::new() }
             })
             .collect();
         for round in 0..rounds {
@@ -120,6 +129,7 @@ pub fn work_precision(
             name: contestant.name.clone(),
             setting: contestant.setting,
             error: trial.error,
+            failure: trial.failure,
             seconds: Spread::of(trial.seconds).map(|spread| spread.scaled(1.0 / units)),
         });
         Ok(judged.collect())
@@ -128,6 +138,7 @@ pub fn work_precision(
 
 struct Trial {
     error: Option<f64>,
+    failure: Option<String>,
     /// Runs of one measurement; 0 where there is nothing to measure.
     runs: usize,
     seconds: Vec<f64>,
@@ -155,9 +166,10 @@ fn runs(contestant: &Contestant<'_>) -> usize {
 }
 
 /// √(mean |row − row of the reference|²) over rows of `dim` numbers; NaN when a
-/// number is.
+/// number is, or the two are not of the same whole number of rows.
 pub fn root_mean_square_distance(rows: &[f64], reference: &[f64], dim: usize) -> f64 {
-    if rows.len() != reference.len() || rows.is_empty() {
+    let whole = dim > 0 && rows.len().is_multiple_of(dim) && !rows.is_empty();
+    if rows.len() != reference.len() || !whole {
         return f64::NAN;
     }
     let squares = rows
@@ -169,10 +181,14 @@ pub fn root_mean_square_distance(rows: &[f64], reference: &[f64], dim: usize) ->
 }
 
 /// The Jacobians at points of 2n numbers in double-double precision, rounded: what
-/// double precision is judged by. Laid out as by
+/// double precision is judged by. 2n × 2n numbers a point, row by row, as by
 /// [`map_jacobians`](crate::network::map_jacobians).
+///
+/// # Panics
+/// When `points` is not a whole number of points.
 pub fn precise_jacobians(map: &Composition<f64>, points: &[f64]) -> Vec<f64> {
     let dim = 2 * map.dof();
+    assert!(points.len().is_multiple_of(dim));
     let mut out = vec![0.0; points.len() * dim];
     for (point, jacobian) in points.chunks_exact(dim).zip(out.chunks_exact_mut(dim * dim)) {
         for column in 0..dim {
@@ -205,8 +221,12 @@ pub fn relative_difference(values: &[f64], reference: &[f64]) -> f64 {
 }
 
 /// The largest error of tanh in units in the last place, and of sech² relative to
-/// it, of values `t` and `s` at the points x, against double-double precision.
+/// it, of values `t` and `s` at the points x, against double-double precision; NaN
+/// when the three are not of one length.
 pub fn tanh_errors(x: &[f64], t: &[f64], s: &[f64]) -> (f64, f64) {
+    if t.len() != x.len() || s.len() != x.len() {
+        return (f64::NAN, f64::NAN);
+    }
     let (mut ulps, mut relative) = (0.0, 0.0);
     for ((&x, &t), &s) in x.iter().zip(t).zip(s) {
         let (exact_t, exact_s) = DoubleDouble::from_f64(x).tanh_sech2();

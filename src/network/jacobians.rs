@@ -138,7 +138,8 @@ pub fn map_jacobians_by_chain_rule(
 /// [`map_jacobians`] is exact. Costs 4n evaluations a point.
 ///
 /// # Errors
-/// As [`map_jacobians`].
+/// As [`map_jacobians`], and when h is not positive and finite, or does not move a
+/// coordinate.
 pub fn map_jacobians_by_differences(
     map: &Composition<f64>,
     step: f64,
@@ -146,6 +147,10 @@ pub fn map_jacobians_by_differences(
     out: &mut [f64],
 ) -> Result<(), Error> {
     let dim = 2 * map.dof();
+    let moves = |v: &f64| v + step != v - step;
+    if !(step > 0.0 && step.is_finite() && points.iter().all(moves)) {
+        return Err(Error::invalid("step", step, "positive, and large enough to move a point"));
+    }
     each_block_of_jacobians(map, points, out, |points, out| {
         let mut moved = Vec::with_capacity(2 * dim * points.len());
         for point in points.chunks_exact(dim) {

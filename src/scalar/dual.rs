@@ -28,6 +28,7 @@ fn count_variable() {
 
 /// How many variables this process has made with [`Dual::variable`]: none where no
 /// Jacobian is asked for. Counted in builds with debug assertions, None in others.
+#[doc(hidden)]
 pub fn dual_variables_made() -> Option<u64> {
     #[cfg(debug_assertions)]
     return Some(VARIABLES.load(std::sync::atomic::Ordering::Relaxed));

@@ -7,6 +7,8 @@
 //! is [`on_lanes`], which runs a kernel on them after the processor has been asked.
 //! A kernel gets them as a type parameter, works with their values on the thread
 //! it is called on, and cannot keep one: its output does not depend on the type.
+//! A part that a kernel runs apart is called through the register type that the kernel
+//! was given, and so on the same processor.
 
 use super::tanh::{Lanewise, functions_of_lanes};
 use super::{Lanes, Over, Part, Scalar, WIDTH, over_parameters};

@@ -9,14 +9,14 @@ use crate::measure::{
     tanh_errors, work_precision,
 };
 use crate::network::{
-    Direction, Model, Rollout, Stream, map_jacobians, map_jacobians_by_chain_rule,
+    Composition, Direction, Model, Rollout, Stream, map_jacobians, map_jacobians_by_chain_rule,
     map_jacobians_by_differences, map_points, rollout,
 };
 use crate::scalar::tanh_sech2_of_all;
 use crate::system::{Hamiltonian, System};
 use serde::{Deserialize, Serialize};
 
-/// Contests of a scene, with the times of this machine.
+/// Contests of a scene. In a report there are no times: those depend on the machine.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// One step.
@@ -36,6 +36,8 @@ pub struct Contest {
     pub time: f64,
     /// The root mean square of |z| along them.
     pub size: f64,
+    /// The error of the reference that they are judged by.
+    pub reference_error: f64,
     /// Each way, seconds for a trajectory and unit time.
     pub ways: Vec<WorkPrecision>,
 }
@@ -77,15 +79,15 @@ impl Contest {
         contestants: &[Contestant<'_>],
         reference: &[f64],
         dim: usize,
-        trajectories: usize,
-        time: f64,
+        (trajectories, time): (usize, f64),
+        reference_error: f64,
         rounds: usize,
     ) -> Result<Self, Error> {
         let judge = |states: &[f64]| root_mean_square_distance(states, reference, dim);
         let ways = work_precision(contestants, &judge, trajectories as f64 * time, rounds)?;
         let origin = vec![0.0; reference.len()];
         let size = root_mean_square_distance(reference, &origin, dim);
-        Ok(Self { trajectories, time, size, ways })
+        Ok(Self { trajectories, time, size, reference_error, ways })
     }
 }
 
@@ -107,6 +109,8 @@ pub(super) struct Field<'a> {
     pub(super) time: f64,
     /// The pairs that one step is judged on.
     pub(super) pairs: &'a Pairs,
+    /// The error of their reference flow.
+    pub(super) pairs_error: f64,
     pub(super) reference: Option<&'a ReferenceRollout<'a>>,
     pub(super) models: Vec<(&'a str, &'a Model)>,
 }
@@ -136,10 +140,10 @@ impl Field<'_> {
 
     /// Rows of the pairs, evenly spaced.
     fn chosen(&self, rows: &[f64]) -> Vec<f64> {
-        let dim = 2 * self.pairs.dof();
-        let stride = (self.pairs.len() / self.spec.points).max(1);
-        let chosen = rows.chunks_exact(dim).step_by(stride).take(self.spec.points);
-        chosen.flatten().copied().collect()
+        let (dim, len) = (2 * self.pairs.dof(), self.pairs.len());
+        let count = len.min(self.spec.points);
+        let row = |k: usize| &rows[k * len / count * dim..][..dim];
+        (0..count).flat_map(row).copied().collect()
     }
 
     fn one_step(&self) -> Result<Contest, Error> {
@@ -179,10 +183,14 @@ impl Field<'_> {
             );
         }
         let count = input.len() / dim;
-        Contest::hold(&contestants, &target, dim, count, self.time, self.spec.rounds)
+        let (of, error) = ((count, self.time), self.pairs_error);
+        Contest::hold(&contestants, &target, dim, of, error, self.spec.rounds)
     }
 
-    fn rollout(&self, (request, (reference, _)): &ReferenceRollout<'_>) -> Result<Contest, Error> {
+    fn rollout(
+        &self,
+        (request, (reference, error)): &ReferenceRollout<'_>,
+    ) -> Result<Contest, Error> {
         let dim = reference.dim;
         let initial = request.initial.concat();
         let initial = &initial[..];
@@ -222,7 +230,7 @@ impl Field<'_> {
         }
         let target = &reference.values[initial.len()..];
         let (count, time) = (initial.len() / dim, interval * kept as f64);
-        Contest::hold(&contestants, target, dim, count, time, self.spec.rounds)
+        Contest::hold(&contestants, target, dim, (count, time), *error, self.spec.rounds)
     }
 
     fn integrator<'a>(
@@ -246,41 +254,41 @@ impl Field<'_> {
         let map = model.composition();
         let points = self.chosen(self.pairs.input());
         let points = &points[..];
-        let (dim, size) = (2 * map.dof(), points.len() * 2 * map.dof());
+        let dim = 2 * map.dof();
         let mut contestants = vec![
-            Contestant {
-                name: DUALS.into(),
-                setting: None,
-                run: Box::new(move || {
-                    let mut out = vec![0.0; size];
-                    map_jacobians(map, points, &mut out)?;
-                    Ok(out)
-                }),
-            },
-            Contestant {
-                name: BY_HAND.into(),
-                setting: None,
-                run: Box::new(move || {
-                    let mut out = vec![0.0; size];
-                    map_jacobians_by_chain_rule(map, points, &mut out)?;
-                    Ok(out)
-                }),
-            },
+            jacobian_way(DUALS, None, map, points, map_jacobians),
+            jacobian_way(BY_HAND, None, map, points, map_jacobians_by_chain_rule),
         ];
-        contestants.extend(self.spec.differences.iter().map(|&step| Contestant {
-            name: "central differences".into(),
-            setting: Some(step),
-            run: Box::new(move || {
-                let mut out = vec![0.0; size];
-                map_jacobians_by_differences(map, step, points, &mut out)?;
-                Ok(out)
-            }),
+        contestants.extend(self.spec.differences.iter().map(|&step| {
+            let differences = move |map: &Composition<f64>, points: &[f64], out: &mut [f64]| {
+                map_jacobians_by_differences(map, step, points, out)
+            };
+            jacobian_way("central differences", Some(step), map, points, differences)
         }));
         let exact = precise_jacobians(map, points);
         let judge = |out: &[f64]| relative_difference(out, &exact);
         let units = (points.len() / dim) as f64;
         let ways = work_precision(&contestants, &judge, units, self.spec.rounds)?;
         Ok(JacobianContest { model: name.to_owned(), ways })
+    }
+}
+
+/// A way to the Jacobians at all points.
+fn jacobian_way<'a>(
+    name: &str,
+    setting: Option<f64>,
+    map: &'a Composition<f64>,
+    points: &'a [f64],
+    f: impl Fn(&Composition<f64>, &[f64], &mut [f64]) -> Result<(), Error> + Sync + 'a,
+) -> Contestant<'a> {
+    Contestant {
+        name: name.into(),
+        setting,
+        run: Box::new(move || {
+            let mut out = vec![0.0; points.len() * 2 * map.dof()];
+            f(map, points, &mut out)?;
+            Ok(out)
+        }),
     }
 }
 
@@ -294,12 +302,19 @@ pub struct TanhWay {
 }
 
 impl TanhWay {
-    /// What does not depend on the machine.
-    pub fn without_times(&self) -> Self {
+    /// What does not depend on the machine: no times, and nothing of the functions
+    /// of the system.
+    pub(super) fn as_result(&self) -> Option<Self> {
+        if self.sech2.name.starts_with(OF_THE_SYSTEM) {
+            return None;
+        }
         let sech2 = WorkPrecision { seconds: None, ..self.sech2.clone() };
-        Self { tanh_ulps: self.tanh_ulps, sech2 }
+        Some(Self { tanh_ulps: self.tanh_ulps, sech2 })
     }
 }
+
+/// std takes tanh and cosh from the C library.
+const OF_THE_SYSTEM: &str = "std";
 
 /// tanh and sech² of each value, one array after the other, by this crate and as
 /// one would write it with the functions at hand.
@@ -335,12 +350,18 @@ pub(super) fn compare_tanh(spec: &TanhSpec, seed: u64) -> Result<Vec<TanhWay>, E
             let t = x.tanh();
             (t, (-t).mul_add(t, 1.0))
         }),
-        way("std, sech² = 1/cosh²", |x| (x.tanh(), x.cosh().powi(-2))),
+        way("std, sech² = 1/cosh²", |x| {
+            let c = x.cosh();
+            (x.tanh(), 1.0 / (c * c))
+        }),
         way("libm, sech² = 1 − tanh²", |x| {
             let t = libm::tanh(x);
             (t, (-t).mul_add(t, 1.0))
         }),
-        way("libm, sech² = 1/cosh²", |x| (libm::tanh(x), libm::cosh(x).powi(-2))),
+        way("libm, sech² = 1/cosh²", |x| {
+            let c = libm::cosh(x);
+            (libm::tanh(x), 1.0 / (c * c))
+        }),
     ];
     let errors = |out: &[f64]| {
         let (t, s) = out.split_at(x.len());

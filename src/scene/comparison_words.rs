@@ -11,7 +11,11 @@ fn short(value: f64) -> String {
 }
 
 fn error_cell(own: &WorkPrecision) -> String {
-    own.error.map_or("no result".into(), |e| format!("{e:.2e}"))
+    match (own.error, &own.failure) {
+        (Some(error), _) => format!("{error:.2e}"),
+        (None, Some(reason)) => format!("no result: {}", reason.replace('|', "\\|")),
+        (None, None) => "no result".into(),
+    }
 }
 
 fn spread_cell(spread: Option<Spread>, factor: f64) -> String {
@@ -53,10 +57,11 @@ fn fastest<'a>(
         .min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-fn with_setting(own: &WorkPrecision) -> String {
+/// `steps` are what the setting counts.
+fn with_setting(own: &WorkPrecision, steps: &str) -> String {
     match own.setting {
-        Some(1.0) => format!("{} with 1 step", own.name),
-        Some(steps) => format!("{} with {steps} steps", own.name),
+        Some(1.0) => format!("{} with 1 {}", own.name, steps.replacen("steps", "step", 1)),
+        Some(count) => format!("{} with {count} {steps}", own.name),
         None => own.name.clone(),
     }
 }
@@ -75,8 +80,10 @@ fn ratio(own: f64, other: f64) -> String {
 ///
 /// A network that errs by half the `size` of the points or more is compared with
 /// nothing: any integrator, at any step, would do.
-fn winners(own: &[WorkPrecision], size: f64) -> String {
+fn winners(contest: &Contest, steps: &str) -> String {
     let mut out = String::new();
+    let Contest { size, reference_error, ways: own, .. } = contest;
+    let lost = 0.5 * size;
     let integrators = || own.iter().filter(|entry| entry.setting.is_some());
     for entry in own {
         let Some(network) = entry.name.strip_suffix(TOGETHER) else { continue };
@@ -96,7 +103,7 @@ fn winners(own: &[WorkPrecision], size: f64) -> String {
             short(alone * MICRO)
         );
         let sentence = match fastest(integrators(), error) {
-            _ if error >= 0.5 * size => format!(
+            _ if error >= lost => format!(
                 "it has lost the trajectories, whose points are of size {size:.1}, and there is \
                  nothing to compare."
             ),
@@ -104,7 +111,7 @@ fn winners(own: &[WorkPrecision], size: f64) -> String {
             Some((best, seconds)) => format!(
                 "{} is at least as accurate in {} µs; {} with its trajectories together, \
                  {} with one alone.",
-                with_setting(best),
+                with_setting(best, steps),
                 short(seconds * MICRO),
                 ratio(together, seconds),
                 ratio(alone, seconds).trim_start_matches("the network is ")
@@ -115,8 +122,12 @@ fn winners(own: &[WorkPrecision], size: f64) -> String {
     let mut last: Option<(String, i32, i32)> = None;
     let mut lines = Vec::new();
     for exponent in (-15..=0).rev() {
-        let Some((best, seconds)) = fastest(own.iter(), 10_f64.powi(exponent)) else { break };
-        let name = format!("{}, {} µs", with_setting(best), short(seconds * MICRO));
+        let error = libm::exp10(exponent.into());
+        if error < *reference_error {
+            break;
+        }
+        let Some((best, seconds)) = fastest(own.iter(), error.min(lost)) else { break };
+        let name = format!("{}, {} µs", with_setting(best, steps), short(seconds * MICRO));
         match &mut last {
             Some((same, _, to)) if *same == name => *to = exponent,
             _ => lines.extend(last.replace((name, exponent, exponent))),
@@ -124,7 +135,11 @@ fn winners(own: &[WorkPrecision], size: f64) -> String {
     }
     lines.extend(last);
     if !lines.is_empty() {
-        let _ = writeln!(out, "- Fastest of all for an error of at most");
+        let _ = writeln!(
+            out,
+            "- Fastest of all for an error of at most (the reference itself errs by \
+             {reference_error:.0e}: what is below is not told apart)"
+        );
         for (name, from, to) in lines {
             let range =
                 if from == to { format!("1e{from}") } else { format!("1e{from} … 1e{to}") };
@@ -134,24 +149,27 @@ fn winners(own: &[WorkPrecision], size: f64) -> String {
     out
 }
 
-const HOW: &str = "One thread; medians of repeated runs, in turn, and in brackets their quartiles. \
+pub(super) const HOW: &str = "One thread; medians of repeated runs, in turn, and in brackets their quartiles. \
                    Integrators move one trajectory after another, with the processor's fused \
                    multiply-adds but not its vectors; networks both several trajectories in the \
-                   lanes of vectors, and each one alone.";
+                   lanes of vectors, of which fewer than eight leave some empty, and each one \
+                   alone. Data and training are not counted.";
 
 impl Comparison {
     /// The sentences alone.
     pub(super) fn words(&self) -> String {
         let mut out = String::new();
-        for (title, contest) in [("One step", &self.one_step), ("Roll-out", &self.rollout)] {
-            if let Some(Contest { trajectories, time, size, ways }) = contest {
-                let winners = winners(ways, *size);
-                let _ = writeln!(
-                    out,
-                    "{title} of time {time}, {trajectories} trajectories, µs for one and unit time:\n\n\
-                     {winners}"
-                );
-            }
+        for (title, contest, steps) in [
+            ("One step", &self.one_step, "steps"),
+            ("Roll-out", &self.rollout, "steps between two states"),
+        ] {
+            let Some(contest) = contest else { continue };
+            let Contest { trajectories, time, .. } = contest;
+            let _ = writeln!(
+                out,
+                "{title} of time {time}, {trajectories} trajectories, µs for one and unit time:\n\n{}",
+                winners(contest, steps)
+            );
         }
         for contest in &self.jacobians {
             let _ = writeln!(out, "{}\n", jacobian_words(&contest.model, &contest.ways));

@@ -315,6 +315,8 @@ fn unknown_key(place: &str, text: &str, message: &str) -> Option<Error> {
     Some(unknown(place, text, key, expected.split('`').skip(1).step_by(2)))
 }
 
+/// Beyond it sech² is taken for 0 or is less than what numbers can hold.
+const LARGEST_TANH: f64 = 350.0;
 /// Rounds beyond this are a slip of the pen.
 const MOST_ROUNDS: usize = 10_000;
 
@@ -462,25 +464,28 @@ impl Scene {
         }
         if let Some(spec) = &self.work_precision {
             spec.check(self.rollout.is_some()).map_err(|e| named("work_precision", e))?;
+            if let Some(rollout) = &self.rollout
+                && rollout.every > rollout.steps
+            {
+                let expected = format!("at most {} steps, for a state to compare", rollout.steps);
+                return fail("rollout.every", &expected, &rollout.every);
+            }
         }
         if let Some(tanh) = &self.tanh {
             count("tanh.values", tanh.values, MOST).map_err(|e| named("tanh", e))?;
             count("tanh.rounds", tanh.rounds, MOST_ROUNDS).map_err(|e| named("tanh", e))?;
-            if !(tanh.largest > 0.0 && tanh.largest.is_finite()) {
-                return fail("tanh.largest", "a positive number", &tanh.largest);
+            if !(tanh.largest > 0.0 && tanh.largest <= LARGEST_TANH) {
+                let expected = format!("a positive number of at most {LARGEST_TANH}");
+                return fail("tanh.largest", &expected, &tanh.largest);
             }
         }
-        let alone = self.system.is_none()
-            && self.flow_time.is_none()
-            && self.data.is_none()
-            && self.models.is_empty()
-            && self.rollout.is_none()
-            && self.work_precision.is_none()
-            && self.certificate.is_none();
-        if !self.parts.is_empty() && !alone {
+        if !self.parts.is_empty() && self.names_experiment() {
             return fail("parts", "either parts or a system of its own", &"both");
         }
         for (index, part) in self.parts.iter().enumerate() {
+            if !part.parts.is_empty() {
+                return fail("parts", "parts without parts", &part.name);
+            }
             part.check(&format!("{place}: parts.{}", part.name))?;
             if self.parts[..index].iter().any(|other| other.name == part.name) {
                 return fail("parts", "a name for each", &format!("`{}` twice", part.name));
@@ -503,7 +508,18 @@ impl Scene {
     /// Whether it is to learn a flow map, rather than to hold parts or to measure
     /// tanh alone.
     pub(super) fn is_experiment(&self) -> bool {
-        self.parts.is_empty() && (self.tanh.is_none() || self.system.is_some())
+        self.parts.is_empty() && (self.tanh.is_none() || self.names_experiment())
+    }
+
+    fn names_experiment(&self) -> bool {
+        self.system.is_some()
+            || self.flow_time.is_some()
+            || self.data.is_some()
+            || !self.models.is_empty()
+            || self.training != TrainingOptions::default()
+            || self.rollout.is_some()
+            || self.work_precision.is_some()
+            || self.certificate.is_some()
     }
 
     /// The same scene with another seed, in all its parts.

@@ -99,6 +99,7 @@ pub(super) fn experiment(
             system,
             time,
             pairs: sets.held_out.as_ref().unwrap_or(&sets.pairs),
+            pairs_error: sets.reference_error,
             reference: reference.as_ref(),
             models: trained.iter().map(|own| (&own.spec.name[..], &own.outcome.model)).collect(),
         };

@@ -87,12 +87,7 @@ pub(super) fn draw(path: &Path, panels: &[Panel]) -> Result<(), Error> {
         let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
         root.fill(&WHITE).map_err(|e| Error::write(path, e))?;
         for (area, panel) in root.split_evenly((1, panels.len())).iter().zip(panels) {
-            let drawn = match (panel.x, panel.y) {
-                (Axis::Linear, Axis::Linear) => draw_linear(area, panel),
-                (Axis::Linear, Axis::Log) => draw_log(area, panel),
-                (Axis::Log, _) => draw_log_log(area, panel),
-            };
-            drawn.map_err(|e| Error::write(path, e))?;
+            draw_panel(area, panel).map_err(|e| Error::write(path, e))?;
         }
         root.present().map_err(|e| Error::write(path, e))?;
     }
@@ -150,25 +145,44 @@ fn tick(value: f64, span: f64) -> String {
     }
 }
 
-macro_rules! draw_series {
-    ($chart:expr, $panel:expr, $points:expr) => {
-        for (series, points) in $panel.series.iter().zip($points) {
+/// Draws axes, series and names; a macro, because each kind of axis is a type.
+macro_rules! draw_chart {
+    ($area:expr, $panel:expr, $points:expr, $x:expr, $y:expr, $x_tick:expr, $y_tick:expr) => {{
+        let panel: &Panel = $panel;
+        let mut chart = ChartBuilder::on($area)
+            .caption(&panel.title, ("sans-serif", 16))
+            .margin(10)
+            .x_label_area_size(42)
+            .y_label_area_size(68)
+            .build_cartesian_2d($x, $y)?;
+        chart
+            .configure_mesh()
+            .x_desc(&panel.x_label)
+            .y_desc(&panel.y_label)
+            .x_labels(8)
+            .y_labels(8)
+            .x_label_formatter(&$x_tick)
+            .y_label_formatter(&$y_tick)
+            .light_line_style(WHITE)
+            .bold_line_style(BLACK.mix(0.12))
+            .axis_desc_style(("sans-serif", 14))
+            .label_style(("sans-serif", 12))
+            .draw()?;
+        for (series, points) in panel.series.iter().zip($points) {
             let color = COLORS[series.color % COLORS.len()];
             let annotation = match series.style {
-                Style::Line => {
-                    $chart.draw_series(LineSeries::new(points, color.stroke_width(2)))?
-                }
+                Style::Line => chart.draw_series(LineSeries::new(points, color.stroke_width(2)))?,
                 Style::Faint => {
-                    $chart.draw_series(LineSeries::new(points, color.mix(0.45).stroke_width(1)))?
+                    chart.draw_series(LineSeries::new(points, color.mix(0.45).stroke_width(1)))?
                 }
                 Style::Marked => {
                     let marks = points.clone();
-                    $chart.draw_series(LineSeries::new(points, color.mix(0.7).stroke_width(1)))?;
-                    $chart.draw_series(
+                    chart.draw_series(LineSeries::new(points, color.mix(0.7).stroke_width(1)))?;
+                    chart.draw_series(
                         marks.into_iter().map(|point| Circle::new(point, 3, color.filled())),
                     )?
                 }
-                Style::Dots => $chart.draw_series(
+                Style::Dots => chart.draw_series(
                     points.into_iter().map(|point| Circle::new(point, 1, color.filled())),
                 )?,
             };
@@ -178,112 +192,54 @@ macro_rules! draw_series {
                 });
             }
         }
-        if $panel.series.iter().any(|s| !s.name.is_empty()) {
-            $chart
+        if panel.series.iter().any(|s| !s.name.is_empty()) {
+            chart
                 .configure_series_labels()
-                .position($panel.legend.position())
+                .position(panel.legend.position())
                 .background_style(WHITE.mix(0.85))
                 .border_style(BLACK.mix(0.3))
                 .label_font(("sans-serif", 12))
                 .draw()?;
         }
-    };
+        Ok(())
+    }};
 }
 
-fn draw_linear(area: &Area<'_>, panel: &Panel) -> Drawn {
+fn draw_panel(area: &Area<'_>, panel: &Panel) -> Drawn {
     let points: Vec<_> = panel.series.iter().map(|s| thinned(s, panel)).collect();
-    let mut x = widened(range(points.iter().flatten().map(|p| p.0)));
-    let mut y = widened(range(points.iter().flatten().map(|p| p.1)));
-    if panel.square {
-        // The plotting area is about 470 × 370 pixels.
-        let scale = f64::max((x.1 - x.0) / 470.0, (y.1 - y.0) / 370.0);
-        let around = |(low, high): (f64, f64), pixels: f64| {
-            let (middle, half) = (0.5 * (low + high), 0.5 * scale * pixels);
-            (middle - half, middle + half)
-        };
-        (x, y) = (around(x, 470.0), around(y, 370.0));
+    let x = range(points.iter().flatten().map(|p| p.0));
+    let y = range(points.iter().flatten().map(|p| p.1));
+    match (panel.x, panel.y) {
+        (Axis::Linear, Axis::Linear) => {
+            let (mut x, mut y) = (widened(x), widened(y));
+            if panel.square {
+                // The plotting area is about 470 × 370 pixels.
+                let scale = f64::max((x.1 - x.0) / 470.0, (y.1 - y.0) / 370.0);
+                let around = |(low, high): (f64, f64), pixels: f64| {
+                    let (middle, half) = (0.5 * (low + high), 0.5 * scale * pixels);
+                    (middle - half, middle + half)
+                };
+                (x, y) = (around(x, 470.0), around(y, 370.0));
+            }
+            let (x_span, y_span) = (x.1 - x.0, y.1 - y.0);
+            let x_tick = |v: &f64| tick(*v, x_span);
+            draw_chart!(area, panel, points, x.0..x.1, y.0..y.1, x_tick, |v| tick(*v, y_span))
+        }
+        (Axis::Linear, Axis::Log) => {
+            let (x, y) = (widened(x), log_range(y));
+            let x_tick = |v: &f64| tick(*v, x.1 - x.0);
+            draw_chart!(area, panel, points, x.0..x.1, y.log_scale(), x_tick, |v| power(*v))
+        }
+        (Axis::Log, _) => {
+            let (x, y) = (log_range(x).log_scale(), log_range(y).log_scale());
+            draw_chart!(area, panel, points, x, y, |v| power(*v), |v| power(*v))
+        }
     }
-    let (x_span, y_span) = (x.1 - x.0, y.1 - y.0);
-    let mut chart = ChartBuilder::on(area)
-        .caption(&panel.title, ("sans-serif", 16))
-        .margin(10)
-        .x_label_area_size(42)
-        .y_label_area_size(68)
-        .build_cartesian_2d(x.0..x.1, y.0..y.1)?;
-    chart
-        .configure_mesh()
-        .x_desc(&panel.x_label)
-        .y_desc(&panel.y_label)
-        .x_labels(8)
-        .y_labels(8)
-        .x_label_formatter(&|v| tick(*v, x_span))
-        .y_label_formatter(&|v| tick(*v, y_span))
-        .light_line_style(WHITE)
-        .bold_line_style(BLACK.mix(0.12))
-        .axis_desc_style(("sans-serif", 14))
-        .label_style(("sans-serif", 12))
-        .draw()?;
-    draw_series!(chart, panel, points);
-    Ok(())
-}
-
-fn draw_log(area: &Area<'_>, panel: &Panel) -> Drawn {
-    let points: Vec<_> = panel.series.iter().map(|s| thinned(s, panel)).collect();
-    let x = widened(range(points.iter().flatten().map(|p| p.0)));
-    let (low, high) = range(points.iter().flatten().map(|p| p.1));
-    let (low, high) = if low > 0.0 { (low, high) } else { (1e-3, 1.0) };
-    let x_span = x.1 - x.0;
-    let mut chart = ChartBuilder::on(area)
-        .caption(&panel.title, ("sans-serif", 16))
-        .margin(10)
-        .x_label_area_size(42)
-        .y_label_area_size(68)
-        .build_cartesian_2d(x.0..x.1, (low / 1.5..high * 1.5).log_scale())?;
-    chart
-        .configure_mesh()
-        .x_desc(&panel.x_label)
-        .y_desc(&panel.y_label)
-        .x_labels(8)
-        .x_label_formatter(&|v| tick(*v, x_span))
-        .y_label_formatter(&|v| format!("{v:.0e}"))
-        .light_line_style(WHITE)
-        .bold_line_style(BLACK.mix(0.12))
-        .axis_desc_style(("sans-serif", 14))
-        .label_style(("sans-serif", 12))
-        .draw()?;
-    draw_series!(chart, panel, points);
-    Ok(())
 }
 
 /// A range on a logarithmic axis, and room at its ends.
-fn log_range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
-    let (low, high) = range(values);
+fn log_range((low, high): (f64, f64)) -> std::ops::Range<f64> {
     if low > 0.0 { low / 2.0..high * 2.0 } else { 1e-3..1.0 }
-}
-
-fn draw_log_log(area: &Area<'_>, panel: &Panel) -> Drawn {
-    let points: Vec<_> = panel.series.iter().map(|s| thinned(s, panel)).collect();
-    let x = log_range(points.iter().flatten().map(|p| p.0));
-    let y = log_range(points.iter().flatten().map(|p| p.1));
-    let mut chart = ChartBuilder::on(area)
-        .caption(&panel.title, ("sans-serif", 16))
-        .margin(10)
-        .x_label_area_size(42)
-        .y_label_area_size(68)
-        .build_cartesian_2d(x.log_scale(), y.log_scale())?;
-    chart
-        .configure_mesh()
-        .x_desc(&panel.x_label)
-        .y_desc(&panel.y_label)
-        .x_label_formatter(&|v| power(*v))
-        .y_label_formatter(&|v| power(*v))
-        .light_line_style(WHITE)
-        .bold_line_style(BLACK.mix(0.12))
-        .axis_desc_style(("sans-serif", 14))
-        .label_style(("sans-serif", 12))
-        .draw()?;
-    draw_series!(chart, panel, points);
-    Ok(())
 }
 
 /// A tick of a logarithmic axis: `0.01 … 1000` as they are.

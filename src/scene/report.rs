@@ -348,6 +348,13 @@ impl Report {
         for (what, count) in own.evaluations.rows() {
             writeln!(out, "| {what} | {count} |")?;
         }
+        if own.error_against_time.is_some() {
+            writeln!(
+                out,
+                "\nError against run time runs its contestants besides, as often as their times ask \
+                 for."
+            )?;
+        }
         Ok(())
     }
 

@@ -55,6 +55,7 @@ pub trait Observer {
 pub struct Folder {
     path: PathBuf,
     resume: bool,
+    overwrite: bool,
 }
 
 /// The scene as it was run: what a folder is resumed and repeated from.
@@ -64,6 +65,10 @@ const TIMINGS: &str = "timings.json";
 /// The files that mark a folder as one of a run.
 const MARKS: [&str; 5] = ["report.json", "report.md", AS_RUN, "checkpoint", "model.json"];
 
+fn holds_run(path: &Path) -> bool {
+    MARKS.iter().any(|mark| path.join(mark).exists())
+}
+
 impl Folder {
     /// Makes the folder and tests that it can be written.
     ///
@@ -71,7 +76,7 @@ impl Folder {
     /// [`Error::OutputExists`] when it holds a run that is neither resumed nor
     /// overwritten; [`Error::Write`] when it cannot be written.
     pub fn open(path: &Path, resume: bool, overwrite: bool) -> Result<Self, Error> {
-        let holds_run = MARKS.iter().any(|mark| path.join(mark).exists());
+        let holds_run = holds_run(path);
         if holds_run && !resume && !overwrite {
             return Err(Error::OutputExists { path: path.to_owned() });
         }
@@ -83,7 +88,7 @@ impl Folder {
             ));
         }
         std::fs::create_dir_all(path).map_err(|reason| Error::write(path, reason))?;
-        let folder = Self { path: path.to_owned(), resume };
+        let folder = Self { path: path.to_owned(), resume, overwrite };
         tempfile::Builder::new()
             .prefix(".gyroceptron-")
             .tempfile_in(path)
@@ -108,7 +113,7 @@ impl Folder {
                 names.push(format!("model-{}.json", spec.name));
             }
             for part in &earlier.parts {
-                let part = Self { path: self.file(&part.name), resume: false };
+                let part = Self { path: self.file(&part.name), ..self.clone() };
                 if part.path.is_dir() {
                     part.clear()?;
                 }
@@ -131,8 +136,22 @@ impl Folder {
     /// The folder of a part, which need not have been begun.
     fn part(&self, name: &str) -> Result<Self, Error> {
         let path = self.file(name);
-        let resume = self.resume && path.join(AS_RUN).exists();
-        Self::open(&path, resume, !resume)
+        Self::open(&path, self.resumes_part(name), self.overwrite)
+    }
+
+    fn resumes_part(&self, name: &str) -> bool {
+        self.resume && self.file(name).join(AS_RUN).exists()
+    }
+
+    /// Fails when the folder of a part holds a run that is not to be touched.
+    fn check_parts(&self, scene: &Scene) -> Result<(), Error> {
+        for part in &scene.parts {
+            let path = self.file(&part.name);
+            if holds_run(&path) && !self.resumes_part(&part.name) && !self.overwrite {
+                return Err(Error::OutputExists { path });
+            }
+        }
+        Ok(())
     }
 
     /// Whether a run goes on with what is there.
@@ -176,6 +195,7 @@ pub fn run(
     observer: &mut dyn Observer,
 ) -> Result<Option<Report>, Error> {
     scene.complete()?;
+    folder.check_parts(scene)?;
     Ok(run_timed(scene, folder, observer)?.map(|(report, _)| report))
 }
 
@@ -225,7 +245,7 @@ fn run_timed(
         crate_version: env!("CARGO_PKG_VERSION").into(),
         scene: scene.clone(),
         experiment: own,
-        tanh: timings.tanh.iter().map(|way| way.without_times()).collect(),
+        tanh: timings.tanh.iter().filter_map(|way| way.as_result()).collect(),
         parts,
     };
     observer.event(Event::Stage("report"));

@@ -1,6 +1,6 @@
 //! The section of a report that differs from machine to machine.
 
-use super::comparison_words::tanh_markdown;
+use super::comparison_words::{HOW, tanh_markdown};
 use super::figures::comparison_caption;
 use super::report::{ModelReport, Report};
 use super::results::Timings;
@@ -43,6 +43,9 @@ pub(super) fn timings_markdown(timings: &Timings, report: &Report) -> String {
     }
     if let Some(comparison) = &timings.comparison {
         out.push_str(&comparison.markdown());
+    }
+    if timings.parts.iter().any(|own| own.comparison.is_some()) {
+        out.push_str(&format!("\n{HOW}\n"));
     }
     for (part, own) in report.parts.iter().zip(&timings.parts) {
         if let Some(comparison) = &own.comparison {

@@ -65,7 +65,6 @@ pub struct Checkpoint {
     pub(super) earlier_evaluations: u64,
     pub(super) segment_iterations: u64,
     /// Evaluations of the curvature diagonal.
-    #[serde(default)]
     pub(super) curvatures: u64,
     pub(super) segment: Option<SegmentSnapshot>,
     /// Where it was read from, for errors.
