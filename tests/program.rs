@@ -377,13 +377,17 @@ fn scenes_that_compare_or_have_parts_are_checked() {
         ("largest = 20.0", "largest = nan", "largest"),
         ("largest = 20.0", "largest = 360.0", "largest"),
         ("steps = 100\nevery = 10\n", "steps = 100\nevery = 101\n", "every"),
-        ("[system]\nkind = \"oscillators\"\nepsilon = 0.01\n", "", "system"),
         ("differences = [1e-1, 1e-2]", "", "Jacobians"),
     ] {
         assert!(whole.contains(from), "{from}");
         let folder = with_scene("bad.toml", &whole.replacen(from, to, 1));
         refuses(folder.path(), &["run", "bad.toml", "--out", "o"], &[word]);
     }
+    // A scene that measures tanh is an experiment too where it names a part of one.
+    let system = "[system]\nkind = \"oscillators\"\nepsilon = 0.01\n";
+    let lacking = whole.replacen(system, "", 1).replacen("\"portrait\", ", "", 1);
+    let folder = with_scene("bad.toml", &lacking);
+    refuses(folder.path(), &["run", "bad.toml", "--out", "o"], &["system"]);
     let both = two_parts();
     for (from, to, word) in [
         ("name = \"second\"", "name = \"first\"", "first"),
