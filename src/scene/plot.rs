@@ -231,7 +231,12 @@ fn draw_panel(area: &Area<'_>, panel: &Panel) -> Drawn {
             draw_chart!(area, panel, points, x.0..x.1, y.log_scale(), x_tick, |v| power(*v))
         }
         (Axis::Log, _) => {
-            let (x, y) = (log_range(x).log_scale(), log_range(y).log_scale());
+            let mut x = log_range(x);
+            if panel.legend == Legend::LowerLeft {
+                // Room for the names.
+                x.start /= 20.0;
+            }
+            let (x, y) = (x.log_scale(), log_range(y).log_scale());
             draw_chart!(area, panel, points, x, y, |v| power(*v), |v| power(*v))
         }
     }
