@@ -4,6 +4,7 @@ use super::Reference;
 use crate::digest;
 use crate::error::Error;
 use crate::network::Stream;
+use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
 use crate::system::Hamiltonian;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -68,6 +69,30 @@ pub fn sample(windows: &[Window], dof: usize, stream: &mut Stream) -> Result<Vec
     Ok(points)
 }
 
+/// Points of one task.
+const BLOCK: usize = 16;
+
+/// The reference flow of some points; a kernel for the fused multiply-adds, not for
+/// the lanes.
+struct Flow<'a, H> {
+    reference: &'a Reference,
+    system: &'a H,
+    points: &'a mut [f64],
+    time: f64,
+}
+
+impl<H: Hamiltonian> Kernel for Flow<'_, H> {
+    type Output = Result<(), Error>;
+
+    #[inline(always)]
+    fn run<V: Pack>(self) -> Result<(), Error> {
+        for point in self.points.chunks_exact_mut(2 * self.system.dof()) {
+            self.reference.flow(self.system, point, self.time)?;
+        }
+        Ok(())
+    }
+}
+
 /// Pairs (z, P(z)) of a map: two arrays (N, 2n), columns q₁…qₙ, p₁…pₙ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pairs {
@@ -121,7 +146,9 @@ impl Pairs {
         let dim = 2 * system.dof();
         let reference = Reference::calibrated(system, &points, time)?;
         let mut output = points.clone();
-        output.par_chunks_mut(dim).try_for_each(|point| reference.flow(system, point, time))?;
+        output.par_chunks_mut(BLOCK * dim).try_for_each(|points| {
+            on_lanes::<WIDTH, _>(Flow { reference: &reference, system, points, time })
+        })?;
         let stride = (points.len() / dim).div_ceil(256).max(1);
         let mut error = 0.0_f64;
         for point in points.chunks_exact(dim).step_by(stride) {

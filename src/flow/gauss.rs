@@ -270,6 +270,7 @@ impl Reference {
     ///
     /// # Errors
     /// As [`GaussLegendre::integrate`].
+    #[inline(always)]
     pub fn flow(&self, system: &impl Hamiltonian, z: &mut [f64], time: f64) -> Result<(), Error> {
         self.method.integrate(system, z, time, self.steps(time))
     }
