@@ -62,7 +62,7 @@
 //! - [`flow`]: their flows, and data sets of flow maps.
 //! - [`train`]: loss, L-BFGS, checkpoints.
 //! - [`measure`]: from a map and points to numbers; the laws, generic over the
-//!   map; the structure certificate.
+//!   map; the structure certificate; error against run time.
 //! - `io` (feature `files`): models, data sets, weights of others.
 //! - `scene` (feature `scenes`): declared experiments and their reports.
 //!

@@ -278,6 +278,25 @@ fn error_against_run_time_is_reported() {
     let timed = &timings["comparison"]["one_step"]["ways"][0]["seconds"];
     assert!(timed["lower"].as_f64() <= timed["upper"].as_f64() && timed["lower"].is_number());
     let report = text(&read("one/report.md"));
+    // The winner that the sentences name is the one that the figures show.
+    for contest in ["one_step", "rollout"] {
+        let ways = timings["comparison"][contest]["ways"].as_array().expect("ways");
+        let error = |way: &Value| way["error"].as_f64().unwrap_or(f64::INFINITY);
+        let seconds = |way: &&Value| way["seconds"]["median"].as_f64().expect("timed");
+        let own = ways.iter().find(|w| w["name"] == "gyroceptron, all together").expect("there");
+        let fastest = ways
+            .iter()
+            .filter(|w| w["setting"].is_number() && error(w) <= error(own))
+            .min_by(|a, b| seconds(a).total_cmp(&seconds(b)));
+        let fastest = fastest.expect("an integrator as accurate");
+        let (name, steps) = (fastest["name"].as_str(), fastest["setting"].as_f64());
+        let winner =
+            format!("{} with {} step", name.expect("a name"), steps.expect("a number of steps"));
+        let told = report.lines().any(|line| {
+            line.starts_with("- `gyroceptron` errs by") && line.contains(&format!(": {winner}"))
+        });
+        assert!(told, "{contest}: {winner}");
+    }
     for words in [
         "errs by",
         "one alone",

@@ -4,7 +4,7 @@ use super::Reference;
 use crate::digest;
 use crate::error::Error;
 use crate::network::Stream;
-use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
+use crate::scalar::{Kernel, Pack, WIDTH, max_or_nan, on_lanes};
 use crate::system::Hamiltonian;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -152,7 +152,7 @@ impl Pairs {
         let stride = (points.len() / dim).div_ceil(256).max(1);
         let mut error = 0.0_f64;
         for point in points.chunks_exact(dim).step_by(stride) {
-            error = error.max(reference.flow_with_error(system, point, time)?.error);
+            error = max_or_nan(error, reference.flow_with_error(system, point, time)?.error);
         }
         Ok((Self::new("flow map", system.dof(), points, output)?, error))
     }
