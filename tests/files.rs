@@ -10,9 +10,10 @@ use gyroceptron::io::{
 use gyroceptron::layer::CircleAction;
 use gyroceptron::network::{Architecture, GyroceptronShape, HenonShape, InitialWeights, Model};
 use gyroceptron::train::{Control, TrainingOptions, train};
-use npyz::zip::write::FileOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
 
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
@@ -52,10 +53,13 @@ fn doubles(values: &[f64]) -> Vec<u8> {
 }
 
 fn npz(path: &Path, entries: &[(&str, Vec<u8>)]) {
-    let mut archive = npyz::zip::ZipWriter::new(std::fs::File::create(path).expect("created"));
+    npz_by(CompressionMethod::Stored, path, entries);
+}
+
+fn npz_by(method: CompressionMethod, path: &Path, entries: &[(&str, Vec<u8>)]) {
+    let mut archive = ZipWriter::new(std::fs::File::create(path).expect("created"));
     for (name, bytes) in entries {
-        let options =
-            FileOptions::default().compression_method(npyz::zip::CompressionMethod::Stored);
+        let options = SimpleFileOptions::default().compression_method(method);
         archive.start_file(format!("{name}.npy"), options).expect("an entry");
         archive.write_all(bytes).expect("written");
     }
@@ -169,6 +173,12 @@ fn pairs_come_back_and_other_layouts_are_read() {
     let once = std::fs::read(&path).expect("read");
     write_pairs(&path, &pairs).expect("written");
     assert_eq!(once, std::fs::read(&path).expect("read"));
+
+    let plain = npy("<f8", false, "(3, 4)", &doubles(&values));
+    for method in [CompressionMethod::Stored, CompressionMethod::Deflated] {
+        npz_by(method, &path, &[("input", plain.clone()), ("output", plain.clone())]);
+        assert_eq!(read_pairs(&path).expect("read").pairs, pairs);
+    }
 
     let columns: Vec<f64> = (0..12).map(|i| values[(i % 3) * 4 + i / 3]).collect();
     let big: Vec<u8> = values.iter().flat_map(|v| v.to_be_bytes()).collect();

@@ -1,147 +1,34 @@
 //! Data sets as `.npz` and points as `.npy`.
 
+use super::npy::{Array, read_array, write_array};
 use super::{read_bytes, write_atomically};
 use crate::error::Error;
 use crate::flow::{Pairs, check_finite};
-use npyz::{NpyFile, WriterBuilder};
-use std::io::{Cursor, Read};
+use std::io::Cursor;
 use std::path::Path;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
-/// An array read from a file, row by row whatever its memory order.
-pub(super) struct Array {
-    pub(super) shape: Vec<usize>,
-    pub(super) values: Vec<f64>,
-    /// The file held single precision.
-    pub(super) single: bool,
-}
-
-impl Array {
-    /// Fails unless the array has two dimensions; returns (rows, columns).
-    fn matrix_shape(&self, place: &str) -> Result<(usize, usize), Error> {
-        match self.shape[..] {
-            [rows, columns] => Ok((rows, columns)),
-            _ => Err(Error::content(
-                place,
-                "a two-dimensional array",
-                format!("one of {} dimensions", self.shape.len()),
-            )),
-        }
-    }
-}
-
-/// Fails on a header that is not that of a plain array which the bytes can hold:
-/// the parser behind takes a time exponential in the depth of nested brackets.
-fn check_header(place: &str, bytes: &[u8]) -> Result<(), Error> {
-    const LONGEST: usize = 4096;
-    let fail = |found: &dyn std::fmt::Display| {
-        Err(Error::content(place, "an array in the NPY format", found))
-    };
-    let (length, start) = match bytes {
-        [0x93, b'N', b'U', b'M', b'P', b'Y', 1, _, a, b, ..] => {
-            (usize::from(u16::from_le_bytes([*a, *b])), 10)
-        }
-        [0x93, b'N', b'U', b'M', b'P', b'Y', 2 | 3, _, a, b, c, d, ..] => {
-            (u32::from_le_bytes([*a, *b, *c, *d]) as usize, 12)
-        }
-        _ => return fail(&"no header of one"),
-    };
-    if length > LONGEST {
-        return fail(&format!("a header of {length} bytes"));
-    }
-    let Some(header) = bytes.get(start..start + length) else {
-        return fail(&"half a header");
-    };
-    // The sizes, as the parser behind multiplies them: it checks for neither
-    // overflow nor memory.
-    let sizes = header
-        .split(|b| *b == b'(')
-        .nth(1)
-        .and_then(|rest| rest.split(|b| *b == b')').next())
-        .unwrap_or_default()
-        .split(|b| !b.is_ascii_digit())
-        .filter(|digits| !digits.is_empty());
-    let (mut numbers, mut empty) = (1_usize, false);
-    for digits in sizes {
-        let size = std::str::from_utf8(digits).ok().and_then(|text| text.parse().ok());
-        let product = match size {
-            Some(0) => {
-                empty = true;
-                Some(numbers)
-            }
-            Some(size) => numbers.checked_mul(size),
-            None => None,
-        };
-        match product {
-            Some(product) if empty || product <= bytes.len() => numbers = product,
-            _ => return fail(&"more numbers than the file holds"),
-        }
-    }
-    let count = |bracket: u8| header.iter().filter(|b| **b == bracket).count();
-    if count(b'{') > 1 || count(b'(') > 1 || count(b'[') > 0 {
-        return Err(Error::content(
-            place,
-            "float64 (or float32) numbers",
-            "records: a header with nested brackets",
-        ));
-    }
-    Ok(())
-}
-
-/// Reads an array of float64 or float32 of at most two dimensions.
-fn read_array(place: &str, bytes: &[u8]) -> Result<Array, Error> {
-    let corrupt = |reason: &dyn std::fmt::Display| {
-        Error::content(place, "an array in the NPY format", reason)
-    };
-    check_header(place, bytes)?;
-    let file = NpyFile::new(Cursor::new(bytes)).map_err(|e| corrupt(&e))?;
-    let shape: Vec<usize> = file.shape().iter().map(|&d| d as usize).collect();
-    let Some(count) = shape.iter().try_fold(1_usize, |n, d| n.checked_mul(*d)) else {
-        return Err(corrupt(&format!("shape {shape:?}")));
-    };
-    if shape.len() > 2 {
-        return Err(Error::content(
-            place,
-            "an array of at most two dimensions",
-            format!("one of {}", shape.len()),
-        ));
-    }
-    let fortran = file.order() == npyz::Order::Fortran && shape.len() == 2;
-    let descr = file.dtype().descr();
-    let (values, single): (Vec<f64>, bool) = match descr.trim_matches('\'') {
-        "<f8" | ">f8" => (file.into_vec::<f64>().map_err(|e| corrupt(&e))?, false),
-        "<f4" | ">f4" => {
-            let values = file.into_vec::<f32>().map_err(|e| corrupt(&e))?;
-            (values.into_iter().map(f64::from).collect(), true)
-        }
-        other => return Err(Error::content(place, "float64 (or float32) numbers", other)),
-    };
-    if values.len() != count {
-        return Err(Error::content(place, format!("{count} numbers"), values.len()));
-    }
-    let values = if fortran {
-        let (rows, columns) = (shape[0], shape[1]);
-        (0..count).map(|i| values[(i % columns) * rows + i / columns]).collect()
-    } else {
-        values
-    };
-    Ok(Array { shape, values, single })
-}
+/// An array is kept in an archive under its name and this ending.
+const ENDING: &str = ".npy";
 
 /// An `.npz` archive in memory.
 pub(super) struct Archive {
     place: String,
-    archive: npyz::npz::NpzArchive<Cursor<Vec<u8>>>,
+    archive: ZipArchive<Cursor<Vec<u8>>>,
 }
 
 impl Archive {
     pub(super) fn open(place: &str, bytes: Vec<u8>) -> Result<Self, Error> {
-        let archive = npyz::npz::NpzArchive::new(Cursor::new(bytes))
+        let archive = ZipArchive::new(Cursor::new(bytes))
             .map_err(|reason| Error::content(place, "an .npz archive", reason))?;
         Ok(Self { place: place.to_owned(), archive })
     }
 
+    /// The names of the arrays.
     pub(super) fn names(&self) -> Vec<String> {
-        self.archive.array_names().map(str::to_owned).collect()
+        let members = self.archive.file_names().filter_map(Result::ok);
+        members.filter_map(|name| name.strip_suffix(ENDING).map(str::to_owned)).collect()
     }
 
     pub(super) fn array(&mut self, name: &str) -> Result<Array, Error> {
@@ -154,38 +41,36 @@ impl Archive {
         let corrupt = |reason: &dyn std::fmt::Display| {
             Error::content(&place, "an array in the NPY format", reason)
         };
-        // The checksum of an entry is compared when it has been read to its end.
-        let mut bytes = Vec::new();
-        self.archive
-            .zip_archive()
-            .by_name(&npyz::npz::file_name_from_array_name(name))
-            .map_err(|e| corrupt(&e))?
-            .read_to_end(&mut bytes)
-            .map_err(|e| corrupt(&e))?;
-        read_array(&place, &bytes)
+        let mut member =
+            self.archive.by_name(&format!("{name}{ENDING}")).map_err(|reason| corrupt(&reason))?;
+        let size = member.size();
+        let array = read_array(&place, &mut member, size)?;
+        // The checksum of a member is compared when it has been read to its end.
+        std::io::copy(&mut member, &mut std::io::sink()).map_err(|reason| corrupt(&reason))?;
+        Ok(array)
     }
-}
-
-/// The same numbers give the same file: no time of writing in it.
-fn undated() -> npyz::zip::write::FileOptions {
-    npyz::zip::write::FileOptions::default().last_modified_time(npyz::zip::DateTime::default())
 }
 
 /// Writes named arrays as an `.npz` archive.
 pub(super) fn write_archive(path: &Path, arrays: &[(&str, &[u64], &[f64])]) -> Result<(), Error> {
     write_atomically(path, |out| {
-        let mut buffer = Cursor::new(Vec::new());
-        let mut archive = npyz::npz::NpzWriter::new(&mut buffer);
+        let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
         for (name, shape, values) in arrays {
-            let mut writer =
-                archive.array(name, undated())?.default_dtype().shape(shape).begin_nd()?;
-            writer.extend(values.iter().copied())?;
-            writer.finish()?;
+            let options = SimpleFileOptions::default()
+                .compression_method(CompressionMethod::Deflated)
+                // The same numbers give the same file: no time of writing in it.
+                .last_modified_time(DateTime::default())
+                .large_file(size_of_val(*values) >= MOST_WITHOUT_ZIP64);
+            archive.start_file(format!("{name}{ENDING}"), options)?;
+            write_array(&mut archive, shape, values)?;
         }
-        drop(archive);
-        out.write_all(buffer.get_ref())
+        out.write_all(archive.finish()?.get_ref())
     })
 }
+
+/// Numbers of so many bytes may not fit, with their header, into a member whose size
+/// is kept in 32 bits.
+const MOST_WITHOUT_ZIP64: usize = u32::MAX as usize - (1 << 20);
 
 /// Pairs read from a file, and what was noticed.
 #[derive(Debug)]
@@ -257,7 +142,7 @@ pub fn read_points(path: &Path, dof: usize) -> Result<PointsFile, Error> {
 /// # Errors
 /// As [`read_points`].
 pub fn parse_points(place: &str, bytes: &[u8], dof: usize) -> Result<PointsFile, Error> {
-    let array = read_array(place, bytes)?;
+    let array = read_array(place, &mut &bytes[..], bytes.len() as u64)?;
     let (rows, columns) = array.matrix_shape(place)?;
     if columns != 2 * dof {
         return Err(Error::content(
@@ -278,12 +163,7 @@ pub fn parse_points(place: &str, bytes: &[u8], dof: usize) -> Result<PointsFile,
 /// # Errors
 /// [`Error::Write`].
 pub fn write_points(path: &Path, shape: &[u64], values: &[f64]) -> Result<(), Error> {
-    write_atomically(path, |out| {
-        let mut writer =
-            npyz::WriteOptions::new().default_dtype().shape(shape).writer(out).begin_nd()?;
-        writer.extend(values.iter().copied())?;
-        writer.finish()
-    })
+    write_atomically(path, |out| write_array(out, shape, values))
 }
 
 /// Writes pairs as an `.npz` of `input` and `output`.

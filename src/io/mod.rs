@@ -5,6 +5,7 @@
 
 mod arrays;
 mod json;
+mod npy;
 mod weights;
 
 pub use arrays::{

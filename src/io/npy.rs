@@ -1,0 +1,308 @@
+//! The NPY format of numpy: one array of numbers.
+//!
+//! Written out here because the parsers there are read any Python literal, in a
+//! time exponential in its depth, and ask for a C compiler. Source:
+//! <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>.
+
+use crate::error::Error;
+use std::io::{Read, Write};
+
+const MAGIC: &[u8; 6] = b"\x93NUMPY";
+
+/// The longest header that is read; numpy writes 118 bytes for a matrix.
+const LONGEST: usize = 4096;
+
+/// Bytes read at a time: whole numbers of either precision.
+const CHUNK: usize = 1 << 14;
+
+/// An array read from a file, row by row whatever its memory order.
+pub(super) struct Array {
+    pub(super) shape: Vec<usize>,
+    pub(super) values: Vec<f64>,
+    /// The file held single precision.
+    pub(super) single: bool,
+}
+
+impl Array {
+    /// Fails unless the array has two dimensions; returns (rows, columns).
+    pub(super) fn matrix_shape(&self, place: &str) -> Result<(usize, usize), Error> {
+        match self.shape[..] {
+            [rows, columns] => Ok((rows, columns)),
+            _ => Err(Error::content(
+                place,
+                "a two-dimensional array",
+                format!("one of {} dimensions", self.shape.len()),
+            )),
+        }
+    }
+}
+
+/// Reads an array of float64 or float32 of at most two dimensions from a source of
+/// `size` bytes; `place` names it in errors. What follows the array is left unread.
+///
+/// Memory is that of the numbers which the source holds, whatever it says of itself.
+pub(super) fn read_array(place: &str, source: &mut impl Read, size: u64) -> Result<Array, Error> {
+    let malformed = |reason: String| Error::content(place, "an array in the NPY format", reason);
+    let text = header_text(source).map_err(malformed)?;
+    let header = Header::parse(&text).map_err(malformed)?;
+    let Header { descr, fortran_order, shape } = header;
+    let (bytes, decode): (usize, fn(&[u8], &mut Vec<f64>)) = match descr {
+        "<f8" => (8, |b, v| v.extend(b.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)))),
+        ">f8" => (8, |b, v| v.extend(b.as_chunks().0.iter().map(|b| f64::from_be_bytes(*b)))),
+        "<f4" => {
+            (4, |b, v| v.extend(b.as_chunks().0.iter().map(|b| f64::from(f32::from_le_bytes(*b)))))
+        }
+        ">f4" => {
+            (4, |b, v| v.extend(b.as_chunks().0.iter().map(|b| f64::from(f32::from_be_bytes(*b)))))
+        }
+        other => return Err(Error::content(place, "float64 (or float32) numbers", other)),
+    };
+    if shape.len() > 2 {
+        let found = format!("one of {}", shape.len());
+        return Err(Error::content(place, "an array of at most two dimensions", found));
+    }
+    let all = shape.iter().try_fold(bytes, |n, d| n.checked_mul(*d));
+    let Some(mut left) = all.filter(|all| *all as u64 <= size) else {
+        return Err(malformed(format!("shape {shape:?}: more numbers than the file holds")));
+    };
+    let count = left / bytes;
+    let mut values = Vec::with_capacity(count.min(CHUNK));
+    let mut chunk = [0; CHUNK];
+    while left > 0 {
+        let own = &mut chunk[..left.min(CHUNK)];
+        source.read_exact(own).map_err(|reason| {
+            malformed(format!("{} of {count} numbers: {reason}", values.len()))
+        })?;
+        decode(own, &mut values);
+        left -= own.len();
+    }
+    if let ([rows, columns], true) = (&shape[..], fortran_order) {
+        values = (0..count).map(|i| values[(i % columns) * rows + i / columns]).collect();
+    }
+    Ok(Array { shape, values, single: bytes == 4 })
+}
+
+/// Writes an array in the order of its rows.
+pub(super) fn write_array(
+    out: &mut (impl Write + ?Sized),
+    shape: &[u64],
+    values: &[f64],
+) -> std::io::Result<()> {
+    let mut sizes: String = shape.iter().map(|size| format!("{size}, ")).collect();
+    if shape.len() > 1 {
+        sizes.truncate(sizes.len() - 2);
+    }
+    let sizes = sizes.trim_end();
+    let dictionary = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({sizes}), }}");
+    // Numbers start at a multiple of 64 bytes, as readers that map a file want it.
+    let start = (MAGIC.len() + 4 + dictionary.len() + 1).next_multiple_of(64);
+    let length = start - MAGIC.len() - 4;
+    let field = u16::try_from(length).expect("a few sizes are no long text");
+    out.write_all(MAGIC)?;
+    out.write_all(&[1, 0])?;
+    out.write_all(&field.to_le_bytes())?;
+    writeln!(out, "{dictionary:<0$}", length - 1)?;
+    for values in values.chunks(CHUNK / 8) {
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        out.write_all(&bytes)?;
+    }
+    Ok(())
+}
+
+/// The text of the header, which the numbers follow.
+fn header_text(source: &mut impl Read) -> Result<String, String> {
+    let mut start = [0; 8];
+    let read = |source: &mut dyn Read, bytes: &mut [u8], what: &str| {
+        source.read_exact(bytes).map_err(|reason| format!("no {what}: {reason}"))
+    };
+    read(source, &mut start, "header")?;
+    let version = start[6];
+    if start[..6] != *MAGIC || !(1..=3).contains(&version) {
+        return Err("no header of one".into());
+    }
+    // Version 1 has two bytes for the length, versions 2 and 3 have four.
+    let mut length = [0; 4];
+    read(source, &mut length[..if version == 1 { 2 } else { 4 }], "length of the header")?;
+    let length = u32::from_le_bytes(length) as usize;
+    if length > LONGEST {
+        return Err(format!("a header of {length} bytes"));
+    }
+    let mut text = vec![0; length];
+    read(source, &mut text, "whole header")?;
+    String::from_utf8(text).map_err(|reason| format!("a header that is no text: {reason}"))
+}
+
+/// What the header of a plain array says.
+#[derive(Debug, PartialEq)]
+struct Header<'a> {
+    descr: &'a str,
+    fortran_order: bool,
+    shape: Vec<usize>,
+}
+
+impl<'a> Header<'a> {
+    /// Reads a Python dictionary of the three keys, in any order, with nothing
+    /// nested but the tuple of sizes:
+    /// `{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), }`.
+    fn parse(text: &'a str) -> Result<Self, String> {
+        let (mut descr, mut fortran_order, mut shape) = (None, None, None);
+        let mut rest = Literal(text);
+        rest.expect("{")?;
+        while !rest.skip("}") {
+            let key = rest.quoted()?;
+            rest.expect(":")?;
+            let again = match key {
+                // A list of fields, of which there is no single number type.
+                "descr" if rest.0.trim_start().starts_with('[') => {
+                    return Err("records in place of numbers".into());
+                }
+                "descr" => descr.replace(rest.quoted()?).is_some(),
+                "fortran_order" => fortran_order.replace(rest.truth()?).is_some(),
+                "shape" => shape.replace(rest.sizes()?).is_some(),
+                _ => return Err(format!("the key `{key}`")),
+            };
+            if again {
+                return Err(format!("the key `{key}` twice"));
+            }
+            if !rest.skip(",") {
+                rest.expect("}")?;
+                break;
+            }
+        }
+        if !rest.0.trim().is_empty() {
+            return Err(rest.instead_of("the end of the header"));
+        }
+        let missing = |key: &str| format!("no key `{key}`");
+        Ok(Self {
+            descr: descr.ok_or_else(|| missing("descr"))?,
+            fortran_order: fortran_order.ok_or_else(|| missing("fortran_order"))?,
+            shape: shape.ok_or_else(|| missing("shape"))?,
+        })
+    }
+}
+
+/// The rest of a Python literal.
+struct Literal<'a>(&'a str);
+
+impl<'a> Literal<'a> {
+    fn instead_of(&self, expected: &str) -> String {
+        let start: String = self.0.chars().take(20).collect();
+        format!("`{}` where {expected} should be", start.escape_debug())
+    }
+
+    fn skip(&mut self, token: &str) -> bool {
+        self.0 = self.0.trim_start();
+        let after = self.0.strip_prefix(token);
+        self.0 = after.unwrap_or(self.0);
+        after.is_some()
+    }
+
+    fn expect(&mut self, token: &str) -> Result<(), String> {
+        if self.skip(token) { Ok(()) } else { Err(self.instead_of(&format!("`{token}`"))) }
+    }
+
+    fn quoted(&mut self) -> Result<&'a str, String> {
+        for quote in ["'", "\""] {
+            if self.skip(quote) {
+                let end = self.0.split_once(quote);
+                let (text, rest) = end.ok_or_else(|| self.instead_of("the end of a text"))?;
+                self.0 = rest;
+                return Ok(text);
+            }
+        }
+        Err(self.instead_of("a text in quotes"))
+    }
+
+    fn truth(&mut self) -> Result<bool, String> {
+        match (self.skip("True"), self.skip("False")) {
+            (true, false) => Ok(true),
+            (false, true) => Ok(false),
+            _ => Err(self.instead_of("True or False")),
+        }
+    }
+
+    fn sizes(&mut self) -> Result<Vec<usize>, String> {
+        let mut sizes = Vec::new();
+        self.expect("(")?;
+        while !self.skip(")") {
+            let digits =
+                self.0.len() - self.0.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+            let (size, rest) = self.0.split_at(digits);
+            sizes.push(size.parse().map_err(|_| self.instead_of("a size"))?);
+            self.0 = rest;
+            // Python 2 wrote 3L.
+            self.skip("L");
+            if !self.skip(",") {
+                self.expect(")")?;
+                break;
+            }
+        }
+        Ok(sizes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header(descr: &str, shape: &[usize]) -> Option<Header<'static>> {
+        let descr = String::leak(descr.to_owned());
+        Some(Header { descr, fortran_order: false, shape: shape.to_vec() })
+    }
+
+    #[test]
+    fn headers_of_plain_arrays_are_read_and_no_others() {
+        for (text, expected) in [
+            (
+                "{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), }   \n",
+                header("<f8", &[3, 4]),
+            ),
+            ("{\"shape\":(12,),'fortran_order':False,'descr':'>f4'}", header(">f4", &[12])),
+            ("{'descr': '<f8', 'fortran_order': False, 'shape': ()}", header("<f8", &[])),
+            ("{'descr': '<f8', 'fortran_order': False, 'shape': (3L, 4L)}", header("<f8", &[3, 4])),
+            ("", None),
+            ("{}", None),
+            ("{'descr': '<f8', 'fortran_order': False}", None),
+            ("{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), 'x': 1}", None),
+            ("{'descr': '<f8', 'descr': '<f8', 'fortran_order': False, 'shape': (3,)}", None),
+            ("{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4)} 1", None),
+            ("{'descr': '<f8', 'fortran_order': False, 'shape': (-3, 4)}", None),
+            ("{'descr': '<f8', 'fortran_order': False, 'shape': (3 4)}", None),
+            ("{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4", None),
+            ("{'descr': '<f8', 'fortran_order': 0, 'shape': (3, 4)}", None),
+            ("{'descr': '<f8, 'fortran_order': False, 'shape': (3, 4)}", None),
+            ("{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999999999999,)}", None),
+            ("{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (3,)}", None),
+        ] {
+            let found = Header::parse(text);
+            assert_eq!(found.as_ref().ok(), expected.as_ref(), "{text}: {found:?}");
+        }
+        // What takes a parser of all literals exponential time is refused at once.
+        assert!(Header::parse(&format!("{{'descr': {}", "[(".repeat(1000))).is_err());
+        assert!(Header::parse(&"(".repeat(LONGEST)).is_err());
+    }
+
+    #[test]
+    fn sizes_beyond_the_file_are_refused_before_memory_is_asked_for() {
+        let mut bytes = Vec::new();
+        write_array(&mut bytes, &[3, 2], &[0.5; 6]).expect("written");
+        let numbers = bytes.len() - 48;
+        assert_eq!(numbers % 64, 0);
+        let read = |bytes: &[u8], size: usize| read_array("z", &mut &bytes[..], size as u64);
+        assert_eq!(read(&bytes, bytes.len()).expect("read").values, [0.5; 6]);
+        let text = String::from_utf8_lossy(&bytes[10..numbers]).into_owned();
+        for shape in ["(3, 3)", "(4000000000, 4000000000)", "(18446744073709551615, 1)"] {
+            let changed = text.replacen("(3, 2)", shape, 1);
+            let mut vast = bytes[..8].to_vec();
+            vast.extend((changed.len() as u16).to_le_bytes());
+            vast.extend(changed.as_bytes());
+            vast.extend(&bytes[numbers..]);
+            assert!(read(&vast, vast.len()).is_err(), "{shape}");
+            // A source that holds less than it says.
+            assert!(read(&vast, usize::MAX).is_err(), "{shape}");
+        }
+        for cut in 0..bytes.len() {
+            assert!(read(&bytes[..cut], bytes.len()).is_err(), "cut at {cut}");
+        }
+    }
+}
