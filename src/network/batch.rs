@@ -75,7 +75,7 @@ impl Kernel for MapBlock<'_> {
         let dim = 2 * map.dof();
         if points.len() == dim {
             let mut scratch = vec![0.0; dim];
-            with_dof!(map.dof(), D => map.apply_across::<V, D>(direction, points, &mut scratch));
+            with_dof!(V, map.dof(), D => map.apply_across::<V, D>(direction, points, &mut scratch));
             return;
         }
         let mut lanes = vec![V::zero(); TOGETHER * dim];
@@ -83,7 +83,7 @@ impl Kernel for MapBlock<'_> {
         for groups in points.chunks_mut(TOGETHER * V::LANES * dim) {
             let size = load_groups(groups, dim, &mut lanes);
             let lanes = &mut lanes[..size];
-            with_dof!(map.dof(), D => map.apply::<V, D>(direction, lanes, &mut scratch));
+            with_dof!(V, map.dof(), D => map.apply::<V, D>(direction, lanes, &mut scratch));
             store_groups(lanes, dim, groups);
         }
     }
@@ -110,7 +110,7 @@ impl Kernel for Trajectories<'_> {
             let mut scratch = vec![0.0; dim];
             for state in kept.chunks_exact_mut(size) {
                 for _ in 0..every {
-                    with_dof!(map.dof(), D => map.apply_across::<V, D>(
+                    with_dof!(V, map.dof(), D => map.apply_across::<V, D>(
                         Direction::Forward, points, &mut scratch));
                 }
                 state.copy_from_slice(points);
@@ -126,7 +126,7 @@ impl Kernel for Trajectories<'_> {
             let lanes = &mut lanes[..count];
             for state in kept.chunks_exact_mut(size) {
                 for _ in 0..every {
-                    with_dof!(map.dof(), D => map.apply::<V, D>(
+                    with_dof!(V, map.dof(), D => map.apply::<V, D>(
                         Direction::Forward, lanes, &mut scratch));
                 }
                 store_groups(lanes, dim, &mut state[first..first + groups.len()]);

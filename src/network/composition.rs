@@ -40,26 +40,31 @@ pub enum Step {
     },
 }
 
-/// Runs `$body` with `$D` bound to n where kernels are specialised for it, and
-/// to 0 (n read at run time) elsewhere.
+/// Runs `$body` with `$D` bound to n where kernels on the number `$S` are specialised
+/// for it, and to 0 (n read at run time) elsewhere.
 macro_rules! with_dof {
-    ($n:expr, $D:ident => $body:expr) => {
-        match $n {
-            1 => {
-                const $D: usize = 1;
-                $body
-            }
-            2 => {
-                const $D: usize = 2;
-                $body
-            }
-            3 => {
-                const $D: usize = 3;
-                $body
-            }
-            _ => {
-                const $D: usize = 0;
-                $body
+    ($S:ty, $n:expr, $D:ident => $body:expr) => {
+        if !<$S as $crate::scalar::Scalar>::SPECIALISED {
+            const $D: usize = 0;
+            $body
+        } else {
+            match $n {
+                1 => {
+                    const $D: usize = 1;
+                    $body
+                }
+                2 => {
+                    const $D: usize = 2;
+                    $body
+                }
+                3 => {
+                    const $D: usize = 3;
+                    $body
+                }
+                _ => {
+                    const $D: usize = 0;
+                    $body
+                }
             }
         }
     };
@@ -363,7 +368,7 @@ impl<P: Scalar> Composition<P> {
             heap = vec![S::zero(); z.len()];
             &mut heap[..]
         };
-        with_dof!(self.dof, D => self.apply::<S, D>(direction, z, scratch));
+        with_dof!(S, self.dof, D => self.apply::<S, D>(direction, z, scratch));
     }
 
     /// Space for [`Composition::forward_recording`] and
@@ -451,7 +456,7 @@ impl<P: Scalar> Composition<P> {
     /// z ← P(z), filling `recording` (of [`Composition::recording`]).
     pub fn forward_recording<S: Over<P>>(&self, z: &mut [S], recording: &mut Recording<S>) {
         assert!(z.len() == 2 * self.dof);
-        with_dof!(self.dof, D => self.record::<S, D>(z, recording));
+        with_dof!(S, self.dof, D => self.record::<S, D>(z, recording));
     }
 
     /// The pullback at the recorded point: `z_bar` from the cotangent of P(z)
@@ -464,7 +469,7 @@ impl<P: Scalar> Composition<P> {
         parameters_bar: &mut [S],
     ) {
         assert!(z_bar.len() == 2 * self.dof && parameters_bar.len() == self.parameters.len());
-        with_dof!(self.dof, D => self.pull::<S, D>(recording, z_bar, parameters_bar));
+        with_dof!(S, self.dof, D => self.pull::<S, D>(recording, z_bar, parameters_bar));
     }
 
     /// The shears that the map consists of, in the order of application.

@@ -56,6 +56,9 @@ impl Kernel for Jacobians<'_> {
 
     #[inline(always)]
     fn run<V: Pack>(self) {
+        if !V::SPECIALISED {
+            return self.columns::<V, 0, 8>();
+        }
         match self.map.dof() {
             1 => self.columns::<V, 1, 2>(),
             2 => self.columns::<V, 2, 4>(),
@@ -105,7 +108,7 @@ impl Kernel for ChainRule<'_> {
             for i in 0..dim {
                 columns[i * dim + i] = V::from_f64(1.0);
             }
-            with_dof!(map.dof(), D => {
+            with_dof!(V, map.dof(), D => {
                 map.apply_with_jacobian::<V, D>(&mut z, &mut columns, &mut scratch)
             });
             for (column, entries) in columns.chunks_exact(dim).enumerate() {

@@ -1,7 +1,7 @@
 //! Several points at once: SIMD lanes of `f64`.
 
-use super::tanh::{Lanewise, functions_of_lanes};
-use super::{Pack, Scalar, over_parameters};
+use super::tanh::{Lanewise, tanh_sech2_in_step};
+use super::{Pack, Part, Scalar, over_parameters, tanh_sech2};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// The number of lanes that the batch kernels work on, on every processor.
@@ -14,6 +14,10 @@ pub const WIDTH: usize = 8;
 ///
 /// Each operation is a loop over a plain array, and becomes vector
 /// instructions where the calling function is compiled for them.
+///
+/// On x86-64 these lanes are for processors without AVX2, which have no fused
+/// multiply-add: there it is a call for each lane, and all kernels are compiled
+/// around calls, small rather than fast.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub struct Lanes<const L: usize = WIDTH>(pub [f64; L]);
@@ -63,15 +67,41 @@ impl<const L: usize> Neg for Lanes<L> {
 }
 
 impl<const L: usize> Scalar for Lanes<L> {
+    const SPECIALISED: bool = !CALLS;
+
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
         Self([value; L])
     }
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {
-        self.zip(a, b, f64::mul_add)
+        fused(self, a, b)
     }
-    functions_of_lanes!();
+    #[inline(always)]
+    fn tanh_sech2(self) -> (Self, Self) {
+        let ([t], [s]) = Self::tanh_sech2_each([self]);
+        (t, s)
+    }
+    #[inline(always)]
+    fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
+        if !CALLS {
+            return tanh_sech2_in_step(x);
+        }
+        let (mut t, mut s) = (x, x);
+        for (t, s) in t.iter_mut().zip(&mut s) {
+            for (t, s) in t.0.iter_mut().zip(&mut s.0) {
+                (*t, *s) = tanh_sech2(*t);
+            }
+        }
+        (t, s)
+    }
+    #[inline(always)]
+    fn apart(part: impl Part) {
+        run_apart(part);
+    }
+    fn unit_roundoff() -> f64 {
+        f64::unit_roundoff()
+    }
     #[inline(always)]
     fn abs(self) -> Self {
         self.each(f64::abs)
@@ -80,6 +110,21 @@ impl<const L: usize> Scalar for Lanes<L> {
     fn is_zero(self) -> bool {
         self.0.iter().all(|value| *value == 0.0)
     }
+}
+
+/// Whether kernels on [`Lanes`] are compiled around calls.
+const CALLS: bool = cfg!(target_arch = "x86_64");
+
+#[cfg_attr(target_arch = "x86_64", inline(never))]
+#[cfg_attr(not(target_arch = "x86_64"), inline(always))]
+fn fused<const L: usize>(x: Lanes<L>, a: Lanes<L>, b: Lanes<L>) -> Lanes<L> {
+    x.zip(a, b, f64::mul_add)
+}
+
+#[cfg_attr(target_arch = "x86_64", inline(never))]
+#[cfg_attr(not(target_arch = "x86_64"), inline(always))]
+fn run_apart(part: impl Part) {
+    part.run();
 }
 
 over_parameters!([const L: usize] Lanes<L>);

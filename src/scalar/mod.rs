@@ -26,8 +26,7 @@ pub use double_double::DoubleDouble;
 pub use dual::{Dual, dual_variables_made};
 pub use lanes::{Lanes, WIDTH};
 pub(crate) use simd::{Kernel, Pack, on_lanes};
-pub use simd::{Simd, tanh_sech2_of_all};
-pub use tanh::tanh_sech2;
+pub use simd::{Simd, tanh_sech2, tanh_sech2_of_all};
 pub use tracked::Tracked;
 
 use std::fmt::Debug;
@@ -56,6 +55,11 @@ pub trait Scalar:
     + Mul<Output = Self>
     + Div<Output = Self>
 {
+    /// Whether kernels on such numbers are compiled for each small number of degrees
+    /// of freedom by itself: those whose speed is what they are for. Each costs
+    /// seconds of compilation.
+    const SPECIALISED: bool = false;
+
     /// The nearest number to `value`, without derivatives.
     fn from_f64(value: f64) -> Self;
 

@@ -54,7 +54,7 @@ const SATURATED: f64 = 354.0;
 /// of which more than the rounded value is known.
 const FAR: f64 = 18.65;
 
-/// `(tanh x, sech² x)`.
+/// `(tanh x, sech² x)` of K numbers.
 ///
 /// With y = −2|x| = k ln 2 + r and E = eʸ, tanh|x| = (1 − E)/(1 + E) and
 /// sech² = W(2 − W) with W = 1 − tanh|x|. Numerator and denominator, both halved,
@@ -63,16 +63,9 @@ const FAR: f64 = 18.65;
 /// is 0. NaN gives NaN, ±∞ gives (±1, 0).
 ///
 /// All fused operations are explicit, so that every instruction set gives the
-/// same bits.
-#[inline(always)]
-pub fn tanh_sech2(x: f64) -> (f64, f64) {
-    let (t, s) = tanh_sech2_in_step([x]);
-    (t[0], s[0])
-}
-
-/// As [`tanh_sech2`], of K numbers in step: each instruction is given for all of
-/// them before the next, because a processor that waits for one chain of results
-/// has the other chains to go on with.
+/// same bits. The K go in step: each instruction is given for all of them before
+/// the next, because a processor that waits for one chain of results has the other
+/// chains to go on with.
 #[inline(always)]
 pub(crate) fn tanh_sech2_in_step<V: Lanewise, const K: usize>(x: [V; K]) -> ([V; K], [V; K]) {
     let c = V::from_f64;
@@ -134,22 +127,3 @@ pub(crate) fn tanh_sech2_in_step<V: Lanewise, const K: usize>(x: [V; K]) -> ([V;
     let s = each!(i => magnitude[i].select_above(SATURATED, c(0.0), s[i]));
     (each!(i => t[i].with_sign_of(x[i])), s)
 }
-
-/// What all lanes of `f64` implement of [`Scalar`] in the same way.
-macro_rules! functions_of_lanes {
-    () => {
-        #[inline(always)]
-        fn tanh_sech2(self) -> (Self, Self) {
-            let ([t], [s]) = crate::scalar::tanh::tanh_sech2_in_step([self]);
-            (t, s)
-        }
-        #[inline(always)]
-        fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
-            crate::scalar::tanh::tanh_sech2_in_step(x)
-        }
-        fn unit_roundoff() -> f64 {
-            f64::unit_roundoff()
-        }
-    };
-}
-pub(super) use functions_of_lanes;

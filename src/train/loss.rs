@@ -246,7 +246,7 @@ impl Kernel for Value<'_> {
         let mut total = V::zero();
         for (input, output) in self.0.groups::<V>() {
             group.load(input, output);
-            with_dof!(map.dof(), D => map.apply::<V, D>(
+            with_dof!(V, map.dof(), D => map.apply::<V, D>(
                 Direction::Forward, &mut group.state, &mut scratch));
             group.residuals(weights, |_, residual, weighted| {
                 total = weighted.mul_add(residual, total);
@@ -270,12 +270,12 @@ impl Kernel for Gradient<'_> {
         let mut total = V::zero();
         for (input, output) in self.0.groups::<V>() {
             group.load(input, output);
-            with_dof!(map.dof(), D => map.record::<V, D>(&mut group.state, &mut recording));
+            with_dof!(V, map.dof(), D => map.record::<V, D>(&mut group.state, &mut recording));
             group.residuals(weights, |cotangent, residual, weighted| {
                 total = weighted.mul_add(residual, total);
                 *cotangent = weighted + weighted;
             });
-            with_dof!(map.dof(), D => map.pull::<V, D>(
+            with_dof!(V, map.dof(), D => map.pull::<V, D>(
                 &mut recording, &mut group.cotangent, &mut gradient));
         }
         (sum(total), gradient.into_iter().map(sum).collect())
@@ -299,13 +299,13 @@ impl Kernel for Curvature<'_> {
         for input in self.0.input.chunks(V::LANES * dim) {
             crate::network::load(input, dim, &mut state);
             let present = present::<V>(input.len() / dim);
-            with_dof!(map.dof(), D => map.record::<V, D>(&mut state, &mut recording));
+            with_dof!(V, map.dof(), D => map.record::<V, D>(&mut state, &mut recording));
             for (c, &weight) in weights.iter().enumerate() {
                 // The squares of a single pair's row: one group at a time.
                 cotangent.fill(zero);
                 cotangent[c] = present;
                 row.fill(zero);
-                with_dof!(map.dof(), D => map.pull::<V, D>(
+                with_dof!(V, map.dof(), D => map.pull::<V, D>(
                     &mut recording, &mut cotangent, &mut row));
                 for (d, r) in diagonal.iter_mut().zip(&row) {
                     *d = (*r * V::from_f64(weight)).mul_add(*r, *d);
