@@ -9,7 +9,7 @@ use gyroceptron::layer::CircleAction;
 use gyroceptron::network::Direction;
 use gyroceptron::network::{
     Architecture, GyroceptronShape, InitialWeights, Model, Rollout, Stream, map_jacobians,
-    map_jacobians_by_chain_rule, map_points, rollout,
+    map_jacobians_by_duals, map_points, rollout,
 };
 use gyroceptron::scalar::{Simd, tanh_sech2, tanh_sech2_of_all};
 use peak::{TANH_PRODUCTS, peak, share};
@@ -73,7 +73,7 @@ fn shares() {
             let mut jacobians = vec![0.0; POINTS * dim * dim];
             let products = (evaluation(n) + derivatives(n)) * neurons;
             share(&format!("Jacobian, {name}"), POINTS, products, peak, || {
-                map_jacobians(map, black_box(&z), &mut jacobians).expect("whole points");
+                map_jacobians_by_duals(map, black_box(&z), &mut jacobians).expect("whole points");
             });
         }
     });
@@ -126,10 +126,10 @@ fn kernels(criterion: &mut Criterion) {
     let mut jacobians = vec![0.0; 4 * z.len()];
     group.throughput(Throughput::Elements(1000));
     group.bench_function("681 parameters, 4-D", |b| {
-        b.iter(|| map_jacobians(large.composition(), black_box(&z), &mut jacobians));
+        b.iter(|| map_jacobians_by_duals(large.composition(), black_box(&z), &mut jacobians));
     });
     group.bench_function("the same by the chain rule", |b| {
-        b.iter(|| map_jacobians_by_chain_rule(large.composition(), black_box(&z), &mut jacobians));
+        b.iter(|| map_jacobians(large.composition(), black_box(&z), &mut jacobians));
     });
     group.finish();
 }

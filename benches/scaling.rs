@@ -9,7 +9,8 @@ use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{Spread, log_line};
 use gyroceptron::network::{
-    Architecture, GyroceptronShape, InitialWeights, Model, Rollout, Stream, map_jacobians, rollout,
+    Architecture, GyroceptronShape, InitialWeights, Model, Rollout, Stream, map_jacobians_by_duals,
+    rollout,
 };
 use gyroceptron::train::{Loss, Objective};
 use peak_alloc::PeakAlloc;
@@ -88,7 +89,7 @@ fn work(model: &Model, samples: usize, rounds: usize) -> Vec<Measured> {
     let chosen = &pairs.input()[..(samples / STEPS).max(1) * dim];
     let mut out = vec![0.0; chosen.len() * dim];
     let jacobians = measure(rounds, || {
-        map_jacobians(map, chosen, &mut out).expect("whole points");
+        map_jacobians_by_duals(map, chosen, &mut out).expect("whole points");
         black_box(&out);
     });
     vec![loss, rolled, jacobians]

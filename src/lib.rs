@@ -56,7 +56,8 @@
 //! - [`scalar`]: the numbers that maps are written over.
 //! - [`phase`]: points, their order in arrays, the sign of Ω, and
 //!   [`Map`](phase::Map).
-//! - [`layer`]: shears, potentials, Hénon layers, circle actions.
+//! - [`random`]: seeded streams.
+//! - [`layer`]: the kinds of step, each a shear bound to its parameters.
 //! - [`network`]: HénonNets and gyroceptrons over one flat parameter vector.
 //! - [`system`]: the Hamiltonian systems.
 //! - [`flow`]: their flows, and data sets of flow maps.
@@ -92,6 +93,7 @@ pub mod layer;
 pub mod measure;
 pub mod network;
 pub mod phase;
+pub mod random;
 pub mod scalar;
 #[cfg(feature = "scenes")]
 pub mod scene;

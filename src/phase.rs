@@ -60,6 +60,25 @@ impl Half {
     }
 }
 
+/// A map, or its inverse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// The map.
+    Forward,
+    /// Its inverse.
+    Inverse,
+}
+
+impl Direction {
+    /// The other one.
+    pub fn reversed(self) -> Self {
+        match self {
+            Self::Forward => Self::Inverse,
+            Self::Inverse => Self::Forward,
+        }
+    }
+}
+
 /// A map of phase space to itself that is invertible in closed form.
 ///
 /// `S` is the number it is evaluated on; a map that needs no elementary
@@ -73,4 +92,24 @@ pub trait Map<S> {
 
     /// z ← P⁻¹(z). `z` holds 2n numbers.
     fn inverse(&self, z: &mut [S]);
+
+    /// z ← P(z) or P⁻¹(z).
+    fn run(&self, direction: Direction, z: &mut [S]) {
+        match direction {
+            Direction::Forward => self.forward(z),
+            Direction::Inverse => self.inverse(z),
+        }
+    }
+}
+
+impl<S, M: Map<S> + ?Sized> Map<S> for &M {
+    fn dof(&self) -> usize {
+        (**self).dof()
+    }
+    fn forward(&self, z: &mut [S]) {
+        (**self).forward(z);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        (**self).inverse(z);
+    }
 }

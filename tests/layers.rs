@@ -1,7 +1,7 @@
 //! Layers against their definitions.
 
 use gyroceptron::layer::{
-    CircleAction, HenonLayer, HenonMap, TanhPotential, layer_parameter_count,
+    CircleAction, HenonLayer, HenonMap, TanhPotential, TorusAction, Turn, layer_parameter_count,
 };
 use gyroceptron::network::{InitialWeights, Stream};
 use gyroceptron::phase::Map;
@@ -217,4 +217,37 @@ fn single_precision_runs_the_same_code() {
         assert!((z[i] - start[i]).abs() <= 20.0 * f32::unit_roundoff() as f32);
         assert!((moved[i] - start[i]).abs() > 1e-3);
     }
+}
+
+/// A torus action turns each plane by the sum of what its circles turn it by, and its
+/// angles keep their digits where they cancel.
+#[test]
+fn a_torus_action_is_the_product_of_its_circles() {
+    let circles = [CircleAction::new([1, 0, 2]), CircleAction::new([-1, 3, 0])];
+    let torus = TorusAction::new(circles.clone()).expect("two circles");
+    let z = point(3, 1.5, 7);
+    let angles = [0.8, 2.9];
+    let (mut at_once, mut one_by_one) = (z.clone(), z.clone());
+    torus.at(&angles).forward(&mut at_once);
+    for (circle, angle) in circles.iter().zip(angles) {
+        circle.at(angle).forward(&mut one_by_one);
+    }
+    for (a, b) in at_once.iter().zip(&one_by_one) {
+        assert!((a - b).abs() < 8.0 * f64::EPSILON, "{a} {b}");
+    }
+    // θ₂ − θ₁ in the first plane, where both are large and near.
+    let far = [1e8 + 0.25, 1e8 + 1.0];
+    let mut moved = z.clone();
+    torus.at(&far).forward(&mut moved);
+    let (s, c) = libm::sincos(-0.75);
+    assert!((moved[0] - (c * z[0] + s * z[3])).abs() < 8.0 * f64::EPSILON, "{}", moved[0]);
+    assert!(TorusAction::new([]).is_err());
+    assert!(TorusAction::new([CircleAction::new([1]), CircleAction::new([1, 0])]).is_err());
+    // Each plane by its own angle.
+    let mut own = z.clone();
+    Turn::by_angles(&[0.3, 0.0, -1.0]).forward(&mut own);
+    let mut by_circles = z.clone();
+    CircleAction::new([1, 0, 0]).at(0.3).forward(&mut by_circles);
+    CircleAction::new([0, 0, 1]).at(-1.0).forward(&mut by_circles);
+    assert_eq!(own, by_circles);
 }

@@ -6,7 +6,8 @@
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
 use gyroceptron::network::{
-    Architecture, GyroceptronShape, InitialWeights, Rollout, Stream, map_jacobians, rollout,
+    Architecture, GyroceptronShape, InitialWeights, Rollout, Stream, map_jacobians_by_duals,
+    rollout,
 };
 use gyroceptron::scalar::dual_variables_made;
 use gyroceptron::scene::{Event, Folder, Observer, Report, parse, run};
@@ -70,8 +71,9 @@ fn memory() {
     // Jacobians: nothing for a point.
     let z = points(4 * 50_000);
     let mut out = vec![0.0; 4 * z.len()];
-    let few = peak(|| map_jacobians(map, &z[..4000], &mut out[..16_000]).expect("whole points"));
-    let many = peak(|| map_jacobians(map, &z, &mut out).expect("whole points"));
+    let few =
+        peak(|| map_jacobians_by_duals(map, &z[..4000], &mut out[..16_000]).expect("whole points"));
+    let many = peak(|| map_jacobians_by_duals(map, &z, &mut out).expect("whole points"));
     assert!(many < MEBI, "{many} bytes for 50,000 Jacobians, {few} for 1000");
 }
 

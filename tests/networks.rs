@@ -1,12 +1,12 @@
 //! Networks: counts, inverses, pullbacks, batches.
 
 use gyroceptron::flow::Pairs;
-use gyroceptron::layer::CircleAction;
-use gyroceptron::measure::jacobian;
+use gyroceptron::layer::{CircleAction, TorusAction};
+use gyroceptron::measure::{Verdict, jacobian, jacobians_by_differences, laws};
 use gyroceptron::network::{
-    Architecture, Direction, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights,
-    Model, Rollout, Stream, map_jacobians, map_jacobians_by_chain_rule,
-    map_jacobians_by_differences, map_points, rollout,
+    Architecture, Composition, Direction, Gyroceptron, GyroceptronShape, HenonNet, HenonShape,
+    InitialWeights, Model, Rollout, Stream, map_jacobians, map_jacobians_by_duals, map_points,
+    rollout,
 };
 use gyroceptron::phase::Map;
 use gyroceptron::scalar::{
@@ -285,10 +285,10 @@ fn batches_are_single_points_bit_for_bit_on_all_instruction_sets() {
             .collect();
         on_each_simd(|set| {
             let mut out = vec![f64::NAN; points.len() * dim];
-            map_jacobians(net.composition(), &points, &mut out).expect("whole points");
+            map_jacobians_by_duals(net.composition(), &points, &mut out).expect("whole points");
             assert!(same_bits(&out, &expected), "{set:?}, {dof} degrees of freedom");
         });
-        assert!(map_jacobians(net.composition(), &points, &mut [0.0; 7]).is_err());
+        assert!(map_jacobians_by_duals(net.composition(), &points, &mut [0.0; 7]).is_err());
     }
 
     // Loss, gradient and curvature.
@@ -445,9 +445,8 @@ fn jacobians_by_three_ways_agree() {
             f(&mut out);
             out
         };
-        let by_duals = all(&|out| map_jacobians(map, &points, out).expect("whole points"));
-        let by_hand =
-            all(&|out| map_jacobians_by_chain_rule(map, &points, out).expect("whole points"));
+        let by_duals = all(&|out| map_jacobians_by_duals(map, &points, out).expect("whole points"));
+        let by_hand = all(&|out| map_jacobians(map, &points, out).expect("whole points"));
         let difference =
             |a: &[f64]| a.iter().zip(&by_duals).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
         let size = by_duals.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
@@ -456,13 +455,63 @@ fn jacobians_by_three_ways_agree() {
             .iter()
             .map(|&step| {
                 difference(&all(&|out| {
-                    map_jacobians_by_differences(map, step, &points, out).expect("whole points");
+                    jacobians_by_differences(map, step, &points, out).expect("whole points");
                 }))
             })
             .collect();
         let order = (errors[0] / errors[1]).log2();
         assert!((order - 2.0).abs() < 0.02, "{order}, {errors:?}");
-        assert!(map_jacobians_by_chain_rule(map, &points, &mut [0.0; 7]).is_err());
-        assert!(map_jacobians_by_differences(map, 1e-3, &points[1..], &mut [0.0; 7]).is_err());
+        assert!(map_jacobians(map, &points, &mut [0.0; 7]).is_err());
+        assert!(jacobians_by_differences(map, 1e-3, &points[1..], &mut [0.0; 7]).is_err());
     }
+}
+
+/// A turn by two angles between a HénonNet and the inverse of a gyroceptron: what is
+/// put together is what one after the other do, and its derivatives are right in all
+/// parameters, the angles among them.
+#[test]
+fn compositions_are_put_together() {
+    let action = TorusAction::new([CircleAction::new([1, 0, 2]), CircleAction::new([0, 3, -1])])
+        .expect("two circles of three planes");
+    let shape = shape(&[1, 0, 2], vec![4; 2], vec![3; 2]);
+    let last = gyroceptron(shape, 0.4, 3);
+    let widths = HenonShape::uniform(3, 2, 5);
+    let architecture = Architecture::HenonNet { shape: widths, epsilon: 1.0 };
+    let first = architecture
+        .initialise(InitialWeights::Normal { scale: 0.4 }, 0.0, 2)
+        .expect("a valid architecture");
+    let turn = Composition::of_turn(&action, vec![0.9, -2.3]).expect("two angles");
+    let all = first
+        .composition()
+        .followed_by(&turn, Direction::Forward)
+        .and_then(|both| both.followed_by(last.composition(), Direction::Inverse));
+    // Both have steps scaled by their own ε, 1 and 0.01.
+    assert!(all.is_err());
+    let last = last.with_epsilon(1.0);
+    let all = first
+        .composition()
+        .followed_by(&turn, Direction::Forward)
+        .and_then(|both| both.followed_by(last.composition(), Direction::Inverse))
+        .expect("one ε");
+
+    let z = point(6, 5);
+    let mut expected = z.clone();
+    first.forward(&mut expected);
+    turn.forward(&mut expected);
+    last.inverse(&mut expected);
+    let mut moved = z.clone();
+    all.forward(&mut moved);
+    assert_eq!(moved, expected);
+    let mut inverted = expected.clone();
+    all.inverted().forward(&mut inverted);
+    all.inverse(&mut moved);
+    assert_eq!(moved, inverted);
+    for (a, b) in moved.iter().zip(&z) {
+        assert!((a - b).abs() < 1e-12, "{a} {b}");
+    }
+    let tally = laws::pullback(&all, &point(12, 6), 3, 1);
+    assert_eq!(tally.row().verdict, Verdict::Holds, "{:?}", tally.row());
+    let narrow = Composition::of_turn(&CircleAction::new([1]).into(), vec![0.1]).expect("one");
+    assert!(all.followed_by(&narrow, Direction::Forward).is_err());
+    assert!(Composition::of_turn(&action, vec![0.1]).is_err());
 }

@@ -3,12 +3,10 @@
 use gyroceptron::Error;
 use gyroceptron::flow::{Integrator, Pairs};
 use gyroceptron::measure::{
-    Contestant, Spread, precise_jacobians, relative_difference, root_mean_square_distance,
-    tanh_errors, work_precision,
+    Contestant, Spread, jacobians_by_differences, precise_jacobians, relative_difference,
+    root_mean_square_distance, tanh_errors, work_precision,
 };
-use gyroceptron::network::{
-    Architecture, HenonShape, InitialWeights, map_jacobians, map_jacobians_by_differences,
-};
+use gyroceptron::network::{Architecture, HenonShape, InitialWeights, map_jacobians_by_duals};
 use gyroceptron::scalar::tanh_sech2_of_all;
 use gyroceptron::system::{Oscillators, System};
 
@@ -108,9 +106,9 @@ fn precise_jacobians_tell_duals_from_differences() {
     let points: Vec<f64> = (0..24).map(|k| f64::from(k * 31 % 17) / 9.0 - 0.9).collect();
     let exact = precise_jacobians(map, &points);
     let mut out = vec![0.0; exact.len()];
-    map_jacobians(map, &points, &mut out).expect("whole points");
+    map_jacobians_by_duals(map, &points, &mut out).expect("whole points");
     assert!(relative_difference(&out, &exact) < 3e-15);
-    map_jacobians_by_differences(map, 1e-4, &points, &mut out).expect("whole points");
+    jacobians_by_differences(map, 1e-4, &points, &mut out).expect("whole points");
     let error = relative_difference(&out, &exact);
     assert!(error > 1e-11 && error < 1e-6, "{error:e}");
 }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 const MAPS: [(&str, &str); 7] = [
     ("HenonMap", "inversion"),
     ("HenonLayer", "inversion"),
-    ("Rotation", "inversion"),
+    ("Turn", "inversion"),
     ("Composition", "evaluation"),
     ("HenonNet", "symplecticity"),
     ("Gyroceptron", "near_periodicity"),

@@ -3,19 +3,19 @@
 
 use crate::{adiabatic, gradients, precision, suite, tanh, tolerances};
 use gyroceptron::layer::{
-    CircleAction, ElementaryStep, HenonLayer, HenonMap, Kick, KickForm, Potential, TanhPotential,
+    CircleAction, HenonLayer, HenonMap, Kick, KickForm, Potential, TanhPotential,
     layer_parameter_count,
 };
 use gyroceptron::measure::{
-    CertificateOptions, Conditioned, Layers, Measurable, MeasuredStep, MeasuredSteps,
-    NearlyPeriodic, Relation, Row, ThereAndBack, Verdict, Whole, certify_family, laws,
-    near_identity_generator,
+    CertificateOptions, Conditioned, KickStep, Layers, Magnitudes, Measurable, MeasuredStep,
+    MeasuredSteps, NearlyPeriodic, Numbers, Relation, Row, ThereAndBack, TrackedStep, Verdict,
+    Whole, certify_family, laws, near_identity_generator, turn_steps,
 };
 use gyroceptron::network::{
     Architecture, Direction, Gyroceptron, GyroceptronShape, InitialWeights, Model,
 };
 use gyroceptron::phase::{Half, Map};
-use gyroceptron::scalar::{Dual, Over, Real, Scalar};
+use gyroceptron::scalar::{Dual, Over, Scalar};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -163,9 +163,6 @@ impl<S: Over<f64>> Potential<S> for Faulty<'_> {
     fn dof(&self) -> usize {
         DOF
     }
-    fn tape_len(&self) -> usize {
-        0
-    }
     fn gradient(&self, y: &[S], out: &mut [S]) {
         let h = self.width;
         let (w_in, rest) = self.parameters.split_at(DOF * h);
@@ -197,32 +194,26 @@ impl<S: Over<f64>> Potential<S> for Faulty<'_> {
             }
         }
     }
-    fn gradient_recording(&self, y: &[S], out: &mut [S], _: &mut [S]) {
-        self.gradient(y, out);
-    }
-    fn pullback(&self, _: &[S], _: &[S], _: &[S], _: &mut [S], _: &mut [S]) {
-        unreachable!("no law pulls back through this mutant");
-    }
-    fn hessian_magnitude(&self, y: &[S], out: &mut [S]) {
+}
+
+impl Magnitudes for Faulty<'_> {
+    fn hessian_magnitude(&self, y: &[f64], out: &mut [f64]) {
         self.clean.hessian_magnitude(y, out);
     }
-    fn gradient_magnitude(&self, y: &[S], out: &mut [S]) {
+    fn gradient_magnitude(&self, y: &[f64], out: &mut [f64]) {
         self.clean.gradient_magnitude(y, out);
     }
-    fn curvature_magnitude(&self, y: &[S], spread: &[S], out: &mut [S])
-    where
-        S: Real,
-    {
+    fn curvature_magnitude(&self, y: &[f64], spread: &[f64], out: &mut [f64]) {
         self.clean.curvature_magnitude(y, spread, out);
     }
 }
 
 /// A kick that reads the half which it changes.
-struct OwnHalf<'a>(Kick<'a, f64, Faulty<'a>>);
+struct OwnHalf<'a>(KickStep<'a, Faulty<'a>>);
 
 impl OwnHalf<'_> {
     fn run<S: Over<f64>>(&self, z: &mut [S]) {
-        let kick = &self.0;
+        let kick = &self.0.kick;
         let own: Vec<S> = (0..DOF).map(|i| z[kick.target.index(DOF, i)]).collect();
         let mut gradient = [S::zero(); DOF];
         kick.potential.gradient(&own, &mut gradient);
@@ -317,26 +308,8 @@ impl<S: Scalar> Map<S> for Damping {
     }
 }
 
-fn whole<'a, M>(map: M, direction: Direction) -> Box<dyn MeasuredStep + 'a>
-where
-    M: gyroceptron::measure::Numbers + 'a,
-{
-    struct Owned<M>(Whole<M>, Direction);
-    impl<M: gyroceptron::measure::Numbers> MeasuredStep for Owned<M> {
-        fn apply(&self, z: &mut [f64]) {
-            self.0.measured_steps(self.1)[0].apply(z);
-        }
-        fn apply_tangent(&self, z: &mut [Dual<f64, 8>]) {
-            self.0.measured_steps(self.1)[0].apply_tangent(z);
-        }
-        fn jacobian_magnitude(&self, z: &[f64], before: &[f64], after: &[f64], e: &mut [f64]) {
-            self.0.measured_steps(self.1)[0].jacobian_magnitude(z, before, after, e);
-        }
-        fn value_magnitude(&self, z: &[f64], after: &[f64], delta: &mut [f64]) {
-            self.0.measured_steps(self.1)[0].value_magnitude(z, after, delta);
-        }
-    }
-    Box::new(Owned(Whole(map), direction))
+fn whole<'a, M: Numbers + 'a>(map: M, direction: Direction) -> Box<dyn MeasuredStep + 'a> {
+    Box::new(TrackedStep { map, direction })
 }
 
 /// A gyroceptron with a fault. It is the clean one but for the fault.
@@ -435,9 +408,9 @@ impl Mutant {
             .into_iter()
             .map(|kick| -> Box<dyn MeasuredStep + 'a> {
                 if self.fault == Fault::OwnHalf {
-                    Box::new(OwnHalf(kick))
+                    Box::new(OwnHalf(KickStep { kick }))
                 } else {
-                    Box::new(ElementaryStep::Kick(kick))
+                    Box::new(KickStep { kick })
                 }
             })
             .collect()
@@ -497,12 +470,7 @@ impl Mutant {
     fn rotation(&self, theta: f64, direction: Direction) -> MeasuredSteps<'_> {
         match self.matrix(theta) {
             Some(matrix) => vec![whole(matrix, direction)],
-            None => {
-                let rotation = self.clean.shape().circle_action.at(theta);
-                let steps: Vec<ElementaryStep<'_, f64, TanhPotential<'_, f64>>> =
-                    ElementaryStep::rotation(&rotation, direction == Direction::Inverse);
-                steps.into_iter().map(|step| Box::new(step) as Box<dyn MeasuredStep>).collect()
-            }
+            None => turn_steps(&self.clean.shape().circle_action.at(theta), direction),
         }
     }
 

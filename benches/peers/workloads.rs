@@ -8,7 +8,7 @@ use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
 use gyroceptron::network::{
     Architecture, Composition, GyroceptronShape, InitialWeights, Model, Rollout, Stream,
-    map_jacobians, map_jacobians_by_chain_rule, rollout,
+    map_jacobians, map_jacobians_by_duals, rollout,
 };
 use gyroceptron::train::{Loss, Objective};
 use std::error::Error;
@@ -78,10 +78,10 @@ fn workloads() -> Vec<Workload> {
         workload("loss-1033", (&[0, 1, 2], 12, 8, 12, 8), 60_000, all, pairs(3)),
         workload("rollout-549", (&[1, 0], 10, 8, 8, 6), 7, all, steps(40_000)),
         workload("jacobians-681", (&[1, 0], 10, 8, 10, 8), 10_000, all, |_, _| {
-            Kind::Jacobians(map_jacobians)
+            Kind::Jacobians(map_jacobians_by_duals)
         }),
         workload("jacobians-681-by-chain-rule", (&[1, 0], 10, 8, 10, 8), 10_000, all, |_, _| {
-            Kind::Jacobians(map_jacobians_by_chain_rule)
+            Kind::Jacobians(map_jacobians)
         }),
         workload("one-trajectory", (&[1], 3, 8, 3, 8), 1, 1, steps(20_000)),
         workload("64-trajectories", (&[1], 3, 8, 3, 8), 64, 1, steps(5_000)),

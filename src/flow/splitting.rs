@@ -1,6 +1,6 @@
 //! Symmetric splittings of H = H_A + εH_B.
 
-use crate::layer::Rotation;
+use crate::layer::Turn;
 use crate::scalar::{Over, Real};
 use crate::system::Splittable;
 
@@ -100,7 +100,7 @@ impl Splitting {
         let turn = |a: f64| {
             let time = S::from_f64(a * h);
             let angles: Vec<S> = frequencies.iter().map(|&w| S::from_f64(w) * time).collect();
-            Rotation::by_angles(&angles)
+            Turn::by_angles(&angles)
         };
         SplittingSteps {
             first: turn(self.a(0)),
@@ -130,11 +130,11 @@ impl Splitting {
 /// the first one.
 #[derive(Clone, Debug)]
 pub struct SplittingSteps<S> {
-    first: Rotation<S>,
+    first: Turn<S>,
     /// The last A of a step and the first of the next.
-    between: Rotation<S>,
+    between: Turn<S>,
     /// The A after each B.
-    inner: Vec<Rotation<S>>,
+    inner: Vec<Turn<S>>,
     /// The time of each B.
     kicks: Vec<S>,
 }

@@ -1,23 +1,24 @@
 //! Layers: shears and what is made of them, written over the number type.
 //!
-//! - [`Kick`]: the primitive. One half of the coordinates is moved by the
-//!   gradient of a potential of the other half. Forward, inverse, tangent
-//!   (through dual numbers) and pullback.
-//! - [`Potential`]: what a kick needs to know of its potential;
-//!   [`TanhPotential`] is the one with a hidden layer.
-//! - [`HenonMap`], [`HenonLayer`]: the paper's H\[V, η\] and its fourth iterate,
-//!   the latter as four kicks.
-//! - [`CircleAction`], [`Rotation`]: Φ_θ as three shears a plane.
-//! - [`ElementaryStep`]: one shear of any of these, as the measures see it.
+//! - [`Shear`]: what a step of a network is: forward, inverse, pullback, derivative
+//!   along directions. One file a kind of step:
+//! - [`Kick`]: one half of the coordinates is moved by the gradient of a
+//!   [`Potential`] of the other half; [`TanhPotential`] is the one with a hidden
+//!   layer.
+//! - [`Turn`], [`TurnStep`]: each plane rotated by its angle, as three shears a
+//!   plane; [`CircleAction`] and [`TorusAction`] say which planes turn together.
+//!
+//! [`HenonMap`], [`HenonLayer`] are the paper's H\[V, η\] and its fourth iterate,
+//! the latter as four kicks.
 
-mod circle_action;
-mod elementary_step;
 mod henon;
+mod kick;
 mod potential;
 mod shear;
+mod turn;
 
-pub use circle_action::{CircleAction, PlaneRotation, Rotation};
-pub use elementary_step::ElementaryStep;
 pub use henon::{HenonLayer, HenonMap, KickForm, layer_parameter_count};
+pub use kick::Kick;
 pub use potential::{Potential, TanhPotential};
-pub use shear::Kick;
+pub use shear::Shear;
+pub use turn::{CircleAction, PlaneTurn, TorusAction, Turn, TurnStep, quarter_turns};

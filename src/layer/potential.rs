@@ -1,6 +1,6 @@
 //! Potentials V(y) and what their gradients and adjoints need.
 
-use crate::scalar::{Over, Pack, Real, Scalar, WIDTH};
+use crate::scalar::{Over, Pack, Scalar, WIDTH};
 
 /// A potential V: ℝⁿ → ℝ, seen through its gradient.
 ///
@@ -9,43 +9,8 @@ pub trait Potential<S: Scalar> {
     /// n, the length of `y`.
     fn dof(&self) -> usize;
 
-    /// How many numbers [`Potential::gradient_recording`] leaves for
-    /// [`Potential::pullback`].
-    fn tape_len(&self) -> usize;
-
     /// `out` ← ∇V(y).
     fn gradient(&self, y: &[S], out: &mut [S]);
-
-    /// As [`Potential::gradient`], filling `tape` for the pullback.
-    fn gradient_recording(&self, y: &[S], out: &mut [S], tape: &mut [S]);
-
-    /// The adjoint of (y, parameters) ↦ ∇V(y): for the cotangent `u` of the
-    /// gradient, `y_bar` ← V″(y)u and `parameters_bar` += ∂(u·∇V)/∂parameters.
-    fn pullback(&self, y: &[S], tape: &[S], u: &[S], y_bar: &mut [S], parameters_bar: &mut [S]);
-
-    /// `out` ← a bound of |V″(y)| that rounding errors are measured by, n × n
-    /// row by row.
-    fn hessian_magnitude(&self, y: &[S], out: &mut [S]);
-
-    /// `out` ← δ, with u·δ the scale of the rounding error of ∇V(y).
-    fn gradient_magnitude(&self, y: &[S], out: &mut [S]);
-
-    /// `out` ← a bound of how far ∇V(y) is from linear over errors `spread` of y:
-    /// what a first-order analysis of rounding leaves out. Zero for a potential
-    /// that says nothing of it.
-    fn curvature_magnitude(&self, y: &[S], spread: &[S], out: &mut [S])
-    where
-        S: Real,
-    {
-        let _ = (y, spread);
-        out.fill(S::zero());
-    }
-}
-
-/// The least scale of a rounding error: below it numbers are rounded to
-/// multiples of 2⁻¹⁰⁷⁴.
-fn tiny<S: Scalar>() -> S {
-    S::from_f64(2.225_073_858_507_201_4e-308)
 }
 
 /// V(y) = w·tanh(Wᵀy + b): one hidden layer of h neurons (the paper's V\[W\]).
@@ -66,11 +31,11 @@ pub struct TanhPotential<'a, P, const D: usize = 0> {
 macro_rules! in_registers {
     ($n:expr, $D:ident, [$($input:ident),*], $out:ident => $body:expr) => {
         if $D > 0 {
-            let own = $out;
+            let slice = $out;
             $(let $input: &[S; $D] = &std::array::from_fn(|i| $input[i]);)*
             let $out = &mut [S::zero(); $D];
             $body;
-            own[..$D].copy_from_slice($out);
+            slice[..$D].copy_from_slice($out);
         } else {
             $(let $input = &$input[..$n];)*
             let $out = &mut $out[..$n];
@@ -117,9 +82,15 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
         Self { dof, w_in, b_in, w_out }
     }
 
+    /// n, a constant where `D` is.
     #[inline(always)]
-    fn n(&self) -> usize {
+    pub(super) fn n(&self) -> usize {
         if D > 0 { D } else { self.dof }
+    }
+
+    /// W (n × h, row by row), b (h) and w (h).
+    pub fn weights(&self) -> [&[P]; 3] {
+        [self.w_in, self.b_in, self.w_out]
     }
 
     /// h, the number of neurons.
@@ -131,12 +102,12 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
     /// K neurons from j on.
     #[inline(always)]
     fn neurons<const K: usize>(&self, j: usize) -> Neurons<'_, P, K, D> {
-        let own = |row: &[P]| row[j..j + K].try_into().expect("K of them");
+        let k_of = |row: &[P]| row[j..j + K].try_into().expect("K of them");
         let h = self.width();
         Neurons {
-            w_in: std::array::from_fn(|i| own(&self.w_in[i * h..(i + 1) * h])),
-            b_in: own(self.b_in),
-            w_out: own(self.w_out),
+            w_in: std::array::from_fn(|i| k_of(&self.w_in[i * h..(i + 1) * h])),
+            b_in: k_of(self.b_in),
+            w_out: k_of(self.w_out),
             all: self.w_in,
             row: h,
             first: j,
@@ -145,7 +116,7 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
 
     /// (Wᵀy + b)ⱼ.
     #[inline(always)]
-    fn preactivation<S: Over<P>>(&self, j: usize, y: &[S]) -> S {
+    pub fn preactivation<S: Over<P>>(&self, j: usize, y: &[S]) -> S {
         let [z] = self.neurons(j).preactivations(y);
         z
     }
@@ -190,7 +161,7 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
 
     /// `out` ← ∇V(y), `hessian` ← V″(y) = W diag(−2 w t s) Wᵀ, n × n row by row.
     #[inline(always)]
-    pub(crate) fn gradient_and_hessian<S: Over<P>>(
+    pub(super) fn gradient_and_hessian<S: Over<P>>(
         &self,
         y: &[S],
         out: &mut [S],
@@ -311,7 +282,7 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
     /// ∇V at one point, with a neuron in each lane: the same bits as
     /// [`Potential::gradient`].
     #[inline(always)]
-    pub(crate) fn gradient_across<V: Pack<P>>(&self, y: &[P], out: &mut [P]) {
+    pub(super) fn gradient_across<V: Pack<P>>(&self, y: &[P], out: &mut [P]) {
         let (n, h) = (self.n(), self.width());
         let (y, out) = (&y[..n], &mut out[..n]);
         out.fill(P::zero());
@@ -341,88 +312,38 @@ impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, 
     }
 
     #[inline(always)]
-    fn tape_len(&self) -> usize {
-        2 * self.width()
-    }
-
-    #[inline(always)]
     fn gradient(&self, y: &[S], out: &mut [S]) {
         in_registers!(self.n(), D, [y], out => self.gradient_of(y, out));
     }
+}
 
+impl<P: Copy, const D: usize> TanhPotential<'_, P, D> {
+    /// How many numbers [`TanhPotential::gradient_recording`] leaves for
+    /// [`TanhPotential::pullback`].
     #[inline(always)]
-    fn gradient_recording(&self, y: &[S], out: &mut [S], tape: &mut [S]) {
+    pub(super) fn tape_len(&self) -> usize {
+        2 * self.width()
+    }
+
+    /// `out` ← ∇V(y), filling `tape` for the pullback.
+    #[inline(always)]
+    pub(super) fn gradient_recording<S: Over<P>>(&self, y: &[S], out: &mut [S], tape: &mut [S]) {
         in_registers!(self.n(), D, [y], out => self.gradient_of_recording(y, out, tape));
     }
 
+    /// The adjoint of (y, parameters) ↦ ∇V(y): for the cotangent `u` of the
+    /// gradient, `y_bar` ← V″(y)u and `parameters_bar` += ∂(u·∇V)/∂parameters.
     #[inline(always)]
-    fn pullback(&self, y: &[S], tape: &[S], u: &[S], y_bar: &mut [S], parameters_bar: &mut [S]) {
+    pub(super) fn pullback<S: Over<P>>(
+        &self,
+        y: &[S],
+        tape: &[S],
+        u: &[S],
+        y_bar: &mut [S],
+        parameters_bar: &mut [S],
+    ) {
         in_registers!(self.n(), D, [y, u], y_bar => {
             self.pullback_of(y, tape, u, y_bar, parameters_bar);
         });
-    }
-
-    /// |W||D||Wᵀ| with D = diag(2 w s t), the diagonal of second derivatives.
-    fn hessian_magnitude(&self, y: &[S], out: &mut [S]) {
-        let n = self.n();
-        let h = self.width();
-        out.fill(S::zero());
-        for j in 0..h {
-            let (t, s) = self.preactivation(j, y).tanh_sech2();
-            let d = (S::from_f64(2.0) * t.abs() * s + tiny::<S>()).times(self.w_out[j]).abs();
-            for i in 0..n {
-                let row = S::embed(self.w_in[i * h + j]).abs();
-                for k in 0..n {
-                    let column = S::embed(self.w_in[k * h + j]).abs();
-                    out[i * n + k] = (d * row).mul_add(column, out[i * n + k]);
-                }
-            }
-        }
-    }
-
-    /// |W|(|w| ⊙ (s + 2|t| s (|W|ᵀ|y| + |b|))).
-    fn gradient_magnitude(&self, y: &[S], out: &mut [S]) {
-        let n = self.n();
-        let h = self.width();
-        out.fill(S::zero());
-        for j in 0..h {
-            let (t, s) = self.preactivation(j, y).tanh_sech2();
-            let mut reach = S::embed(self.b_in[j]).abs();
-            for i in 0..n {
-                reach = S::embed(self.w_in[i * h + j]).abs().mul_add(y[i].abs(), reach);
-            }
-            let sensitivity = S::from_f64(2.0) * t.abs() * s * reach + (s + tiny());
-            let weight = S::embed(self.w_out[j]).abs().mul_add(sensitivity, tiny());
-            for i in 0..n {
-                out[i] = S::embed(self.w_in[i * h + j]).abs().mul_add(weight, out[i]);
-            }
-        }
-    }
-
-    /// |W|(|w| ⊙ c·min(d², 1 + d)) with d = |W|ᵀ·spread and c = min(1, 8e^{−2|a|})
-    /// a bound of ½|(sech²)″|, |(sech²)′| and sech² next to the preactivation a,
-    /// for errors up to a hundred times what they are taken for.
-    fn curvature_magnitude(&self, y: &[S], spread: &[S], out: &mut [S])
-    where
-        S: Real,
-    {
-        let (n, h) = (self.n(), self.width());
-        let (room, one) = (S::from_f64(100.0), S::from_f64(1.0));
-        // A minimum that keeps a NaN of x.
-        let at_most = |most: S, x: S| if x.value() > most.value() { most } else { x };
-        out.fill(S::zero());
-        for j in 0..h {
-            let mut d = S::zero();
-            for i in 0..n {
-                d = S::embed(self.w_in[i * h + j]).abs().mul_add(spread[i].abs(), d);
-            }
-            let nearest = self.preactivation(j, y).abs() - room * d;
-            let tail = S::from_f64(8.0) * (S::from_f64(-2.0) * nearest).exp();
-            let bend = at_most(one, tail) * at_most(one + d, d * d);
-            let weight = S::embed(self.w_out[j]).abs() * bend;
-            for i in 0..n {
-                out[i] = S::embed(self.w_in[i * h + j]).abs().mul_add(weight, out[i]);
-            }
-        }
     }
 }

@@ -6,17 +6,13 @@ use crate::phase::Map;
 use crate::scalar::max_or_nan;
 use std::f64::consts::TAU;
 
-/// μ₀ = 𝔍₀∘ψ⁻¹ as a function of a point, 𝔍₀ = ½ Σ m_j (q_j² + p_j²).
+/// μ₀ = 𝔍₀∘ψ⁻¹ as a function of a point, [`CircleAction::conjugated_invariant`].
 pub fn leading_invariant<'a, M: Map<f64> + ?Sized>(
     psi: &'a M,
     weights: &[i32],
 ) -> impl Fn(&[f64]) -> f64 + use<'a, M> {
     let action = CircleAction::new(weights);
-    move |z| {
-        let mut w = z.to_vec();
-        psi.inverse(&mut w);
-        action.invariant(&w)
-    }
+    move |z| action.conjugated_invariant(psi, z)
 }
 
 /// D(N) = max over k ≤ N of |μ(P^k z) − μ(z)| for each N of `horizons`, which

@@ -1,7 +1,7 @@
 //! The pullback against forward-mode duals.
 
 use super::Conditioned;
-use crate::network::{Composition, Gyroceptron, HenonNet, Model};
+use crate::network::{Composition, Model};
 use crate::phase::Map;
 use crate::scalar::{Dual, Over, Real, Tracked, max_or_nan};
 
@@ -75,34 +75,24 @@ pub fn adjoint_ratio(
     Conditioned::Ratio(if difference == 0.0 { 0.0 } else { difference / bound })
 }
 
+/// The map over other numbers, its parameters replaced.
+fn over<P: Real>(map: &Composition<f64>, parameters: &[P]) -> Composition<P> {
+    map.with_parameters(parameters.to_vec(), P::from_f64(map.epsilon()))
+        .expect("as many parameters")
+}
+
 fn pull<P: Over<P>>(composition: &Composition<P>, z: &[P], z_bar: &mut [P], bar: &mut [P]) {
     let mut recording = composition.recording();
     composition.forward_recording(&mut z.to_vec(), &mut recording);
     composition.pullback(&mut recording, z_bar, bar);
 }
 
-/// The model over another number type, its parameters replaced.
-fn rebuilt<P: Real>(model: &Model, parameters: &[P]) -> Composition<P> {
-    let epsilon = P::from_f64(model.architecture().epsilon());
-    let parameters = parameters.to_vec();
-    match model {
-        Model::HenonNet(net) => HenonNet::near_identity(net.shape().clone(), epsilon, parameters)
-            .expect("as many parameters")
-            .composition()
-            .clone(),
-        Model::Gyroceptron(net) => Gyroceptron::new(net.shape().clone(), epsilon, parameters)
-            .expect("as many parameters")
-            .composition()
-            .clone(),
-    }
-}
-
-impl Adjoint for Model {
+impl Adjoint for Composition<f64> {
     fn parameters(&self) -> Vec<f64> {
-        self.composition().parameters().to_vec()
+        Composition::parameters(self).to_vec()
     }
     fn tangent(&self, parameters: &[Dual<Tracked, 1>], z: &mut [Dual<Tracked, 1>]) {
-        rebuilt(self, parameters).forward(z);
+        over(self, parameters).forward(z);
     }
     fn cotangent(
         &self,
@@ -111,6 +101,24 @@ impl Adjoint for Model {
         z_bar: &mut [Tracked],
         parameters_bar: &mut [Tracked],
     ) {
-        pull(&rebuilt(self, parameters), z, z_bar, parameters_bar);
+        pull(&over(self, parameters), z, z_bar, parameters_bar);
+    }
+}
+
+impl Adjoint for Model {
+    fn parameters(&self) -> Vec<f64> {
+        self.composition().parameters().to_vec()
+    }
+    fn tangent(&self, parameters: &[Dual<Tracked, 1>], z: &mut [Dual<Tracked, 1>]) {
+        self.composition().tangent(parameters, z);
+    }
+    fn cotangent(
+        &self,
+        parameters: &[Tracked],
+        z: &[Tracked],
+        z_bar: &mut [Tracked],
+        parameters_bar: &mut [Tracked],
+    ) {
+        self.composition().cotangent(parameters, z, z_bar, parameters_bar);
     }
 }

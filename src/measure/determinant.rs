@@ -22,16 +22,16 @@ pub fn determinant_ratio(walk: &Walk) -> Conditioned {
     let norm = jacobian.norm_l2();
     let decomposition = dim as f64 * norm * norm;
     // d(log det) = tr(J⁻¹dJ), step by step.
-    let mut own = 0.0;
+    let mut of_rounding = 0.0;
     for (jacobian, error) in walk.jacobian_steps() {
         let inverse = super::inverse_of_symplectic(jacobian, dim / 2);
         for i in 0..dim {
             for k in 0..dim {
-                own += inverse[i * dim + k].abs() * error[k * dim + i];
+                of_rounding += inverse[i * dim + k].abs() * error[k * dim + i];
             }
         }
     }
-    let bound = f64::unit_roundoff() * (decomposition + own + 1.0);
+    let bound = f64::unit_roundoff() * (decomposition + of_rounding + 1.0);
     if !(bound <= NO_DIGIT) {
         return Conditioned::IllConditioned;
     }

@@ -1,10 +1,10 @@
 //! What a map must tell of itself to be measured.
 
-use super::rounding::{MeasuredStep, MeasuredSteps};
-use crate::layer::{ElementaryStep, HenonLayer, HenonMap, Potential, Rotation};
-use crate::network::{Composition, Direction, Gyroceptron, HenonNet, Model, map_points};
-use crate::phase::Map;
-use crate::scalar::{Dual, Scalar, Tracked};
+use super::measured_step::{AsMeasured, MeasuredPotential, MeasuredSteps, TrackedStep, turn_steps};
+use crate::layer::{HenonLayer, HenonMap, Kick, Turn};
+use crate::network::{Composition, Gyroceptron, HenonNet, Model, map_points};
+use crate::phase::{Direction, Map};
+use crate::scalar::{Dual, Tracked};
 
 /// A map that the laws can be measured on.
 ///
@@ -19,10 +19,7 @@ pub trait Measurable: Map<f64> {
     /// [`Map::forward`] and [`Map::inverse`].
     fn move_points(&self, direction: Direction, points: &mut [f64]) {
         for point in points.chunks_exact_mut(2 * self.dof()) {
-            match direction {
-                Direction::Forward => self.forward(point),
-                Direction::Inverse => self.inverse(point),
-            }
+            self.run(direction, point);
         }
     }
 
@@ -63,133 +60,35 @@ pub trait NearlyPeriodic: Measurable {
     fn epsilon_now(&self) -> f64;
 }
 
-/// Elementary steps as measures see them, those of the inverse backwards.
-fn in_direction<'a, V>(
-    mut steps: Vec<ElementaryStep<'a, f64, V>>,
-    direction: Direction,
-) -> MeasuredSteps<'a>
-where
-    V: Potential<f64> + Potential<Dual<f64, 8>> + 'a,
-{
-    if direction == Direction::Inverse {
-        steps.reverse();
-        steps = steps.into_iter().map(ElementaryStep::inverse).collect();
-    }
-    steps.into_iter().map(|step| Box::new(step) as Box<dyn MeasuredStep + 'a>).collect()
-}
-
 impl Measurable for Composition<f64> {
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
-        in_direction(self.elementary_steps(), direction)
+        self.visit_steps(direction, AsMeasured).into_iter().flatten().collect()
     }
     fn move_points(&self, direction: Direction, points: &mut [f64]) {
         map_points(self, direction, points).expect("whole points");
     }
 }
 
-impl<'p, V> Measurable for HenonLayer<'p, f64, V>
-where
-    V: Potential<f64> + Potential<Dual<f64, 8>> + Copy + 'p,
-{
+impl<V: MeasuredPotential> Measurable for HenonLayer<'_, f64, V> {
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
-        in_direction(self.kicks().map(ElementaryStep::Kick).into(), direction)
+        let mut kicks = self.kicks();
+        if direction == Direction::Inverse {
+            kicks = kicks.map(Kick::inverse);
+            kicks.reverse();
+        }
+        kicks.into_iter().map(V::measured_kick).collect()
     }
 }
 
-impl<'p, V> Measurable for HenonMap<'p, f64, V>
-where
-    V: Potential<f64> + Potential<Dual<f64, 8>> + Copy + 'p,
-{
+impl<V: MeasuredPotential> Measurable for HenonMap<'_, f64, V> {
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
-        vec![Box::new(HenonStep { map: *self, inverse: direction == Direction::Inverse })]
+        vec![V::measured_map(*self, direction)]
     }
 }
 
-/// The single Hénon map, or its inverse, as one step. One half of the output is
-/// a shifted copy, the other is a kick away from the other half of the input.
-struct HenonStep<'p, V> {
-    map: HenonMap<'p, f64, V>,
-    inverse: bool,
-}
-
-impl<V: Potential<f64> + Potential<Dual<f64, 8>>> HenonStep<'_, V> {
-    /// Where ∇V is taken: y, or x − η in the inverse.
-    fn argument(&self, z: &[f64]) -> Vec<f64> {
-        let n = z.len() / 2;
-        match self.inverse {
-            false => z[n..].to_vec(),
-            true => (0..n).map(|i| z[i] - self.map.eta[i]).collect(),
-        }
-    }
-
-    /// The first row of the half that ∇V is added to, and of the half that it
-    /// is taken of.
-    fn rows(&self, n: usize) -> (usize, usize) {
-        if self.inverse { (0, 0) } else { (n, n) }
-    }
-}
-
-impl<V: Potential<f64> + Potential<Dual<f64, 8>>> MeasuredStep for HenonStep<'_, V>
-where
-    V: Copy,
-{
-    fn apply(&self, z: &mut [f64]) {
-        if self.inverse { self.map.inverse(z) } else { self.map.forward(z) }
-    }
-
-    fn apply_tangent(&self, z: &mut [Dual<f64, 8>]) {
-        if self.inverse { self.map.inverse(z) } else { self.map.forward(z) }
-    }
-
-    fn jacobian_magnitude(&self, z: &[f64], before: &[f64], after: &[f64], e: &mut [f64]) {
-        let (dim, n) = (z.len(), z.len() / 2);
-        let (target, source) = self.rows(n);
-        let mut hessian = vec![0.0; n * n];
-        self.map.potential.hessian_magnitude(&self.argument(z), &mut hessian);
-        e.fill(0.0);
-        for i in 0..n {
-            for column in 0..dim {
-                let reach: f64 = (0..n)
-                    .map(|k| hessian[i * n + k] * before[(source + k) * dim + column].abs())
-                    .sum();
-                let row = (target + i) * dim + column;
-                e[row] = self.map.epsilon.abs().mul_add(reach, after[row].abs());
-            }
-        }
-    }
-
-    fn value_magnitude(&self, z: &[f64], after: &[f64], delta: &mut [f64]) {
-        let n = z.len() / 2;
-        let (target, _) = self.rows(n);
-        let mut magnitude = vec![0.0; n];
-        self.map.potential.gradient_magnitude(&self.argument(z), &mut magnitude);
-        for (d, value) in delta.iter_mut().zip(after) {
-            *d = value.abs();
-        }
-        for i in 0..n {
-            delta[target + i] += self.map.epsilon.abs() * magnitude[i];
-        }
-    }
-
-    fn curvature_magnitude(&self, z: &[f64], spread: &[f64], out: &mut [f64]) {
-        let n = z.len() / 2;
-        let (target, source) = self.rows(n);
-        let mut own = vec![0.0; n];
-        let spread = &spread[source..source + n];
-        self.map.potential.curvature_magnitude(&self.argument(z), spread, &mut own);
-        out.fill(0.0);
-        for i in 0..n {
-            out[target + i] = self.map.epsilon.abs() * own[i];
-        }
-    }
-}
-
-impl Measurable for Rotation<f64> {
+impl Measurable for Turn<f64> {
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
-        let undo = direction == Direction::Inverse;
-        type NoPotential = crate::layer::TanhPotential<'static, f64>;
-        let steps: Vec<ElementaryStep<'_, f64, NoPotential>> = ElementaryStep::rotation(self, undo);
-        in_direction(steps, Direction::Forward)
+        turn_steps(self, direction)
     }
 }
 
@@ -296,62 +195,6 @@ impl<M> Numbers for M where M: Map<f64> + Map<Dual<f64, 8>> + Map<Dual<Tracked, 
 
 impl<M: Numbers> Measurable for Whole<M> {
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
-        vec![Box::new(WholeStep { map: &self.0, direction })]
-    }
-}
-
-struct WholeStep<'a, M> {
-    map: &'a M,
-    direction: Direction,
-}
-
-impl<M> WholeStep<'_, M> {
-    fn run<S>(&self, z: &mut [S])
-    where
-        M: Map<S>,
-    {
-        match self.direction {
-            Direction::Forward => self.map.forward(z),
-            Direction::Inverse => self.map.inverse(z),
-        }
-    }
-}
-
-impl<M: Numbers> MeasuredStep for WholeStep<'_, M> {
-    fn apply(&self, z: &mut [f64]) {
-        self.run(z);
-    }
-
-    fn apply_tangent(&self, z: &mut [Dual<f64, 8>]) {
-        self.run(z);
-    }
-
-    fn jacobian_magnitude(&self, z: &[f64], before: &[f64], _: &[f64], e: &mut [f64]) {
-        let dim = z.len();
-        for first in (0..dim).step_by(8) {
-            let mut w: Vec<Dual<Tracked, 8>> = (0..dim)
-                .map(|row| {
-                    let mut out = Dual::constant(Tracked::exact(z[row]));
-                    for column in first..dim.min(first + 8) {
-                        out.eps[column - first] = Tracked::exact(before[row * dim + column]);
-                    }
-                    out
-                })
-                .collect();
-            self.run(&mut w);
-            for (row, value) in w.iter().enumerate() {
-                for column in first..dim.min(first + 8) {
-                    e[row * dim + column] = value.eps[column - first].bound;
-                }
-            }
-        }
-    }
-
-    fn value_magnitude(&self, z: &[f64], _: &[f64], delta: &mut [f64]) {
-        let mut w: Vec<Dual<Tracked, 8>> = z.iter().map(|&v| Dual::from_f64(v)).collect();
-        self.run(&mut w);
-        for (d, value) in delta.iter_mut().zip(&w) {
-            *d = value.re.bound;
-        }
+        vec![Box::new(TrackedStep { map: &self.0, direction })]
     }
 }

@@ -14,6 +14,7 @@ mod inversion;
 mod jacobian;
 pub mod laws;
 mod measurable;
+mod measured_step;
 mod near_identity;
 mod relations;
 mod rounding;
@@ -35,14 +36,17 @@ pub use circle_axioms::{
 };
 pub use determinant::determinant_ratio;
 pub use inversion::{Conditioned, ILL_CONDITIONED, ThereAndBack, inversion_ratio};
-pub use jacobian::{Differentiable, jacobian};
+pub use jacobian::{Differentiable, jacobian, jacobians_by_differences};
 pub use laws::Samples;
 pub use measurable::{Layers, Measurable, NearlyPeriodic, Numbers, Whole};
+pub use measured_step::{
+    KickStep, Magnitudes, MeasuredPotential, MeasuredStep, MeasuredSteps, TrackedStep, turn_steps,
+};
 pub use near_identity::{
     differing_components, near_identity_generator, near_identity_size, near_identity_undoing,
 };
 pub use relations::Relation;
-pub use rounding::{MeasuredStep, MeasuredSteps, Walk, inverse_of_symplectic};
+pub use rounding::{Walk, inverse_of_symplectic};
 pub use symplecticity::{symplecticity_defect, symplecticity_ratio, symplecticity_scale};
 pub use tally::{
     COUNT_LIMIT, RATIO_LIMIT, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_MEDIAN, TESTABLE, Tally,

@@ -58,9 +58,9 @@ pub fn near_identity_generator(network: &HenonNet<f64>, z: &[f64], out: &mut [f6
             .collect();
         let mut parameters = network.composition().parameters();
         let mut take = |count: usize| {
-            let (own, rest) = parameters.split_at(count);
+            let (layer, rest) = parameters.split_at(count);
             parameters = rest;
-            own
+            layer
         };
         let mut total = Number::zero();
         for &h in &network.shape().widths {

@@ -80,10 +80,10 @@ impl Relation {
         for (_, shape) in model.architecture().parts() {
             for &width in &shape.widths {
                 let count = crate::layer::layer_parameter_count(shape.dof, width);
-                let (own, others) = rest.split_at_mut(count);
-                let before = own.to_vec();
-                self.transform_layer(shape.dof, width, own);
-                let mut back = own.to_vec();
+                let (layer, others) = rest.split_at_mut(count);
+                let before = layer.to_vec();
+                self.transform_layer(shape.dof, width, layer);
+                let mut back = layer.to_vec();
                 self.undone().transform_layer(shape.dof, width, &mut back);
                 if let Some(k) = (0..count).find(|&k| back[k].to_bits() != before[k].to_bits()) {
                     return Err(Error::invalid(

@@ -1,62 +1,8 @@
 //! Rounding errors followed through a map, shear by shear.
 
-use crate::layer::{ElementaryStep, Potential};
-use crate::network::Stream;
+use super::MeasuredStep;
+use crate::random::Stream;
 use crate::scalar::{Dual, Scalar, max_or_nan};
-
-/// One step of a map, with the scale of the rounding errors that it makes.
-///
-/// Matrices are 2n × 2n, row by row.
-pub trait MeasuredStep {
-    /// z ← the step of z.
-    fn apply(&self, z: &mut [f64]);
-
-    /// The same with derivatives in eight directions.
-    fn apply_tangent(&self, z: &mut [Dual<f64, 8>]);
-
-    /// `e` ← the scale, in units of u, of the error that the step leaves in
-    /// the running Jacobian, which is `before` at its input z and `after` at
-    /// its output.
-    fn jacobian_magnitude(&self, z: &[f64], before: &[f64], after: &[f64], e: &mut [f64]);
-
-    /// `delta` ← the scale, in units of u, of the error that the step leaves
-    /// in the point, which it moves from z to `after`.
-    fn value_magnitude(&self, z: &[f64], after: &[f64], delta: &mut [f64]);
-
-    /// `out` ← a bound of how far the step is from linear over errors `spread`
-    /// of z. Zero for a step that says nothing of it.
-    fn curvature_magnitude(&self, z: &[f64], spread: &[f64], out: &mut [f64]) {
-        let _ = (z, spread);
-        out.fill(0.0);
-    }
-}
-
-/// Steps in the order of application.
-pub type MeasuredSteps<'a> = Vec<Box<dyn MeasuredStep + 'a>>;
-
-impl<V> MeasuredStep for ElementaryStep<'_, f64, V>
-where
-    V: Potential<f64> + Potential<Dual<f64, 8>>,
-{
-    fn apply(&self, z: &mut [f64]) {
-        ElementaryStep::apply(self, z, &mut vec![0.0; z.len()]);
-    }
-    fn apply_tangent(&self, z: &mut [Dual<f64, 8>]) {
-        ElementaryStep::apply(self, z, &mut vec![Dual::constant(0.0); z.len()]);
-    }
-    fn jacobian_magnitude(&self, z: &[f64], before: &[f64], after: &[f64], e: &mut [f64]) {
-        ElementaryStep::jacobian_magnitude(self, z, before, after, e);
-    }
-    fn value_magnitude(&self, z: &[f64], after: &[f64], delta: &mut [f64]) {
-        ElementaryStep::value_magnitude(self, z, after, delta);
-    }
-    fn curvature_magnitude(&self, z: &[f64], spread: &[f64], out: &mut [f64]) {
-        match self {
-            ElementaryStep::Kick(kick) => kick.curvature_magnitude(z, spread, out),
-            _ => out.fill(0.0),
-        }
-    }
-}
 
 /// The points and Jacobians along a sequence of shears, with the scale of the
 /// rounding error that each of them makes.
@@ -285,7 +231,7 @@ impl<'a> Walk<'a> {
             identity[i * dim + i] = 1.0;
         }
         let mut behind = identity.clone();
-        let mut own = identity.clone();
+        let mut of_step = identity.clone();
         for (k, delta) in self.value_errors.iter().enumerate().rev() {
             for row in 0..dim {
                 let reach: f64 = (0..dim)
@@ -296,12 +242,12 @@ impl<'a> Walk<'a> {
                 squares[row] = libm::hypot(squares[row], reach);
                 sums[row] += reach;
             }
-            carry(&*self.steps[k], &self.points[k], &identity, &mut own);
+            carry(&*self.steps[k], &self.points[k], &identity, &mut of_step);
             let mut product = vec![0.0; dim * dim];
             for row in 0..dim {
                 for inner in 0..dim {
                     for column in 0..dim {
-                        let entry = behind[row * dim + inner] * own[inner * dim + column];
+                        let entry = behind[row * dim + inner] * of_step[inner * dim + column];
                         product[row * dim + column] += entry;
                     }
                 }

@@ -1,7 +1,8 @@
 //! Many points at once: lanes, threads, and kernels chosen at run time.
 
-use super::{Composition, Direction, with_dof};
+use super::{Composition, with_dof};
 use crate::error::Error;
+use crate::phase::Direction;
 use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
 use rayon::prelude::*;
 
@@ -235,12 +236,14 @@ pub fn rollout(
     for kept in kept.chunks_mut(slab * initial.len()) {
         let times = kept.len() / initial.len();
         let blocks = state.par_chunks_mut(block).zip(apart.par_chunks_mut(slab * block));
-        blocks.for_each(|(points, own)| run(points, &mut own[..times * points.len()]));
-        for (number, own) in apart.chunks(slab * block).enumerate() {
+        blocks.for_each(|(points, kept)| run(points, &mut kept[..times * points.len()]));
+        for (number, together) in apart.chunks(slab * block).enumerate() {
             let first = number * block;
             let size = block.min(initial.len() - first);
-            for (states, own) in kept.chunks_exact_mut(initial.len()).zip(own.chunks_exact(size)) {
-                states[first..first + size].copy_from_slice(own);
+            for (states, state) in
+                kept.chunks_exact_mut(initial.len()).zip(together.chunks_exact(size))
+            {
+                states[first..first + size].copy_from_slice(state);
             }
         }
     }

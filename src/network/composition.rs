@@ -1,44 +1,12 @@
-//! A composition of kicks and rotations over one flat parameter vector.
+//! A composition of steps over one flat parameter vector.
 
-use super::HenonShape;
-use crate::layer::{
-    ElementaryStep, Kick, KickForm, Potential, Rotation, TanhPotential, layer_parameter_count,
-};
-use crate::phase::Map;
-use crate::scalar::{Over, Pack, Part, Scalar};
+use super::step::{Kind, Step, Visitor};
+use crate::error::Error;
+use crate::layer::{Shear, TorusAction, Turn};
+use crate::phase::{Direction, Map};
+use crate::scalar::{Over, Pack, Part, Real, Scalar};
+use std::marker::PhantomData;
 use std::ops::Range;
-
-/// Forward or inverse.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Direction {
-    /// The map.
-    Forward,
-    /// Its inverse.
-    Inverse,
-}
-
-/// One step of a composition, pointing into its parameters.
-#[derive(Clone, Debug)]
-pub enum Step {
-    /// A kick of a Hénon layer.
-    Kick {
-        /// Where the layer's parameters are.
-        parameters: Range<usize>,
-        /// Its number of neurons.
-        width: usize,
-        /// Which of the four kicks.
-        form: KickForm,
-        /// The inverse of the kick.
-        inverse: bool,
-        /// Scaled by the composition's ε; else by 1.
-        near_identity: bool,
-    },
-    /// The rotation Φ_θ; its inverse when true.
-    Rotation {
-        /// Φ_θ⁻¹ in place of Φ_θ.
-        inverse: bool,
-    },
-}
 
 /// Runs `$body` with `$D` bound to n where kernels on the number `$S` are specialised
 /// for it, and to 0 (n read at run time) elsewhere.
@@ -71,7 +39,7 @@ macro_rules! with_dof {
 }
 pub(crate) use with_dof;
 
-/// A map given as a sequence of kicks and rotations.
+/// A map given as a sequence of steps.
 ///
 /// Its parameters are one flat vector (see the [module](super) for the order);
 /// every step points into it, and several steps may share a layer, as ψ and
@@ -82,63 +50,148 @@ pub struct Composition<P> {
     steps: Vec<Step>,
     parameters: Vec<P>,
     epsilon: P,
-    rotation: Option<Rotation<P>>,
-    theta: Option<usize>,
+    /// One for each step that is a turn, prepared for the angles it points to.
+    turns: Vec<Turn<P>>,
 }
 
-/// One kick of all points, 2n numbers each.
-struct Apply<'a, P, S, const D: usize> {
-    kick: Kick<'a, P, TanhPotential<'a, P, D>>,
-    z: &'a mut [S],
-    scratch: &'a mut [S],
+/// A step of all points, 2n numbers each.
+struct Apply<'s, S> {
+    z: &'s mut [S],
+    scratch: &'s mut [S],
 }
 
-impl<P: Scalar, S: Over<P>, const D: usize> Part for Apply<'_, P, S, D> {
+impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Apply<'_, S> {
+    type Output = ();
+    #[inline(always)]
+    fn visit(self, shear: impl Shear<P> + 'a) {
+        S::apart(OfEach { shear, work: self, parameters: PhantomData });
+    }
+}
+
+/// What a visitor does with a shear, to be compiled as a function of its own.
+struct OfEach<P, T, W> {
+    shear: T,
+    work: W,
+    parameters: PhantomData<P>,
+}
+
+impl<P: Scalar, S: Over<P>, T: Shear<P>> Part for OfEach<P, T, Apply<'_, S>> {
     #[inline(always)]
     fn run(self) {
-        let dim = 2 * Potential::<S>::dof(&self.kick.potential);
-        for z in self.z.chunks_exact_mut(dim) {
-            self.kick.apply(z, self.scratch);
+        let Apply { z, scratch } = self.work;
+        for z in z.chunks_exact_mut(2 * self.shear.dof()) {
+            self.shear.apply(z, scratch);
         }
     }
 }
 
-/// The same, filling the tape of each.
-struct Record<'a, P, S, const D: usize> {
-    kick: Kick<'a, P, TanhPotential<'a, P, D>>,
-    z: &'a mut [S],
-    tape: &'a mut [S],
-    scratch: &'a mut [S],
+/// A step of all points, filling the tape of each.
+struct Record<'s, S> {
+    z: &'s mut [S],
+    tape: &'s mut [S],
+    scratch: &'s mut [S],
 }
 
-impl<P: Scalar, S: Over<P>, const D: usize> Part for Record<'_, P, S, D> {
+impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Record<'_, S> {
+    type Output = ();
+    #[inline(always)]
+    fn visit(self, shear: impl Shear<P> + 'a) {
+        S::apart(OfEach { shear, work: self, parameters: PhantomData });
+    }
+}
+
+impl<P: Scalar, S: Over<P>, T: Shear<P>> Part for OfEach<P, T, Record<'_, S>> {
     #[inline(always)]
     fn run(self) {
-        let dim = 2 * Potential::<S>::dof(&self.kick.potential);
-        let tapes = self.tape.chunks_exact_mut(self.kick.tape_len::<S>());
-        for (z, tape) in self.z.chunks_exact_mut(dim).zip(tapes) {
-            self.kick.apply_recording(z, self.scratch, tape);
+        let Record { z, tape, scratch } = self.work;
+        let tapes = tape.chunks_exact_mut(self.shear.tape_len());
+        for (z, tape) in z.chunks_exact_mut(2 * self.shear.dof()).zip(tapes) {
+            self.shear.record(z, tape, scratch);
         }
     }
 }
 
-/// The adjoint of one kick at all points recorded.
-struct Pull<'a, P, S, const D: usize> {
-    kick: Kick<'a, P, TanhPotential<'a, P, D>>,
-    tape: &'a [S],
-    z_bar: &'a mut [S],
-    parameters_bar: &'a mut [S],
-    scratch: &'a mut [S],
+/// The adjoint of a step at all points recorded.
+struct Pull<'s, S> {
+    tape: &'s [S],
+    z_bar: &'s mut [S],
+    parameters_bar: &'s mut [S],
+    scratch: &'s mut [S],
 }
 
-impl<P: Scalar, S: Over<P>, const D: usize> Part for Pull<'_, P, S, D> {
+impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Pull<'_, S> {
+    type Output = ();
+    #[inline(always)]
+    fn visit(self, shear: impl Shear<P> + 'a) {
+        S::apart(OfEach { shear, work: self, parameters: PhantomData });
+    }
+}
+
+impl<P: Scalar, S: Over<P>, T: Shear<P>> Part for OfEach<P, T, Pull<'_, S>> {
     #[inline(always)]
     fn run(self) {
-        let dim = 2 * Potential::<S>::dof(&self.kick.potential);
-        let tapes = self.tape.chunks_exact(self.kick.tape_len::<S>());
-        for (z_bar, tape) in self.z_bar.chunks_exact_mut(dim).zip(tapes) {
-            self.kick.pullback(tape, z_bar, self.parameters_bar, self.scratch);
+        let Pull { tape, z_bar, parameters_bar, scratch } = self.work;
+        let tapes = tape.chunks_exact(self.shear.tape_len());
+        for (z_bar, tape) in z_bar.chunks_exact_mut(2 * self.shear.dof()).zip(tapes) {
+            self.shear.pull(tape, z_bar, parameters_bar, scratch);
         }
+    }
+}
+
+/// A step of one point, with its derivatives.
+struct Along<'s, S> {
+    z: &'s mut [S],
+    directions: &'s mut [S],
+    scratch: &'s mut [S],
+}
+
+impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Along<'_, S> {
+    type Output = ();
+    #[inline(always)]
+    fn visit(self, shear: impl Shear<P> + 'a) {
+        S::apart(OfEach { shear, work: self, parameters: PhantomData });
+    }
+}
+
+impl<P: Scalar, S: Over<P>, T: Shear<P>> Part for OfEach<P, T, Along<'_, S>> {
+    #[inline(always)]
+    fn run(self) {
+        let Along { z, directions, scratch } = self.work;
+        self.shear.apply_along(z, directions, scratch);
+    }
+}
+
+/// A step of one point, its neurons in the lanes of `V`.
+struct Across<'s, P, V> {
+    z: &'s mut [P],
+    scratch: &'s mut [P],
+    lanes: PhantomData<V>,
+}
+
+impl<'a, P: Over<P>, V: Pack<P>> Visitor<'a, P> for Across<'_, P, V> {
+    type Output = ();
+    #[inline(always)]
+    fn visit(self, shear: impl Shear<P> + 'a) {
+        V::apart(OfEach { shear, work: self, parameters: PhantomData });
+    }
+}
+
+impl<P: Over<P>, V: Pack<P>, T: Shear<P>> Part for OfEach<P, T, Across<'_, P, V>> {
+    #[inline(always)]
+    fn run(self) {
+        self.shear.apply_across::<V>(self.work.z, self.work.scratch);
+    }
+}
+
+/// [`Shear::tape_len`] and [`Shear::activation_count`].
+#[derive(Clone, Copy)]
+struct Sizes;
+
+impl<'a, P: Scalar> Visitor<'a, P> for Sizes {
+    type Output = (usize, usize);
+    #[inline(always)]
+    fn visit(self, shear: impl Shear<P> + 'a) -> (usize, usize) {
+        (shear.tape_len(), shear.activation_count())
     }
 }
 
@@ -155,39 +208,51 @@ const STACK: usize = 16;
 impl<P: Scalar> Composition<P> {
     /// A composition without steps: the identity in `dof` degrees of freedom.
     pub(super) fn new(dof: usize, parameters: Vec<P>, epsilon: P) -> Self {
-        Self { dof, steps: Vec::new(), parameters, epsilon, rotation: None, theta: None }
+        Self { dof, steps: Vec::new(), parameters, epsilon, turns: Vec::new() }
     }
 
-    /// Appends the layers of `shape`, whose parameters start at `offset`.
-    pub(super) fn push_henon(
-        &mut self,
-        shape: &HenonShape,
-        offset: usize,
-        direction: Direction,
-        near_identity: bool,
-    ) {
-        let mut start = offset;
-        let mut kicks = Vec::with_capacity(4 * shape.widths.len());
-        for &width in &shape.widths {
-            let end = start + layer_parameter_count(self.dof, width);
-            for form in KickForm::LAYER {
-                let inverse = direction == Direction::Inverse;
-                let parameters = start..end;
-                kicks.push(Step::Kick { parameters, width, form, inverse, near_identity });
-            }
-            start = end;
-        }
-        if direction == Direction::Inverse {
-            kicks.reverse();
-        }
-        self.steps.extend(kicks);
+    /// Appends a step.
+    pub(super) fn push(&mut self, step: Step) {
+        self.steps.push(step);
     }
 
-    /// Appends a rotation whose angle is the parameter number `theta`.
-    pub(super) fn push_rotation(&mut self, rotation: Rotation<P>, theta: usize) {
-        self.rotation = Some(rotation);
-        self.theta = Some(theta);
-        self.steps.push(Step::Rotation { inverse: false });
+    /// Appends the steps of another composition, or those of its inverse. Its
+    /// parameters are those of this one from `offset` on.
+    pub(super) fn push_all(&mut self, other: &Self, offset: usize, direction: Direction) {
+        let turns = self.turns.len();
+        self.turns.extend(other.turns.iter().cloned());
+        let undo = direction == Direction::Inverse;
+        let moved = other.steps.iter().map(|step| Step {
+            kind: match step.kind {
+                Kind::Turn { prepared } => Kind::Turn { prepared: prepared + turns },
+                ref kind => kind.clone(),
+            },
+            parameters: step.parameters.start + offset..step.parameters.end + offset,
+            inverse: step.inverse != undo,
+            near_identity: step.near_identity,
+        });
+        if undo { self.steps.extend(moved.rev()) } else { self.steps.extend(moved) }
+    }
+
+    /// This map and then another, or its inverse, over both their parameters, those
+    /// of this one first.
+    ///
+    /// # Errors
+    /// When they differ in their degrees of freedom, or in ε with steps scaled by
+    /// it in both.
+    pub fn followed_by(&self, other: &Self, direction: Direction) -> Result<Self, Error> {
+        Error::check_count("degrees of freedom", self.dof, other.dof)?;
+        let scaled = |map: &Self| map.steps.iter().any(|step| step.near_identity);
+        let same = (self.epsilon - other.epsilon).is_zero();
+        if scaled(self) && scaled(other) && !same {
+            let found = format!("{:?}", other.epsilon);
+            return Err(Error::invalid("epsilon", found, format!("{:?}", self.epsilon)));
+        }
+        let epsilon = if scaled(self) { self.epsilon } else { other.epsilon };
+        let mut out = Self { epsilon, ..self.clone() };
+        out.push_all(other, self.parameters.len(), direction);
+        out.parameters.extend_from_slice(&other.parameters);
+        Ok(out)
     }
 
     /// The number of degrees of freedom.
@@ -210,82 +275,64 @@ impl<P: Scalar> Composition<P> {
         Self { epsilon, ..self.clone() }
     }
 
+    /// The same steps with other parameters and another ε, which may be of another
+    /// number type.
+    ///
+    /// # Errors
+    /// When there are more or fewer parameters.
+    pub fn with_parameters<Q: Real>(
+        &self,
+        parameters: Vec<Q>,
+        epsilon: Q,
+    ) -> Result<Composition<Q>, Error> {
+        Error::check_count("parameters", self.parameters.len(), parameters.len())?;
+        let mut turns = vec![None; self.turns.len()];
+        for step in &self.steps {
+            if let Kind::Turn { prepared } = step.kind {
+                let angles = &parameters[step.parameters.clone()];
+                turns[prepared] = Some(self.turns[prepared].with_angles(angles));
+            }
+        }
+        let turns = turns.into_iter().flatten().collect();
+        Ok(Composition { dof: self.dof, steps: self.steps.clone(), parameters, epsilon, turns })
+    }
+
     /// The steps, in the order of application.
     pub fn steps(&self) -> &[Step] {
         &self.steps
     }
 
+    #[inline(always)]
+    pub(super) fn turn(&self, prepared: usize) -> &Turn<P> {
+        &self.turns[prepared]
+    }
+
     /// The inverse map, as a composition of its own.
     pub fn inverted(&self) -> Self {
-        let steps = self
-            .steps
-            .iter()
-            .rev()
-            .map(|step| match step.clone() {
-                Step::Kick { parameters, width, form, inverse, near_identity } => {
-                    Step::Kick { parameters, width, form, inverse: !inverse, near_identity }
-                }
-                Step::Rotation { inverse } => Step::Rotation { inverse: !inverse },
-            })
-            .collect();
-        Self { steps, ..self.clone() }
+        let mut out = Self::new(self.dof, self.parameters.clone(), self.epsilon);
+        out.push_all(self, 0, Direction::Inverse);
+        out
+    }
+
+    /// Shows each step of the map, or of its inverse, to a visitor, in the order of
+    /// application.
+    pub fn visit_steps<'a, T: Visitor<'a, P> + Copy>(
+        &'a self,
+        direction: Direction,
+        visitor: T,
+    ) -> Vec<T::Output> {
+        let undo = direction == Direction::Inverse;
+        let mut out: Vec<_> =
+            self.steps.iter().map(|step| self.bind::<0, _>(step, undo, visitor)).collect();
+        if undo {
+            out.reverse();
+        }
+        out
     }
 
     /// The numbers of tanh (with its sech²) that one evaluation takes.
     pub fn activation_count(&self) -> usize {
-        self.steps
-            .iter()
-            .map(|step| match step {
-                Step::Kick { width, .. } => *width,
-                Step::Rotation { .. } => 0,
-            })
-            .sum()
-    }
-
-    #[inline(always)]
-    fn kick<const D: usize>(
-        &self,
-        parameters: &Range<usize>,
-        width: usize,
-        form: KickForm,
-        inverse: bool,
-        near_identity: bool,
-    ) -> Kick<'_, P, TanhPotential<'_, P, D>> {
-        let own = &self.parameters[parameters.clone()];
-        let (potential, eta) = own.split_at(width * (self.dof + 2));
-        let epsilon = if near_identity { self.epsilon } else { P::from_f64(1.0) };
-        let potential = TanhPotential::<P, D>::new(self.dof, width, potential);
-        let kick = form.kick(potential, eta, epsilon);
-        if inverse { kick.inverse() } else { kick }
-    }
-
-    #[inline(always)]
-    fn rotation(&self) -> &Rotation<P> {
-        self.rotation.as_ref().expect("a rotation step comes with its rotation")
-    }
-
-    /// One step of each of the points in z, 2n numbers a point.
-    #[inline(always)]
-    fn apply_step<S: Over<P>, const D: usize>(
-        &self,
-        step: &Step,
-        direction: Direction,
-        z: &mut [S],
-        scratch: &mut [S],
-    ) {
-        let undo = direction == Direction::Inverse;
-        match step {
-            Step::Kick { parameters, width, form, inverse, near_identity } => {
-                let inverse = *inverse != undo;
-                let kick = self.kick::<D>(parameters, *width, *form, inverse, *near_identity);
-                S::apart(Apply { kick, z, scratch });
-            }
-            Step::Rotation { inverse } => {
-                for z in z.chunks_exact_mut(2 * self.dof) {
-                    self.rotation().apply(z, *inverse != undo);
-                }
-            }
-        }
+        self.visit_steps(Direction::Forward, Sizes).iter().map(|(_, count)| count).sum()
     }
 
     /// The map or its inverse on points of 2n numbers, n fixed at compile time
@@ -298,13 +345,11 @@ impl<P: Scalar> Composition<P> {
         z: &mut [S],
         scratch: &mut [S],
     ) {
+        let undo = direction == Direction::Inverse;
         for number in 0..self.steps.len() {
             // One loop for both: the step is compiled into it once.
-            let number = match direction {
-                Direction::Forward => number,
-                Direction::Inverse => self.steps.len() - 1 - number,
-            };
-            self.apply_step::<S, D>(&self.steps[number], direction, z, scratch);
+            let number = if undo { self.steps.len() - 1 - number } else { number };
+            self.bind::<D, _>(&self.steps[number], undo, Apply { z, scratch });
         }
     }
 
@@ -322,43 +367,27 @@ impl<P: Scalar> Composition<P> {
         let undo = direction == Direction::Inverse;
         for number in 0..self.steps.len() {
             let number = if undo { self.steps.len() - 1 - number } else { number };
-            match &self.steps[number] {
-                Step::Kick { parameters, width, form, inverse, near_identity } => {
-                    let inverse = *inverse != undo;
-                    self.kick::<D>(parameters, *width, *form, inverse, *near_identity)
-                        .apply_across::<V>(z, scratch);
-                }
-                Step::Rotation { inverse } => self.rotation().apply(z, *inverse != undo),
-            }
+            let across = Across::<P, V> { z, scratch, lanes: PhantomData };
+            self.bind::<D, _>(&self.steps[number], undo, across);
         }
     }
 
-    /// z ← P(z), and `columns`, those of a 2n × 2n matrix, ← ∂P/∂z times each:
-    /// the chain rule over the steps. `scratch` holds at least 2n + n² numbers.
+    /// z ← P(z), and each of `directions`, 2n numbers after one another, ←
+    /// ∂P/∂z times it: the chain rule over the steps. `scratch` holds at least
+    /// 2n + n² numbers.
     #[inline(always)]
-    pub(super) fn apply_with_jacobian<S: Over<P>, const D: usize>(
+    pub(super) fn apply_along<S: Over<P>, const D: usize>(
         &self,
         z: &mut [S],
-        columns: &mut [S],
+        directions: &mut [S],
         scratch: &mut [S],
     ) {
         for step in &self.steps {
-            match step {
-                Step::Kick { parameters, width, form, inverse, near_identity } => {
-                    self.kick::<D>(parameters, *width, *form, *inverse, *near_identity)
-                        .apply_with_jacobian(z, columns, scratch);
-                }
-                Step::Rotation { inverse } => {
-                    self.rotation().apply(z, *inverse);
-                    for column in columns.chunks_exact_mut(2 * self.dof) {
-                        self.rotation().apply(column, *inverse);
-                    }
-                }
-            }
+            self.bind::<D, _>(step, false, Along { z, directions, scratch });
         }
     }
 
-    fn run<S: Over<P>>(&self, direction: Direction, z: &mut [S]) {
+    fn move_point<S: Over<P>>(&self, direction: Direction, z: &mut [S]) {
         assert!(z.len() == 2 * self.dof, "a point of {} numbers in {} dof", z.len(), self.dof);
         let mut stack = [S::zero(); STACK];
         let mut heap;
@@ -372,24 +401,22 @@ impl<P: Scalar> Composition<P> {
     }
 
     /// Space for [`Composition::forward_recording`] and
-    /// [`Composition::pullback`]: n + 2h numbers a kick, 2n a rotation.
+    /// [`Composition::pullback`]: n + 2h numbers a kick, 2n a turn.
     pub fn recording<S: Over<P>>(&self) -> Recording<S> {
         self.recording_of(1)
     }
 
-    /// The same for so many points.
+    /// Space for so many points at once.
     pub(crate) fn recording_of<S: Over<P>>(&self, points: usize) -> Recording<S> {
-        let tape: usize = self.steps.iter().map(|step| self.step_tape_len(step)).sum();
+        let sizes = self.visit_steps(Direction::Forward, Sizes);
+        let tape: usize = sizes.iter().map(|(tape, _)| tape).sum();
         let tape = vec![S::zero(); points * tape];
         Recording { tape, scratch: vec![S::zero(); 2 * self.dof] }
     }
 
     #[inline(always)]
     fn step_tape_len(&self, step: &Step) -> usize {
-        match step {
-            Step::Kick { width, .. } => self.dof + 2 * width,
-            Step::Rotation { .. } => 2 * self.dof,
-        }
+        self.bind::<0, _>(step, false, Sizes).0
     }
 
     /// z ← P(z) for each of the points in z, as many as the recording has space
@@ -400,24 +427,13 @@ impl<P: Scalar> Composition<P> {
         z: &mut [S],
         recording: &mut Recording<S>,
     ) {
-        let dim = 2 * self.dof;
+        let points = z.len() / (2 * self.dof);
         let mut tape = &mut recording.tape[..];
+        let scratch = &mut recording.scratch[..];
         for step in &self.steps {
-            let size = self.step_tape_len(step);
-            let (own, rest) = tape.split_at_mut(size * (z.len() / dim));
+            let (step_tape, rest) = tape.split_at_mut(self.step_tape_len(step) * points);
             tape = rest;
-            match step {
-                Step::Kick { parameters, width, form, inverse, near_identity } => {
-                    let kick = self.kick::<D>(parameters, *width, *form, *inverse, *near_identity);
-                    S::apart(Record { kick, z, tape: own, scratch: &mut recording.scratch });
-                }
-                Step::Rotation { inverse } => {
-                    for (z, own) in z.chunks_exact_mut(dim).zip(own.chunks_exact_mut(size)) {
-                        self.rotation().apply(z, *inverse);
-                        own.copy_from_slice(z);
-                    }
-                }
-            }
+            self.bind::<D, _>(step, false, Record { z, tape: step_tape, scratch });
         }
     }
 
@@ -429,27 +445,15 @@ impl<P: Scalar> Composition<P> {
         z_bar: &mut [S],
         parameters_bar: &mut [S],
     ) {
-        let dim = 2 * self.dof;
+        let points = z_bar.len() / (2 * self.dof);
         let mut tape = &recording.tape[..];
+        let scratch = &mut recording.scratch[..];
         for step in self.steps.iter().rev() {
-            let size = self.step_tape_len(step);
-            let (rest, own) = tape.split_at(tape.len() - size * (z_bar.len() / dim));
+            let (rest, step_tape) = tape.split_at(tape.len() - self.step_tape_len(step) * points);
             tape = rest;
-            match step {
-                Step::Kick { parameters, width, form, inverse, near_identity } => {
-                    let kick = self.kick::<D>(parameters, *width, *form, *inverse, *near_identity);
-                    let parameters_bar = &mut parameters_bar[parameters.clone()];
-                    let scratch = &mut recording.scratch;
-                    S::apart(Pull { kick, tape: own, z_bar, parameters_bar, scratch });
-                }
-                Step::Rotation { inverse } => {
-                    let theta = self.theta.expect("a rotation step comes with its angle");
-                    for (z_bar, own) in z_bar.chunks_exact_mut(dim).zip(own.chunks_exact(size)) {
-                        let theta_bar = self.rotation().pullback(own, z_bar, *inverse);
-                        parameters_bar[theta] = parameters_bar[theta] + theta_bar;
-                    }
-                }
-            }
+            let parameters_bar = &mut parameters_bar[step.parameters.clone()];
+            let pull = Pull { tape: step_tape, z_bar, parameters_bar, scratch };
+            self.bind::<D, _>(step, false, pull);
         }
     }
 
@@ -471,27 +475,29 @@ impl<P: Scalar> Composition<P> {
         assert!(z_bar.len() == 2 * self.dof && parameters_bar.len() == self.parameters.len());
         with_dof!(S, self.dof, D => self.pull::<S, D>(recording, z_bar, parameters_bar));
     }
+}
 
-    /// The shears that the map consists of, in the order of application.
-    pub fn elementary_steps(&self) -> Vec<ElementaryStep<'_, P, TanhPotential<'_, P>>> {
-        let mut out = Vec::new();
-        for step in &self.steps {
-            match step {
-                Step::Kick { parameters, width, form, inverse, near_identity } => {
-                    out.push(ElementaryStep::Kick(self.kick::<0>(
-                        parameters,
-                        *width,
-                        *form,
-                        *inverse,
-                        *near_identity,
-                    )));
-                }
-                Step::Rotation { inverse } => {
-                    out.extend(ElementaryStep::rotation(self.rotation(), *inverse));
-                }
-            }
-        }
-        out
+impl<P: Real> Composition<P> {
+    /// A turn alone, its angles being the parameters: a circle or torus action, to be
+    /// put together with other maps by [`Composition::followed_by`].
+    ///
+    /// # Errors
+    /// When there is not one angle for each circle.
+    pub fn of_turn(action: &TorusAction, angles: Vec<P>) -> Result<Self, Error> {
+        Error::check_count("angles", action.circles().len(), angles.len())?;
+        let count = angles.len();
+        let mut out = Self::new(action.dof(), angles, P::from_f64(1.0));
+        out.push_turn(action, 0..count);
+        Ok(out)
+    }
+
+    /// Appends a turn whose angles are these of the parameters, one for each circle
+    /// of the action.
+    pub(super) fn push_turn(&mut self, action: &TorusAction, angles: Range<usize>) {
+        let prepared = self.turns.len();
+        self.turns.push(action.at(&self.parameters[angles.clone()]));
+        let kind = Kind::Turn { prepared };
+        self.steps.push(Step { kind, parameters: angles, inverse: false, near_identity: false });
     }
 }
 
@@ -501,10 +507,10 @@ impl<P: Scalar, S: Over<P>> Map<S> for Composition<P> {
     }
 
     fn forward(&self, z: &mut [S]) {
-        self.run(Direction::Forward, z);
+        self.move_point(Direction::Forward, z);
     }
 
     fn inverse(&self, z: &mut [S]) {
-        self.run(Direction::Inverse, z);
+        self.move_point(Direction::Inverse, z);
     }
 }

@@ -1,10 +1,10 @@
 //! The symplectic gyroceptron.
 
-use super::composition::{Composition, Direction};
+use super::composition::Composition;
 use super::{HenonNet, HenonShape};
 use crate::error::Error;
 use crate::layer::{CircleAction, HenonLayer};
-use crate::phase::Map;
+use crate::phase::{Direction, Map};
 use crate::scalar::{Over, Real, Scalar};
 use serde::{Deserialize, Serialize};
 
@@ -36,12 +36,16 @@ impl GyroceptronShape {
         HenonShape { dof: self.dof(), widths: self.near_identity.clone() }
     }
 
-    /// The number of parameters, θ included.
-    pub fn parameter_count(&self) -> usize {
+    /// The index of θ among the parameters.
+    pub fn theta(&self) -> usize {
         self.psi_shape()
             .parameter_count()
             .saturating_add(self.near_identity_shape().parameter_count())
-            .saturating_add(1)
+    }
+
+    /// The number of parameters, θ included.
+    pub fn parameter_count(&self) -> usize {
+        self.theta().saturating_add(1)
     }
 }
 
@@ -71,38 +75,44 @@ impl<P: Real> Gyroceptron<P> {
             return Err(Error::invalid("degrees of freedom", 0, "at least 1"));
         }
         Error::check_count("parameters", shape.parameter_count(), parameters.len())?;
-        let psi = shape.psi_shape();
-        let near_identity = shape.near_identity_shape();
-        let theta = parameters.len() - 1;
-        let rotation = shape.circle_action.at(parameters[theta]);
+        let theta = shape.theta();
         let mut composition = Composition::new(shape.dof(), parameters, epsilon);
-        composition.push_henon(&psi, 0, Direction::Inverse, false);
-        composition.push_rotation(rotation, theta);
-        composition.push_henon(&psi, 0, Direction::Forward, false);
-        composition.push_henon(&near_identity, psi.parameter_count(), Direction::Forward, true);
+        conjugate(&mut composition, &shape, theta);
+        let near_identity = shape.near_identity_shape();
+        let offset = shape.psi_shape().parameter_count();
+        let weights = composition.parameters()[offset..theta].to_vec();
+        let near_identity = near_identity.composition(weights, epsilon, true);
+        composition.push_all(&near_identity, offset, Direction::Forward);
         Ok(Self { shape, composition })
-    }
-
-    /// θ, in radians.
-    pub fn theta(&self) -> P {
-        self.composition.parameters()[self.composition.parameters().len() - 1]
     }
 
     /// The conjugated circle action ψ∘Φ_θ∘ψ⁻¹ at another angle.
     pub fn conjugated_circle_action(&self, theta: P) -> Composition<P> {
-        let psi = self.shape.psi_shape();
-        let parameters = self.composition.parameters()[..psi.parameter_count()].to_vec();
-        let index = parameters.len();
-        let parameters = [parameters, vec![theta]].concat();
+        let psi = self.shape.psi_shape().parameter_count();
+        let mut parameters = self.composition.parameters()[..psi].to_vec();
+        parameters.push(theta);
         let mut out = Composition::new(self.shape.dof(), parameters, self.epsilon());
-        out.push_henon(&psi, 0, Direction::Inverse, false);
-        out.push_rotation(self.shape.circle_action.at(theta), index);
-        out.push_henon(&psi, 0, Direction::Forward, false);
+        conjugate(&mut out, &self.shape, psi);
         out
     }
 }
 
+/// Appends ψ∘Φ_θ∘ψ⁻¹, ψ being of the first parameters and θ of this index.
+fn conjugate<P: Real>(out: &mut Composition<P>, shape: &GyroceptronShape, theta: usize) {
+    let psi = shape.psi_shape();
+    let weights = out.parameters()[..psi.parameter_count()].to_vec();
+    let psi = psi.composition(weights, out.epsilon(), false);
+    out.push_all(&psi, 0, Direction::Inverse);
+    out.push_turn(&shape.circle_action.clone().into(), theta..theta + 1);
+    out.push_all(&psi, 0, Direction::Forward);
+}
+
 impl<P: Scalar> Gyroceptron<P> {
+    /// θ, in radians.
+    pub fn theta(&self) -> P {
+        self.composition.parameters()[self.shape.theta()]
+    }
+
     /// Circle action and widths.
     pub fn shape(&self) -> &GyroceptronShape {
         &self.shape
@@ -152,13 +162,8 @@ impl<P: Scalar> Gyroceptron<P> {
     /// μ₀ = 𝔍₀∘ψ⁻¹ at each of the points of `z` (2n numbers each).
     pub fn adiabatic_invariant<S: Over<P>>(&self, z: &[S]) -> Vec<S> {
         let psi = self.psi();
-        z.chunks_exact(2 * self.shape.dof())
-            .map(|point| {
-                let mut w = point.to_vec();
-                psi.inverse(&mut w);
-                self.shape.circle_action.invariant(&w)
-            })
-            .collect()
+        let points = z.chunks_exact(2 * self.shape.dof());
+        points.map(|z| self.shape.circle_action.conjugated_invariant(&psi, z)).collect()
     }
 }
 

@@ -1,8 +1,9 @@
 //! HénonNets, plain and near the identity.
 
-use super::composition::{Composition, Direction};
+use super::composition::Composition;
+use super::step::{Kind, Step};
 use crate::error::Error;
-use crate::layer::{HenonLayer, layer_parameter_count};
+use crate::layer::{HenonLayer, KickForm, layer_parameter_count};
 use crate::phase::Map;
 use crate::scalar::{Over, Real, Scalar};
 use serde::{Deserialize, Serialize};
@@ -30,6 +31,28 @@ impl HenonShape {
             .fold(0, |n: usize, &h| n.saturating_add(layer_parameter_count(self.dof, h)))
     }
 
+    /// The network of this shape as a composition; its kicks are scaled by ε when
+    /// `near_identity`, else by 1.
+    pub(super) fn composition<P: Scalar>(
+        &self,
+        parameters: Vec<P>,
+        epsilon: P,
+        near_identity: bool,
+    ) -> Composition<P> {
+        let mut out = Composition::new(self.dof, parameters, epsilon);
+        let mut start = 0;
+        for &width in &self.widths {
+            let end = start + layer_parameter_count(self.dof, width);
+            for form in KickForm::LAYER {
+                let kind = Kind::Kick { width, form };
+                let parameters = start..end;
+                out.push(Step { kind, parameters, inverse: false, near_identity });
+            }
+            start = end;
+        }
+        out
+    }
+
     /// The layers of this shape over the first of `parameters`.
     pub(super) fn layers<'a, P: Scalar>(
         &self,
@@ -41,9 +64,9 @@ impl HenonShape {
             .widths
             .iter()
             .map(|&width| {
-                let (own, others) = rest.split_at(layer_parameter_count(self.dof, width));
+                let (layer, others) = rest.split_at(layer_parameter_count(self.dof, width));
                 rest = others;
-                HenonLayer::new(self.dof, width, epsilon, own)
+                HenonLayer::new(self.dof, width, epsilon, layer)
             })
             .collect();
         views.into_iter()
@@ -79,8 +102,7 @@ impl<P: Scalar> HenonNet<P> {
             return Err(Error::invalid("degrees of freedom", 0, "at least 1"));
         }
         Error::check_count("parameters", shape.parameter_count(), parameters.len())?;
-        let mut composition = Composition::new(shape.dof, parameters, epsilon);
-        composition.push_henon(&shape, 0, Direction::Forward, true);
+        let composition = shape.composition(parameters, epsilon, true);
         Ok(Self { shape, composition })
     }
 

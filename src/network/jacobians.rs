@@ -1,9 +1,10 @@
-//! The Jacobians of many points: by duals over lanes, and two other ways to
-//! compare them with.
+//! The Jacobians of many points: by the chain rule over the steps, and by duals over
+//! lanes, which the first are tested against.
 
-use super::batch::{MapBlock, block_size, check_points, load};
-use super::{Composition, Direction, with_dof};
+use super::batch::{block_size, check_points, load};
+use super::{Composition, with_dof};
 use crate::error::Error;
+use crate::phase::Direction;
 use crate::scalar::{Dual, Kernel, Pack, WIDTH, on_lanes};
 use rayon::prelude::*;
 
@@ -68,23 +69,26 @@ impl Kernel for Jacobians<'_> {
     }
 }
 
-/// `out` ← ∂P/∂z at each point, exact up to rounding: 2n × 2n numbers a point,
-/// row by row. The same bits as [`jacobian`](crate::measure::jacobian) gives.
+/// `out` ← ∂P/∂z at each point over dual numbers: 2n × 2n numbers a point, row by
+/// row, the same bits as [`jacobian`](crate::measure::jacobian) gives. Nothing of a
+/// step is differentiated by hand, so that [`map_jacobians`], which it equals up to
+/// rounding, is tested by it.
 ///
-/// Nothing is allocated for a point; the cost is that of 1 + 2n evaluations
-/// without their tanh, which all directions share. A [`faer::MatRef`] of one is
-/// `MatRef::from_row_major_slice(&out[k * d * d..(k + 1) * d * d], d, d)` with
-/// d = 2n.
+/// Cost: 1 + 2n evaluations without their tanh, which all directions share.
 ///
 /// # Errors
 /// When `points` is not a whole number of points, or `out` of another size.
-pub fn map_jacobians(map: &Composition<f64>, points: &[f64], out: &mut [f64]) -> Result<(), Error> {
+pub fn map_jacobians_by_duals(
+    map: &Composition<f64>,
+    points: &[f64],
+    out: &mut [f64],
+) -> Result<(), Error> {
     each_block_of_jacobians(map, points, out, |points, out| {
         on_lanes::<WIDTH, _>(Jacobians { map, points, out });
     })
 }
 
-/// The same by the chain rule over the steps.
+/// The Jacobians at the points of a block by the chain rule.
 struct ChainRule<'a> {
     map: &'a Composition<f64>,
     points: &'a [f64],
@@ -109,7 +113,7 @@ impl Kernel for ChainRule<'_> {
                 columns[i * dim + i] = V::from_f64(1.0);
             }
             with_dof!(V, map.dof(), D => {
-                map.apply_with_jacobian::<V, D>(&mut z, &mut columns, &mut scratch)
+                map.apply_along::<V, D>(&mut z, &mut columns, &mut scratch)
             });
             for (column, entries) in columns.chunks_exact(dim).enumerate() {
                 for (row, entry) in entries.iter().enumerate() {
@@ -120,64 +124,19 @@ impl Kernel for ChainRule<'_> {
     }
 }
 
-/// [`map_jacobians`] without duals: the product of the steps' Jacobians
-/// Id + cτV″, written out by hand. Equal to it up to rounding: what one differs by
-/// from the other is an error of either.
+/// `out` ← ∂P/∂z at each point, exact up to rounding: 2n × 2n numbers a point,
+/// row by row. It is the product of the Jacobians of the steps.
+///
+/// Nothing is allocated for a point; the cost is that of an evaluation with its
+/// tanh, and 2n² products a step. A [`faer::MatRef`] of one is
+/// `MatRef::from_row_major_slice(&out[k * d * d..(k + 1) * d * d], d, d)` with
+/// d = 2n.
 ///
 /// # Errors
-/// As [`map_jacobians`].
-pub fn map_jacobians_by_chain_rule(
-    map: &Composition<f64>,
-    points: &[f64],
-    out: &mut [f64],
-) -> Result<(), Error> {
+/// When `points` is not a whole number of points, or `out` of another size.
+pub fn map_jacobians(map: &Composition<f64>, points: &[f64], out: &mut [f64]) -> Result<(), Error> {
     each_block_of_jacobians(map, points, out, |points, out| {
         on_lanes::<WIDTH, _>(ChainRule { map, points, out });
-    })
-}
-
-/// `out` ← the central differences (P(z + hd) − P(z − hd))/2h at each point, d
-/// the unit vectors: ∂P/∂z up to O(h²) and to rounding over h, where
-/// [`map_jacobians`] is exact. Costs 4n evaluations a point.
-///
-/// # Errors
-/// As [`map_jacobians`], and when h is not positive and finite, or does not move a
-/// coordinate.
-pub fn map_jacobians_by_differences(
-    map: &Composition<f64>,
-    step: f64,
-    points: &[f64],
-    out: &mut [f64],
-) -> Result<(), Error> {
-    let dim = 2 * map.dof();
-    let moves = |v: &f64| v + step != v - step;
-    if !(step > 0.0 && step.is_finite() && points.iter().all(moves)) {
-        return Err(Error::invalid("step", step, "positive, and large enough to move a point"));
-    }
-    each_block_of_jacobians(map, points, out, |points, out| {
-        let mut moved = Vec::with_capacity(2 * dim * points.len());
-        for point in points.chunks_exact(dim) {
-            for direction in 0..2 * dim {
-                moved.extend_from_slice(point);
-                let first = moved.len() - dim;
-                let sign = if direction % 2 == 0 { step } else { -step };
-                moved[first + direction / 2] += sign;
-            }
-        }
-        on_lanes::<WIDTH, _>(MapBlock { map, direction: Direction::Forward, points: &mut moved });
-        let jacobians = out.chunks_exact_mut(dim * dim);
-        for ((point, moved), jacobian) in
-            points.chunks_exact(dim).zip(moved.chunks_exact(2 * dim * dim)).zip(jacobians)
-        {
-            for (column, pair) in moved.chunks_exact(2 * dim).enumerate() {
-                let (ahead, behind) = pair.split_at(dim);
-                // The step that was taken, not the one that was asked for.
-                let taken = (point[column] + step) - (point[column] - step);
-                for row in 0..dim {
-                    jacobian[row * dim + column] = (ahead[row] - behind[row]) / taken;
-                }
-            }
-        }
     })
 }
 

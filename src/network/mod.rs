@@ -2,7 +2,7 @@
 //!
 //! [`HenonNet`] (plain and near the identity) and [`Gyroceptron`] are both a
 //! [`Composition`], which is what is evaluated, inverted, differentiated and
-//! measured. [`Model`] is either of them in double precision, as files hold it.
+//! measured. [`Model`] is a HénonNet or a gyroceptron in double precision, as files hold it.
 //!
 //! # Parameter layout
 //!
@@ -18,14 +18,19 @@ mod henon_net;
 mod init;
 mod jacobians;
 mod model;
+mod step;
 
 pub use batch::{Rollout, map_points, rollout};
-pub use composition::{Composition, Direction, Recording, Step};
+pub use composition::{Composition, Recording};
 pub use gyroceptron::{Gyroceptron, GyroceptronShape};
 pub use henon_net::{HenonNet, HenonShape};
-pub use init::{InitialWeights, Stream};
-pub use jacobians::{map_jacobians, map_jacobians_by_chain_rule, map_jacobians_by_differences};
+pub use init::InitialWeights;
+pub use jacobians::{map_jacobians, map_jacobians_by_duals};
 pub use model::{Architecture, Model};
+pub use step::{Kind, Step, Visitor};
+
+pub use crate::phase::Direction;
+pub use crate::random::Stream;
 
 pub(crate) use batch::load;
 pub(crate) use composition::with_dof;

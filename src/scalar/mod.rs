@@ -146,6 +146,16 @@ pub trait Over<P>: Scalar {
     fn times(self, parameter: P) -> Self {
         self * Self::embed(parameter)
     }
+
+    /// `self + factor · direction`, rounded once: the only way in which a step
+    /// changes a coordinate, but for signs and exchanges.
+    ///
+    /// A number that lives on a grid rounds the increment `factor · direction` to
+    /// the grid here, and steps are undone to the last bit.
+    #[inline(always)]
+    fn increment(self, factor: P, direction: Self) -> Self {
+        direction.mul_add_parameter(factor, self)
+    }
 }
 
 /// The larger of two numbers, NaN if either is: `f64::max` would lose the NaN

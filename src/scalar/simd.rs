@@ -16,7 +16,7 @@ use std::sync::LazyLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Lanes that can be filled from memory and written back.
-pub(crate) trait Pack<P: Scalar = f64>: Lanewise + Over<P> {
+pub trait Pack<P: Scalar = f64>: Lanewise + Over<P> {
     /// The number of lanes.
     const LANES: usize;
 

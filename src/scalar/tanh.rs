@@ -4,7 +4,7 @@ use super::Scalar;
 
 /// What tanh asks of a number besides arithmetic: every lane is an `f64`, whose
 /// bits it works on.
-pub(crate) trait Lanewise: Scalar {
+pub trait Lanewise: Scalar {
     /// −self·a + b, rounded once.
     fn negative_mul_add(self, a: Self, b: Self) -> Self;
 

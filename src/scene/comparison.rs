@@ -5,12 +5,12 @@ use super::results::ReferenceRollout;
 use crate::error::Error;
 use crate::flow::{Integrator, Pairs};
 use crate::measure::{
-    Contestant, WorkPrecision, precise_jacobians, relative_difference, root_mean_square_distance,
-    tanh_errors, work_precision,
+    Contestant, WorkPrecision, jacobians_by_differences, precise_jacobians, relative_difference,
+    root_mean_square_distance, tanh_errors, work_precision,
 };
 use crate::network::{
-    Composition, Direction, Model, Rollout, Stream, map_jacobians, map_jacobians_by_chain_rule,
-    map_jacobians_by_differences, map_points, rollout,
+    Composition, Direction, Model, Rollout, Stream, map_jacobians, map_jacobians_by_duals,
+    map_points, rollout,
 };
 use crate::scalar::tanh_sech2_of_all;
 use crate::system::{Hamiltonian, System};
@@ -256,12 +256,12 @@ impl Field<'_> {
         let points = &points[..];
         let dim = 2 * map.dof();
         let mut contestants = vec![
-            jacobian_way(DUALS, None, map, points, map_jacobians),
-            jacobian_way(BY_HAND, None, map, points, map_jacobians_by_chain_rule),
+            jacobian_way(DUALS, None, map, points, map_jacobians_by_duals),
+            jacobian_way(BY_HAND, None, map, points, map_jacobians),
         ];
         contestants.extend(self.spec.differences.iter().map(|&step| {
             let differences = move |map: &Composition<f64>, points: &[f64], out: &mut [f64]| {
-                map_jacobians_by_differences(map, step, points, out)
+                jacobians_by_differences(map, step, points, out)
             };
             jacobian_way("central differences", Some(step), map, points, differences)
         }));

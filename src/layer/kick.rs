@@ -1,0 +1,194 @@
+//! The shear along a potential's gradient: the primitive of HénonNets.
+
+use super::{Potential, Shear, TanhPotential};
+use crate::phase::Half;
+use crate::scalar::{Over, Pack, Scalar};
+
+/// target += c·∇V(τ·source − η), where target is one half of the coordinates
+/// and source the other; c = ±ε, τ = ±1.
+///
+/// It is symplectic because ∇V is a gradient, and its inverse is the same
+/// shear with −c: exact in real arithmetic, one rounding away in floating
+/// point, bit for bit where the increments are rounded to a grid.
+///
+/// Its parameters are `[…potential…, η]`.
+#[derive(Clone, Copy, Debug)]
+pub struct Kick<'a, P, V> {
+    /// V.
+    pub potential: V,
+    /// c, the factor of the increment.
+    pub scale: P,
+    /// τ = −1 when true.
+    pub reflect: bool,
+    /// η, where the argument is shifted.
+    pub shift: Option<&'a [P]>,
+    /// The half that the shear changes.
+    pub target: Half,
+}
+
+impl<P: Scalar, V> Kick<'_, P, V> {
+    /// The inverse shear.
+    #[inline(always)]
+    pub fn inverse(self) -> Self {
+        Self { scale: -self.scale, ..self }
+    }
+
+    /// A kick with c = 0 moves nothing, whatever its weights: it is skipped,
+    /// because 0·∞ is not 0.
+    #[inline(always)]
+    pub fn is_identity(&self) -> bool {
+        self.scale.is_zero()
+    }
+
+    /// `argument` ← τ·source − η.
+    #[inline(always)]
+    pub fn argument<S: Over<P>>(&self, source: &[S], argument: &mut [S]) {
+        for i in 0..source.len() {
+            let value = if self.reflect { -source[i] } else { source[i] };
+            argument[i] = match self.shift {
+                Some(eta) => value - S::embed(eta[i]),
+                None => value,
+            };
+        }
+    }
+
+    /// z ← the sheared z, for a potential of any kind. `scratch` holds at least 2n
+    /// numbers.
+    #[inline(always)]
+    pub fn apply<S: Over<P>>(&self, z: &mut [S], scratch: &mut [S])
+    where
+        V: Potential<S>,
+    {
+        if self.is_identity() {
+            return;
+        }
+        let n = self.potential.dof();
+        let (argument, gradient) = scratch.split_at_mut(n);
+        let (source, target) = self.target.split(n, z);
+        self.argument(source, argument);
+        self.potential.gradient(argument, gradient);
+        self.add(gradient, target);
+    }
+
+    /// target += c·∇V.
+    #[inline(always)]
+    fn add<S: Over<P>>(&self, gradient: &[S], target: &mut [S]) {
+        for (target, &gradient) in target.iter_mut().zip(gradient) {
+            *target = target.increment(self.scale, gradient);
+        }
+    }
+}
+
+impl<P: Scalar, const D: usize> Shear<P> for Kick<'_, P, TanhPotential<'_, P, D>> {
+    #[inline(always)]
+    fn dof(&self) -> usize {
+        self.potential.n()
+    }
+
+    #[inline(always)]
+    fn inverse(self) -> Self {
+        Kick::inverse(self)
+    }
+
+    #[inline(always)]
+    fn tape_len(&self) -> usize {
+        self.potential.n() + self.potential.tape_len()
+    }
+
+    #[inline(always)]
+    fn activation_count(&self) -> usize {
+        self.potential.width()
+    }
+
+    #[inline(always)]
+    fn apply<S: Over<P>>(&self, z: &mut [S], scratch: &mut [S]) {
+        Kick::apply(self, z, scratch);
+    }
+
+    #[inline(always)]
+    fn record<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
+        if self.is_identity() {
+            return;
+        }
+        let n = self.potential.n();
+        let (argument, tape) = tape.split_at_mut(n);
+        let (source, target) = self.target.split(n, z);
+        self.argument(source, argument);
+        let gradient = &mut scratch[..n];
+        self.potential.gradient_recording(argument, gradient, tape);
+        self.add(gradient, target);
+    }
+
+    #[inline(always)]
+    fn pull<S: Over<P>>(
+        &self,
+        tape: &[S],
+        z_bar: &mut [S],
+        parameters_bar: &mut [S],
+        scratch: &mut [S],
+    ) {
+        if self.is_identity() {
+            return;
+        }
+        let n = self.potential.n();
+        let (argument, tape) = tape.split_at(n);
+        let (u, y_bar) = scratch.split_at_mut(n);
+        let (source_bar, target_bar) = self.target.split_mut(n, z_bar);
+        for i in 0..n {
+            u[i] = target_bar[i].times(self.scale);
+        }
+        let (potential_bar, eta_bar) = parameters_bar.split_at_mut(parameters_bar.len() - n);
+        self.potential.pullback(argument, tape, u, y_bar, potential_bar);
+        for i in 0..n {
+            source_bar[i] =
+                if self.reflect { source_bar[i] - y_bar[i] } else { source_bar[i] + y_bar[i] };
+            if self.shift.is_some() {
+                eta_bar[i] = eta_bar[i] - y_bar[i];
+            }
+        }
+    }
+
+    /// The rows of the target get cτV″ times those of the source.
+    #[inline(always)]
+    fn apply_along<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
+        if self.is_identity() {
+            return;
+        }
+        let n = self.potential.n();
+        let (argument, rest) = scratch.split_at_mut(n);
+        let (gradient, rest) = rest.split_at_mut(n);
+        let hessian = &mut rest[..n * n];
+        let (source, target) = self.target.split(n, z);
+        self.argument(source, argument);
+        self.potential.gradient_and_hessian(argument, gradient, hessian);
+        self.add(gradient, target);
+        let scale = if self.reflect { -self.scale } else { self.scale };
+        for entry in hessian.iter_mut() {
+            *entry = entry.times(scale);
+        }
+        for direction in directions.chunks_exact_mut(2 * n) {
+            let (source, target) = self.target.split(n, direction);
+            for i in 0..n {
+                for k in 0..n {
+                    target[i] = hessian[i * n + k].mul_add(source[k], target[i]);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn apply_across<W: Pack<P>>(&self, z: &mut [P], scratch: &mut [P])
+    where
+        P: Over<P>,
+    {
+        if self.is_identity() {
+            return;
+        }
+        let n = self.potential.n();
+        let (argument, gradient) = scratch.split_at_mut(n);
+        let (source, target) = self.target.split(n, z);
+        self.argument(source, argument);
+        self.potential.gradient_across::<W>(argument, gradient);
+        self.add(gradient, target);
+    }
+}

@@ -1,0 +1,379 @@
+//! Turns: each plane (q_j, p_j) rotated clockwise by its own angle; the circle and
+//! torus actions that such rotations make.
+
+use super::Shear;
+use crate::error::Error;
+use crate::phase::Map;
+use crate::scalar::{Over, Real, Scalar};
+use serde::{Deserialize, Serialize};
+
+/// A linear circle action on phase space with integer weights m_j:
+///
+/// q_j ← q_j cos m_jθ + p_j sin m_jθ, p_j ← −q_j sin m_jθ + p_j cos m_jθ.
+///
+/// Its invariant, the momentum map of the rotation, is
+/// 𝔍₀ = ½ Σ m_j (q_j² + p_j²). Weight 0 leaves a plane alone.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct CircleAction {
+    weights: Vec<i32>,
+}
+
+impl CircleAction {
+    /// The action with these weights, one for each degree of freedom.
+    pub fn new(weights: impl Into<Vec<i32>>) -> Self {
+        Self { weights: weights.into() }
+    }
+
+    /// The weights m_j.
+    pub fn weights(&self) -> &[i32] {
+        &self.weights
+    }
+
+    /// The number of degrees of freedom.
+    pub fn dof(&self) -> usize {
+        self.weights.len()
+    }
+
+    /// The rotation Φ_θ, θ in radians.
+    ///
+    /// m_jθ is formed with its rounding error, so that the angle of a high
+    /// harmonic is as exact as θ itself.
+    pub fn at<P: Real>(&self, theta: P) -> Turn<P> {
+        Turn::new(self.dof(), &[&self.weights], &[theta])
+    }
+
+    /// 𝔍₀(z) = ½ Σ m_j (q_j² + p_j²), the invariant of the action.
+    pub fn invariant<S: Scalar>(&self, z: &[S]) -> S {
+        let n = self.dof();
+        let mut total = S::zero();
+        for (j, &weight) in self.weights.iter().enumerate() {
+            if weight != 0 {
+                let square = z[j].mul_add(z[j], z[n + j] * z[n + j]);
+                total = square.mul_add(S::from_f64(0.5) * S::from_f64(weight.into()), total);
+            }
+        }
+        total
+    }
+
+    /// 𝔍₀(ψ⁻¹(z)), the invariant of the action conjugated by ψ: μ₀, the leading
+    /// adiabatic invariant of a gyroceptron.
+    pub fn conjugated_invariant<S: Scalar>(&self, psi: &(impl Map<S> + ?Sized), z: &[S]) -> S {
+        let mut w = z.to_vec();
+        psi.inverse(&mut w);
+        self.invariant(&w)
+    }
+}
+
+/// Several commuting circle actions: plane j turns by Σ_a m_{aj} θ_a.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct TorusAction {
+    circles: Vec<CircleAction>,
+}
+
+impl TorusAction {
+    /// The action of these circles, an angle for each.
+    ///
+    /// # Errors
+    /// When there is none, or they are not of one number of degrees of freedom.
+    pub fn new(circles: impl Into<Vec<CircleAction>>) -> Result<Self, Error> {
+        let circles = circles.into();
+        let Some(first) = circles.first() else {
+            return Err(Error::invalid("circles of a torus action", 0, "at least 1"));
+        };
+        for circle in &circles {
+            Error::check_count("weights of a circle action", first.dof(), circle.dof())?;
+        }
+        Ok(Self { circles })
+    }
+
+    /// Each plane by an angle of its own.
+    pub fn of_planes(dof: usize) -> Self {
+        let circle =
+            |plane| CircleAction::new(Vec::from_iter((0..dof).map(|j| i32::from(j == plane))));
+        Self { circles: (0..dof).map(circle).collect() }
+    }
+
+    /// The circles.
+    pub fn circles(&self) -> &[CircleAction] {
+        &self.circles
+    }
+
+    /// The number of degrees of freedom.
+    pub fn dof(&self) -> usize {
+        self.circles.first().map_or(0, CircleAction::dof)
+    }
+
+    /// The rotation by these angles, in radians, one for each circle.
+    ///
+    /// # Panics
+    /// When there are more or fewer angles.
+    pub fn at<P: Real>(&self, angles: &[P]) -> Turn<P> {
+        let weights: Vec<&[i32]> = self.circles.iter().map(CircleAction::weights).collect();
+        Turn::new(self.dof(), &weights, angles)
+    }
+}
+
+impl From<CircleAction> for TorusAction {
+    fn from(circle: CircleAction) -> Self {
+        Self { circles: vec![circle] }
+    }
+}
+
+/// The rotation of one plane as a quarter-turn count and three shears.
+///
+/// The matrix (cos, sin) is never used: fl(c)² + fl(s)² ≠ 1 would make 𝔍₀
+/// drift in proportion to the number of iterations, where shears, whose
+/// determinants are 1 in floating point too, let it wander as its square root.
+#[derive(Clone, Copy, Debug)]
+pub struct PlaneTurn<P> {
+    /// j, the plane.
+    pub plane: usize,
+    /// Quarter turns, 0 … 3, taken off the angle so that |angle′| ≤ π/4.
+    pub quarter_turns: u8,
+    /// t = tan(angle′/2) = s/(1 + c).
+    pub t: P,
+    /// s = sin(angle′).
+    pub s: P,
+}
+
+impl<P: Real> PlaneTurn<P> {
+    /// By Σ_a m_a θ_a, formed with its rounding error.
+    fn new(plane: usize, weights: impl Iterator<Item = (i32, P)>) -> Self {
+        let (mut angle, mut rest) = (P::zero(), P::zero());
+        for (number, (weight, theta)) in weights.filter(|(weight, _)| *weight != 0).enumerate() {
+            let m = P::from_f64(weight.into());
+            let product = m * theta;
+            let low = m.mul_add(theta, -product);
+            if number == 0 {
+                (angle, rest) = (product, low);
+                continue;
+            }
+            // Knuth's sum with its error.
+            let sum = angle + product;
+            let part = sum - angle;
+            let error = (angle - (sum - part)) + (product - part);
+            (angle, rest) = (sum, rest + (error + low));
+        }
+        let (sin_0, cos_0) = angle.sin_cos();
+        // Not small where an angle is beyond 2⁵³.
+        let (sin_rest, cos_rest) = rest.sin_cos();
+        let sin = cos_0.mul_add(sin_rest, sin_0 * cos_rest);
+        let cos = (-sin_0).mul_add(sin_rest, cos_0 * cos_rest);
+        let (vs, vc) = (sin.value(), cos.value());
+        let (quarter_turns, c, s) = if vc >= vs.abs() {
+            (0, cos, sin)
+        } else if vs >= vc.abs() {
+            (1, sin, -cos)
+        } else if -vc > vs.abs() {
+            (2, -cos, -sin)
+        } else {
+            (3, -sin, cos)
+        };
+        Self { plane, quarter_turns, t: s / (P::from_f64(1.0) + c), s }
+    }
+}
+
+impl<P: Copy> PlaneTurn<P> {
+    /// Whether the quarter turns come before the shears. For one and for three
+    /// of them the order is opposite, so that Φ_{−θ} undoes Φ_θ step by step.
+    #[inline(always)]
+    pub fn turns_first(&self) -> bool {
+        self.quarter_turns != 3
+    }
+}
+
+/// Turns (q, p) clockwise by `count` right angles, exactly.
+#[inline(always)]
+pub fn quarter_turns<S: Scalar>(count: u8, q: &mut S, p: &mut S) {
+    (*q, *p) = match count % 4 {
+        0 => (*q, *p),
+        1 => (*p, -*q),
+        2 => (-*q, -*p),
+        _ => (-*p, *q),
+    };
+}
+
+/// Each plane (q_j, p_j) turned clockwise by its angle, ready to be applied: a
+/// circle or torus action at one angle, or one for each circle.
+#[derive(Clone, Debug)]
+pub struct Turn<P> {
+    dof: usize,
+    planes: Vec<PlaneTurn<P>>,
+    /// m_{aj}: for each of the planes, in their order, as many as there are angles.
+    weights: Vec<i32>,
+    angles: usize,
+}
+
+impl<P: Real> Turn<P> {
+    fn new(dof: usize, weights: &[&[i32]], angles: &[P]) -> Self {
+        assert!(weights.len() == angles.len(), "an angle for each circle");
+        let of_plane = |j: usize| weights.iter().map(move |circle| circle[j]);
+        let turned: Vec<usize> = (0..dof).filter(|&j| of_plane(j).any(|m| m != 0)).collect();
+        Self {
+            dof,
+            planes: turned
+                .iter()
+                .map(|&j| PlaneTurn::new(j, of_plane(j).zip(angles.iter().copied())))
+                .collect(),
+            weights: turned.iter().flat_map(|&j| of_plane(j)).collect(),
+            angles: angles.len(),
+        }
+    }
+
+    /// Each plane by its own angle.
+    pub fn by_angles(angles: &[P]) -> Self {
+        TorusAction::of_planes(angles.len()).at(angles)
+    }
+}
+
+impl<P: Scalar> Turn<P> {
+    /// The planes that turn: those with a weight other than 0.
+    pub fn planes(&self) -> &[PlaneTurn<P>] {
+        &self.planes
+    }
+
+    /// n.
+    pub fn dof(&self) -> usize {
+        self.dof
+    }
+
+    /// The turn of the same planes by other angles.
+    ///
+    /// # Panics
+    /// When there are more or fewer of them.
+    pub fn with_angles<Q: Real>(&self, angles: &[Q]) -> Turn<Q> {
+        assert!(angles.len() == self.angles, "an angle for each circle");
+        let planes = self.planes.iter().zip(self.weights.chunks_exact(self.angles.max(1)));
+        Turn {
+            dof: self.dof,
+            planes: planes
+                .map(|(of, weights)| {
+                    PlaneTurn::new(of.plane, weights.iter().copied().zip(angles.iter().copied()))
+                })
+                .collect(),
+            weights: self.weights.clone(),
+            angles: self.angles,
+        }
+    }
+
+    /// The number of angles.
+    pub fn angle_count(&self) -> usize {
+        self.angles
+    }
+
+    /// z ← Φ_θ(z), or Φ_θ⁻¹(z) when `inverse`.
+    #[inline(always)]
+    pub fn apply<S: Over<P>>(&self, z: &mut [S], inverse: bool) {
+        let (q, p) = z.split_at_mut(self.dof);
+        for plane in &self.planes {
+            let (q, p) = (&mut q[plane.plane], &mut p[plane.plane]);
+            let turns = if inverse { (4 - plane.quarter_turns) % 4 } else { plane.quarter_turns };
+            if plane.turns_first() != inverse {
+                quarter_turns(turns, q, p);
+            }
+            if !plane.s.is_zero() {
+                let (t, s) = if inverse { (-plane.t, -plane.s) } else { (plane.t, plane.s) };
+                // A tangent that underflows adds nothing: 0·p would turn −0 into 0.
+                let bends = !t.is_zero();
+                if bends {
+                    *q = q.increment(t, *p);
+                }
+                *p = p.increment(-s, *q);
+                if bends {
+                    *q = q.increment(t, *p);
+                }
+            }
+            if plane.turns_first() == inverse {
+                quarter_turns(turns, q, p);
+            }
+        }
+    }
+}
+
+/// A turn or its inverse, as a step of a network whose parameters are the angles.
+#[derive(Clone, Copy, Debug)]
+pub struct TurnStep<'a, P> {
+    /// The turn, prepared for its angles.
+    pub turn: &'a Turn<P>,
+    /// The inverse of it.
+    pub inverse: bool,
+}
+
+impl<P: Scalar> Shear<P> for TurnStep<'_, P> {
+    #[inline(always)]
+    fn dof(&self) -> usize {
+        self.turn.dof
+    }
+
+    #[inline(always)]
+    fn inverse(self) -> Self {
+        Self { inverse: !self.inverse, ..self }
+    }
+
+    #[inline(always)]
+    fn tape_len(&self) -> usize {
+        2 * self.turn.dof
+    }
+
+    #[inline(always)]
+    fn activation_count(&self) -> usize {
+        0
+    }
+
+    #[inline(always)]
+    fn apply<S: Over<P>>(&self, z: &mut [S], _: &mut [S]) {
+        self.turn.apply(z, self.inverse);
+    }
+
+    #[inline(always)]
+    fn record<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], _: &mut [S]) {
+        self.turn.apply(z, self.inverse);
+        tape.copy_from_slice(z);
+    }
+
+    /// The derivative in the angle of a plane is the infinitesimal generator at
+    /// the output, q̇ = p, ṗ = −q.
+    #[inline(always)]
+    fn pull<S: Over<P>>(&self, out: &[S], z_bar: &mut [S], angles_bar: &mut [S], _: &mut [S]) {
+        let n = self.turn.dof;
+        for (angle, angle_bar) in angles_bar.iter_mut().enumerate() {
+            let mut total = S::zero();
+            for (number, plane) in self.turn.planes.iter().enumerate() {
+                let weight = self.turn.weights[number * self.turn.angles + angle];
+                if weight == 0 {
+                    continue;
+                }
+                let (i, k) = (plane.plane, n + plane.plane);
+                let weight = S::from_f64(weight.into());
+                let m = if self.inverse { -weight } else { weight };
+                let turn = z_bar[i] * out[k] - z_bar[k] * out[i];
+                total = m.mul_add(turn, total);
+            }
+            *angle_bar = *angle_bar + total;
+        }
+        // A rotation is orthogonal: its adjoint is its inverse.
+        self.turn.apply(z_bar, !self.inverse);
+    }
+
+    #[inline(always)]
+    fn apply_along<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], _: &mut [S]) {
+        self.turn.apply(z, self.inverse);
+        for direction in directions.chunks_exact_mut(2 * self.turn.dof) {
+            self.turn.apply(direction, self.inverse);
+        }
+    }
+}
+
+impl<P: Scalar, S: Over<P>> Map<S> for Turn<P> {
+    fn dof(&self) -> usize {
+        self.dof
+    }
+    fn forward(&self, z: &mut [S]) {
+        self.apply(z, false);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        self.apply(z, true);
+    }
+}

@@ -1,0 +1,91 @@
+//! The kinds of step, and the one place where a step is bound to its parameters.
+
+use super::Composition;
+use crate::layer::{Kick, KickForm, Shear, TanhPotential, TurnStep};
+use crate::scalar::Scalar;
+use std::ops::Range;
+
+/// One step of a composition, pointing into its parameters.
+#[derive(Clone, Debug)]
+pub struct Step {
+    /// What it is.
+    pub kind: Kind,
+    /// Where its parameters are. Several steps may have the same ones.
+    pub parameters: Range<usize>,
+    /// The inverse of the step.
+    pub inverse: bool,
+    /// Scaled by the composition's ε; else by 1.
+    pub near_identity: bool,
+}
+
+/// The kinds of step. A new one is a [`Shear`] in a file of `layer/`, a variant
+/// here and an arm of [`Composition::bind`].
+#[derive(Clone, Debug)]
+pub enum Kind {
+    /// A kick of a Hénon layer.
+    Kick {
+        /// The layer's number of neurons.
+        width: usize,
+        /// Which of the four kicks.
+        form: KickForm,
+    },
+    /// A turn by the angles that are its parameters.
+    Turn {
+        /// Which of the composition's prepared turns.
+        prepared: usize,
+    },
+}
+
+/// What is done with a step once it is bound.
+///
+/// Kinds that a visitor has a way of its parameters with come through a method of their
+/// parameters, which is [`Visitor::visit`] for all others.
+pub trait Visitor<'a, P: Scalar>: Sized {
+    /// What comes of it.
+    type Output;
+
+    /// Takes any step.
+    fn visit(self, shear: impl Shear<P> + 'a) -> Self::Output;
+
+    /// Takes a kick of a Hénon layer.
+    #[inline(always)]
+    fn visit_kick<const D: usize>(
+        self,
+        kick: Kick<'a, P, TanhPotential<'a, P, D>>,
+    ) -> Self::Output {
+        self.visit(kick)
+    }
+
+    /// Takes a turn.
+    #[inline(always)]
+    fn visit_turn(self, turn: TurnStep<'a, P>) -> Self::Output {
+        self.visit(turn)
+    }
+}
+
+impl<P: Scalar> Composition<P> {
+    /// Hands the shear that a step is, or its inverse when `undo`, to the visitor.
+    /// `D` is n, where it is known at compile time, or 0.
+    #[inline(always)]
+    pub(super) fn bind<'a, const D: usize, T: Visitor<'a, P>>(
+        &'a self,
+        step: &Step,
+        undo: bool,
+        visitor: T,
+    ) -> T::Output {
+        let inverse = step.inverse != undo;
+        let parameters = &self.parameters()[step.parameters.clone()];
+        let scale = if step.near_identity { self.epsilon() } else { P::from_f64(1.0) };
+        match step.kind {
+            Kind::Kick { width, form } => {
+                let (potential, eta) = parameters.split_at(width * (self.dof() + 2));
+                let potential = TanhPotential::<P, D>::new(self.dof(), width, potential);
+                let kick = form.kick(potential, eta, scale);
+                visitor.visit_kick(if inverse { kick.inverse() } else { kick })
+            }
+            Kind::Turn { prepared } => {
+                visitor.visit_turn(TurnStep { turn: self.turn(prepared), inverse })
+            }
+        }
+    }
+}
