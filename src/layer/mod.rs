@@ -13,12 +13,14 @@
 
 mod henon;
 mod kick;
+mod linear_module;
 mod potential;
 mod shear;
 mod turn;
 
 pub use henon::{HenonLayer, HenonMap, KickForm, layer_parameter_count};
 pub use kick::Kick;
+pub use linear_module::{LinearModule, linear_module_parameter_count};
 pub use potential::{Potential, TanhPotential};
 pub use shear::Shear;
 pub use turn::{CircleAction, PlaneTurn, TorusAction, Turn, TurnStep, quarter_turns};

@@ -1,7 +1,8 @@
 //! The kinds of step, and the one place where a step is bound to its parameters.
 
 use super::Composition;
-use crate::layer::{Kick, KickForm, Shear, TanhPotential, TurnStep};
+use crate::layer::{Kick, KickForm, LinearModule, Shear, TanhPotential, TurnStep};
+use crate::phase::Half;
 use crate::scalar::Scalar;
 use std::ops::Range;
 
@@ -33,6 +34,11 @@ pub enum Kind {
     Turn {
         /// Which of the composition's prepared turns.
         prepared: usize,
+    },
+    /// A linear module of a SympNet.
+    Linear {
+        /// The half that its first shear changes.
+        first: Half,
     },
 }
 
@@ -85,6 +91,10 @@ impl<P: Scalar> Composition<P> {
             }
             Kind::Turn { prepared } => {
                 visitor.visit_turn(TurnStep { turn: self.turn(prepared), inverse })
+            }
+            Kind::Linear { first } => {
+                let module = LinearModule::new(self.dof(), first, scale, parameters);
+                visitor.visit(if inverse { module.inverse() } else { module })
             }
         }
     }

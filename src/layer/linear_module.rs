@@ -1,0 +1,233 @@
+//! The linear module of SympNets.
+
+use super::Shear;
+use crate::phase::Half;
+use crate::scalar::{Over, Scalar};
+
+/// The parameters of a linear module of so many shears in `dof` degrees of freedom:
+/// n(n + 1)/2 for each symmetric matrix, 2n for the translation.
+///
+/// Saturates instead of overflowing.
+pub const fn linear_module_parameter_count(dof: usize, shears: usize) -> usize {
+    let matrix = symmetric_len(dof);
+    shears.saturating_mul(matrix).saturating_add(dof.saturating_mul(2))
+}
+
+/// The entries of a symmetric n × n matrix on and above the diagonal.
+const fn symmetric_len(dof: usize) -> usize {
+    dof.saturating_mul(dof.saturating_add(1)) / 2
+}
+
+/// Linear shears, target += c·S_k·source with S_k symmetric, that change one half
+/// of the coordinates and the other in turn, and then a translation z += c·b.
+///
+/// Its parameters are `[S₁, …, S_m, b]`, each S_k by the rows of its upper triangle,
+/// b in the order of z. Every linear symplectic map is a product of such shears.
+///
+/// Source: linear modules of Jin, Zhang, Zhu, Tang and Karniadakis,
+/// <https://doi.org/10.1016/j.neunet.2020.08.017>, section 3.1.
+#[derive(Clone, Copy, Debug)]
+pub struct LinearModule<'a, P> {
+    dof: usize,
+    matrices: &'a [P],
+    translation: &'a [P],
+    first: Half,
+    scale: P,
+    inverse: bool,
+}
+
+impl<'a, P: Scalar> LinearModule<'a, P> {
+    /// The module of these parameters, whose first shear changes the half `first`;
+    /// `scale` is c.
+    ///
+    /// # Panics
+    /// When the parameters are not those of a whole number of shears.
+    #[inline(always)]
+    pub fn new(dof: usize, first: Half, scale: P, parameters: &'a [P]) -> Self {
+        let (matrices, translation) = parameters.split_at(parameters.len() - 2 * dof);
+        assert!(matrices.len().is_multiple_of(symmetric_len(dof)));
+        Self { dof, matrices, translation, first, scale, inverse: false }
+    }
+
+    #[inline(always)]
+    fn shears(&self) -> usize {
+        self.matrices.len() / symmetric_len(self.dof)
+    }
+
+    /// The number of the shear that is applied as the `k`th, and the half that it
+    /// changes.
+    #[inline(always)]
+    fn shear(&self, k: usize) -> (usize, Half) {
+        let number = if self.inverse { self.shears() - 1 - k } else { k };
+        (number, if number % 2 == 0 { self.first } else { self.first.other() })
+    }
+
+    /// ±c.
+    #[inline(always)]
+    fn factor(&self) -> P {
+        if self.inverse { -self.scale } else { self.scale }
+    }
+
+    /// S_number, by the rows of its upper triangle.
+    #[inline(always)]
+    fn matrix(&self, number: usize) -> &'a [P] {
+        let size = symmetric_len(self.dof);
+        &self.matrices[number * size..(number + 1) * size]
+    }
+
+    /// `out` ← S_number·y.
+    #[inline(always)]
+    fn product<S: Over<P>>(&self, number: usize, y: &[S], out: &mut [S]) {
+        let matrix = self.matrix(number);
+        out.fill(S::zero());
+        let mut entry = 0;
+        for i in 0..self.dof {
+            for k in i..self.dof {
+                out[i] = y[k].mul_add_parameter(matrix[entry], out[i]);
+                if k != i {
+                    out[k] = y[i].mul_add_parameter(matrix[entry], out[k]);
+                }
+                entry += 1;
+            }
+        }
+    }
+
+    /// The linear shears, calling `keep(k, source)` before each.
+    #[inline(always)]
+    fn linear<S: Over<P>>(
+        &self,
+        z: &mut [S],
+        scratch: &mut [S],
+        mut keep: impl FnMut(usize, &[S]),
+    ) {
+        let gradient = &mut scratch[..self.dof];
+        for k in 0..self.shears() {
+            let (number, half) = self.shear(k);
+            let (source, target) = half.split(self.dof, z);
+            keep(k, source);
+            self.product(number, source, gradient);
+            for (target, &gradient) in target.iter_mut().zip(&*gradient) {
+                *target = target.increment(self.factor(), gradient);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn translate<S: Over<P>>(&self, z: &mut [S]) {
+        for (z, &b) in z.iter_mut().zip(self.translation) {
+            *z = z.increment(self.factor(), S::embed(b));
+        }
+    }
+
+    #[inline(always)]
+    fn run<S: Over<P>>(&self, z: &mut [S], scratch: &mut [S], keep: impl FnMut(usize, &[S])) {
+        // 0·∞ is not 0.
+        if self.scale.is_zero() {
+            return;
+        }
+        if self.inverse {
+            self.translate(z);
+        }
+        self.linear(z, scratch, keep);
+        if !self.inverse {
+            self.translate(z);
+        }
+    }
+}
+
+impl<P: Scalar> Shear<P> for LinearModule<'_, P> {
+    #[inline(always)]
+    fn dof(&self) -> usize {
+        self.dof
+    }
+
+    #[inline(always)]
+    fn inverse(self) -> Self {
+        Self { inverse: !self.inverse, ..self }
+    }
+
+    #[inline(always)]
+    fn tape_len(&self) -> usize {
+        self.shears() * self.dof
+    }
+
+    #[inline(always)]
+    fn activation_count(&self) -> usize {
+        0
+    }
+
+    #[inline(always)]
+    fn apply<S: Over<P>>(&self, z: &mut [S], scratch: &mut [S]) {
+        self.run(z, scratch, |_, _| {});
+    }
+
+    #[inline(always)]
+    fn record<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
+        let n = self.dof;
+        self.run(z, scratch, |k, source| tape[k * n..(k + 1) * n].copy_from_slice(source));
+    }
+
+    #[inline(always)]
+    fn pull<S: Over<P>>(
+        &self,
+        tape: &[S],
+        z_bar: &mut [S],
+        parameters_bar: &mut [S],
+        scratch: &mut [S],
+    ) {
+        if self.scale.is_zero() {
+            return;
+        }
+        let n = self.dof;
+        let (matrices_bar, translation_bar) =
+            parameters_bar.split_at_mut(parameters_bar.len() - 2 * n);
+        let translation = |z_bar: &[S], translation_bar: &mut [S]| {
+            for (b_bar, z_bar) in translation_bar.iter_mut().zip(z_bar) {
+                *b_bar = z_bar.mul_add_parameter(self.factor(), *b_bar);
+            }
+        };
+        if !self.inverse {
+            translation(z_bar, translation_bar);
+        }
+        let (u, y_bar) = scratch.split_at_mut(n);
+        let y_bar = &mut y_bar[..n];
+        for k in (0..self.shears()).rev() {
+            let (number, half) = self.shear(k);
+            let y = &tape[k * n..(k + 1) * n];
+            let (source_bar, target_bar) = half.split_mut(n, z_bar);
+            for i in 0..n {
+                u[i] = target_bar[i].times(self.factor());
+            }
+            self.product(number, u, y_bar);
+            for (source_bar, y_bar) in source_bar.iter_mut().zip(&*y_bar) {
+                *source_bar = *source_bar + *y_bar;
+            }
+            let size = symmetric_len(n);
+            let matrix_bar = &mut matrices_bar[number * size..(number + 1) * size];
+            let mut entry = 0;
+            for i in 0..n {
+                for k in i..n {
+                    matrix_bar[entry] = u[i].mul_add(y[k], matrix_bar[entry]);
+                    if k != i {
+                        matrix_bar[entry] = u[k].mul_add(y[i], matrix_bar[entry]);
+                    }
+                    entry += 1;
+                }
+            }
+        }
+        if self.inverse {
+            translation(z_bar, translation_bar);
+        }
+    }
+
+    #[inline(always)]
+    fn apply_along<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
+        if self.scale.is_zero() {
+            return;
+        }
+        self.run(z, scratch, |_, _| {});
+        for direction in directions.chunks_exact_mut(2 * self.dof) {
+            self.linear(direction, scratch, |_, _| {});
+        }
+    }
+}
