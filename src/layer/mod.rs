@@ -7,10 +7,12 @@
 //!   layer.
 //! - [`Turn`], [`TurnStep`]: each plane rotated by its angle, as three shears a
 //!   plane; [`CircleAction`] and [`TorusAction`] say which planes turn together.
+//! - [`LinearModule`], [`ActivationModule`]: the modules of SympNets.
 //!
 //! [`HenonMap`], [`HenonLayer`] are the paper's H\[V, η\] and its fourth iterate,
 //! the latter as four kicks.
 
+mod activation_module;
 mod henon;
 mod kick;
 mod linear_module;
@@ -18,6 +20,7 @@ mod potential;
 mod shear;
 mod turn;
 
+pub use activation_module::{Activation, ActivationModule};
 pub use henon::{HenonLayer, HenonMap, KickForm, layer_parameter_count};
 pub use kick::Kick;
 pub use linear_module::{LinearModule, linear_module_parameter_count};

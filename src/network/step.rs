@@ -1,7 +1,9 @@
 //! The kinds of step, and the one place where a step is bound to its parameters.
 
 use super::Composition;
-use crate::layer::{Kick, KickForm, LinearModule, Shear, TanhPotential, TurnStep};
+use crate::layer::{
+    Activation, ActivationModule, Kick, KickForm, LinearModule, Shear, TanhPotential, TurnStep,
+};
 use crate::phase::Half;
 use crate::scalar::Scalar;
 use std::ops::Range;
@@ -39,6 +41,13 @@ pub enum Kind {
     Linear {
         /// The half that its first shear changes.
         first: Half,
+    },
+    /// An activation module of a SympNet.
+    Activation {
+        /// σ.
+        activation: Activation,
+        /// The half that it changes.
+        target: Half,
     },
 }
 
@@ -94,6 +103,10 @@ impl<P: Scalar> Composition<P> {
             }
             Kind::Linear { first } => {
                 let module = LinearModule::new(self.dof(), first, scale, parameters);
+                visitor.visit(if inverse { module.inverse() } else { module })
+            }
+            Kind::Activation { activation, target } => {
+                let module = ActivationModule { activation, factors: parameters, scale, target };
                 visitor.visit(if inverse { module.inverse() } else { module })
             }
         }
