@@ -24,6 +24,7 @@ mod samples;
 mod seeds;
 mod statistics;
 mod suite;
+mod symp_net;
 mod symplecticity;
 mod tanh;
 mod tolerances;

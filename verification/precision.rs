@@ -14,7 +14,7 @@ use std::sync::OnceLock;
 const SEEDS: u64 = 24;
 /// Two slopes a network.
 pub const STATED: usize = 2 * SEEDS as usize;
-const DOF: usize = 2;
+pub const DOF: usize = 2;
 const POINTS: usize = 20;
 
 /// Residual/(u·scale) of both laws at each rung.
@@ -32,7 +32,7 @@ const ROUNDOFFS: fn() -> [f64; 3] =
     || [f32::unit_roundoff(), f64::unit_roundoff(), DoubleDouble::unit_roundoff()];
 
 /// Weights and points that single precision holds.
-fn single(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
+pub fn single(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     values.into_iter().map(|v| f64::from(v as f32)).collect()
 }
 
@@ -94,15 +94,24 @@ fn inversion<S: Over<f64> + Real>(
 }
 
 fn ratios(seed: u64) -> Ratios {
-    let network = network(seed);
-    let (map, points) = (network.composition(), points(seed));
+    ratios_of(network(seed).composition(), &points(seed))
+}
+
+/// |slope − 1| of both laws over all rungs, for a map of two degrees of freedom whose
+/// parameters, and the points, single precision holds.
+pub fn defects(map: &Composition<f64>, seed: u64) -> [f64; 2] {
+    let ratios = ratios_of(map, &points(seed));
+    [ratios.symplecticity, ratios.inversion].map(|r| (over_all(r) - 1.0).abs())
+}
+
+fn ratios_of(map: &Composition<f64>, points: &[f64]) -> Ratios {
     let residuals = [
-        symplecticity::<f32>(map, &points),
-        symplecticity::<f64>(map, &points),
-        symplecticity::<DoubleDouble>(map, &points),
-        inversion::<f32>(map, map, &points),
-        inversion::<f64>(map, map, &points),
-        inversion::<DoubleDouble>(map, map, &points),
+        symplecticity::<f32>(map, points),
+        symplecticity::<f64>(map, points),
+        symplecticity::<DoubleDouble>(map, points),
+        inversion::<f32>(map, map, points),
+        inversion::<f64>(map, map, points),
+        inversion::<DoubleDouble>(map, map, points),
     ];
     let u = ROUNDOFFS();
     let over = |first: usize| [0, 1, 2].map(|rung| residuals[first + rung] / u[rung]);

@@ -1,7 +1,7 @@
 //! Networks: compositions of layers over one flat parameter vector.
 //!
-//! [`HenonNet`] (plain and near the identity) and [`Gyroceptron`] are both a
-//! [`Composition`], which is what is evaluated, inverted, differentiated and
+//! [`HenonNet`] (plain and near the identity), [`Gyroceptron`] and [`SympNet`] are each
+//! a [`Composition`], which is what is evaluated, inverted, differentiated and
 //! measured. [`Model`] is a HénonNet or a gyroceptron in double precision, as files hold it.
 //!
 //! # Parameter layout
@@ -9,7 +9,9 @@
 //! A layer of width h in n degrees of freedom owns h(n + 2) + n consecutive
 //! numbers: `W` (n × h, row by row), `b` (h), `w` (h), `η` (n). A HénonNet is
 //! its layers in the order of application. A gyroceptron is the layers of ψ,
-//! then those of I_ε, then θ.
+//! then those of I_ε, then θ. A linear module is its symmetric matrices, each by the
+//! rows of its upper triangle, and 2n numbers of its translation; an activation
+//! module has n. A SympNet is its modules in the order of application.
 
 mod batch;
 mod composition;
@@ -19,6 +21,7 @@ mod init;
 mod jacobians;
 mod model;
 mod step;
+mod symp_net;
 
 pub use batch::{Rollout, map_points, rollout};
 pub use composition::{Composition, Recording};
@@ -28,6 +31,7 @@ pub use init::InitialWeights;
 pub use jacobians::{map_jacobians, map_jacobians_by_duals};
 pub use model::{Architecture, Model};
 pub use step::{Kind, Step, Visitor};
+pub use symp_net::{SympNet, SympNetShape};
 
 pub use crate::phase::Direction;
 pub use crate::random::Stream;

@@ -1,0 +1,112 @@
+//! LA-SympNets: linear and activation modules in turn.
+
+use super::composition::Composition;
+use super::step::{Kind, Step};
+use crate::error::Error;
+use crate::layer::{Activation, linear_module_parameter_count};
+use crate::phase::{Half, Map};
+use crate::scalar::{Over, Real, Scalar};
+use serde::{Deserialize, Serialize};
+
+/// The shape of an LA-SympNet: linear modules with an activation module between
+/// each two of them.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SympNetShape {
+    /// n.
+    pub dof: usize,
+    /// The number of linear modules.
+    pub modules: usize,
+    /// The linear shears of each.
+    pub shears: usize,
+    /// σ of the activation modules.
+    pub activation: Activation,
+}
+
+impl SympNetShape {
+    /// The number of parameters of a linear module.
+    pub fn linear_len(&self) -> usize {
+        linear_module_parameter_count(self.dof, self.shears)
+    }
+
+    /// The number of parameters: those of the linear modules and n for each
+    /// activation module, in the order of application.
+    pub fn parameter_count(&self) -> usize {
+        let linear = self.modules.saturating_mul(self.linear_len());
+        linear.saturating_add(self.modules.saturating_sub(1).saturating_mul(self.dof))
+    }
+}
+
+/// ℒ_m ∘ 𝒩_{m−1} ∘ ℒ_{m−1} ∘ … ∘ 𝒩₁ ∘ ℒ₁ with
+/// [linear modules](crate::layer::LinearModule) ℒ, whose first shear changes p, and
+/// [activation modules](crate::layer::ActivationModule) 𝒩, which change q and p in
+/// turn.
+///
+/// Source: LA-SympNets of Jin, Zhang, Zhu, Tang and Karniadakis,
+/// <https://doi.org/10.1016/j.neunet.2020.08.017>, section 3.1: one of the networks
+/// that Duruisseaux, Burby and Tang, <https://doi.org/10.1038/s41598-023-34862-w>,
+/// compare gyroceptrons with.
+#[derive(Clone, Debug)]
+pub struct SympNet<P> {
+    shape: SympNetShape,
+    composition: Composition<P>,
+}
+
+impl<P: Scalar> SympNet<P> {
+    /// The network of this shape with these parameters.
+    ///
+    /// # Errors
+    /// When `parameters` is not of the length that `shape` asks for, or there is no
+    /// degree of freedom.
+    pub fn new(shape: SympNetShape, parameters: Vec<P>) -> Result<Self, Error> {
+        if shape.dof == 0 {
+            return Err(Error::invalid("degrees of freedom", 0, "at least 1"));
+        }
+        Error::check_count("parameters", shape.parameter_count(), parameters.len())?;
+        let mut composition = Composition::new(shape.dof, parameters, P::from_f64(1.0));
+        let mut start = 0;
+        let mut push = |kind, len| {
+            let parameters = start..start + len;
+            start = parameters.end;
+            composition.push(Step { kind, parameters, inverse: false, near_identity: false });
+        };
+        for module in 0..shape.modules {
+            if module > 0 {
+                let target = if module % 2 == 1 { Half::Position } else { Half::Momentum };
+                push(Kind::Activation { activation: shape.activation, target }, shape.dof);
+            }
+            push(Kind::Linear { first: Half::Momentum }, shape.linear_len());
+        }
+        Ok(Self { shape, composition })
+    }
+
+    /// Degrees of freedom, modules and activation.
+    pub fn shape(&self) -> &SympNetShape {
+        &self.shape
+    }
+
+    /// The steps and parameters.
+    pub fn composition(&self) -> &Composition<P> {
+        &self.composition
+    }
+}
+
+impl SympNet<f64> {
+    /// The same network over another number type.
+    pub fn lift<P: Real>(&self) -> SympNet<P> {
+        let parameters = self.composition.parameters().iter().map(|&v| P::from_f64(v)).collect();
+        SympNet::new(self.shape.clone(), parameters).expect("the count is that of the shape")
+    }
+}
+
+impl<P: Scalar, S: Over<P>> Map<S> for SympNet<P> {
+    fn dof(&self) -> usize {
+        self.shape.dof
+    }
+    fn forward(&self, z: &mut [S]) {
+        self.composition.forward(z);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        self.composition.inverse(z);
+    }
+}
