@@ -651,7 +651,7 @@ impl NearlyPeriodic for Mutant {
     fn angle(&self) -> f64 {
         self.clean.theta()
     }
-    fn epsilon_now(&self) -> f64 {
+    fn epsilon(&self) -> f64 {
         self.epsilon
     }
 }

@@ -60,7 +60,7 @@ pub trait NearlyPeriodic: Measurable {
     /// θ of the map.
     fn angle(&self) -> f64;
     /// ε of the map.
-    fn epsilon_now(&self) -> f64;
+    fn epsilon(&self) -> f64;
 }
 
 /// Elementary steps as measures see them, those of the inverse backwards.
@@ -263,8 +263,8 @@ impl NearlyPeriodic for Gyroceptron<f64> {
     fn angle(&self) -> f64 {
         self.theta()
     }
-    fn epsilon_now(&self) -> f64 {
-        self.epsilon()
+    fn epsilon(&self) -> f64 {
+        Gyroceptron::epsilon(self)
     }
 }
 
