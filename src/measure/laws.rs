@@ -259,7 +259,7 @@ fn order(
     let slope = log_slope(&epsilons, &values);
     let shortfall = if slope >= order { 0.0 } else { order - slope };
     let result = Conditioned::Ratio(if hidden { 0.0 } else { shortfall });
-    Tally::of_slopes("near identity", equation).is_vacuous(hidden && !responds).extend([result])
+    Tally::of_slopes("near identity", equation).vacuous_if(hidden && !responds).extend([result])
 }
 
 /// P₀ = ψ∘Φ_θ∘ψ⁻¹ bit for bit, in both directions; and forward the same bits

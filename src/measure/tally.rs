@@ -177,8 +177,8 @@ impl Tally {
         self
     }
 
-    /// Says that the samples cannot show a violation.
-    pub fn is_vacuous(mut self, vacuous: bool) -> Self {
+    /// Says, where `vacuous`, that the samples cannot show a violation.
+    pub fn vacuous_if(mut self, vacuous: bool) -> Self {
         self.vacuous |= vacuous;
         self
     }
