@@ -3,7 +3,7 @@
 
 use gyroceptron::layer::{CircleAction, HenonLayer};
 use gyroceptron::measure::{
-    Certificate, CertificateOptions, Conditioned, Measurable, Verdict, Walk, Whole, certify,
+    Certificate, CertificateOptions, Conditioned, Measurable, OneStep, Verdict, Walk, certify,
     certify_all, certify_map, inversion_ratio, jacobian, symplecticity_defect, symplecticity_ratio,
 };
 use gyroceptron::network::{
@@ -219,7 +219,7 @@ impl<S: Elementary> Map<S> for StandardMap {
 #[test]
 fn a_map_of_ones_own_is_certified_in_a_few_lines() {
     let verdicts = |keep: f64, slip: f64| {
-        let map = Whole(StandardMap { k: 1.2, keep, slip });
+        let map = OneStep(StandardMap { k: 1.2, keep, slip });
         let options = CertificateOptions { samples: 200, radius: 3.0, seed: 1 };
         let certificate = certify_map(&map, options);
         certificate.rows.iter().map(|row| row.verdict).collect::<Vec<_>>()

@@ -16,7 +16,7 @@ const MAPS: [(&str, &str); 7] = [
     ("Model", "symplecticity"),
 ];
 /// What makes a map of another.
-const ADAPTORS: [&str; 1] = ["Whole"];
+const ADAPTORS: [&str; 1] = ["OneStep"];
 /// The number types that a law runs on, or a test of `tests/` covers.
 const NUMBERS: [(&str, &str); 9] = [
     ("f64", "symplecticity"),

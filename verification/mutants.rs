@@ -8,7 +8,7 @@ use gyroceptron::layer::{
 };
 use gyroceptron::measure::{
     CertificateOptions, Conditioned, Layers, Measurable, MeasuredStep, MeasuredSteps,
-    NearlyPeriodic, Relation, Row, ThereAndBack, Verdict, Whole, certify_family, laws,
+    NearlyPeriodic, OneStep, Relation, Row, ThereAndBack, Verdict, certify_family, laws,
     near_identity_generator,
 };
 use gyroceptron::network::{
@@ -317,11 +317,11 @@ impl<S: Scalar> Map<S> for Damping {
     }
 }
 
-fn whole<'a, M>(map: M, direction: Direction) -> Box<dyn MeasuredStep + 'a>
+fn one_step<'a, M>(map: M, direction: Direction) -> Box<dyn MeasuredStep + 'a>
 where
     M: gyroceptron::measure::Numbers + 'a,
 {
-    struct Owned<M>(Whole<M>, Direction);
+    struct Owned<M>(OneStep<M>, Direction);
     impl<M: gyroceptron::measure::Numbers> MeasuredStep for Owned<M> {
         fn apply(&self, z: &mut [f64]) {
             self.0.measured_steps(self.1)[0].apply(z);
@@ -336,7 +336,7 @@ where
             self.0.measured_steps(self.1)[0].value_magnitude(z, after, delta);
         }
     }
-    Box::new(Owned(Whole(map), direction))
+    Box::new(Owned(OneStep(map), direction))
 }
 
 /// A gyroceptron with a fault. It is the clean one but for the fault.
@@ -416,7 +416,7 @@ impl Mutant {
                 map: HenonLayer::new(DOF, width, epsilon, parameters).map(),
                 plus_x,
             };
-            (0..times).map(|_| whole(map(), direction)).collect()
+            (0..times).map(|_| one_step(map(), direction)).collect()
         };
         match self.fault {
             Fault::PlusX if !inverse => return literal(true, 4),
@@ -496,7 +496,7 @@ impl Mutant {
 
     fn rotation(&self, theta: f64, direction: Direction) -> MeasuredSteps<'_> {
         match self.matrix(theta) {
-            Some(matrix) => vec![whole(matrix, direction)],
+            Some(matrix) => vec![one_step(matrix, direction)],
             None => {
                 let rotation = self.clean.shape().circle_action.at(theta);
                 let steps: Vec<ElementaryStep<'_, f64, TanhPotential<'_, f64>>> =
@@ -528,12 +528,12 @@ impl Mutant {
                 }
                 steps.extend(near);
                 if self.fault == Fault::Friction {
-                    steps.push(whole(Damping, direction));
+                    steps.push(one_step(Damping, direction));
                 }
             }
             Direction::Inverse => {
                 if self.fault == Fault::Friction {
-                    steps.push(whole(Damping, direction));
+                    steps.push(one_step(Damping, direction));
                 }
                 steps.extend(near);
                 if once {
@@ -699,7 +699,7 @@ fn map_rows(fault: Fault) -> Vec<Row> {
     rows.push(gradients::other_derivatives(&model, &broken, points).row());
     let (_, own) = Mutant::layers(&broken, Part::Psi, false)[0];
     let map = HenonLayer::new(DOF, broken.clean.shape().psi[0], 1.0, own).map();
-    let single = Whole(LiteralMap { map, plus_x: fault == Fault::PlusX });
+    let single = OneStep(LiteralMap { map, plus_x: fault == Fault::PlusX });
     let forward = Direction::Forward;
     rows.push(laws::inversion("inversion of H", "H⁻¹∘H = Id", &single, forward, points).row());
     rows.push(laws::symplecticity_of("symplecticity of H", &single, points).row());

@@ -111,11 +111,11 @@ pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate
 /// ways of evaluating it give the same bits, and, for information, its
 /// determinant.
 ///
-/// For a map of your own, [`Whole`](super::Whole) makes a [`Measurable`] of
+/// For a map of your own, [`OneStep`](super::OneStep) makes a [`Measurable`] of
 /// anything that is written over the number type:
 ///
 /// ```
-/// use gyroceptron::measure::{CertificateOptions, Whole, certify_map};
+/// use gyroceptron::measure::{CertificateOptions, OneStep, certify_map};
 /// use gyroceptron::phase::Map;
 /// use gyroceptron::scalar::Elementary;
 ///
@@ -137,7 +137,7 @@ pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate
 /// }
 ///
 /// let options = CertificateOptions { radius: 3.0, ..Default::default() };
-/// assert!(certify_map(&Whole(StandardMap(1.2)), options).holds());
+/// assert!(certify_map(&OneStep(StandardMap(1.2)), options).holds());
 /// ```
 pub fn certify_map(map: &dyn Measurable, options: CertificateOptions) -> Certificate {
     Certificate::of(options, of_map(map, &Samples::draw(map.dof(), 0, options)))

@@ -9,7 +9,7 @@ use crate::scalar::{Dual, Scalar, Tracked};
 /// A map that the laws can be measured on.
 ///
 /// Every map, layer and network of the crate is one. A map of your own that is
-/// written over the number type becomes one inside [`Whole`].
+/// written over the number type becomes one inside [`OneStep`].
 pub trait Measurable: Map<f64> {
     /// The steps whose rounding errors are followed one by one; for
     /// [`Direction::Inverse`] those of P⁻¹.
@@ -273,11 +273,11 @@ impl NearlyPeriodic for Gyroceptron<f64> {
 /// The scale of its rounding errors is found by running it on
 /// [`Tracked`] numbers: nothing has to be derived by hand. The bound is that
 /// of the worst case, so that a long computation is better given as a sequence
-/// of steps, each a `Whole`, in a [`Measurable`] of one's own.
+/// of steps, each a `OneStep`, in a [`Measurable`] of one's own.
 #[derive(Clone, Copy, Debug)]
-pub struct Whole<M>(pub M);
+pub struct OneStep<M>(pub M);
 
-impl<S, M: Map<S>> Map<S> for Whole<M> {
+impl<S, M: Map<S>> Map<S> for OneStep<M> {
     fn dof(&self) -> usize {
         self.0.dof()
     }
@@ -294,18 +294,18 @@ pub trait Numbers: Map<f64> + Map<Dual<f64, 8>> + Map<Dual<Tracked, 8>> {}
 
 impl<M> Numbers for M where M: Map<f64> + Map<Dual<f64, 8>> + Map<Dual<Tracked, 8>> {}
 
-impl<M: Numbers> Measurable for Whole<M> {
+impl<M: Numbers> Measurable for OneStep<M> {
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
-        vec![Box::new(WholeStep { map: &self.0, direction })]
+        vec![Box::new(TrackedStep { map: &self.0, direction })]
     }
 }
 
-struct WholeStep<'a, M> {
+struct TrackedStep<'a, M> {
     map: &'a M,
     direction: Direction,
 }
 
-impl<M> WholeStep<'_, M> {
+impl<M> TrackedStep<'_, M> {
     fn run<S>(&self, z: &mut [S])
     where
         M: Map<S>,
@@ -317,7 +317,7 @@ impl<M> WholeStep<'_, M> {
     }
 }
 
-impl<M: Numbers> MeasuredStep for WholeStep<'_, M> {
+impl<M: Numbers> MeasuredStep for TrackedStep<'_, M> {
     fn apply(&self, z: &mut [f64]) {
         self.run(z);
     }

@@ -37,7 +37,7 @@ pub use determinant::determinant_ratio;
 pub use inversion::{Conditioned, ILL_CONDITIONED, ThereAndBack, inversion_ratio};
 pub use jacobian::{Differentiable, jacobian};
 pub use laws::Samples;
-pub use measurable::{Layers, Measurable, NearlyPeriodic, Numbers, Whole};
+pub use measurable::{Layers, Measurable, NearlyPeriodic, Numbers, OneStep};
 pub use near_identity::{
     differing_components, near_identity_generator, near_identity_size, near_identity_undoing,
 };
