@@ -210,7 +210,7 @@ pub fn literal_formula(model: &Model, map: &dyn Measurable, points: &[f64]) -> T
         let walk = Walk::new(&steps, z);
         let (own, _) = walk.value_bounds();
         let reference = bounded(network, z, 0);
-        let size = z.iter().fold(1.0_f64, |m, v| m.max(v.abs()));
+        let size = z.iter().map(|v| v.abs()).fold(1.0, max_or_nan);
         let entries = (0..z.len()).map(|i| {
             let bound = u * own[i] + reference[i].re.error();
             (walk.end()[i] - reference[i].re.value, bound, size)

@@ -15,7 +15,7 @@ use gyroceptron::network::{
     Architecture, Direction, Gyroceptron, GyroceptronShape, InitialWeights, Model,
 };
 use gyroceptron::phase::{Half, Map};
-use gyroceptron::scalar::{Dual, Over, Real, Scalar};
+use gyroceptron::scalar::{Dual, Over, Real, Scalar, max_or_nan};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -750,14 +750,14 @@ pub fn smallest_inversion(fault: Fault) -> f64 {
     let there = psi.measured_steps(Direction::Forward);
     let both = ThereAndBack::new(there, psi.measured_steps(Direction::Inverse));
     let samples = laws::Samples::draw(DOF, 0, SAMPLES);
-    samples
+    -samples
         .points()
         .chunks_exact(2 * DOF)
         .map(|z| match both.ratio(z) {
-            Conditioned::Ratio(ratio) => ratio,
+            Conditioned::Ratio(ratio) => -ratio,
             Conditioned::IllConditioned => panic!("well-conditioned samples"),
         })
-        .fold(f64::INFINITY, f64::min)
+        .fold(f64::NEG_INFINITY, max_or_nan)
 }
 
 /// All laws that the suite runs, in the order of its tables.

@@ -140,7 +140,7 @@ pub fn conjugated_axiom_ratio(
     if ends.iter().flatten().any(|v| !v.is_finite()) {
         return Conditioned::Ratio(f64::NAN);
     }
-    let size = z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let size = z.iter().map(|v| v.abs()).fold(0.0, max_or_nan);
     let mut largest = 0.0;
     let mut ill_conditioned = !linear;
     for row in 0..dim {

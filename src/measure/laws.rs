@@ -226,7 +226,7 @@ fn responds(family: &dyn NearlyPeriodic, epsilons: &[f64], points: &[f64]) -> bo
 }
 
 fn radius(points: &[f64]) -> f64 {
-    points.iter().fold(0.0_f64, |m, v| m.max(v.abs()))
+    points.iter().map(|v| v.abs()).fold(0.0, max_or_nan)
 }
 
 /// Six values, halved one after the other, from where I_ε moves points by
