@@ -27,3 +27,4 @@ mod suite;
 mod symplecticity;
 mod tanh;
 mod tolerances;
+mod watched;

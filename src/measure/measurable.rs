@@ -31,6 +31,11 @@ pub trait Measurable: Map<f64> {
     fn layers(&self) -> Layers<'_> {
         Vec::new()
     }
+
+    /// The name of the type, by which a suite knows what it has measured.
+    fn type_name(&self) -> &'static str {
+        std::any::type_name::<Self>()
+    }
 }
 
 /// Layers, each to be measured alone.
