@@ -116,9 +116,7 @@ impl GaussLegendre {
         steps: usize,
     ) -> Result<(), Error> {
         const MAXIMUM: usize = 100;
-        if steps == 0 {
-            return Err(Error::invalid("steps", steps, "at least 1"));
-        }
+        Error::check_count_range("steps", steps, 1, usize::MAX)?;
         let (s, dim) = (self.stages(), z.len());
         let h = time / steps as f64;
         let mut slopes = vec![0.0; s * dim];

@@ -63,18 +63,12 @@ impl CertificateOptions {
     /// Fails unless there are samples, in a box of finite size.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the option and its value.
+    /// [`Error::CountOutOfRange`] or [`Error::OutOfRange`] with the option.
     pub fn check(&self) -> Result<(), Error> {
         const MOST: usize = 10_000_000;
         const LARGEST: f64 = 1e150;
-        if self.samples == 0 || self.samples > MOST {
-            return Err(Error::invalid("samples", self.samples, format!("1 to {MOST}")));
-        }
-        if !(self.radius > 0.0 && self.radius <= LARGEST) {
-            let expected = format!("a positive number of at most {LARGEST:e}");
-            return Err(Error::invalid("radius", self.radius, expected));
-        }
-        Ok(())
+        Error::check_count_range("samples", self.samples, 1, MOST)?;
+        Error::check_range("radius", self.radius, Error::LEAST_POSITIVE, LARGEST)
     }
 }
 

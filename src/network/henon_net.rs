@@ -75,9 +75,7 @@ impl<P: Scalar> HenonNet<P> {
     /// # Errors
     /// As [`HenonNet::new`].
     pub fn near_identity(shape: HenonShape, epsilon: P, parameters: Vec<P>) -> Result<Self, Error> {
-        if shape.dof == 0 {
-            return Err(Error::invalid("degrees of freedom", 0, "at least 1"));
-        }
+        Error::check_count_range("degrees of freedom", shape.dof, 1, usize::MAX)?;
         Error::check_count("parameters", shape.parameter_count(), parameters.len())?;
         let mut composition = Composition::new(shape.dof, parameters, epsilon);
         composition.push_henon(&shape, 0, Direction::Forward, true);
