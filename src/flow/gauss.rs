@@ -219,8 +219,8 @@ impl Reference {
         Self { method: GaussLegendre::new(12), steps_per_time: fastest }
     }
 
-    /// As [`Reference::new`], with steps halved until the error estimate over
-    /// `time`, at 64 of these points (2n numbers each), is at the level of
+    /// The reference for `system` whose steps ([`Reference::new`]) are halved until
+    /// the error estimate over `time`, at 64 of these points (2n numbers each), is at the level of
     /// rounding or falls no more.
     ///
     /// # Errors

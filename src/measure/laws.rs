@@ -76,7 +76,7 @@ pub fn symplecticity(map: &dyn Measurable, points: &[f64]) -> Tally {
     symplecticity_of("symplecticity of P", map, points).must_be_sound()
 }
 
-/// The same of a part, under a name of its own, on any samples.
+/// JᵀΩJ = Ω of a part of a map, under a name of its own, on any samples.
 pub fn symplecticity_of(law: &str, map: &dyn Measurable, points: &[f64]) -> Tally {
     let steps = map.measured_steps(Direction::Forward);
     Tally::of_ratios(law, "JᵀΩJ = Ω").extend(
