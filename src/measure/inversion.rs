@@ -45,7 +45,7 @@ impl<'a> ThereAndBack<'a> {
         Self { steps, there: count }
     }
 
-    /// As [`inversion_ratio`].
+    /// ρ_I at z ([`inversion_ratio`]).
     pub fn ratio(&self, z: &[f64]) -> Conditioned {
         let u = f64::unit_roundoff();
         let walk = Walk::new(&self.steps, z);

@@ -11,7 +11,7 @@ pub trait MeasuredStep {
     /// z ← the step of z.
     fn apply(&self, z: &mut [f64]);
 
-    /// The same with derivatives in eight directions.
+    /// z ← the step of z, with derivatives in eight directions.
     fn apply_tangent(&self, z: &mut [Dual<f64, 8>]);
 
     /// `e` ← the scale, in units of u, of the error that the step leaves in
