@@ -146,7 +146,7 @@ fn thresholds(text: &str) -> Vec<&str> {
         number && (word.contains('.') || word.contains('e'))
     };
     let compares = |line: &&str| {
-        let code = line.split("//").next().unwrap_or("");
+        let code = line.split("//").next().unwrap_or("").replace("\\\"", "");
         let code = code.split('"').step_by(2).collect::<Vec<_>>().join(" ");
         let mut after =
             [" < ", " > ", " <= ", " >= "].iter().flat_map(|sign| code.split(sign).skip(1));

@@ -33,8 +33,8 @@ pub const ORDER: f64 = measure::SLOPE_LIMIT;
 /// denominator ≤ N of a convergent of the rotation number; a maximum of the
 /// harmonic m is missed by at most ½(mπ/q)². For m = 3 and a q of 100 at the
 /// first horizon, 5000 (a partial quotient of 50, which one number in fifty has
-/// there), that is 4.4e-3, which a line over five halvings turns into 4.4e-3·2.5/(17.5 ln 2)
-/// = 9e-4.
+/// there), that is 4.4e-3, which a line over five halvings turns into
+/// 4.4e-3·2.5/(17.5 ln 2) = 9e-4.
 pub const DRIFT_EXPONENT: f64 = 1e-3;
 
 /// The exponent of the drift with a second degree of freedom, up to Nε = 10, the
@@ -58,15 +58,11 @@ pub const CONTROL_EXPONENT: f64 = 0.1;
 pub const ABOVE_FLOOR: f64 = 1e3;
 
 /// |slope − 1| of the drift in ε, over ε halved seven times. A relative error
-/// that halves with each step from an end of the line, of the size e there, moves
-/// the slope by at most LEVERAGE·e. Rounding does so from the smallest ε, with
-/// e = 1/ABOVE_FLOOR; the second order in ε from the largest, 1e-6, with
-/// e = 1e-4 where it is a hundred times the first.
-pub const DRIFT_SLOPE: f64 = LEVERAGE * (1.0 / ABOVE_FLOOR + 1e-4);
-
-/// Σ|k − 3.5|2⁻ᵏ/(42 ln 2), k = 0 … 7: 42 ln² 2 is the sum of the squared
-/// distances of the points log ε from their mean.
-const LEVERAGE: f64 = 5.332 / (42.0 * std::f64::consts::LN_2);
+/// that is e at one end of the line and halves with each step from there moves the
+/// slope by at most Σ|k − 3.5|2⁻ᵏ/(42 ln 2)·e = 0.18e, k = 0 … 7. Rounding does so
+/// from the smallest ε, with e = 1/[`ABOVE_FLOOR`]; the second order in ε from the
+/// largest, 1e-6, with e = 1e-4 where it is a hundred times the first: 2.0e-4.
+pub const DRIFT_SLOPE: f64 = 2e-4;
 
 /// The share of samples on which rounding may leave no digit: 942 of 10,000 are
 /// seen, in the determinant of networks of up to 40 layers. Of 500 networks with
