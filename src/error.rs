@@ -69,7 +69,51 @@ pub enum Error {
         /// The nearest known one.
         nearest: Option<String>,
     },
-    /// An argument out of range.
+    /// A number outside its range, bounds included; NaN is outside of any.
+    #[error("{name}: expected {}, found {value:?}", range(*low, *high))]
+    OutOfRange {
+        /// Which number.
+        name: String,
+        /// Its value.
+        value: f64,
+        /// The least that it may be.
+        low: f64,
+        /// The most that it may be.
+        high: f64,
+    },
+    /// A count outside its range, bounds included.
+    #[error("{name}: expected {}, found {found}", count_range(*least, *most))]
+    CountOutOfRange {
+        /// Of what.
+        name: String,
+        /// The count.
+        found: usize,
+        /// The least that it may be.
+        least: usize,
+        /// The most that it may be.
+        most: usize,
+    },
+    /// A count that is given by something else.
+    #[error("{name}: expected {expected}, found {found}")]
+    WrongCount {
+        /// Of what.
+        name: String,
+        /// The count that it should be.
+        expected: usize,
+        /// The count.
+        found: usize,
+    },
+    /// An array that does not consist of whole rows.
+    #[error("{name}: expected rows of {columns} numbers, found {found} numbers")]
+    Ragged {
+        /// Which array.
+        name: String,
+        /// The numbers of a row.
+        columns: usize,
+        /// The numbers of the array.
+        found: usize,
+    },
+    /// An argument that is wrong in a way that is not a number's.
     #[error("{name}: expected {expected}, found {value}")]
     Invalid {
         /// Which argument.
@@ -113,7 +157,74 @@ pub enum Error {
     },
 }
 
+/// The bounds of [`Error::OutOfRange`] in words.
+fn range(low: f64, high: f64) -> String {
+    match (low, high) {
+        (f64::MIN, f64::MAX) => "a finite number".into(),
+        (0.0, f64::MAX) => "a finite number ≥ 0".into(),
+        (Error::LEAST_POSITIVE, f64::MAX) => "a positive finite number".into(),
+        (f64::MIN, _) => format!("at most {high:?}"),
+        (_, f64::MAX) => format!("at least {low:?}"),
+        (Error::LEAST_POSITIVE, _) => format!("a positive number of at most {high:?}"),
+        _ => format!("{low:?} to {high:?}"),
+    }
+}
+
+/// The bounds of [`Error::CountOutOfRange`] in words.
+fn count_range(least: usize, most: usize) -> String {
+    match (least, most) {
+        (_, usize::MAX) => format!("at least {least}"),
+        (0, _) => format!("at most {most}"),
+        _ => format!("{least} to {most}"),
+    }
+}
+
 impl Error {
+    /// The lower end of a range that starts above 0.
+    pub(crate) const LEAST_POSITIVE: f64 = 5e-324;
+
+    /// Fails with [`Error::OutOfRange`] unless low ≤ value ≤ high.
+    pub(crate) fn check_range(name: &str, value: f64, low: f64, high: f64) -> Result<(), Self> {
+        if value >= low && value <= high {
+            return Ok(());
+        }
+        Err(Self::OutOfRange { name: name.to_owned(), value, low, high })
+    }
+
+    /// Fails with [`Error::OutOfRange`] unless the value is finite.
+    pub(crate) fn check_finite(name: &str, value: f64) -> Result<(), Self> {
+        Self::check_range(name, value, f64::MIN, f64::MAX)
+    }
+
+    /// Fails with [`Error::CountOutOfRange`] unless least ≤ found ≤ most.
+    pub(crate) fn check_count_range(
+        name: &str,
+        found: usize,
+        least: usize,
+        most: usize,
+    ) -> Result<(), Self> {
+        if (least..=most).contains(&found) {
+            return Ok(());
+        }
+        Err(Self::CountOutOfRange { name: name.to_owned(), found, least, most })
+    }
+
+    /// Fails with [`Error::Ragged`] unless `found` numbers are rows of `columns`.
+    pub(crate) fn check_rows(name: &str, found: usize, columns: usize) -> Result<(), Self> {
+        if columns > 0 && found.is_multiple_of(columns) {
+            return Ok(());
+        }
+        Err(Self::Ragged { name: name.to_owned(), columns, found })
+    }
+
+    /// Fails with [`Error::WrongCount`] unless the counts are the same.
+    pub(crate) fn check_count(name: &str, expected: usize, found: usize) -> Result<(), Self> {
+        if expected == found {
+            return Ok(());
+        }
+        Err(Self::WrongCount { name: name.to_owned(), expected, found })
+    }
+
     /// [`Error::Invalid`].
     pub fn invalid(name: &str, value: impl Display, expected: impl Display) -> Self {
         Self::Invalid {
@@ -141,8 +252,41 @@ impl Error {
     pub fn write(path: &Path, reason: impl Display) -> Self {
         Self::Write { path: path.to_owned(), reason: reason.to_string() }
     }
+}
 
-    pub(crate) fn check_count(what: &str, expected: usize, found: usize) -> Result<(), Self> {
-        if expected == found { Ok(()) } else { Err(Self::invalid(what, found, expected)) }
+#[cfg(test)]
+mod tests {
+    use super::Error;
+
+    fn words(result: Result<(), Error>) -> String {
+        result.expect_err("refused").to_string()
+    }
+
+    #[test]
+    fn every_message_says_the_value_and_the_range() {
+        let of = |low, high| words(Error::check_range("x", f64::NAN, low, high));
+        assert_eq!(of(f64::MIN, f64::MAX), "x: expected a finite number, found NaN");
+        assert_eq!(of(0.0, f64::MAX), "x: expected a finite number ≥ 0, found NaN");
+        assert_eq!(of(5e-324, f64::MAX), "x: expected a positive finite number, found NaN");
+        assert_eq!(of(5e-324, 1e150), "x: expected a positive number of at most 1e150, found NaN");
+        assert_eq!(of(f64::MIN, 2.5), "x: expected at most 2.5, found NaN");
+        assert_eq!(of(2.5, f64::MAX), "x: expected at least 2.5, found NaN");
+        assert_eq!(of(-1.0, 1.0), "x: expected -1.0 to 1.0, found NaN");
+        let of = |least, most| words(Error::check_count_range("n", 70, least, most));
+        assert_eq!(of(71, usize::MAX), "n: expected at least 71, found 70");
+        assert_eq!(of(0, 64), "n: expected at most 64, found 70");
+        assert_eq!(of(1, 64), "n: expected 1 to 64, found 70");
+        assert_eq!(words(Error::check_count("n", 7, 8)), "n: expected 7, found 8");
+        let ragged = words(Error::check_rows("z", 7, 4));
+        assert_eq!(ragged, "z: expected rows of 4 numbers, found 7 numbers");
+    }
+
+    #[test]
+    fn bounds_are_within() {
+        assert!(Error::check_range("x", 1.0, 1.0, 1.0).is_ok());
+        assert!(Error::check_range("x", 0.0, Error::LEAST_POSITIVE, 1.0).is_err());
+        assert!(Error::check_finite("x", f64::INFINITY).is_err());
+        assert!(Error::check_count_range("n", 0, 1, 1).is_err());
+        assert!(Error::check_rows("z", 0, 4).is_ok() && Error::check_rows("z", 0, 0).is_err());
     }
 }

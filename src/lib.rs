@@ -102,7 +102,8 @@ pub mod train;
 
 pub use error::Error;
 
-/// The README's example is compiled and run as it stands.
+/// The examples of the READMEs are compiled and run as they stand.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
+#[doc = include_str!("../verification/README.md")]
 struct Readme;

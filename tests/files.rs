@@ -207,10 +207,13 @@ fn broken_pairs_are_refused() {
     check(&[("input", good.clone())], &["pairs.npz: output", "input"]);
     check(&[("output", good.clone())], &["pairs.npz: input", "output"]);
     check(&[], &["pairs.npz: input", "none"]);
-    check(&[("input", good.clone()), ("output", matrix(2, 4))], &["output", "3 rows", "2 rows"]);
+    check(
+        &[("input", good.clone()), ("output", matrix(2, 4))],
+        &["rows of output", "expected 3", "found 2"],
+    );
     check(&[("input", good.clone()), ("output", matrix(3, 6))], &["4 columns", "6 columns"]);
     check(&[("input", matrix(3, 5)), ("output", matrix(3, 5))], &["even", "5 columns"]);
-    check(&[("input", matrix(0, 4)), ("output", matrix(0, 4))], &["input", "zero rows"]);
+    check(&[("input", matrix(0, 4)), ("output", matrix(0, 4))], &["rows of input", "found 0"]);
     let bad = |value: f64| {
         let mut values = vec![0.5; 12];
         values[6] = value;

@@ -56,7 +56,7 @@ fn four_henon_maps_are_the_layer() {
             }
             let ratio = largest_ratio(&by_layer, &by_maps);
             assert!(ratio <= 1.0, "forward, dof {dof}, seed {seed}: {ratio}");
-            moved_ratio = moved_ratio.max(ratio);
+            moved_ratio = max_or_nan(moved_ratio, ratio);
 
             let (mut by_layer, mut by_maps) = (tracked(&z), tracked(&z));
             layer.inverse(&mut by_layer);

@@ -6,7 +6,7 @@ use gyroceptron::network::{
     Architecture, Gyroceptron, GyroceptronShape, HenonShape, InitialWeights, Model, Stream,
 };
 use gyroceptron::phase::Map;
-use gyroceptron::scalar::Dual;
+use gyroceptron::scalar::{Dual, max_or_nan};
 use gyroceptron::system::Oscillators;
 use gyroceptron::train::{
     Checkpoint, Control, Loss, Objective, Outcome, Progress, Scaling, Stop, TrainingOptions,
@@ -143,7 +143,8 @@ fn training_lowers_the_held_out_error_and_keeps_the_best() {
     }
     let objective = Objective::new(&Loss::MeanSquaredError, &held_out).expect("valid");
     assert_eq!(objective.value(outcome.model.composition()), best);
-    let lowest = outcome.history.iter().filter_map(|r| r.validation).fold(f64::INFINITY, f64::min);
+    let validations = outcome.history.iter().filter_map(|r| r.validation);
+    let lowest = -validations.map(|v| -v).fold(f64::NEG_INFINITY, max_or_nan);
     assert_eq!(best, lowest);
 }
 

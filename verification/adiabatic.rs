@@ -88,8 +88,9 @@ fn drifts(map: &impl Map<f64>, network: &Gyroceptron<f64>, horizons: &[usize]) -
 pub struct Orbit {
     slope: Line,
     exponent: Line,
-    /// The same of the control.
+    /// The control's slope in ε.
     control_slope: Line,
+    /// The control's exponent in N.
     control: Line,
     /// The smallest drift over the drift at ε = 0.
     above_floor: f64,
@@ -230,7 +231,7 @@ pub fn rows() -> &'static [Row] {
     })
 }
 
-/// The same laws on a mutant, which has two degrees of freedom.
+/// The laws of the drift on a mutant, which has two degrees of freedom.
 pub fn rows_of_mutant(fault: Fault) -> Vec<Row> {
     let model = mutants::clean();
     let golden = {
@@ -249,8 +250,7 @@ pub fn rows_of_mutant(fault: Fault) -> Vec<Row> {
     };
     let horizons = [200, 400, 800, 1600];
     let exponent = log_slope(&horizons.map(|n| n as f64), &drift(1e-6, &horizons));
-    let epsilons = [1e-4, 5e-5, 2.5e-5];
-    let slope = log_slope(&epsilons, &epsilons.map(|e| drift(e, &[200])[0]));
+    let slope = log_slope(&EPSILONS, &EPSILONS.map(|e| drift(e, &[200])[0]));
     let mut rows = vec![
         tally(FOUR, tolerances::DRIFT_EXPONENT_4D, [exponent.abs()].into_iter()),
         tally(SLOPE, tolerances::DRIFT_SLOPE, [(slope - 1.0).abs()].into_iter()),
@@ -286,10 +286,10 @@ fn the_drift_does_not_grow_and_that_of_the_control_does() {
 
 #[test]
 fn the_last_horizon_is_long_enough() {
-    assert!(HORIZONS[HORIZONS.len() - 1] as f64 >= 10.0 / EPSILON);
+    assert!(HORIZONS[HORIZONS.len() - 1] as f64 * EPSILON >= tolerances::SLOW_TIME);
     assert!(EPSILONS.len() >= 6);
     let golden = std::f64::consts::TAU * 0.5 * (5.0_f64.sqrt() - 1.0);
-    assert!((GOLDEN - golden).abs() < 1e-15);
+    assert!((GOLDEN - golden).abs() < tolerances::GOLDEN);
 }
 
 /// The slope alone cannot tell: the control has it too.
@@ -306,7 +306,7 @@ fn in_four_dimensions_the_drift_grows_slowly_if_at_all() {
     let exponent = median_exponent_in_four_dimensions();
     assert!(exponent.abs() <= tolerances::DRIFT_EXPONENT_4D, "{exponent}");
     let last = FOUR_DIMENSIONS[FOUR_DIMENSIONS.len() - 1];
-    assert!(last as f64 * EPSILON_4 >= 10.0);
+    assert!(last as f64 * EPSILON_4 >= tolerances::SLOW_TIME);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use crate::samples::{Case, wide};
 use crate::suite;
+use crate::watched::watched;
 use gyroceptron::measure::{Row, Tally, laws};
 use std::sync::OnceLock;
 
@@ -14,8 +15,9 @@ pub fn rows() -> &'static [Row] {
 
 fn measure(case: &Case) -> Vec<Tally> {
     let (network, samples) = (case.gyroceptron(), case.samples(2));
-    let plain = laws::circle_action(&network, &samples);
-    let conjugated = laws::conjugated_circle_action(&network, &samples);
+    let family = watched("circle_action", &network);
+    let plain = laws::circle_action(&family, &samples);
+    let conjugated = laws::conjugated_circle_action(&family, &samples);
     plain.into_iter().chain(conjugated).collect()
 }
 

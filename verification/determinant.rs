@@ -3,6 +3,7 @@
 
 use crate::samples::wide;
 use crate::suite;
+use crate::watched::watched;
 use gyroceptron::measure::{Row, Verdict, laws};
 use std::sync::OnceLock;
 
@@ -12,7 +13,7 @@ pub fn rows() -> &'static [Row] {
     static ROWS: OnceLock<Vec<Row>> = OnceLock::new();
     ROWS.get_or_init(|| {
         suite::run("determinant", STATED / 2, wide(2, 40), |case| {
-            vec![laws::determinant(&case.henon_net(), &case.points(2))]
+            vec![laws::determinant(&watched("determinant", &case.henon_net()), &case.points(2))]
         })
     })
 }

@@ -2,6 +2,7 @@
 
 use crate::samples::wide;
 use crate::suite;
+use crate::watched::watched;
 use gyroceptron::measure::{Row, laws};
 use std::sync::OnceLock;
 
@@ -12,7 +13,7 @@ pub fn rows() -> &'static [Row] {
     ROWS.get_or_init(|| {
         // Eleven points: a full register and a ragged one.
         suite::run("evaluation", STATED.div_ceil(11), wide(1, 40), |case| {
-            vec![laws::evaluation(&case.model(), &case.points(11))]
+            vec![laws::evaluation(&watched("evaluation", &case.model()), &case.points(11))]
         })
     })
 }

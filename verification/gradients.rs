@@ -3,7 +3,7 @@
 
 use crate::mutants;
 use crate::samples::{Case, mild};
-use crate::suite;
+use crate::{suite, tolerances};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
     Adjoint, Conditioned, ILL_CONDITIONED, Measurable, Row, Tally, Walk, laws,
@@ -210,7 +210,7 @@ pub fn literal_formula(model: &Model, map: &dyn Measurable, points: &[f64]) -> T
         let walk = Walk::new(&steps, z);
         let (own, _) = walk.value_bounds();
         let reference = bounded(network, z, 0);
-        let size = z.iter().fold(1.0_f64, |m, v| m.max(v.abs()));
+        let size = z.iter().map(|v| v.abs()).fold(1.0, max_or_nan);
         let entries = (0..z.len()).map(|i| {
             let bound = u * own[i] + reference[i].re.error();
             (walk.end()[i] - reference[i].re.value, bound, size)
@@ -294,15 +294,16 @@ fn the_other_duals_know_sech2() {
         ("dual_num", Literal::sech2(dual_num::Dual::new(x, 1.0)).dual()),
         ("ours", Scalar::sech2(Dual::<f64, 1>::variable(x, 0)).eps[0]),
     ] {
-        assert!((value - slope).abs() < 4e-16, "{name}: {value}");
+        assert!((value - slope).abs() < tolerances::FOUR_ROUNDINGS, "{name}: {value}");
     }
     let (s, c) = Elementary::sin_cos(Dual::<f64, 1>::variable(x, 0));
-    assert!((s.eps[0] - c.re).abs() < 1e-16);
+    assert_eq!(s.eps[0], c.re);
 }
 
 #[test]
 fn the_rotation_of_the_formulas_is_that_of_the_paper() {
     let mut z = [1.0, 0.0];
     CircleAction::new([1]).at(0.3_f64).forward(&mut z);
-    assert!((z[0] - libm::cos(0.3)).abs() < 1e-15 && (z[1] + libm::sin(0.3)).abs() < 1e-15);
+    let error = max_or_nan((z[0] - libm::cos(0.3)).abs(), (z[1] + libm::sin(0.3)).abs());
+    assert!(error <= tolerances::FOUR_ROUNDINGS, "{error:e}");
 }

@@ -3,6 +3,7 @@
 
 use crate::samples::{Case, wide};
 use crate::suite;
+use crate::watched::{Watched, watched};
 use gyroceptron::layer::HenonMap;
 use gyroceptron::measure::{Measurable, Row, Tally, laws};
 use gyroceptron::network::Direction;
@@ -15,25 +16,29 @@ pub fn rows() -> &'static [Row] {
     ROWS.get_or_init(|| suite::run("inversion", STATED / 2, wide(1, 40), measure))
 }
 
+fn seen<T>(map: T) -> Watched<T> {
+    watched("inversion", map)
+}
+
 fn measure(case: &Case) -> Vec<Tally> {
     let points = &case.points(2);
-    let model = case.model();
-    let network = case.gyroceptron();
+    let (model, network) = (case.model(), case.gyroceptron());
     let (psi, near_identity) = (network.psi(), network.near_identity());
     let (forward, inverse) = (Direction::Forward, Direction::Inverse);
-    let alone =
-        |map: &dyn Measurable, law, equation| laws::inversion(law, equation, map, forward, points);
+    let alone = |map: &dyn Measurable, law, equation| {
+        laws::inversion(law, equation, &seen(map), forward, points)
+    };
     let mut out = vec![
-        laws::inversion("inversion of P", "P⁻¹∘P = Id", &model, forward, points),
-        laws::inversion("inversion of P", "P∘P⁻¹ = Id", &model, inverse, points),
+        laws::inversion("inversion of P", "P⁻¹∘P = Id", &seen(&model), forward, points),
+        laws::inversion("inversion of P", "P∘P⁻¹ = Id", &seen(&model), inverse, points),
         alone(&psi, "inversion of ψ", "ψ⁻¹∘ψ = Id"),
         alone(&near_identity, "inversion of I_ε", "I_ε⁻¹∘I_ε = Id"),
     ];
-    out.extend(laws::layers(&model, points));
+    out.extend(laws::layers(&seen(&model), points));
     for layer in psi.layers().take(2).chain(near_identity.layers().take(2)) {
         let map: HenonMap<'_, f64> = layer.map();
         out.push(alone(&map, "inversion of H", "H⁻¹∘H = Id"));
-        out.push(laws::symplecticity_of("symplecticity of H", &map, points));
+        out.push(laws::symplecticity_of("symplecticity of H", &seen(&map), points));
     }
     out
 }

@@ -28,3 +28,4 @@ mod symp_net;
 mod symplecticity;
 mod tanh;
 mod tolerances;
+mod watched;

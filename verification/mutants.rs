@@ -8,14 +8,14 @@ use gyroceptron::layer::{
 };
 use gyroceptron::measure::{
     CertificateOptions, Conditioned, KickStep, Layers, Magnitudes, Measurable, MeasuredStep,
-    MeasuredSteps, NearlyPeriodic, Numbers, Relation, Row, ThereAndBack, TrackedStep, Verdict,
-    Whole, certify_family, laws, near_identity_generator, turn_steps,
+    MeasuredSteps, NearlyPeriodic, Numbers, OneStep, Relation, Row, ThereAndBack, TrackedStep,
+    Verdict, certify_family, laws, near_identity_generator, turn_steps,
 };
 use gyroceptron::network::{
     Architecture, Direction, Gyroceptron, GyroceptronShape, InitialWeights, Model,
 };
 use gyroceptron::phase::{Half, Map};
-use gyroceptron::scalar::{Dual, Over, Scalar};
+use gyroceptron::scalar::{Dual, Over, Scalar, max_or_nan};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -308,7 +308,7 @@ impl<S: Scalar> Map<S> for Damping {
     }
 }
 
-fn whole<'a, M: Numbers + 'a>(map: M, direction: Direction) -> Box<dyn MeasuredStep + 'a> {
+fn one_step<'a, M: Numbers + 'a>(map: M, direction: Direction) -> Box<dyn MeasuredStep + 'a> {
     Box::new(TrackedStep { map, direction })
 }
 
@@ -389,7 +389,7 @@ impl Mutant {
                 map: HenonLayer::new(DOF, width, epsilon, parameters).map(),
                 plus_x,
             };
-            (0..times).map(|_| whole(map(), direction)).collect()
+            (0..times).map(|_| one_step(map(), direction)).collect()
         };
         match self.fault {
             Fault::PlusX if !inverse => return literal(true, 4),
@@ -469,7 +469,7 @@ impl Mutant {
 
     fn rotation(&self, theta: f64, direction: Direction) -> MeasuredSteps<'_> {
         match self.matrix(theta) {
-            Some(matrix) => vec![whole(matrix, direction)],
+            Some(matrix) => vec![one_step(matrix, direction)],
             None => turn_steps(&self.clean.shape().circle_action.at(theta), direction),
         }
     }
@@ -496,12 +496,12 @@ impl Mutant {
                 }
                 steps.extend(near);
                 if self.fault == Fault::Friction {
-                    steps.push(whole(Damping, direction));
+                    steps.push(one_step(Damping, direction));
                 }
             }
             Direction::Inverse => {
                 if self.fault == Fault::Friction {
-                    steps.push(whole(Damping, direction));
+                    steps.push(one_step(Damping, direction));
                 }
                 steps.extend(near);
                 if once {
@@ -619,7 +619,7 @@ impl NearlyPeriodic for Mutant {
     fn angle(&self) -> f64 {
         self.clean.theta()
     }
-    fn epsilon_now(&self) -> f64 {
+    fn epsilon(&self) -> f64 {
         self.epsilon
     }
 }
@@ -667,7 +667,7 @@ fn map_rows(fault: Fault) -> Vec<Row> {
     rows.push(gradients::other_derivatives(&model, &broken, points).row());
     let (_, own) = Mutant::layers(&broken, Part::Psi, false)[0];
     let map = HenonLayer::new(DOF, broken.clean.shape().psi[0], 1.0, own).map();
-    let single = Whole(LiteralMap { map, plus_x: fault == Fault::PlusX });
+    let single = OneStep(LiteralMap { map, plus_x: fault == Fault::PlusX });
     let forward = Direction::Forward;
     rows.push(laws::inversion("inversion of H", "H⁻¹∘H = Id", &single, forward, points).row());
     rows.push(laws::symplecticity_of("symplecticity of H", &single, points).row());
@@ -718,14 +718,14 @@ pub fn smallest_inversion(fault: Fault) -> f64 {
     let there = psi.measured_steps(Direction::Forward);
     let both = ThereAndBack::new(there, psi.measured_steps(Direction::Inverse));
     let samples = laws::Samples::draw(DOF, 0, SAMPLES);
-    samples
+    -samples
         .points()
         .chunks_exact(2 * DOF)
         .map(|z| match both.ratio(z) {
-            Conditioned::Ratio(ratio) => ratio,
+            Conditioned::Ratio(ratio) => -ratio,
             Conditioned::IllConditioned => panic!("well-conditioned samples"),
         })
-        .fold(f64::INFINITY, f64::min)
+        .fold(f64::NEG_INFINITY, max_or_nan)
 }
 
 /// All laws that the suite runs, in the order of its tables.

@@ -3,6 +3,7 @@
 
 use crate::samples::{Case, mild, wide};
 use crate::suite;
+use crate::watched::watched;
 use gyroceptron::measure::{Row, Tally, laws};
 use gyroceptron::scalar::max_or_nan;
 use std::sync::OnceLock;
@@ -20,13 +21,13 @@ pub fn rows() -> &'static [Row] {
 }
 
 fn bitwise(case: &Case) -> Vec<Tally> {
-    laws::identity_at_zero(&case.gyroceptron(), &case.points(2))
+    laws::identity_at_zero(&watched("near_identity", &case.gyroceptron()), &case.points(2))
 }
 
 fn orders(case: &Case) -> Vec<Tally> {
     let network = case.gyroceptron();
     let points = case.points(50);
-    let mut out = laws::near_identity_orders(&network, &points);
+    let mut out = laws::near_identity_orders(&watched("near_identity", &network), &points);
     out.push(laws::formula_of_generator(&network, &points));
     out
 }

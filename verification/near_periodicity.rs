@@ -2,6 +2,7 @@
 
 use crate::samples::wide;
 use crate::suite;
+use crate::watched::watched;
 use gyroceptron::measure::{Row, laws};
 use std::sync::OnceLock;
 
@@ -11,7 +12,10 @@ pub fn rows() -> &'static [Row] {
     static ROWS: OnceLock<Vec<Row>> = OnceLock::new();
     ROWS.get_or_init(|| {
         suite::run("near-periodicity", STATED / 2, wide(1, 40), |case| {
-            vec![laws::near_periodicity(&case.gyroceptron(), &case.points(2))]
+            vec![laws::near_periodicity(
+                &watched("near_periodicity", &case.gyroceptron()),
+                &case.points(2),
+            )]
         })
     })
 }

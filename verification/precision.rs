@@ -1,4 +1,4 @@
-//! The same code and weights at single, double and double-double precision: a
+//! One code with one set of weights at single, double and double-double precision: a
 //! defect that comes from rounding shrinks with the unit roundoff, any other
 //! is a bug.
 
@@ -215,7 +215,7 @@ pub fn two_rungs_of_mutant(error: f64) -> f64 {
     (between(wrong_by(error), 1, 2) - 1.0).abs()
 }
 
-/// The same over all rungs.
+/// |slope − 1| over all rungs, for the weights of the inverse wrong by `error`.
 pub fn three_rungs_of_mutant(error: f64) -> f64 {
     (over_all(wrong_by(error)) - 1.0).abs()
 }

@@ -1,4 +1,4 @@
-//! The table of all laws: the snapshot, and the README's copy of it.
+//! The table of all laws: the snapshot, and its copy in `README.md` beside.
 
 use crate::{
     adiabatic, circle_action, determinant, evaluation, exact_relations, gradients, inversion,
@@ -39,7 +39,7 @@ pub fn clean_rows() -> Vec<Row> {
     LAWS.iter().flat_map(|law| (law.rows)().iter().cloned()).collect()
 }
 
-/// Markdown, as it stands in the README.
+/// Markdown, as it stands in `README.md`.
 fn table() -> String {
     let mut text = format!("| {} |\n|", CERTIFICATE_HEADINGS.join(" | "));
     text.push_str(&"---|".repeat(CERTIFICATE_HEADINGS.len()));
@@ -69,7 +69,7 @@ fn the_readme_has_the_same_table() {
     if suite::seed() != suite::SEED || suite::extensive() {
         return;
     }
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/README.md");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/verification/README.md");
     let readme = std::fs::read_to_string(path).expect("a README");
     let (before, rest) = readme.split_once(BEGIN).expect("the mark where the table begins");
     let (own, after) = rest.split_once(END).expect("the mark where it ends");

@@ -1,6 +1,7 @@
 //! JᵀΩJ = Ω, for networks of all depths, widths, weights and inputs.
 
 use crate::samples::{Case, Input, grid, wide};
+use crate::watched::watched;
 use crate::{suite, tolerances};
 use gyroceptron::measure::{Row, Verdict, laws};
 use std::sync::OnceLock;
@@ -17,8 +18,8 @@ pub fn rows() -> &'static [Row] {
 fn measure(case: &Case) -> Vec<gyroceptron::measure::Tally> {
     let points = case.points(2);
     vec![
-        laws::symplecticity(&case.henon_net(), &points),
-        laws::symplecticity(&case.model(), &points),
+        laws::symplecticity(&watched("symplecticity", &case.henon_net()), &points),
+        laws::symplecticity(&watched("symplecticity", &case.model()), &points),
     ]
 }
 

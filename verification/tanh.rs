@@ -41,10 +41,13 @@ pub fn by_difference(x: f64) -> (f64, f64) {
     (t, 1.0 - t * t)
 }
 
+/// Below, tanh is taken from the library: the formula would cancel.
+const SMALL: f64 = 0.3;
+
 /// (1 − E)/(1 + E) without the rest of the exponential's argument.
 pub fn by_exponentials(x: f64) -> (f64, f64) {
     let e = libm::exp(-2.0 * x.abs());
-    let t = if x.abs() < 0.3 { libm::tanh(x) } else { ((1.0 - e) / (1.0 + e)).copysign(x) };
+    let t = if x.abs() < SMALL { libm::tanh(x) } else { ((1.0 - e) / (1.0 + e)).copysign(x) };
     (t, 4.0 * e / ((1.0 + e) * (1.0 + e)))
 }
 

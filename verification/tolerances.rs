@@ -1,7 +1,10 @@
 //! Every threshold of the suite, with its derivation. No other file of
-//! `verification/` holds one.
+//! `verification/` holds one: `coverage` reads them all.
 
 use gyroceptron::measure;
+
+/// u, the unit roundoff of double precision.
+const U: f64 = 0.5 * f64::EPSILON;
 
 /// Ratios are errors over the rounding bound of the computation that made
 /// them: O(1) by construction, and below 4 in all that was ever measured. A
@@ -25,26 +28,41 @@ pub const CLEAN_MEDIAN: [f64; 2] = [0.05, 0.6];
 pub const ORDER: f64 = measure::SLOPE_LIMIT;
 
 /// The exponent of the drift of μ₀ in the number of iterations, one degree of
-/// freedom. The curve is invariant, so that the drift fills its range and
-/// stays: 0, up to the last points of the curve being reached late.
-pub const DRIFT_EXPONENT: f64 = 0.05;
+/// freedom. The curve is invariant: the drift is the range of a smooth function
+/// on it, seen at N points. These leave gaps of at most 2π/q, q the largest
+/// denominator ≤ N of a convergent of the rotation number; a maximum of the
+/// harmonic m is missed by at most ½(mπ/q)². For m = 3 and a q of 100 at the
+/// first horizon, 5000 (a partial quotient of 50, which one number in fifty has
+/// there), that is 4.4e-3, which a line over five halvings turns into
+/// 4.4e-3·2.5/(17.5 ln 2) = 9e-4.
+pub const DRIFT_EXPONENT: f64 = 1e-3;
 
-/// The same with a second degree of freedom, up to Nε = 10: the orbit fills more
-/// than a curve and finds its range more slowly.
-pub const DRIFT_EXPONENT_4D: f64 = 0.2;
+/// The exponent of the drift with a second degree of freedom, up to Nε = 10, the
+/// median over networks: in a slow time of 10 the slow plane moves by its own
+/// size, and the amplitude of the fast oscillation, a function of it, may double
+/// between the horizons 10 and 20,000: ln 2/ln 2000 = 0.09.
+pub const DRIFT_EXPONENT_4D: f64 = 0.1;
+
+/// The slow time Nε up to which drifts are followed: a period and a half of the
+/// slow plane.
+pub const SLOW_TIME: f64 = 10.0;
 
 /// The exponent of the control, which loses a fixed share of μ₀ at each
 /// iteration, is 1: up to the oscillation that it has in common with the clean
 /// map at its first horizon, and its exponential decay at the last.
 pub const CONTROL_EXPONENT: f64 = 0.1;
 
-/// The slope of the drift in ε is 1, up to the second order in ε, which is a
-/// relative 1e-6 at the largest ε, and to rounding, 1e-5 at the smallest. The
-/// confidence interval is the sharper criterion; this one bounds its width.
-pub const DRIFT_SLOPE: f64 = 0.1;
+/// Drifts count that are so many times the drift of rounding at ε = 0: at the
+/// smallest ε, 8e-9, a drift of 0.05ε is 4e-10, and rounding makes 1e-14 in
+/// 10,000 iterations.
+pub const ABOVE_FLOOR: f64 = 1e3;
 
-/// Drifts count that are so many times the drift of rounding at ε = 0.
-pub const ABOVE_FLOOR: f64 = 100.0;
+/// |slope − 1| of the drift in ε, over ε halved seven times. A relative error
+/// that is e at one end of the line and halves with each step from there moves the
+/// slope by at most Σ|k − 3.5|2⁻ᵏ/(42 ln 2)·e = 0.18e, k = 0 … 7. Rounding does so
+/// from the smallest ε, with e = 1/[`ABOVE_FLOOR`]; the second order in ε from the
+/// largest, 1e-6, with e = 1e-4 where it is a hundred times the first: 2.0e-4.
+pub const DRIFT_SLOPE: f64 = 2e-4;
 
 /// The share of samples on which rounding may leave no digit: 942 of 10,000 are
 /// seen, in the determinant of networks of up to 40 layers. Of 500 networks with
@@ -57,16 +75,47 @@ pub const CONFIDENCE: f64 = 0.99;
 /// |slope − 1| of log residual in log u, one seed, two rungs of 29 bits: ratios
 /// of two samples of rounding may differ by 2^(0.2·29) = 56.
 pub const LADDER_TWO_RUNGS: f64 = 0.20;
-/// The same over all three rungs, 82 bits apart: a factor of 17.
+/// |slope − 1| over all three rungs, 82 bits apart: a factor of 17.
 pub const LADDER_THREE_RUNGS: f64 = 0.05;
-/// The same for the median of twenty seeds: a factor of 3, which the spread of
-/// a median does not reach.
+/// |slope − 1| of the medians of twenty seeds over all rungs: a factor of 3,
+/// which the spread of a median does not reach.
 pub const LADDER_MEDIAN: f64 = 0.02;
 
 /// tanh to an ulp.
 pub const TANH_ULPS: f64 = 1.0;
 /// sech² to 3e-16 relative: 1.35 ulp at worst.
 pub const SECH2: f64 = 3e-16;
+
+/// Four roundings of numbers of size 1, which is what a rotation by three shears
+/// takes, and what one derivative of sech² takes by any formula.
+pub const FOUR_ROUNDINGS: f64 = 4.0 * U;
+/// A rotation by a harmonic m·θ: m·θ is rounded, and its rounding error, besides.
+pub const HARMONIC: f64 = 6.0 * U;
+/// A product of sech² with two weights: sech², the two products, the reference's
+/// rounding and that of the quotient.
+pub const PRODUCT_WITH_SECH2: f64 = SECH2 + 4.0 * U;
+/// The distance of an angle from a resonance that it is on: four roundings of a
+/// number of turns below 1, in radians.
+pub const ON_RESONANCE: f64 = 4.0 * U * std::f64::consts::TAU;
+/// The distance of the golden mean from 2πp/q is at least 2π/(√5 q²) (Hurwitz),
+/// up to what q = 7 lacks to the limit: 0.057.
+pub const OFF_RESONANCE: f64 = 0.05;
+/// The rounding of 2π times the golden mean: two units in its last place.
+pub const GOLDEN: f64 = 8.0 * U;
+/// An oracle sees that the naive form of sech² is wrong where that errs by so
+/// many times what the kernel may.
+pub const NAIVE_SECH2: f64 = 1e4 * SECH2;
+/// What no rounding of double precision makes of numbers of size 1 in a few
+/// operations: ten billion units.
+pub const NO_ROUNDING: f64 = 1e10 * U;
+/// Digits that double precision has lost and a longer one has: three at least.
+pub const MORE_DIGITS: f64 = 1e-3;
+/// A unit in the last of the digits that are quoted: three and four decimals.
+pub const THREE_DECIMALS: f64 = 1e-3;
+/// See [`THREE_DECIMALS`].
+pub const FOUR_DECIMALS: f64 = 1e-4;
+/// The relative accuracy to which statrs inverts the Beta distribution.
+pub const QUANTILE: f64 = 1e-6;
 
 /// A violation of a law among random networks: the upper end of the interval
 /// for none in ten thousand is 5.3e-4.

@@ -25,29 +25,17 @@ impl Window {
     /// Fails unless both corners are of 2n finite numbers and low ≤ high.
     ///
     /// # Errors
-    /// [`Error::Invalid`], `name` being the window's.
+    /// [`Error::WrongCount`] or [`Error::OutOfRange`], with the window's `name`.
     pub fn check(&self, name: &str, dof: usize) -> Result<(), Error> {
         for (corner, values) in [("low", &self.low), ("high", &self.high)] {
             let place = format!("{name}: {corner}");
-            if values.len() != 2 * dof {
-                return Err(Error::invalid(
-                    &place,
-                    format!("{} numbers", values.len()),
-                    format!("{} numbers", 2 * dof),
-                ));
-            }
-            if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
-                return Err(Error::invalid(&place, bad, "a finite number"));
-            }
+            Error::check_count(&format!("{place}: numbers"), 2 * dof, values.len())?;
+            values.iter().try_for_each(|v| Error::check_finite(&place, *v))?;
         }
-        match (0..2 * dof).find(|&k| self.low[k] > self.high[k]) {
-            Some(k) => Err(Error::invalid(
-                &format!("{name}: low[{k}]"),
-                self.low[k],
-                format!("at most high[{k}] = {}", self.high[k]),
-            )),
-            None => Ok(()),
-        }
+        (0..2 * dof).try_for_each(|k| {
+            let low = format!("{name}: low[{k}]");
+            Error::check_range(&low, self.low[k], f64::MIN, self.high[k])
+        })
     }
 }
 
@@ -111,25 +99,12 @@ impl Pairs {
         let dim = 2 * dof;
         for (name, array) in [("input", &input), ("output", &output)] {
             let place = format!("{place}: {name}");
-            if dim == 0 || array.len() % dim != 0 {
-                return Err(Error::content(
-                    place,
-                    format!("rows of {dim} numbers"),
-                    format!("{} numbers", array.len()),
-                ));
-            }
+            Error::check_rows(&place, array.len(), dim)?;
             check_finite(&place, array, dim)?;
         }
-        if input.len() != output.len() {
-            return Err(Error::content(
-                format!("{place}: output"),
-                format!("{} rows, as in input", input.len() / dim),
-                format!("{} rows", output.len() / dim),
-            ));
-        }
-        if input.is_empty() {
-            return Err(Error::content(format!("{place}: input"), "at least one row", "zero rows"));
-        }
+        let rows = input.len() / dim;
+        Error::check_count(&format!("{place}: rows of output"), rows, output.len() / dim)?;
+        Error::check_count_range(&format!("{place}: rows of input"), rows, 1, usize::MAX)?;
         Ok(Self { dof, input, output })
     }
 
@@ -137,7 +112,8 @@ impl Pairs {
     /// error estimate of the reference over 256 of them, evenly spaced.
     ///
     /// # Errors
-    /// As [`Reference::flow`] and [`Pairs::new`].
+    /// When the flow fails at a point ([`Reference::flow`]), or the points are
+    /// none or no whole rows ([`Pairs::new`]).
     pub fn of_flow(
         system: &(impl Hamiltonian + Sync),
         points: Vec<f64>,

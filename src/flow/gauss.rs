@@ -38,6 +38,10 @@ fn legendre_values(stages: usize, x: f64) -> Vec<f64> {
     values
 }
 
+fn out_of_range(step: usize) -> Error {
+    Error::Diverged { what: "Gauss–Legendre".into(), place: format!("step {step}") }
+}
+
 impl GaussLegendre {
     /// The method of `stages` stages.
     ///
@@ -112,9 +116,7 @@ impl GaussLegendre {
         steps: usize,
     ) -> Result<(), Error> {
         const MAXIMUM: usize = 100;
-        if steps == 0 {
-            return Err(Error::invalid("steps", steps, "at least 1"));
-        }
+        Error::check_count_range("steps", steps, 1, usize::MAX)?;
         let (s, dim) = (self.stages(), z.len());
         let h = time / steps as f64;
         let mut slopes = vec![0.0; s * dim];
@@ -144,19 +146,16 @@ impl GaussLegendre {
                 }
                 let mut change = 0.0_f64;
                 // What a stage is rounded by: its own size or its increment's.
-                let mut scale = z.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+                let mut scale = z.iter().map(|v| v.abs()).fold(0.0, max_or_nan);
                 for (old, new) in slopes.iter().zip(&updated) {
-                    scale = scale.max((h * new).abs());
+                    scale = max_or_nan(scale, (h * new).abs());
                     let difference = (h * (new - old)).abs();
                     change = max_or_nan(change, difference);
                 }
                 std::mem::swap(&mut slopes, &mut updated);
                 iteration += 1;
                 if !change.is_finite() {
-                    return Err(Error::Diverged {
-                        what: "Gauss–Legendre".into(),
-                        place: format!("step {step}"),
-                    });
+                    return Err(out_of_range(step));
                 }
                 // At the rounding level the changes stop shrinking.
                 if change == 0.0 || (change <= 8.0 * f64::EPSILON * scale && change >= last) {
@@ -180,6 +179,9 @@ impl GaussLegendre {
                 let next = z[d] + increment;
                 carry[d] = increment - (next - z[d]);
                 z[d] = next;
+            }
+            if z.iter().any(|v| !v.is_finite()) {
+                return Err(out_of_range(step));
             }
         }
         Ok(())
@@ -207,14 +209,18 @@ impl Reference {
     /// The reference for `system`: 12 stages, one step for each radian of its
     /// fastest mode.
     pub fn new(system: &impl Hamiltonian) -> Self {
-        let fastest =
-            system.circle_action().weights().iter().map(|w| f64::from(w.abs())).fold(1.0, f64::max)
-                * system.limiting_frequency();
+        let fastest = system
+            .circle_action()
+            .weights()
+            .iter()
+            .map(|w| f64::from(w.abs()))
+            .fold(1.0, max_or_nan)
+            * system.limiting_frequency();
         Self { method: GaussLegendre::new(12), steps_per_time: fastest }
     }
 
-    /// As [`Reference::new`], with steps halved until the error estimate over
-    /// `time`, at 64 of these points (2n numbers each), is at the level of
+    /// The reference for `system` whose steps ([`Reference::new`]) are halved until
+    /// the error estimate over `time`, at 64 of these points (2n numbers each), is at the level of
     /// rounding or falls no more.
     ///
     /// # Errors
@@ -234,8 +240,8 @@ impl Reference {
             for point in points.chunks_exact(dim).step_by(stride) {
                 match own.flow_with_error(system, point, time) {
                     Ok(value) => {
-                        error = error.max(value.error);
-                        scale = value.point.iter().fold(scale, |m, v| m.max(v.abs()));
+                        error = max_or_nan(error, value.error);
+                        scale = value.point.iter().map(|v| v.abs()).fold(scale, max_or_nan);
                     }
                     // Too long a step does not converge; half of it may.
                     Err(reason) => {
@@ -253,7 +259,11 @@ impl Reference {
         }
         match last_failure {
             Some(reason) => Err(reason),
-            None => Ok(own),
+            None if last.is_finite() => Ok(own),
+            None => Err(Error::Diverged {
+                what: "Gauss–Legendre".into(),
+                place: format!("the error estimate over time {time}"),
+            }),
         }
     }
 

@@ -59,13 +59,11 @@ impl Integrator {
     /// Fails unless it has 1 to 64 stages.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the number.
+    /// [`Error::CountOutOfRange`] with the number.
     pub fn check(self) -> Result<(), Error> {
         const MOST: usize = 64;
         match self {
-            Self::GaussLegendre { stages } if !(1..=MOST).contains(&stages) => {
-                Err(Error::invalid("stages", stages, format!("1 to {MOST}")))
-            }
+            Self::GaussLegendre { stages } => Error::check_count_range("stages", stages, 1, MOST),
             _ => Ok(()),
         }
     }
@@ -122,14 +120,9 @@ impl Request {
         self.integrator.check()?;
         let Self { integrator, interval, steps, kept } = self;
         let dim = 2 * system.dof();
-        if steps == 0 || !initial.len().is_multiple_of(dim) {
-            let expected = format!("at least 1 step, points of {dim} numbers");
-            let found = format!("{steps} steps, {} numbers", initial.len());
-            return Err(Error::invalid("trajectories", found, expected));
-        }
-        if !interval.is_finite() {
-            return Err(Error::invalid("interval", interval, "a finite number"));
-        }
+        Error::check_count_range("steps", steps, 1, usize::MAX)?;
+        Error::check_rows("initial points", initial.len(), dim)?;
+        Error::check_finite("interval", interval)?;
         if initial.is_empty() || kept == 0 {
             return Ok(Vec::new());
         }

@@ -90,7 +90,8 @@ pub fn read_pairs(path: &Path) -> Result<PairsFile, Error> {
     parse_pairs(&path.display().to_string(), read_bytes(path)?)
 }
 
-/// The same from the bytes of an `.npz` file; `place` names it in errors.
+/// Reads `input` and `output` from the bytes of an `.npz` file; `place` names it
+/// in errors.
 ///
 /// # Errors
 /// As [`read_pairs`].
@@ -137,7 +138,8 @@ pub fn read_points(path: &Path, dof: usize) -> Result<PointsFile, Error> {
     parse_points(&path.display().to_string(), &read_bytes(path)?, dof)
 }
 
-/// The same from the bytes of an `.npy` file; `place` names it in errors.
+/// Reads points (M, 2n) from the bytes of an `.npy` file; `place` names it in
+/// errors.
 ///
 /// # Errors
 /// As [`read_points`].

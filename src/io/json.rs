@@ -11,7 +11,7 @@ use std::path::Path;
 
 /// The newest model format that this version reads, and the one it writes.
 const MODEL_VERSION: u64 = 1;
-/// The same for checkpoints.
+/// The newest checkpoint format that this version reads, and the one it writes.
 const CHECKPOINT_VERSION: u64 = 1;
 
 /// Where a model comes from.

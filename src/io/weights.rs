@@ -60,7 +60,7 @@ pub fn read_tensors(path: &Path) -> Result<BTreeMap<String, Tensor>, Error> {
     parse_tensors(&path.display().to_string(), format, read_bytes(path)?)
 }
 
-/// The same from the bytes of a file; `place` names it in errors.
+/// Reads the tensors in the bytes of a file; `place` names it in errors.
 ///
 /// # Errors
 /// As [`read_tensors`].
@@ -170,7 +170,7 @@ pub fn import_weights(
     assemble_weights(&path.display().to_string(), read_tensors(path)?, circle_action, epsilon)
 }
 
-/// The same from tensors in memory; `place` names them in errors.
+/// Makes a gyroceptron of tensors in memory; `place` names them in errors.
 ///
 /// # Errors
 /// As [`import_weights`].

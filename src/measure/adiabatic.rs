@@ -95,9 +95,7 @@ impl std::fmt::Display for Resonance {
 /// # Errors
 /// Unless 0 < ε < ∞.
 pub fn settling_iterations(epsilon: f64) -> Result<usize, Error> {
-    if !(epsilon > 0.0 && epsilon < f64::INFINITY) {
-        return Err(Error::invalid("epsilon", epsilon, "a positive finite number"));
-    }
+    Error::check_range("epsilon", epsilon, Error::LEAST_POSITIVE, f64::MAX)?;
     Ok((10.0 + libm::pow(epsilon, -0.25)).floor() as usize)
 }
 
@@ -109,7 +107,7 @@ pub fn settling_iterations(epsilon: f64) -> Result<usize, Error> {
 /// 1.1 for the factor.
 ///
 /// # Errors
-/// As [`settling_iterations`].
+/// Unless 0 < ε < ∞.
 pub fn invariant_horizon(
     map: &(impl Map<f64> + ?Sized),
     invariant: &dyn Fn(&[f64]) -> f64,

@@ -63,18 +63,12 @@ impl CertificateOptions {
     /// Fails unless there are samples, in a box of finite size.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the option and its value.
+    /// [`Error::CountOutOfRange`] or [`Error::OutOfRange`] with the option.
     pub fn check(&self) -> Result<(), Error> {
         const MOST: usize = 10_000_000;
         const LARGEST: f64 = 1e150;
-        if self.samples == 0 || self.samples > MOST {
-            return Err(Error::invalid("samples", self.samples, format!("1 to {MOST}")));
-        }
-        if !(self.radius > 0.0 && self.radius <= LARGEST) {
-            let expected = format!("a positive number of at most {LARGEST:e}");
-            return Err(Error::invalid("radius", self.radius, expected));
-        }
-        Ok(())
+        Error::check_count_range("samples", self.samples, 1, MOST)?;
+        Error::check_range("radius", self.radius, Error::LEAST_POSITIVE, LARGEST)
     }
 }
 
@@ -111,11 +105,11 @@ pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate
 /// ways of evaluating it give the same bits, and, for information, its
 /// determinant.
 ///
-/// For a map of your own, [`Whole`](super::Whole) makes a [`Measurable`] of
+/// For a map of your own, [`OneStep`](super::OneStep) makes a [`Measurable`] of
 /// anything that is written over the number type:
 ///
 /// ```
-/// use gyroceptron::measure::{CertificateOptions, Whole, certify_map};
+/// use gyroceptron::measure::{CertificateOptions, OneStep, certify_map};
 /// use gyroceptron::phase::Map;
 /// use gyroceptron::scalar::Elementary;
 ///
@@ -137,7 +131,7 @@ pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate
 /// }
 ///
 /// let options = CertificateOptions { radius: 3.0, ..Default::default() };
-/// assert!(certify_map(&Whole(StandardMap(1.2)), options).holds());
+/// assert!(certify_map(&OneStep(StandardMap(1.2)), options).holds());
 /// ```
 pub fn certify_map(map: &dyn Measurable, options: CertificateOptions) -> Certificate {
     Certificate::of(options, of_map(map, &Samples::draw(map.dof(), 0, options)))
@@ -168,7 +162,7 @@ fn of_family(family: &dyn NearlyPeriodic, samples: &Samples) -> Vec<Tally> {
     let points = samples.points();
     let mut out = of_map(family, samples);
     let psi = family.conjugation();
-    let own = family.near_identity_at(family.epsilon_now());
+    let own = family.near_identity_at(family.epsilon());
     let forward = Direction::Forward;
     out.push(laws::inversion("inversion of ψ", "ψ⁻¹∘ψ = Id", &*psi, forward, points));
     out.push(laws::inversion("inversion of I_ε", "I_ε⁻¹∘I_ε = Id", &*own, forward, points));

@@ -65,8 +65,8 @@ pub fn circle_axiom_ratio(action: &CircleAction, axiom: CircleAxiom, z: &[f64]) 
     turning_axiom_ratio(action.weights(), turn, axiom, z)
 }
 
-/// The same for any map `turn(θ, z)` that claims to turn the plane (q_j, p_j)
-/// by `weights[j]`·θ.
+/// The defect of the axiom at z over its bound ([`circle_axiom_ratio`]), for any
+/// map `turn(θ, z)` that claims to turn the plane (q_j, p_j) by `weights[j]`·θ.
 pub fn turning_axiom_ratio(
     weights: &[i32],
     turn: impl Fn(f64, &mut [f64]),
@@ -101,8 +101,9 @@ pub fn turning_axiom_ratio(
     largest
 }
 
-/// The same for the conjugated action ψ∘Φ_θ∘ψ⁻¹: the bound is that of Φ carried
-/// through ψ by its Jacobian, and the rounding of ψ itself.
+/// The defect of the axiom for the conjugated action ψ∘Φ_θ∘ψ⁻¹ at z over its
+/// bound: that of Φ carried through ψ by its Jacobian, and the rounding of ψ
+/// itself.
 pub fn conjugated_axiom_ratio(
     family: &dyn NearlyPeriodic,
     axiom: CircleAxiom,
@@ -140,7 +141,7 @@ pub fn conjugated_axiom_ratio(
     if ends.iter().flatten().any(|v| !v.is_finite()) {
         return Conditioned::Ratio(f64::NAN);
     }
-    let size = z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let size = z.iter().map(|v| v.abs()).fold(0.0, max_or_nan);
     let mut largest = 0.0;
     let mut ill_conditioned = !linear;
     for row in 0..dim {

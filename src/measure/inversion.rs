@@ -45,12 +45,12 @@ impl<'a> ThereAndBack<'a> {
         Self { steps, there: count }
     }
 
-    /// As [`inversion_ratio`].
+    /// ρ_I at z ([`inversion_ratio`]).
     pub fn ratio(&self, z: &[f64]) -> Conditioned {
         let u = f64::unit_roundoff();
         let walk = Walk::new(&self.steps, z);
         let (squares, sums) = walk.return_bounds(self.there);
-        let size = z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let size = z.iter().map(|v| v.abs()).fold(0.0, max_or_nan);
         let reach = sums.into_iter().fold(0.0, max_or_nan);
         let point = walk.end();
         if point.iter().any(|v| !v.is_finite()) {

@@ -76,7 +76,7 @@ pub fn symplecticity(map: &dyn Measurable, points: &[f64]) -> Tally {
     symplecticity_of("symplecticity of P", map, points).must_be_sound()
 }
 
-/// The same of a part, under a name of its own, on any samples.
+/// JᵀΩJ = Ω of a part of a map, under a name of its own, on any samples.
 pub fn symplecticity_of(law: &str, map: &dyn Measurable, points: &[f64]) -> Tally {
     let steps = map.measured_steps(Direction::Forward);
     Tally::of_ratios(law, "JᵀΩJ = Ω").extend(
@@ -180,12 +180,9 @@ pub fn near_identity_orders(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<
         let (there, back) = (family.near_identity_at(e), family.near_identity_at(-e));
         near_identity_undoing(&*there, &*back, points)
     };
-    let epsilons = small_epsilons(family, points);
-    let radius = radius(points);
-    let responds = responds(family, &epsilons, points);
     vec![
-        order("|I_ε − Id| = O(ε)", 1.0, &epsilons, radius, false, &size),
-        order("|I₋ε∘I_ε − Id| = O(ε²)", 2.0, &epsilons, radius, responds, &undoing),
+        order("|I_ε − Id| = O(ε)", 1.0, family, points, &size),
+        order("|I₋ε∘I_ε − Id| = O(ε²)", 2.0, family, points, &undoing),
     ]
 }
 
@@ -213,53 +210,74 @@ pub fn generator(
         }
         largest
     };
-    let epsilons = small_epsilons(family, points);
-    let equation = "I_ε − I₋ε = 2ε X_G₁ + O(ε³)";
-    let responds = responds(family, &epsilons, points);
-    order(equation, 3.0, &epsilons, radius(points), responds, &difference)
-}
-
-/// Whether I_ε moves points by more than rounding at the first of `epsilons`.
-fn responds(family: &dyn NearlyPeriodic, epsilons: &[f64], points: &[f64]) -> bool {
-    let size = near_identity_size(&*family.near_identity_at(epsilons[0]), points);
-    !(size <= ABOVE_ROUNDING * f64::unit_roundoff() * radius(points))
+    order("I_ε − I₋ε = 2ε X_G₁ + O(ε³)", 3.0, family, points, &difference)
 }
 
 fn radius(points: &[f64]) -> f64 {
-    points.iter().fold(0.0_f64, |m, v| m.max(v.abs()))
+    points.iter().map(|v| v.abs()).fold(0.0, max_or_nan)
 }
 
-/// Six values, halved one after the other, from where I_ε moves points by
-/// about a thousandth of their size, or from 0.03 where that takes more.
-fn small_epsilons(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<f64> {
+/// The largest ε of each range that an order is looked for in, the next where
+/// rounding hides it in the one before: first from where I_ε moves points by
+/// about a thousandth of their size, or from 0.03 where that takes more; then
+/// from where one kick of it does, by more and more. (The kicks of a layer of
+/// small weights all but cancel: it is they that have to stay small.)
+fn largest_epsilons(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<f64> {
     let response = near_identity_size(&*family.near_identity_at(1e-6), points) / 1e-6;
-    let largest = f64::min(0.03, 1e-3 * radius(points) / response);
-    (0..6).map(|k| largest * libm::exp2(-f64::from(k))).collect()
+    let first = f64::min(0.03, 1e-3 * radius(points) / response);
+    let unit = family.near_identity_at(1.0);
+    let kick = largest_step(&*unit, points);
+    let further = [1e-3, 1e-2, 1e-1].map(|share| share * radius(points) / kick);
+    let further = further.into_iter().filter(|e| *e > first && e.is_finite());
+    std::iter::once(first).chain(further).collect()
+}
+
+/// The largest change of a component by one step of the map.
+fn largest_step(map: &dyn Measurable, points: &[f64]) -> f64 {
+    let steps = map.measured_steps(Direction::Forward);
+    let mut largest = 0.0;
+    for point in points.chunks_exact(2 * map.dof()) {
+        let mut z = point.to_vec();
+        for step in &steps {
+            let before = z.clone();
+            step.apply(&mut z);
+            for (a, b) in z.iter().zip(&before) {
+                largest = max_or_nan(largest, (a - b).abs());
+            }
+        }
+    }
+    largest
 }
 
 /// How much is missing to the order in ε of a quantity that vanishes with it,
-/// from the values that stand out of rounding. Where they do not, the law holds
-/// if it is known that the network `responds` to ε, and shows nothing else.
+/// over six values of ε, halved one after the other, of which three at least
+/// have to stand out of rounding. Ill-conditioned where they do so in no range;
+/// vacuous where I_ε itself does not move a point by more than rounding.
 fn order(
     equation: &str,
     order: f64,
-    epsilons: &[f64],
-    radius: f64,
-    responds: bool,
+    family: &dyn NearlyPeriodic,
+    points: &[f64],
     value: &dyn Fn(f64) -> f64,
 ) -> Tally {
-    let floor = ABOVE_ROUNDING * f64::unit_roundoff() * radius;
-    let (epsilons, values): (Vec<f64>, Vec<f64>) = epsilons
+    let floor = ABOVE_ROUNDING * f64::unit_roundoff() * radius(points);
+    let largest = largest_epsilons(family, points);
+    let shortfall = |largest: &f64| {
+        let (epsilons, values): (Vec<f64>, Vec<f64>) = (0..6)
+            .map(|k| largest * libm::exp2(-f64::from(k)))
+            .map(|epsilon| (epsilon, value(epsilon)))
+            .filter(|(_, size)| !(*size <= floor))
+            .unzip();
+        let nan = values.iter().any(|value| value.is_nan());
+        let slope = log_slope(&epsilons, &values);
+        let shortfall = if slope >= order { 0.0 } else { order - slope };
+        (values.len() >= 3 || nan).then_some(Conditioned::Ratio(shortfall))
+    };
+    let result = largest.iter().find_map(shortfall).unwrap_or(Conditioned::IllConditioned);
+    let responds = largest
         .iter()
-        .map(|&epsilon| (epsilon, value(epsilon)))
-        .filter(|(_, size)| !(*size <= floor))
-        .unzip();
-    let nan = values.iter().any(|value| value.is_nan());
-    let hidden = values.len() < 3 && !nan;
-    let slope = log_slope(&epsilons, &values);
-    let shortfall = if slope >= order { 0.0 } else { order - slope };
-    let result = Conditioned::Ratio(if hidden { 0.0 } else { shortfall });
-    Tally::of_slopes("near identity", equation).is_vacuous(hidden && !responds).extend([result])
+        .any(|epsilon| !(near_identity_size(&*family.near_identity_at(*epsilon), points) <= floor));
+    Tally::of_slopes("near identity", equation).vacuous_if(!responds).extend([result])
 }
 
 /// P₀ = ψ∘Φ_θ∘ψ⁻¹ bit for bit, in both directions; and forward the same bits

@@ -9,7 +9,7 @@ use crate::scalar::{Dual, Tracked};
 /// A map that the laws can be measured on.
 ///
 /// Every map, layer and network of the crate is one. A map of your own that is
-/// written over the number type becomes one inside [`Whole`].
+/// written over the number type becomes one inside [`OneStep`].
 pub trait Measurable: Map<f64> {
     /// The steps whose rounding errors are followed one by one; for
     /// [`Direction::Inverse`] those of P⁻¹.
@@ -27,6 +27,11 @@ pub trait Measurable: Map<f64> {
     /// it is applied; none where the map has no parts.
     fn layers(&self) -> Layers<'_> {
         Vec::new()
+    }
+
+    /// The name of the type, by which a suite knows what it has measured.
+    fn type_name(&self) -> &'static str {
+        std::any::type_name::<Self>()
     }
 }
 
@@ -57,7 +62,7 @@ pub trait NearlyPeriodic: Measurable {
     /// θ of the map.
     fn angle(&self) -> f64;
     /// ε of the map.
-    fn epsilon_now(&self) -> f64;
+    fn epsilon(&self) -> f64;
 }
 
 impl Measurable for Composition<f64> {
@@ -162,8 +167,8 @@ impl NearlyPeriodic for Gyroceptron<f64> {
     fn angle(&self) -> f64 {
         self.theta()
     }
-    fn epsilon_now(&self) -> f64 {
-        self.epsilon()
+    fn epsilon(&self) -> f64 {
+        Gyroceptron::epsilon(self)
     }
 }
 
@@ -172,11 +177,11 @@ impl NearlyPeriodic for Gyroceptron<f64> {
 /// The scale of its rounding errors is found by running it on
 /// [`Tracked`] numbers: nothing has to be derived by hand. The bound is that
 /// of the worst case, so that a long computation is better given as a sequence
-/// of steps, each a `Whole`, in a [`Measurable`] of one's own.
+/// of steps, each a `OneStep`, in a [`Measurable`] of one's own.
 #[derive(Clone, Copy, Debug)]
-pub struct Whole<M>(pub M);
+pub struct OneStep<M>(pub M);
 
-impl<S, M: Map<S>> Map<S> for Whole<M> {
+impl<S, M: Map<S>> Map<S> for OneStep<M> {
     fn dof(&self) -> usize {
         self.0.dof()
     }
@@ -193,7 +198,7 @@ pub trait Numbers: Map<f64> + Map<Dual<f64, 8>> + Map<Dual<Tracked, 8>> {}
 
 impl<M> Numbers for M where M: Map<f64> + Map<Dual<f64, 8>> + Map<Dual<Tracked, 8>> {}
 
-impl<M: Numbers> Measurable for Whole<M> {
+impl<M: Numbers> Measurable for OneStep<M> {
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
         vec![Box::new(TrackedStep { map: &self.0, direction })]
     }

@@ -38,7 +38,7 @@ pub use determinant::determinant_ratio;
 pub use inversion::{Conditioned, ILL_CONDITIONED, ThereAndBack, inversion_ratio};
 pub use jacobian::{Differentiable, jacobian, jacobians_by_differences};
 pub use laws::Samples;
-pub use measurable::{Layers, Measurable, NearlyPeriodic, Numbers, Whole};
+pub use measurable::{Layers, Measurable, NearlyPeriodic, Numbers, OneStep};
 pub use measured_step::{
     KickStep, Magnitudes, MeasuredPotential, MeasuredStep, MeasuredSteps, TrackedStep, turn_steps,
 };

@@ -140,13 +140,13 @@ impl Tally {
         Self::new(law, equation, limit)
     }
 
-    /// The same, vacuous below [`SOUND_DECILE`] and violated above
+    /// Makes the law vacuous below [`SOUND_DECILE`] and violated above
     /// [`SOUND_MEDIAN`].
     pub fn must_be_sound(self) -> Self {
         Self { must_be_sound: true, ..self }
     }
 
-    /// The same, for information only.
+    /// Makes the law one for information only.
     pub fn reported(self) -> Self {
         Self { reported: true, ..self }
     }
@@ -177,13 +177,13 @@ impl Tally {
         self
     }
 
-    /// Says that the samples cannot show a violation.
-    pub fn is_vacuous(mut self, vacuous: bool) -> Self {
+    /// Says, where `vacuous`, that the samples cannot show a violation.
+    pub fn vacuous_if(mut self, vacuous: bool) -> Self {
         self.vacuous |= vacuous;
         self
     }
 
-    /// Adds the results of the same law on another map.
+    /// Adds the results of this law on another map.
     pub fn merge(&mut self, other: Self) {
         self.ratios.extend(other.ratios);
         self.ill_conditioned += other.ill_conditioned;

@@ -94,9 +94,7 @@ pub fn work_precision(
     units: f64,
     rounds: usize,
 ) -> Result<Vec<WorkPrecision>, Error> {
-    if rounds == 0 {
-        return Err(Error::invalid("rounds", rounds, "at least 1"));
-    }
+    Error::check_count_range("rounds", rounds, 1, usize::MAX)?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build()

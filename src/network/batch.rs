@@ -158,10 +158,7 @@ pub fn map_points(
 }
 
 pub(super) fn check_points(points: &[f64], dim: usize) -> Result<(), Error> {
-    if !points.len().is_multiple_of(dim) {
-        return Err(Error::invalid("points", points.len(), format!("a multiple of {dim} numbers")));
-    }
-    Ok(())
+    Error::check_rows("points", points.len(), dim)
 }
 
 /// Points a task: whole groups of lanes for every thread, no more than stay in
@@ -203,9 +200,7 @@ pub fn rollout(
     request: Rollout,
 ) -> Result<Vec<f64>, Error> {
     check_points(initial, 2 * map.dof())?;
-    if request.every == 0 {
-        return Err(Error::invalid("every", 0, "at least 1"));
-    }
+    Error::check_count_range("every", request.every, 1, usize::MAX)?;
     let kept = request.kept();
     let too_many = || {
         Error::invalid("states to keep", format!("{kept} of {} numbers", initial.len()), "fewer")

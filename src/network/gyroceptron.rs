@@ -71,9 +71,7 @@ impl<P: Real> Gyroceptron<P> {
     /// When `parameters` is not of the length that `shape` asks for, or there is
     /// no degree of freedom.
     pub fn new(shape: GyroceptronShape, epsilon: P, parameters: Vec<P>) -> Result<Self, Error> {
-        if shape.dof() == 0 {
-            return Err(Error::invalid("degrees of freedom", 0, "at least 1"));
-        }
+        Error::check_count_range("degrees of freedom", shape.dof(), 1, usize::MAX)?;
         Error::check_count("parameters", shape.parameter_count(), parameters.len())?;
         let theta = shape.theta();
         let mut composition = Composition::new(shape.dof(), parameters, epsilon);

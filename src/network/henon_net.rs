@@ -98,9 +98,7 @@ impl<P: Scalar> HenonNet<P> {
     /// # Errors
     /// As [`HenonNet::new`].
     pub fn near_identity(shape: HenonShape, epsilon: P, parameters: Vec<P>) -> Result<Self, Error> {
-        if shape.dof == 0 {
-            return Err(Error::invalid("degrees of freedom", 0, "at least 1"));
-        }
+        Error::check_count_range("degrees of freedom", shape.dof, 1, usize::MAX)?;
         Error::check_count("parameters", shape.parameter_count(), parameters.len())?;
         let composition = shape.composition(parameters, epsilon, true);
         Ok(Self { shape, composition })

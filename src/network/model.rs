@@ -75,19 +75,10 @@ impl Architecture {
     /// # Errors
     /// [`Error::Invalid`] with the value.
     pub fn check(&self) -> Result<(), Error> {
-        if !self.epsilon().is_finite() {
-            return Err(Error::invalid("epsilon", self.epsilon(), "a finite number"));
-        }
-        if self.dof() == 0 {
-            return Err(Error::invalid("degrees of freedom", 0, "at least 1"));
-        }
-        if self.parameter_count() > MOST_PARAMETERS {
-            return Err(Error::invalid(
-                "parameters of the architecture",
-                self.parameter_count(),
-                format!("at most {MOST_PARAMETERS}"),
-            ));
-        }
+        Error::check_finite("epsilon", self.epsilon())?;
+        Error::check_count_range("degrees of freedom", self.dof(), 1, usize::MAX)?;
+        let count = self.parameter_count();
+        Error::check_count_range("parameters of the architecture", count, 0, MOST_PARAMETERS)?;
         for (part, shape) in self.parts() {
             if shape.widths.contains(&0) {
                 return Err(Error::invalid(part, "a layer of width 0", "at least one neuron"));
@@ -156,11 +147,7 @@ impl Model {
     pub fn new(architecture: Architecture, parameters: Vec<f64>) -> Result<Self, Error> {
         architecture.check()?;
         if let Some(index) = parameters.iter().position(|v| !v.is_finite()) {
-            return Err(Error::invalid(
-                &format!("parameter {index}"),
-                parameters[index],
-                "a finite number",
-            ));
+            Error::check_finite(&format!("parameter {index}"), parameters[index])?;
         }
         Ok(match architecture {
             Architecture::HenonNet { shape, epsilon } => {

@@ -112,6 +112,7 @@ fn thinned(series: &Series, panel: &Panel) -> Vec<(f64, f64)> {
 
 fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) =
+        // no NaN: only finite points are drawn
         values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
     if low > high {
         (0.0, 1.0)

@@ -86,9 +86,7 @@ impl System {
     /// # Errors
     /// [`Error::Invalid`] with the value.
     pub fn check(&self) -> Result<(), Error> {
-        if !self.epsilon().is_finite() {
-            return Err(Error::invalid("system.epsilon", self.epsilon(), "a finite number"));
-        }
+        Error::check_finite("system.epsilon", self.epsilon())?;
         if self.dof() < 2 {
             return Err(Error::invalid("system.profiles", "none", "at least one field mode"));
         }

@@ -90,7 +90,7 @@ impl Checkpoint {
         }
     }
 
-    /// The same, read from the file of this name.
+    /// Says that the checkpoint was read from the file of this name.
     pub fn from_file(self, name: impl Into<String>) -> Self {
         Self { source: Some(name.into()), ..self }
     }
