@@ -5,6 +5,7 @@ use super::batch::{MapBlock, block_size, check_points, load};
 use super::{Composition, Direction, with_dof};
 use crate::error::Error;
 use crate::scalar::{Dual, Kernel, Pack, WIDTH, on_lanes};
+use crate::work;
 use rayon::prelude::*;
 
 /// The entry of this index of the Jacobian of each point, a point in each lane.
@@ -77,6 +78,7 @@ impl Kernel for Jacobians<'_> {
 /// When `points` is not a whole number of points, or `out` of another size.
 pub fn map_jacobians(map: &Composition<f64>, points: &[f64], out: &mut [f64]) -> Result<(), Error> {
     each_block_of_jacobians(map, points, out, |points, out| {
+        work::count(work::Kind::Jacobian, points.len() / (2 * map.dof()));
         on_lanes::<WIDTH, _>(Jacobians { map, points, out });
     })
 }
