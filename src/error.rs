@@ -69,6 +69,24 @@ pub enum Error {
         /// The nearest known one.
         nearest: Option<String>,
     },
+    /// What a computation needs and was not given.
+    #[error("{place}: `{key}` is missing; {needed_by} needs it")]
+    Missing {
+        /// Where it was looked for.
+        place: String,
+        /// What is missing.
+        key: &'static str,
+        /// What it is for.
+        needed_by: String,
+    },
+    /// Another error, with the place where it is.
+    #[error("{place}: {reason}")]
+    At {
+        /// The place.
+        place: String,
+        /// The error.
+        reason: Box<Error>,
+    },
     /// An argument out of range.
     #[error("{name}: expected {expected}, found {value}")]
     Invalid {
@@ -130,6 +148,11 @@ impl Error {
             expected: expected.to_string(),
             found: found.to_string(),
         }
+    }
+
+    /// [`Error::At`]: the same error, with the place where it is.
+    pub fn at(self, place: impl Display) -> Self {
+        Self::At { place: place.to_string(), reason: Box::new(self) }
     }
 
     /// [`Error::Read`].
