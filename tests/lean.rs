@@ -123,6 +123,20 @@ const PLOTS: &str = r#"
 plots = ["loss", "portrait", "adiabatic-invariant", "rollout-error"]
 "#;
 
+const TRAJECTORIES: &str = r#"
+name = "trajectories"
+flow_time = 0.5
+
+[system]
+kind = "oscillators"
+epsilon = 0.0
+
+[trajectories]
+epsilons = [0.0, 0.1]
+steps = 20
+initial = [[1.5, 0.15, 0.0, 0.0]]
+"#;
+
 struct Quiet;
 
 impl Observer for Quiet {
@@ -193,9 +207,16 @@ fn scenes() {
     // Of 16 points, as often as its time asks for.
     assert!(jacobians >= 2 * 16 && jacobians.is_multiple_of(16), "{jacobians}");
 
+    // The reference alone.
+    let (sampled, sampled_duals) = stages(TRAJECTORIES);
+    assert_eq!(sampled.len(), 2);
+    let of_trajectories = work(&sampled, "reference trajectories");
+    assert!(of_trajectories.vector_fields > 0);
+    assert_eq!(Work { vector_fields: 0, ..of_trajectories }, Work::default());
+
     // Counted in builds with debug assertions only.
     if cfg!(debug_assertions) {
-        assert_eq!([duals, rolled_duals, compared_duals], [Some(0); 3]);
+        assert_eq!([duals, rolled_duals, compared_duals, sampled_duals], [Some(0); 4]);
         assert!(certified_duals > Some(0) && jacobian_duals > Some(0));
     }
 }

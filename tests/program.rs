@@ -323,6 +323,77 @@ fn error_against_run_time_is_reported() {
     }
 }
 
+const TRAJECTORIES: &str = r#"
+name = "orbits"
+flow_time = 0.2
+plots = ["trajectories"]
+
+[system]
+kind = "oscillators"
+epsilon = 0.0
+
+[trajectories]
+epsilons = [0.0, 0.02, 0.1]
+steps = 400
+initial = [[1.5, 0.3, 0.0, 0.0], [0.9, 1.2, 0.0, 0.0]]
+"#;
+
+#[test]
+fn trajectories_are_drawn_and_measured() {
+    let folder = with_scene("orbits.toml", TRAJECTORIES);
+    let output = succeeds(folder.path(), &["orbits.toml", "--out", "out", "--json"]);
+    let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
+    let each = json["studies"]["trajectories"].as_array().expect("an entry for each ε");
+    assert_eq!(each.len(), 3);
+    let number = |value: &Value| value.as_f64().expect("a number");
+    for of in each {
+        let epsilon = number(&of["epsilon"]);
+        assert!(number(&of["reference_error"]) < 1e-11);
+        for m in 0..2 {
+            assert!(number(&of["energy"][m]["largest"]) < 1e-12, "H is conserved");
+            let (fast, slow) = (number(&of["excursions"][m][0]), number(&of["excursions"][m][1]));
+            let drift = number(&of["adiabatic"][m]["largest"]);
+            // The fast oscillator goes all around.
+            let radius = (2.0 * number(&of["adiabatic"][m]["initial"])).sqrt();
+            assert!((fast / (2.0 * radius) - 1.0).abs() < 0.01 + 3.0 * epsilon, "{fast}");
+            if epsilon == 0.0 {
+                // The slow one stands still, and μ₀ is conserved.
+                assert!(slow == 0.0 && drift < 1e-12, "{slow:e} {drift:e}");
+            } else {
+                assert!(slow > 0.5, "{slow} at ε = {epsilon}");
+                assert!(drift > 0.1 * epsilon && drift < 5.0 * epsilon, "{drift:e}");
+            }
+        }
+    }
+    let read = |name: &str| std::fs::read_to_string(folder.path().join("out").join(name));
+    let svg = read("trajectories.svg").expect("a figure");
+    // A row for each ε, a column for each plane.
+    assert!(svg.contains("width=\"1120\" height=\"1380\""), "{}", &svg[..200]);
+    for words in ["ε = 0.1, (q₁, p₁)", "ε = 0, (q₂, p₂)"] {
+        assert!(svg.contains(words), "the figure lacks {words}");
+    }
+    for label in ["q₁", "p₁", "q₂", "p₂"] {
+        let labels = svg.lines().filter(|line| line.trim() == label).count();
+        assert_eq!(labels, 3, "{label} at each of its axes");
+    }
+    let report = read("report.md").expect("a report");
+    assert!(report.contains("excursion of plane 2") && report.contains("(trajectories.svg)"));
+    assert!(!folder.path().join("out/model.json").exists());
+    for (from, to, word) in [
+        ("epsilons = [0.0,", "epsilons = [nan,", "epsilons"),
+        ("epsilons = [0.0, 0.02, 0.1]", "epsilons = []", "epsilons"),
+        ("steps = 400", "steps = 0", "steps"),
+        ("[0.9, 1.2, 0.0, 0.0]]", "[0.9, 1.2, 0.0]]", "initial"),
+        ("plots = [\"trajectories\"]", "plots = [\"portrait\"]", "trajectories"),
+        ("flow_time = 0.2\n", "", "flow_time"),
+        ("steps = 400", "steps = 400\nstep = 1", "`step`"),
+    ] {
+        assert!(TRAJECTORIES.contains(from), "{from}");
+        let folder = with_scene("bad.toml", &TRAJECTORIES.replacen(from, to, 1));
+        refuses(folder.path(), &["run", "bad.toml", "--out", "o"], &[word]);
+    }
+}
+
 /// A scene of two parts.
 fn two_parts() -> String {
     let start = SCENE.find("[certificate]").expect("in the scene");

@@ -30,6 +30,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "oscillators-long",
         "particle-field",
         "error-against-time",
+        "trajectories",
     ]
 }
 

@@ -9,6 +9,7 @@ mod pairs;
 pub mod rollout;
 pub mod tanh;
 pub mod training;
+pub mod trajectories;
 pub mod work_precision;
 
 use super::context::{Context, Halt};
@@ -144,6 +145,8 @@ studies! {
     work_precision: WorkPrecision(work_precision::WorkPrecisionOptions),
     /// Error against run time of tanh and sech².
     tanh: Tanh(tanh::TanhOptions),
+    /// Trajectories of the system for several ε.
+    trajectories: Trajectories(trajectories::TrajectoriesOptions),
 }
 
 impl Scene {
