@@ -15,7 +15,7 @@ pub(crate) enum Kind {
     Gradient,
     /// The curvature diagonal of one pair.
     Curvature,
-    /// The Jacobian at one point, over dual numbers.
+    /// The Jacobian at one point.
     Jacobian,
 }
 
@@ -41,7 +41,8 @@ pub struct Work {
     pub gradients: u64,
     /// Curvature diagonals of a pair.
     pub curvatures: u64,
-    /// Jacobians at a point, by [`map_jacobians`](crate::network::map_jacobians).
+    /// Jacobians at a point, by [`map_jacobians`](crate::network::map_jacobians) or
+    /// another way to them in [`network`](crate::network).
     pub jacobians: u64,
     /// Evaluations of the equations of motion, of systems that are
     /// [`Counted`](crate::system::Counted).

@@ -78,7 +78,6 @@ impl Kernel for Jacobians<'_> {
 /// When `points` is not a whole number of points, or `out` of another size.
 pub fn map_jacobians(map: &Composition<f64>, points: &[f64], out: &mut [f64]) -> Result<(), Error> {
     each_block_of_jacobians(map, points, out, |points, out| {
-        work::count(work::Kind::Jacobian, points.len() / (2 * map.dof()));
         on_lanes::<WIDTH, _>(Jacobians { map, points, out });
     })
 }
@@ -191,9 +190,9 @@ fn each_block_of_jacobians(
     check_points(points, dim)?;
     Error::check_count("Jacobian entries", points.len() * dim, out.len())?;
     let block = block_size(points.len() / dim) * dim;
-    points
-        .par_chunks(block)
-        .zip(out.par_chunks_mut(block * dim))
-        .for_each(|(points, out)| f(points, out));
+    points.par_chunks(block).zip(out.par_chunks_mut(block * dim)).for_each(|(points, out)| {
+        work::count(work::Kind::Jacobian, points.len() / dim);
+        f(points, out);
+    });
     Ok(())
 }
