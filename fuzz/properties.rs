@@ -303,7 +303,7 @@ pub fn scene(data: &[u8]) -> Result<Outcome, String> {
         Err(_) => Ok(Outcome::Refused),
         Ok(scene) => {
             // Either an experiment or a word why it is none.
-            if let Err(reason) = scene.experiment()
+            if let Err(reason) = scene.complete()
                 && reason.to_string().is_empty()
             {
                 return Err("an error without a word".into());

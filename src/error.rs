@@ -113,6 +113,24 @@ pub enum Error {
         /// The numbers of the array.
         found: usize,
     },
+    /// What a computation needs and was not given.
+    #[error("{place}: `{key}` is missing; {needed_by} needs it")]
+    Missing {
+        /// Where it was looked for.
+        place: String,
+        /// What is missing.
+        key: &'static str,
+        /// What it is for.
+        needed_by: String,
+    },
+    /// Another error, with the place where it is.
+    #[error("{place}: {reason}")]
+    At {
+        /// The place.
+        place: String,
+        /// The error.
+        reason: Box<Error>,
+    },
     /// An argument that is wrong in a way that is not a number's.
     #[error("{name}: expected {expected}, found {value}")]
     Invalid {
@@ -241,6 +259,11 @@ impl Error {
             expected: expected.to_string(),
             found: found.to_string(),
         }
+    }
+
+    /// [`Error::At`]: the same error, with the place where it is.
+    pub fn at(self, place: impl Display) -> Self {
+        Self::At { place: place.to_string(), reason: Box::new(self) }
     }
 
     /// [`Error::Read`].

@@ -66,6 +66,7 @@
 //!   map; the structure certificate; error against run time.
 //! - `io` (feature `files`): models, data sets, weights of others.
 //! - `scene` (feature `scenes`): declared experiments and their reports.
+//! - [`work`]: how much was computed.
 //!
 //! Each definition of the paper, with its item and its law, is on the page
 //! [`conformance`].
@@ -99,6 +100,7 @@ pub mod scalar;
 pub mod scene;
 pub mod system;
 pub mod train;
+pub mod work;
 
 pub use error::Error;
 

@@ -10,8 +10,9 @@ use gyroceptron::network::{
     rollout,
 };
 use gyroceptron::scalar::dual_variables_made;
-use gyroceptron::scene::{Event, Folder, Observer, Report, parse, run};
+use gyroceptron::scene::{Event, Folder, Observer, Stage, parse, run};
 use gyroceptron::train::{Loss, Objective};
+use gyroceptron::work::Work;
 use peak_alloc::PeakAlloc;
 use std::hint::black_box;
 
@@ -120,51 +121,104 @@ rounds = 1
 integrators = [{ integrator = { kind = "strang" }, one_step = [4] }]
 "#;
 
+const PLOTS: &str = r#"
+plots = ["loss", "portrait", "adiabatic-invariant", "rollout-error"]
+"#;
+
+const TRAJECTORIES: &str = r#"
+name = "trajectories"
+flow_time = 0.5
+
+[system]
+kind = "oscillators"
+epsilon = 0.0
+
+[trajectories]
+epsilons = [0.0, 0.1]
+steps = 20
+initial = [[1.5, 0.15, 0.0, 0.0]]
+"#;
+
 struct Quiet;
 
 impl Observer for Quiet {
     fn event(&mut self, _: Event<'_>) {}
 }
 
-/// The report of a scene, and the dual variables that it made.
-fn report(scene: &str) -> (Report, Option<u64>) {
+/// The stages of a scene's run, and the dual variables that it made.
+fn stages(scene: &str) -> (Vec<Stage>, Option<u64>) {
     let scene = parse("scene", scene).expect("a scene");
     let folder = tempfile::tempdir().expect("a folder");
     let folder = Folder::open(folder.path(), false, true).expect("a folder");
     let before = dual_variables_made();
     let report = run(&scene, &folder, &mut Quiet).expect("it runs").expect("to its end");
-    (report, dual_variables_made().zip(before).map(|(after, before)| after - before))
+    let duals = dual_variables_made().zip(before).map(|(after, before)| after - before);
+    (report.stages, duals)
+}
+
+/// What was done in all stages whose names begin so.
+fn work(stages: &[Stage], name: &str) -> Work {
+    let mut total = Work::default();
+    for stage in stages.iter().filter(|stage| stage.stage.starts_with(name)) {
+        total += stage.work;
+    }
+    total
 }
 
 fn scenes() {
-    let (bare, duals) = report(BARE);
-    let own = bare.experiment.expect("an experiment").evaluations;
-    assert!(own.of_data > 0);
-    assert_eq!(own.loss_and_gradient % 400, 0);
-    assert!(own.loss_and_gradient >= 26 * 400);
+    let (bare, duals) = stages(BARE);
+    let pairs = work(&bare, "reference flow");
+    assert!(pairs.vector_fields > 0);
+    assert_eq!(Work { vector_fields: 0, ..pairs }, Work::default());
+    let training = work(&bare, "training");
+    assert_eq!(training.gradients % 400, 0);
+    assert!(training.gradients >= 26 * 400);
     // At iterations 0, 10 and 20; held out at 0, 10, 20 and the last.
-    assert_eq!((own.curvature, own.held_out), (3 * 400, 4 * 200));
-    let rest = [own.of_reference_rollout, own.rollout, own.certificate, own.jacobians];
-    assert_eq!(rest, [0; 4]);
-    assert_eq!(bare.scene.plots, []);
+    assert_eq!((training.curvatures, training.losses), (3 * 400, 4 * 200));
+    // Their components, once.
+    let whole = work(&bare, "");
+    assert_eq!(whole.evaluations, 200);
+    assert_eq!(whole.vector_fields, pairs.vector_fields);
+    assert_eq!(whole.jacobians, 0);
 
-    let (rolled, rolled_duals) = report(&[BARE, ROLLOUT].concat());
-    let with_rollout = rolled.experiment.expect("an experiment").evaluations;
-    assert_eq!(with_rollout.rollout, 200);
-    assert!(with_rollout.of_reference_rollout > 0);
-    assert_eq!(with_rollout.of_data, own.of_data);
+    // All that is asked of the trajectories costs one roll-out and one reference.
+    let (rolled, rolled_duals) = stages(&[PLOTS, BARE, ROLLOUT].concat());
+    assert_eq!(work(&rolled, "roll-out").evaluations, 200);
+    assert_eq!(work(&rolled, "").evaluations, whole.evaluations + 200);
+    assert!(work(&rolled, "reference trajectories").vector_fields > 0);
+    assert_eq!(work(&rolled, "reference flow").vector_fields, pairs.vector_fields);
+    let shared = |stages: &[Stage], name: &str| {
+        stages.iter().filter(|stage| stage.stage.starts_with(name)).count()
+    };
+    assert_eq!(work(&rolled, "training").gradients, work(&rolled, "").gradients);
 
-    let (certified, certified_duals) = report(&[BARE, CERTIFICATE].concat());
-    assert!(certified.experiment.expect("an experiment").evaluations.certificate > 20);
+    let (certified, certified_duals) = stages(&[BARE, CERTIFICATE].concat());
+    assert_eq!(work(&certified, "training"), training);
 
-    let (compared, compared_duals) = report(&[BARE, COMPARISON].concat());
-    assert_eq!(compared.experiment.expect("an experiment").evaluations.jacobians, 0);
+    // The comparison asks for the same pairs, networks and reference trajectories.
+    let (compared, compared_duals) = stages(&[BARE, ROLLOUT, COMPARISON].concat());
+    for stage in ["reference flow", "training", "reference trajectories", "roll-out"] {
+        assert_eq!(shared(&compared, stage), 1, "{stage}");
+        assert_eq!(work(&compared, stage), work(&rolled, stage), "{stage}");
+    }
+    assert_eq!(work(&compared, "").jacobians, 0);
+    assert!(work(&compared, "error against run time").evaluations > 0);
     let differences = format!("{COMPARISON}differences = [1e-3]\n");
-    let (_, jacobian_duals) = report(&[BARE, &differences].concat());
+    let (with_jacobians, jacobian_duals) = stages(&[BARE, &differences].concat());
+    let jacobians = work(&with_jacobians, "error against run time: Jacobians").jacobians;
+    // Of 16 points, as often as its time asks for.
+    assert!(jacobians >= 2 * 16 && jacobians.is_multiple_of(16), "{jacobians}");
+
+    // The reference alone.
+    let (sampled, sampled_duals) = stages(TRAJECTORIES);
+    assert_eq!(sampled.len(), 2);
+    let of_trajectories = work(&sampled, "reference trajectories");
+    assert!(of_trajectories.vector_fields > 0);
+    assert_eq!(Work { vector_fields: 0, ..of_trajectories }, Work::default());
 
     // Counted in builds with debug assertions only.
     if cfg!(debug_assertions) {
-        assert_eq!([duals, rolled_duals, compared_duals], [Some(0); 3]);
+        assert_eq!([duals, rolled_duals, compared_duals, sampled_duals], [Some(0); 4]);
         assert!(certified_duals > Some(0) && jacobian_duals > Some(0));
     }
 }

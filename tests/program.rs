@@ -157,11 +157,13 @@ fn a_scene_runs_to_a_report() {
     let json: Value =
         serde_json::from_slice(&std::fs::read(out.join("report.json")).expect("a report"))
             .expect("JSON");
-    let model = &json["models"][0];
-    assert_eq!(model["certificate"]["rows"][0]["verdict"], "holds");
-    assert!(json["reference_error"].as_f64().expect("a number") < 1e-13);
+    let studies = &json["studies"];
+    assert_eq!(json["holds"], true);
+    assert_eq!(studies["certificate"][0]["rows"][0]["verdict"], "holds");
+    assert!(studies["pairs"]["reference_error"].as_f64().expect("a number") < 1e-13);
+    let model = &studies["training"]["models"][0];
     let held_out = model["best"]["validation"].as_f64().expect("a number");
-    let rotation = json["rotation_error"].as_f64().expect("a number");
+    let rotation = studies["pairs"]["rotation_error"].as_f64().expect("a number");
     assert!(held_out < rotation, "{held_out:e} against {rotation:e}");
     // What a scene does not name is not made.
     assert!(!out.join("checkpoint-gyroceptron").exists());
@@ -215,8 +217,8 @@ fn a_scene_computes_only_what_it_names() {
     let folder = with_scene("bare.toml", &bare);
     let output = succeeds(folder.path(), &["bare.toml", "--out", "out", "--json"]);
     let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
-    assert!(json["models"][0]["certificate"].is_null());
-    assert!(json["models"][0]["rollout"].is_null());
+    let studies: Vec<_> = json["studies"].as_object().expect("studies").keys().collect();
+    assert_eq!(studies, ["pairs", "training"]);
     assert!(!folder.path().join("out/portrait.svg").exists());
 }
 
@@ -253,40 +255,44 @@ fn error_against_run_time_is_reported() {
     // Errors are results, times are not.
     assert!(read("one/report.json") == read("two/report.json"));
     let json: Value = serde_json::from_slice(&read("one/report.json")).expect("JSON");
-    let ways = json["error_against_time"]["rollout"]["ways"].as_array().expect("ways");
-    let of = |ways: &[Value], name: &str| -> Vec<f64> {
-        let own = ways.iter().filter(|w| w["name"].as_str().expect("a name").contains(name));
-        own.map(|w| w["error"].as_f64().expect("an error")).collect()
+    let compared = &json["studies"]["work_precision"];
+    let methods = compared["rollout"]["methods"].as_array().expect("methods");
+    let of = |methods: &[Value], name: &str| -> Vec<f64> {
+        let named = methods.iter().filter(|m| m["name"].as_str().expect("a name").contains(name));
+        named.map(|m| m["error"].as_f64().expect("an error")).collect()
     };
-    let (network, rk4) = (of(ways, "gyroceptron, "), of(ways, "RK4"));
+    let (network, rk4) = (of(methods, "gyroceptron, "), of(methods, "RK4"));
     // All together and one alone.
     assert!(network.len() == 2 && network[0] == network[1], "{network:?}");
     // Of order 4.
     assert!((rk4[0] / rk4[1] / 16.0 - 1.0).abs() < 0.2, "{rk4:?}");
-    assert!(ways.iter().all(|w| w["seconds"].is_null()));
-    let ways = json["error_against_time"]["jacobians"][0]["ways"].as_array().expect("ways");
-    assert!(of(ways, "duals")[0] < 1e-14 && of(ways, "chain rule")[0] < 1e-14);
+    assert!(methods.iter().all(|m| m["seconds"].is_null()));
+    let methods = compared["jacobians"][0]["methods"].as_array().expect("methods");
+    assert!(of(methods, "duals")[0] < 1e-14 && of(methods, "chain rule")[0] < 1e-14);
     // Of order 2.
-    let differences = of(ways, "differences");
+    let differences = of(methods, "differences");
     assert!((differences[0] / differences[1] / 100.0 - 1.0).abs() < 0.1, "{differences:?}");
     // Those of the C library are of the machine.
-    assert_eq!(json["tanh"].as_array().expect("ways").len(), 3);
-    assert!(json["tanh"][0]["tanh_ulps"].as_f64().expect("a number") < 1.0);
-    assert_eq!(json["evaluations"]["jacobians"], 64);
+    let tanh = &json["studies"]["tanh"];
+    assert_eq!(tanh.as_array().expect("methods").len(), 3);
+    assert!(tanh[0]["tanh_ulps"].as_f64().expect("a number") < 1.0);
 
     let timings: Value = serde_json::from_slice(&read("one/timings.json")).expect("JSON");
-    let timed = &timings["comparison"]["one_step"]["ways"][0]["seconds"];
+    assert_eq!(timings["studies"]["tanh"].as_array().expect("methods").len(), 5);
+    let compared = &timings["studies"]["work_precision"];
+    let timed = &compared["one_step"]["methods"][0]["seconds"];
     assert!(timed["lower"].as_f64() <= timed["upper"].as_f64() && timed["lower"].is_number());
     let report = text(&read("one/report.md"));
     // The winner that the sentences name is the one that the figures show.
-    for contest in ["one_step", "rollout"] {
-        let ways = timings["comparison"][contest]["ways"].as_array().expect("ways");
-        let error = |way: &Value| way["error"].as_f64().unwrap_or(f64::INFINITY);
-        let seconds = |way: &&Value| way["seconds"]["median"].as_f64().expect("timed");
-        let own = ways.iter().find(|w| w["name"] == "gyroceptron, all together").expect("there");
-        let fastest = ways
+    for comparison in ["one_step", "rollout"] {
+        let methods = compared[comparison]["methods"].as_array().expect("methods");
+        let error = |method: &Value| method["error"].as_f64().unwrap_or(f64::INFINITY);
+        let seconds = |method: &&Value| method["seconds"]["median"].as_f64().expect("timed");
+        let network = methods.iter().find(|m| m["name"] == "gyroceptron, all together");
+        let network = network.expect("there");
+        let fastest = methods
             .iter()
-            .filter(|w| w["setting"].is_number() && error(w) <= error(own))
+            .filter(|m| m["setting"].is_number() && error(m) <= error(network))
             .min_by(|a, b| seconds(a).total_cmp(&seconds(b)));
         let fastest = fastest.expect("an integrator as accurate");
         let (name, steps) = (fastest["name"].as_str(), fastest["setting"].as_f64());
@@ -295,7 +301,7 @@ fn error_against_run_time_is_reported() {
         let told = report.lines().any(|line| {
             line.starts_with("- `gyroceptron` errs by") && line.contains(&format!(": {winner}"))
         });
-        assert!(told, "{contest}: {winner}");
+        assert!(told, "{comparison}: {winner}");
     }
     for words in [
         "errs by",
@@ -306,7 +312,7 @@ fn error_against_run_time_is_reported() {
         "duals err by",
         "libm, sech²",
         "What was computed",
-        "| Jacobian over dual numbers | 64 |",
+        "| error against run time: Jacobians |",
     ] {
         assert!(report.contains(words), "the report lacks {words}");
     }
@@ -314,6 +320,77 @@ fn error_against_run_time_is_reported() {
         let svg = text(&read(&format!("one/{plot}.svg")));
         assert!(svg.contains("error against run time") || plot == "jacobians", "{plot}");
         assert!(svg.contains("µs a") || svg.contains("ns a"), "{plot} has no labelled axis");
+    }
+}
+
+const TRAJECTORIES: &str = r#"
+name = "orbits"
+flow_time = 0.2
+plots = ["trajectories"]
+
+[system]
+kind = "oscillators"
+epsilon = 0.0
+
+[trajectories]
+epsilons = [0.0, 0.02, 0.1]
+steps = 400
+initial = [[1.5, 0.3, 0.0, 0.0], [0.9, 1.2, 0.0, 0.0]]
+"#;
+
+#[test]
+fn trajectories_are_drawn_and_measured() {
+    let folder = with_scene("orbits.toml", TRAJECTORIES);
+    let output = succeeds(folder.path(), &["orbits.toml", "--out", "out", "--json"]);
+    let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
+    let each = json["studies"]["trajectories"].as_array().expect("an entry for each ε");
+    assert_eq!(each.len(), 3);
+    let number = |value: &Value| value.as_f64().expect("a number");
+    for of in each {
+        let epsilon = number(&of["epsilon"]);
+        assert!(number(&of["reference_error"]) < 1e-11);
+        for m in 0..2 {
+            assert!(number(&of["energy"][m]["largest"]) < 1e-12, "H is conserved");
+            let (fast, slow) = (number(&of["excursions"][m][0]), number(&of["excursions"][m][1]));
+            let drift = number(&of["adiabatic"][m]["largest"]);
+            // The fast oscillator goes all around.
+            let radius = (2.0 * number(&of["adiabatic"][m]["initial"])).sqrt();
+            assert!((fast / (2.0 * radius) - 1.0).abs() < 0.01 + 3.0 * epsilon, "{fast}");
+            if epsilon == 0.0 {
+                // The slow one stands still, and μ₀ is conserved.
+                assert!(slow == 0.0 && drift < 1e-12, "{slow:e} {drift:e}");
+            } else {
+                assert!(slow > 0.5, "{slow} at ε = {epsilon}");
+                assert!(drift > 0.1 * epsilon && drift < 5.0 * epsilon, "{drift:e}");
+            }
+        }
+    }
+    let read = |name: &str| std::fs::read_to_string(folder.path().join("out").join(name));
+    let svg = read("trajectories.svg").expect("a figure");
+    // A row for each ε, a column for each plane.
+    assert!(svg.contains("width=\"1120\" height=\"1380\""), "{}", &svg[..200]);
+    for words in ["ε = 0.1, (q₁, p₁)", "ε = 0, (q₂, p₂)"] {
+        assert!(svg.contains(words), "the figure lacks {words}");
+    }
+    for label in ["q₁", "p₁", "q₂", "p₂"] {
+        let labels = svg.lines().filter(|line| line.trim() == label).count();
+        assert_eq!(labels, 3, "{label} at each of its axes");
+    }
+    let report = read("report.md").expect("a report");
+    assert!(report.contains("excursion of plane 2") && report.contains("(trajectories.svg)"));
+    assert!(!folder.path().join("out/model.json").exists());
+    for (from, to, word) in [
+        ("epsilons = [0.0,", "epsilons = [nan,", "epsilons"),
+        ("epsilons = [0.0, 0.02, 0.1]", "epsilons = []", "epsilons"),
+        ("steps = 400", "steps = 0", "steps"),
+        ("[0.9, 1.2, 0.0, 0.0]]", "[0.9, 1.2, 0.0]]", "initial"),
+        ("plots = [\"trajectories\"]", "plots = [\"portrait\"]", "trajectories"),
+        ("flow_time = 0.2\n", "", "flow_time"),
+        ("steps = 400", "steps = 400\nstep = 1", "`step`"),
+    ] {
+        assert!(TRAJECTORIES.contains(from), "{from}");
+        let folder = with_scene("bad.toml", &TRAJECTORIES.replacen(from, to, 1));
+        refuses(folder.path(), &["run", "bad.toml", "--out", "o"], &[word]);
     }
 }
 
@@ -344,7 +421,16 @@ fn parts_run_one_after_another_and_resume() {
     let output = succeeds(path, &["both.toml", "--out", "whole"]);
     assert!(text(&output.stdout).contains("second"));
     let report = std::fs::read_to_string(path.join("whole/report.md")).expect("a report");
-    assert!(report.contains("[second](second/report.md)"));
+    // With what the studies of each part sum up.
+    for words in ["[second](second/report.md)", "| network | parameters |"] {
+        assert!(report.contains(words), "the report lacks {words}");
+    }
+    let json: Value =
+        serde_json::from_slice(&std::fs::read(path.join("whole/report.json")).expect("a report"))
+            .expect("JSON");
+    let second = &json["parts"][1];
+    assert_eq!(second["scene"]["name"], "second");
+    assert!(second["studies"]["training"]["models"][0]["best"]["loss"].is_number());
     for file in ["first/model.json", "second/report.md", "second/checkpoint"] {
         assert!(path.join("whole").join(file).exists(), "{file}");
     }
@@ -396,7 +482,7 @@ fn scenes_that_compare_or_have_parts_are_checked() {
         ("largest = 20.0", "largest = nan", "largest"),
         ("largest = 20.0", "largest = 360.0", "largest"),
         ("steps = 100\nevery = 10\n", "steps = 100\nevery = 101\n", "every"),
-        ("differences = [1e-1, 1e-2]", "", "Jacobians"),
+        ("differences = [1e-1, 1e-2]", "", "jacobians"),
     ] {
         assert!(whole.contains(from), "{from}");
         let folder = with_scene("bad.toml", &whole.replacen(from, to, 1));
@@ -576,7 +662,12 @@ fn scenes_are_listed_and_shown() {
         assert_eq!(scene.name, entry.name);
         scene.complete().expect("complete");
         let cited = text(&succeeds(folder.path(), &["cite", entry.name]).stdout);
-        assert!(cited.contains("10.1038/s41598-023-34862-w") && cited.contains("Nocedal"));
+        assert!(cited.contains("10.1038/s41598-023-34862-w"));
+        // By those that train; all but a scene of tanh alone take the reference flow.
+        let trains = std::iter::once(&scene).chain(&scene.parts);
+        let trains = trains.into_iter().any(|scene| !scene.setup.models.is_empty());
+        assert_eq!(cited.contains("Nocedal"), trains, "{}", entry.name);
+        assert_eq!(cited.matches("HairerLubichWanner2006").count(), 1, "{}", entry.name);
     }
     assert_eq!(listed.lines().count(), gyroceptron::scene::catalogue().len());
     assert!(text(&succeeds(folder.path(), &["cite"]).stdout).contains("@article"));
@@ -590,10 +681,9 @@ fn scenes_are_listed_and_shown() {
 fn the_parameter_counts_of_the_built_in_scenes_are_the_papers() {
     let count = |name: &str, model: usize| {
         let scene = gyroceptron::scene::find(name).and_then(|e| e.scene()).expect("a scene");
-        let (system, ..) = scene.experiment().expect("complete");
         use gyroceptron::system::Hamiltonian;
-        let action = system.circle_action();
-        scene.models[model].network.architecture(&action, 0.01).parameter_count()
+        let action = scene.setup.system.expect("a system").circle_action();
+        scene.setup.models[model].network.architecture(&action, 0.01).parameter_count()
     };
     assert_eq!(count("oscillators-short", 0), 549);
     assert_eq!(count("oscillators-long", 0), 681);
@@ -728,6 +818,8 @@ fn unknown_keys_are_named_with_the_nearest_known_one() {
 
 #[test]
 fn scenes_with_bad_values_are_refused() {
+    let nothing = with_scene("bad.toml", "name = \"nothing\"\n");
+    refuses(nothing.path(), &["run", "bad.toml"], &["scene nothing", "something to run"]);
     for (from, to, word) in [
         ("epsilon = 0.01", "epsilon = nan", "epsilon"),
         ("flow_time = 0.5", "flow_time = -1.0", "flow_time"),

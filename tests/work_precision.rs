@@ -3,48 +3,140 @@
 use gyroceptron::Error;
 use gyroceptron::flow::{Integrator, Pairs};
 use gyroceptron::measure::{
-    Contestant, Spread, jacobians_by_differences, precise_jacobians, relative_difference,
-    root_mean_square_distance, tanh_errors, work_precision,
+    Comparison, Method, Spread, TrajectoryMethods, WorkPrecision, fastest,
+    jacobians_by_differences, most_accurate, precise_jacobians, relative_difference,
+    root_mean_square_distance, tanh_errors, work_precision, work_precision_by,
 };
 use gyroceptron::network::{Architecture, HenonShape, InitialWeights, map_jacobians_by_duals};
 use gyroceptron::scalar::tanh_sech2_of_all;
 use gyroceptron::system::{Oscillators, System};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 
-fn contestant<'a>(
-    name: &str,
-    run: impl Fn() -> Result<Vec<f64>, Error> + Sync + 'a,
-) -> Contestant<'a> {
-    Contestant { name: name.into(), setting: None, run: Box::new(run) }
+fn method<'a>(name: &str, run: impl Fn() -> Result<Vec<f64>, Error> + Sync + 'a) -> Method<'a> {
+    Method { name: name.into(), setting: None, run: Box::new(run) }
 }
 
-/// Some work that takes so many rounds.
-fn busy(rounds: u64) -> Result<Vec<f64>, Error> {
-    let mut x = 1.0_f64;
-    for _ in 0..rounds {
-        x = std::hint::black_box(x).sqrt();
+/// A clock that only the methods move, and the order in which they ran.
+#[derive(Default)]
+struct Clock {
+    microseconds: AtomicU64,
+    runs: Mutex<Vec<&'static str>>,
+}
+
+impl Clock {
+    fn seconds(&self) -> f64 {
+        self.microseconds.load(Ordering::SeqCst) as f64 * 1e-6
     }
-    Ok(vec![x])
+
+    /// A method that takes so long, and results in 1.
+    fn takes(&self, name: &'static str, microseconds: u64) -> Method<'_> {
+        method(name, move || {
+            self.microseconds.fetch_add(microseconds, Ordering::SeqCst);
+            self.runs.lock().expect("one thread").push(name);
+            Ok(vec![1.0])
+        })
+    }
 }
 
 #[test]
-fn contestants_are_judged_and_timed() {
-    let contestants = [
-        contestant("short", || busy(2_000)),
-        contestant("long", || busy(200_000)),
-        contestant("fails", || Err(Error::invalid("x", 1, "another"))),
-        contestant("leaves the numbers", || Ok(vec![f64::NAN])),
+fn methods_are_judged_and_timed() {
+    let clock = Clock::default();
+    let methods = [
+        clock.takes("short", 2000),
+        clock.takes("long", 200_000),
+        method("fails", || Err(Error::invalid("x", 1, "another"))),
+        method("leaves the numbers", || Ok(vec![f64::NAN])),
     ];
-    let judged = work_precision(&contestants, &|v| (v[0] - 0.5).abs(), 4.0, 5).expect("a thread");
-    let names: Vec<_> = judged.iter().map(|own| &own.name[..]).collect();
+    let error = |v: &[f64]| (v[0] - 0.5).abs();
+    let judged =
+        work_precision_by(&|| clock.seconds(), &methods, &error, 4.0, 5).expect("a thread");
+    let names: Vec<_> = judged.iter().map(|one| &one.name[..]).collect();
     assert_eq!(names, ["short", "long", "fails", "leaves the numbers"]);
     assert_eq!(judged[0].error, Some(0.5));
     for lost in &judged[2..] {
         assert!(lost.error.is_none() && lost.seconds.is_none(), "{lost:?}");
+        assert!(lost.failure.is_some());
     }
-    // A hundred times the work: the order is safe on any machine.
-    let median = |k: usize| judged[k].seconds.expect("timed").median;
-    assert!(median(1) > 3.0 * median(0), "{judged:?}");
-    assert!(work_precision(&contestants, &|_| 0.0, 1.0, 0).is_err());
+    // For a unit of work, of which there are four.
+    for (one, seconds) in judged.iter().zip([0.002, 0.2]) {
+        let Spread { lower, median, upper } = one.seconds.expect("timed");
+        for found in [lower, median, upper] {
+            assert!((found * 4.0 / seconds - 1.0).abs() < 1e-6, "{found} of {seconds}");
+        }
+    }
+    assert!(work_precision(&methods, &error, 1.0, 0).is_err());
+}
+
+#[test]
+fn methods_are_timed_in_turn() {
+    let clock = Clock::default();
+    let methods = [clock.takes("a", 2000), clock.takes("b", 3000)];
+    work_precision_by(&|| clock.seconds(), &methods, &|_| 0.0, 1.0, 3).expect("a thread");
+    let runs = clock.runs.lock().expect("one thread").clone();
+    // Each once for its result and once to see how long it takes, then in turn.
+    assert_eq!(runs, ["a", "a", "b", "b", "a", "b", "a", "b", "a", "b"]);
+}
+
+/// A short one is run until a measurement is long enough; one that takes seconds is
+/// not run more often than need be.
+#[test]
+fn the_runs_of_a_measurement_follow_from_how_long_one_takes() {
+    for (microseconds, rounds, expected) in [
+        // 1 + 2 + 4 + … + 512 + 1024 runs to find out, then 1024 a round.
+        (1, 2, 1 + 2047 + 2 * 1024),
+        (300, 2, 1 + (1 + 2 + 4) + 2 * 4),
+        (3_000_000, 9, 1 + 1 + 3),
+        (100_000, 9, 1 + 1 + 9),
+    ] {
+        let clock = Clock::default();
+        let methods = [clock.takes("one", microseconds)];
+        work_precision_by(&|| clock.seconds(), &methods, &|_| 0.0, 1.0, rounds).expect("a thread");
+        assert_eq!(clock.runs.lock().expect("one thread").len(), expected, "{microseconds} µs");
+    }
+}
+
+/// The clock on the wall: what it says is positive.
+#[test]
+fn run_times_are_positive() {
+    let busy = || Ok(vec![(0..1000).fold(1.0, |x: f64, _| std::hint::black_box(x).sqrt())]);
+    let judged = work_precision(&[method("busy", busy)], &|_| 0.0, 1.0, 3).expect("a thread");
+    let Spread { lower, median, upper } = judged[0].seconds.expect("timed");
+    assert!(lower > 0.0 && lower <= median && median <= upper);
+}
+
+fn judged(name: &str, error: Option<f64>, seconds: f64) -> WorkPrecision {
+    let spread = Spread { lower: seconds, median: seconds, upper: seconds };
+    let seconds = error.map(|_| spread);
+    WorkPrecision { name: name.into(), setting: None, error, seconds, failure: None }
+}
+
+#[test]
+fn the_fastest_is_of_those_that_are_accurate_enough() {
+    let methods = vec![
+        judged("rough", Some(2e-1), 1.0),
+        judged("fair", Some(3e-3), 2.0),
+        judged("slow", Some(2e-3), 9.0),
+        judged("fine", Some(5e-7), 4.0),
+        judged("lost", None, 0.1),
+    ];
+    let name = |found: Option<(&WorkPrecision, f64)>| found.map(|(one, _)| one.name.clone());
+    assert_eq!(name(fastest(&methods, 1.0)).as_deref(), Some("rough"));
+    assert_eq!(name(fastest(&methods, 2.5e-3)).as_deref(), Some("fine"));
+    assert_eq!(name(fastest(&methods, 1e-9)), None);
+    assert_eq!(most_accurate(&methods).map(|one| &one.name[..]), Some("fine"));
+    let comparison =
+        Comparison { trajectories: 1, time: 1.0, size: 0.3, reference_error: 2e-6, methods };
+    // `rough` errs by more than half the size of the points: it does not count. What
+    // the reference does not tell apart is not told.
+    let ranges: Vec<_> = comparison
+        .fastest_by_error()
+        .iter()
+        .map(|range| (range.method.name.clone(), range.from, range.to))
+        .collect();
+    assert_eq!(ranges, [("fair".into(), 0, -2), ("fine".into(), -3, -5)]);
+    let unknown = Comparison { reference_error: f64::NAN, ..comparison };
+    assert!(unknown.fastest_by_error().is_empty());
 }
 
 #[test]
@@ -74,9 +166,9 @@ fn more_steps_err_less() {
     let system = System::Oscillators(Oscillators { epsilon: 0.05 });
     let points: Vec<f64> = (0..40).map(|k| f64::from(k * 37 % 23) / 15.0 - 0.7).collect();
     let (pairs, _) = Pairs::of_flow(&system, points, 2.0).expect("converges");
-    let contestants: Vec<Contestant<'_>> = [2, 4, 8]
+    let methods = [2, 4, 8]
         .into_iter()
-        .map(|steps| Contestant {
+        .map(|steps| Method {
             name: "Strang".into(),
             setting: Some(f64::from(steps)),
             run: Box::new({
@@ -87,9 +179,20 @@ fn more_steps_err_less() {
             }),
         })
         .collect();
-    let judge = |moved: &[f64]| root_mean_square_distance(moved, pairs.output(), 4);
-    let judged = work_precision(&contestants, &judge, 20.0, 2).expect("a thread");
-    let errors: Vec<f64> = judged.iter().map(|own| own.error.expect("a result")).collect();
+    let all = TrajectoryMethods {
+        methods,
+        reference: pairs.output(),
+        reference_error: 1e-15,
+        dim: 4,
+        trajectories: 10,
+        time: 2.0,
+    };
+    let comparison = all.compare(2).expect("a thread");
+    let squares: f64 = pairs.output().iter().map(|v| v * v).sum();
+    assert!((comparison.size / (squares / 10.0).sqrt() - 1.0).abs() < 1e-15);
+    assert!(comparison.without_seconds().methods.iter().all(|one| one.seconds.is_none()));
+    let errors: Vec<f64> =
+        comparison.methods.iter().map(|one| one.error.expect("a result")).collect();
     for pair in errors.windows(2) {
         let order = (pair[0] / pair[1]).log2();
         assert!((order - 2.0).abs() < 0.3, "{errors:?}");

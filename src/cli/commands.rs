@@ -4,8 +4,8 @@ use super::arguments::{
     Arguments, Command, Common, Export, Import, Predict, Run, Train, Verify, circle_action,
     positive,
 };
+use super::output::{json, out, status_of};
 use super::progress::{Progress, line};
-use super::table::{certificate, json, out, status_of, table};
 use super::{Status, cite};
 use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
@@ -18,10 +18,11 @@ use gyroceptron::measure::{CertificateOptions, certify, certify_all, disturbing_
 use gyroceptron::network::{
     Architecture, GyroceptronShape, InitialWeights, Model, Rollout, Stream, rollout,
 };
-use gyroceptron::scalar::max_or_nan;
+use gyroceptron::scene::findings::{Format, Table};
+use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{
-    Folder, ModelSpec, NetworkSpec, Observer, Report, Scene, catalogue, default_scene, find, parse,
-    run, stop_words,
+    Folder, Layers, ModelSpec, NetworkSpec, Observer, Scene, catalogue, certificate_table,
+    default_scene, find, parse, run, stop_words,
 };
 use gyroceptron::train::{Control, Stop, TrainingOptions, fit_rotation, train};
 use serde_json::json;
@@ -93,67 +94,15 @@ fn run_scene(arguments: &Run) -> Result<Status, Error> {
         return Ok(Status::Interrupted);
     };
     if arguments.common.json {
-        json(&report)?;
+        json(&render::json(&report))?;
     } else {
-        out(&run_summary(&report, &path))?;
+        out(&terminal::summary(&report))?;
+        out(&format!("report: {}\n", path.join("report.md").display()))?;
     }
     if !report.holds() {
-        line("THE CERTIFICATE DOES NOT HOLD: see the table above or the report");
+        line("A CHECK DOES NOT HOLD: see the table above or the report");
     }
     Ok(status_of(report.holds()))
-}
-
-fn run_summary(report: &Report, path: &Path) -> String {
-    let mut text = String::new();
-    for part in &report.parts {
-        text.push_str(&format!("{}\n{}", part.scene.name, run_tables(part)));
-    }
-    text.push_str(&run_tables(report));
-    text.push_str(&format!("report: {}\n", path.join("report.md").display()));
-    text
-}
-
-fn run_tables(report: &Report) -> String {
-    let mut text = String::new();
-    if report.models().is_empty() {
-        return text;
-    }
-    for model in report.models() {
-        if let Some(own) = &model.certificate {
-            text.push_str(&format!(
-                "structure certificate of {}\n{}",
-                model.name,
-                certificate(own)
-            ));
-        }
-    }
-    let number = |v: Option<f64>| v.map_or("–".to_owned(), |v| format!("{v:.3e}"));
-    let rows = report.models().iter().map(|model| {
-        let worst =
-            model.rollout.as_ref().map(|r| r.largest_errors.iter().copied().fold(0.0, max_or_nan));
-        [
-            model.name.clone(),
-            model.parameters.to_string(),
-            model.last.iteration.to_string(),
-            format!("{:.3e}", model.best.loss),
-            number(model.best.validation),
-            report.improvement(model).map_or("–".into(), |v| format!("{v:.0}")),
-            number(worst),
-        ]
-    });
-    text.push_str(&table(
-        &[
-            "network",
-            "parameters",
-            "iterations",
-            "loss",
-            "held-out error",
-            "rotation's / its",
-            "largest roll-out distance",
-        ],
-        rows,
-    ));
-    text
 }
 
 fn scenes(as_json: bool, show: Option<&str>) -> Result<Status, Error> {
@@ -244,7 +193,7 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
             options.samples,
             options.radius,
             options.seed,
-            certificate(&result),
+            terminal::table(&certificate_table(&result.rows)),
             if result.holds() { "the certificate holds" } else { "THE CERTIFICATE DOES NOT HOLD" },
         ))?;
     }
@@ -261,8 +210,8 @@ struct Recipe {
 
 fn recipe(scene: Option<&str>) -> Result<Recipe, Error> {
     let default = NetworkSpec::Gyroceptron {
-        psi: gyroceptron::scene::Layers { count: 10, width: 8 },
-        near_identity: gyroceptron::scene::Layers { count: 10, width: 8 },
+        psi: Layers { count: 10, width: 8 },
+        near_identity: Layers { count: 10, width: 8 },
         circle_action: None,
     };
     let Some(name) = scene else {
@@ -274,7 +223,7 @@ fn recipe(scene: Option<&str>) -> Result<Recipe, Error> {
         });
     };
     let scene = read_scene(name)?;
-    let spec = match &scene.models[..] {
+    let spec = match &scene.setup.models[..] {
         [] => ModelSpec {
             name: scene.name.clone(),
             network: default,
@@ -293,7 +242,7 @@ fn recipe(scene: Option<&str>) -> Result<Recipe, Error> {
         name: scene.name,
         network: spec.network,
         weights: spec.weights,
-        training: scene.training,
+        training: scene.setup.training,
     })
 }
 
@@ -387,18 +336,23 @@ fn train_pairs(arguments: &Train) -> Result<Status, Error> {
             "theta": theta_after,
         }))?;
     } else {
-        let number = |v: Option<f64>| v.map_or("–".to_owned(), |v| format!("{v:.6e}"));
-        out(&table(
-            &["model", "iterations", "loss", "held-out error", "θ", "ended"],
-            [[
-                arguments.output.display().to_string(),
-                outcome.best.iteration.to_string(),
-                format!("{:.6e}", outcome.best.loss),
-                number(outcome.best.validation),
-                theta_after.map_or("–".into(), |t| format!("{t:.6}")),
-                stop_words(outcome.stop).to_owned(),
-            ]],
-        ))?;
+        let mut table = Table::new([
+            ("model", Format::Exact),
+            ("iterations", Format::Exact),
+            ("loss", Format::Exponent(6)),
+            ("held-out error", Format::Exponent(6)),
+            ("θ", Format::Fixed(6)),
+            ("ended", Format::Exact),
+        ]);
+        table.push([
+            arguments.output.display().to_string().into(),
+            outcome.best.iteration.into(),
+            outcome.best.loss.into(),
+            outcome.best.validation.into(),
+            theta_after.into(),
+            stop_words(outcome.stop).into(),
+        ]);
+        out(&terminal::table(&table))?;
     }
     Ok(Status::Done)
 }

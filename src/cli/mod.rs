@@ -3,8 +3,8 @@
 mod arguments;
 mod cite;
 mod commands;
+mod output;
 mod progress;
-mod table;
 
 use clap::Parser;
 use clap::error::ErrorKind;

@@ -5,6 +5,7 @@ mod gauss;
 mod integrator;
 mod runge_kutta;
 mod splitting;
+mod trajectories;
 
 #[cfg(feature = "files")]
 pub(crate) use data::check_finite;
@@ -13,3 +14,4 @@ pub use gauss::{GaussLegendre, Reference, ReferenceValue};
 pub use integrator::Integrator;
 pub use runge_kutta::runge_kutta_4;
 pub use splitting::{Splitting, SplittingSteps};
+pub use trajectories::{ReferenceTrajectories, Trajectories};

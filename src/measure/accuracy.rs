@@ -1,7 +1,7 @@
 //! Errors against data and reference, and drifts.
 
 use crate::error::Error;
-use crate::flow::Pairs;
+use crate::flow::{Pairs, Trajectories};
 use crate::network::{Composition, Direction, map_points};
 use crate::scalar::max_or_nan;
 use crate::system::Hamiltonian;
@@ -29,6 +29,78 @@ pub fn drift(values: impl IntoIterator<Item = f64>) -> Drift {
     Drift { initial, largest }
 }
 
+/// How far a trajectory is from its reference.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Departure {
+    /// The largest distance of its states; NaN when one is.
+    pub largest: f64,
+    /// The distance of the last.
+    pub last: f64,
+}
+
+/// The distance of each state of trajectory `m` from the reference's.
+///
+/// # Panics
+/// When there is no such trajectory.
+pub fn distances_along<'a>(
+    trajectories: &'a Trajectories,
+    reference: &'a Trajectories,
+    m: usize,
+) -> impl Iterator<Item = f64> + 'a {
+    trajectories.of(m).zip(reference.of(m)).map(|(a, b)| distance(a, b))
+}
+
+/// How far each trajectory is from its reference; NaN where the two are not of the
+/// same trajectories and states.
+pub fn departures(trajectories: &Trajectories, reference: &Trajectories) -> Vec<Departure> {
+    let shape = |of: &Trajectories| (of.states(), of.count(), of.dim());
+    if shape(trajectories) != shape(reference) {
+        return vec![Departure { largest: f64::NAN, last: f64::NAN }; reference.count()];
+    }
+    (0..reference.count())
+        .map(|m| {
+            let mut departure = Departure { largest: 0.0, last: f64::NAN };
+            for error in distances_along(trajectories, reference, m) {
+                departure.largest = max_or_nan(departure.largest, error);
+                departure.last = error;
+            }
+            departure
+        })
+        .collect()
+}
+
+/// The drift of a quantity along each trajectory.
+pub fn drifts(trajectories: &Trajectories, quantity: impl Fn(&[f64]) -> f64) -> Vec<Drift> {
+    (0..trajectories.count()).map(|m| drift(trajectories.of(m).map(&quantity))).collect()
+}
+
+/// A power of ten that an error passed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Milestone {
+    /// The power of ten.
+    pub level: f64,
+    /// The iteration at which the error was first seen at or below it.
+    pub iteration: u64,
+}
+
+/// The powers of ten that an error passed, from (iteration, error), beginning with
+/// the one below the first error.
+pub fn milestones(history: &[(u64, f64)]) -> Vec<Milestone> {
+    const LEAST: i32 = -32;
+    let Some((_, first)) = history.first() else {
+        return Vec::new();
+    };
+    let mut exponent = libm::floor(libm::log10(*first)) as i32;
+    let mut out = Vec::new();
+    for &(iteration, error) in history {
+        while error <= libm::exp10(f64::from(exponent)) && exponent > LEAST {
+            out.push(Milestone { level: libm::exp10(f64::from(exponent)), iteration });
+            exponent -= 1;
+        }
+    }
+    out
+}
+
 /// The mean squared error, over all components, of the exact limiting flow of
 /// `system` over `time`: what a surrogate has to improve upon.
 pub fn limiting_flow_error(system: &impl Hamiltonian, pairs: &Pairs, time: f64) -> f64 {
@@ -53,9 +125,9 @@ pub fn component_errors(map: &Composition<f64>, pairs: &Pairs) -> Result<Vec<f64
     let mut moved = pairs.input().to_vec();
     map_points(map, Direction::Forward, &mut moved)?;
     let mut squares = vec![0.0; dim];
-    for (own, target) in moved.chunks_exact(dim).zip(pairs.output().chunks_exact(dim)) {
+    for (found, target) in moved.chunks_exact(dim).zip(pairs.output().chunks_exact(dim)) {
         for c in 0..dim {
-            squares[c] += (own[c] - target[c]) * (own[c] - target[c]);
+            squares[c] += (found[c] - target[c]) * (found[c] - target[c]);
         }
     }
     Ok(squares.into_iter().map(|s| (s / pairs.len() as f64).sqrt()).collect())

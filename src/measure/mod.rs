@@ -13,6 +13,7 @@ mod determinant;
 mod inversion;
 mod jacobian;
 pub mod laws;
+mod level_set;
 mod measurable;
 mod measured_step;
 mod near_identity;
@@ -22,7 +23,10 @@ mod symplecticity;
 mod tally;
 mod work_precision;
 
-pub use accuracy::{Drift, component_errors, distance, drift, limiting_flow_error};
+pub use accuracy::{
+    Departure, Drift, Milestone, component_errors, departures, distance, distances_along, drift,
+    drifts, limiting_flow_error, milestones,
+};
 pub use adiabatic::{
     Line, Resonance, disturbing_resonance, invariant_drift, invariant_horizon, leading_invariant,
     log_line, log_slope, nearest_resonance, settling_iterations,
@@ -38,6 +42,7 @@ pub use determinant::determinant_ratio;
 pub use inversion::{Conditioned, ILL_CONDITIONED, ThereAndBack, inversion_ratio};
 pub use jacobian::{Differentiable, jacobian, jacobians_by_differences};
 pub use laws::Samples;
+pub use level_set::level_set;
 pub use measurable::{Layers, Measurable, NearlyPeriodic, Numbers, OneStep};
 pub use measured_step::{
     KickStep, Magnitudes, MeasuredPotential, MeasuredStep, MeasuredSteps, TrackedStep, turn_steps,
@@ -53,6 +58,7 @@ pub use tally::{
     Verdict, merged,
 };
 pub use work_precision::{
-    Contestant, Spread, WorkPrecision, precise_jacobians, relative_difference,
-    root_mean_square_distance, tanh_errors, work_precision,
+    Comparison, FastestWithin, Method, Spread, TrajectoryMethods, WorkPrecision, fastest,
+    most_accurate, precise_jacobians, relative_difference, root_mean_square_distance, tanh_errors,
+    work_precision, work_precision_by,
 };

@@ -45,8 +45,8 @@ impl Spread {
     }
 }
 
-/// A way to a result, to be judged by its error and its run time.
-pub struct Contestant<'a> {
+/// A method to get a result, to be judged by its error and its run time.
+pub struct Method<'a> {
     /// Its name; several with one name are points of one curve.
     pub name: String,
     /// What is varied along the curve, such as the number of steps.
@@ -55,10 +55,10 @@ pub struct Contestant<'a> {
     pub run: Box<dyn Fn() -> Result<Vec<f64>, Error> + Sync + 'a>,
 }
 
-/// What a contestant came to.
+/// What a method came to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WorkPrecision {
-    /// The contestant's name.
+    /// The method's name.
     pub name: String,
     /// What is varied along the curve.
     pub setting: Option<f64>,
@@ -71,25 +71,47 @@ pub struct WorkPrecision {
     pub failure: Option<String>,
 }
 
+impl WorkPrecision {
+    /// What does not depend on the machine.
+    pub fn without_seconds(&self) -> Self {
+        Self { seconds: None, ..self.clone() }
+    }
+}
+
 /// Measurements shorter than this are of several runs.
 const LEAST_SECONDS: f64 = 1e-3;
-/// After so many seconds a contestant is not run more often than
-/// [`FEWEST_ROUNDS`].
+/// A measurement is of no more runs than this.
+const MOST_RUNS: usize = 1 << 20;
+/// After so many seconds a method is not run more often than [`FEWEST_ROUNDS`].
 const MOST_SECONDS: f64 = 2.0;
 const FEWEST_ROUNDS: usize = 3;
 
-/// The error and the run time of each contestant, on one thread.
+/// The error and the run time of each method, on one thread.
 ///
-/// `error` judges a result. The contestants are timed in turn, `rounds` times
-/// around, so that a busy moment of the machine meets them all; each result is of
-/// `units` units of work. The errors depend on the contestants alone, the times on
-/// the machine.
+/// `error` judges a result. The methods are timed in turn, `rounds` times around, so
+/// that a busy moment of the machine meets them all; each result is of `units` units
+/// of work. The errors depend on the methods alone, the times on the machine.
 ///
 /// # Errors
-/// When `rounds` is 0 or no thread can be started. A contestant that fails has no
-/// error and no time.
+/// When `rounds` is 0 or no thread can be started. A method that fails has no error
+/// and no time.
 pub fn work_precision(
-    contestants: &[Contestant<'_>],
+    methods: &[Method<'_>],
+    error: &(dyn Fn(&[f64]) -> f64 + Sync),
+    units: f64,
+    rounds: usize,
+) -> Result<Vec<WorkPrecision>, Error> {
+    let start = Instant::now();
+    work_precision_by(&|| start.elapsed().as_secs_f64(), methods, error, units, rounds)
+}
+
+/// [`work_precision`] by another clock: `clock` tells seconds since any moment.
+///
+/// # Errors
+/// As [`work_precision`].
+pub fn work_precision_by(
+    clock: &(dyn Fn() -> f64 + Sync),
+    methods: &[Method<'_>],
     error: &(dyn Fn(&[f64]) -> f64 + Sync),
     units: f64,
     rounds: usize,
@@ -99,33 +121,48 @@ pub fn work_precision(
         .num_threads(1)
         .build()
         .map_err(|reason| Error::invalid("threads", 1, reason))?;
+    let seconds = |method: &Method<'_>, runs: usize| {
+        let start = clock();
+        for _ in 0..runs {
+            let _ = black_box((method.run)());
+        }
+        (clock() - start) / runs as f64
+    };
+    // How many runs one measurement takes.
+    let runs = |method: &Method<'_>| {
+        let mut runs = 1;
+        while seconds(method, runs) * (runs as f64) < LEAST_SECONDS && runs < MOST_RUNS {
+            runs *= 2;
+        }
+        runs
+    };
     pool.install(|| {
-        let mut trials: Vec<Trial> = contestants
+        let mut trials: Vec<Trial> = methods
             .iter()
-            .map(|contestant| {
-                let (error, failure) = match (contestant.run)() {
+            .map(|method| {
+                let (error, failure) = match (method.run)() {
                     Err(reason) => (None, Some(reason.to_string())),
                     Ok(result) => match error(&result) {
                         error if error.is_finite() => (Some(error), None),
                         error => (None, Some(format!("its error is {error}"))),
                     },
                 };
-                let runs = error.map_or(0, |_| runs(contestant));
+                let runs = error.map_or(0, |_| runs(method));
                 Trial { error, failure, runs, seconds: Vec::new() }
             })
             .collect();
         for round in 0..rounds {
-            for (contestant, trial) in contestants.iter().zip(&mut trials) {
+            for (method, trial) in methods.iter().zip(&mut trials) {
                 let spent = trial.seconds.iter().sum::<f64>() * trial.runs as f64;
                 if trial.runs == 0 || (round >= FEWEST_ROUNDS && spent > MOST_SECONDS) {
                     continue;
                 }
-                trial.seconds.push(seconds(contestant, trial.runs));
+                trial.seconds.push(seconds(method, trial.runs));
             }
         }
-        let judged = contestants.iter().zip(trials).map(|(contestant, trial)| WorkPrecision {
-            name: contestant.name.clone(),
-            setting: contestant.setting,
+        let judged = methods.iter().zip(trials).map(|(method, trial)| WorkPrecision {
+            name: method.name.clone(),
+            setting: method.setting,
             error: trial.error,
             failure: trial.failure,
             seconds: Spread::of(trial.seconds).map(|spread| spread.scaled(1.0 / units)),
@@ -142,24 +179,120 @@ struct Trial {
     seconds: Vec<f64>,
 }
 
-/// Seconds a run, of so many.
-fn seconds(contestant: &Contestant<'_>, runs: usize) -> f64 {
-    let start = Instant::now();
-    for _ in 0..runs {
-        let _ = black_box((contestant.run)());
-    }
-    start.elapsed().as_secs_f64() / runs as f64
+/// The fastest of those that err by no more than `error`, with its median of seconds.
+pub fn fastest<'a>(
+    judged: impl IntoIterator<Item = &'a WorkPrecision>,
+    error: f64,
+) -> Option<(&'a WorkPrecision, f64)> {
+    judged
+        .into_iter()
+        .filter(|entry| entry.error.is_some_and(|e| e <= error))
+        .filter_map(|entry| Some((entry, entry.seconds?.median)))
+        .min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// How many runs one measurement takes.
-fn runs(contestant: &Contestant<'_>) -> usize {
-    let mut runs = 1;
-    loop {
-        let taken = seconds(contestant, runs) * runs as f64;
-        if taken >= LEAST_SECONDS || runs >= 1 << 20 {
-            return runs;
+/// The one that errs least.
+pub fn most_accurate<'a>(
+    judged: impl IntoIterator<Item = &'a WorkPrecision>,
+) -> Option<&'a WorkPrecision> {
+    let errors = judged.into_iter().filter_map(|entry| Some((entry, entry.error?)));
+    errors.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(entry, _)| entry)
+}
+
+/// Methods that give the same trajectories, to be judged by a reference.
+pub struct TrajectoryMethods<'a> {
+    /// The methods.
+    pub methods: Vec<Method<'a>>,
+    /// The states that each should give, 2n numbers a state.
+    pub reference: &'a [f64],
+    /// The error of the reference.
+    pub reference_error: f64,
+    /// 2n.
+    pub dim: usize,
+    /// How many trajectories there are.
+    pub trajectories: usize,
+    /// How long they are.
+    pub time: f64,
+}
+
+impl TrajectoryMethods<'_> {
+    /// Judges the methods by the root mean square distance from the reference, and
+    /// by seconds for a trajectory and unit time.
+    ///
+    /// # Errors
+    /// As [`work_precision`].
+    pub fn compare(&self, rounds: usize) -> Result<Comparison, Error> {
+        let &Self { reference, dim, trajectories, time, reference_error, .. } = self;
+        let judge = |states: &[f64]| root_mean_square_distance(states, reference, dim);
+        let units = trajectories as f64 * time;
+        let methods = work_precision(&self.methods, &judge, units, rounds)?;
+        let origin = vec![0.0; reference.len()];
+        let size = root_mean_square_distance(reference, &origin, dim);
+        Ok(Comparison { trajectories, time, size, reference_error, methods })
+    }
+}
+
+/// A comparison of methods that give the same trajectories.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Comparison {
+    /// How many trajectories there are.
+    pub trajectories: usize,
+    /// How long they are.
+    pub time: f64,
+    /// The root mean square of |z| along them.
+    pub size: f64,
+    /// The error of the reference that they are judged by.
+    pub reference_error: f64,
+    /// Each method, seconds for a trajectory and unit time.
+    pub methods: Vec<WorkPrecision>,
+}
+
+/// The fastest method for errors of at most 10^`from` down to 10^`to`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FastestWithin<'a> {
+    /// The largest power of ten.
+    pub from: i32,
+    /// The smallest.
+    pub to: i32,
+    /// The method.
+    pub method: &'a WorkPrecision,
+    /// Its median of seconds.
+    pub seconds: f64,
+}
+
+impl Comparison {
+    /// What does not depend on the machine.
+    pub fn without_seconds(&self) -> Self {
+        let methods = self.methods.iter().map(WorkPrecision::without_seconds).collect();
+        Self { methods, ..*self }
+    }
+
+    /// Half the size of the points: a method that errs so much has lost the
+    /// trajectories, and there is nothing to compare.
+    pub fn lost(&self) -> f64 {
+        0.5 * self.size
+    }
+
+    /// The fastest method for each power of ten of the error, from 1 down to where
+    /// no method reaches or the reference tells no more apart; methods that have
+    /// lost the trajectories do not count.
+    pub fn fastest_by_error(&self) -> Vec<FastestWithin<'_>> {
+        const SMALLEST: i32 = -15;
+        let mut out: Vec<FastestWithin<'_>> = Vec::new();
+        for exponent in (SMALLEST..=0).rev() {
+            let error = libm::exp10(exponent.into());
+            if !(error >= self.reference_error) {
+                break;
+            }
+            let Some((method, seconds)) = fastest(&self.methods, error.min(self.lost())) else {
+                break;
+            };
+            match out.last_mut() {
+                Some(last) if std::ptr::eq(last.method, method) => last.to = exponent,
+                _ => out.push(FastestWithin { from: exponent, to: exponent, method, seconds }),
+            }
         }
-        runs *= 2;
+        out
     }
 }
 

@@ -4,6 +4,7 @@ use super::{Composition, with_dof};
 use crate::error::Error;
 use crate::phase::Direction;
 use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
+use crate::work;
 use rayon::prelude::*;
 
 /// The most points that one task moves: they stay in cache.
@@ -152,6 +153,7 @@ pub fn map_points(
     let dim = 2 * map.dof();
     check_points(points, dim)?;
     points.par_chunks_mut(block_size(points.len() / dim) * dim).for_each(|points| {
+        work::count(work::Kind::Evaluation, points.len() / dim);
         on_lanes::<WIDTH, _>(MapBlock { map, direction, points });
     });
     Ok(())
@@ -215,6 +217,7 @@ pub fn rollout(
     let block = block_size(initial.len() / dim) * dim;
     let every = request.every;
     let run = |points: &mut [f64], kept: &mut [f64]| {
+        work::count(work::Kind::Evaluation, kept.len() / dim * every);
         on_lanes::<WIDTH, _>(Trajectories { map, every, points, kept });
     };
     let kept = &mut out[initial.len()..];

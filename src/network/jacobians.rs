@@ -6,6 +6,7 @@ use super::{Composition, with_dof};
 use crate::error::Error;
 use crate::phase::Direction;
 use crate::scalar::{Dual, Kernel, Pack, WIDTH, on_lanes};
+use crate::work;
 use rayon::prelude::*;
 
 /// The entry of this index of the Jacobian of each point, a point in each lane.
@@ -151,9 +152,9 @@ fn each_block_of_jacobians(
     check_points(points, dim)?;
     Error::check_count("Jacobian entries", points.len() * dim, out.len())?;
     let block = block_size(points.len() / dim) * dim;
-    points
-        .par_chunks(block)
-        .zip(out.par_chunks_mut(block * dim))
-        .for_each(|(points, out)| f(points, out));
+    points.par_chunks(block).zip(out.par_chunks_mut(block * dim)).for_each(|(points, out)| {
+        work::count(work::Kind::Jacobian, points.len() / dim);
+        f(points, out);
+    });
     Ok(())
 }

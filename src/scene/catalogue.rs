@@ -1,6 +1,7 @@
 //! The built-in scenes: embedded files of the same format as a user's.
 
-use super::declaration::{Scene, parse};
+use super::declaration::Scene;
+use super::parse::parse;
 use crate::error::Error;
 
 /// A built-in scene.
@@ -29,6 +30,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "oscillators-long",
         "particle-field",
         "error-against-time",
+        "trajectories",
     ]
 }
 

@@ -1,29 +1,46 @@
 //! Scenes: declared experiments, from data to report.
 //!
-//! A [`Scene`] names a system, a flow time, networks, data, training, and what
-//! to measure and to draw. What it does not name is not computed.
+//! A [`Scene`] is a set-up — a system, a flow time, data, networks, their training —
+//! and studies of it, or consists of parts, which are scenes. What it does not name is
+//! not computed.
+//!
+//! - `declaration`, [`Setup`], `parse`, `catalogue`: the scene as its file declares it.
+//! - [`study`]: one file a study, with its options, its check, its run, what it finds and
+//!   what it cites.
+//! - `context`, `learning`, `log`: what studies share, made on first use and once, and
+//!   how much was computed and how long it took.
+//! - [`findings`], [`figure`]: tables, figures, a verdict, data: what a study gives back.
+//! - [`render`]: the report as Markdown, as JSON and on a terminal, figures as SVG; it
+//!   knows no study.
+//! - `run`, `folder`, `report`: running it all into a folder.
+//!
+//! A new study is its file in `study`, its line in the registry there, and a scene in
+//! the catalogue that names it.
 
+mod bibliography;
 mod catalogue;
-mod comparison;
-mod comparison_words;
-mod counted;
+mod context;
 mod declaration;
-mod experiment;
-mod figures;
-mod plot;
+pub mod figure;
+pub mod findings;
+mod folder;
+mod learning;
+mod log;
+mod parse;
+pub mod render;
 mod report;
-mod results;
 mod run;
-mod timings_words;
+mod setup;
+pub mod study;
 
 pub use catalogue::{CatalogueEntry, catalogue, default_scene, find};
-pub use comparison::{Comparison, Contest, JacobianContest, TanhWay};
-pub use declaration::{
-    Data, IntegratorSteps, Layers, ModelSpec, NetworkSpec, Plot, RolloutSpec, Scene, TanhSpec,
-    WorkPrecisionSpec, parse,
-};
-pub use report::{
-    CERTIFICATE_HEADINGS, Evaluations, Experiment, ModelReport, Report, RolloutReport,
-    certificate_cells, stop_words,
-};
-pub use run::{Event, Folder, Observer, run};
+pub use declaration::Scene;
+pub use folder::Folder;
+pub use log::{Stage, TrainingTimes};
+pub use parse::parse;
+pub use report::{Report, StudyFindings};
+pub use run::{Event, Observer, run};
+pub use setup::{Data, Layers, ModelSpec, NetworkSpec, Setup};
+pub use study::AnyStudy;
+pub use study::certificate::{CERTIFICATE_HEADINGS, certificate_cells, certificate_table};
+pub use study::training::stop_words;

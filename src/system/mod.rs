@@ -1,8 +1,10 @@
 //! Nearly-periodic Hamiltonian systems: one file each.
 
+mod counted;
 mod oscillators;
 mod particle_field;
 
+pub use counted::Counted;
 pub use oscillators::{AveragedOscillator, Oscillators};
 pub use particle_field::{FieldProfile, ParticleField};
 
@@ -81,6 +83,15 @@ macro_rules! each_system {
 }
 
 impl System {
+    /// The system with another ε.
+    pub fn with_epsilon(mut self, epsilon: f64) -> Self {
+        match &mut self {
+            Self::Oscillators(system) => system.epsilon = epsilon,
+            Self::ParticleField(system) => system.epsilon = epsilon,
+        }
+        self
+    }
+
     /// Fails unless ε is finite and the system has a mode.
     ///
     /// # Errors

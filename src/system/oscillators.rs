@@ -35,6 +35,12 @@ impl Oscillators {
         let common = two * q1 * q2 * c;
         (q2.mul_add(s, common), q1.mul_add(s, common))
     }
+
+    /// The averaged slow oscillator and its point (q₂, p₂) at z: the fast one is
+    /// averaged over the circle that it is on.
+    pub fn averaged(z: &[f64; 4]) -> (AveragedOscillator, [f64; 2]) {
+        (AveragedOscillator::new(libm::hypot(z[0], z[2])), [z[1], z[3]])
+    }
 }
 
 impl Hamiltonian for Oscillators {

@@ -4,6 +4,7 @@ use crate::error::Error;
 use crate::flow::Pairs;
 use crate::network::{Composition, Direction, with_dof};
 use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
+use crate::work;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -73,14 +74,19 @@ impl<'a> Objective<'a> {
     fn block_results<T: Send>(
         &self,
         map: &Composition<f64>,
+        kind: work::Kind,
         f: impl Fn(Block<'_>) -> T + Sync,
     ) -> Vec<T> {
-        let size = BLOCK * 2 * self.pairs.dof();
+        let dim = 2 * self.pairs.dof();
+        let size = BLOCK * dim;
         self.pairs
             .input()
             .par_chunks(size)
             .zip(self.pairs.output().par_chunks(size))
-            .map(|(input, output)| f(Block { map, weights: &self.weights, input, output }))
+            .map(|(input, output)| {
+                work::count(kind, input.len() / dim);
+                f(Block { map, weights: &self.weights, input, output })
+            })
             .collect()
     }
 
@@ -88,7 +94,8 @@ impl<'a> Objective<'a> {
     pub fn value(&self, map: &Composition<f64>) -> f64 {
         self.assert_dof(map);
         let mut total = 0.0;
-        for part in self.block_results(map, |block| on_lanes::<WIDTH, _>(Value(block))) {
+        let kind = work::Kind::Loss;
+        for part in self.block_results(map, kind, |block| on_lanes::<WIDTH, _>(Value(block))) {
             total += part;
         }
         total / self.pairs.len() as f64
@@ -104,7 +111,9 @@ impl<'a> Objective<'a> {
         assert!(gradient.len() == map.parameters().len());
         gradient.fill(0.0);
         let mut total = 0.0;
-        for (value, part) in self.block_results(map, |block| on_lanes::<WIDTH, _>(Gradient(block)))
+        let kind = work::Kind::Gradient;
+        for (value, part) in
+            self.block_results(map, kind, |block| on_lanes::<WIDTH, _>(Gradient(block)))
         {
             total += value;
             for (g, p) in gradient.iter_mut().zip(part) {
@@ -124,7 +133,8 @@ impl<'a> Objective<'a> {
     pub fn curvature_diagonal(&self, map: &Composition<f64>) -> Vec<f64> {
         self.assert_dof(map);
         let mut diagonal = vec![0.0; map.parameters().len()];
-        for part in self.block_results(map, |block| on_lanes::<WIDTH, _>(Curvature(block))) {
+        let kind = work::Kind::Curvature;
+        for part in self.block_results(map, kind, |block| on_lanes::<WIDTH, _>(Curvature(block))) {
             for (d, p) in diagonal.iter_mut().zip(part) {
                 *d += p;
             }

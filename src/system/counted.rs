@@ -1,34 +1,37 @@
 //! A system that counts how often its equations of motion are evaluated.
 
+use super::Hamiltonian;
 use crate::layer::CircleAction;
 use crate::scalar::Elementary;
-use crate::system::{Hamiltonian, System};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// On a cache line of its own.
-#[derive(Default)]
+#[derive(Debug, Default)]
 #[repr(align(64))]
 struct Slot(AtomicU64);
 
-/// A system and a count for each thread: threads do not wait for one another.
-pub(super) struct Counted<'a> {
-    system: &'a System,
+/// A system that counts the evaluations of its vector field: a count for each
+/// thread, so that threads do not wait for one another.
+#[derive(Debug)]
+pub struct Counted<'a, H> {
+    system: &'a H,
     slots: Vec<Slot>,
 }
 
-impl<'a> Counted<'a> {
-    pub(super) fn new(system: &'a System) -> Self {
+impl<'a, H: Hamiltonian> Counted<'a, H> {
+    /// The system, with nothing counted.
+    pub fn new(system: &'a H) -> Self {
         let slots = (0..=rayon::current_num_threads()).map(|_| Slot::default()).collect();
         Self { system, slots }
     }
 
-    /// Evaluations of the vector field since the last call.
-    pub(super) fn take(&self) -> u64 {
-        self.slots.iter().map(|slot| slot.0.swap(0, Ordering::Relaxed)).sum()
+    /// The evaluations of the vector field since [`Counted::new`].
+    pub fn vector_fields(&self) -> u64 {
+        self.slots.iter().map(|slot| slot.0.load(Ordering::Relaxed)).sum()
     }
 }
 
-impl Hamiltonian for Counted<'_> {
+impl<H: Hamiltonian> Hamiltonian for Counted<'_, H> {
     fn dof(&self) -> usize {
         self.system.dof()
     }
@@ -40,8 +43,10 @@ impl Hamiltonian for Counted<'_> {
     }
     #[inline(always)]
     fn vector_field<S: Elementary>(&self, z: &[S], out: &mut [S]) {
-        let own = rayon::current_thread_index().map_or(0, |index| index + 1);
-        self.slots[own].0.fetch_add(1, Ordering::Relaxed);
+        // A thread of another pool than the one that made this shares a slot.
+        let thread = rayon::current_thread_index().map_or(0, |index| index + 1);
+        let slot = thread % self.slots.len();
+        self.slots[slot].0.fetch_add(1, Ordering::Relaxed);
         self.system.vector_field(z, out);
     }
     fn circle_action(&self) -> CircleAction {

@@ -2,64 +2,18 @@
 
 use crate::error::Error;
 use crate::io::write_atomically;
+use crate::scene::figure::{Axis, Figure, Legend, Panel, Series, Style};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::path::Path;
 
-/// How a series is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Style {
-    Line,
-    Faint,
-    Dots,
-    /// A line with a mark at each point.
-    Marked,
-}
-
-/// Where the names are: where the series are not.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Legend {
-    UpperRight,
-    LowerLeft,
-    Middle,
-}
-
-impl Legend {
-    fn position(self) -> SeriesLabelPosition {
-        match self {
-            Self::UpperRight => SeriesLabelPosition::UpperRight,
-            Self::LowerLeft => SeriesLabelPosition::LowerLeft,
-            Self::Middle => SeriesLabelPosition::MiddleMiddle,
-        }
+/// The names of the series, where the figure wants them.
+fn position(legend: Legend) -> SeriesLabelPosition {
+    match legend {
+        Legend::UpperRight => SeriesLabelPosition::UpperRight,
+        Legend::LowerLeft => SeriesLabelPosition::LowerLeft,
+        Legend::Middle => SeriesLabelPosition::MiddleMiddle,
     }
-}
-
-/// How an axis is divided.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Axis {
-    Linear,
-    Log,
-}
-
-/// Points with a name; the name appears in the legend, unless empty.
-pub(super) struct Series {
-    pub(super) name: String,
-    pub(super) color: usize,
-    pub(super) style: Style,
-    pub(super) points: Vec<(f64, f64)>,
-}
-
-/// One coordinate system.
-pub(super) struct Panel {
-    pub(super) title: String,
-    pub(super) x_label: String,
-    pub(super) y_label: String,
-    pub(super) x: Axis,
-    pub(super) y: Axis,
-    /// Same scale on both axes.
-    pub(super) square: bool,
-    pub(super) legend: Legend,
-    pub(super) series: Vec<Series>,
 }
 
 /// Okabe and Ito's colours, told apart by everybody, and two more.
@@ -79,14 +33,23 @@ const COLORS: [RGBColor; 10] = [
 /// At most so many points of a series are drawn.
 const MOST_POINTS: usize = 2000;
 
-/// Draws panels side by side.
-pub(super) fn draw(path: &Path, panels: &[Panel]) -> Result<(), Error> {
+/// Pixels of a panel.
+const WIDTH: u32 = 560;
+const HEIGHT: u32 = 460;
+
+/// Draws a figure into a file.
+///
+/// # Errors
+/// [`Error::Write`].
+pub fn draw(path: &Path, figure: &Figure) -> Result<(), Error> {
     let mut svg = String::new();
     {
-        let size = (560 * panels.len() as u32, 460);
+        let columns = figure.columns.max(1);
+        let rows = figure.panels.len().div_ceil(columns);
+        let size = (WIDTH * columns as u32, HEIGHT * rows as u32);
         let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
         root.fill(&WHITE).map_err(|e| Error::write(path, e))?;
-        for (area, panel) in root.split_evenly((1, panels.len())).iter().zip(panels) {
+        for (area, panel) in root.split_evenly((rows, columns)).iter().zip(&figure.panels) {
             draw_panel(area, panel).map_err(|e| Error::write(path, e))?;
         }
         root.present().map_err(|e| Error::write(path, e))?;
@@ -196,7 +159,7 @@ macro_rules! draw_chart {
         if panel.series.iter().any(|s| !s.name.is_empty()) {
             chart
                 .configure_series_labels()
-                .position(panel.legend.position())
+                .position(position(panel.legend))
                 .background_style(WHITE.mix(0.85))
                 .border_style(BLACK.mix(0.3))
                 .label_font(("sans-serif", 12))

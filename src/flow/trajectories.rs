@@ -1,0 +1,120 @@
+//! Several trajectories, and those of the reference flow.
+
+use super::Reference;
+use crate::error::Error;
+use crate::scalar::max_or_nan;
+use crate::system::Hamiltonian;
+use rayon::prelude::*;
+
+/// The states of M trajectories at T equal intervals of time: an array (T, M, 2n),
+/// the first entry being the initial points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectories {
+    values: Vec<f64>,
+    dim: usize,
+    count: usize,
+}
+
+impl Trajectories {
+    /// An array (T, M, 2n), as [`rollout`](crate::network::rollout) gives it.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when there is no trajectory, no number a point, or the
+    /// array is not a whole number of states of all trajectories.
+    pub fn new(values: Vec<f64>, dim: usize, count: usize) -> Result<Self, Error> {
+        let size = dim.saturating_mul(count);
+        if size == 0 || values.is_empty() || !values.len().is_multiple_of(size) {
+            let expected = format!("states of {count} trajectories of {dim} numbers");
+            return Err(Error::invalid("trajectories", values.len(), expected));
+        }
+        Ok(Self { values, dim, count })
+    }
+
+    /// 2n.
+    pub fn dim(&self) -> usize {
+        self.dim
+    }
+
+    /// M.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// T.
+    pub fn states(&self) -> usize {
+        self.values.len() / (self.dim * self.count)
+    }
+
+    /// State number `t` of trajectory `m`.
+    ///
+    /// # Panics
+    /// When there is no such state.
+    pub fn state(&self, t: usize, m: usize) -> &[f64] {
+        assert!(m < self.count);
+        let start = (t * self.count + m) * self.dim;
+        &self.values[start..start + self.dim]
+    }
+
+    /// The states of trajectory `m`, one after another.
+    ///
+    /// # Panics
+    /// When there is no such trajectory.
+    pub fn of(&self, m: usize) -> impl ExactSizeIterator<Item = &[f64]> {
+        (0..self.states()).map(move |t| self.state(t, m))
+    }
+
+    /// All numbers.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+}
+
+/// Trajectories of the reference flow.
+#[derive(Clone, Debug)]
+pub struct ReferenceTrajectories {
+    /// The states, of the finer of two resolutions.
+    pub trajectories: Trajectories,
+    /// The largest distance of the two resolutions at the ends.
+    pub error: f64,
+}
+
+impl ReferenceTrajectories {
+    /// The trajectories of `system` from each of the points in `initial`, 2n numbers
+    /// each: `states` states, the first included, `interval` apart.
+    ///
+    /// Each trajectory is computed by itself, all threads share them.
+    ///
+    /// # Errors
+    /// As [`Reference::calibrated`] and [`Trajectories::new`].
+    pub fn of_flow(
+        system: &(impl Hamiltonian + Sync),
+        initial: &[f64],
+        interval: f64,
+        states: usize,
+    ) -> Result<Self, Error> {
+        let dim = 2 * system.dof();
+        let reference = Reference::calibrated(system, initial, interval)?;
+        let each: Vec<(Vec<f64>, f64)> = initial
+            .par_chunks(dim)
+            .map(|initial| {
+                let (mut fine, mut coarse) = (initial.to_vec(), initial.to_vec());
+                let mut kept = initial.to_vec();
+                for _ in 1..states {
+                    fine = reference.flow_with_error(system, &fine, interval)?.point;
+                    reference.flow(system, &mut coarse, interval)?;
+                    kept.extend_from_slice(&fine);
+                }
+                let squares = fine.iter().zip(&coarse).map(|(a, b)| (a - b) * (a - b));
+                Ok((kept, squares.sum::<f64>().sqrt()))
+            })
+            .collect::<Result<_, Error>>()?;
+        let mut values = Vec::with_capacity(states * initial.len());
+        for t in 0..states {
+            for (kept, _) in &each {
+                values.extend_from_slice(&kept[t * dim..(t + 1) * dim]);
+            }
+        }
+        let error = each.iter().map(|(_, error)| *error).fold(0.0, max_or_nan);
+        Ok(Self { trajectories: Trajectories::new(values, dim, each.len())?, error })
+    }
+}

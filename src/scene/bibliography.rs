@@ -1,0 +1,62 @@
+//! BibTeX entries of the methods that studies use.
+
+/// Hénon layers and HénonNets.
+pub(super) const HENON_NET: &str = "@article{BurbyTangMaulik2021,
+  author = {Burby, Joshua W. and Tang, Qi and Maulik, Romit},
+  title = {Fast neural {P}oincar\\'e maps for toroidal magnetic fields},
+  journal = {Plasma Physics and Controlled Fusion},
+  volume = {63},
+  number = {2},
+  pages = {024001},
+  year = {2021},
+  doi = {10.1088/1361-6587/abcbaa}
+}
+";
+
+/// L-BFGS.
+pub(super) const LBFGS: &str = "@article{LiuNocedal1989,
+  author = {Liu, Dong C. and Nocedal, Jorge},
+  title = {On the limited memory {BFGS} method for large scale optimization},
+  journal = {Mathematical Programming},
+  volume = {45},
+  pages = {503--528},
+  year = {1989},
+  doi = {10.1007/BF01589116}
+}
+";
+
+/// Gauss–Legendre collocation, the reference flow.
+pub(super) const GAUSS_LEGENDRE: &str = "@book{HairerLubichWanner2006,
+  author = {Hairer, Ernst and Lubich, Christian and Wanner, Gerhard},
+  title = {Geometric Numerical Integration},
+  edition = {2},
+  publisher = {Springer},
+  year = {2006},
+  doi = {10.1007/3-540-30666-8}
+}
+";
+
+/// ABA(8,6,4) and ABA(10,6,4).
+pub(super) const SPLITTINGS: &str = "@article{BlanesEtAl2013,
+  author = {Blanes, Sergio and Casas, Fernando and Farr\\'es, Ariadna and Laskar, Jacques and Makazaga, Joseba and Murua, Ander},
+  title = {New families of symplectic splitting methods for numerical integration in dynamical astronomy},
+  journal = {Applied Numerical Mathematics},
+  volume = {68},
+  pages = {58--72},
+  year = {2013},
+  doi = {10.1016/j.apnum.2013.01.003}
+}
+";
+
+/// Yoshida's splitting of order 4.
+pub(super) const YOSHIDA: &str = "@article{Yoshida1990,
+  author = {Yoshida, Haruo},
+  title = {Construction of higher order symplectic integrators},
+  journal = {Physics Letters A},
+  volume = {150},
+  number = {5--7},
+  pages = {262--268},
+  year = {1990},
+  doi = {10.1016/0375-9601(90)90092-3}
+}
+";

@@ -1,0 +1,261 @@
+//! What the studies of a scene share: made on first use, and once.
+
+use super::declaration::Scene;
+use super::folder::Folder;
+use super::learning::{Trained, learn};
+use super::log::{Log, Stage, TrainingTimes};
+use super::run::{Event, Observer};
+use super::setup::{Data, Need};
+use crate::error::Error;
+use crate::flow::{Pairs, ReferenceTrajectories, Trajectories, Window, sample};
+use crate::measure::limiting_flow_error;
+use crate::network::{Rollout, Stream, rollout};
+use crate::scalar::max_or_nan;
+use crate::system::{Counted, Hamiltonian, System};
+use std::rc::Rc;
+
+/// Why a run ends before its report.
+pub(super) enum Halt {
+    /// The observer interrupted it.
+    Interrupted,
+    /// Something went wrong.
+    Failed(Error),
+}
+
+impl From<Error> for Halt {
+    fn from(error: Error) -> Self {
+        Self::Failed(error)
+    }
+}
+
+/// A scene under way, with all that its studies have asked for so far.
+pub(super) struct Context<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) folder: &'a Folder,
+    observer: &'a mut dyn Observer,
+    log: Log,
+    training_times: Vec<TrainingTimes>,
+    data: Option<Rc<DataSets>>,
+    models: Option<Rc<Vec<Trained>>>,
+    references: Vec<(ReferenceRequest, Rc<ReferenceTrajectories>)>,
+    rollouts: Vec<(RolloutRequest, Rc<Vec<Trajectories>>)>,
+}
+
+/// Trajectories of a system.
+#[derive(Clone, PartialEq)]
+struct ReferenceRequest {
+    system: System,
+    initial: Vec<Vec<f64>>,
+    interval: f64,
+    states: usize,
+}
+
+/// Trajectories of all networks.
+#[derive(Clone, PartialEq)]
+struct RolloutRequest {
+    initial: Vec<Vec<f64>>,
+    request: Rollout,
+}
+
+impl<'a> Context<'a> {
+    pub(super) fn new(
+        scene: &'a Scene,
+        folder: &'a Folder,
+        observer: &'a mut dyn Observer,
+    ) -> Self {
+        Self {
+            scene,
+            folder,
+            observer,
+            log: Log::new(),
+            training_times: Vec::new(),
+            data: None,
+            models: None,
+            references: Vec::new(),
+            rollouts: Vec::new(),
+        }
+    }
+
+    pub(super) fn into_times(self) -> (Vec<TrainingTimes>, Vec<Stage>) {
+        (self.training_times, self.log.into_stages())
+    }
+
+    /// Does some work as a stage of the run, told to the observer.
+    pub(super) fn stage<T, E>(
+        &mut self,
+        name: &str,
+        work: impl FnOnce(&mut Self) -> Result<T, E>,
+    ) -> Result<T, E> {
+        self.tell(Event::Stage(name));
+        self.log.enter(name);
+        let result = work(self);
+        self.log.leave();
+        result
+    }
+
+    pub(super) fn tell(&mut self, event: Event<'_>) {
+        self.observer.event(event);
+    }
+
+    pub(super) fn interrupted(&self) -> bool {
+        self.observer.interrupted()
+    }
+
+    /// Whether the scene wants this figure.
+    pub(super) fn draws(&self, figure: &str) -> bool {
+        self.scene.plots.iter().any(|plot| plot == figure)
+    }
+
+    /// The system of the set-up.
+    pub(super) fn system(&self) -> Result<&'a System, Error> {
+        self.scene.setup.system.as_ref().ok_or_else(|| self.missing(Need::System))
+    }
+
+    /// The flow time of the set-up.
+    pub(super) fn flow_time(&self) -> Result<f64, Error> {
+        self.scene.setup.flow_time.ok_or_else(|| self.missing(Need::FlowTime))
+    }
+
+    fn missing(&self, need: Need) -> Error {
+        let place = format!("scene {}", self.scene.name);
+        Error::Missing { place, key: need.key(), needed_by: "a study".into() }
+    }
+
+    /// The training and held-out pairs.
+    pub(super) fn data(&mut self) -> Result<Rc<DataSets>, Halt> {
+        if let Some(data) = &self.data {
+            return Ok(Rc::clone(data));
+        }
+        let declared = self.scene.setup.data.as_ref().ok_or_else(|| self.missing(Need::Data))?;
+        let (system, time, seed) = (self.system()?, self.flow_time()?, self.scene.seed);
+        let made = self.stage("reference flow of the training and held-out points", |context| {
+            let counted = Counted::new(system);
+            let made = DataSets::of_flow(declared, &counted, time, seed);
+            context.log.vector_fields(counted.vector_fields());
+            made
+        })?;
+        Ok(Rc::clone(self.data.insert(Rc::new(made))))
+    }
+
+    /// The networks, trained: from their checkpoints where the run goes on with one.
+    pub(super) fn models(&mut self) -> Result<Rc<Vec<Trained>>, Halt> {
+        if let Some(models) = &self.models {
+            return Ok(Rc::clone(models));
+        }
+        let mut trained = Vec::new();
+        for spec in &self.scene.setup.models {
+            let data = self.data()?;
+            let one = self
+                .stage(&format!("training {}", spec.name), |context| learn(context, &data, spec))?;
+            trained.push(one);
+        }
+        Ok(Rc::clone(self.models.insert(Rc::new(trained))))
+    }
+
+    /// Trajectories of the reference flow of `system`: `states` states, `interval`
+    /// apart, from each initial point.
+    pub(super) fn reference(
+        &mut self,
+        system: &System,
+        initial: &[Vec<f64>],
+        interval: f64,
+        states: usize,
+    ) -> Result<Rc<ReferenceTrajectories>, Halt> {
+        let (system, initial) = (system.clone(), initial.to_vec());
+        let request = ReferenceRequest { system, initial, interval, states };
+        if let Some((_, made)) = self.references.iter().find(|(earlier, _)| *earlier == request) {
+            return Ok(Rc::clone(made));
+        }
+        let made = self.stage("reference trajectories", |context| {
+            let counted = Counted::new(&request.system);
+            let initial = request.initial.concat();
+            let made = ReferenceTrajectories::of_flow(&counted, &initial, interval, states);
+            context.log.vector_fields(counted.vector_fields());
+            made
+        })?;
+        let made = Rc::new(made);
+        self.references.push((request, Rc::clone(&made)));
+        Ok(made)
+    }
+
+    /// Trajectories of each network.
+    pub(super) fn rollouts(
+        &mut self,
+        initial: &[Vec<f64>],
+        request: Rollout,
+    ) -> Result<Rc<Vec<Trajectories>>, Halt> {
+        let wanted = RolloutRequest { initial: initial.to_vec(), request };
+        if let Some((_, made)) = self.rollouts.iter().find(|(earlier, _)| *earlier == wanted) {
+            return Ok(Rc::clone(made));
+        }
+        let mut made = Vec::new();
+        for trained in self.models()?.iter() {
+            let states = self.stage(&format!("roll-out of {}", trained.spec.name), |_| {
+                rollout(trained.model().composition(), &initial.concat(), request)
+            })?;
+            let dim = 2 * trained.model().composition().dof();
+            made.push(Trajectories::new(states, dim, initial.len())?);
+        }
+        let made = Rc::new(made);
+        self.rollouts.push((wanted, Rc::clone(&made)));
+        Ok(made)
+    }
+
+    /// The seconds of each network's training, so far.
+    pub(super) fn training_times(&self) -> &[TrainingTimes] {
+        &self.training_times
+    }
+
+    pub(super) fn add_training_times(&mut self, times: TrainingTimes) {
+        self.training_times.push(times);
+    }
+}
+
+/// The pairs of a flow map, for training and held out.
+pub(super) struct DataSets {
+    pub(super) training: Pairs,
+    pub(super) held_out: Option<Pairs>,
+    /// The largest difference of the reference flow between two resolutions.
+    pub(super) reference_error: f64,
+    /// The held-out mean squared error of the exact limiting rotation alone.
+    pub(super) rotation_error: Option<f64>,
+}
+
+impl DataSets {
+    fn of_flow(
+        data: &Data,
+        system: &Counted<'_, System>,
+        time: f64,
+        seed: u64,
+    ) -> Result<Self, Error> {
+        let points = |windows: &[Window], stream| {
+            sample(windows, system.dof(), &mut Stream::new(seed, stream))
+        };
+        let held_out_windows: Vec<_> = data
+            .windows
+            .iter()
+            .map(|window| Window {
+                samples: (window.samples as f64 * data.validation).round() as usize,
+                ..window.clone()
+            })
+            .collect();
+        let held_out_points = points(&held_out_windows, "data/held-out")?;
+        let (training, mut reference_error) =
+            Pairs::of_flow(system, points(&data.windows, "data/training")?, time)?;
+        let held_out = if held_out_points.is_empty() {
+            None
+        } else {
+            let (held_out, error) = Pairs::of_flow(system, held_out_points, time)?;
+            reference_error = max_or_nan(reference_error, error);
+            Some(held_out)
+        };
+        let rotation_error =
+            held_out.as_ref().map(|held_out| limiting_flow_error(system, held_out, time));
+        Ok(Self { training, held_out, reference_error, rotation_error })
+    }
+
+    /// The pairs to judge by: held out, where there are any.
+    pub(super) fn to_judge_by(&self) -> &Pairs {
+        self.held_out.as_ref().unwrap_or(&self.training)
+    }
+}

@@ -1,0 +1,95 @@
+//! Training the networks of a scene, with checkpoints.
+
+use super::context::{Context, DataSets, Halt};
+use super::log::TrainingTimes;
+use super::run::Event;
+use super::setup::ModelSpec;
+use crate::error::Error;
+use crate::io::{Provenance, StoredModel, load_checkpoint, save_checkpoint, save_model};
+use crate::network::Model;
+use crate::system::Hamiltonian;
+use crate::train::{Control, Outcome, Progress, Stop, train};
+use serde_json::json;
+use std::time::Instant;
+
+/// A network before and after training.
+pub(super) struct Trained {
+    pub(super) spec: ModelSpec,
+    pub(super) initial: Model,
+    pub(super) outcome: Outcome,
+}
+
+impl Trained {
+    /// After training.
+    pub(super) fn model(&self) -> &Model {
+        &self.outcome.model
+    }
+}
+
+/// Trains a network, from its checkpoint where the run goes on with one, and writes
+/// its file.
+pub(super) fn learn(
+    context: &mut Context<'_>,
+    data: &DataSets,
+    spec: &ModelSpec,
+) -> Result<Trained, Halt> {
+    let (scene, folder) = (context.scene, context.folder);
+    let (system, time) = (context.system()?, context.flow_time()?);
+    let architecture = spec.network.architecture(&system.circle_action(), system.epsilon());
+    let theta = system.limiting_frequency() * time;
+    let initial = architecture.initialise(spec.weights, theta, scene.seed)?;
+    let checkpoint_file = folder.file_of_model(scene, "checkpoint", spec, "");
+    let resume = if folder.resumes() && checkpoint_file.exists() {
+        Some(load_checkpoint(&checkpoint_file)?)
+    } else {
+        None
+    };
+    let resumed_at = resume.as_ref().map_or(0, |checkpoint| checkpoint.last().iteration);
+    let mut times = earlier_times(context, &spec.name);
+    times.points.retain(|(iteration, _)| *iteration <= resumed_at);
+    let before = times.points.last().map_or(0.0, |(_, seconds)| *seconds);
+    let start = Instant::now();
+    let mut observe = |progress: Progress<'_>| -> Result<Control, Error> {
+        let record = progress.record;
+        if record.validation.is_some() || progress.checkpoint.is_some() {
+            times.points.push((record.iteration, before + start.elapsed().as_secs_f64()));
+        }
+        if let Some(checkpoint) = progress.checkpoint {
+            save_checkpoint(&checkpoint_file, checkpoint)?;
+            let all: Vec<_> = context.training_times().iter().chain([&times]).collect();
+            folder.save_timings(&json!({ "models": all }))?;
+        }
+        let iterations = scene.setup.training.iterations;
+        context.tell(Event::Iteration { model: &spec.name, record, iterations });
+        Ok(if context.interrupted() { Control::Interrupt } else { Control::Continue })
+    };
+    let (pairs, held_out) = (&data.training, data.held_out.as_ref());
+    let outcome = train(&initial, pairs, held_out, &scene.setup.training, resume, &mut observe)?;
+    context.add_training_times(times);
+    let (stop, best) = (outcome.stop, outcome.best);
+    context.tell(Event::Trained { model: &spec.name, stop, best });
+    if stop == Stop::Interrupted {
+        return Err(Halt::Interrupted);
+    }
+    let provenance = Provenance {
+        seed: Some(scene.seed),
+        data: Some(pairs.digest()),
+        flow_time: Some(time),
+        validation: best.validation,
+        ..Provenance::of(&scene.name)
+    };
+    let stored = StoredModel { model: outcome.model.clone(), provenance };
+    save_model(&folder.file_of_model(scene, "model", spec, ".json"), &stored)?;
+    Ok(Trained { spec: spec.clone(), initial, outcome })
+}
+
+/// The times of the run that is gone on with; none where they cannot be read.
+fn earlier_times(context: &Context<'_>, model: &str) -> TrainingTimes {
+    let read = || -> Option<Vec<TrainingTimes>> {
+        let timings = context.folder.earlier_timings()?;
+        serde_json::from_value(timings.get("models")?.clone()).ok()
+    };
+    read()
+        .and_then(|all| all.into_iter().find(|times| times.model == model))
+        .unwrap_or_else(|| TrainingTimes { model: model.into(), points: Vec::new() })
+}

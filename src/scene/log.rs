@@ -1,0 +1,85 @@
+//! What a run computes, and how long it takes: of each stage.
+
+use crate::work::Work;
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+
+/// A stage of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stage {
+    /// What is done in it.
+    pub stage: String,
+    /// Seconds that it took on this machine.
+    pub seconds: f64,
+    /// What was computed in it, counted where it is done.
+    #[serde(flatten)]
+    pub work: Work,
+}
+
+/// Seconds at iterations, of the training of one network.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TrainingTimes {
+    /// Its name.
+    pub model: String,
+    /// (iteration, seconds of training since its start, without the time between a
+    /// killed run and the one that goes on with it).
+    pub points: Vec<(u64, f64)>,
+}
+
+impl TrainingTimes {
+    /// Seconds at an iteration, where they were taken.
+    pub fn seconds(&self, iteration: u64) -> Option<f64> {
+        self.points.iter().find(|(i, _)| *i == iteration).map(|(_, seconds)| *seconds)
+    }
+}
+
+/// The stages so far. What is done in a stage inside another is counted in the inner
+/// one only.
+pub(super) struct Log {
+    stages: Vec<Stage>,
+    /// Those that are under way, the innermost last.
+    open: Vec<usize>,
+    /// Up to where time and work are told to a stage.
+    time: Instant,
+    work: Work,
+}
+
+impl Log {
+    pub(super) fn new() -> Self {
+        let (time, work) = (Instant::now(), Work::of_process());
+        Self { stages: Vec::new(), open: Vec::new(), time, work }
+    }
+
+    /// Tells what was done since the last call to the innermost stage.
+    fn settle(&mut self) {
+        let (time, work) = (Instant::now(), Work::of_process());
+        if let Some(&index) = self.open.last() {
+            self.stages[index].seconds += (time - self.time).as_secs_f64();
+            self.stages[index].work += work - self.work;
+        }
+        (self.time, self.work) = (time, work);
+    }
+
+    pub(super) fn enter(&mut self, stage: &str) {
+        self.settle();
+        self.open.push(self.stages.len());
+        self.stages.push(Stage { stage: stage.into(), seconds: 0.0, work: Work::default() });
+    }
+
+    pub(super) fn leave(&mut self) {
+        self.settle();
+        self.open.pop();
+    }
+
+    /// Adds evaluations of equations of motion, which no process counts, to the
+    /// innermost stage.
+    pub(super) fn vector_fields(&mut self, number: u64) {
+        if let Some(&index) = self.open.last() {
+            self.stages[index].work += Work { vector_fields: number, ..Work::default() };
+        }
+    }
+
+    pub(super) fn into_stages(self) -> Vec<Stage> {
+        self.stages
+    }
+}

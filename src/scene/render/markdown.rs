@@ -1,0 +1,151 @@
+//! A report as Markdown.
+
+use crate::scene::figure::Figure;
+use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::log::Stage;
+use crate::scene::report::Report;
+use std::fmt::{Result, Write};
+
+/// The report of a run; its figures are files beside it.
+pub fn report(report: &Report) -> String {
+    let mut out = String::new();
+    // Writing to a string cannot fail.
+    let _ = write_report(&mut out, report);
+    out
+}
+
+fn write_report(out: &mut String, report: &Report) -> Result {
+    let scene = &report.scene;
+    let version = env!("CARGO_PKG_VERSION");
+    writeln!(out, "# {}\n\n{}\n", scene.name, scene.title)?;
+    let mut facts = Table::of_facts();
+    facts.fact("scene", format!("`{}`, seed {}", scene.name, scene.seed));
+    facts.fact("gyroceptron", version);
+    if let Some(system) = &scene.setup.system {
+        let json = serde_json::to_string(system).unwrap_or_default();
+        facts.fact("system", format!("`{json}`"));
+    }
+    if let Some(time) = scene.setup.flow_time {
+        facts.fact("flow time", time.to_string());
+    }
+    write_table(out, &facts)?;
+    for study in &report.studies {
+        let Findings { title, verdict, results, figures, .. } = &study.findings;
+        let verdict = match verdict {
+            None => "",
+            Some(true) => ": holds",
+            Some(false) => ": DOES NOT HOLD",
+        };
+        if results.is_empty() && figures.is_empty() {
+            continue;
+        }
+        writeln!(out, "\n## {title}{verdict}")?;
+        write_section(out, results)?;
+        write_figures(out, figures, "")?;
+    }
+    if !report.parts.is_empty() {
+        writeln!(out, "\n## Parts")?;
+    }
+    for part in &report.parts {
+        let name = &part.scene.name;
+        writeln!(out, "\n### [{name}]({name}/report.md)\n\n{}", part.scene.title)?;
+        for study in &part.studies {
+            write_blocks(out, &study.findings.results.summary)?;
+        }
+    }
+    write_timings(out, report)?;
+    writeln!(
+        out,
+        "\n## To repeat it\n\n`gyroceptron run as-run.toml --out …` with the file of that name beside \
+         this report and gyroceptron {version}: every number above but the timings comes out the \
+         same, bit for bit."
+    )
+}
+
+/// The part of the report that differs from machine to machine.
+fn write_timings(out: &mut String, report: &Report) -> Result {
+    writeln!(out, "\n## Timings on this machine")?;
+    for study in &report.studies {
+        if !study.findings.timings.is_empty() {
+            writeln!(out, "\n### {}", study.findings.title)?;
+            write_section(out, &study.findings.timings)?;
+        }
+    }
+    for part in &report.parts {
+        let name = &part.scene.name;
+        for study in &part.studies {
+            let Findings { title, timings, figures, .. } = &study.findings;
+            if !timings.summary.is_empty() {
+                writeln!(out, "\n### {name}: {title}\n\n{}", part.scene.title)?;
+                write_blocks(out, &timings.summary)?;
+                write_figures(out, figures, &format!("{name}/"))?;
+            }
+        }
+    }
+    if !report.stages.is_empty() {
+        writeln!(out, "\n### What was computed")?;
+        writeln!(out)?;
+        write_table(out, &stages(&report.stages))?;
+    }
+    Ok(())
+}
+
+/// A row for each stage, a column for all that any of them computed.
+fn stages(stages: &[Stage]) -> Table {
+    type Count = fn(&Stage) -> u64;
+    let counts: [(&str, Count); 6] = [
+        ("equations of motion", |s| s.work.vector_fields),
+        ("network at a point", |s| s.work.evaluations),
+        ("loss of a pair", |s| s.work.losses),
+        ("loss and gradient of a pair", |s| s.work.gradients),
+        ("curvature diagonal of a pair", |s| s.work.curvatures),
+        ("Jacobian at a point", |s| s.work.jacobians),
+    ];
+    let any = |(_, count): &(&str, Count)| stages.iter().any(|stage| count(stage) > 0);
+    let counts: Vec<_> = counts.into_iter().filter(any).collect();
+    let headings = ["stage", "seconds"].into_iter().chain(counts.iter().map(|(name, _)| *name));
+    let mut table = Table::new(headings.map(|heading| (heading, Format::Fixed(2))));
+    for stage in stages {
+        let counted = counts.iter().map(|(_, count)| Some(count(stage)).filter(|n| *n > 0).into());
+        table.push([stage.stage.clone().into(), stage.seconds.into()].into_iter().chain(counted));
+    }
+    table
+}
+
+fn write_section(out: &mut String, section: &Section) -> Result {
+    write_blocks(out, &section.summary)?;
+    write_blocks(out, &section.details)
+}
+
+fn write_blocks(out: &mut String, blocks: &[Block]) -> Result {
+    for block in blocks {
+        writeln!(out)?;
+        match block {
+            Block::Heading(heading) => writeln!(out, "#### {heading}")?,
+            Block::Text(text) => writeln!(out, "{}", text.trim_end())?,
+            Block::Table(table) => write_table(out, table)?,
+        }
+    }
+    Ok(())
+}
+
+fn write_figures(out: &mut String, figures: &[Figure], folder: &str) -> Result {
+    for figure in figures {
+        let caption = &figure.caption;
+        writeln!(out, "\n![{caption}]({folder}{})\n\n{caption}", figure.file())?;
+    }
+    Ok(())
+}
+
+fn write_table(out: &mut String, table: &Table) -> Result {
+    // A bar inside a cell would end it.
+    let line = |cells: Vec<String>| format!("| {} |", cells.join(" | "));
+    let escaped = |cell: &str| cell.replace('|', "\\|");
+    let headings: Vec<_> = table.headings().map(escaped).collect();
+    let columns = headings.len();
+    writeln!(out, "{}\n|{}", line(headings), "---|".repeat(columns))?;
+    for row in table.text_rows() {
+        writeln!(out, "{}", line(row.iter().map(|cell| escaped(cell)).collect()))?;
+    }
+    Ok(())
+}

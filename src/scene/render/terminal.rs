@@ -1,0 +1,45 @@
+//! Findings on a terminal.
+
+use crate::scene::findings::{Block, Table};
+use crate::scene::report::Report;
+use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
+use comfy_table::{ContentArrangement, Table as Drawing};
+
+/// The summaries of all studies, those of the parts first.
+pub fn summary(report: &Report) -> String {
+    let mut out = String::new();
+    for part in &report.parts {
+        out.push_str(&format!("{}: {}\n{}", part.scene.name, part.scene.title, summary(part)));
+    }
+    for study in &report.studies {
+        let findings = &study.findings;
+        let blocks = [&findings.results.summary, &findings.timings.summary];
+        if blocks.iter().any(|blocks| !blocks.is_empty()) {
+            out.push_str(&format!("{}\n", findings.title));
+        }
+        for block in blocks.into_iter().flatten() {
+            match block {
+                Block::Heading(heading) => out.push_str(&format!("{heading}\n")),
+                Block::Text(text) => out.push_str(&format!("{}\n", text.trim_end())),
+                Block::Table(entries) => out.push_str(&table(entries)),
+            }
+        }
+        if findings.verdict == Some(false) {
+            out.push_str("DOES NOT HOLD\n");
+        }
+    }
+    out
+}
+
+/// A table.
+pub fn table(table: &Table) -> String {
+    let mut drawing = Drawing::new();
+    drawing
+        .load_style(UTF8_HORIZONTAL_ONLY)
+        .set_content_arrangement(ContentArrangement::Disabled)
+        .set_header(table.headings().map(str::to_owned).collect::<Vec<_>>());
+    for row in table.text_rows() {
+        drawing.add_row(row);
+    }
+    format!("{drawing}\n")
+}

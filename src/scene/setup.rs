@@ -1,0 +1,249 @@
+//! What a scene sets up: system, flow time, data, networks, training.
+
+use crate::error::Error;
+use crate::flow::Window;
+use crate::layer::CircleAction;
+use crate::network::{Architecture, GyroceptronShape, HenonShape, InitialWeights};
+use crate::system::{Hamiltonian, System};
+use crate::train::TrainingOptions;
+use serde::{Deserialize, Serialize};
+
+/// What the studies of a scene share.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Setup {
+    /// The system whose flow map is learnt.
+    pub system: Option<System>,
+    /// The time of the flow map.
+    pub flow_time: Option<f64>,
+    /// Where the training pairs are.
+    pub data: Option<Data>,
+    /// The networks to train.
+    pub models: Vec<ModelSpec>,
+    /// How to train them.
+    pub training: TrainingOptions,
+}
+
+/// The training and held-out pairs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Data {
+    /// Boxes with their numbers of training points.
+    pub windows: Vec<Window>,
+    /// Held-out points, as a share of each window's training points.
+    pub validation: f64,
+}
+
+/// A network to train.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelSpec {
+    /// Its name in tables and files.
+    pub name: String,
+    /// Which network.
+    pub network: NetworkSpec,
+    /// How its weights are drawn.
+    pub weights: InitialWeights,
+}
+
+/// Which network, the degrees of freedom and ε being the system's.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum NetworkSpec {
+    /// A symplectic gyroceptron.
+    Gyroceptron {
+        /// ψ.
+        psi: Layers,
+        /// I_ε.
+        near_identity: Layers,
+        /// Φ; the system's, unless given.
+        circle_action: Option<CircleAction>,
+    },
+    /// A HénonNet.
+    HenonNet {
+        /// Its layers.
+        layers: Layers,
+    },
+}
+
+/// So many layers of the same width.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Layers {
+    /// The number of layers.
+    pub count: usize,
+    /// The neurons of each.
+    pub width: usize,
+}
+
+impl Layers {
+    fn widths(self) -> Vec<usize> {
+        vec![self.width; self.count]
+    }
+}
+
+/// More layers are a slip of the pen.
+const MOST_LAYERS: usize = 100_000;
+/// More samples, steps and the like are one too.
+pub(super) const MOST: usize = 100_000_000;
+
+/// Fails unless a count is between 1 and `most`.
+pub(super) fn check_count(name: &str, value: usize, most: usize) -> Result<(), Error> {
+    if value == 0 || value > most {
+        return Err(Error::invalid(name, value, format!("1 to {most}")));
+    }
+    Ok(())
+}
+
+/// Fails unless a name is of letters, digits, - and _: it becomes that of a file.
+pub(super) fn check_name(name: &str) -> Result<(), Error> {
+    let sane = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    if name.is_empty() || !name.chars().all(sane) {
+        return Err(Error::invalid("name", format!("`{name}`"), "letters, digits, - and _"));
+    }
+    Ok(())
+}
+
+/// Fails unless points are of 2n finite numbers, and there is one.
+pub(super) fn check_points(name: &str, points: &[Vec<f64>], dof: usize) -> Result<(), Error> {
+    let expected = format!("points of {} finite numbers", 2 * dof);
+    if points.is_empty() {
+        return Err(Error::invalid(name, "none", expected));
+    }
+    let sound = |point: &&Vec<f64>| point.len() == 2 * dof && point.iter().all(|v| v.is_finite());
+    match points.iter().find(|point| !sound(point)) {
+        Some(bad) => Err(Error::invalid(name, format!("{bad:?}"), expected)),
+        None => Ok(()),
+    }
+}
+
+/// What a study may need of the set-up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Need {
+    /// The system.
+    System,
+    /// The flow time.
+    FlowTime,
+    /// The data.
+    Data,
+    /// At least one network.
+    Models,
+}
+
+impl Need {
+    /// Its key in a scene file.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::System => "system",
+            Self::FlowTime => "flow_time",
+            Self::Data => "data",
+            Self::Models => "models",
+        }
+    }
+}
+
+impl Setup {
+    /// Whether a need is met.
+    pub fn has(&self, need: Need) -> bool {
+        match need {
+            Need::System => self.system.is_some(),
+            Need::FlowTime => self.flow_time.is_some(),
+            Need::Data => self.data.is_some(),
+            Need::Models => !self.models.is_empty(),
+        }
+    }
+
+    /// Fails unless what is named is in range and fits together.
+    ///
+    /// # Errors
+    /// With the key and the value.
+    pub(super) fn check(&self) -> Result<(), Error> {
+        if let Some(time) = self.flow_time
+            && !(time.is_finite() && time > 0.0)
+        {
+            return Err(Error::invalid("flow_time", time, "a positive number"));
+        }
+        for (index, model) in self.models.iter().enumerate() {
+            check_name(&model.name).map_err(|e| e.at("models"))?;
+            for layers in model.network.layers() {
+                check_count("layers", layers.count, MOST_LAYERS)
+                    .map_err(|e| e.at(format!("models.{}.network", model.name)))?;
+            }
+            if self.models[..index].iter().any(|other| other.name == model.name) {
+                let found = format!("`{}` twice", model.name);
+                return Err(Error::invalid("models", found, "a name for each"));
+            }
+        }
+        self.training.check()?;
+        if let Some(data) = &self.data {
+            data.check()?;
+        }
+        if let Some(system) = &self.system {
+            self.check_against(system)?;
+        }
+        Ok(())
+    }
+
+    /// Fails unless networks, data and loss are of the system's degrees of freedom.
+    fn check_against(&self, system: &System) -> Result<(), Error> {
+        system.check()?;
+        let action = system.circle_action();
+        for model in &self.models {
+            let key = format!("models.{}", model.name);
+            let architecture = model.network.architecture(&action, system.epsilon());
+            architecture.check().map_err(|e| e.at(&key))?;
+            if architecture.dof() != system.dof() {
+                let (found, expected) = (architecture.dof(), format!("{} weights", system.dof()));
+                return Err(Error::invalid("circle_action", found, expected).at(key));
+            }
+        }
+        for (index, window) in self.data.iter().flat_map(|d| d.windows.iter().enumerate()) {
+            window.check(&format!("data.windows[{index}]"), system.dof())?;
+        }
+        let weights = self.training.loss.component_weights(system.dof());
+        weights.map(|_| ()).map_err(|e| e.at("training.loss"))
+    }
+}
+
+impl Data {
+    fn check(&self) -> Result<(), Error> {
+        if !(0.0..=1.0).contains(&self.validation) {
+            let expected = "a share between 0 and 1";
+            return Err(Error::invalid("data.validation", self.validation, expected));
+        }
+        if let Some(window) = self.windows.iter().find(|w| w.samples > MOST) {
+            let expected = format!("at most {MOST}");
+            return Err(Error::invalid("data.windows.samples", window.samples, expected));
+        }
+        if self.windows.iter().all(|w| w.samples == 0) {
+            return Err(Error::invalid("data.windows", "none", "at least one sample"));
+        }
+        Ok(())
+    }
+}
+
+impl NetworkSpec {
+    fn layers(&self) -> Vec<Layers> {
+        match self {
+            Self::Gyroceptron { psi, near_identity, .. } => vec![*psi, *near_identity],
+            Self::HenonNet { layers } => vec![*layers],
+        }
+    }
+
+    /// The architecture for this circle action and ε.
+    pub fn architecture(&self, action: &CircleAction, epsilon: f64) -> Architecture {
+        match self {
+            Self::Gyroceptron { psi, near_identity, circle_action } => Architecture::Gyroceptron {
+                shape: GyroceptronShape {
+                    circle_action: circle_action.as_ref().unwrap_or(action).clone(),
+                    psi: psi.widths(),
+                    near_identity: near_identity.widths(),
+                },
+                epsilon,
+            },
+            Self::HenonNet { layers } => Architecture::HenonNet {
+                shape: HenonShape { dof: action.dof(), widths: layers.widths() },
+                epsilon: 1.0,
+            },
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! Studies: one file each, with its options, its check, its run, what it finds and
+//! what it cites.
+//!
+//! A new study is such a file, its line in the registry below, and a scene of the
+//! catalogue that names it.
+
+pub mod certificate;
+mod pairs;
+pub mod rollout;
+pub mod tanh;
+pub mod training;
+pub mod trajectories;
+pub mod work_precision;
+
+use super::context::{Context, Halt};
+use super::declaration::Scene;
+use super::findings::Findings;
+use super::setup::{Data, ModelSpec, Need, Setup};
+use crate::error::Error;
+use crate::measure::CertificateOptions;
+use crate::system::System;
+use crate::train::TrainingOptions;
+use serde::{Deserialize, Serialize};
+
+/// Something that is measured in a scene. Its fields are its options.
+pub(super) trait Study {
+    /// Its key in a scene file, and in reports as data.
+    fn name(&self) -> &'static str;
+
+    /// What it cannot do without.
+    fn needs(&self) -> &'static [Need];
+
+    /// Fails unless its options are in range and fit the set-up, as far as that is
+    /// given.
+    fn check(&self, scene: &Scene) -> Result<(), Error>;
+
+    /// The figures that it can draw of this scene.
+    fn figures(&self, scene: &Scene) -> Vec<&'static str>;
+
+    /// BibTeX entries of the methods that it uses.
+    fn cites(&self) -> Vec<&'static str>;
+
+    /// Measures. What other studies may ask for too is asked of the context, which
+    /// makes it once.
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt>;
+}
+
+macro_rules! studies {
+    ($($(#[$doc:meta])* $key:ident: $variant:ident($options:ty)),* $(,)?) => {
+        /// A study that a scene names, with its options.
+        #[derive(Clone, Debug, PartialEq)]
+        pub enum AnyStudy {
+            $($(#[$doc])* $variant($options)),*
+        }
+
+        impl AnyStudy {
+            fn study(&self) -> &dyn Study {
+                match self {
+                    $(Self::$variant(options) => options),*
+                }
+            }
+        }
+
+        /// A scene as its file holds it: a key for each field of the set-up, a table
+        /// for each study.
+        #[derive(Serialize, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub(super) struct SceneFile {
+            name: String,
+            #[serde(default)]
+            title: String,
+            #[serde(default)]
+            seed: u64,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            system: Option<System>,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            flow_time: Option<f64>,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            data: Option<Data>,
+            #[serde(default)]
+            models: Vec<ModelSpec>,
+            #[serde(default)]
+            training: TrainingOptions,
+            $(
+                #[serde(skip_serializing_if = "Option::is_none")]
+                $key: Option<$options>,
+            )*
+            #[serde(default)]
+            plots: Vec<String>,
+            #[serde(default, skip_serializing_if = "Vec::is_empty")]
+            parts: Vec<Scene>,
+        }
+
+        impl From<SceneFile> for Scene {
+            fn from(file: SceneFile) -> Self {
+                let SceneFile { system, flow_time, data, models, training, .. } = file;
+                let mut studies = Vec::new();
+                $(studies.extend(file.$key.map(AnyStudy::$variant));)*
+                Self {
+                    name: file.name,
+                    title: file.title,
+                    seed: file.seed,
+                    setup: Setup { system, flow_time, data, models, training },
+                    studies,
+                    plots: file.plots,
+                    parts: file.parts,
+                }
+            }
+        }
+
+        impl From<Scene> for SceneFile {
+            fn from(scene: Scene) -> Self {
+                let Setup { system, flow_time, data, models, training } = scene.setup;
+                $(let mut $key = None;)*
+                for study in scene.studies {
+                    match study {
+                        $(AnyStudy::$variant(options) => $key = Some(options)),*
+                    }
+                }
+                Self {
+                    name: scene.name,
+                    title: scene.title,
+                    seed: scene.seed,
+                    system,
+                    flow_time,
+                    data,
+                    models,
+                    training,
+                    $($key,)*
+                    plots: scene.plots,
+                    parts: scene.parts,
+                }
+            }
+        }
+    };
+}
+
+// The registry. Studies run in this order.
+studies! {
+    /// The structure certificate of each network.
+    certificate: Certificate(CertificateOptions),
+    /// The trajectories of each network beside the reference.
+    rollout: Rollout(rollout::RolloutOptions),
+    /// Error against run time, of the networks and of integrators.
+    work_precision: WorkPrecision(work_precision::WorkPrecisionOptions),
+    /// Error against run time of tanh and sech².
+    tanh: Tanh(tanh::TanhOptions),
+    /// Trajectories of the system for several ε.
+    trajectories: Trajectories(trajectories::TrajectoriesOptions),
+}
+
+impl Scene {
+    /// The studies in the order in which they run: of the pairs and of the training
+    /// where the set-up names them, then those that the scene names.
+    pub(super) fn all_studies(&self) -> Vec<&dyn Study> {
+        let mut out: Vec<&dyn Study> = Vec::new();
+        if self.setup.data.is_some() {
+            out.push(&pairs::PairsStudy);
+        }
+        if !self.setup.models.is_empty() {
+            out.push(&training::TrainingStudy);
+        }
+        out.extend(self.studies.iter().map(AnyStudy::study));
+        out
+    }
+}

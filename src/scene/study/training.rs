@@ -1,0 +1,268 @@
+//! The training of each network: where it ended, how it went, how long it took.
+
+use super::Study;
+use crate::error::Error;
+use crate::measure::{component_errors, disturbing_resonance, milestones};
+use crate::network::Architecture;
+use crate::scene::bibliography::{HENON_NET, LBFGS};
+use crate::scene::context::{Context, DataSets, Halt};
+use crate::scene::declaration::Scene;
+use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
+use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::learning::Trained;
+use crate::scene::log::TrainingTimes;
+use crate::scene::setup::Need;
+use crate::system::Hamiltonian;
+use crate::train::{Stop, TrainingRecord};
+use serde::Serialize;
+use serde_json::json;
+
+const LOSS: &str = "loss";
+
+/// In every scene that names networks.
+pub(super) struct TrainingStudy;
+
+impl Study for TrainingStudy {
+    fn name(&self) -> &'static str {
+        "training"
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::System, Need::FlowTime, Need::Data, Need::Models]
+    }
+
+    fn check(&self, _: &Scene) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+        vec![LOSS]
+    }
+
+    fn cites(&self) -> Vec<&'static str> {
+        vec![HENON_NET, LBFGS]
+    }
+
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+        let (data, models) = (context.data()?, context.models()?);
+        let validate_every = context.scene.setup.training.validate_every;
+        let mut results = Vec::new();
+        for trained in models.iter() {
+            let errors = match &data.held_out {
+                None => Vec::new(),
+                Some(held_out) => context.stage("held-out errors of each component", |_| {
+                    component_errors(trained.model().composition(), held_out)
+                })?,
+            };
+            results.push(TrainingResult::new(trained, errors, validate_every));
+        }
+        let epsilon = context.system()?.epsilon();
+        let mut details = Vec::new();
+        for result in &results {
+            details.push(Block::Heading(format!(
+                "`{}`: {} parameters",
+                result.name, result.parameters
+            )));
+            details.push(Block::Table(result.facts(data.rotation_error, epsilon)));
+        }
+        let times = context.training_times();
+        let figures = match context.draws(LOSS) {
+            true => vec![loss(&results, times)],
+            false => Vec::new(),
+        };
+        Ok(Findings {
+            title: "Training".into(),
+            results: Section {
+                summary: vec![Block::Table(overview(&results, &data))],
+                details,
+                data: json!({ "models": results }),
+            },
+            timings: Section { details: pace(&results, times), ..Section::default() },
+            figures,
+            ..Findings::default()
+        })
+    }
+}
+
+/// What became of one network.
+#[derive(Serialize)]
+struct TrainingResult {
+    name: String,
+    architecture: Architecture,
+    parameters: usize,
+    /// Why training ended.
+    stop: Stop,
+    /// Where training ended.
+    last: TrainingRecord,
+    /// The model that was kept.
+    best: TrainingRecord,
+    /// The records at which the held-out pairs were evaluated.
+    history: Vec<TrainingRecord>,
+    /// The root-mean-square error of each component on the held-out pairs.
+    component_errors: Vec<f64>,
+    initial_theta: Option<f64>,
+    theta: Option<f64>,
+}
+
+impl TrainingResult {
+    fn new(trained: &Trained, component_errors: Vec<f64>, validate_every: u64) -> Self {
+        let (outcome, model) = (&trained.outcome, trained.model());
+        let held_out = !component_errors.is_empty();
+        let told = |r: &TrainingRecord| {
+            r.validation.is_some() || (!held_out && r.iteration.is_multiple_of(validate_every))
+        };
+        Self {
+            name: trained.spec.name.clone(),
+            architecture: model.architecture(),
+            parameters: model.composition().parameters().len(),
+            stop: outcome.stop,
+            last: outcome.history[outcome.history.len() - 1],
+            best: outcome.best,
+            history: outcome.history.iter().copied().filter(told).collect(),
+            component_errors,
+            initial_theta: trained.initial.gyroceptron().map(|g| g.theta()),
+            theta: model.gyroceptron().map(|g| g.theta()),
+        }
+    }
+
+    /// How many times smaller than the limiting rotation's the held-out error is.
+    fn improvement(&self, rotation_error: Option<f64>) -> Option<f64> {
+        Some(rotation_error? / self.best.validation?)
+    }
+
+    fn facts(&self, rotation_error: Option<f64>, epsilon: f64) -> Table {
+        let mut facts = Table::of_facts();
+        facts.fact(
+            "training",
+            format!(
+                "{} iterations, {} evaluations of loss and gradient; ended: {}",
+                self.last.iteration,
+                self.last.evaluations,
+                stop_words(self.stop)
+            ),
+        );
+        let (iteration, loss) = (self.best.iteration, self.best.loss);
+        facts.fact("kept", format!("iteration {iteration}, loss {loss:.3e}"));
+        if let Some(validation) = self.best.validation {
+            let improvement = self
+                .improvement(rotation_error)
+                .map(|times| format!(", {times:.1} times below the limiting rotation's"))
+                .unwrap_or_default();
+            facts.fact("held-out mean squared error", format!("{validation:.3e}{improvement}"));
+        }
+        if !self.component_errors.is_empty() {
+            let errors: Vec<_> = self.component_errors.iter().map(|e| format!("{e:.2e}")).collect();
+            facts.fact("held-out RMS error of each component", errors.join(", "));
+        }
+        if let (Some(before), Some(after)) = (self.initial_theta, self.theta) {
+            facts.fact("θ", format!("{before} before training, {after:.6} after"));
+            if let Architecture::Gyroceptron { shape, .. } = &self.architecture
+                && let Some(near) = disturbing_resonance(&shape.circle_action, after, epsilon)
+            {
+                let text = format!("{near}: there is hardly an adiabatic invariant");
+                facts.fact("resonance", text);
+            }
+        }
+        facts
+    }
+
+    /// The held-out errors at their iterations.
+    fn held_out(&self) -> Vec<(u64, f64)> {
+        self.history.iter().filter_map(|r| Some((r.iteration, r.validation?))).collect()
+    }
+}
+
+fn overview(results: &[TrainingResult], data: &DataSets) -> Table {
+    let mut table = Table::new([
+        ("network", Format::Exact),
+        ("parameters", Format::Exact),
+        ("iterations", Format::Exact),
+        ("loss", Format::Exponent(3)),
+        ("held-out mean squared error", Format::Exponent(3)),
+        ("the limiting rotation's / its", Format::Fixed(2)),
+    ]);
+    for result in results {
+        table.push([
+            format!("`{}`", result.name).into(),
+            result.parameters.into(),
+            result.last.iteration.into(),
+            result.best.loss.into(),
+            result.best.validation.into(),
+            result.improvement(data.rotation_error).into(),
+        ]);
+    }
+    table
+}
+
+fn pace(results: &[TrainingResult], times: &[TrainingTimes]) -> Vec<Block> {
+    let mut lines = String::new();
+    for times in times {
+        let Some((iterations, seconds)) = times.points.last() else { continue };
+        lines.push_str(&format!(
+            "- `{}`: {seconds:.1} s, {:.1} iterations a second\n",
+            times.model,
+            *iterations as f64 / seconds
+        ));
+        let held_out = results.iter().find(|r| r.name == times.model).map(TrainingResult::held_out);
+        for passed in milestones(&held_out.unwrap_or_default()) {
+            if let Some(seconds) = times.seconds(passed.iteration) {
+                lines.push_str(&format!(
+                    "  - held-out error ≤ {:.0e} after {} iterations, {seconds:.1} s\n",
+                    passed.level, passed.iteration
+                ));
+            }
+        }
+    }
+    if lines.is_empty() { Vec::new() } else { vec![Block::Text(lines)] }
+}
+
+fn loss(results: &[TrainingResult], times: &[TrainingTimes]) -> Figure {
+    let mut against_iterations = Vec::new();
+    let mut against_seconds = Vec::new();
+    for (index, result) in results.iter().enumerate() {
+        let times = times.iter().find(|times| times.model == result.name);
+        type Value = fn(&TrainingRecord) -> Option<f64>;
+        let curves: [(&str, Style, usize, Value); 2] = [
+            ("loss", Style::Faint, 2 * index + 1, |r| Some(r.loss)),
+            ("held out", Style::Line, 2 * index, |r| r.validation),
+        ];
+        for (kind, style, color, value) in curves {
+            let name = format!("{}, {kind}", result.name);
+            let known: Vec<_> =
+                result.history.iter().filter_map(|r| Some((r.iteration, value(r)?))).collect();
+            if known.is_empty() {
+                continue;
+            }
+            let points = known.iter().map(|(i, v)| (*i as f64, *v)).collect();
+            let timed = known.iter().filter_map(|(i, v)| Some((times?.seconds(*i)?, *v))).collect();
+            against_iterations.push(Series { name: name.clone(), color, style, points });
+            against_seconds.push(Series { name, color, style, points: timed });
+        }
+    }
+    let panel = |x_label: &str, series| Panel {
+        title: "Training".into(),
+        x_label: x_label.into(),
+        y_label: "mean squared error".into(),
+        y: Axis::Log,
+        series,
+        ..Panel::default()
+    };
+    Figure::in_a_row(
+        LOSS,
+        "Training loss and held-out mean squared error, against iterations and against seconds of \
+         training on this machine.",
+        vec![panel("iterations", against_iterations), panel("seconds", against_seconds)],
+    )
+}
+
+/// Why training ended, in words.
+pub fn stop_words(stop: Stop) -> &'static str {
+    match stop {
+        Stop::Iterations => "the iterations asked for were done",
+        Stop::Target => "the target was reached",
+        Stop::Patience => "the held-out error improved no more",
+        Stop::Gradient => "the gradient reached its tolerance",
+        Stop::Stalled => "no step lowered the loss any more",
+        Stop::Interrupted => "interrupted",
+    }
+}

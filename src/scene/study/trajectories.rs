@@ -1,0 +1,214 @@
+//! Trajectories of the system as ε grows, by the reference flow alone.
+
+use super::Study;
+use crate::error::Error;
+use crate::flow::{ReferenceTrajectories, Trajectories};
+use crate::measure::{Drift, distance, drifts};
+use crate::scalar::max_or_nan;
+use crate::scene::bibliography::GAUSS_LEGENDRE;
+use crate::scene::context::{Context, Halt};
+use crate::scene::declaration::Scene;
+use crate::scene::figure::{Figure, Panel, Series, Style};
+use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::setup::{MOST, Need, check_count, check_points};
+use crate::system::{Hamiltonian, System};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::rc::Rc;
+
+const TRAJECTORIES: &str = "trajectories";
+
+/// More are not told apart in a figure.
+const MOST_EPSILONS: usize = 64;
+
+/// Trajectories for several ε, each from the same points.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrajectoriesOptions {
+    /// The values of ε, in place of the system's.
+    pub epsilons: Vec<f64>,
+    /// How many flow times each trajectory is long; the state is kept at each.
+    pub steps: usize,
+    /// The initial points, 2n numbers each.
+    pub initial: Vec<Vec<f64>>,
+}
+
+impl Study for TrajectoriesOptions {
+    fn name(&self) -> &'static str {
+        "trajectories"
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::System, Need::FlowTime]
+    }
+
+    fn check(&self, scene: &Scene) -> Result<(), Error> {
+        check_count("number of epsilons", self.epsilons.len(), MOST_EPSILONS)?;
+        if let Some(bad) = self.epsilons.iter().find(|epsilon| !epsilon.is_finite()) {
+            return Err(Error::invalid("epsilons", bad, "finite numbers"));
+        }
+        check_count("steps", self.steps, MOST)?;
+        match &scene.setup.system {
+            Some(system) => check_points("initial", &self.initial, system.dof()),
+            None => Ok(()),
+        }
+    }
+
+    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+        vec![TRAJECTORIES]
+    }
+
+    fn cites(&self) -> Vec<&'static str> {
+        vec![GAUSS_LEGENDRE]
+    }
+
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+        let (system, interval) = (context.system()?, context.flow_time()?);
+        let mut each = Vec::new();
+        for &epsilon in &self.epsilons {
+            let system = system.clone().with_epsilon(epsilon);
+            let reference = context.reference(&system, &self.initial, interval, self.steps + 1)?;
+            each.push(OfEpsilon::new(epsilon, &system, reference));
+        }
+        let figures = match context.draws(TRAJECTORIES) {
+            true => vec![figure(&each)],
+            false => Vec::new(),
+        };
+        let text = format!(
+            "{} steps of time {interval} by the reference flow. The excursion of a plane (qⱼ, pⱼ) is \
+             its largest distance from where it starts.",
+            self.steps
+        );
+        Ok(Findings {
+            title: "Trajectories".into(),
+            results: Section {
+                summary: vec![Block::Table(self.table(&each))],
+                details: vec![Block::Text(text)],
+                data: each.iter().map(OfEpsilon::data).collect(),
+            },
+            figures,
+            ..Findings::default()
+        })
+    }
+}
+
+/// The trajectories for one ε, and what was measured along each.
+struct OfEpsilon {
+    epsilon: f64,
+    reference: Rc<ReferenceTrajectories>,
+    adiabatic: Vec<Drift>,
+    energy: Vec<Drift>,
+    /// The excursion of each plane, for each trajectory.
+    excursions: Vec<Vec<f64>>,
+}
+
+impl OfEpsilon {
+    fn new(epsilon: f64, system: &System, reference: Rc<ReferenceTrajectories>) -> Self {
+        let states = &reference.trajectories;
+        Self {
+            epsilon,
+            adiabatic: drifts(states, |z| system.adiabatic_invariant(z)),
+            energy: drifts(states, |z| system.energy(z)),
+            excursions: (0..states.count()).map(|m| excursions(states, m)).collect(),
+            reference,
+        }
+    }
+
+    fn data(&self) -> serde_json::Value {
+        json!({
+            "epsilon": self.epsilon,
+            "reference_error": self.reference.error,
+            "adiabatic": self.adiabatic,
+            "energy": self.energy,
+            "excursions": self.excursions,
+        })
+    }
+
+    /// A panel for each plane.
+    fn panels(&self) -> impl Iterator<Item = Panel> {
+        let states = &self.reference.trajectories;
+        let dof = states.dim() / 2;
+        (0..dof).map(move |j| {
+            let plane = |z: &[f64]| (z[j], z[dof + j]);
+            let mut series = Vec::new();
+            for m in 0..states.count() {
+                series.push(Series::unnamed(m, Style::Line, states.of(m).map(plane).collect()));
+            }
+            // Where it starts: all there is to see of one that stands still.
+            for m in 0..states.count() {
+                series.push(Series::unnamed(m, Style::Marked, vec![plane(states.state(0, m))]));
+            }
+            let index = subscript(j + 1);
+            Panel {
+                title: format!("ε = {}, (q{index}, p{index})", self.epsilon),
+                x_label: format!("q{index}"),
+                y_label: format!("p{index}"),
+                square: true,
+                series,
+                ..Panel::default()
+            }
+        })
+    }
+}
+
+/// The largest distance of each plane (q_j, p_j) from where trajectory `m` starts.
+fn excursions(states: &Trajectories, m: usize) -> Vec<f64> {
+    let dof = states.dim() / 2;
+    let start = states.state(0, m);
+    let of_plane = |j: usize| {
+        let away = |z: &[f64]| distance(&[z[j], z[dof + j]], &[start[j], start[dof + j]]);
+        states.of(m).map(away).fold(0.0, max_or_nan)
+    };
+    (0..dof).map(of_plane).collect()
+}
+
+/// `₁₂` of 12.
+fn subscript(number: usize) -> String {
+    const ZERO: u32 = '₀' as u32;
+    let digits = number.to_string();
+    digits.bytes().filter_map(|digit| char::from_u32(ZERO + u32::from(digit - b'0'))).collect()
+}
+
+impl TrajectoriesOptions {
+    fn table(&self, each: &[OfEpsilon]) -> Table {
+        let dof = self.initial.first().map_or(0, |point| point.len() / 2);
+        let mut columns = vec![
+            ("ε".to_owned(), Format::Exact),
+            ("from".to_owned(), Format::Exact),
+            ("μ₀ at the start".to_owned(), Format::Fixed(4)),
+            ("its largest change".to_owned(), Format::Exponent(2)),
+        ];
+        for j in 1..=dof {
+            columns.push((format!("excursion of plane {j}"), Format::Magnitude));
+        }
+        columns.push(("largest change of H".to_owned(), Format::Exponent(1)));
+        let mut table = Table::new(columns);
+        for of in each {
+            for (m, point) in self.initial.iter().enumerate() {
+                let mut row = vec![
+                    of.epsilon.into(),
+                    format!("{point:?}").into(),
+                    of.adiabatic[m].initial.into(),
+                    of.adiabatic[m].largest.into(),
+                ];
+                row.extend(of.excursions[m].iter().map(|excursion| (*excursion).into()));
+                row.push(of.energy[m].largest.into());
+                table.push(row);
+            }
+        }
+        table
+    }
+}
+
+/// A row of panels for each ε, a column for each plane.
+fn figure(each: &[OfEpsilon]) -> Figure {
+    let panels: Vec<Panel> = each.iter().flat_map(OfEpsilon::panels).collect();
+    Figure {
+        name: TRAJECTORIES,
+        caption: "Trajectories by the reference flow: a row for each ε, a column for each plane \
+                  (qⱼ, pⱼ); marks where they start."
+            .into(),
+        columns: panels.len() / each.len().max(1),
+        panels,
+    }
+}

@@ -1,0 +1,655 @@
+//! Error against run time: the networks beside integrators, for one step and for the
+//! roll-out, and three methods to get the networks' Jacobians.
+
+use super::Study;
+use super::rollout::RolloutOptions;
+use crate::error::Error;
+use crate::flow::{Integrator, Pairs};
+use crate::measure::{
+    Comparison, Method, Spread, TrajectoryMethods, WorkPrecision, fastest,
+    jacobians_by_differences, most_accurate, precise_jacobians, relative_difference,
+    work_precision,
+};
+use crate::network::{
+    Composition, Direction, Model, map_jacobians, map_jacobians_by_duals, map_points, rollout,
+};
+use crate::scene::bibliography::{GAUSS_LEGENDRE, SPLITTINGS, YOSHIDA};
+use crate::scene::context::{Context, DataSets, Halt};
+use crate::scene::declaration::Scene;
+use crate::scene::figure::{Axis, Figure, Legend, Panel, Series, Style};
+use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};
+use crate::scene::setup::{MOST, Need, check_count};
+use crate::system::{Hamiltonian, System};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::fmt::Write;
+
+const TRAJECTORIES: &str = "error-against-time";
+const JACOBIANS: &str = "jacobians";
+
+/// Rounds beyond this are a slip of the pen.
+pub(super) const MOST_ROUNDS: usize = 10_000;
+
+/// Error against run time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WorkPrecisionOptions {
+    /// One step is judged at so many held-out pairs (training pairs, where none
+    /// are held out), evenly spaced.
+    pub points: usize,
+    /// How often each time is taken.
+    pub rounds: usize,
+    /// What the networks are compared with.
+    #[serde(default)]
+    pub integrators: Vec<IntegratorSteps>,
+    /// The steps h of the central differences that the networks' Jacobians are
+    /// compared with; without any, no Jacobian is computed.
+    #[serde(default)]
+    pub differences: Vec<f64>,
+}
+
+/// An integrator with the numbers of steps it is tried with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct IntegratorSteps {
+    /// Which.
+    pub integrator: Integrator,
+    /// Steps in the flow time.
+    #[serde(default)]
+    pub one_step: Vec<usize>,
+    /// Steps between two states that the roll-out keeps.
+    #[serde(default)]
+    pub rollout: Vec<usize>,
+}
+
+impl Study for WorkPrecisionOptions {
+    fn name(&self) -> &'static str {
+        "work_precision"
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::System, Need::FlowTime, Need::Data]
+    }
+
+    fn check(&self, scene: &Scene) -> Result<(), Error> {
+        let rollout = RolloutOptions::of(scene);
+        check_count("points", self.points, MOST)?;
+        check_count("rounds", self.rounds, MOST_ROUNDS)?;
+        for entry in &self.integrators {
+            entry.integrator.check()?;
+            for &steps in entry.one_step.iter().chain(&entry.rollout) {
+                check_count("integrators.steps", steps, MOST)?;
+            }
+            if !entry.rollout.is_empty() && rollout.is_none() {
+                let name = entry.integrator.name();
+                return Err(Error::invalid("integrators.rollout", name, "a scene with a roll-out"));
+            }
+        }
+        if let Some(bad) = self.differences.iter().find(|h| !(**h > 0.0 && h.is_finite())) {
+            return Err(Error::invalid("differences", bad, "positive numbers"));
+        }
+        match rollout {
+            Some(rollout) if rollout.every > rollout.steps => {
+                let expected = format!("at most {} steps, for a state to compare", rollout.steps);
+                Err(Error::invalid("rollout.every", rollout.every, expected))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn figures(&self, scene: &Scene) -> Vec<&'static str> {
+        match self.differences.is_empty() || scene.setup.models.is_empty() {
+            true => vec![TRAJECTORIES],
+            false => vec![TRAJECTORIES, JACOBIANS],
+        }
+    }
+
+    fn cites(&self) -> Vec<&'static str> {
+        let mut out = vec![GAUSS_LEGENDRE];
+        for entry in &self.integrators {
+            out.extend(match entry.integrator {
+                Integrator::Aba864 | Integrator::Aba1064 => Some(SPLITTINGS),
+                Integrator::Yoshida4 => Some(YOSHIDA),
+                Integrator::RungeKutta4 | Integrator::Strang | Integrator::GaussLegendre { .. } => {
+                    None
+                }
+            });
+        }
+        out
+    }
+
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+        let trained = match context.scene.setup.models.is_empty() {
+            true => None,
+            false => Some(context.models()?),
+        };
+        let networks = Networks {
+            models: trained
+                .iter()
+                .flat_map(|all| all.iter())
+                .map(|one| (&one.spec.name[..], one.model()))
+                .collect(),
+            system: context.system()?,
+            time: context.flow_time()?,
+        };
+        let data = context.data()?;
+        let points = Points::evenly(data.to_judge_by(), self.points);
+        let comparisons = Comparisons {
+            one_step: context.stage("error against run time: one step", |_| {
+                self.one_step(&networks, &data, &points)
+            })?,
+            rollout: match RolloutOptions::of(context.scene) {
+                None => None,
+                Some(options) => {
+                    let reference = options.reference(context)?;
+                    let name = "error against run time: roll-out";
+                    Some(context.stage(name, |_| {
+                        let states = reference.trajectories.values();
+                        self.rollout(&networks, options, states, reference.error)
+                    })?)
+                }
+            },
+            jacobians: match self.differences.is_empty() {
+                true => Vec::new(),
+                false => context.stage("error against run time: Jacobians", |_| {
+                    let models = networks.models.iter();
+                    models
+                        .map(|(name, model)| self.jacobians(name, model, &points.input))
+                        .collect::<Result<_, Error>>()
+                })?,
+            },
+        };
+        let mut figures = Vec::new();
+        if context.draws(TRAJECTORIES) {
+            figures.push(comparisons.trajectory_figure());
+        }
+        if context.draws(JACOBIANS) {
+            figures.push(comparisons.jacobian_figure());
+        }
+        Ok(Findings {
+            title: "Error against run time".into(),
+            results: Section { data: json!(comparisons.without_seconds()), ..Section::default() },
+            timings: Section {
+                summary: comparisons.words(),
+                details: comparisons.tables(),
+                data: json!(comparisons),
+            },
+            figures,
+            ..Findings::default()
+        })
+    }
+}
+
+/// What is compared with integrators.
+struct Networks<'a> {
+    models: Vec<(&'a str, &'a Model)>,
+    system: &'a System,
+    time: f64,
+}
+
+/// Some rows of pairs.
+struct Points {
+    input: Vec<f64>,
+    output: Vec<f64>,
+}
+
+impl Points {
+    /// At most `most` rows, evenly spaced.
+    fn evenly(pairs: &Pairs, most: usize) -> Self {
+        let (dim, len) = (2 * pairs.dof(), pairs.len());
+        let count = len.min(most);
+        let chosen = |rows: &[f64]| {
+            let row = |k: usize| &rows[k * len / count * dim..][..dim];
+            (0..count).flat_map(row).copied().collect()
+        };
+        Self { input: chosen(pairs.input()), output: chosen(pairs.output()) }
+    }
+}
+
+/// How a network's trajectories are timed.
+const TOGETHER: &str = "all together";
+const ALONE: &str = "one alone";
+/// Methods to get Jacobians.
+const DUALS: &str = "duals";
+const BY_HAND: &str = "chain rule by hand";
+const DIFFERENCES: &str = "central differences";
+
+impl WorkPrecisionOptions {
+    fn one_step(
+        &self,
+        networks: &Networks<'_>,
+        data: &DataSets,
+        points: &Points,
+    ) -> Result<Comparison, Error> {
+        let (dim, time) = (2 * networks.system.dof(), networks.time);
+        let input = &points.input[..];
+        let mut methods = Vec::new();
+        for (name, model) in &networks.models {
+            let map = model.composition();
+            methods.push(Method {
+                name: format!("{name}, {TOGETHER}"),
+                setting: None,
+                run: Box::new(move || {
+                    let mut moved = input.to_vec();
+                    map_points(map, Direction::Forward, &mut moved)?;
+                    Ok(moved)
+                }),
+            });
+            methods.push(Method {
+                name: format!("{name}, {ALONE}"),
+                setting: None,
+                run: Box::new(move || {
+                    let mut moved = input.to_vec();
+                    for point in moved.chunks_exact_mut(dim) {
+                        map_points(map, Direction::Forward, point)?;
+                    }
+                    Ok(moved)
+                }),
+            });
+        }
+        for entry in &self.integrators {
+            let of = |&steps| integrator(networks.system, entry.integrator, steps, input, time, 1);
+            methods.extend(entry.one_step.iter().map(of));
+        }
+        let all = TrajectoryMethods {
+            methods,
+            reference: &points.output,
+            reference_error: data.reference_error,
+            dim,
+            trajectories: input.len() / dim,
+            time,
+        };
+        all.compare(self.rounds)
+    }
+
+    fn rollout(
+        &self,
+        networks: &Networks<'_>,
+        options: &RolloutOptions,
+        reference: &[f64],
+        reference_error: f64,
+    ) -> Result<Comparison, Error> {
+        let dim = 2 * networks.system.dof();
+        let initial = options.initial.concat();
+        let initial = &initial[..];
+        let request = options.request();
+        let interval = options.interval(networks.time);
+        let kept = request.kept() - 1;
+        let mut methods = Vec::new();
+        for (name, model) in &networks.models {
+            let map = model.composition();
+            methods.push(Method {
+                name: format!("{name}, {TOGETHER}"),
+                setting: None,
+                run: Box::new(move || Ok(rollout(map, initial, request)?.split_off(initial.len()))),
+            });
+            methods.push(Method {
+                name: format!("{name}, {ALONE}"),
+                setting: None,
+                run: Box::new(move || {
+                    let mut all = vec![0.0; kept * initial.len()];
+                    for (m, start) in initial.chunks_exact(dim).enumerate() {
+                        let states = rollout(map, start, request)?;
+                        for (t, state) in states.chunks_exact(dim).skip(1).enumerate() {
+                            let first = t * initial.len() + m * dim;
+                            all[first..first + dim].copy_from_slice(state);
+                        }
+                    }
+                    Ok(all)
+                }),
+            });
+        }
+        for entry in &self.integrators {
+            let of = |&steps| {
+                integrator(networks.system, entry.integrator, steps, initial, interval, kept)
+            };
+            methods.extend(entry.rollout.iter().map(of));
+        }
+        let all = TrajectoryMethods {
+            methods,
+            reference: &reference[initial.len()..],
+            reference_error,
+            dim,
+            trajectories: initial.len() / dim,
+            time: interval * kept as f64,
+        };
+        all.compare(self.rounds)
+    }
+
+    fn jacobians(
+        &self,
+        name: &str,
+        model: &Model,
+        points: &[f64],
+    ) -> Result<JacobianComparison, Error> {
+        let map = model.composition();
+        let dim = 2 * map.dof();
+        let mut methods = vec![
+            jacobian_method(DUALS, None, map, points, map_jacobians_by_duals),
+            jacobian_method(BY_HAND, None, map, points, map_jacobians),
+        ];
+        methods.extend(self.differences.iter().map(|&step| {
+            let differences = move |map: &Composition<f64>, points: &[f64], out: &mut [f64]| {
+                jacobians_by_differences(map, step, points, out)
+            };
+            jacobian_method(DIFFERENCES, Some(step), map, points, differences)
+        }));
+        let exact = precise_jacobians(map, points);
+        let judge = |out: &[f64]| relative_difference(out, &exact);
+        let units = (points.len() / dim) as f64;
+        let methods = work_precision(&methods, &judge, units, self.rounds)?;
+        Ok(JacobianComparison { model: name.to_owned(), methods })
+    }
+}
+
+fn integrator<'a>(
+    system: &'a System,
+    integrator: Integrator,
+    steps: usize,
+    initial: &'a [f64],
+    interval: f64,
+    kept: usize,
+) -> Method<'a> {
+    Method {
+        name: integrator.name(),
+        setting: Some(steps as f64),
+        run: Box::new(move || integrator.trajectories(system, initial, interval, steps, kept)),
+    }
+}
+
+fn jacobian_method<'a>(
+    name: &str,
+    setting: Option<f64>,
+    map: &'a Composition<f64>,
+    points: &'a [f64],
+    f: impl Fn(&Composition<f64>, &[f64], &mut [f64]) -> Result<(), Error> + Sync + 'a,
+) -> Method<'a> {
+    Method {
+        name: name.into(),
+        setting,
+        run: Box::new(move || {
+            let mut out = vec![0.0; points.len() * 2 * map.dof()];
+            f(map, points, &mut out)?;
+            Ok(out)
+        }),
+    }
+}
+
+/// All comparisons of a scene.
+#[derive(Serialize)]
+struct Comparisons {
+    one_step: Comparison,
+    rollout: Option<Comparison>,
+    /// Of each network, seconds for one Jacobian.
+    jacobians: Vec<JacobianComparison>,
+}
+
+/// Methods to get the Jacobians of one network.
+#[derive(Serialize)]
+struct JacobianComparison {
+    model: String,
+    methods: Vec<WorkPrecision>,
+}
+
+const TIME: &str = "µs a trajectory and unit time";
+
+const HOW: &str = "One thread; medians of repeated runs, in turn, and in brackets their quartiles. \
+                   Integrators move one trajectory after another, with the processor's fused \
+                   multiply-adds but not its vectors; networks both several trajectories in the \
+                   lanes of vectors, of which fewer than eight leave some empty, and each one \
+                   alone. Data and training are not counted.";
+
+const DISTANCE: &str = "The error is the root mean square distance from the reference";
+
+impl Comparisons {
+    fn without_seconds(&self) -> Self {
+        let jacobians = self.jacobians.iter().map(|all| JacobianComparison {
+            model: all.model.clone(),
+            methods: all.methods.iter().map(WorkPrecision::without_seconds).collect(),
+        });
+        Self {
+            one_step: self.one_step.without_seconds(),
+            rollout: self.rollout.as_ref().map(Comparison::without_seconds),
+            jacobians: jacobians.collect(),
+        }
+    }
+
+    /// Each comparison of trajectories, with what its settings count.
+    fn of_trajectories(&self) -> impl Iterator<Item = (&'static str, &Comparison, &'static str)> {
+        let one_step = [("One step", &self.one_step, "steps")];
+        let rollout = self.rollout.iter().map(|c| ("Roll-out", c, "steps between two states"));
+        one_step.into_iter().chain(rollout)
+    }
+
+    fn words(&self) -> Vec<Block> {
+        let mut out = vec![Block::Text(HOW.into())];
+        for (title, comparison, steps) in self.of_trajectories() {
+            let Comparison { trajectories, time, .. } = comparison;
+            out.push(Block::Text(format!(
+                "{title} of time {time}, {trajectories} trajectories, µs for one and unit time:"
+            )));
+            out.push(Block::Text(winners(comparison, steps)));
+        }
+        for comparison in &self.jacobians {
+            out.push(Block::Text(comparison.words()));
+        }
+        out
+    }
+
+    fn tables(&self) -> Vec<Block> {
+        let mut out = Vec::new();
+        for (title, comparison, steps) in self.of_trajectories() {
+            out.push(Block::Heading(format!("{title} of time {}", comparison.time)));
+            let states =
+                if comparison.time == self.one_step.time { "" } else { ", over all states kept" };
+            out.push(Block::Text(format!("{DISTANCE}{states}.")));
+            out.push(Block::Table(methods_table(&comparison.methods, steps, TIME)));
+        }
+        for comparison in &self.jacobians {
+            out.push(Block::Heading(format!("Jacobians of `{}`", comparison.model)));
+            out.push(Block::Text(
+                "The error is the largest difference from double-double precision over the largest \
+                 entry."
+                    .into(),
+            ));
+            out.push(Block::Table(methods_table(&comparison.methods, "step h", "µs a Jacobian")));
+        }
+        out
+    }
+
+    fn trajectory_figure(&self) -> Figure {
+        let panel = |(title, comparison, _): (&str, &Comparison, _)| Panel {
+            title: format!("{title} of time {}: error against run time", comparison.time),
+            y_label: "rms distance from the reference".into(),
+            legend: Legend::LowerLeft,
+            ..work_precision_panel(TIME, &comparison.methods, MICRO)
+        };
+        Figure::in_a_row(
+            TRAJECTORIES,
+            "Error against run time on this machine, one thread: medians, and lines from quartile \
+             to quartile. Lower and further left is better.",
+            self.of_trajectories().map(panel).collect(),
+        )
+    }
+
+    fn jacobian_figure(&self) -> Figure {
+        let panel = |comparison: &JacobianComparison| Panel {
+            title: format!("Jacobians of {}", comparison.model),
+            y_label: "relative error".into(),
+            ..work_precision_panel("µs a Jacobian", &comparison.methods, MICRO)
+        };
+        Figure::in_a_row(
+            JACOBIANS,
+            "Jacobians of each network: error against run time on this machine, one thread.",
+            self.jacobians.iter().map(panel).collect(),
+        )
+    }
+}
+
+pub(super) const MICRO: f64 = 1e6;
+
+fn micro(seconds: f64) -> String {
+    Format::Magnitude.number(seconds * MICRO)
+}
+
+/// The error of a method, or why it has none.
+pub(super) fn error_cell(method: &WorkPrecision) -> Cell {
+    match (method.error, &method.failure) {
+        (Some(error), _) => error.into(),
+        (None, Some(reason)) => format!("no result: {reason}").into(),
+        (None, None) => "no result".into(),
+    }
+}
+
+/// `setting` heads the column of what is varied.
+fn methods_table(methods: &[WorkPrecision], setting: &str, time: &str) -> Table {
+    let mut table = Table::new([
+        ("method", Format::Exact),
+        (setting, Format::Setting),
+        ("error", Format::Exponent(2)),
+        (time, Format::Magnitude),
+    ]);
+    for method in methods {
+        table.push([
+            method.name.clone().into(),
+            method.setting.into(),
+            error_cell(method),
+            method.seconds.map(|seconds| seconds.scaled(MICRO)).into(),
+        ]);
+    }
+    table
+}
+
+/// `steps` are what the setting counts.
+fn with_setting(method: &WorkPrecision, steps: &str) -> String {
+    match method.setting {
+        Some(1.0) => format!("{} with 1 {}", method.name, steps.replacen("steps", "step", 1)),
+        Some(count) => format!("{} with {count} {steps}", method.name),
+        None => method.name.clone(),
+    }
+}
+
+/// How many times faster the network is than the other.
+fn ratio(network: f64, other: f64) -> String {
+    if network <= other {
+        format!("{:.1} times faster", other / network)
+    } else {
+        format!("{:.1} times slower", network / other)
+    }
+}
+
+/// Each network against the fastest integrator that is at least as accurate, then the
+/// fastest of all for each power of ten.
+fn winners(comparison: &Comparison, steps: &str) -> String {
+    let mut out = String::new();
+    let methods = &comparison.methods;
+    for method in methods {
+        let Some(network) = method.name.strip_suffix(TOGETHER) else { continue };
+        let network = network.trim_end_matches([',', ' ']);
+        let alone = methods.iter().find(|other| other.name == format!("{network}, {ALONE}"));
+        let (Some(error), Some(together), Some(alone)) =
+            (method.error, method.seconds, alone.and_then(|other| other.seconds))
+        else {
+            let _ = writeln!(out, "- `{network}` left the finite numbers.");
+            continue;
+        };
+        let (together, alone) = (together.median, alone.median);
+        let _ = write!(
+            out,
+            "- `{network}` errs by {error:.1e} and takes {} µs, {} one alone: ",
+            micro(together),
+            micro(alone)
+        );
+        let integrators = methods.iter().filter(|other| other.setting.is_some());
+        let sentence = match fastest(integrators, error) {
+            _ if error >= comparison.lost() => format!(
+                "it has lost the trajectories, whose points are of size {:.1}, and there is \
+                 nothing to compare.",
+                comparison.size
+            ),
+            None => "no integrator tried is as accurate.".into(),
+            Some((best, seconds)) => format!(
+                "{} is at least as accurate in {} µs; the network is {} with its trajectories \
+                 together, {} with one alone.",
+                with_setting(best, steps),
+                micro(seconds),
+                ratio(together, seconds),
+                ratio(alone, seconds)
+            ),
+        };
+        let _ = writeln!(out, "{sentence}");
+    }
+    let ranges = comparison.fastest_by_error();
+    if !ranges.is_empty() {
+        let _ = writeln!(
+            out,
+            "- Fastest of all for an error of at most (the reference itself errs by {:.0e}: what is \
+             below is not told apart)",
+            comparison.reference_error
+        );
+    }
+    for range in ranges {
+        let (from, to) = (range.from, range.to);
+        let errors = if from == to { format!("1e{from}") } else { format!("1e{from} … 1e{to}") };
+        let name = with_setting(range.method, steps);
+        let _ = writeln!(out, "  - {errors}: {name}, {} µs", micro(range.seconds));
+    }
+    out
+}
+
+impl JacobianComparison {
+    fn words(&self) -> String {
+        let model = &self.model;
+        let find = |name: &str| self.methods.iter().find(|method| method.name == name);
+        let best = most_accurate(self.methods.iter().filter(|method| method.setting.is_some()));
+        let figures = |method: Option<&WorkPrecision>| {
+            method.and_then(|m| Some((m.error?, m.seconds?.median, m.setting)))
+        };
+        let (Some(duals), Some(hand), Some(differences)) =
+            (figures(find(DUALS)), figures(find(BY_HAND)), figures(best))
+        else {
+            return format!("Jacobians of `{model}`: not all methods gave a result.");
+        };
+        format!(
+            "Jacobians of `{model}`: duals err by {:.0e} in {} µs, the chain rule written out by \
+             hand by {:.0e} in {} µs, {}; central differences at their best step, {:e}, err by \
+             {:.0e} in {} µs, {:.1} times as long as duals.",
+            duals.0,
+            micro(duals.1),
+            hand.0,
+            micro(hand.1),
+            ratio(hand.1, duals.1),
+            differences.2.unwrap_or(f64::NAN),
+            differences.0,
+            micro(differences.1),
+            differences.1 / duals.1
+        )
+    }
+}
+
+/// A panel with a curve for each name, and a line from quartile to quartile at each
+/// point; title and label of the errors are the caller's.
+pub(super) fn work_precision_panel(x_label: &str, methods: &[WorkPrecision], factor: f64) -> Panel {
+    let mut curves: Vec<Series> = Vec::new();
+    let mut bars = Vec::new();
+    for method in methods {
+        let (Some(error), Some(spread)) = (method.error, method.seconds) else { continue };
+        let Spread { lower, median, upper } = spread.scaled(factor);
+        let color = curves.iter().position(|curve| curve.name == method.name);
+        let color = color.unwrap_or_else(|| {
+            let (name, color) = (method.name.clone(), curves.len());
+            curves.push(Series { name, color, style: Style::Marked, points: Vec::new() });
+            color
+        });
+        curves[color].points.push((median, error));
+        bars.push(Series::unnamed(color, Style::Line, vec![(lower, error), (upper, error)]));
+    }
+    Panel {
+        x_label: x_label.into(),
+        x: Axis::Log,
+        y: Axis::Log,
+        legend: Legend::Middle,
+        series: bars.into_iter().chain(curves).collect(),
+        ..Panel::default()
+    }
+}

@@ -1,0 +1,121 @@
+//! Trajectories, and what is measured along them.
+
+use gyroceptron::flow::{ReferenceTrajectories, Trajectories};
+use gyroceptron::measure::{Milestone, departures, distances_along, drifts, level_set, milestones};
+use gyroceptron::system::{
+    AveragedOscillator, Counted, Hamiltonian, Oscillators, ParticleField, System,
+};
+
+/// Three states of two trajectories in a plane.
+fn example(changed: Option<(usize, f64)>) -> Trajectories {
+    let mut values: Vec<f64> = (0..12).map(f64::from).collect();
+    if let Some((index, value)) = changed {
+        values[index] = value;
+    }
+    Trajectories::new(values, 2, 2).expect("whole states")
+}
+
+#[test]
+fn states_are_where_a_rollout_puts_them() {
+    let trajectories = example(None);
+    assert_eq!((trajectories.states(), trajectories.count(), trajectories.dim()), (3, 2, 2));
+    assert_eq!(trajectories.state(1, 0), [4.0, 5.0]);
+    let second: Vec<_> = trajectories.of(1).collect();
+    assert_eq!(second, [[2.0, 3.0], [6.0, 7.0], [10.0, 11.0]]);
+    for (numbers, dim, count) in [(11, 2, 2), (12, 0, 2), (12, 2, 0), (0, 2, 2)] {
+        assert!(Trajectories::new(vec![0.0; numbers], dim, count).is_err(), "{numbers}");
+    }
+}
+
+#[test]
+fn departures_are_the_largest_and_the_last_distance() {
+    let reference = example(None);
+    // State 1 of trajectory 0 is off by 3 in q, the last of trajectory 1 by 2 in p.
+    let mut values = reference.values().to_vec();
+    values[4] += 3.0;
+    values[11] -= 2.0;
+    let moved = Trajectories::new(values, 2, 2).expect("whole states");
+    assert_eq!(distances_along(&moved, &reference, 0).collect::<Vec<_>>(), [0.0, 3.0, 0.0]);
+    let found = departures(&moved, &reference);
+    assert_eq!((found[0].largest, found[0].last), (3.0, 0.0));
+    assert_eq!((found[1].largest, found[1].last), (2.0, 2.0));
+    // A NaN, however early, is told; so is a missing state.
+    let broken = departures(&example(Some((4, f64::NAN))), &reference);
+    assert!(broken[0].largest.is_nan() && broken[0].last == 0.0);
+    assert!(!broken[1].largest.is_nan());
+    let short = Trajectories::new(reference.values()[..8].to_vec(), 2, 2).expect("whole states");
+    assert!(departures(&short, &reference).iter().all(|d| d.largest.is_nan()));
+}
+
+#[test]
+fn drifts_are_measured_from_the_start() {
+    let sum = |z: &[f64]| z[0] + z[1];
+    let found = drifts(&example(None), sum);
+    assert_eq!((found[0].initial, found[0].largest), (1.0, 16.0));
+    assert_eq!((found[1].initial, found[1].largest), (5.0, 16.0));
+    assert!(drifts(&example(Some((4, f64::NAN))), sum)[0].largest.is_nan());
+}
+
+#[test]
+fn milestones_are_passed_once() {
+    let history = [(0, 4e-2), (10, 5e-3), (20, 2e-2), (30, 3e-6), (40, 1e-7)];
+    let passed: Vec<_> =
+        milestones(&history).iter().map(|m| (m.level.log10().round(), m.iteration)).collect();
+    let expected = [(-2.0, 10), (-3.0, 30), (-4.0, 30), (-5.0, 30), (-6.0, 40), (-7.0, 40)];
+    assert_eq!(passed, expected);
+    assert_eq!(milestones(&[]), Vec::<Milestone>::new());
+    assert_eq!(milestones(&[(0, f64::NAN), (10, f64::NAN)]), []);
+    // An error of 0 passes a finite number of them.
+    assert!(milestones(&[(0, 1.0), (10, 0.0)]).len() < 40);
+}
+
+/// At ε = 0 the flow is known; at another ε, H is conserved; the states do not depend
+/// on how many are kept.
+#[test]
+fn reference_trajectories_follow_the_flow() {
+    let initial = [1.5, 0.3, 0.2, -0.4, 0.9, 1.2, 0.0, 0.1];
+    let system = System::Oscillators(Oscillators { epsilon: 0.0 });
+    let counted = Counted::new(&system);
+    let found = ReferenceTrajectories::of_flow(&counted, &initial, 0.7, 11).expect("converges");
+    assert!(found.error < 1e-13 && counted.vector_fields() > 0);
+    for m in 0..2 {
+        for (t, state) in found.trajectories.of(m).enumerate() {
+            let mut exact = found.trajectories.state(0, m).to_vec();
+            system.limiting_flow(&mut exact, 0.7 * t as f64);
+            for (a, b) in state.iter().zip(&exact) {
+                assert!((a - b).abs() < 1e-13, "{state:?} against {exact:?}");
+            }
+        }
+    }
+    let coupled = system.with_epsilon(0.1);
+    assert_eq!(coupled.epsilon(), 0.1);
+    let long = ReferenceTrajectories::of_flow(&coupled, &initial, 0.7, 21).expect("converges");
+    for drift in drifts(&long.trajectories, |z| coupled.energy(z)) {
+        assert!(drift.largest < 1e-13, "{drift:?}");
+    }
+    let short = ReferenceTrajectories::of_flow(&coupled, &initial, 0.7, 11).expect("converges");
+    assert_eq!(short.trajectories.values(), &long.trajectories.values()[..11 * 8]);
+    assert_ne!(short.trajectories, found.trajectories);
+}
+
+#[test]
+fn level_sets_keep_the_energy_and_close() {
+    let z = [1.5, 0.4, 0.0, 0.1];
+    let (averaged, start) = Oscillators::averaged(&z);
+    assert_eq!(averaged, AveragedOscillator::new(1.5));
+    assert_eq!(start, [0.4, 0.1]);
+    let points = level_set(&averaged, start, 0.02, 600).expect("converges");
+    assert_eq!((points.len(), points[0]), (601, (0.4, 0.1)));
+    let energy = averaged.energy(&start);
+    let mut back = f64::INFINITY;
+    for (t, (q, p)) in points.iter().enumerate() {
+        let drift = (averaged.energy(&[*q, *p]) - energy).abs();
+        assert!(drift < 1e-14, "{drift:e} at {t}");
+        if t > 100 {
+            back = back.min((q - 0.4).hypot(p - 0.1));
+        }
+    }
+    assert!(back < 0.02, "it does not come back: {back}");
+    let of_three = ParticleField::two_modes(0.01);
+    assert!(level_set(&of_three, start, 0.02, 600).is_err());
+}
