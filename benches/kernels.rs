@@ -6,11 +6,12 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use gyroceptron::layer::CircleAction;
-use gyroceptron::network::Direction;
 use gyroceptron::network::{
-    Architecture, GyroceptronShape, InitialWeights, Model, Rollout, Stream, map_jacobians,
+    Architecture, GyroceptronShape, InitialWeights, Model, Rollout, map_jacobians,
     map_jacobians_by_duals, map_points, rollout,
 };
+use gyroceptron::phase::Direction;
+use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Simd, tanh_sech2, tanh_sech2_of_all};
 use peak::{TANH_PRODUCTS, peak, share};
 use std::hint::black_box;

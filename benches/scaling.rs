@@ -9,9 +9,9 @@ use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{Spread, log_line};
 use gyroceptron::network::{
-    Architecture, GyroceptronShape, InitialWeights, Model, Rollout, Stream, map_jacobians_by_duals,
-    rollout,
+    Architecture, GyroceptronShape, InitialWeights, Model, Rollout, map_jacobians_by_duals, rollout,
 };
+use gyroceptron::random::Stream;
 use gyroceptron::train::{Loss, Objective};
 use peak_alloc::PeakAlloc;
 use std::hint::black_box;

@@ -21,7 +21,8 @@
 use criterion::{Criterion, Throughput, criterion_group};
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
-use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model, Stream};
+use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model};
+use gyroceptron::random::Stream;
 use gyroceptron::train::{Loss, Objective};
 use peak::{TANH_PRODUCTS, peak, share};
 use std::hint::black_box;

@@ -11,9 +11,8 @@ use gyroceptron::layer::{CircleAction, HenonLayer, layer_parameter_count};
 use gyroceptron::measure::{
     Conditioned, Measurable, RATIO_LIMIT, differing_components, inversion_ratio,
 };
-use gyroceptron::network::{
-    Architecture, Direction, GyroceptronShape, HenonNet, HenonShape, Model,
-};
+use gyroceptron::network::{Architecture, GyroceptronShape, HenonNet, HenonShape, Model};
+use gyroceptron::phase::Direction;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::parse;
 

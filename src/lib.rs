@@ -18,7 +18,8 @@
 //! use gyroceptron::flow::{Pairs, Window, sample};
 //! use gyroceptron::layer::CircleAction;
 //! use gyroceptron::measure::{CertificateOptions, certify};
-//! use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Stream};
+//! use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights};
+//! use gyroceptron::random::Stream;
 //! use gyroceptron::phase::Map;
 //! use gyroceptron::system::Oscillators;
 //! use gyroceptron::train::{Control, TrainingOptions, train};

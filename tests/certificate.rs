@@ -6,10 +6,9 @@ use gyroceptron::measure::{
     Certificate, CertificateOptions, Conditioned, Measurable, OneStep, Verdict, Walk, certify,
     certify_all, certify_map, inversion_ratio, jacobian, symplecticity_defect, symplecticity_ratio,
 };
-use gyroceptron::network::{
-    Architecture, Direction, GyroceptronShape, HenonShape, InitialWeights, Model, Stream,
-};
-use gyroceptron::phase::{Half, Map};
+use gyroceptron::network::{Architecture, GyroceptronShape, HenonShape, InitialWeights, Model};
+use gyroceptron::phase::{Direction, Half, Map};
+use gyroceptron::random::Stream;
 use gyroceptron::scalar::Elementary;
 
 const LIMIT: f64 = 10.0;

@@ -3,8 +3,9 @@
 use gyroceptron::layer::{
     CircleAction, HenonLayer, HenonMap, TanhPotential, TorusAction, Turn, layer_parameter_count,
 };
-use gyroceptron::network::{InitialWeights, Stream};
+use gyroceptron::network::InitialWeights;
 use gyroceptron::phase::Map;
+use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Scalar, Tracked, max_or_nan};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 

@@ -6,9 +6,9 @@
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
 use gyroceptron::network::{
-    Architecture, GyroceptronShape, InitialWeights, Rollout, Stream, map_jacobians_by_duals,
-    rollout,
+    Architecture, GyroceptronShape, InitialWeights, Rollout, map_jacobians_by_duals, rollout,
 };
+use gyroceptron::random::Stream;
 use gyroceptron::scalar::dual_variables_made;
 use gyroceptron::scene::{Event, Folder, Observer, Stage, parse, run};
 use gyroceptron::train::{Loss, Objective};

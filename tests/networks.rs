@@ -4,11 +4,11 @@ use gyroceptron::flow::Pairs;
 use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::measure::{Verdict, jacobian, jacobians_by_differences, laws};
 use gyroceptron::network::{
-    Architecture, Composition, Direction, Gyroceptron, GyroceptronShape, HenonNet, HenonShape,
-    InitialWeights, Model, Rollout, Stream, map_jacobians, map_jacobians_by_duals, map_points,
-    rollout,
+    Architecture, Composition, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights,
+    Model, Rollout, map_jacobians, map_jacobians_by_duals, map_points, rollout,
 };
-use gyroceptron::phase::Map;
+use gyroceptron::phase::{Direction, Map};
+use gyroceptron::random::Stream;
 use gyroceptron::scalar::{
     Dual, Real, Scalar, Simd, Tracked, max_or_nan, tanh_sech2, tanh_sech2_of_all,
 };

@@ -1,7 +1,7 @@
 //! The number layer against independent arithmetic.
 
 use astro_float::{BigFloat, Consts, RoundingMode};
-use gyroceptron::network::Stream;
+use gyroceptron::random::Stream;
 use gyroceptron::scalar::{
     DoubleDouble, Dual, Elementary, Lanes, Real, Scalar, Tracked, WIDTH, max_or_nan, tanh_sech2,
 };

@@ -3,7 +3,8 @@
 
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::io::{load_model, read_points, save_model, write_pairs, write_points};
-use gyroceptron::network::{Rollout, Stream, rollout};
+use gyroceptron::network::{Rollout, rollout};
+use gyroceptron::random::Stream;
 use gyroceptron::system::Oscillators;
 use serde_json::Value;
 use std::path::Path;
@@ -335,7 +336,7 @@ epsilon = 0.0
 [trajectories]
 epsilons = [0.0, 0.02, 0.1]
 steps = 400
-initial = [[1.5, 0.3, 0.0, 0.0], [0.9, 1.2, 0.0, 0.0]]
+initial = [[1.5, 0.3, 0.0, 0.0], [0.9, -0.8, 0.0, 0.0]]
 "#;
 
 #[test]
@@ -383,7 +384,7 @@ fn trajectories_are_drawn_and_measured() {
         ("epsilons = [0.0,", "epsilons = [nan,", "epsilons"),
         ("epsilons = [0.0, 0.02, 0.1]", "epsilons = []", "epsilons"),
         ("steps = 400", "steps = 0", "steps"),
-        ("[0.9, 1.2, 0.0, 0.0]]", "[0.9, 1.2, 0.0]]", "initial"),
+        ("[0.9, -0.8, 0.0, 0.0]]", "[0.9, 1.2, 0.0]]", "initial"),
         ("plots = [\"trajectories\"]", "plots = [\"portrait\"]", "trajectories"),
         ("flow_time = 0.2\n", "", "flow_time"),
         ("steps = 400", "steps = 400\nstep = 1", "`step`"),

@@ -4,7 +4,7 @@ use gyroceptron::Error;
 use gyroceptron::flow::{GaussLegendre, Integrator, Reference, Splitting, runge_kutta_4};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{Line, log_line, log_slope};
-use gyroceptron::network::Stream;
+use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Elementary, Real, Scalar, max_or_nan};
 use gyroceptron::system::{
     AveragedOscillator, FieldProfile, Hamiltonian, Oscillators, ParticleField, Splittable, System,

@@ -3,9 +3,10 @@
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::network::{
-    Architecture, Gyroceptron, GyroceptronShape, HenonShape, InitialWeights, Model, Stream,
+    Architecture, Gyroceptron, GyroceptronShape, HenonShape, InitialWeights, Model,
 };
 use gyroceptron::phase::Map;
+use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Dual, max_or_nan};
 use gyroceptron::system::Oscillators;
 use gyroceptron::train::{

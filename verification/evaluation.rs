@@ -25,7 +25,8 @@ fn holds() {
 
 #[test]
 fn threads_do_not_change_a_bit() {
-    use gyroceptron::network::{Direction, map_points};
+    use gyroceptron::network::map_points;
+    use gyroceptron::phase::Direction;
     use proptest::strategy::{Strategy, ValueTree};
     let mut runner = proptest::test_runner::TestRunner::deterministic();
     let case = wide(2, 8).new_tree(&mut runner).expect("a case").current();

@@ -9,10 +9,9 @@ use gyroceptron::measure::{
     disturbing_resonance, inversion_ratio, laws, nearest_resonance, settling_iterations,
     symplecticity_defect, symplecticity_ratio,
 };
-use gyroceptron::network::{
-    Architecture, Direction, GyroceptronShape, HenonShape, InitialWeights, Model, Stream,
-};
-use gyroceptron::phase::Map;
+use gyroceptron::network::{Architecture, GyroceptronShape, HenonShape, InitialWeights, Model};
+use gyroceptron::phase::{Direction, Map};
+use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Real, Scalar, max_or_nan, tanh_sech2};
 use gyroceptron::system::FieldProfile;
 use std::f64::consts::{PI, TAU};

@@ -8,8 +8,8 @@ use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
     Adjoint, Conditioned, ILL_CONDITIONED, Measurable, Row, Tally, Walk, laws,
 };
-use gyroceptron::network::{Direction, Gyroceptron, HenonShape, Model};
-use gyroceptron::phase::Map;
+use gyroceptron::network::{Gyroceptron, HenonShape, Model};
+use gyroceptron::phase::{Direction, Map};
 use gyroceptron::scalar::{Dual, Elementary, Scalar, Tracked, max_or_nan};
 use std::ops::{Add, Mul, Neg, Sub};
 use std::sync::OnceLock;

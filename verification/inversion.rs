@@ -6,7 +6,7 @@ use crate::suite;
 use crate::watched::{Watched, watched};
 use gyroceptron::layer::HenonMap;
 use gyroceptron::measure::{Measurable, Row, Tally, laws};
-use gyroceptron::network::Direction;
+use gyroceptron::phase::Direction;
 use std::sync::OnceLock;
 
 pub const STATED: usize = 2000;

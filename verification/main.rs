@@ -22,6 +22,7 @@ mod precision;
 mod report;
 mod samples;
 mod seeds;
+mod soundness;
 mod statistics;
 mod suite;
 mod symp_net;

@@ -1,7 +1,7 @@
 //! Gyroceptrons broken on purpose. Each has to be rejected by a law, and each
 //! law has to reject one.
 
-use crate::{adiabatic, gradients, precision, suite, tanh, tolerances};
+use crate::{adiabatic, gradients, precision, suite, symp_net, tanh, tolerances};
 use gyroceptron::layer::{
     CircleAction, HenonLayer, HenonMap, Kick, KickForm, Potential, TanhPotential,
     layer_parameter_count,
@@ -11,10 +11,8 @@ use gyroceptron::measure::{
     MeasuredSteps, NearlyPeriodic, Numbers, OneStep, Relation, Row, ThereAndBack, TrackedStep,
     Verdict, certify_family, laws, near_identity_generator, turn_steps,
 };
-use gyroceptron::network::{
-    Architecture, Direction, Gyroceptron, GyroceptronShape, InitialWeights, Model,
-};
-use gyroceptron::phase::{Half, Map};
+use gyroceptron::network::{Architecture, Gyroceptron, GyroceptronShape, InitialWeights, Model};
+use gyroceptron::phase::{Direction, Half, Map};
 use gyroceptron::scalar::{Dual, Over, Scalar, max_or_nan};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -90,10 +88,18 @@ pub enum Fault {
     TanhByExponential,
     /// A constant that is right to 1e-12 at every precision.
     ConstantTo12Digits,
+    /// A linear shear of a SympNet whose matrix is not symmetric, by 1e-9.
+    SkewModule,
+    /// All weights of a SympNet off by 1e-12 in the inverse only.
+    ModuleInverse,
+    /// The last point of a batch is left where it is by a SympNet.
+    ModuleBatchTail,
+    /// The pullback of a SympNet forgets the sign of one entry.
+    ModulePullback,
 }
 
 impl Fault {
-    const ALL: [Self; 34] = [
+    const ALL: [Self; 38] = [
         Self::MissingTranspose,
         Self::OwnHalf,
         Self::OuterWeights,
@@ -128,6 +134,10 @@ impl Fault {
         Self::SechByDifference,
         Self::TanhByExponential,
         Self::ConstantTo12Digits,
+        Self::SkewModule,
+        Self::ModuleInverse,
+        Self::ModuleBatchTail,
+        Self::ModulePullback,
     ];
 
     /// A map that is broken, rather than something beside it.
@@ -138,6 +148,10 @@ impl Fault {
                 | Self::SechByDifference
                 | Self::TanhByExponential
                 | Self::ConstantTo12Digits
+                | Self::SkewModule
+                | Self::ModuleInverse
+                | Self::ModuleBatchTail
+                | Self::ModulePullback
         )
     }
 }
@@ -681,6 +695,10 @@ fn rows_of(fault: Fault) -> Vec<Row> {
         Fault::SechByDifference => tanh::rows_of(tanh::by_difference),
         Fault::TanhByExponential => tanh::rows_of(tanh::by_exponentials),
         Fault::ConstantTo12Digits => precision::rows_of_mutant(),
+        Fault::SkewModule
+        | Fault::ModuleInverse
+        | Fault::ModuleBatchTail
+        | Fault::ModulePullback => symp_net::rows_of_mutant(fault),
         _ => map_rows(fault),
     }
 }

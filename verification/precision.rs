@@ -5,8 +5,9 @@
 use crate::{suite, tolerances};
 use gyroceptron::measure::{Conditioned, Measurable, Row, Tally, Walk};
 use gyroceptron::measure::{symplecticity_defect, symplecticity_scale};
-use gyroceptron::network::{Composition, Direction, HenonNet, HenonShape, InitialWeights, Stream};
-use gyroceptron::phase::Map;
+use gyroceptron::network::{Composition, HenonNet, HenonShape, InitialWeights};
+use gyroceptron::phase::{Direction, Map};
+use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Over, Real, Scalar, max_or_nan};
 use std::fmt::Write;
 use std::sync::OnceLock;

@@ -3,8 +3,9 @@
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::Samples;
 use gyroceptron::network::{
-    Architecture, Gyroceptron, GyroceptronShape, HenonShape, InitialWeights, Model, Stream,
+    Architecture, Gyroceptron, GyroceptronShape, HenonShape, InitialWeights, Model,
 };
+use gyroceptron::random::Stream;
 use proptest::prelude::*;
 use proptest::sample::select;
 use std::f64::consts::TAU;

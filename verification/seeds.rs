@@ -63,7 +63,7 @@ fn every_target_is_declared() {
 #[test]
 fn the_properties_can_fail() {
     use gyroceptron::measure::{Measurable, MeasuredSteps};
-    use gyroceptron::network::Direction;
+    use gyroceptron::phase::Direction;
     use gyroceptron::phase::Map;
     struct Forgetful(gyroceptron::network::Model);
     impl Map<f64> for Forgetful {

@@ -4,9 +4,9 @@
 use crate::{suite, tolerances};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{Measurable, Samples, Tally, laws};
-use gyroceptron::network::{
-    Architecture, Direction, GyroceptronShape, InitialWeights, Model, Stream,
-};
+use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model};
+use gyroceptron::phase::Direction;
+use gyroceptron::random::Stream;
 use rayon::prelude::*;
 use statrs::distribution::{Beta, ContinuousCDF};
 use std::f64::consts::TAU;

@@ -4,7 +4,7 @@
 use crate::tolerances;
 use astro_float::{BigFloat, Consts, RoundingMode};
 use gyroceptron::measure::{Conditioned, Row, Tally};
-use gyroceptron::network::Stream;
+use gyroceptron::random::Stream;
 use gyroceptron::scalar::{max_or_nan, tanh_sech2};
 use std::sync::OnceLock;
 

@@ -15,6 +15,15 @@ pub const RATIO: f64 = measure::RATIO_LIMIT;
 /// Bitwise laws count components that differ: there must be none.
 pub const COUNT: f64 = measure::COUNT_LIMIT;
 
+/// The upper decile of the ratios that are not 0, of each law with bounds that add the
+/// errors of steps as independent ones: 0.2 to 0.6. Limits of ratios are ten times the
+/// bounds, so that bounds which are a hundred times too large would hide weights that
+/// are wrong by 1e-10.
+pub const DEVIATION: f64 = measure::SOUND_DEVIATION;
+/// The law that shows the least has to show less than this: else a larger limit would
+/// do.
+pub const DEVIATION_NEEDED: f64 = 20.0 * DEVIATION;
+
 /// The median of ρ_S over the clean suite. T adds the scales of the errors in
 /// squares, as independent errors add, and an error is on average a third of
 /// its scale: some 0.3. Saturated neurons make no error at all and pull the

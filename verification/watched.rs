@@ -2,8 +2,7 @@
 //! from the run and not from a list.
 
 use gyroceptron::measure::{Layers, Measurable, MeasuredSteps, NearlyPeriodic};
-use gyroceptron::network::Direction;
-use gyroceptron::phase::Map;
+use gyroceptron::phase::{Direction, Map};
 use std::collections::BTreeSet;
 use std::ops::Deref;
 use std::sync::Mutex;

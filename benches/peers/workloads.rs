@@ -7,9 +7,10 @@
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
 use gyroceptron::network::{
-    Architecture, Composition, GyroceptronShape, InitialWeights, Model, Rollout, Stream,
-    map_jacobians, map_jacobians_by_duals, rollout,
+    Architecture, Composition, GyroceptronShape, InitialWeights, Model, Rollout, map_jacobians,
+    map_jacobians_by_duals, rollout,
 };
+use gyroceptron::random::Stream;
 use gyroceptron::train::{Loss, Objective};
 use std::error::Error;
 use std::hint::black_box;

@@ -16,8 +16,9 @@ use gyroceptron::io::{
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{CertificateOptions, certify, certify_all, disturbing_resonance};
 use gyroceptron::network::{
-    Architecture, GyroceptronShape, InitialWeights, Model, Rollout, Stream, rollout,
+    Architecture, GyroceptronShape, InitialWeights, Model, Rollout, rollout,
 };
+use gyroceptron::random::Stream;
 use gyroceptron::scene::findings::{Format, Table};
 use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{

@@ -3,7 +3,7 @@
 use super::Reference;
 use crate::digest;
 use crate::error::Error;
-use crate::network::Stream;
+use crate::random::Stream;
 use crate::scalar::{Kernel, Pack, WIDTH, max_or_nan, on_lanes};
 use crate::system::Hamiltonian;
 use rayon::prelude::*;

@@ -2,7 +2,8 @@
 
 use crate::error::Error;
 use crate::flow::{Pairs, Trajectories};
-use crate::network::{Composition, Direction, map_points};
+use crate::network::{Composition, map_points};
+use crate::phase::Direction;
 use crate::scalar::max_or_nan;
 use crate::system::Hamiltonian;
 use serde::{Deserialize, Serialize};

@@ -4,7 +4,8 @@ use super::laws::{self, Samples};
 use super::tally::{RATIO_LIMIT, Row, Tally, Verdict, merged};
 use super::{Measurable, NearlyPeriodic};
 use crate::error::Error;
-use crate::network::{Direction, Model};
+use crate::network::Model;
+use crate::phase::Direction;
 use crate::scalar::max_or_nan;
 use serde::{Deserialize, Serialize};
 

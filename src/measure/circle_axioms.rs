@@ -3,7 +3,7 @@
 use super::inversion::ILL_CONDITIONED;
 use super::{Conditioned, NearlyPeriodic, Walk};
 use crate::layer::CircleAction;
-use crate::network::Direction;
+use crate::phase::Direction;
 use crate::scalar::{Scalar, max_or_nan};
 use std::f64::consts::TAU;
 

@@ -2,7 +2,7 @@
 
 use super::measured_step::{AsMeasured, MeasuredPotential, MeasuredSteps, TrackedStep, turn_steps};
 use crate::layer::{HenonLayer, HenonMap, Kick, Turn};
-use crate::network::{Composition, Gyroceptron, HenonNet, Model, map_points};
+use crate::network::{Composition, Gyroceptron, HenonNet, Model, SympNet, map_points};
 use crate::phase::{Direction, Map};
 use crate::scalar::{Dual, Tracked};
 
@@ -127,6 +127,15 @@ impl Measurable for Gyroceptron<f64> {
         out.push((Direction::Forward, Box::new(rotation)));
         out.extend(forward_layers(Gyroceptron::layers(self)));
         out
+    }
+}
+
+impl Measurable for SympNet<f64> {
+    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
+        self.composition().measured_steps(direction)
+    }
+    fn move_points(&self, direction: Direction, points: &mut [f64]) {
+        self.composition().move_points(direction, points);
     }
 }
 

@@ -31,7 +31,7 @@ pub use adiabatic::{
     Line, Resonance, disturbing_resonance, invariant_drift, invariant_horizon, leading_invariant,
     log_line, log_slope, nearest_resonance, settling_iterations,
 };
-pub use adjoint::{Adjoint, adjoint_ratio};
+pub use adjoint::{Adjoint, RESOLVED, adjoint_ratio};
 pub use certificate::{
     Certificate, CertificateOptions, certify, certify_all, certify_family, certify_map,
 };
@@ -54,8 +54,8 @@ pub use relations::Relation;
 pub use rounding::{Walk, inverse_of_symplectic};
 pub use symplecticity::{symplecticity_defect, symplecticity_ratio, symplecticity_scale};
 pub use tally::{
-    COUNT_LIMIT, RATIO_LIMIT, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_MEDIAN, TESTABLE, Tally,
-    Verdict, merged,
+    COUNT_LIMIT, RATIO_LIMIT, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_DEVIATION, SOUND_MEDIAN,
+    TESTABLE, Tally, Verdict, merged,
 };
 pub use work_precision::{
     Comparison, FastestWithin, Method, Spread, TrajectoryMethods, WorkPrecision, fastest,

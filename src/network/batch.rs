@@ -228,14 +228,14 @@ pub fn rollout(
         run(&mut state, kept);
         return Ok(out);
     }
-    // Blocks keep their states apart for a while, then all are put in place.
+    // Each block keeps its states for a while, then all are put in place.
     let slab = SLAB.div_ceil(block).min(request.kept() - 1).max(1);
-    let mut apart = vec![0.0; slab * initial.len()];
+    let mut by_block = vec![0.0; slab * initial.len()];
     for kept in kept.chunks_mut(slab * initial.len()) {
         let times = kept.len() / initial.len();
-        let blocks = state.par_chunks_mut(block).zip(apart.par_chunks_mut(slab * block));
+        let blocks = state.par_chunks_mut(block).zip(by_block.par_chunks_mut(slab * block));
         blocks.for_each(|(points, kept)| run(points, &mut kept[..times * points.len()]));
-        for (number, together) in apart.chunks(slab * block).enumerate() {
+        for (number, together) in by_block.chunks(slab * block).enumerate() {
             let first = number * block;
             let size = block.min(initial.len() - first);
             for (states, state) in

@@ -4,7 +4,7 @@ use super::step::{Kind, Step, Visitor};
 use crate::error::Error;
 use crate::layer::{Shear, TorusAction, Turn};
 use crate::phase::{Direction, Map};
-use crate::scalar::{Over, Pack, Part, Real, Scalar};
+use crate::scalar::{Over, Pack, Real, Scalar, Task};
 use std::marker::PhantomData;
 use std::ops::Range;
 
@@ -64,7 +64,7 @@ impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Apply<'_, S> {
     type Output = ();
     #[inline(always)]
     fn visit(self, shear: impl Shear<P> + 'a) {
-        S::apart(OfEach { shear, work: self, parameters: PhantomData });
+        S::outlined(OfEach { shear, work: self, parameters: PhantomData });
     }
 }
 
@@ -75,7 +75,7 @@ struct OfEach<P, T, W> {
     parameters: PhantomData<P>,
 }
 
-impl<P: Scalar, S: Over<P>, T: Shear<P>> Part for OfEach<P, T, Apply<'_, S>> {
+impl<P: Scalar, S: Over<P>, T: Shear<P>> Task for OfEach<P, T, Apply<'_, S>> {
     #[inline(always)]
     fn run(self) {
         let Apply { z, scratch } = self.work;
@@ -96,11 +96,11 @@ impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Record<'_, S> {
     type Output = ();
     #[inline(always)]
     fn visit(self, shear: impl Shear<P> + 'a) {
-        S::apart(OfEach { shear, work: self, parameters: PhantomData });
+        S::outlined(OfEach { shear, work: self, parameters: PhantomData });
     }
 }
 
-impl<P: Scalar, S: Over<P>, T: Shear<P>> Part for OfEach<P, T, Record<'_, S>> {
+impl<P: Scalar, S: Over<P>, T: Shear<P>> Task for OfEach<P, T, Record<'_, S>> {
     #[inline(always)]
     fn run(self) {
         let Record { z, tape, scratch } = self.work;
@@ -123,11 +123,11 @@ impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Pull<'_, S> {
     type Output = ();
     #[inline(always)]
     fn visit(self, shear: impl Shear<P> + 'a) {
-        S::apart(OfEach { shear, work: self, parameters: PhantomData });
+        S::outlined(OfEach { shear, work: self, parameters: PhantomData });
     }
 }
 
-impl<P: Scalar, S: Over<P>, T: Shear<P>> Part for OfEach<P, T, Pull<'_, S>> {
+impl<P: Scalar, S: Over<P>, T: Shear<P>> Task for OfEach<P, T, Pull<'_, S>> {
     #[inline(always)]
     fn run(self) {
         let Pull { tape, z_bar, parameters_bar, scratch } = self.work;
@@ -149,11 +149,11 @@ impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Along<'_, S> {
     type Output = ();
     #[inline(always)]
     fn visit(self, shear: impl Shear<P> + 'a) {
-        S::apart(OfEach { shear, work: self, parameters: PhantomData });
+        S::outlined(OfEach { shear, work: self, parameters: PhantomData });
     }
 }
 
-impl<P: Scalar, S: Over<P>, T: Shear<P>> Part for OfEach<P, T, Along<'_, S>> {
+impl<P: Scalar, S: Over<P>, T: Shear<P>> Task for OfEach<P, T, Along<'_, S>> {
     #[inline(always)]
     fn run(self) {
         let Along { z, directions, scratch } = self.work;
@@ -172,11 +172,11 @@ impl<'a, P: Over<P>, V: Pack<P>> Visitor<'a, P> for Across<'_, P, V> {
     type Output = ();
     #[inline(always)]
     fn visit(self, shear: impl Shear<P> + 'a) {
-        V::apart(OfEach { shear, work: self, parameters: PhantomData });
+        V::outlined(OfEach { shear, work: self, parameters: PhantomData });
     }
 }
 
-impl<P: Over<P>, V: Pack<P>, T: Shear<P>> Part for OfEach<P, T, Across<'_, P, V>> {
+impl<P: Over<P>, V: Pack<P>, T: Shear<P>> Task for OfEach<P, T, Across<'_, P, V>> {
     #[inline(always)]
     fn run(self) {
         self.shear.apply_across::<V>(self.work.z, self.work.scratch);

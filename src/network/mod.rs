@@ -33,8 +33,5 @@ pub use model::{Architecture, Model};
 pub use step::{Kind, Step, Visitor};
 pub use symp_net::{SympNet, SympNetShape};
 
-pub use crate::phase::Direction;
-pub use crate::random::Stream;
-
 pub(crate) use batch::load;
 pub(crate) use composition::with_dof;

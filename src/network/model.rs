@@ -1,10 +1,9 @@
 //! A network in double precision with its architecture: what files hold.
 
-use super::{
-    Composition, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights, Stream,
-};
+use super::{Composition, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights};
 use crate::error::Error;
 use crate::phase::Map;
+use crate::random::Stream;
 use crate::scalar::Over;
 use serde::{Deserialize, Serialize};
 

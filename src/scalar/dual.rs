@@ -1,6 +1,6 @@
 //! Forward-mode dual numbers over any scalar.
 
-use super::{Elementary, Over, Part, Real, Scalar, over_itself};
+use super::{Elementary, Over, Real, Scalar, Task, over_itself};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// `re + Σ eps[k]·dₖ` with dₖdₗ = 0: a value and its derivatives in `N`
@@ -135,8 +135,8 @@ impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
         Self { re: self.re.mul_add(a.re, b.re), eps }
     }
     #[inline(always)]
-    fn apart(part: impl Part) {
-        S::apart(part);
+    fn outlined(task: impl Task) {
+        S::outlined(task);
     }
     #[inline(always)]
     fn tanh_sech2(self) -> (Self, Self) {

@@ -1,7 +1,7 @@
 //! Several points at once: SIMD lanes of `f64`.
 
 use super::tanh::{Lanewise, tanh_sech2_in_step};
-use super::{Pack, Part, Scalar, over_parameters, tanh_sech2};
+use super::{Pack, Scalar, Task, over_parameters, tanh_sech2};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// The number of lanes that the batch kernels work on, on every processor.
@@ -96,8 +96,8 @@ impl<const L: usize> Scalar for Lanes<L> {
         (t, s)
     }
     #[inline(always)]
-    fn apart(part: impl Part) {
-        run_apart(part);
+    fn outlined(task: impl Task) {
+        run_outlined(task);
     }
     fn unit_roundoff() -> f64 {
         f64::unit_roundoff()
@@ -123,8 +123,8 @@ fn fused<const L: usize>(x: Lanes<L>, a: Lanes<L>, b: Lanes<L>) -> Lanes<L> {
 
 #[cfg_attr(target_arch = "x86_64", inline(never))]
 #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
-fn run_apart(part: impl Part) {
-    part.run();
+fn run_outlined(task: impl Task) {
+    task.run();
 }
 
 over_parameters!([const L: usize] Lanes<L>);

@@ -32,8 +32,9 @@ pub use tracked::Tracked;
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A part of a computation: see [`Scalar::apart`].
-pub trait Part {
+/// A piece of work that is compiled as a function of its own: see
+/// [`Scalar::outlined`].
+pub trait Task {
     /// Does it. To be `#[inline(always)]`, with all that it calls for each number.
     fn run(self);
 }
@@ -81,11 +82,11 @@ pub trait Scalar:
         (t, s)
     }
 
-    /// Runs a part of a computation on such numbers: for vector registers as a
-    /// function of its own, in which the compiler gives all registers to the part.
+    /// Does a task on such numbers: for vector registers as a
+    /// function of its own, in which the compiler gives all registers to the task.
     #[inline(always)]
-    fn apart(part: impl Part) {
-        part.run();
+    fn outlined(task: impl Task) {
+        task.run();
     }
 
     /// Absolute value.

@@ -7,11 +7,11 @@
 //! is [`on_lanes`], which runs a kernel on them after the processor has been asked.
 //! A kernel gets them as a type parameter, works with their values on the thread
 //! it is called on, and cannot keep one: its output does not depend on the type.
-//! A part that a kernel runs apart is called through the register type that the kernel
+//! A task that a kernel has outlined is called through the register type that the kernel
 //! was given, and so on the same processor.
 
 use super::tanh::{Lanewise, tanh_sech2_in_step};
-use super::{Lanes, Over, Part, Scalar, WIDTH, over_parameters};
+use super::{Lanes, Over, Scalar, Task, WIDTH, over_parameters};
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -238,16 +238,16 @@ mod x86 {
 
     #[target_feature(enable = "avx2,fma")]
     #[inline(never)]
-    fn apart_avx2(part: impl Part) {
+    fn outlined_avx2(task: impl Task) {
         align_frame();
-        part.run();
+        task.run();
     }
 
     #[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512vl")]
     #[inline(never)]
-    fn apart_avx512(part: impl Part) {
+    fn outlined_avx512(task: impl Task) {
         align_frame();
-        part.run();
+        task.run();
     }
 
     #[target_feature(enable = "avx2,fma")]
@@ -327,9 +327,9 @@ mod x86 {
         }
         functions_of_registers!();
         #[inline(always)]
-        fn apart(part: impl Part) {
+        fn outlined(task: impl Task) {
             // SAFETY: see the module.
-            unsafe { apart_avx2(part) }
+            unsafe { outlined_avx2(task) }
         }
         #[inline(always)]
         fn is_zero(self) -> bool {
@@ -414,9 +414,9 @@ mod x86 {
         }
         functions_of_registers!();
         #[inline(always)]
-        fn apart(part: impl Part) {
+        fn outlined(task: impl Task) {
             // SAFETY: see the module.
-            unsafe { apart_avx512(part) }
+            unsafe { outlined_avx512(task) }
         }
         #[inline(always)]
         fn is_zero(self) -> bool {
@@ -510,8 +510,8 @@ mod x86 {
         both! { mul_add(a, b); abs(); }
         functions_of_registers!();
         #[inline(always)]
-        fn apart(part: impl Part) {
-            V::apart(part);
+        fn outlined(task: impl Task) {
+            V::outlined(task);
         }
         #[inline(always)]
         fn is_zero(self) -> bool {

@@ -2,7 +2,8 @@
 
 use crate::error::Error;
 use crate::flow::Pairs;
-use crate::network::{Composition, Direction, with_dof};
+use crate::network::{Composition, with_dof};
+use crate::phase::Direction;
 use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
 use crate::work;
 use rayon::prelude::*;

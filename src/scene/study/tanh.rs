@@ -4,7 +4,7 @@ use super::Study;
 use super::work_precision::{MOST_ROUNDS, error_cell, work_precision_panel};
 use crate::error::Error;
 use crate::measure::{Method, WorkPrecision, fastest, most_accurate, tanh_errors, work_precision};
-use crate::network::Stream;
+use crate::random::Stream;
 use crate::scalar::tanh_sech2_of_all;
 use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;

@@ -11,8 +11,9 @@ use crate::measure::{
     work_precision,
 };
 use crate::network::{
-    Composition, Direction, Model, map_jacobians, map_jacobians_by_duals, map_points, rollout,
+    Composition, Model, map_jacobians, map_jacobians_by_duals, map_points, rollout,
 };
+use crate::phase::Direction;
 use crate::scene::bibliography::{GAUSS_LEGENDRE, SPLITTINGS, YOSHIDA};
 use crate::scene::context::{Context, DataSets, Halt};
 use crate::scene::declaration::Scene;
