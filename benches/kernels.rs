@@ -13,7 +13,7 @@ use gyroceptron::network::{
 use gyroceptron::phase::Direction;
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Simd, tanh_sech2, tanh_sech2_of_all};
-use peak::{TANH_PRODUCTS, peak, share};
+use peak::{SECH2_PRODUCTS, TANH_PRODUCTS, peak, share};
 use std::hint::black_box;
 
 mod peak;
@@ -31,15 +31,15 @@ fn points(count: usize) -> Vec<f64> {
     (0..count).map(|_| stream.uniform(-1.5, 1.5)).collect()
 }
 
-/// Products of a neuron with n inputs: preactivation, tanh, weight, increments.
+/// Products of a neuron with n inputs: preactivation, sech², weight, increments.
 fn evaluation(n: f64) -> f64 {
-    TANH_PRODUCTS + 2.0 * n + 1.0
+    SECH2_PRODUCTS + 2.0 * n + 1.0
 }
 
-/// The same with 2n derivatives along: of the preactivation, sech², the weight and
-/// the increments.
+/// The same with 2n derivatives along: tanh, those of the preactivation, of sech²,
+/// of the weight and of the increments.
 fn derivatives(n: f64) -> f64 {
-    2.0 + 2.0 * n * (n + 1.0 + 1.0 + n)
+    TANH_PRODUCTS - SECH2_PRODUCTS + 2.0 + 2.0 * n * (n + 1.0 + 1.0 + n)
 }
 
 fn shares() {

@@ -276,7 +276,7 @@ fn error_against_run_time_is_reported() {
     // Those of the C library are of the machine.
     let tanh = &json["studies"]["tanh"];
     assert_eq!(tanh.as_array().expect("methods").len(), 3);
-    assert!(tanh[0]["tanh_ulps"].as_f64().expect("a number") < 1.0);
+    assert!(tanh[0]["tanh_ulps"].as_f64().expect("a number") < 3.0);
 
     let timings: Value = serde_json::from_slice(&read("one/timings.json")).expect("JSON");
     assert_eq!(timings["studies"]["tanh"].as_array().expect("methods").len(), 5);

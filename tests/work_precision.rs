@@ -223,7 +223,7 @@ fn tanh_errors_see_what_is_wrong() {
     let (mut t, mut s) = (x.clone(), x.clone());
     tanh_sech2_of_all(&x, &mut t, &mut s);
     let (ulps, relative) = tanh_errors(&x, &t, &s);
-    assert!(ulps > 0.3 && ulps < 1.0 && relative < 3e-16, "{ulps}, {relative:e}");
+    assert!(ulps > 0.3 && ulps < 3.0 && relative < 5e-16, "{ulps}, {relative:e}");
     // 1 − tanh² loses all its digits.
     for (s, t) in s.iter_mut().zip(&t) {
         *s = 1.0 - t * t;

@@ -72,8 +72,9 @@ impl Integrator {
     /// numbers each, at the times `interval`, 2·`interval`, … `kept`·`interval`,
     /// `steps` equal steps in each: an array (kept, M, 2n).
     ///
-    /// Each trajectory is moved alone, with the instructions that the processor
-    /// has, and several on all threads: the same bits on any of them.
+    /// Eight trajectories go together, one in each lane, and more on all threads: the
+    /// same bits as of each alone, on any processor. Gauss–Legendre moves one after
+    /// another, since each takes its own number of iterations.
     ///
     /// # Errors
     /// When there are no steps, points are not whole, the interval is not finite, the
@@ -96,10 +97,7 @@ impl Integrator {
 }
 
 /// Trajectories of one task, at most.
-const BLOCK: usize = 16;
-
-/// Small systems keep their state on the stack.
-const STACK: usize = 16;
+const BLOCK: usize = 4 * WIDTH;
 
 /// A method with what it knows before the first step.
 enum Prepared {
@@ -136,23 +134,24 @@ impl Request {
             _ => Prepared::RungeKutta4,
         };
         let points = initial.len() / dim;
-        let block = points.div_ceil(rayon::current_num_threads()).clamp(1, BLOCK) * dim;
+        let block = points.div_ceil(rayon::current_num_threads());
+        let block = block.next_multiple_of(WIDTH).clamp(WIDTH, BLOCK) * dim;
         let too_many =
             || Error::invalid("states to keep", format!("{kept} of {points} points"), "fewer");
         let size = initial.len().checked_mul(kept).ok_or_else(too_many)?;
-        let (mut apart, mut out) = (Vec::new(), Vec::new());
-        for space in [&mut apart, &mut out] {
+        let (mut by_block, mut out) = (Vec::new(), Vec::new());
+        for space in [&mut by_block, &mut out] {
             Vec::try_reserve_exact(space, size).map_err(|_| too_many())?;
         }
-        apart.resize(size, 0.0);
-        let tasks = initial.par_chunks(block).zip(apart.par_chunks_mut(block * kept));
+        by_block.resize(size, 0.0);
+        let tasks = initial.par_chunks(block).zip(by_block.par_chunks_mut(block * kept));
         tasks.try_for_each(|(initial, states)| {
             let prepared = &prepared;
             let task = Trajectories { prepared, system, interval, steps, kept, initial, states };
             on_lanes::<WIDTH, _>(task)
         })?;
         for t in 0..kept {
-            for own in apart.chunks_exact(kept * dim) {
+            for own in by_block.chunks_exact(kept * dim) {
                 out.extend_from_slice(&own[t * dim..(t + 1) * dim]);
             }
         }
@@ -160,8 +159,7 @@ impl Request {
     }
 }
 
-/// Some trajectories, one after another; a kernel for the fused multiply-adds,
-/// not for the lanes.
+/// The trajectories of a block of points.
 struct Trajectories<'a, H> {
     prepared: &'a Prepared,
     system: &'a H,
@@ -180,26 +178,34 @@ impl<H: Splittable> Kernel for Trajectories<'_, H> {
     fn run<V: Pack>(self) -> Result<(), Error> {
         let Self { prepared, system, interval, steps, kept, initial, states } = self;
         let dim = 2 * system.dof();
-        let mut stack = [0.0; STACK];
-        let mut heap;
-        let z = if dim <= STACK {
-            &mut stack[..dim]
-        } else {
-            heap = vec![0.0; dim];
-            &mut heap[..]
-        };
-        for (initial, states) in initial.chunks_exact(dim).zip(states.chunks_exact_mut(kept * dim))
-        {
-            z.copy_from_slice(initial);
-            for state in states.chunks_exact_mut(dim) {
-                match prepared {
-                    Prepared::Splitting(method) => method.take(system, z, steps),
-                    Prepared::GaussLegendre(method) => {
-                        method.integrate(system, z, interval, steps)?;
-                    }
-                    Prepared::RungeKutta4 => runge_kutta_4(system, z, interval, steps),
+        if let Prepared::GaussLegendre(method) = prepared {
+            let mut z = vec![0.0; dim];
+            let trajectories = states.chunks_exact_mut(kept * dim);
+            for (initial, states) in initial.chunks_exact(dim).zip(trajectories) {
+                z.copy_from_slice(initial);
+                for state in states.chunks_exact_mut(dim) {
+                    method.integrate(system, &mut z, interval, steps)?;
+                    state.copy_from_slice(&z);
                 }
-                state.copy_from_slice(z);
+            }
+            return Ok(());
+        }
+        let mut z = vec![V::zero(); dim];
+        let groups = states.chunks_mut(V::LANES * kept * dim);
+        for (initial, states) in initial.chunks(V::LANES * dim).zip(groups) {
+            crate::network::load(initial, dim, &mut z);
+            for number in 0..kept {
+                match prepared {
+                    Prepared::Splitting(method) => method.take(system, &mut z, steps),
+                    _ => runge_kutta_4(system, &mut z, interval, steps),
+                }
+                let mut column = [0.0; WIDTH];
+                for (component, lanes) in z.iter().enumerate() {
+                    lanes.store(&mut column[..V::LANES]);
+                    for (states, value) in states.chunks_exact_mut(kept * dim).zip(column) {
+                        states[number * dim + component] = value;
+                    }
+                }
             }
         }
         Ok(())

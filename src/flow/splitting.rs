@@ -1,7 +1,7 @@
 //! Symmetric splittings of H = H_A + εH_B.
 
 use crate::layer::Turn;
-use crate::scalar::{Over, Real};
+use crate::scalar::{Elementary, Over, Real};
 use crate::system::Splittable;
 
 /// A symmetric composition of the flows of the two parts,
@@ -126,26 +126,31 @@ impl Splitting {
     }
 }
 
-/// Steps of one size of a splitting: what they turn planes by is known before
-/// the first one.
+/// Steps of one size of a splitting, for states of any number over `P`: what they
+/// turn planes by is known before the first one.
 #[derive(Clone, Debug)]
-pub struct SplittingSteps<S> {
-    first: Turn<S>,
+pub struct SplittingSteps<P> {
+    first: Turn<P>,
     /// The last A of a step and the first of the next.
-    between: Turn<S>,
+    between: Turn<P>,
     /// The A after each B.
-    inner: Vec<Turn<S>>,
+    inner: Vec<Turn<P>>,
     /// The time of each B.
-    kicks: Vec<S>,
+    kicks: Vec<P>,
 }
 
-impl<S: Real + Over<S>> SplittingSteps<S> {
+impl<P: Real> SplittingSteps<P> {
     /// z ← `count` steps of z, 2n numbers, of the system that they are of.
     ///
     /// # Panics
     /// When z is not of 2n numbers.
     #[inline(always)]
-    pub fn take(&self, system: &impl Splittable, z: &mut [S], count: usize) {
+    pub fn take<S: Over<P> + Elementary>(
+        &self,
+        system: &impl Splittable,
+        z: &mut [S],
+        count: usize,
+    ) {
         assert!(z.len() == 2 * self.first.dof());
         if count == 0 {
             return;
@@ -154,7 +159,7 @@ impl<S: Real + Over<S>> SplittingSteps<S> {
         self.first.apply(z, false);
         for step in 0..count {
             for (i, (&time, turn)) in self.kicks.iter().zip(&self.inner).enumerate() {
-                system.flow_b(z, time);
+                system.flow_b(z, S::embed(time));
                 let last = i + 1 == self.inner.len();
                 let turn = if last && step + 1 < count { &self.between } else { turn };
                 turn.apply(z, false);

@@ -79,6 +79,44 @@ impl<P: Scalar, V> Kick<'_, P, V> {
     }
 }
 
+/// Points whose cotangents go back through a kick together.
+const TOGETHER: usize = 4;
+
+impl<P: Scalar, const D: usize> Kick<'_, P, TanhPotential<'_, P, D>> {
+    /// The adjoint at M recorded points.
+    #[inline(always)]
+    fn pull_together<S: Over<P>, const M: usize>(
+        &self,
+        tapes: &[S],
+        z_bars: &mut [S],
+        parameters_bar: &mut [S],
+    ) {
+        let tape_len = Shear::tape_len(self);
+        let tapes: [_; M] =
+            std::array::from_fn(|m| tapes[m * tape_len..(m + 1) * tape_len].split_at(D));
+        let z_bars: &mut [S] = &mut z_bars[..M * 2 * D];
+        let half = |half: Half, m: usize, i: usize| m * 2 * D + half.index(D, i);
+        let y: [[S; D]; M] = std::array::from_fn(|m| std::array::from_fn(|i| tapes[m].0[i]));
+        let u: [[S; D]; M] = std::array::from_fn(|m| {
+            std::array::from_fn(|i| z_bars[half(self.target, m, i)].times(self.scale))
+        });
+        let mut y_bar = [[S::zero(); D]; M];
+        let (potential_bar, eta_bar) = parameters_bar.split_at_mut(parameters_bar.len() - D);
+        let tapes = tapes.map(|(_, neurons)| neurons);
+        self.potential.pullback_together(&y, tapes, &u, &mut y_bar, potential_bar);
+        for m in 0..M {
+            for i in 0..D {
+                let source_bar = &mut z_bars[half(self.target.other(), m, i)];
+                let change = if self.reflect { -y_bar[m][i] } else { y_bar[m][i] };
+                *source_bar = *source_bar + change;
+                if self.shift.is_some() {
+                    eta_bar[i] = eta_bar[i] - y_bar[m][i];
+                }
+            }
+        }
+    }
+}
+
 impl<P: Scalar, const D: usize> Shear<P> for Kick<'_, P, TanhPotential<'_, P, D>> {
     #[inline(always)]
     fn dof(&self) -> usize {
@@ -145,6 +183,33 @@ impl<P: Scalar, const D: usize> Shear<P> for Kick<'_, P, TanhPotential<'_, P, D>
             if self.shift.is_some() {
                 eta_bar[i] = eta_bar[i] - y_bar[i];
             }
+        }
+    }
+
+    #[inline(always)]
+    fn pull_each<S: Over<P>>(
+        &self,
+        tapes: &[S],
+        z_bars: &mut [S],
+        parameters_bar: &mut [S],
+        scratch: &mut [S],
+    ) {
+        if self.is_identity() {
+            return;
+        }
+        let (dim, tape_len) = (2 * self.potential.n(), Shear::tape_len(self));
+        let points = z_bars.len() / dim;
+        // How many go together; where n is not known at compile time, none do.
+        let together = if D > 0 { points / TOGETHER * TOGETHER } else { 0 };
+        let (tapes, tapes_left) = tapes.split_at(together * tape_len);
+        let (z_bars, z_bars_left) = z_bars.split_at_mut(together * dim);
+        let groups = tapes.chunks_exact(TOGETHER * tape_len);
+        for (z_bars, tapes) in z_bars.chunks_exact_mut(TOGETHER * dim).zip(groups) {
+            self.pull_together::<S, TOGETHER>(tapes, z_bars, parameters_bar);
+        }
+        let tapes = tapes_left.chunks_exact(tape_len);
+        for (z_bar, tape) in z_bars_left.chunks_exact_mut(dim).zip(tapes) {
+            self.pull(tape, z_bar, parameters_bar, scratch);
         }
     }
 

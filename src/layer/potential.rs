@@ -187,40 +187,6 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
             }
         });
     }
-
-    #[inline(always)]
-    fn pullback_of<S: Over<P>>(
-        &self,
-        y: &[S],
-        tape: &[S],
-        u: &[S],
-        y_bar: &mut [S],
-        parameters_bar: &mut [S],
-    ) {
-        let (n, h) = (self.n(), self.width());
-        let (w_bar, rest) = parameters_bar.split_at_mut(n * h);
-        let (b_bar, w_out_bar) = rest.split_at_mut(h);
-        let (b_bar, w_out_bar, w_out) = (&mut b_bar[..h], &mut w_out_bar[..h], &self.w_out[..h]);
-        y_bar.fill(S::zero());
-        for (j, slot) in tape[..2 * h].chunks_exact(2).enumerate() {
-            let (t, s) = (slot[0], slot[1]);
-            // r = (Wᵀu)ⱼ, so that u·∇V = Σⱼ wⱼ sⱼ rⱼ.
-            let mut r = S::zero();
-            for i in 0..n {
-                r = u[i].mul_add_parameter(self.w_in[i * h + j], r);
-            }
-            let ws = s.times(w_out[j]);
-            let sr = s * r;
-            w_out_bar[j] = w_out_bar[j] + sr;
-            let z_bar = S::from_f64(-2.0) * t * (ws * r);
-            b_bar[j] = b_bar[j] + z_bar;
-            for i in 0..n {
-                let entry = &mut w_bar[i * h + j];
-                *entry = ws.mul_add(u[i], z_bar.mul_add(y[i], *entry));
-                y_bar[i] = z_bar.mul_add_parameter(self.w_in[i * h + j], y_bar[i]);
-            }
-        }
-    }
 }
 
 /// The parameters of K neurons, taken out before anything is computed with them:
@@ -330,7 +296,9 @@ impl<P: Copy, const D: usize> TanhPotential<'_, P, D> {
     pub(super) fn gradient_recording<S: Over<P>>(&self, y: &[S], out: &mut [S], tape: &mut [S]) {
         in_registers!(self.n(), D, [y], out => self.gradient_of_recording(y, out, tape));
     }
+}
 
+impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
     /// The adjoint of (y, parameters) ↦ ∇V(y): for the cotangent `u` of the
     /// gradient, `y_bar` ← V″(y)u and `parameters_bar` += ∂(u·∇V)/∂parameters.
     #[inline(always)]
@@ -345,5 +313,99 @@ impl<P: Copy, const D: usize> TanhPotential<'_, P, D> {
         in_registers!(self.n(), D, [y, u], y_bar => {
             self.pullback_of(y, tape, u, y_bar, parameters_bar);
         });
+    }
+
+    #[inline(always)]
+    fn pullback_of<S: Over<P>>(
+        &self,
+        y: &[S],
+        tape: &[S],
+        u: &[S],
+        y_bar: &mut [S],
+        parameters_bar: &mut [S],
+    ) {
+        let (n, h) = (self.n(), self.width());
+        let (w_bar, rest) = parameters_bar.split_at_mut(n * h);
+        let (b_bar, w_out_bar) = rest.split_at_mut(h);
+        let (b_bar, w_out_bar, w_out) = (&mut b_bar[..h], &mut w_out_bar[..h], &self.w_out[..h]);
+        y_bar.fill(S::zero());
+        for (j, activation) in tape[..2 * h].as_chunks().0.iter().enumerate() {
+            // r = (Wᵀu)ⱼ, so that u·∇V = Σⱼ wⱼ sⱼ rⱼ.
+            let mut r = S::zero();
+            for i in 0..n {
+                r = u[i].mul_add_parameter(self.w_in[i * h + j], r);
+            }
+            let bar = NeuronCotangent::of(activation, r, w_out[j]);
+            w_out_bar[j] = w_out_bar[j] + bar.w_out;
+            b_bar[j] = b_bar[j] + bar.z;
+            for i in 0..n {
+                let entry = &mut w_bar[i * h + j];
+                *entry = bar.c.mul_add(u[i], bar.z.mul_add(y[i], *entry));
+                y_bar[i] = bar.z.mul_add_parameter(self.w_in[i * h + j], y_bar[i]);
+            }
+        }
+    }
+
+    /// [`TanhPotential::pullback`] at M points, for n known at compile time: the same
+    /// bits as of one after another. What belongs to a neuron is loaded and stored
+    /// once for all of them.
+    #[inline(always)]
+    pub(super) fn pullback_together<S: Over<P>, const M: usize>(
+        &self,
+        y: &[[S; D]; M],
+        tapes: [&[S]; M],
+        u: &[[S; D]; M],
+        y_bar: &mut [[S; D]; M],
+        parameters_bar: &mut [S],
+    ) {
+        let h = self.width();
+        let (w_bar, rest) = parameters_bar.split_at_mut(D * h);
+        let (b_bar, w_out_bar) = rest.split_at_mut(h);
+        let (b_bar, w_out_bar, w_out) = (&mut b_bar[..h], &mut w_out_bar[..h], &self.w_out[..h]);
+        let tapes = tapes.map(|tape| &tape.as_chunks().0[..h]);
+        for j in 0..h {
+            let w_in: [P; D] = std::array::from_fn(|i| self.w_in[i * h + j]);
+            let mut w_in_bar: [S; D] = std::array::from_fn(|i| w_bar[i * h + j]);
+            let (mut b, mut w) = (b_bar[j], w_out_bar[j]);
+            for m in 0..M {
+                let mut r = S::zero();
+                for i in 0..D {
+                    r = u[m][i].mul_add_parameter(w_in[i], r);
+                }
+                let bar = NeuronCotangent::of(&tapes[m][j], r, w_out[j]);
+                w = w + bar.w_out;
+                b = b + bar.z;
+                for i in 0..D {
+                    w_in_bar[i] = bar.c.mul_add(u[m][i], bar.z.mul_add(y[m][i], w_in_bar[i]));
+                    y_bar[m][i] = bar.z.mul_add_parameter(w_in[i], y_bar[m][i]);
+                }
+            }
+            (b_bar[j], w_out_bar[j]) = (b, w);
+            for i in 0..D {
+                w_bar[i * h + j] = w_in_bar[i];
+            }
+        }
+    }
+}
+
+/// The cotangents within one neuron of u·∇V = Σⱼ wⱼ sⱼ rⱼ, r = Wᵀu.
+struct NeuronCotangent<S> {
+    /// s r, that of w.
+    w_out: S,
+    /// w s, the factor of u in that of W.
+    c: S,
+    /// −2 w t s r, that of the preactivation.
+    z: S,
+}
+
+impl<S: Scalar> NeuronCotangent<S> {
+    #[inline(always)]
+    fn of<P: Scalar>(&[t, s]: &[S; 2], r: S, weight: P) -> Self
+    where
+        S: Over<P>,
+    {
+        let w_out = s * r;
+        let z = t * w_out.times(P::from_f64(-2.0) * weight);
+        Self { w_out, c: s.times(weight), z }
     }
 }

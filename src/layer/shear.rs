@@ -53,6 +53,22 @@ pub trait Shear<P: Scalar>: Copy {
         scratch: &mut [S],
     );
 
+    /// [`Shear::pull`] at several recorded points, whose tapes and cotangents stand
+    /// after one another: the same bits as of each in turn.
+    #[inline(always)]
+    fn pull_each<S: Over<P>>(
+        &self,
+        tapes: &[S],
+        z_bars: &mut [S],
+        parameters_bar: &mut [S],
+        scratch: &mut [S],
+    ) {
+        let tapes = tapes.chunks_exact(self.tape_len());
+        for (z_bar, tape) in z_bars.chunks_exact_mut(2 * self.dof()).zip(tapes) {
+            self.pull(tape, z_bar, parameters_bar, scratch);
+        }
+    }
+
     /// z ← the step of z, and each of `directions`, 2n numbers after one another,
     /// ← the derivative of the step along it. `scratch` holds at least 2n + n²
     /// numbers.

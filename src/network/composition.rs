@@ -131,10 +131,7 @@ impl<P: Scalar, S: Over<P>, T: Shear<P>> Task for OfEach<P, T, Pull<'_, S>> {
     #[inline(always)]
     fn run(self) {
         let Pull { tape, z_bar, parameters_bar, scratch } = self.work;
-        let tapes = tape.chunks_exact(self.shear.tape_len());
-        for (z_bar, tape) in z_bar.chunks_exact_mut(2 * self.shear.dof()).zip(tapes) {
-            self.shear.pull(tape, z_bar, parameters_bar, scratch);
-        }
+        self.shear.pull_each(tape, z_bar, parameters_bar, scratch);
     }
 }
 

@@ -170,6 +170,10 @@ impl Elementary for DoubleDouble {
         let half = libm::trunc(k / 2.0);
         sum.scaled(libm::exp2(half)).scaled(libm::exp2(k - half))
     }
+
+    fn zero_with(self, factor: Self) -> Self {
+        if factor.is_zero() { Self::zero() } else { self }
+    }
 }
 
 impl Real for DoubleDouble {

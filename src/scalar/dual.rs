@@ -180,7 +180,19 @@ impl<S: Elementary, const N: usize> Elementary for Dual<S, N> {
     #[inline]
     fn exp(self) -> Self {
         let e = self.re.exp();
-        if e.is_zero() { Self::constant(e) } else { self.chain(e, e) }
+        let mut out = self.chain(e, e);
+        out.eps = out.eps.map(|slope| slope.zero_with(e));
+        out
+    }
+    #[inline]
+    fn zero_with(self, factor: Self) -> Self {
+        let mut out = self;
+        out.re = self.re.zero_with(factor.re);
+        for (slope, factor_slope) in out.eps.iter_mut().zip(factor.eps) {
+            // (factor·other)′ is 0 where the factor is, with its derivative.
+            *slope = slope.zero_with(factor.re.abs() + factor_slope.abs());
+        }
+        out
     }
 }
 

@@ -1,7 +1,7 @@
 //! `f64` and `f32` as scalars.
 
-use super::tanh::Lanewise;
-use super::{Elementary, Over, Real, Scalar, over_itself, tanh_sech2};
+use super::lanewise::Lanewise;
+use super::{Elementary, Over, Real, Scalar, over_itself, simd, tanh_sech2};
 
 impl Scalar for f64 {
     #[inline(always)]
@@ -44,28 +44,47 @@ impl Lanewise for f64 {
         f64::from_bits(self.to_bits() << 52)
     }
     #[inline(always)]
-    fn times_four_powers(self, power: Self) -> Self {
-        let exponent = power.to_bits().wrapping_sub(1021 << 52);
-        f64::from_bits(self.to_bits().wrapping_add(exponent))
+    fn bit_as_sign<const BIT: u32>(self) -> Self {
+        f64::from_bits(self.to_bits() << (63 - BIT))
     }
     #[inline(always)]
     fn select_above(self, limit: f64, above: Self, otherwise: Self) -> Self {
         if self > limit { above } else { otherwise }
     }
     #[inline(always)]
+    fn select_negative(self, negative: Self, otherwise: Self) -> Self {
+        if self.is_sign_negative() { negative } else { otherwise }
+    }
+    #[inline(always)]
+    fn any_above(self, limit: f64) -> bool {
+        self > limit
+    }
+    #[inline(always)]
+    fn one_by_one(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self) {
+        f(self)
+    }
+    #[inline(always)]
     fn with_sign_of(self, sign: Self) -> Self {
         self.copysign(sign)
+    }
+    #[inline(always)]
+    fn negated_where(self, sign: Self) -> Self {
+        f64::from_bits(self.to_bits() ^ (sign.to_bits() & (1 << 63)))
     }
 }
 
 impl Elementary for f64 {
-    #[inline]
+    #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
-        libm::sincos(self)
+        simd::sin_cos(self)
     }
-    #[inline]
+    #[inline(always)]
     fn exp(self) -> Self {
-        libm::exp(self)
+        simd::exp(self)
+    }
+    #[inline(always)]
+    fn zero_with(self, factor: Self) -> Self {
+        if factor == 0.0 { 0.0 } else { self }
     }
 }
 
@@ -76,7 +95,7 @@ impl Real for f64 {
     }
 }
 
-/// Single precision. tanh and sech² are those of `f64`, rounded.
+/// Single precision. The elementary functions are those of `f64`, rounded.
 impl Scalar for f32 {
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
@@ -107,12 +126,16 @@ impl Scalar for f32 {
 impl Elementary for f32 {
     #[inline]
     fn sin_cos(self) -> (Self, Self) {
-        let (s, c) = libm::sincos(f64::from(self));
+        let (s, c) = simd::sin_cos(f64::from(self));
         (s as f32, c as f32)
     }
     #[inline]
     fn exp(self) -> Self {
-        libm::exp(f64::from(self)) as f32
+        simd::exp(f64::from(self)) as f32
+    }
+    #[inline]
+    fn zero_with(self, factor: Self) -> Self {
+        if factor == 0.0 { 0.0 } else { self }
     }
 }
 

@@ -1,7 +1,8 @@
 //! Several points at once: SIMD lanes of `f64`.
 
-use super::tanh::{Lanewise, tanh_sech2_in_step};
-use super::{Pack, Scalar, Task, over_parameters, tanh_sech2};
+use super::lanewise::{Lanewise, zero_lanes_with};
+use super::tanh::tanh_sech2_in_step;
+use super::{Elementary, Pack, Scalar, Task, over_parameters, simd};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// The number of lanes that the batch kernels work on, on every processor.
@@ -88,10 +89,8 @@ impl<const L: usize> Scalar for Lanes<L> {
             return tanh_sech2_in_step(x);
         }
         let (mut t, mut s) = (x, x);
-        for (t, s) in t.iter_mut().zip(&mut s) {
-            for (t, s) in t.0.iter_mut().zip(&mut s.0) {
-                (*t, *s) = tanh_sech2(*t);
-            }
+        for k in 0..K {
+            (t[k], s[k]) = x[k].one_by_one(simd::tanh_sech2);
         }
         (t, s)
     }
@@ -109,6 +108,21 @@ impl<const L: usize> Scalar for Lanes<L> {
     #[inline(always)]
     fn is_zero(self) -> bool {
         self.0.iter().all(|value| *value == 0.0)
+    }
+}
+
+impl<const L: usize> Elementary for Lanes<L> {
+    #[inline(always)]
+    fn sin_cos(self) -> (Self, Self) {
+        if CALLS { self.one_by_one(simd::sin_cos) } else { super::sin_cos::sin_cos(self) }
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        if CALLS { self.each(simd::exp) } else { super::exp::exp(self) }
+    }
+    #[inline(always)]
+    fn zero_with(self, factor: Self) -> Self {
+        zero_lanes_with(self, factor)
     }
 }
 
@@ -143,16 +157,36 @@ impl<const L: usize> Lanewise for Lanes<L> {
         self.each(Lanewise::power_of_low_bits)
     }
     #[inline(always)]
-    fn times_four_powers(self, power: Self) -> Self {
-        self.zip(power, power, |x, power, _| x.times_four_powers(power))
+    fn bit_as_sign<const BIT: u32>(self) -> Self {
+        self.each(Lanewise::bit_as_sign::<BIT>)
     }
     #[inline(always)]
     fn select_above(self, limit: f64, above: Self, otherwise: Self) -> Self {
         self.zip(above, otherwise, |x, above, otherwise| x.select_above(limit, above, otherwise))
     }
     #[inline(always)]
+    fn select_negative(self, negative: Self, otherwise: Self) -> Self {
+        self.zip(negative, otherwise, Lanewise::select_negative)
+    }
+    #[inline(always)]
+    fn any_above(self, limit: f64) -> bool {
+        self.0.iter().any(|lane| *lane > limit)
+    }
+    #[inline(always)]
+    fn one_by_one(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self) {
+        let mut out = (self, self);
+        for i in 0..L {
+            (out.0.0[i], out.1.0[i]) = f(self.0[i]);
+        }
+        out
+    }
+    #[inline(always)]
     fn with_sign_of(self, sign: Self) -> Self {
         self.zip(sign, sign, |x, sign, _| x.with_sign_of(sign))
+    }
+    #[inline(always)]
+    fn negated_where(self, sign: Self) -> Self {
+        self.zip(sign, sign, |x, sign, _| x.negated_where(sign))
     }
 }
 

@@ -15,10 +15,13 @@
 
 mod double_double;
 mod dual;
+mod exp;
 mod float;
 mod lanes;
+mod lanewise;
 #[allow(unsafe_code)]
 mod simd;
+mod sin_cos;
 mod tanh;
 mod tracked;
 
@@ -123,6 +126,8 @@ pub trait Elementary: Scalar {
     fn sin_cos(self) -> (Self, Self);
     /// eˣ.
     fn exp(self) -> Self;
+    /// self, and zero wherever `factor` is zero: a product in which 0·∞ is 0.
+    fn zero_with(self, factor: Self) -> Self;
 }
 
 /// A number with one real part, on which code may branch.

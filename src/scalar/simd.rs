@@ -10,8 +10,9 @@
 //! A task that a kernel has outlined is called through the register type that the kernel
 //! was given, and so on the same processor.
 
-use super::tanh::{Lanewise, tanh_sech2_in_step};
-use super::{Lanes, Over, Scalar, Task, WIDTH, over_parameters};
+use super::lanewise::{Lanewise, zero_lanes_with};
+use super::tanh::tanh_sech2_in_step;
+use super::{Elementary, Lanes, Over, Scalar, Task, WIDTH, over_parameters};
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -141,19 +142,47 @@ pub(crate) fn on_lanes<const L: usize, K: Kernel>(kernel: K) -> K::Output {
     }
 }
 
+/// The elementary functions of one `f64`, compiled for where they are called.
+mod one {
+    use super::*;
+
+    #[inline(always)]
+    pub(super) fn tanh_sech2(x: f64) -> (f64, f64) {
+        let ([t], [s]) = tanh_sech2_in_step([x]);
+        (t, s)
+    }
+
+    pub(super) use crate::scalar::exp::exp;
+    pub(super) use crate::scalar::sin_cos::sin_cos;
+}
+
+/// A function of [`one`] with the processor's fused multiply-adds, if it has them.
+macro_rules! on_one {
+    ($function:ident, $x:expr) => {{
+        #[cfg(target_arch = "x86_64")]
+        if Simd::current() > Simd::Portable {
+            // SAFETY: the processor has AVX2 and fused multiply-adds.
+            return unsafe { x86::$function($x) };
+        }
+        one::$function($x)
+    }};
+}
+
 /// `(tanh x, sech² x)`, sharing their exponential.
 ///
-/// tanh errs by less than 1 ulp everywhere, sech² by less than 3e-16 relative up to
+/// tanh errs by less than 3 ulp everywhere, sech² by less than 5e-16 relative up to
 /// |x| = 354, beyond which it is 0. NaN gives NaN, ±∞ gives (±1, 0). Every
 /// instruction set gives the same bits.
 pub fn tanh_sech2(x: f64) -> (f64, f64) {
-    #[cfg(target_arch = "x86_64")]
-    if Simd::current() > Simd::Portable {
-        // SAFETY: the processor has fused multiply-adds, which are all that is asked for.
-        return unsafe { x86::tanh_sech2(x) };
-    }
-    let ([t], [s]) = tanh_sech2_in_step([x]);
-    (t, s)
+    on_one!(tanh_sech2, x)
+}
+
+pub(super) fn sin_cos(x: f64) -> (f64, f64) {
+    on_one!(sin_cos, x)
+}
+
+pub(super) fn exp(x: f64) -> f64 {
+    on_one!(exp, x)
 }
 
 /// `tanh[i]`, `sech2[i]` ← [`tanh_sech2`]`(x[i])`, the same bits, on the widest vector registers there are.
@@ -250,10 +279,18 @@ mod x86 {
         task.run();
     }
 
-    #[target_feature(enable = "avx2,fma")]
-    pub(super) fn tanh_sech2(x: f64) -> (f64, f64) {
-        let ([t], [s]) = tanh_sech2_in_step([x]);
-        (t, s)
+    macro_rules! with_fused_multiply_add {
+        ($($function:ident -> $output:ty;)*) => {
+            $(#[target_feature(enable = "avx2,fma")]
+            pub(super) fn $function(x: f64) -> $output {
+                one::$function(x)
+            })*
+        };
+    }
+    with_fused_multiply_add! {
+        tanh_sech2 -> (f64, f64);
+        sin_cos -> (f64, f64);
+        exp -> f64;
     }
 
     /// What all registers implement of [`Scalar`] in the same way.
@@ -274,6 +311,37 @@ mod x86 {
                 f64::unit_roundoff()
             }
         };
+    }
+
+    macro_rules! elementary_functions {
+        ([$($generics:tt)*] $register:ty) => {
+            impl<$($generics)*> Elementary for $register {
+                #[inline(always)]
+                fn sin_cos(self) -> (Self, Self) {
+                    crate::scalar::sin_cos::sin_cos(self)
+                }
+                #[inline(always)]
+                fn exp(self) -> Self {
+                    crate::scalar::exp::exp(self)
+                }
+                #[inline(always)]
+                fn zero_with(self, factor: Self) -> Self {
+                    zero_lanes_with(self, factor)
+                }
+            }
+        };
+    }
+
+    /// [`Lanewise::one_by_one`] of a register.
+    #[inline(always)]
+    fn each_lane<V: Pack>(x: V, f: impl Fn(f64) -> (f64, f64)) -> (V, V) {
+        let mut all = [0.0; WIDTH];
+        x.store(&mut all[..V::LANES]);
+        let mut out = (all, all);
+        for (i, &x) in all[..V::LANES].iter().enumerate() {
+            (out.0[i], out.1[i]) = f(x);
+        }
+        (V::load(&out.0[..V::LANES]), V::load(&out.1[..V::LANES]))
     }
 
     /// A method of the register by an intrinsic of the same operands.
@@ -345,14 +413,34 @@ mod x86 {
             negative_mul_add(self, a, b) = _mm256_fnmadd_pd(self.0, a.0, b.0);
             power_of_low_bits(self) =
                 _mm256_castsi256_pd(_mm256_slli_epi64::<52>(_mm256_castpd_si256(self.0)));
-            times_four_powers(self, power) = _mm256_castsi256_pd(_mm256_add_epi64(
-                _mm256_castpd_si256(self.0),
-                _mm256_sub_epi64(_mm256_castpd_si256(power.0), _mm256_set1_epi64x(1021 << 52)),
-            ));
+            select_negative(self, negative, otherwise) =
+                _mm256_blendv_pd(otherwise.0, negative.0, self.0);
             with_sign_of(self, sign) = _mm256_or_pd(
                 _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0),
                 _mm256_and_pd(_mm256_set1_pd(-0.0), sign.0),
             );
+            negated_where(self, sign) =
+                _mm256_xor_pd(self.0, _mm256_and_pd(_mm256_set1_pd(-0.0), sign.0));
+        }
+        #[inline(always)]
+        fn bit_as_sign<const BIT: u32>(self) -> Self {
+            // SAFETY: see the module.
+            Self(unsafe {
+                let count = _mm_cvtsi32_si128(63 - BIT as i32);
+                _mm256_castsi256_pd(_mm256_sll_epi64(_mm256_castpd_si256(self.0), count))
+            })
+        }
+        #[inline(always)]
+        fn any_above(self, limit: f64) -> bool {
+            // SAFETY: see the module.
+            unsafe {
+                let above = _mm256_cmp_pd::<_CMP_GT_OQ>(self.0, _mm256_set1_pd(limit));
+                _mm256_movemask_pd(above) != 0
+            }
+        }
+        #[inline(always)]
+        fn one_by_one(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self) {
+            each_lane(self, f)
         }
         #[inline(always)]
         fn at_most(self, most: f64) -> Self {
@@ -369,6 +457,7 @@ mod x86 {
         }
     }
 
+    elementary_functions!([] Ymm);
     over_parameters!([] Ymm);
 
     impl Pack for Ymm {
@@ -430,16 +519,36 @@ mod x86 {
             negative_mul_add(self, a, b) = _mm512_fnmadd_pd(self.0, a.0, b.0);
             power_of_low_bits(self) =
                 _mm512_castsi512_pd(_mm512_slli_epi64::<52>(_mm512_castpd_si512(self.0)));
-            times_four_powers(self, power) = _mm512_castsi512_pd(_mm512_add_epi64(
-                _mm512_castpd_si512(self.0),
-                _mm512_sub_epi64(_mm512_castpd_si512(power.0), _mm512_set1_epi64(1021 << 52)),
-            ));
+            select_negative(self, negative, otherwise) = _mm512_mask_mov_pd(
+                otherwise.0,
+                _mm512_movepi64_mask(_mm512_castpd_si512(self.0)),
+                negative.0,
+            );
+            negated_where(self, sign) =
+                _mm512_xor_pd(self.0, _mm512_and_pd(_mm512_set1_pd(-0.0), sign.0));
             // The bits of self where the mask is set, else those of `sign`.
             with_sign_of(self, sign) = _mm512_castsi512_pd(_mm512_ternarylogic_epi64::<0xe4>(
                 _mm512_castpd_si512(self.0),
                 _mm512_castpd_si512(sign.0),
                 _mm512_set1_epi64(i64::MAX),
             ));
+        }
+        #[inline(always)]
+        fn bit_as_sign<const BIT: u32>(self) -> Self {
+            // SAFETY: see the module.
+            Self(unsafe {
+                let count = _mm_cvtsi32_si128(63 - BIT as i32);
+                _mm512_castsi512_pd(_mm512_sll_epi64(_mm512_castpd_si512(self.0), count))
+            })
+        }
+        #[inline(always)]
+        fn any_above(self, limit: f64) -> bool {
+            // SAFETY: see the module.
+            unsafe { _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0, _mm512_set1_pd(limit)) != 0 }
+        }
+        #[inline(always)]
+        fn one_by_one(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self) {
+            each_lane(self, f)
         }
         #[inline(always)]
         fn at_most(self, most: f64) -> Self {
@@ -456,6 +565,7 @@ mod x86 {
         }
     }
 
+    elementary_functions!([] Zmm);
     over_parameters!([] Zmm);
 
     impl Pack for Zmm {
@@ -523,8 +633,21 @@ mod x86 {
         both! {
             negative_mul_add(a, b);
             power_of_low_bits();
-            times_four_powers(power);
+            select_negative(negative, otherwise);
             with_sign_of(sign);
+            negated_where(sign);
+        }
+        #[inline(always)]
+        fn bit_as_sign<const BIT: u32>(self) -> Self {
+            Self(self.0.bit_as_sign::<BIT>(), self.1.bit_as_sign::<BIT>())
+        }
+        #[inline(always)]
+        fn any_above(self, limit: f64) -> bool {
+            self.0.any_above(limit) || self.1.any_above(limit)
+        }
+        #[inline(always)]
+        fn one_by_one(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self) {
+            each_lane(self, f)
         }
         #[inline(always)]
         fn at_most(self, most: f64) -> Self {
@@ -539,6 +662,7 @@ mod x86 {
         }
     }
 
+    elementary_functions!([V: Pack] Pair<V>);
     over_parameters!([V: Pack] Pair<V>);
 
     impl<V: Pack> Pack for Pair<V> {

@@ -51,12 +51,8 @@ impl FieldProfile {
             }
             Self::Gaussian { amplitude, rate } => {
                 let value = S::from_f64(amplitude) * (S::from_f64(-rate) * x * x).exp();
-                // The exponential wins over any Q: 0·∞ is 0 here.
-                if value.is_zero() {
-                    (S::zero(), S::zero())
-                } else {
-                    (value, S::from_f64(-2.0 * rate) * x * value)
-                }
+                // The exponential wins over any Q.
+                (value, (S::from_f64(-2.0 * rate) * x * value).zero_with(value))
             }
         }
     }

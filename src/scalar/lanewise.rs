@@ -1,0 +1,51 @@
+//! What the elementary functions ask of a number besides arithmetic.
+
+use super::Elementary;
+
+/// A number every lane of which is an `f64`, whose bits the elementary functions
+/// work on: they are written once, for `f64` and for all registers.
+pub trait Lanewise: Elementary {
+    /// −self·a + b, rounded once.
+    fn negative_mul_add(self, a: Self, b: Self) -> Self;
+
+    /// The smaller of a lane and `most`; NaN stays.
+    fn at_most(self, most: f64) -> Self;
+
+    /// The number whose exponent field stands in the lowest bits of self.
+    fn power_of_low_bits(self) -> Self;
+
+    /// A number that is negative (−0 included) where this bit of self is set;
+    /// bit 0 is the lowest.
+    fn bit_as_sign<const BIT: u32>(self) -> Self;
+
+    /// In each lane `above` where self > `limit`, else `otherwise`.
+    fn select_above(self, limit: f64, above: Self, otherwise: Self) -> Self;
+
+    /// In each lane `negative` where self has a minus sign, else `otherwise`.
+    fn select_negative(self, negative: Self, otherwise: Self) -> Self;
+
+    /// Whether a lane is above `limit`; no NaN is.
+    fn any_above(self, limit: f64) -> bool;
+
+    /// `f` of one lane after another.
+    fn one_by_one(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self);
+
+    /// The magnitude of self with the sign of `sign`.
+    fn with_sign_of(self, sign: Self) -> Self;
+
+    /// self, negated where `sign` has a minus sign.
+    fn negated_where(self, sign: Self) -> Self;
+}
+
+/// Adding it rounds a number below 2⁵¹ to an integer, which is then in the low bits.
+pub(super) const ROUND: f64 = 6_755_399_441_055_744.0;
+
+/// The exponent field of 1.
+pub(super) const BIAS: f64 = 1023.0;
+
+/// [`Elementary::zero_with`] of lanes.
+#[inline(always)]
+pub(super) fn zero_lanes_with<V: Lanewise>(x: V, factor: V) -> V {
+    const LEAST: f64 = f64::from_bits(1);
+    (-factor.abs()).select_above(-LEAST, V::zero(), x)
+}
