@@ -112,6 +112,7 @@ fn level_sets_keep_the_energy_and_close() {
         let drift = (averaged.energy(&[*q, *p]) - energy).abs();
         assert!(drift < 1e-14, "{drift:e} at {t}");
         if t > 100 {
+            // no NaN: the energy of the point is a number
             back = back.min((q - 0.4).hypot(p - 0.1));
         }
     }

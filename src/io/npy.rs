@@ -37,6 +37,9 @@ impl Array {
     }
 }
 
+/// Appends the numbers that bytes stand for.
+type Decode = fn(&[u8], &mut Vec<f64>);
+
 /// Reads an array of float64 or float32 of at most two dimensions from a source of
 /// `size` bytes; `place` names it in errors. What follows the array is left unread.
 ///
@@ -46,7 +49,7 @@ pub(super) fn read_array(place: &str, source: &mut impl Read, size: u64) -> Resu
     let text = header_text(source).map_err(malformed)?;
     let header = Header::parse(&text).map_err(malformed)?;
     let Header { descr, fortran_order, shape } = header;
-    let (bytes, decode): (usize, fn(&[u8], &mut Vec<f64>)) = match descr {
+    let (bytes, decode): (usize, Decode) = match descr {
         "<f8" => (8, |b, v| v.extend(b.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)))),
         ">f8" => (8, |b, v| v.extend(b.as_chunks().0.iter().map(|b| f64::from_be_bytes(*b)))),
         "<f4" => {
