@@ -22,7 +22,7 @@ pub struct Step {
 }
 
 /// The kinds of step. A new one is a [`Shear`] in a file of `layer/`, a variant
-/// here and an arm of [`Composition::bind`].
+/// here and an arm of `Composition::bind`.
 #[derive(Clone, Debug)]
 pub enum Kind {
     /// A kick of a Hénon layer.
