@@ -96,11 +96,14 @@ impl<P: Scalar, const D: usize> Kick<'_, P, TanhPotential<'_, P, D>> {
             std::array::from_fn(|m| tapes[m * tape_len..(m + 1) * tape_len].split_at(D));
         let z_bars: &mut [S] = &mut z_bars[..M * 2 * D];
         let half = |half: Half, m: usize, i: usize| m * 2 * D + half.index(D, i);
-        let y: [[S; D]; M] = std::array::from_fn(|m| std::array::from_fn(|i| tapes[m].0[i]));
-        let u: [[S; D]; M] = std::array::from_fn(|m| {
-            std::array::from_fn(|i| z_bars[half(self.target, m, i)].times(self.scale))
-        });
-        let mut y_bar = [[S::zero(); D]; M];
+        let mut y = [[S::zero(); D]; M];
+        let (mut u, mut y_bar) = (y, y);
+        for m in 0..M {
+            for i in 0..D {
+                y[m][i] = tapes[m].0[i];
+                u[m][i] = z_bars[half(self.target, m, i)].times(self.scale);
+            }
+        }
         let (potential_bar, eta_bar) = parameters_bar.split_at_mut(parameters_bar.len() - D);
         let tapes = tapes.map(|(_, neurons)| neurons);
         self.potential.pullback_together(&y, tapes, &u, &mut y_bar, potential_bar);
