@@ -101,8 +101,8 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
 
     /// K neurons from j on.
     #[inline(always)]
-    fn neurons<const K: usize>(&self, j: usize) -> Neurons<'_, P, K, D> {
-        let k_of = |row: &[P]| row[j..j + K].try_into().expect("K of them");
+    fn neurons<const K: usize>(&self, j: usize) -> Neurons<'a, P, K, D> {
+        let k_of = |row: &'a [P]| row[j..j + K].first_chunk().expect("K of them");
         let h = self.width();
         Neurons {
             w_in: std::array::from_fn(|i| k_of(&self.w_in[i * h..(i + 1) * h])),
@@ -189,27 +189,28 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
     }
 }
 
-/// The parameters of K neurons, taken out before anything is computed with them:
-/// a check of a bound between two computations would keep them from going in step.
+/// The parameters of K neurons, found before anything is computed with them: a check
+/// of a bound between two computations would keep them from going in step. Seen by
+/// reference, so that a register is filled straight from memory.
 struct Neurons<'a, P, const K: usize, const D: usize> {
     /// K columns of W, row by row, where the number of rows is known.
-    w_in: [[P; K]; D],
-    b_in: [P; K],
-    w_out: [P; K],
+    w_in: [&'a [P; K]; D],
+    b_in: &'a [P; K],
+    w_out: &'a [P; K],
     /// W, the length of its rows, and the first of the columns.
     all: &'a [P],
     row: usize,
     first: usize,
 }
 
-impl<P: Copy, const K: usize, const D: usize> Neurons<'_, P, K, D> {
+impl<'a, P: Copy, const K: usize, const D: usize> Neurons<'a, P, K, D> {
     #[inline(always)]
-    fn row(&self, i: usize) -> [P; K] {
+    fn row(&self, i: usize) -> &'a [P; K] {
         if D > 0 {
             return self.w_in[i];
         }
         let first = i * self.row + self.first;
-        self.all[first..first + K].try_into().expect("K of them")
+        self.all[first..first + K].first_chunk().expect("K of them")
     }
 
     /// Wᵀy + b.
