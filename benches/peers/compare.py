@@ -45,6 +45,8 @@ class Process:
         )
 
     def ask(self, line):
+        # Threads of the other process that wait for work keep a core busy for a while.
+        time.sleep(0.2)
         self.process.stdin.write(line + "\n")
         self.process.stdin.flush()
         answer = self.process.stdout.readline()

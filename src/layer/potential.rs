@@ -1,6 +1,6 @@
 //! Potentials V(y) and what their gradients and adjoints need.
 
-use crate::scalar::{Over, Pack, Scalar, WIDTH};
+use crate::scalar::{Over, Pack, Scalar};
 
 /// A potential V: ℝⁿ → ℝ, seen through its gradient.
 ///
@@ -29,11 +29,11 @@ pub struct TanhPotential<'a, P, const D: usize = 0> {
 /// Runs `$body` on copies of the n inputs and of the n outputs whose number the
 /// compiler knows (unless `$D` is 0), so that it keeps them in registers.
 macro_rules! in_registers {
-    ($n:expr, $D:ident, [$($input:ident),*], $out:ident => $body:expr) => {
+    ($number:ident, $n:expr, $D:ident, [$($input:ident),*], $out:ident => $body:expr) => {
         if $D > 0 {
             let slice = $out;
-            $(let $input: &[S; $D] = &std::array::from_fn(|i| $input[i]);)*
-            let $out = &mut [S::zero(); $D];
+            $(let $input: &[_; $D] = &std::array::from_fn(|i| $input[i]);)*
+            let $out = &mut [$number::zero(); $D];
             $body;
             slice[..$D].copy_from_slice($out);
         } else {
@@ -168,24 +168,35 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
         hessian: &mut [S],
     ) {
         let n = self.n();
-        let (y, out, hessian) = (&y[..n], &mut out[..n], &mut hessian[..n * n]);
-        out.fill(S::zero());
-        hessian.fill(S::zero());
-        for_neurons!(self.width(), j, K => {
-            let neurons = self.neurons::<K>(j);
-            let (t, s) = S::tanh_sech2_each(neurons.preactivations(y));
-            neurons.accumulate(s, out);
-            for k in 0..K {
-                let d = S::from_f64(-2.0) * t[k] * s[k].times(neurons.w_out[k]);
-                for row in 0..n {
-                    let d = d.times(neurons.row(row)[k]);
-                    for column in 0..n {
-                        let entry = &mut hessian[row * n + column];
-                        *entry = d.mul_add_parameter(neurons.row(column)[k], *entry);
+        let mut in_registers = [[S::zero(); D]; D];
+        let entries = if D > 0 { in_registers.as_flattened_mut() } else { &mut hessian[..n * n] };
+        in_registers!(S, n, D, [y], out => {
+            out.fill(S::zero());
+            entries.fill(S::zero());
+            for_neurons!(self.width(), j, K => {
+                let neurons = self.neurons::<K>(j);
+                let (t, s) = S::tanh_sech2_each(neurons.preactivations(y));
+                neurons.accumulate(s, out);
+                for k in 0..K {
+                    let d = S::from_f64(-2.0) * t[k] * s[k].times(neurons.w_out[k]);
+                    for row in 0..n {
+                        let d = d.times(neurons.row(row)[k]);
+                        for column in row..n {
+                            let entry = &mut entries[row * n + column];
+                            *entry = d.mul_add_parameter(neurons.row(column)[k], *entry);
+                        }
                     }
                 }
-            }
+            });
         });
+        for row in 0..n {
+            for column in 0..row {
+                entries[row * n + column] = entries[column * n + row];
+            }
+        }
+        if D > 0 {
+            hessian[..n * n].copy_from_slice(in_registers.as_flattened());
+        }
     }
 }
 
@@ -229,7 +240,8 @@ impl<'a, P: Copy, const K: usize, const D: usize> Neurons<'a, P, K, D> {
         z
     }
 
-    /// out += Σₖ W_{·k} wₖ sₖ, in the order of the neurons.
+    /// out += Σₖ W_{·k} wₖ sₖ, as [`Pack::sum_of_products`] sums: two short chains
+    /// of results rather than a long one.
     #[inline(always)]
     fn accumulate<S: Over<P>>(&self, s: [S; K], out: &mut [S]) {
         let mut c = s;
@@ -238,37 +250,40 @@ impl<'a, P: Copy, const K: usize, const D: usize> Neurons<'a, P, K, D> {
         }
         for (i, out) in out.iter_mut().enumerate() {
             let w_in = self.row(i);
+            let mut sums = [*out; 2];
             for k in 0..K {
-                *out = c[k].mul_add_parameter(w_in[k], *out);
+                sums[k % 2] = match k {
+                    1 => c[k].times(w_in[k]),
+                    _ => c[k].mul_add_parameter(w_in[k], sums[k % 2]),
+                };
             }
+            *out = if K == 1 { sums[0] } else { sums[0] + sums[1] };
         }
     }
 }
 
 impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
-    /// ∇V at one point, with a neuron in each lane: the same bits as
+    /// ∇V at one point, with a neuron in each of the four lanes: the same bits as
     /// [`Potential::gradient`].
     #[inline(always)]
-    pub(super) fn gradient_across<V: Pack<P>>(&self, y: &[P], out: &mut [P]) {
-        let (n, h) = (self.n(), self.width());
-        let (y, out) = (&y[..n], &mut out[..n]);
-        out.fill(P::zero());
-        let mut c = [P::zero(); WIDTH];
-        for j in (0..h).step_by(V::LANES) {
-            let end = h.min(j + V::LANES);
-            let mut z = V::load_part(&self.b_in[j..end]);
-            for i in 0..n {
-                let w_in = V::load_part(&self.w_in[i * h + j..i * h + end]);
-                z = V::splat(y[i]).mul_add(w_in, z);
-            }
-            let weighted = z.sech2() * V::load_part(&self.w_out[j..end]);
-            weighted.store(&mut c[..V::LANES]);
-            for i in 0..n {
-                for (c, &w_in) in c.iter().zip(&self.w_in[i * h + j..i * h + end]) {
-                    out[i] = c.mul_add(w_in, out[i]);
+    pub(super) fn gradient_across<V: Pack<P>>(&self, y: &[P], out: &mut [P])
+    where
+        P: Over<P>,
+    {
+        in_registers!(P, self.n(), D, [y], out => {
+            out.fill(P::zero());
+            for_neurons!(self.width(), j, K => {
+                let neurons = self.neurons::<K>(j);
+                let mut z = V::load_part(neurons.b_in);
+                for (i, &y) in y.iter().enumerate() {
+                    z = V::splat(y).mul_add(V::load_part(neurons.row(i)), z);
                 }
-            }
-        }
+                let c = z.sech2() * V::load_part(neurons.w_out);
+                for (i, out) in out.iter_mut().enumerate() {
+                    *out = c.sum_of_products(V::load_part(neurons.row(i)), *out);
+                }
+            });
+        });
     }
 }
 
@@ -280,7 +295,7 @@ impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, 
 
     #[inline(always)]
     fn gradient(&self, y: &[S], out: &mut [S]) {
-        in_registers!(self.n(), D, [y], out => self.gradient_of(y, out));
+        in_registers!(S, self.n(), D, [y], out => self.gradient_of(y, out));
     }
 }
 
@@ -295,7 +310,7 @@ impl<P: Copy, const D: usize> TanhPotential<'_, P, D> {
     /// `out` ← ∇V(y), filling `tape` for the pullback.
     #[inline(always)]
     pub(super) fn gradient_recording<S: Over<P>>(&self, y: &[S], out: &mut [S], tape: &mut [S]) {
-        in_registers!(self.n(), D, [y], out => self.gradient_of_recording(y, out, tape));
+        in_registers!(S, self.n(), D, [y], out => self.gradient_of_recording(y, out, tape));
     }
 }
 
@@ -311,7 +326,7 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
         y_bar: &mut [S],
         parameters_bar: &mut [S],
     ) {
-        in_registers!(self.n(), D, [y, u], y_bar => {
+        in_registers!(S, self.n(), D, [y, u], y_bar => {
             self.pullback_of(y, tape, u, y_bar, parameters_bar);
         });
     }

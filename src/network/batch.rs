@@ -14,6 +14,9 @@ const BLOCK: usize = 32 * WIDTH;
 /// are awaited, the processor has the others.
 const TOGETHER: usize = 4;
 
+/// Neurons of one point in the lanes.
+const NEURONS: usize = 4;
+
 /// Numbers that a block keeps before they are put in their place.
 const SLAB: usize = 1 << 16;
 
@@ -75,11 +78,6 @@ impl Kernel for MapBlock<'_> {
     fn run<V: Pack>(self) {
         let Self { map, direction, points } = self;
         let dim = 2 * map.dof();
-        if points.len() == dim {
-            let mut scratch = vec![0.0; dim];
-            with_dof!(V, map.dof(), D => map.apply_across::<V, D>(direction, points, &mut scratch));
-            return;
-        }
         let mut lanes = vec![V::zero(); TOGETHER * dim];
         let mut scratch = vec![V::zero(); dim];
         for groups in points.chunks_mut(TOGETHER * V::LANES * dim) {
@@ -107,18 +105,6 @@ impl Kernel for Trajectories<'_> {
     fn run<V: Pack>(self) {
         let Self { map, every, points, kept } = self;
         let (dim, size) = (2 * map.dof(), points.len());
-        if size == dim {
-            // The neurons of a layer are all that can go together.
-            let mut scratch = vec![0.0; dim];
-            for state in kept.chunks_exact_mut(size) {
-                for _ in 0..every {
-                    with_dof!(V, map.dof(), D => map.apply_across::<V, D>(
-                        Direction::Forward, points, &mut scratch));
-                }
-                state.copy_from_slice(points);
-            }
-            return;
-        }
         let mut lanes = vec![V::zero(); TOGETHER * dim];
         let mut scratch = vec![V::zero(); dim];
         let together = TOGETHER * V::LANES * dim;
@@ -134,6 +120,34 @@ impl Kernel for Trajectories<'_> {
                 store_groups(lanes, dim, &mut state[first..first + groups.len()]);
             }
             store_groups(lanes, dim, groups);
+        }
+    }
+}
+
+/// The neurons of a layer are all that can go together of a single trajectory: one
+/// in each of the lanes. Four rather than eight, whose division takes longer.
+struct SingleTrajectory<'a> {
+    map: &'a Composition<f64>,
+    direction: Direction,
+    every: usize,
+    /// Where it starts, and where it ends.
+    point: &'a mut [f64],
+    kept: &'a mut [f64],
+}
+
+impl Kernel for SingleTrajectory<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Pack>(self) {
+        let Self { map, direction, every, point, kept } = self;
+        let mut scratch = vec![0.0; point.len()];
+        for state in kept.chunks_exact_mut(point.len()) {
+            for _ in 0..every {
+                with_dof!(V, map.dof(), D => map.apply_across::<V, D>(
+                    direction, point, &mut scratch));
+            }
+            state.copy_from_slice(point);
         }
     }
 }
@@ -154,6 +168,11 @@ pub fn map_points(
     check_points(points, dim)?;
     points.par_chunks_mut(block_size(points.len() / dim) * dim).for_each(|points| {
         work::count(work::Kind::Evaluation, points.len() / dim);
+        if points.len() == dim {
+            let kept = &mut points.to_vec();
+            let single = SingleTrajectory { map, direction, every: 1, point: points, kept };
+            return on_lanes::<NEURONS, _>(single);
+        }
         on_lanes::<WIDTH, _>(MapBlock { map, direction, points });
     });
     Ok(())
@@ -218,6 +237,11 @@ pub fn rollout(
     let every = request.every;
     let run = |points: &mut [f64], kept: &mut [f64]| {
         work::count(work::Kind::Evaluation, kept.len() / dim * every);
+        if points.len() == dim {
+            let direction = Direction::Forward;
+            let single = SingleTrajectory { map, direction, every, point: points, kept };
+            return on_lanes::<NEURONS, _>(single);
+        }
         on_lanes::<WIDTH, _>(Trajectories { map, every, points, kept });
     };
     let kept = &mut out[initial.len()..];

@@ -27,6 +27,16 @@ pub trait Pack<P: Scalar = f64>: Lanewise + Over<P> {
     /// `values` ← the lanes.
     fn store(self, values: &mut [P]);
 
+    /// Of the first four lanes ((first + c₀w₀) + c₂w₂) + (c₁w₁ + c₃w₃), all but c₁w₁
+    /// fused with their sums: two short chains of results rather than a long one.
+    #[inline(always)]
+    fn sum_of_products(self, weights: Self, first: P) -> P {
+        let (mut c, mut w) = ([P::zero(); WIDTH], [P::zero(); WIDTH]);
+        self.store(&mut c[..Self::LANES]);
+        weights.store(&mut w[..Self::LANES]);
+        c[2].mul_add(w[2], c[0].mul_add(w[0], first)) + c[3].mul_add(w[3], c[1] * w[1])
+    }
+
     /// The same number in every lane.
     #[inline(always)]
     fn splat(value: P) -> Self {
@@ -462,6 +472,23 @@ mod x86 {
 
     impl Pack for Ymm {
         const LANES: usize = 4;
+        #[inline(always)]
+        fn sum_of_products(self, weights: Self, first: f64) -> f64 {
+            // SAFETY: see the module.
+            unsafe {
+                let front = _mm_fmadd_pd(
+                    _mm256_castpd256_pd128(self.0),
+                    _mm256_castpd256_pd128(weights.0),
+                    _mm_set_sd(first),
+                );
+                let sums = _mm_fmadd_pd(
+                    _mm256_extractf128_pd::<1>(self.0),
+                    _mm256_extractf128_pd::<1>(weights.0),
+                    front,
+                );
+                _mm_cvtsd_f64(_mm_add_sd(sums, _mm_unpackhi_pd(sums, sums)))
+            }
+        }
         #[inline(always)]
         fn load(values: &[f64]) -> Self {
             let values: &[f64; 4] = values.try_into().expect("four lanes");

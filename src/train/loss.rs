@@ -48,8 +48,11 @@ impl Loss {
 /// are, and with them the order of all sums.
 const TOGETHER: usize = 4;
 
-/// Pairs of one task, fixed for the same reason.
+/// Pairs whose sums are taken together, fixed for the same reason.
 const BLOCK: usize = 128 * WIDTH;
+
+/// Tasks for each thread, so that all end at about the same time.
+const TASKS: usize = 4;
 
 /// The loss of a composition on a set of pairs.
 ///
@@ -72,21 +75,24 @@ impl<'a> Objective<'a> {
         Ok(Self { weights: loss.component_weights(pairs.dof())?, pairs })
     }
 
+    /// The kernels give a result for each block. A task is several blocks, if there
+    /// are enough for all threads: working space is made once for a task.
     fn block_results<T: Send>(
         &self,
         map: &Composition<f64>,
         kind: work::Kind,
-        f: impl Fn(Block<'_>) -> T + Sync,
+        f: impl Fn(Blocks<'_>) -> Vec<T> + Sync,
     ) -> Vec<T> {
         let dim = 2 * self.pairs.dof();
-        let size = BLOCK * dim;
+        let blocks = self.pairs.len().div_ceil(BLOCK);
+        let task = (blocks / (TASKS * rayon::current_num_threads())).max(1) * BLOCK * dim;
         self.pairs
             .input()
-            .par_chunks(size)
-            .zip(self.pairs.output().par_chunks(size))
-            .map(|(input, output)| {
+            .par_chunks(task)
+            .zip(self.pairs.output().par_chunks(task))
+            .flat_map_iter(|(input, output)| {
                 work::count(kind, input.len() / dim);
-                f(Block { map, weights: &self.weights, input, output })
+                f(Blocks { map, weights: &self.weights, input, output })
             })
             .collect()
     }
@@ -96,7 +102,7 @@ impl<'a> Objective<'a> {
         self.assert_dof(map);
         let mut total = 0.0;
         let kind = work::Kind::Loss;
-        for part in self.block_results(map, kind, |block| on_lanes::<WIDTH, _>(Value(block))) {
+        for part in self.block_results(map, kind, |blocks| on_lanes::<WIDTH, _>(Value(blocks))) {
             total += part;
         }
         total / self.pairs.len() as f64
@@ -114,7 +120,7 @@ impl<'a> Objective<'a> {
         let mut total = 0.0;
         let kind = work::Kind::Gradient;
         for (value, part) in
-            self.block_results(map, kind, |block| on_lanes::<WIDTH, _>(Gradient(block)))
+            self.block_results(map, kind, |blocks| on_lanes::<WIDTH, _>(Gradient(blocks)))
         {
             total += value;
             for (g, p) in gradient.iter_mut().zip(part) {
@@ -135,7 +141,7 @@ impl<'a> Objective<'a> {
         self.assert_dof(map);
         let mut diagonal = vec![0.0; map.parameters().len()];
         let kind = work::Kind::Curvature;
-        for part in self.block_results(map, kind, |block| on_lanes::<WIDTH, _>(Curvature(block))) {
+        for part in self.block_results(map, kind, |blocks| on_lanes::<WIDTH, _>(Curvature(blocks))) {
             for (d, p) in diagonal.iter_mut().zip(part) {
                 *d += p;
             }
@@ -156,9 +162,9 @@ impl<'a> Objective<'a> {
     }
 }
 
-/// A block of pairs, and what a kernel needs to take its part of the loss.
+/// Blocks of pairs, and what a kernel needs to take their parts of the loss.
 #[derive(Clone, Copy)]
-struct Block<'a> {
+struct Blocks<'a> {
     map: &'a Composition<f64>,
     weights: &'a [f64],
     input: &'a [f64],
@@ -175,7 +181,7 @@ struct Group<V> {
     present: Vec<V>,
 }
 
-impl<'a> Block<'a> {
+impl<'a> Blocks<'a> {
     #[inline(always)]
     fn space<V: Pack>(&self) -> Group<V> {
         let zero = vec![V::zero(); TOGETHER * self.weights.len()];
@@ -183,12 +189,21 @@ impl<'a> Block<'a> {
         Group { state: zero.clone(), target: zero.clone(), cotangent: zero, present }
     }
 
-    /// Inputs and outputs of as many pairs as go together at a time.
+    /// Inputs and outputs of each block.
     #[inline(always)]
-    fn groups<V: Pack>(&self) -> impl Iterator<Item = (&'a [f64], &'a [f64])> + use<'a, V> {
-        let size = TOGETHER * V::LANES * self.weights.len();
-        self.input.chunks(size).zip(self.output.chunks(size))
+    fn each(&self) -> impl Iterator<Item = (&'a [f64], &'a [f64])> + use<'a> {
+        in_chunks(self.input, self.output, BLOCK * self.weights.len())
     }
+}
+
+/// Inputs and outputs, so many numbers of each at a time.
+#[inline(always)]
+fn in_chunks<'a>(
+    input: &'a [f64],
+    output: &'a [f64],
+    size: usize,
+) -> impl Iterator<Item = (&'a [f64], &'a [f64])> + use<'a> {
+    input.chunks(size).zip(output.chunks(size))
 }
 
 impl<V: Pack> Group<V> {
@@ -244,85 +259,109 @@ fn sum<V: Pack>(lanes: V) -> f64 {
     total
 }
 
-struct Value<'a>(Block<'a>);
+/// The sum of the lanes of each.
+#[inline(always)]
+fn sums<V: Pack>(each: &[V]) -> Vec<f64> {
+    let mut out = vec![0.0; each.len()];
+    for (out, &lanes) in out.iter_mut().zip(each) {
+        *out = sum(lanes);
+    }
+    out
+}
+
+struct Value<'a>(Blocks<'a>);
 
 impl Kernel for Value<'_> {
-    type Output = f64;
-
-    #[inline(always)]
-    fn run<V: Pack>(self) -> f64 {
-        let Block { map, weights, .. } = self.0;
-        let mut group = self.0.space::<V>();
-        let mut scratch = vec![V::zero(); weights.len()];
-        let mut total = V::zero();
-        for (input, output) in self.0.groups::<V>() {
-            group.load(input, output);
-            with_dof!(V, map.dof(), D => map.apply::<V, D>(
-                Direction::Forward, &mut group.state, &mut scratch));
-            group.residuals(weights, |_, residual, weighted| {
-                total = weighted.mul_add(residual, total);
-            });
-        }
-        sum(total)
-    }
-}
-
-struct Gradient<'a>(Block<'a>);
-
-impl Kernel for Gradient<'_> {
-    type Output = (f64, Vec<f64>);
-
-    #[inline(always)]
-    fn run<V: Pack>(self) -> (f64, Vec<f64>) {
-        let Block { map, weights, .. } = self.0;
-        let mut group = self.0.space::<V>();
-        let mut recording = map.recording_of::<V>(TOGETHER);
-        let mut gradient = vec![V::zero(); map.parameters().len()];
-        let mut total = V::zero();
-        for (input, output) in self.0.groups::<V>() {
-            group.load(input, output);
-            with_dof!(V, map.dof(), D => map.record::<V, D>(&mut group.state, &mut recording));
-            group.residuals(weights, |cotangent, residual, weighted| {
-                total = weighted.mul_add(residual, total);
-                *cotangent = weighted + weighted;
-            });
-            with_dof!(V, map.dof(), D => map.pull::<V, D>(
-                &mut recording, &mut group.cotangent, &mut gradient));
-        }
-        (sum(total), gradient.into_iter().map(sum).collect())
-    }
-}
-
-struct Curvature<'a>(Block<'a>);
-
-impl Kernel for Curvature<'_> {
     type Output = Vec<f64>;
 
     #[inline(always)]
     fn run<V: Pack>(self) -> Vec<f64> {
-        let Block { map, weights, .. } = self.0;
+        let Blocks { map, weights, .. } = self.0;
+        let mut group = self.0.space::<V>();
+        let mut scratch = vec![V::zero(); weights.len()];
+        let mut results = Vec::new();
+        for (input, output) in self.0.each() {
+            let mut total = V::zero();
+            for (input, output) in in_chunks(input, output, TOGETHER * V::LANES * weights.len()) {
+                group.load(input, output);
+                with_dof!(V, map.dof(), D => map.apply::<V, D>(
+                    Direction::Forward, &mut group.state, &mut scratch));
+                group.residuals(weights, |_, residual, weighted| {
+                    total = weighted.mul_add(residual, total);
+                });
+            }
+            results.push(sum(total));
+        }
+        results
+    }
+}
+
+struct Gradient<'a>(Blocks<'a>);
+
+impl Kernel for Gradient<'_> {
+    type Output = Vec<(f64, Vec<f64>)>;
+
+    #[inline(always)]
+    fn run<V: Pack>(self) -> Self::Output {
+        let Blocks { map, weights, .. } = self.0;
+        let mut group = self.0.space::<V>();
+        let mut recording = map.recording_of::<V>(TOGETHER);
+        let mut gradient = vec![V::zero(); map.parameters().len()];
+        let mut results = Vec::new();
+        for (input, output) in self.0.each() {
+            let mut total = V::zero();
+            gradient.fill(V::zero());
+            for (input, output) in in_chunks(input, output, TOGETHER * V::LANES * weights.len()) {
+                group.load(input, output);
+                with_dof!(V, map.dof(), D => map.record::<V, D>(&mut group.state, &mut recording));
+                group.residuals(weights, |cotangent, residual, weighted| {
+                    total = weighted.mul_add(residual, total);
+                    *cotangent = weighted + weighted;
+                });
+                with_dof!(V, map.dof(), D => map.pull::<V, D>(
+                    &mut recording, &mut group.cotangent, &mut gradient));
+            }
+            results.push((sum(total), sums(&gradient)));
+        }
+        results
+    }
+}
+
+struct Curvature<'a>(Blocks<'a>);
+
+impl Kernel for Curvature<'_> {
+    type Output = Vec<Vec<f64>>;
+
+    #[inline(always)]
+    fn run<V: Pack>(self) -> Self::Output {
+        let Blocks { map, weights, .. } = self.0;
         let dim = weights.len();
         let zero = V::zero();
         let mut recording = map.recording::<V>();
         let (mut state, mut cotangent) = (vec![zero; dim], vec![zero; dim]);
         let mut row = vec![zero; map.parameters().len()];
         let mut diagonal = row.clone();
-        for input in self.0.input.chunks(V::LANES * dim) {
-            crate::network::load(input, dim, &mut state);
-            let present = present::<V>(input.len() / dim);
-            with_dof!(V, map.dof(), D => map.record::<V, D>(&mut state, &mut recording));
-            for (c, &weight) in weights.iter().enumerate() {
-                // The squares of a single pair's row: one group at a time.
-                cotangent.fill(zero);
-                cotangent[c] = present;
-                row.fill(zero);
-                with_dof!(V, map.dof(), D => map.pull::<V, D>(
-                    &mut recording, &mut cotangent, &mut row));
-                for (d, r) in diagonal.iter_mut().zip(&row) {
-                    *d = (*r * V::from_f64(weight)).mul_add(*r, *d);
+        let mut results = Vec::new();
+        for (input, _) in self.0.each() {
+            diagonal.fill(zero);
+            for input in input.chunks(V::LANES * dim) {
+                crate::network::load(input, dim, &mut state);
+                let present = present::<V>(input.len() / dim);
+                with_dof!(V, map.dof(), D => map.record::<V, D>(&mut state, &mut recording));
+                for (c, &weight) in weights.iter().enumerate() {
+                    // The squares of a single pair's row: one group at a time.
+                    cotangent.fill(zero);
+                    cotangent[c] = present;
+                    row.fill(zero);
+                    with_dof!(V, map.dof(), D => map.pull::<V, D>(
+                        &mut recording, &mut cotangent, &mut row));
+                    for (d, r) in diagonal.iter_mut().zip(&row) {
+                        *d = (*r * V::from_f64(weight)).mul_add(*r, *d);
+                    }
                 }
             }
+            results.push(sums(&diagonal));
         }
-        diagonal.into_iter().map(sum).collect()
+        results
     }
 }
