@@ -32,7 +32,8 @@ fn tanh_at_the_ends_of_the_range() {
     let (_, s) = tanh_sech2(354.0);
     let exact = 4.0 * libm::exp(-708.0);
     assert!((s - exact).abs() <= 5e-16 * exact, "{s:e} for {exact:e}");
-    assert_eq!(tanh_sech2(354.0_f64.next_up()), (1.0, 0.0));
+    assert!(tanh_sech2(354.37).1 > 0.0);
+    assert_eq!(tanh_sech2(354.38), (1.0, 0.0));
 }
 
 /// What is exact by construction: the sign, tanh x = x for small x, and that tanh

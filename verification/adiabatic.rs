@@ -20,9 +20,10 @@ use std::sync::OnceLock;
 /// 2π divided by the golden mean: the angle farthest from all resonances.
 pub const GOLDEN: f64 = 3.883_222_077_450_933;
 const NETWORKS: usize = 8;
-/// Halved from 1e-6: the second order stays below what rounding leaves of the
+/// Halved from 2.5e-7: the second order stays below what rounding leaves of the
 /// last one, so that the residuals of the line are noise.
-const EPSILONS: [f64; 8] = [1e-6, 5e-7, 2.5e-7, 1.25e-7, 6.25e-8, 3.125e-8, 1.5625e-8, 7.8125e-9];
+const EPSILONS: [f64; 8] =
+    [2.5e-7, 1.25e-7, 6.25e-8, 3.125e-8, 1.5625e-8, 7.8125e-9, 3.90625e-9, 1.953125e-9];
 /// Iterations of the slope in ε.
 const ITERATIONS: usize = 10_000;
 /// ε of the exponent in N, whose last horizon is 16/ε.

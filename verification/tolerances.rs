@@ -70,7 +70,7 @@ pub const ABOVE_FLOOR: f64 = 1e3;
 /// that is e at one end of the line and halves with each step from there moves the
 /// slope by at most Σ|k − 3.5|2⁻ᵏ/(42 ln 2)·e = 0.18e, k = 0 … 7. Rounding does so
 /// from the smallest ε, with e = 1/[`ABOVE_FLOOR`]; the second order in ε from the
-/// largest, 1e-6, with e = 1e-4 where it is a hundred times the first: 2.0e-4.
+/// largest, 2.5e-7, with e = 2.5e-5 where it is a hundred times the first: 1.9e-4.
 pub const DRIFT_SLOPE: f64 = 2e-4;
 
 /// The share of samples on which rounding may leave no digit: 942 of 10,000 are

@@ -1,6 +1,6 @@
 //! Potentials V(y) and what their gradients and adjoints need.
 
-use crate::scalar::{Over, Pack, Scalar};
+use crate::scalar::{Over, Pack, Scalar, WIDTH};
 
 /// A potential V: ℝⁿ → ℝ, seen through its gradient.
 ///
@@ -278,7 +278,13 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
                 for (i, &y) in y.iter().enumerate() {
                     z = V::splat(y).mul_add(V::load_part(neurons.row(i)), z);
                 }
-                let c = z.sech2() * V::load_part(neurons.w_out);
+                let mut c = z.sech2() * V::load_part(neurons.w_out);
+                if K < V::LANES {
+                    // In lanes without a neuron an infinite y leaves a NaN.
+                    let mut all = [P::zero(); WIDTH];
+                    c.store(&mut all[..V::LANES]);
+                    c = V::load_part(&all[..K]);
+                }
                 for (i, out) in out.iter_mut().enumerate() {
                     *out = c.sum_of_products(V::load_part(neurons.row(i)), *out);
                 }

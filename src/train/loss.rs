@@ -141,7 +141,8 @@ impl<'a> Objective<'a> {
         self.assert_dof(map);
         let mut diagonal = vec![0.0; map.parameters().len()];
         let kind = work::Kind::Curvature;
-        for part in self.block_results(map, kind, |blocks| on_lanes::<WIDTH, _>(Curvature(blocks))) {
+        for part in self.block_results(map, kind, |blocks| on_lanes::<WIDTH, _>(Curvature(blocks)))
+        {
             for (d, p) in diagonal.iter_mut().zip(part) {
                 *d += p;
             }
