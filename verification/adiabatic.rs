@@ -267,11 +267,12 @@ pub fn rows_of_mutant(fault: Fault) -> Vec<Row> {
 #[test]
 fn the_slope_in_epsilon_is_one_within_its_interval() {
     for (index, orbit) in study().orbits.iter().enumerate() {
-        let half = half_width(orbit.slope);
-        let defect = (orbit.slope.slope - 1.0).abs();
-        assert!(defect <= half && defect <= tolerances::DRIFT_SLOPE, "{index}: {defect} ± {half}");
         let above = orbit.above_floor;
         assert!(above >= tolerances::ABOVE_FLOOR, "{index}: {above} above the floor");
+        // Rounding is not only noise: it adds to a maximum.
+        let half = half_width(orbit.slope) + tolerances::SHIFT_OF_SLOPE / above;
+        let defect = (orbit.slope.slope - 1.0).abs();
+        assert!(defect <= half && defect <= tolerances::DRIFT_SLOPE, "{index}: {defect} ± {half}");
     }
 }
 

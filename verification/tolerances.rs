@@ -62,15 +62,18 @@ pub const SLOW_TIME: f64 = 10.0;
 pub const CONTROL_EXPONENT: f64 = 0.1;
 
 /// Drifts count that are so many times the drift of rounding at ε = 0: at the
-/// smallest ε, 8e-9, a drift of 0.05ε is 4e-10, and rounding makes 1e-14 in
+/// smallest ε, 2e-9, a drift of 0.05ε is 1e-10, and rounding makes 1e-14 in
 /// 10,000 iterations.
 pub const ABOVE_FLOOR: f64 = 1e3;
 
-/// |slope − 1| of the drift in ε, over ε halved seven times. A relative error
-/// that is e at one end of the line and halves with each step from there moves the
-/// slope by at most Σ|k − 3.5|2⁻ᵏ/(42 ln 2)·e = 0.18e, k = 0 … 7. Rounding does so
-/// from the smallest ε, with e = 1/[`ABOVE_FLOOR`]; the second order in ε from the
-/// largest, 2.5e-7, with e = 2.5e-5 where it is a hundred times the first: 1.9e-4.
+/// A relative error of the drift that is e at one end of the line over ε halved seven
+/// times, and halves with each step from there, moves its slope by at most this
+/// times e: Σ|k − 3.5|2⁻ᵏ/(42 ln 2), k = 0 … 7. Rounding does so from the smallest ε.
+pub const SHIFT_OF_SLOPE: f64 = 0.184;
+
+/// |slope − 1| of the drift in ε. Rounding shifts it by [`SHIFT_OF_SLOPE`] of
+/// 1/[`ABOVE_FLOOR`]; the second order in ε, from the largest, 2.5e-7, by that of
+/// 2.5e-5 where it is a hundred times the first: 1.9e-4.
 pub const DRIFT_SLOPE: f64 = 2e-4;
 
 /// The share of samples on which rounding may leave no digit: 942 of 10,000 are

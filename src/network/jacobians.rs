@@ -27,9 +27,10 @@ struct Jacobians<'a> {
 }
 
 impl Jacobians<'_> {
-    /// N columns at a time.
     #[inline(always)]
-    fn columns<V: Pack, const D: usize, const N: usize>(self) {
+    fn columns<V: Pack>(self) {
+        /// Columns at a time: an oracle is compiled once, for any n.
+        const N: usize = 4;
         let dim = 2 * self.map.dof();
         let mut start = vec![V::zero(); dim];
         let mut duals = vec![Dual::<V, N>::constant(V::zero()); dim];
@@ -42,7 +43,7 @@ impl Jacobians<'_> {
                     // A direction before the first is none of these.
                     *dual = Dual::variable(value, i.wrapping_sub(first));
                 }
-                self.map.apply::<Dual<V, N>, D>(Direction::Forward, &mut duals, &mut scratch);
+                self.map.apply::<Dual<V, N>, 0>(Direction::Forward, &mut duals, &mut scratch);
                 for (row, dual) in duals.iter().enumerate() {
                     for (k, derivative) in dual.eps.iter().take(dim - first).enumerate() {
                         store_entry(*derivative, dim, row * dim + first + k, out);
@@ -58,15 +59,7 @@ impl Kernel for Jacobians<'_> {
 
     #[inline(always)]
     fn run<V: Pack>(self) {
-        if !V::SPECIALISED {
-            return self.columns::<V, 0, 8>();
-        }
-        match self.map.dof() {
-            1 => self.columns::<V, 1, 2>(),
-            2 => self.columns::<V, 2, 4>(),
-            3 => self.columns::<V, 3, 6>(),
-            _ => self.columns::<V, 0, 8>(),
-        }
+        self.columns::<V>();
     }
 }
 

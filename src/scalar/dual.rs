@@ -121,7 +121,6 @@ impl<S: Scalar, const N: usize> Div for Dual<S, N> {
 }
 
 impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
-    const SPECIALISED: bool = S::SPECIALISED;
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
         Self::constant(S::from_f64(value))
