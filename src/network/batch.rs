@@ -1,6 +1,6 @@
 //! Many points at once: lanes, threads, and kernels chosen at run time.
 
-use super::{Composition, with_dof};
+use super::Composition;
 use crate::error::Error;
 use crate::phase::Direction;
 use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
@@ -83,7 +83,7 @@ impl Kernel for MapBlock<'_> {
         for groups in points.chunks_mut(TOGETHER * V::LANES * dim) {
             let size = load_groups(groups, dim, &mut lanes);
             let lanes = &mut lanes[..size];
-            with_dof!(V, map.dof(), D => map.apply::<V, D>(direction, lanes, &mut scratch));
+            map.apply(direction, lanes, &mut scratch);
             store_groups(lanes, dim, groups);
         }
     }
@@ -114,8 +114,7 @@ impl Kernel for Trajectories<'_> {
             let lanes = &mut lanes[..count];
             for state in kept.chunks_exact_mut(size) {
                 for _ in 0..every {
-                    with_dof!(V, map.dof(), D => map.apply::<V, D>(
-                        Direction::Forward, lanes, &mut scratch));
+                    map.apply(Direction::Forward, lanes, &mut scratch);
                 }
                 store_groups(lanes, dim, &mut state[first..first + groups.len()]);
             }
@@ -144,8 +143,7 @@ impl Kernel for SingleTrajectory<'_> {
         let mut scratch = vec![0.0; point.len()];
         for state in kept.chunks_exact_mut(point.len()) {
             for _ in 0..every {
-                with_dof!(V, map.dof(), D => map.apply_across::<V, D>(
-                    direction, point, &mut scratch));
+                map.apply_across::<V>(direction, point, &mut scratch);
             }
             state.copy_from_slice(point);
         }

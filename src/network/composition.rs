@@ -8,37 +8,6 @@ use crate::scalar::{Over, Pack, Real, Scalar, Task};
 use std::marker::PhantomData;
 use std::ops::Range;
 
-/// Runs `$body` with `$D` bound to n where kernels on the number `$S` are specialised
-/// for it, and to 0 (n read at run time) elsewhere.
-macro_rules! with_dof {
-    ($S:ty, $n:expr, $D:ident => $body:expr) => {
-        if !<$S as $crate::scalar::Scalar>::SPECIALISED {
-            const $D: usize = 0;
-            $body
-        } else {
-            match $n {
-                1 => {
-                    const $D: usize = 1;
-                    $body
-                }
-                2 => {
-                    const $D: usize = 2;
-                    $body
-                }
-                3 => {
-                    const $D: usize = 3;
-                    $body
-                }
-                _ => {
-                    const $D: usize = 0;
-                    $body
-                }
-            }
-        }
-    };
-}
-pub(crate) use with_dof;
-
 /// A map given as a sequence of steps.
 ///
 /// Its parameters are one flat vector (see the [module](super) for the order);
@@ -62,6 +31,7 @@ struct Apply<'s, S> {
 
 impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Apply<'_, S> {
     type Output = ();
+    const SPECIALISED: bool = S::SPECIALISED;
     #[inline(always)]
     fn visit(self, shear: impl Shear<P> + 'a) {
         S::outlined(OfEach { shear, work: self, parameters: PhantomData });
@@ -94,6 +64,7 @@ struct Record<'s, S> {
 
 impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Record<'_, S> {
     type Output = ();
+    const SPECIALISED: bool = S::SPECIALISED;
     #[inline(always)]
     fn visit(self, shear: impl Shear<P> + 'a) {
         S::outlined(OfEach { shear, work: self, parameters: PhantomData });
@@ -121,6 +92,7 @@ struct Pull<'s, S> {
 
 impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Pull<'_, S> {
     type Output = ();
+    const SPECIALISED: bool = S::SPECIALISED;
     #[inline(always)]
     fn visit(self, shear: impl Shear<P> + 'a) {
         S::outlined(OfEach { shear, work: self, parameters: PhantomData });
@@ -144,6 +116,7 @@ struct Along<'s, S> {
 
 impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Along<'_, S> {
     type Output = ();
+    const SPECIALISED: bool = S::SPECIALISED;
     #[inline(always)]
     fn visit(self, shear: impl Shear<P> + 'a) {
         S::outlined(OfEach { shear, work: self, parameters: PhantomData });
@@ -167,6 +140,7 @@ struct Across<'s, P, V> {
 
 impl<'a, P: Over<P>, V: Pack<P>> Visitor<'a, P> for Across<'_, P, V> {
     type Output = ();
+    const SPECIALISED: bool = V::SPECIALISED;
     #[inline(always)]
     fn visit(self, shear: impl Shear<P> + 'a) {
         V::outlined(OfEach { shear, work: self, parameters: PhantomData });
@@ -320,7 +294,7 @@ impl<P: Scalar> Composition<P> {
     ) -> Vec<T::Output> {
         let undo = direction == Direction::Inverse;
         let mut out: Vec<_> =
-            self.steps.iter().map(|step| self.bind::<0, _>(step, undo, visitor)).collect();
+            self.steps.iter().map(|step| self.bind(step, undo, visitor)).collect();
         if undo {
             out.reverse();
         }
@@ -332,28 +306,22 @@ impl<P: Scalar> Composition<P> {
         self.visit_steps(Direction::Forward, Sizes).iter().map(|(_, count)| count).sum()
     }
 
-    /// The map or its inverse on points of 2n numbers, n fixed at compile time
-    /// unless 0. Of several points each makes a step before the next one: while
+    /// The map or its inverse on points of 2n numbers. Of several points each makes a step before the next one: while
     /// the last results of one are awaited, the processor has the others.
     #[inline(always)]
-    pub(crate) fn apply<S: Over<P>, const D: usize>(
-        &self,
-        direction: Direction,
-        z: &mut [S],
-        scratch: &mut [S],
-    ) {
+    pub(crate) fn apply<S: Over<P>>(&self, direction: Direction, z: &mut [S], scratch: &mut [S]) {
         let undo = direction == Direction::Inverse;
         for number in 0..self.steps.len() {
             // One loop for both: the step is compiled into it once.
             let number = if undo { self.steps.len() - 1 - number } else { number };
-            self.bind::<D, _>(&self.steps[number], undo, Apply { z, scratch });
+            self.bind(&self.steps[number], undo, Apply { z, scratch });
         }
     }
 
     /// The map or its inverse on one point, a neuron in each lane: the same bits
     /// as [`Composition::apply`].
     #[inline(always)]
-    pub(crate) fn apply_across<V: Pack<P>, const D: usize>(
+    pub(crate) fn apply_across<V: Pack<P>>(
         &self,
         direction: Direction,
         z: &mut [P],
@@ -365,7 +333,7 @@ impl<P: Scalar> Composition<P> {
         for number in 0..self.steps.len() {
             let number = if undo { self.steps.len() - 1 - number } else { number };
             let across = Across::<P, V> { z, scratch, lanes: PhantomData };
-            self.bind::<D, _>(&self.steps[number], undo, across);
+            self.bind(&self.steps[number], undo, across);
         }
     }
 
@@ -373,14 +341,14 @@ impl<P: Scalar> Composition<P> {
     /// ∂P/∂z times it: the chain rule over the steps. `scratch` holds at least
     /// 2n + n² numbers.
     #[inline(always)]
-    pub(super) fn apply_along<S: Over<P>, const D: usize>(
+    pub(super) fn apply_along<S: Over<P>>(
         &self,
         z: &mut [S],
         directions: &mut [S],
         scratch: &mut [S],
     ) {
         for step in &self.steps {
-            self.bind::<D, _>(step, false, Along { z, directions, scratch });
+            self.bind(step, false, Along { z, directions, scratch });
         }
     }
 
@@ -394,7 +362,7 @@ impl<P: Scalar> Composition<P> {
             heap = vec![S::zero(); z.len()];
             &mut heap[..]
         };
-        with_dof!(S, self.dof, D => self.apply::<S, D>(direction, z, scratch));
+        self.apply(direction, z, scratch);
     }
 
     /// Space for [`Composition::forward_recording`] and
@@ -413,30 +381,26 @@ impl<P: Scalar> Composition<P> {
 
     #[inline(always)]
     fn step_tape_len(&self, step: &Step) -> usize {
-        self.bind::<0, _>(step, false, Sizes).0
+        self.bind(step, false, Sizes).0
     }
 
     /// z ← P(z) for each of the points in z, as many as the recording has space
     /// for, recording what the pullback needs.
     #[inline(always)]
-    pub(crate) fn record<S: Over<P>, const D: usize>(
-        &self,
-        z: &mut [S],
-        recording: &mut Recording<S>,
-    ) {
+    pub(crate) fn record<S: Over<P>>(&self, z: &mut [S], recording: &mut Recording<S>) {
         let points = z.len() / (2 * self.dof);
         let mut tape = &mut recording.tape[..];
         let scratch = &mut recording.scratch[..];
         for step in &self.steps {
             let (step_tape, rest) = tape.split_at_mut(self.step_tape_len(step) * points);
             tape = rest;
-            self.bind::<D, _>(step, false, Record { z, tape: step_tape, scratch });
+            self.bind(step, false, Record { z, tape: step_tape, scratch });
         }
     }
 
     /// The adjoint at the recorded points.
     #[inline(always)]
-    pub(crate) fn pull<S: Over<P>, const D: usize>(
+    pub(crate) fn pull<S: Over<P>>(
         &self,
         recording: &mut Recording<S>,
         z_bar: &mut [S],
@@ -450,14 +414,14 @@ impl<P: Scalar> Composition<P> {
             tape = rest;
             let parameters_bar = &mut parameters_bar[step.parameters.clone()];
             let pull = Pull { tape: step_tape, z_bar, parameters_bar, scratch };
-            self.bind::<D, _>(step, false, pull);
+            self.bind(step, false, pull);
         }
     }
 
     /// z ← P(z), filling `recording` (of [`Composition::recording`]).
     pub fn forward_recording<S: Over<P>>(&self, z: &mut [S], recording: &mut Recording<S>) {
         assert!(z.len() == 2 * self.dof);
-        with_dof!(S, self.dof, D => self.record::<S, D>(z, recording));
+        self.record(z, recording);
     }
 
     /// The pullback at the recorded point: `z_bar` from the cotangent of P(z)
@@ -470,7 +434,7 @@ impl<P: Scalar> Composition<P> {
         parameters_bar: &mut [S],
     ) {
         assert!(z_bar.len() == 2 * self.dof && parameters_bar.len() == self.parameters.len());
-        with_dof!(S, self.dof, D => self.pull::<S, D>(recording, z_bar, parameters_bar));
+        self.pull(recording, z_bar, parameters_bar);
     }
 }
 

@@ -1,8 +1,8 @@
 //! The Jacobians of many points: by the chain rule over the steps, and by duals over
 //! lanes, which the first are tested against.
 
+use super::Composition;
 use super::batch::{block_size, check_points, load};
-use super::{Composition, with_dof};
 use crate::error::Error;
 use crate::phase::Direction;
 use crate::scalar::{Dual, Kernel, Pack, WIDTH, on_lanes};
@@ -43,7 +43,7 @@ impl Jacobians<'_> {
                     // A direction before the first is none of these.
                     *dual = Dual::variable(value, i.wrapping_sub(first));
                 }
-                self.map.apply::<Dual<V, N>, 0>(Direction::Forward, &mut duals, &mut scratch);
+                self.map.apply(Direction::Forward, &mut duals, &mut scratch);
                 for (row, dual) in duals.iter().enumerate() {
                     for (k, derivative) in dual.eps.iter().take(dim - first).enumerate() {
                         store_entry(*derivative, dim, row * dim + first + k, out);
@@ -106,9 +106,7 @@ impl Kernel for ChainRule<'_> {
             for i in 0..dim {
                 columns[i * dim + i] = V::from_f64(1.0);
             }
-            with_dof!(V, map.dof(), D => {
-                map.apply_along::<V, D>(&mut z, &mut columns, &mut scratch)
-            });
+            map.apply_along(&mut z, &mut columns, &mut scratch);
             for (column, entries) in columns.chunks_exact(dim).enumerate() {
                 for (row, entry) in entries.iter().enumerate() {
                     store_entry(*entry, dim, row * dim + column, out);

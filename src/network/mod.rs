@@ -34,4 +34,3 @@ pub use step::{Kind, Step, Visitor};
 pub use symp_net::{SympNet, SympNetShape};
 
 pub(crate) use batch::load;
-pub(crate) use composition::with_dof;

@@ -59,6 +59,10 @@ pub trait Visitor<'a, P: Scalar>: Sized {
     /// What comes of it.
     type Output;
 
+    /// Whether kicks of 1, 2 and 3 degrees of freedom are compiled apart from those
+    /// of any number: more to build, and faster.
+    const SPECIALISED: bool = false;
+
     /// Takes any step.
     fn visit(self, shear: impl Shear<P> + 'a) -> Self::Output;
 
@@ -80,9 +84,8 @@ pub trait Visitor<'a, P: Scalar>: Sized {
 
 impl<P: Scalar> Composition<P> {
     /// Hands the shear that a step is, or its inverse when `undo`, to the visitor.
-    /// `D` is n, where it is known at compile time, or 0.
     #[inline(always)]
-    pub(super) fn bind<'a, const D: usize, T: Visitor<'a, P>>(
+    pub(super) fn bind<'a, T: Visitor<'a, P>>(
         &'a self,
         step: &Step,
         undo: bool,
@@ -94,9 +97,19 @@ impl<P: Scalar> Composition<P> {
         match step.kind {
             Kind::Kick { width, form } => {
                 let (potential, eta) = parameters.split_at(width * (self.dof() + 2));
-                let potential = TanhPotential::<P, D>::new(self.dof(), width, potential);
-                let kick = form.kick(potential, eta, scale);
-                visitor.visit_kick(if inverse { kick.inverse() } else { kick })
+                macro_rules! visit {
+                    ($D:literal) => {{
+                        let potential = TanhPotential::<P, $D>::new(self.dof(), width, potential);
+                        let kick = form.kick(potential, eta, scale);
+                        visitor.visit_kick(if inverse { kick.inverse() } else { kick })
+                    }};
+                }
+                match self.dof() {
+                    1 if T::SPECIALISED => visit!(1),
+                    2 if T::SPECIALISED => visit!(2),
+                    3 if T::SPECIALISED => visit!(3),
+                    _ => visit!(0),
+                }
             }
             Kind::Turn { prepared } => {
                 visitor.visit_turn(TurnStep { turn: self.turn(prepared), inverse })

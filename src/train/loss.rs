@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::flow::Pairs;
-use crate::network::{Composition, with_dof};
+use crate::network::Composition;
 use crate::phase::Direction;
 use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
 use crate::work;
@@ -285,8 +285,7 @@ impl Kernel for Value<'_> {
             let mut total = V::zero();
             for (input, output) in in_chunks(input, output, TOGETHER * V::LANES * weights.len()) {
                 group.load(input, output);
-                with_dof!(V, map.dof(), D => map.apply::<V, D>(
-                    Direction::Forward, &mut group.state, &mut scratch));
+                map.apply(Direction::Forward, &mut group.state, &mut scratch);
                 group.residuals(weights, |_, residual, weighted| {
                     total = weighted.mul_add(residual, total);
                 });
@@ -314,13 +313,12 @@ impl Kernel for Gradient<'_> {
             gradient.fill(V::zero());
             for (input, output) in in_chunks(input, output, TOGETHER * V::LANES * weights.len()) {
                 group.load(input, output);
-                with_dof!(V, map.dof(), D => map.record::<V, D>(&mut group.state, &mut recording));
+                map.record(&mut group.state, &mut recording);
                 group.residuals(weights, |cotangent, residual, weighted| {
                     total = weighted.mul_add(residual, total);
                     *cotangent = weighted + weighted;
                 });
-                with_dof!(V, map.dof(), D => map.pull::<V, D>(
-                    &mut recording, &mut group.cotangent, &mut gradient));
+                map.pull(&mut recording, &mut group.cotangent, &mut gradient);
             }
             results.push((sum(total), sums(&gradient)));
         }
@@ -348,14 +346,13 @@ impl Kernel for Curvature<'_> {
             for input in input.chunks(V::LANES * dim) {
                 crate::network::load(input, dim, &mut state);
                 let present = present::<V>(input.len() / dim);
-                with_dof!(V, map.dof(), D => map.record::<V, D>(&mut state, &mut recording));
+                map.record(&mut state, &mut recording);
                 for (c, &weight) in weights.iter().enumerate() {
                     // The squares of a single pair's row: one group at a time.
                     cotangent.fill(zero);
                     cotangent[c] = present;
                     row.fill(zero);
-                    with_dof!(V, map.dof(), D => map.pull::<V, D>(
-                        &mut recording, &mut cotangent, &mut row));
+                    map.pull(&mut recording, &mut cotangent, &mut row);
                     for (d, r) in diagonal.iter_mut().zip(&row) {
                         *d = (*r * V::from_f64(weight)).mul_add(*r, *d);
                     }
