@@ -112,9 +112,9 @@ fn report(title: &str, varied: &str, rows: &[Row]) {
         if !by_parameters {
             print!(" {} |", row.parameters);
         }
-        for own in &row.measured {
-            let Spread { lower, median, upper } = own.seconds.scaled(1e3);
-            let mebibytes = own.peak as f64 / f64::from(1 << 20);
+        for measured in &row.measured {
+            let Spread { lower, median, upper } = measured.seconds.scaled(1e3);
+            let mebibytes = measured.peak as f64 / f64::from(1 << 20);
             print!(" {median:.3} ({lower:.3} – {upper:.3}) | {mebibytes:.3} |");
         }
         println!();
@@ -133,8 +133,8 @@ fn report(title: &str, varied: &str, rows: &[Row]) {
         };
         println!(
             "- {name}: time ∝ {varied} to the power {}, memory beside {}",
-            fit(&|own| own.seconds.median),
-            fit(&|own| own.peak.max(1) as f64)
+            fit(&|measured| measured.seconds.median),
+            fit(&|measured| measured.peak.max(1) as f64)
         );
     }
 }

@@ -64,8 +64,8 @@ fn shares() {
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     one.install(|| {
         let peak = peak();
-        for own in MODELS {
-            let model = model(own);
+        for of in MODELS {
+            let model = model(of);
             let map = model.composition();
             let pairs = pairs(map.dof(), 8192);
             let objective = Objective::new(&Loss::MeanSquaredError, &pairs).expect("weights");
@@ -86,8 +86,8 @@ fn shares() {
 
 fn training(criterion: &mut Criterion) {
     shares();
-    for own in MODELS {
-        let model = model(own);
+    for of in MODELS {
+        let model = model(of);
         let map = model.composition();
         let pairs = pairs(map.dof(), SAMPLES);
         let objective = Objective::new(&Loss::MeanSquaredError, &pairs).expect("valid weights");

@@ -245,10 +245,10 @@ fn a_torus_action_is_the_product_of_its_circles() {
     assert!(TorusAction::new([]).is_err());
     assert!(TorusAction::new([CircleAction::new([1]), CircleAction::new([1, 0])]).is_err());
     // Each plane by its own angle.
-    let mut own = z.clone();
-    Turn::by_angles(&[0.3, 0.0, -1.0]).forward(&mut own);
+    let mut turned = z.clone();
+    Turn::by_angles(&[0.3, 0.0, -1.0]).forward(&mut turned);
     let mut by_circles = z.clone();
     CircleAction::new([1, 0, 0]).at(0.3).forward(&mut by_circles);
     CircleAction::new([0, 0, 1]).at(-1.0).forward(&mut by_circles);
-    assert_eq!(own, by_circles);
+    assert_eq!(turned, by_circles);
 }

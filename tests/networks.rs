@@ -279,8 +279,8 @@ fn batches_are_single_points_bit_for_bit_on_all_instruction_sets() {
         let expected: Vec<f64> = points
             .chunks_exact(dim)
             .flat_map(|z| {
-                let own = jacobian(net.composition(), z);
-                (0..dim * dim).map(move |k| own[(k / dim, k % dim)])
+                let matrix = jacobian(net.composition(), z);
+                (0..dim * dim).map(move |k| matrix[(k / dim, k % dim)])
             })
             .collect();
         on_each_simd(|set| {
@@ -319,8 +319,8 @@ fn a_rollout_keeps_what_was_asked_for() {
         let mut state = initial.clone();
         for t in 0..=steps {
             if t % every == 0 {
-                let own = &kept[t / every * 4 * count..][..4 * count];
-                assert!(same_bits(own, &state), "{count} points, step {t}");
+                let states = &kept[t / every * 4 * count..][..4 * count];
+                assert!(same_bits(states, &state), "{count} points, step {t}");
             }
             for z in state.chunks_exact_mut(4) {
                 network.forward(z);

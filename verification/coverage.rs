@@ -65,7 +65,7 @@ fn every_map_is_run_by_a_law() {
     for name in maps.iter().filter(|name| !ADAPTORS.contains(&name.as_str())) {
         let laws = laws_that_ran(name);
         println!("{name}: {laws:?}");
-        assert!(laws.iter().any(|law| LAWS.iter().any(|own| own.file == *law)), "{name}: {laws:?}");
+        assert!(laws.iter().any(|law| LAWS.iter().any(|known| known.file == *law)), "{name}: {laws:?}");
     }
 }
 
@@ -76,7 +76,7 @@ fn every_number_has_a_law() {
         assert!(known, "{name} has no law");
     }
     for (_, law) in NUMBERS {
-        assert!(LAWS.iter().any(|own| own.file == law), "no law {law}");
+        assert!(LAWS.iter().any(|known| known.file == law), "no law {law}");
     }
 }
 

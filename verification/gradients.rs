@@ -88,9 +88,9 @@ struct Layer<'a> {
 fn layers<'a>(shape: &HenonShape, mut parameters: &'a [f64]) -> Vec<Layer<'a>> {
     let n = shape.dof;
     let mut take = |count: usize| {
-        let (own, rest) = parameters.split_at(count);
+        let (layer, rest) = parameters.split_at(count);
         parameters = rest;
-        own
+        layer
     };
     shape
         .widths
@@ -208,11 +208,11 @@ pub fn literal_formula(model: &Model, map: &dyn Measurable, points: &[f64]) -> T
     let steps = map.measured_steps(Direction::Forward);
     let results = points.chunks_exact(2 * map.dof()).map(|z| {
         let walk = Walk::new(&steps, z);
-        let (own, _) = walk.value_bounds();
+        let (bounds, _) = walk.value_bounds();
         let reference = bounded(network, z, 0);
         let size = z.iter().map(|v| v.abs()).fold(1.0, max_or_nan);
         let entries = (0..z.len()).map(|i| {
-            let bound = u * own[i] + reference[i].re.error();
+            let bound = u * bounds[i] + reference[i].re.error();
             (walk.end()[i] - reference[i].re.value, bound, size)
         });
         worst_of(entries)
@@ -227,7 +227,7 @@ pub fn other_derivatives(model: &Model, map: &dyn Measurable, points: &[f64]) ->
     let mut tally = Tally::of_ratios("gradient", "J = dual_num's = num-dual's");
     for z in points.chunks_exact(2 * map.dof()) {
         let walk = Walk::new(&steps, z);
-        let own = walk.jacobian();
+        let jacobian = walk.jacobian();
         let mut entries = Vec::new();
         for column in 0..z.len() {
             let one = |i: usize| if i == column { 1.0 } else { 0.0 };
@@ -241,7 +241,7 @@ pub fn other_derivatives(model: &Model, map: &dyn Measurable, points: &[f64]) ->
             for (row, bounded) in bounded(network, z, column).iter().enumerate() {
                 let bound = 2.0 * bounded.eps[0].error();
                 for other in [first[row].eps, second[row].dual()] {
-                    entries.push((own[row * z.len() + column] - other, bound, 1.0));
+                    entries.push((jacobian[row * z.len() + column] - other, bound, 1.0));
                 }
             }
         }

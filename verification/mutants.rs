@@ -228,9 +228,9 @@ struct OwnHalf<'a>(KickStep<'a, Faulty<'a>>);
 impl OwnHalf<'_> {
     fn run<S: Over<f64>>(&self, z: &mut [S]) {
         let kick = &self.0.kick;
-        let own: Vec<S> = (0..DOF).map(|i| z[kick.target.index(DOF, i)]).collect();
+        let changed: Vec<S> = (0..DOF).map(|i| z[kick.target.index(DOF, i)]).collect();
         let mut gradient = [S::zero(); DOF];
-        kick.potential.gradient(&own, &mut gradient);
+        kick.potential.gradient(&changed, &mut gradient);
         for i in 0..DOF {
             let row = kick.target.index(DOF, i);
             z[row] = gradient[i].mul_add_parameter(kick.scale, z[row]);
@@ -350,11 +350,11 @@ impl Mutant {
         let widths = shape.psi.iter().chain(&shape.near_identity);
         let mut rest = &mut inverse[..];
         for &width in widths {
-            let (own, others) = rest.split_at_mut(layer_parameter_count(DOF, width));
+            let (layer, others) = rest.split_at_mut(layer_parameter_count(DOF, width));
             rest = others;
-            let (w_in, own) = own.split_at_mut(DOF * width);
-            let (b_in, own) = own.split_at_mut(width);
-            let (w_out, eta) = own.split_at_mut(width);
+            let (w_in, layer) = layer.split_at_mut(DOF * width);
+            let (b_in, layer) = layer.split_at_mut(width);
+            let (w_out, eta) = layer.split_at_mut(width);
             let scale = |part: &mut [f64], factor: f64| part.iter_mut().for_each(|v| *v *= factor);
             match fault {
                 Fault::InverseInner => scale(w_in, 1.0 + 1e-9),
@@ -380,10 +380,10 @@ impl Mutant {
         for (of, width) in
             tagged.chain(shape.near_identity.iter().map(|w| (Part::NearIdentity, *w)))
         {
-            let (own, others) = rest.split_at(layer_parameter_count(DOF, width));
+            let (layer, others) = rest.split_at(layer_parameter_count(DOF, width));
             rest = others;
             if of == part {
-                out.push((width, own));
+                out.push((width, layer));
             }
         }
         out
@@ -448,7 +448,7 @@ impl Mutant {
         }
         layers
             .into_iter()
-            .flat_map(|(width, own)| self.layer_steps(width, own, epsilon, inverse))
+            .flat_map(|(width, layer)| self.layer_steps(width, layer, epsilon, inverse))
             .collect()
     }
 
@@ -674,13 +674,13 @@ fn map_rows(fault: Fault) -> Vec<Row> {
             laws::exact_relation(relation.equation(), &broken, &other, &transform, points).row(),
         );
     }
-    let own = broken.clean.near_identity();
-    let field = |z: &[f64], out: &mut [f64]| near_identity_generator(&own, z, out);
+    let near_identity = broken.clean.near_identity();
+    let field = |z: &[f64], out: &mut [f64]| near_identity_generator(&near_identity, z, out);
     rows.push(laws::generator(&broken, &field, points).row());
     rows.push(gradients::literal_formula(&model, &broken, points).row());
     rows.push(gradients::other_derivatives(&model, &broken, points).row());
-    let (_, own) = Mutant::layers(&broken, Part::Psi, false)[0];
-    let map = HenonLayer::new(DOF, broken.clean.shape().psi[0], 1.0, own).map();
+    let (_, layer) = Mutant::layers(&broken, Part::Psi, false)[0];
+    let map = HenonLayer::new(DOF, broken.clean.shape().psi[0], 1.0, layer).map();
     let single = OneStep(LiteralMap { map, plus_x: fault == Fault::PlusX });
     let forward = Direction::Forward;
     rows.push(laws::inversion("inversion of H", "H⁻¹∘H = Id", &single, forward, points).row());

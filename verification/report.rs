@@ -72,13 +72,13 @@ fn the_readme_has_the_same_table() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/verification/README.md");
     let readme = std::fs::read_to_string(path).expect("a README");
     let (before, rest) = readme.split_once(BEGIN).expect("the mark where the table begins");
-    let (own, after) = rest.split_once(END).expect("the mark where it ends");
+    let (written, after) = rest.split_once(END).expect("the mark where it ends");
     let table = table();
     if std::env::var("GYROCEPTRON_UPDATE_README").is_ok_and(|value| value == "1") {
         let text = format!("{before}{BEGIN}{table}{END}{after}");
         std::fs::write(path, text).expect("a README that can be written");
     } else {
-        assert!(own == table, "the README's table of laws is another: see the comment here");
+        assert!(written == table, "the README's table of laws is another: see the comment here");
     }
 }
 

@@ -34,7 +34,7 @@ fn all_seeds_pass() {
 fn the_seeds_reach_what_they_are_for() {
     for (target, _) in TARGETS {
         let outcomes = outcomes(target);
-        let reached = |outcome: Outcome| outcomes.values().any(|own| *own == Ok(outcome));
+        let reached = |outcome: Outcome| outcomes.values().any(|found| *found == Ok(outcome));
         assert!(outcomes.len() >= 5, "{target}: {}", outcomes.len());
         match target {
             "model" | "scene" | "npz" | "safetensors" => {

@@ -140,7 +140,7 @@ const BOUNDED: [&str; 6] = [
 fn rows(factor: f64) -> Vec<gyroceptron::measure::Row> {
     let Model::Gyroceptron(network) = mutants::clean() else { panic!("a gyroceptron") };
     let options = CertificateOptions { samples: 100, radius: 1.6, seed: 1 };
-    let bounded = |law: &str| BOUNDED.iter().any(|own| law.starts_with(own));
+    let bounded = |law: &str| BOUNDED.iter().any(|name| law.starts_with(name));
     let mut rows = certify_family(&Family(&network, factor), options).rows;
     rows.retain(|row| bounded(&row.law) && !row.law.ends_with("identity"));
     rows

@@ -105,11 +105,11 @@ fn counts() -> Vec<Count> {
         .collect();
     let mut all = vec![Count::default(); each[0].len()];
     for counts in each {
-        for (sum, own) in all.iter_mut().zip(counts) {
-            sum.name = own.name;
-            sum.trials += own.trials;
-            sum.violations += own.violations;
-            sum.ill_conditioned += own.ill_conditioned;
+        for (sum, count) in all.iter_mut().zip(counts) {
+            sum.name = count.name;
+            sum.trials += count.trials;
+            sum.violations += count.violations;
+            sum.ill_conditioned += count.ill_conditioned;
         }
     }
     all

@@ -12,7 +12,7 @@ static RUNS: Mutex<BTreeSet<(&'static str, &'static str)>> = Mutex::new(BTreeSet
 /// The laws that moved a point by a map of the type of this name.
 pub fn laws_that_ran(map: &str) -> Vec<&'static str> {
     let runs = RUNS.lock().expect("no panic while it is held");
-    runs.iter().filter(|(_, own)| *own == map).map(|(law, _)| *law).collect()
+    runs.iter().filter(|(_, seen)| *seen == map).map(|(law, _)| *law).collect()
 }
 
 /// `gyroceptron::network::Composition<f64>` → `Composition`.

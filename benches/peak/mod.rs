@@ -14,16 +14,16 @@ pub const SECH2_PRODUCTS: f64 = 19.0;
 #[inline(always)]
 fn products(lanes: &mut [[f64; 8]; 12], times: usize) {
     // The compiler keeps a copy of its own in registers.
-    let mut own = *lanes;
+    let mut chains = *lanes;
     let (factor, addend) = (black_box([0.999_999; 8]), black_box([1e-9; 8]));
     for _ in 0..times {
-        for chain in &mut own {
+        for chain in &mut chains {
             for i in 0..8 {
                 chain[i] = chain[i].mul_add(factor[i], addend[i]);
             }
         }
     }
-    *lanes = own;
+    *lanes = chains;
 }
 
 #[cfg(target_arch = "x86_64")]

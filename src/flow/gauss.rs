@@ -230,7 +230,7 @@ impl Reference {
         const HALVINGS: usize = 8;
         let dim = 2 * system.dof();
         let stride = (points.len() / dim).div_ceil(64).max(1);
-        let mut own = Self::new(system);
+        let mut reference = Self::new(system);
         let mut last = f64::INFINITY;
         let mut last_failure = None;
         for _ in 0..HALVINGS {
@@ -238,7 +238,7 @@ impl Reference {
             let mut scale = 1.0_f64;
             let mut failed = None;
             for point in points.chunks_exact(dim).step_by(stride) {
-                match own.flow_with_error(system, point, time) {
+                match reference.flow_with_error(system, point, time) {
                     Ok(value) => {
                         error = max_or_nan(error, value.error);
                         scale = value.point.iter().map(|v| v.abs()).fold(scale, max_or_nan);
@@ -251,15 +251,15 @@ impl Reference {
                 }
             }
             if error <= Self::AT_ROUNDING * scale || (error.is_finite() && error > 0.5 * last) {
-                return Ok(own);
+                return Ok(reference);
             }
             last = error;
             last_failure = failed;
-            own.steps_per_time = 2.0 * own.steps(time) as f64 / time.abs();
+            reference.steps_per_time = 2.0 * reference.steps(time) as f64 / time.abs();
         }
         match last_failure {
             Some(reason) => Err(reason),
-            None if last.is_finite() => Ok(own),
+            None if last.is_finite() => Ok(reference),
             None => Err(Error::Diverged {
                 what: "Gauss–Legendre".into(),
                 place: format!("the error estimate over time {time}"),

@@ -151,8 +151,8 @@ impl Request {
             on_lanes::<WIDTH, _>(task)
         })?;
         for t in 0..kept {
-            for own in by_block.chunks_exact(kept * dim) {
-                out.extend_from_slice(&own[t * dim..(t + 1) * dim]);
+            for states in by_block.chunks_exact(kept * dim) {
+                out.extend_from_slice(&states[t * dim..(t + 1) * dim]);
             }
         }
         Ok(out)

@@ -72,12 +72,12 @@ pub(super) fn read_array(place: &str, source: &mut impl Read, size: u64) -> Resu
     let mut values = Vec::with_capacity(count.min(CHUNK));
     let mut chunk = [0; CHUNK];
     while left > 0 {
-        let own = &mut chunk[..left.min(CHUNK)];
-        source.read_exact(own).map_err(|reason| {
+        let bytes = &mut chunk[..left.min(CHUNK)];
+        source.read_exact(bytes).map_err(|reason| {
             malformed(format!("{} of {count} numbers: {reason}", values.len()))
         })?;
-        decode(own, &mut values);
-        left -= own.len();
+        decode(bytes, &mut values);
+        left -= bytes.len();
     }
     if let ([rows, columns], true) = (&shape[..], fortran_order) {
         values = (0..count).map(|i| values[(i % columns) * rows + i / columns]).collect();

@@ -239,9 +239,9 @@ pub fn export_weights(path: &Path, model: &Model) -> Result<(), Error> {
     for (part, shape) in architecture.parts() {
         for (layer, &width) in shape.widths.iter().enumerate() {
             for (name, shape) in layer_tensors(part, layer, shape.dof, width) {
-                let (own, after) = rest.split_at(shape[0] * shape[1]);
+                let (values, after) = rest.split_at(shape[0] * shape[1]);
                 rest = after;
-                tensors.push((name, shape.to_vec(), own));
+                tensors.push((name, shape.to_vec(), values));
             }
         }
     }

@@ -73,8 +73,8 @@ impl<P: Scalar, V> Kick<'_, P, V> {
     /// target += c·∇V.
     #[inline(always)]
     fn add<S: Over<P>>(&self, gradient: &[S], target: &mut [S]) {
-        for (target, &gradient) in target.iter_mut().zip(gradient) {
-            *target = target.increment(self.scale, gradient);
+        for i in 0..target.len() {
+            target[i] = target[i].increment(self.scale, gradient[i]);
         }
     }
 }
@@ -92,24 +92,24 @@ impl<P: Scalar, const D: usize> Kick<'_, P, TanhPotential<'_, P, D>> {
         parameters_bar: &mut [S],
     ) {
         let tape_len = Shear::tape_len(self);
-        let tapes: [_; M] =
-            std::array::from_fn(|m| tapes[m * tape_len..(m + 1) * tape_len].split_at(D));
+        let mut neurons: [&[S]; M] = [&[]; M];
         let z_bars: &mut [S] = &mut z_bars[..M * 2 * D];
-        let half = |half: Half, m: usize, i: usize| m * 2 * D + half.index(D, i);
+        let (source, target) = (self.target.other(), self.target);
         let mut y = [[S::zero(); D]; M];
         let (mut u, mut y_bar) = (y, y);
         for m in 0..M {
+            let (argument, rest) = tapes[m * tape_len..(m + 1) * tape_len].split_at(D);
+            neurons[m] = rest;
             for i in 0..D {
-                y[m][i] = tapes[m].0[i];
-                u[m][i] = z_bars[half(self.target, m, i)].times(self.scale);
+                y[m][i] = argument[i];
+                u[m][i] = z_bars[m * 2 * D + target.index(D, i)].times(self.scale);
             }
         }
         let (potential_bar, eta_bar) = parameters_bar.split_at_mut(parameters_bar.len() - D);
-        let tapes = tapes.map(|(_, neurons)| neurons);
-        self.potential.pullback_together(&y, tapes, &u, &mut y_bar, potential_bar);
+        self.potential.pullback_together(&y, neurons, &u, &mut y_bar, potential_bar);
         for m in 0..M {
             for i in 0..D {
-                let source_bar = &mut z_bars[half(self.target.other(), m, i)];
+                let source_bar = &mut z_bars[m * 2 * D + source.index(D, i)];
                 let change = if self.reflect { -y_bar[m][i] } else { y_bar[m][i] };
                 *source_bar = *source_bar + change;
                 if self.shift.is_some() {
@@ -204,15 +204,13 @@ impl<P: Scalar, const D: usize> Shear<P> for Kick<'_, P, TanhPotential<'_, P, D>
         let points = z_bars.len() / dim;
         // How many go together; where n is not known at compile time, none do.
         let together = if D > 0 { points / TOGETHER * TOGETHER } else { 0 };
-        let (tapes, tapes_left) = tapes.split_at(together * tape_len);
-        let (z_bars, z_bars_left) = z_bars.split_at_mut(together * dim);
-        let groups = tapes.chunks_exact(TOGETHER * tape_len);
-        for (z_bars, tapes) in z_bars.chunks_exact_mut(TOGETHER * dim).zip(groups) {
+        for k in (0..together).step_by(TOGETHER) {
+            let (tapes, z_bars) = (&tapes[k * tape_len..], &mut z_bars[k * dim..]);
             self.pull_together::<S, TOGETHER>(tapes, z_bars, parameters_bar);
         }
-        let tapes = tapes_left.chunks_exact(tape_len);
-        for (z_bar, tape) in z_bars_left.chunks_exact_mut(dim).zip(tapes) {
-            self.pull(tape, z_bar, parameters_bar, scratch);
+        for k in together..points {
+            let tape = &tapes[k * tape_len..(k + 1) * tape_len];
+            self.pull(tape, &mut z_bars[k * dim..(k + 1) * dim], parameters_bar, scratch);
         }
     }
 

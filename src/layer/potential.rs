@@ -26,19 +26,26 @@ pub struct TanhPotential<'a, P, const D: usize = 0> {
     w_out: &'a [P],
 }
 
-/// Runs `$body` on copies of the n inputs and of the n outputs whose number the
+// In what the kernels call for each lane there is no closure, and no function of the
+// library that takes one: these are compiled for any processor before they are
+// inlined, and what they call is not inlined in them.
+
+/// Runs `$body` on copies of the n inputs and on n outputs that are zero, whose number the
 /// compiler knows (unless `$D` is 0), so that it keeps them in registers.
 macro_rules! in_registers {
     ($number:ident, $n:expr, $D:ident, [$($input:ident),*], $out:ident => $body:expr) => {
         if $D > 0 {
-            let slice = $out;
-            $(let $input: &[_; $D] = &std::array::from_fn(|i| $input[i]);)*
+            let slice: &mut [_; $D] = $out.first_chunk_mut().expect("n of them");
+            $(let $input: &[_; $D] = &{ *$input.first_chunk().expect("n of them") };)*
             let $out = &mut [$number::zero(); $D];
             $body;
-            slice[..$D].copy_from_slice($out);
+            *slice = *$out;
         } else {
             $(let $input = &$input[..$n];)*
             let $out = &mut $out[..$n];
+            for out in $out.iter_mut() {
+                *out = $number::zero();
+            }
             $body;
         }
     };
@@ -102,12 +109,16 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
     /// K neurons from j on.
     #[inline(always)]
     fn neurons<const K: usize>(&self, j: usize) -> Neurons<'a, P, K, D> {
-        let k_of = |row: &'a [P]| row[j..j + K].first_chunk().expect("K of them");
         let h = self.width();
+        let b_in = self.b_in[j..j + K].first_chunk().expect("K of them");
+        let mut w_in = [b_in; D];
+        for i in 0..D {
+            w_in[i] = self.w_in[i * h..(i + 1) * h][j..j + K].first_chunk().expect("K of them");
+        }
         Neurons {
-            w_in: std::array::from_fn(|i| k_of(&self.w_in[i * h..(i + 1) * h])),
-            b_in: k_of(self.b_in),
-            w_out: k_of(self.w_out),
+            w_in,
+            b_in,
+            w_out: self.w_out[j..j + K].first_chunk().expect("K of them"),
             all: self.w_in,
             row: h,
             first: j,
@@ -149,13 +160,11 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
 
     #[inline(always)]
     fn gradient_of<S: Over<P>>(&self, y: &[S], out: &mut [S]) {
-        out.fill(S::zero());
         for_neurons!(self.width(), j, K => self.add_gradient::<S, K>(j, y, out));
     }
 
     #[inline(always)]
     fn gradient_of_recording<S: Over<P>>(&self, y: &[S], out: &mut [S], tape: &mut [S]) {
-        out.fill(S::zero());
         for_neurons!(self.width(), j, K => self.add_gradient_recording::<S, K>(j, y, out, tape));
     }
 
@@ -168,34 +177,51 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
         hessian: &mut [S],
     ) {
         let n = self.n();
-        let mut in_registers = [[S::zero(); D]; D];
-        let entries = if D > 0 { in_registers.as_flattened_mut() } else { &mut hessian[..n * n] };
+        // Where n is known: in registers.
+        let mut known = [[S::zero(); D]; D];
         in_registers!(S, n, D, [y], out => {
-            out.fill(S::zero());
-            entries.fill(S::zero());
+            if D == 0 {
+                for entry in hessian.iter_mut() {
+                    *entry = S::zero();
+                }
+            }
             for_neurons!(self.width(), j, K => {
                 let neurons = self.neurons::<K>(j);
                 let (t, s) = S::tanh_sech2_each(neurons.preactivations(y));
                 neurons.accumulate(s, out);
                 for k in 0..K {
                     let d = S::from_f64(-2.0) * t[k] * s[k].times(neurons.w_out[k]);
-                    for row in 0..n {
-                        let d = d.times(neurons.row(row)[k]);
-                        for column in row..n {
-                            let entry = &mut entries[row * n + column];
-                            *entry = d.mul_add_parameter(neurons.row(column)[k], *entry);
+                    for row in 0..D {
+                        let d = d.times(neurons.w_in[row][k]);
+                        for column in 0..D {
+                            // A constant number of turns, so that the loop is unrolled.
+                            if column >= row {
+                                let entry = &mut known[row][column];
+                                *entry = d.mul_add_parameter(neurons.w_in[column][k], *entry);
+                            }
+                        }
+                    }
+                    if D == 0 {
+                        for row in 0..n {
+                            let d = d.times(neurons.row(row)[k]);
+                            for column in row..n {
+                                let entry = &mut hessian[row * n + column];
+                                *entry = d.mul_add_parameter(neurons.row(column)[k], *entry);
+                            }
                         }
                     }
                 }
             });
         });
-        for row in 0..n {
-            for column in 0..row {
-                entries[row * n + column] = entries[column * n + row];
+        for row in 0..D {
+            for column in row..D {
+                hessian[row * D + column] = known[row][column];
             }
         }
-        if D > 0 {
-            hessian[..n * n].copy_from_slice(in_registers.as_flattened());
+        for row in 0..n {
+            for column in 0..row {
+                hessian[row * n + column] = hessian[column * n + row];
+            }
         }
     }
 }
@@ -271,8 +297,7 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
         P: Over<P>,
     {
         in_registers!(P, self.n(), D, [y], out => {
-            out.fill(P::zero());
-            for_neurons!(self.width(), j, K => {
+                for_neurons!(self.width(), j, K => {
                 let neurons = self.neurons::<K>(j);
                 let mut z = V::load_part(neurons.b_in);
                 for (i, &y) in y.iter().enumerate() {
@@ -350,7 +375,6 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
         let (w_bar, rest) = parameters_bar.split_at_mut(n * h);
         let (b_bar, w_out_bar) = rest.split_at_mut(h);
         let (b_bar, w_out_bar, w_out) = (&mut b_bar[..h], &mut w_out_bar[..h], &self.w_out[..h]);
-        y_bar.fill(S::zero());
         for (j, activation) in tape[..2 * h].as_chunks().0.iter().enumerate() {
             // r = (Wᵀu)ⱼ, so that u·∇V = Σⱼ wⱼ sⱼ rⱼ.
             let mut r = S::zero();
@@ -384,17 +408,24 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
         let (w_bar, rest) = parameters_bar.split_at_mut(D * h);
         let (b_bar, w_out_bar) = rest.split_at_mut(h);
         let (b_bar, w_out_bar, w_out) = (&mut b_bar[..h], &mut w_out_bar[..h], &self.w_out[..h]);
-        let tapes = tapes.map(|tape| &tape.as_chunks().0[..h]);
+        let mut neurons: [&[[S; 2]]; M] = [&[]; M];
+        for m in 0..M {
+            neurons[m] = &tapes[m].as_chunks().0[..h];
+        }
         for j in 0..h {
-            let w_in: [P; D] = std::array::from_fn(|i| self.w_in[i * h + j]);
-            let mut w_in_bar: [S; D] = std::array::from_fn(|i| w_bar[i * h + j]);
+            let mut w_in = [P::zero(); D];
+            let mut w_in_bar = [S::zero(); D];
+            for i in 0..D {
+                w_in[i] = self.w_in[i * h + j];
+                w_in_bar[i] = w_bar[i * h + j];
+            }
             let (mut b, mut w) = (b_bar[j], w_out_bar[j]);
             for m in 0..M {
                 let mut r = S::zero();
                 for i in 0..D {
                     r = u[m][i].mul_add_parameter(w_in[i], r);
                 }
-                let bar = NeuronCotangent::of(&tapes[m][j], r, w_out[j]);
+                let bar = NeuronCotangent::of(&neurons[m][j], r, w_out[j]);
                 w = w + bar.w_out;
                 b = b + bar.z;
                 for i in 0..D {

@@ -63,9 +63,10 @@ pub trait Shear<P: Scalar>: Copy {
         parameters_bar: &mut [S],
         scratch: &mut [S],
     ) {
-        let tapes = tapes.chunks_exact(self.tape_len());
-        for (z_bar, tape) in z_bars.chunks_exact_mut(2 * self.dof()).zip(tapes) {
-            self.pull(tape, z_bar, parameters_bar, scratch);
+        let (dim, size) = (2 * self.dof(), self.tape_len());
+        for k in 0..z_bars.len() / dim {
+            let tape = &tapes[k * size..(k + 1) * size];
+            self.pull(tape, &mut z_bars[k * dim..(k + 1) * dim], parameters_bar, scratch);
         }
     }
 

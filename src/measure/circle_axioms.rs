@@ -119,9 +119,9 @@ pub fn conjugated_axiom_ratio(
         let steps: Vec<_> =
             maps.iter().flat_map(|map| map.measured_steps(Direction::Forward)).collect();
         let walk = Walk::new(&steps, z);
-        let (own, sums) = walk.value_bounds();
-        for (square, own) in squares.iter_mut().zip(own) {
-            *square = libm::hypot(*square, own);
+        let (bounds, sums) = walk.value_bounds();
+        for (square, bound) in squares.iter_mut().zip(bounds) {
+            *square = libm::hypot(*square, bound);
         }
         reach = sums.into_iter().fold(reach, max_or_nan);
         linear &= walk.is_linear();

@@ -364,8 +364,8 @@ pub fn exact_relations(model: &Model, points: &[f64]) -> Vec<Tally> {
 
 /// The generator of a gyroceptron's near-identity part, from its formula.
 pub fn formula_of_generator(network: &Gyroceptron<f64>, points: &[f64]) -> Tally {
-    let own = network.near_identity();
-    let field = |z: &[f64], out: &mut [f64]| near_identity_generator(&own, z, out);
+    let near_identity = network.near_identity();
+    let field = |z: &[f64], out: &mut [f64]| near_identity_generator(&near_identity, z, out);
     generator(network, &field, points)
 }
 

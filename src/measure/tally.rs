@@ -267,10 +267,10 @@ impl Tally {
 /// Joins the tallies of the same laws on several maps, in their first order.
 pub fn merged(tallies: impl IntoIterator<Item = Tally>) -> Vec<Tally> {
     let mut out: Vec<Tally> = Vec::new();
-    for own in tallies {
-        match out.iter_mut().find(|t| t.equation == own.equation && t.law == own.law) {
-            Some(tally) => tally.merge(own),
-            None => out.push(own),
+    for other in tallies {
+        match out.iter_mut().find(|t| t.equation == other.equation && t.law == other.law) {
+            Some(tally) => tally.merge(other),
+            None => out.push(other),
         }
     }
     out

@@ -75,9 +75,10 @@ impl<P: Scalar, S: Over<P>, T: Shear<P>> Task for OfEach<P, T, Record<'_, S>> {
     #[inline(always)]
     fn run(self) {
         let Record { z, tape, scratch } = self.work;
-        let tapes = tape.chunks_exact_mut(self.shear.tape_len());
-        for (z, tape) in z.chunks_exact_mut(2 * self.shear.dof()).zip(tapes) {
-            self.shear.record(z, tape, scratch);
+        let (dim, size) = (2 * self.shear.dof(), self.shear.tape_len());
+        for k in 0..z.len() / dim {
+            let tape = &mut tape[k * size..(k + 1) * size];
+            self.shear.record(&mut z[k * dim..(k + 1) * dim], tape, scratch);
         }
     }
 }

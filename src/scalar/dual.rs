@@ -68,8 +68,8 @@ impl<S: Scalar, const N: usize> Dual<S, N> {
     #[inline(always)]
     fn zip(self, other: Self, re: S, f: impl Fn(S, S) -> S) -> Self {
         let mut eps = self.eps;
-        for (a, b) in eps.iter_mut().zip(other.eps) {
-            *a = f(*a, b);
+        for i in 0..N {
+            eps[i] = f(eps[i], other.eps[i]);
         }
         Self { re, eps }
     }
@@ -144,7 +144,11 @@ impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
     }
     #[inline(always)]
     fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
-        let (t, s) = S::tanh_sech2_each(x.map(|x| x.re));
+        let mut values = [S::zero(); K];
+        for i in 0..K {
+            values[i] = x[i].re;
+        }
+        let (t, s) = S::tanh_sech2_each(values);
         let (mut tanh, mut sech2) = (x, x);
         for i in 0..K {
             let slope = S::from_f64(-2.0) * t[i] * s[i];
@@ -180,16 +184,18 @@ impl<S: Elementary, const N: usize> Elementary for Dual<S, N> {
     fn exp(self) -> Self {
         let e = self.re.exp();
         let mut out = self.chain(e, e);
-        out.eps = out.eps.map(|slope| slope.zero_with(e));
+        for slope in &mut out.eps {
+            *slope = slope.zero_with(e);
+        }
         out
     }
     #[inline]
     fn zero_with(self, factor: Self) -> Self {
         let mut out = self;
         out.re = self.re.zero_with(factor.re);
-        for (slope, factor_slope) in out.eps.iter_mut().zip(factor.eps) {
+        for i in 0..N {
             // (factor·other)′ is 0 where the factor is, with its derivative.
-            *slope = slope.zero_with(factor.re.abs() + factor_slope.abs());
+            out.eps[i] = out.eps[i].zero_with(factor.re.abs() + factor.eps[i].abs());
         }
         out
     }

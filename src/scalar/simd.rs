@@ -227,9 +227,9 @@ impl Kernel for TanhSech2<'_> {
             }
             let (t, s) = V::tanh_sech2_each(lanes);
             for k in 0..K {
-                let own = k * V::LANES..(k + 1) * V::LANES;
-                t[k].store(&mut tanh[own.clone()]);
-                s[k].store(&mut sech2[own]);
+                let range = k * V::LANES..(k + 1) * V::LANES;
+                t[k].store(&mut tanh[range.clone()]);
+                s[k].store(&mut sech2[range]);
             }
         }
         let whole = x.len() / size * size;
@@ -271,8 +271,8 @@ mod x86 {
     #[inline(always)]
     fn align_frame() {
         // A constant would not be a local variable.
-        let mut own = Aligned(black_box(0));
-        black_box(&mut own);
+        let mut local = Aligned(black_box(0));
+        black_box(&mut local);
     }
 
     #[target_feature(enable = "avx2,fma")]
