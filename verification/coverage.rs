@@ -65,7 +65,10 @@ fn every_map_is_run_by_a_law() {
     for name in maps.iter().filter(|name| !ADAPTORS.contains(&name.as_str())) {
         let laws = laws_that_ran(name);
         println!("{name}: {laws:?}");
-        assert!(laws.iter().any(|law| LAWS.iter().any(|known| known.file == *law)), "{name}: {laws:?}");
+        assert!(
+            laws.iter().any(|law| LAWS.iter().any(|known| known.file == *law)),
+            "{name}: {laws:?}"
+        );
     }
 }
 

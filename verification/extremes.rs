@@ -3,6 +3,7 @@
 use crate::samples::weights;
 use crate::tolerances;
 use astro_float::{BigFloat, Consts, RoundingMode};
+use faer::MatRef;
 use gyroceptron::layer::{CircleAction, HenonLayer, Potential, TanhPotential};
 use gyroceptron::measure::{
     Conditioned, ILL_CONDITIONED, Measurable, Tally, Verdict, Walk, differing_components,
@@ -260,11 +261,14 @@ fn where_the_jacobian_has_no_digit_the_report_says_so() {
     let (model, points) = deep(20, 1.0);
     let steps = model.measured_steps(Direction::Forward);
     let walks: Vec<Walk<'_>> = points.chunks_exact(4).map(|z| Walk::new(&steps, z)).collect();
-    let size = |v: &[f64]| v.iter().fold(0.0_f64, |m, x| max_or_nan(m, x.abs()));
+    let size = |matrix: MatRef<'_, f64>| {
+        let columns = matrix.col_iter();
+        columns.flat_map(|c| c.iter()).fold(0.0_f64, |m, x| max_or_nan(m, x.abs()))
+    };
     let norm = walks.iter().map(|walk| size(walk.jacobian())).fold(0.0, max_or_nan);
     let defect = walks
         .iter()
-        .map(|walk| size(&symplecticity_defect(walk.jacobian(), 2)))
+        .map(|walk| size(symplecticity_defect(walk.jacobian()).as_ref()))
         .fold(0.0, max_or_nan);
     // 2n products of entries of J make one of the defect.
     let rounding = 4.0 * f64::unit_roundoff() * norm * norm;

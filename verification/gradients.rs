@@ -241,7 +241,7 @@ pub fn other_derivatives(model: &Model, map: &dyn Measurable, points: &[f64]) ->
             for (row, bounded) in bounded(network, z, column).iter().enumerate() {
                 let bound = 2.0 * bounded.eps[0].error();
                 for other in [first[row].eps, second[row].dual()] {
-                    entries.push((jacobian[row * z.len() + column] - other, bound, 1.0));
+                    entries.push((jacobian[(row, column)] - other, bound, 1.0));
                 }
             }
         }

@@ -3,6 +3,7 @@
 //! is a bug.
 
 use crate::{suite, tolerances};
+use faer::Mat;
 use gyroceptron::measure::{Conditioned, Measurable, Row, Tally, Walk};
 use gyroceptron::measure::{symplecticity_defect, symplecticity_scale};
 use gyroceptron::network::{Composition, HenonNet, HenonShape, InitialWeights};
@@ -60,12 +61,15 @@ fn symplecticity<S: Over<f64> + Real>(map: &Composition<f64>, points: &[f64]) ->
         let mut w: Vec<Dual<S, 4>> =
             z.iter().enumerate().map(|(i, &v)| Dual::variable(S::from_f64(v), i)).collect();
         map.forward(&mut w);
-        let jacobian: Vec<S> = w.iter().flat_map(|v| v.eps).collect();
+        let jacobian = Mat::from_fn(2 * DOF, 2 * DOF, |row, column| w[row].eps[column]);
         let scale = symplecticity_scale(&Walk::new(&steps, z));
-        for (defect, scale) in symplecticity_defect(&jacobian, DOF).iter().zip(scale) {
-            let ratio = defect.value() / scale;
-            sum += ratio * ratio;
-            count += 1;
+        let defect = symplecticity_defect(jacobian.as_ref());
+        for row in 0..2 * DOF {
+            for column in 0..2 * DOF {
+                let ratio = Real::value(defect[(row, column)]) / scale[(row, column)];
+                sum += ratio * ratio;
+                count += 1;
+            }
         }
     }
     (sum / f64::from(count)).sqrt()

@@ -166,7 +166,13 @@ fn of_family(family: &dyn NearlyPeriodic, samples: &Samples) -> Vec<Tally> {
     let near_identity = family.near_identity_at(family.epsilon());
     let forward = Direction::Forward;
     out.push(laws::inversion("inversion of ψ", "ψ⁻¹∘ψ = Id", &*psi, forward, points));
-    out.push(laws::inversion("inversion of I_ε", "I_ε⁻¹∘I_ε = Id", &*near_identity, forward, points));
+    out.push(laws::inversion(
+        "inversion of I_ε",
+        "I_ε⁻¹∘I_ε = Id",
+        &*near_identity,
+        forward,
+        points,
+    ));
     out.extend(laws::identity_at_zero(family, points));
     out.extend(laws::near_identity_orders(family, points));
     out.push(laws::near_periodicity(family, points));

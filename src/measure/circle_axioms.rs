@@ -150,7 +150,7 @@ pub fn conjugated_axiom_ratio(
             let plane = column % (dim / 2);
             let weight = weights[plane];
             if weight != 0 {
-                let entry = conjugation.jacobian()[row * dim + column].abs();
+                let entry = conjugation.jacobian()[(row, column)].abs();
                 carried += entry * axiom.bound(weight) * radii[plane];
             }
         }

@@ -1,8 +1,8 @@
 //! det J = 1, where the determinant of a rounded matrix means anything.
 
+use super::rounding::inverse_of_symplectic;
 use super::{Conditioned, Walk};
 use crate::scalar::Scalar;
-use faer::MatRef;
 
 /// The share of 1 beyond which the rounding of the decomposition leaves no
 /// digit to test.
@@ -15,8 +15,8 @@ const NO_DIGIT: f64 = 0.1;
 /// J itself by the sum over the steps of u·|J⁻¹|e, here bounded by its trace.
 pub fn determinant_ratio(walk: &Walk) -> Conditioned {
     let dim = walk.dim();
-    let jacobian = MatRef::from_row_major_slice(walk.jacobian(), dim, dim);
-    if !walk.jacobian().iter().all(|v| v.is_finite()) {
+    let jacobian = walk.jacobian();
+    if !jacobian.is_all_finite() {
         return Conditioned::Ratio(f64::NAN);
     }
     let norm = jacobian.norm_l2();
@@ -24,7 +24,7 @@ pub fn determinant_ratio(walk: &Walk) -> Conditioned {
     // d(log det) = tr(J⁻¹dJ), step by step.
     let mut of_rounding = 0.0;
     for (jacobian, error) in walk.jacobian_steps() {
-        let inverse = super::inverse_of_symplectic(jacobian, dim / 2);
+        let inverse = inverse_of_symplectic(jacobian, dim / 2);
         for i in 0..dim {
             for k in 0..dim {
                 of_rounding += inverse[i * dim + k].abs() * error[k * dim + i];

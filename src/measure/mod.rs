@@ -51,7 +51,7 @@ pub use near_identity::{
     differing_components, near_identity_generator, near_identity_size, near_identity_undoing,
 };
 pub use relations::Relation;
-pub use rounding::{Walk, inverse_of_symplectic};
+pub use rounding::Walk;
 pub use symplecticity::{symplecticity_defect, symplecticity_ratio, symplecticity_scale};
 pub use tally::{
     COUNT_LIMIT, RATIO_LIMIT, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_DEVIATION, SOUND_MEDIAN,

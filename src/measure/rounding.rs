@@ -3,16 +3,16 @@
 use super::MeasuredStep;
 use crate::random::Stream;
 use crate::scalar::{Dual, Scalar, max_or_nan};
+use faer::MatRef;
 
 /// The points and Jacobians along a sequence of shears, with the scale of the
 /// rounding error that each of them makes.
-///
-/// Matrices are 2n × 2n, row by row.
 pub struct Walk<'a> {
     steps: &'a [Box<dyn MeasuredStep + 'a>],
     dim: usize,
     /// Before the first step and after each.
     points: Vec<Vec<f64>>,
+    /// 2n × 2n, row by row.
     jacobians: Vec<Vec<f64>>,
     /// e of each step, in units of u.
     jacobian_errors: Vec<Vec<f64>>,
@@ -20,8 +20,8 @@ pub struct Walk<'a> {
     value_errors: Vec<Vec<f64>>,
 }
 
-/// J⁻¹ = −ΩJᵀΩ for a symplectic J: no linear system is solved.
-pub fn inverse_of_symplectic(jacobian: &[f64], dof: usize) -> Vec<f64> {
+/// J⁻¹ = −ΩJᵀΩ for a symplectic J, row by row: no linear system is solved.
+pub(super) fn inverse_of_symplectic(jacobian: &[f64], dof: usize) -> Vec<f64> {
     let dim = 2 * dof;
     let mut out = vec![0.0; dim * dim];
     // (Ωv)_i = v_{n+i}, (Ωv)_{n+i} = −v_i.
@@ -117,7 +117,12 @@ impl<'a> Walk<'a> {
     }
 
     /// The Jacobian of all steps.
-    pub fn jacobian(&self) -> &[f64] {
+    pub fn jacobian(&self) -> MatRef<'_, f64> {
+        MatRef::from_row_major_slice(self.last_jacobian(), self.dim, self.dim)
+    }
+
+    /// Row by row.
+    pub(super) fn last_jacobian(&self) -> &[f64] {
         &self.jacobians[self.jacobians.len() - 1]
     }
 

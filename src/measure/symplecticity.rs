@@ -2,42 +2,44 @@
 
 use super::Walk;
 use crate::scalar::{Scalar, max_or_nan};
+use faer::{Mat, MatRef};
 
-/// R = JᵀΩJ − Ω, 2n × 2n row by row, for a Jacobian given row by row.
-pub fn symplecticity_defect<S: Scalar>(jacobian: &[S], dof: usize) -> Vec<S> {
-    let dim = 2 * dof;
-    let mut out = vec![S::zero(); dim * dim];
-    for j in 0..dim {
-        for k in 0..dim {
-            let mut sum = S::zero();
-            for i in 0..dof {
-                let (qj, pj) = (jacobian[i * dim + j], jacobian[(dof + i) * dim + j]);
-                let (qk, pk) = (jacobian[i * dim + k], jacobian[(dof + i) * dim + k]);
-                sum = sum + (qj * pk - pj * qk);
-            }
-            let omega = if k == j + dof {
-                1.0
-            } else if j == k + dof {
-                -1.0
-            } else {
-                0.0
-            };
-            out[j * dim + k] = sum - S::from_f64(omega);
+/// R = JᵀΩJ − Ω, 2n × 2n.
+///
+/// # Panics
+/// When the Jacobian is not square and of an even size.
+pub fn symplecticity_defect<S: Scalar>(jacobian: MatRef<'_, S>) -> Mat<S> {
+    let dim = jacobian.nrows();
+    let dof = dim / 2;
+    assert!(jacobian.ncols() == dim && dim == 2 * dof, "a Jacobian is 2n × 2n");
+    Mat::from_fn(dim, dim, |j, k| {
+        let mut sum = S::zero();
+        for i in 0..dof {
+            let (qj, pj) = (jacobian[(i, j)], jacobian[(dof + i, j)]);
+            let (qk, pk) = (jacobian[(i, k)], jacobian[(dof + i, k)]);
+            sum = sum + (qj * pk - pj * qk);
         }
-    }
-    out
+        let omega = if k == j + dof {
+            1.0
+        } else if j == k + dof {
+            -1.0
+        } else {
+            0.0
+        };
+        sum - S::from_f64(omega)
+    })
 }
 
-/// T, 2n × 2n row by row: the scale of R in units of u, for any number type.
+/// T, 2n × 2n: the scale of R in units of u, for any number type.
 ///
 /// With Ĵᵢ = AᵢĴᵢ₋₁ + Eᵢ over the steps,
 /// R = Σᵢ(ĴᵢᵀΩEᵢ + EᵢᵀΩĴᵢ − EᵢᵀΩEᵢ) exactly: later steps do not amplify earlier
 /// errors. Hence T²_jk = Σᵢ(|Ĵᵢ|ᵀ|Ω|eᵢ + eᵢᵀ|Ω||Ĵᵢ|)²_jk + F²_jk + 1 with eᵢ the
 /// scale of Eᵢ and F = |Ĵ_q|ᵀ|Ĵ_p| + its transpose, the error of forming R.
-pub fn symplecticity_scale(walk: &Walk<'_>) -> Vec<f64> {
+pub fn symplecticity_scale(walk: &Walk<'_>) -> Mat<f64> {
     let dim = walk.dim();
     let dof = dim / 2;
-    let mut scale = vec![1.0; dim * dim];
+    let mut scale = Mat::from_fn(dim, dim, |_, _| 1.0);
     // |A|ᵀ|Ω||B| + its transpose.
     let symmetric_product = |a: &[f64], b: &[f64], j: usize, k: usize| {
         let mut sum = 0.0;
@@ -56,17 +58,16 @@ pub fn symplecticity_scale(walk: &Walk<'_>) -> Vec<f64> {
             for k in 0..dim {
                 let term = symmetric_product(jacobian, error, j, k);
                 // Squares would overflow.
-                scale[j * dim + k] = libm::hypot(scale[j * dim + k], term);
+                scale[(j, k)] = libm::hypot(scale[(j, k)], term);
             }
         }
     }
-    let end = walk.jacobian();
+    let end = walk.last_jacobian();
     for j in 0..dim {
         for k in 0..dim {
             // F counts every product of J with itself once.
             let forming = 0.5 * symmetric_product(end, end, j, k);
-            let entry = &mut scale[j * dim + k];
-            *entry = libm::hypot(*entry, forming);
+            scale[(j, k)] = libm::hypot(scale[(j, k)], forming);
         }
     }
     scale
@@ -76,17 +77,20 @@ pub fn symplecticity_scale(walk: &Walk<'_>) -> Vec<f64> {
 /// rounding bound [`symplecticity_scale`]; NaN when anything is not finite.
 pub fn symplecticity_ratio(walk: &Walk<'_>) -> f64 {
     let end = walk.jacobian();
-    let defect = symplecticity_defect(end, walk.dim() / 2);
+    let (defect, scale) = (symplecticity_defect(end), symplecticity_scale(walk));
     let mut largest = 0.0;
-    for (defect, scale) in defect.iter().zip(symplecticity_scale(walk)) {
-        // Over an infinite bound every defect would be small.
-        let ratio = if scale.is_finite() {
-            defect.abs() / (f64::unit_roundoff() * scale)
-        } else {
-            f64::NAN
-        };
-        largest = max_or_nan(largest, ratio);
+    for j in 0..walk.dim() {
+        for k in 0..walk.dim() {
+            let (defect, scale) = (defect[(j, k)], scale[(j, k)]);
+            // Over an infinite bound every defect would be small.
+            let ratio = if scale.is_finite() {
+                defect.abs() / (f64::unit_roundoff() * scale)
+            } else {
+                f64::NAN
+            };
+            largest = max_or_nan(largest, ratio);
+        }
     }
-    let finite = end.iter().chain(walk.end()).all(|v| v.is_finite());
+    let finite = end.is_all_finite() && walk.end().iter().all(|v| v.is_finite());
     if finite { largest } else { f64::NAN }
 }
