@@ -132,7 +132,8 @@ fn the_conformance_page_names_what_there_is() {
             if name.contains('/') { name.to_string() } else { format!("verification/{name}") };
         assert!(root.join(&path).exists(), "{path}");
     }
-    let unnamed = ["determinant", "evaluation", "exact_relations", "precision", "symp_net"];
+    let unnamed =
+        ["determinant", "evaluation", "exact_relations", "precision", "symp_net", "torus"];
     for law in LAWS {
         let known = named.contains(&format!("{}.rs", law.file).as_str());
         // Laws of the computation, which the paper has no word of.

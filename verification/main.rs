@@ -8,6 +8,7 @@
 
 mod adiabatic;
 mod circle_action;
+mod compositions;
 mod coverage;
 mod determinant;
 mod evaluation;
@@ -29,4 +30,5 @@ mod symp_net;
 mod symplecticity;
 mod tanh;
 mod tolerances;
+mod torus;
 mod watched;

@@ -1,7 +1,7 @@
 //! Gyroceptrons broken on purpose. Each has to be rejected by a law, and each
 //! law has to reject one.
 
-use crate::{adiabatic, gradients, precision, suite, symp_net, tanh, tolerances};
+use crate::{adiabatic, gradients, precision, suite, symp_net, tanh, tolerances, torus};
 use gyroceptron::layer::{
     CircleAction, HenonLayer, HenonMap, Kick, KickForm, Potential, TanhPotential,
     layer_parameter_count,
@@ -88,13 +88,13 @@ pub enum Fault {
     TanhByExponential,
     /// A constant that is right to 1e-12 at every precision.
     ConstantTo12Digits,
-    /// A linear shear of a SympNet whose matrix is not symmetric, by 1e-9.
+    /// A linear shear beside a SympNet or a torus turn whose matrix is not symmetric, by 1e-9.
     SkewModule,
-    /// All weights of a SympNet off by 1e-12 in the inverse only.
+    /// All parameters of a SympNet or a torus turn off by 1e-12 in the inverse only.
     ModuleInverse,
-    /// The last point of a batch is left where it is by a SympNet.
+    /// The last point of a batch is left where it is by a SympNet or a torus turn.
     ModuleBatchTail,
-    /// The pullback of a SympNet forgets the sign of one entry.
+    /// The pullback of a SympNet or a torus turn forgets the sign of one entry.
     ModulePullback,
 }
 
@@ -698,7 +698,11 @@ fn rows_of(fault: Fault) -> Vec<Row> {
         Fault::SkewModule
         | Fault::ModuleInverse
         | Fault::ModuleBatchTail
-        | Fault::ModulePullback => symp_net::rows_of_mutant(fault),
+        | Fault::ModulePullback => {
+            let mut rows = symp_net::rows_of_mutant(fault);
+            rows.extend(torus::rows_of_mutant(fault));
+            rows
+        }
         _ => map_rows(fault),
     }
 }

@@ -3,6 +3,7 @@
 use crate::{
     adiabatic, circle_action, determinant, evaluation, exact_relations, gradients, inversion,
     near_identity, near_periodicity, precision, suite, symp_net, symplecticity, tanh, tolerances,
+    torus,
 };
 use gyroceptron::measure::{Row, Verdict};
 use gyroceptron::scene::{CERTIFICATE_HEADINGS, certificate_cells};
@@ -15,7 +16,7 @@ pub struct Law {
     pub stated: usize,
 }
 
-pub const LAWS: [Law; 13] = [
+pub const LAWS: [Law; 14] = [
     Law { file: "symplecticity", rows: symplecticity::rows, stated: symplecticity::STATED },
     Law { file: "inversion", rows: inversion::rows, stated: inversion::STATED },
     Law { file: "near_identity", rows: near_identity::rows, stated: near_identity::STATED },
@@ -31,6 +32,7 @@ pub const LAWS: [Law; 13] = [
     Law { file: "determinant", rows: determinant::rows, stated: determinant::STATED },
     Law { file: "gradients", rows: gradients::rows, stated: gradients::STATED },
     Law { file: "symp_net", rows: symp_net::rows, stated: symp_net::STATED },
+    Law { file: "torus", rows: torus::rows, stated: torus::STATED },
     Law { file: "tanh", rows: tanh::rows, stated: tanh::STATED },
     Law { file: "precision", rows: precision::rows, stated: precision::STATED },
 ];

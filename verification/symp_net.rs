@@ -1,17 +1,15 @@
 //! SympNets: every law that is not of a circle action, on linear and activation
 //! modules, whose rounding bounds nobody derived by hand.
 
+use crate::compositions::{Broken, measure, named};
 use crate::mutants::Fault;
 use crate::watched::watched;
 use crate::{precision, suite, tolerances};
 use gyroceptron::layer::Activation;
-use gyroceptron::measure::{
-    Adjoint, Measurable, MeasuredSteps, Row, Tally, TrackedStep, Verdict, laws, merged,
-};
+use gyroceptron::measure::{Row, Tally, Verdict, merged};
 use gyroceptron::network::{SympNet, SympNetShape};
-use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
-use gyroceptron::scalar::{Dual, Scalar, Tracked, max_or_nan};
+use gyroceptron::scalar::max_or_nan;
 use proptest::prelude::*;
 use proptest::sample::select;
 use std::sync::OnceLock;
@@ -61,37 +59,14 @@ fn cases(least: usize, modules: usize) -> impl Strategy<Value = Case> {
 pub fn rows() -> &'static [Row] {
     static ROWS: OnceLock<Vec<Row>> = OnceLock::new();
     ROWS.get_or_init(|| {
-        named(suite::run("symp_net", STATED / 2, cases(2, 8), |case| {
+        let rows = suite::run("symp_net", STATED / 2, cases(2, 8), |case| {
             let network = case.network();
             let (points, dof) = (case.points(11), case.shape.dof);
             let map = watched("symp_net", &network);
             measure(&map, network.composition(), &points, dof, case.seed)
-        }))
+        });
+        named(rows, " of SympNets")
     })
-}
-
-fn named(mut rows: Vec<Row>) -> Vec<Row> {
-    rows.iter_mut().for_each(|row| row.law += " of SympNets");
-    rows
-}
-
-/// The laws on the first two of the points; that of evaluation on all.
-fn measure(
-    map: &dyn Measurable,
-    adjoint: &dyn Adjoint,
-    points: &[f64],
-    dof: usize,
-    seed: u64,
-) -> Vec<Tally> {
-    let two = &points[..4 * dof];
-    let inversion = |equation, first| laws::inversion("inversion", equation, map, first, two);
-    vec![
-        laws::symplecticity_of("symplecticity", map, two).must_show_errors(),
-        inversion("P⁻¹∘P = Id", Direction::Forward),
-        inversion("P∘P⁻¹ = Id", Direction::Inverse),
-        laws::evaluation(map, points),
-        laws::pullback(adjoint, two, dof, seed),
-    ]
 }
 
 /// The defects of SympNets are rounding and nothing else: the same weights at single,
@@ -120,95 +95,15 @@ fn holds() {
     suite::assert_holds(rows(), STATED);
 }
 
-/// A SympNet of two degrees of freedom with a fault.
-struct Broken {
-    fault: Fault,
-    network: SympNet<f64>,
-    /// The same with all weights off by 1e-12.
-    other: SympNet<f64>,
-}
-
-/// p₁ += 1e-9·q₂ and nothing else: the matrix of a linear shear that is not symmetric.
-struct Skew;
-
-impl<S: Scalar> Map<S> for Skew {
-    fn dof(&self) -> usize {
-        2
-    }
-    fn forward(&self, z: &mut [S]) {
-        z[2] = z[1].mul_add(S::from_f64(1e-9), z[2]);
-    }
-    fn inverse(&self, z: &mut [S]) {
-        z[2] = z[1].mul_add(S::from_f64(-1e-9), z[2]);
-    }
-}
-
-impl Map<f64> for Broken {
-    fn dof(&self) -> usize {
-        2
-    }
-    fn forward(&self, z: &mut [f64]) {
-        self.measured_steps(Direction::Forward).iter().for_each(|step| step.apply(z));
-    }
-    fn inverse(&self, z: &mut [f64]) {
-        self.measured_steps(Direction::Inverse).iter().for_each(|step| step.apply(z));
-    }
-}
-
-impl Measurable for Broken {
-    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
-        let inverse = direction == Direction::Inverse;
-        let wrong = inverse && self.fault == Fault::ModuleInverse;
-        let network = if wrong { &self.other } else { &self.network };
-        let mut steps = network.measured_steps(direction);
-        if self.fault == Fault::SkewModule {
-            let skew = Box::new(TrackedStep { map: Skew, direction });
-            if inverse { steps.insert(0, skew) } else { steps.push(skew) }
-        }
-        steps
-    }
-    fn move_points(&self, direction: Direction, points: &mut [f64]) {
-        let count = points.len() / 4;
-        let left = usize::from(self.fault == Fault::ModuleBatchTail);
-        for point in points.chunks_exact_mut(4).take(count - left) {
-            self.run(direction, point);
-        }
-    }
-}
-
-impl Adjoint for Broken {
-    fn parameters(&self) -> Vec<f64> {
-        self.network.composition().parameters().to_vec()
-    }
-    fn tangent(&self, parameters: &[Dual<Tracked, 1>], z: &mut [Dual<Tracked, 1>]) {
-        self.network.composition().tangent(parameters, z);
-    }
-    fn cotangent(
-        &self,
-        parameters: &[Tracked],
-        z: &[Tracked],
-        z_bar: &mut [Tracked],
-        parameters_bar: &mut [Tracked],
-    ) {
-        self.network.composition().cotangent(parameters, z, z_bar, parameters_bar);
-        if self.fault == Fault::ModulePullback {
-            parameters_bar[0] = -parameters_bar[0];
-        }
-    }
-}
-
 /// All laws of SympNets on one with this fault.
 pub fn rows_of_mutant(fault: Fault) -> Vec<Row> {
     let tallies = Activation::ALL.into_iter().flat_map(|activation| {
         let shape = SympNetShape { dof: 2, modules: 4, shears: 3, activation };
-        let case = Case { shape: shape.clone(), scale: 0.3, radius: 1.6, seed: 1 };
-        let network = case.network();
-        let weights = network.composition().parameters().iter().map(|w| w * (1.0 + 1e-12));
-        let other = SympNet::new(shape, weights.collect()).expect("as many parameters");
-        let broken = Broken { fault, network, other };
+        let case = Case { shape, scale: 0.3, radius: 1.6, seed: 1 };
+        let broken = Broken::new(fault, case.network().composition());
         measure(&broken, &broken, &case.points(11), 2, 1)
     });
-    named(merged(tallies).iter().map(Tally::row).collect())
+    named(merged(tallies).iter().map(Tally::row).collect(), " of SympNets")
 }
 
 #[test]

@@ -1,0 +1,117 @@
+//! The laws that any composition of shears has, and faults to break one with.
+
+use crate::mutants::Fault;
+use gyroceptron::measure::{Adjoint, Measurable, MeasuredSteps, Row, Tally, TrackedStep, laws};
+use gyroceptron::network::Composition;
+use gyroceptron::phase::{Direction, Map};
+use gyroceptron::scalar::{Dual, Scalar, Tracked};
+
+/// The rows with the name of what they were measured on.
+pub fn named(mut rows: Vec<Row>, of: &str) -> Vec<Row> {
+    rows.iter_mut().for_each(|row| row.law += of);
+    rows
+}
+
+/// The laws on the first two of the points; that of evaluation on all.
+pub fn measure(
+    map: &dyn Measurable,
+    adjoint: &dyn Adjoint,
+    points: &[f64],
+    dof: usize,
+    seed: u64,
+) -> Vec<Tally> {
+    let two = &points[..4 * dof];
+    let inversion = |equation, first| laws::inversion("inversion", equation, map, first, two);
+    vec![
+        laws::symplecticity_of("symplecticity", map, two).must_show_errors(),
+        inversion("P⁻¹∘P = Id", Direction::Forward),
+        inversion("P∘P⁻¹ = Id", Direction::Inverse),
+        laws::evaluation(map, points),
+        laws::pullback(adjoint, two, dof, seed),
+    ]
+}
+
+/// A composition in two degrees of freedom with a fault.
+pub struct Broken {
+    fault: Fault,
+    sound: Composition<f64>,
+    /// The same with all parameters off by 1e-12.
+    other: Composition<f64>,
+}
+
+impl Broken {
+    pub fn new(fault: Fault, sound: &Composition<f64>) -> Self {
+        let parameters = sound.parameters().iter().map(|w| w * (1.0 + 1e-12)).collect();
+        let other = sound.with_parameters(parameters, sound.epsilon()).expect("as many");
+        Self { fault, sound: sound.clone(), other }
+    }
+}
+
+/// p₁ += 1e-9·q₂ and nothing else: the matrix of a linear shear that is not symmetric.
+struct Skew;
+
+impl<S: Scalar> Map<S> for Skew {
+    fn dof(&self) -> usize {
+        2
+    }
+    fn forward(&self, z: &mut [S]) {
+        z[2] = z[1].mul_add(S::from_f64(1e-9), z[2]);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        z[2] = z[1].mul_add(S::from_f64(-1e-9), z[2]);
+    }
+}
+
+impl Map<f64> for Broken {
+    fn dof(&self) -> usize {
+        2
+    }
+    fn forward(&self, z: &mut [f64]) {
+        self.measured_steps(Direction::Forward).iter().for_each(|step| step.apply(z));
+    }
+    fn inverse(&self, z: &mut [f64]) {
+        self.measured_steps(Direction::Inverse).iter().for_each(|step| step.apply(z));
+    }
+}
+
+impl Measurable for Broken {
+    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
+        let inverse = direction == Direction::Inverse;
+        let wrong = inverse && self.fault == Fault::ModuleInverse;
+        let map = if wrong { &self.other } else { &self.sound };
+        let mut steps = map.measured_steps(direction);
+        if self.fault == Fault::SkewModule {
+            let skew = Box::new(TrackedStep { map: Skew, direction });
+            if inverse { steps.insert(0, skew) } else { steps.push(skew) }
+        }
+        steps
+    }
+    fn move_points(&self, direction: Direction, points: &mut [f64]) {
+        let count = points.len() / 4;
+        let left = usize::from(self.fault == Fault::ModuleBatchTail);
+        for point in points.chunks_exact_mut(4).take(count - left) {
+            self.run(direction, point);
+        }
+    }
+}
+
+impl Adjoint for Broken {
+    fn parameters(&self) -> Vec<f64> {
+        self.sound.parameters().to_vec()
+    }
+    fn tangent(&self, parameters: &[Dual<Tracked, 1>], z: &mut [Dual<Tracked, 1>]) {
+        self.sound.tangent(parameters, z);
+    }
+    fn cotangent(
+        &self,
+        parameters: &[Tracked],
+        z: &[Tracked],
+        z_bar: &mut [Tracked],
+        parameters_bar: &mut [Tracked],
+    ) {
+        self.sound.cotangent(parameters, z, z_bar, parameters_bar);
+        if self.fault == Fault::ModulePullback {
+            parameters_bar[0] = -parameters_bar[0];
+        }
+    }
+}
