@@ -31,7 +31,7 @@ impl Half {
         }
     }
 
-    /// As [`Half::split`], both halves mutable.
+    /// The half that is not this one, and this one, both mutable.
     #[inline(always)]
     pub fn split_mut<S>(self, dof: usize, z: &mut [S]) -> (&mut [S], &mut [S]) {
         let (q, p) = z.split_at_mut(dof);

@@ -61,7 +61,8 @@ fn use_threads(common: &Common) -> Result<(), Error> {
     if let Some(threads) = common.threads {
         const MOST: usize = 1024;
         if threads == 0 || threads > MOST {
-            return Err(Error::invalid("--threads", threads, format!("1 to {MOST}")));
+            let name = "--threads".to_owned();
+            return Err(Error::CountOutOfRange { name, found: threads, least: 1, most: MOST });
         }
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)

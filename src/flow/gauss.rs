@@ -279,7 +279,7 @@ impl Reference {
     /// z ← the flow over `time`.
     ///
     /// # Errors
-    /// As [`GaussLegendre::integrate`].
+    /// Those of [`GaussLegendre::integrate`].
     #[inline(always)]
     pub fn flow(&self, system: &impl Hamiltonian, z: &mut [f64], time: f64) -> Result<(), Error> {
         self.method.integrate(system, z, time, self.steps(time))
@@ -288,7 +288,7 @@ impl Reference {
     /// The flow at two resolutions, and their difference.
     ///
     /// # Errors
-    /// As [`GaussLegendre::integrate`].
+    /// Those of [`GaussLegendre::integrate`].
     pub fn flow_with_error(
         &self,
         system: &impl Hamiltonian,

@@ -85,7 +85,7 @@ impl ReferenceTrajectories {
     /// Each trajectory is computed by itself, all threads share them.
     ///
     /// # Errors
-    /// As [`Reference::calibrated`] and [`Trajectories::new`].
+    /// Those of [`Reference::calibrated`] and [`Trajectories::new`].
     pub fn of_flow(
         system: &(impl Hamiltonian + Sync),
         initial: &[f64],

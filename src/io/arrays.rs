@@ -94,7 +94,7 @@ pub fn read_pairs(path: &Path) -> Result<PairsFile, Error> {
 /// in errors.
 ///
 /// # Errors
-/// As [`read_pairs`].
+/// Those of [`read_pairs`].
 pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
     let mut archive = Archive::open(place, bytes)?;
     let input = archive.array("input")?;
@@ -142,7 +142,7 @@ pub fn read_points(path: &Path, dof: usize) -> Result<PointsFile, Error> {
 /// errors.
 ///
 /// # Errors
-/// As [`read_points`].
+/// Those of [`read_points`].
 pub fn parse_points(place: &str, bytes: &[u8], dof: usize) -> Result<PointsFile, Error> {
     let array = read_array(place, &mut &bytes[..], bytes.len() as u64)?;
     let (rows, columns) = array.matrix_shape(place)?;

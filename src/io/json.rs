@@ -132,7 +132,7 @@ pub fn load_model(path: &Path) -> Result<StoredModel, Error> {
 /// Reads the text of a model file; `place` names it in errors.
 ///
 /// # Errors
-/// As [`load_model`].
+/// Those of [`load_model`].
 pub fn parse_model(place: &str, bytes: &[u8]) -> Result<StoredModel, Error> {
     let file: ModelFile = parse_document(place, bytes, MODEL_FORMAT, MODEL_VERSION)?;
     file.architecture.check().map_err(|e| Error::content(place, "a valid model", e))?;

@@ -63,7 +63,7 @@ pub fn read_tensors(path: &Path) -> Result<BTreeMap<String, Tensor>, Error> {
 /// Reads the tensors in the bytes of a file; `place` names it in errors.
 ///
 /// # Errors
-/// As [`read_tensors`].
+/// Those of [`read_tensors`].
 pub fn parse_tensors(
     place: &str,
     format: WeightsFormat,
@@ -173,7 +173,7 @@ pub fn import_weights(
 /// Makes a gyroceptron of tensors in memory; `place` names them in errors.
 ///
 /// # Errors
-/// As [`import_weights`].
+/// Those of [`import_weights`].
 pub fn assemble_weights(
     place: &str,
     mut tensors: BTreeMap<String, Tensor>,

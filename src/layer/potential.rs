@@ -139,7 +139,7 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
         neurons.accumulate(s, out);
     }
 
-    /// As `add_gradient`, keeping (tanh, sech²) of each neuron.
+    /// out += the K neurons' part of ∇V, keeping (tanh, sech²) of each on the tape.
     #[inline(always)]
     fn add_gradient_recording<S: Over<P>, const K: usize>(
         &self,

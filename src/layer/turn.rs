@@ -79,11 +79,9 @@ impl TorusAction {
     /// When there is none, or they are not of one number of degrees of freedom.
     pub fn new(circles: impl Into<Vec<CircleAction>>) -> Result<Self, Error> {
         let circles = circles.into();
-        let Some(first) = circles.first() else {
-            return Err(Error::invalid("circles of a torus action", 0, "at least 1"));
-        };
+        Error::check_count_range("circles of a torus action", circles.len(), 1, usize::MAX)?;
         for circle in &circles {
-            Error::check_count("weights of a circle action", first.dof(), circle.dof())?;
+            Error::check_count("weights of a circle action", circles[0].dof(), circle.dof())?;
         }
         Ok(Self { circles })
     }

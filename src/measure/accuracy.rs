@@ -120,7 +120,7 @@ pub fn limiting_flow_error(system: &impl Hamiltonian, pairs: &Pairs, time: f64) 
 /// The root-mean-square error of each of the 2n components.
 ///
 /// # Errors
-/// As [`map_points`].
+/// Those of [`map_points`].
 pub fn component_errors(map: &Composition<f64>, pairs: &Pairs) -> Result<Vec<f64>, Error> {
     let dim = 2 * pairs.dof();
     let mut moved = pairs.input().to_vec();

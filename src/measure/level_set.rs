@@ -9,7 +9,7 @@ use crate::system::Hamiltonian;
 /// `interval`·`steps` is at least the period.
 ///
 /// # Errors
-/// As [`Reference::flow`], and [`Error::Invalid`] when the system is not of one
+/// Those of [`Reference::flow`], and [`Error::Invalid`] when the system is not of one
 /// degree of freedom.
 pub fn level_set(
     system: &impl Hamiltonian,

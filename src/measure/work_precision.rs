@@ -108,7 +108,7 @@ pub fn work_precision(
 /// [`work_precision`] by another clock: `clock` tells seconds since any moment.
 ///
 /// # Errors
-/// As [`work_precision`].
+/// Those of [`work_precision`].
 pub fn work_precision_by(
     clock: &(dyn Fn() -> f64 + Sync),
     methods: &[Method<'_>],
@@ -220,7 +220,7 @@ impl TrajectoryMethods<'_> {
     /// by seconds for a trajectory and unit time.
     ///
     /// # Errors
-    /// As [`work_precision`].
+    /// Those of [`work_precision`].
     pub fn compare(&self, rounds: usize) -> Result<Comparison, Error> {
         let &Self { reference, dim, trajectories, time, reference_error, .. } = self;
         let judge = |states: &[f64]| root_mean_square_distance(states, reference, dim);

@@ -45,8 +45,7 @@ fn store<V: Pack>(lanes: &[V], dim: usize, points: &mut [f64]) {
     }
 }
 
-/// As [`load`] and [`store`], of several groups; returns how many numbers a lane
-/// they are.
+/// Loads one group of points after another; returns how many numbers a lane they are.
 #[inline(always)]
 fn load_groups<V: Pack>(points: &[f64], dim: usize, lanes: &mut [V]) -> usize {
     let groups = points.chunks(V::LANES * dim);

@@ -242,12 +242,12 @@ impl<P: Scalar> Composition<P> {
         self.epsilon
     }
 
-    /// The same map at another ε.
+    /// This map at another ε.
     pub fn with_epsilon(&self, epsilon: P) -> Self {
         Self { epsilon, ..self.clone() }
     }
 
-    /// The same steps with other parameters and another ε, which may be of another
+    /// These steps with other parameters and another ε, which may be of another
     /// number type.
     ///
     /// # Errors
@@ -307,8 +307,9 @@ impl<P: Scalar> Composition<P> {
         self.visit_steps(Direction::Forward, Sizes).iter().map(|(_, count)| count).sum()
     }
 
-    /// The map or its inverse on points of 2n numbers. Of several points each makes a step before the next one: while
-    /// the last results of one are awaited, the processor has the others.
+    /// The map or its inverse on points of 2n numbers. Of several points each makes
+    /// a step before the next one: while the last results of one are awaited, the
+    /// processor has the others.
     #[inline(always)]
     pub(crate) fn apply<S: Over<P>>(&self, direction: Direction, z: &mut [S], scratch: &mut [S]) {
         let undo = direction == Direction::Inverse;

@@ -126,7 +126,7 @@ impl<P: Scalar> Gyroceptron<P> {
         self.composition.epsilon()
     }
 
-    /// The same network at another ε.
+    /// This network at another ε.
     pub fn with_epsilon(&self, epsilon: P) -> Self {
         Self { composition: self.composition.with_epsilon(epsilon), shape: self.shape.clone() }
     }
@@ -166,7 +166,7 @@ impl<P: Scalar> Gyroceptron<P> {
 }
 
 impl Gyroceptron<f64> {
-    /// The same network over another number type.
+    /// This network over another number type.
     pub fn lift<P: Real>(&self) -> Gyroceptron<P> {
         let parameters = self.composition.parameters().iter().map(|&v| P::from_f64(v)).collect();
         Gyroceptron::new(self.shape.clone(), P::from_f64(self.epsilon()), parameters)

@@ -96,7 +96,7 @@ impl<P: Scalar> HenonNet<P> {
     /// The near-identity network at ε.
     ///
     /// # Errors
-    /// As [`HenonNet::new`].
+    /// Those of [`HenonNet::new`].
     pub fn near_identity(shape: HenonShape, epsilon: P, parameters: Vec<P>) -> Result<Self, Error> {
         Error::check_count_range("degrees of freedom", shape.dof, 1, usize::MAX)?;
         Error::check_count("parameters", shape.parameter_count(), parameters.len())?;
@@ -121,7 +121,7 @@ impl<P: Scalar> HenonNet<P> {
 }
 
 impl HenonNet<f64> {
-    /// The same network over another number type.
+    /// This network over another number type.
     pub fn lift<P: Real>(&self) -> HenonNet<P> {
         let parameters = self.composition.parameters().iter().map(|&v| P::from_f64(v)).collect();
         HenonNet::near_identity(

@@ -106,7 +106,7 @@ impl Architecture {
     /// the flow time, in training).
     ///
     /// # Errors
-    /// As [`Architecture::check`].
+    /// Those of [`Architecture::check`].
     pub fn initialise(
         &self,
         weights: InitialWeights,
@@ -179,10 +179,10 @@ impl Model {
         }
     }
 
-    /// The same architecture with other parameters.
+    /// A model of this architecture with other parameters.
     ///
     /// # Errors
-    /// As [`Model::new`].
+    /// Those of [`Model::new`].
     pub fn with_parameters(&self, parameters: Vec<f64>) -> Result<Self, Error> {
         Self::new(self.architecture(), parameters)
     }

@@ -59,9 +59,7 @@ impl<P: Scalar> SympNet<P> {
     /// When `parameters` is not of the length that `shape` asks for, or there is no
     /// degree of freedom.
     pub fn new(shape: SympNetShape, parameters: Vec<P>) -> Result<Self, Error> {
-        if shape.dof == 0 {
-            return Err(Error::invalid("degrees of freedom", 0, "at least 1"));
-        }
+        Error::check_count_range("degrees of freedom", shape.dof, 1, usize::MAX)?;
         Error::check_count("parameters", shape.parameter_count(), parameters.len())?;
         let mut composition = Composition::new(shape.dof, parameters, P::from_f64(1.0));
         let mut start = 0;
@@ -92,7 +90,7 @@ impl<P: Scalar> SympNet<P> {
 }
 
 impl SympNet<f64> {
-    /// The same network over another number type.
+    /// This network over another number type.
     pub fn lift<P: Real>(&self) -> SympNet<P> {
         let parameters = self.composition.parameters().iter().map(|&v| P::from_f64(v)).collect();
         SympNet::new(self.shape.clone(), parameters).expect("the count is that of the shape")

@@ -37,13 +37,13 @@ pub trait Pack<P: Scalar = f64>: Lanewise + Over<P> {
         c[2].mul_add(w[2], c[0].mul_add(w[0], first)) + c[3].mul_add(w[3], c[1] * w[1])
     }
 
-    /// The same number in every lane.
+    /// One number in all lanes.
     #[inline(always)]
     fn splat(value: P) -> Self {
         Self::embed(value)
     }
 
-    /// As [`Pack::store`], of the first lanes.
+    /// `values` ← the first lanes, as many as there are values.
     #[inline(always)]
     fn store_part(self, values: &mut [P]) {
         if values.len() == Self::LANES {
@@ -54,7 +54,7 @@ pub trait Pack<P: Scalar = f64>: Lanewise + Over<P> {
         values.copy_from_slice(&all[..values.len()]);
     }
 
-    /// As [`Pack::load`], of fewer numbers: the other lanes are zero.
+    /// The numbers of a slice of [`Pack::LANES`] or fewer; the other lanes are zero.
     #[inline(always)]
     fn load_part(values: &[P]) -> Self {
         if values.len() == Self::LANES {

@@ -38,7 +38,7 @@ impl CatalogueEntry {
     /// The scene.
     ///
     /// # Errors
-    /// As [`parse`]; a test reads them all.
+    /// Those of [`parse`]; a test reads them all.
     pub fn scene(&self) -> Result<Scene, Error> {
         parse(&format!("built-in scene {}", self.name), self.text)
     }

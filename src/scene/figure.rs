@@ -99,7 +99,7 @@ pub struct Panel {
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
-    /// The same scale on both axes.
+    /// A unit of x is drawn as long as one of y.
     pub square: bool,
     /// Where the names are.
     pub legend: Legend,

@@ -88,10 +88,7 @@ pub(super) const MOST: usize = 100_000_000;
 
 /// Fails unless a count is between 1 and `most`.
 pub(super) fn check_count(name: &str, value: usize, most: usize) -> Result<(), Error> {
-    if value == 0 || value > most {
-        return Err(Error::invalid(name, value, format!("1 to {most}")));
-    }
-    Ok(())
+    Error::check_count_range(name, value, 1, most)
 }
 
 /// Fails unless a name is of letters, digits, - and _: it becomes that of a file.

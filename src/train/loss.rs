@@ -70,7 +70,7 @@ impl<'a> Objective<'a> {
     /// The loss on these pairs.
     ///
     /// # Errors
-    /// As [`Loss::component_weights`].
+    /// Those of [`Loss::component_weights`].
     pub fn new(loss: &Loss, pairs: &'a Pairs) -> Result<Self, Error> {
         Ok(Self { weights: loss.component_weights(pairs.dof())?, pairs })
     }

@@ -66,7 +66,6 @@ impl TrainingOptions {
     /// [`Error::Invalid`] with the option and its value.
     pub fn check(&self) -> Result<(), Error> {
         let positive = [
-            ("training.memory", self.memory as u64),
             ("training.validate_every", self.validate_every),
             ("training.checkpoint_every", self.checkpoint_every),
         ];
@@ -75,10 +74,7 @@ impl TrainingOptions {
                 return Err(Error::invalid(name, value, "at least 1"));
             }
         }
-        if self.memory > LARGEST_MEMORY {
-            let expected = format!("at most {LARGEST_MEMORY}");
-            return Err(Error::invalid("training.memory", self.memory, expected));
-        }
+        Error::check_count_range("training.memory", self.memory, 1, LARGEST_MEMORY)?;
         if self.scaling == (Scaling::GaussNewton { renew: 0 }) {
             return Err(Error::invalid("training.scaling.renew", 0, "at least 1"));
         }

@@ -2,8 +2,7 @@
 
 use crate::scene::findings::{Block, Table};
 use crate::scene::report::Report;
-use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
-use comfy_table::{ContentArrangement, Table as Drawing};
+use comfy_table::{ContentArrangement, LineStyle, Table as Drawing, TableStyle};
 
 /// The summaries of all studies, those of the parts first.
 pub fn summary(report: &Report) -> String {
@@ -31,11 +30,17 @@ pub fn summary(report: &Report) -> String {
     out
 }
 
+/// A rule above, below and under the headings.
+const RULES: TableStyle = TableStyle::new()
+    .top_border(LineStyle::none().fill('─').junction('─'))
+    .header_separator(LineStyle::none().fill('─').junction('─'))
+    .bottom_border(LineStyle::none().fill('─').junction('─'));
+
 /// A table.
 pub fn table(table: &Table) -> String {
     let mut drawing = Drawing::new();
     drawing
-        .load_style(UTF8_HORIZONTAL_ONLY)
+        .load_style(RULES)
         .set_content_arrangement(ContentArrangement::Disabled)
         .set_header(table.headings().map(str::to_owned).collect::<Vec<_>>());
     for row in table.text_rows() {

@@ -74,9 +74,7 @@ impl Study for RolloutOptions {
 
     fn check(&self, scene: &Scene) -> Result<(), Error> {
         for (key, value) in [("steps", self.steps), ("every", self.every)] {
-            if value == 0 {
-                return Err(Error::invalid(key, 0, "at least 1"));
-            }
+            Error::check_count_range(key, value, 1, usize::MAX)?;
         }
         match &scene.setup.system {
             Some(system) => check_points("initial", &self.initial, system.dof()),
