@@ -246,8 +246,8 @@ pub fn gyroceptron(data: &[u8]) -> Result<Outcome, String> {
     };
     let range = in_range(widest, kicks, epsilon, &weights, &z);
     let outcome = inverts(&model, &z, range)?;
-    let own = model.gyroceptron().ok_or("not a gyroceptron")?.near_identity();
-    if differing_components(&own.composition().with_epsilon(0.0), &z) > 0 {
+    let near_identity = model.gyroceptron().ok_or("not a gyroceptron")?.near_identity();
+    if differing_components(&near_identity.composition().with_epsilon(0.0), &z) > 0 {
         return Err(format!("moved at ε = 0: {z:?}"));
     }
     Ok(outcome)

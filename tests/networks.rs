@@ -1,11 +1,12 @@
 //! Networks: counts, inverses, pullbacks, batches.
 
 use gyroceptron::flow::Pairs;
-use gyroceptron::layer::{CircleAction, TorusAction};
+use gyroceptron::layer::{Activation, CircleAction, TorusAction};
 use gyroceptron::measure::{Verdict, jacobian, jacobians_by_differences, laws};
 use gyroceptron::network::{
     Architecture, Composition, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights,
-    Model, Rollout, map_jacobians, map_jacobians_by_duals, map_points, rollout,
+    Model, Rollout, SympNet, SympNetShape, map_jacobians, map_jacobians_by_duals, map_points,
+    rollout,
 };
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
@@ -218,6 +219,23 @@ fn same_bits(a: &[f64], b: &[f64]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
 }
 
+/// Compositions of all kinds of step, in one to five degrees of freedom.
+fn compositions() -> Vec<Composition<f64>> {
+    let mut out = Vec::new();
+    for dof in 1..=5 {
+        let shape = HenonShape { dof, widths: vec![8, 7, 2, 1] };
+        let net = Architecture::HenonNet { shape, epsilon: 1.0 };
+        let net = net.initialise(InitialWeights::Glorot, 0.0, 3).expect("valid");
+        let torus = TorusAction::of_planes(dof);
+        let turn = Composition::of_turn(&torus, point(dof, 2)).expect("an angle a plane");
+        out.push(turn.followed_by(net.composition(), Direction::Inverse).expect("of one size"));
+        let shape = SympNetShape { dof, modules: 2, shears: 2, activation: Activation::Sigmoid };
+        let count = shape.parameter_count();
+        out.push(SympNet::new(shape, point(count, 1)).expect("valid").composition().clone());
+    }
+    out
+}
+
 /// The limit is one for the process: what sets it is one test.
 #[test]
 fn batches_are_single_points_bit_for_bit_on_all_instruction_sets() {
@@ -257,6 +275,39 @@ fn batches_are_single_points_bit_for_bit_on_all_instruction_sets() {
         });
     }
 
+    // One point alone, of every number of dimensions that is compiled apart, and of every
+    // kind of step; 9 points leave one over.
+    for map in compositions() {
+        let dim = 2 * map.dof();
+        for count in [1, 9] {
+            let points = point(dim * count, 6);
+            let mut singles = points.clone();
+            singles.chunks_exact_mut(dim).for_each(|z| map.forward(z));
+            on_each_simd(|set| {
+                let mut batch = points.clone();
+                map_points(&map, Direction::Forward, &mut batch).expect("whole points");
+                assert!(same_bits(&batch, &singles), "{set:?}, {count} points, {dim}-D");
+            });
+        }
+    }
+    // Where products underflow a zero keeps its sign.
+    for width in 1..=9 {
+        let shape = HenonShape { dof: 1, widths: vec![width] };
+        let count = shape.parameter_count();
+        for sign in [1e-200, -1e-200] {
+            let tiny = HenonNet::new(shape.clone(), vec![sign; count]).expect("as many parameters");
+            for z in [[-0.0, -0.0], [0.0, -0.0], [-0.0, 0.0]] {
+                let mut single = z;
+                tiny.forward(&mut single);
+                on_each_simd(|set| {
+                    let mut across = z;
+                    map_points(tiny.composition(), Direction::Forward, &mut across).expect("one");
+                    assert!(same_bits(&across, &single), "{set:?} {width} {sign} {z:?}");
+                });
+            }
+        }
+    }
+
     // tanh and sech², ragged and at the ends of the range.
     let mut x = point(77, 8);
     x.extend([0.0, -0.0, 18.6, 18.7, -354.0, 355.0, 5e-324, f64::INFINITY, f64::NEG_INFINITY]);
@@ -287,6 +338,14 @@ fn batches_are_single_points_bit_for_bit_on_all_instruction_sets() {
             let mut out = vec![f64::NAN; points.len() * dim];
             map_jacobians_by_duals(net.composition(), &points, &mut out).expect("whole points");
             assert!(same_bits(&out, &expected), "{set:?}, {dof} degrees of freedom");
+        });
+        let mut narrow = vec![f64::NAN; points.len() * dim];
+        Simd::Portable.limit();
+        map_jacobians(net.composition(), &points, &mut narrow).expect("whole points");
+        on_each_simd(|set| {
+            let mut out = vec![f64::NAN; points.len() * dim];
+            map_jacobians(net.composition(), &points, &mut out).expect("whole points");
+            assert!(same_bits(&out, &narrow), "{set:?}, {dof} degrees of freedom, chain rule");
         });
         assert!(map_jacobians_by_duals(net.composition(), &points, &mut [0.0; 7]).is_err());
     }

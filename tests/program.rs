@@ -784,9 +784,9 @@ fn bad_arguments_are_named() {
     std::fs::write(path.join("t.npy"), "mine").expect("written");
     let predict = ["predict", "--model", "model.json", "--input", "z.npy", "--steps", "2"];
     refuses(path, &[&predict[..], &["--output", "t.npy"]].concat(), &["t.npy", "--overwrite"]);
-    for own in ["z.npy", "model.json"] {
-        let arguments = [&predict[..], &["--output", own, "--overwrite"]].concat();
-        refuses(path, &arguments, &[own, "input"]);
+    for file in ["z.npy", "model.json"] {
+        let arguments = [&predict[..], &["--output", file, "--overwrite"]].concat();
+        refuses(path, &arguments, &[file, "input"]);
     }
     let huge = ["--steps", "9000000000000000000", "--output", "huge.npy"];
     refuses(path, &[&predict[..5], &huge].concat(), &["states"]);

@@ -254,6 +254,45 @@ fn a_checkpoint_of_another_run_is_refused() {
     refuse(&model(3), &pairs_5, &other, "options");
 }
 
+/// The sums of loss, gradient and curvature are those of blocks of 1024 pairs, however
+/// many blocks a task has, which is for the number of threads to say.
+#[test]
+fn blocks_are_summed_alike_in_tasks_of_any_size() {
+    let model = model(3);
+    let map = model.composition();
+    let all = pairs(20_003, 0.5, 5);
+    let evaluate = |pairs: &Pairs| {
+        let objective = Objective::new(&Loss::MeanSquaredError, pairs).expect("weights");
+        let mut sums = vec![0.0; map.parameters().len()];
+        let value = objective.value_and_gradient(map, &mut sums);
+        assert_eq!(value.to_bits(), objective.value(map).to_bits());
+        sums.push(value);
+        sums.extend(objective.curvature_diagonal(map));
+        sums
+    };
+    let with_threads = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("a thread pool").install(|| evaluate(&all))
+    };
+    let one = with_threads(1);
+    for threads in [2, 3, 16] {
+        assert!(one == with_threads(threads), "{threads} threads");
+    }
+    // The mean over blocks, each by itself, up to the rounding of the division.
+    let mut means = vec![0.0; one.len()];
+    let dim = 2 * map.dof();
+    for (input, output) in all.input().chunks(1024 * dim).zip(all.output().chunks(1024 * dim)) {
+        let block = Pairs::new("block", map.dof(), input.to_vec(), output.to_vec());
+        let share = (input.len() / dim) as f64 / all.len() as f64;
+        let of_block = evaluate(&block.expect("finite"));
+        means.iter_mut().zip(of_block).for_each(|(mean, value)| *mean += share * value);
+    }
+    for (index, (mean, value)) in means.iter().zip(&one).enumerate() {
+        let size = one[map.parameters().len()];
+        assert!((mean - value).abs() <= 1e-12 * (value.abs() + size), "{index}: {mean} {value}");
+    }
+}
+
 #[test]
 fn threads_do_not_change_the_bits() {
     let run = |threads| {
@@ -334,8 +373,8 @@ fn a_perfect_start_stalls_at_once() {
     for z in output.chunks_exact_mut(4) {
         model.forward(z);
     }
-    let own = Pairs::new("own", 2, input, output).expect("finite");
-    let outcome = train(&model, &own, None, &options(50), None, &mut quiet).expect("runs");
+    let of_the_user = Pairs::new("own", 2, input, output).expect("finite");
+    let outcome = train(&model, &of_the_user, None, &options(50), None, &mut quiet).expect("runs");
     assert!(matches!(outcome.stop, Stop::Stalled | Stop::Gradient));
     assert_eq!(outcome.best.loss, 0.0);
     assert_eq!(bits(&outcome.model), bits(&model));

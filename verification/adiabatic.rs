@@ -250,7 +250,7 @@ pub fn rows_of_mutant(fault: Fault) -> Vec<Row> {
         invariant_drift(&*map, &invariant, &start, horizons)
     };
     let horizons = [200, 400, 800, 1600];
-    let exponent = log_slope(&horizons.map(|n| n as f64), &drift(1e-6, &horizons));
+    let exponent = log_slope(&horizons.map(|n| n as f64), &drift(EPSILONS[0], &horizons));
     let slope = log_slope(&EPSILONS, &EPSILONS.map(|e| drift(e, &[200])[0]));
     let mut rows = vec![
         tally(FOUR, tolerances::DRIFT_EXPONENT_4D, [exponent.abs()].into_iter()),
@@ -269,8 +269,10 @@ fn the_slope_in_epsilon_is_one_within_its_interval() {
     for (index, orbit) in study().orbits.iter().enumerate() {
         let above = orbit.above_floor;
         assert!(above >= tolerances::ABOVE_FLOOR, "{index}: {above} above the floor");
-        // Rounding is not only noise: it adds to a maximum.
-        let half = half_width(orbit.slope) + tolerances::SHIFT_OF_SLOPE / above;
+        // Of many networks a few show that rounding is not only noise: it adds to a maximum.
+        let cited = suite::seed() == suite::SEED && !suite::extensive();
+        let shift = if cited { 0.0 } else { tolerances::SHIFT_OF_SLOPE / above };
+        let half = half_width(orbit.slope) + shift;
         let defect = (orbit.slope.slope - 1.0).abs();
         assert!(defect <= half && defect <= tolerances::DRIFT_SLOPE, "{index}: {defect} ± {half}");
     }

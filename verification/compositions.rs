@@ -35,13 +35,18 @@ pub fn measure(
 pub struct Broken {
     fault: Fault,
     sound: Composition<f64>,
-    /// The same with all parameters off by 1e-12.
+    /// With the parameters that a broken inverse takes.
     other: Composition<f64>,
 }
 
 impl Broken {
     pub fn new(fault: Fault, sound: &Composition<f64>) -> Self {
-        let parameters = sound.parameters().iter().map(|w| w * (1.0 + 1e-12)).collect();
+        let mut parameters = sound.parameters().to_vec();
+        if fault == Fault::TorusInverse {
+            parameters.swap(0, 1);
+        } else {
+            parameters.iter_mut().for_each(|w| *w *= 1.0 + 1e-12);
+        }
         let other = sound.with_parameters(parameters, sound.epsilon()).expect("as many");
         Self { fault, sound: sound.clone(), other }
     }
@@ -77,7 +82,7 @@ impl Map<f64> for Broken {
 impl Measurable for Broken {
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
         let inverse = direction == Direction::Inverse;
-        let wrong = inverse && self.fault == Fault::ModuleInverse;
+        let wrong = matches!(self.fault, Fault::ModuleInverse | Fault::TorusInverse) && inverse;
         let map = if wrong { &self.other } else { &self.sound };
         let mut steps = map.measured_steps(direction);
         if self.fault == Fault::SkewModule {
@@ -110,8 +115,14 @@ impl Adjoint for Broken {
         parameters_bar: &mut [Tracked],
     ) {
         self.sound.cotangent(parameters, z, z_bar, parameters_bar);
-        if self.fault == Fault::ModulePullback {
-            parameters_bar[0] = -parameters_bar[0];
+        let sign = match self.fault {
+            Fault::ModulePullback => Some(0),
+            // The second angle of a torus action.
+            Fault::TorusPullback => Some(1),
+            _ => None,
+        };
+        if let Some(entry) = sign {
+            parameters_bar[entry] = -parameters_bar[entry];
         }
     }
 }

@@ -96,10 +96,14 @@ pub enum Fault {
     ModuleBatchTail,
     /// The pullback of a SympNet or a torus turn forgets the sign of one entry.
     ModulePullback,
+    /// The angles of two circles exchanged, in the inverse only.
+    TorusInverse,
+    /// The pullback of a torus turn forgets the sign of the second angle.
+    TorusPullback,
 }
 
 impl Fault {
-    const ALL: [Self; 38] = [
+    const ALL: [Self; 40] = [
         Self::MissingTranspose,
         Self::OwnHalf,
         Self::OuterWeights,
@@ -138,6 +142,8 @@ impl Fault {
         Self::ModuleInverse,
         Self::ModuleBatchTail,
         Self::ModulePullback,
+        Self::TorusInverse,
+        Self::TorusPullback,
     ];
 
     /// A map that is broken, rather than something beside it.
@@ -152,6 +158,8 @@ impl Fault {
                 | Self::ModuleInverse
                 | Self::ModuleBatchTail
                 | Self::ModulePullback
+                | Self::TorusInverse
+                | Self::TorusPullback
         )
     }
 }
@@ -703,6 +711,7 @@ fn rows_of(fault: Fault) -> Vec<Row> {
             rows.extend(torus::rows_of_mutant(fault));
             rows
         }
+        Fault::TorusInverse | Fault::TorusPullback => torus::rows_of_mutant(fault),
         _ => map_rows(fault),
     }
 }

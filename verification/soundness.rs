@@ -1,13 +1,15 @@
 //! No law holds because its bounds are too large.
 
 use crate::{mutants, suite, tolerances};
+use gyroceptron::layer::Activation;
 use gyroceptron::measure::{
     CertificateOptions, Layers, Measurable, MeasuredStep, MeasuredSteps, NearlyPeriodic, Verdict,
     certify_family,
 };
-use gyroceptron::network::Model;
+use gyroceptron::network::{Model, SympNet, SympNetShape};
 use gyroceptron::phase::{Direction, Map};
-use gyroceptron::scalar::{Dual, max_or_nan};
+use gyroceptron::random::Stream;
+use gyroceptron::scalar::{Dual, Scalar, max_or_nan};
 
 /// A step that says of its errors that they may be so many times as large.
 struct Inflated<'a>(Box<dyn MeasuredStep + 'a>, f64);
@@ -183,4 +185,59 @@ fn the_limit_is_needed() {
     if suite::seed() == suite::SEED {
         assert!(least < tolerances::DEVIATION_NEEDED, "{least:e}");
     }
+}
+
+/// How far a step moves z + d from where its derivative at z puts it, and what the
+/// rounding of that comparison may be, for each component.
+fn bend(step: &dyn MeasuredStep, z: &[f64], d: &[f64]) -> Vec<(f64, f64)> {
+    let (mut base, mut moved) =
+        (z.to_vec(), z.iter().zip(d).map(|(z, d)| z + d).collect::<Vec<_>>());
+    let mut tangent: Vec<Dual<f64, 8>> = z
+        .iter()
+        .zip(d)
+        .map(|(&z, &d)| Dual { re: z, eps: [d, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0] })
+        .collect();
+    step.apply(&mut base);
+    step.apply(&mut moved);
+    step.apply_tangent(&mut tangent);
+    let u = f64::unit_roundoff();
+    let of_row = |row: usize| {
+        let change = tangent[row].eps[0];
+        let reach = base[row].abs() + moved[row].abs() + z[row].abs() + d[row].abs();
+        (((moved[row] - base[row]) - change).abs(), 100.0 * u * reach)
+    };
+    (0..z.len()).map(of_row).collect()
+}
+
+/// The curvature of a step that nobody derived, found by running it, is no less than
+/// its bend; that of one which forgets it would be.
+#[test]
+fn the_bend_of_a_step_is_covered() {
+    let mut rejected_without = 0;
+    for activation in Activation::ALL {
+        let shape = SympNetShape { dof: 2, modules: 2, shears: 2, activation };
+        let mut stream = Stream::new(1, "bend");
+        let count = shape.parameter_count();
+        let parameters = (0..count).map(|_| stream.normal()).collect();
+        let network = SympNet::new(shape, parameters).expect("as many parameters");
+        for (number, step) in network.measured_steps(Direction::Forward).iter().enumerate() {
+            for trial in 0..40 {
+                // At 0 the second derivative of an odd activation is 0.
+                let size = if trial % 4 == 0 { 0.0 } else { 1.6 };
+                let spread = [1e-2, 1e-3, 1e-4][trial % 3];
+                let z: Vec<f64> = (0..4).map(|_| stream.uniform(-size, size)).collect();
+                let d: Vec<f64> = (0..4)
+                    .map(|_| if stream.uniform(-1.0, 1.0) < 0.0 { -spread } else { spread })
+                    .collect();
+                let mut curvature = [0.0; 4];
+                step.curvature_magnitude(&z, &[spread; 4], &mut curvature);
+                for (row, (bend, rounding)) in bend(&**step, &z, &d).into_iter().enumerate() {
+                    let most = curvature[row] + rounding;
+                    assert!(bend <= most, "{activation:?} {number}: {bend:e} of {most:e}, {z:?}");
+                    rejected_without += usize::from(bend > rounding);
+                }
+            }
+        }
+    }
+    assert!(rejected_without > 100, "{rejected_without}");
 }

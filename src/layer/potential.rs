@@ -305,10 +305,14 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
                 }
                 let mut c = z.sech2() * V::load_part(neurons.w_out);
                 if K < V::LANES {
-                    // In lanes without a neuron an infinite y leaves a NaN.
+                    // Lanes without a neuron would leave a NaN where y is infinite, and
+                    // +0 where the sum is −0.
                     let mut all = [P::zero(); WIDTH];
                     c.store(&mut all[..V::LANES]);
-                    c = V::load_part(&all[..K]);
+                    for absent in &mut all[K..V::LANES] {
+                        *absent = P::from_f64(-0.0);
+                    }
+                    c = V::load(&all[..V::LANES]);
                 }
                 for (i, out) in out.iter_mut().enumerate() {
                     *out = c.sum_of_products(V::load_part(neurons.row(i)), *out);

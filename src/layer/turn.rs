@@ -76,10 +76,12 @@ impl TorusAction {
     /// The action of these circles, an angle for each.
     ///
     /// # Errors
-    /// When there is none, or they are not of one number of degrees of freedom.
+    /// When there is none, or they are not of one number of degrees of freedom, at least
+    /// one.
     pub fn new(circles: impl Into<Vec<CircleAction>>) -> Result<Self, Error> {
         let circles = circles.into();
         Error::check_count_range("circles of a torus action", circles.len(), 1, usize::MAX)?;
+        Error::check_count_range("degrees of freedom", circles[0].dof(), 1, usize::MAX)?;
         for circle in &circles {
             Error::check_count("weights of a circle action", circles[0].dof(), circle.dof())?;
         }

@@ -121,7 +121,7 @@ impl<'a> Walk<'a> {
         MatRef::from_row_major_slice(self.last_jacobian(), self.dim, self.dim)
     }
 
-    /// Row by row.
+    /// The Jacobian of all steps, row by row.
     pub(super) fn last_jacobian(&self) -> &[f64] {
         &self.jacobians[self.jacobians.len() - 1]
     }

@@ -68,7 +68,8 @@ impl Kernel for Jacobians<'_> {
 /// step is differentiated by hand, so that [`map_jacobians`], which it equals up to
 /// rounding, is tested by it.
 ///
-/// Cost: 1 + 2n evaluations without their tanh, which all directions share.
+/// Cost: n/2 evaluations, rounded up, each with four derivatives of all but tanh, which
+/// they share.
 ///
 /// # Errors
 /// When `points` is not a whole number of points, or `out` of another size.

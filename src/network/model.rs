@@ -72,7 +72,8 @@ impl Architecture {
     /// empty.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the value.
+    /// [`Error::OutOfRange`], [`Error::CountOutOfRange`] and [`Error::Invalid`] with the
+    /// value.
     pub fn check(&self) -> Result<(), Error> {
         Error::check_finite("epsilon", self.epsilon())?;
         Error::check_count_range("degrees of freedom", self.dof(), 1, usize::MAX)?;

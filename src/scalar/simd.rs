@@ -27,8 +27,9 @@ pub trait Pack<P: Scalar = f64>: Lanewise + Over<P> {
     /// `values` ← the lanes.
     fn store(self, values: &mut [P]);
 
-    /// Of the first four lanes ((first + c₀w₀) + c₂w₂) + (c₁w₁ + c₃w₃), all but c₁w₁
-    /// fused with their sums: two short chains of results rather than a long one.
+    /// Of the first four lanes ((first + c₀w₀) + c₂w₂) + (c₁w₁ + c₃w₃), c₁w₁ rounded
+    /// and the others fused with their sums: two short chains of results rather than
+    /// a long one. A lane whose product is −0 adds nothing.
     #[inline(always)]
     fn sum_of_products(self, weights: Self, first: P) -> P {
         let (mut c, mut w) = ([P::zero(); WIDTH], [P::zero(); WIDTH]);
@@ -479,7 +480,8 @@ mod x86 {
                 let front = _mm_fmadd_pd(
                     _mm256_castpd256_pd128(self.0),
                     _mm256_castpd256_pd128(weights.0),
-                    _mm_set_sd(first),
+                    // −0: c₁w₁ as it is, a zero with its sign.
+                    _mm_set_pd(-0.0, first),
                 );
                 let sums = _mm_fmadd_pd(
                     _mm256_extractf128_pd::<1>(self.0),

@@ -95,7 +95,7 @@ impl System {
     /// Fails unless ε is finite and the system has a mode.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the value.
+    /// [`Error::OutOfRange`] and [`Error::Invalid`] with the value.
     pub fn check(&self) -> Result<(), Error> {
         Error::check_finite("system.epsilon", self.epsilon())?;
         if self.dof() < 2 {

@@ -52,7 +52,7 @@ const TOGETHER: usize = 4;
 const BLOCK: usize = 128 * WIDTH;
 
 /// Tasks for each thread, so that all end at about the same time.
-const TASKS: usize = 4;
+const TASKS: usize = 8;
 
 /// The loss of a composition on a set of pairs.
 ///

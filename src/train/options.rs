@@ -63,28 +63,25 @@ impl TrainingOptions {
     /// Fails unless every option is in its range.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the option and its value.
+    /// [`Error::CountOutOfRange`] and [`Error::OutOfRange`] with the option and its value.
     pub fn check(&self) -> Result<(), Error> {
         let positive = [
             ("training.validate_every", self.validate_every),
             ("training.checkpoint_every", self.checkpoint_every),
         ];
+        let at_least_one = |name, found| Error::check_count_range(name, found, 1, usize::MAX);
         for (name, value) in positive {
-            if value == 0 {
-                return Err(Error::invalid(name, value, "at least 1"));
-            }
+            at_least_one(name, usize::try_from(value).unwrap_or(usize::MAX))?;
         }
         Error::check_count_range("training.memory", self.memory, 1, LARGEST_MEMORY)?;
-        if self.scaling == (Scaling::GaussNewton { renew: 0 }) {
-            return Err(Error::invalid("training.scaling.renew", 0, "at least 1"));
+        if let Scaling::GaussNewton { renew } = self.scaling {
+            at_least_one("training.scaling.renew", usize::try_from(renew).unwrap_or(usize::MAX))?;
         }
         for (name, value) in [
             ("training.target", self.target),
             ("training.gradient_tolerance", self.gradient_tolerance),
         ] {
-            if !(value >= 0.0 && value.is_finite()) {
-                return Err(Error::invalid(name, value, "a finite number ≥ 0"));
-            }
+            Error::check_range(name, value, 0.0, f64::MAX)?;
         }
         Ok(())
     }

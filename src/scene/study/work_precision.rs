@@ -395,10 +395,10 @@ struct JacobianComparison {
 const TIME: &str = "µs a trajectory and unit time";
 
 const HOW: &str = "One thread; medians of repeated runs, in turn, and in brackets their quartiles. \
-                   Integrators move one trajectory after another, with the processor's fused \
-                   multiply-adds but not its vectors; networks both several trajectories in the \
-                   lanes of vectors, of which fewer than eight leave some empty, and each one \
-                   alone. Data and training are not counted.";
+                   Splittings, RK4 and networks move several trajectories in the lanes of vectors, \
+                   of which fewer than eight leave some empty; Gauss–Legendre moves one after \
+                   another. Networks are timed with one trajectory alone as well. Data and \
+                   training are not counted.";
 
 const DISTANCE: &str = "The error is the root mean square distance from the reference";
 
