@@ -36,7 +36,7 @@ fn evaluation(n: f64) -> f64 {
     SECH2_PRODUCTS + 2.0 * n + 1.0
 }
 
-/// The same with 2n derivatives along: tanh, those of the preactivation, of sech²,
+/// With 2n derivatives along: tanh, those of the preactivation, of sech²,
 /// of the weight and of the increments.
 fn derivatives(n: f64) -> f64 {
     TANH_PRODUCTS - SECH2_PRODUCTS + 2.0 + 2.0 * n * (n + 1.0 + 1.0 + n)

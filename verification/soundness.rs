@@ -63,7 +63,7 @@ impl Measurable for Excused<'_> {
     }
 }
 
-/// The same of a family.
+/// A family of maps with such steps.
 struct Family<'a, F>(&'a F, f64);
 
 impl<F: NearlyPeriodic> Family<'_, F> {

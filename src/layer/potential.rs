@@ -26,7 +26,7 @@ pub struct TanhPotential<'a, P, const D: usize = 0> {
     w_out: &'a [P],
 }
 
-// In what the kernels call for each lane there is no closure, and no function of the
+// In what a kick does for each lane there is no closure, and no function of the
 // library that takes one: these are compiled for any processor before they are
 // inlined, and what they call is not inlined in them.
 

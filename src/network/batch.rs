@@ -64,10 +64,10 @@ fn store_groups<V: Pack>(lanes: &[V], dim: usize, points: &mut [f64]) {
 }
 
 /// The map of each point of a block.
-pub(super) struct MapBlock<'a> {
-    pub(super) map: &'a Composition<f64>,
-    pub(super) direction: Direction,
-    pub(super) points: &'a mut [f64],
+struct MapBlock<'a> {
+    map: &'a Composition<f64>,
+    direction: Direction,
+    points: &'a mut [f64],
 }
 
 impl Kernel for MapBlock<'_> {

@@ -26,9 +26,11 @@ struct Jacobians<'a> {
     out: &'a mut [f64],
 }
 
-impl Jacobians<'_> {
+impl Kernel for Jacobians<'_> {
+    type Output = ();
+
     #[inline(always)]
-    fn columns<V: Pack>(self) {
+    fn run<V: Pack>(self) {
         /// Columns at a time: an oracle is compiled once, for any n.
         const N: usize = 4;
         let dim = 2 * self.map.dof();
@@ -51,15 +53,6 @@ impl Jacobians<'_> {
                 }
             }
         }
-    }
-}
-
-impl Kernel for Jacobians<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<V: Pack>(self) {
-        self.columns::<V>();
     }
 }
 

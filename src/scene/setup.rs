@@ -86,11 +86,6 @@ const MOST_LAYERS: usize = 100_000;
 /// More samples, steps and the like are one too.
 pub(super) const MOST: usize = 100_000_000;
 
-/// Fails unless a count is between 1 and `most`.
-pub(super) fn check_count(name: &str, value: usize, most: usize) -> Result<(), Error> {
-    Error::check_count_range(name, value, 1, most)
-}
-
 /// Fails unless a name is of letters, digits, - and _: it becomes that of a file.
 pub(super) fn check_name(name: &str) -> Result<(), Error> {
     let sane = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
@@ -162,7 +157,7 @@ impl Setup {
         for (index, model) in self.models.iter().enumerate() {
             check_name(&model.name).map_err(|e| e.at("models"))?;
             for layers in model.network.layers() {
-                check_count("layers", layers.count, MOST_LAYERS)
+                Error::check_count_range("layers", layers.count, 1, MOST_LAYERS)
                     .map_err(|e| e.at(format!("models.{}.network", model.name)))?;
             }
             if self.models[..index].iter().any(|other| other.name == model.name) {

@@ -10,7 +10,7 @@ use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::figure::{Figure, Panel};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::setup::{MOST, Need, check_count};
+use crate::scene::setup::{MOST, Need};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -41,8 +41,8 @@ impl Study for TanhOptions {
     }
 
     fn check(&self, _: &Scene) -> Result<(), Error> {
-        check_count("values", self.values, MOST)?;
-        check_count("rounds", self.rounds, MOST_ROUNDS)?;
+        Error::check_count_range("values", self.values, 1, MOST)?;
+        Error::check_count_range("rounds", self.rounds, 1, MOST_ROUNDS)?;
         if !(self.largest > 0.0 && self.largest <= LARGEST) {
             let expected = format!("a positive number of at most {LARGEST}");
             return Err(Error::invalid("largest", self.largest, expected));

@@ -10,7 +10,7 @@ use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::setup::{MOST, Need, check_count, check_points};
+use crate::scene::setup::{MOST, Need, check_points};
 use crate::system::{Hamiltonian, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -43,11 +43,11 @@ impl Study for TrajectoriesOptions {
     }
 
     fn check(&self, scene: &Scene) -> Result<(), Error> {
-        check_count("number of epsilons", self.epsilons.len(), MOST_EPSILONS)?;
+        Error::check_count_range("number of epsilons", self.epsilons.len(), 1, MOST_EPSILONS)?;
         if let Some(bad) = self.epsilons.iter().find(|epsilon| !epsilon.is_finite()) {
             return Err(Error::invalid("epsilons", bad, "finite numbers"));
         }
-        check_count("steps", self.steps, MOST)?;
+        Error::check_count_range("steps", self.steps, 1, MOST)?;
         match &scene.setup.system {
             Some(system) => check_points("initial", &self.initial, system.dof()),
             None => Ok(()),

@@ -19,7 +19,7 @@ use crate::scene::context::{Context, DataSets, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::figure::{Axis, Figure, Legend, Panel, Series, Style};
 use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};
-use crate::scene::setup::{MOST, Need, check_count};
+use crate::scene::setup::{MOST, Need};
 use crate::system::{Hamiltonian, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -74,12 +74,12 @@ impl Study for WorkPrecisionOptions {
 
     fn check(&self, scene: &Scene) -> Result<(), Error> {
         let rollout = RolloutOptions::of(scene);
-        check_count("points", self.points, MOST)?;
-        check_count("rounds", self.rounds, MOST_ROUNDS)?;
+        Error::check_count_range("points", self.points, 1, MOST)?;
+        Error::check_count_range("rounds", self.rounds, 1, MOST_ROUNDS)?;
         for entry in &self.integrators {
             entry.integrator.check()?;
             for &steps in entry.one_step.iter().chain(&entry.rollout) {
-                check_count("integrators.steps", steps, MOST)?;
+                Error::check_count_range("integrators.steps", steps, 1, MOST)?;
             }
             if !entry.rollout.is_empty() && rollout.is_none() {
                 let name = entry.integrator.name();
