@@ -4,12 +4,19 @@ use crate::mutants::Fault;
 use gyroceptron::measure::{Adjoint, Measurable, MeasuredSteps, Row, Tally, TrackedStep, laws};
 use gyroceptron::network::Composition;
 use gyroceptron::phase::{Direction, Map};
+use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Dual, Scalar, Tracked};
 
 /// The rows with the name of what they were measured on.
 pub fn named(mut rows: Vec<Row>, of: &str) -> Vec<Row> {
     rows.iter_mut().for_each(|row| row.law += of);
     rows
+}
+
+/// Points of a cube.
+pub fn points(seed: u64, radius: f64, dof: usize, count: usize) -> Vec<f64> {
+    let mut stream = Stream::new(seed, "points");
+    (0..count * 2 * dof).map(|_| stream.uniform(-radius, radius)).collect()
 }
 
 /// The laws on the first two of the points; that of evaluation on all.

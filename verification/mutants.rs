@@ -344,9 +344,9 @@ pub struct Mutant {
     epsilon: f64,
 }
 
-/// Which layers.
+/// A factor of P_ε, by whose layers it is.
 #[derive(Clone, Copy, PartialEq)]
-enum Part {
+enum Factor {
     Psi,
     NearIdentity,
 }
@@ -378,19 +378,19 @@ impl Mutant {
         Self { fault, clean, inverse, epsilon }
     }
 
-    fn layers(&self, part: Part, inverse: bool) -> Vec<(usize, &[f64])> {
+    fn layers(&self, factor: Factor, inverse: bool) -> Vec<(usize, &[f64])> {
         let shape = self.clean.shape();
         let parameters =
             if inverse { &self.inverse[..] } else { self.clean.composition().parameters() };
         let mut rest = parameters;
         let mut out = Vec::new();
-        let tagged = shape.psi.iter().map(|w| (Part::Psi, *w));
+        let tagged = shape.psi.iter().map(|w| (Factor::Psi, *w));
         for (of, width) in
-            tagged.chain(shape.near_identity.iter().map(|w| (Part::NearIdentity, *w)))
+            tagged.chain(shape.near_identity.iter().map(|w| (Factor::NearIdentity, *w)))
         {
             let (layer, others) = rest.split_at(layer_parameter_count(DOF, width));
             rest = others;
-            if of == part {
+            if of == factor {
                 out.push((width, layer));
             }
         }
@@ -438,19 +438,22 @@ impl Mutant {
             .collect()
     }
 
-    fn part(&self, part: Part, epsilon: f64, direction: Direction) -> MeasuredSteps<'_> {
+    fn steps_of(&self, factor: Factor, epsilon: f64, direction: Direction) -> MeasuredSteps<'_> {
         let inverse = direction == Direction::Inverse;
-        if inverse && part == Part::NearIdentity && self.fault == Fault::InverseByNegativeEpsilon {
-            return self.part(part, -epsilon, Direction::Forward);
+        if inverse
+            && factor == Factor::NearIdentity
+            && self.fault == Fault::InverseByNegativeEpsilon
+        {
+            return self.steps_of(factor, -epsilon, Direction::Forward);
         }
-        let epsilon = match (part, self.fault) {
-            (Part::Psi, _) => 1.0,
+        let epsilon = match (factor, self.fault) {
+            (Factor::Psi, _) => 1.0,
             (_, Fault::EpsilonIgnored) => self.clean.epsilon(),
             (_, Fault::AbsoluteEpsilon) => epsilon.abs(),
             (_, Fault::EpsilonSquared) => epsilon * epsilon.abs(),
             _ => epsilon,
         };
-        let mut layers = self.layers(part, inverse);
+        let mut layers = self.layers(factor, inverse);
         if inverse && self.fault != Fault::InverseOrder {
             layers.reverse();
         }
@@ -497,22 +500,22 @@ impl Mutant {
     }
 
     fn conjugated(&self, theta: f64, direction: Direction) -> MeasuredSteps<'_> {
-        let mut steps = self.part(Part::Psi, 1.0, Direction::Inverse);
+        let mut steps = self.steps_of(Factor::Psi, 1.0, Direction::Inverse);
         steps.extend(self.rotation(theta, direction));
-        steps.extend(self.part(Part::Psi, 1.0, Direction::Forward));
+        steps.extend(self.steps_of(Factor::Psi, 1.0, Direction::Forward));
         steps
     }
 
     fn whole_map(&self, epsilon: f64, direction: Direction) -> MeasuredSteps<'_> {
         let theta = self.clean.theta();
         let once = self.fault == Fault::ConjugatedOnce;
-        let near = self.part(Part::NearIdentity, epsilon, direction);
+        let near = self.steps_of(Factor::NearIdentity, epsilon, direction);
         let mut steps = MeasuredSteps::new();
         match direction {
             Direction::Forward => {
                 if once {
                     steps.extend(self.rotation(theta, direction));
-                    steps.extend(self.part(Part::Psi, 1.0, direction));
+                    steps.extend(self.steps_of(Factor::Psi, 1.0, direction));
                 } else {
                     steps.extend(self.conjugated(theta, direction));
                 }
@@ -527,7 +530,7 @@ impl Mutant {
                 }
                 steps.extend(near);
                 if once {
-                    steps.extend(self.part(Part::Psi, 1.0, direction));
+                    steps.extend(self.steps_of(Factor::Psi, 1.0, direction));
                     steps.extend(self.rotation(theta, direction));
                 } else {
                     steps.extend(self.conjugated(theta, direction));
@@ -589,9 +592,9 @@ impl Measurable for Mutant {
         }
     }
     fn layers(&self) -> Layers<'_> {
-        let both = |part: Part, epsilon: f64| -> Layers<'_> {
-            let forward = Mutant::layers(self, part, false);
-            let inverse = Mutant::layers(self, part, true);
+        let both = |factor: Factor, epsilon: f64| -> Layers<'_> {
+            let forward = Mutant::layers(self, factor, false);
+            let inverse = Mutant::layers(self, factor, true);
             let pieces =
                 forward.into_iter().zip(inverse).map(move |((width, there), (_, back))| {
                     let steps = move |direction| match direction {
@@ -603,7 +606,7 @@ impl Measurable for Mutant {
                 });
             pieces.collect()
         };
-        let mut out = both(Part::Psi, 1.0);
+        let mut out = both(Factor::Psi, 1.0);
         out.reverse();
         for (direction, _) in &mut out {
             *direction = Direction::Inverse;
@@ -611,8 +614,8 @@ impl Measurable for Mutant {
         let theta = self.clean.theta();
         let turn = Piece(Box::new(move |direction| self.rotation(theta, direction)));
         out.push((Direction::Forward, Box::new(turn)));
-        out.extend(both(Part::Psi, 1.0));
-        out.extend(both(Part::NearIdentity, self.epsilon));
+        out.extend(both(Factor::Psi, 1.0));
+        out.extend(both(Factor::NearIdentity, self.epsilon));
         out
     }
 }
@@ -623,11 +626,11 @@ impl NearlyPeriodic for Mutant {
     }
     fn near_identity_at(&self, epsilon: f64) -> Box<dyn Measurable + '_> {
         Box::new(Piece(Box::new(move |direction| {
-            self.part(Part::NearIdentity, epsilon, direction)
+            self.steps_of(Factor::NearIdentity, epsilon, direction)
         })))
     }
     fn conjugation(&self) -> Box<dyn Measurable + '_> {
-        Box::new(Piece(Box::new(|direction| self.part(Part::Psi, 1.0, direction))))
+        Box::new(Piece(Box::new(|direction| self.steps_of(Factor::Psi, 1.0, direction))))
     }
     fn action_weights(&self) -> &[i32] {
         self.clean.shape().circle_action.weights()
@@ -687,7 +690,7 @@ fn map_rows(fault: Fault) -> Vec<Row> {
     rows.push(laws::generator(&broken, &field, points).row());
     rows.push(gradients::literal_formula(&model, &broken, points).row());
     rows.push(gradients::other_derivatives(&model, &broken, points).row());
-    let (_, layer) = Mutant::layers(&broken, Part::Psi, false)[0];
+    let (_, layer) = Mutant::layers(&broken, Factor::Psi, false)[0];
     let map = HenonLayer::new(DOF, broken.clean.shape().psi[0], 1.0, layer).map();
     let single = OneStep(LiteralMap { map, plus_x: fault == Fault::PlusX });
     let forward = Direction::Forward;

@@ -1,7 +1,7 @@
 //! SympNets: every law that is not of a circle action, on linear and activation
 //! modules, whose rounding bounds nobody derived by hand.
 
-use crate::compositions::{Broken, measure, named};
+use crate::compositions::{Broken, measure, named, points};
 use crate::mutants::Fault;
 use crate::watched::watched;
 use crate::{precision, suite, tolerances};
@@ -15,6 +15,7 @@ use proptest::sample::select;
 use std::sync::OnceLock;
 
 pub const STATED: usize = 400;
+const NAME: &str = " of SympNets";
 
 /// A network and where its points are.
 #[derive(Clone, Debug)]
@@ -34,9 +35,7 @@ impl Case {
     }
 
     fn points(&self, count: usize) -> Vec<f64> {
-        let mut stream = Stream::new(self.seed, "points");
-        let numbers = 0..count * 2 * self.shape.dof;
-        numbers.map(|_| stream.uniform(-self.radius, self.radius)).collect()
+        points(self.seed, self.radius, self.shape.dof, count)
     }
 }
 
@@ -65,7 +64,7 @@ pub fn rows() -> &'static [Row] {
             let map = watched("symp_net", &network);
             measure(&map, network.composition(), &points, dof, case.seed)
         });
-        named(rows, " of SympNets")
+        named(rows, NAME)
     })
 }
 
@@ -103,7 +102,7 @@ pub fn rows_of_mutant(fault: Fault) -> Vec<Row> {
         let broken = Broken::new(fault, case.network().composition());
         measure(&broken, &broken, &case.points(11), 2, 1)
     });
-    named(merged(tallies).iter().map(Tally::row).collect(), " of SympNets")
+    named(merged(tallies).iter().map(Tally::row).collect(), NAME)
 }
 
 #[test]

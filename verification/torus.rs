@@ -1,7 +1,7 @@
 //! Torus actions: each plane turned by several angles through an integer matrix, before
 //! a HénonNet, under every law that is not of one circle.
 
-use crate::compositions::{Broken, measure, named};
+use crate::compositions::{Broken, measure, named, points};
 use crate::mutants::Fault;
 use crate::suite;
 use crate::watched::watched;
@@ -50,9 +50,7 @@ impl Case {
     }
 
     fn points(&self, count: usize) -> Vec<f64> {
-        let mut stream = Stream::new(self.seed, "points");
-        let numbers = 0..count * 2 * self.dof;
-        numbers.map(|_| stream.uniform(-self.radius, self.radius)).collect()
+        points(self.seed, self.radius, self.dof, count)
     }
 }
 

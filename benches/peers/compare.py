@@ -154,15 +154,15 @@ def main():
         for dtype, tolerance in (("float64", 1e-9), ("float32", 1e-1)):
             jax = start_jax(name, dtype, threads)
             label = best_variant(jax, tolerance)
-            own, other = [], []
+            here, other = [], []
             for _ in range(options.rounds):
-                own.append(ours.ask(name))
+                here.append(ours.ask(name))
                 other.append(jax.ask(f"run {label}"))
             jax.process.stdin.close()
             jax.process.wait()
             if dtype == "float64":
-                cells.append(figure(own))
-            ratios = [b / a for a, b in zip(own, other)]
+                cells.append(figure(here))
+            ratios = [b / a for a, b in zip(here, other)]
             cells += [figure(other), f"{statistics.median(ratios):.2f} ×"]
             labels.append(label)
         print(f"| {name} | {' | '.join(cells)} | {'; '.join(labels)} |", flush=True)
