@@ -243,6 +243,12 @@ fn a_torus_action_is_the_product_of_its_circles() {
     let (s, c) = libm::sincos(-0.75);
     assert!((moved[0] - (c * z[0] + s * z[3])).abs() < 8.0 * f64::EPSILON, "{}", moved[0]);
     assert!(TorusAction::new([]).is_err());
+    assert!(TorusAction::new([CircleAction::new([])]).is_err());
+    let text = serde_json::to_string(&torus).expect("text");
+    assert_eq!(serde_json::from_str::<TorusAction>(&text).expect("read"), torus);
+    for bad in ["[]", "[[]]", "[[1], [1, 0]]"] {
+        assert!(serde_json::from_str::<TorusAction>(bad).is_err(), "{bad}");
+    }
     assert!(TorusAction::new([CircleAction::new([1]), CircleAction::new([1, 0])]).is_err());
     // Each plane by its own angle.
     let mut turned = z.clone();

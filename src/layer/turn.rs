@@ -67,9 +67,22 @@ impl CircleAction {
 
 /// Several commuting circle actions: plane j turns by Σ_a m_{aj} θ_a.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(transparent)]
+#[serde(try_from = "Vec<CircleAction>", into = "Vec<CircleAction>")]
 pub struct TorusAction {
     circles: Vec<CircleAction>,
+}
+
+impl TryFrom<Vec<CircleAction>> for TorusAction {
+    type Error = Error;
+    fn try_from(circles: Vec<CircleAction>) -> Result<Self, Error> {
+        Self::new(circles)
+    }
+}
+
+impl From<TorusAction> for Vec<CircleAction> {
+    fn from(action: TorusAction) -> Self {
+        action.circles
+    }
 }
 
 impl TorusAction {
