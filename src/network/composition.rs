@@ -23,20 +23,28 @@ pub struct Composition<P> {
     turns: Vec<Turn<P>>,
 }
 
+/// A visitor whose work on each shear is compiled as a function of its own, for the
+/// registers of `$number`.
+macro_rules! visit_outlined {
+    ([$($generics:tt)*] $visitor:ty, $number:ident) => {
+        impl<'a, $($generics)*> Visitor<'a, P> for $visitor {
+            type Output = ();
+            const SPECIALISED: bool = $number::SPECIALISED;
+            #[inline(always)]
+            fn visit(self, shear: impl Shear<P> + 'a) {
+                $number::outlined(OfEach { shear, work: self, parameters: PhantomData });
+            }
+        }
+    };
+}
+
 /// A step of all points, 2n numbers each.
 struct Apply<'s, S> {
     z: &'s mut [S],
     scratch: &'s mut [S],
 }
 
-impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Apply<'_, S> {
-    type Output = ();
-    const SPECIALISED: bool = S::SPECIALISED;
-    #[inline(always)]
-    fn visit(self, shear: impl Shear<P> + 'a) {
-        S::outlined(OfEach { shear, work: self, parameters: PhantomData });
-    }
-}
+visit_outlined!([P: Scalar, S: Over<P>] Apply<'_, S>, S);
 
 /// What a visitor does with a shear, to be compiled as a function of its own.
 struct OfEach<P, T, W> {
@@ -62,14 +70,7 @@ struct Record<'s, S> {
     scratch: &'s mut [S],
 }
 
-impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Record<'_, S> {
-    type Output = ();
-    const SPECIALISED: bool = S::SPECIALISED;
-    #[inline(always)]
-    fn visit(self, shear: impl Shear<P> + 'a) {
-        S::outlined(OfEach { shear, work: self, parameters: PhantomData });
-    }
-}
+visit_outlined!([P: Scalar, S: Over<P>] Record<'_, S>, S);
 
 impl<P: Scalar, S: Over<P>, T: Shear<P>> Task for OfEach<P, T, Record<'_, S>> {
     #[inline(always)]
@@ -91,14 +92,7 @@ struct Pull<'s, S> {
     scratch: &'s mut [S],
 }
 
-impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Pull<'_, S> {
-    type Output = ();
-    const SPECIALISED: bool = S::SPECIALISED;
-    #[inline(always)]
-    fn visit(self, shear: impl Shear<P> + 'a) {
-        S::outlined(OfEach { shear, work: self, parameters: PhantomData });
-    }
-}
+visit_outlined!([P: Scalar, S: Over<P>] Pull<'_, S>, S);
 
 impl<P: Scalar, S: Over<P>, T: Shear<P>> Task for OfEach<P, T, Pull<'_, S>> {
     #[inline(always)]
@@ -115,14 +109,7 @@ struct Along<'s, S> {
     scratch: &'s mut [S],
 }
 
-impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for Along<'_, S> {
-    type Output = ();
-    const SPECIALISED: bool = S::SPECIALISED;
-    #[inline(always)]
-    fn visit(self, shear: impl Shear<P> + 'a) {
-        S::outlined(OfEach { shear, work: self, parameters: PhantomData });
-    }
-}
+visit_outlined!([P: Scalar, S: Over<P>] Along<'_, S>, S);
 
 impl<P: Scalar, S: Over<P>, T: Shear<P>> Task for OfEach<P, T, Along<'_, S>> {
     #[inline(always)]
@@ -139,14 +126,7 @@ struct Across<'s, P, V> {
     lanes: PhantomData<V>,
 }
 
-impl<'a, P: Over<P>, V: Pack<P>> Visitor<'a, P> for Across<'_, P, V> {
-    type Output = ();
-    const SPECIALISED: bool = V::SPECIALISED;
-    #[inline(always)]
-    fn visit(self, shear: impl Shear<P> + 'a) {
-        V::outlined(OfEach { shear, work: self, parameters: PhantomData });
-    }
-}
+visit_outlined!([P: Over<P>, V: Pack<P>] Across<'_, P, V>, V);
 
 impl<P: Over<P>, V: Pack<P>, T: Shear<P>> Task for OfEach<P, T, Across<'_, P, V>> {
     #[inline(always)]
