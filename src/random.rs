@@ -40,4 +40,12 @@ impl Stream {
         let radius = (-2.0 * libm::log(1.0 - self.unit())).sqrt();
         radius * libm::cos(std::f64::consts::TAU * self.unit())
     }
+
+    /// Puts values into random order: Fisher and Yates, drawn from the top.
+    pub fn shuffle<T>(&mut self, values: &mut [T]) {
+        for i in (1..values.len()).rev() {
+            let j = (self.unit() * (i + 1) as f64) as usize;
+            values.swap(i, j.min(i));
+        }
+    }
 }

@@ -98,7 +98,7 @@ weights = { kind = "normal", scale = 0.15 }
 
 [training]
 iterations = 25
-scaling = { kind = "gauss-newton", renew = 10 }
+optimiser.scaling = { kind = "gauss-newton", renew = 10 }
 "#;
 
 const ROLLOUT: &str = "

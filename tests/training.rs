@@ -1,4 +1,4 @@
-//! Losses, gradients, L-BFGS, checkpoints.
+//! Losses, gradients, normal equations, optimisers, checkpoints.
 
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::layer::CircleAction;
@@ -10,8 +10,8 @@ use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Dual, max_or_nan};
 use gyroceptron::system::Oscillators;
 use gyroceptron::train::{
-    Checkpoint, Control, Loss, Objective, Outcome, Progress, Scaling, Stop, TrainingOptions,
-    fit_rotation, train,
+    AdamOptions, Checkpoint, Control, LbfgsOptions, LevenbergMarquardtOptions, Loss, Objective,
+    Optimiser, Outcome, Progress, Scaling, Stop, TrainingOptions, fit_rotation, train,
 };
 
 fn pairs(count: usize, time: f64, seed: u64) -> Pairs {
@@ -37,10 +37,26 @@ fn quiet(_: Progress<'_>) -> Result<Control, gyroceptron::Error> {
     Ok(Control::Continue)
 }
 
+fn lbfgs(memory: usize, scaling: Scaling) -> Optimiser {
+    Optimiser::Lbfgs(LbfgsOptions { memory, scaling })
+}
+
+/// Each optimiser, so that all it can do happens in 52 iterations on 300 pairs:
+/// L-BFGS renews its scaling, Levenberg–Marquardt begins with a part of the pairs, a
+/// batch of Adam is a part of them.
+fn optimisers() -> [Optimiser; 3] {
+    let marquardt = LevenbergMarquardtOptions { residuals: 2.0, gap: 1.05, ..Default::default() };
+    [
+        lbfgs(30, Scaling::GaussNewton { renew: 20 }),
+        Optimiser::LevenbergMarquardt(marquardt),
+        Optimiser::Adam(AdamOptions { rate: 0.01, batch: 64, plateau: 2, ..Default::default() }),
+    ]
+}
+
 fn options(iterations: u64) -> TrainingOptions {
     TrainingOptions {
         iterations,
-        scaling: Scaling::GaussNewton { renew: 20 },
+        optimiser: lbfgs(30, Scaling::GaussNewton { renew: 20 }),
         validate_every: 7,
         checkpoint_every: 5,
         ..TrainingOptions::default()
@@ -162,7 +178,7 @@ fn scaled_variables_get_further_than_plain_ones() {
         .initialise(InitialWeights::Normal { scale: 0.15 }, 0.05, 1)
         .expect("valid");
     let end = |scaling| {
-        let options = TrainingOptions { scaling, ..options(400) };
+        let options = TrainingOptions { optimiser: lbfgs(30, scaling), ..options(400) };
         let outcome = train(&model, &pairs, None, &options, None, &mut quiet).expect("runs");
         outcome.best.loss
     };
@@ -171,10 +187,11 @@ fn scaled_variables_get_further_than_plain_ones() {
 }
 
 /// Trains to `iterations`, collecting all checkpoints.
-fn with_checkpoints(iterations: u64) -> (Outcome, Vec<Checkpoint>) {
+fn with_checkpoints(optimiser: &Optimiser, iterations: u64) -> (Outcome, Vec<Checkpoint>) {
     let (pairs, held_out) = (pairs(300, 0.5, 5), pairs(100, 0.5, 6));
     let mut kept = Vec::new();
-    let outcome = train(&model(3), &pairs, Some(&held_out), &options(iterations), None, &mut |p| {
+    let options = TrainingOptions { optimiser: optimiser.clone(), ..options(iterations) };
+    let outcome = train(&model(3), &pairs, Some(&held_out), &options, None, &mut |p| {
         kept.extend(p.checkpoint.cloned());
         Ok(Control::Continue)
     })
@@ -182,64 +199,67 @@ fn with_checkpoints(iterations: u64) -> (Outcome, Vec<Checkpoint>) {
     (outcome, kept)
 }
 
+/// Goes on to 52 iterations from a checkpoint, through its text, as a file holds it.
+fn resume(optimiser: &Optimiser, checkpoint: &Checkpoint) -> Outcome {
+    let (pairs, held_out) = (pairs(300, 0.5, 5), pairs(100, 0.5, 6));
+    let text = serde_json::to_string(checkpoint).expect("serialises");
+    let read: Checkpoint = serde_json::from_str(&text).expect("reads back");
+    let options = TrainingOptions { optimiser: optimiser.clone(), ..options(52) };
+    train(&model(3), &pairs, Some(&held_out), &options, Some(read), &mut quiet).expect("resumes")
+}
+
 #[test]
 fn a_run_resumes_to_the_same_bits_from_any_checkpoint() {
-    let (pairs, held_out) = (pairs(300, 0.5, 5), pairs(100, 0.5, 6));
-    let (whole, checkpoints) = with_checkpoints(52);
-    // In the middle of a segment, at its end (20, 40), and at the end of all.
-    assert_eq!(checkpoints.len(), 11);
-    for checkpoint in checkpoints {
-        // Through its text, as a file holds it.
-        let text = serde_json::to_string(&checkpoint).expect("serialises");
-        let read: Checkpoint = serde_json::from_str(&text).expect("reads back");
-        let at = read.last().iteration;
-        let resumed =
-            train(&model(3), &pairs, Some(&held_out), &options(52), Some(read), &mut quiet)
-                .expect("resumes");
-        assert_eq!(bits(&resumed.model), bits(&whole.model), "from iteration {at}");
-        assert_eq!(resumed.history, whole.history, "from iteration {at}");
-    }
-    // A run that was asked for fewer iterations goes on to more as if nothing
-    // had been.
-    for fewer in [33, 40] {
-        let (_, shorter) = with_checkpoints(fewer);
-        let last = shorter.into_iter().last().expect("one at the end");
-        assert_eq!(last.last().iteration, fewer);
-        let longer =
-            train(&model(3), &pairs, Some(&held_out), &options(52), Some(last), &mut quiet)
-                .expect("resumes");
-        assert_eq!(bits(&longer.model), bits(&whole.model), "from {fewer}");
-        assert_eq!(longer.history, whole.history, "from {fewer}");
+    for optimiser in &optimisers() {
+        let (whole, checkpoints) = with_checkpoints(optimiser, 52);
+        // In the middle of a segment, at its end (20, 40), and at the end of all.
+        assert_eq!(checkpoints.len(), 11);
+        // A run that was asked for fewer iterations goes on to more as if nothing had
+        // been.
+        let shorter = [33, 40].map(|fewer| {
+            let last = with_checkpoints(optimiser, fewer).1.pop().expect("one at the end");
+            assert_eq!(last.last().iteration, fewer);
+            last
+        });
+        for checkpoint in checkpoints.iter().chain(&shorter) {
+            let at = format!("{} from {}", optimiser.name(), checkpoint.last().iteration);
+            let resumed = resume(optimiser, checkpoint);
+            assert_eq!(bits(&resumed.model), bits(&whole.model), "{at}");
+            assert_eq!(resumed.history, whole.history, "{at}");
+            assert_eq!(resumed.curvatures, whole.curvatures, "{at}");
+        }
     }
 }
 
 #[test]
 fn an_interrupted_run_leaves_a_checkpoint_to_resume_from() {
     let (pairs, held_out) = (pairs(300, 0.5, 5), pairs(100, 0.5, 6));
-    let (whole, _) = with_checkpoints(52);
-    for stop_at in [1, 20, 23, 25] {
-        let mut last = None;
-        let outcome = train(&model(3), &pairs, Some(&held_out), &options(52), None, &mut |p| {
-            if let Some(checkpoint) = p.checkpoint {
-                last = Some(checkpoint.clone());
-            }
-            Ok(if p.record.iteration == stop_at { Control::Interrupt } else { Control::Continue })
-        })
-        .expect("stops");
-        assert_eq!(outcome.stop, Stop::Interrupted);
-        let checkpoint = last.expect("a checkpoint");
-        assert_eq!(checkpoint.last().iteration, stop_at);
-        let resumed =
-            train(&model(3), &pairs, Some(&held_out), &options(52), Some(checkpoint), &mut quiet)
-                .expect("resumes");
-        assert_eq!(bits(&resumed.model), bits(&whole.model), "stopped at {stop_at}");
+    for optimiser in &optimisers() {
+        let (whole, _) = with_checkpoints(optimiser, 52);
+        for stop_at in [1, 20, 23, 25] {
+            let mut last = None;
+            let options = TrainingOptions { optimiser: optimiser.clone(), ..options(52) };
+            let outcome = train(&model(3), &pairs, Some(&held_out), &options, None, &mut |p| {
+                if let Some(checkpoint) = p.checkpoint {
+                    last = Some(checkpoint.clone());
+                }
+                let stop = p.record.iteration == stop_at;
+                Ok(if stop { Control::Interrupt } else { Control::Continue })
+            })
+            .expect("stops");
+            assert_eq!(outcome.stop, Stop::Interrupted);
+            let checkpoint = last.expect("a checkpoint");
+            assert_eq!(checkpoint.last().iteration, stop_at);
+            let resumed = resume(optimiser, &checkpoint);
+            assert_eq!(bits(&resumed.model), bits(&whole.model), "stopped at {stop_at}");
+        }
     }
 }
 
 #[test]
 fn a_checkpoint_of_another_run_is_refused() {
     let (pairs_5, held_out) = (pairs(300, 0.5, 5), pairs(100, 0.5, 6));
-    let (_, checkpoints) = with_checkpoints(10);
+    let (_, checkpoints) = with_checkpoints(&options(10).optimiser, 10);
     let checkpoint = &checkpoints[0];
     let refuse = |model: &Model, pairs: &Pairs, options: &TrainingOptions, word: &str| {
         let resume = Some(checkpoint.clone());
@@ -250,7 +270,8 @@ fn a_checkpoint_of_another_run_is_refused() {
     };
     refuse(&model(4), &pairs_5, &options(10), "initial weights");
     refuse(&model(3), &pairs(300, 0.5, 7), &options(10), "training pairs");
-    let other = TrainingOptions { memory: 5, ..options(10) };
+    let scaling = Scaling::GaussNewton { renew: 20 };
+    let other = TrainingOptions { optimiser: lbfgs(5, scaling), ..options(10) };
     refuse(&model(3), &pairs_5, &other, "options");
 }
 
@@ -295,18 +316,267 @@ fn blocks_are_summed_alike_in_tasks_of_any_size() {
 
 #[test]
 fn threads_do_not_change_the_bits() {
-    let run = |threads| {
-        let pool =
-            rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
-        pool.install(|| {
-            let pairs = pairs(3000, 0.5, 5);
-            let outcome = train(&model(3), &pairs, None, &options(25), None, &mut quiet);
-            bits(&outcome.expect("runs").model)
-        })
+    for optimiser in &optimisers() {
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.expect("a thread pool").install(|| {
+                let pairs = pairs(3000, 0.5, 5);
+                let options = TrainingOptions { optimiser: optimiser.clone(), ..options(25) };
+                let outcome = train(&model(3), &pairs, None, &options, None, &mut quiet);
+                bits(&outcome.expect("runs").model)
+            })
+        };
+        let one = run(1);
+        assert_eq!(one, run(2), "{}", optimiser.name());
+        assert_eq!(one, run(3), "{}", optimiser.name());
+    }
+}
+
+/// The matrix, the gradient and the loss of the normal equations from residuals and
+/// their derivatives by duals, for a ragged tail, several blocks, and with the penalty.
+#[test]
+fn normal_equations_are_those_of_duals() {
+    let model = model(2);
+    let network = model.gyroceptron().expect("a gyroceptron");
+    let parameters = model.composition().parameters();
+    let count = parameters.len();
+    let (weights, penalty): ([f64; 4], f64) = ([0.3, 1.0, 0.3, 1.0], 0.7);
+    type D = Dual<f64, 1>;
+    for number in [5, 37, 300] {
+        let pairs = pairs(number, 0.5, 4);
+        let loss = Loss::Weighted { weights: vec![0.3, 1.0] };
+        let objective = Objective::new(&loss, &pairs).expect("valid weights");
+        let objective = objective.with_near_identity_penalty(penalty).expect("valid");
+        // Rows of both terms: the derivatives, then the residual, by its root weight.
+        let mut rows = vec![vec![0.0; count + 1]; 8 * number];
+        for index in 0..count {
+            let variable = |(i, &p): (usize, &f64)| D::variable(p, usize::from(i != index));
+            let lifted: Vec<D> = parameters.iter().enumerate().map(variable).collect();
+            let dual = Gyroceptron::new(network.shape().clone(), D::constant(0.01), lifted);
+            let dual = dual.expect("same shape");
+            for (k, (z, target)) in
+                pairs.input().chunks_exact(4).zip(pairs.output().chunks_exact(4)).enumerate()
+            {
+                let mut w: Vec<D> = z.iter().map(|&v| D::constant(v)).collect();
+                let mut near = w.clone();
+                dual.forward(&mut w);
+                dual.near_identity().forward(&mut near);
+                for c in 0..4 {
+                    let (map, beside) = (weights[c].sqrt(), (penalty / 4.0).sqrt());
+                    rows[8 * k + c][index] = map * w[c].eps[0];
+                    rows[8 * k + c][count] = map * (w[c].re - target[c]);
+                    rows[8 * k + 4 + c][index] = beside * near[c].eps[0];
+                    rows[8 * k + 4 + c][count] = beside * (near[c].re - z[c]);
+                }
+            }
+        }
+        let entry = |i: usize, j: usize| {
+            rows.iter().map(|row| row[i] * row[j]).sum::<f64>() * 2.0 / number as f64
+        };
+        let found = objective.normal_equations(model.composition());
+        let close = |found: f64, exact: f64, size: f64, what: &str| {
+            assert!((found - exact).abs() <= 1e-12 * size, "{number}: {what}: {found} {exact}");
+        };
+        let loss = entry(count, count) / 2.0;
+        close(found.loss, loss, loss, "loss");
+        close(objective.value(model.composition()), loss, loss, "value");
+        let mut gradient = vec![0.0; count];
+        objective.value_and_gradient(model.composition(), &mut gradient);
+        let diagonal = objective.curvature_diagonal(model.composition());
+        for i in 0..count {
+            let size = (entry(i, i) * 2.0 * loss).sqrt();
+            close(found.gradient[i], entry(i, count), size, "gradient");
+            close(gradient[i], entry(i, count), size, "gradient by pullback");
+            close(diagonal[i], entry(i, i), entry(i, i), "diagonal");
+            for j in 0..=i {
+                let size = (entry(i, i) * entry(j, j)).sqrt();
+                close(found.matrix[(i, j)], entry(i, j), size, "matrix");
+            }
+            for j in i + 1..count {
+                assert_eq!(found.matrix[(i, j)], 0.0);
+            }
+        }
+    }
+}
+
+/// Several panels of columns, pairs of several buffers: the matrix that one product of
+/// the whole Jacobian gives, and the same bits on any number of threads.
+#[test]
+fn normal_equations_are_summed_alike_on_any_number_of_threads() {
+    let shape = HenonShape::uniform(3, 5, 8);
+    let model = Architecture::HenonNet { shape, epsilon: 1.0 }
+        .initialise(InitialWeights::Normal { scale: 0.2 }, 0.0, 1)
+        .expect("valid");
+    let map = model.composition();
+    let mut stream = Stream::new(1, "points");
+    let mut points = || (0..6 * 2711).map(|_| stream.uniform(-1.0, 1.0)).collect::<Vec<f64>>();
+    let pairs = Pairs::new("points", 3, points(), points()).expect("finite");
+    let objective = Objective::new(&Loss::MeanSquaredError, &pairs).expect("valid");
+    let with_threads = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("a thread pool").install(|| objective.normal_equations(map))
     };
-    let one = run(1);
-    assert_eq!(one, run(2));
-    assert_eq!(one, run(3));
+    let one = with_threads(1);
+    for threads in [2, 3, 5] {
+        let found = with_threads(threads);
+        assert!(one.matrix == found.matrix && one.gradient == found.gradient, "{threads} threads");
+    }
+    let count = map.parameters().len();
+    let mut exact = vec![vec![0.0; count]; count];
+    let mut recording = map.recording::<f64>();
+    for z in pairs.input().chunks_exact(6) {
+        for c in 0..6 {
+            let mut state = z.to_vec();
+            map.forward_recording(&mut state, &mut recording);
+            let (mut cotangent, mut row) = (vec![0.0; 6], vec![0.0; count]);
+            cotangent[c] = 1.0;
+            map.pullback(&mut recording, &mut cotangent, &mut row);
+            for (i, sums) in exact.iter_mut().enumerate() {
+                for (sum, r) in sums[..=i].iter_mut().zip(&row) {
+                    *sum += row[i] * r / (3.0 * 2711.0);
+                }
+            }
+        }
+    }
+    for i in 0..count {
+        for j in 0..=i {
+            let size = (exact[i][i] * exact[j][j]).sqrt();
+            let difference = (one.matrix[(i, j)] - exact[i][j]).abs();
+            assert!(difference <= 1e-12 * size, "{i} {j}: {difference:e}");
+        }
+    }
+}
+
+/// On data that a part of tells little about the rest, more pairs are taken, up to
+/// all, and the loss that is recorded says of how many it is.
+#[test]
+fn levenberg_marquardt_begins_with_a_part_of_the_pairs() {
+    let [_, marquardt, _] = optimisers();
+    let (whole, _) = with_checkpoints(&marquardt, 52);
+    let pairs: Vec<usize> = whole.history[1..].iter().map(|record| record.pairs).collect();
+    let parameters = model(3).composition().parameters().len();
+    assert_eq!(pairs[0], parameters.div_ceil(2));
+    assert!(pairs.windows(2).all(|pair| pair[0] <= pair[1]));
+    assert_eq!(pairs[51], 300);
+    // Each loss of the same pairs is lower than the one before.
+    for pair in whole.history[1..].windows(2) {
+        assert!(pair[1].loss < pair[0].loss || pair[1].pairs > pair[0].pairs);
+    }
+    let at_once = LevenbergMarquardtOptions { residuals: 0.0, ..Default::default() };
+    let (all, _) = with_checkpoints(&Optimiser::LevenbergMarquardt(at_once), 52);
+    assert!(all.history.iter().all(|record| record.pairs == 300));
+    // Both end below what L-BFGS reaches in as many iterations.
+    let (lbfgs, _) = with_checkpoints(&optimisers()[0], 52);
+    let best = |outcome: &Outcome| outcome.best.validation.expect("evaluated");
+    assert!(best(&all) < 0.6 * best(&lbfgs), "{:e} {:e}", best(&all), best(&lbfgs));
+    assert!(best(&whole) < 0.6 * best(&lbfgs), "{:e} {:e}", best(&whole), best(&lbfgs));
+}
+
+/// A parameter without any effect makes the matrix singular; a loss that overflows a
+/// step ahead is no progress. Neither ends in anything but finite numbers.
+#[test]
+fn singular_matrices_and_losses_that_overflow_are_survived() {
+    let [_, marquardt, _] = optimisers();
+    let options = TrainingOptions { optimiser: marquardt, ..options(20) };
+    // The outer weights of the second layer are zero: no derivative in its others.
+    let shape = HenonShape::uniform(2, 2, 3);
+    let architecture = Architecture::HenonNet { shape, epsilon: 1.0 };
+    let live = architecture.initialise(InitialWeights::Normal { scale: 0.2 }, 0.0, 1);
+    let mut parameters = live.expect("valid").composition().parameters().to_vec();
+    parameters[14 + 9..14 + 12].fill(0.0);
+    let dead = Model::new(architecture, parameters).expect("finite");
+    let data = pairs(50, 0.5, 5);
+    let objective = Objective::new(&Loss::MeanSquaredError, &data).expect("valid");
+    let matrix = objective.normal_equations(dead.composition()).matrix;
+    assert_eq!(matrix[(14, 14)], 0.0);
+    let outcome = train(&dead, &data, None, &options, None, &mut quiet).expect("runs");
+    assert!(outcome.best.loss < 0.5 * outcome.history[0].loss);
+    // Targets of 1e150: squares are finite at the start and not after most steps.
+    let input = pairs(50, 0.5, 5).input().to_vec();
+    let output = input.iter().map(|v| 1e153 * v).collect();
+    let far = Pairs::new("far", 2, input, output).expect("finite");
+    let outcome = train(&model(3), &far, None, &options, None, &mut quiet).expect("runs");
+    assert!(outcome.best.loss.is_finite());
+    assert!(bits(&outcome.model).iter().all(|b| f64::from_bits(*b).is_finite()));
+}
+
+/// Two epochs of one batch each, by the formulas of the paper.
+#[test]
+fn adam_is_its_definition() {
+    let (pairs, model) = (pairs(40, 0.5, 5), model(3));
+    let (rate, clip) = (0.003, 0.05);
+    let adam = AdamOptions { rate, clip, batch: 64, ..AdamOptions::default() };
+    let options = TrainingOptions { optimiser: Optimiser::Adam(adam), ..options(2) };
+    let outcome = train(&model, &pairs, None, &options, None, &mut quiet).expect("runs");
+    let objective = Objective::new(&Loss::MeanSquaredError, &pairs).expect("valid");
+    let mut at = model.composition().parameters().to_vec();
+    let (mut mean, mut squares) = (vec![0.0; at.len()], vec![0.0; at.len()]);
+    let mut clipped = 0;
+    for step in 1..=2 {
+        let mut gradient = vec![0.0; at.len()];
+        let current = model.with_parameters(at.clone()).expect("finite");
+        let loss = objective.value_and_gradient(current.composition(), &mut gradient);
+        let recorded = outcome.history[step].loss;
+        assert!((recorded - loss).abs() <= 1e-12 * loss);
+        for k in 0..at.len() {
+            // Of the sum over the batch and its components.
+            let whole = gradient[k] * 160.0;
+            clipped += usize::from(whole.abs() > clip);
+            let g = whole.clamp(-clip, clip);
+            mean[k] = 0.9 * mean[k] + 0.1 * g;
+            squares[k] = 0.999 * squares[k] + 0.001 * g * g;
+            let (m, v) = (
+                mean[k] / (1.0 - 0.9_f64.powi(step as i32)),
+                squares[k] / (1.0 - 0.999_f64.powi(step as i32)),
+            );
+            at[k] -= rate * m / (v.sqrt() + 1e-7);
+        }
+    }
+    assert!(clipped > 0 && clipped < 2 * at.len());
+    let last = objective.value(model.with_parameters(at).expect("finite").composition());
+    let best = objective.value(outcome.model.composition());
+    assert!((best - last).abs() <= 1e-10 * last, "{best} {last}");
+}
+
+#[test]
+fn adam_ends_where_the_loss_leaves_the_numbers() {
+    let adam = AdamOptions { rate: f64::MAX, ..AdamOptions::default() };
+    let options = TrainingOptions { optimiser: Optimiser::Adam(adam), ..options(50) };
+    let outcome = train(&model(3), &pairs(3000, 0.5, 5), None, &options, None, &mut quiet);
+    let outcome = outcome.expect("ends");
+    assert_eq!(outcome.stop, Stop::Diverged);
+    assert_eq!(bits(&outcome.model), bits(&model(3)));
+}
+
+/// The penalty draws I_ε to the identity and is refused where there is none.
+#[test]
+fn the_penalty_keeps_the_map_near_the_identity() {
+    let pairs = pairs(300, 0.5, 5);
+    for optimiser in optimisers() {
+        let moved = |penalty| {
+            let near_identity_penalty = penalty;
+            let optimiser = optimiser.clone();
+            let options = TrainingOptions { optimiser, near_identity_penalty, ..options(60) };
+            let outcome = train(&model(3), &pairs, None, &options, None, &mut quiet);
+            let network = outcome.expect("runs").model;
+            let mut square = 0.0;
+            for z in pairs.input().chunks_exact(4) {
+                let mut near = z.to_vec();
+                network.gyroceptron().expect("one").near_identity().forward(&mut near);
+                square += near.iter().zip(z).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+            }
+            square
+        };
+        let (free, penalised) = (moved(0.0), moved(1e3));
+        assert!(penalised < 0.05 * free, "{}: {penalised:e} {free:e}", optimiser.name());
+    }
+    let shape = HenonShape::uniform(2, 1, 2);
+    let net = Architecture::HenonNet { shape, epsilon: 1.0 }
+        .initialise(InitialWeights::Normal { scale: 0.2 }, 0.0, 1)
+        .expect("valid");
+    let options = TrainingOptions { near_identity_penalty: 1.0, ..options(5) };
+    let refused = train(&net, &pairs, None, &options, None, &mut quiet);
+    assert!(refused.expect_err("no I_ε").to_string().contains("near_identity_penalty"));
 }
 
 #[test]
@@ -340,8 +610,7 @@ fn plain_lbfgs_is_not_restarted() {
     let model =
         architecture.initialise(InitialWeights::Normal { scale: 0.2 }, 0.0, 1).expect("valid");
     let options = TrainingOptions {
-        scaling: Scaling::None,
-        memory: 1,
+        optimiser: lbfgs(1, Scaling::None),
         checkpoint_every: 1001,
         ..options(1001)
     };
@@ -354,7 +623,7 @@ fn plain_lbfgs_is_not_restarted() {
     if outcome.stop == Stop::Iterations {
         let text = serde_json::to_string(&held.expect("one at the end")).expect("serialises");
         let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-        assert_eq!(json["segment_iterations"], 1001);
+        assert_eq!(json["optimiser"]["segment_iterations"], 1001);
     } else {
         panic!("stopped at {} for {:?}", outcome.history.len(), outcome.stop);
     }
@@ -396,12 +665,31 @@ fn bad_options_and_shapes_are_refused() {
     let fails = |options: TrainingOptions| {
         assert!(train(&model(3), &pairs, None, &options, None, &mut quiet).is_err());
     };
-    fails(TrainingOptions { memory: 0, ..options(5) });
+    let of = |optimiser| TrainingOptions { optimiser, ..options(5) };
+    fails(of(lbfgs(0, Scaling::None)));
     fails(TrainingOptions { validate_every: 0, ..options(5) });
     fails(TrainingOptions { checkpoint_every: 0, ..options(5) });
     fails(TrainingOptions { target: f64::NAN, ..options(5) });
     fails(TrainingOptions { gradient_tolerance: -1.0, ..options(5) });
-    fails(TrainingOptions { scaling: Scaling::GaussNewton { renew: 0 }, ..options(5) });
+    fails(of(lbfgs(30, Scaling::GaussNewton { renew: 0 })));
+    let marquardt = LevenbergMarquardtOptions::default();
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let damping = LevenbergMarquardtOptions { damping: bad, ..marquardt.clone() };
+        fails(of(Optimiser::LevenbergMarquardt(damping)));
+        let rate = AdamOptions { rate: bad, ..AdamOptions::default() };
+        fails(of(Optimiser::Adam(rate)));
+    }
+    for bad in [-1.0, f64::NAN] {
+        let residuals = LevenbergMarquardtOptions { residuals: bad, ..marquardt.clone() };
+        fails(of(Optimiser::LevenbergMarquardt(residuals)));
+        let gap = LevenbergMarquardtOptions { gap: bad, ..marquardt.clone() };
+        fails(of(Optimiser::LevenbergMarquardt(gap)));
+        fails(of(Optimiser::Adam(AdamOptions { clip: bad, ..AdamOptions::default() })));
+        fails(TrainingOptions { near_identity_penalty: bad, ..options(5) });
+    }
+    fails(of(Optimiser::Adam(AdamOptions { batch: 0, ..AdamOptions::default() })));
+    fails(of(Optimiser::Adam(AdamOptions { factor: 1.5, ..AdamOptions::default() })));
+    fails(of(Optimiser::Adam(AdamOptions { plateau: 0, ..AdamOptions::default() })));
     fails(TrainingOptions { loss: Loss::Weighted { weights: vec![1.0] }, ..options(5) });
     fails(TrainingOptions { loss: Loss::Weighted { weights: vec![1.0, f64::NAN] }, ..options(5) });
     let one_dof = Pairs::new("one", 1, vec![0.0, 1.0], vec![1.0, 0.0]).expect("finite");

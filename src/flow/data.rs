@@ -167,23 +167,35 @@ impl Pairs {
         if held == 0 {
             return (self, None);
         }
-        // Fisher and Yates, drawn from the top.
         let mut order: Vec<usize> = (0..count).collect();
-        for i in (1..count).rev() {
-            let j = (stream.unit() * (i + 1) as f64) as usize;
-            order.swap(i, j.min(i));
-        }
+        stream.shuffle(&mut order);
         let (held_rows, kept_rows) = order.split_at(held);
         let take = |rows: &[usize]| {
             let mut rows = rows.to_vec();
             rows.sort_unstable();
-            let dim = 2 * self.dof;
-            let gather = |array: &[f64]| {
-                rows.iter().flat_map(|&r| array[r * dim..(r + 1) * dim].to_vec()).collect()
-            };
-            Self { dof: self.dof, input: gather(&self.input), output: gather(&self.output) }
+            self.rows(rows)
         };
         (take(kept_rows), Some(take(held_rows)))
+    }
+
+    /// The pairs of these rows.
+    ///
+    /// # Panics
+    /// When there is no such row.
+    pub fn rows(&self, rows: impl IntoIterator<Item = usize>) -> Self {
+        let dim = 2 * self.dof;
+        let mut out = Self { dof: self.dof, input: Vec::new(), output: Vec::new() };
+        for row in rows {
+            out.input.extend_from_slice(&self.input[row * dim..(row + 1) * dim]);
+            out.output.extend_from_slice(&self.output[row * dim..(row + 1) * dim]);
+        }
+        out
+    }
+
+    /// So many of the pairs, evenly spaced; all, where there are no more.
+    pub fn thinned(&self, count: usize) -> Self {
+        let (all, count) = (self.len() as u128, count.min(self.len()) as u128);
+        self.rows((0..count).map(|k| (k * all / count) as usize))
     }
 
     /// SHA-256 of the numbers, in hexadecimal: what a model's provenance names.

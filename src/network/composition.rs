@@ -222,6 +222,12 @@ impl<P: Scalar> Composition<P> {
         self.epsilon
     }
 
+    /// The steps that ε scales, alone, over the same parameters: I_ε of a gyroceptron.
+    pub fn near_identity_part(&self) -> Self {
+        let steps = self.steps.iter().filter(|step| step.near_identity).cloned().collect();
+        Self { steps, ..self.clone() }
+    }
+
     /// This map at another ε.
     pub fn with_epsilon(&self, epsilon: P) -> Self {
         Self { epsilon, ..self.clone() }

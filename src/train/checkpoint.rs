@@ -1,5 +1,8 @@
 //! What a killed run is resumed from.
 
+use super::adam::AdamState;
+use super::lbfgs::LbfgsState;
+use super::levenberg_marquardt::LevenbergMarquardtState;
 use super::options::{Stop, TrainingOptions, TrainingRecord};
 use crate::digest;
 use crate::error::Error;
@@ -43,11 +46,24 @@ impl RunIdentity {
     }
 }
 
-/// The optimiser inside a segment, between two iterations.
+/// All that an optimiser goes on from, beside the parameters.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct SegmentSnapshot {
-    pub(super) scale: Vec<f64>,
-    pub(super) optimiser: serde_json::Value,
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub(super) enum OptimiserState {
+    Lbfgs(LbfgsState),
+    LevenbergMarquardt(LevenbergMarquardtState),
+    Adam(AdamState),
+}
+
+impl OptimiserState {
+    /// Fails unless it is of so many parameters.
+    fn check(&self, place: &str, count: usize) -> Result<(), Error> {
+        match self {
+            Self::Lbfgs(state) => state.check(place, count),
+            Self::LevenbergMarquardt(_) => Ok(()),
+            Self::Adam(state) => state.check(place, count),
+        }
+    }
 }
 
 /// The state of training between two iterations, from which it continues to
@@ -62,11 +78,7 @@ pub struct Checkpoint {
     /// Held-out evaluations since the best one.
     unimproved: u64,
     pub(super) history: Vec<TrainingRecord>,
-    pub(super) earlier_evaluations: u64,
-    pub(super) segment_iterations: u64,
-    /// Evaluations of the curvature diagonal.
-    pub(super) curvatures: u64,
-    pub(super) segment: Option<SegmentSnapshot>,
+    pub(super) optimiser: Option<OptimiserState>,
     /// Where it was read from, for errors.
     #[serde(skip)]
     source: Option<String>,
@@ -82,10 +94,7 @@ impl Checkpoint {
             best_score: record.validation.unwrap_or(record.loss),
             unimproved: 0,
             history: vec![record],
-            earlier_evaluations: record.evaluations,
-            segment_iterations: 0,
-            curvatures: 0,
-            segment: None,
+            optimiser: None,
             source: None,
         }
     }
@@ -113,7 +122,6 @@ impl Checkpoint {
     /// was evaluated.
     pub(super) fn push(&mut self, record: TrainingRecord, score: Option<f64>) {
         self.history.push(record);
-        self.segment_iterations += 1;
         match score {
             Some(score) if score < self.best_score => {
                 self.best_score = score;
@@ -124,12 +132,6 @@ impl Checkpoint {
             Some(_) => self.unimproved += 1,
             None => {}
         }
-    }
-
-    pub(super) fn close_segment(&mut self, evaluations: u64) {
-        self.earlier_evaluations += evaluations;
-        self.segment_iterations = 0;
-        self.segment = None;
     }
 
     pub(super) fn finished(&self, options: &TrainingOptions) -> Option<Stop> {
@@ -167,12 +169,12 @@ impl Checkpoint {
             ));
         }
         let count = model.composition().parameters().len();
-        let scale = self.segment.as_ref().map_or(count, |s| s.scale.len());
-        for (what, found) in [
-            ("parameters", self.parameters.len()),
-            ("best parameters", self.best_parameters.len()),
-            ("scale", scale),
-        ] {
+        if let Some(optimiser) = &self.optimiser {
+            optimiser.check(self.place(), count)?;
+        }
+        for (what, found) in
+            [("parameters", self.parameters.len()), ("best parameters", self.best_parameters.len())]
+        {
             if found != count {
                 return Err(Error::content(format!("{}: {what}", self.place()), count, found));
             }

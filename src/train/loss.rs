@@ -1,13 +1,14 @@
-//! The loss of a network on pairs, its gradient and its curvature diagonal.
+//! The loss of a network on pairs, its gradient and its curvature.
 
+use super::kernels::{Blocks, Curvature, Gradient, Value};
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::network::Composition;
-use crate::phase::Direction;
-use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
+use crate::scalar::{WIDTH, on_lanes};
 use crate::work;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// What is minimised: the mean over the pairs of Σ_c weight_c·(residual_c)².
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,13 +45,6 @@ impl Loss {
     }
 }
 
-/// Groups of eight pairs that go through the map together: fixed as the lanes
-/// are, and with them the order of all sums.
-const TOGETHER: usize = 4;
-
-/// Pairs whose sums are taken together, fixed for the same reason.
-const BLOCK: usize = 128 * WIDTH;
-
 /// Tasks for each thread, so that all end at about the same time.
 const TASKS: usize = 8;
 
@@ -62,8 +56,17 @@ const TASKS: usize = 8;
 /// every processor and number of threads.
 #[derive(Clone, Debug)]
 pub struct Objective<'a> {
-    pairs: &'a Pairs,
+    pairs: Cow<'a, Pairs>,
     weights: Vec<f64>,
+    penalty: f64,
+}
+
+/// A mean of squares that the loss is a sum of: of P(z) − z′, or of I_ε(z) − z.
+pub(super) struct Term<'a> {
+    pub(super) map: Cow<'a, Composition<f64>>,
+    pub(super) weights: Vec<f64>,
+    pub(super) input: &'a [f64],
+    pub(super) output: &'a [f64],
 }
 
 impl<'a> Objective<'a> {
@@ -72,38 +75,60 @@ impl<'a> Objective<'a> {
     /// # Errors
     /// Those of [`Loss::component_weights`].
     pub fn new(loss: &Loss, pairs: &'a Pairs) -> Result<Self, Error> {
-        Ok(Self { weights: loss.component_weights(pairs.dof())?, pairs })
+        let weights = loss.component_weights(pairs.dof())?;
+        Ok(Self { pairs: Cow::Borrowed(pairs), weights, penalty: 0.0 })
     }
 
-    /// The kernels give a result for each block. A task is several blocks, if there
-    /// are enough for all threads: working space is made once for a task.
-    fn block_results<T: Send>(
-        &self,
-        map: &Composition<f64>,
-        kind: work::Kind,
-        f: impl Fn(Blocks<'_>) -> Vec<T> + Sync,
-    ) -> Vec<T> {
-        let dim = 2 * self.pairs.dof();
-        let blocks = self.pairs.len().div_ceil(BLOCK);
-        let task = (blocks / (TASKS * rayon::current_num_threads())).max(1) * BLOCK * dim;
-        self.pairs
-            .input()
-            .par_chunks(task)
-            .zip(self.pairs.output().par_chunks(task))
-            .flat_map_iter(|(input, output)| {
-                work::count(kind, input.len() / dim);
-                f(Blocks { map, weights: &self.weights, input, output })
-            })
-            .collect()
+    /// The loss and `penalty` times the mean square of I_ε(z) − z over all components
+    /// of the pairs' inputs, I_ε being the steps of the map that ε scales: of the maps
+    /// that the pairs tell apart no better it prefers those near the identity, whose
+    /// circle action is that of the data.
+    ///
+    /// # Errors
+    /// When `penalty` is not a finite number ≥ 0.
+    pub fn with_near_identity_penalty(self, penalty: f64) -> Result<Self, Error> {
+        Error::check_range("near_identity_penalty", penalty, 0.0, f64::MAX)?;
+        Ok(Self { penalty, ..self })
+    }
+
+    /// The same loss on other pairs.
+    pub(super) fn on(&self, pairs: Pairs) -> Objective<'static> {
+        let (weights, penalty) = (self.weights.clone(), self.penalty);
+        Objective { pairs: Cow::Owned(pairs), weights, penalty }
+    }
+
+    pub(super) fn pairs(&self) -> &Pairs {
+        &self.pairs
+    }
+
+    /// What is summed, at the parameters of `map`.
+    pub(super) fn terms<'s>(&'s self, map: &'s Composition<f64>) -> Vec<Term<'s>> {
+        assert!(
+            map.dof() == self.pairs.dof(),
+            "a map of {} dof on pairs of {} dof",
+            map.dof(),
+            self.pairs.dof()
+        );
+        let (input, output) = (self.pairs.input(), self.pairs.output());
+        let map_on_pairs =
+            Term { map: Cow::Borrowed(map), weights: self.weights.clone(), input, output };
+        let mut terms = vec![map_on_pairs];
+        if self.penalty > 0.0 {
+            let dim = self.weights.len();
+            let weights = vec![self.penalty / dim as f64; dim];
+            let map = Cow::Owned(map.near_identity_part());
+            terms.push(Term { map, weights, input, output: input });
+        }
+        terms
     }
 
     /// The loss.
     pub fn value(&self, map: &Composition<f64>) -> f64 {
-        self.assert_dof(map);
         let mut total = 0.0;
-        let kind = work::Kind::Loss;
-        for part in self.block_results(map, kind, |blocks| on_lanes::<WIDTH, _>(Value(blocks))) {
-            total += part;
+        for term in self.terms(map) {
+            for part in term.block_results(work::Kind::Loss, |b| on_lanes::<WIDTH, _>(Value(b))) {
+                total += part;
+            }
         }
         total / self.pairs.len() as f64
     }
@@ -114,17 +139,16 @@ impl<'a> Objective<'a> {
     /// # Panics
     /// When `gradient` is not of the map's number of parameters.
     pub fn value_and_gradient(&self, map: &Composition<f64>, gradient: &mut [f64]) -> f64 {
-        self.assert_dof(map);
         assert!(gradient.len() == map.parameters().len());
         gradient.fill(0.0);
         let mut total = 0.0;
-        let kind = work::Kind::Gradient;
-        for (value, part) in
-            self.block_results(map, kind, |blocks| on_lanes::<WIDTH, _>(Gradient(blocks)))
-        {
-            total += value;
-            for (g, p) in gradient.iter_mut().zip(part) {
-                *g += p;
+        for term in self.terms(map) {
+            let kind = work::Kind::Gradient;
+            for (value, part) in term.block_results(kind, |b| on_lanes::<WIDTH, _>(Gradient(b))) {
+                total += value;
+                for (g, p) in gradient.iter_mut().zip(part) {
+                    *g += p;
+                }
             }
         }
         let count = self.pairs.len() as f64;
@@ -138,13 +162,13 @@ impl<'a> Objective<'a> {
     /// (2/N) Σ Σ_c weight_c (∂residual_c/∂parameter)². One Jacobian pass:
     /// 2n pullbacks a pair.
     pub fn curvature_diagonal(&self, map: &Composition<f64>) -> Vec<f64> {
-        self.assert_dof(map);
         let mut diagonal = vec![0.0; map.parameters().len()];
-        let kind = work::Kind::Curvature;
-        for part in self.block_results(map, kind, |blocks| on_lanes::<WIDTH, _>(Curvature(blocks)))
-        {
-            for (d, p) in diagonal.iter_mut().zip(part) {
-                *d += p;
+        for term in self.terms(map) {
+            let kind = work::Kind::Curvature;
+            for part in term.block_results(kind, |b| on_lanes::<WIDTH, _>(Curvature(b))) {
+                for (d, p) in diagonal.iter_mut().zip(part) {
+                    *d += p;
+                }
             }
         }
         for d in &mut diagonal {
@@ -152,214 +176,26 @@ impl<'a> Objective<'a> {
         }
         diagonal
     }
-
-    fn assert_dof(&self, map: &Composition<f64>) {
-        assert!(
-            map.dof() == self.pairs.dof(),
-            "a map of {} dof on pairs of {} dof",
-            map.dof(),
-            self.pairs.dof()
-        );
-    }
 }
 
-/// Blocks of pairs, and what a kernel needs to take their parts of the loss.
-#[derive(Clone, Copy)]
-struct Blocks<'a> {
-    map: &'a Composition<f64>,
-    weights: &'a [f64],
-    input: &'a [f64],
-    output: &'a [f64],
-}
-
-/// The lanes of the pairs that go together.
-struct Group<V> {
-    /// One group of pairs after another, 2n numbers each.
-    state: Vec<V>,
-    target: Vec<V>,
-    cotangent: Vec<V>,
-    /// 1 in a lane that has a pair, for each group. The others repeat a pair.
-    present: Vec<V>,
-}
-
-impl<'a> Blocks<'a> {
-    #[inline(always)]
-    fn space<V: Pack>(&self) -> Group<V> {
-        let zero = vec![V::zero(); TOGETHER * self.weights.len()];
-        let present = vec![V::zero(); TOGETHER];
-        Group { state: zero.clone(), target: zero.clone(), cotangent: zero, present }
-    }
-
-    /// Inputs and outputs of each block.
-    #[inline(always)]
-    fn each(&self) -> impl Iterator<Item = (&'a [f64], &'a [f64])> + use<'a> {
-        in_chunks(self.input, self.output, BLOCK * self.weights.len())
-    }
-}
-
-/// Inputs and outputs, so many numbers of each at a time.
-#[inline(always)]
-fn in_chunks<'a>(
-    input: &'a [f64],
-    output: &'a [f64],
-    size: usize,
-) -> impl Iterator<Item = (&'a [f64], &'a [f64])> + use<'a> {
-    input.chunks(size).zip(output.chunks(size))
-}
-
-impl<V: Pack> Group<V> {
-    #[inline(always)]
-    fn load(&mut self, input: &[f64], output: &[f64]) {
-        let dim = self.state.len() / TOGETHER;
-        let rows = input.len() / dim;
-        for group in 0..TOGETHER {
-            let first = (group * V::LANES).min(rows);
-            let count = (rows - first).min(V::LANES);
-            self.present[group] = present(count);
-            // A group without a pair repeats the last one.
-            let part = first.min(rows - 1) * dim..(first + count.max(1)).min(rows) * dim;
-            let lanes = group * dim..(group + 1) * dim;
-            crate::network::load(&input[part.clone()], dim, &mut self.state[lanes.clone()]);
-            crate::network::load(&output[part], dim, &mut self.target[lanes]);
-        }
-    }
-
-    /// Calls `f(cotangent, residual, weight_c·residual)` for the components c of
-    /// each group; the last is zero in lanes without a pair.
-    #[inline(always)]
-    fn residuals(&mut self, weights: &[f64], mut f: impl FnMut(&mut V, V, V)) {
-        let dim = weights.len();
-        for group in 0..TOGETHER {
-            for (c, &weight) in weights.iter().enumerate() {
-                let k = group * dim + c;
-                let residual = self.state[k] - self.target[k];
-                let weighted = residual * self.present[group] * V::from_f64(weight);
-                f(&mut self.cotangent[k], residual, weighted);
-            }
-        }
-    }
-}
-
-/// 1 in so many lanes, 0 in the others.
-#[inline(always)]
-fn present<V: Pack>(count: usize) -> V {
-    let mut present = [0.0; WIDTH];
-    present[..count].fill(1.0);
-    V::load(&present[..V::LANES])
-}
-
-/// The sum of the lanes, from the first to the last.
-#[inline(always)]
-fn sum<V: Pack>(lanes: V) -> f64 {
-    let mut values = [0.0; WIDTH];
-    lanes.store(&mut values[..V::LANES]);
-    let mut total = 0.0;
-    for value in values {
-        total += value;
-    }
-    total
-}
-
-/// The sum of the lanes of each.
-#[inline(always)]
-fn sums<V: Pack>(each: &[V]) -> Vec<f64> {
-    let mut out = vec![0.0; each.len()];
-    for (out, &lanes) in out.iter_mut().zip(each) {
-        *out = sum(lanes);
-    }
-    out
-}
-
-struct Value<'a>(Blocks<'a>);
-
-impl Kernel for Value<'_> {
-    type Output = Vec<f64>;
-
-    #[inline(always)]
-    fn run<V: Pack>(self) -> Vec<f64> {
-        let Blocks { map, weights, .. } = self.0;
-        let mut group = self.0.space::<V>();
-        let mut scratch = vec![V::zero(); weights.len()];
-        let mut results = Vec::new();
-        for (input, output) in self.0.each() {
-            let mut total = V::zero();
-            for (input, output) in in_chunks(input, output, TOGETHER * V::LANES * weights.len()) {
-                group.load(input, output);
-                map.apply(Direction::Forward, &mut group.state, &mut scratch);
-                group.residuals(weights, |_, residual, weighted| {
-                    total = weighted.mul_add(residual, total);
-                });
-            }
-            results.push(sum(total));
-        }
-        results
-    }
-}
-
-struct Gradient<'a>(Blocks<'a>);
-
-impl Kernel for Gradient<'_> {
-    type Output = Vec<(f64, Vec<f64>)>;
-
-    #[inline(always)]
-    fn run<V: Pack>(self) -> Self::Output {
-        let Blocks { map, weights, .. } = self.0;
-        let mut group = self.0.space::<V>();
-        let mut recording = map.recording_of::<V>(TOGETHER);
-        let mut gradient = vec![V::zero(); map.parameters().len()];
-        let mut results = Vec::new();
-        for (input, output) in self.0.each() {
-            let mut total = V::zero();
-            gradient.fill(V::zero());
-            for (input, output) in in_chunks(input, output, TOGETHER * V::LANES * weights.len()) {
-                group.load(input, output);
-                map.record(&mut group.state, &mut recording);
-                group.residuals(weights, |cotangent, residual, weighted| {
-                    total = weighted.mul_add(residual, total);
-                    *cotangent = weighted + weighted;
-                });
-                map.pull(&mut recording, &mut group.cotangent, &mut gradient);
-            }
-            results.push((sum(total), sums(&gradient)));
-        }
-        results
-    }
-}
-
-struct Curvature<'a>(Blocks<'a>);
-
-impl Kernel for Curvature<'_> {
-    type Output = Vec<Vec<f64>>;
-
-    #[inline(always)]
-    fn run<V: Pack>(self) -> Self::Output {
-        let Blocks { map, weights, .. } = self.0;
-        let dim = weights.len();
-        let zero = V::zero();
-        let mut recording = map.recording::<V>();
-        let (mut state, mut cotangent) = (vec![zero; dim], vec![zero; dim]);
-        let mut row = vec![zero; map.parameters().len()];
-        let mut diagonal = row.clone();
-        let mut results = Vec::new();
-        for (input, _) in self.0.each() {
-            diagonal.fill(zero);
-            for input in input.chunks(V::LANES * dim) {
-                crate::network::load(input, dim, &mut state);
-                let present = present::<V>(input.len() / dim);
-                map.record(&mut state, &mut recording);
-                for (c, &weight) in weights.iter().enumerate() {
-                    // The squares of a single pair's row: one group at a time.
-                    cotangent.fill(zero);
-                    cotangent[c] = present;
-                    row.fill(zero);
-                    map.pull(&mut recording, &mut cotangent, &mut row);
-                    for (d, r) in diagonal.iter_mut().zip(&row) {
-                        *d = (*r * V::from_f64(weight)).mul_add(*r, *d);
-                    }
-                }
-            }
-            results.push(sums(&diagonal));
-        }
-        results
+impl Term<'_> {
+    /// The kernels give a result for each block. A task is several blocks, if there
+    /// are enough for all threads: working space is made once for a task.
+    fn block_results<T: Send>(
+        &self,
+        kind: work::Kind,
+        f: impl Fn(Blocks<'_>) -> Vec<T> + Sync,
+    ) -> Vec<T> {
+        let dim = self.weights.len();
+        let blocks = self.input.len().div_ceil(Blocks::PAIRS * dim);
+        let task = (blocks / (TASKS * rayon::current_num_threads())).max(1) * Blocks::PAIRS * dim;
+        self.input
+            .par_chunks(task)
+            .zip(self.output.par_chunks(task))
+            .flat_map_iter(|(input, output)| {
+                work::count(kind, input.len() / dim);
+                f(Blocks { map: &self.map, weights: &self.weights, input, output })
+            })
+            .collect()
     }
 }

@@ -1,13 +1,27 @@
-//! Training: a loss, its gradient and curvature, and L-BFGS on them.
+//! Training: a loss, its gradient and curvature, and what minimises it.
+//!
+//! - `loss`, `kernels`, `normal_equations`: the loss of a network on pairs, its
+//!   gradient, the Gauss–Newton matrix.
+//! - `lbfgs`, `levenberg_marquardt`, `adam`: an optimiser each, with its options.
+//! - `options`, `run`, `checkpoint`: what they share: validation, stopping, resuming.
 
+mod adam;
 mod checkpoint;
+mod kernels;
 mod lbfgs;
+mod levenberg_marquardt;
 mod loss;
+mod normal_equations;
 mod options;
 mod rotation_fit;
+mod run;
 
+pub use adam::AdamOptions;
 pub use checkpoint::Checkpoint;
-pub use lbfgs::{Control, Outcome, Progress, train};
+pub use lbfgs::{LbfgsOptions, Scaling};
+pub use levenberg_marquardt::LevenbergMarquardtOptions;
 pub use loss::{Loss, Objective};
-pub use options::{Scaling, Stop, TrainingOptions, TrainingRecord};
+pub use normal_equations::NormalEquations;
+pub use options::{Optimiser, Stop, TrainingOptions, TrainingRecord};
 pub use rotation_fit::fit_rotation;
+pub use run::{Control, Outcome, Progress, train};

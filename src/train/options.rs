@@ -1,20 +1,50 @@
 //! How to train, and the records of it.
 
-use super::Loss;
+use super::{AdamOptions, LbfgsOptions, LevenbergMarquardtOptions, Loss};
 use crate::error::Error;
 use serde::{Deserialize, Serialize};
 
-/// The variables that L-BFGS works in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Scaling {
-    /// The parameters themselves.
-    None,
-    /// Scaled by the Gauss–Newton diagonal.
-    GaussNewton {
-        /// Iterations between renewals of the diagonal.
-        renew: u64,
-    },
+/// What lowers the loss, with its options.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum Optimiser {
+    /// L-BFGS in variables scaled by the curvature.
+    #[serde(rename = "l-bfgs")]
+    Lbfgs(LbfgsOptions),
+    /// Gauss–Newton steps, damped after Levenberg and Marquardt.
+    LevenbergMarquardt(LevenbergMarquardtOptions),
+    /// Adam on batches.
+    Adam(AdamOptions),
+}
+
+impl Default for Optimiser {
+    fn default() -> Self {
+        Self::Lbfgs(LbfgsOptions::default())
+    }
+}
+
+impl Optimiser {
+    /// Its usual name.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Lbfgs(_) => "L-BFGS",
+            Self::LevenbergMarquardt(_) => "Levenberg–Marquardt",
+            Self::Adam(_) => "Adam",
+        }
+    }
+
+    /// Whether the loss of its iterations is of batches.
+    pub(super) fn takes_batches(&self) -> bool {
+        matches!(self, Self::Adam(_))
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        match self {
+            Self::Lbfgs(options) => options.check(),
+            Self::LevenbergMarquardt(options) => options.check(),
+            Self::Adam(options) => options.check(),
+        }
+    }
 }
 
 /// How to train.
@@ -23,12 +53,13 @@ pub enum Scaling {
 pub struct TrainingOptions {
     /// What is minimised.
     pub loss: Loss,
-    /// The most iterations.
+    /// What is added to the loss: so many times the mean square of I_ε(z) − z over all
+    /// components of the training inputs.
+    pub near_identity_penalty: f64,
+    /// What minimises it.
+    pub optimiser: Optimiser,
+    /// The most iterations; of Adam, epochs.
     pub iterations: u64,
-    /// m, the pairs of the L-BFGS memory.
-    pub memory: usize,
-    /// The variables.
-    pub scaling: Scaling,
     /// Iterations between evaluations of the held-out pairs.
     pub validate_every: u64,
     /// Stop when the held-out error is at most this (the loss, without
@@ -47,9 +78,9 @@ impl Default for TrainingOptions {
     fn default() -> Self {
         Self {
             loss: Loss::MeanSquaredError,
+            near_identity_penalty: 0.0,
+            optimiser: Optimiser::default(),
             iterations: 1000,
-            memory: 30,
-            scaling: Scaling::GaussNewton { renew: 200 },
             validate_every: 10,
             target: 0.0,
             patience: 0,
@@ -59,47 +90,47 @@ impl Default for TrainingOptions {
     }
 }
 
+/// Fails unless a number of iterations, or the like, is at least one.
+pub(super) fn at_least_one(name: &str, found: u64) -> Result<(), Error> {
+    let found = usize::try_from(found).unwrap_or(usize::MAX);
+    Error::check_count_range(name, found, 1, usize::MAX)
+}
+
 impl TrainingOptions {
     /// Fails unless every option is in its range.
     ///
     /// # Errors
     /// [`Error::CountOutOfRange`] and [`Error::OutOfRange`] with the option and its value.
     pub fn check(&self) -> Result<(), Error> {
-        let positive = [
-            ("training.validate_every", self.validate_every),
-            ("training.checkpoint_every", self.checkpoint_every),
-        ];
-        let at_least_one = |name, found| Error::check_count_range(name, found, 1, usize::MAX);
-        for (name, value) in positive {
-            at_least_one(name, usize::try_from(value).unwrap_or(usize::MAX))?;
-        }
-        Error::check_count_range("training.memory", self.memory, 1, LARGEST_MEMORY)?;
-        if let Scaling::GaussNewton { renew } = self.scaling {
-            at_least_one("training.scaling.renew", usize::try_from(renew).unwrap_or(usize::MAX))?;
-        }
+        at_least_one("training.validate_every", self.validate_every)?;
+        at_least_one("training.checkpoint_every", self.checkpoint_every)?;
         for (name, value) in [
+            ("training.near_identity_penalty", self.near_identity_penalty),
             ("training.target", self.target),
             ("training.gradient_tolerance", self.gradient_tolerance),
         ] {
             Error::check_range(name, value, 0.0, f64::MAX)?;
         }
-        Ok(())
+        self.optimiser.check()
     }
 }
-
-/// More pairs than this serve no purpose and cost their square.
-const LARGEST_MEMORY: usize = 10_000;
 
 /// Where training stands after an iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainingRecord {
     /// Iterations done.
     pub iteration: u64,
-    /// Evaluations of loss and gradient.
+    /// Evaluations of the loss, with its gradient or without; of Adam, passes over the
+    /// training pairs.
     pub evaluations: u64,
-    /// The loss on the training pairs.
+    /// The loss on the training pairs; of Adam, the mean over the batches of the epoch,
+    /// each before its step.
     pub loss: f64,
-    /// The largest entry of its gradient in the parameters.
+    /// How many of the training pairs the loss is of: fewer than all in an early phase
+    /// of Levenberg–Marquardt.
+    pub pairs: usize,
+    /// The largest entry of its gradient in the parameters; of Adam, the mean of the
+    /// batches' largest entries.
     pub gradient: f64,
     /// The mean squared error on the held-out pairs, where it was evaluated.
     pub validation: Option<f64>,
@@ -117,8 +148,11 @@ pub enum Stop {
     Patience,
     /// The gradient fell below its tolerance.
     Gradient,
-    /// No step lowers the loss any more, with a fresh scaling either.
+    /// No step lowers the loss any more: with a fresh scaling either, or however much a
+    /// Gauss–Newton step is damped.
     Stalled,
+    /// The loss left the finite numbers.
+    Diverged,
     /// The caller asked for it.
     Interrupted,
 }

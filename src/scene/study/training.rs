@@ -263,6 +263,7 @@ pub fn stop_words(stop: Stop) -> &'static str {
         Stop::Patience => "the held-out error improved no more",
         Stop::Gradient => "the gradient reached its tolerance",
         Stop::Stalled => "no step lowered the loss any more",
+        Stop::Diverged => "the loss left the finite numbers",
         Stop::Interrupted => "interrupted",
     }
 }

@@ -1,0 +1,192 @@
+//! Adam on batches: the recipe of the paper's published code, to compare with.
+
+use super::checkpoint::OptimiserState;
+use super::options::{Stop, at_least_one};
+use super::run::{Minimise, Problem, Step, largest};
+use crate::error::Error;
+use crate::random::Stream;
+use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
+
+/// Options of Adam; an iteration is an epoch.
+///
+/// The defaults are those of the code that the authors published with Duruisseaux,
+/// Burby and Tang, <https://doi.org/10.1038/s41598-023-34862-w>: the rate falls when the
+/// loss does not, entries of the gradient are clipped. The gradient is that of the sum
+/// over a batch and all components, as there.
+///
+/// Source: Kingma and Ba, <https://arxiv.org/abs/1412.6980>, algorithm 1, with
+/// β₁ = 0.9, β₂ = 0.999 and ε = 1e-7.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AdamOptions {
+    /// The learning rate at first.
+    pub rate: f64,
+    /// The largest entry of the gradient that is not cut; 0 cuts none.
+    pub clip: f64,
+    /// Pairs of a batch.
+    pub batch: usize,
+    /// What the rate is multiplied with when the loss of an epoch has not fallen by
+    /// 1e-4 of itself for `plateau` epochs.
+    pub factor: f64,
+    /// See `factor`.
+    pub plateau: u64,
+    /// The seed of the order of the pairs.
+    pub seed: u64,
+}
+
+impl Default for AdamOptions {
+    fn default() -> Self {
+        Self { rate: 0.1, clip: 0.1, batch: 512, factor: 0.8, plateau: 8, seed: 0 }
+    }
+}
+
+const MOMENTUM: f64 = 0.9;
+const SQUARES: f64 = 0.999;
+const SMALL: f64 = 1e-7;
+/// A loss that falls by less has not fallen.
+const PROGRESS: f64 = 1e-4;
+
+impl AdamOptions {
+    pub(super) fn check(&self) -> Result<(), Error> {
+        let name = |option: &str| format!("training.optimiser.{option}");
+        Error::check_range(&name("rate"), self.rate, f64::MIN_POSITIVE, f64::MAX)?;
+        Error::check_range(&name("clip"), self.clip, 0.0, f64::MAX)?;
+        Error::check_count_range(&name("batch"), self.batch, 1, usize::MAX)?;
+        Error::check_range(&name("factor"), self.factor, f64::MIN_POSITIVE, 1.0)?;
+        at_least_one(&name("plateau"), self.plateau)
+    }
+}
+
+/// Where it is, between two epochs.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct AdamState {
+    /// The moving mean of the gradient and of its squares.
+    mean: Vec<f64>,
+    squares: Vec<f64>,
+    steps: u64,
+    epochs: u64,
+    rate: f64,
+    /// The lowest loss of an epoch, and epochs since; none before the first.
+    lowest: Option<f64>,
+    waited: u64,
+}
+
+impl AdamState {
+    /// Fails unless it is of so many parameters.
+    pub(super) fn check(&self, place: &str, count: usize) -> Result<(), Error> {
+        for (what, found) in [("mean", self.mean.len()), ("squares", self.squares.len())] {
+            if found != count {
+                return Err(Error::content(format!("{place}: {what}"), count, found));
+            }
+        }
+        Ok(())
+    }
+}
+
+pub(super) struct Adam<'a> {
+    problem: Problem<'a>,
+    options: AdamOptions,
+    state: AdamState,
+}
+
+impl<'a> Adam<'a> {
+    pub(super) fn new(problem: Problem<'a>, options: &AdamOptions) -> Self {
+        let zeros = vec![0.0; problem.model.composition().parameters().len()];
+        let state = AdamState {
+            mean: zeros.clone(),
+            squares: zeros,
+            steps: 0,
+            epochs: 0,
+            rate: options.rate,
+            lowest: None,
+            waited: 0,
+        };
+        Self::resume(problem, options, state)
+    }
+
+    pub(super) fn resume(problem: Problem<'a>, options: &AdamOptions, state: AdamState) -> Self {
+        Self { problem, options: options.clone(), state }
+    }
+
+    /// Moves the parameters by one step of this gradient.
+    fn update(&mut self, parameters: &mut [f64], gradient: &[f64]) {
+        let state = &mut self.state;
+        state.steps += 1;
+        let steps = state.steps as f64;
+        let mean_left = 1.0 - libm::pow(MOMENTUM, steps);
+        let squares_left = 1.0 - libm::pow(SQUARES, steps);
+        for (k, p) in parameters.iter_mut().enumerate() {
+            let mut g = gradient[k];
+            if self.options.clip > 0.0 {
+                g = g.clamp(-self.options.clip, self.options.clip);
+            }
+            state.mean[k] = MOMENTUM * state.mean[k] + (1.0 - MOMENTUM) * g;
+            state.squares[k] = SQUARES * state.squares[k] + (1.0 - SQUARES) * g * g;
+            let root = (state.squares[k] / squares_left).sqrt() + SMALL;
+            *p -= state.rate * (state.mean[k] / mean_left) / root;
+        }
+    }
+
+    /// Lowers the rate when the loss has not fallen for long.
+    fn schedule(&mut self, loss: f64) {
+        let state = &mut self.state;
+        match state.lowest {
+            Some(lowest) if !(loss < lowest * (1.0 - PROGRESS)) => state.waited += 1,
+            _ => (state.lowest, state.waited) = (Some(loss), 0),
+        }
+        if state.waited >= self.options.plateau {
+            state.rate *= self.options.factor;
+            state.waited = 0;
+        }
+    }
+}
+
+impl Minimise for Adam<'_> {
+    fn step(
+        &mut self,
+        parameters: &mut Vec<f64>,
+        _: f64,
+    ) -> Result<ControlFlow<Stop, Step>, Error> {
+        let objective = self.problem.objective;
+        let count = objective.pairs().len();
+        let mut order: Vec<usize> = (0..count).collect();
+        let name = format!("adam/epoch-{}", self.state.epochs);
+        Stream::new(self.options.seed, &name).shuffle(&mut order);
+        let (mut total, mut slope, mut batches) = (0.0, 0.0, 0.0);
+        let mut gradient = vec![0.0; parameters.len()];
+        let mut moved = parameters.clone();
+        for rows in order.chunks(self.options.batch) {
+            let Ok(model) = self.problem.model.with_parameters(moved.clone()) else {
+                return Ok(ControlFlow::Break(Stop::Diverged));
+            };
+            let batch = objective.on(objective.pairs().rows(rows.iter().copied()));
+            let loss = batch.value_and_gradient(model.composition(), &mut gradient);
+            if !(loss.is_finite() && gradient.iter().all(|g| g.is_finite())) {
+                return Ok(ControlFlow::Break(Stop::Diverged));
+            }
+            total += loss * rows.len() as f64;
+            slope += largest(&gradient);
+            batches += 1.0;
+            let sum = (rows.len() * 2 * objective.pairs().dof()) as f64;
+            gradient.iter_mut().for_each(|g| *g *= sum);
+            self.update(&mut moved, &gradient);
+        }
+        if !moved.iter().all(|p| p.is_finite()) {
+            return Ok(ControlFlow::Break(Stop::Diverged));
+        }
+        *parameters = moved;
+        self.state.epochs += 1;
+        let loss = total / count as f64;
+        self.schedule(loss);
+        Ok(ControlFlow::Continue(Step { loss, gradient: slope / batches, pairs: count }))
+    }
+
+    fn evaluations(&self) -> u64 {
+        self.state.epochs
+    }
+
+    fn state(&self) -> OptimiserState {
+        OptimiserState::Adam(self.state.clone())
+    }
+}

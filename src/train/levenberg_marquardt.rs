@@ -1,0 +1,259 @@
+//! Gauss–Newton steps, damped after Levenberg and Marquardt.
+//!
+//! (A + λD)δ = −g with the Gauss–Newton matrix A of the loss, its gradient g and
+//! D = diag A. A library's solver would want the Jacobian of all residuals, which takes
+//! gigabytes for the data sets of this crate, and keeps a state that cannot be stored:
+//! this one has the matrix summed in pieces
+//! ([`Objective::normal_equations`](super::Objective::normal_equations)) and goes on
+//! from a checkpoint to the same bits.
+
+use super::checkpoint::OptimiserState;
+use super::options::Stop;
+use super::run::{Minimise, Problem, Step, largest};
+use super::{NormalEquations, Objective};
+use crate::error::Error;
+use faer::linalg::solvers::Solve;
+use faer::{Mat, Side};
+use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
+
+/// Options of Levenberg–Marquardt.
+///
+/// A step costs Np²n multiplications for N pairs and p parameters, and three matrices
+/// of p × p numbers are held. It begins with few of the pairs, evenly spaced, as long
+/// as the loss on all of them is not much larger, and doubles their number when it is
+/// or when no step lowers the loss on them any more.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LevenbergMarquardtOptions {
+    /// λ of the first step.
+    pub damping: f64,
+    /// Residuals for each parameter to begin with; 0 takes all pairs at once.
+    pub residuals: f64,
+    /// More pairs are taken when the loss on all of them is so many times that on the
+    /// present ones.
+    pub gap: f64,
+}
+
+impl Default for LevenbergMarquardtOptions {
+    fn default() -> Self {
+        Self { damping: 1e-3, residuals: 10.0, gap: 2.0 }
+    }
+}
+
+/// The matrices of as many parameters take 10 GB.
+const MOST_PARAMETERS: usize = 20_000;
+
+impl LevenbergMarquardtOptions {
+    pub(super) fn check(&self) -> Result<(), Error> {
+        let name = |option: &str| format!("training.optimiser.{option}");
+        Error::check_range(&name("damping"), self.damping, LEAST_DAMPING, MOST_DAMPING)?;
+        Error::check_range(&name("residuals"), self.residuals, 0.0, f64::MAX)?;
+        Error::check_range(&name("gap"), self.gap, 1.0, f64::MAX)
+    }
+}
+
+/// Damping below the rounding of A has no effect.
+const LEAST_DAMPING: f64 = 1e-16;
+/// Steps of such a damping move no digit.
+const MOST_DAMPING: f64 = 1e20;
+/// Iterations between two looks at the loss on all pairs.
+const LOOK: u64 = 10;
+
+/// Where it is, between two iterations.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct LevenbergMarquardtState {
+    /// λ.
+    damping: f64,
+    /// What λ is multiplied with when a step fails.
+    growth: f64,
+    /// How many pairs it uses.
+    pairs: usize,
+    iterations: u64,
+    evaluations: u64,
+    curvatures: u64,
+}
+
+pub(super) struct LevenbergMarquardt<'a> {
+    problem: Problem<'a>,
+    options: LevenbergMarquardtOptions,
+    state: LevenbergMarquardtState,
+    /// The loss on some of the pairs; None for all.
+    part: Option<Objective<'static>>,
+    /// The model of the loss at the present parameters, and the loss itself.
+    present: Option<(NormalEquations, f64)>,
+    /// The model was made before, in the run that is gone on with.
+    counted: bool,
+}
+
+impl<'a> LevenbergMarquardt<'a> {
+    pub(super) fn new(
+        problem: Problem<'a>,
+        options: &LevenbergMarquardtOptions,
+    ) -> Result<Self, Error> {
+        let parameters = problem.model.composition().parameters().len();
+        let all = problem.objective.pairs();
+        let wanted = (options.residuals * parameters as f64 / (2 * all.dof()) as f64).ceil();
+        let pairs = match options.residuals > 0.0 && wanted < all.len() as f64 {
+            true => wanted as usize,
+            false => all.len(),
+        };
+        let (damping, growth) = (options.damping, 2.0);
+        let counts = (0, 0, 0);
+        let (iterations, evaluations, curvatures) = counts;
+        let state =
+            LevenbergMarquardtState { damping, growth, pairs, iterations, evaluations, curvatures };
+        Self::resume(problem, options, state)
+    }
+
+    pub(super) fn resume(
+        problem: Problem<'a>,
+        options: &LevenbergMarquardtOptions,
+        state: LevenbergMarquardtState,
+    ) -> Result<Self, Error> {
+        let parameters = problem.model.composition().parameters().len();
+        let name = "parameters for Levenberg–Marquardt";
+        Error::check_count_range(name, parameters, 1, MOST_PARAMETERS)?;
+        let counted = state.iterations > 0;
+        let (options, part, present) = (options.clone(), None, None);
+        let mut out = Self { problem, options, state, part, present, counted };
+        out.use_pairs(out.state.pairs);
+        Ok(out)
+    }
+
+    fn use_pairs(&mut self, pairs: usize) {
+        let all = self.problem.objective;
+        let count = all.pairs().len();
+        self.state.pairs = pairs.clamp(1, count);
+        self.part =
+            (self.state.pairs < count).then(|| all.on(all.pairs().thinned(self.state.pairs)));
+        self.present = None;
+    }
+
+    fn objective(&self) -> &Objective<'_> {
+        self.part.as_ref().unwrap_or(self.problem.objective)
+    }
+
+    fn loss(&self, parameters: &[f64]) -> f64 {
+        self.problem.loss(self.objective(), parameters)
+    }
+
+    fn equations(&self, parameters: &[f64]) -> Result<NormalEquations, Error> {
+        let current = self.problem.model.with_parameters(parameters.to_vec())?;
+        Ok(self.objective().normal_equations(current.composition()))
+    }
+
+    /// The step of the present damping, and what it lowers the model of the loss by.
+    /// None where the matrix has no Cholesky factor.
+    fn solve(&self, equations: &NormalEquations, floor: f64) -> Option<(Vec<f64>, f64)> {
+        let NormalEquations { matrix, gradient, .. } = equations;
+        let mut damped = matrix.clone();
+        let damping: Vec<f64> =
+            (0..gradient.len()).map(|i| self.state.damping * matrix[(i, i)].max(floor)).collect();
+        for (i, more) in damping.iter().enumerate() {
+            damped[(i, i)] += more;
+        }
+        let factor = damped.llt(Side::Lower).ok()?;
+        let step = factor.solve(Mat::from_fn(gradient.len(), 1, |i, _| -gradient[i]));
+        let step: Vec<f64> = (0..gradient.len()).map(|i| step[(i, 0)]).collect();
+        let mut lower = 0.0;
+        for ((d, g), more) in step.iter().zip(gradient).zip(&damping) {
+            lower += 0.5 * d * (more * d - g);
+        }
+        (lower > 0.0 && lower.is_finite()).then_some((step, lower))
+    }
+
+    /// The first step, with more and more damping, that lowers the loss: the new
+    /// parameters and their loss.
+    fn descend(
+        &mut self,
+        parameters: &[f64],
+        equations: &NormalEquations,
+        loss: f64,
+    ) -> Option<(Vec<f64>, f64)> {
+        while self.state.damping <= MOST_DAMPING {
+            if let Some((step, predicted)) = self.solve(equations, loss) {
+                let moved: Vec<f64> = parameters.iter().zip(&step).map(|(p, d)| p + d).collect();
+                if moved == parameters {
+                    return None;
+                }
+                let lower = self.loss(&moved);
+                self.state.evaluations += 1;
+                if lower < loss {
+                    // Nielsen, IMM-REP-1999-05, equation (2.2).
+                    let gain = (loss - lower) / predicted;
+                    let shrink = (1.0 - (2.0 * gain - 1.0).powi(3)).max(1.0 / 3.0);
+                    self.state.damping = (self.state.damping * shrink).max(LEAST_DAMPING);
+                    self.state.growth = 2.0;
+                    return Some((moved, lower));
+                }
+            }
+            self.state.damping *= self.state.growth;
+            self.state.growth *= 2.0;
+        }
+        None
+    }
+
+    /// Whether there were more pairs to take.
+    fn take_more(&mut self) -> bool {
+        let more = self.part.is_some();
+        if more {
+            self.use_pairs(2 * self.state.pairs);
+            self.state.damping = self.options.damping;
+            self.state.growth = 2.0;
+        }
+        more
+    }
+}
+
+impl Minimise for LevenbergMarquardt<'_> {
+    fn step(
+        &mut self,
+        parameters: &mut Vec<f64>,
+        _: f64,
+    ) -> Result<ControlFlow<Stop, Step>, Error> {
+        let loss = loop {
+            let (equations, loss) = match self.present.take() {
+                Some(present) => present,
+                None => {
+                    self.state.curvatures += u64::from(!std::mem::take(&mut self.counted));
+                    (self.equations(parameters)?, self.loss(parameters))
+                }
+            };
+            if let Some((moved, lower)) = self.descend(parameters, &equations, loss) {
+                *parameters = moved;
+                break lower;
+            }
+            if !self.take_more() {
+                return Ok(ControlFlow::Break(Stop::Stalled));
+            }
+        };
+        self.state.iterations += 1;
+        let mut loss = loss;
+        if self.part.is_some() && self.state.iterations.is_multiple_of(LOOK) {
+            self.state.evaluations += 1;
+            let all = self.problem.loss(self.problem.objective, parameters);
+            if !(all <= self.options.gap * loss) {
+                self.use_pairs(2 * self.state.pairs);
+                loss = self.loss(parameters);
+            }
+        }
+        self.state.curvatures += 1;
+        let equations = self.equations(parameters)?;
+        let gradient = largest(&equations.gradient);
+        self.present = Some((equations, loss));
+        Ok(ControlFlow::Continue(Step { loss, gradient, pairs: self.state.pairs }))
+    }
+
+    fn evaluations(&self) -> u64 {
+        self.state.evaluations
+    }
+
+    fn curvatures(&self) -> u64 {
+        self.state.curvatures
+    }
+
+    fn state(&self) -> OptimiserState {
+        OptimiserState::LevenbergMarquardt(self.state.clone())
+    }
+}

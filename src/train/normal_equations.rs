@@ -1,0 +1,148 @@
+//! The Gauss–Newton matrix of a loss, in pieces: never the whole Jacobian.
+
+use super::Objective;
+use super::kernels::{Blocks, Rows};
+use super::loss::Term;
+use crate::network::Composition;
+use crate::scalar::{WIDTH, on_lanes};
+use crate::work;
+use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::{Accum, Mat, MatRef, Par};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// The quadratic model of a loss in the parameters: loss + gᵀδ + ½δᵀAδ.
+#[derive(Clone, Debug)]
+pub struct NormalEquations {
+    /// A = (2/N) Σ Σ_c weight_c ∇residual_c ∇residual_cᵀ; the lower triangle, the
+    /// rest is zero.
+    pub matrix: Mat<f64>,
+    /// g = (2/N) Σ Σ_c weight_c residual_c ∇residual_c.
+    pub gradient: Vec<f64>,
+    /// The loss, summed in another order than by [`Objective::value`].
+    pub loss: f64,
+}
+
+/// Rows that are multiplied at once. Up to this number a product of matrices sums in
+/// one pass, one row after another, whatever the caches and registers of a processor
+/// are.
+const ROWS: usize = 512;
+
+/// Columns of a tile: two panels of [`ROWS`] by as many fit into the second cache.
+const TILE: usize = 128;
+
+/// Numbers between two columns of rows: without them the columns of a full block would
+/// begin 4096 bytes apart, in the same set of the first cache.
+const GAP: usize = WIDTH;
+
+/// Numbers in the rows that are held at once: 8 MiB, or those of one block.
+const HELD: usize = 1 << 20;
+
+/// A tile of the lower triangle, in rows and columns of the matrix.
+struct Tile {
+    rows: Range<usize>,
+    columns: Range<usize>,
+    sums: Mat<f64>,
+}
+
+impl Tile {
+    /// Those of a matrix of this size, by columns.
+    fn all(size: usize) -> Vec<Self> {
+        let panel = |k: usize| k * TILE..((k + 1) * TILE).min(size);
+        let count = size.div_ceil(TILE);
+        let tile = |rows: Range<usize>, columns: Range<usize>| {
+            let sums = Mat::zeros(rows.len(), columns.len());
+            Self { rows, columns, sums }
+        };
+        let of_column = |j: usize| (j..count).map(move |i| tile(panel(i), panel(j)));
+        (0..count).flat_map(of_column).collect()
+    }
+
+    /// += the products of these rows' columns.
+    fn add(&mut self, rows: MatRef<'_, f64>) {
+        let left = rows.get(.., self.rows.clone()).transpose();
+        let right = rows.get(.., self.columns.clone());
+        let structure = if self.rows == self.columns {
+            BlockStructure::TriangularLower
+        } else {
+            BlockStructure::Rectangular
+        };
+        let whole = BlockStructure::Rectangular;
+        let (sums, one) = (self.sums.as_mut(), 1.0);
+        triangular::matmul(sums, structure, Accum::Add, left, whole, right, whole, one, Par::Seq);
+    }
+}
+
+impl Objective<'_> {
+    /// The quadratic model of the loss at the parameters of `map`, p of them: one
+    /// Jacobian pass, and Np²n multiplications.
+    ///
+    /// Blocks of rows of the residuals' Jacobian, with the residuals as its last
+    /// column, are multiplied with themselves, each tile of the result by one thread
+    /// and over the blocks in their order: the same bits on any number of threads.
+    pub fn normal_equations(&self, map: &Composition<f64>) -> NormalEquations {
+        let count = map.parameters().len();
+        let mut tiles = Tile::all(count + 1);
+        for term in self.terms(map) {
+            term.add_to(&mut tiles);
+        }
+        let factor = 2.0 / self.pairs().len() as f64;
+        let mut matrix = Mat::zeros(count, count);
+        let mut gradient = vec![0.0; count];
+        let mut loss = 0.0;
+        for Tile { rows, columns, sums } in &tiles {
+            for (j, column) in columns.clone().enumerate() {
+                for (i, row) in rows.clone().enumerate().filter(|(_, row)| *row >= column) {
+                    let sum = factor * sums[(i, j)];
+                    if row < count {
+                        matrix[(row, column)] = sum;
+                    } else if column < count {
+                        gradient[column] = sum;
+                    } else {
+                        loss = 0.5 * sum;
+                    }
+                }
+            }
+        }
+        NormalEquations { matrix, gradient, loss }
+    }
+}
+
+impl Term<'_> {
+    fn add_to(&self, tiles: &mut [Tile]) {
+        let dim = self.weights.len();
+        let columns = self.map.parameters().len() + 1;
+        let groups = (ROWS / (WIDTH * dim)).max(1);
+        let block = groups * WIDTH * dim;
+        let blocks = (HELD / (block * columns)).max(1);
+        let mut held: Vec<Vec<f64>> = Vec::new();
+        for (input, output) in
+            self.input.chunks(blocks * block).zip(self.output.chunks(blocks * block))
+        {
+            let heights: Vec<_> = input
+                .chunks(block)
+                .map(|part| part.len().div_ceil(WIDTH * dim) * WIDTH * dim)
+                .collect();
+            held.resize(heights.len(), Vec::new());
+            held.par_iter_mut()
+                .zip(&heights)
+                .zip(input.par_chunks(block).zip(output.par_chunks(block)))
+                .for_each(|((rows, height), (input, output))| {
+                    work::count(work::Kind::Curvature, input.len() / dim);
+                    rows.resize((height + GAP) * columns, 0.0);
+                    let blocks = Blocks { map: &self.map, weights: &self.weights, input, output };
+                    on_lanes::<WIDTH, _>(Rows { blocks, rows });
+                });
+            tiles.par_iter_mut().for_each(|tile| {
+                for (rows, &height) in held.iter().zip(&heights) {
+                    tile.add(MatRef::from_column_major_slice_with_stride(
+                        rows,
+                        height,
+                        columns,
+                        height + GAP,
+                    ));
+                }
+            });
+        }
+    }
+}

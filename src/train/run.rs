@@ -1,0 +1,289 @@
+//! Training by any optimiser: records, held-out pairs, stopping, checkpoints.
+
+use super::adam::Adam;
+use super::checkpoint::{Checkpoint, OptimiserState, RunIdentity};
+use super::lbfgs::Lbfgs;
+use super::levenberg_marquardt::LevenbergMarquardt;
+use super::options::{Optimiser, Stop, TrainingOptions, TrainingRecord};
+use super::{Loss, Objective};
+use crate::error::Error;
+use crate::flow::Pairs;
+use crate::network::Model;
+use crate::scalar::max_or_nan;
+use std::ops::ControlFlow;
+
+/// What the caller is told after each iteration.
+#[derive(Debug)]
+pub struct Progress<'a> {
+    /// The newest record.
+    pub record: TrainingRecord,
+    /// A checkpoint, when one is due.
+    pub checkpoint: Option<&'a Checkpoint>,
+}
+
+/// What the caller answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Control {
+    /// Go on.
+    Continue,
+    /// Stop here; a last checkpoint is passed on before.
+    Interrupt,
+}
+
+/// The result of training.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The model with the lowest held-out error (loss, without held-out
+    /// pairs).
+    pub model: Model,
+    /// Its record.
+    pub best: TrainingRecord,
+    /// The records of all iterations.
+    pub history: Vec<TrainingRecord>,
+    /// How often the curvature was evaluated: its diagonal by L-BFGS, the Gauss–Newton
+    /// matrix by Levenberg–Marquardt.
+    pub curvatures: u64,
+    /// Why it ended.
+    pub stop: Stop,
+}
+
+/// What is minimised, and over which models.
+#[derive(Clone, Copy)]
+pub(super) struct Problem<'a> {
+    pub(super) objective: &'a Objective<'a>,
+    pub(super) model: &'a Model,
+}
+
+impl Problem<'_> {
+    /// The loss at these parameters: infinite where they or the loss leave the finite
+    /// numbers, so that no optimiser takes a NaN for progress.
+    pub(super) fn loss(&self, objective: &Objective<'_>, parameters: &[f64]) -> f64 {
+        match self.model.with_parameters(parameters.to_vec()) {
+            Ok(model) => finite_or_rejected(objective.value(model.composition())),
+            Err(_) => f64::INFINITY,
+        }
+    }
+}
+
+/// An infinite loss ends a search along a line without a step; a NaN it might take
+/// for progress.
+pub(super) fn finite_or_rejected(value: f64) -> f64 {
+    if value.is_finite() { value } else { f64::INFINITY }
+}
+
+/// Where an iteration ended.
+pub(super) struct Step {
+    /// See [`TrainingRecord`].
+    pub(super) loss: f64,
+    pub(super) gradient: f64,
+    pub(super) pairs: usize,
+}
+
+/// What lowers the loss.
+pub(super) trait Minimise {
+    /// One iteration from these parameters, in place; `loss` is that of the last one.
+    /// Where it ends, the parameters are as before.
+    fn step(
+        &mut self,
+        parameters: &mut Vec<f64>,
+        loss: f64,
+    ) -> Result<ControlFlow<Stop, Step>, Error>;
+
+    /// Evaluations of the loss so far.
+    fn evaluations(&self) -> u64;
+
+    /// See [`Outcome::curvatures`].
+    fn curvatures(&self) -> u64 {
+        0
+    }
+
+    /// All that it goes on from, beside the parameters.
+    fn state(&self) -> OptimiserState;
+}
+
+/// The optimiser of the options, from this state where a run goes on.
+fn optimiser<'a>(
+    problem: Problem<'a>,
+    options: &TrainingOptions,
+    state: Option<OptimiserState>,
+) -> Result<Box<dyn Minimise + 'a>, Error> {
+    let other = || Error::content("checkpoint: optimiser", options.optimiser.name(), "another");
+    Ok(match (&options.optimiser, state) {
+        (Optimiser::Lbfgs(options), None) => Box::new(Lbfgs::new(problem, options)),
+        (Optimiser::Lbfgs(options), Some(OptimiserState::Lbfgs(state))) => {
+            Box::new(Lbfgs::resume(problem, options, state)?)
+        }
+        (Optimiser::LevenbergMarquardt(options), None) => {
+            Box::new(LevenbergMarquardt::new(problem, options)?)
+        }
+        (
+            Optimiser::LevenbergMarquardt(options),
+            Some(OptimiserState::LevenbergMarquardt(state)),
+        ) => Box::new(LevenbergMarquardt::resume(problem, options, state)?),
+        (Optimiser::Adam(options), None) => Box::new(Adam::new(problem, options)),
+        (Optimiser::Adam(options), Some(OptimiserState::Adam(state))) => {
+            Box::new(Adam::resume(problem, options, state))
+        }
+        (_, Some(_)) => return Err(other()),
+    })
+}
+
+/// Trains `model` on `pairs`.
+///
+/// `validation` are pairs that the optimiser never sees; the best model on
+/// them is returned. `observe` is called after each iteration, with a
+/// [`Checkpoint`] when one is due; passing such a checkpoint as `resume`, with
+/// the same model, pairs and options, continues to the same bits.
+///
+/// # Errors
+/// When options or shapes do not fit, when the checkpoint is of another run,
+/// when the loss is not finite at the start, or what `observe` returns.
+pub fn train(
+    model: &Model,
+    pairs: &Pairs,
+    validation: Option<&Pairs>,
+    options: &TrainingOptions,
+    resume: Option<Checkpoint>,
+    observe: &mut dyn FnMut(Progress<'_>) -> Result<Control, Error>,
+) -> Result<Outcome, Error> {
+    options.check()?;
+    let dof = model.composition().dof();
+    for (name, set) in [("training", Some(pairs)), ("held-out", validation)] {
+        if let Some(set) = set {
+            Error::check_count(&format!("degrees of freedom of the {name} pairs"), dof, set.dof())?;
+        }
+    }
+    if options.near_identity_penalty > 0.0 && model.gyroceptron().is_none() {
+        let (name, found) = ("training.near_identity_penalty", options.near_identity_penalty);
+        return Err(Error::invalid(name, found, "0: only a gyroceptron has I_ε"));
+    }
+    let objective = Objective::new(&options.loss, pairs)?
+        .with_near_identity_penalty(options.near_identity_penalty)?;
+    let held_out =
+        validation.map(|set| Objective::new(&Loss::MeanSquaredError, set)).transpose()?;
+    let run = RunIdentity::of(model, pairs, validation, options);
+    let mut state = match resume {
+        Some(checkpoint) => {
+            checkpoint.check(&run, model)?;
+            checkpoint
+        }
+        None => {
+            let record = initial_record(model, &objective, held_out.as_ref())?;
+            Checkpoint::start(run, model.composition().parameters().to_vec(), record)
+        }
+    };
+    let problem = Problem { objective: &objective, model };
+    let mut optimiser = optimiser(problem, options, state.optimiser.take())?;
+    let stop = loop {
+        if let Some(stop) = state.finished(options) {
+            break stop;
+        }
+        let loss = state.last().loss;
+        let step = match optimiser.step(&mut state.parameters, loss)? {
+            ControlFlow::Continue(step) => step,
+            ControlFlow::Break(stop) => break stop,
+        };
+        let iteration = state.last().iteration + 1;
+        let evaluate = iteration.is_multiple_of(options.validate_every);
+        let at_present = |objective: &Objective<'_>| value_at(objective, model, &state.parameters);
+        let validation = match &held_out {
+            Some(held_out) if evaluate => Some(at_present(held_out)?),
+            _ => None,
+        };
+        let score = match &held_out {
+            Some(_) => validation,
+            None if is_of_part(step.pairs, pairs, options) => {
+                evaluate.then(|| at_present(&objective)).transpose()?
+            }
+            None => Some(step.loss),
+        };
+        let record = TrainingRecord {
+            iteration,
+            evaluations: 1 + optimiser.evaluations(),
+            loss: step.loss,
+            pairs: step.pairs,
+            gradient: step.gradient,
+            validation,
+        };
+        state.push(record, score);
+        let over = state.finished(options).is_some();
+        let due = over || iteration.is_multiple_of(options.checkpoint_every);
+        if due {
+            // A run that is over keeps the optimiser too: it may be asked for more.
+            state.optimiser = Some(optimiser.state());
+        }
+        let control = observe(Progress { record, checkpoint: due.then_some(&state) })?;
+        if control == Control::Interrupt && !over {
+            if !due {
+                state.optimiser = Some(optimiser.state());
+                observe(Progress { record, checkpoint: Some(&state) })?;
+            }
+            break Stop::Interrupted;
+        }
+        state.optimiser = None;
+    };
+
+    // The last iteration is a candidate too, but only in what is returned:
+    // when training goes on, its path must not depend on where it paused.
+    let last = state.last();
+    let scored = last.iteration.is_multiple_of(options.validate_every);
+    if let (Some(held_out), None) = (&held_out, last.validation) {
+        let score = value_at(held_out, model, &state.parameters)?;
+        state.history.pop();
+        state.push(TrainingRecord { validation: Some(score), ..last }, Some(score));
+    } else if held_out.is_none() && !scored && is_of_part(last.pairs, pairs, options) {
+        let score = value_at(&objective, model, &state.parameters)?;
+        state.history.pop();
+        state.push(last, Some(score));
+    }
+    Ok(Outcome {
+        model: model.with_parameters(state.best_parameters)?,
+        best: state.best,
+        history: state.history,
+        curvatures: optimiser.curvatures(),
+        stop,
+    })
+}
+
+fn value_at(objective: &Objective<'_>, model: &Model, parameters: &[f64]) -> Result<f64, Error> {
+    let current = model.with_parameters(parameters.to_vec())?;
+    Ok(objective.value(current.composition()))
+}
+
+/// A loss of fewer pairs, or of batches on the way, is no measure of the model.
+fn is_of_part(pairs_of_loss: usize, pairs: &Pairs, options: &TrainingOptions) -> bool {
+    pairs_of_loss < pairs.len() || options.optimiser.takes_batches()
+}
+
+/// # Errors
+/// When the loss or the held-out error is not finite.
+fn initial_record(
+    model: &Model,
+    objective: &Objective<'_>,
+    held_out: Option<&Objective<'_>>,
+) -> Result<TrainingRecord, Error> {
+    let diverged =
+        |what: &str| Error::Diverged { what: what.into(), place: "the initial parameters".into() };
+    let mut gradient = vec![0.0; model.composition().parameters().len()];
+    let loss = objective.value_and_gradient(model.composition(), &mut gradient);
+    if !loss.is_finite() {
+        return Err(diverged("loss"));
+    }
+    let validation = held_out.map(|o| o.value(model.composition()));
+    if validation.is_some_and(|v| !v.is_finite()) {
+        return Err(diverged("held-out error"));
+    }
+    Ok(TrainingRecord {
+        iteration: 0,
+        evaluations: 1,
+        loss,
+        pairs: objective.pairs().len(),
+        gradient: largest(&gradient),
+        validation,
+    })
+}
+
+/// The largest |v|.
+pub(super) fn largest(values: &[f64]) -> f64 {
+    values.iter().map(|v| v.abs()).fold(0.0, max_or_nan)
+}
