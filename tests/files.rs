@@ -7,8 +7,10 @@ use gyroceptron::io::{
     Provenance, StoredModel, export_weights, import_weights, load_checkpoint, load_model,
     read_pairs, read_points, read_tensors, save_checkpoint, save_model, write_pairs, write_points,
 };
-use gyroceptron::layer::CircleAction;
-use gyroceptron::network::{Architecture, GyroceptronShape, HenonShape, InitialWeights, Model};
+use gyroceptron::layer::{Activation, CircleAction};
+use gyroceptron::network::{
+    Architecture, GyroceptronShape, HenonShape, InitialWeights, Model, SympNetShape,
+};
 use gyroceptron::train::{Control, TrainingOptions, train};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -81,6 +83,15 @@ fn names<T>(result: Result<T, Error>, words: &[&str]) {
     }
 }
 
+fn symp_net(plain: bool) -> Model {
+    let activation = Activation::Sigmoid;
+    Architecture::SympNet {
+        shape: SympNetShape { dof: 2, modules: 3, shears: 2, activation, plain },
+    }
+    .initialise(InitialWeights::Glorot, 0.0, 1)
+    .expect("valid")
+}
+
 #[test]
 fn models_keep_their_bits() {
     let folder = folder();
@@ -90,6 +101,8 @@ fn models_keep_their_bits() {
         Architecture::HenonNet { shape: HenonShape::uniform(3, 2, 4), epsilon: 1.0 }
             .initialise(InitialWeights::Normal { scale: 1e-17 }, 0.0, 1)
             .expect("valid"),
+        symp_net(false),
+        symp_net(true),
     ] {
         let provenance = Provenance { seed: Some(u64::MAX), ..Provenance::of("test") };
         save_model(&path, &StoredModel { model: model.clone(), provenance }).expect("written");

@@ -98,7 +98,7 @@ weights = { kind = "normal", scale = 0.15 }
 
 [training]
 iterations = 25
-optimiser.scaling = { kind = "gauss-newton", renew = 10 }
+optimiser = { kind = "l-bfgs", scaling = { kind = "gauss-newton", renew = 10 } }
 "#;
 
 const ROLLOUT: &str = "

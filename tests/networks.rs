@@ -24,7 +24,7 @@ fn gyroceptron(shape: GyroceptronShape, scale: f64, seed: u64) -> Gyroceptron<f6
     let weights = InitialWeights::Normal { scale };
     match architecture.initialise(weights, 0.7, seed).expect("a valid architecture") {
         Model::Gyroceptron(network) => network,
-        Model::HenonNet(_) => unreachable!("asked for a gyroceptron"),
+        Model::HenonNet(_) | Model::SympNet(_) => unreachable!("asked for a gyroceptron"),
     }
 }
 
@@ -229,9 +229,12 @@ fn compositions() -> Vec<Composition<f64>> {
         let torus = TorusAction::of_planes(dof);
         let turn = Composition::of_turn(&torus, point(dof, 2)).expect("an angle a plane");
         out.push(turn.followed_by(net.composition(), Direction::Inverse).expect("of one size"));
-        let shape = SympNetShape { dof, modules: 2, shears: 2, activation: Activation::Sigmoid };
-        let count = shape.parameter_count();
-        out.push(SympNet::new(shape, point(count, 1)).expect("valid").composition().clone());
+        for plain in [false, true] {
+            let activation = Activation::Sigmoid;
+            let shape = SympNetShape { dof, modules: 2, shears: 2, activation, plain };
+            let count = shape.parameter_count();
+            out.push(SympNet::new(shape, point(count, 1)).expect("valid").composition().clone());
+        }
     }
     out
 }

@@ -215,7 +215,7 @@ fn bend(step: &dyn MeasuredStep, z: &[f64], d: &[f64]) -> Vec<(f64, f64)> {
 fn the_bend_of_a_step_is_covered() {
     let mut rejected_without = 0;
     for activation in Activation::ALL {
-        let shape = SympNetShape { dof: 2, modules: 2, shears: 2, activation };
+        let shape = SympNetShape { dof: 2, modules: 2, shears: 2, activation, plain: false };
         let mut stream = Stream::new(1, "bend");
         let count = shape.parameter_count();
         let parameters = (0..count).map(|_| stream.normal()).collect();

@@ -41,10 +41,20 @@ impl Case {
 
 /// Networks of up to `modules` linear modules, of `least` degrees of freedom to 4.
 fn cases(least: usize, modules: usize) -> impl Strategy<Value = Case> {
-    let shape =
-        (least..=4_usize, 1..=modules, 1..=4_usize, select(Activation::ALL.to_vec())).prop_map(
-            |(dof, modules, shears, activation)| SympNetShape { dof, modules, shears, activation },
-        );
+    let shape = (
+        least..=4_usize,
+        1..=modules,
+        1..=4_usize,
+        select(Activation::ALL.to_vec()),
+        any::<bool>(),
+    )
+        .prop_map(|(dof, modules, shears, activation, plain)| SympNetShape {
+            dof,
+            modules,
+            shears,
+            activation,
+            plain,
+        });
     let scales = select(vec![0.1, 0.3, 1.0]);
     let radii = select(vec![1.6, 1.6, 1e-8, 1e8]);
     (shape, scales, radii, any::<u64>()).prop_map(|(shape, scale, radius, seed)| Case {
@@ -74,7 +84,8 @@ pub fn rows() -> &'static [Row] {
 fn the_ladder_is_that_of_rounding() {
     let mut worst = 0.0;
     for (index, activation) in Activation::ALL.into_iter().enumerate() {
-        let shape = SympNetShape { dof: precision::DOF, modules: 4, shears: 3, activation };
+        let shape =
+            SympNetShape { dof: precision::DOF, modules: 4, shears: 3, activation, plain: false };
         for seed in 0..4 * suite::times() as u64 {
             let seed = suite::seed() + 100 * index as u64 + seed;
             let mut stream = Stream::new(seed, "ladder weights");
@@ -97,7 +108,7 @@ fn holds() {
 /// All laws of SympNets on one with this fault.
 pub fn rows_of_mutant(fault: Fault) -> Vec<Row> {
     let tallies = Activation::ALL.into_iter().flat_map(|activation| {
-        let shape = SympNetShape { dof: 2, modules: 4, shears: 3, activation };
+        let shape = SympNetShape { dof: 2, modules: 4, shears: 3, activation, plain: false };
         let case = Case { shape, scale: 0.3, radius: 1.6, seed: 1 };
         let broken = Broken::new(fault, case.network().composition());
         measure(&broken, &broken, &case.points(11), 2, 1)

@@ -230,6 +230,8 @@ fn recipe(scene: Option<&str>) -> Result<Recipe, Error> {
             name: scene.name.clone(),
             network: default,
             weights: InitialWeights::Normal { scale: 0.15 },
+            training: None,
+            training_only: false,
         },
         [spec] => spec.clone(),
         several => {
@@ -244,7 +246,7 @@ fn recipe(scene: Option<&str>) -> Result<Recipe, Error> {
         name: scene.name,
         network: spec.network,
         weights: spec.weights,
-        training: scene.setup.training,
+        training: spec.training.unwrap_or(scene.setup.training),
     })
 }
 

@@ -119,18 +119,6 @@ fn from_npz(place: &str, bytes: Vec<u8>) -> Result<BTreeMap<String, Tensor>, Err
     Ok(tensors)
 }
 
-/// The names and shapes of one layer's tensors, in the order of the flat
-/// layout.
-fn layer_tensors(part: &str, layer: usize, dof: usize, width: usize) -> [(String, [usize; 2]); 4] {
-    let name = |tensor: &str| format!("{part}.{layer}.{tensor}");
-    [
-        (name("w_in"), [dof, width]),
-        (name("b_in"), [1, width]),
-        (name("w_out"), [width, 1]),
-        (name("eta"), [1, dof]),
-    ]
-}
-
 /// The widths of a part's layers, read off the tensors `{part}.{i}.w_in`.
 fn widths(
     place: &str,
@@ -208,14 +196,10 @@ pub fn assemble_weights(
         parameters.extend(tensor.values);
         Ok(())
     };
-    for (part, shape) in architecture.parts() {
-        for (layer, &width) in shape.widths.iter().enumerate() {
-            for (name, shape) in layer_tensors(part, layer, shape.dof, width) {
-                take(&name, Some(shape))?;
-            }
-        }
+    for (name, shape) in architecture.tensors() {
+        // θ may come as a number or as an array of any shape.
+        take(&name, (name != "theta").then_some(shape))?;
     }
-    take("theta", None)?;
     if let Some(name) = tensors.keys().next() {
         return Err(Error::content(
             format!("{place}: {name}"),
@@ -236,17 +220,11 @@ pub fn export_weights(path: &Path, model: &Model) -> Result<(), Error> {
     let parameters = model.composition().parameters();
     let mut tensors: Vec<(String, Vec<usize>, &[f64])> = Vec::new();
     let mut rest = parameters;
-    for (part, shape) in architecture.parts() {
-        for (layer, &width) in shape.widths.iter().enumerate() {
-            for (name, shape) in layer_tensors(part, layer, shape.dof, width) {
-                let (values, after) = rest.split_at(shape[0] * shape[1]);
-                rest = after;
-                tensors.push((name, shape.to_vec(), values));
-            }
-        }
-    }
-    if !rest.is_empty() {
-        tensors.push(("theta".into(), vec![1], rest));
+    for (name, shape) in architecture.tensors() {
+        let (values, after) = rest.split_at(shape[0] * shape[1]);
+        rest = after;
+        let shape = if name == "theta" { vec![1] } else { shape.to_vec() };
+        tensors.push((name, shape, values));
     }
     match format {
         WeightsFormat::Safetensors => {

@@ -37,15 +37,17 @@ impl Activation {
 /// target += c·a ⊙ σ(source), where target is one half of the coordinates and source
 /// the other: the kick of the potential Σ aᵢ∫σ.
 ///
-/// Its parameters are a (n).
+/// Its parameters are a (n); without parameters a = 1.
 ///
 /// Source: activation modules of Jin, Zhang, Zhu, Tang and Karniadakis,
 /// <https://doi.org/10.1016/j.neunet.2020.08.017>, section 3.1.
 #[derive(Clone, Copy, Debug)]
 pub struct ActivationModule<'a, P> {
+    /// n.
+    pub dof: usize,
     /// σ.
     pub activation: Activation,
-    /// a.
+    /// a, or nothing for 1.
     pub factors: &'a [P],
     /// c.
     pub scale: P,
@@ -54,6 +56,11 @@ pub struct ActivationModule<'a, P> {
 }
 
 impl<P: Scalar> ActivationModule<'_, P> {
+    #[inline(always)]
+    fn factor(&self, i: usize) -> P {
+        if self.factors.is_empty() { P::from_f64(1.0) } else { self.factors[i] }
+    }
+
     /// One coordinate after the other, calling `keep(i, σ, σ′)` for each.
     #[inline(always)]
     fn run<S: Over<P>>(&self, z: &mut [S], mut keep: impl FnMut(usize, S, S)) {
@@ -61,11 +68,11 @@ impl<P: Scalar> ActivationModule<'_, P> {
         if self.scale.is_zero() {
             return;
         }
-        let (source, target) = self.target.split(self.factors.len(), z);
-        for (i, &factor) in self.factors.iter().enumerate() {
+        let (source, target) = self.target.split(self.dof, z);
+        for i in 0..self.dof {
             let (value, slope) = self.activation.value_and_slope(source[i]);
             keep(i, value, slope);
-            target[i] = target[i].increment(self.scale, value.times(factor));
+            target[i] = target[i].increment(self.scale, value.times(self.factor(i)));
         }
     }
 }
@@ -73,7 +80,7 @@ impl<P: Scalar> ActivationModule<'_, P> {
 impl<P: Scalar> Shear<P> for ActivationModule<'_, P> {
     #[inline(always)]
     fn dof(&self) -> usize {
-        self.factors.len()
+        self.dof
     }
 
     #[inline(always)]
@@ -83,12 +90,12 @@ impl<P: Scalar> Shear<P> for ActivationModule<'_, P> {
 
     #[inline(always)]
     fn tape_len(&self) -> usize {
-        2 * self.factors.len()
+        2 * self.dof
     }
 
     #[inline(always)]
     fn activation_count(&self) -> usize {
-        self.factors.len()
+        self.dof
     }
 
     #[inline(always)]
@@ -106,21 +113,23 @@ impl<P: Scalar> Shear<P> for ActivationModule<'_, P> {
         if self.scale.is_zero() {
             return;
         }
-        let (source_bar, target_bar) = self.target.split_mut(self.factors.len(), z_bar);
-        for (i, &factor) in self.factors.iter().enumerate() {
+        let (source_bar, target_bar) = self.target.split_mut(self.dof, z_bar);
+        for i in 0..self.dof {
             let (value, slope) = (tape[2 * i], tape[2 * i + 1]);
             let u = target_bar[i].times(self.scale);
-            factors_bar[i] = u.mul_add(value, factors_bar[i]);
-            source_bar[i] = slope.times(factor).mul_add(u, source_bar[i]);
+            if let Some(factor_bar) = factors_bar.get_mut(i) {
+                *factor_bar = u.mul_add(value, *factor_bar);
+            }
+            source_bar[i] = slope.times(self.factor(i)).mul_add(u, source_bar[i]);
         }
     }
 
     #[inline(always)]
     fn apply_along<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
-        let n = self.factors.len();
+        let n = self.dof;
         let slopes = &mut scratch[..n];
         slopes.fill(S::zero());
-        self.run(z, |i, _, slope| slopes[i] = slope.times(self.factors[i]).times(self.scale));
+        self.run(z, |i, _, slope| slopes[i] = slope.times(self.factor(i)).times(self.scale));
         for direction in directions.chunks_exact_mut(2 * n) {
             let (source, target) = self.target.split(n, direction);
             for i in 0..n {

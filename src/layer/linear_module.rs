@@ -22,7 +22,7 @@ const fn symmetric_len(dof: usize) -> usize {
 /// of the coordinates and the other in turn, and then a translation z += c·b.
 ///
 /// Its parameters are `[S₁, …, S_m, b]`, each S_k by the rows of its upper triangle,
-/// b in the order of z. Every linear symplectic map is a product of such shears.
+/// b in the order of z; a module may be without the translation. Every linear symplectic map is a product of such shears.
 ///
 /// Source: linear modules of Jin, Zhang, Zhu, Tang and Karniadakis,
 /// <https://doi.org/10.1016/j.neunet.2020.08.017>, section 3.1.
@@ -45,8 +45,17 @@ impl<'a, P: Scalar> LinearModule<'a, P> {
     #[inline(always)]
     pub fn new(dof: usize, first: Half, scale: P, parameters: &'a [P]) -> Self {
         let (matrices, translation) = parameters.split_at(parameters.len() - 2 * dof);
+        Self { translation, ..Self::without_translation(dof, first, scale, matrices) }
+    }
+
+    /// The module that has only these matrices.
+    ///
+    /// # Panics
+    /// When the parameters are not those of a whole number of shears.
+    #[inline(always)]
+    pub fn without_translation(dof: usize, first: Half, scale: P, matrices: &'a [P]) -> Self {
         assert!(matrices.len().is_multiple_of(symmetric_len(dof)));
-        Self { dof, matrices, translation, first, scale, inverse: false }
+        Self { dof, matrices, translation: &[], first, scale, inverse: false }
     }
 
     #[inline(always)]
@@ -179,8 +188,7 @@ impl<P: Scalar> Shear<P> for LinearModule<'_, P> {
             return;
         }
         let n = self.dof;
-        let (matrices_bar, translation_bar) =
-            parameters_bar.split_at_mut(parameters_bar.len() - 2 * n);
+        let (matrices_bar, translation_bar) = parameters_bar.split_at_mut(self.matrices.len());
         let translation = |z_bar: &[S], translation_bar: &mut [S]| {
             for (b_bar, z_bar) in translation_bar.iter_mut().zip(z_bar) {
                 *b_bar = z_bar.mul_add_parameter(self.factor(), *b_bar);

@@ -150,6 +150,7 @@ impl Measurable for Model {
         match self {
             Self::HenonNet(net) => Measurable::layers(net),
             Self::Gyroceptron(net) => Measurable::layers(net),
+            Self::SympNet(net) => Measurable::layers(net),
         }
     }
 }

@@ -73,8 +73,12 @@ impl Relation {
     ///
     /// # Errors
     /// When a scaled parameter leaves the finite numbers, or loses digits below
-    /// the normal ones: then it is no exact relation.
+    /// the normal ones: then it is no exact relation. When the model is not of tanh
+    /// potentials.
     pub fn transform_model(self, model: &Model) -> Result<Model, Error> {
+        if let Model::SympNet(_) = model {
+            return Err(Error::invalid("model", "a SympNet", "a network of tanh potentials"));
+        }
         let mut parameters = model.composition().parameters().to_vec();
         let mut rest = &mut parameters[..];
         for (_, shape) in model.architecture().parts() {

@@ -1,6 +1,9 @@
 //! A network in double precision with its architecture: what files hold.
 
-use super::{Composition, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights};
+use super::{
+    Composition, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights, SympNet,
+    SympNetShape,
+};
 use crate::error::Error;
 use crate::phase::Map;
 use crate::random::Stream;
@@ -32,6 +35,12 @@ pub enum Architecture {
         /// ε.
         epsilon: f64,
     },
+    /// An LA-SympNet.
+    SympNet {
+        /// Modules, shears and activation.
+        #[serde(flatten)]
+        shape: SympNetShape,
+    },
 }
 
 impl Architecture {
@@ -40,13 +49,15 @@ impl Architecture {
         match self {
             Self::HenonNet { shape, .. } => shape.dof,
             Self::Gyroceptron { shape, .. } => shape.dof(),
+            Self::SympNet { shape } => shape.dof,
         }
     }
 
-    /// ε.
+    /// ε; 1 of networks without it.
     pub fn epsilon(&self) -> f64 {
         match self {
             Self::HenonNet { epsilon, .. } | Self::Gyroceptron { epsilon, .. } => *epsilon,
+            Self::SympNet { .. } => 1.0,
         }
     }
 
@@ -55,6 +66,7 @@ impl Architecture {
         match self {
             Self::HenonNet { shape, .. } => shape.parameter_count(),
             Self::Gyroceptron { shape, .. } => shape.parameter_count(),
+            Self::SympNet { shape } => shape.parameter_count(),
         }
     }
 
@@ -65,7 +77,31 @@ impl Architecture {
             Self::Gyroceptron { shape, .. } => {
                 vec![("psi", shape.psi_shape()), ("near_identity", shape.near_identity_shape())]
             }
+            Self::SympNet { .. } => Vec::new(),
         }
+    }
+
+    /// The tensors of the parameters by the names that files give them, with their
+    /// shapes, in the order of the parameters.
+    pub fn tensors(&self) -> Vec<(String, [usize; 2])> {
+        let mut out = Vec::new();
+        for (part, HenonShape { dof, widths }) in self.parts() {
+            for (layer, &width) in widths.iter().enumerate() {
+                let name = |tensor: &str| format!("{part}.{layer}.{tensor}");
+                out.extend([
+                    (name("w_in"), [dof, width]),
+                    (name("b_in"), [1, width]),
+                    (name("w_out"), [width, 1]),
+                    (name("eta"), [1, dof]),
+                ]);
+            }
+        }
+        match self {
+            Self::HenonNet { .. } => {}
+            Self::Gyroceptron { .. } => out.push(("theta".into(), [1, 1])),
+            Self::SympNet { shape } => out.extend(shape.tensors()),
+        }
+        out
     }
 
     /// Fails unless ε is finite, there is a degree of freedom, and no layer is
@@ -83,6 +119,10 @@ impl Architecture {
             if shape.widths.contains(&0) {
                 return Err(Error::invalid(part, "a layer of width 0", "at least one neuron"));
             }
+        }
+        if let Self::SympNet { shape } = self {
+            Error::check_count_range("linear modules", shape.modules, 1, usize::MAX)?;
+            Error::check_count_range("shears of a linear module", shape.shears, 1, usize::MAX)?;
         }
         if let Self::Gyroceptron { shape, .. } = self
             && let Some(weight) =
@@ -122,8 +162,13 @@ impl Architecture {
                 parameters.extend(weights.layer(shape.dof, width, &mut stream));
             }
         }
-        if matches!(self, Self::Gyroceptron { .. }) {
-            parameters.push(theta);
+        match self {
+            Self::HenonNet { .. } => {}
+            Self::Gyroceptron { .. } => parameters.push(theta),
+            Self::SympNet { shape } => {
+                let mut stream = Stream::new(seed, "weights/symp-net");
+                parameters.extend(weights.modules(shape, &mut stream));
+            }
         }
         Model::new(self.clone(), parameters)
     }
@@ -136,6 +181,8 @@ pub enum Model {
     HenonNet(HenonNet<f64>),
     /// A symplectic gyroceptron.
     Gyroceptron(Gyroceptron<f64>),
+    /// An LA-SympNet.
+    SympNet(SympNet<f64>),
 }
 
 impl Model {
@@ -156,6 +203,7 @@ impl Model {
             Architecture::Gyroceptron { shape, epsilon } => {
                 Self::Gyroceptron(Gyroceptron::new(shape, epsilon, parameters)?)
             }
+            Architecture::SympNet { shape } => Self::SympNet(SympNet::new(shape, parameters)?),
         })
     }
 
@@ -169,6 +217,7 @@ impl Model {
             Self::Gyroceptron(net) => {
                 Architecture::Gyroceptron { shape: net.shape().clone(), epsilon: net.epsilon() }
             }
+            Self::SympNet(net) => Architecture::SympNet { shape: net.shape().clone() },
         }
     }
 
@@ -177,6 +226,7 @@ impl Model {
         match self {
             Self::HenonNet(net) => net.composition(),
             Self::Gyroceptron(net) => net.composition(),
+            Self::SympNet(net) => net.composition(),
         }
     }
 
@@ -191,7 +241,7 @@ impl Model {
     /// The gyroceptron, if it is one.
     pub fn gyroceptron(&self) -> Option<&Gyroceptron<f64>> {
         match self {
-            Self::HenonNet(_) => None,
+            Self::HenonNet(_) | Self::SympNet(_) => None,
             Self::Gyroceptron(net) => Some(net),
         }
     }

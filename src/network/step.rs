@@ -41,6 +41,8 @@ pub enum Kind {
     Linear {
         /// The half that its first shear changes.
         first: Half,
+        /// Whether a translation follows its shears.
+        translated: bool,
     },
     /// An activation module of a SympNet.
     Activation {
@@ -114,12 +116,15 @@ impl<P: Scalar> Composition<P> {
             Kind::Turn { prepared } => {
                 visitor.visit_turn(TurnStep { turn: self.turn(prepared), inverse })
             }
-            Kind::Linear { first } => {
-                let module = LinearModule::new(self.dof(), first, scale, parameters);
+            Kind::Linear { first, translated } => {
+                let (dof, plain) = (self.dof(), LinearModule::without_translation);
+                let module = if translated { LinearModule::new } else { plain };
+                let module = module(dof, first, scale, parameters);
                 visitor.visit(if inverse { module.inverse() } else { module })
             }
             Kind::Activation { activation, target } => {
-                let module = ActivationModule { activation, factors: parameters, scale, target };
+                let (dof, factors) = (self.dof(), parameters);
+                let module = ActivationModule { dof, activation, factors, scale, target };
                 visitor.visit(if inverse { module.inverse() } else { module })
             }
         }

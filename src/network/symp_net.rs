@@ -21,19 +21,54 @@ pub struct SympNetShape {
     pub shears: usize,
     /// σ of the activation modules.
     pub activation: Activation,
+    /// Activation modules have no parameters, a = 1, and no translation follows the
+    /// last linear module.
+    #[serde(default)]
+    pub plain: bool,
 }
 
 impl SympNetShape {
-    /// The number of parameters of a linear module.
-    pub fn linear_len(&self) -> usize {
-        linear_module_parameter_count(self.dof, self.shears)
+    /// Whether a translation ends the linear module of this number.
+    fn translates(&self, module: usize) -> bool {
+        !self.plain || module + 1 < self.modules
+    }
+
+    /// The number of parameters of the linear module of this number.
+    fn linear_len(&self, module: usize) -> usize {
+        let whole = linear_module_parameter_count(self.dof, self.shears);
+        if self.translates(module) { whole } else { whole.saturating_sub(2 * self.dof) }
+    }
+
+    /// The number of parameters of an activation module.
+    fn activation_len(&self) -> usize {
+        if self.plain { 0 } else { self.dof }
     }
 
     /// The number of parameters: those of the linear modules and n for each
     /// activation module, in the order of application.
     pub fn parameter_count(&self) -> usize {
-        let linear = self.modules.saturating_mul(self.linear_len());
-        linear.saturating_add(self.modules.saturating_sub(1).saturating_mul(self.dof))
+        let Some(last) = self.modules.checked_sub(1) else { return 0 };
+        let whole = linear_module_parameter_count(self.dof, self.shears);
+        let before = last.saturating_mul(whole.saturating_add(self.activation_len()));
+        before.saturating_add(self.linear_len(last))
+    }
+
+    /// The tensors of the parameters, with their shapes, in the order of application:
+    /// `linear.{i}.matrices` (shears, n(n + 1)/2), `linear.{i}.translation` (1, 2n),
+    /// `activation.{i}.factors` (1, n).
+    pub fn tensors(&self) -> Vec<(String, [usize; 2])> {
+        let mut out = Vec::new();
+        for module in 0..self.modules {
+            if module > 0 && !self.plain {
+                out.push((format!("activation.{}.factors", module - 1), [1, self.dof]));
+            }
+            let entries = linear_module_parameter_count(self.dof, 1) - 2 * self.dof;
+            out.push((format!("linear.{module}.matrices"), [self.shears, entries]));
+            if self.translates(module) {
+                out.push((format!("linear.{module}.translation"), [1, 2 * self.dof]));
+            }
+        }
+        out
     }
 }
 
@@ -71,9 +106,11 @@ impl<P: Scalar> SympNet<P> {
         for module in 0..shape.modules {
             if module > 0 {
                 let target = if module % 2 == 1 { Half::Position } else { Half::Momentum };
-                push(Kind::Activation { activation: shape.activation, target }, shape.dof);
+                let activation = Kind::Activation { activation: shape.activation, target };
+                push(activation, shape.activation_len());
             }
-            push(Kind::Linear { first: Half::Momentum }, shape.linear_len());
+            let (first, translated) = (Half::Momentum, shape.translates(module));
+            push(Kind::Linear { first, translated }, shape.linear_len(module));
         }
         Ok(Self { shape, composition })
     }

@@ -37,7 +37,7 @@ pub(super) struct Context<'a> {
     log: Log,
     training_times: Vec<TrainingTimes>,
     data: Option<Rc<DataSets>>,
-    models: Option<Rc<Vec<Trained>>>,
+    models: Option<Vec<Rc<Trained>>>,
     references: Vec<(ReferenceRequest, Rc<ReferenceTrajectories>)>,
     rollouts: Vec<(RolloutRequest, Rc<Vec<Trajectories>>)>,
 }
@@ -138,19 +138,26 @@ impl<'a> Context<'a> {
         Ok(Rc::clone(self.data.insert(Rc::new(made))))
     }
 
-    /// The networks, trained: from their checkpoints where the run goes on with one.
-    pub(super) fn models(&mut self) -> Result<Rc<Vec<Trained>>, Halt> {
+    /// The networks that are to be studied, trained.
+    pub(super) fn models(&mut self) -> Result<Vec<Rc<Trained>>, Halt> {
+        let all = self.all_models()?;
+        Ok(all.into_iter().filter(|trained| !trained.spec.training_only).collect())
+    }
+
+    /// The networks, trained, with those that are here for their training only: from
+    /// their checkpoints where the run goes on with one.
+    pub(super) fn all_models(&mut self) -> Result<Vec<Rc<Trained>>, Halt> {
         if let Some(models) = &self.models {
-            return Ok(Rc::clone(models));
+            return Ok(models.clone());
         }
         let mut trained = Vec::new();
         for spec in &self.scene.setup.models {
             let data = self.data()?;
             let one = self
                 .stage(&format!("training {}", spec.name), |context| learn(context, &data, spec))?;
-            trained.push(one);
+            trained.push(Rc::new(one));
         }
-        Ok(Rc::clone(self.models.insert(Rc::new(trained))))
+        Ok(self.models.insert(trained).clone())
     }
 
     /// Trajectories of the reference flow of `system`: `states` states, `interval`

@@ -35,6 +35,7 @@ pub(super) fn learn(
 ) -> Result<Trained, Halt> {
     let (scene, folder) = (context.scene, context.folder);
     let (system, time) = (context.system()?, context.flow_time()?);
+    let options = scene.setup.training_of(spec);
     let architecture = spec.network.architecture(&system.circle_action(), system.epsilon());
     let theta = system.limiting_frequency() * time;
     let initial = architecture.initialise(spec.weights, theta, scene.seed)?;
@@ -59,12 +60,12 @@ pub(super) fn learn(
             let all: Vec<_> = context.training_times().iter().chain([&times]).collect();
             folder.save_timings(&json!({ "models": all }))?;
         }
-        let iterations = scene.setup.training.iterations;
+        let iterations = options.iterations;
         context.tell(Event::Iteration { model: &spec.name, record, iterations });
         Ok(if context.interrupted() { Control::Interrupt } else { Control::Continue })
     };
     let (pairs, held_out) = (&data.training, data.held_out.as_ref());
-    let outcome = train(&initial, pairs, held_out, &scene.setup.training, resume, &mut observe)?;
+    let outcome = train(&initial, pairs, held_out, options, resume, &mut observe)?;
     context.add_training_times(times);
     let (stop, best) = (outcome.stop, outcome.best);
     context.tell(Event::Trained { model: &spec.name, stop, best });

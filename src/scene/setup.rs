@@ -2,8 +2,8 @@
 
 use crate::error::Error;
 use crate::flow::Window;
-use crate::layer::CircleAction;
-use crate::network::{Architecture, GyroceptronShape, HenonShape, InitialWeights};
+use crate::layer::{Activation, CircleAction};
+use crate::network::{Architecture, GyroceptronShape, HenonShape, InitialWeights, SympNetShape};
 use crate::system::{Hamiltonian, System};
 use crate::train::TrainingOptions;
 use serde::{Deserialize, Serialize};
@@ -43,6 +43,13 @@ pub struct ModelSpec {
     pub network: NetworkSpec,
     /// How its weights are drawn.
     pub weights: InitialWeights,
+    /// How it is trained, where it is not as the others are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub training: Option<TrainingOptions>,
+    /// It is here for the sake of its training, to be compared: other studies leave it
+    /// out.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub training_only: bool,
 }
 
 /// Which network, the degrees of freedom and ε being the system's.
@@ -62,6 +69,18 @@ pub enum NetworkSpec {
     HenonNet {
         /// Its layers.
         layers: Layers,
+    },
+    /// An LA-SympNet.
+    SympNet {
+        /// The number of linear modules, and the shears of each.
+        modules: usize,
+        /// See `modules`.
+        shears: usize,
+        /// σ.
+        activation: Activation,
+        /// See [`SympNetShape::plain`].
+        #[serde(default)]
+        plain: bool,
     },
 }
 
@@ -144,6 +163,11 @@ impl Setup {
         }
     }
 
+    /// How a network is trained.
+    pub fn training_of<'a>(&'a self, model: &'a ModelSpec) -> &'a TrainingOptions {
+        model.training.as_ref().unwrap_or(&self.training)
+    }
+
     /// Fails unless what is named is in range and fits together.
     ///
     /// # Errors
@@ -166,6 +190,10 @@ impl Setup {
             }
         }
         self.training.check()?;
+        for model in &self.models {
+            let place = format!("models.{}", model.name);
+            self.training_of(model).check().map_err(|e| e.at(place))?;
+        }
         if let Some(data) = &self.data {
             data.check()?;
         }
@@ -191,8 +219,11 @@ impl Setup {
         for (index, window) in self.data.iter().flat_map(|d| d.windows.iter().enumerate()) {
             window.check(&format!("data.windows[{index}]"), system.dof())?;
         }
-        let weights = self.training.loss.component_weights(system.dof());
-        weights.map(|_| ()).map_err(|e| e.at("training.loss"))
+        for training in self.models.iter().map(|m| self.training_of(m)).chain([&self.training]) {
+            let weights = training.loss.component_weights(system.dof());
+            weights.map_err(|e| e.at("training.loss"))?;
+        }
+        Ok(())
     }
 }
 
@@ -218,6 +249,9 @@ impl NetworkSpec {
         match self {
             Self::Gyroceptron { psi, near_identity, .. } => vec![*psi, *near_identity],
             Self::HenonNet { layers } => vec![*layers],
+            Self::SympNet { modules, shears, .. } => {
+                vec![Layers { count: *modules, width: *shears }]
+            }
         }
     }
 
@@ -235,6 +269,15 @@ impl NetworkSpec {
             Self::HenonNet { layers } => Architecture::HenonNet {
                 shape: HenonShape { dof: action.dof(), widths: layers.widths() },
                 epsilon: 1.0,
+            },
+            Self::SympNet { modules, shears, activation, plain } => Architecture::SympNet {
+                shape: SympNetShape {
+                    dof: action.dof(),
+                    modules: *modules,
+                    shears: *shears,
+                    activation: *activation,
+                    plain: *plain,
+                },
             },
         }
     }

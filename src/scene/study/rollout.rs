@@ -99,7 +99,7 @@ impl Study for RolloutOptions {
         let found = self.reference(context)?;
         let reference = &found.trajectories;
         let reference_adiabatic = drifts(reference, |z| system.adiabatic_invariant(z));
-        let (mut models, mut moved) = (Rc::default(), Rc::default());
+        let (mut models, mut moved) = (Vec::new(), Rc::default());
         if !context.scene.setup.models.is_empty() {
             models = context.models()?;
             moved = context.rollouts(&self.initial, self.request())?;

@@ -13,7 +13,7 @@ use crate::scene::learning::Trained;
 use crate::scene::log::TrainingTimes;
 use crate::scene::setup::Need;
 use crate::system::Hamiltonian;
-use crate::train::{Stop, TrainingRecord};
+use crate::train::{Stop, TrainingOptions, TrainingRecord};
 use serde::Serialize;
 use serde_json::json;
 
@@ -44,8 +44,7 @@ impl Study for TrainingStudy {
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
-        let (data, models) = (context.data()?, context.models()?);
-        let validate_every = context.scene.setup.training.validate_every;
+        let (data, models) = (context.data()?, context.all_models()?);
         let mut results = Vec::new();
         for trained in models.iter() {
             let errors = match &data.held_out {
@@ -54,7 +53,8 @@ impl Study for TrainingStudy {
                     component_errors(trained.model().composition(), held_out)
                 })?,
             };
-            results.push(TrainingResult::new(trained, errors, validate_every));
+            let options = context.scene.setup.training_of(&trained.spec);
+            results.push(TrainingResult::new(trained, errors, options));
         }
         let epsilon = context.system()?.epsilon();
         let mut details = Vec::new();
@@ -90,6 +90,7 @@ struct TrainingResult {
     name: String,
     architecture: Architecture,
     parameters: usize,
+    optimiser: &'static str,
     /// Why training ended.
     stop: Stop,
     /// Where training ended.
@@ -105,16 +106,18 @@ struct TrainingResult {
 }
 
 impl TrainingResult {
-    fn new(trained: &Trained, component_errors: Vec<f64>, validate_every: u64) -> Self {
+    fn new(trained: &Trained, component_errors: Vec<f64>, options: &TrainingOptions) -> Self {
         let (outcome, model) = (&trained.outcome, trained.model());
         let held_out = !component_errors.is_empty();
         let told = |r: &TrainingRecord| {
-            r.validation.is_some() || (!held_out && r.iteration.is_multiple_of(validate_every))
+            r.validation.is_some()
+                || (!held_out && r.iteration.is_multiple_of(options.validate_every))
         };
         Self {
             name: trained.spec.name.clone(),
             architecture: model.architecture(),
             parameters: model.composition().parameters().len(),
+            optimiser: options.optimiser.name(),
             stop: outcome.stop,
             last: outcome.history[outcome.history.len() - 1],
             best: outcome.best,
@@ -176,6 +179,7 @@ fn overview(results: &[TrainingResult], data: &DataSets) -> Table {
     let mut table = Table::new([
         ("network", Format::Exact),
         ("parameters", Format::Exact),
+        ("optimiser", Format::Exact),
         ("iterations", Format::Exact),
         ("loss", Format::Exponent(3)),
         ("held-out mean squared error", Format::Exponent(3)),
@@ -185,6 +189,7 @@ fn overview(results: &[TrainingResult], data: &DataSets) -> Table {
         table.push([
             format!("`{}`", result.name).into(),
             result.parameters.into(),
+            result.optimiser.into(),
             result.last.iteration.into(),
             result.best.loss.into(),
             result.best.validation.into(),
