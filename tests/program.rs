@@ -145,7 +145,8 @@ fn with_model() -> tempfile::TempDir {
 fn a_scene_runs_to_a_report() {
     let folder = with_scene("small.toml", SCENE);
     let output = succeeds(folder.path(), &["run", "small.toml"]);
-    assert!(text(&output.stdout).contains("symplecticity"));
+    let summary = text(&output.stdout);
+    assert!(summary.contains("24 of 24 rows hold") && !summary.contains("symplecticity"));
     let out = folder.path().join("gyroceptron-out/small");
     let report = std::fs::read_to_string(out.join("report.md")).expect("a report");
     for words in ["seed 3", "Structure certificate", "held-out mean squared error", "μ₀"] {
@@ -154,7 +155,20 @@ fn a_scene_runs_to_a_report() {
     for plot in ["loss", "portrait", "adiabatic-invariant", "rollout-error"] {
         let svg = std::fs::read_to_string(out.join(format!("{plot}.svg"))).expect("a plot");
         assert!(svg.starts_with("<svg") && svg.len() > 3000, "{plot}");
+        assert!(report.contains(&format!("({plot}.csv)")), "{plot}");
     }
+    // The table of the certificate comes last, accuracy first.
+    let place = |words: &str| report.find(words).expect(words);
+    assert!(place("## Training") < place("## Roll-out"));
+    assert!(place("## Roll-out") < place("## Structure certificate"));
+    assert!(place("## Timings on this machine") < place("## Appendix: Structure certificate"));
+    assert!(place("## Appendix") < place("| headroom |"));
+    // All points of a figure are in the file beside it, as they are in the report.
+    let csv = std::fs::read_to_string(out.join("portrait.csv")).expect("data");
+    let lines: Vec<&str> = csv.lines().collect();
+    assert_eq!(lines[0], "panel,series,x,y");
+    let of_model = lines.iter().filter(|line| line.starts_with("\"gyroceptron\",\"q₂"));
+    assert_eq!(of_model.count(), 2 * 11, "two orbits of eleven states");
     let json: Value =
         serde_json::from_slice(&std::fs::read(out.join("report.json")).expect("a report"))
             .expect("JSON");
@@ -369,7 +383,7 @@ fn trajectories_are_drawn_and_measured() {
     let read = |name: &str| std::fs::read_to_string(folder.path().join("out").join(name));
     let svg = read("trajectories.svg").expect("a figure");
     // A row for each ε, a column for each plane.
-    assert!(svg.contains("width=\"1120\" height=\"1380\""), "{}", &svg[..200]);
+    assert!(svg.contains("width=\"1301\" height=\"1380\""), "{}", &svg[..200]);
     for words in ["ε = 0.1, (q₁, p₁)", "ε = 0, (q₂, p₂)"] {
         assert!(svg.contains(words), "the figure lacks {words}");
     }

@@ -232,6 +232,7 @@ fn recipe(scene: Option<&str>) -> Result<Recipe, Error> {
             weights: InitialWeights::Normal { scale: 0.15 },
             training: None,
             training_only: false,
+            seeds: None,
         },
         [spec] => spec.clone(),
         several => {

@@ -1,5 +1,6 @@
 //! Errors against data and reference, and drifts.
 
+use super::adiabatic::log_slope;
 use crate::error::Error;
 use crate::flow::{Pairs, Trajectories};
 use crate::network::{Composition, map_points};
@@ -73,6 +74,36 @@ pub fn departures(trajectories: &Trajectories, reference: &Trajectories) -> Vec<
 /// The drift of a quantity along each trajectory.
 pub fn drifts(trajectories: &Trajectories, quantity: impl Fn(&[f64]) -> f64) -> Vec<Drift> {
     (0..trajectories.count()).map(|m| drift(trajectories.of(m).map(&quantity))).collect()
+}
+
+/// The exponent a of D(t) ∝ t^a, D being the largest change of a quantity up to the
+/// time t over all trajectories, fitted over the last two powers of ten of the states;
+/// NaN where they are too few, or it never changes.
+///
+/// A quantity that oscillates has 0, one that drifts away 1.
+pub fn drift_exponent(trajectories: &Trajectories, quantity: impl Fn(&[f64]) -> f64) -> f64 {
+    const POINTS: u32 = 12;
+    let last = trajectories.states() - 1;
+    let initial: Vec<f64> =
+        (0..trajectories.count()).map(|m| quantity(trajectories.state(0, m))).collect();
+    let mut largest = 0.0;
+    let mut running = vec![0.0];
+    for t in 1..=last {
+        for (m, initial) in initial.iter().enumerate() {
+            let change = (quantity(trajectories.state(t, m)) - initial).abs();
+            largest = max_or_nan(largest, change);
+        }
+        running.push(largest);
+    }
+    let time = |k: u32| {
+        let share = libm::exp10(-2.0 * f64::from(POINTS - 1 - k) / f64::from(POINTS - 1));
+        (last as f64 * share).round() as usize
+    };
+    let mut times: Vec<usize> = (0..POINTS).map(time).filter(|t| *t > 0).collect();
+    times.dedup();
+    let t: Vec<f64> = times.iter().map(|t| *t as f64).collect();
+    let d: Vec<f64> = times.iter().map(|t| running[*t]).collect();
+    log_slope(&t, &d)
 }
 
 /// A power of ten that an error passed.

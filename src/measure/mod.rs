@@ -25,7 +25,7 @@ mod work_precision;
 
 pub use accuracy::{
     Departure, Drift, Milestone, component_errors, departures, distance, distances_along, drift,
-    drifts, limiting_flow_error, milestones,
+    drift_exponent, drifts, limiting_flow_error, milestones,
 };
 pub use adiabatic::{
     Line, Resonance, disturbing_resonance, invariant_drift, invariant_horizon, leading_invariant,
@@ -48,7 +48,8 @@ pub use measured_step::{
     KickStep, Magnitudes, MeasuredPotential, MeasuredStep, MeasuredSteps, TrackedStep, turn_steps,
 };
 pub use near_identity::{
-    differing_components, near_identity_generator, near_identity_size, near_identity_undoing,
+    differing_components, near_identity_generator, near_identity_rms, near_identity_size,
+    near_identity_undoing,
 };
 pub use relations::Relation;
 pub use rounding::Walk;

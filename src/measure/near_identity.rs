@@ -16,6 +16,17 @@ pub fn near_identity_size(map: &(impl Map<f64> + ?Sized), points: &[f64]) -> f64
     largest_change(points, 2 * map.dof(), |z| map.forward(z))
 }
 
+/// The root mean square of P(z) − z over all components and points.
+pub fn near_identity_rms(map: &(impl Map<f64> + ?Sized), points: &[f64]) -> f64 {
+    let mut squares = 0.0;
+    for z in points.chunks_exact(2 * map.dof()) {
+        let mut moved = z.to_vec();
+        map.forward(&mut moved);
+        squares += moved.iter().zip(z).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+    }
+    (squares / points.len() as f64).sqrt()
+}
+
 /// The largest |Q(P(z)) − z|: with P = I_ε and Q = I_{−ε} of order ε², since
 /// I_{−ε} undoes I_ε to first order only.
 pub fn near_identity_undoing(

@@ -151,10 +151,10 @@ impl<'a> Context<'a> {
             return Ok(models.clone());
         }
         let mut trained = Vec::new();
-        for spec in &self.scene.setup.models {
+        for attempt in self.scene.setup.attempts() {
             let data = self.data()?;
-            let one = self
-                .stage(&format!("training {}", spec.name), |context| learn(context, &data, spec))?;
+            let name = format!("training {}", attempt.spec.name);
+            let one = self.stage(&name, |context| learn(context, &data, attempt))?;
             trained.push(Rc::new(one));
         }
         Ok(self.models.insert(trained).clone())

@@ -1,5 +1,7 @@
 //! Figures: panels of series, before they are drawn.
 
+use std::fmt::Write;
+
 /// A figure of one or more panels.
 #[derive(Clone, Debug)]
 pub struct Figure {
@@ -9,6 +11,8 @@ pub struct Figure {
     pub caption: String,
     /// So many panels stand side by side.
     pub columns: usize,
+    /// Whether all panels have the same axes.
+    pub same_axes: SameAxes,
     /// The panels, row by row.
     pub panels: Vec<Panel>,
 }
@@ -21,13 +25,51 @@ impl Figure {
 
     /// A figure with all panels side by side.
     pub fn in_a_row(name: &'static str, caption: &str, panels: Vec<Panel>) -> Self {
-        Self { name, caption: caption.to_owned(), columns: panels.len(), panels }
+        let (caption, columns) = (caption.to_owned(), panels.len());
+        Self { name, caption, columns, same_axes: SameAxes::No, panels }
+    }
+
+    /// All points as text: a line for each, with the panel, the series, x and y.
+    pub fn csv(&self) -> String {
+        let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
+        let mut out = String::from("panel,series,x,y\n");
+        for panel in &self.panels {
+            for (number, series) in panel.series.iter().enumerate() {
+                let name = match &series.name[..] {
+                    "" => format!("{}", number + 1),
+                    name => quoted(name),
+                };
+                for (x, y) in &series.points {
+                    // Writing to a string cannot fail.
+                    let _ = writeln!(out, "{},{name},{x:e},{y:e}", quoted(&panel.title));
+                }
+            }
+        }
+        out
     }
 }
 
 /// The file of the figure of this name.
 pub fn file_of(name: &str) -> String {
     format!("{name}.svg")
+}
+
+/// The file of the numbers in the figure of this name.
+pub fn data_file_of(name: &str) -> String {
+    format!("{name}.csv")
+}
+
+/// Which axes the panels of a figure have.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SameAxes {
+    /// Each its own.
+    #[default]
+    No,
+    /// All the same, as wide as any needs them.
+    Widest,
+    /// All those of the first, wider where others need it, up to half as wide again:
+    /// points beyond are not drawn.
+    First,
 }
 
 /// How a series is drawn.
@@ -37,22 +79,12 @@ pub enum Style {
     Line,
     /// A thin, pale line.
     Faint,
+    /// A thin, dashed line.
+    Dashed,
     /// A dot at each point.
     Dots,
     /// A line with a mark at each point.
     Marked,
-}
-
-/// Where the names of the series are: where the series are not.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Legend {
-    /// In the upper right corner.
-    #[default]
-    UpperRight,
-    /// In the lower left corner.
-    LowerLeft,
-    /// In the middle.
-    Middle,
 }
 
 /// How an axis is divided.
@@ -101,8 +133,6 @@ pub struct Panel {
     pub y: Axis,
     /// A unit of x is drawn as long as one of y.
     pub square: bool,
-    /// Where the names are.
-    pub legend: Legend,
     /// The series, the first at the bottom.
     pub series: Vec<Series>,
 }

@@ -19,6 +19,8 @@ pub struct Findings {
     pub timings: Section,
     /// Its figures.
     pub figures: Vec<Figure>,
+    /// What is told at the end of the report.
+    pub appendix: Vec<Block>,
 }
 
 /// A part of the findings.
@@ -74,6 +76,8 @@ pub enum Format {
     Below,
     /// A factor: `7.6 ×`.
     Factor,
+    /// A share, in two digits: `3.4 %`, `0.012 %`.
+    Percent,
 }
 
 /// A value in a table.
@@ -148,6 +152,13 @@ impl Format {
             Self::Below if value < 1e-3 => format!("< {value:e}"),
             Self::Below => format!("< {value}"),
             Self::Factor => format!("{value:.1} ×"),
+            Self::Percent => {
+                let percent = 100.0 * value;
+                let places = 1.0 - libm::floor(libm::log10(percent.abs()));
+                // None at 0, NaN and ∞: the cast saturates.
+                let places = if places.is_finite() { places.clamp(0.0, 12.0) as usize } else { 0 };
+                format!("{percent:.places$} %")
+            }
         }
     }
 

@@ -1,7 +1,7 @@
 //! The folder of a run.
 
 use super::declaration::Scene;
-use super::figure::file_of;
+use super::figure::{data_file_of, file_of};
 use super::parse::parse;
 use super::setup::ModelSpec;
 use crate::error::Error;
@@ -67,9 +67,10 @@ impl Folder {
             && let Ok(earlier) = parse(AS_RUN, &text)
         {
             names.extend(earlier.plots.iter().map(|plot| file_of(plot)));
-            for spec in &earlier.setup.models {
-                names.push(format!("checkpoint-{}", spec.name));
-                names.push(format!("model-{}.json", spec.name));
+            names.extend(earlier.plots.iter().map(|plot| data_file_of(plot)));
+            for attempt in earlier.setup.attempts() {
+                names.push(format!("checkpoint-{}", attempt.spec.name));
+                names.push(format!("model-{}.json", attempt.spec.name));
             }
             for part in &earlier.parts {
                 let part = Self { path: self.file(&part.name), ..self.clone() };
@@ -155,7 +156,7 @@ impl Folder {
         spec: &ModelSpec,
         ending: &str,
     ) -> PathBuf {
-        if scene.setup.models.len() == 1 {
+        if scene.setup.attempts().count() == 1 {
             self.file(&format!("{stem}{ending}"))
         } else {
             self.file(&format!("{stem}-{}{ending}", spec.name))

@@ -3,7 +3,7 @@
 use super::context::{Context, DataSets, Halt};
 use super::log::TrainingTimes;
 use super::run::Event;
-use super::setup::ModelSpec;
+use super::setup::{Attempt, ModelSpec};
 use crate::error::Error;
 use crate::io::{Provenance, StoredModel, load_checkpoint, save_checkpoint, save_model};
 use crate::network::Model;
@@ -15,6 +15,8 @@ use std::time::Instant;
 /// A network before and after training.
 pub(super) struct Trained {
     pub(super) spec: ModelSpec,
+    /// The name that the scene gives the network, for any of its seeds.
+    pub(super) network: String,
     pub(super) initial: Model,
     pub(super) outcome: Outcome,
 }
@@ -31,15 +33,17 @@ impl Trained {
 pub(super) fn learn(
     context: &mut Context<'_>,
     data: &DataSets,
-    spec: &ModelSpec,
+    attempt: Attempt,
 ) -> Result<Trained, Halt> {
+    let Attempt { spec, network, number } = attempt;
     let (scene, folder) = (context.scene, context.folder);
     let (system, time) = (context.system()?, context.flow_time()?);
-    let options = scene.setup.training_of(spec);
+    let options = scene.setup.training_of(&spec);
+    let seed = scene.seed.wrapping_add(number);
     let architecture = spec.network.architecture(&system.circle_action(), system.epsilon());
     let theta = system.limiting_frequency() * time;
-    let initial = architecture.initialise(spec.weights, theta, scene.seed)?;
-    let checkpoint_file = folder.file_of_model(scene, "checkpoint", spec, "");
+    let initial = architecture.initialise(spec.weights, theta, seed)?;
+    let checkpoint_file = folder.file_of_model(scene, "checkpoint", &spec, "");
     let resume = if folder.resumes() && checkpoint_file.exists() {
         Some(load_checkpoint(&checkpoint_file)?)
     } else {
@@ -73,15 +77,15 @@ pub(super) fn learn(
         return Err(Halt::Interrupted);
     }
     let provenance = Provenance {
-        seed: Some(scene.seed),
+        seed: Some(seed),
         data: Some(pairs.digest()),
         flow_time: Some(time),
         validation: best.validation,
         ..Provenance::of(&scene.name)
     };
     let stored = StoredModel { model: outcome.model.clone(), provenance };
-    save_model(&folder.file_of_model(scene, "model", spec, ".json"), &stored)?;
-    Ok(Trained { spec: spec.clone(), initial, outcome })
+    save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
+    Ok(Trained { spec, network, initial, outcome })
 }
 
 /// The times of the run that is gone on with; none where they cannot be read.

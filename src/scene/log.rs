@@ -29,7 +29,8 @@ pub struct TrainingTimes {
 impl TrainingTimes {
     /// Seconds at an iteration, where they were taken.
     pub fn seconds(&self, iteration: u64) -> Option<f64> {
-        self.points.iter().find(|(i, _)| *i == iteration).map(|(_, seconds)| *seconds)
+        let at = self.points.iter().find(|(i, _)| *i == iteration);
+        at.map(|(_, seconds)| *seconds).or((iteration == 0).then_some(0.0))
     }
 }
 

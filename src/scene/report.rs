@@ -3,6 +3,7 @@
 use super::declaration::Scene;
 use super::findings::Findings;
 use super::log::{Stage, TrainingTimes};
+use super::machine::Machine;
 
 /// What a run found.
 #[derive(Clone, Debug)]
@@ -15,6 +16,8 @@ pub struct Report {
     pub training_times: Vec<TrainingTimes>,
     /// What was computed, and how long it took.
     pub stages: Vec<Stage>,
+    /// What it was timed on.
+    pub machine: Machine,
     /// The reports of its parts.
     pub parts: Vec<Report>,
 }

@@ -2,7 +2,9 @@
 
 use super::context::{Context, Halt};
 use super::declaration::Scene;
+use super::figure::data_file_of;
 use super::folder::Folder;
+use super::machine::Machine;
 use super::render::{json, markdown, svg};
 use super::report::{Report, StudyFindings};
 use crate::error::Error;
@@ -85,13 +87,15 @@ fn run_complete(
         let findings = study.run(&mut context)?;
         for figure in &findings.figures {
             svg::draw(&folder.file(&figure.file()), figure)?;
+            folder.save_text(&data_file_of(figure.name), &figure.csv())?;
         }
         studies.push(StudyFindings { name: study.name(), findings });
     }
     let (training_times, stages) = context.into_times();
     observer.event(Event::Stage("report"));
     folder.save_scene(scene)?;
-    let report = Report { scene: scene.clone(), studies, training_times, stages, parts };
+    let (scene, machine) = (scene.clone(), Machine::this());
+    let report = Report { scene, studies, training_times, stages, machine, parts };
     folder.save_timings(&json::timings(&report))?;
     folder.save_text("report.md", &markdown(&report))?;
     folder.save_json("report.json", &json::report(&report))?;

@@ -50,6 +50,35 @@ pub struct ModelSpec {
     /// out.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub training_only: bool,
+    /// It is trained from so many initial weights, one after another, of which other
+    /// studies take the first: 1, unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seeds: Option<u64>,
+}
+
+/// A training: of a network, and from which of its initial weights.
+#[derive(Clone, Debug)]
+pub(super) struct Attempt {
+    /// The network, by the name of its files.
+    pub(super) spec: ModelSpec,
+    /// The name that the scene gives it.
+    pub(super) network: String,
+    /// What is added to the scene's seed for its weights.
+    pub(super) number: u64,
+}
+
+impl ModelSpec {
+    /// One for each of its seeds.
+    pub(super) fn attempts(&self) -> impl Iterator<Item = Attempt> + '_ {
+        (0..self.seeds.unwrap_or(1)).map(|number| {
+            let mut spec = self.clone();
+            if number > 0 {
+                spec.name = format!("{}-seed-{}", self.name, number + 1);
+                spec.training_only = true;
+            }
+            Attempt { spec, network: self.name.clone(), number }
+        })
+    }
 }
 
 /// Which network, the degrees of freedom and ε being the system's.
@@ -100,7 +129,9 @@ impl Layers {
     }
 }
 
-/// More layers are a slip of the pen.
+/// More seeds, like more layers, are a slip of the pen.
+const MOST_SEEDS: u64 = 1000;
+/// See [`MOST_SEEDS`].
 const MOST_LAYERS: usize = 100_000;
 /// More samples, steps and the like are one too.
 pub(super) const MOST: usize = 100_000_000;
@@ -163,6 +194,11 @@ impl Setup {
         }
     }
 
+    /// All trainings.
+    pub(super) fn attempts(&self) -> impl Iterator<Item = Attempt> + '_ {
+        self.models.iter().flat_map(ModelSpec::attempts)
+    }
+
     /// How a network is trained.
     pub fn training_of<'a>(&'a self, model: &'a ModelSpec) -> &'a TrainingOptions {
         model.training.as_ref().unwrap_or(&self.training)
@@ -183,6 +219,12 @@ impl Setup {
             for layers in model.network.layers() {
                 Error::check_count_range("layers", layers.count, 1, MOST_LAYERS)
                     .map_err(|e| e.at(format!("models.{}.network", model.name)))?;
+            }
+            if let Some(seeds) = model.seeds {
+                let most = MOST_SEEDS as usize;
+                let found = usize::try_from(seeds).unwrap_or(usize::MAX);
+                Error::check_count_range("seeds", found, 1, most)
+                    .map_err(|e| e.at(format!("models.{}", model.name)))?;
             }
             if self.models[..index].iter().any(|other| other.name == model.name) {
                 let found = format!("`{}` twice", model.name);

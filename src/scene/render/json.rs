@@ -20,7 +20,11 @@ pub fn report(report: &Report) -> Value {
 /// What depends on the machine: seconds, and what was computed in this very run,
 /// which a run that goes on with another's checkpoint need not do again.
 pub fn timings(report: &Report) -> Value {
-    let mut out = json!({ "models": report.training_times, "stages": report.stages });
+    let mut out = json!({
+        "machine": report.machine,
+        "models": report.training_times,
+        "stages": report.stages,
+    });
     let timed = report.studies.iter().map(|study| (study.name, &study.findings.timings.data));
     insert(&mut out, "studies", data(timed));
     insert(&mut out, "parts", report.parts.iter().map(timings).collect());

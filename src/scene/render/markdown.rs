@@ -1,6 +1,6 @@
 //! A report as Markdown.
 
-use crate::scene::figure::Figure;
+use crate::scene::figure::{Figure, data_file_of};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::log::Stage;
 use crate::scene::report::Report;
@@ -54,6 +54,13 @@ fn write_report(out: &mut String, report: &Report) -> Result {
         }
     }
     write_timings(out, report)?;
+    for study in &report.studies {
+        let Findings { title, appendix, .. } = &study.findings;
+        if !appendix.is_empty() {
+            writeln!(out, "\n## Appendix: {title}")?;
+            write_blocks(out, appendix)?;
+        }
+    }
     writeln!(
         out,
         "\n## To repeat it\n\n`gyroceptron run as-run.toml --out …` with the file of that name beside \
@@ -64,7 +71,7 @@ fn write_report(out: &mut String, report: &Report) -> Result {
 
 /// The part of the report that differs from machine to machine.
 fn write_timings(out: &mut String, report: &Report) -> Result {
-    writeln!(out, "\n## Timings on this machine")?;
+    writeln!(out, "\n## Timings on this machine\n\n{}", report.machine)?;
     for study in &report.studies {
         if !study.findings.timings.is_empty() {
             writeln!(out, "\n### {}", study.findings.title)?;
@@ -132,7 +139,8 @@ fn write_blocks(out: &mut String, blocks: &[Block]) -> Result {
 fn write_figures(out: &mut String, figures: &[Figure], folder: &str) -> Result {
     for figure in figures {
         let caption = &figure.caption;
-        writeln!(out, "\n![{caption}]({folder}{})\n\n{caption}", figure.file())?;
+        let (file, data) = (figure.file(), data_file_of(figure.name));
+        writeln!(out, "\n![{caption}]({folder}{file})\n\n{caption} ([data]({folder}{data}))")?;
     }
     Ok(())
 }

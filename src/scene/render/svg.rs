@@ -2,19 +2,14 @@
 
 use crate::error::Error;
 use crate::io::write_atomically;
-use crate::scene::figure::{Axis, Figure, Legend, Panel, Series, Style};
+use crate::scene::figure::{Axis, Figure, Panel, SameAxes, Style};
 use plotters::coord::Shift;
+use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use std::ops::Range;
 use std::path::Path;
-
-/// The names of the series, where the figure wants them.
-fn position(legend: Legend) -> SeriesLabelPosition {
-    match legend {
-        Legend::UpperRight => SeriesLabelPosition::UpperRight,
-        Legend::LowerLeft => SeriesLabelPosition::LowerLeft,
-        Legend::Middle => SeriesLabelPosition::MiddleMiddle,
-    }
-}
 
 /// Okabe and Ito's colours, told apart by everybody, and two more.
 const COLORS: [RGBColor; 10] = [
@@ -36,60 +31,267 @@ const MOST_POINTS: usize = 2000;
 /// Pixels of a panel.
 const WIDTH: u32 = 560;
 const HEIGHT: u32 = 460;
+/// Pixels of the area in which the points of a panel are, about.
+const PLOT: (f64, f64) = (462.0, 362.0);
+
+/// Pixels of the names beside the panels: of a line, a letter, and of what is not text.
+const LINE: i32 = 19;
+const LETTER: usize = 7;
+const BESIDE_TEXT: usize = 48;
+
+/// Where one panel of several with the same axes has points so many times further out
+/// than the first, they are not drawn.
+const FURTHEST: f64 = 1.5;
+
+type Drawn = Result<(), Box<dyn std::error::Error>>;
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// Draws a figure into a file.
 ///
 /// # Errors
 /// [`Error::Write`].
 pub fn draw(path: &Path, figure: &Figure) -> Result<(), Error> {
+    let svg = drawing(figure).map_err(|e| Error::write(path, e))?;
+    write_atomically(path, |out| out.write_all(svg.as_bytes()))
+}
+
+fn drawing(figure: &Figure) -> Result<String, Box<dyn std::error::Error>> {
     let mut svg = String::new();
     {
         let columns = figure.columns.max(1);
         let rows = figure.panels.len().div_ceil(columns);
-        let size = (WIDTH * columns as u32, HEIGHT * rows as u32);
+        let names = Name::all(figure);
+        let letters = names.iter().map(|name| name.text.chars().count()).max();
+        let beside = letters.map_or(0, |letters| (letters * LETTER + BESIDE_TEXT) as u32);
+        let panels = (WIDTH * columns as u32, HEIGHT * rows as u32);
+        let tall = (names.len() as i32 + 2) * LINE;
+        let size = (panels.0 + beside, panels.1.max(tall as u32));
         let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-        root.fill(&WHITE).map_err(|e| Error::write(path, e))?;
-        for (area, panel) in root.split_evenly((rows, columns)).iter().zip(&figure.panels) {
-            draw_panel(area, panel).map_err(|e| Error::write(path, e))?;
+        root.fill(&WHITE)?;
+        let (area, strip) = root.split_horizontally(panels.0);
+        let all = Frame::all(figure);
+        for ((area, panel), frame) in
+            area.split_evenly((rows, columns)).iter().zip(&figure.panels).zip(all)
+        {
+            draw_panel(area, panel, &frame)?;
         }
-        root.present().map_err(|e| Error::write(path, e))?;
+        draw_names(&strip, &names)?;
+        root.present()?;
     }
-    write_atomically(path, |out| out.write_all(svg.as_bytes()))
+    Ok(svg)
 }
 
-type Drawn = Result<(), Box<dyn std::error::Error>>;
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-
-/// The finite points of a series, thinned evenly.
-fn thinned(series: &Series, panel: &Panel) -> Vec<(f64, f64)> {
-    let drawable = |axis, v: f64| v.is_finite() && (axis == Axis::Linear || v > 0.0);
-    let usable: Vec<_> = series
-        .points
-        .iter()
-        .copied()
-        .filter(|(x, y)| drawable(panel.x, *x) && drawable(panel.y, *y))
-        .collect();
-    let stride = usable.len().div_ceil(MOST_POINTS).max(1);
-    usable.into_iter().step_by(stride).collect()
+/// A series in the list of names.
+struct Name<'a> {
+    text: &'a str,
+    color: usize,
+    style: Style,
 }
 
-fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    let (low, high) =
-        // no NaN: only finite points are drawn
-        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-    if low > high {
-        (0.0, 1.0)
-    } else if low == high {
-        let margin = if low == 0.0 { 1.0 } else { 0.05 * low.abs() };
-        (low - margin, high + margin)
-    } else {
-        (low, high)
+impl<'a> Name<'a> {
+    /// Each once, as the panels have them.
+    fn all(figure: &'a Figure) -> Vec<Self> {
+        let mut out: Vec<Self> = Vec::new();
+        for series in figure.panels.iter().flat_map(|panel| &panel.series) {
+            let text = &series.name[..];
+            if !text.is_empty() && !out.iter().any(|name| name.text == text) {
+                out.push(Self { text, color: series.color, style: series.style });
+            }
+        }
+        out
     }
 }
 
-fn widened((low, high): (f64, f64)) -> (f64, f64) {
-    let margin = 0.04 * (high - low);
-    (low - margin, high + margin)
+fn draw_names(strip: &Area<'_>, names: &[Name<'_>]) -> Drawn {
+    for (row, name) in names.iter().enumerate() {
+        let y = (row as i32 + 2) * LINE;
+        let color = color(name.color);
+        let line = vec![(4, y), (26, y)];
+        match name.style {
+            Style::Line => strip.draw(&PathElement::new(line, color.stroke_width(2)))?,
+            Style::Faint => strip.draw(&PathElement::new(line, color.mix(0.45).stroke_width(1)))?,
+            Style::Dashed => {
+                for (from, to) in [(4, 10), (12, 18), (20, 26)] {
+                    let dash = vec![(from, y), (to, y)];
+                    strip.draw(&PathElement::new(dash, color.stroke_width(1)))?;
+                }
+            }
+            Style::Dots => strip.draw(&Circle::new((15, y), 3, color.filled()))?,
+            Style::Marked => {
+                strip.draw(&PathElement::new(line, color.mix(0.7).stroke_width(1)))?;
+                mark(strip, name.color, (15, y))?;
+            }
+        }
+        let font =
+            ("sans-serif", 13).into_text_style(strip).pos(Pos::new(HPos::Left, VPos::Center));
+        strip.draw(&Text::new(name.text, (34, y), font))?;
+    }
+    Ok(())
+}
+
+fn color(number: usize) -> RGBColor {
+    COLORS[number % COLORS.len()]
+}
+
+/// The mark of a colour: its form tells it apart in print without colours.
+fn mark(strip: &Area<'_>, number: usize, at: (i32, i32)) -> Drawn {
+    let color = color(number).filled();
+    match number % 3 {
+        0 => strip.draw(&Circle::new(at, 3, color))?,
+        1 => strip.draw(&TriangleMarker::new(at, 5, color))?,
+        _ => strip.draw(&Cross::new(at, 4, color.stroke_width(2)))?,
+    }
+    Ok(())
+}
+
+/// The range of an axis, in powers of ten where it is logarithmic, and its ticks.
+#[derive(Clone)]
+struct Scale {
+    axis: Axis,
+    range: Range<f64>,
+}
+
+/// The axes of a panel.
+#[derive(Clone)]
+struct Frame {
+    x: Scale,
+    y: Scale,
+}
+
+impl Scale {
+    /// Of the points between these.
+    fn of(axis: Axis, low: f64, high: f64) -> Self {
+        let (low, high) = if low > high { (0.0, 1.0) } else { (low, high) };
+        let margin = match axis {
+            Axis::Linear if low == high && low != 0.0 => 0.05 * low.abs(),
+            Axis::Linear | Axis::Log if low == high => 1.0,
+            Axis::Linear | Axis::Log => 0.04 * (high - low),
+        };
+        Self { axis, range: low - margin..high + margin }
+    }
+
+    /// At least three, but where the range is of a single value.
+    fn ticks(&self) -> Vec<f64> {
+        match self.axis {
+            Axis::Linear => RangedCoordf64::from(self.range.clone()).key_points(8_usize),
+            Axis::Log => {
+                let first = self.range.start.floor() as i64;
+                let decades: Vec<i64> = (first..=self.range.end as i64 + 1).collect();
+                let inside = |tick: &f64| self.range.contains(tick);
+                let within = |parts: &[f64]| -> Vec<f64> {
+                    let of = |decade: &i64| {
+                        parts.iter().map(|p| *decade as f64 + libm::log10(*p)).collect::<Vec<_>>()
+                    };
+                    decades.iter().flat_map(of).filter(inside).collect()
+                };
+                let whole = within(&[1.0]);
+                if whole.len() >= 3 {
+                    let stride = whole.len().div_ceil(8);
+                    return whole.into_iter().step_by(stride).collect();
+                }
+                let thirds = within(&[1.0, 2.0, 5.0]);
+                if thirds.len() >= 3 {
+                    return thirds;
+                }
+                within(&[1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0])
+            }
+        }
+    }
+
+    /// Where a number is on the axis, if it can be.
+    fn place(&self, value: f64) -> Option<f64> {
+        let place = match self.axis {
+            Axis::Linear => value,
+            Axis::Log if value > 0.0 => libm::log10(value),
+            Axis::Log => return None,
+        };
+        place.is_finite().then_some(place)
+    }
+}
+
+impl Ranged for Scale {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn range(&self) -> Range<f64> {
+        self.range.clone()
+    }
+
+    fn map(&self, place: &f64, pixels: (i32, i32)) -> i32 {
+        RangedCoordf64::from(self.range.clone()).map(place, pixels)
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
+        self.ticks()
+    }
+}
+
+impl ValueFormatter<f64> for Scale {
+    fn format(place: &f64) -> String {
+        place.to_string()
+    }
+
+    fn format_ext(&self, place: &f64) -> String {
+        match self.axis {
+            Axis::Linear => tick(*place, self.range.end - self.range.start),
+            Axis::Log => power(libm::exp10(*place)),
+        }
+    }
+}
+
+impl Frame {
+    /// One for each panel.
+    fn all(figure: &Figure) -> Vec<Self> {
+        let each: Vec<_> = figure.panels.iter().map(|panel| (panel, extent(panel))).collect();
+        if figure.same_axes == SameAxes::No {
+            return each.into_iter().map(|(panel, extent)| Self::of(panel, extent)).collect();
+        }
+        let Some((first, mut shared)) = each.first().cloned() else { return Vec::new() };
+        let furthest = shared.map(|(low, high)| {
+            let more = match figure.same_axes {
+                SameAxes::First => (FURTHEST - 1.0) / 2.0 * (high - low),
+                SameAxes::No | SameAxes::Widest => f64::INFINITY,
+            };
+            (low - more, high + more)
+        });
+        for (_, extent) in &each {
+            for ((shared, extent), furthest) in shared.iter_mut().zip(extent).zip(&furthest) {
+                // no NaN: only finite points have an extent
+                shared.0 = shared.0.min(extent.0.max(furthest.0));
+                shared.1 = shared.1.max(extent.1.min(furthest.1));
+            }
+        }
+        vec![Self::of(first, shared); each.len()]
+    }
+
+    fn of(panel: &Panel, [x, y]: [(f64, f64); 2]) -> Self {
+        let (mut x, mut y) = (Scale::of(panel.x, x.0, x.1), Scale::of(panel.y, y.0, y.1));
+        if panel.square {
+            let unit = |range: &Range<f64>, pixels: f64| (range.end - range.start) / pixels;
+            let unit = f64::max(unit(&x.range, PLOT.0), unit(&y.range, PLOT.1));
+            for (scale, pixels) in [(&mut x, PLOT.0), (&mut y, PLOT.1)] {
+                let middle = 0.5 * (scale.range.start + scale.range.end);
+                scale.range = middle - 0.5 * unit * pixels..middle + 0.5 * unit * pixels;
+            }
+        }
+        Self { x, y }
+    }
+}
+
+/// The smallest and largest place of a panel's points on each axis.
+fn extent(panel: &Panel) -> [(f64, f64); 2] {
+    let none = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut out = [none; 2];
+    let scales = [panel.x, panel.y].map(|axis| Scale { axis, range: 0.0..0.0 });
+    for point in panel.series.iter().flat_map(|series| &series.points) {
+        let (Some(x), Some(y)) = (scales[0].place(point.0), scales[1].place(point.1)) else {
+            continue;
+        };
+        for (extent, place) in out.iter_mut().zip([x, y]) {
+            *extent = (extent.0.min(place), extent.1.max(place));
+        }
+    }
+    out
 }
 
 /// Numbers on axes: short, and different where the ticks are.
@@ -109,114 +311,70 @@ fn tick(value: f64, span: f64) -> String {
     }
 }
 
-/// Draws axes, series and names; a macro, because each kind of axis is a type.
-macro_rules! draw_chart {
-    ($area:expr, $panel:expr, $points:expr, $x:expr, $y:expr, $x_tick:expr, $y_tick:expr) => {{
-        let panel: &Panel = $panel;
-        let mut chart = ChartBuilder::on($area)
-            .caption(&panel.title, ("sans-serif", 16))
-            .margin(10)
-            .x_label_area_size(42)
-            .y_label_area_size(68)
-            .build_cartesian_2d($x, $y)?;
-        chart
-            .configure_mesh()
-            .x_desc(&panel.x_label)
-            .y_desc(&panel.y_label)
-            .x_labels(8)
-            .y_labels(8)
-            .x_label_formatter(&$x_tick)
-            .y_label_formatter(&$y_tick)
-            .light_line_style(WHITE)
-            .bold_line_style(BLACK.mix(0.12))
-            .axis_desc_style(("sans-serif", 14))
-            .label_style(("sans-serif", 12))
-            .draw()?;
-        for (series, points) in panel.series.iter().zip($points) {
-            let color = COLORS[series.color % COLORS.len()];
-            let annotation = match series.style {
-                Style::Line => chart.draw_series(LineSeries::new(points, color.stroke_width(2)))?,
-                Style::Faint => {
-                    chart.draw_series(LineSeries::new(points, color.mix(0.45).stroke_width(1)))?
-                }
-                Style::Marked => {
-                    let marks = points.clone();
-                    chart.draw_series(LineSeries::new(points, color.mix(0.7).stroke_width(1)))?;
-                    chart.draw_series(
-                        marks.into_iter().map(|point| Circle::new(point, 3, color.filled())),
-                    )?
-                }
-                Style::Dots => chart.draw_series(
-                    points.into_iter().map(|point| Circle::new(point, 1, color.filled())),
-                )?,
-            };
-            if !series.name.is_empty() {
-                annotation.label(&series.name).legend(move |(x, y)| {
-                    Rectangle::new([(x, y - 2), (x + 14, y + 2)], color.filled())
-                });
-            }
-        }
-        if panel.series.iter().any(|s| !s.name.is_empty()) {
-            chart
-                .configure_series_labels()
-                .position(position(panel.legend))
-                .background_style(WHITE.mix(0.85))
-                .border_style(BLACK.mix(0.3))
-                .label_font(("sans-serif", 12))
-                .draw()?;
-        }
-        Ok(())
-    }};
-}
-
-fn draw_panel(area: &Area<'_>, panel: &Panel) -> Drawn {
-    let points: Vec<_> = panel.series.iter().map(|s| thinned(s, panel)).collect();
-    let x = range(points.iter().flatten().map(|p| p.0));
-    let y = range(points.iter().flatten().map(|p| p.1));
-    match (panel.x, panel.y) {
-        (Axis::Linear, Axis::Linear) => {
-            let (mut x, mut y) = (widened(x), widened(y));
-            if panel.square {
-                // The plotting area is about 470 × 370 pixels.
-                let scale = f64::max((x.1 - x.0) / 470.0, (y.1 - y.0) / 370.0);
-                let around = |(low, high): (f64, f64), pixels: f64| {
-                    let (middle, half) = (0.5 * (low + high), 0.5 * scale * pixels);
-                    (middle - half, middle + half)
-                };
-                (x, y) = (around(x, 470.0), around(y, 370.0));
-            }
-            let (x_span, y_span) = (x.1 - x.0, y.1 - y.0);
-            let x_tick = |v: &f64| tick(*v, x_span);
-            draw_chart!(area, panel, points, x.0..x.1, y.0..y.1, x_tick, |v| tick(*v, y_span))
-        }
-        (Axis::Linear, Axis::Log) => {
-            let (x, y) = (widened(x), log_range(y));
-            let x_tick = |v: &f64| tick(*v, x.1 - x.0);
-            draw_chart!(area, panel, points, x.0..x.1, y.log_scale(), x_tick, |v| power(*v))
-        }
-        (Axis::Log, _) => {
-            let mut x = log_range(x);
-            if panel.legend == Legend::LowerLeft {
-                // Room for the names.
-                x.start /= 20.0;
-            }
-            let (x, y) = (x.log_scale(), log_range(y).log_scale());
-            draw_chart!(area, panel, points, x, y, |v| power(*v), |v| power(*v))
-        }
-    }
-}
-
-/// A range on a logarithmic axis, and room at its ends.
-fn log_range((low, high): (f64, f64)) -> std::ops::Range<f64> {
-    if low > 0.0 { low / 2.0..high * 2.0 } else { 1e-3..1.0 }
-}
-
 /// A tick of a logarithmic axis: `0.01 … 1000` as they are.
 fn power(value: f64) -> String {
     if (0.009..1100.0).contains(&value) {
-        let text = format!("{value:.2}");
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
-    } else {
-        format!("{value:.0e}")
+        let text = format!("{value:.3}");
+        return text.trim_end_matches('0').trim_end_matches('.').to_owned();
     }
+    let short = format!("{value:.0e}");
+    let close = short.parse().is_ok_and(|v: f64| (v - value).abs() <= 1e-9 * value);
+    if close { short } else { format!("{value:.1e}") }
+}
+
+fn draw_panel(area: &Area<'_>, panel: &Panel, frame: &Frame) -> Drawn {
+    let mut chart = ChartBuilder::on(area)
+        .caption(&panel.title, ("sans-serif", 16))
+        .margin(10)
+        .margin_right(18)
+        .x_label_area_size(42)
+        .y_label_area_size(68)
+        .build_cartesian_2d(frame.x.clone(), frame.y.clone())?;
+    chart
+        .configure_mesh()
+        .x_desc(&panel.x_label)
+        .y_desc(&panel.y_label)
+        .light_line_style(WHITE)
+        .bold_line_style(BLACK.mix(0.12))
+        .axis_desc_style(("sans-serif", 15))
+        .label_style(("sans-serif", 13))
+        .draw()?;
+    let inside = |scale: &Scale, place: f64| scale.range.start <= place && place <= scale.range.end;
+    for series in &panel.series {
+        let place = |&(x, y): &(f64, f64)| Some((frame.x.place(x)?, frame.y.place(y)?));
+        let points: Vec<_> = series
+            .points
+            .iter()
+            .filter_map(place)
+            .filter(|point| inside(&frame.x, point.0) && inside(&frame.y, point.1))
+            .collect();
+        let stride = points.len().div_ceil(MOST_POINTS).max(1);
+        let points = points.into_iter().step_by(stride);
+        let paint = color(series.color);
+        match series.style {
+            Style::Line => {
+                chart.draw_series(LineSeries::new(points, paint.stroke_width(2)))?;
+            }
+            Style::Faint => {
+                chart.draw_series(LineSeries::new(points, paint.mix(0.45).stroke_width(1)))?;
+            }
+            Style::Dashed => {
+                let style = paint.stroke_width(1);
+                chart.draw_series(DashedLineSeries::new(points, 6, 3, style))?;
+            }
+            Style::Dots => {
+                chart.draw_series(points.map(|point| Circle::new(point, 1, paint.filled())))?;
+            }
+            Style::Marked => {
+                let line = LineSeries::new(points.clone(), paint.mix(0.7).stroke_width(1));
+                chart.draw_series(line)?;
+                for point in points {
+                    let at = chart.as_coord_spec().translate(&point);
+                    let origin = area.get_pixel_range();
+                    mark(area, series.color, (at.0 - origin.0.start, at.1 - origin.1.start))?;
+                }
+            }
+        }
+    }
+    Ok(())
 }

@@ -31,15 +31,17 @@ impl Study for CertificateOptions {
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
-        let (mut summary, mut data, mut holds) = (Vec::new(), Vec::new(), true);
+        let (mut lines, mut data, mut holds) = (String::new(), Vec::new(), true);
+        let mut appendix = Vec::new();
         for trained in context.models()?.iter() {
             let name = &trained.spec.name;
             let certificate = context.stage(&format!("structure certificate of {name}"), |_| {
                 Ok::<_, Error>(certify(trained.model(), *self))
             })?;
             holds &= certificate.holds();
-            summary.push(Block::Heading(format!("`{name}`")));
-            summary.push(Block::Table(certificate_table(&certificate.rows)));
+            lines.push_str(&line(name, &certificate));
+            appendix.push(Block::Heading(format!("`{name}`")));
+            appendix.push(Block::Table(certificate_table(&certificate.rows)));
             data.push(entry(name, &certificate));
         }
         let explanation = format!(
@@ -51,13 +53,32 @@ impl Study for CertificateOptions {
             title: "Structure certificate".into(),
             verdict: Some(holds),
             results: Section {
-                summary,
+                summary: vec![Block::Text(lines)],
                 details: vec![Block::Text(explanation)],
                 data: data.into(),
             },
+            appendix,
             ..Findings::default()
         })
     }
+}
+
+/// How many laws hold, and the row with the least headroom; each that does not.
+fn line(name: &str, certificate: &Certificate) -> String {
+    let judged = certificate.rows.iter().filter(|row| row.verdict != Verdict::Reported);
+    let (good, bad): (Vec<&Row>, Vec<&Row>) = judged.partition(|row| row.verdict == Verdict::Holds);
+    let count = good.len() + bad.len();
+    let mut out = format!("- `{name}`: {} of {count} rows hold", good.len());
+    let tight = good.iter().filter_map(|row| Some((row, row.headroom()?)));
+    if let Some((row, headroom)) = tight.min_by(|a, b| a.1.total_cmp(&b.1)) {
+        let headroom = Format::Factor.number(headroom);
+        out.push_str(&format!(", the tightest with {headroom} headroom ({})", row.equation));
+    }
+    for row in bad {
+        out.push_str(&format!("; {} {}: {}", row.law, row.equation, row.verdict.word()));
+    }
+    out.push('\n');
+    out
 }
 
 fn entry(model: &str, certificate: &Certificate) -> serde_json::Value {

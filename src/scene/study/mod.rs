@@ -137,10 +137,10 @@ macro_rules! studies {
 
 // The registry. Studies run in this order.
 studies! {
-    /// The structure certificate of each network.
-    certificate: Certificate(CertificateOptions),
     /// The trajectories of each network beside the reference.
     rollout: Rollout(rollout::RolloutOptions),
+    /// The structure certificate of each network.
+    certificate: Certificate(CertificateOptions),
     /// Error against run time, of the networks and of integrators.
     work_precision: WorkPrecision(work_precision::WorkPrecisionOptions),
     /// Error against run time of tanh and sech².

@@ -3,16 +3,19 @@
 use super::{AnyStudy, Study};
 use crate::error::Error;
 use crate::flow::{ReferenceTrajectories, Trajectories};
-use crate::measure::{Departure, Drift, departures, distances_along, drifts, level_set};
+use crate::measure::{
+    Departure, Drift, departures, distance, drift_exponent, drifts, level_set, near_identity_rms,
+};
 use crate::network::Rollout;
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
 use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
-use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
+use crate::scene::figure::{Axis, Figure, Panel, SameAxes, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::learning::Trained;
 use crate::scene::setup::{Need, check_points};
+use crate::scene::words::{coordinate, initial_names};
 use crate::system::{Hamiltonian, Oscillators, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -98,51 +101,65 @@ impl Study for RolloutOptions {
         let (system, flow_time) = (context.system()?, context.flow_time()?);
         let found = self.reference(context)?;
         let reference = &found.trajectories;
-        let reference_adiabatic = drifts(reference, |z| system.adiabatic_invariant(z));
         let (mut models, mut moved) = (Vec::new(), Rc::default());
         if !context.scene.setup.models.is_empty() {
             models = context.models()?;
             moved = context.rollouts(&self.initial, self.request())?;
         }
+        let of_reference = Change::of(reference, |z| system.adiabatic_invariant(z));
         let networks: Vec<Network<'_>> = models
             .iter()
             .zip(moved.iter())
-            .map(|(trained, trajectories)| Network::new(trained, trajectories, reference))
+            .map(|(trained, trajectories)| Network::new(trained, system, trajectories, reference))
             .collect();
+        let orbits = Orbits {
+            system,
+            interval: self.interval(flow_time),
+            names: initial_names(&self.initial),
+            reference,
+            of_reference,
+        };
 
         let text = format!(
-            "{} steps (time {}), one state in {} kept; the reference's own error at the end is {:.1e}.",
+            "{} steps (time {}), one state in {} kept; the reference's own error at the end is \
+             {:.1e}. The initial points, and the coordinates in which they differ: {}. μ₀ is the \
+             leading adiabatic invariant: of the system that of the limiting rotation, of a \
+             gyroceptron 𝔍₀∘ψ⁻¹. A change of it is |μ₀ − μ₀(0)|/μ₀(0) at its largest; the exponent \
+             is that of the largest change up to N steps, in N.",
             self.steps,
             self.steps as f64 * flow_time,
             self.every,
-            found.error
+            found.error,
+            self.initial.iter().map(|z| format!("{z:?}")).collect::<Vec<_>>().join(", "),
         );
         let mut details = vec![Block::Text(text)];
         if networks.is_empty() {
-            details.push(Block::Table(self.table(None, &reference_adiabatic)));
+            details.push(Block::Table(orbits.table(None)));
         }
         for network in &networks {
             details.push(Block::Heading(format!("`{}`", network.name)));
-            details.push(Block::Table(self.table(Some(network), &reference_adiabatic)));
+            details.push(Block::Table(orbits.table(Some(network))));
         }
         let mut figures = Vec::new();
         if context.draws(PORTRAIT) {
-            figures.push(self.portrait(reference, &networks));
+            figures.push(orbits.portrait(&self.initial, &networks));
         }
-        let interval = self.interval(flow_time);
         if context.draws(INVARIANT) {
-            figures.push(invariants(system, interval, reference, &networks));
+            figures.push(orbits.invariants(&networks));
         }
         if context.draws(ERROR) && !networks.is_empty() {
-            figures.push(errors(interval, reference, &networks));
+            figures.push(orbits.errors(&networks));
         }
         let summary = match networks.is_empty() {
             true => Vec::new(),
-            false => vec![Block::Table(overview(&networks))],
+            false => vec![
+                Block::Table(orbits.overview(&networks)),
+                Block::Text(orbits.sentences(&networks)),
+            ],
         };
         let data = json!({
             "reference_error": found.error,
-            "reference_adiabatic": reference_adiabatic,
+            "reference_adiabatic": orbits.of_reference.data(),
             "models": networks.iter().map(Network::data).collect::<Vec<_>>(),
         });
         Ok(Findings {
@@ -154,177 +171,362 @@ impl Study for RolloutOptions {
     }
 }
 
-/// A network along its trajectories.
+/// The change of an adiabatic invariant along orbits.
+struct Change {
+    /// Its values, a number for each state of each orbit.
+    values: Trajectories,
+    drifts: Vec<Drift>,
+    /// In N.
+    exponent: f64,
+}
+
+impl Change {
+    fn of(orbits: &Trajectories, quantity: impl Fn(&[f64]) -> f64) -> Self {
+        let values = orbits.values().chunks_exact(orbits.dim()).map(quantity).collect();
+        let values = Trajectories::new(values, 1, orbits.count()).expect("a number a state");
+        let drifts = drifts(&values, |value| value[0]);
+        let exponent = drift_exponent(&values, |value| value[0]);
+        Self { values, drifts, exponent }
+    }
+
+    /// Of one orbit.
+    fn relative(&self, m: usize) -> f64 {
+        self.drifts[m].largest / self.drifts[m].initial.abs()
+    }
+
+    /// The largest of all orbits.
+    fn largest(&self) -> f64 {
+        (0..self.drifts.len()).map(|m| self.relative(m)).fold(0.0, max_or_nan)
+    }
+
+    fn data(&self) -> serde_json::Value {
+        json!({ "along": self.drifts, "exponent": self.exponent })
+    }
+}
+
+/// A network along its orbits.
 struct Network<'a> {
     name: &'a str,
-    trajectories: &'a Trajectories,
+    orbits: &'a Trajectories,
     departures: Vec<Departure>,
-    /// μ₀ = 𝔍₀∘ψ⁻¹ of each state, where the network has it.
-    invariant: Option<Trajectories>,
+    /// Root mean square of the distance of all states from the reference's.
+    rms: f64,
+    /// μ₀ of the system along the network's orbits.
+    of_system: Change,
+    /// What only a gyroceptron has.
+    learnt: Option<Learnt>,
+}
+
+/// The invariant of a gyroceptron itself, 𝔍₀∘ψ⁻¹.
+struct Learnt {
+    /// Along its own orbits.
+    along_own: Change,
+    /// Along the reference.
+    along_reference: Change,
+    /// Root mean square of I_ε(z) − z over the states of the reference.
+    near_identity: f64,
+    epsilon: f64,
 }
 
 impl<'a> Network<'a> {
-    fn new(trained: &'a Trained, trajectories: &'a Trajectories, reference: &Trajectories) -> Self {
-        let invariant = trained.model().gyroceptron().and_then(|network| {
-            let values = network.adiabatic_invariant(trajectories.values());
-            Trajectories::new(values, 1, trajectories.count()).ok()
+    fn new(
+        trained: &'a Trained,
+        system: &System,
+        orbits: &'a Trajectories,
+        reference: &Trajectories,
+    ) -> Self {
+        let learnt = trained.model().gyroceptron().map(|network| {
+            let own = |z: &[f64]| network.adiabatic_invariant(z)[0];
+            Learnt {
+                along_own: Change::of(orbits, own),
+                along_reference: Change::of(reference, own),
+                near_identity: near_identity_rms(&network.near_identity(), reference.values()),
+                epsilon: network.epsilon(),
+            }
         });
-        let departures = departures(trajectories, reference);
-        Self { name: &trained.spec.name, trajectories, departures, invariant }
-    }
-
-    fn drifts(&self) -> Option<Vec<Drift>> {
-        Some(drifts(self.invariant.as_ref()?, |mu| mu[0]))
+        let squares: f64 =
+            orbits.values().iter().zip(reference.values()).map(|(a, b)| (a - b) * (a - b)).sum();
+        Self {
+            name: &trained.spec.name,
+            departures: departures(orbits, reference),
+            rms: (squares / (orbits.values().len() / orbits.dim()) as f64).sqrt(),
+            of_system: Change::of(orbits, |z| system.adiabatic_invariant(z)),
+            orbits,
+            learnt,
+        }
     }
 
     fn data(&self) -> serde_json::Value {
         json!({
             "name": self.name,
+            "rms_error": self.rms,
             "largest_errors": self.departures.iter().map(|d| d.largest).collect::<Vec<_>>(),
             "final_errors": self.departures.iter().map(|d| d.last).collect::<Vec<_>>(),
-            "adiabatic": self.drifts(),
+            "system_adiabatic": self.of_system.data(),
+            "own_adiabatic": self.learnt.as_ref().map(|learnt| json!({
+                "along_own_orbits": learnt.along_own.data(),
+                "along_the_reference": learnt.along_reference.data(),
+                "near_identity_rms": learnt.near_identity,
+            })),
         })
     }
 }
 
-fn overview(networks: &[Network<'_>]) -> Table {
-    let mut table = Table::new([
-        ("network", Format::Exact),
-        ("largest roll-out distance from the reference", Format::Exponent(3)),
-        ("largest drift of its μ₀", Format::Exponent(3)),
-    ]);
-    for network in networks {
-        let largest = |values: Vec<f64>| values.into_iter().fold(0.0, max_or_nan);
-        let drift = network.drifts().map(|all| largest(all.iter().map(|d| d.largest).collect()));
-        table.push([
-            format!("`{}`", network.name).into(),
-            largest(network.departures.iter().map(|d| d.largest).collect()).into(),
-            drift.into(),
-        ]);
-    }
-    table
+/// What the orbits of all networks are compared with.
+struct Orbits<'a> {
+    system: &'a System,
+    interval: f64,
+    /// Of the initial points.
+    names: Vec<String>,
+    reference: &'a Trajectories,
+    /// μ₀ of the system along the reference.
+    of_reference: Change,
 }
 
-impl RolloutOptions {
-    fn table(&self, network: Option<&Network<'_>>, reference_adiabatic: &[Drift]) -> Table {
+/// How much more an invariant that is learnt may move than that of the data.
+const AS_GOOD: f64 = 3.0;
+
+impl Orbits<'_> {
+    fn overview(&self, networks: &[Network<'_>]) -> Table {
         let mut table = Table::new([
-            ("from", Format::Exact),
-            ("largest distance from the reference", Format::Exponent(2)),
-            ("at the end", Format::Exponent(2)),
-            ("μ₀ of the network at the start", Format::Fixed(6)),
-            ("its largest drift", Format::Exponent(2)),
-            ("μ₀ of the system at the start", Format::Fixed(6)),
-            ("its largest drift", Format::Exponent(2)),
+            ("network", Format::Exact),
+            ("rms distance", Format::Exponent(2)),
+            ("largest", Format::Exponent(2)),
+            ("own μ₀, own orbits", Format::Percent),
+            ("exponent", Format::Fixed(2)),
+            ("own μ₀, reference", Format::Percent),
+            ("system's μ₀, own orbits", Format::Percent),
+            ("exponent", Format::Fixed(2)),
+            ("system's μ₀, reference", Format::Percent),
         ]);
-        let drifts = network.and_then(Network::drifts);
-        for (k, point) in self.initial.iter().enumerate() {
-            let departure = network.map(|network| network.departures[k]);
-            let drift = drifts.as_ref().map(|drifts| drifts[k]);
+        for network in networks {
+            let learnt = network.learnt.as_ref();
+            let largest = network.departures.iter().map(|d| d.largest).fold(0.0, max_or_nan);
             table.push([
-                format!("{point:?}").into(),
-                departure.map(|d| d.largest).into(),
-                departure.map(|d| d.last).into(),
-                drift.map(|d| d.initial).into(),
-                drift.map(|d| d.largest).into(),
-                reference_adiabatic[k].initial.into(),
-                reference_adiabatic[k].largest.into(),
+                format!("`{}`", network.name).into(),
+                network.rms.into(),
+                largest.into(),
+                learnt.map(|l| l.along_own.largest()).into(),
+                learnt.map(|l| l.along_own.exponent).into(),
+                learnt.map(|l| l.along_reference.largest()).into(),
+                network.of_system.largest().into(),
+                network.of_system.exponent.into(),
+                self.of_reference.largest().into(),
             ]);
         }
         table
     }
 
-    fn portrait(&self, reference: &Trajectories, networks: &[Network<'_>]) -> Figure {
-        // (q₂, p₂).
-        let (i, k) = (reference.dim() / 2 - 1, reference.dim() - 1);
-        let panel = |title: &str, trajectories: &Trajectories| {
-            let mut series: Vec<_> = self.initial.iter().filter_map(|z| averaged(z)).collect();
-            for m in 0..trajectories.count() {
-                let points = trajectories.of(m).map(|z| (z[i], z[k])).collect();
-                series.push(Series::unnamed(m, Style::Dots, points));
+    /// What became of the invariant of each gyroceptron.
+    fn sentences(&self, networks: &[Network<'_>]) -> String {
+        let percent = |value: f64| Format::Percent.number(value);
+        let of_data = self.of_reference.largest();
+        let mut out = String::new();
+        for network in networks {
+            let Some(learnt) = &network.learnt else { continue };
+            let own = learnt.along_own.largest();
+            out.push_str(&format!(
+                "- The invariant 𝔍₀∘ψ⁻¹ of `{}` moves by up to {} of its value along its own orbits \
+                 and {} along the reference; μ₀ of the system by {} and {}. I_ε moves points by {:.1} ε \
+                 (rms).",
+                network.name,
+                percent(own),
+                percent(learnt.along_reference.largest()),
+                percent(network.of_system.largest()),
+                percent(of_data),
+                learnt.near_identity / learnt.epsilon.abs(),
+            ));
+            if !(own <= AS_GOOD * of_data) {
+                out.push_str(
+                    " What was learnt is an accurate map, not the invariant of the data: at one ε \
+                     they do not tell θ and I_ε apart, and I_ε takes a part of the rotation.",
+                );
+            }
+            out.push('\n');
+        }
+        out
+    }
+
+    fn table(&self, network: Option<&Network<'_>>) -> Table {
+        let mut table = Table::new([
+            ("from", Format::Exact),
+            ("largest distance from the reference", Format::Exponent(2)),
+            ("at the end", Format::Exponent(2)),
+            ("own μ₀ at the start", Format::Fixed(4)),
+            ("its change along own orbit", Format::Percent),
+            ("along the reference", Format::Percent),
+            ("μ₀ of the system at the start", Format::Fixed(4)),
+            ("its change along the network's orbit", Format::Percent),
+            ("along the reference", Format::Percent),
+        ]);
+        let learnt = network.and_then(|network| network.learnt.as_ref());
+        for (m, name) in self.names.iter().enumerate() {
+            table.push([
+                name.clone().into(),
+                network.map(|n| n.departures[m].largest).into(),
+                network.map(|n| n.departures[m].last).into(),
+                learnt.map(|l| l.along_own.drifts[m].initial).into(),
+                learnt.map(|l| l.along_own.relative(m)).into(),
+                learnt.map(|l| l.along_reference.relative(m)).into(),
+                self.of_reference.drifts[m].initial.into(),
+                network.map(|n| n.of_system.relative(m)).into(),
+                self.of_reference.relative(m).into(),
+            ]);
+        }
+        table
+    }
+
+    /// The coordinates of the slow plane, whose motion the paper shows.
+    fn slow_plane(&self) -> [usize; 2] {
+        let dof = self.reference.dim() / 2;
+        let slow = match self.system {
+            System::Oscillators(_) => 1,
+            System::ParticleField(_) => 0,
+        };
+        [slow, dof + slow]
+    }
+
+    fn plane_labels(&self) -> [String; 2] {
+        self.slow_plane().map(|k| coordinate(k, self.reference.dim()))
+    }
+
+    fn portrait(&self, initial: &[Vec<f64>], networks: &[Network<'_>]) -> Figure {
+        let [i, k] = self.slow_plane();
+        let [x_label, y_label] = self.plane_labels();
+        let panel = |title: &str, orbits: &Trajectories| {
+            let mut series: Vec<_> = initial.iter().filter_map(|z| averaged(z)).collect();
+            for (m, name) in self.names.iter().enumerate() {
+                let points = orbits.of(m).map(|z| (z[i], z[k])).collect();
+                let (name, color) = (name.clone(), orbit_color(m));
+                series.push(Series { name, color, style: Style::Dots, points });
             }
             Panel {
                 title: title.into(),
-                x_label: "q₂".into(),
-                y_label: "p₂".into(),
+                x_label: x_label.clone(),
+                y_label: y_label.clone(),
                 square: true,
                 series,
                 ..Panel::default()
             }
         };
-        let mut panels = vec![panel("Reference", reference)];
-        panels.extend(networks.iter().map(|network| panel(network.name, network.trajectories)));
-        Figure::in_a_row(
+        let mut panels = vec![panel("Reference", self.reference)];
+        panels.extend(networks.iter().map(|network| panel(network.name, network.orbits)));
+        let figure = Figure::in_a_row(
             PORTRAIT,
             "The slow plane: reference trajectories over the level sets of the averaged \
              Hamiltonian through their initial points (grey), and the trajectories of each network.",
             panels,
-        )
+        );
+        Figure { columns: columns(figure.panels.len()), same_axes: SameAxes::First, ..figure }
     }
+
+    /// A panel of the change of an invariant: the upper and lower envelope for each
+    /// orbit.
+    fn envelopes(&self, title: String, change: &Change) -> Panel {
+        let mut series = Vec::new();
+        for (m, name) in self.names.iter().enumerate() {
+            let initial = change.drifts[m].initial;
+            let values: Vec<f64> =
+                change.values.of(m).map(|v| (v[0] - initial) / initial.abs()).collect();
+            let [lower, upper] = envelope(&values, self.interval);
+            let (name, color) = (name.clone(), orbit_color(m));
+            series.push(Series { name, color, style: Style::Line, points: upper });
+            series.push(Series::unnamed(color, Style::Line, lower));
+        }
+        Panel {
+            title,
+            x_label: "time".into(),
+            y_label: "(μ₀ − μ₀(0))/μ₀(0)".into(),
+            series,
+            ..Panel::default()
+        }
+    }
+
+    fn invariants(&self, networks: &[Network<'_>]) -> Figure {
+        let title = "μ₀ of the system along the reference".into();
+        let mut panels = vec![self.envelopes(title, &self.of_reference)];
+        for network in networks {
+            let name = network.name;
+            let title = format!("μ₀ of the system along {name}");
+            panels.push(self.envelopes(title, &network.of_system));
+            if let Some(learnt) = &network.learnt {
+                let title = format!("own μ₀ of {name} along its orbits");
+                panels.push(self.envelopes(title, &learnt.along_own));
+                let title = format!("own μ₀ of {name} along the reference");
+                panels.push(self.envelopes(title, &learnt.along_reference));
+            }
+        }
+        let caption = "The relative change of the leading adiabatic invariant, its envelope for each \
+                       orbit: of the system, and of each gyroceptron itself, μ₀ = 𝔍₀∘ψ⁻¹.";
+        let figure = Figure::in_a_row(INVARIANT, caption, panels);
+        Figure { columns: columns(figure.panels.len()), same_axes: SameAxes::Widest, ..figure }
+    }
+
+    fn errors(&self, networks: &[Network<'_>]) -> Figure {
+        let [i, k] = self.slow_plane();
+        let [q, p] = self.plane_labels();
+        let panel = |network: &Network<'_>| {
+            let along = |(m, name): (usize, &String)| {
+                let errors = network.orbits.of(m).zip(self.reference.of(m));
+                let errors = errors.map(|(a, b)| distance(&[a[i], a[k]], &[b[i], b[k]]));
+                let points = errors
+                    .enumerate()
+                    .skip(1)
+                    .map(|(t, e)| (t as f64 * self.interval, e))
+                    .collect();
+                Series { name: name.clone(), color: orbit_color(m), style: Style::Line, points }
+            };
+            Panel {
+                title: network.name.to_owned(),
+                x_label: "time".into(),
+                y_label: format!("distance of ({q}, {p}) from the reference"),
+                y: Axis::Log,
+                series: self.names.iter().enumerate().map(along).collect(),
+                ..Panel::default()
+            }
+        };
+        let panels = networks.iter().map(panel).collect();
+        let caption = "Distance of each trajectory from the reference in the slow plane.";
+        let figure = Figure::in_a_row(ERROR, caption, panels);
+        Figure { columns: columns(figure.panels.len()), same_axes: SameAxes::Widest, ..figure }
+    }
+}
+
+/// The colour of level sets.
+const GREY: usize = 6;
+
+/// The colour of an orbit: not that of level sets.
+pub(super) fn orbit_color(m: usize) -> usize {
+    if m < GREY { m } else { m + 2 }
+}
+
+/// Panels side by side: a square of panels, but two in a row.
+pub(super) fn columns(panels: usize) -> usize {
+    (panels as f64).sqrt().ceil() as usize
 }
 
 /// The level set of the averaged Hamiltonian through an initial point, once around.
 fn averaged(z: &[f64]) -> Option<Series> {
     const STEPS: usize = 600;
     const INTERVAL: f64 = 0.02;
-    const GREY: usize = 6;
     let (averaged, start) = Oscillators::averaged(z.try_into().ok()?);
     let points = level_set(&averaged, start, INTERVAL, STEPS).ok()?;
-    Some(Series::unnamed(GREY, Style::Faint, points))
+    let name = "averaged Hamiltonian".into();
+    Some(Series { name, color: GREY, style: Style::Faint, points })
 }
 
-fn invariants(
-    system: &System,
-    interval: f64,
-    reference: &Trajectories,
-    networks: &[Network<'_>],
-) -> Figure {
-    let panel = |title: String, of: &Trajectories, value: &dyn Fn(&[f64]) -> f64| {
-        let change = |m: usize| {
-            let initial = value(of.state(0, m));
-            let points = of.of(m).enumerate();
-            points.map(|(t, z)| (t as f64 * interval, value(z) - initial)).collect()
-        };
-        let series = (0..of.count()).map(|m| Series::unnamed(m, Style::Faint, change(m))).collect();
-        Panel {
-            title,
-            x_label: "time".into(),
-            y_label: "μ₀ − μ₀(0)".into(),
-            series,
-            ..Panel::default()
-        }
-    };
-    let of_system = |z: &[f64]| system.adiabatic_invariant(z);
-    let mut panels = vec![panel("μ₀ of the system, reference".into(), reference, &of_system)];
-    for network in networks {
-        if let Some(invariant) = &network.invariant {
-            panels
-                .push(panel(format!("μ₀ of {}, its own", network.name), invariant, &|mu| mu[0]));
-        }
+/// The smallest and the largest of the values in each of some equal parts of the time;
+/// the values themselves, where they are few.
+fn envelope(values: &[f64], interval: f64) -> [Vec<(f64, f64)>; 2] {
+    const PARTS: usize = 120;
+    let size = values.len().div_ceil(PARTS).max(1);
+    let mut out = [Vec::new(), Vec::new()];
+    for (part, values) in values.chunks(size).enumerate() {
+        let time = (part * size) as f64 * interval + 0.5 * (values.len() - 1) as f64 * interval;
+        let largest = values.iter().copied().fold(f64::NEG_INFINITY, max_or_nan);
+        let smallest = -values.iter().map(|v| -v).fold(f64::NEG_INFINITY, max_or_nan);
+        out[0].push((time, smallest));
+        out[1].push((time, largest));
     }
-    Figure::in_a_row(
-        INVARIANT,
-        "The change of the leading adiabatic invariant: of the system along the reference \
-         trajectories, and of each network, μ₀ = 𝔍₀∘ψ⁻¹, along its own.",
-        panels,
-    )
-}
-
-fn errors(interval: f64, reference: &Trajectories, networks: &[Network<'_>]) -> Figure {
-    let panel = |network: &Network<'_>| {
-        let along = |m: usize| {
-            let errors = distances_along(network.trajectories, reference, m).enumerate();
-            errors.skip(1).map(|(t, error)| (t as f64 * interval, error)).collect()
-        };
-        let count = reference.count();
-        Panel {
-            title: format!("Distance from the reference: {}", network.name),
-            x_label: "time".into(),
-            y_label: "|z − reference|".into(),
-            y: Axis::Log,
-            series: (0..count).map(|m| Series::unnamed(m, Style::Line, along(m))).collect(),
-            ..Panel::default()
-        }
-    };
-    let panels = networks.iter().map(panel).collect();
-    Figure::in_a_row(ERROR, "Distance of each trajectory from the reference.", panels)
+    out
 }

@@ -2,7 +2,7 @@
 
 use super::Study;
 use crate::error::Error;
-use crate::measure::{component_errors, disturbing_resonance, milestones};
+use crate::measure::{Spread, component_errors, disturbing_resonance, milestones};
 use crate::network::Architecture;
 use crate::scene::bibliography::{HENON_NET, LBFGS};
 use crate::scene::context::{Context, DataSets, Halt};
@@ -58,7 +58,7 @@ impl Study for TrainingStudy {
         }
         let epsilon = context.system()?.epsilon();
         let mut details = Vec::new();
-        for result in &results {
+        for result in results.iter().filter(|result| result.is_first()) {
             details.push(Block::Heading(format!(
                 "`{}`: {} parameters",
                 result.name, result.parameters
@@ -70,13 +70,15 @@ impl Study for TrainingStudy {
             true => vec![loss(&results, times)],
             false => Vec::new(),
         };
+        let mut summary = vec![Block::Table(overview(&results, &data))];
+        let seeds = over_seeds(&results, &data);
+        if !seeds.is_empty() {
+            summary.push(Block::Text("From several initial weights:".into()));
+            summary.push(Block::Table(seeds));
+        }
         Ok(Findings {
             title: "Training".into(),
-            results: Section {
-                summary: vec![Block::Table(overview(&results, &data))],
-                details,
-                data: json!({ "models": results }),
-            },
+            results: Section { summary, details, data: json!({ "models": results }) },
             timings: Section { details: pace(&results, times), ..Section::default() },
             figures,
             ..Findings::default()
@@ -87,7 +89,9 @@ impl Study for TrainingStudy {
 /// What became of one network.
 #[derive(Serialize)]
 struct TrainingResult {
+    /// That of its files: the network's, and which of its initial weights.
     name: String,
+    network: String,
     architecture: Architecture,
     parameters: usize,
     optimiser: &'static str,
@@ -115,6 +119,7 @@ impl TrainingResult {
         };
         Self {
             name: trained.spec.name.clone(),
+            network: trained.network.clone(),
             architecture: model.architecture(),
             parameters: model.composition().parameters().len(),
             optimiser: options.optimiser.name(),
@@ -128,9 +133,14 @@ impl TrainingResult {
         }
     }
 
-    /// How many times smaller than the limiting rotation's the held-out error is.
-    fn improvement(&self, rotation_error: Option<f64>) -> Option<f64> {
-        Some(rotation_error? / self.best.validation?)
+    /// Whether it is of the first of its network's initial weights.
+    fn is_first(&self) -> bool {
+        self.name == self.network
+    }
+
+    /// The held-out error over that of the limiting rotation, as roots.
+    fn share(&self, rotation_error: Option<f64>) -> Option<f64> {
+        Some((self.best.validation? / rotation_error?).sqrt())
     }
 
     fn facts(&self, rotation_error: Option<f64>, epsilon: f64) -> Table {
@@ -138,7 +148,8 @@ impl TrainingResult {
         facts.fact(
             "training",
             format!(
-                "{} iterations, {} evaluations of loss and gradient; ended: {}",
+                "{}: {} iterations, {} evaluations of the loss; ended: {}",
+                self.optimiser,
                 self.last.iteration,
                 self.last.evaluations,
                 stop_words(self.stop)
@@ -147,11 +158,15 @@ impl TrainingResult {
         let (iteration, loss) = (self.best.iteration, self.best.loss);
         facts.fact("kept", format!("iteration {iteration}, loss {loss:.3e}"));
         if let Some(validation) = self.best.validation {
-            let improvement = self
-                .improvement(rotation_error)
-                .map(|times| format!(", {times:.1} times below the limiting rotation's"))
-                .unwrap_or_default();
-            facts.fact("held-out mean squared error", format!("{validation:.3e}{improvement}"));
+            let share = self.share(rotation_error).map(|share| {
+                let share = Format::Percent.number(share);
+                format!(", {share} of the motion beyond the rotation")
+            });
+            let (root, share) = (validation.sqrt(), share.unwrap_or_default());
+            facts.fact(
+                "held-out mean squared error",
+                format!("{validation:.3e}: {root:.2e} rms{share}"),
+            );
         }
         if !self.component_errors.is_empty() {
             let errors: Vec<_> = self.component_errors.iter().map(|e| format!("{e:.2e}")).collect();
@@ -182,18 +197,55 @@ fn overview(results: &[TrainingResult], data: &DataSets) -> Table {
         ("optimiser", Format::Exact),
         ("iterations", Format::Exact),
         ("loss", Format::Exponent(3)),
-        ("held-out mean squared error", Format::Exponent(3)),
-        ("the limiting rotation's / its", Format::Fixed(2)),
+        ("held-out MSE", Format::Exponent(3)),
+        ("rms", Format::Exponent(2)),
+        ("share of the motion beyond the rotation", Format::Percent),
     ]);
-    for result in results {
+    for result in results.iter().filter(|result| result.is_first()) {
+        let validation = result.best.validation;
         table.push([
             format!("`{}`", result.name).into(),
             result.parameters.into(),
             result.optimiser.into(),
             result.last.iteration.into(),
             result.best.loss.into(),
-            result.best.validation.into(),
-            result.improvement(data.rotation_error).into(),
+            validation.into(),
+            validation.map(f64::sqrt).into(),
+            result.share(data.rotation_error).into(),
+        ]);
+    }
+    table
+}
+
+/// A row for each network that was trained from several initial weights.
+fn over_seeds(results: &[TrainingResult], data: &DataSets) -> Table {
+    let mut table = Table::new([
+        ("network", Format::Exact),
+        ("seeds", Format::Exact),
+        ("held-out MSE: median", Format::Exponent(2)),
+        ("best", Format::Exponent(2)),
+        ("worst", Format::Exponent(2)),
+        ("share of the motion beyond the rotation: median", Format::Percent),
+        ("worst", Format::Percent),
+    ]);
+    for first in results.iter().filter(|result| result.is_first()) {
+        let of_network = results.iter().filter(|result| result.network == first.network);
+        let mut errors: Vec<f64> = of_network.filter_map(|r| r.best.validation).collect();
+        if errors.len() < 2 {
+            continue;
+        }
+        errors.sort_by(f64::total_cmp);
+        let (best, worst) = (errors[0], errors[errors.len() - 1]);
+        let Some(Spread { median, .. }) = Spread::of(errors.clone()) else { continue };
+        let share = |error: f64| Some((error / data.rotation_error?).sqrt());
+        table.push([
+            format!("`{}`", first.network).into(),
+            errors.len().into(),
+            median.into(),
+            best.into(),
+            worst.into(),
+            share(median).into(),
+            share(worst).into(),
         ]);
     }
     table
@@ -224,25 +276,25 @@ fn pace(results: &[TrainingResult], times: &[TrainingTimes]) -> Vec<Block> {
 fn loss(results: &[TrainingResult], times: &[TrainingTimes]) -> Figure {
     let mut against_iterations = Vec::new();
     let mut against_seconds = Vec::new();
-    for (index, result) in results.iter().enumerate() {
+    let mut networks: Vec<&str> = Vec::new();
+    for result in results {
         let times = times.iter().find(|times| times.model == result.name);
-        type Value = fn(&TrainingRecord) -> Option<f64>;
-        let curves: [(&str, Style, usize, Value); 2] = [
-            ("loss", Style::Faint, 2 * index + 1, |r| Some(r.loss)),
-            ("held out", Style::Line, 2 * index, |r| r.validation),
-        ];
-        for (kind, style, color, value) in curves {
-            let name = format!("{}, {kind}", result.name);
-            let known: Vec<_> =
-                result.history.iter().filter_map(|r| Some((r.iteration, value(r)?))).collect();
-            if known.is_empty() {
-                continue;
-            }
-            let points = known.iter().map(|(i, v)| (*i as f64, *v)).collect();
-            let timed = known.iter().filter_map(|(i, v)| Some((times?.seconds(*i)?, *v))).collect();
-            against_iterations.push(Series { name: name.clone(), color, style, points });
-            against_seconds.push(Series { name, color, style, points: timed });
-        }
+        let color = networks.iter().position(|name| *name == result.network).unwrap_or_else(|| {
+            networks.push(&result.network);
+            networks.len() - 1
+        });
+        let held_out = result.history.iter().any(|r| r.validation.is_some());
+        let value = |r: &TrainingRecord| if held_out { r.validation } else { Some(r.loss) };
+        let known: Vec<_> =
+            result.history.iter().filter_map(|r| Some((r.iteration, value(r)?))).collect();
+        let points = known.iter().map(|(i, v)| (*i as f64, *v)).collect();
+        let timed = known.iter().filter_map(|(i, v)| Some((times?.seconds(*i)?, *v))).collect();
+        let (name, style) = match result.is_first() {
+            true => (format!("{}, {}", result.name, result.optimiser), Style::Line),
+            false => (String::new(), Style::Faint),
+        };
+        against_iterations.push(Series { name: name.clone(), color, style, points });
+        against_seconds.push(Series { name, color, style, points: timed });
     }
     let panel = |x_label: &str, series| Panel {
         title: "Training".into(),
@@ -254,8 +306,8 @@ fn loss(results: &[TrainingResult], times: &[TrainingTimes]) -> Figure {
     };
     Figure::in_a_row(
         LOSS,
-        "Training loss and held-out mean squared error, against iterations and against seconds of \
-         training on this machine.",
+        "The held-out mean squared error (the loss, where nothing is held out) against iterations \
+         and against seconds of training on this machine. Pale: other initial weights.",
         vec![panel("iterations", against_iterations), panel("seconds", against_seconds)],
     )
 }

@@ -8,9 +8,10 @@ use crate::scalar::max_or_nan;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
 use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
-use crate::scene::figure::{Figure, Panel, Series, Style};
+use crate::scene::figure::{Figure, Panel, SameAxes, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{MOST, Need, check_points};
+use crate::scene::words::{initial_names, subscript};
 use crate::system::{Hamiltonian, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -71,7 +72,7 @@ impl Study for TrajectoriesOptions {
             each.push(OfEpsilon::new(epsilon, &system, reference));
         }
         let figures = match context.draws(TRAJECTORIES) {
-            true => vec![figure(&each)],
+            true => vec![figure(&each, &initial_names(&self.initial))],
             false => Vec::new(),
         };
         let text = format!(
@@ -125,14 +126,15 @@ impl OfEpsilon {
     }
 
     /// A panel for each plane.
-    fn panels(&self) -> impl Iterator<Item = Panel> {
+    fn panels(&self, names: &[String]) -> impl Iterator<Item = Panel> {
         let states = &self.reference.trajectories;
         let dof = states.dim() / 2;
         (0..dof).map(move |j| {
             let plane = |z: &[f64]| (z[j], z[dof + j]);
             let mut series = Vec::new();
             for m in 0..states.count() {
-                series.push(Series::unnamed(m, Style::Line, states.of(m).map(plane).collect()));
+                let (name, points) = (names[m].clone(), states.of(m).map(plane).collect());
+                series.push(Series { name, color: m, style: Style::Line, points });
             }
             // Where it starts: all there is to see of one that stands still.
             for m in 0..states.count() {
@@ -160,13 +162,6 @@ fn excursions(states: &Trajectories, m: usize) -> Vec<f64> {
         states.of(m).map(away).fold(0.0, max_or_nan)
     };
     (0..dof).map(of_plane).collect()
-}
-
-/// `₁₂` of 12.
-fn subscript(number: usize) -> String {
-    const ZERO: u32 = '₀' as u32;
-    let digits = number.to_string();
-    digits.bytes().filter_map(|digit| char::from_u32(ZERO + u32::from(digit - b'0'))).collect()
 }
 
 impl TrajectoriesOptions {
@@ -201,14 +196,15 @@ impl TrajectoriesOptions {
 }
 
 /// A row of panels for each ε, a column for each plane.
-fn figure(each: &[OfEpsilon]) -> Figure {
-    let panels: Vec<Panel> = each.iter().flat_map(OfEpsilon::panels).collect();
+fn figure(each: &[OfEpsilon], names: &[String]) -> Figure {
+    let panels: Vec<Panel> = each.iter().flat_map(|of| of.panels(names)).collect();
     Figure {
         name: TRAJECTORIES,
         caption: "Trajectories by the reference flow: a row for each ε, a column for each plane \
                   (qⱼ, pⱼ); marks where they start."
             .into(),
         columns: panels.len() / each.len().max(1),
+        same_axes: SameAxes::No,
         panels,
     }
 }

@@ -17,7 +17,7 @@ use crate::phase::Direction;
 use crate::scene::bibliography::{GAUSS_LEGENDRE, SPLITTINGS, YOSHIDA};
 use crate::scene::context::{Context, DataSets, Halt};
 use crate::scene::declaration::Scene;
-use crate::scene::figure::{Axis, Figure, Legend, Panel, Series, Style};
+use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};
 use crate::scene::setup::{MOST, Need};
 use crate::system::{Hamiltonian, System};
@@ -462,7 +462,6 @@ impl Comparisons {
         let panel = |(title, comparison, _): (&str, &Comparison, _)| Panel {
             title: format!("{title} of time {}: error against run time", comparison.time),
             y_label: "rms distance from the reference".into(),
-            legend: Legend::LowerLeft,
             ..work_precision_panel(TIME, &comparison.methods, MICRO)
         };
         Figure::in_a_row(
@@ -649,7 +648,6 @@ pub(super) fn work_precision_panel(x_label: &str, methods: &[WorkPrecision], fac
         x_label: x_label.into(),
         x: Axis::Log,
         y: Axis::Log,
-        legend: Legend::Middle,
         series: bars.into_iter().chain(curves).collect(),
         ..Panel::default()
     }

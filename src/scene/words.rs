@@ -1,0 +1,29 @@
+//! Names of coordinates and initial points.
+
+/// `₁₂` of 12.
+pub(super) fn subscript(number: usize) -> String {
+    const ZERO: u32 = '₀' as u32;
+    let digits = number.to_string();
+    digits.bytes().filter_map(|digit| char::from_u32(ZERO + u32::from(digit - b'0'))).collect()
+}
+
+/// `q₂` or `p₁`: the coordinate of this number in a point of 2n.
+pub(super) fn coordinate(index: usize, dim: usize) -> String {
+    let dof = dim / 2;
+    let letter = if index < dof { 'q' } else { 'p' };
+    format!("{letter}{}", subscript(index % dof + 1))
+}
+
+/// A name for each initial point: the coordinates in which they differ.
+pub(super) fn initial_names(points: &[Vec<f64>]) -> Vec<String> {
+    let Some(first) = points.first() else { return Vec::new() };
+    let dim = first.len();
+    let differs = |k: &usize| points.iter().any(|point| point[*k] != first[*k]);
+    let differing: Vec<usize> = (0..dim).filter(differs).collect();
+    let shown = if differing.is_empty() { (0..dim).collect() } else { differing };
+    let name = |point: &Vec<f64>| {
+        let part = |k: &usize| format!("{} = {}", coordinate(*k, dim), point[*k]);
+        shown.iter().map(part).collect::<Vec<_>>().join(", ")
+    };
+    points.iter().map(name).collect()
+}
