@@ -57,6 +57,13 @@ pub struct Run {
     /// The seed in place of the scene's.
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
+    /// A short form of the scene: fewer iterations, pairs and seeds.
+    #[arg(long)]
+    pub quick: bool,
+    /// Weights trained elsewhere, for scenes with a network that takes its own from a
+    /// file, such as published-weights.
+    #[arg(long, value_name = "FILE.safetensors|FILE.npz")]
+    pub weights: Option<PathBuf>,
     #[command(flatten)]
     pub common: Common,
     /// Go on with the run in the folder, from its last checkpoint.

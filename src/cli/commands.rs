@@ -81,6 +81,24 @@ fn run_scene(arguments: &Run) -> Result<Status, Error> {
     if let Some(seed) = arguments.seed {
         scene = scene.with_seed(seed);
     }
+    if arguments.quick {
+        scene = scene.quick();
+    }
+    if let Some(file) = &arguments.weights {
+        let (with, any) = scene.with_weights(file);
+        scene = with;
+        if !any {
+            let expected = "a scene with a network of kind \"file\"";
+            return Err(Error::invalid("--weights", &scene.name, expected));
+        }
+        // Before anything is computed.
+        read_tensors(file)?;
+    }
+    let (with_files, lacking) = scene.without_parts_that_lack_files();
+    scene = with_files;
+    for part in lacking {
+        line(&format!("part {part} is left out: it needs --weights FILE"));
+    }
     scene.complete()?;
     let path =
         arguments.out.clone().unwrap_or_else(|| Path::new("gyroceptron-out").join(&scene.name));
@@ -271,7 +289,9 @@ fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if let NetworkSpec::Gyroceptron { circle_action, .. } = &mut recipe.network {
         *circle_action = None;
     }
-    let architecture = recipe.network.architecture(&action, arguments.epsilon);
+    let Some(architecture) = recipe.network.architecture(&action, arguments.epsilon) else {
+        return Err(Error::invalid("--scene", "a network of a file", "one to train"));
+    };
     architecture.check()?;
     let checkpoint_file = checkpoint_beside(&arguments.output);
     let replace = arguments.overwrite || arguments.resume;

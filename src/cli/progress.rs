@@ -92,6 +92,27 @@ impl Progress {
         }
     }
 
+    /// A part of something that takes long, which leaves a checkpoint when it is
+    /// interrupted.
+    fn part(&mut self, what: &str, done: u64, total: u64) {
+        self.training.store(true, Ordering::SeqCst);
+        if self.terminal {
+            let bar = self.bar.get_or_insert_with(|| {
+                let template = "{bar:24} {human_pos} of {human_len} {prefix}, {eta} left";
+                let style = ProgressStyle::with_template(template)
+                    .unwrap_or_else(|_| ProgressStyle::default_bar());
+                let target = ProgressDrawTarget::stderr_with_hz(5);
+                ProgressBar::with_draw_target(Some(total), target)
+                    .with_prefix(what.to_owned())
+                    .with_style(style)
+            });
+            bar.set_position(done);
+        } else if self.last_line.elapsed() >= QUIET {
+            self.last_line = Instant::now();
+            line(&format!("{done} of {total} {what}"));
+        }
+    }
+
     pub fn finish(&mut self) {
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
@@ -117,6 +138,7 @@ impl Observer for Progress {
             Event::Iteration { model, record, iterations } => {
                 self.iteration(model, record, iterations);
             }
+            Event::Progress { what, done, total } => self.part(what, done, total),
             Event::Trained { model, stop, best } => {
                 self.finish();
                 let held_out = best

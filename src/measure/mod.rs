@@ -10,6 +10,7 @@ mod adjoint;
 mod certificate;
 mod circle_axioms;
 mod determinant;
+mod horizon;
 mod inversion;
 mod jacobian;
 pub mod laws;
@@ -39,6 +40,7 @@ pub use circle_axioms::{
     CircleAxiom, circle_axiom_ratio, conjugated_axiom_ratio, turning_axiom_ratio,
 };
 pub use determinant::determinant_ratio;
+pub use horizon::AdiabaticOrbit;
 pub use inversion::{Conditioned, ILL_CONDITIONED, ThereAndBack, inversion_ratio};
 pub use jacobian::{Differentiable, jacobian, jacobians_by_differences};
 pub use laws::Samples;

@@ -15,7 +15,7 @@ const BLOCK: usize = 32 * WIDTH;
 const TOGETHER: usize = 4;
 
 /// Neurons of one point in the lanes.
-const NEURONS: usize = 4;
+pub(crate) const NEURONS: usize = 4;
 
 /// Numbers that a block keeps before they are put in their place.
 const SLAB: usize = 1 << 16;

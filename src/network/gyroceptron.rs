@@ -84,6 +84,24 @@ impl<P: Real> Gyroceptron<P> {
         Ok(Self { shape, composition })
     }
 
+    /// ψ⁻¹∘I_ε∘ψ∘Φ_θ, the map in the coordinates w = ψ⁻¹z, where its invariant 𝔍₀ costs
+    /// nothing.
+    pub fn in_conjugated_coordinates(&self) -> Composition<P> {
+        let (shape, theta, epsilon) = (&self.shape, self.shape.theta(), self.epsilon());
+        let parameters = self.composition.parameters();
+        let mut out = Composition::new(shape.dof(), parameters.to_vec(), epsilon);
+        let offset = shape.psi_shape().parameter_count();
+        let psi = shape.psi_shape().composition(parameters[..offset].to_vec(), epsilon, false);
+        let near_identity = shape.near_identity_shape();
+        let near_identity =
+            near_identity.composition(parameters[offset..theta].to_vec(), epsilon, true);
+        out.push_turn(&shape.circle_action.clone().into(), theta..theta + 1);
+        out.push_all(&psi, 0, Direction::Forward);
+        out.push_all(&near_identity, offset, Direction::Forward);
+        out.push_all(&psi, 0, Direction::Inverse);
+        out
+    }
+
     /// The conjugated circle action ψ∘Φ_θ∘ψ⁻¹ at another angle.
     pub fn conjugated_circle_action(&self, theta: P) -> Composition<P> {
         let psi = self.shape.psi_shape().parameter_count();

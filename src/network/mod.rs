@@ -33,4 +33,4 @@ pub use model::{Architecture, Model};
 pub use step::{Kind, Step, Visitor};
 pub use symp_net::{SympNet, SympNetShape};
 
-pub(crate) use batch::load;
+pub(crate) use batch::{NEURONS, load};

@@ -26,11 +26,16 @@ macro_rules! entries {
 pub fn catalogue() -> &'static [CatalogueEntry] {
     entries![
         "quickstart",
+        "paper",
         "oscillators-short",
         "oscillators-long",
         "particle-field",
         "error-against-time",
         "trajectories",
+        "adiabatic-profiles",
+        "near-identity-penalty",
+        "published-weights",
+        "adiabatic-horizon",
     ]
 }
 

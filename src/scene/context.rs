@@ -4,6 +4,7 @@ use super::declaration::Scene;
 use super::folder::Folder;
 use super::learning::{Trained, learn};
 use super::log::{Log, Stage, TrainingTimes};
+use super::report::Report;
 use super::run::{Event, Observer};
 use super::setup::{Data, Need};
 use crate::error::Error;
@@ -33,6 +34,8 @@ impl From<Error> for Halt {
 pub(super) struct Context<'a> {
     pub(super) scene: &'a Scene,
     pub(super) folder: &'a Folder,
+    /// The reports of the scene's parts.
+    pub(super) parts: &'a [Report],
     observer: &'a mut dyn Observer,
     log: Log,
     training_times: Vec<TrainingTimes>,
@@ -62,11 +65,13 @@ impl<'a> Context<'a> {
     pub(super) fn new(
         scene: &'a Scene,
         folder: &'a Folder,
+        parts: &'a [Report],
         observer: &'a mut dyn Observer,
     ) -> Self {
         Self {
             scene,
             folder,
+            parts,
             observer,
             log: Log::new(),
             training_times: Vec::new(),
@@ -260,6 +265,12 @@ impl DataSets {
         let rotation_error =
             held_out.as_ref().map(|held_out| limiting_flow_error(system, held_out, time));
         Ok(Self { training, held_out, reference_error, rotation_error })
+    }
+
+    /// The root mean square of the components of the outputs.
+    pub(super) fn size(&self) -> f64 {
+        let output = self.to_judge_by().output();
+        (output.iter().map(|v| v * v).sum::<f64>() / output.len() as f64).sqrt()
     }
 
     /// The pairs to judge by: held out, where there are any.

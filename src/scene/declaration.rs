@@ -1,9 +1,11 @@
 //! A scene: a set-up, studies of it, or parts.
 
-use super::setup::{Setup, check_name};
+use super::setup::{NetworkSpec, Setup, check_name};
 use super::study::{AnyStudy, SceneFile, Study};
 use crate::error::Error;
+use crate::train::TrainingOptions;
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 /// A declared experiment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -90,6 +92,12 @@ impl Scene {
                 return Err(Error::Missing { place, key: need.key(), needed_by });
             }
         }
+        for model in &self.setup.models {
+            if let NetworkSpec::File { path: None } = model.network {
+                let needed_by = format!("the network {} (--weights FILE)", model.name);
+                return Err(Error::Missing { place, key: "models.network.path", needed_by });
+            }
+        }
         if studies.is_empty() && self.parts.is_empty() {
             let expected = "data, a study or parts, for something to run";
             return Err(Error::invalid("studies", "none", expected).at(place));
@@ -102,6 +110,55 @@ impl Scene {
         self.seed = seed;
         self.parts = self.parts.into_iter().map(|part| part.with_seed(seed)).collect();
         self
+    }
+
+    /// A short form of the scene, to see all of it: a quarter of the iterations and of the
+    /// pairs, one seed, orbits of a thousandth of the length.
+    pub fn quick(mut self) -> Self {
+        let fewer = |training: &mut TrainingOptions| {
+            training.iterations = (training.iterations / 4).max(20).min(training.iterations);
+        };
+        fewer(&mut self.setup.training);
+        for model in &mut self.setup.models {
+            model.training.as_mut().map(fewer);
+            model.seeds = None;
+        }
+        for window in self.setup.data.iter_mut().flat_map(|data| &mut data.windows) {
+            window.samples = window.samples.div_ceil(4);
+        }
+        self.studies.iter_mut().for_each(AnyStudy::shorten);
+        self.parts = self.parts.into_iter().map(Self::quick).collect();
+        self
+    }
+
+    /// The scene without the parts that lack a file of weights, and their names.
+    pub fn without_parts_that_lack_files(mut self) -> (Self, Vec<String>) {
+        let lacks = |part: &Self| {
+            let mut models = part.setup.models.iter();
+            models.any(|model| matches!(model.network, NetworkSpec::File { path: None }))
+        };
+        let (lacking, parts) = self.parts.into_iter().partition::<Vec<_>, _>(lacks);
+        self.parts = parts;
+        (self, lacking.into_iter().map(|part| part.name).collect())
+    }
+
+    /// The scene with this file of weights for the networks that take theirs from a file;
+    /// whether there is one, in the scene or a part.
+    pub fn with_weights(mut self, file: &Path) -> (Self, bool) {
+        let mut any = false;
+        for model in &mut self.setup.models {
+            if let NetworkSpec::File { path } = &mut model.network {
+                *path = Some(file.to_owned());
+                any = true;
+            }
+        }
+        let with = |part: Self| {
+            let (part, of_part) = part.with_weights(file);
+            any |= of_part;
+            part
+        };
+        self.parts = self.parts.into_iter().map(with).collect();
+        (self, any)
     }
 
     /// BibTeX entries of what the studies use, each once.

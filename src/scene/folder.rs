@@ -4,8 +4,11 @@ use super::declaration::Scene;
 use super::figure::{data_file_of, file_of};
 use super::parse::parse;
 use super::setup::ModelSpec;
+use super::study::HORIZON_CHECKPOINT;
 use crate::error::Error;
 use crate::io::write_atomically;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -62,7 +65,7 @@ impl Folder {
     /// nothing else.
     fn clear(&self) -> Result<(), Error> {
         let mut names: Vec<String> = MARKS.iter().map(|mark| (*mark).to_owned()).collect();
-        names.push(TIMINGS.into());
+        names.extend([TIMINGS, HORIZON_CHECKPOINT].map(String::from));
         if let Ok(text) = std::fs::read_to_string(self.file(AS_RUN))
             && let Ok(earlier) = parse(AS_RUN, &text)
         {
@@ -124,6 +127,23 @@ impl Folder {
         let bytes =
             if self.resume { std::fs::read(self.file(TIMINGS)).ok()? } else { return None };
         serde_json::from_slice(&bytes).ok()
+    }
+
+    /// A file of the run that is gone on with; None where there is none, or where the run
+    /// is a new one.
+    pub(super) fn earlier<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, Error> {
+        let path = self.file(name);
+        if !self.resume || !path.exists() {
+            return Ok(None);
+        }
+        let bytes = std::fs::read(&path).map_err(|reason| Error::read(&path, reason))?;
+        let read = serde_json::from_slice(&bytes);
+        read.map(Some).map_err(|reason| Error::content(path.display(), "a checkpoint", reason))
+    }
+
+    /// Writes what [`Folder::earlier`] reads.
+    pub(super) fn save(&self, name: &str, value: &impl Serialize) -> Result<(), Error> {
+        write_atomically(&self.file(name), |out| Ok(serde_json::to_writer(&mut *out, value)?))
     }
 
     pub(super) fn save_timings(&self, timings: &Value) -> Result<(), Error> {

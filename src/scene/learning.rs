@@ -3,12 +3,15 @@
 use super::context::{Context, DataSets, Halt};
 use super::log::TrainingTimes;
 use super::run::Event;
-use super::setup::{Attempt, ModelSpec};
+use super::setup::{Attempt, ModelSpec, NetworkSpec};
 use crate::error::Error;
-use crate::io::{Provenance, StoredModel, load_checkpoint, save_checkpoint, save_model};
+use crate::io::{
+    Provenance, StoredModel, file_digest, import_weights, load_checkpoint, save_checkpoint,
+    save_model,
+};
 use crate::network::Model;
 use crate::system::Hamiltonian;
-use crate::train::{Control, Outcome, Progress, Stop, train};
+use crate::train::{Control, Loss, Objective, Outcome, Progress, Stop, TrainingRecord, train};
 use serde_json::json;
 use std::time::Instant;
 
@@ -40,7 +43,10 @@ pub(super) fn learn(
     let (system, time) = (context.system()?, context.flow_time()?);
     let options = scene.setup.training_of(&spec);
     let seed = scene.seed.wrapping_add(number);
-    let architecture = spec.network.architecture(&system.circle_action(), system.epsilon());
+    let Some(architecture) = spec.network.architecture(&system.circle_action(), system.epsilon())
+    else {
+        return of_file(context, data, spec);
+    };
     let theta = system.limiting_frequency() * time;
     let initial = architecture.initialise(spec.weights, theta, seed)?;
     let checkpoint_file = folder.file_of_model(scene, "checkpoint", &spec, "");
@@ -86,6 +92,45 @@ pub(super) fn learn(
     let stored = StoredModel { model: outcome.model.clone(), provenance };
     save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
     Ok(Trained { spec, network, initial, outcome })
+}
+
+/// A network that was trained elsewhere, judged by the pairs.
+fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Trained, Halt> {
+    let (scene, folder) = (context.scene, context.folder);
+    let NetworkSpec::File { path: Some(path) } = &spec.network else {
+        let (place, key) = (format!("scene {}", scene.name), "models.network.path");
+        return Err(Error::Missing { place, key, needed_by: spec.name }.into());
+    };
+    let system = context.system()?;
+    let model = import_weights(path, system.circle_action(), system.epsilon())?;
+    let objective = Objective::new(&scene.setup.training_of(&spec).loss, &data.training)?;
+    let held_out = data.held_out.as_ref();
+    let validation = held_out.map(|pairs| Objective::new(&Loss::MeanSquaredError, pairs));
+    let record = TrainingRecord {
+        iteration: 0,
+        evaluations: 0,
+        loss: objective.value(model.composition()),
+        pairs: data.training.len(),
+        gradient: f64::NAN,
+        validation: validation.transpose()?.map(|held_out| held_out.value(model.composition())),
+    };
+    let digest = Some(file_digest(path)?);
+    let provenance = Provenance {
+        data: digest,
+        flow_time: Some(context.flow_time()?),
+        validation: record.validation,
+        ..Provenance::of(&scene.name)
+    };
+    let stored = StoredModel { model: model.clone(), provenance };
+    save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
+    let outcome = Outcome {
+        model: model.clone(),
+        best: record,
+        history: vec![record],
+        curvatures: 0,
+        stop: Stop::NotTrained,
+    };
+    Ok(Trained { network: spec.name.clone(), spec, initial: model, outcome })
 }
 
 /// The times of the run that is gone on with; none where they cannot be read.

@@ -1,5 +1,6 @@
 //! Reading a scene file.
 
+use super::catalogue::find;
 use super::declaration::Scene;
 use crate::error::Error;
 
@@ -9,6 +10,8 @@ use crate::error::Error;
 /// When it is no TOML, a key is unknown (with the nearest known one), a value
 /// is missing or out of range.
 pub fn parse(place: &str, text: &str) -> Result<Scene, Error> {
+    let expanded = expanded(place, text)?;
+    let text = expanded.as_deref().unwrap_or(text);
     let scene: Scene = toml::from_str(text).map_err(|error| {
         let line = error.span().map(|span| text[..span.start].matches('\n').count() + 1);
         unknown_key(place, text, error.message()).unwrap_or_else(|| {
@@ -27,6 +30,27 @@ pub fn parse(place: &str, text: &str) -> Result<Scene, Error> {
     }
     scene.check(place)?;
     Ok(scene)
+}
+
+/// The text with the built-in scenes that its key `scenes` names in the place of that
+/// key, as parts; None where it has no such key, or is no TOML.
+fn expanded(place: &str, text: &str) -> Result<Option<String>, Error> {
+    let Ok(mut table) = toml::from_str::<toml::Table>(text) else { return Ok(None) };
+    let Some(scenes) = table.remove("scenes") else { return Ok(None) };
+    let expected = "names of built-in scenes";
+    let invalid = |found: &toml::Value| Error::invalid("scenes", found, expected).at(place);
+    let mut parts = Vec::new();
+    for name in scenes.as_array().ok_or_else(|| invalid(&scenes))? {
+        let entry = find(name.as_str().ok_or_else(|| invalid(name))?).map_err(|e| e.at(place))?;
+        let part = toml::from_str::<toml::Table>(entry.text);
+        parts.push(toml::Value::Table(part.map_err(|_| invalid(name))?));
+    }
+    match table.entry("parts").or_insert_with(|| toml::Value::Array(Vec::new())) {
+        toml::Value::Array(all) => all.extend(parts),
+        other => return Err(invalid(other)),
+    }
+    let text = toml::to_string(&table);
+    text.map(Some).map_err(|reason| Error::content(place, "a scene", reason))
 }
 
 /// The first key that `given` has and `written` lacks, with its known

@@ -38,6 +38,12 @@ impl Report {
         !self.studies.iter().any(fails) && self.parts.iter().all(Self::holds)
     }
 
+    /// ε of its system, as data.
+    pub(super) fn scene_epsilon(&self) -> Option<serde_json::Value> {
+        use crate::system::Hamiltonian;
+        self.scene.setup.system.as_ref().map(|system| system.epsilon().into())
+    }
+
     /// The findings of the study of this name.
     pub fn study(&self, name: &str) -> Option<&Findings> {
         self.studies.iter().find(|study| study.name == name).map(|study| &study.findings)

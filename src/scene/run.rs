@@ -24,6 +24,15 @@ pub enum Event<'a> {
         /// The most iterations there will be.
         iterations: u64,
     },
+    /// A part of something that takes long is done.
+    Progress {
+        /// What is counted.
+        what: &'a str,
+        /// How many are done.
+        done: u64,
+        /// How many there are to do.
+        total: u64,
+    },
     /// A network is trained.
     Trained {
         /// The network's name.
@@ -81,7 +90,7 @@ fn run_complete(
         observer.event(Event::Stage(&format!("part {}", part.name)));
         parts.push(run_complete(part, &folder.part(&part.name)?, observer)?);
     }
-    let mut context = Context::new(scene, folder, observer);
+    let mut context = Context::new(scene, folder, &parts, observer);
     let mut studies = Vec::new();
     for study in scene.all_studies() {
         let findings = study.run(&mut context)?;

@@ -7,6 +7,7 @@ use crate::network::{Architecture, GyroceptronShape, HenonShape, InitialWeights,
 use crate::system::{Hamiltonian, System};
 use crate::train::TrainingOptions;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// What the studies of a scene share.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -98,6 +99,12 @@ pub enum NetworkSpec {
     HenonNet {
         /// Its layers.
         layers: Layers,
+    },
+    /// A gyroceptron with the weights of a file, `.safetensors` or `.npz`, as
+    /// [`import_weights`](crate::io::import_weights) takes them: it is not trained.
+    File {
+        /// The file.
+        path: Option<PathBuf>,
     },
     /// An LA-SympNet.
     SympNet {
@@ -251,7 +258,9 @@ impl Setup {
         let action = system.circle_action();
         for model in &self.models {
             let key = format!("models.{}", model.name);
-            let architecture = model.network.architecture(&action, system.epsilon());
+            let Some(architecture) = model.network.architecture(&action, system.epsilon()) else {
+                continue;
+            };
             architecture.check().map_err(|e| e.at(&key))?;
             if architecture.dof() != system.dof() {
                 let (found, expected) = (architecture.dof(), format!("{} weights", system.dof()));
@@ -291,15 +300,17 @@ impl NetworkSpec {
         match self {
             Self::Gyroceptron { psi, near_identity, .. } => vec![*psi, *near_identity],
             Self::HenonNet { layers } => vec![*layers],
+            Self::File { .. } => Vec::new(),
             Self::SympNet { modules, shears, .. } => {
                 vec![Layers { count: *modules, width: *shears }]
             }
         }
     }
 
-    /// The architecture for this circle action and ε.
-    pub fn architecture(&self, action: &CircleAction, epsilon: f64) -> Architecture {
-        match self {
+    /// The architecture for this circle action and ε; None where a file has it.
+    pub fn architecture(&self, action: &CircleAction, epsilon: f64) -> Option<Architecture> {
+        Some(match self {
+            Self::File { .. } => return None,
             Self::Gyroceptron { psi, near_identity, circle_action } => Architecture::Gyroceptron {
                 shape: GyroceptronShape {
                     circle_action: circle_action.as_ref().unwrap_or(action).clone(),
@@ -321,6 +332,6 @@ impl NetworkSpec {
                     plain: *plain,
                 },
             },
-        }
+        })
     }
 }

@@ -86,6 +86,14 @@ impl ParticleField {
         }
     }
 
+    /// The point of the slow manifold μ₀ = 0 over (q, p): Q_k = 0, P_k = V_k(0).
+    pub fn on_slow_manifold(&self, q: f64, p: f64) -> Vec<f64> {
+        let mut z = vec![0.0; 2 * (self.modes() + 1)];
+        (z[0], z[self.modes() + 1]) = (q, p);
+        self.shift_momenta(&mut z, 1.0);
+        z
+    }
+
     fn modes(&self) -> usize {
         self.profiles.len()
     }

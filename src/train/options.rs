@@ -153,6 +153,8 @@ pub enum Stop {
     Stalled,
     /// The loss left the finite numbers.
     Diverged,
+    /// It was trained elsewhere.
+    NotTrained,
     /// The caller asked for it.
     Interrupted,
 }

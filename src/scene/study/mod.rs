@@ -4,13 +4,20 @@
 //! A new study is such a file, its line in the registry below, and a scene of the
 //! catalogue that names it.
 
+pub mod adiabatic_horizon;
+pub mod adiabatic_profiles;
 pub mod certificate;
+pub mod claims;
 mod pairs;
+pub mod random_network;
 pub mod rollout;
+pub mod slow_manifold;
 pub mod tanh;
 pub mod training;
 pub mod trajectories;
 pub mod work_precision;
+
+pub(super) use adiabatic_horizon::CHECKPOINT as HORIZON_CHECKPOINT;
 
 use super::context::{Context, Halt};
 use super::declaration::Scene;
@@ -137,16 +144,35 @@ macro_rules! studies {
 
 // The registry. Studies run in this order.
 studies! {
+    /// What the parts make of the paper's claims.
+    claims: Claims(claims::ClaimsOptions),
     /// The trajectories of each network beside the reference.
     rollout: Rollout(rollout::RolloutOptions),
+    /// The slow manifold of the charged particle, and the learnt invariant off it.
+    slow_manifold: SlowManifold(slow_manifold::SlowManifoldOptions),
     /// The structure certificate of each network.
     certificate: Certificate(CertificateOptions),
     /// Error against run time, of the networks and of integrators.
     work_precision: WorkPrecision(work_precision::WorkPrecisionOptions),
     /// Error against run time of tanh and sech².
     tanh: Tanh(tanh::TanhOptions),
+    /// The adiabatic invariant of a random network along its orbit.
+    adiabatic_profiles: AdiabaticProfiles(adiabatic_profiles::AdiabaticProfilesOptions),
+    /// How long the adiabatic invariant of random networks stays.
+    adiabatic_horizon: AdiabaticHorizon(adiabatic_horizon::AdiabaticHorizonOptions),
     /// Trajectories of the system for several ε.
     trajectories: Trajectories(trajectories::TrajectoriesOptions),
+}
+
+impl AnyStudy {
+    /// Makes a study that takes long a short one.
+    pub(super) fn shorten(&mut self) {
+        match self {
+            Self::AdiabaticHorizon(options) => options.shorten(),
+            Self::WorkPrecision(options) => options.rounds = options.rounds.min(5),
+            _ => {}
+        }
+    }
 }
 
 impl Scene {

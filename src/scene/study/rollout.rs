@@ -189,14 +189,15 @@ impl Change {
         Self { values, drifts, exponent }
     }
 
-    /// Of one orbit.
-    fn relative(&self, m: usize) -> f64 {
-        self.drifts[m].largest / self.drifts[m].initial.abs()
+    /// Of one orbit; None where it begins at 0.
+    fn relative(&self, m: usize) -> Option<f64> {
+        let Drift { initial, largest } = self.drifts[m];
+        (initial != 0.0).then(|| largest / initial.abs())
     }
 
     /// The largest of all orbits.
     fn largest(&self) -> f64 {
-        (0..self.drifts.len()).map(|m| self.relative(m)).fold(0.0, max_or_nan)
+        (0..self.drifts.len()).filter_map(|m| self.relative(m)).fold(0.0, max_or_nan)
     }
 
     fn data(&self) -> serde_json::Value {
@@ -207,6 +208,8 @@ impl Change {
 /// A network along its orbits.
 struct Network<'a> {
     name: &'a str,
+    /// The held-out error.
+    one_step: Option<f64>,
     orbits: &'a Trajectories,
     departures: Vec<Departure>,
     /// Root mean square of the distance of all states from the reference's.
@@ -248,6 +251,7 @@ impl<'a> Network<'a> {
             orbits.values().iter().zip(reference.values()).map(|(a, b)| (a - b) * (a - b)).sum();
         Self {
             name: &trained.spec.name,
+            one_step: trained.outcome.best.validation,
             departures: departures(orbits, reference),
             rms: (squares / (orbits.values().len() / orbits.dim()) as f64).sqrt(),
             of_system: Change::of(orbits, |z| system.adiabatic_invariant(z)),
@@ -290,6 +294,7 @@ impl Orbits<'_> {
     fn overview(&self, networks: &[Network<'_>]) -> Table {
         let mut table = Table::new([
             ("network", Format::Exact),
+            ("MSE of one step", Format::Exponent(2)),
             ("rms distance", Format::Exponent(2)),
             ("largest", Format::Exponent(2)),
             ("own μ₀, own orbits", Format::Percent),
@@ -304,6 +309,7 @@ impl Orbits<'_> {
             let largest = network.departures.iter().map(|d| d.largest).fold(0.0, max_or_nan);
             table.push([
                 format!("`{}`", network.name).into(),
+                network.one_step.into(),
                 network.rms.into(),
                 largest.into(),
                 learnt.map(|l| l.along_own.largest()).into(),
@@ -366,10 +372,10 @@ impl Orbits<'_> {
                 network.map(|n| n.departures[m].largest).into(),
                 network.map(|n| n.departures[m].last).into(),
                 learnt.map(|l| l.along_own.drifts[m].initial).into(),
-                learnt.map(|l| l.along_own.relative(m)).into(),
-                learnt.map(|l| l.along_reference.relative(m)).into(),
+                learnt.and_then(|l| l.along_own.relative(m)).into(),
+                learnt.and_then(|l| l.along_reference.relative(m)).into(),
                 self.of_reference.drifts[m].initial.into(),
-                network.map(|n| n.of_system.relative(m)).into(),
+                network.and_then(|n| n.of_system.relative(m)).into(),
                 self.of_reference.relative(m).into(),
             ]);
         }
@@ -515,12 +521,20 @@ fn averaged(z: &[f64]) -> Option<Series> {
     Some(Series { name, color: GREY, style: Style::Faint, points })
 }
 
+/// `ε = 1e-3`.
+pub(super) fn epsilon_name(epsilon: f64) -> String {
+    format!("ε = {}", Format::Setting.number(epsilon))
+}
+
 /// The smallest and the largest of the values in each of some equal parts of the time;
 /// the values themselves, where they are few.
-fn envelope(values: &[f64], interval: f64) -> [Vec<(f64, f64)>; 2] {
+pub(super) fn envelope(values: &[f64], interval: f64) -> [Vec<(f64, f64)>; 2] {
     const PARTS: usize = 120;
     let size = values.len().div_ceil(PARTS).max(1);
     let mut out = [Vec::new(), Vec::new()];
+    // What is left at the end is too little to be one of them.
+    let whole = values.len() / size * size;
+    let values = if whole > 0 { &values[..whole] } else { values };
     for (part, values) in values.chunks(size).enumerate() {
         let time = (part * size) as f64 * interval + 0.5 * (values.len() - 1) as f64 * interval;
         let largest = values.iter().copied().fold(f64::NEG_INFINITY, max_or_nan);

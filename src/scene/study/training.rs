@@ -122,7 +122,10 @@ impl TrainingResult {
             network: trained.network.clone(),
             architecture: model.architecture(),
             parameters: model.composition().parameters().len(),
-            optimiser: options.optimiser.name(),
+            optimiser: match outcome.stop {
+                Stop::NotTrained => "trained elsewhere",
+                _ => options.optimiser.name(),
+            },
             stop: outcome.stop,
             last: outcome.history[outcome.history.len() - 1],
             best: outcome.best,
@@ -199,6 +202,7 @@ fn overview(results: &[TrainingResult], data: &DataSets) -> Table {
         ("loss", Format::Exponent(3)),
         ("held-out MSE", Format::Exponent(3)),
         ("rms", Format::Exponent(2)),
+        ("relative to rms z", Format::Exponent(2)),
         ("share of the motion beyond the rotation", Format::Percent),
     ]);
     for result in results.iter().filter(|result| result.is_first()) {
@@ -211,6 +215,7 @@ fn overview(results: &[TrainingResult], data: &DataSets) -> Table {
             result.best.loss.into(),
             validation.into(),
             validation.map(f64::sqrt).into(),
+            validation.map(|error| error.sqrt() / data.size()).into(),
             result.share(data.rotation_error).into(),
         ]);
     }
@@ -321,6 +326,7 @@ pub fn stop_words(stop: Stop) -> &'static str {
         Stop::Gradient => "the gradient reached its tolerance",
         Stop::Stalled => "no step lowered the loss any more",
         Stop::Diverged => "the loss left the finite numbers",
+        Stop::NotTrained => "trained elsewhere",
         Stop::Interrupted => "interrupted",
     }
 }

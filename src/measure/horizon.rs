@@ -1,0 +1,150 @@
+//! Long orbits of an adiabatic invariant.
+
+use super::adiabatic::settling_iterations;
+use crate::error::Error;
+use crate::layer::CircleAction;
+use crate::network::{Composition, Gyroceptron, NEURONS};
+use crate::phase::{Direction, Map};
+use crate::scalar::{Kernel, Pack, max_or_nan, on_lanes};
+use crate::work;
+use serde::{Deserialize, Serialize};
+
+/// An orbit of a gyroceptron in the coordinates w = ψ⁻¹z, and how far the adiabatic
+/// invariant, there μ₀ = 𝔍₀(w), has been from its initial value.
+///
+/// Where an orbit is can be stored, and it goes on to the same bits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AdiabaticOrbit {
+    w: Vec<f64>,
+    initial: f64,
+    steps: u64,
+    /// The largest |μ₀ − μ₀(0)| so far, and the largest of the first K(ε) steps.
+    largest: f64,
+    settled: f64,
+    settling: u64,
+    factors: Vec<f64>,
+    horizons: Vec<Option<u64>>,
+    drifts: Vec<(u64, f64)>,
+}
+
+impl AdiabaticOrbit {
+    /// The orbit from z, before its first step; `factors`, ascending, are those of the
+    /// [horizons](AdiabaticOrbit::horizons). Without ε it has none.
+    ///
+    /// # Errors
+    /// Unless 0 ≤ ε < ∞ and z is of 2n numbers.
+    pub fn new(network: &Gyroceptron<f64>, z: &[f64], factors: &[f64]) -> Result<Self, Error> {
+        let dof = network.shape().dof();
+        Error::check_count("numbers of the initial point", 2 * dof, z.len())?;
+        let epsilon = network.epsilon();
+        let (settling, factors) = match epsilon {
+            0.0 => (0, &[][..]),
+            _ => (settling_iterations(epsilon)? as u64, factors),
+        };
+        let mut w = z.to_vec();
+        network.psi().inverse(&mut w);
+        let initial = network.shape().circle_action.invariant(&w);
+        Ok(Self {
+            w,
+            initial,
+            steps: 0,
+            largest: 0.0,
+            settled: 0.0,
+            settling,
+            factors: factors.to_vec(),
+            horizons: vec![None; factors.len()],
+            drifts: Vec::new(),
+        })
+    }
+
+    /// Goes on to this number of steps; `map` is
+    /// [`Gyroceptron::in_conjugated_coordinates`].
+    pub fn advance(&mut self, map: &Composition<f64>, action: &CircleAction, steps: u64) {
+        let more = steps.saturating_sub(self.steps);
+        work::count(work::Kind::Evaluation, usize::try_from(more).unwrap_or(usize::MAX));
+        on_lanes::<NEURONS, _>(Advance { orbit: self, map, action, steps });
+    }
+
+    /// Steps done.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// N of each factor ρ: the first step at which |μ₀ − μ₀(0)| is more than ρ times its
+    /// largest value over the first K(ε) steps; none so far.
+    ///
+    /// Source: section "Numerical Confirmation of the Existence of Adiabatic
+    /// Invariants" of <https://doi.org/10.1038/s41598-023-34862-w>, which takes ρ = 1.1.
+    pub fn horizons(&self) -> &[Option<u64>] {
+        &self.horizons
+    }
+
+    /// (N, D(N)), D being the largest |μ₀ − μ₀(0)| of the first N steps, for the powers
+    /// of ten that N has passed.
+    pub fn drifts(&self) -> &[(u64, f64)] {
+        &self.drifts
+    }
+
+    /// The largest |μ₀ − μ₀(0)| so far.
+    pub fn largest(&self) -> f64 {
+        self.largest
+    }
+
+    /// μ₀ at the start.
+    pub fn initial(&self) -> f64 {
+        self.initial
+    }
+
+    /// Takes note of a new state.
+    #[inline(always)]
+    fn observe(&mut self, value: f64) {
+        self.steps += 1;
+        let drift = (value - self.initial).abs();
+        // What is no larger changes nothing but at powers of ten.
+        if !(drift <= self.largest) {
+            self.largest = max_or_nan(self.largest, drift);
+            if self.steps <= self.settling {
+                self.settled = self.largest;
+            } else {
+                for (horizon, factor) in self.horizons.iter_mut().zip(&self.factors) {
+                    if horizon.is_none() && !(drift <= factor * self.settled) {
+                        *horizon = Some(self.steps);
+                    }
+                }
+            }
+        }
+    }
+}
+
+struct Advance<'a> {
+    orbit: &'a mut AdiabaticOrbit,
+    map: &'a Composition<f64>,
+    action: &'a CircleAction,
+    steps: u64,
+}
+
+impl Kernel for Advance<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Pack>(self) {
+        let Self { orbit, map, action, steps } = self;
+        let mut scratch = vec![0.0; orbit.w.len()];
+        let mut w = orbit.w.clone();
+        let mut power = 10;
+        while power <= orbit.steps {
+            power = power.saturating_mul(10);
+        }
+        while orbit.steps < steps {
+            while orbit.steps < steps.min(power) {
+                map.apply_across::<V>(Direction::Forward, &mut w, &mut scratch);
+                orbit.observe(action.invariant(&w));
+            }
+            if orbit.steps == power {
+                orbit.drifts.push((power, orbit.largest));
+                power = power.saturating_mul(10);
+            }
+        }
+        orbit.w.copy_from_slice(&w);
+    }
+}

@@ -1,0 +1,64 @@
+//! A gyroceptron of one degree of freedom with random weights.
+
+use crate::error::Error;
+use crate::layer::CircleAction;
+use crate::network::{Architecture, Gyroceptron, GyroceptronShape, InitialWeights, Model};
+use crate::scene::setup::Layers;
+use serde::{Deserialize, Serialize};
+
+/// A gyroceptron of one degree of freedom with random weights, and where its orbits
+/// start.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RandomNetwork {
+    /// ψ.
+    pub psi: Layers,
+    /// I_ε.
+    pub near_identity: Layers,
+    /// θ.
+    pub theta: f64,
+    /// How its weights are drawn.
+    pub weights: InitialWeights,
+    /// The initial point (q, p).
+    pub initial: [f64; 2],
+}
+
+impl RandomNetwork {
+    pub(super) fn check(&self) -> Result<(), Error> {
+        Error::check_finite("network.theta", self.theta)?;
+        self.initial.iter().try_for_each(|v| Error::check_finite("network.initial", *v))?;
+        self.architecture(0.0).check().map_err(|e| e.at("network"))
+    }
+
+    fn architecture(&self, epsilon: f64) -> Architecture {
+        let layers = |layers: Layers| vec![layers.width; layers.count.min(1_000)];
+        let shape = GyroceptronShape {
+            circle_action: CircleAction::new([1]),
+            psi: layers(self.psi),
+            near_identity: layers(self.near_identity),
+        };
+        Architecture::Gyroceptron { shape, epsilon }
+    }
+
+    /// With the weights of this seed.
+    pub(super) fn at(&self, epsilon: f64, seed: u64) -> Result<Gyroceptron<f64>, Error> {
+        match self.architecture(epsilon).initialise(self.weights, self.theta, seed)? {
+            Model::Gyroceptron(network) => Ok(network),
+            Model::HenonNet(_) | Model::SympNet(_) => unreachable!("asked for a gyroceptron"),
+        }
+    }
+
+    /// In words.
+    pub(super) fn words(&self) -> String {
+        format!(
+            "ψ: {} layers of {}; I_ε: {} layers of {}; θ = {}; from (q, p) = {:?}; weights {}",
+            self.psi.count,
+            self.psi.width,
+            self.near_identity.count,
+            self.near_identity.width,
+            self.theta,
+            self.initial,
+            serde_json::to_string(&self.weights).unwrap_or_default()
+        )
+    }
+}

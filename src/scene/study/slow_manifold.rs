@@ -1,0 +1,336 @@
+//! The slow manifold μ₀ = 0 of the charged particle, and the learnt invariant off it.
+
+use super::Study;
+use super::rollout::{envelope, orbit_color};
+use crate::error::Error;
+use crate::flow::Trajectories;
+use crate::measure::drifts;
+use crate::network::Rollout;
+use crate::scalar::max_or_nan;
+use crate::scene::bibliography::GAUSS_LEGENDRE;
+use crate::scene::context::{Context, Halt};
+use crate::scene::declaration::Scene;
+use crate::scene::figure::{Figure, Panel, Series, Style};
+use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::setup::{Need, check_points};
+use crate::scene::words::initial_names;
+use crate::system::{Hamiltonian, ParticleField, System};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+const SLOW: &str = "slow-manifold";
+const OFF: &str = "learnt-invariant";
+
+/// The slow manifold μ₀ = 0 of the charged particle, and the learnt invariant off it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SlowManifoldOptions {
+    /// Applications of the map.
+    pub steps: usize,
+    /// One state in so many is kept.
+    pub every: usize,
+    /// (q, p) of the initial points with μ₀ = 0.
+    pub on: Vec<[f64; 2]>,
+    /// Initial points beside it, 2n numbers each.
+    pub off: Vec<Vec<f64>>,
+}
+
+impl Study for SlowManifoldOptions {
+    fn name(&self) -> &'static str {
+        "slow_manifold"
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::System, Need::FlowTime, Need::Data, Need::Models]
+    }
+
+    fn check(&self, scene: &Scene) -> Result<(), Error> {
+        for (key, value) in [("steps", self.steps), ("every", self.every)] {
+            Error::check_count_range(key, value, 1, usize::MAX)?;
+        }
+        Error::check_count_range("on", self.on.len(), 1, 100)?;
+        self.on.iter().flatten().try_for_each(|v| Error::check_finite("on", *v))?;
+        match &scene.setup.system {
+            Some(System::ParticleField(system)) => check_points("off", &self.off, system.dof()),
+            Some(System::Oscillators(_)) => {
+                Err(Error::invalid("system", "oscillators", "particle-field"))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+        vec![SLOW, OFF]
+    }
+
+    fn cites(&self) -> Vec<&'static str> {
+        vec![GAUSS_LEGENDRE]
+    }
+
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+        let any = context.system()?;
+        let System::ParticleField(system) = any else {
+            return Err(Error::invalid("system", "oscillators", "particle-field").into());
+        };
+        let interval = context.flow_time()? * self.every as f64;
+        let request = Rollout { steps: self.steps, every: self.every };
+        let on: Vec<Vec<f64>> =
+            self.on.iter().map(|[q, p]| system.on_slow_manifold(*q, *p)).collect();
+        let reference = context.reference(any, &on, interval, request.kept())?;
+        let models = context.models()?;
+        let moved = context.rollouts(&on, request)?;
+        let beside = context.rollouts(&self.off, request)?;
+
+        let of = |name: &str, orbits: &Trajectories| Slow::of(system, name, orbits, interval);
+        let mut slow = vec![of("reference", &reference.trajectories)];
+        slow.extend(models.iter().zip(moved.iter()).map(|(m, orbits)| of(&m.spec.name, orbits)));
+        let off: Vec<Off> = models
+            .iter()
+            .zip(beside.iter())
+            .filter_map(|(trained, orbits)| {
+                let network = trained.model().gyroceptron()?;
+                let own = |z: &[f64]| network.adiabatic_invariant(z)[0];
+                let system = |z: &[f64]| system.adiabatic_invariant(z);
+                Some(Off {
+                    name: trained.spec.name.clone(),
+                    learnt: values(orbits, own),
+                    of_system: values(orbits, system),
+                })
+            })
+            .collect();
+        let mut figures = Vec::new();
+        if context.draws(SLOW) {
+            figures.push(self.slow_figure(system, &slow, interval));
+        }
+        if context.draws(OFF) {
+            figures.push(self.off_figure(&off, interval));
+        }
+        let text = format!(
+            "From {} points with μ₀ = 0 over a time of {}: there, to order ε, q = q(0) + εp(0)t and \
+             p = p(0). The constants are the largest deviations over ε = {}. The reduction of the \
+             paper, in which P_k moves by itself, is not that of the equations: μ₀ stays of order ε², \
+             as the last column says of the reference.",
+            on.len(),
+            interval * (request.kept() - 1) as f64,
+            system.epsilon
+        );
+        let mut summary =
+            vec![Block::Text(text), Block::Table(self.slow_table(&slow, system.epsilon))];
+        if !off.is_empty() {
+            let text = "Off it: the invariant 𝔍₀∘ψ⁻¹ that was learnt beside μ₀ of the system, both \
+                        along the network's orbits.";
+            summary.extend([Block::Text(text.into()), Block::Table(self.off_table(&off))]);
+        }
+        let data = json!({
+            "slow": slow.iter().map(Slow::data).collect::<Vec<_>>(),
+            "off": off.iter().map(Off::data).collect::<Vec<_>>(),
+        });
+        Ok(Findings {
+            title: "Slow manifold".into(),
+            results: Section { summary, data, ..Section::default() },
+            figures,
+            ..Findings::default()
+        })
+    }
+}
+
+/// A number for each state.
+fn values(orbits: &Trajectories, quantity: impl Fn(&[f64]) -> f64) -> Trajectories {
+    let values = orbits.values().chunks_exact(orbits.dim()).map(quantity).collect();
+    Trajectories::new(values, 1, orbits.count()).expect("a number a state")
+}
+
+/// Orbits that start on the slow manifold.
+struct Slow {
+    name: String,
+    /// (q, p) of each state.
+    plane: Vec<Vec<(f64, f64)>>,
+    /// Of each orbit: the largest |q − q(0) − εp(0)t|, |p − p(0)| and μ₀.
+    largest: Vec<[f64; 3]>,
+}
+
+impl Slow {
+    fn of(system: &ParticleField, name: &str, orbits: &Trajectories, interval: f64) -> Self {
+        let momentum = orbits.dim() / 2;
+        let mut out = Self { name: name.to_owned(), plane: Vec::new(), largest: Vec::new() };
+        for m in 0..orbits.count() {
+            let (q, p) = (orbits.state(0, m)[0], orbits.state(0, m)[momentum]);
+            let mut largest = [0.0; 3];
+            for (t, z) in orbits.of(m).enumerate() {
+                let time = t as f64 * interval;
+                let now = [
+                    (z[0] - q - system.epsilon * p * time).abs(),
+                    (z[momentum] - p).abs(),
+                    system.adiabatic_invariant(z),
+                ];
+                for (largest, now) in largest.iter_mut().zip(now) {
+                    *largest = max_or_nan(*largest, now);
+                }
+            }
+            out.plane.push(orbits.of(m).map(|z| (z[0], z[momentum])).collect());
+            out.largest.push(largest);
+        }
+        out
+    }
+
+    fn data(&self) -> serde_json::Value {
+        json!({ "name": self.name, "largest_q_p_mu": self.largest })
+    }
+}
+
+/// Two invariants along orbits that start beside the slow manifold.
+struct Off {
+    name: String,
+    learnt: Trajectories,
+    of_system: Trajectories,
+}
+
+impl Off {
+    fn data(&self) -> serde_json::Value {
+        json!({
+            "name": self.name,
+            "learnt": drifts(&self.learnt, |v| v[0]),
+            "system": drifts(&self.of_system, |v| v[0]),
+        })
+    }
+
+    /// The largest difference of the two along an orbit.
+    fn difference(&self, m: usize) -> f64 {
+        let both = self.learnt.of(m).zip(self.of_system.of(m));
+        both.map(|(a, b)| (a[0] - b[0]).abs()).fold(0.0, max_or_nan)
+    }
+}
+
+impl SlowManifoldOptions {
+    fn names(&self) -> Vec<String> {
+        self.on.iter().map(|[q, p]| format!("q = {q}, p = {p}")).collect()
+    }
+
+    fn slow_table(&self, slow: &[Slow], epsilon: f64) -> Table {
+        let mut table = Table::new([
+            ("orbits", Format::Exact),
+            ("from", Format::Exact),
+            ("|q − q(0) − εp(0)t| / ε", Format::Fixed(3)),
+            ("|p − p(0)| / ε", Format::Fixed(3)),
+            ("μ₀ / ε²", Format::Fixed(3)),
+        ]);
+        for of in slow {
+            for (name, [q, p, mu]) in self.names().into_iter().zip(&of.largest) {
+                table.push([
+                    of.name.clone().into(),
+                    name.into(),
+                    (q / epsilon.abs()).into(),
+                    (p / epsilon.abs()).into(),
+                    (mu / (epsilon * epsilon)).into(),
+                ]);
+            }
+        }
+        table
+    }
+
+    fn off_table(&self, off: &[Off]) -> Table {
+        let mut table = Table::new([
+            ("network", Format::Exact),
+            ("from", Format::Exact),
+            ("μ₀ of the system at the start", Format::Fixed(4)),
+            ("its change", Format::Percent),
+            ("𝔍₀∘ψ⁻¹ at the start", Format::Fixed(4)),
+            ("its change", Format::Percent),
+            ("largest difference", Format::Percent),
+        ]);
+        for of in off {
+            let (learnt, system) = (drifts(&of.learnt, |v| v[0]), drifts(&of.of_system, |v| v[0]));
+            for (m, name) in initial_names(&self.off).into_iter().enumerate() {
+                let (learnt, system) = (learnt[m], system[m]);
+                table.push([
+                    format!("`{}`", of.name).into(),
+                    name.into(),
+                    system.initial.into(),
+                    (system.largest / system.initial.abs()).into(),
+                    learnt.initial.into(),
+                    (learnt.largest / learnt.initial.abs()).into(),
+                    (of.difference(m) / system.initial.abs()).into(),
+                ]);
+            }
+        }
+        table
+    }
+
+    fn slow_figure(&self, system: &ParticleField, slow: &[Slow], interval: f64) -> Figure {
+        let panel = |label: &str,
+                     pick: fn(&(f64, f64)) -> f64,
+                     formula: &dyn Fn([f64; 2], f64) -> f64| {
+            let mut series = Vec::new();
+            for (m, (name, start)) in self.names().into_iter().zip(&self.on).enumerate() {
+                let time = |t: usize| t as f64 * interval;
+                for of in &slow[1..] {
+                    let points =
+                        of.plane[m].iter().enumerate().map(|(t, z)| (time(t), pick(z))).collect();
+                    let (name, color) = (name.clone(), orbit_color(m));
+                    series.push(Series { name, color, style: Style::Line, points });
+                }
+                let of_reference =
+                    slow[0].plane[m].iter().enumerate().map(|(t, z)| (time(t), pick(z))).collect();
+                series.push(Series {
+                    name: "reference".into(),
+                    color: 7,
+                    style: Style::Dashed,
+                    points: of_reference,
+                });
+                let ends =
+                    [0, slow[0].plane[m].len() - 1].map(|t| (time(t), formula(*start, time(t))));
+                series.push(Series {
+                    name: "to order ε: q(0) + εp(0)t, p(0)".into(),
+                    color: 6,
+                    style: Style::Faint,
+                    points: ends.into(),
+                });
+            }
+            Panel {
+                title: format!("{label} on the slow manifold"),
+                x_label: "time".into(),
+                y_label: label.into(),
+                series,
+                ..Panel::default()
+            }
+        };
+        let epsilon = system.epsilon;
+        let panels = vec![
+            panel("q", |z| z.0, &|[q, p], time| q + epsilon * p * time),
+            panel("p", |z| z.1, &|[_, p], _| p),
+        ];
+        let caption = "Orbits that start with μ₀ = 0: of the networks (colours), of the reference \
+                       (dashed) and of the slow manifold to order ε (grey).";
+        Figure::in_a_row(SLOW, caption, panels)
+    }
+
+    fn off_figure(&self, off: &[Off], interval: f64) -> Figure {
+        let panel = |of: &Off| {
+            let mut series = Vec::new();
+            for (m, name) in initial_names(&self.off).into_iter().enumerate() {
+                let learnt: Vec<f64> = of.learnt.of(m).map(|v| v[0]).collect();
+                let [lower, upper] = envelope(&learnt, interval);
+                let color = orbit_color(m);
+                series.push(Series { name, color, style: Style::Line, points: upper });
+                series.push(Series::unnamed(color, Style::Line, lower));
+            }
+            for m in 0..self.off.len() {
+                let system: Vec<f64> = of.of_system.of(m).map(|v| v[0]).collect();
+                for points in envelope(&system, interval) {
+                    let name = "μ₀ of the system".to_owned();
+                    series.push(Series { name, color: 7, style: Style::Dashed, points });
+                }
+            }
+            Panel {
+                title: format!("𝔍₀∘ψ⁻¹ of {} along its orbits", of.name),
+                x_label: "time".into(),
+                y_label: "invariant".into(),
+                series,
+                ..Panel::default()
+            }
+        };
+        let caption = "Beside the slow manifold: the envelope of the learnt invariant 𝔍₀∘ψ⁻¹ along the \
+                       network's orbits, and of μ₀ of the system along the same (dashed).";
+        Figure::in_a_row(OFF, caption, off.iter().map(panel).collect())
+    }
+}
