@@ -678,11 +678,25 @@ fn scenes_are_listed_and_shown() {
         scene.clone().with_weights(Path::new("w.npz")).0.complete().expect("complete");
         let cited = text(&succeeds(folder.path(), &["cite", entry.name]).stdout);
         assert!(cited.contains("10.1038/s41598-023-34862-w"));
-        // By those that train; all but a scene of tanh alone take the reference flow.
-        let trains = std::iter::once(&scene).chain(&scene.parts);
-        let trains = trains.into_iter().any(|scene| !scene.setup.models.is_empty());
-        assert_eq!(cited.contains("Nocedal"), trains, "{}", entry.name);
-        assert_eq!(cited.matches("HairerLubichWanner2006").count(), 1, "{}", entry.name);
+        // What is cited is what is used.
+        let all: Vec<_> = std::iter::once(&scene).chain(&scene.parts).collect();
+        let flows = all.iter().any(|scene| scene.setup.system.is_some());
+        let count = |words: &str| cited.matches(words).count();
+        assert_eq!(count("HairerLubichWanner2006"), usize::from(flows), "{}", entry.name);
+        let uses = |name: &str| {
+            let trains = |scene: &&gyroceptron::scene::Scene| {
+                let setup = &scene.setup;
+                setup.models.iter().any(|m| setup.training_of(m).optimiser.name() == name)
+            };
+            usize::from(all.iter().any(trains))
+        };
+        for (name, key) in [
+            ("L-BFGS", "LiuNocedal1989"),
+            ("Levenberg–Marquardt", "Marquardt1963"),
+            ("Adam", "KingmaBa2014"),
+        ] {
+            assert_eq!(count(key), uses(name), "{}: {name}", entry.name);
+        }
     }
     assert_eq!(listed.lines().count(), gyroceptron::scene::catalogue().len());
     assert!(text(&succeeds(folder.path(), &["cite"]).stdout).contains("@article"));

@@ -13,6 +13,41 @@ pub(super) const HENON_NET: &str = "@article{BurbyTangMaulik2021,
 }
 ";
 
+/// LA-SympNets.
+pub(super) const SYMP_NET: &str = "@article{JinEtAl2020,
+  author = {Jin, Pengzhan and Zhang, Zhen and Zhu, Aiqing and Tang, Yifa and Karniadakis, George Em},
+  title = {{SympNets}: Intrinsic structure-preserving symplectic networks for identifying {H}amiltonian systems},
+  journal = {Neural Networks},
+  volume = {132},
+  pages = {166--179},
+  year = {2020},
+  doi = {10.1016/j.neunet.2020.08.017}
+}
+";
+
+/// Levenberg–Marquardt.
+pub(super) const MARQUARDT: &str = "@article{Marquardt1963,
+  author = {Marquardt, Donald W.},
+  title = {An algorithm for least-squares estimation of nonlinear parameters},
+  journal = {Journal of the Society for Industrial and Applied Mathematics},
+  volume = {11},
+  number = {2},
+  pages = {431--441},
+  year = {1963},
+  doi = {10.1137/0111030}
+}
+";
+
+/// Adam.
+pub(super) const ADAM: &str = "@misc{KingmaBa2014,
+  author = {Kingma, Diederik P. and Ba, Jimmy},
+  title = {Adam: A method for stochastic optimization},
+  year = {2014},
+  eprint = {1412.6980},
+  archivePrefix = {arXiv}
+}
+";
+
 /// L-BFGS.
 pub(super) const LBFGS: &str = "@article{LiuNocedal1989,
   author = {Liu, Dong C. and Nocedal, Jorge},

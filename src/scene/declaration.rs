@@ -164,7 +164,7 @@ impl Scene {
     /// BibTeX entries of what the studies use, each once.
     pub fn citations(&self) -> Vec<&'static str> {
         let mut out = Vec::new();
-        let studies = self.all_studies().into_iter().flat_map(|study| study.cites());
+        let studies = self.all_studies().into_iter().flat_map(|study| study.cites(self));
         for entry in studies.chain(self.parts.iter().flat_map(Self::citations)) {
             if !out.contains(&entry) {
                 out.push(entry);

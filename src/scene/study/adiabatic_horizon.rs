@@ -91,7 +91,7 @@ impl Study for AdiabaticHorizonOptions {
         vec![HORIZON]
     }
 
-    fn cites(&self) -> Vec<&'static str> {
+    fn cites(&self, _: &Scene) -> Vec<&'static str> {
         Vec::new()
     }
 

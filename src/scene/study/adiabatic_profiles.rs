@@ -49,7 +49,7 @@ impl Study for AdiabaticProfilesOptions {
         vec![PROFILES]
     }
 
-    fn cites(&self) -> Vec<&'static str> {
+    fn cites(&self, _: &Scene) -> Vec<&'static str> {
         Vec::new()
     }
 

@@ -26,7 +26,7 @@ impl Study for CertificateOptions {
         Vec::new()
     }
 
-    fn cites(&self) -> Vec<&'static str> {
+    fn cites(&self, _: &Scene) -> Vec<&'static str> {
         Vec::new()
     }
 

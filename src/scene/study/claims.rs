@@ -37,7 +37,7 @@ impl Study for ClaimsOptions {
         Vec::new()
     }
 
-    fn cites(&self) -> Vec<&'static str> {
+    fn cites(&self, _: &Scene) -> Vec<&'static str> {
         Vec::new()
     }
 

@@ -45,7 +45,7 @@ pub(super) trait Study {
     fn figures(&self, scene: &Scene) -> Vec<&'static str>;
 
     /// BibTeX entries of the methods that it uses.
-    fn cites(&self) -> Vec<&'static str>;
+    fn cites(&self, scene: &Scene) -> Vec<&'static str>;
 
     /// Measures. What other studies may ask for too is asked of the context, which
     /// makes it once.

@@ -31,7 +31,7 @@ impl Study for PairsStudy {
         Vec::new()
     }
 
-    fn cites(&self) -> Vec<&'static str> {
+    fn cites(&self, _: &Scene) -> Vec<&'static str> {
         vec![GAUSS_LEGENDRE]
     }
 

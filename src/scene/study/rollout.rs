@@ -93,7 +93,7 @@ impl Study for RolloutOptions {
         }
     }
 
-    fn cites(&self) -> Vec<&'static str> {
+    fn cites(&self, _: &Scene) -> Vec<&'static str> {
         vec![GAUSS_LEGENDRE]
     }
 

@@ -63,7 +63,7 @@ impl Study for SlowManifoldOptions {
         vec![SLOW, OFF]
     }
 
-    fn cites(&self) -> Vec<&'static str> {
+    fn cites(&self, _: &Scene) -> Vec<&'static str> {
         vec![GAUSS_LEGENDRE]
     }
 

@@ -54,7 +54,7 @@ impl Study for TanhOptions {
         vec![TANH]
     }
 
-    fn cites(&self) -> Vec<&'static str> {
+    fn cites(&self, _: &Scene) -> Vec<&'static str> {
         Vec::new()
     }
 

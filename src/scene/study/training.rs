@@ -4,16 +4,16 @@ use super::Study;
 use crate::error::Error;
 use crate::measure::{Spread, component_errors, disturbing_resonance, milestones};
 use crate::network::Architecture;
-use crate::scene::bibliography::{HENON_NET, LBFGS};
+use crate::scene::bibliography::{ADAM, HENON_NET, LBFGS, MARQUARDT, SYMP_NET};
 use crate::scene::context::{Context, DataSets, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::learning::Trained;
 use crate::scene::log::TrainingTimes;
-use crate::scene::setup::Need;
+use crate::scene::setup::{Need, NetworkSpec};
 use crate::system::Hamiltonian;
-use crate::train::{Stop, TrainingOptions, TrainingRecord};
+use crate::train::{Optimiser, Stop, TrainingOptions, TrainingRecord};
 use serde::Serialize;
 use serde_json::json;
 
@@ -39,8 +39,22 @@ impl Study for TrainingStudy {
         vec![LOSS]
     }
 
-    fn cites(&self) -> Vec<&'static str> {
-        vec![HENON_NET, LBFGS]
+    fn cites(&self, scene: &Scene) -> Vec<&'static str> {
+        let setup = &scene.setup;
+        let mut out = vec![HENON_NET];
+        for model in &setup.models {
+            match model.network {
+                NetworkSpec::File { .. } => continue,
+                NetworkSpec::SympNet { .. } => out.push(SYMP_NET),
+                NetworkSpec::Gyroceptron { .. } | NetworkSpec::HenonNet { .. } => {}
+            }
+            out.push(match setup.training_of(model).optimiser {
+                Optimiser::Lbfgs(_) => LBFGS,
+                Optimiser::LevenbergMarquardt(_) => MARQUARDT,
+                Optimiser::Adam(_) => ADAM,
+            });
+        }
+        out
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {

@@ -59,7 +59,7 @@ impl Study for TrajectoriesOptions {
         vec![TRAJECTORIES]
     }
 
-    fn cites(&self) -> Vec<&'static str> {
+    fn cites(&self, _: &Scene) -> Vec<&'static str> {
         vec![GAUSS_LEGENDRE]
     }
 

@@ -105,7 +105,7 @@ impl Study for WorkPrecisionOptions {
         }
     }
 
-    fn cites(&self) -> Vec<&'static str> {
+    fn cites(&self, _: &Scene) -> Vec<&'static str> {
         let mut out = vec![GAUSS_LEGENDRE];
         for entry in &self.integrators {
             out.extend(match entry.integrator {
