@@ -918,3 +918,100 @@ fn a_closed_pipe_is_no_error() {
     drop(child.stdout.take());
     assert!(child.wait().expect("ends").success());
 }
+
+/// Each kind of network by each optimiser, with a report beside the model, which says how
+/// to do it again, to the same bits.
+#[test]
+fn training_offers_networks_and_optimisers_and_reports() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let base = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--iterations", "6"];
+    let with = |more: &[&str]| -> Vec<String> {
+        [&base[..], more].concat().iter().map(|s| s.to_string()).collect()
+    };
+    let call = |arguments: Vec<String>| {
+        succeeds(path, &arguments.iter().map(String::as_str).collect::<Vec<_>>())
+    };
+    for (number, (more, kind, parameters)) in [
+        (&["--optimiser", "lm", "--psi", "2x3", "--near-identity", "3x4"][..], "gyroceptron", 83),
+        (
+            &["--architecture", "henon-net", "--optimiser", "adam", "--layers", "3x4"],
+            "henon-net",
+            54,
+        ),
+        (
+            &["--architecture", "sympnet", "--optimiser", "l-bfgs", "--layers", "3x2"],
+            "symp-net",
+            34,
+        ),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let file = format!("m{number}.json");
+        let output = call(with(&[more, &["--output", &file]].concat()));
+        let words = text(&output.stdout);
+        assert!(words.contains(&format!("m{number}-report/report.md")), "{words}");
+        let model: Value =
+            serde_json::from_slice(&std::fs::read(path.join(&file)).expect("a model"))
+                .expect("JSON");
+        assert_eq!(model["architecture"]["kind"], kind);
+        assert_eq!(model["parameters"].as_array().expect("numbers").len(), parameters, "{kind}");
+        let report = path.join(format!("m{number}-report"));
+        for name in ["report.md", "report.json", "loss.svg", "loss.csv", "as-run.toml"] {
+            assert!(report.join(name).exists(), "{name}");
+        }
+        let told = std::fs::read_to_string(report.join("report.md")).expect("a report");
+        assert!(told.contains("gyroceptron train --scene as-run.toml --seed 0"), "{told}");
+        // The scene that it leaves does the same again.
+        let scene = format!("m{number}-report/as-run.toml");
+        let again = format!("again{number}.json");
+        let arguments = with(&["--scene", &scene, "--output", &again]);
+        call(arguments);
+        let again: Value =
+            serde_json::from_slice(&std::fs::read(path.join(&again)).expect("a model"))
+                .expect("JSON");
+        assert_eq!(again["parameters"], model["parameters"], "{kind}");
+        // Nothing is replaced unless told so.
+        let second = with(
+            &[more, &["--output", "other.json", "--report", &format!("m{number}-report")]].concat(),
+        );
+        refuses(path, &second.iter().map(String::as_str).collect::<Vec<_>>(), &["report"]);
+    }
+    let sizes = ["--optimiser", "lm", "--psi", "2x3", "--near-identity", "2x3"];
+    let target = ["--target", "1", "--output", "target.json", "--json"];
+    let stopped = call(with(&[&sizes[..], &target].concat()));
+    let stopped: Value = serde_json::from_slice(&stopped.stdout).expect("JSON");
+    assert_eq!(stopped["stop"], "target");
+    for (more, words) in [
+        (&["--psi", "2"][..], &["--psi", "10x8"][..]),
+        (&["--psi", "0x8"], &["--psi"]),
+        (&["--architecture", "henon-net", "--psi", "2x2"], &["--psi", "gyroceptrons"]),
+        (&["--layers", "2x2"], &["--layers", "HénonNets"]),
+        (&["--near-identity-penalty", "-1"], &["near_identity_penalty"]),
+        (&["--target", "nan"], &["target"]),
+        (&["--optimiser", "sgd"], &["sgd", "l-bfgs"]),
+        (
+            &["--architecture", "henon-net", "--layers", "2x2", "--near-identity-penalty", "1"],
+            &["near_identity_penalty"],
+        ),
+    ] {
+        let arguments = with(&[more, &["--output", "bad.json"]].concat());
+        refuses(path, &arguments.iter().map(String::as_str).collect::<Vec<_>>(), words);
+    }
+}
+
+#[test]
+fn weights_are_asked_for_where_a_scene_needs_them() {
+    let folder = with_scene("small.toml", SCENE);
+    let path = folder.path();
+    refuses(path, &["run", "published-weights"], &["published", "--weights"]);
+    refuses(path, &["run", "published-weights", "--weights", "gone.npz"], &["gone.npz"]);
+    refuses(path, &["run", "small.toml", "--weights", "gone.npz"], &["--weights"]);
+    std::fs::write(path.join("broken.npz"), "no archive").expect("written");
+    refuses(path, &["run", "published-weights", "--weights", "broken.npz"], &["broken.npz"]);
+    succeeds(path, &["run", "small.toml", "--quick"]);
+    let scene = std::fs::read_to_string(path.join("gyroceptron-out/small/as-run.toml"));
+    assert!(scene.expect("a scene").contains("iterations = 20"));
+}

@@ -1,8 +1,9 @@
 //! The command line.
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use gyroceptron::Error;
 use gyroceptron::layer::CircleAction;
+use gyroceptron::scene::Layers;
 use std::path::PathBuf;
 
 /// Symplectic gyroceptrons: train, certify and roll out nearly-periodic
@@ -32,7 +33,7 @@ pub enum Command {
     /// Certify the structure of a model, or of networks with random weights.
     Verify(Verify),
     /// Train a gyroceptron on pairs of one's own.
-    Train(Train),
+    Train(Box<Train>),
     /// Roll a model out from given points.
     Predict(Predict),
     /// Make a model of weights trained elsewhere.
@@ -105,6 +106,31 @@ pub struct Verify {
     pub common: Common,
 }
 
+/// The kinds of network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ArchitectureName {
+    /// I_ε ∘ ψ ∘ Φ_θ ∘ ψ⁻¹.
+    Gyroceptron,
+    /// Hénon layers.
+    HenonNet,
+    /// Linear and activation modules.
+    #[value(name = "sympnet", alias = "symp-net")]
+    SympNet,
+}
+
+/// The optimisers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum OptimiserName {
+    /// Levenberg–Marquardt.
+    #[value(alias = "levenberg-marquardt")]
+    Lm,
+    /// L-BFGS in scaled variables.
+    #[value(name = "l-bfgs", alias = "lbfgs")]
+    Lbfgs,
+    /// Adam on batches; an iteration is an epoch.
+    Adam,
+}
+
 #[derive(Debug, Args)]
 pub struct Train {
     /// An .npz with `input` and `output`, both (N, 2n) float64, columns
@@ -114,9 +140,38 @@ pub struct Train {
     /// The integer weight of each plane (q_j, p_j), such as 1,0.
     #[arg(long, value_name = "WEIGHTS", allow_hyphen_values = true)]
     pub circle_action: String,
-    /// Network and training options are taken from this scene.
+    /// Network and training options are taken from this scene; the options below come
+    /// before it.
     #[arg(long, value_name = "FILE.toml")]
     pub scene: Option<String>,
+    /// The kind of network [default: the scene's, or a gyroceptron].
+    #[arg(long, value_enum)]
+    pub architecture: Option<ArchitectureName>,
+    /// Layers and neurons of ψ, such as 10x8.
+    #[arg(long, value_name = "LAYERSxWIDTH")]
+    pub psi: Option<String>,
+    /// Layers and neurons of I_ε, such as 10x8.
+    #[arg(long, value_name = "LAYERSxWIDTH")]
+    pub near_identity: Option<String>,
+    /// Layers and neurons of a HénonNet; linear modules and their shears of a SympNet.
+    #[arg(long, value_name = "LAYERSxWIDTH")]
+    pub layers: Option<String>,
+    /// What minimises the loss [default: the scene's, or l-bfgs].
+    #[arg(long, value_enum)]
+    pub optimiser: Option<OptimiserName>,
+    /// What is added to the loss: so many times the mean square of I_ε(z) − z.
+    #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
+    pub near_identity_penalty: Option<f64>,
+    /// Stop when the held-out error has not improved for so many evaluations of it, one
+    /// in ten iterations; 0 never stops.
+    #[arg(long, value_name = "N")]
+    pub patience: Option<u64>,
+    /// Stop when the held-out error is at most this.
+    #[arg(long, value_name = "MSE", allow_negative_numbers = true)]
+    pub target: Option<f64>,
+    /// The folder of the report [default: the model's name and -report, beside it].
+    #[arg(long, value_name = "DIR")]
+    pub report: Option<PathBuf>,
     /// The model file to write; FILE.checkpoint beside it while training.
     #[arg(long, value_name = "FILE.json")]
     pub output: PathBuf,
@@ -213,6 +268,18 @@ pub fn circle_action(text: &str) -> Result<CircleAction, Error> {
     weights
         .map(CircleAction::new)
         .map_err(|_| Error::invalid("--circle-action", text, "integers with commas, such as 1,0"))
+}
+
+/// `10x8` as layers and neurons.
+pub fn layers(name: &str, text: &str) -> Result<Layers, Error> {
+    let parse = || {
+        let (count, width) = text.split_once('x')?;
+        Some(Layers { count: count.trim().parse().ok()?, width: width.trim().parse().ok()? })
+    };
+    let sound = |layers: &Layers| (1..=100_000).contains(&layers.count) && layers.width > 0;
+    parse()
+        .filter(sound)
+        .ok_or_else(|| Error::invalid(name, text, "layers and neurons, such as 10x8"))
 }
 
 /// A count that must be at least 1.

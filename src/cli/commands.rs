@@ -1,17 +1,16 @@
 //! The commands.
 
 use super::arguments::{
-    Arguments, Command, Common, Export, Import, Predict, Run, Train, Verify, circle_action,
-    positive,
+    Arguments, Command, Common, Export, Import, Predict, Run, Verify, circle_action, positive,
 };
 use super::output::{json, out, status_of};
 use super::progress::{Progress, line};
+use super::train::train_pairs;
 use super::{Status, cite};
 use gyroceptron::Error;
-use gyroceptron::flow::Pairs;
 use gyroceptron::io::{
-    Provenance, StoredModel, export_weights, file_digest, import_weights, load_checkpoint,
-    load_model, read_pairs, read_points, read_tensors, save_checkpoint, save_model, write_points,
+    Provenance, StoredModel, export_weights, file_digest, import_weights, load_model, read_points,
+    read_tensors, save_model, write_points,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{CertificateOptions, certify, certify_all, disturbing_resonance};
@@ -19,13 +18,10 @@ use gyroceptron::network::{
     Architecture, GyroceptronShape, InitialWeights, Model, Rollout, rollout,
 };
 use gyroceptron::random::Stream;
-use gyroceptron::scene::findings::{Format, Table};
 use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{
-    Folder, Layers, ModelSpec, NetworkSpec, Observer, Scene, catalogue, certificate_table,
-    default_scene, find, parse, run, stop_words,
+    Folder, Scene, catalogue, certificate_table, default_scene, find, parse, run,
 };
-use gyroceptron::train::{Control, Stop, TrainingOptions, fit_rotation, train};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -47,7 +43,7 @@ pub fn dispatch(arguments: Arguments) -> Result<Status, Error> {
 }
 
 /// A built-in scene by name, any other from its file.
-fn read_scene(name: &str) -> Result<Scene, Error> {
+pub fn read_scene(name: &str) -> Result<Scene, Error> {
     let path = Path::new(name);
     if path.extension().is_some_and(|e| e == "toml") {
         let text = std::fs::read_to_string(path).map_err(|reason| Error::read(path, reason))?;
@@ -57,7 +53,7 @@ fn read_scene(name: &str) -> Result<Scene, Error> {
     }
 }
 
-fn use_threads(common: &Common) -> Result<(), Error> {
+pub fn use_threads(common: &Common) -> Result<(), Error> {
     if let Some(threads) = common.threads {
         const MOST: usize = 1024;
         if threads == 0 || threads > MOST {
@@ -220,177 +216,9 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
     Ok(status_of(result.holds()))
 }
 
-/// What `train` takes from a scene.
-struct Recipe {
-    name: String,
-    network: NetworkSpec,
-    weights: InitialWeights,
-    training: TrainingOptions,
-}
-
-fn recipe(scene: Option<&str>) -> Result<Recipe, Error> {
-    let default = NetworkSpec::Gyroceptron {
-        psi: Layers { count: 10, width: 8 },
-        near_identity: Layers { count: 10, width: 8 },
-        circle_action: None,
-    };
-    let Some(name) = scene else {
-        return Ok(Recipe {
-            name: "train".into(),
-            network: default,
-            weights: InitialWeights::Normal { scale: 0.15 },
-            training: TrainingOptions::default(),
-        });
-    };
-    let scene = read_scene(name)?;
-    let spec = match &scene.setup.models[..] {
-        [] => ModelSpec {
-            name: scene.name.clone(),
-            network: default,
-            weights: InitialWeights::Normal { scale: 0.15 },
-            training: None,
-            training_only: false,
-            seeds: None,
-        },
-        [spec] => spec.clone(),
-        several => {
-            return Err(Error::content(
-                format!("{name}: models"),
-                "one network to train",
-                several.len(),
-            ));
-        }
-    };
-    Ok(Recipe {
-        name: scene.name,
-        network: spec.network,
-        weights: spec.weights,
-        training: spec.training.unwrap_or(scene.setup.training),
-    })
-}
-
-fn train_pairs(arguments: &Train) -> Result<Status, Error> {
-    use_threads(&arguments.common)?;
-    let action = circle_action(&arguments.circle_action)?;
-    let mut recipe = recipe(arguments.scene.as_deref())?;
-    if let Some(iterations) = arguments.iterations {
-        recipe.training.iterations = positive("--iterations", iterations)? as u64;
-    }
-    if !(0.0..1.0).contains(&arguments.validation) {
-        return Err(Error::invalid(
-            "--validation",
-            arguments.validation,
-            "a share of at least 0 and less than 1",
-        ));
-    }
-    if let Some(theta) = arguments.theta.filter(|t| !t.is_finite()) {
-        return Err(Error::invalid("--theta", theta, "a finite number"));
-    }
-    if let NetworkSpec::Gyroceptron { circle_action, .. } = &mut recipe.network {
-        *circle_action = None;
-    }
-    let Some(architecture) = recipe.network.architecture(&action, arguments.epsilon) else {
-        return Err(Error::invalid("--scene", "a network of a file", "one to train"));
-    };
-    architecture.check()?;
-    let checkpoint_file = checkpoint_beside(&arguments.output);
-    let replace = arguments.overwrite || arguments.resume;
-    for path in [&arguments.output, &checkpoint_file] {
-        guard_output(path, replace, &[&arguments.data])?;
-    }
-
-    let mut progress = Progress::new();
-    let file = read_pairs(&arguments.data)?;
-    if file.single_precision {
-        progress.note(&format!("{}: float32 numbers, taken as they are", arguments.data.display()));
-    }
-    if file.pairs.dof() != action.dof() {
-        return Err(Error::invalid(
-            "--circle-action",
-            format!("{} weights", action.dof()),
-            format!(
-                "{} weights, one for each plane of {}",
-                file.pairs.dof(),
-                arguments.data.display()
-            ),
-        ));
-    }
-    let digest = file.pairs.digest();
-    let theta = arguments.theta.unwrap_or_else(|| fit_rotation(&file.pairs, &action));
-    let (pairs, held_out) =
-        file.pairs.split(arguments.validation, &mut Stream::new(arguments.seed, "data/held-out"));
-    let model = architecture.initialise(recipe.weights, theta, arguments.seed)?;
-    let resume = if arguments.resume { Some(load_checkpoint(&checkpoint_file)?) } else { None };
-    progress.note(&format!(
-        "training {} parameters on {} pairs, {} held out, θ from {theta:.6}",
-        model.composition().parameters().len(),
-        pairs.len(),
-        held_out.as_ref().map_or(0, Pairs::len)
-    ));
-    let iterations = recipe.training.iterations;
-    let outcome = train(&model, &pairs, held_out.as_ref(), &recipe.training, resume, &mut |p| {
-        if let Some(checkpoint) = p.checkpoint {
-            save_checkpoint(&checkpoint_file, checkpoint)?;
-        }
-        progress.iteration("training", p.record, iterations);
-        Ok(if progress.interrupted() { Control::Interrupt } else { Control::Continue })
-    });
-    progress.finish();
-    let outcome = outcome?;
-    if outcome.stop == Stop::Interrupted {
-        progress.note(&format!(
-            "interrupted; the same command with --resume goes on from {}",
-            checkpoint_file.display()
-        ));
-        return Ok(Status::Interrupted);
-    }
-    let provenance = Provenance {
-        seed: Some(arguments.seed),
-        data: Some(digest),
-        validation: outcome.best.validation,
-        ..Provenance::of(&recipe.name)
-    };
-    save_model(&arguments.output, &StoredModel { model: outcome.model.clone(), provenance })?;
-    let theta_after = outcome.model.gyroceptron().map(|g| g.theta());
-    if arguments.common.json {
-        json(&json!({
-            "model": arguments.output.display().to_string(),
-            "parameters": outcome.model.composition().parameters().len(),
-            "stop": outcome.stop,
-            "best": outcome.best,
-            "theta": theta_after,
-        }))?;
-    } else {
-        let mut table = Table::new([
-            ("model", Format::Exact),
-            ("iterations", Format::Exact),
-            ("loss", Format::Exponent(6)),
-            ("held-out error", Format::Exponent(6)),
-            ("θ", Format::Fixed(6)),
-            ("ended", Format::Exact),
-        ]);
-        table.push([
-            arguments.output.display().to_string().into(),
-            outcome.best.iteration.into(),
-            outcome.best.loss.into(),
-            outcome.best.validation.into(),
-            theta_after.into(),
-            stop_words(outcome.stop).into(),
-        ]);
-        out(&terminal::table(&table))?;
-    }
-    Ok(Status::Done)
-}
-
-fn checkpoint_beside(model: &Path) -> PathBuf {
-    let mut name = model.as_os_str().to_owned();
-    name.push(".checkpoint");
-    name.into()
-}
-
 /// Refuses an output that would replace an input, an existing file unless told
 /// so, or anything that is no ordinary file; and one that cannot be written.
-fn guard_output(output: &Path, overwrite: bool, inputs: &[&Path]) -> Result<(), Error> {
+pub fn guard_output(output: &Path, overwrite: bool, inputs: &[&Path]) -> Result<(), Error> {
     let real = |path: &Path| std::fs::canonicalize(path).ok();
     if let Some(input) = inputs.iter().find(|i| real(i).is_some() && real(i) == real(output)) {
         let expected = "another file than the input";

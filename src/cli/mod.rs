@@ -5,6 +5,7 @@ mod cite;
 mod commands;
 mod output;
 mod progress;
+mod train;
 
 use clap::Parser;
 use clap::error::ErrorKind;

@@ -94,19 +94,24 @@ fn run_complete(
     let mut studies = Vec::new();
     for study in scene.all_studies() {
         let findings = study.run(&mut context)?;
-        for figure in &findings.figures {
-            svg::draw(&folder.file(&figure.file()), figure)?;
-            folder.save_text(&data_file_of(figure.name), &figure.csv())?;
-        }
         studies.push(StudyFindings { name: study.name(), findings });
     }
     let (training_times, stages) = context.into_times();
     observer.event(Event::Stage("report"));
-    folder.save_scene(scene)?;
     let (scene, machine) = (scene.clone(), Machine::this());
     let report = Report { scene, studies, training_times, stages, machine, parts };
-    folder.save_timings(&json::timings(&report))?;
-    folder.save_text("report.md", &markdown(&report))?;
-    folder.save_json("report.json", &json::report(&report))?;
+    write(folder, &report)?;
     Ok(report)
+}
+
+/// Writes the files of a report but for those of its parts.
+pub(super) fn write(folder: &Folder, report: &Report) -> Result<(), Error> {
+    folder.save_scene(&report.scene)?;
+    for figure in report.studies.iter().flat_map(|study| &study.findings.figures) {
+        svg::draw(&folder.file(&figure.file()), figure)?;
+        folder.save_text(&data_file_of(figure.name), &figure.csv())?;
+    }
+    folder.save_timings(&json::timings(report))?;
+    folder.save_text("report.md", &markdown(report))?;
+    folder.save_json("report.json", &json::report(report))
 }

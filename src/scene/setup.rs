@@ -262,6 +262,7 @@ impl Setup {
                 continue;
             };
             architecture.check().map_err(|e| e.at(&key))?;
+            self.training_of(model).check_for(&architecture).map_err(|e| e.at(&key))?;
             if architecture.dof() != system.dof() {
                 let (found, expected) = (architecture.dof(), format!("{} weights", system.dof()));
                 return Err(Error::invalid("circle_action", found, expected).at(key));

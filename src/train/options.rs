@@ -2,6 +2,7 @@
 
 use super::{AdamOptions, LbfgsOptions, LevenbergMarquardtOptions, Loss};
 use crate::error::Error;
+use crate::network::Architecture;
 use serde::{Deserialize, Serialize};
 
 /// What lowers the loss, with its options.
@@ -97,6 +98,19 @@ pub(super) fn at_least_one(name: &str, found: u64) -> Result<(), Error> {
 }
 
 impl TrainingOptions {
+    /// Fails unless the options fit a network of this architecture.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the option and its value.
+    pub fn check_for(&self, architecture: &Architecture) -> Result<(), Error> {
+        let has_near_identity = matches!(architecture, Architecture::Gyroceptron { .. });
+        if self.near_identity_penalty > 0.0 && !has_near_identity {
+            let (name, found) = ("training.near_identity_penalty", self.near_identity_penalty);
+            return Err(Error::invalid(name, found, "0: only a gyroceptron has I_ε"));
+        }
+        Ok(())
+    }
+
     /// Fails unless every option is in its range.
     ///
     /// # Errors

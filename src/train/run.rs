@@ -153,10 +153,7 @@ pub fn train(
             Error::check_count(&format!("degrees of freedom of the {name} pairs"), dof, set.dof())?;
         }
     }
-    if options.near_identity_penalty > 0.0 && model.gyroceptron().is_none() {
-        let (name, found) = ("training.near_identity_penalty", options.near_identity_penalty);
-        return Err(Error::invalid(name, found, "0: only a gyroceptron has I_ε"));
-    }
+    options.check_for(&model.architecture())?;
     let objective = Objective::new(&options.loss, pairs)?
         .with_near_identity_penalty(options.near_identity_penalty)?;
     let held_out =

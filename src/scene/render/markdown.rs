@@ -61,6 +61,15 @@ fn write_report(out: &mut String, report: &Report) -> Result {
             write_blocks(out, appendix)?;
         }
     }
+    if scene.setup.system.is_none() && !scene.setup.models.is_empty() {
+        return writeln!(
+            out,
+            "\n## To repeat it\n\n`gyroceptron train --scene as-run.toml --seed {} --data …` with the \
+             file of that name beside this report, the same pairs and gyroceptron {version}: every \
+             number above but the timings comes out the same, bit for bit.",
+            scene.seed
+        );
+    }
     writeln!(
         out,
         "\n## To repeat it\n\n`gyroceptron run as-run.toml --out …` with the file of that name beside \

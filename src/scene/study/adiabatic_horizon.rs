@@ -48,7 +48,7 @@ pub struct LongOrbits {
 }
 
 /// Iterations of all orbits between two checkpoints, about.
-const BETWEEN: u64 = 20_000_000;
+const BETWEEN: u64 = 2_000_000;
 
 impl Study for AdiabaticHorizonOptions {
     fn name(&self) -> &'static str {

@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::measure::{Spread, component_errors, disturbing_resonance, milestones};
 use crate::network::Architecture;
 use crate::scene::bibliography::{ADAM, HENON_NET, LBFGS, MARQUARDT, SYMP_NET};
-use crate::scene::context::{Context, DataSets, Halt};
+use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
@@ -17,7 +17,7 @@ use crate::train::{Optimiser, Stop, TrainingOptions, TrainingRecord};
 use serde::Serialize;
 use serde_json::json;
 
-const LOSS: &str = "loss";
+pub(in crate::scene) const LOSS: &str = "loss";
 
 /// In every scene that names networks.
 pub(super) struct TrainingStudy;
@@ -70,39 +70,53 @@ impl Study for TrainingStudy {
             let options = context.scene.setup.training_of(&trained.spec);
             results.push(TrainingResult::new(trained, errors, options));
         }
+        let baseline = Baseline { rotation_error: data.rotation_error, size: data.size() };
         let epsilon = context.system()?.epsilon();
-        let mut details = Vec::new();
-        for result in results.iter().filter(|result| result.is_first()) {
-            details.push(Block::Heading(format!(
-                "`{}`: {} parameters",
-                result.name, result.parameters
-            )));
-            details.push(Block::Table(result.facts(data.rotation_error, epsilon)));
-        }
-        let times = context.training_times();
-        let figures = match context.draws(LOSS) {
-            true => vec![loss(&results, times)],
-            false => Vec::new(),
-        };
-        let mut summary = vec![Block::Table(overview(&results, &data))];
-        let seeds = over_seeds(&results, &data);
-        if !seeds.is_empty() {
-            summary.push(Block::Text("From several initial weights:".into()));
-            summary.push(Block::Table(seeds));
-        }
-        Ok(Findings {
-            title: "Training".into(),
-            results: Section { summary, details, data: json!({ "models": results }) },
-            timings: Section { details: pace(&results, times), ..Section::default() },
-            figures,
-            ..Findings::default()
-        })
+        let draws = context.draws(LOSS);
+        Ok(findings(&results, baseline, epsilon, context.training_times(), draws))
+    }
+}
+
+/// What the errors are compared with.
+#[derive(Clone, Copy)]
+pub(in crate::scene) struct Baseline {
+    /// The held-out mean squared error of the limiting rotation alone.
+    pub(in crate::scene) rotation_error: Option<f64>,
+    /// The root mean square of the components of the outputs.
+    pub(in crate::scene) size: f64,
+}
+
+pub(in crate::scene) fn findings(
+    results: &[TrainingResult],
+    baseline: Baseline,
+    epsilon: f64,
+    times: &[TrainingTimes],
+    draws: bool,
+) -> Findings {
+    let mut details = Vec::new();
+    for result in results.iter().filter(|result| result.is_first()) {
+        let heading = format!("`{}`: {} parameters", result.name, result.parameters);
+        details.push(Block::Heading(heading));
+        details.push(Block::Table(result.facts(baseline.rotation_error, epsilon)));
+    }
+    let mut summary = vec![Block::Table(overview(results, baseline))];
+    let seeds = over_seeds(results, baseline);
+    if !seeds.is_empty() {
+        summary.push(Block::Text("From several initial weights:".into()));
+        summary.push(Block::Table(seeds));
+    }
+    Findings {
+        title: "Training".into(),
+        results: Section { summary, details, data: json!({ "models": results }) },
+        timings: Section { details: pace(results, times), ..Section::default() },
+        figures: if draws { vec![loss(results, times)] } else { Vec::new() },
+        ..Findings::default()
     }
 }
 
 /// What became of one network.
 #[derive(Serialize)]
-struct TrainingResult {
+pub(in crate::scene) struct TrainingResult {
     /// That of its files: the network's, and which of its initial weights.
     name: String,
     network: String,
@@ -124,7 +138,11 @@ struct TrainingResult {
 }
 
 impl TrainingResult {
-    fn new(trained: &Trained, component_errors: Vec<f64>, options: &TrainingOptions) -> Self {
+    pub(in crate::scene) fn new(
+        trained: &Trained,
+        component_errors: Vec<f64>,
+        options: &TrainingOptions,
+    ) -> Self {
         let (outcome, model) = (&trained.outcome, trained.model());
         let held_out = !component_errors.is_empty();
         let told = |r: &TrainingRecord| {
@@ -207,7 +225,7 @@ impl TrainingResult {
     }
 }
 
-fn overview(results: &[TrainingResult], data: &DataSets) -> Table {
+fn overview(results: &[TrainingResult], baseline: Baseline) -> Table {
     let mut table = Table::new([
         ("network", Format::Exact),
         ("parameters", Format::Exact),
@@ -229,15 +247,15 @@ fn overview(results: &[TrainingResult], data: &DataSets) -> Table {
             result.best.loss.into(),
             validation.into(),
             validation.map(f64::sqrt).into(),
-            validation.map(|error| error.sqrt() / data.size()).into(),
-            result.share(data.rotation_error).into(),
+            validation.map(|error| error.sqrt() / baseline.size).into(),
+            result.share(baseline.rotation_error).into(),
         ]);
     }
     table
 }
 
 /// A row for each network that was trained from several initial weights.
-fn over_seeds(results: &[TrainingResult], data: &DataSets) -> Table {
+fn over_seeds(results: &[TrainingResult], baseline: Baseline) -> Table {
     let mut table = Table::new([
         ("network", Format::Exact),
         ("seeds", Format::Exact),
@@ -256,7 +274,7 @@ fn over_seeds(results: &[TrainingResult], data: &DataSets) -> Table {
         errors.sort_by(f64::total_cmp);
         let (best, worst) = (errors[0], errors[errors.len() - 1]);
         let Some(Spread { median, .. }) = Spread::of(errors.clone()) else { continue };
-        let share = |error: f64| Some((error / data.rotation_error?).sqrt());
+        let share = |error: f64| Some((error / baseline.rotation_error?).sqrt());
         table.push([
             format!("`{}`", first.network).into(),
             errors.len().into(),

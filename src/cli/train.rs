@@ -1,0 +1,256 @@
+//! Training on pairs of one's own.
+
+use super::Status;
+use super::arguments::{ArchitectureName, OptimiserName, Train, circle_action, layers, positive};
+use super::commands::{guard_output, read_scene, use_threads};
+use super::output::{json, out};
+use super::progress::Progress;
+use gyroceptron::Error;
+use gyroceptron::flow::Pairs;
+use gyroceptron::io::{
+    Provenance, StoredModel, load_checkpoint, read_pairs, save_checkpoint, save_model,
+};
+use gyroceptron::layer::{Activation, CircleAction};
+use gyroceptron::network::InitialWeights;
+use gyroceptron::random::Stream;
+use gyroceptron::scene::render::terminal;
+use gyroceptron::scene::{
+    Folder, Layers, ModelSpec, NetworkSpec, Observer, OwnTraining, TrainingTimes, rotation_error,
+};
+use gyroceptron::train::{
+    AdamOptions, Control, LbfgsOptions, LevenbergMarquardtOptions, Optimiser, Stop,
+    TrainingOptions, fit_rotation, train,
+};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// ψ and I_ε of the paper's time-5 map.
+const LAYERS: Layers = Layers { count: 10, width: 8 };
+/// The paper's HénonNet.
+const HENON_LAYERS: Layers = Layers { count: 16, width: 10 };
+/// A SympNet of about as many parameters.
+const MODULES: Layers = Layers { count: 41, width: 4 };
+
+fn gyroceptron() -> NetworkSpec {
+    NetworkSpec::Gyroceptron { psi: LAYERS, near_identity: LAYERS, circle_action: None }
+}
+
+/// The network and its training, as the scene has them.
+fn of_scene(scene: Option<&str>) -> Result<(ModelSpec, TrainingOptions), Error> {
+    let default = |name: &str| ModelSpec {
+        name: name.into(),
+        network: gyroceptron(),
+        weights: InitialWeights::Normal { scale: 0.15 },
+        training: None,
+        training_only: false,
+        seeds: None,
+    };
+    let Some(name) = scene else {
+        return Ok((default("train"), TrainingOptions::default()));
+    };
+    let scene = read_scene(name)?;
+    let mut spec = match &scene.setup.models[..] {
+        [] => default(&scene.name),
+        [spec] => ModelSpec { name: scene.name.clone(), ..spec.clone() },
+        several => {
+            let place = format!("{name}: models");
+            return Err(Error::content(place, "one network to train", several.len()));
+        }
+    };
+    let training = spec.training.take().unwrap_or(scene.setup.training);
+    Ok((ModelSpec { seeds: None, ..spec }, training))
+}
+
+/// The network that the options ask for, or that of the scene.
+fn network(arguments: &Train, of_scene: NetworkSpec) -> Result<NetworkSpec, Error> {
+    let given = |name: &str, text: &Option<String>| {
+        text.as_deref().map(|text| layers(name, text)).transpose()
+    };
+    let psi = given("--psi", &arguments.psi)?;
+    let near_identity = given("--near-identity", &arguments.near_identity)?;
+    let plain = given("--layers", &arguments.layers)?;
+    let mut network = match arguments.architecture {
+        None => of_scene,
+        Some(ArchitectureName::Gyroceptron) => gyroceptron(),
+        Some(ArchitectureName::HenonNet) => NetworkSpec::HenonNet { layers: HENON_LAYERS },
+        Some(ArchitectureName::SympNet) => NetworkSpec::SympNet {
+            modules: MODULES.count,
+            shears: MODULES.width,
+            activation: Activation::Sigmoid,
+            plain: false,
+        },
+    };
+    let unfit = |name: &str, value: &Option<String>, of: &str| {
+        let found = value.clone().unwrap_or_default();
+        Err(Error::invalid(name, found, format!("an option of {of}")))
+    };
+    match &mut network {
+        NetworkSpec::Gyroceptron { psi: own, near_identity: near, circle_action } => {
+            if plain.is_some() {
+                return unfit("--layers", &arguments.layers, "HénonNets and SympNets");
+            }
+            *own = psi.unwrap_or(*own);
+            *near = near_identity.unwrap_or(*near);
+            *circle_action = None;
+        }
+        _ if psi.is_some() => return unfit("--psi", &arguments.psi, "gyroceptrons"),
+        _ if near_identity.is_some() => {
+            return unfit("--near-identity", &arguments.near_identity, "gyroceptrons");
+        }
+        NetworkSpec::HenonNet { layers } => *layers = plain.unwrap_or(*layers),
+        NetworkSpec::SympNet { modules, shears, .. } => {
+            let layers = plain.unwrap_or(Layers { count: *modules, width: *shears });
+            (*modules, *shears) = (layers.count, layers.width);
+        }
+        NetworkSpec::File { .. } => {
+            return Err(Error::invalid("--scene", "a network of a file", "one to train"));
+        }
+    }
+    Ok(network)
+}
+
+/// The training options of the command line over those of the scene.
+fn options(arguments: &Train, mut training: TrainingOptions) -> Result<TrainingOptions, Error> {
+    if let Some(iterations) = arguments.iterations {
+        training.iterations = positive("--iterations", iterations)? as u64;
+    }
+    if let Some(name) = arguments.optimiser {
+        training.optimiser = match name {
+            OptimiserName::Lm => {
+                Optimiser::LevenbergMarquardt(LevenbergMarquardtOptions::default())
+            }
+            OptimiserName::Lbfgs => Optimiser::Lbfgs(LbfgsOptions::default()),
+            OptimiserName::Adam => Optimiser::Adam(AdamOptions::default()),
+        };
+    }
+    if let Some(penalty) = arguments.near_identity_penalty {
+        training.near_identity_penalty = penalty;
+    }
+    training.patience = arguments.patience.unwrap_or(training.patience);
+    training.target = arguments.target.unwrap_or(training.target);
+    training.check()?;
+    Ok(training)
+}
+
+/// The name of the model with an addition.
+fn beside(model: &Path, addition: &str, ending: bool) -> PathBuf {
+    let mut name =
+        if ending { model.to_owned() } else { model.with_extension("") }.into_os_string();
+    name.push(addition);
+    name.into()
+}
+
+fn check_fit(arguments: &Train, pairs: &Pairs, action: &CircleAction) -> Result<(), Error> {
+    if pairs.dof() == action.dof() {
+        return Ok(());
+    }
+    let (found, file) = (format!("{} weights", action.dof()), arguments.data.display());
+    let expected = format!("{} weights, one for each plane of {file}", pairs.dof());
+    Err(Error::invalid("--circle-action", found, expected))
+}
+
+pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
+    use_threads(&arguments.common)?;
+    let action = circle_action(&arguments.circle_action)?;
+    let (spec, training) = of_scene(arguments.scene.as_deref())?;
+    let network = network(arguments, spec.network.clone())?;
+    let spec = ModelSpec { network, ..spec };
+    let training = options(arguments, training)?;
+    if !(0.0..1.0).contains(&arguments.validation) {
+        let expected = "a share of at least 0 and less than 1";
+        return Err(Error::invalid("--validation", arguments.validation, expected));
+    }
+    if let Some(theta) = arguments.theta.filter(|t| !t.is_finite()) {
+        return Err(Error::invalid("--theta", theta, "a finite number"));
+    }
+    let architecture = spec.network.architecture(&action, arguments.epsilon);
+    let architecture = architecture.expect("a network of a file is refused");
+    architecture.check()?;
+    training.check_for(&architecture)?;
+    let checkpoint_file = beside(&arguments.output, ".checkpoint", true);
+    let replace = arguments.overwrite || arguments.resume;
+    for path in [&arguments.output, &checkpoint_file] {
+        guard_output(path, replace, &[&arguments.data])?;
+    }
+
+    let mut progress = Progress::new();
+    let file = read_pairs(&arguments.data)?;
+    if file.single_precision {
+        progress.note(&format!("{}: float32 numbers, taken as they are", arguments.data.display()));
+    }
+    check_fit(arguments, &file.pairs, &action)?;
+    let report_folder =
+        arguments.report.clone().unwrap_or_else(|| beside(&arguments.output, "-report", false));
+    let digest = file.pairs.digest();
+    let nearest = fit_rotation(&file.pairs, &action);
+    let theta = arguments.theta.unwrap_or(nearest);
+    let (pairs, held_out) =
+        file.pairs.split(arguments.validation, &mut Stream::new(arguments.seed, "data/held-out"));
+    let model = architecture.initialise(spec.weights, theta, arguments.seed)?;
+    let resume = if arguments.resume { Some(load_checkpoint(&checkpoint_file)?) } else { None };
+    let folder = Folder::open(&report_folder, false, replace)?;
+    progress.note(&format!(
+        "training {} parameters on {} pairs, {} held out, θ from {theta:.6}",
+        model.composition().parameters().len(),
+        pairs.len(),
+        held_out.as_ref().map_or(0, Pairs::len)
+    ));
+    let iterations = training.iterations;
+    let mut times = TrainingTimes { model: spec.name.clone(), points: Vec::new() };
+    let start = Instant::now();
+    let outcome = train(&model, &pairs, held_out.as_ref(), &training, resume, &mut |p| {
+        times.points.push((p.record.iteration, start.elapsed().as_secs_f64()));
+        if let Some(checkpoint) = p.checkpoint {
+            save_checkpoint(&checkpoint_file, checkpoint)?;
+        }
+        progress.iteration("training", p.record, iterations);
+        Ok(if progress.interrupted() { Control::Interrupt } else { Control::Continue })
+    });
+    progress.finish();
+    let outcome = outcome?;
+    if outcome.stop == Stop::Interrupted {
+        progress.note(&format!(
+            "interrupted; the same command with --resume goes on from {}",
+            checkpoint_file.display()
+        ));
+        return Ok(Status::Interrupted);
+    }
+    let provenance = Provenance {
+        seed: Some(arguments.seed),
+        data: Some(digest),
+        validation: outcome.best.validation,
+        ..Provenance::of(&spec.name)
+    };
+    save_model(&arguments.output, &StoredModel { model: outcome.model.clone(), provenance })?;
+    let (stop, best) = (outcome.stop, outcome.best);
+    let theta_after = outcome.model.gyroceptron().map(|g| g.theta());
+    let judge = held_out.as_ref().unwrap_or(&pairs);
+    let report = OwnTraining {
+        spec,
+        options: &training,
+        seed: arguments.seed,
+        rotation_error: rotation_error(&action, nearest, judge),
+        initial: model,
+        outcome,
+        pairs: &pairs,
+        held_out: held_out.as_ref(),
+        times,
+    }
+    .report(&folder)?;
+    if arguments.common.json {
+        json(&json!({
+            "model": arguments.output.display().to_string(),
+            "report": report_folder.display().to_string(),
+            "parameters": architecture.parameter_count(),
+            "stop": stop,
+            "best": best,
+            "theta": theta_after,
+        }))?;
+    } else {
+        out(&terminal::summary(&report))?;
+        let report = report_folder.join("report.md");
+        out(&format!("model: {}\nreport: {}\n", arguments.output.display(), report.display()))?;
+    }
+    Ok(Status::Done)
+}

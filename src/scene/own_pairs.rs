@@ -1,0 +1,101 @@
+//! The report of a training on pairs of one's own.
+
+use super::declaration::Scene;
+use super::folder::Folder;
+use super::learning::Trained;
+use super::log::TrainingTimes;
+use super::machine::Machine;
+use super::report::{Report, StudyFindings};
+use super::run::write;
+use super::setup::{ModelSpec, Setup};
+use super::study::training::{Baseline, LOSS, TrainingResult, findings};
+use crate::error::Error;
+use crate::flow::Pairs;
+use crate::layer::CircleAction;
+use crate::measure::component_errors;
+use crate::network::Model;
+use crate::train::{Outcome, TrainingOptions};
+
+/// A training on pairs of one's own.
+pub struct OwnTraining<'a> {
+    /// The network.
+    pub spec: ModelSpec,
+    /// How it was trained.
+    pub options: &'a TrainingOptions,
+    /// The seed of its weights.
+    pub seed: u64,
+    /// It before training.
+    pub initial: Model,
+    /// What came of it.
+    pub outcome: Outcome,
+    /// The training pairs.
+    pub pairs: &'a Pairs,
+    /// The held-out pairs.
+    pub held_out: Option<&'a Pairs>,
+    /// The mean squared error, on the pairs to judge by, of the rotation nearest to the
+    /// data: what the network has to improve upon.
+    pub rotation_error: f64,
+    /// The seconds of training.
+    pub times: TrainingTimes,
+}
+
+impl OwnTraining<'_> {
+    /// Writes the report into a folder: text, data and the figure of the losses.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn report(self, folder: &Folder) -> Result<Report, Error> {
+        let output = self.held_out.unwrap_or(self.pairs).output();
+        let squares: f64 = output.iter().map(|v| v * v).sum();
+        let baseline = Baseline {
+            rotation_error: Some(self.rotation_error),
+            size: (squares / output.len() as f64).sqrt(),
+        };
+        let epsilon = self.initial.architecture().epsilon();
+        let errors = match self.held_out {
+            Some(held_out) => component_errors(self.outcome.model.composition(), held_out)?,
+            None => Vec::new(),
+        };
+        let network = self.spec.name.clone();
+        let (initial, outcome) = (self.initial, self.outcome);
+        let trained = Trained { spec: self.spec.clone(), network, initial, outcome };
+        let result = TrainingResult::new(&trained, errors, self.options);
+        let training_times = vec![self.times];
+        let findings = findings(&[result], baseline, epsilon, &training_times, true);
+        let title = format!(
+            "A network trained on {} pairs, {} held out",
+            self.pairs.len(),
+            self.held_out.map_or(0, Pairs::len)
+        );
+        let setup =
+            Setup { models: vec![self.spec], training: self.options.clone(), ..Setup::default() };
+        let scene = Scene {
+            name: trained.spec.name,
+            title,
+            seed: self.seed,
+            setup,
+            studies: Vec::new(),
+            plots: vec![LOSS.into()],
+            parts: Vec::new(),
+        };
+        let studies = vec![StudyFindings { name: "training", findings }];
+        let (machine, stages, parts) = (Machine::this(), Vec::new(), Vec::new());
+        let report = Report { scene, studies, training_times, stages, machine, parts };
+        write(folder, &report)?;
+        Ok(report)
+    }
+}
+
+/// The mean squared error, over all components, of the best rotation of the pairs by a
+/// circle action: of the model whose ψ and I_ε are the identity.
+pub fn rotation_error(action: &CircleAction, theta: f64, pairs: &Pairs) -> f64 {
+    let dim = 2 * pairs.dof();
+    let turn = action.at(theta);
+    let mut total = 0.0;
+    for (z, w) in pairs.input().chunks_exact(dim).zip(pairs.output().chunks_exact(dim)) {
+        let mut moved = z.to_vec();
+        turn.apply(&mut moved, false);
+        total += moved.iter().zip(w).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+    }
+    total / pairs.output().len() as f64
+}

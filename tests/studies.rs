@@ -1,0 +1,460 @@
+//! Studies of scenes, as a caller of the library runs them.
+
+use gyroceptron::io::{export_weights, load_model};
+use gyroceptron::layer::CircleAction;
+use gyroceptron::measure::{
+    AdiabaticOrbit, drift_exponent, near_identity_rms, settling_iterations,
+};
+use gyroceptron::network::{Architecture, Gyroceptron, GyroceptronShape, InitialWeights, Model};
+use gyroceptron::phase::Map;
+use gyroceptron::scene::{Event, Folder, Observer, Report, Scene, find, parse, render, run};
+use gyroceptron::system::{Hamiltonian, ParticleField};
+use gyroceptron::{Error, flow};
+use serde_json::Value;
+use std::path::Path;
+
+struct Quiet;
+
+impl Observer for Quiet {
+    fn event(&mut self, _: Event<'_>) {}
+}
+
+fn run_in(folder: &Path, scene: &Scene) -> Report {
+    let folder = Folder::open(folder, false, false).expect("a folder");
+    run(scene, &folder, &mut Quiet).expect("runs").expect("not interrupted")
+}
+
+fn temporary() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+fn refused(text: &str, words: &[&str]) {
+    let error = parse("scene", text).and_then(|scene| scene.complete()).expect_err("refused");
+    let error = error.to_string();
+    for word in words {
+        assert!(error.contains(word), "`{error}` does not name `{word}`");
+    }
+}
+
+fn network(epsilon: f64) -> Gyroceptron<f64> {
+    let circle_action = CircleAction::new([1]);
+    let shape = GyroceptronShape { circle_action, psi: vec![4; 2], near_identity: vec![3; 2] };
+    let weights = InitialWeights::Normal { scale: 0.8 };
+    match (Architecture::Gyroceptron { shape, epsilon }).initialise(weights, 2.4, 5) {
+        Ok(Model::Gyroceptron(network)) => network,
+        other => panic!("{other:?}"),
+    }
+}
+
+const START: [f64; 2] = [0.9, 0.4];
+
+/// N(ε) and D(N) by plain loops over the map in w, and that map by the one in z.
+#[test]
+fn orbits_of_the_invariant_are_their_definition() {
+    let factors = [1.1, 1.5, 4.0];
+    for epsilon in [0.2, 0.05, 1e-3] {
+        let network = network(epsilon);
+        let map = network.in_conjugated_coordinates();
+        let action = &network.shape().circle_action;
+        let mut orbit = AdiabaticOrbit::new(&network, &START, &factors).expect("valid");
+        orbit.advance(&map, action, 2500);
+        let (psi, mut z) = (network.psi(), START);
+        let mut w = z;
+        psi.inverse(&mut w);
+        let initial = action.invariant(&w);
+        let settling = settling_iterations(epsilon).expect("positive");
+        let (mut settled, mut largest) = (0.0, 0.0);
+        let mut horizons = [None; 3];
+        let mut drifts = Vec::new();
+        for step in 1..=2500_u64 {
+            map.forward(&mut w);
+            let drift = (action.invariant(&w) - initial).abs();
+            largest = f64::max(largest, drift);
+            if step <= settling as u64 {
+                settled = largest;
+            } else {
+                for (horizon, factor) in horizons.iter_mut().zip(factors) {
+                    if horizon.is_none() && drift > factor * settled {
+                        *horizon = Some(step);
+                    }
+                }
+            }
+            if [10, 100, 1000].contains(&step) {
+                drifts.push((step, largest));
+            }
+            if step <= 100 {
+                network.forward(&mut z);
+                let mut back = w;
+                psi.forward(&mut back);
+                let distance = (back[0] - z[0]).hypot(back[1] - z[1]);
+                assert!(distance < 1e-10, "step {step}: {distance:e}");
+            }
+        }
+        assert_eq!(orbit.horizons(), horizons, "ε = {epsilon}");
+        assert_eq!(orbit.drifts(), drifts, "ε = {epsilon}");
+        assert_eq!((orbit.steps(), orbit.largest()), (2500, largest));
+        // In pieces and through its text: the same.
+        let mut pieces = AdiabaticOrbit::new(&network, &START, &factors).expect("valid");
+        for steps in [7, 10, 10, 999, 1000, 1001, 2500] {
+            pieces.advance(&map, action, steps);
+            let text = serde_json::to_string(&pieces).expect("serialises");
+            pieces = serde_json::from_str(&text).expect("reads back");
+        }
+        assert_eq!(pieces, orbit);
+    }
+    let still = AdiabaticOrbit::new(&network(0.0), &START, &factors).expect("valid");
+    assert!(still.horizons().is_empty());
+    assert!(AdiabaticOrbit::new(&network(0.1), &[0.0; 3], &factors).is_err());
+    assert!(AdiabaticOrbit::new(&network(-0.1), &START, &factors).is_err());
+}
+
+#[test]
+fn the_exponent_of_a_drift_is_that_of_its_growth() {
+    let orbit = |value: fn(f64) -> f64| {
+        let values = (0..=5000).map(|t| value(f64::from(t))).collect();
+        flow::Trajectories::new(values, 1, 1).expect("numbers")
+    };
+    let exponent = |value| drift_exponent(&orbit(value), |v| v[0]);
+    assert!((exponent(|t| 3.0 + 2e-3 * t) - 1.0).abs() < 1e-3);
+    assert!((exponent(|t| 3.0 + 1e-3 * t.sqrt()) - 0.5).abs() < 1e-2);
+    assert!(exponent(f64::sin).abs() < 0.01);
+    assert!(exponent(|_| 1.0).is_nan());
+    assert!(exponent(|t| if t > 4000.0 { f64::NAN } else { t }).is_nan());
+}
+
+#[test]
+fn the_size_of_a_change_is_its_root_mean_square() {
+    let network = network(0.1);
+    let near = network.near_identity();
+    let points: [f64; 6] = [0.3, -0.2, 1.0, 0.5, -0.7, 0.1];
+    let mut squares: f64 = 0.0;
+    for z in points.chunks_exact(2) {
+        let mut moved = z.to_vec();
+        near.forward(&mut moved);
+        squares += (moved[0] - z[0]).powi(2) + (moved[1] - z[1]).powi(2);
+    }
+    let rms = near_identity_rms(&near, &points);
+    assert!((rms - (squares / 6.0).sqrt()).abs() < 1e-15 && rms > 1e-3);
+}
+
+const HORIZON: &str = r#"
+name = "horizon"
+seed = 2
+plots = ["adiabatic-horizon"]
+
+[adiabatic_horizon]
+epsilons = [1e-1, 1e-3]
+factors = [1.1, 2.0]
+seeds = 3
+iterations = 200000
+long = { epsilons = [1e-3], iterations = 2500000 }
+network = { psi = { count = 1, width = 1 }, near_identity = { count = 1, width = 1 }, theta = 2.4, weights = { kind = "normal", scale = 0.8 }, initial = [0.9, 0.4] }
+"#;
+
+/// Interrupts at the first sign of progress.
+struct Impatient {
+    parts: usize,
+}
+
+impl Observer for Impatient {
+    fn event(&mut self, event: Event<'_>) {
+        if let Event::Progress { done, total, .. } = event {
+            assert!(done <= total);
+            self.parts += 1;
+        }
+    }
+
+    fn interrupted(&self) -> bool {
+        self.parts > 0
+    }
+}
+
+#[test]
+fn an_interrupted_horizon_goes_on_to_the_same_numbers() {
+    let scene = parse("horizon", HORIZON).expect("a scene");
+    let (whole, pieces) = (temporary(), temporary());
+    let report = run_in(whole.path(), &scene);
+    let folder = Folder::open(pieces.path(), false, false).expect("a folder");
+    let mut impatient = Impatient { parts: 0 };
+    assert!(run(&scene, &folder, &mut impatient).expect("stops").is_none());
+    let folder = Folder::open(pieces.path(), true, false).expect("a folder");
+    let resumed = run(&scene, &folder, &mut Quiet).expect("runs").expect("to its end");
+    assert_eq!(render::json(&resumed), render::json(&report));
+    let data = &report.study("adiabatic_horizon").expect("a study").results.data;
+    let orbits = data["orbits"].as_array().expect("orbits");
+    // Two ε and rounding alone, three sets of weights each.
+    assert_eq!(orbits.len(), 9);
+    let steps = |k: usize| orbits[k]["iterations"].as_u64().expect("a count");
+    assert_eq!((steps(0), steps(3), steps(4)), (200_000, 2_500_000, 200_000));
+    let largest = |k: usize| orbits[k]["largest"].as_f64().expect("a number");
+    assert!(largest(6) < 1e-11 && largest(3) > 1e-5);
+    // A checkpoint of other options is not gone on with.
+    let other = parse("other", &HORIZON.replace("seeds = 3", "seeds = 2")).expect("a scene");
+    let folder = Folder::open(pieces.path(), true, false).expect("a folder");
+    assert!(run(&other, &folder, &mut Quiet).is_err());
+    refused(&HORIZON.replace("[1.1, 2.0]", "[2.0, 1.1]"), &["factors", "ascending"]);
+    refused(&HORIZON.replace("[1e-1, 1e-3]", "[0.0]"), &["epsilons"]);
+    refused(&HORIZON.replace("{ epsilons = [1e-3]", "{ epsilons = [1e-4]"), &["long.epsilons"]);
+    refused(&HORIZON.replace("seeds = 3", "seeds = 0"), &["seeds"]);
+}
+
+const PROFILES: &str = r#"
+name = "adiabatic-profiles"
+seed = 1
+plots = ["adiabatic-profiles"]
+
+[adiabatic_profiles]
+epsilons = [1e-2, 1e-4, 1e-6]
+iterations = 1000
+network = { psi = { count = 2, width = 4 }, near_identity = { count = 2, width = 4 }, theta = 3.8832220774509327, weights = { kind = "glorot" }, initial = [1.0, 0.3] }
+"#;
+
+#[test]
+fn profiles_shrink_with_epsilon() {
+    let scene = parse("profiles", PROFILES).expect("a scene");
+    let folder = temporary();
+    let report = run_in(folder.path(), &scene);
+    let data = &report.study("adiabatic_profiles").expect("a study").results.data;
+    let number = |v: &Value| v.as_f64().expect("a number");
+    let slopes: Vec<f64> = data
+        .as_array()
+        .expect("profiles")
+        .iter()
+        .map(|of| number(&of["drift"]["largest"]) / number(&of["epsilon"]))
+        .collect();
+    assert!(slopes.iter().all(|s| (s / slopes[2] - 1.0).abs() < 0.05), "{slopes:?}");
+    let svg = std::fs::read_to_string(folder.path().join("adiabatic-profiles.svg")).expect("drawn");
+    assert!(svg.contains("ε = 1e-6") && svg.contains("iterations"));
+    refused(&PROFILES.replace("iterations = 1000", "iterations = 10"), &["iterations"]);
+    refused(&PROFILES.replace("theta = 3.8832220774509327", "theta = nan"), &["theta"]);
+    refused(&PROFILES.replace("width = 4", "width = 0"), &["layer"]);
+}
+
+#[test]
+fn points_of_the_slow_manifold_have_no_action() {
+    let system = ParticleField::two_modes(0.01);
+    let z = system.on_slow_manifold(0.7, -0.3);
+    assert_eq!(z, [0.7, 0.0, 0.0, -0.3, 0.0, 0.5]);
+    assert_eq!(system.adiabatic_invariant(&z), 0.0);
+}
+
+const SLOW: &str = r#"
+name = "particle-field"
+seed = 1
+flow_time = 0.5
+plots = ["slow-manifold", "learnt-invariant"]
+
+[system]
+kind = "particle-field"
+epsilon = 0.01
+profiles = [
+    { kind = "sine", amplitude = 0.5, wavenumber = 2.0 },
+    { kind = "gaussian", amplitude = 0.5, rate = 5.0 },
+]
+
+[data]
+validation = 0.2
+windows = [
+    { low = [-2.0, -0.5, -0.5, -1.0, -0.5, 0.0], high = [2.0, 0.5, 0.5, 1.0, 0.5, 1.0], samples = 600 },
+]
+
+[[models]]
+name = "gyroceptron"
+network = { kind = "gyroceptron", psi = { count = 2, width = 4 }, near_identity = { count = 2, width = 4 } }
+weights = { kind = "normal", scale = 0.15 }
+seeds = 3
+
+[[models]]
+name = "beside"
+network = { kind = "henon-net", layers = { count = 2, width = 3 } }
+weights = { kind = "normal", scale = 0.15 }
+training = { iterations = 3, optimiser = { kind = "adam" } }
+training_only = true
+
+[training]
+iterations = 12
+optimiser = { kind = "levenberg-marquardt" }
+
+[slow_manifold]
+steps = 100
+every = 2
+on = [[-1.0, 0.5], [0.5, -0.6]]
+off = [[0.0, 0.3, 0.0, 0.5, 0.1, 0.4]]
+"#;
+
+/// The reference stays at the slow manifold to order ε; networks are trained from each
+/// of their weights, and those that are there for comparison go no further.
+#[test]
+fn the_slow_manifold_is_that_of_the_equations() {
+    let scene = parse("slow", SLOW).expect("a scene");
+    let folder = temporary();
+    let report = run_in(folder.path(), &scene);
+    let number = |v: &Value| v.as_f64().expect("a number");
+    let data = &report.study("slow_manifold").expect("a study").results.data;
+    let names: Vec<_> =
+        data["slow"].as_array().expect("orbits").iter().map(|of| &of["name"]).collect();
+    assert_eq!(names, ["reference", "gyroceptron"]);
+    for largest in data["slow"][0]["largest_q_p_mu"].as_array().expect("two orbits") {
+        let (q, p, mu) = (number(&largest[0]), number(&largest[1]), number(&largest[2]));
+        assert!(q > 0.0 && q < 5.0 * 0.01 && p < 0.01 && mu < 5e-4, "{q} {p} {mu}");
+    }
+    let training = &report.study("training").expect("a study").results.data["models"];
+    let trained: Vec<_> =
+        training.as_array().expect("networks").iter().map(|m| &m["name"]).collect();
+    let expected = ["gyroceptron", "gyroceptron-seed-2", "gyroceptron-seed-3", "beside"];
+    assert_eq!(trained, expected);
+    for name in expected {
+        assert!(folder.path().join(format!("model-{name}.json")).exists(), "{name}");
+    }
+    let parameters = |name: &str| {
+        let file = folder.path().join(format!("model-{name}.json"));
+        load_model(&file).expect("a model").model.composition().parameters().to_vec()
+    };
+    assert_ne!(parameters("gyroceptron"), parameters("gyroceptron-seed-2"));
+    let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    for words in ["From several initial weights", "| `gyroceptron` | 3 |", "Adam", "Levenberg"] {
+        assert!(text.contains(words), "the report lacks {words}");
+    }
+    assert!(text.contains("slow-manifold.csv") && text.contains("learnt-invariant.svg"));
+    // Overwriting removes the files of all weights.
+    let _ = Folder::open(folder.path(), false, true).expect("cleared");
+    assert!(!folder.path().join("model-gyroceptron-seed-3.json").exists());
+    assert!(!folder.path().join("slow-manifold.csv").exists());
+    refused(&SLOW.replace("seeds = 3", "seeds = 0"), &["gyroceptron", "seeds"]);
+    refused(&SLOW.replace("kind = \"adam\"", "kind = \"adam\", rate = -1.0"), &["beside", "rate"]);
+    refused(&SLOW.replace("[[-1.0, 0.5]", "[[nan, 0.5]"), &["on"]);
+}
+
+const FILE: &str = r#"
+name = "published-weights"
+seed = 1
+flow_time = 0.5
+plots = ["adiabatic-invariant"]
+
+[system]
+kind = "oscillators"
+epsilon = 0.01
+
+[data]
+validation = 0.5
+windows = [{ low = [-1.6, -1.6, -1.6, -1.6], high = [1.6, 1.6, 1.6, 1.6], samples = 200 }]
+
+[[models]]
+name = "ours"
+network = { kind = "gyroceptron", psi = { count = 2, width = 3 }, near_identity = { count = 2, width = 3 } }
+weights = { kind = "normal", scale = 0.15 }
+
+[[models]]
+name = "published"
+network = { kind = "file" }
+weights = { kind = "glorot" }
+
+[training]
+iterations = 20
+
+[rollout]
+steps = 200
+every = 1
+initial = [[1.5, 0.15, 0.0, 0.0], [1.5, 1.0, 0.0, 0.0]]
+"#;
+
+/// Weights of a file are judged as those that are trained, and say that they were not.
+#[test]
+fn weights_of_a_file_stand_beside_trained_ones() {
+    let scene = parse("file", FILE).expect("a scene");
+    assert!(matches!(scene.complete(), Err(Error::Missing { .. })));
+    let (first, second) = (temporary(), temporary());
+    let alone = FILE.replace("[[models]]\nname = \"published\"\nnetwork = { kind = \"file\" }\nweights = { kind = \"glorot\" }\n", "");
+    let trained = run_in(first.path(), &parse("alone", &alone).expect("a scene"));
+    let model = load_model(&first.path().join("model.json")).expect("a model").model;
+    let weights = first.path().join("weights.npz");
+    export_weights(&weights, &model).expect("written");
+    let (scene, any) = scene.with_weights(&weights);
+    assert!(any);
+    let report = run_in(second.path(), &scene);
+    let best = |report: &Report, k: usize| {
+        let data = &report.study("training").expect("a study").results.data["models"][k];
+        data["best"]["validation"].as_f64().expect("a number")
+    };
+    assert_eq!(best(&report, 1), best(&trained, 0));
+    let stop = |k: usize| {
+        report.study("training").expect("a study").results.data["models"][k]["stop"].clone()
+    };
+    assert_eq!((stop(0), stop(1)), ("iterations".into(), "not-trained".into()));
+    // Both own an invariant; the same weights, the same numbers.
+    let models = &report.study("rollout").expect("a study").results.data["models"];
+    assert_eq!(models[0]["own_adiabatic"], models[1]["own_adiabatic"]);
+    let text = std::fs::read_to_string(second.path().join("report.md")).expect("a report");
+    assert!(text.contains("The invariant 𝔍₀∘ψ⁻¹ of `published` moves by up to"));
+    assert!(scene.with_weights(Path::new("gone.npz")).0.complete().is_ok());
+}
+
+/// The learnt invariant along both orbits, by the definition.
+#[test]
+fn the_learnt_invariant_is_followed_along_both_orbits() {
+    let alone = FILE.replace("[[models]]\nname = \"published\"\nnetwork = { kind = \"file\" }\nweights = { kind = \"glorot\" }\n", "");
+    let folder = temporary();
+    let report = run_in(folder.path(), &parse("alone", &alone).expect("a scene"));
+    let model = load_model(&folder.path().join("model.json")).expect("a model").model;
+    let network = model.gyroceptron().expect("one");
+    let own = &report.study("rollout").expect("a study").results.data["models"][0]["own_adiabatic"];
+    let number = |v: &Value| v.as_f64().expect("a number");
+    let mut z: [f64; 4] = [1.5, 0.15, 0.0, 0.0];
+    let initial: f64 = network.adiabatic_invariant(&z)[0];
+    let mut largest = 0.0_f64;
+    for _ in 0..200 {
+        model.forward(&mut z);
+        largest = largest.max((network.adiabatic_invariant(&z)[0] - initial).abs());
+    }
+    let along = &own["along_own_orbits"]["along"][0];
+    assert_eq!(number(&along["initial"]), initial);
+    assert!((number(&along["largest"]) - largest).abs() <= 1e-12);
+    let reference = flow::Reference::new(&gyroceptron::system::Oscillators { epsilon: 0.01 });
+    let mut z: [f64; 4] = [1.5, 0.15, 0.0, 0.0];
+    let mut largest = 0.0_f64;
+    for _ in 0..200 {
+        let system = gyroceptron::system::Oscillators { epsilon: 0.01 };
+        reference.flow(&system, &mut z, 0.5).expect("converges");
+        largest = largest.max((network.adiabatic_invariant(&z)[0] - initial).abs());
+    }
+    let along = &own["along_the_reference"]["along"][0];
+    assert!((number(&along["largest"]) - largest).abs() <= 1e-9);
+}
+
+/// A scene of built-in parts by their names, with the table of the paper's claims.
+#[test]
+fn parts_are_summed_up_in_one_table() {
+    let paper = find("paper").and_then(|entry| entry.scene()).expect("a scene");
+    let names: Vec<_> = paper.parts.iter().map(|part| &part.name[..]).collect();
+    for name in ["trajectories", "oscillators-short", "oscillators-long", "particle-field"] {
+        assert!(names.contains(&name), "{name}");
+    }
+    let (without, lacking) = paper.clone().without_parts_that_lack_files();
+    assert_eq!(lacking, ["published-weights"]);
+    without.complete().expect("complete");
+    let quick = without.quick();
+    let iterations = |scene: &Scene, name: &str| {
+        let part = scene.parts.iter().find(|part| part.name == name).expect("a part");
+        part.setup.training.iterations
+    };
+    assert!(iterations(&quick, "oscillators-short") < iterations(&paper, "oscillators-short"));
+    quick.complete().expect("complete");
+
+    let text = "name = \"two\"\nscenes = [\"trajectories\"]\n[claims]\n";
+    let mut scene = parse("two", text).expect("a scene");
+    let profiles = parse("profiles", PROFILES).expect("a scene");
+    scene.parts.push(profiles);
+    let folder = temporary();
+    let report = run_in(folder.path(), &scene);
+    let rows = &report.study("claims").expect("a study").results.data;
+    assert_eq!(rows[0]["experiment"], "trajectories");
+    assert_eq!(rows[0]["verdict"], "reproduced");
+    assert_eq!(rows[1]["experiment"], "adiabatic-profiles");
+    let report = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    let place = |words: &str| report.find(words).expect(words);
+    assert!(place("what the paper claims") < place("## Parts"));
+    assert!(place("`gyroceptron run trajectories`") < place("## Parts"));
+    refused("name = \"x\"\nscenes = [\"nowhere\"]\n", &["nowhere", "quickstart"]);
+    refused("name = \"x\"\nscenes = 3\n", &["scenes"]);
+    refused(&PROFILES.replace("plots", "[claims]\n#plots"), &["claims", "parts"]);
+}
