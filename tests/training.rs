@@ -518,11 +518,24 @@ fn adam_is_its_definition() {
         let loss = objective.value_and_gradient(current.composition(), &mut gradient);
         let recorded = outcome.history[step].loss;
         assert!((recorded - loss).abs() <= 1e-12 * loss);
+        // Of the sum over the batch and its components, clipped in each tensor: W, b, w
+        // and η of three layers of four and of three, and θ.
+        gradient.iter_mut().for_each(|g| *g *= 160.0);
+        let layer = |h: usize| [2 * h, h, h, 2];
+        let sizes = [layer(4), layer(4), layer(4), layer(3), layer(3), layer(3)].concat();
+        let mut rest = &mut gradient[..];
+        for size in sizes.into_iter().chain([1]) {
+            let (tensor, after) = rest.split_at_mut(size);
+            rest = after;
+            let norm = tensor.iter().map(|g| g * g).sum::<f64>().sqrt();
+            if norm > clip {
+                clipped += 1;
+                tensor.iter_mut().for_each(|g| *g *= clip / norm);
+            }
+        }
+        assert!(rest.is_empty());
         for k in 0..at.len() {
-            // Of the sum over the batch and its components.
-            let whole = gradient[k] * 160.0;
-            clipped += usize::from(whole.abs() > clip);
-            let g = whole.clamp(-clip, clip);
+            let g = gradient[k];
             mean[k] = 0.9 * mean[k] + 0.1 * g;
             squares[k] = 0.999 * squares[k] + 0.001 * g * g;
             let (m, v) = (
@@ -532,7 +545,7 @@ fn adam_is_its_definition() {
             at[k] -= rate * m / (v.sqrt() + 1e-7);
         }
     }
-    assert!(clipped > 0 && clipped < 2 * at.len());
+    assert!(clipped > 0 && clipped < 2 * 25, "{clipped}");
     let last = objective.value(model.with_parameters(at).expect("finite").composition());
     let best = objective.value(outcome.model.composition());
     assert!((best - last).abs() <= 1e-10 * last, "{best} {last}");

@@ -6,13 +6,13 @@ use super::run::{Minimise, Problem, Step, largest};
 use crate::error::Error;
 use crate::random::Stream;
 use serde::{Deserialize, Serialize};
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 
 /// Options of Adam; an iteration is an epoch.
 ///
 /// The defaults are those of the code that the authors published with Duruisseaux,
 /// Burby and Tang, <https://doi.org/10.1038/s41598-023-34862-w>: the rate falls when the
-/// loss does not, entries of the gradient are clipped. The gradient is that of the sum
+/// loss does not, the gradient of each tensor is clipped. The gradient is that of the sum
 /// over a batch and all components, as there.
 ///
 /// Source: Kingma and Ba, <https://arxiv.org/abs/1412.6980>, algorithm 1, with
@@ -22,7 +22,8 @@ use std::ops::ControlFlow;
 pub struct AdamOptions {
     /// The learning rate at first.
     pub rate: f64,
-    /// The largest entry of the gradient that is not cut; 0 cuts none.
+    /// The gradient of a tensor (W, b, w, η of a layer, θ) whose norm is larger is scaled
+    /// to this norm; 0 scales none.
     pub clip: f64,
     /// Pairs of a batch.
     pub batch: usize,
@@ -87,6 +88,8 @@ impl AdamState {
 pub(super) struct Adam<'a> {
     problem: Problem<'a>,
     options: AdamOptions,
+    /// The parameters of each tensor.
+    tensors: Vec<Range<usize>>,
     state: AdamState,
 }
 
@@ -106,7 +109,29 @@ impl<'a> Adam<'a> {
     }
 
     pub(super) fn resume(problem: Problem<'a>, options: &AdamOptions, state: AdamState) -> Self {
-        Self { problem, options: options.clone(), state }
+        let mut start = 0;
+        let mut range = |[rows, columns]: [usize; 2]| {
+            let range = start..start + rows * columns;
+            start = range.end;
+            range
+        };
+        let tensors = problem.model.architecture().tensors();
+        let tensors = tensors.into_iter().map(|(_, shape)| range(shape)).collect();
+        Self { problem, options: options.clone(), tensors, state }
+    }
+
+    /// Scales the gradient of each tensor down to the largest norm.
+    fn clip(&self, gradient: &mut [f64]) {
+        if self.options.clip == 0.0 {
+            return;
+        }
+        for tensor in &self.tensors {
+            let tensor = &mut gradient[tensor.clone()];
+            let norm = tensor.iter().map(|g| g * g).sum::<f64>().sqrt();
+            if norm > self.options.clip {
+                tensor.iter_mut().for_each(|g| *g *= self.options.clip / norm);
+            }
+        }
     }
 
     /// Moves the parameters by one step of this gradient.
@@ -117,10 +142,7 @@ impl<'a> Adam<'a> {
         let mean_left = 1.0 - libm::pow(MOMENTUM, steps);
         let squares_left = 1.0 - libm::pow(SQUARES, steps);
         for (k, p) in parameters.iter_mut().enumerate() {
-            let mut g = gradient[k];
-            if self.options.clip > 0.0 {
-                g = g.clamp(-self.options.clip, self.options.clip);
-            }
+            let g = gradient[k];
             state.mean[k] = MOMENTUM * state.mean[k] + (1.0 - MOMENTUM) * g;
             state.squares[k] = SQUARES * state.squares[k] + (1.0 - SQUARES) * g * g;
             let root = (state.squares[k] / squares_left).sqrt() + SMALL;
@@ -170,6 +192,7 @@ impl Minimise for Adam<'_> {
             batches += 1.0;
             let sum = (rows.len() * 2 * objective.pairs().dof()) as f64;
             gradient.iter_mut().for_each(|g| *g *= sum);
+            self.clip(&mut gradient);
             self.update(&mut moved, &gradient);
         }
         if !moved.iter().all(|p| p.is_finite()) {
