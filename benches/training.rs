@@ -1,5 +1,5 @@
-//! One evaluation of the loss and of its gradient on 60,000 pairs, for the
-//! models of the paper, and its share of the fused multiply-adds that a core does
+//! One evaluation of the loss and of its gradient on 60,000 pairs, and of the normal
+//! equations of Levenberg–Marquardt on 20,000, for the models of the paper, and its share of the fused multiply-adds that a core does
 //! in the same process: `cargo bench --bench training`, with `-- --quick` in less
 //! than a minute.
 //!
@@ -30,6 +30,8 @@ use std::hint::black_box;
 mod peak;
 
 const SAMPLES: usize = 60_000;
+/// Pairs of the normal equations.
+const FEW: usize = 20_000;
 
 /// The models of the paper: circle action, layers of ψ and of I_ε.
 const MODELS: [(&[i32], [usize; 2], [usize; 2]); 3] =
@@ -80,6 +82,13 @@ fn shares() {
             share(&format!("loss and gradient, {name}"), count, products, peak, || {
                 black_box(objective.value_and_gradient(map, &mut gradient));
             });
+            // Half of the products of the Jacobian, with the residuals as a column more,
+            // with itself; those of the Jacobian come for nothing.
+            let columns = (gradient.len() + 1) as f64;
+            let products = (2 * map.dof()) as f64 * columns * (columns + 1.0) / 2.0;
+            share(&format!("normal equations, {name}"), count, products, peak, || {
+                black_box(objective.normal_equations(map));
+            });
         }
     });
 }
@@ -99,6 +108,15 @@ fn training(criterion: &mut Criterion) {
         group.bench_function("loss", |b| b.iter(|| black_box(objective.value(map))));
         group.bench_function("loss and gradient", |b| {
             b.iter(|| black_box(objective.value_and_gradient(map, &mut gradient)));
+        });
+        group.finish();
+        let few = self::pairs(map.dof(), FEW);
+        let objective = Objective::new(&Loss::MeanSquaredError, &few).expect("valid weights");
+        let name = format!("{} parameters, {FEW} pairs", gradient.len());
+        let mut group = criterion.benchmark_group(name);
+        group.sample_size(10);
+        group.bench_function("normal equations", |b| {
+            b.iter(|| black_box(objective.normal_equations(map)));
         });
         group.finish();
     }

@@ -406,3 +406,35 @@ fn nothing_is_left_of_a_file_that_could_not_be_written() {
     let _ = gyroceptron::io::write_atomically(&path, |_| Err(std::io::Error::other("no")));
     assert_eq!(std::fs::read_to_string(&path).expect("still there"), "old");
 }
+
+/// A TensorFlow checkpoint as the authors' code writes it: psi of eleven layers, the
+/// tenth after the ninth and not after the first; the numbers that its maker gave it.
+#[test]
+fn tensorflow_checkpoints_are_read() {
+    let index = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/checkpoint/small.ckpt.index");
+    let model = import_weights(&index, CircleAction::new([1, 0]), 0.01).expect("a model");
+    let shape = match model.architecture() {
+        Architecture::Gyroceptron { shape, .. } => shape,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!((shape.psi, shape.near_identity), (vec![3; 11], vec![2]));
+    // Each layer was filled as W, w, b, η; the parameters are W, b, w, η.
+    let mut expected = Vec::new();
+    let mut next = 0;
+    for width in [3; 11].into_iter().chain([2]) {
+        let mut fill = |count: usize| {
+            let numbers = (next..next + count).map(|k| ((k % 61) as f64 - 30.0) / 64.0);
+            next += count;
+            numbers.collect::<Vec<f64>>()
+        };
+        let (w_in, w_out, b_in, eta) = (fill(2 * width), fill(width), fill(width), fill(2));
+        expected.extend([w_in, b_in, w_out, eta].concat());
+    }
+    expected.push(0.625);
+    assert_eq!(model.composition().parameters(), expected);
+    let folder = folder();
+    let alone = folder.path().join("small.ckpt.index");
+    std::fs::copy(&index, &alone).expect("copied");
+    let other = CircleAction::new([1, 0]);
+    names(import_weights(&alone, other, 0.01), &["small.ckpt.data-00000-of-00001"]);
+}

@@ -63,7 +63,7 @@ pub struct Run {
     pub quick: bool,
     /// Weights trained elsewhere, for scenes with a network that takes its own from a
     /// file, such as published-weights.
-    #[arg(long, value_name = "FILE.safetensors|FILE.npz")]
+    #[arg(long, value_name = "FILE.safetensors|FILE.npz|FILE.index")]
     pub weights: Option<PathBuf>,
     #[command(flatten)]
     pub common: Common,
@@ -226,8 +226,9 @@ pub struct Predict {
 
 #[derive(Debug, Args)]
 pub struct Import {
-    /// The tensors, under the names of the README.
-    #[arg(long, value_name = "FILE.safetensors|FILE.npz")]
+    /// The tensors, under the names of the README, or the index of a TensorFlow
+    /// checkpoint of the published code.
+    #[arg(long, value_name = "FILE.safetensors|FILE.npz|FILE.index")]
     pub weights: PathBuf,
     /// The integer weight of each plane (q_j, p_j), such as 1,0.
     #[arg(long, value_name = "WEIGHTS", allow_hyphen_values = true)]

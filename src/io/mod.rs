@@ -6,6 +6,7 @@
 mod arrays;
 mod json;
 mod npy;
+mod tensor_bundle;
 mod weights;
 
 pub use arrays::{

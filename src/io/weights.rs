@@ -6,7 +6,7 @@
 //! the order of application; numbers are float32 or float64.
 
 use super::arrays::{Archive, write_archive};
-use super::{read_bytes, write_atomically};
+use super::{read_bytes, tensor_bundle, write_atomically};
 use crate::error::Error;
 use crate::layer::CircleAction;
 use crate::network::{Architecture, GyroceptronShape, Model};
@@ -50,12 +50,16 @@ impl WeightsFormat {
     }
 }
 
-/// The tensors of a `.safetensors` or `.npz` file, by name.
+/// The tensors of a `.safetensors` or `.npz` file, by name, or of a TensorFlow checkpoint:
+/// of its `.index`, beside which the numbers are.
 ///
 /// # Errors
 /// When the file is missing or corrupt, of another ending, or a tensor is not
 /// float32 or float64.
 pub fn read_tensors(path: &Path) -> Result<BTreeMap<String, Tensor>, Error> {
+    if tensor_bundle::is_index(path) {
+        return tensor_bundle::read(path);
+    }
     let format = WeightsFormat::of(path)?;
     parse_tensors(&path.display().to_string(), format, read_bytes(path)?)
 }
