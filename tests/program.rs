@@ -897,10 +897,15 @@ fn output_folders_are_not_overwritten_unless_told_so() {
 
 #[test]
 fn a_resumed_run_must_be_the_same_run() {
+    const TRAJECTORIES_SCENE: &str = "name = \"small\"\nflow_time = 1.0\n[system]\nkind = \"oscillators\"\nepsilon = 0.1\n[trajectories]\nepsilons = [0.1]\nsteps = 3\ninitial = [[1.0, 0.0, 0.0, 0.0]]\n";
     let folder = with_scene("small.toml", SCENE);
     let path = folder.path();
     succeeds(path, &["small.toml", "--out", "o"]);
-    refuses(path, &["small.toml", "--out", "o", "--resume", "--seed", "8"], &["checkpoint"]);
+    refuses(path, &["small.toml", "--out", "o", "--resume", "--seed", "8"], &["as-run.toml"]);
+    // Nor one of another scene, which has no checkpoint to tell it by.
+    let plain = TRAJECTORIES_SCENE;
+    std::fs::write(path.join("other.toml"), plain).expect("written");
+    refuses(path, &["other.toml", "--out", "o", "--resume"], &["as-run.toml", "another"]);
     let checkpoint = path.join("o/checkpoint");
     let whole = std::fs::read(&checkpoint).expect("a checkpoint");
     std::fs::write(&checkpoint, &whole[..whole.len() / 2]).expect("written");
@@ -934,7 +939,26 @@ fn training_offers_networks_and_optimisers_and_reports() {
         succeeds(path, &arguments.iter().map(String::as_str).collect::<Vec<_>>())
     };
     for (number, (more, kind, parameters)) in [
-        (&["--optimiser", "lm", "--psi", "2x3", "--near-identity", "3x4"][..], "gyroceptron", 83),
+        (
+            &[
+                "--optimiser",
+                "lm",
+                "--psi",
+                "2x3",
+                "--near-identity",
+                "3x4",
+                "--epsilon",
+                "0.03",
+                "--theta",
+                "0.4",
+                "--validation",
+                "0.3",
+                "--seed",
+                "5",
+            ][..],
+            "gyroceptron",
+            83,
+        ),
         (
             &["--architecture", "henon-net", "--optimiser", "adam", "--layers", "3x4"],
             "henon-net",
@@ -963,12 +987,14 @@ fn training_offers_networks_and_optimisers_and_reports() {
             assert!(report.join(name).exists(), "{name}");
         }
         let told = std::fs::read_to_string(report.join("report.md")).expect("a report");
-        assert!(told.contains("gyroceptron train --scene as-run.toml --seed 0"), "{told}");
-        // The scene that it leaves does the same again.
-        let scene = format!("m{number}-report/as-run.toml");
+        // The command that it tells does the same again.
+        let line = told.lines().find(|line| line.starts_with("`gyroceptron train")).expect("told");
+        let line = line.split('`').nth(1).expect("a command");
         let again = format!("again{number}.json");
-        let arguments = with(&["--scene", &scene, "--output", &again]);
-        call(arguments);
+        let line = line
+            .replace("MODEL.json", &again)
+            .replace("as-run.toml", &format!("m{number}-report/as-run.toml"));
+        call(line.split(' ').skip(1).map(str::to_owned).collect());
         let again: Value =
             serde_json::from_slice(&std::fs::read(path.join(&again)).expect("a model"))
                 .expect("JSON");
@@ -991,6 +1017,9 @@ fn training_offers_networks_and_optimisers_and_reports() {
         (&["--layers", "2x2"], &["--layers", "HénonNets"]),
         (&["--near-identity-penalty", "-1"], &["near_identity_penalty"]),
         (&["--target", "nan"], &["target"]),
+        (&["--architecture", "henon-net", "--epsilon", "0.3"], &["--epsilon"]),
+        (&["--architecture", "sympnet", "--theta", "1"], &["--theta"]),
+        (&["--report", "."], &["--report"]),
         (&["--optimiser", "sgd"], &["sgd", "l-bfgs"]),
         (
             &["--architecture", "henon-net", "--layers", "2x2", "--near-identity-penalty", "1"],

@@ -188,7 +188,14 @@ fn an_interrupted_horizon_goes_on_to_the_same_numbers() {
     assert_eq!((steps(0), steps(3), steps(4)), (200_000, 2_500_000, 200_000));
     let largest = |k: usize| orbits[k]["largest"].as_f64().expect("a number");
     assert!(largest(6) < 1e-11 && largest(3) > 1e-5);
-    // A checkpoint of other options is not gone on with.
+    // Orbits that leave the numbers are stored too.
+    let mut lost = AdiabaticOrbit::new(&network(1e-3), &[1e200, 0.0], &[1.1]).expect("finite");
+    let map = network(1e-3).in_conjugated_coordinates();
+    lost.advance(&map, &network(1e-3).shape().circle_action, 20);
+    let text = serde_json::to_string(&lost).expect("serialises");
+    let read: AdiabaticOrbit = serde_json::from_str(&text).expect("reads back");
+    assert_eq!((read.steps(), read.largest().to_bits()), (20, lost.largest().to_bits()));
+    // A checkpoint of other options is not gone on with, nor is another scene.
     let other = parse("other", &HORIZON.replace("seeds = 3", "seeds = 2")).expect("a scene");
     let folder = Folder::open(pieces.path(), true, false).expect("a folder");
     assert!(run(&other, &folder, &mut Quiet).is_err());
@@ -196,6 +203,8 @@ fn an_interrupted_horizon_goes_on_to_the_same_numbers() {
     refused(&HORIZON.replace("[1e-1, 1e-3]", "[0.0]"), &["epsilons"]);
     refused(&HORIZON.replace("{ epsilons = [1e-3]", "{ epsilons = [1e-4]"), &["long.epsilons"]);
     refused(&HORIZON.replace("seeds = 3", "seeds = 0"), &["seeds"]);
+    refused(&HORIZON.replace("[1e-1, 1e-3]", "[1e-3, 1e-3]"), &["epsilons", "twice"]);
+    refused(&HORIZON.replace("count = 1,", "count = 5000,"), &["count"]);
 }
 
 const PROFILES: &str = r#"
@@ -321,6 +330,8 @@ fn the_slow_manifold_is_that_of_the_equations() {
     assert!(!folder.path().join("model-gyroceptron-seed-3.json").exists());
     assert!(!folder.path().join("slow-manifold.csv").exists());
     refused(&SLOW.replace("seeds = 3", "seeds = 0"), &["gyroceptron", "seeds"]);
+    refused(&SLOW.replace("\"beside\"", "\"gyroceptron-seed-2\""), &["gyroceptron-seed-2"]);
+    refused(&SLOW.replace("every = 2", "every = 101"), &["every"]);
     refused(&SLOW.replace("kind = \"adam\"", "kind = \"adam\", rate = -1.0"), &["beside", "rate"]);
     refused(&SLOW.replace("[[-1.0, 0.5]", "[[nan, 0.5]"), &["on"]);
 }
@@ -448,7 +459,7 @@ fn parts_are_summed_up_in_one_table() {
     let report = run_in(folder.path(), &scene);
     let rows = &report.study("claims").expect("a study").results.data;
     assert_eq!(rows[0]["experiment"], "trajectories");
-    assert_eq!(rows[0]["verdict"], "reproduced");
+    assert!(rows[0]["verdict"].as_str().expect("words").starts_with("reproduced"));
     assert_eq!(rows[1]["experiment"], "adiabatic-profiles");
     let report = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
     let place = |words: &str| report.find(words).expect(words);

@@ -1,9 +1,9 @@
 //! Losses, gradients, normal equations, optimisers, checkpoints.
 
 use gyroceptron::flow::{Pairs, Window, sample};
-use gyroceptron::layer::CircleAction;
+use gyroceptron::layer::{Activation, CircleAction};
 use gyroceptron::network::{
-    Architecture, Gyroceptron, GyroceptronShape, HenonShape, InitialWeights, Model,
+    Architecture, Gyroceptron, GyroceptronShape, HenonShape, InitialWeights, Model, SympNetShape,
 };
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
@@ -491,13 +491,30 @@ fn singular_matrices_and_losses_that_overflow_are_survived() {
     assert_eq!(matrix[(14, 14)], 0.0);
     let outcome = train(&dead, &data, None, &options, None, &mut quiet).expect("runs");
     assert!(outcome.best.loss < 0.5 * outcome.history[0].loss);
-    // Targets of 1e150: squares are finite at the start and not after most steps.
-    let input = pairs(50, 0.5, 5).input().to_vec();
-    let output = input.iter().map(|v| 1e153 * v).collect();
+    // Steps of the first, undamped kind go so far that the loss overflows: they are
+    // rejected, more damped ones are not.
+    let shape =
+        SympNetShape { dof: 2, modules: 3, shears: 12, activation: Activation::Tanh, plain: false };
+    let deep = Architecture::SympNet { shape }
+        .initialise(InitialWeights::Normal { scale: 1e-6 }, 0.0, 1)
+        .expect("valid");
+    let input: Vec<f64> = data.input().iter().map(|v| 1e40 * v).collect();
+    let output = input.iter().map(|v| -v).collect();
     let far = Pairs::new("far", 2, input, output).expect("finite");
-    let outcome = train(&model(3), &far, None, &options, None, &mut quiet).expect("runs");
-    assert!(outcome.best.loss.is_finite());
-    assert!(bits(&outcome.model).iter().all(|b| f64::from_bits(*b).is_finite()));
+    let start = LevenbergMarquardtOptions { damping: 1e-16, residuals: 0.0, gap: 2.0 };
+    let options = TrainingOptions { optimiser: Optimiser::LevenbergMarquardt(start), ..options };
+    let outcome = train(&deep, &far, None, &options, None, &mut quiet).expect("runs");
+    let last = outcome.history.last().expect("a record");
+    assert!(last.evaluations > last.iteration + 3, "no step was rejected: {last:?}");
+    assert!(outcome.loss < outcome.history[0].loss && outcome.loss.is_finite());
+    // A perfect start has no lower loss.
+    let input = data.input().to_vec();
+    let mut output = input.clone();
+    output.chunks_exact_mut(4).for_each(|z| dead.forward(z));
+    let own = Pairs::new("own", 2, input, output).expect("finite");
+    let outcome = train(&dead, &own, None, &options, None, &mut quiet).expect("runs");
+    assert!(matches!(outcome.stop, Stop::Stalled | Stop::Gradient), "{:?}", outcome.stop);
+    assert_eq!(bits(&outcome.model), bits(&dead));
 }
 
 /// Two epochs of one batch each, by the formulas of the paper.
@@ -538,17 +555,101 @@ fn adam_is_its_definition() {
             let g = gradient[k];
             mean[k] = 0.9 * mean[k] + 0.1 * g;
             squares[k] = 0.999 * squares[k] + 0.001 * g * g;
-            let (m, v) = (
-                mean[k] / (1.0 - 0.9_f64.powi(step as i32)),
-                squares[k] / (1.0 - 0.999_f64.powi(step as i32)),
-            );
-            at[k] -= rate * m / (v.sqrt() + 1e-7);
+            let (one, two) = (1.0 - 0.9_f64.powi(step as i32), 1.0 - 0.999_f64.powi(step as i32));
+            at[k] -= rate * two.sqrt() / one * mean[k] / (squares[k].sqrt() + 1e-7);
         }
     }
     assert!(clipped > 0 && clipped < 2 * 25, "{clipped}");
     let last = objective.value(model.with_parameters(at).expect("finite").composition());
     let best = objective.value(outcome.model.composition());
     assert!((best - last).abs() <= 1e-10 * last, "{best} {last}");
+}
+
+/// The rate falls after so many epochs whose loss, as a sum over a batch, is not lower by
+/// 1e-4 than the lowest before: by the states that checkpoints hold.
+#[test]
+fn the_rate_of_adam_falls_where_the_loss_does_not() {
+    let pairs = pairs(64, 0.5, 5);
+    for (loss, unit) in
+        [(Loss::MeanSquaredError, 4.0), (Loss::Weighted { weights: vec![0.25, 0.5] }, 2.0)]
+    {
+        let adam = AdamOptions { rate: 0.02, plateau: 2, batch: 64, ..AdamOptions::default() };
+        let optimiser = Optimiser::Adam(adam);
+        let options = TrainingOptions { optimiser, loss, checkpoint_every: 1, ..options(60) };
+        let (mut rates, mut losses) = (Vec::new(), Vec::new());
+        train(&model(3), &pairs, None, &options, None, &mut |p| {
+            let text = serde_json::to_value(p.checkpoint.expect("each time")).expect("JSON");
+            rates.push(text["optimiser"]["rate"].as_f64().expect("a number"));
+            losses.push(p.record.loss * 64.0 * unit);
+            Ok(Control::Continue)
+        })
+        .expect("runs");
+        let (mut rate, mut lowest, mut waited) = (0.02, f64::INFINITY, 0);
+        for (epoch, loss) in losses.iter().enumerate() {
+            if *loss < lowest - 1e-4 {
+                (lowest, waited) = (*loss, 0);
+            } else {
+                waited += 1;
+            }
+            if waited == 2 {
+                (rate, waited) = (rate * 0.8, 0);
+            }
+            assert_eq!(rates[epoch], rate, "epoch {epoch}");
+        }
+        assert!(rate < 0.02 && rates[0] == 0.02, "{rate}");
+    }
+}
+
+/// A gradient that is small on a part of the pairs ends nothing; what a file may hold and
+/// no run leaves is refused.
+#[test]
+fn levenberg_marquardt_takes_all_pairs_before_it_ends() {
+    let (pairs, model) = (pairs(300, 0.5, 5), model(3));
+    let start = LevenbergMarquardtOptions { residuals: 1.0, ..Default::default() };
+    let optimiser = Optimiser::LevenbergMarquardt(start);
+    let options = TrainingOptions { optimiser, ..options(30) };
+    let outcome = train(&model, &pairs, None, &options, None, &mut quiet).expect("runs");
+    let of_part = outcome.history[1..].iter().filter(|record| record.pairs < 300);
+    let smallest = of_part.min_by(|a, b| a.gradient.total_cmp(&b.gradient)).expect("one at least");
+    let options = TrainingOptions { gradient_tolerance: smallest.gradient, ..options };
+    let outcome = train(&model, &pairs, None, &options, None, &mut quiet).expect("runs");
+    let last = outcome.history.last().expect("a record");
+    assert!(last.iteration > smallest.iteration, "{last:?}");
+    assert!(last.pairs == 300 || outcome.stop == Stop::Iterations, "{:?}", outcome.stop);
+    // The loss that is told is that of all pairs.
+    let objective = Objective::new(&Loss::MeanSquaredError, &pairs).expect("valid");
+    assert_eq!(outcome.loss, objective.value(outcome.model.composition()));
+    for optimiser in optimisers() {
+        let (_, checkpoints) = with_checkpoints(&optimiser, 10);
+        let whole = serde_json::to_value(&checkpoints[0]).expect("JSON");
+        let changes: &[(&str, serde_json::Value)] = match optimiser {
+            Optimiser::Lbfgs(_) => &[],
+            Optimiser::LevenbergMarquardt(_) => &[
+                ("damping", (-1.0).into()),
+                ("growth", 0.0.into()),
+                ("pairs", 0.into()),
+                ("iterations", u64::MAX.into()),
+                ("evaluations", u64::MAX.into()),
+            ],
+            Optimiser::Adam(_) => &[("rate", (-1.0).into()), ("epochs", u64::MAX.into())],
+        };
+        let mut broken: Vec<serde_json::Value> = Vec::new();
+        for (key, value) in changes {
+            let mut text = whole.clone();
+            text["optimiser"][key] = value.clone();
+            broken.push(text);
+        }
+        let mut without = whole.clone();
+        without["optimiser"] = serde_json::Value::Null;
+        broken.push(without);
+        for text in broken {
+            let read: Checkpoint = serde_json::from_value(text.clone()).expect("reads");
+            let (data, held_out) = (self::pairs(300, 0.5, 5), self::pairs(100, 0.5, 6));
+            let options = TrainingOptions { optimiser: optimiser.clone(), ..self::options(52) };
+            let resumed = train(&model, &data, Some(&held_out), &options, Some(read), &mut quiet);
+            assert!(resumed.is_err(), "{}", text["optimiser"]);
+        }
+    }
 }
 
 #[test]

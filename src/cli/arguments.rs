@@ -175,9 +175,9 @@ pub struct Train {
     /// The model file to write; FILE.checkpoint beside it while training.
     #[arg(long, value_name = "FILE.json")]
     pub output: PathBuf,
-    /// ε of the near-identity part.
-    #[arg(long, default_value_t = 0.01, allow_negative_numbers = true)]
-    pub epsilon: f64,
+    /// ε of the near-identity part [default: 0.01].
+    #[arg(long, allow_negative_numbers = true)]
+    pub epsilon: Option<f64>,
     /// θ to start from, in radians [default: the rotation nearest to the data].
     #[arg(long, allow_negative_numbers = true)]
     pub theta: Option<f64>,

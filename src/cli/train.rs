@@ -27,6 +27,7 @@ use std::time::Instant;
 
 /// ψ and I_ε of the paper's time-5 map.
 const LAYERS: Layers = Layers { count: 10, width: 8 };
+const EPSILON: f64 = 0.01;
 /// The paper's HénonNet.
 const HENON_LAYERS: Layers = Layers { count: 16, width: 10 };
 /// A SympNet of about as many parameters.
@@ -141,6 +142,21 @@ fn beside(model: &Path, addition: &str, ending: bool) -> PathBuf {
     name.into()
 }
 
+/// The command that does a training again, but for its scene.
+fn command(arguments: &Train, network: &NetworkSpec, epsilon: f64, theta: f64) -> String {
+    let mut out = format!(
+        "gyroceptron train --data {} --circle-action {} --validation {} --seed {}",
+        arguments.data.display(),
+        arguments.circle_action,
+        arguments.validation,
+        arguments.seed
+    );
+    if let NetworkSpec::Gyroceptron { .. } = network {
+        out.push_str(&format!(" --epsilon {epsilon} --theta {theta}"));
+    }
+    out + " --output MODEL.json"
+}
+
 fn check_fit(arguments: &Train, pairs: &Pairs, action: &CircleAction) -> Result<(), Error> {
     if pairs.dof() == action.dof() {
         return Ok(());
@@ -164,7 +180,15 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if let Some(theta) = arguments.theta.filter(|t| !t.is_finite()) {
         return Err(Error::invalid("--theta", theta, "a finite number"));
     }
-    let architecture = spec.network.architecture(&action, arguments.epsilon);
+    if !matches!(spec.network, NetworkSpec::Gyroceptron { .. }) {
+        for (name, value) in [("--epsilon", arguments.epsilon), ("--theta", arguments.theta)] {
+            if let Some(value) = value {
+                return Err(Error::invalid(name, value, "an option of gyroceptrons"));
+            }
+        }
+    }
+    let epsilon = arguments.epsilon.unwrap_or(EPSILON);
+    let architecture = spec.network.architecture(&action, epsilon);
     let architecture = architecture.expect("a network of a file is refused");
     architecture.check()?;
     training.check_for(&architecture)?;
@@ -174,14 +198,26 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         guard_output(path, replace, &[&arguments.data])?;
     }
 
+    let report_folder =
+        arguments.report.clone().unwrap_or_else(|| beside(&arguments.output, "-report", false));
+    // A report of another training is not replaced by one that goes on.
+    if !(arguments.overwrite || arguments.resume && arguments.report.is_none()) {
+        Folder::refuse_run(&report_folder)?;
+    }
+    let real = |path: &Path| std::fs::canonicalize(path).ok();
+    let beside_model = arguments.output.parent().filter(|p| !p.as_os_str().is_empty());
+    let of_model = real(beside_model.unwrap_or(Path::new(".")));
+    if real(&report_folder).is_some_and(|folder| Some(folder) == of_model) {
+        let expected = "another folder than the model's";
+        return Err(Error::invalid("--report", report_folder.display(), expected));
+    }
+
     let mut progress = Progress::new();
     let file = read_pairs(&arguments.data)?;
     if file.single_precision {
         progress.note(&format!("{}: float32 numbers, taken as they are", arguments.data.display()));
     }
     check_fit(arguments, &file.pairs, &action)?;
-    let report_folder =
-        arguments.report.clone().unwrap_or_else(|| beside(&arguments.output, "-report", false));
     let digest = file.pairs.digest();
     let nearest = fit_rotation(&file.pairs, &action);
     let theta = arguments.theta.unwrap_or(nearest);
@@ -189,7 +225,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         file.pairs.split(arguments.validation, &mut Stream::new(arguments.seed, "data/held-out"));
     let model = architecture.initialise(spec.weights, theta, arguments.seed)?;
     let resume = if arguments.resume { Some(load_checkpoint(&checkpoint_file)?) } else { None };
-    let folder = Folder::open(&report_folder, false, replace)?;
+    let resumed = resume.is_some();
     progress.note(&format!(
         "training {} parameters on {} pairs, {} held out, θ from {theta:.6}",
         model.composition().parameters().len(),
@@ -223,6 +259,11 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         ..Provenance::of(&spec.name)
     };
     save_model(&arguments.output, &StoredModel { model: outcome.model.clone(), provenance })?;
+    // What was timed is not all of it.
+    if resumed {
+        times.points.clear();
+    }
+    let command = command(arguments, &spec.network, epsilon, theta);
     let (stop, best) = (outcome.stop, outcome.best);
     let theta_after = outcome.model.gyroceptron().map(|g| g.theta());
     let judge = held_out.as_ref().unwrap_or(&pairs);
@@ -236,8 +277,9 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         pairs: &pairs,
         held_out: held_out.as_ref(),
         times,
+        command,
     }
-    .report(&folder)?;
+    .report(&Folder::open(&report_folder, false, true)?)?;
     if arguments.common.json {
         json(&json!({
             "model": arguments.output.display().to_string(),

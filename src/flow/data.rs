@@ -184,7 +184,9 @@ impl Pairs {
     /// When there is no such row.
     pub fn rows(&self, rows: impl IntoIterator<Item = usize>) -> Self {
         let dim = 2 * self.dof;
-        let mut out = Self { dof: self.dof, input: Vec::new(), output: Vec::new() };
+        let rows = rows.into_iter();
+        let space = || Vec::with_capacity(rows.size_hint().0 * dim);
+        let mut out = Self { dof: self.dof, input: space(), output: space() };
         for row in rows {
             out.input.extend_from_slice(&self.input[row * dim..(row + 1) * dim]);
             out.output.extend_from_slice(&self.output[row * dim..(row + 1) * dim]);

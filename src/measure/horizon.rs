@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 ///
 /// Where an orbit is can be stored, and it goes on to the same bits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "Stored", into = "Stored")]
 pub struct AdiabaticOrbit {
     w: Vec<f64>,
     initial: f64,
@@ -25,6 +26,52 @@ pub struct AdiabaticOrbit {
     factors: Vec<f64>,
     horizons: Vec<Option<u64>>,
     drifts: Vec<(u64, f64)>,
+}
+
+/// An orbit as it is stored: numbers by their bits, since JSON has no infinity.
+#[derive(Serialize, Deserialize)]
+struct Stored {
+    w: Vec<u64>,
+    /// initial, largest, settled.
+    values: [u64; 3],
+    steps: u64,
+    settling: u64,
+    factors: Vec<u64>,
+    horizons: Vec<Option<u64>>,
+    drifts: Vec<(u64, u64)>,
+}
+
+impl From<AdiabaticOrbit> for Stored {
+    fn from(orbit: AdiabaticOrbit) -> Self {
+        let bits = |values: Vec<f64>| values.into_iter().map(f64::to_bits).collect();
+        Self {
+            values: [orbit.initial, orbit.largest, orbit.settled].map(f64::to_bits),
+            w: bits(orbit.w),
+            steps: orbit.steps,
+            settling: orbit.settling,
+            factors: bits(orbit.factors),
+            horizons: orbit.horizons,
+            drifts: orbit.drifts.into_iter().map(|(n, d)| (n, d.to_bits())).collect(),
+        }
+    }
+}
+
+impl From<Stored> for AdiabaticOrbit {
+    fn from(stored: Stored) -> Self {
+        let numbers = |bits: Vec<u64>| bits.into_iter().map(f64::from_bits).collect();
+        let [initial, largest, settled] = stored.values.map(f64::from_bits);
+        Self {
+            w: numbers(stored.w),
+            initial,
+            steps: stored.steps,
+            largest,
+            settled,
+            settling: stored.settling,
+            factors: numbers(stored.factors),
+            horizons: stored.horizons,
+            drifts: stored.drifts.into_iter().map(|(n, d)| (n, f64::from_bits(d))).collect(),
+        }
+    }
 }
 
 impl AdiabaticOrbit {

@@ -82,6 +82,8 @@ impl Scene {
     /// [`Error::Missing`] with the key and the study that needs it.
     pub fn complete(&self) -> Result<(), Error> {
         let place = format!("scene {}", self.name);
+        // Options of a command may have changed it since it was read.
+        self.check_own().map_err(|e| e.at(&place))?;
         for part in &self.parts {
             part.complete()?;
         }
@@ -112,13 +114,31 @@ impl Scene {
         self
     }
 
-    /// A short form of the scene, to see all of it: a quarter of the iterations and of the
-    /// pairs, one seed, orbits of a thousandth of the length.
+    /// The scene without what says when training stops and how often it is saved, which
+    /// may differ when a run is gone on with.
+    pub(super) fn without_ends(mut self) -> Self {
+        let reset = |training: &mut TrainingOptions| {
+            let TrainingOptions { iterations, target, patience, checkpoint_every, .. } = training;
+            (*iterations, *target, *patience, *checkpoint_every) = (0, 0.0, 0, 1);
+        };
+        reset(&mut self.setup.training);
+        for model in &mut self.setup.models {
+            model.training.as_mut().map(reset);
+        }
+        self.parts = self.parts.into_iter().map(Self::without_ends).collect();
+        self
+    }
+
+    /// A short form of the scene, to see all of it: a quarter of the iterations of
+    /// training and of the pairs, one seed for each network, orbits of random networks
+    /// of a tenth of the length and the longest of a thousandth.
     pub fn quick(mut self) -> Self {
         let fewer = |training: &mut TrainingOptions| {
             training.iterations = (training.iterations / 4).max(20).min(training.iterations);
         };
-        fewer(&mut self.setup.training);
+        if !self.setup.models.is_empty() {
+            fewer(&mut self.setup.training);
+        }
         for model in &mut self.setup.models {
             model.training.as_mut().map(fewer);
             model.seeds = None;

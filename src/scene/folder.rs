@@ -61,6 +61,33 @@ impl Folder {
         Ok(folder)
     }
 
+    /// Fails when the folder holds a run.
+    ///
+    /// # Errors
+    /// [`Error::OutputExists`].
+    pub fn refuse_run(path: &Path) -> Result<(), Error> {
+        match holds_run(path) {
+            true => Err(Error::OutputExists { path: path.to_owned() }),
+            false => Ok(()),
+        }
+    }
+
+    /// Fails unless a run that is gone on with is of this scene: but for when it stops
+    /// and how often it saves.
+    pub(super) fn check_resumed(&self, scene: &Scene) -> Result<(), Error> {
+        if !self.resume {
+            return Ok(());
+        }
+        let path = self.file(AS_RUN);
+        let text = std::fs::read_to_string(&path).map_err(|reason| Error::read(&path, reason))?;
+        let earlier = parse(AS_RUN, &text)?;
+        if earlier.without_ends() == scene.clone().without_ends() {
+            return Ok(());
+        }
+        let (expected, found) = ("the scene that is run", "another");
+        Err(Error::content(path.display(), expected, found))
+    }
+
     /// Removes the files of the run that the folder holds, by their names, and
     /// nothing else.
     fn clear(&self) -> Result<(), Error> {

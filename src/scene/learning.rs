@@ -125,6 +125,7 @@ fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Tr
     save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
     let outcome = Outcome {
         model: model.clone(),
+        loss: record.loss,
         best: record,
         history: vec![record],
         curvatures: 0,

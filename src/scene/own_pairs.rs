@@ -37,6 +37,8 @@ pub struct OwnTraining<'a> {
     pub rotation_error: f64,
     /// The seconds of training.
     pub times: TrainingTimes,
+    /// The command that does it again, but for the file of the scene.
+    pub command: String,
 }
 
 impl OwnTraining<'_> {
@@ -80,7 +82,8 @@ impl OwnTraining<'_> {
         };
         let studies = vec![StudyFindings { name: "training", findings }];
         let (machine, stages, parts) = (Machine::this(), Vec::new(), Vec::new());
-        let report = Report { scene, studies, training_times, stages, machine, parts };
+        let repeat = Some(self.command);
+        let report = Report { scene, studies, training_times, stages, machine, repeat, parts };
         write(folder, &report)?;
         Ok(report)
     }

@@ -18,6 +18,8 @@ pub struct Report {
     pub stages: Vec<Stage>,
     /// What it was timed on.
     pub machine: Machine,
+    /// The command that does it again, where it is not `run`.
+    pub repeat: Option<String>,
     /// The reports of its parts.
     pub parts: Vec<Report>,
 }

@@ -68,6 +68,7 @@ pub fn run(
     observer: &mut dyn Observer,
 ) -> Result<Option<Report>, Error> {
     scene.complete()?;
+    folder.check_resumed(scene)?;
     folder.check_parts(scene)?;
     match run_complete(scene, folder, observer) {
         Ok(report) => Ok(Some(report)),
@@ -99,7 +100,8 @@ fn run_complete(
     let (training_times, stages) = context.into_times();
     observer.event(Event::Stage("report"));
     let (scene, machine) = (scene.clone(), Machine::this());
-    let report = Report { scene, studies, training_times, stages, machine, parts };
+    let repeat = None;
+    let report = Report { scene, studies, training_times, stages, machine, repeat, parts };
     write(folder, &report)?;
     Ok(report)
 }

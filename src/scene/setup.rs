@@ -174,7 +174,7 @@ pub enum Need {
     FlowTime,
     /// The data.
     Data,
-    /// At least one network.
+    /// At least one network that is not there for its training only.
     Models,
 }
 
@@ -197,7 +197,7 @@ impl Setup {
             Need::System => self.system.is_some(),
             Need::FlowTime => self.flow_time.is_some(),
             Need::Data => self.data.is_some(),
-            Need::Models => !self.models.is_empty(),
+            Need::Models => self.models.iter().any(|model| !model.training_only),
         }
     }
 
@@ -233,8 +233,16 @@ impl Setup {
                 Error::check_count_range("seeds", found, 1, most)
                     .map_err(|e| e.at(format!("models.{}", model.name)))?;
             }
-            if self.models[..index].iter().any(|other| other.name == model.name) {
-                let found = format!("`{}` twice", model.name);
+            if let NetworkSpec::File { .. } = model.network
+                && (model.seeds.is_some() || model.training.is_some())
+            {
+                let expected = "neither seeds nor training for a network of a file";
+                return Err(Error::invalid("models", &model.name, expected));
+            }
+            let earlier = || self.models[..index].iter().flat_map(ModelSpec::attempts);
+            let same = |a: &Attempt| earlier().any(|b| b.spec.name == a.spec.name);
+            if let Some(twice) = model.attempts().find(same) {
+                let found = format!("`{}` twice", twice.spec.name);
                 return Err(Error::invalid("models", found, "a name for each"));
             }
         }

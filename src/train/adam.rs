@@ -12,11 +12,11 @@ use std::ops::{ControlFlow, Range};
 ///
 /// The defaults are those of the code that the authors published with Duruisseaux,
 /// Burby and Tang, <https://doi.org/10.1038/s41598-023-34862-w>: the rate falls when the
-/// loss does not, the gradient of each tensor is clipped. The gradient is that of the sum
-/// over a batch and all components, as there.
+/// loss does not, the gradient of each tensor is clipped. Both are of the sum over a batch
+/// as there, in which the largest of the components' weights is 1.
 ///
-/// Source: Kingma and Ba, <https://arxiv.org/abs/1412.6980>, algorithm 1, with
-/// β₁ = 0.9, β₂ = 0.999 and ε = 1e-7.
+/// Source: Kingma and Ba, <https://arxiv.org/abs/1412.6980>, the form at the end of
+/// section 2, with β₁ = 0.9, β₂ = 0.999 and ε̂ = 1e-7.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct AdamOptions {
@@ -27,8 +27,8 @@ pub struct AdamOptions {
     pub clip: f64,
     /// Pairs of a batch.
     pub batch: usize,
-    /// What the rate is multiplied with when the loss of an epoch has not fallen by
-    /// 1e-4 of itself for `plateau` epochs.
+    /// What the rate is multiplied with when the loss of an epoch, the mean of the
+    /// batches' sums, has not fallen by 1e-4 for `plateau` epochs.
     pub factor: f64,
     /// See `factor`.
     pub plateau: u64,
@@ -74,8 +74,14 @@ pub(super) struct AdamState {
 }
 
 impl AdamState {
-    /// Fails unless it is of so many parameters.
-    pub(super) fn check(&self, place: &str, count: usize) -> Result<(), Error> {
+    /// Fails unless it is of so many parameters, after so many epochs.
+    pub(super) fn check(&self, place: &str, count: usize, epochs: u64) -> Result<(), Error> {
+        let name = format!("{place}: optimiser: rate");
+        Error::check_range(&name, self.rate, 0.0, f64::MAX)?;
+        if self.epochs != epochs || self.steps < epochs {
+            let (expected, found) = (format!("{epochs} epochs"), self.epochs);
+            return Err(Error::content(format!("{place}: optimiser"), expected, found));
+        }
         for (what, found) in [("mean", self.mean.len()), ("squares", self.squares.len())] {
             if found != count {
                 return Err(Error::content(format!("{place}: {what}"), count, found));
@@ -141,12 +147,12 @@ impl<'a> Adam<'a> {
         let steps = state.steps as f64;
         let mean_left = 1.0 - libm::pow(MOMENTUM, steps);
         let squares_left = 1.0 - libm::pow(SQUARES, steps);
+        let rate = state.rate * squares_left.sqrt() / mean_left;
         for (k, p) in parameters.iter_mut().enumerate() {
             let g = gradient[k];
             state.mean[k] = MOMENTUM * state.mean[k] + (1.0 - MOMENTUM) * g;
             state.squares[k] = SQUARES * state.squares[k] + (1.0 - SQUARES) * g * g;
-            let root = (state.squares[k] / squares_left).sqrt() + SMALL;
-            *p -= state.rate * (state.mean[k] / mean_left) / root;
+            *p -= rate * state.mean[k] / (state.squares[k].sqrt() + SMALL);
         }
     }
 
@@ -154,7 +160,7 @@ impl<'a> Adam<'a> {
     fn schedule(&mut self, loss: f64) {
         let state = &mut self.state;
         match state.lowest {
-            Some(lowest) if !(loss < lowest * (1.0 - PROGRESS)) => state.waited += 1,
+            Some(lowest) if !(loss < lowest - PROGRESS) => state.waited += 1,
             _ => (state.lowest, state.waited) = (Some(loss), 0),
         }
         if state.waited >= self.options.plateau {
@@ -178,6 +184,7 @@ impl Minimise for Adam<'_> {
         let (mut total, mut slope, mut batches) = (0.0, 0.0, 0.0);
         let mut gradient = vec![0.0; parameters.len()];
         let mut moved = parameters.clone();
+        let unit = 1.0 / objective.largest_weight();
         for rows in order.chunks(self.options.batch) {
             let Ok(model) = self.problem.model.with_parameters(moved.clone()) else {
                 return Ok(ControlFlow::Break(Stop::Diverged));
@@ -190,18 +197,18 @@ impl Minimise for Adam<'_> {
             total += loss * rows.len() as f64;
             slope += largest(&gradient);
             batches += 1.0;
-            let sum = (rows.len() * 2 * objective.pairs().dof()) as f64;
+            let sum = rows.len() as f64 * unit;
             gradient.iter_mut().for_each(|g| *g *= sum);
             self.clip(&mut gradient);
             self.update(&mut moved, &gradient);
         }
-        if !moved.iter().all(|p| p.is_finite()) {
+        if !(total.is_finite() && moved.iter().all(|p| p.is_finite())) {
             return Ok(ControlFlow::Break(Stop::Diverged));
         }
         *parameters = moved;
         self.state.epochs += 1;
         let loss = total / count as f64;
-        self.schedule(loss);
+        self.schedule(loss * self.options.batch.min(count) as f64 * unit);
         Ok(ControlFlow::Continue(Step { loss, gradient: slope / batches, pairs: count }))
     }
 

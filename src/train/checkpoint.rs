@@ -56,12 +56,13 @@ pub(super) enum OptimiserState {
 }
 
 impl OptimiserState {
-    /// Fails unless it is of so many parameters.
-    fn check(&self, place: &str, count: usize) -> Result<(), Error> {
+    /// Fails unless it is of so many parameters, and one that an optimiser can be in
+    /// after so many iterations.
+    fn check(&self, place: &str, count: usize, iteration: u64) -> Result<(), Error> {
         match self {
             Self::Lbfgs(state) => state.check(place, count),
-            Self::LevenbergMarquardt(_) => Ok(()),
-            Self::Adam(state) => state.check(place, count),
+            Self::LevenbergMarquardt(state) => state.check(place, iteration),
+            Self::Adam(state) => state.check(place, count, iteration),
         }
     }
 }
@@ -75,7 +76,7 @@ pub struct Checkpoint {
     pub(super) best_parameters: Vec<f64>,
     pub(super) best: TrainingRecord,
     best_score: f64,
-    /// Held-out evaluations since the best one.
+    /// Scores since the best one.
     unimproved: u64,
     pub(super) history: Vec<TrainingRecord>,
     pub(super) optimiser: Option<OptimiserState>,
@@ -134,10 +135,12 @@ impl Checkpoint {
         }
     }
 
-    pub(super) fn finished(&self, options: &TrainingOptions) -> Option<Stop> {
+    /// Why training is over; `pairs` is the number of all training pairs.
+    pub(super) fn finished(&self, options: &TrainingOptions, pairs: usize) -> Option<Stop> {
+        let last = self.last();
         if options.target > 0.0 && self.best_score <= options.target {
             Some(Stop::Target)
-        } else if self.last().gradient <= options.gradient_tolerance {
+        } else if last.pairs >= pairs && last.gradient <= options.gradient_tolerance {
             Some(Stop::Gradient)
         } else if options.patience > 0 && self.unimproved >= options.patience {
             Some(Stop::Patience)
@@ -169,9 +172,6 @@ impl Checkpoint {
             ));
         }
         let count = model.composition().parameters().len();
-        if let Some(optimiser) = &self.optimiser {
-            optimiser.check(self.place(), count)?;
-        }
         for (what, found) in
             [("parameters", self.parameters.len()), ("best parameters", self.best_parameters.len())]
         {
@@ -179,13 +179,14 @@ impl Checkpoint {
                 return Err(Error::content(format!("{}: {what}", self.place()), count, found));
             }
         }
+        let place = self.place();
         if self.history.is_empty() {
-            return Err(Error::content(
-                format!("{}: history", self.place()),
-                "at least one record",
-                "none",
-            ));
+            let expected = "at least one record";
+            return Err(Error::content(format!("{place}: history"), expected, "none"));
         }
-        Ok(())
+        match &self.optimiser {
+            Some(optimiser) => optimiser.check(place, count, self.last().iteration),
+            None => Err(Error::content(format!("{place}: optimiser"), "its state", "none")),
+        }
     }
 }

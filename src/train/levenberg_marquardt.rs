@@ -55,7 +55,7 @@ impl LevenbergMarquardtOptions {
 
 /// Damping below the rounding of A has no effect.
 const LEAST_DAMPING: f64 = 1e-16;
-/// Steps of such a damping move no digit.
+/// Steps of such a damping move no digit of a parameter of size one.
 const MOST_DAMPING: f64 = 1e20;
 /// Iterations between two looks at the loss on all pairs.
 const LOOK: u64 = 10;
@@ -72,6 +72,24 @@ pub(super) struct LevenbergMarquardtState {
     iterations: u64,
     evaluations: u64,
     curvatures: u64,
+}
+
+impl LevenbergMarquardtState {
+    /// Fails unless it is a state after so many iterations.
+    pub(super) fn check(&self, place: &str, iteration: u64) -> Result<(), Error> {
+        let place = format!("{place}: optimiser");
+        let name = |what: &str| format!("{place}: {what}");
+        Error::check_range(&name("damping"), self.damping, LEAST_DAMPING, f64::MAX)?;
+        Error::check_range(&name("growth"), self.growth, 2.0, f64::MAX)?;
+        Error::check_count_range(&name("pairs"), self.pairs, 1, usize::MAX)?;
+        // Each iteration has one evaluation at least, and no more than a search of all
+        // dampings has.
+        let evaluations = iteration.saturating_mul(1000).saturating_add(1000);
+        let sound = self.iterations == iteration
+            && self.evaluations <= evaluations
+            && self.curvatures <= evaluations;
+        if sound { Ok(()) } else { Err(Error::content(place, "counts of the history", "others")) }
+    }
 }
 
 pub(super) struct LevenbergMarquardt<'a> {
@@ -124,7 +142,10 @@ impl<'a> LevenbergMarquardt<'a> {
     fn use_pairs(&mut self, pairs: usize) {
         let all = self.problem.objective;
         let count = all.pairs().len();
+        // More than half of them would be no part worth a copy.
+        let pairs = if pairs > count / 2 { count } else { pairs };
         self.state.pairs = pairs.clamp(1, count);
+        self.part = None;
         self.part =
             (self.state.pairs < count).then(|| all.on(all.pairs().thinned(self.state.pairs)));
         self.present = None;
@@ -216,7 +237,9 @@ impl Minimise for LevenbergMarquardt<'_> {
             let (equations, loss) = match self.present.take() {
                 Some(present) => present,
                 None => {
-                    self.state.curvatures += u64::from(!std::mem::take(&mut self.counted));
+                    let new = u64::from(!std::mem::take(&mut self.counted));
+                    self.state.curvatures += new;
+                    self.state.evaluations += new;
                     (self.equations(parameters)?, self.loss(parameters))
                 }
             };
@@ -236,6 +259,11 @@ impl Minimise for LevenbergMarquardt<'_> {
             if !(all <= self.options.gap * loss) {
                 self.use_pairs(2 * self.state.pairs);
                 loss = self.loss(parameters);
+                self.state.evaluations += 1;
+                if !loss.is_finite() {
+                    // What is not finite can be neither compared nor stored.
+                    return Ok(ControlFlow::Break(Stop::Diverged));
+                }
             }
         }
         self.state.curvatures += 1;

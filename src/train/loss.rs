@@ -97,6 +97,12 @@ impl<'a> Objective<'a> {
         Objective { pairs: Cow::Owned(pairs), weights, penalty }
     }
 
+    /// Of the components; 1 where all are 0.
+    pub(super) fn largest_weight(&self) -> f64 {
+        let largest = self.weights.iter().copied().fold(0.0, f64::max);
+        if largest > 0.0 { largest } else { 1.0 }
+    }
+
     pub(super) fn pairs(&self) -> &Pairs {
         &self.pairs
     }

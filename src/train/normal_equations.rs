@@ -23,9 +23,9 @@ pub struct NormalEquations {
     pub loss: f64,
 }
 
-/// Rows that are multiplied at once. Up to this number a product of matrices sums in
-/// one pass, one row after another, whatever the caches and registers of a processor
-/// are.
+/// Rows that are multiplied at once. Up to this number a product of matrices of two
+/// columns and more sums in one pass, one row after another, whatever the caches and
+/// registers of a processor are.
 const ROWS: usize = 512;
 
 /// Columns of a tile: two panels of [`ROWS`] by as many fit into the second cache.
@@ -48,8 +48,9 @@ struct Tile {
 impl Tile {
     /// Those of a matrix of this size, by columns.
     fn all(size: usize) -> Vec<Self> {
-        let panel = |k: usize| k * TILE..((k + 1) * TILE).min(size);
-        let count = size.div_ceil(TILE);
+        // A single column is left to none, but to a matrix of one.
+        let count = if size % TILE == 1 { (size / TILE).max(1) } else { size.div_ceil(TILE) };
+        let panel = |k: usize| k * TILE..if k + 1 == count { size } else { (k + 1) * TILE };
         let tile = |rows: Range<usize>, columns: Range<usize>| {
             let sums = Mat::zeros(rows.len(), columns.len());
             Self { rows, columns, sums }
@@ -60,6 +61,14 @@ impl Tile {
 
     /// += the products of these rows' columns.
     fn add(&mut self, rows: MatRef<'_, f64>) {
+        for first in (0..rows.nrows()).step_by(ROWS) {
+            let count = ROWS.min(rows.nrows() - first);
+            self.add_some(rows.subrows(first, count));
+        }
+    }
+
+    /// [`Tile::add`] of no more than [`ROWS`].
+    fn add_some(&mut self, rows: MatRef<'_, f64>) {
         let left = rows.get(.., self.rows.clone()).transpose();
         let right = rows.get(.., self.columns.clone());
         let structure = if self.rows == self.columns {

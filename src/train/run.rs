@@ -36,6 +36,8 @@ pub struct Outcome {
     /// The model with the lowest held-out error (loss, without held-out
     /// pairs).
     pub model: Model,
+    /// Its loss on all training pairs.
+    pub loss: f64,
     /// Its record.
     pub best: TrainingRecord,
     /// The records of all iterations.
@@ -172,7 +174,7 @@ pub fn train(
     let problem = Problem { objective: &objective, model };
     let mut optimiser = optimiser(problem, options, state.optimiser.take())?;
     let stop = loop {
-        if let Some(stop) = state.finished(options) {
+        if let Some(stop) = state.finished(options, pairs.len()) {
             break stop;
         }
         let loss = state.last().loss;
@@ -203,7 +205,7 @@ pub fn train(
             validation,
         };
         state.push(record, score);
-        let over = state.finished(options).is_some();
+        let over = state.finished(options, pairs.len()).is_some();
         let due = over || iteration.is_multiple_of(options.checkpoint_every);
         if due {
             // A run that is over keeps the optimiser too: it may be asked for more.
@@ -233,8 +235,14 @@ pub fn train(
         state.history.pop();
         state.push(last, Some(score));
     }
+    let model = model.with_parameters(state.best_parameters)?;
+    let loss = match is_of_part(state.best.pairs, pairs, options) {
+        true => objective.value(model.composition()),
+        false => state.best.loss,
+    };
     Ok(Outcome {
-        model: model.with_parameters(state.best_parameters)?,
+        loss,
+        model,
         best: state.best,
         history: state.history,
         curvatures: optimiser.curvatures(),

@@ -61,13 +61,12 @@ fn write_report(out: &mut String, report: &Report) -> Result {
             write_blocks(out, appendix)?;
         }
     }
-    if scene.setup.system.is_none() && !scene.setup.models.is_empty() {
+    if let Some(command) = &report.repeat {
         return writeln!(
             out,
-            "\n## To repeat it\n\n`gyroceptron train --scene as-run.toml --seed {} --data …` with the \
-             file of that name beside this report, the same pairs and gyroceptron {version}: every \
-             number above but the timings comes out the same, bit for bit.",
-            scene.seed
+            "\n## To repeat it\n\n`{command} --scene as-run.toml` with the file of that name beside \
+             this report, the same pairs and gyroceptron {version}: every number above but the \
+             timings comes out the same, bit for bit."
         );
     }
     writeln!(

@@ -39,6 +39,9 @@ const LINE: i32 = 19;
 const LETTER: usize = 7;
 const BESIDE_TEXT: usize = 48;
 
+/// What is further out, or no number, is not drawn: its range would be none.
+const FAR: f64 = 1e300;
+
 /// Where one panel of several with the same axes has points so many times further out
 /// than the first, they are not drawn.
 const FURTHEST: f64 = 1.5;
@@ -205,7 +208,7 @@ impl Scale {
             Axis::Log if value > 0.0 => libm::log10(value),
             Axis::Log => return None,
         };
-        place.is_finite().then_some(place)
+        (place.abs() <= FAR).then_some(place)
     }
 }
 

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 const HORIZON: &str = "adiabatic-horizon";
-pub(in crate::scene) const CHECKPOINT: &str = "checkpoint-adiabatic-horizon";
+pub(in crate::scene) const CHECKPOINT: &str = "adiabatic-horizon.checkpoint";
 
 /// How long the adiabatic invariant of random gyroceptrons stays, for several ε.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,6 +47,9 @@ pub struct LongOrbits {
     pub iterations: u64,
 }
 
+/// Ten years of a processor: more is a slip of the pen, and their sum is a number.
+const MOST_ITERATIONS: usize = 1_000_000_000_000;
+
 /// Iterations of all orbits between two checkpoints, about.
 const BETWEEN: u64 = 2_000_000;
 
@@ -64,6 +67,11 @@ impl Study for AdiabaticHorizonOptions {
         for epsilon in &self.epsilons {
             Error::check_range("epsilons", *epsilon, Error::LEAST_POSITIVE, f64::MAX)?;
         }
+        let mut sorted = self.epsilons.clone();
+        sorted.sort_by(f64::total_cmp);
+        if let Some(pair) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(Error::invalid("epsilons", format!("{} twice", pair[0]), "each once"));
+        }
         Error::check_count_range("factors", self.factors.len(), 1, 100)?;
         for factor in &self.factors {
             Error::check_range("factors", *factor, 1.0, f64::MAX)?;
@@ -76,9 +84,9 @@ impl Study for AdiabaticHorizonOptions {
             Error::check_count_range(name, found, least, most)
         };
         count("seeds", self.seeds, 1, 100_000)?;
-        count("iterations", self.iterations, 1000, usize::MAX)?;
+        count("iterations", self.iterations, 1000, MOST_ITERATIONS)?;
         if let Some(long) = &self.long {
-            count("long.iterations", long.iterations, self.iterations as usize, usize::MAX)?;
+            count("long.iterations", long.iterations, self.iterations as usize, MOST_ITERATIONS)?;
             if let Some(other) = long.epsilons.iter().find(|e| !self.epsilons.contains(e)) {
                 let expected = format!("one of {:?}", self.epsilons);
                 return Err(Error::invalid("long.epsilons", other, expected));
@@ -339,12 +347,11 @@ impl Found<'_> {
         let last = self.powers().last().copied().unwrap_or(0);
         let floor = self.drift(0.0, last).map_or(f64::NAN, |spread| spread.upper);
         format!(
-            "What N(ε) shows: when a bounded oscillation first passes a multiple of what was seen of \
-             it in the first dozens of iterations. It is finite where the phase of the first \
-             iterations was a quiet one, and infinite where it was not, for the same weights and any \
-             ε; it does not show that the invariant is lost. Below the floor of rounding, {floor:.0e} \
-             in {:e} iterations at ε = 0, it shows rounding. What shows that the invariant stays is \
-             D(N)/ε, the largest change of the first N iterations: medians over the weights.",
+            "N(ε) compares an oscillation with what was seen of it in the first K(ε) iterations: that \
+             it is finite says that these were not its largest ones, not that the invariant is lost. \
+             What shows whether the invariant stays is D(N)/ε, the largest change of the first N \
+             iterations, here its median over the weights; an exponent of 0 in N says that it does. \
+             Rounding alone, at ε = 0, comes to {floor:.0e} in {:e} iterations (upper quartile).",
             last as f64
         )
     }

@@ -41,7 +41,9 @@ impl Study for AdiabaticProfilesOptions {
     fn check(&self, _: &Scene) -> Result<(), Error> {
         Error::check_count_range("iterations", self.iterations, 100, MOST)?;
         Error::check_count_range("epsilons", self.epsilons.len(), 1, MOST)?;
-        self.epsilons.iter().try_for_each(|e| Error::check_finite("epsilons", *e))?;
+        for epsilon in &self.epsilons {
+            Error::check_range("epsilons", *epsilon, Error::LEAST_POSITIVE, f64::MAX)?;
+        }
         self.network.check()
     }
 

@@ -26,12 +26,15 @@ pub struct RandomNetwork {
 impl RandomNetwork {
     pub(super) fn check(&self) -> Result<(), Error> {
         Error::check_finite("network.theta", self.theta)?;
+        for (key, layers) in [("psi", self.psi), ("near_identity", self.near_identity)] {
+            Error::check_count_range(&format!("network.{key}.count"), layers.count, 1, 1000)?;
+        }
         self.initial.iter().try_for_each(|v| Error::check_finite("network.initial", *v))?;
         self.architecture(0.0).check().map_err(|e| e.at("network"))
     }
 
     fn architecture(&self, epsilon: f64) -> Architecture {
-        let layers = |layers: Layers| vec![layers.width; layers.count.min(1_000)];
+        let layers = |layers: Layers| vec![layers.width; layers.count];
         let shape = GyroceptronShape {
             circle_action: CircleAction::new([1]),
             psi: layers(self.psi),

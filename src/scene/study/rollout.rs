@@ -76,9 +76,8 @@ impl Study for RolloutOptions {
     }
 
     fn check(&self, scene: &Scene) -> Result<(), Error> {
-        for (key, value) in [("steps", self.steps), ("every", self.every)] {
-            Error::check_count_range(key, value, 1, usize::MAX)?;
-        }
+        Error::check_count_range("steps", self.steps, 1, usize::MAX)?;
+        Error::check_count_range("every", self.every, 1, self.steps)?;
         match &scene.setup.system {
             Some(system) => check_points("initial", &self.initial, system.dof()),
             None => Ok(()),
@@ -125,9 +124,10 @@ impl Study for RolloutOptions {
              {:.1e}. The initial points, and the coordinates in which they differ: {}. μ₀ is the \
              leading adiabatic invariant: of the system that of the limiting rotation, of a \
              gyroceptron 𝔍₀∘ψ⁻¹. A change of it is |μ₀ − μ₀(0)|/μ₀(0) at its largest; the exponent \
-             is that of the largest change up to N steps, in N.",
+             is that of the largest change up to N steps, in N. At one ε the data do not tell θ and \
+             I_ε apart, so that an accurate map may own another invariant than that of the data.",
             self.steps,
-            self.steps as f64 * flow_time,
+            self.interval(flow_time) * (self.request().kept() - 1) as f64,
             self.every,
             found.error,
             self.initial.iter().map(|z| format!("{z:?}")).collect::<Vec<_>>().join(", "),
@@ -343,10 +343,10 @@ impl Orbits<'_> {
                 learnt.near_identity / learnt.epsilon.abs(),
             ));
             if !(own <= AS_GOOD * of_data) {
-                out.push_str(
-                    " What was learnt is an accurate map, not the invariant of the data: at one ε \
-                     they do not tell θ and I_ε apart, and I_ε takes a part of the rotation.",
-                );
+                out.push_str(&format!(
+                    " It moves {} as much as that of the data: it is not the invariant of the data.",
+                    Format::Factor.number(own / of_data)
+                ));
             }
             out.push('\n');
         }

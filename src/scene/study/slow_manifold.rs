@@ -45,9 +45,8 @@ impl Study for SlowManifoldOptions {
     }
 
     fn check(&self, scene: &Scene) -> Result<(), Error> {
-        for (key, value) in [("steps", self.steps), ("every", self.every)] {
-            Error::check_count_range(key, value, 1, usize::MAX)?;
-        }
+        Error::check_count_range("steps", self.steps, 1, usize::MAX)?;
+        Error::check_count_range("every", self.every, 1, self.steps)?;
         Error::check_count_range("on", self.on.len(), 1, 100)?;
         self.on.iter().flatten().try_for_each(|v| Error::check_finite("on", *v))?;
         match &scene.setup.system {
@@ -107,9 +106,9 @@ impl Study for SlowManifoldOptions {
         }
         let text = format!(
             "From {} points with μ₀ = 0 over a time of {}: there, to order ε, q = q(0) + εp(0)t and \
-             p = p(0). The constants are the largest deviations over ε = {}. The reduction of the \
-             paper, in which P_k moves by itself, is not that of the equations: μ₀ stays of order ε², \
-             as the last column says of the reference.",
+             p = p(0). The constants are the largest deviations over ε = {}. In the paper's \
+             reduction P_k moves by εp sin(kq), in the equations of motion it does not: the last \
+             column, μ₀ over ε², stays of order one along the reference.",
             on.len(),
             interval * (request.kept() - 1) as f64,
             system.epsilon
@@ -191,6 +190,7 @@ impl Off {
             "name": self.name,
             "learnt": drifts(&self.learnt, |v| v[0]),
             "system": drifts(&self.of_system, |v| v[0]),
+            "differences": (0..self.learnt.count()).map(|m| self.difference(m)).collect::<Vec<_>>(),
         })
     }
 

@@ -127,7 +127,9 @@ pub(in crate::scene) struct TrainingResult {
     stop: Stop,
     /// Where training ended.
     last: TrainingRecord,
-    /// The model that was kept.
+    /// The loss of the model that was kept, on all training pairs.
+    loss: f64,
+    /// Its record.
     best: TrainingRecord,
     /// The records at which the held-out pairs were evaluated.
     history: Vec<TrainingRecord>,
@@ -160,6 +162,7 @@ impl TrainingResult {
             },
             stop: outcome.stop,
             last: outcome.history[outcome.history.len() - 1],
+            loss: outcome.loss,
             best: outcome.best,
             history: outcome.history.iter().copied().filter(told).collect(),
             component_errors,
@@ -190,7 +193,7 @@ impl TrainingResult {
                 stop_words(self.stop)
             ),
         );
-        let (iteration, loss) = (self.best.iteration, self.best.loss);
+        let (iteration, loss) = (self.best.iteration, self.loss);
         facts.fact("kept", format!("iteration {iteration}, loss {loss:.3e}"));
         if let Some(validation) = self.best.validation {
             let share = self.share(rotation_error).map(|share| {
@@ -244,7 +247,7 @@ fn overview(results: &[TrainingResult], baseline: Baseline) -> Table {
             result.parameters.into(),
             result.optimiser.into(),
             result.last.iteration.into(),
-            result.best.loss.into(),
+            result.loss.into(),
             validation.into(),
             validation.map(f64::sqrt).into(),
             validation.map(|error| error.sqrt() / baseline.size).into(),
