@@ -7,6 +7,7 @@ use gyroceptron::measure::{
 };
 use gyroceptron::network::{Architecture, Gyroceptron, GyroceptronShape, InitialWeights, Model};
 use gyroceptron::phase::Map;
+use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{Event, Folder, Observer, Report, Scene, find, parse, render, run};
 use gyroceptron::system::{Hamiltonian, ParticleField};
 use gyroceptron::{Error, flow};
@@ -69,7 +70,7 @@ fn orbits_of_the_invariant_are_their_definition() {
         for step in 1..=2500_u64 {
             map.forward(&mut w);
             let drift = (action.invariant(&w) - initial).abs();
-            largest = f64::max(largest, drift);
+            largest = max_or_nan(largest, drift);
             if step <= settling as u64 {
                 settled = largest;
             } else {
@@ -415,7 +416,7 @@ fn the_learnt_invariant_is_followed_along_both_orbits() {
     let mut largest = 0.0_f64;
     for _ in 0..200 {
         model.forward(&mut z);
-        largest = largest.max((network.adiabatic_invariant(&z)[0] - initial).abs());
+        largest = max_or_nan(largest, (network.adiabatic_invariant(&z)[0] - initial).abs());
     }
     let along = &own["along_own_orbits"]["along"][0];
     assert_eq!(number(&along["initial"]), initial);
@@ -426,7 +427,7 @@ fn the_learnt_invariant_is_followed_along_both_orbits() {
     for _ in 0..200 {
         let system = gyroceptron::system::Oscillators { epsilon: 0.01 };
         reference.flow(&system, &mut z, 0.5).expect("converges");
-        largest = largest.max((network.adiabatic_invariant(&z)[0] - initial).abs());
+        largest = max_or_nan(largest, (network.adiabatic_invariant(&z)[0] - initial).abs());
     }
     let along = &own["along_the_reference"]["along"][0];
     assert!((number(&along["largest"]) - largest).abs() <= 1e-9);

@@ -4,7 +4,7 @@ use super::kernels::{Blocks, Curvature, Gradient, Value};
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::network::Composition;
-use crate::scalar::{WIDTH, on_lanes};
+use crate::scalar::{WIDTH, max_or_nan, on_lanes};
 use crate::work;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -99,7 +99,7 @@ impl<'a> Objective<'a> {
 
     /// Of the components; 1 where all are 0.
     pub(super) fn largest_weight(&self) -> f64 {
-        let largest = self.weights.iter().copied().fold(0.0, f64::max);
+        let largest = self.weights.iter().copied().fold(0.0, max_or_nan);
         if largest > 0.0 { largest } else { 1.0 }
     }
 

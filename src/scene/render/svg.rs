@@ -271,6 +271,7 @@ impl Frame {
         let (mut x, mut y) = (Scale::of(panel.x, x.0, x.1), Scale::of(panel.y, y.0, y.1));
         if panel.square {
             let unit = |range: &Range<f64>, pixels: f64| (range.end - range.start) / pixels;
+            // no NaN: ranges are finite
             let unit = f64::max(unit(&x.range, PLOT.0), unit(&y.range, PLOT.1));
             for (scale, pixels) in [(&mut x, PLOT.0), (&mut y, PLOT.1)] {
                 let middle = 0.5 * (scale.range.start + scale.range.end);
@@ -291,6 +292,7 @@ fn extent(panel: &Panel) -> [(f64, f64); 2] {
             continue;
         };
         for (extent, place) in out.iter_mut().zip([x, y]) {
+            // no NaN: a place is a number
             *extent = (extent.0.min(place), extent.1.max(place));
         }
     }

@@ -395,7 +395,7 @@ impl Row {
         };
         let epsilons: Vec<f64> = orbits.iter().map(|o| number(&o["epsilon"])).collect();
         let most = largest(epsilons.iter().copied());
-        let least = epsilons.iter().copied().filter(|e| *e > 0.0).fold(most, f64::min);
+        let least = -epsilons.iter().filter(|e| **e > 0.0).map(|e| -e).fold(-most, max_or_nan);
         let median = |epsilon: f64| {
             let mut all = of(epsilon);
             all.sort_by(f64::total_cmp);
