@@ -11,11 +11,12 @@ use gyroceptron::io::{
     Provenance, StoredModel, load_checkpoint, read_pairs, save_checkpoint, save_model,
 };
 use gyroceptron::layer::{Activation, CircleAction};
+use gyroceptron::measure::rotation_error;
 use gyroceptron::network::InitialWeights;
 use gyroceptron::random::Stream;
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
-    Folder, Layers, ModelSpec, NetworkSpec, Observer, OwnTraining, TrainingTimes, rotation_error,
+    Folder, Layers, ModelSpec, NetworkSpec, Observer, OwnTraining, TrainingTimes,
 };
 use gyroceptron::train::{
     AdamOptions, Control, LbfgsOptions, LevenbergMarquardtOptions, Optimiser, Stop,

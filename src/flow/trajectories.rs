@@ -63,6 +63,12 @@ impl Trajectories {
         (0..self.states()).map(move |t| self.state(t, m))
     }
 
+    /// A quantity of each state: trajectories of one number.
+    pub fn quantity(&self, of: impl Fn(&[f64]) -> f64) -> Self {
+        let values = self.values.chunks_exact(self.dim).map(of).collect();
+        Self { values, dim: 1, count: self.count }
+    }
+
     /// All numbers.
     pub fn values(&self) -> &[f64] {
         &self.values

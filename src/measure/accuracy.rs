@@ -3,6 +3,7 @@
 use super::adiabatic::log_slope;
 use crate::error::Error;
 use crate::flow::{Pairs, Trajectories};
+use crate::layer::CircleAction;
 use crate::network::{Composition, map_points};
 use crate::phase::Direction;
 use crate::scalar::max_or_nan;
@@ -136,16 +137,32 @@ pub fn milestones(history: &[(u64, f64)]) -> Vec<Milestone> {
 /// The mean squared error, over all components, of the exact limiting flow of
 /// `system` over `time`: what a surrogate has to improve upon.
 pub fn limiting_flow_error(system: &impl Hamiltonian, pairs: &Pairs, time: f64) -> f64 {
+    error_of(pairs, |z| system.limiting_flow(z, time))
+}
+
+/// The mean squared error, over all components, of the circle action alone at an angle.
+pub fn rotation_error(action: &CircleAction, theta: f64, pairs: &Pairs) -> f64 {
+    let turn = action.at(theta);
+    error_of(pairs, |z| turn.apply(z, false))
+}
+
+/// The mean squared error of what `step` does to the inputs.
+fn error_of(pairs: &Pairs, step: impl Fn(&mut [f64])) -> f64 {
     let dim = 2 * pairs.dof();
     let mut total = 0.0;
     for (input, output) in pairs.input().chunks_exact(dim).zip(pairs.output().chunks_exact(dim)) {
         let mut moved = input.to_vec();
-        system.limiting_flow(&mut moved, time);
+        step(&mut moved);
         for (a, b) in moved.iter().zip(output) {
             total += (a - b) * (a - b);
         }
     }
     total / pairs.output().len() as f64
+}
+
+/// The root of the mean square of some numbers.
+pub fn root_mean_square(values: &[f64]) -> f64 {
+    (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
 }
 
 /// The root-mean-square error of each of the 2n components.

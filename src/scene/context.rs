@@ -9,7 +9,7 @@ use super::run::{Event, Observer};
 use super::setup::{Data, Need};
 use crate::error::Error;
 use crate::flow::{Pairs, ReferenceTrajectories, Trajectories, Window, sample};
-use crate::measure::limiting_flow_error;
+use crate::measure::{limiting_flow_error, root_mean_square};
 use crate::network::{Rollout, rollout};
 use crate::random::Stream;
 use crate::scalar::max_or_nan;
@@ -269,8 +269,7 @@ impl DataSets {
 
     /// The root mean square of the components of the outputs.
     pub(super) fn size(&self) -> f64 {
-        let output = self.to_judge_by().output();
-        (output.iter().map(|v| v * v).sum::<f64>() / output.len() as f64).sqrt()
+        root_mean_square(self.to_judge_by().output())
     }
 
     /// The pairs to judge by: held out, where there are any.

@@ -41,7 +41,7 @@ pub use declaration::Scene;
 pub use folder::Folder;
 pub use log::{Stage, TrainingTimes};
 pub use machine::Machine;
-pub use own_pairs::{OwnTraining, rotation_error};
+pub use own_pairs::OwnTraining;
 pub use parse::parse;
 pub use report::{Report, StudyFindings};
 pub use run::{Event, Observer, run};

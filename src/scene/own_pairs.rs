@@ -11,8 +11,7 @@ use super::setup::{ModelSpec, Setup};
 use super::study::training::{Baseline, LOSS, TrainingResult, findings};
 use crate::error::Error;
 use crate::flow::Pairs;
-use crate::layer::CircleAction;
-use crate::measure::component_errors;
+use crate::measure::{component_errors, root_mean_square};
 use crate::network::Model;
 use crate::train::{Outcome, TrainingOptions};
 
@@ -48,11 +47,8 @@ impl OwnTraining<'_> {
     /// When a file cannot be written.
     pub fn report(self, folder: &Folder) -> Result<Report, Error> {
         let output = self.held_out.unwrap_or(self.pairs).output();
-        let squares: f64 = output.iter().map(|v| v * v).sum();
-        let baseline = Baseline {
-            rotation_error: Some(self.rotation_error),
-            size: (squares / output.len() as f64).sqrt(),
-        };
+        let baseline =
+            Baseline { rotation_error: Some(self.rotation_error), size: root_mean_square(output) };
         let epsilon = self.initial.architecture().epsilon();
         let errors = match self.held_out {
             Some(held_out) => component_errors(self.outcome.model.composition(), held_out)?,
@@ -87,18 +83,4 @@ impl OwnTraining<'_> {
         write(folder, &report)?;
         Ok(report)
     }
-}
-
-/// The mean squared error, over all components, of the best rotation of the pairs by a
-/// circle action: of the model whose ψ and I_ε are the identity.
-pub fn rotation_error(action: &CircleAction, theta: f64, pairs: &Pairs) -> f64 {
-    let dim = 2 * pairs.dof();
-    let turn = action.at(theta);
-    let mut total = 0.0;
-    for (z, w) in pairs.input().chunks_exact(dim).zip(pairs.output().chunks_exact(dim)) {
-        let mut moved = z.to_vec();
-        turn.apply(&mut moved, false);
-        total += moved.iter().zip(w).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
-    }
-    total / pairs.output().len() as f64
 }

@@ -1,7 +1,9 @@
 //! Gauss–Newton steps, damped after Levenberg and Marquardt.
 //!
-//! (A + λD)δ = −g with the Gauss–Newton matrix A of the loss, its gradient g and
-//! D = diag A. A library's solver would want the Jacobian of all residuals, which takes
+//! (A + λD)δ = −g with the Gauss–Newton matrix A of the loss, its gradient g and the
+//! diagonal D of A, whose entries count as no smaller than the loss, as in
+//! [L-BFGS](super::LbfgsOptions): a parameter that hardly matters is not sent far away.
+//! A library's solver would want the Jacobian of all residuals, which takes
 //! gigabytes for the data sets of this crate, and keeps a state that cannot be stored:
 //! this one has the matrix summed in pieces
 //! ([`Objective::normal_equations`](super::Objective::normal_equations)) and goes on

@@ -182,8 +182,7 @@ struct Change {
 
 impl Change {
     fn of(orbits: &Trajectories, quantity: impl Fn(&[f64]) -> f64) -> Self {
-        let values = orbits.values().chunks_exact(orbits.dim()).map(quantity).collect();
-        let values = Trajectories::new(values, 1, orbits.count()).expect("a number a state");
+        let values = orbits.quantity(quantity);
         let drifts = drifts(&values, |value| value[0]);
         let exponent = drift_exponent(&values, |value| value[0]);
         Self { values, drifts, exponent }
@@ -195,13 +194,18 @@ impl Change {
         (initial != 0.0).then(|| largest / initial.abs())
     }
 
-    /// The largest of all orbits.
+    /// The largest of all orbits; NaN where none has one.
     fn largest(&self) -> f64 {
-        (0..self.drifts.len()).filter_map(|m| self.relative(m)).fold(0.0, max_or_nan)
+        let all = (0..self.drifts.len()).filter_map(|m| self.relative(m));
+        all.reduce(max_or_nan).unwrap_or(f64::NAN)
     }
 
     fn data(&self) -> serde_json::Value {
-        json!({ "along": self.drifts, "exponent": self.exponent })
+        json!({
+            "along": self.drifts,
+            "largest_change": self.largest(),
+            "exponent": self.exponent,
+        })
     }
 }
 

@@ -92,8 +92,8 @@ impl Study for SlowManifoldOptions {
                 let system = |z: &[f64]| system.adiabatic_invariant(z);
                 Some(Off {
                     name: trained.spec.name.clone(),
-                    learnt: values(orbits, own),
-                    of_system: values(orbits, system),
+                    learnt: orbits.quantity(own),
+                    of_system: orbits.quantity(system),
                 })
             })
             .collect();
@@ -131,12 +131,6 @@ impl Study for SlowManifoldOptions {
             ..Findings::default()
         })
     }
-}
-
-/// A number for each state.
-fn values(orbits: &Trajectories, quantity: impl Fn(&[f64]) -> f64) -> Trajectories {
-    let values = orbits.values().chunks_exact(orbits.dim()).map(quantity).collect();
-    Trajectories::new(values, 1, orbits.count()).expect("a number a state")
 }
 
 /// Orbits that start on the slow manifold.
