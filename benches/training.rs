@@ -21,11 +21,15 @@
 use criterion::{Criterion, Throughput, criterion_group};
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
-use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model};
+use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model, map_points};
+use gyroceptron::phase::Direction;
 use gyroceptron::random::Stream;
-use gyroceptron::train::{Loss, Objective};
+use gyroceptron::train::{
+    Control, LevenbergMarquardtOptions, Loss, Objective, Optimiser, TrainingOptions, train,
+};
 use peak::{SECH2_PRODUCTS, TANH_PRODUCTS, peak, share};
 use std::hint::black_box;
+use std::time::{Duration, Instant};
 
 mod peak;
 
@@ -34,17 +38,23 @@ const SAMPLES: usize = 60_000;
 const FEW: usize = 20_000;
 
 /// The models of the paper: circle action, layers of ψ and of I_ε.
-const MODELS: [(&[i32], [usize; 2], [usize; 2]); 3] =
+const MODELS: [Shape; 3] =
     [(&[1, 0], [10, 8], [8, 6]), (&[1, 0], [10, 8], [10, 8]), (&[0, 1, 2], [12, 8], [12, 8])];
 
-fn model((action, psi, near_identity): (&[i32], [usize; 2], [usize; 2])) -> Model {
+type Shape = (&'static [i32], [usize; 2], [usize; 2]);
+
+fn model(of: Shape) -> Model {
+    with_weights(of, 1)
+}
+
+fn with_weights((action, psi, near_identity): Shape, seed: u64) -> Model {
     let shape = GyroceptronShape {
         circle_action: CircleAction::new(action),
         psi: vec![psi[1]; psi[0]],
         near_identity: vec![near_identity[1]; near_identity[0]],
     };
     Architecture::Gyroceptron { shape, epsilon: 0.01 }
-        .initialise(InitialWeights::Normal { scale: 0.15 }, 5.0, 1)
+        .initialise(InitialWeights::Normal { scale: 0.15 }, 5.0, seed)
         .expect("a valid architecture")
 }
 
@@ -60,6 +70,21 @@ fn pairs(dof: usize, count: usize) -> Pairs {
 fn products(n: usize) -> (f64, f64) {
     let n = n as f64;
     (SECH2_PRODUCTS + 2.0 * n + 1.0, TANH_PRODUCTS - SECH2_PRODUCTS + 4.0 * n + 4.0)
+}
+
+/// So many iterations of Levenberg–Marquardt with all pairs, after the first.
+fn iterations(model: &Model, pairs: &Pairs, count: u64) -> Duration {
+    let all = LevenbergMarquardtOptions { residuals: 0.0, ..Default::default() };
+    let optimiser = Optimiser::LevenbergMarquardt(all);
+    let options = TrainingOptions { iterations: 1 + count, optimiser, ..Default::default() };
+    let (mut first, mut last) = (None, None);
+    let outcome = train(model, pairs, None, &options, None, &mut |_| {
+        last = Some(Instant::now());
+        first = first.or(last);
+        Ok(Control::Continue)
+    });
+    assert_eq!(outcome.expect("trains").history.len() as u64, 2 + count, "none is missing");
+    last.zip(first).map_or(Duration::ZERO, |(last, first)| last - first)
 }
 
 fn shares() {
@@ -117,6 +142,13 @@ fn training(criterion: &mut Criterion) {
         group.sample_size(10);
         group.bench_function("normal equations", |b| {
             b.iter(|| black_box(objective.normal_equations(map)));
+        });
+        let mut output = few.input().to_vec();
+        let teacher = with_weights(of, 2);
+        map_points(teacher.composition(), Direction::Forward, &mut output).expect("whole points");
+        let taught = Pairs::new("bench", map.dof(), few.input().to_vec(), output).expect("finite");
+        group.bench_function("iteration of Levenberg–Marquardt", |b| {
+            b.iter_custom(|count| iterations(&model, &taught, count));
         });
         group.finish();
     }

@@ -11,7 +11,10 @@ use gyroceptron::network::{
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::dual_variables_made;
 use gyroceptron::scene::{Event, Folder, Observer, Stage, parse, run};
-use gyroceptron::train::{Loss, Objective};
+use gyroceptron::train::{
+    Control, LevenbergMarquardtOptions, Loss, Objective, Optimiser, Progress, TrainingOptions,
+    train,
+};
 use gyroceptron::work::Work;
 use peak_alloc::PeakAlloc;
 use std::hint::black_box;
@@ -56,6 +59,18 @@ fn memory() {
         black_box(objective.curvature_diagonal(map));
     });
     assert!(training < 4 * MEBI, "{training} bytes");
+
+    // A step with the Gauss–Newton matrix: 8 MiB of rows of the Jacobian, which has 1.2
+    // GiB, a few matrices of the parameters, 3.5 MiB each, and what products of
+    // matrices keep for the next.
+    let all_at_once = LevenbergMarquardtOptions { residuals: 0.0, ..Default::default() };
+    let optimiser = Optimiser::LevenbergMarquardt(all_at_once);
+    let options = TrainingOptions { iterations: 1, optimiser, ..Default::default() };
+    let step = peak(|| {
+        let quiet = &mut |_: Progress<'_>| Ok(Control::Continue);
+        black_box(train(&model, &pairs, None, &options, None, quiet).expect("trains"));
+    });
+    assert!((16 * MEBI..40 * MEBI).contains(&step), "{step} bytes");
 
     // A roll-out: the states asked for, of 20,000 steps a hundred.
     let start = points(4 * 64);

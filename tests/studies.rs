@@ -466,7 +466,12 @@ fn parts_are_summed_up_in_one_table() {
     let place = |words: &str| report.find(words).expect(words);
     assert!(place("what the paper claims") < place("## Parts"));
     assert!(place("`gyroceptron run trajectories`") < place("## Parts"));
-    refused("name = \"x\"\nscenes = [\"nowhere\"]\n", &["nowhere", "quickstart"]);
-    refused("name = \"x\"\nscenes = 3\n", &["scenes"]);
+    refused("name = \"x\"\nscenes = [\"nowhere\"]\n", &[":2: ", "nowhere", "quickstart"]);
+    refused("name = \"x\"\nscenes = 3\n", &[":2: ", "scenes", "found 3"]);
+    // Lines are those of the file, whatever the scenes are that it names.
+    let named = "name = \"x\"\nscenes = [\n  \"trajectories\",\n  \"quickstart\",\n]\n";
+    refused(&format!("{named}seed = \"one\"\n"), &[":6: "]);
+    refused(&format!("{named}sed = 1\n"), &[":6: ", "sed", "seed"]);
+    refused(&format!("{named}[claims]\nstray = 1\n"), &[":7: ", "stray"]);
     refused(&PROFILES.replace("plots", "[claims]\n#plots"), &["claims", "parts"]);
 }

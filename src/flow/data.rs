@@ -196,8 +196,15 @@ impl Pairs {
 
     /// So many of the pairs, evenly spaced; all, where there are no more.
     pub fn thinned(&self, count: usize) -> Self {
+        self.thinned_in_turn(count, 0)
+    }
+
+    /// Another part of as many, evenly spaced too, in each turn: no pair is in two of
+    /// them until all parts have had theirs.
+    pub(crate) fn thinned_in_turn(&self, count: usize, turn: u64) -> Self {
         let (all, count) = (self.len() as u128, count.min(self.len()) as u128);
-        self.rows((0..count).map(|k| (k * all / count) as usize))
+        let shift = u128::from(turn) % (all / count.max(1)).max(1);
+        self.rows((0..count).map(|k| (k * all / count + shift) as usize))
     }
 
     /// SHA-256 of the numbers, in hexadecimal: what a model's provenance names.

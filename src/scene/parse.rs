@@ -3,6 +3,8 @@
 use super::catalogue::find;
 use super::declaration::Scene;
 use crate::error::Error;
+use std::borrow::Cow;
+use toml::de::DeTable;
 
 /// Reads a scene. `place` names the file in errors.
 ///
@@ -10,9 +12,9 @@ use crate::error::Error;
 /// When it is no TOML, a key is unknown (with the nearest known one), a value
 /// is missing or out of range.
 pub fn parse(place: &str, text: &str) -> Result<Scene, Error> {
-    let expanded = expanded(place, text)?;
-    let text = expanded.as_deref().unwrap_or(text);
-    let scene: Scene = toml::from_str(text).map_err(|error| {
+    let (text, named) = without_named_scenes(place, text)?;
+    let text = text.as_ref();
+    let mut scene: Scene = toml::from_str(text).map_err(|error| {
         let line = error.span().map(|span| text[..span.start].matches('\n').count() + 1);
         unknown_key(place, text, error.message()).unwrap_or_else(|| {
             let place = line.map_or(place.to_owned(), |line| format!("{place}:{line}"));
@@ -28,29 +30,35 @@ pub fn parse(place: &str, text: &str) -> Result<Scene, Error> {
     {
         return Err(unknown(place, text, &key, known.iter().map(String::as_str)));
     }
+    scene.parts.extend(named);
     scene.check(place)?;
     Ok(scene)
 }
 
-/// The text with the built-in scenes that its key `scenes` names in the place of that
-/// key, as parts; None where it has no such key, or is no TOML.
-fn expanded(place: &str, text: &str) -> Result<Option<String>, Error> {
-    let Ok(mut table) = toml::from_str::<toml::Table>(text) else { return Ok(None) };
-    let Some(scenes) = table.remove("scenes") else { return Ok(None) };
-    let expected = "names of built-in scenes";
-    let invalid = |found: &toml::Value| Error::invalid("scenes", found, expected).at(place);
-    let mut parts = Vec::new();
-    for name in scenes.as_array().ok_or_else(|| invalid(&scenes))? {
-        let entry = find(name.as_str().ok_or_else(|| invalid(name))?).map_err(|e| e.at(place))?;
-        let part = toml::from_str::<toml::Table>(entry.text);
-        parts.push(toml::Value::Table(part.map_err(|_| invalid(name))?));
+/// The text with its key `scenes` blanked, so that lines stay where they are, and the
+/// built-in scenes that it names, which are parts more.
+fn without_named_scenes<'a>(
+    place: &str,
+    text: &'a str,
+) -> Result<(Cow<'a, str>, Vec<Scene>), Error> {
+    // What is no TOML is told by whoever reads the scene.
+    let Ok(table) = DeTable::parse(text) else { return Ok((text.into(), Vec::new())) };
+    let Some((key, value)) = table.get_ref().get_key_value("scenes") else {
+        return Ok((text.into(), Vec::new()));
+    };
+    let line = text[..value.span().start].matches('\n').count() + 1;
+    let place = format!("{place}:{line}");
+    let written = &text[value.span()];
+    let invalid = || Error::invalid("scenes", written, "names of built-in scenes").at(&place);
+    let mut scenes = Vec::new();
+    for name in value.get_ref().as_array().ok_or_else(invalid)?.iter() {
+        let entry = find(name.get_ref().as_str().ok_or_else(invalid)?).map_err(|e| e.at(&place))?;
+        scenes.push(entry.scene()?);
     }
-    match table.entry("parts").or_insert_with(|| toml::Value::Array(Vec::new())) {
-        toml::Value::Array(all) => all.extend(parts),
-        other => return Err(invalid(other)),
-    }
-    let text = toml::to_string(&table);
-    text.map(Some).map_err(|reason| Error::content(place, "a scene", reason))
+    let assignment = key.span().start..value.span().end;
+    let blank = text[assignment.clone()].replace(|c| c != '\n', " ");
+    let text = [&text[..assignment.start], &blank, &text[assignment.end..]].concat();
+    Ok((text.into(), scenes))
 }
 
 /// The first key that `given` has and `written` lacks, with its known

@@ -176,6 +176,53 @@ impl Kernel for Gradient<'_> {
     }
 }
 
+/// The gradient of the mean of Σ_c weight_c·2b_c·P_c(z) in the parameters, the bend
+/// b = (P₊ + P₋ − 2P)(z) standing still.
+pub(super) struct BendGradient<'a> {
+    pub(super) blocks: Blocks<'a>,
+    /// P₊ and P₋.
+    pub(super) beside: [&'a Composition<f64>; 2],
+}
+
+impl Kernel for BendGradient<'_> {
+    type Output = Vec<Vec<f64>>;
+
+    #[inline(always)]
+    fn run<V: Pack>(self) -> Self::Output {
+        let Self { blocks, beside: [ahead, behind] } = self;
+        let Blocks { map, weights, .. } = blocks;
+        let mut group = blocks.space::<V>();
+        let mut scratch = vec![V::zero(); weights.len()];
+        let mut state_behind = group.state.clone();
+        let mut recording = map.recording_of::<V>(TOGETHER);
+        let mut gradient = vec![V::zero(); map.parameters().len()];
+        let mut results = Vec::new();
+        for (input, output) in blocks.each() {
+            gradient.fill(V::zero());
+            for (input, output) in in_chunks(input, output, TOGETHER * V::LANES * weights.len()) {
+                group.load(input, output);
+                group.target.copy_from_slice(&group.state);
+                state_behind.copy_from_slice(&group.state);
+                ahead.apply(Direction::Forward, &mut group.target, &mut scratch);
+                behind.apply(Direction::Forward, &mut state_behind, &mut scratch);
+                map.record(&mut group.state, &mut recording);
+                for k in 0..group.state.len() {
+                    // The residual from here is the bend.
+                    let middle = group.state[k];
+                    group.state[k] = (group.target[k] - middle) + (state_behind[k] - middle);
+                    group.target[k] = V::zero();
+                }
+                group.residuals(weights, |cotangent, _, weighted| {
+                    *cotangent = weighted + weighted;
+                });
+                map.pull(&mut recording, &mut group.cotangent, &mut gradient);
+            }
+            results.push(sums(&gradient));
+        }
+        results
+    }
+}
+
 pub(super) struct Curvature<'a>(pub(super) Blocks<'a>);
 
 impl Kernel for Curvature<'_> {

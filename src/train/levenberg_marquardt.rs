@@ -3,6 +3,13 @@
 //! (A + λD)δ = −g with the Gauss–Newton matrix A of the loss, its gradient g and the
 //! diagonal D of A, whose entries count as no smaller than the loss, as in
 //! [L-BFGS](super::LbfgsOptions): a parameter that hardly matters is not sent far away.
+//!
+//! In a narrow, bent valley straight steps must be short. The path that minimises the
+//! model of the moment is δ to first order and ½α to second,
+//! (A + λD)α = −(2/N) Σ Σ_c weight_c r″_c ∇r_c with the second derivative r″ of the residuals
+//! along δ: the geodesic acceleration of Transtrum and Sethna, arXiv:1201.5885. It takes
+//! the factor that is there and no second derivatives by the parameters.
+//!
 //! A library's solver would want the Jacobian of all residuals, which takes
 //! gigabytes for the data sets of this crate, and keeps a state that cannot be stored:
 //! this one has the matrix summed in pieces
@@ -22,9 +29,10 @@ use std::ops::ControlFlow;
 /// Options of Levenberg–Marquardt.
 ///
 /// A step costs Np²n multiplications for N pairs and p parameters, and three matrices
-/// of p × p numbers are held. It begins with few of the pairs, evenly spaced, as long
-/// as the loss on all of them is not much larger, and doubles their number when it is
-/// or when no step lowers the loss on them any more.
+/// of p × p numbers are held. It begins with few of the pairs, evenly spaced, and takes
+/// others every ten iterations. It takes twice as many when the loss on all of them is
+/// much larger than that on those it had, when it has not fallen for
+/// fifty iterations, or when no step lowers that on a part any more.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LevenbergMarquardtOptions {
@@ -39,7 +47,7 @@ pub struct LevenbergMarquardtOptions {
 
 impl Default for LevenbergMarquardtOptions {
     fn default() -> Self {
-        Self { damping: 1e-3, residuals: 10.0, gap: 2.0 }
+        Self { damping: 1e-3, residuals: 10.0, gap: 1.5 }
     }
 }
 
@@ -59,8 +67,13 @@ impl LevenbergMarquardtOptions {
 const LEAST_DAMPING: f64 = 1e-16;
 /// Steps of such a damping move no digit of a parameter of size one.
 const MOST_DAMPING: f64 = 1e20;
-/// Iterations between two looks at the loss on all pairs.
+/// Iterations with the same pairs, after which it looks at the loss on all.
 const LOOK: u64 = 10;
+/// So many looks without a lower loss on all pairs, and more of them are used.
+const LOOKS: u64 = 5;
+/// The part of a step on both sides of which the residuals tell their second
+/// derivative: its own third power is left out.
+const BESIDE: f64 = 0.1;
 
 /// Where it is, between two iterations.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -71,6 +84,10 @@ pub(super) struct LevenbergMarquardtState {
     growth: f64,
     /// How many pairs it uses.
     pairs: usize,
+    /// The lowest loss on all pairs that was seen with so many of them, and the looks
+    /// since then.
+    lowest: f64,
+    looks: u64,
     iterations: u64,
     evaluations: u64,
     curvatures: u64,
@@ -84,6 +101,7 @@ impl LevenbergMarquardtState {
         Error::check_range(&name("damping"), self.damping, LEAST_DAMPING, f64::MAX)?;
         Error::check_range(&name("growth"), self.growth, 2.0, f64::MAX)?;
         Error::check_count_range(&name("pairs"), self.pairs, 1, usize::MAX)?;
+        Error::check_range(&name("lowest"), self.lowest, 0.0, f64::MAX)?;
         // Each iteration has one evaluation at least, and no more than a search of all
         // dampings has.
         let evaluations = iteration.saturating_mul(1000).saturating_add(1000);
@@ -119,10 +137,16 @@ impl<'a> LevenbergMarquardt<'a> {
             false => all.len(),
         };
         let (damping, growth) = (options.damping, 2.0);
-        let counts = (0, 0, 0);
-        let (iterations, evaluations, curvatures) = counts;
-        let state =
-            LevenbergMarquardtState { damping, growth, pairs, iterations, evaluations, curvatures };
+        let state = LevenbergMarquardtState {
+            damping,
+            growth,
+            pairs,
+            lowest: f64::MAX,
+            looks: 0,
+            iterations: 0,
+            evaluations: 0,
+            curvatures: 0,
+        };
         Self::resume(problem, options, state)
     }
 
@@ -142,14 +166,17 @@ impl<'a> LevenbergMarquardt<'a> {
     }
 
     fn use_pairs(&mut self, pairs: usize) {
+        if pairs > self.state.pairs {
+            (self.state.lowest, self.state.looks) = (f64::MAX, 0);
+        }
         let all = self.problem.objective;
         let count = all.pairs().len();
         // More than half of them would be no part worth a copy.
         let pairs = if pairs > count / 2 { count } else { pairs };
         self.state.pairs = pairs.clamp(1, count);
         self.part = None;
-        self.part =
-            (self.state.pairs < count).then(|| all.on(all.pairs().thinned(self.state.pairs)));
+        let (pairs, turn) = (self.state.pairs, self.state.iterations / LOOK);
+        self.part = (pairs < count).then(|| all.on(all.pairs().thinned_in_turn(pairs, turn)));
         self.present = None;
     }
 
@@ -166,9 +193,14 @@ impl<'a> LevenbergMarquardt<'a> {
         Ok(self.objective().normal_equations(current.composition()))
     }
 
-    /// The step of the present damping, and what it lowers the model of the loss by.
-    /// None where the matrix has no Cholesky factor.
-    fn solve(&self, equations: &NormalEquations, floor: f64) -> Option<(Vec<f64>, f64)> {
+    /// The step of the present damping, bent, and what the straight one lowers the model
+    /// of the loss by. None where the matrix has no Cholesky factor.
+    fn solve(
+        &mut self,
+        parameters: &[f64],
+        equations: &NormalEquations,
+        floor: f64,
+    ) -> Option<(Vec<f64>, f64)> {
         let NormalEquations { matrix, gradient, .. } = equations;
         let mut damped = matrix.clone();
         let damping: Vec<f64> =
@@ -177,13 +209,40 @@ impl<'a> LevenbergMarquardt<'a> {
             damped[(i, i)] += more;
         }
         let factor = damped.llt(Side::Lower).ok()?;
-        let step = factor.solve(Mat::from_fn(gradient.len(), 1, |i, _| -gradient[i]));
-        let step: Vec<f64> = (0..gradient.len()).map(|i| step[(i, 0)]).collect();
+        let solution = |right: &[f64]| -> Vec<f64> {
+            let solution = factor.solve(Mat::from_fn(right.len(), 1, |i, _| -right[i]));
+            (0..right.len()).map(|i| solution[(i, 0)]).collect()
+        };
+        let mut step = solution(gradient);
         let mut lower = 0.0;
         for ((d, g), more) in step.iter().zip(gradient).zip(&damping) {
             lower += 0.5 * d * (more * d - g);
         }
-        (lower > 0.0 && lower.is_finite()).then_some((step, lower))
+        if !(lower > 0.0 && lower.is_finite()) {
+            return None;
+        }
+        if let Some(bend) = self.bend_gradient(parameters, &step) {
+            for (d, bend) in step.iter_mut().zip(solution(&bend)) {
+                *d += 0.5 * bend;
+            }
+        }
+        Some((step, lower))
+    }
+
+    /// (2/N) Σ Σ_c weight_c r″_c ∇r_c along the step. None where it is not finite.
+    fn bend_gradient(&mut self, parameters: &[f64], step: &[f64]) -> Option<Vec<f64>> {
+        let at = |part: f64| {
+            let moved = parameters.iter().zip(step).map(|(p, d)| p + part * d).collect();
+            self.problem.model.with_parameters(moved).ok()
+        };
+        let (here, ahead, behind) = (at(0.0)?, at(BESIDE)?, at(-BESIDE)?);
+        let beside = [ahead.composition(), behind.composition()];
+        let mut gradient = self.objective().bend_gradient(here.composition(), beside);
+        self.state.evaluations += 3;
+        for g in &mut gradient {
+            *g /= BESIDE * BESIDE;
+        }
+        gradient.iter().all(|g| g.is_finite()).then_some(gradient)
     }
 
     /// The first step, with more and more damping, that lowers the loss: the new
@@ -195,7 +254,7 @@ impl<'a> LevenbergMarquardt<'a> {
         loss: f64,
     ) -> Option<(Vec<f64>, f64)> {
         while self.state.damping <= MOST_DAMPING {
-            if let Some((step, predicted)) = self.solve(equations, loss) {
+            if let Some((step, predicted)) = self.solve(parameters, equations, loss) {
                 let moved: Vec<f64> = parameters.iter().zip(&step).map(|(p, d)| p + d).collect();
                 if moved == parameters {
                     return None;
@@ -258,14 +317,18 @@ impl Minimise for LevenbergMarquardt<'_> {
         if self.part.is_some() && self.state.iterations.is_multiple_of(LOOK) {
             self.state.evaluations += 1;
             let all = self.problem.loss(self.problem.objective, parameters);
-            if !(all <= self.options.gap * loss) {
-                self.use_pairs(2 * self.state.pairs);
-                loss = self.loss(parameters);
-                self.state.evaluations += 1;
-                if !loss.is_finite() {
-                    // What is not finite can be neither compared nor stored.
-                    return Ok(ControlFlow::Break(Stop::Diverged));
-                }
+            if all < self.state.lowest {
+                (self.state.lowest, self.state.looks) = (all, 0);
+            } else {
+                self.state.looks += 1;
+            }
+            let enough = all <= self.options.gap * loss && self.state.looks < LOOKS;
+            self.use_pairs(if enough { 1 } else { 2 } * self.state.pairs);
+            loss = self.loss(parameters);
+            self.state.evaluations += 1;
+            if !loss.is_finite() {
+                // What is not finite can be neither compared nor stored.
+                return Ok(ControlFlow::Break(Stop::Diverged));
             }
         }
         self.state.curvatures += 1;

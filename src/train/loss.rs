@@ -1,6 +1,6 @@
 //! The loss of a network on pairs, its gradient and its curvature.
 
-use super::kernels::{Blocks, Curvature, Gradient, Value};
+use super::kernels::{BendGradient, Blocks, Curvature, Gradient, Value};
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::network::Composition;
@@ -162,6 +162,32 @@ impl<'a> Objective<'a> {
             *g /= count;
         }
         total / count
+    }
+
+    /// (2/N) Σ Σ_c weight_c b_c ∇P_c at the parameters of `map`, b being the bend
+    /// P₊ + P₋ − 2P at a pair for the maps `beside` it. Costs two losses and a gradient.
+    pub(super) fn bend_gradient(
+        &self,
+        map: &Composition<f64>,
+        beside: [&Composition<f64>; 2],
+    ) -> Vec<f64> {
+        let mut gradient = vec![0.0; map.parameters().len()];
+        let [ahead, behind] = beside.map(|map| self.terms(map));
+        for (term, (ahead, behind)) in self.terms(map).iter().zip(ahead.iter().zip(&behind)) {
+            let parts = term.block_results(work::Kind::Gradient, |blocks| {
+                let beside = [&*ahead.map, &*behind.map];
+                on_lanes::<WIDTH, _>(BendGradient { blocks, beside })
+            });
+            for part in parts {
+                for (g, p) in gradient.iter_mut().zip(part) {
+                    *g += p;
+                }
+            }
+        }
+        for g in &mut gradient {
+            *g /= self.pairs.len() as f64;
+        }
+        gradient
     }
 
     /// The diagonal of the Gauss–Newton matrix of the loss,

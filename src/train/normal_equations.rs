@@ -26,9 +26,9 @@ pub struct NormalEquations {
 /// Rows that are multiplied at once. Up to this number a product of matrices of two
 /// columns and more sums in one pass, one row after another, whatever the caches and
 /// registers of a processor are.
-const ROWS: usize = 512;
+const ROWS: usize = 256;
 
-/// Columns of a tile: two panels of [`ROWS`] by as many fit into the second cache.
+/// Columns of a tile: panels of [`ROWS`] by as many fit into the second cache.
 const TILE: usize = 128;
 
 /// Numbers between two columns of rows: without them the columns of a full block would
@@ -124,6 +124,9 @@ impl Term<'_> {
         let groups = (ROWS / (WIDTH * dim)).max(1);
         let block = groups * WIDTH * dim;
         let blocks = (HELD / (block * columns)).max(1);
+        // As many for each thread: no bit depends on how many are held.
+        let threads = rayon::current_num_threads();
+        let blocks = if blocks > threads { blocks - blocks % threads } else { blocks };
         let mut held: Vec<Vec<f64>> = Vec::new();
         for (input, output) in
             self.input.chunks(blocks * block).zip(self.output.chunks(blocks * block))
@@ -142,7 +145,7 @@ impl Term<'_> {
                     let blocks = Blocks { map: &self.map, weights: &self.weights, input, output };
                     on_lanes::<WIDTH, _>(Rows { blocks, rows });
                 });
-            tiles.par_iter_mut().for_each(|tile| {
+            tiles.par_iter_mut().with_max_len(1).for_each(|tile| {
                 for (rows, &height) in held.iter().zip(&heights) {
                     tile.add(MatRef::from_column_major_slice_with_stride(
                         rows,
