@@ -5,8 +5,8 @@ use gyroceptron::layer::{Activation, CircleAction, TorusAction};
 use gyroceptron::measure::{Verdict, jacobian, jacobians_by_differences, laws};
 use gyroceptron::network::{
     Architecture, Composition, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights,
-    Model, Rollout, SympNet, SympNetShape, map_jacobians, map_jacobians_by_duals, map_points,
-    rollout,
+    Model, NormalForm, NormalFormShape, Rollout, SympNet, SympNetShape, map_jacobians,
+    map_jacobians_by_duals, map_points, rollout,
 };
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
@@ -219,6 +219,22 @@ fn same_bits(a: &[f64], b: &[f64]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
 }
 
+/// The first plane fast, and of three and more a second circle.
+fn normal_form(dof: usize) -> NormalForm<f64> {
+    let circle = |plane: usize, m: i32| {
+        CircleAction::new(Vec::from_iter((0..dof).map(|j| if j == plane { m } else { 0 })))
+    };
+    let mut circles = vec![circle(0, 1)];
+    if dof > 2 {
+        circles.push(circle(1, 2));
+    }
+    let action = TorusAction::new(circles).expect("circles");
+    let (psi, kicks) = (vec![3, 2], vec![5, 1, 4]);
+    let shape = NormalFormShape { action, psi, kicks, twists: 3, twist_width: 5, flow_time: 7.0 };
+    let count = shape.parameter_count().expect("few circles");
+    NormalForm::new(shape, 0.1, point(count, 8)).expect("valid")
+}
+
 /// Compositions of all kinds of step, in one to five degrees of freedom.
 fn compositions() -> Vec<Composition<f64>> {
     let mut out = Vec::new();
@@ -229,6 +245,7 @@ fn compositions() -> Vec<Composition<f64>> {
         let torus = TorusAction::of_planes(dof);
         let turn = Composition::of_turn(&torus, point(dof, 2)).expect("an angle a plane");
         out.push(turn.followed_by(net.composition(), Direction::Inverse).expect("of one size"));
+        out.push(normal_form(dof).composition().clone());
         for plain in [false, true] {
             let activation = Activation::Sigmoid;
             let shape = SympNetShape { dof, modules: 2, shears: 2, activation, plain };
@@ -292,6 +309,38 @@ fn batches_are_single_points_bit_for_bit_on_all_instruction_sets() {
                 assert!(same_bits(&batch, &singles), "{set:?}, {count} points, {dim}-D");
             });
         }
+    }
+    // Derivatives of every kind of step on registers: by the chain rule against duals, by
+    // the adjoint against that of single points.
+    for map in compositions() {
+        let (dim, count) = (2 * map.dof(), map.parameters().len());
+        let points = point(dim * 35, 7);
+        let mut expected = vec![0.0; points.len() * dim];
+        map_jacobians_by_duals(&map, &points, &mut expected).expect("whole points");
+        let pairs = Pairs::new("points", map.dof(), points.clone(), vec![0.0; points.len()]);
+        let pairs = pairs.expect("finite");
+        let objective = Objective::new(&Loss::MeanSquaredError, &pairs).expect("weights");
+        let mut pulled = vec![0.0; count];
+        let mut recording = map.recording();
+        for z in points.chunks_exact(dim) {
+            let mut image = z.to_vec();
+            map.forward_recording(&mut image, &mut recording);
+            let factor = 2.0 / points.len() as f64;
+            let mut cotangent: Vec<f64> = image.iter().map(|v| factor * v).collect();
+            map.pullback(&mut recording, &mut cotangent, &mut pulled);
+        }
+        let near = |found: &[f64], expected: &[f64]| {
+            let scale = expected.iter().map(|v| v.abs()).fold(1e-3, max_or_nan);
+            found.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 1e-11 * scale)
+        };
+        on_each_simd(|set| {
+            let mut out = vec![f64::NAN; points.len() * dim];
+            map_jacobians(&map, &points, &mut out).expect("whole points");
+            assert!(near(&out, &expected), "{set:?}, {dim}-D, {count} parameters");
+            let mut gradient = vec![f64::NAN; count];
+            objective.value_and_gradient(&map, &mut gradient);
+            assert!(near(&gradient, &pulled), "{set:?}, {dim}-D, {count} parameters");
+        });
     }
     // tanh and sech², ragged and at the ends of the range.
     let mut x = point(77, 8);

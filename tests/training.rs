@@ -619,7 +619,7 @@ fn singular_matrices_and_losses_that_overflow_are_survived() {
     let options = TrainingOptions { optimiser: Optimiser::LevenbergMarquardt(start), ..options };
     let outcome = train(&deep, &far, None, &options, None, &mut quiet).expect("runs");
     let last = outcome.history.last().expect("a record");
-    assert!(last.evaluations > last.iteration + 3, "no step was rejected: {last:?}");
+    assert!(last.evaluations > 4 * last.iteration + 2, "no step was rejected: {last:?}");
     assert!(outcome.loss < outcome.history[0].loss && outcome.loss.is_finite());
     // A perfect start has no lower loss.
     let input = data.input().to_vec();
@@ -742,6 +742,8 @@ fn levenberg_marquardt_takes_all_pairs_before_it_ends() {
                 ("damping", (-1.0).into()),
                 ("growth", 0.0.into()),
                 ("pairs", 0.into()),
+                ("lowest", (-1.0).into()),
+                ("looks", u64::MAX.into()),
                 ("iterations", u64::MAX.into()),
                 ("evaluations", u64::MAX.into()),
             ],

@@ -11,7 +11,8 @@ use crate::scalar::{Over, Pack, Scalar};
 /// shear with −c: exact in real arithmetic, one rounding away in floating
 /// point, bit for bit where the increments are rounded to a grid.
 ///
-/// Its parameters are `[…potential…, η]`.
+/// Its parameters are `[…potential…, η]`; without a shift those of the potential alone
+/// do.
 #[derive(Clone, Copy, Debug)]
 pub struct Kick<'a, P, V> {
     /// V.
@@ -105,7 +106,8 @@ impl<P: Scalar, const D: usize> Kick<'_, P, TanhPotential<'_, P, D>> {
                 u[m][i] = z_bars[m * 2 * D + target.index(D, i)].times(self.scale);
             }
         }
-        let (potential_bar, eta_bar) = parameters_bar.split_at_mut(parameters_bar.len() - D);
+        let (potential_bar, eta_bar) =
+            parameters_bar.split_at_mut(self.potential.width() * (D + 2));
         self.potential.pullback_together(&y, neurons, &u, &mut y_bar, potential_bar);
         for m in 0..M {
             for i in 0..D {
@@ -178,7 +180,8 @@ impl<P: Scalar, const D: usize> Shear<P> for Kick<'_, P, TanhPotential<'_, P, D>
         for i in 0..n {
             u[i] = target_bar[i].times(self.scale);
         }
-        let (potential_bar, eta_bar) = parameters_bar.split_at_mut(parameters_bar.len() - n);
+        let (potential_bar, eta_bar) =
+            parameters_bar.split_at_mut(self.potential.width() * (n + 2));
         self.potential.pullback(argument, tape, u, y_bar, potential_bar);
         for i in 0..n {
             source_bar[i] =

@@ -7,6 +7,9 @@
 //!   layer.
 //! - [`Turn`], [`TurnStep`]: each plane rotated by its angle, as three shears a
 //!   plane; [`CircleAction`] and [`TorusAction`] say which planes turn together.
+//! - [`TurnedKick`]: a kick in coordinates turned by angles of its own.
+//! - [`Twist`]: the flow of functions of the actions and of half the slow coordinates,
+//!   which commutes with the torus action.
 //! - [`LinearModule`], [`ActivationModule`]: the modules of SympNets.
 //!
 //! [`HenonMap`], [`HenonLayer`] are the paper's H\[V, η\] and its fourth iterate,
@@ -19,6 +22,8 @@ mod linear_module;
 mod potential;
 mod shear;
 mod turn;
+mod turned_kick;
+mod twist;
 
 pub use activation_module::{Activation, ActivationModule};
 pub use henon::{HenonLayer, HenonMap, KickForm, layer_parameter_count};
@@ -27,3 +32,5 @@ pub use linear_module::{LinearModule, linear_module_parameter_count};
 pub use potential::{Potential, TanhPotential};
 pub use shear::Shear;
 pub use turn::{CircleAction, PlaneTurn, TorusAction, Turn, TurnStep, quarter_turns};
+pub use turned_kick::TurnedKick;
+pub use twist::{FastPlanes, Twist};

@@ -15,7 +15,8 @@ use crate::scalar::{Over, Pack, Scalar};
 ///
 /// Coordinates are changed by [`Over::increment`] and exact operations (signs,
 /// exchanges) alone: this is what makes the inverse exact where increments are
-/// rounded to a grid.
+/// rounded to a grid, unless, as in a [`Twist`](super::Twist), the factor of an increment
+/// depends on what it changes.
 pub trait Shear<P: Scalar>: Copy {
     /// n.
     fn dof(&self) -> usize;

@@ -177,6 +177,9 @@ impl<P: Scalar> Composition<P> {
         let moved = other.steps.iter().map(|step| Step {
             kind: match step.kind {
                 Kind::Turn { prepared } => Kind::Turn { prepared: prepared + turns },
+                Kind::TurnedKick { width, prepared } => {
+                    Kind::TurnedKick { width, prepared: prepared + turns }
+                }
                 ref kind => kind.clone(),
             },
             parameters: step.parameters.start + offset..step.parameters.end + offset,
@@ -222,7 +225,8 @@ impl<P: Scalar> Composition<P> {
         self.epsilon
     }
 
-    /// The steps that ε scales, alone, over the same parameters: I_ε of a gyroceptron.
+    /// The steps that ε scales, alone, over the same parameters: I_ε of a gyroceptron; of
+    /// one in normal form, whose other steps stand between them, ψ_ε∘T_ε∘ψ_ε⁻¹.
     pub fn near_identity_part(&self) -> Self {
         let steps = self.steps.iter().filter(|step| step.near_identity).cloned().collect();
         Self { steps, ..self.clone() }
@@ -244,15 +248,16 @@ impl<P: Scalar> Composition<P> {
         epsilon: Q,
     ) -> Result<Composition<Q>, Error> {
         Error::check_count("parameters", self.parameters.len(), parameters.len())?;
-        let mut turns = vec![None; self.turns.len()];
-        for step in &self.steps {
-            if let Kind::Turn { prepared } = step.kind {
-                let angles = &parameters[step.parameters.clone()];
-                turns[prepared] = Some(self.turns[prepared].with_angles(angles));
+        let (mut steps, mut turns) = (self.steps.clone(), Vec::new());
+        for step in &mut steps {
+            if let Kind::Turn { prepared } | Kind::TurnedKick { prepared, .. } = &mut step.kind {
+                let turn = &self.turns[*prepared];
+                let angles = &parameters[step.parameters.clone()][..turn.angle_count()];
+                *prepared = turns.len();
+                turns.push(turn.with_angles(angles));
             }
         }
-        let turns = turns.into_iter().flatten().collect();
-        Ok(Composition { dof: self.dof, steps: self.steps.clone(), parameters, epsilon, turns })
+        Ok(Composition { dof: self.dof, steps, parameters, epsilon, turns })
     }
 
     /// The steps, in the order of application.
@@ -354,7 +359,8 @@ impl<P: Scalar> Composition<P> {
     }
 
     /// Space for [`Composition::forward_recording`] and
-    /// [`Composition::pullback`]: n + 2h numbers a kick, 2n a turn.
+    /// [`Composition::pullback`]: n + 2h numbers a kick, 3n + 2h a turned one, 2n a turn,
+    /// d + 2h a twist shear of d arguments.
     pub fn recording<S: Over<P>>(&self) -> Recording<S> {
         self.recording_of(1)
     }
@@ -438,6 +444,15 @@ impl<P: Real> Composition<P> {
         let mut out = Self::new(action.dof(), angles, P::from_f64(1.0));
         out.push_turn(action, 0..count);
         Ok(out)
+    }
+
+    /// Appends a turned kick near the identity with these parameters.
+    pub(super) fn push_turned_kick(&mut self, width: usize, parameters: Range<usize>) {
+        let prepared = self.turns.len();
+        let angles = &self.parameters[parameters.clone()][..self.dof];
+        self.turns.push(Turn::by_angles(angles));
+        let kind = Kind::TurnedKick { width, prepared };
+        self.steps.push(Step { kind, parameters, inverse: false, near_identity: true });
     }
 
     /// Appends a turn whose angles are these of the parameters, one for each circle

@@ -1,6 +1,7 @@
 //! Networks: compositions of layers over one flat parameter vector.
 //!
-//! [`HenonNet`] (plain and near the identity), [`Gyroceptron`] and [`SympNet`] are each
+//! [`HenonNet`] (plain and near the identity), [`Gyroceptron`], [`NormalForm`] and
+//! [`SympNet`] are each
 //! a [`Composition`], which is what is evaluated, inverted, differentiated and
 //! measured. [`Model`] is a HénonNet or a gyroceptron in double precision, as files hold it.
 //!
@@ -11,7 +12,9 @@
 //! its layers in the order of application. A gyroceptron is the layers of ψ,
 //! then those of I_ε, then θ. A linear module is its symmetric matrices, each by the
 //! rows of its upper triangle, and 2n numbers of its translation; an activation
-//! module has n. A SympNet is its modules in the order of application.
+//! module has n. A normal-form gyroceptron is the layers of ψ, the turned kicks, each its n
+//! angles and W, b, w, the twist shears, each W (d × h, the rows of the actions first), b and
+//! w, and an angle for each circle. A SympNet is its modules in the order of application.
 
 mod batch;
 mod composition;
@@ -20,6 +23,7 @@ mod henon_net;
 mod init;
 mod jacobians;
 mod model;
+mod normal_form;
 mod step;
 mod symp_net;
 
@@ -30,6 +34,7 @@ pub use henon_net::{HenonNet, HenonShape};
 pub use init::InitialWeights;
 pub use jacobians::{map_jacobians, map_jacobians_by_duals};
 pub use model::{Architecture, Model};
+pub use normal_form::{NormalForm, NormalFormShape};
 pub use step::{Kind, Step, Visitor};
 pub use symp_net::{SympNet, SympNetShape};
 

@@ -2,11 +2,13 @@
 
 use super::Composition;
 use crate::layer::{
-    Activation, ActivationModule, Kick, KickForm, LinearModule, Shear, TanhPotential, TurnStep,
+    Activation, ActivationModule, FastPlanes, Kick, KickForm, LinearModule, Shear, TanhPotential,
+    TurnStep, TurnedKick, Twist,
 };
 use crate::phase::Half;
 use crate::scalar::Scalar;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// One step of a composition, pointing into its parameters.
 #[derive(Clone, Debug)]
@@ -36,6 +38,24 @@ pub enum Kind {
     Turn {
         /// Which of the composition's prepared turns.
         prepared: usize,
+    },
+    /// A kick in turned coordinates; its first n parameters are the angles.
+    TurnedKick {
+        /// The number of neurons.
+        width: usize,
+        /// Which of the composition's prepared turns.
+        prepared: usize,
+    },
+    /// The flow of functions of the actions and of half the slow coordinates.
+    Twist {
+        /// The planes that turn.
+        planes: Arc<FastPlanes>,
+        /// The neurons of each function.
+        width: usize,
+        /// The half that the first changes.
+        first: Half,
+        /// A factor of its time beside ε.
+        factor: f64,
     },
     /// A linear module of a SympNet.
     Linear {
@@ -89,7 +109,7 @@ impl<P: Scalar> Composition<P> {
     #[inline(always)]
     pub(super) fn bind<'a, T: Visitor<'a, P>>(
         &'a self,
-        step: &Step,
+        step: &'a Step,
         undo: bool,
         visitor: T,
     ) -> T::Output {
@@ -115,6 +135,40 @@ impl<P: Scalar> Composition<P> {
             }
             Kind::Turn { prepared } => {
                 visitor.visit_turn(TurnStep { turn: self.turn(prepared), inverse })
+            }
+            Kind::TurnedKick { width, prepared } => {
+                let (turn, potential) = (self.turn(prepared), &parameters[self.dof()..]);
+                macro_rules! visit {
+                    ($D:literal) => {{
+                        let potential = TanhPotential::<P, $D>::new(self.dof(), width, potential);
+                        let kick = TurnedKick { turn, potential, scale };
+                        visitor.visit(if inverse { kick.inverse() } else { kick })
+                    }};
+                }
+                match self.dof() {
+                    2 if T::SPECIALISED => visit!(2),
+                    3 if T::SPECIALISED => visit!(3),
+                    _ => visit!(0),
+                }
+            }
+            Kind::Twist { ref planes, width, first, factor } => {
+                let scale = scale * P::from_f64(factor);
+                macro_rules! visit {
+                    ($D:literal) => {
+                        visitor.visit(Twist::<P, $D> {
+                            planes,
+                            width,
+                            first,
+                            scale,
+                            parameters,
+                            inverse,
+                        })
+                    };
+                }
+                match planes.arguments() {
+                    2 if T::SPECIALISED => visit!(2),
+                    _ => visit!(0),
+                }
             }
             Kind::Linear { first, translated } => {
                 let (dof, plain) = (self.dof(), LinearModule::without_translation);

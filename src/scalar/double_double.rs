@@ -174,6 +174,10 @@ impl Elementary for DoubleDouble {
     fn zero_with(self, factor: Self) -> Self {
         if factor.is_zero() { Self::zero() } else { self }
     }
+
+    fn sign(self) -> Self {
+        Self::from_f64(self.0.0.sign())
+    }
 }
 
 impl Real for DoubleDouble {

@@ -199,6 +199,10 @@ impl<S: Elementary, const N: usize> Elementary for Dual<S, N> {
         }
         out
     }
+    #[inline(always)]
+    fn sign(self) -> Self {
+        Self { re: self.re.sign(), eps: [S::zero(); N] }
+    }
 }
 
 impl<S: Real, const N: usize> Real for Dual<S, N> {
@@ -208,7 +212,7 @@ impl<S: Real, const N: usize> Real for Dual<S, N> {
     }
 }
 
-over_itself!([S: Scalar, const N: usize] Dual<S, N>);
+over_itself!([S: Elementary, const N: usize] Dual<S, N>);
 
 /// Constant weights: no derivative of theirs is formed.
 impl<S: Over<f64>, const N: usize> Over<f64> for Dual<S, N> {

@@ -86,6 +86,10 @@ impl Elementary for f64 {
     fn zero_with(self, factor: Self) -> Self {
         if factor == 0.0 { 0.0 } else { self }
     }
+    #[inline(always)]
+    fn sign(self) -> Self {
+        if self.is_sign_negative() { -1.0 } else { 1.0 }
+    }
 }
 
 impl Real for f64 {
@@ -136,6 +140,10 @@ impl Elementary for f32 {
     #[inline]
     fn zero_with(self, factor: Self) -> Self {
         if factor == 0.0 { 0.0 } else { self }
+    }
+    #[inline(always)]
+    fn sign(self) -> Self {
+        if self.is_sign_negative() { -1.0 } else { 1.0 }
     }
 }
 

@@ -124,6 +124,10 @@ impl<const L: usize> Elementary for Lanes<L> {
     fn zero_with(self, factor: Self) -> Self {
         zero_lanes_with(self, factor)
     }
+    #[inline(always)]
+    fn sign(self) -> Self {
+        Self::from_f64(1.0).with_sign_of(self)
+    }
 }
 
 /// Whether kernels on [`Lanes`] are compiled around calls.

@@ -120,7 +120,7 @@ pub trait Scalar:
     }
 }
 
-/// Elementary functions that Hamiltonian systems need and layers do not.
+/// Elementary functions that Hamiltonian systems and twists need, and kicks do not.
 pub trait Elementary: Scalar {
     /// `(sin x, cos x)`.
     fn sin_cos(self) -> (Self, Self);
@@ -128,6 +128,8 @@ pub trait Elementary: Scalar {
     fn exp(self) -> Self;
     /// self, and zero wherever `factor` is zero: a product in which 0·∞ is 0.
     fn zero_with(self, factor: Self) -> Self;
+    /// 1 or −1, with the sign of the real part: exact, and a constant.
+    fn sign(self) -> Self;
 }
 
 /// A number with one real part, on which code may branch.
@@ -140,7 +142,7 @@ pub trait Real: Elementary {
 }
 
 /// A state number that parameters of type `P` can act on.
-pub trait Over<P>: Scalar {
+pub trait Over<P>: Elementary {
     /// The parameter as a state number.
     fn embed(parameter: P) -> Self;
 

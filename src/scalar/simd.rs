@@ -339,6 +339,10 @@ mod x86 {
                 fn zero_with(self, factor: Self) -> Self {
                     zero_lanes_with(self, factor)
                 }
+                #[inline(always)]
+                fn sign(self) -> Self {
+                    Self::from_f64(1.0).with_sign_of(self)
+                }
             }
         };
     }

@@ -122,6 +122,9 @@ impl Elementary for Tracked {
     fn zero_with(self, factor: Self) -> Self {
         if factor.is_zero() { Self::exact(0.0) } else { self }
     }
+    fn sign(self) -> Self {
+        Self::exact(self.value.sign())
+    }
 }
 
 impl Real for Tracked {

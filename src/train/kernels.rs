@@ -33,6 +33,11 @@ impl<'a> Blocks<'a> {
     /// reason.
     pub(super) const PAIRS: usize = 128 * WIDTH;
 
+    /// How many.
+    pub(super) fn pairs(&self) -> usize {
+        self.input.len() / self.weights.len()
+    }
+
     #[inline(always)]
     fn space<V: Pack>(&self) -> Group<V> {
         let zero = vec![V::zero(); TOGETHER * self.weights.len()];

@@ -72,7 +72,7 @@ const LOOK: u64 = 10;
 /// So many looks without a lower loss on all pairs, and more of them are used.
 const LOOKS: u64 = 5;
 /// The part of a step on both sides of which the residuals tell their second
-/// derivative: its own third power is left out.
+/// derivative: the third cancels, the fourth stays with a twelfth of its square.
 const BESIDE: f64 = 0.1;
 
 /// Where it is, between two iterations.
@@ -106,6 +106,7 @@ impl LevenbergMarquardtState {
         // dampings has.
         let evaluations = iteration.saturating_mul(1000).saturating_add(1000);
         let sound = self.iterations == iteration
+            && self.looks < LOOKS
             && self.evaluations <= evaluations
             && self.curvatures <= evaluations;
         if sound { Ok(()) } else { Err(Error::content(place, "counts of the history", "others")) }
@@ -294,7 +295,7 @@ impl Minimise for LevenbergMarquardt<'_> {
         parameters: &mut Vec<f64>,
         _: f64,
     ) -> Result<ControlFlow<Stop, Step>, Error> {
-        let loss = loop {
+        let (moved, mut loss) = loop {
             let (equations, loss) = match self.present.take() {
                 Some(present) => present,
                 None => {
@@ -304,19 +305,17 @@ impl Minimise for LevenbergMarquardt<'_> {
                     (self.equations(parameters)?, self.loss(parameters))
                 }
             };
-            if let Some((moved, lower)) = self.descend(parameters, &equations, loss) {
-                *parameters = moved;
-                break lower;
+            if let Some(found) = self.descend(parameters, &equations, loss) {
+                break found;
             }
             if !self.take_more() {
                 return Ok(ControlFlow::Break(Stop::Stalled));
             }
         };
         self.state.iterations += 1;
-        let mut loss = loss;
         if self.part.is_some() && self.state.iterations.is_multiple_of(LOOK) {
             self.state.evaluations += 1;
-            let all = self.problem.loss(self.problem.objective, parameters);
+            let all = self.problem.loss(self.problem.objective, &moved);
             if all < self.state.lowest {
                 (self.state.lowest, self.state.looks) = (all, 0);
             } else {
@@ -324,13 +323,14 @@ impl Minimise for LevenbergMarquardt<'_> {
             }
             let enough = all <= self.options.gap * loss && self.state.looks < LOOKS;
             self.use_pairs(if enough { 1 } else { 2 } * self.state.pairs);
-            loss = self.loss(parameters);
+            loss = self.loss(&moved);
             self.state.evaluations += 1;
             if !loss.is_finite() {
                 // What is not finite can be neither compared nor stored.
                 return Ok(ControlFlow::Break(Stop::Diverged));
             }
         }
+        *parameters = moved;
         self.state.curvatures += 1;
         let equations = self.equations(parameters)?;
         let gradient = largest(&equations.gradient);

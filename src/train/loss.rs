@@ -175,6 +175,8 @@ impl<'a> Objective<'a> {
         let [ahead, behind] = beside.map(|map| self.terms(map));
         for (term, (ahead, behind)) in self.terms(map).iter().zip(ahead.iter().zip(&behind)) {
             let parts = term.block_results(work::Kind::Gradient, |blocks| {
+                // Each pair goes through the maps beside it too.
+                work::count(work::Kind::Loss, 2 * blocks.pairs());
                 let beside = [&*ahead.map, &*behind.map];
                 on_lanes::<WIDTH, _>(BendGradient { blocks, beside })
             });

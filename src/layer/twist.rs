@@ -1,0 +1,453 @@
+//! Twists: flows of functions of the actions and of one half of the slow coordinates.
+
+use super::{Potential, Shear, TanhPotential, TorusAction};
+use crate::error::Error;
+use crate::phase::Half;
+use crate::scalar::{Over, Pack, Scalar};
+
+/// The planes that a torus action turns, the fast ones, and those that it leaves
+/// alone, the slow ones.
+#[derive(Clone, Debug)]
+pub struct FastPlanes {
+    dof: usize,
+    fast: Vec<usize>,
+    slow: Vec<usize>,
+    circles: usize,
+    /// m_{aj}: of each fast plane, in their order, as many as there are circles.
+    weights: Vec<i32>,
+}
+
+/// The most circles that a twist keeps the actions of.
+const CIRCLES: usize = 4;
+
+impl FastPlanes {
+    /// Those of an action.
+    ///
+    /// # Errors
+    /// When it has more circles than planes that turn, more than four, or no plane
+    /// turns.
+    pub fn new(action: &TorusAction) -> Result<Self, Error> {
+        let (dof, circles) = (action.dof(), action.circles().len());
+        let of_plane = |j: usize| action.circles().iter().map(move |circle| circle.weights()[j]);
+        let (fast, slow): (Vec<_>, Vec<_>) = (0..dof).partition(|&j| of_plane(j).any(|m| m != 0));
+        Error::check_count_range("planes that an action turns", fast.len(), 1, usize::MAX)?;
+        let most = CIRCLES.min(fast.len());
+        Error::check_count_range("circles of the actions of a twist", circles, 1, most)?;
+        let weights = fast.iter().flat_map(|&j| of_plane(j)).collect();
+        Ok(Self { dof, fast, slow, circles, weights })
+    }
+
+    /// The numbers that G depends on: the actions, and one half of the slow coordinates.
+    pub fn arguments(&self) -> usize {
+        self.circles + self.slow.len()
+    }
+
+    /// m_{aj} of a fast plane and a circle.
+    #[inline(always)]
+    fn weight<S: Scalar>(&self, number: usize, circle: usize) -> S {
+        S::from_f64(self.weights[number * self.circles + circle].into())
+    }
+
+    /// `actions` ← 𝔍_a = ½ Σ_j m_{aj} (q_j² + p_j²).
+    #[inline(always)]
+    fn actions<S: Scalar>(&self, z: &[S], actions: &mut [S]) {
+        for action in actions.iter_mut() {
+            *action = S::zero();
+        }
+        for (number, &j) in self.fast.iter().enumerate() {
+            let (q, p) = (z[j], z[self.dof + j]);
+            let half_square = q.mul_add(q, p * p) * S::from_f64(0.5);
+            for circle in 0..self.circles {
+                let weight = self.weight::<S>(number, circle);
+                actions[circle] = half_square.mul_add(weight, actions[circle]);
+            }
+        }
+    }
+}
+
+/// The turn of a plane by an angle, as a half turn or none and three shears.
+#[derive(Clone, Copy)]
+struct StateTurn<S> {
+    /// tan ½α′ and sin α′ of the rest of the angle, |α′| ≤ ½π.
+    t: S,
+    s: S,
+    /// −1 with a half turn.
+    sign: S,
+}
+
+impl<S: Scalar> StateTurn<S> {
+    #[inline(always)]
+    fn by<P>(angle: S) -> Self
+    where
+        S: Over<P>,
+    {
+        let (sin, cos) = angle.sin_cos();
+        let sign = cos.sign();
+        let s = sin * sign;
+        Self { t: s / (S::from_f64(1.0) + cos * sign), s, sign }
+    }
+
+    #[inline(always)]
+    fn back(self) -> Self {
+        Self { t: -self.t, s: -self.s, ..self }
+    }
+
+    #[inline(always)]
+    fn apply<P: Scalar>(self, q: &mut S, p: &mut S)
+    where
+        S: Over<P>,
+    {
+        let one = P::from_f64(1.0);
+        *q = q.increment(one, self.t * *p);
+        *p = p.increment(one, -self.s * *q);
+        *q = q.increment(one, self.t * *p);
+        (*q, *p) = (*q * self.sign, *p * self.sign);
+    }
+}
+
+/// Several twist shears after one another: the flows, for time c, of functions
+/// G_l(𝔍, y) of the actions 𝔍 of the fast planes and of one half y of the slow
+/// coordinates, the momenta and the positions by turns.
+///
+/// The other half of the slow coordinates moves by c∂G/∂p (positions) or −c∂G/∂q
+/// (momenta), the fast planes turn by c Σ_a m_{aj} ∂G/∂𝔍_a; 𝔍 and y stand
+/// still: this is the flow. It commutes with the torus action. Since no
+/// shear changes 𝔍, all of them turn a plane together, by the sum of their angles.
+///
+/// G_l is a [`TanhPotential`] of `[𝔍, y]`, d numbers, `D` of them where they are known at
+/// compile time; the parameters are theirs, one after another.
+///
+/// The inverse finds 𝔍 from the turned point, which rounding has moved: where increments
+/// are rounded to a grid it is near, not exact.
+#[derive(Clone, Copy, Debug)]
+pub struct Twist<'a, P, const D: usize = 0> {
+    /// The planes that turn.
+    pub planes: &'a FastPlanes,
+    /// The neurons of each G_l.
+    pub width: usize,
+    /// The half of the slow coordinates that the first one changes.
+    pub first: Half,
+    /// c.
+    pub scale: P,
+    /// The parameters.
+    pub parameters: &'a [P],
+    /// The inverse.
+    pub inverse: bool,
+}
+
+/// A shear of a twist.
+struct Layer<'a, P, const D: usize> {
+    number: usize,
+    potential: TanhPotential<'a, P, D>,
+    /// The half that it changes.
+    target: Half,
+    /// The factor of ∂G/∂y in its increment, and of ∂G/∂𝔍 in the angle.
+    factor: P,
+    turn: P,
+}
+
+impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
+    /// d.
+    #[inline(always)]
+    fn arguments(&self) -> usize {
+        if D > 0 { D } else { self.planes.arguments() }
+    }
+
+    #[inline(always)]
+    fn layer_len(&self) -> usize {
+        self.width * (self.arguments() + 2)
+    }
+
+    #[inline(always)]
+    fn layers(&self) -> usize {
+        self.parameters.len() / self.layer_len().max(1)
+    }
+
+    /// The one that is applied after `turn` others.
+    #[inline(always)]
+    fn layer(&self, turn: usize) -> Layer<'a, P, D> {
+        let number = if self.inverse { self.layers() - 1 - turn } else { turn };
+        let parameters = &self.parameters[number * self.layer_len()..][..self.layer_len()];
+        let target = if number.is_multiple_of(2) { self.first } else { self.first.other() };
+        let turn = if self.inverse { -self.scale } else { self.scale };
+        let factor = if target == Half::Position { turn } else { -turn };
+        let potential = TanhPotential::new(self.arguments(), self.width, parameters);
+        Layer { number, potential, target, factor, turn }
+    }
+
+    /// A factor of zero moves nothing, whatever the weights: 0·∞ is not 0.
+    #[inline(always)]
+    fn is_identity(&self) -> bool {
+        self.scale.is_zero()
+    }
+
+    /// `argument` ← `[…, y]`.
+    #[inline(always)]
+    fn source<S: Scalar>(&self, layer: &Layer<'a, P, D>, z: &[S], argument: &mut [S]) {
+        for (i, &j) in self.planes.slow.iter().enumerate() {
+            argument[self.planes.circles + i] = z[layer.target.other().index(self.planes.dof, j)];
+        }
+    }
+
+    /// The slow coordinates and `angles` += what the gradient says.
+    #[inline(always)]
+    fn add<S: Over<P>>(
+        &self,
+        layer: &Layer<'a, P, D>,
+        gradient: &[S],
+        z: &mut [S],
+        angles: &mut [S; CIRCLES],
+    ) {
+        for (i, &j) in self.planes.slow.iter().enumerate() {
+            let k = layer.target.index(self.planes.dof, j);
+            z[k] = z[k].increment(layer.factor, gradient[self.planes.circles + i]);
+        }
+        for circle in 0..self.planes.circles {
+            angles[circle] = gradient[circle].mul_add_parameter(layer.turn, angles[circle]);
+        }
+    }
+
+    /// The derivative of [`Twist::add`] along a direction. That of the angles moves a
+    /// point along its circle: it is added before the turn, which commutes with it.
+    #[inline(always)]
+    fn add_along<S: Over<P>>(
+        &self,
+        layer: &Layer<'a, P, D>,
+        hessian: &[S],
+        z: &[S],
+        direction: &mut [S],
+    ) {
+        let FastPlanes { dof, circles, .. } = *self.planes;
+        let d = self.arguments();
+        let mut actions = [S::zero(); CIRCLES];
+        for (number, &j) in self.planes.fast.iter().enumerate() {
+            let along = z[dof + j].mul_add(direction[dof + j], z[j] * direction[j]);
+            for circle in 0..circles {
+                let weight = self.planes.weight(number, circle);
+                actions[circle] = along.mul_add(weight, actions[circle]);
+            }
+        }
+        for row in 0..d {
+            let mut more = S::zero();
+            for circle in 0..circles {
+                more = hessian[row * d + circle].mul_add(actions[circle], more);
+            }
+            for (i, &j) in self.planes.slow.iter().enumerate() {
+                let along = direction[layer.target.other().index(dof, j)];
+                more = hessian[row * d + circles + i].mul_add(along, more);
+            }
+            if row >= circles {
+                let k = layer.target.index(dof, self.planes.slow[row - circles]);
+                direction[k] = more.mul_add_parameter(layer.factor, direction[k]);
+                continue;
+            }
+            let angle = more.times(layer.turn);
+            for (number, &j) in self.planes.fast.iter().enumerate() {
+                let angle = angle * self.planes.weight(number, row);
+                direction[j] = angle.mul_add(z[dof + j], direction[j]);
+                direction[dof + j] = (-angle).mul_add(z[j], direction[dof + j]);
+            }
+        }
+    }
+
+    /// The turn of a fast plane by the sum of its angles.
+    #[inline(always)]
+    fn turn<S: Over<P>>(&self, number: usize, angles: &[S; CIRCLES]) -> StateTurn<S> {
+        let mut angle = S::zero();
+        for circle in 0..self.planes.circles {
+            angle = angles[circle].mul_add(self.planes.weight(number, circle), angle);
+        }
+        StateTurn::by(angle)
+    }
+
+    /// Turns the fast planes of a point, and of directions.
+    #[inline(always)]
+    fn turn_all<S: Over<P>>(&self, angles: &[S; CIRCLES], z: &mut [S], directions: &mut [S]) {
+        let dof = self.planes.dof;
+        for (number, &j) in self.planes.fast.iter().enumerate() {
+            let turn = self.turn(number, angles);
+            let (q, p) = z.split_at_mut(dof);
+            turn.apply::<P>(&mut q[j], &mut p[j]);
+            for direction in directions.chunks_exact_mut(2 * dof) {
+                let (q, p) = direction.split_at_mut(dof);
+                turn.apply::<P>(&mut q[j], &mut p[j]);
+            }
+        }
+    }
+}
+
+/// What is recorded of a fast plane: q and p before and after, t, s, the sign.
+const OF_PLANE: usize = 7;
+
+impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
+    #[inline(always)]
+    fn dof(&self) -> usize {
+        self.planes.dof
+    }
+
+    #[inline(always)]
+    fn inverse(self) -> Self {
+        Self { inverse: !self.inverse, ..self }
+    }
+
+    #[inline(always)]
+    fn tape_len(&self) -> usize {
+        let of_layer = self.arguments() + 2 * self.width;
+        self.layers() * of_layer + OF_PLANE * self.planes.fast.len()
+    }
+
+    #[inline(always)]
+    fn activation_count(&self) -> usize {
+        self.layers() * self.width
+    }
+
+    #[inline(always)]
+    fn apply<S: Over<P>>(&self, z: &mut [S], scratch: &mut [S]) {
+        if self.is_identity() {
+            return;
+        }
+        let (argument, gradient) = scratch.split_at_mut(self.arguments());
+        self.planes.actions(z, &mut argument[..self.planes.circles]);
+        let mut angles = [S::zero(); CIRCLES];
+        for turn in 0..self.layers() {
+            let layer = self.layer(turn);
+            self.source(&layer, z, argument);
+            layer.potential.gradient(argument, gradient);
+            self.add(&layer, gradient, z, &mut angles);
+        }
+        self.turn_all(&angles, z, &mut []);
+    }
+
+    #[inline(always)]
+    fn record<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
+        if self.is_identity() {
+            return;
+        }
+        let (d, dof) = (self.arguments(), self.planes.dof);
+        let (actions, gradient) = scratch.split_at_mut(d);
+        self.planes.actions(z, &mut actions[..self.planes.circles]);
+        let mut angles = [S::zero(); CIRCLES];
+        let (layers, planes) = tape.split_at_mut(self.layers() * (d + 2 * self.width));
+        for (turn, tape) in layers.chunks_exact_mut(d + 2 * self.width).enumerate() {
+            let layer = self.layer(turn);
+            let (argument, tape) = tape.split_at_mut(d);
+            argument.copy_from_slice(actions);
+            self.source(&layer, z, argument);
+            layer.potential.gradient_recording(argument, gradient, tape);
+            self.add(&layer, gradient, z, &mut angles);
+        }
+        let (q, p) = z.split_at_mut(dof);
+        for (number, tape) in planes.chunks_exact_mut(OF_PLANE).enumerate() {
+            let j = self.planes.fast[number];
+            let turn = self.turn(number, &angles);
+            (tape[0], tape[1]) = (q[j], p[j]);
+            turn.apply::<P>(&mut q[j], &mut p[j]);
+            (tape[2], tape[3]) = (q[j], p[j]);
+            (tape[4], tape[5], tape[6]) = (turn.t, turn.s, turn.sign);
+        }
+    }
+
+    #[inline(always)]
+    fn pull<S: Over<P>>(
+        &self,
+        tape: &[S],
+        z_bar: &mut [S],
+        parameters_bar: &mut [S],
+        scratch: &mut [S],
+    ) {
+        if self.is_identity() {
+            return;
+        }
+        let (d, dof, circles) = (self.arguments(), self.planes.dof, self.planes.circles);
+        let (layers, planes) = tape.split_at(self.layers() * (d + 2 * self.width));
+        // Of the angles of the circles, and of the actions.
+        let mut angles_bar = [S::zero(); CIRCLES];
+        let mut actions_bar = [S::zero(); CIRCLES];
+        for (number, tape) in planes.chunks_exact(OF_PLANE).enumerate() {
+            let j = self.planes.fast[number];
+            let (q_bar, p_bar) = z_bar.split_at_mut(dof);
+            // The derivative by the angle is the infinitesimal generator at the output.
+            let angle_bar = q_bar[j] * tape[3] - p_bar[j] * tape[2];
+            for circle in 0..circles {
+                let weight = self.planes.weight(number, circle);
+                angles_bar[circle] = angle_bar.mul_add(weight, angles_bar[circle]);
+            }
+            // A rotation is orthogonal: its adjoint is its inverse.
+            let turn = StateTurn { t: tape[4], s: tape[5], sign: tape[6] };
+            turn.back().apply::<P>(&mut q_bar[j], &mut p_bar[j]);
+        }
+        let (u, argument_bar) = scratch.split_at_mut(d);
+        for turn in (0..self.layers()).rev() {
+            let layer = self.layer(turn);
+            let (argument, tape) = layers[turn * (d + 2 * self.width)..].split_at(d);
+            for circle in 0..circles {
+                u[circle] = angles_bar[circle].times(layer.turn);
+            }
+            for (i, &j) in self.planes.slow.iter().enumerate() {
+                u[circles + i] = z_bar[layer.target.index(dof, j)].times(layer.factor);
+            }
+            let of_layer = &mut parameters_bar[layer.number * self.layer_len()..];
+            let of_layer = &mut of_layer[..self.layer_len()];
+            let tape = &tape[..2 * self.width];
+            layer.potential.pullback(argument, tape, u, argument_bar, of_layer);
+            for circle in 0..circles {
+                actions_bar[circle] = actions_bar[circle] + argument_bar[circle];
+            }
+            for (i, &j) in self.planes.slow.iter().enumerate() {
+                let k = layer.target.other().index(dof, j);
+                z_bar[k] = z_bar[k] + argument_bar[circles + i];
+            }
+        }
+        for (number, &j) in self.planes.fast.iter().enumerate() {
+            let tape = &planes[number * OF_PLANE..];
+            for circle in 0..circles {
+                let factor = actions_bar[circle] * self.planes.weight(number, circle);
+                z_bar[j] = factor.mul_add(tape[0], z_bar[j]);
+                z_bar[dof + j] = factor.mul_add(tape[1], z_bar[dof + j]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn apply_along<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
+        if self.is_identity() {
+            return;
+        }
+        let (d, dof, circles) = (self.arguments(), self.planes.dof, self.planes.circles);
+        let (argument, rest) = scratch.split_at_mut(d);
+        let (gradient, rest) = rest.split_at_mut(d);
+        let hessian = &mut rest[..d * d];
+        self.planes.actions(z, &mut argument[..circles]);
+        let mut angles = [S::zero(); CIRCLES];
+        for turn in 0..self.layers() {
+            let layer = self.layer(turn);
+            self.source(&layer, z, argument);
+            layer.potential.gradient_and_hessian(argument, gradient, hessian);
+            for direction in directions.chunks_exact_mut(2 * dof) {
+                self.add_along(&layer, hessian, z, direction);
+            }
+            self.add(&layer, gradient, z, &mut angles);
+        }
+        self.turn_all(&angles, z, directions);
+    }
+
+    #[inline(always)]
+    fn apply_across<V: Pack<P>>(&self, z: &mut [P], scratch: &mut [P])
+    where
+        P: Over<P>,
+    {
+        if self.is_identity() {
+            return;
+        }
+        let (argument, gradient) = scratch.split_at_mut(self.arguments());
+        self.planes.actions(z, &mut argument[..self.planes.circles]);
+        let mut angles = [P::zero(); CIRCLES];
+        for turn in 0..self.layers() {
+            let layer = self.layer(turn);
+            self.source(&layer, z, argument);
+            layer.potential.gradient_across::<V>(argument, gradient);
+            self.add(&layer, gradient, z, &mut angles);
+        }
+        self.turn_all(&angles, z, &mut []);
+    }
+}

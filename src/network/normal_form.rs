@@ -1,0 +1,152 @@
+//! The normal-form gyroceptron: a gyroceptron whose actions are exact invariants.
+
+use super::HenonShape;
+use super::composition::Composition;
+use super::step::{Kind, Step};
+use crate::error::Error;
+use crate::layer::{FastPlanes, TorusAction};
+use crate::phase::{Direction, Half};
+use crate::scalar::{Real, Scalar};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// The shape of a normal-form gyroceptron.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NormalFormShape {
+    /// Φ, a circle or torus action.
+    pub action: TorusAction,
+    /// The widths of ψ's layers; none where the action is Φ itself to leading order.
+    pub psi: Vec<usize>,
+    /// The widths of the turned kicks of ψ_ε.
+    pub kicks: Vec<usize>,
+    /// How many twist shears T_ε has.
+    pub twists: usize,
+    /// The neurons of each.
+    pub twist_width: usize,
+    /// h, the flow time, a factor of T_ε beside ε: weights are of the same size at any.
+    pub flow_time: f64,
+}
+
+impl NormalFormShape {
+    /// n.
+    pub fn dof(&self) -> usize {
+        self.action.dof()
+    }
+
+    fn psi_shape(&self) -> HenonShape {
+        HenonShape { dof: self.dof(), widths: self.psi.clone() }
+    }
+
+    /// h(n + 2) + n: the angles and the potential of a turned kick of width h.
+    fn kick_len(&self, width: usize) -> usize {
+        width.saturating_mul(self.dof().saturating_add(2)).saturating_add(self.dof())
+    }
+
+    fn twist_len(&self) -> Result<usize, Error> {
+        let arguments = FastPlanes::new(&self.action)?.arguments();
+        let of_shear = self.twist_width.saturating_mul(arguments + 2);
+        Ok(self.twists.saturating_mul(of_shear))
+    }
+
+    /// The number of parameters: those of ψ, of the turned kicks, of the twist shears,
+    /// and an angle for each circle.
+    ///
+    /// # Errors
+    /// Those of [`FastPlanes::new`].
+    pub fn parameter_count(&self) -> Result<usize, Error> {
+        let kicks = self.kicks.iter().map(|&width| self.kick_len(width));
+        let kicks = kicks.fold(self.psi_shape().parameter_count(), usize::saturating_add);
+        Ok(kicks.saturating_add(self.twist_len()?).saturating_add(self.action.circles().len()))
+    }
+}
+
+/// P = χ∘Φ_θ∘T_ε∘χ⁻¹, χ = ψ∘ψ_ε, with a HénonNet ψ, [turned kicks](crate::layer::TurnedKick)
+/// ψ_ε scaled by ε, and a [twist](crate::layer::Twist) T_ε scaled by εh.
+///
+/// It is a gyroceptron: near the identity times ψ∘Φ_θ∘ψ⁻¹. T_ε commutes with Φ, so that
+/// P commutes with the action conjugated by χ, and 𝔍∘χ⁻¹, the actions in the coordinates
+/// of the normal form, are invariants of P, exactly, for all weights and all time.
+///
+/// With one fast plane, or a circle for each, nearly-periodic Hamiltonian flows are such
+/// maps to all orders in ε (Kruskal, <https://doi.org/10.1063/1.1724285>). One circle over
+/// several fast planes leaves more generators invariant than functions of 𝔍 and y, such as
+/// q₁q₂ + p₁p₂ for weights (1, 1): these are left out, and the ratios of the planes'
+/// frequencies are those of the weights.
+#[derive(Clone, Debug)]
+pub struct NormalForm<P> {
+    shape: NormalFormShape,
+    composition: Composition<P>,
+}
+
+/// The parts of a normal-form gyroceptron, over its parameters.
+struct Parts<P> {
+    /// χ.
+    chart: Composition<P>,
+    /// Φ_θ∘T_ε.
+    inner: Composition<P>,
+}
+
+impl<P: Real> Parts<P> {
+    fn new(shape: &NormalFormShape, epsilon: P, parameters: &[P]) -> Result<Self, Error> {
+        let planes = Arc::new(FastPlanes::new(&shape.action)?);
+        let empty = || Composition::new(shape.dof(), parameters.to_vec(), epsilon);
+        let psi = shape.psi_shape();
+        let mut end = psi.parameter_count();
+        let psi = psi.composition(parameters[..end].to_vec(), epsilon, false);
+        let mut chart = empty();
+        for &width in &shape.kicks {
+            let start = end;
+            end += shape.kick_len(width);
+            chart.push_turned_kick(width, start..end);
+        }
+        chart.push_all(&psi, 0, Direction::Forward);
+        let mut inner = empty();
+        let start = end;
+        end += shape.twist_len()?;
+        let (width, first, factor) = (shape.twist_width, Half::Position, shape.flow_time);
+        let kind = Kind::Twist { planes, width, first, factor };
+        inner.push(Step { kind, parameters: start..end, inverse: false, near_identity: true });
+        inner.push_turn(&shape.action, end..parameters.len());
+        Ok(Self { chart, inner })
+    }
+}
+
+impl<P: Real> NormalForm<P> {
+    /// The map of this shape at ε with these parameters.
+    ///
+    /// # Errors
+    /// When `parameters` is not of the length that `shape` asks for, or its action is
+    /// not one that [`FastPlanes`] are of.
+    pub fn new(shape: NormalFormShape, epsilon: P, parameters: Vec<P>) -> Result<Self, Error> {
+        Error::check_finite("flow_time", shape.flow_time)?;
+        Error::check_count("parameters", shape.parameter_count()?, parameters.len())?;
+        let Parts { chart, inner } = Parts::new(&shape, epsilon, &parameters)?;
+        let mut composition = Composition::new(shape.dof(), parameters, epsilon);
+        composition.push_all(&chart, 0, Direction::Inverse);
+        composition.push_all(&inner, 0, Direction::Forward);
+        composition.push_all(&chart, 0, Direction::Forward);
+        Ok(Self { shape, composition })
+    }
+
+    /// χ, from the coordinates of the normal form to those of the data, and Φ_θ∘T_ε, the
+    /// map in the former: N steps are χ∘(Φ_θT_ε)^N∘χ⁻¹.
+    pub fn chart_and_inner_map(&self) -> [Composition<P>; 2] {
+        let (epsilon, parameters) = (self.composition.epsilon(), self.composition.parameters());
+        let Parts { chart, inner } =
+            Parts::new(&self.shape, epsilon, parameters).expect("as when it was made");
+        [chart, inner]
+    }
+}
+
+impl<P: Scalar> NormalForm<P> {
+    /// Action and widths.
+    pub fn shape(&self) -> &NormalFormShape {
+        &self.shape
+    }
+
+    /// The steps and parameters: the map.
+    pub fn composition(&self) -> &Composition<P> {
+        &self.composition
+    }
+}

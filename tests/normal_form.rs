@@ -1,0 +1,419 @@
+//! Twists, turned kicks, and the gyroceptrons in normal form that they make.
+
+use gyroceptron::layer::{
+    CircleAction, FastPlanes, Shear, TanhPotential, TorusAction, TurnedKick, Twist,
+};
+use gyroceptron::network::{NormalForm, NormalFormShape};
+use gyroceptron::phase::{Half, Map};
+use gyroceptron::random::Stream;
+use gyroceptron::scalar::{DoubleDouble, Dual, Over, Real, Scalar, Tracked, max_or_nan};
+
+type D = Dual<f64, 1>;
+
+const WIDTH: usize = 3;
+
+/// Actions with slow planes and without, resonant and with several circles.
+fn actions() -> Vec<TorusAction> {
+    let torus = |circles: &[&[i32]]| {
+        let circles: Vec<_> = circles.iter().map(|m| CircleAction::new(*m)).collect();
+        TorusAction::new(circles).expect("circles of one size")
+    };
+    vec![
+        torus(&[&[1]]),
+        torus(&[&[1, 0]]),
+        torus(&[&[0, 1, -2]]),
+        torus(&[&[1, 0, 0, 2], &[0, 0, 1, -1]]),
+    ]
+}
+
+struct Case {
+    action: TorusAction,
+    planes: FastPlanes,
+    parameters: Vec<f64>,
+    z: Vec<f64>,
+}
+
+fn cases() -> Vec<Case> {
+    let case = |(number, action): (usize, TorusAction)| {
+        let planes = FastPlanes::new(&action).expect("few circles");
+        let mut stream = Stream::new(number as u64, "twist");
+        let count = 3 * WIDTH * (planes.arguments() + 2);
+        let parameters = (0..count).map(|_| stream.uniform(-1.0, 1.0)).collect();
+        let z = (0..2 * action.dof()).map(|_| stream.uniform(-1.5, 1.5)).collect();
+        Case { action, planes, parameters, z }
+    };
+    actions().into_iter().enumerate().map(case).collect()
+}
+
+impl Case {
+    fn with<'a, P: Scalar>(&'a self, scale: P, parameters: &'a [P]) -> Twist<'a, P> {
+        let (planes, first) = (&self.planes, Half::Position);
+        Twist { planes, width: WIDTH, first, scale, parameters, inverse: false }
+    }
+
+    fn twist(&self, scale: f64) -> Twist<'_, f64> {
+        self.with(scale, &self.parameters)
+    }
+
+    /// The twist on another number, or its inverse.
+    fn image<S: Over<f64>>(&self, scale: f64, z: &[S], inverse: bool) -> Vec<S> {
+        let twist = self.twist(scale);
+        let twist = if inverse { Shear::inverse(twist) } else { twist };
+        let (mut z, mut scratch) = (z.to_vec(), vec![S::zero(); z.len()]);
+        twist.apply(&mut z, &mut scratch);
+        z
+    }
+
+    /// G_l at z by its definition, of whose flow the l-th shear is made.
+    fn generator(&self, layer: usize, z: &[D]) -> D {
+        let (n, d) = (self.action.dof(), self.planes.arguments());
+        let circles = self.action.circles();
+        let mut y: Vec<D> = circles.iter().map(|circle| circle.invariant(z)).collect();
+        let slow = (0..n).filter(|&j| circles.iter().all(|circle| circle.weights()[j] == 0));
+        // The positions change first, so that y are the momenta.
+        y.extend(slow.map(|j| if layer.is_multiple_of(2) { z[n + j] } else { z[j] }));
+        let weights = &self.parameters[layer * WIDTH * (d + 2)..][..WIDTH * (d + 2)];
+        let mut total = D::zero();
+        for k in 0..WIDTH {
+            let mut argument = D::constant(weights[d * WIDTH + k]);
+            for i in 0..d {
+                argument = argument + D::constant(weights[i * WIDTH + k]) * y[i];
+            }
+            total = total + D::constant(weights[(d + 1) * WIDTH + k]) * argument.tanh();
+        }
+        total
+    }
+
+    /// Hamilton's equations of G_l.
+    fn field(&self, layer: usize, z: &[f64]) -> Vec<f64> {
+        let slope = |index: usize| {
+            let lifted = |(i, &v): (usize, &f64)| D::variable(v, if i == index { 0 } else { 1 });
+            let z: Vec<D> = z.iter().enumerate().map(lifted).collect();
+            self.generator(layer, &z).eps[0]
+        };
+        let n = self.action.dof();
+        (0..2 * n).map(|i| if i < n { slope(n + i) } else { -slope(i - n) }).collect()
+    }
+}
+
+fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
+}
+
+/// By Runge and Kutta's steps for each of the three Hamiltonians, one after another.
+#[test]
+fn a_twist_is_the_flow_of_its_generators() {
+    for case in cases() {
+        for scale in [0.7, -3.1] {
+            let steps = 2000;
+            let h = scale / f64::from(steps);
+            let mut z = case.z.clone();
+            for layer in 0..3 {
+                for _ in 0..steps {
+                    let at = |k: &[f64], h: f64| -> Vec<f64> {
+                        let moved: Vec<f64> = z.iter().zip(k).map(|(z, k)| z + h * k).collect();
+                        case.field(layer, &moved)
+                    };
+                    let a = case.field(layer, &z);
+                    let b = at(&a, 0.5 * h);
+                    let c = at(&b, 0.5 * h);
+                    let d = at(&c, h);
+                    for i in 0..z.len() {
+                        z[i] += h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]);
+                    }
+                }
+            }
+            let image = case.image(scale, &case.z, false);
+            let difference = largest_difference(&image, &z);
+            assert!(difference < 1e-10, "{:?}: {difference:e}", case.action);
+            let moved = largest_difference(&image, &case.z);
+            assert!(moved > 0.1, "{:?} hardly moves: {moved}", case.action);
+        }
+    }
+}
+
+#[test]
+fn a_twist_commutes_with_the_action_and_keeps_the_actions() {
+    for case in cases() {
+        let angles: Vec<f64> = (1..=case.action.circles().len()).map(|k| 0.7 * k as f64).collect();
+        let turn = case.action.at(&angles.iter().map(|&a| Tracked::exact(a)).collect::<Vec<_>>());
+        let lifted: Vec<Tracked> = case.z.iter().map(|&v| Tracked::exact(v)).collect();
+        let (mut turned_first, mut turned_last) = (lifted.clone(), case.image(2.0, &lifted, false));
+        turn.apply(&mut turned_first, false);
+        let turned_first = case.image(2.0, &turned_first, false);
+        turn.apply(&mut turned_last, false);
+        for (a, b) in turned_first.iter().zip(&turned_last) {
+            let bound = f64::unit_roundoff() * (a.bound + b.bound);
+            assert!((a.value - b.value).abs() <= bound, "{a:?} {b:?}");
+            assert!(bound < 1e-12, "{bound:e} says little");
+        }
+        for circle in case.action.circles() {
+            let (before, after) =
+                (circle.invariant(&case.z), circle.invariant(&case.image(2.0, &case.z, false)));
+            assert!((before - after).abs() < 1e-14, "{before} {after}");
+        }
+    }
+}
+
+/// Half turns and more, forwards and back; and the identity to the bit at c = 0.
+#[test]
+fn a_twist_is_undone() {
+    for case in cases() {
+        for scale in [0.01, 1.0, 7.0, -40.0] {
+            let image = case.image(scale, &case.z, false);
+            let back = case.image(scale, &image, true);
+            let difference = largest_difference(&back, &case.z);
+            assert!(difference < 4e-15 * (1.0 + 4.0 * scale.abs()), "{scale}: {difference:e}");
+            let lifted: Vec<_> = case.z.iter().map(|&v| DoubleDouble::from_f64(v)).collect();
+            let precise = case.image(scale, &lifted, false);
+            for (value, exact) in image.iter().zip(&precise) {
+                let error = (*exact - DoubleDouble::from_f64(*value)).abs();
+                assert!(error.value() < 4e-15 * (1.0 + 4.0 * scale.abs()), "{scale}: {error:?}");
+            }
+        }
+        for inverse in [false, true] {
+            let still = case.image(0.0, &case.z, inverse);
+            assert!(still.iter().zip(&case.z).all(|(a, b)| a.to_bits() == b.to_bits()));
+        }
+    }
+}
+
+#[test]
+fn derivatives_of_a_twist_are_those_of_duals() {
+    for case in cases() {
+        for inverse in [false, true] {
+            let (dim, count) = (case.z.len(), case.parameters.len());
+            let twist = case.twist(1.3);
+            let twist = if inverse { Shear::inverse(twist) } else { twist };
+            let mut scratch = vec![0.0; 2 * dim + dim * dim];
+            // Forward: along the unit vectors.
+            let mut directions = vec![0.0; dim * dim];
+            for i in 0..dim {
+                directions[i * dim + i] = 1.0;
+            }
+            let mut along = case.z.clone();
+            twist.apply_along(&mut along, &mut directions, &mut scratch);
+            let image = case.image(1.3, &case.z, inverse);
+            assert!(largest_difference(&along, &image) == 0.0);
+            // Backward: the pullback of a cotangent.
+            let mut tape = vec![0.0; Shear::<f64>::tape_len(&twist)];
+            let mut recorded = case.z.clone();
+            twist.record(&mut recorded, &mut tape, &mut scratch);
+            assert!(largest_difference(&recorded, &image) == 0.0);
+            let cotangent: Vec<f64> = (0..dim).map(|i| 1.0 + 0.3 * i as f64).collect();
+            let (mut z_bar, mut parameters_bar) = (cotangent.clone(), vec![0.0; count]);
+            twist.pull(&tape, &mut z_bar, &mut parameters_bar, &mut scratch);
+            for i in 0..dim {
+                let lifted = |(k, &v): (usize, &f64)| D::variable(v, if k == i { 0 } else { 1 });
+                let z: Vec<D> = case.z.iter().enumerate().map(lifted).collect();
+                let image = case.image(1.3, &z, inverse);
+                let mut pulled = 0.0;
+                for k in 0..dim {
+                    let found = directions[i * dim + k];
+                    assert!((found - image[k].eps[0]).abs() < 1e-13, "∂{k}/∂{i}: {found}");
+                    pulled += cotangent[k] * image[k].eps[0];
+                }
+                assert!((z_bar[i] - pulled).abs() < 1e-12, "{i}: {} {pulled}", z_bar[i]);
+            }
+            for index in 0..count {
+                let lifted =
+                    |(k, &v): (usize, &f64)| D::variable(v, if k == index { 0 } else { 1 });
+                let parameters: Vec<D> = case.parameters.iter().enumerate().map(lifted).collect();
+                let twist = case.with(D::constant(1.3), &parameters);
+                let twist = if inverse { Shear::inverse(twist) } else { twist };
+                let mut z: Vec<D> = case.z.iter().map(|&v| D::constant(v)).collect();
+                twist.apply(&mut z, &mut vec![D::zero(); dim]);
+                let pulled: f64 = z.iter().zip(&cotangent).map(|(z, c)| z.eps[0] * c).sum();
+                let found = parameters_bar[index];
+                assert!((found - pulled).abs() < 1e-12, "parameter {index}: {found} {pulled}");
+            }
+        }
+    }
+}
+
+/// The action wanders as a sum of rounding errors does: some √N of them.
+#[test]
+fn actions_stay_over_a_million_steps() {
+    let case = &cases()[1];
+    let circle = &case.action.circles()[0];
+    let mut z = case.z.clone();
+    let (start, mut scratch) = (circle.invariant(&z), vec![0.0; z.len()]);
+    let turn = case.action.at(&[0.9]);
+    let (twist, mut largest) = (case.twist(0.05), 0.0);
+    for _ in 0..1_000_000 {
+        twist.apply(&mut z, &mut scratch);
+        turn.apply(&mut z, false);
+        largest = max_or_nan(largest, (circle.invariant(&z) - start).abs());
+    }
+    assert!(largest > 0.0 && largest < 1e-12, "{largest:e}");
+}
+
+#[test]
+fn twists_without_a_fast_plane_or_of_too_many_circles_are_refused() {
+    let still = TorusAction::from(CircleAction::new([0, 0]));
+    assert!(FastPlanes::new(&still).is_err());
+    let twice = TorusAction::new(vec![CircleAction::new([1, 0]), CircleAction::new([2, 0])]);
+    assert!(FastPlanes::new(&twice.expect("circles")).is_err());
+    assert!(FastPlanes::new(&TorusAction::of_planes(5)).is_err());
+    assert!(FastPlanes::new(&TorusAction::of_planes(4)).is_ok());
+}
+
+const KICK: usize = 4;
+
+/// V(q cos φ + p sin φ) by its definition, φ, W, b and w being the parameters.
+fn turned_potential(parameters: &[f64], z: &[D]) -> D {
+    let n = z.len() / 2;
+    let (angles, weights) = parameters.split_at(n);
+    let mut total = D::zero();
+    for k in 0..KICK {
+        let mut argument = D::constant(weights[n * KICK + k]);
+        for j in 0..n {
+            let (s, c) = libm::sincos(angles[j]);
+            let turned = D::constant(c) * z[j] + D::constant(s) * z[n + j];
+            argument = argument + D::constant(weights[j * KICK + k]) * turned;
+        }
+        total = total + D::constant(weights[(n + 1) * KICK + k]) * argument.tanh();
+    }
+    total
+}
+
+/// V stands still along the flow of −V, and with it its gradient: the flow is a
+/// straight line.
+#[test]
+fn a_turned_kick_moves_along_the_gradient_in_turned_coordinates() {
+    for n in 1..=3 {
+        let mut stream = Stream::new(n as u64, "turned kick");
+        let count = n + KICK * (n + 2);
+        let parameters: Vec<f64> = (0..count).map(|_| stream.uniform(-2.0, 2.0)).collect();
+        let z: Vec<f64> = (0..2 * n).map(|_| stream.uniform(-1.5, 1.5)).collect();
+        let turn = gyroceptron::layer::Turn::by_angles(&parameters[..n]);
+        let potential = TanhPotential::<f64>::new(n, KICK, &parameters[n..]);
+        let kick = TurnedKick { turn: &turn, potential, scale: 0.8 };
+        let (mut image, mut scratch) = (z.clone(), vec![0.0; 2 * n]);
+        kick.apply(&mut image, &mut scratch);
+        let slope = |index: usize| {
+            let lifted = |(i, &v): (usize, &f64)| D::variable(v, if i == index { 0 } else { 1 });
+            let z: Vec<D> = z.iter().enumerate().map(lifted).collect();
+            turned_potential(&parameters, &z).eps[0]
+        };
+        for j in 0..n {
+            // The Hamiltonian is −V.
+            let expected = [z[j] - 0.8 * slope(n + j), z[n + j] + 0.8 * slope(j)];
+            assert!((image[j] - expected[0]).abs() < 1e-14, "{n}: {image:?}");
+            assert!((image[n + j] - expected[1]).abs() < 1e-14, "{n}: {image:?}");
+            assert!((image[n + j] - z[n + j]).abs() > 1e-3);
+        }
+    }
+}
+
+fn normal_form<P: Real>(
+    number: usize,
+    epsilon: P,
+    lift: impl Fn(usize, f64) -> P,
+) -> NormalForm<P> {
+    let action = actions()[number].clone();
+    let (psi, kicks) = (vec![3], vec![4, 2]);
+    let shape = NormalFormShape { action, psi, kicks, twists: 3, twist_width: 3, flow_time: 5.0 };
+    let mut stream = Stream::new(number as u64, "normal form");
+    let count = shape.parameter_count().expect("few circles");
+    let parameters = (0..count).map(|index| lift(index, stream.uniform(-0.7, 0.7))).collect();
+    NormalForm::new(shape, epsilon, parameters).expect("valid")
+}
+
+fn start(dim: usize) -> Vec<f64> {
+    let mut stream = Stream::new(dim as u64, "start");
+    (0..dim).map(|_| stream.uniform(-1.2, 1.2)).collect()
+}
+
+#[test]
+fn the_pullback_of_a_normal_form_is_that_of_duals_for_every_parameter() {
+    for number in 0..actions().len() {
+        let map = normal_form(number, 0.1, |_, v| v);
+        let (dim, count) = (2 * map.shape().dof(), map.composition().parameters().len());
+        let z = start(dim);
+        let mut recording = map.composition().recording();
+        map.composition().forward_recording(&mut z.clone(), &mut recording);
+        let cotangent: Vec<f64> = (0..dim).map(|i| 1.0 - 0.2 * i as f64).collect();
+        let (mut z_bar, mut parameters_bar) = (cotangent.clone(), vec![0.0; count]);
+        map.composition().pullback(&mut recording, &mut z_bar, &mut parameters_bar);
+        for index in 0..count {
+            let lift = |k: usize, v: f64| D::variable(v, if k == index { 0 } else { 1 });
+            let map = normal_form(number, D::constant(0.1), lift);
+            let mut z: Vec<D> = z.iter().map(|&v| D::constant(v)).collect();
+            map.composition().forward(&mut z);
+            let pulled: f64 = z.iter().zip(&cotangent).map(|(z, c)| z.eps[0] * c).sum();
+            let found = parameters_bar[index];
+            assert!((found - pulled).abs() < 1e-11, "{number}, {index}: {found} {pulled}");
+        }
+        let map = normal_form(number, 0.1, |_, v| v);
+        for index in 0..dim {
+            let lifted = |(k, &v): (usize, &f64)| D::variable(v, if k == index { 0 } else { 1 });
+            let mut z: Vec<D> = z.iter().enumerate().map(lifted).collect();
+            map.composition().forward(&mut z);
+            let pulled: f64 = z.iter().zip(&cotangent).map(|(z, c)| z.eps[0] * c).sum();
+            assert!((z_bar[index] - pulled).abs() < 1e-11, "{number}, z{index}: {pulled}");
+        }
+    }
+}
+
+/// Also where ε is large: by construction and not by smallness.
+#[test]
+fn a_normal_form_keeps_its_actions_and_its_inverse() {
+    for number in 0..actions().len() {
+        for epsilon in [0.0, 0.01, 1.0] {
+            let map = normal_form(number, epsilon, |_, v| v);
+            let [chart, inner] = map.chart_and_inner_map();
+            let z = start(2 * map.shape().dof());
+            let actions_of = |z: &[f64]| -> Vec<f64> {
+                let mut w = z.to_vec();
+                chart.inverse(&mut w);
+                map.shape().action.circles().iter().map(|circle| circle.invariant(&w)).collect()
+            };
+            let (mut moved, mut within) = (z.clone(), z.clone());
+            chart.inverse(&mut within);
+            for _ in 0..100 {
+                map.composition().forward(&mut moved);
+                inner.forward(&mut within);
+            }
+            chart.forward(&mut within);
+            let scale = z.iter().map(|v| v.abs()).fold(1.0, max_or_nan);
+            assert!(largest_difference(&moved, &within) < 1e-9 * scale, "{number} {epsilon}");
+            assert!(largest_difference(&moved, &z) > 1e-2, "{number} {epsilon} stands still");
+            let change = largest_difference(&actions_of(&moved), &actions_of(&z));
+            assert!(change < 1e-12 * scale, "{number} {epsilon}: {change:e}");
+            for _ in 0..100 {
+                map.composition().inverse(&mut moved);
+            }
+            assert!(largest_difference(&moved, &z) < 1e-9, "{number} {epsilon}");
+        }
+    }
+}
+
+/// With other parameters each step keeps its own angles, also where some are left out.
+#[test]
+fn parts_of_a_normal_form_take_other_parameters() {
+    let map = normal_form(1, 0.1, |_, v| v);
+    let other = normal_form(1, 0.1, |_, v| 0.5 * v);
+    let parameters = other.composition().parameters().to_vec();
+    let expected = other.composition().near_identity_part();
+    let part = map.composition().near_identity_part();
+    let moved = part.with_parameters(parameters, 0.1).expect("as many");
+    let (mut a, mut b) = (start(4), start(4));
+    expected.forward(&mut a);
+    moved.forward(&mut b);
+    assert_eq!(a, b);
+    assert!(largest_difference(&a, &start(4)) > 1e-3);
+}
+
+#[test]
+fn a_normal_form_of_the_wrong_size_is_refused() {
+    let map = normal_form(1, 0.1, |_, v| v);
+    let parameters = map.composition().parameters();
+    let fewer = parameters[1..].to_vec();
+    assert!(NormalForm::new(map.shape().clone(), 0.1, fewer).is_err());
+    let shape = NormalFormShape { flow_time: f64::NAN, ..map.shape().clone() };
+    assert!(NormalForm::new(shape, 0.1, parameters.to_vec()).is_err());
+    let still = TorusAction::from(CircleAction::new([0, 0]));
+    assert!(NormalFormShape { action: still, ..map.shape().clone() }.parameter_count().is_err());
+}
