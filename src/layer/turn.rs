@@ -44,6 +44,7 @@ impl CircleAction {
     }
 
     /// 𝔍₀(z) = ½ Σ m_j (q_j² + p_j²), the invariant of the action.
+    #[inline(always)]
     pub fn invariant<S: Scalar>(&self, z: &[S]) -> S {
         let n = self.dof();
         let mut total = S::zero();

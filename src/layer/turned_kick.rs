@@ -36,16 +36,10 @@ impl<'a, P: Scalar, const D: usize> TurnedKick<'a, P, D> {
         self.scale.is_zero()
     }
 
-    /// The angles' cotangents += `sign` times what their planes' generators, q̇ = p,
-    /// ṗ = −q, say.
+    /// What a cotangent says of a plane's generator, q̇ = p, ṗ = −q, at this point.
     #[inline(always)]
-    fn add_angles<S: Scalar>(q: &[S], p: &[S], z_bar: &[S], sign: f64, angles_bar: &mut [S]) {
-        let sign = S::from_f64(sign);
-        let n = angles_bar.len();
-        for j in 0..n {
-            let moment = z_bar[j] * p[j] - z_bar[n + j] * q[j];
-            angles_bar[j] = moment.mul_add(sign, angles_bar[j]);
-        }
+    fn moment<S: Scalar>(j: usize, q: &[S], p: &[S], z_bar: &[S]) -> S {
+        z_bar[j] * p[j] - z_bar[q.len() + j] * q[j]
     }
 }
 
@@ -114,9 +108,13 @@ impl<P: Scalar, const D: usize> Shear<P> for TurnedKick<'_, P, D> {
         // A rotation is orthogonal: its adjoint is its inverse, and the moments of its
         // generator are the same before and after it.
         self.turn.apply(z_bar, false);
-        Self::add_angles(q, &momenta[n..], z_bar, -1.0, angles_bar);
+        for j in 0..n {
+            angles_bar[j] = angles_bar[j] - Self::moment(j, q, &momenta[n..], z_bar);
+        }
         Shear::pull(&self.kick(), of_kick, z_bar, potential_bar, scratch);
-        Self::add_angles(q, &momenta[..n], z_bar, 1.0, angles_bar);
+        for j in 0..n {
+            angles_bar[j] = angles_bar[j] + Self::moment(j, q, &momenta[..n], z_bar);
+        }
         self.turn.apply(z_bar, true);
     }
 

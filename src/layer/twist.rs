@@ -9,6 +9,7 @@ use crate::scalar::{Over, Pack, Scalar};
 /// alone, the slow ones.
 #[derive(Clone, Debug)]
 pub struct FastPlanes {
+    action: TorusAction,
     dof: usize,
     fast: Vec<usize>,
     slow: Vec<usize>,
@@ -34,7 +35,7 @@ impl FastPlanes {
         let most = CIRCLES.min(fast.len());
         Error::check_count_range("circles of the actions of a twist", circles, 1, most)?;
         let weights = fast.iter().flat_map(|&j| of_plane(j)).collect();
-        Ok(Self { dof, fast, slow, circles, weights })
+        Ok(Self { action: action.clone(), dof, fast, slow, circles, weights })
     }
 
     /// The numbers that G depends on: the actions, and one half of the slow coordinates.
@@ -48,19 +49,11 @@ impl FastPlanes {
         S::from_f64(self.weights[number * self.circles + circle].into())
     }
 
-    /// `actions` ← 𝔍_a = ½ Σ_j m_{aj} (q_j² + p_j²).
+    /// `actions` ← 𝔍_a.
     #[inline(always)]
     fn actions<S: Scalar>(&self, z: &[S], actions: &mut [S]) {
-        for action in actions.iter_mut() {
-            *action = S::zero();
-        }
-        for (number, &j) in self.fast.iter().enumerate() {
-            let (q, p) = (z[j], z[self.dof + j]);
-            let half_square = q.mul_add(q, p * p) * S::from_f64(0.5);
-            for circle in 0..self.circles {
-                let weight = self.weight::<S>(number, circle);
-                actions[circle] = half_square.mul_add(weight, actions[circle]);
-            }
+        for (circle, action) in actions.iter_mut().enumerate() {
+            *action = self.action.circles()[circle].invariant(z);
         }
     }
 }
