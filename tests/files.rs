@@ -4,12 +4,14 @@
 use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
 use gyroceptron::io::{
-    Provenance, StoredModel, export_weights, import_weights, load_checkpoint, load_model,
-    read_pairs, read_points, read_tensors, save_checkpoint, save_model, write_pairs, write_points,
+    Provenance, StoredModel, Tensor, assemble_normal_form, export_weights, import_weights,
+    is_normal_form, load_checkpoint, load_model, read_pairs, read_points, read_tensors,
+    save_checkpoint, save_model, write_pairs, write_points,
 };
-use gyroceptron::layer::{Activation, CircleAction};
+use gyroceptron::layer::{Activation, CircleAction, TorusAction};
 use gyroceptron::network::{
-    Architecture, GyroceptronShape, HenonShape, InitialWeights, Model, SympNetShape,
+    Architecture, GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape,
+    SympNetShape,
 };
 use gyroceptron::train::{Control, TrainingOptions, train};
 use std::io::Write;
@@ -437,4 +439,72 @@ fn tensorflow_checkpoints_are_read() {
     std::fs::copy(&index, &alone).expect("copied");
     let other = CircleAction::new([1, 0]);
     names(import_weights(&alone, other, 0.01), &["small.ckpt.data-00000-of-00001"]);
+}
+
+fn normal_form() -> Model {
+    let circles = [CircleAction::new([0, 1, 0]), CircleAction::new([0, 0, 2])];
+    let shape = NormalFormShape {
+        action: TorusAction::new(circles).expect("two circles"),
+        psi: vec![2],
+        kicks: vec![3, 1],
+        twists: 2,
+        twist_width: 4,
+        flow_time: 7.5,
+    };
+    let architecture = Architecture::NormalForm { shape, epsilon: 0.02 };
+    let model = architecture.initialise(InitialWeights::Glorot, 0.3, 5).expect("a model");
+    model.with_angles(&[0.25, -1.5]).expect("two angles")
+}
+
+#[test]
+fn a_normal_form_comes_back() {
+    let (folder, model) = (folder(), normal_form());
+    let file = folder.path().join("m.json");
+    let stored = StoredModel { model: model.clone(), provenance: Provenance::of("test") };
+    save_model(&file, &stored).expect("written");
+    let back = load_model(&file).expect("read").model;
+    assert_eq!(back.architecture(), model.architecture());
+    assert_eq!(back.composition().parameters(), model.composition().parameters());
+    assert_eq!(back.angles(), [0.25, -1.5]);
+    assert_eq!(back.angle(), None);
+    for ending in ["safetensors", "npz"] {
+        let path = folder.path().join(format!("w.{ending}"));
+        export_weights(&path, &model).expect("written");
+        let tensors = read_tensors(&path).expect("read");
+        assert_eq!(tensors["kick.0.angles"].shape, [1, 3]);
+        assert_eq!(tensors["kick.1.w_in"].shape, [3, 1]);
+        assert_eq!(tensors["twist.1.w_in"].shape, [3, 4]);
+        assert_eq!(tensors["theta"].values, [0.25, -1.5]);
+        // In the order of the parameters.
+        let offset = 3 * 2 + 2 + 2 + 3;
+        assert_eq!(
+            tensors["kick.0.angles"].values,
+            model.composition().parameters()[offset..][..3]
+        );
+        let action = TorusAction::new(match model.architecture() {
+            Architecture::NormalForm { shape, .. } => shape.action.circles().to_vec(),
+            _ => unreachable!("a normal form"),
+        });
+        let action = action.expect("two circles");
+        assert!(is_normal_form(&tensors));
+        let read = |tensors| assemble_normal_form("w", tensors, action.clone(), 0.02, 7.5);
+        let back = read(tensors.clone()).expect("read");
+        assert_eq!(back.architecture(), model.architecture());
+        assert_eq!(back.composition().parameters(), model.composition().parameters());
+        for (lacking, word) in [("kick.1.b_in", "kick.1.b_in"), ("theta", "theta")] {
+            let mut tensors = tensors.clone();
+            tensors.remove(lacking);
+            names(read(tensors), &[word]);
+        }
+        let mut wrong = tensors.clone();
+        let narrow = &wrong["twist.1.w_in"];
+        let narrow = Tensor { shape: vec![3, 2], values: vec![0.0; 6], ..narrow.clone() };
+        wrong.insert("twist.1.w_in".into(), narrow);
+        names(read(wrong), &["twist.1.w_in", "[3, 4]", "[3, 2]"]);
+        let mut one_angle = tensors.clone();
+        let theta = Tensor { shape: vec![1], values: vec![0.0], ..one_angle["theta"].clone() };
+        one_angle.insert("theta".into(), theta);
+        names(read(one_angle), &["theta", "2 elements"]);
+    }
+    names(model.with_angles(&[1.0]), &["angles", "2", "1"]);
 }

@@ -19,6 +19,7 @@ mod inversion;
 mod mutants;
 mod near_identity;
 mod near_periodicity;
+mod normal_form;
 mod precision;
 mod report;
 mod samples;

@@ -1,7 +1,9 @@
 //! Gyroceptrons broken on purpose. Each has to be rejected by a law, and each
 //! law has to reject one.
 
-use crate::{adiabatic, gradients, precision, suite, symp_net, tanh, tolerances, torus};
+use crate::{
+    adiabatic, gradients, normal_form, precision, suite, symp_net, tanh, tolerances, torus,
+};
 use gyroceptron::layer::{
     CircleAction, HenonLayer, HenonMap, Kick, KickForm, Potential, TanhPotential,
     layer_parameter_count,
@@ -88,7 +90,7 @@ pub enum Fault {
     TanhByExponential,
     /// A constant that is right to 1e-12 at every precision.
     ConstantTo12Digits,
-    /// A linear shear beside a SympNet or a torus turn whose matrix is not symmetric, by 1e-9.
+    /// A linear shear beside a SympNet, a torus turn or a normal form whose matrix is not symmetric, by 1e-9.
     SkewModule,
     /// All parameters of a SympNet or a torus turn off by 1e-12 in the inverse only.
     ModuleInverse,
@@ -100,10 +102,20 @@ pub enum Fault {
     TorusInverse,
     /// The pullback of a torus turn forgets the sign of the second angle.
     TorusPullback,
+    /// A twist that moves the slow coordinates and does not turn the fast plane.
+    TwistWithoutTurn,
+    /// A twist that turns the fast plane by twice its weight.
+    TwistWeight,
+    /// A twist by a function of the position of the fast plane, for its action.
+    TwistSeesPlane,
+    /// The fast momentum loses 1e-12 of itself with each twist.
+    TwistFriction,
+    /// A normal form whose chart has weights off by 1e-9.
+    OtherChart,
 }
 
 impl Fault {
-    const ALL: [Self; 40] = [
+    const ALL: [Self; 45] = [
         Self::MissingTranspose,
         Self::OwnHalf,
         Self::OuterWeights,
@@ -144,6 +156,11 @@ impl Fault {
         Self::ModulePullback,
         Self::TorusInverse,
         Self::TorusPullback,
+        Self::TwistWithoutTurn,
+        Self::TwistWeight,
+        Self::TwistSeesPlane,
+        Self::TwistFriction,
+        Self::OtherChart,
     ];
 
     /// A map that is broken, rather than something beside it.
@@ -160,6 +177,11 @@ impl Fault {
                 | Self::ModulePullback
                 | Self::TorusInverse
                 | Self::TorusPullback
+                | Self::TwistWithoutTurn
+                | Self::TwistWeight
+                | Self::TwistSeesPlane
+                | Self::TwistFriction
+                | Self::OtherChart
         )
     }
 }
@@ -712,8 +734,14 @@ fn rows_of(fault: Fault) -> Vec<Row> {
         | Fault::ModulePullback => {
             let mut rows = symp_net::rows_of_mutant(fault);
             rows.extend(torus::rows_of_mutant(fault));
+            rows.extend(normal_form::rows_of_mutant(fault));
             rows
         }
+        Fault::TwistWithoutTurn
+        | Fault::TwistWeight
+        | Fault::TwistSeesPlane
+        | Fault::TwistFriction
+        | Fault::OtherChart => normal_form::rows_of_mutant(fault),
         Fault::TorusInverse | Fault::TorusPullback => torus::rows_of_mutant(fault),
         _ => map_rows(fault),
     }

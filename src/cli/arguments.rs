@@ -2,7 +2,7 @@
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use gyroceptron::Error;
-use gyroceptron::layer::CircleAction;
+use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::scene::Layers;
 use std::path::PathBuf;
 
@@ -111,6 +111,8 @@ pub struct Verify {
 pub enum ArchitectureName {
     /// I_ε ∘ ψ ∘ Φ_θ ∘ ψ⁻¹.
     Gyroceptron,
+    /// χ ∘ Φ_θ ∘ T_ε ∘ χ⁻¹: its actions are exact invariants.
+    NormalForm,
     /// Hénon layers.
     HenonNet,
     /// Linear and activation modules.
@@ -137,7 +139,8 @@ pub struct Train {
     /// q1 … qn, p1 … pn.
     #[arg(long, value_name = "FILE.npz")]
     pub data: PathBuf,
-    /// The integer weight of each plane (q_j, p_j), such as 1,0.
+    /// The integer weight of each plane (q_j, p_j), such as 1,0. Of several circles, each with
+    /// an angle of its own, for a gyroceptron in normal form: such as 0,1,0/0,0,2.
     #[arg(long, value_name = "WEIGHTS", allow_hyphen_values = true)]
     pub circle_action: String,
     /// Network and training options are taken from this scene; the options below come
@@ -147,6 +150,16 @@ pub struct Train {
     /// The kind of network [default: the scene's, or a gyroceptron].
     #[arg(long, value_enum)]
     pub architecture: Option<ArchitectureName>,
+    /// Turned kicks of ψ_ε and their neurons, of a gyroceptron in normal form, such as 12x8.
+    #[arg(long, value_name = "LAYERSxWIDTH")]
+    pub kicks: Option<String>,
+    /// Twist shears of T_ε and their neurons, of a gyroceptron in normal form, such as 16x8.
+    #[arg(long, value_name = "LAYERSxWIDTH")]
+    pub twists: Option<String>,
+    /// The flow time h of the pairs: with ε it scales T_ε of a gyroceptron in normal form
+    /// [default: how far the slow coordinates move, over ε].
+    #[arg(long, allow_negative_numbers = true)]
+    pub flow_time: Option<f64>,
     /// Layers and neurons of ψ, such as 10x8.
     #[arg(long, value_name = "LAYERSxWIDTH")]
     pub psi: Option<String>,
@@ -230,12 +243,16 @@ pub struct Import {
     /// checkpoint of the published code.
     #[arg(long, value_name = "FILE.safetensors|FILE.npz|FILE.index")]
     pub weights: PathBuf,
-    /// The integer weight of each plane (q_j, p_j), such as 1,0.
+    /// The integer weight of each plane (q_j, p_j), such as 1,0; of several circles such as
+    /// 0,1,0/0,0,2.
     #[arg(long, value_name = "WEIGHTS", allow_hyphen_values = true)]
     pub circle_action: String,
     /// ε of the near-identity part.
     #[arg(long, allow_negative_numbers = true)]
     pub epsilon: f64,
+    /// The flow time h, where the weights are of a gyroceptron in normal form.
+    #[arg(long, allow_negative_numbers = true)]
+    pub flow_time: Option<f64>,
     /// The model file to write.
     #[arg(long, value_name = "FILE.json")]
     pub output: PathBuf,
@@ -263,12 +280,29 @@ pub struct Export {
     pub json: bool,
 }
 
-/// `1,0` as a circle action.
-pub fn circle_action(text: &str) -> Result<CircleAction, Error> {
-    let weights: Result<Vec<i32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-    weights
-        .map(CircleAction::new)
-        .map_err(|_| Error::invalid("--circle-action", text, "integers with commas, such as 1,0"))
+/// `1,0` as a circle action, `0,1,0/0,0,2` as one of two circles.
+pub fn circle_action(text: &str) -> Result<TorusAction, Error> {
+    let circle = |text: &str| {
+        let weights: Result<Vec<i32>, _> =
+            text.split(',').map(|part| part.trim().parse()).collect();
+        weights.map(CircleAction::new)
+    };
+    let circles: Result<Vec<_>, _> = text.split('/').map(circle).collect();
+    let circles = circles.map_err(|_| {
+        Error::invalid("--circle-action", text, "integers with commas, such as 1,0")
+    })?;
+    TorusAction::new(circles).map_err(|e| e.at("--circle-action"))
+}
+
+/// The only circle of an action.
+pub fn only_circle(action: &TorusAction) -> Result<&CircleAction, Error> {
+    match action.circles() {
+        [circle] => Ok(circle),
+        several => {
+            let expected = "one circle, but for a gyroceptron in normal form";
+            Err(Error::invalid("--circle-action", format!("{} circles", several.len()), expected))
+        }
+    }
 }
 
 /// `10x8` as layers and neurons.

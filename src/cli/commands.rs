@@ -1,7 +1,8 @@
 //! The commands.
 
 use super::arguments::{
-    Arguments, Command, Common, Export, Import, Predict, Run, Verify, circle_action, positive,
+    Arguments, Command, Common, Export, Import, Predict, Run, Verify, circle_action, only_circle,
+    positive,
 };
 use super::output::{json, out, status_of};
 use super::progress::{Progress, line};
@@ -9,14 +10,12 @@ use super::train::train_pairs;
 use super::{Status, cite};
 use gyroceptron::Error;
 use gyroceptron::io::{
-    Provenance, StoredModel, export_weights, file_digest, import_weights, load_model, read_points,
-    read_tensors, save_model, write_points,
+    Provenance, StoredModel, assemble_normal_form, assemble_weights, export_weights, file_digest,
+    is_normal_form, load_model, read_points, read_tensors, save_model, write_points,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{CertificateOptions, certify, certify_all, disturbing_resonance};
-use gyroceptron::network::{
-    Architecture, GyroceptronShape, InitialWeights, Model, Rollout, rollout,
-};
+use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model, Rollout};
 use gyroceptron::random::Stream;
 use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{
@@ -261,7 +260,7 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     }
     let initial = file.points;
     let points = initial.len() / dim;
-    let values = rollout(map, &initial, request)?;
+    let values = stored.model.rollout(&initial, request)?;
     if let Some(index) = values.iter().position(|v| !v.is_finite()) {
         let state = index / initial.len();
         return Err(Error::Diverged {
@@ -294,27 +293,46 @@ fn describe(model: &Model, path: &Path, as_json: bool) -> Result<Status, Error> 
             "file": path.display().to_string(),
             "architecture": model.architecture(),
             "parameters": count,
-            "theta": model.gyroceptron().map(|g| g.theta()),
+            "theta": model.angle(),
+            "angles": model.angles(),
         }))?;
     } else {
-        let layers = model
+        let mut layers = model
             .architecture()
             .parts()
             .iter()
+            .filter(|(_, shape)| !shape.widths.is_empty())
             .map(|(part, shape)| format!("{part} {} layers", shape.widths.len()))
-            .collect::<Vec<_>>()
-            .join(", ");
-        out(&format!("{}: {count} parameters, {layers}\n", path.display()))?;
+            .collect::<Vec<_>>();
+        if let Some(network) = model.normal_form() {
+            let shape = network.shape();
+            layers.push(format!("{} turned kicks", shape.kicks.len()));
+            layers.push(format!("{} twist shears", shape.twists));
+        }
+        out(&format!("{}: {count} parameters, {}\n", path.display(), layers.join(", ")))?;
     }
     Ok(Status::Done)
 }
 
 fn import(arguments: &Import) -> Result<Status, Error> {
     let action = circle_action(&arguments.circle_action)?;
-    let model = import_weights(&arguments.weights, action, arguments.epsilon)?;
-    if read_tensors(&arguments.weights)?.values().any(|tensor| tensor.single_precision) {
-        line(&format!("{}: float32 numbers, taken as they are", arguments.weights.display()));
+    let (tensors, place) = (read_tensors(&arguments.weights)?, arguments.weights.display());
+    if tensors.values().any(|tensor| tensor.single_precision) {
+        line(&format!("{place}: float32 numbers, taken as they are"));
     }
+    let (place, epsilon) = (place.to_string(), arguments.epsilon);
+    let model = match (is_normal_form(&tensors), arguments.flow_time) {
+        (true, Some(time)) => assemble_normal_form(&place, tensors, action, epsilon, time)?,
+        (true, None) => {
+            let (key, needed_by) = ("--flow-time", "a gyroceptron in normal form".into());
+            return Err(Error::Missing { place, key, needed_by });
+        }
+        (false, Some(time)) => {
+            let expected = "an option of gyroceptrons in normal form";
+            return Err(Error::invalid("--flow-time", time, expected));
+        }
+        (false, None) => assemble_weights(&place, tensors, only_circle(&action)?.clone(), epsilon)?,
+    };
     guard_output(&arguments.output, arguments.overwrite, &[&arguments.weights])?;
     let provenance =
         Provenance { data: Some(file_digest(&arguments.weights)?), ..Provenance::of("import") };

@@ -1,7 +1,9 @@
 //! Training on pairs of one's own.
 
 use super::Status;
-use super::arguments::{ArchitectureName, OptimiserName, Train, circle_action, layers, positive};
+use super::arguments::{
+    ArchitectureName, OptimiserName, Train, circle_action, layers, only_circle, positive,
+};
 use super::commands::{guard_output, read_scene, use_threads};
 use super::output::{json, out};
 use super::progress::Progress;
@@ -10,9 +12,9 @@ use gyroceptron::flow::Pairs;
 use gyroceptron::io::{
     Provenance, StoredModel, load_checkpoint, read_pairs, save_checkpoint, save_model,
 };
-use gyroceptron::layer::{Activation, CircleAction};
+use gyroceptron::layer::{Activation, TorusAction};
 use gyroceptron::measure::rotation_error;
-use gyroceptron::network::InitialWeights;
+use gyroceptron::network::{Architecture, InitialWeights};
 use gyroceptron::random::Stream;
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
@@ -20,7 +22,7 @@ use gyroceptron::scene::{
 };
 use gyroceptron::train::{
     AdamOptions, Control, LbfgsOptions, LevenbergMarquardtOptions, Optimiser, Stop,
-    TrainingOptions, fit_rotation, train,
+    TrainingOptions, fit_rotation, slow_time, train,
 };
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -29,6 +31,9 @@ use std::time::Instant;
 /// ψ and I_ε of the paper's time-5 map.
 const LAYERS: Layers = Layers { count: 10, width: 8 };
 const EPSILON: f64 = 0.01;
+/// ψ_ε and T_ε of the maps of scene `long-steps`.
+const KICKS: Layers = Layers { count: 12, width: 8 };
+const TWISTS: Layers = Layers { count: 16, width: 8 };
 /// The paper's HénonNet.
 const HENON_LAYERS: Layers = Layers { count: 16, width: 10 };
 /// A SympNet of about as many parameters.
@@ -72,9 +77,14 @@ fn network(arguments: &Train, of_scene: NetworkSpec) -> Result<NetworkSpec, Erro
     let psi = given("--psi", &arguments.psi)?;
     let near_identity = given("--near-identity", &arguments.near_identity)?;
     let plain = given("--layers", &arguments.layers)?;
+    let (own_kicks, own_twists) =
+        (given("--kicks", &arguments.kicks)?, given("--twists", &arguments.twists)?);
     let mut network = match arguments.architecture {
         None => of_scene,
         Some(ArchitectureName::Gyroceptron) => gyroceptron(),
+        Some(ArchitectureName::NormalForm) => {
+            NetworkSpec::NormalForm { psi: None, kicks: KICKS, twists: TWISTS, action: None }
+        }
         Some(ArchitectureName::HenonNet) => NetworkSpec::HenonNet { layers: HENON_LAYERS },
         Some(ArchitectureName::SympNet) => NetworkSpec::SympNet {
             modules: MODULES.count,
@@ -87,7 +97,26 @@ fn network(arguments: &Train, of_scene: NetworkSpec) -> Result<NetworkSpec, Erro
         let found = value.clone().unwrap_or_default();
         Err(Error::invalid(name, found, format!("an option of {of}")))
     };
+    if !matches!(network, NetworkSpec::NormalForm { .. }) {
+        for (name, value) in [("--kicks", &arguments.kicks), ("--twists", &arguments.twists)] {
+            if value.is_some() {
+                return unfit(name, value, "gyroceptrons in normal form");
+            }
+        }
+    }
     match &mut network {
+        NetworkSpec::NormalForm { psi: own, kicks, twists, action } => {
+            if plain.is_some() {
+                return unfit("--layers", &arguments.layers, "HénonNets and SympNets");
+            }
+            if near_identity.is_some() {
+                return unfit("--near-identity", &arguments.near_identity, "gyroceptrons");
+            }
+            *own = psi.or(*own);
+            *kicks = own_kicks.unwrap_or(*kicks);
+            *twists = own_twists.unwrap_or(*twists);
+            *action = Some(circle_action(&arguments.circle_action)?);
+        }
         NetworkSpec::Gyroceptron { psi: own, near_identity: near, circle_action } => {
             if plain.is_some() {
                 return unfit("--layers", &arguments.layers, "HénonNets and SympNets");
@@ -144,7 +173,7 @@ fn beside(model: &Path, addition: &str, ending: bool) -> PathBuf {
 }
 
 /// The command that does a training again, but for its scene.
-fn command(arguments: &Train, network: &NetworkSpec, epsilon: f64, theta: f64) -> String {
+fn command(arguments: &Train, architecture: &Architecture, theta: Option<f64>) -> String {
     let mut out = format!(
         "gyroceptron train --data {} --circle-action {} --validation {} --seed {}",
         arguments.data.display(),
@@ -152,13 +181,19 @@ fn command(arguments: &Train, network: &NetworkSpec, epsilon: f64, theta: f64) -
         arguments.validation,
         arguments.seed
     );
-    if let NetworkSpec::Gyroceptron { .. } = network {
-        out.push_str(&format!(" --epsilon {epsilon} --theta {theta}"));
+    if !architecture.circles().is_empty() {
+        out.push_str(&format!(" --epsilon {}", architecture.epsilon()));
+    }
+    if let Architecture::NormalForm { shape, .. } = architecture {
+        out.push_str(&format!(" --flow-time {}", shape.flow_time));
+    }
+    if let Some(theta) = theta {
+        out.push_str(&format!(" --theta {theta}"));
     }
     out + " --output MODEL.json"
 }
 
-fn check_fit(arguments: &Train, pairs: &Pairs, action: &CircleAction) -> Result<(), Error> {
+fn check_fit(arguments: &Train, pairs: &Pairs, action: &TorusAction) -> Result<(), Error> {
     if pairs.dof() == action.dof() {
         return Ok(());
     }
@@ -181,18 +216,30 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if let Some(theta) = arguments.theta.filter(|t| !t.is_finite()) {
         return Err(Error::invalid("--theta", theta, "a finite number"));
     }
-    if !matches!(spec.network, NetworkSpec::Gyroceptron { .. }) {
-        for (name, value) in [("--epsilon", arguments.epsilon), ("--theta", arguments.theta)] {
-            if let Some(value) = value {
-                return Err(Error::invalid(name, value, "an option of gyroceptrons"));
-            }
+    let is_normal_form = matches!(spec.network, NetworkSpec::NormalForm { .. });
+    let has_circle = is_normal_form || matches!(spec.network, NetworkSpec::Gyroceptron { .. });
+    for (name, value, fits, of) in [
+        ("--epsilon", arguments.epsilon, has_circle, "gyroceptrons"),
+        ("--theta", arguments.theta, has_circle, "gyroceptrons"),
+        ("--flow-time", arguments.flow_time, is_normal_form, "gyroceptrons in normal form"),
+    ] {
+        if let (Some(value), false) = (value, fits) {
+            return Err(Error::invalid(name, value, format!("an option of {of}")));
         }
     }
+    if let Some(time) = arguments.flow_time.filter(|t| !(t.is_finite() && *t > 0.0)) {
+        return Err(Error::invalid("--flow-time", time, "a positive number"));
+    }
+    if !is_normal_form {
+        only_circle(&action)?;
+    }
     let epsilon = arguments.epsilon.unwrap_or(EPSILON);
-    let architecture = spec.network.architecture(&action, epsilon);
-    let architecture = architecture.expect("a network of a file is refused");
-    architecture.check()?;
-    training.check_for(&architecture)?;
+    let of_time = |flow_time: f64| {
+        let architecture = spec.network.architecture(&action.circles()[0], epsilon, flow_time);
+        architecture.expect("a network of a file is refused")
+    };
+    of_time(1.0).check()?;
+    training.check_for(&of_time(1.0))?;
     let checkpoint_file = beside(&arguments.output, ".checkpoint", true);
     let replace = arguments.overwrite || arguments.resume;
     for path in [&arguments.output, &checkpoint_file] {
@@ -220,15 +267,21 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     }
     check_fit(arguments, &file.pairs, &action)?;
     let digest = file.pairs.digest();
-    let nearest = fit_rotation(&file.pairs, &action);
-    let theta = arguments.theta.unwrap_or(nearest);
+    let nearest: Vec<f64> =
+        action.circles().iter().map(|circle| fit_rotation(&file.pairs, circle)).collect();
+    let angles: Vec<f64> =
+        nearest.iter().map(|nearest| arguments.theta.unwrap_or(*nearest)).collect();
+    let architecture = of_time(match arguments.flow_time {
+        Some(time) => time,
+        None => slow_time(&file.pairs, &action, &nearest) / epsilon.abs(),
+    });
     let (pairs, held_out) =
         file.pairs.split(arguments.validation, &mut Stream::new(arguments.seed, "data/held-out"));
-    let model = architecture.initialise(spec.weights, theta, arguments.seed)?;
+    let model = architecture.initialise(spec.weights, 0.0, arguments.seed)?.with_angles(&angles)?;
     let resume = if arguments.resume { Some(load_checkpoint(&checkpoint_file)?) } else { None };
     let resumed = resume.is_some();
     progress.note(&format!(
-        "training {} parameters on {} pairs, {} held out, θ from {theta:.6}",
+        "training {} parameters on {} pairs, {} held out, θ from {angles:.6?}",
         model.composition().parameters().len(),
         pairs.len(),
         held_out.as_ref().map_or(0, Pairs::len)
@@ -264,15 +317,15 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if resumed {
         times.points.clear();
     }
-    let command = command(arguments, &spec.network, epsilon, theta);
+    let command = command(arguments, &architecture, model.angle());
     let (stop, best) = (outcome.stop, outcome.best);
-    let theta_after = outcome.model.gyroceptron().map(|g| g.theta());
+    let angles = outcome.model.angles().to_vec();
     let judge = held_out.as_ref().unwrap_or(&pairs);
     let report = OwnTraining {
         spec,
         options: &training,
         seed: arguments.seed,
-        rotation_error: rotation_error(&action, nearest, judge),
+        rotation_error: rotation_error(&action, &nearest, judge),
         initial: model,
         outcome,
         pairs: &pairs,
@@ -288,7 +341,11 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
             "parameters": architecture.parameter_count(),
             "stop": stop,
             "best": best,
-            "theta": theta_after,
+            "theta": match &angles[..] {
+                [theta] => Some(theta),
+                _ => None,
+            },
+            "angles": angles,
         }))?;
     } else {
         out(&terminal::summary(&report))?;

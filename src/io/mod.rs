@@ -18,8 +18,8 @@ pub use json::{
     save_model,
 };
 pub use weights::{
-    Tensor, WeightsFormat, assemble_weights, export_weights, import_weights, parse_tensors,
-    read_tensors,
+    Tensor, WeightsFormat, assemble_normal_form, assemble_weights, export_weights, import_weights,
+    is_normal_form, parse_tensors, read_tensors,
 };
 
 use crate::error::Error;

@@ -2,14 +2,17 @@
 //!
 //! `psi.{i}.w_in` (n, h), `psi.{i}.b_in` (1, h), `psi.{i}.w_out` (h, 1),
 //! `psi.{i}.eta` (1, n), the same under `near_identity.{i}.`, and `theta` (one
-//! element); a HénonNet has `henon.{i}.…` only. Layers are numbered from 0 in
-//! the order of application; numbers are float32 or float64.
+//! element); a HénonNet has `henon.{i}.…` only. A gyroceptron in normal form has
+//! `kick.{i}.angles` (1, n), `kick.{i}.w_in` (n, h), `kick.{i}.b_in`, `kick.{i}.w_out`,
+//! `twist.{i}.w_in` (d, h; the rows of the actions first), `twist.{i}.b_in`,
+//! `twist.{i}.w_out`, `theta` (an angle for each circle), and `psi.{i}.…` where it has a ψ. Layers
+//! are numbered from 0 in the order of application; numbers are float32 or float64.
 
 use super::arrays::{Archive, write_archive};
 use super::{read_bytes, tensor_bundle, write_atomically};
 use crate::error::Error;
-use crate::layer::CircleAction;
-use crate::network::{Architecture, GyroceptronShape, Model};
+use crate::layer::{CircleAction, TorusAction};
+use crate::network::{Architecture, GyroceptronShape, Model, NormalFormShape};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
 use std::collections::BTreeMap;
@@ -130,6 +133,20 @@ fn widths(
     part: &str,
     dof: usize,
 ) -> Result<Vec<usize>, Error> {
+    let out = widths_if_any(place, tensors, part, dof)?;
+    if out.is_empty() {
+        return Err(Error::content(format!("{place}: {part}.0.w_in"), "a tensor", "none"));
+    }
+    Ok(out)
+}
+
+/// See [`widths`]; none where there is no such part.
+fn widths_if_any(
+    place: &str,
+    tensors: &BTreeMap<String, Tensor>,
+    part: &str,
+    dof: usize,
+) -> Result<Vec<usize>, Error> {
     let mut out = Vec::new();
     while let Some(tensor) = tensors.get(&format!("{part}.{}.w_in", out.len())) {
         match tensor.shape[..] {
@@ -142,9 +159,6 @@ fn widths(
                 ));
             }
         }
-    }
-    if out.is_empty() {
-        return Err(Error::content(format!("{place}: {part}.0.w_in"), "a tensor", "none"));
     }
     Ok(out)
 }
@@ -162,13 +176,46 @@ pub fn import_weights(
     assemble_weights(&path.display().to_string(), read_tensors(path)?, circle_action, epsilon)
 }
 
+/// Whether tensors are those of a gyroceptron in normal form.
+pub fn is_normal_form(tensors: &BTreeMap<String, Tensor>) -> bool {
+    tensors.keys().any(|name| name.starts_with("kick.") || name.starts_with("twist."))
+}
+
+/// Makes a gyroceptron in normal form, with this action at ε and this flow time, of
+/// tensors in memory; `place` names them in errors.
+///
+/// # Errors
+/// When a tensor is missing, superfluous or of another shape, or twist shears differ in their
+/// widths.
+pub fn assemble_normal_form(
+    place: &str,
+    tensors: BTreeMap<String, Tensor>,
+    action: TorusAction,
+    epsilon: f64,
+    flow_time: f64,
+) -> Result<Model, Error> {
+    let dof = action.dof();
+    let mut shape = NormalFormShape {
+        action,
+        psi: widths_if_any(place, &tensors, "psi", dof)?,
+        kicks: widths_if_any(place, &tensors, "kick", dof)?,
+        twists: 0,
+        twist_width: 0,
+        flow_time,
+    };
+    let twists = widths_if_any(place, &tensors, "twist", shape.arguments())?;
+    shape.twists = twists.len();
+    shape.twist_width = twists.first().copied().unwrap_or(0);
+    assemble(place, tensors, Architecture::NormalForm { shape, epsilon })
+}
+
 /// Makes a gyroceptron of tensors in memory; `place` names them in errors.
 ///
 /// # Errors
 /// Those of [`import_weights`].
 pub fn assemble_weights(
     place: &str,
-    mut tensors: BTreeMap<String, Tensor>,
+    tensors: BTreeMap<String, Tensor>,
     circle_action: CircleAction,
     epsilon: f64,
 ) -> Result<Model, Error> {
@@ -181,7 +228,19 @@ pub fn assemble_weights(
         },
         epsilon,
     };
+    assemble(place, tensors, architecture)
+}
+
+/// The network of this architecture with these tensors and no others.
+fn assemble(
+    place: &str,
+    mut tensors: BTreeMap<String, Tensor>,
+    architecture: Architecture,
+) -> Result<Model, Error> {
+    // Before anything of its size is allocated.
+    architecture.check().map_err(|e| e.at(place))?;
     let mut parameters = Vec::with_capacity(architecture.parameter_count());
+    let angles = architecture.circles().len();
     let mut take = |name: &str, shape: Option<[usize; 2]>| -> Result<(), Error> {
         let place = format!("{place}: {name}");
         let tensor = tensors
@@ -189,10 +248,14 @@ pub fn assemble_weights(
             .ok_or_else(|| Error::content(&place, "a tensor of that name", "none"))?;
         let fits = match shape {
             Some(shape) => tensor.shape == shape,
-            None => tensor.values.len() == 1,
+            None => tensor.values.len() == angles,
         };
         if !fits {
-            let expected = shape.map_or("one element".into(), |[r, c]| format!("shape [{r}, {c}]"));
+            let elements = || match angles {
+                1 => "one element".into(),
+                several => format!("{several} elements"),
+            };
+            let expected = shape.map_or_else(elements, |[r, c]| format!("shape [{r}, {c}]"));
             return Err(Error::content(&place, expected, format!("shape {:?}", tensor.shape)));
         }
         let columns = tensor.shape.last().copied().unwrap_or(1).max(1);
@@ -227,7 +290,7 @@ pub fn export_weights(path: &Path, model: &Model) -> Result<(), Error> {
     for (name, shape) in architecture.tensors() {
         let (values, after) = rest.split_at(shape[0] * shape[1]);
         rest = after;
-        let shape = if name == "theta" { vec![1] } else { shape.to_vec() };
+        let shape = if name == "theta" { vec![shape[1]] } else { shape.to_vec() };
         tensors.push((name, shape, values));
     }
     match format {

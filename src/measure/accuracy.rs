@@ -3,7 +3,7 @@
 use super::adiabatic::log_slope;
 use crate::error::Error;
 use crate::flow::{Pairs, Trajectories};
-use crate::layer::CircleAction;
+use crate::layer::TorusAction;
 use crate::network::{Composition, map_points};
 use crate::phase::Direction;
 use crate::scalar::max_or_nan;
@@ -140,9 +140,9 @@ pub fn limiting_flow_error(system: &impl Hamiltonian, pairs: &Pairs, time: f64) 
     error_of(pairs, |z| system.limiting_flow(z, time))
 }
 
-/// The mean squared error, over all components, of the circle action alone at an angle.
-pub fn rotation_error(action: &CircleAction, theta: f64, pairs: &Pairs) -> f64 {
-    let turn = action.at(theta);
+/// The mean squared error, over all components, of the action alone at these angles.
+pub fn rotation_error(action: &TorusAction, angles: &[f64], pairs: &Pairs) -> f64 {
+    let turn = action.at(angles);
     error_of(pairs, |z| turn.apply(z, false))
 }
 

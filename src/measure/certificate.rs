@@ -2,7 +2,7 @@
 
 use super::laws::{self, Samples};
 use super::tally::{RATIO_LIMIT, Row, Tally, Verdict, merged};
-use super::{Measurable, NearlyPeriodic};
+use super::{Measurable, NearlyPeriodic, NormalFormed};
 use crate::error::Error;
 use crate::network::Model;
 use crate::phase::Direction;
@@ -76,7 +76,8 @@ impl CertificateOptions {
 /// Measures the laws that `model` is built to obey.
 ///
 /// A HénonNet or SympNet: those of [`certify_map`]. A gyroceptron: those of
-/// [`certify_family`] and [`laws::formula_of_generator`]. Networks of tanh potentials:
+/// [`certify_family`] and [`laws::formula_of_generator`]. One in normal form: those of
+/// [`certify_normal_form`]. HénonNets and gyroceptrons:
 /// [`laws::exact_relations`]. Cost: some 200 evaluations over dual numbers a
 /// sample.
 pub fn certify(model: &Model, options: CertificateOptions) -> Certificate {
@@ -90,13 +91,14 @@ pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate
         let mut out = match model {
             Model::HenonNet(network) => of_map(network, &samples),
             Model::SympNet(network) => of_map(network, &samples),
+            Model::NormalForm(network) => of_normal_form(network, &samples),
             Model::Gyroceptron(network) => {
                 let mut out = of_family(network, &samples);
                 out.push(laws::formula_of_generator(network, samples.points()));
                 out
             }
         };
-        if !matches!(model, Model::SympNet(_)) {
+        if matches!(model, Model::HenonNet(_) | Model::Gyroceptron(_)) {
             out.extend(laws::exact_relations(model, samples.points()));
         }
         out
@@ -147,6 +149,24 @@ pub fn certify_map(map: &dyn Measurable, options: CertificateOptions) -> Certifi
 /// and, for information, the drift of μ₀.
 pub fn certify_family(family: &dyn NearlyPeriodic, options: CertificateOptions) -> Certificate {
     Certificate::of(options, of_family(family, &Samples::draw(family.dof(), 0, options)))
+}
+
+/// The laws of a map P = χ∘R∘χ⁻¹ in normal form: those of [`certify_map`], that it is
+/// this composition, that it commutes with the action conjugated by χ, and that R
+/// keeps the actions.
+pub fn certify_normal_form(map: &dyn NormalFormed, options: CertificateOptions) -> Certificate {
+    Certificate::of(options, of_normal_form(map, &Samples::draw(map.dof(), 0, options)))
+}
+
+fn of_normal_form(map: &dyn NormalFormed, samples: &Samples) -> Vec<Tally> {
+    let points = samples.points();
+    let mut out = of_map(map, samples);
+    // A twist is one step of many shears: its bounds are those of the worst case.
+    out[0] = laws::symplecticity_of("symplecticity of P", map, points).of_worst_case();
+    out.push(laws::normal_form(map, points));
+    out.push(laws::equivariance(map, samples));
+    out.extend(laws::actions(map, points));
+    out
 }
 
 fn of_map(map: &dyn Measurable, samples: &Samples) -> Vec<Tally> {

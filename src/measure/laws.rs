@@ -12,7 +12,10 @@ use super::near_identity::{
 };
 use super::relations::Relation;
 use super::tally::Tally;
-use super::{CertificateOptions, Measurable, NearlyPeriodic, Walk, symplecticity_ratio};
+use super::{
+    CertificateOptions, Measurable, NearlyPeriodic, NormalFormed, Walk, action_ratio,
+    equivariance_ratio, symplecticity_ratio,
+};
 use crate::network::{Gyroceptron, Model};
 use crate::phase::{Direction, Map};
 use crate::random::Stream;
@@ -301,6 +304,49 @@ pub fn near_periodicity(family: &dyn NearlyPeriodic, points: &[f64]) -> Tally {
         Conditioned::Ratio(count as f64)
     });
     Tally::of_counts("near periodicity", "P₀ = ψ∘Φ_θ∘ψ⁻¹, bitwise").extend(counts)
+}
+
+/// P = χ∘R∘χ⁻¹ bit for bit, in both directions.
+pub fn normal_form(map: &dyn NormalFormed, points: &[f64]) -> Tally {
+    let (chart, inner) = (map.chart(), map.inner_map());
+    let counts = points.chunks_exact(2 * map.dof()).map(|z| {
+        let mut count = 0;
+        for direction in [Direction::Forward, Direction::Inverse] {
+            let mut parts = moved(&*chart, Direction::Inverse, z);
+            inner.run(direction, &mut parts);
+            chart.forward(&mut parts);
+            count += differing(&parts, &moved(map, direction, z));
+        }
+        Conditioned::Ratio(count as f64)
+    });
+    Tally::of_counts("normal form", "P = χ∘Φ_θT_ε∘χ⁻¹, bitwise").extend(counts)
+}
+
+/// P∘(χΦ_αχ⁻¹) = (χΦ_αχ⁻¹)∘P for angles α of all circles, by [`equivariance_ratio`].
+pub fn equivariance(map: &dyn NormalFormed, samples: &Samples) -> Tally {
+    let circles = map.action().circles().len();
+    let results = samples.with_angles(map.dof()).map(|(z, angles)| {
+        let angles: Vec<f64> = angles.iter().copied().cycle().take(circles).collect();
+        equivariance_ratio(map, &angles, z)
+    });
+    let equation = "P∘(χΦ_αχ⁻¹) = (χΦ_αχ⁻¹)∘P";
+    Tally::of_ratios("equivariance", equation).of_worst_case().extend(results)
+}
+
+/// The actions are those of the start after a step and among 1024, in the coordinates of the
+/// normal form, by [`action_ratio`].
+pub fn actions(map: &dyn NormalFormed, points: &[f64]) -> Vec<Tally> {
+    const ITERATIONS: usize = 1024;
+    let (chart, inner, circles) = (map.chart(), map.inner_map(), map.action().circles());
+    let each = [("𝔍∘Φ_θT_ε = 𝔍", 1), ("𝔍∘(Φ_θT_ε)ᴺ = 𝔍, N ≤ 1024", ITERATIONS)];
+    let of = |(equation, iterations): (&'static str, usize)| {
+        let results = points.chunks_exact(2 * map.dof()).map(|z| {
+            let w = moved(&*chart, Direction::Inverse, z);
+            Conditioned::Ratio(action_ratio(&*inner, circles, iterations, &w))
+        });
+        Tally::of_ratios("actions", equation).of_worst_case().extend(results)
+    };
+    each.into_iter().map(of).collect()
 }
 
 type Form = fn(&[f64; 2]) -> CircleAxiom;

@@ -2,7 +2,7 @@
 
 use super::measured_step::{AsMeasured, MeasuredPotential, MeasuredSteps, TrackedStep, turn_steps};
 use crate::layer::{HenonLayer, HenonMap, Kick, Turn};
-use crate::network::{Composition, Gyroceptron, HenonNet, Model, SympNet, map_points};
+use crate::network::{Composition, Gyroceptron, HenonNet, Model, NormalForm, SympNet, map_points};
 use crate::phase::{Direction, Map};
 use crate::scalar::{Dual, Tracked};
 
@@ -139,6 +139,15 @@ impl Measurable for SympNet<f64> {
     }
 }
 
+impl Measurable for NormalForm<f64> {
+    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
+        self.composition().measured_steps(direction)
+    }
+    fn move_points(&self, direction: Direction, points: &mut [f64]) {
+        self.composition().move_points(direction, points);
+    }
+}
+
 impl Measurable for Model {
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
         self.composition().measured_steps(direction)
@@ -150,6 +159,7 @@ impl Measurable for Model {
         match self {
             Self::HenonNet(net) => Measurable::layers(net),
             Self::Gyroceptron(net) => Measurable::layers(net),
+            Self::NormalForm(net) => Measurable::layers(net),
             Self::SympNet(net) => Measurable::layers(net),
         }
     }

@@ -10,6 +10,7 @@ mod adjoint;
 mod certificate;
 mod circle_axioms;
 mod determinant;
+mod equivariance;
 mod horizon;
 mod inversion;
 mod jacobian;
@@ -35,11 +36,13 @@ pub use adiabatic::{
 pub use adjoint::{Adjoint, RESOLVED, adjoint_ratio};
 pub use certificate::{
     Certificate, CertificateOptions, certify, certify_all, certify_family, certify_map,
+    certify_normal_form,
 };
 pub use circle_axioms::{
     CircleAxiom, circle_axiom_ratio, conjugated_axiom_ratio, turning_axiom_ratio,
 };
 pub use determinant::determinant_ratio;
+pub use equivariance::{NormalFormed, action_ratio, equivariance_ratio};
 pub use horizon::AdiabaticOrbit;
 pub use inversion::{Conditioned, ILL_CONDITIONED, ThereAndBack, inversion_ratio};
 pub use jacobian::{Differentiable, jacobian, jacobians_by_differences};

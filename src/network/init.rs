@@ -1,8 +1,9 @@
 //! Initial weights.
 
-use super::SympNetShape;
+use super::{NormalFormShape, SympNetShape};
 use crate::random::Stream;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
 
 /// How weights are drawn before training.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,20 +38,44 @@ impl InitialWeights {
     /// The parameters of one layer, in the layout of the
     /// [network module](super).
     pub fn layer(self, dof: usize, width: usize, stream: &mut Stream) -> Vec<f64> {
-        match self {
-            Self::Glorot => {
-                let inner = (6.0 / (dof + width) as f64).sqrt();
-                let outer = (6.0 / (width + 1) as f64).sqrt();
-                let mut out: Vec<f64> =
-                    (0..dof * width).map(|_| stream.uniform(-inner, inner)).collect();
-                out.extend((0..width).map(|_| stream.uniform(-inner, inner)));
-                out.extend((0..width).map(|_| stream.uniform(-outer, outer)));
-                out.extend((0..dof).map(|_| stream.uniform(-inner, inner)));
-                out
-            }
-            Self::Normal { scale } => (0..crate::layer::layer_parameter_count(dof, width))
-                .map(|_| scale * stream.normal())
-                .collect(),
-        }
+        let mut out = self.potential(dof, width, stream);
+        let bound = inner_bound(dof, width);
+        out.extend((0..dof).map(|_| match self {
+            Self::Glorot => stream.uniform(-bound, bound),
+            Self::Normal { scale } => scale * stream.normal(),
+        }));
+        out
     }
+
+    /// W, b and w of a potential of so many arguments.
+    fn potential(self, arguments: usize, width: usize, stream: &mut Stream) -> Vec<f64> {
+        let inner = inner_bound(arguments, width);
+        let outer = (6.0 / (width + 1) as f64).sqrt();
+        let draw = |index| match self {
+            Self::Glorot if index < (arguments + 1) * width => stream.uniform(-inner, inner),
+            Self::Glorot => stream.uniform(-outer, outer),
+            Self::Normal { scale } => scale * stream.normal(),
+        };
+        (0..(arguments + 2) * width).map(draw).collect()
+    }
+
+    /// The parameters of turned kicks and twists, without those of ψ before and the
+    /// angles of the circles behind. The planes of a kick are turned by uniform angles, so that
+    /// it sees all directions of phase space.
+    pub(super) fn normal_form(self, shape: &NormalFormShape, stream: &mut Stream) -> Vec<f64> {
+        let mut out = Vec::new();
+        for &width in &shape.kicks {
+            out.extend((0..shape.dof()).map(|_| stream.uniform(-PI, PI)));
+            out.extend(self.potential(shape.dof(), width, stream));
+        }
+        for _ in 0..shape.twists {
+            out.extend(self.potential(shape.arguments(), shape.twist_width, stream));
+        }
+        out
+    }
+}
+
+/// Of Glorot's law for W.
+fn inner_bound(arguments: usize, width: usize) -> f64 {
+    (6.0 / (arguments + width) as f64).sqrt()
 }

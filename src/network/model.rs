@@ -1,11 +1,13 @@
 //! A network in double precision with its architecture: what files hold.
 
+use super::batch::{Rollout, map_points, rollout};
 use super::{
-    Composition, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights, SympNet,
-    SympNetShape,
+    Composition, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights, NormalForm,
+    NormalFormShape, SympNet, SympNetShape,
 };
 use crate::error::Error;
-use crate::phase::Map;
+use crate::layer::CircleAction;
+use crate::phase::{Direction, Map};
 use crate::random::Stream;
 use crate::scalar::Over;
 use serde::{Deserialize, Serialize};
@@ -35,6 +37,14 @@ pub enum Architecture {
         /// ε.
         epsilon: f64,
     },
+    /// A gyroceptron in normal form.
+    NormalForm {
+        /// Action, widths and flow time.
+        #[serde(flatten)]
+        shape: NormalFormShape,
+        /// ε.
+        epsilon: f64,
+    },
     /// An LA-SympNet.
     SympNet {
         /// Modules, shears and activation.
@@ -49,6 +59,7 @@ impl Architecture {
         match self {
             Self::HenonNet { shape, .. } => shape.dof,
             Self::Gyroceptron { shape, .. } => shape.dof(),
+            Self::NormalForm { shape, .. } => shape.dof(),
             Self::SympNet { shape } => shape.dof,
         }
     }
@@ -56,7 +67,9 @@ impl Architecture {
     /// ε; 1 of networks without it.
     pub fn epsilon(&self) -> f64 {
         match self {
-            Self::HenonNet { epsilon, .. } | Self::Gyroceptron { epsilon, .. } => *epsilon,
+            Self::HenonNet { epsilon, .. }
+            | Self::Gyroceptron { epsilon, .. }
+            | Self::NormalForm { epsilon, .. } => *epsilon,
             Self::SympNet { .. } => 1.0,
         }
     }
@@ -66,6 +79,7 @@ impl Architecture {
         match self {
             Self::HenonNet { shape, .. } => shape.parameter_count(),
             Self::Gyroceptron { shape, .. } => shape.parameter_count(),
+            Self::NormalForm { shape, .. } => shape.parameter_count(),
             Self::SympNet { shape } => shape.parameter_count(),
         }
     }
@@ -77,6 +91,7 @@ impl Architecture {
             Self::Gyroceptron { shape, .. } => {
                 vec![("psi", shape.psi_shape()), ("near_identity", shape.near_identity_shape())]
             }
+            Self::NormalForm { shape, .. } => vec![("psi", shape.psi_shape())],
             Self::SympNet { .. } => Vec::new(),
         }
     }
@@ -99,9 +114,19 @@ impl Architecture {
         match self {
             Self::HenonNet { .. } => {}
             Self::Gyroceptron { .. } => out.push(("theta".into(), [1, 1])),
+            Self::NormalForm { shape, .. } => out.extend(shape.tensors()),
             Self::SympNet { shape } => out.extend(shape.tensors()),
         }
         out
+    }
+
+    /// The circle actions that the network is built on, one for each of its angles θ.
+    pub fn circles(&self) -> &[CircleAction] {
+        match self {
+            Self::HenonNet { .. } | Self::SympNet { .. } => &[],
+            Self::Gyroceptron { shape, .. } => std::slice::from_ref(&shape.circle_action),
+            Self::NormalForm { shape, .. } => shape.action.circles(),
+        }
     }
 
     /// Fails unless ε is finite, there is a degree of freedom, and no layer is
@@ -124,26 +149,24 @@ impl Architecture {
             Error::check_count_range("linear modules", shape.modules, 1, usize::MAX)?;
             Error::check_count_range("shears of a linear module", shape.shears, 1, usize::MAX)?;
         }
-        if let Self::Gyroceptron { shape, .. } = self
-            && let Some(weight) =
-                shape.circle_action.weights().iter().find(|w| w.unsigned_abs() > LARGEST_WEIGHT)
-        {
-            let expected = format!("weights of at most {LARGEST_WEIGHT}");
-            return Err(Error::invalid("circle action", weight, expected));
+        if let Self::NormalForm { shape, .. } = self {
+            shape.check()?;
         }
-        if let Self::Gyroceptron { shape, .. } = self
-            && shape.circle_action.weights().iter().all(|w| *w == 0)
-        {
-            return Err(Error::invalid(
-                "circle action",
-                "all weights 0",
-                "at least one weight other than 0",
-            ));
+        for circle in self.circles() {
+            let too_large = |weight: &&i32| weight.unsigned_abs() > LARGEST_WEIGHT;
+            if let Some(weight) = circle.weights().iter().find(too_large) {
+                let expected = format!("weights of at most {LARGEST_WEIGHT}");
+                return Err(Error::invalid("circle action", weight, expected));
+            }
+            if circle.weights().iter().all(|weight| *weight == 0) {
+                let expected = "at least one weight other than 0";
+                return Err(Error::invalid("circle action", "all weights 0", expected));
+            }
         }
         Ok(())
     }
 
-    /// A model with seeded random weights and θ = `theta` (its frequency times
+    /// A model with seeded random weights and all θ = `theta` (the frequency times
     /// the flow time, in training).
     ///
     /// # Errors
@@ -165,6 +188,11 @@ impl Architecture {
         match self {
             Self::HenonNet { .. } => {}
             Self::Gyroceptron { .. } => parameters.push(theta),
+            Self::NormalForm { shape, .. } => {
+                let mut stream = Stream::new(seed, "weights/normal-form");
+                parameters.extend(weights.normal_form(shape, &mut stream));
+                parameters.extend(shape.action.circles().iter().map(|_| theta));
+            }
             Self::SympNet { shape } => {
                 let mut stream = Stream::new(seed, "weights/symp-net");
                 parameters.extend(weights.modules(shape, &mut stream));
@@ -181,6 +209,8 @@ pub enum Model {
     HenonNet(HenonNet<f64>),
     /// A symplectic gyroceptron.
     Gyroceptron(Gyroceptron<f64>),
+    /// A gyroceptron in normal form.
+    NormalForm(NormalForm<f64>),
     /// An LA-SympNet.
     SympNet(SympNet<f64>),
 }
@@ -203,6 +233,9 @@ impl Model {
             Architecture::Gyroceptron { shape, epsilon } => {
                 Self::Gyroceptron(Gyroceptron::new(shape, epsilon, parameters)?)
             }
+            Architecture::NormalForm { shape, epsilon } => {
+                Self::NormalForm(NormalForm::new(shape, epsilon, parameters)?)
+            }
             Architecture::SympNet { shape } => Self::SympNet(SympNet::new(shape, parameters)?),
         })
     }
@@ -217,6 +250,9 @@ impl Model {
             Self::Gyroceptron(net) => {
                 Architecture::Gyroceptron { shape: net.shape().clone(), epsilon: net.epsilon() }
             }
+            Self::NormalForm(net) => {
+                Architecture::NormalForm { shape: net.shape().clone(), epsilon: net.epsilon() }
+            }
             Self::SympNet(net) => Architecture::SympNet { shape: net.shape().clone() },
         }
     }
@@ -226,6 +262,7 @@ impl Model {
         match self {
             Self::HenonNet(net) => net.composition(),
             Self::Gyroceptron(net) => net.composition(),
+            Self::NormalForm(net) => net.composition(),
             Self::SympNet(net) => net.composition(),
         }
     }
@@ -238,11 +275,79 @@ impl Model {
         Self::new(self.architecture(), parameters)
     }
 
+    /// A model of this architecture with other angles of its circles.
+    ///
+    /// # Errors
+    /// When it is built on circles and there are more or fewer angles; those of [`Model::new`].
+    pub fn with_angles(&self, angles: &[f64]) -> Result<Self, Error> {
+        let count = self.angles().len();
+        let mut parameters = self.composition().parameters().to_vec();
+        if count > 0 {
+            Error::check_count("angles", count, angles.len())?;
+            let first = parameters.len() - count;
+            parameters[first..].copy_from_slice(angles);
+        }
+        self.with_parameters(parameters)
+    }
+
     /// The gyroceptron, if it is one.
     pub fn gyroceptron(&self) -> Option<&Gyroceptron<f64>> {
         match self {
-            Self::HenonNet(_) | Self::SympNet(_) => None,
+            Self::HenonNet(_) | Self::NormalForm(_) | Self::SympNet(_) => None,
             Self::Gyroceptron(net) => Some(net),
+        }
+    }
+
+    /// The gyroceptron in normal form, if it is one.
+    pub fn normal_form(&self) -> Option<&NormalForm<f64>> {
+        match self {
+            Self::HenonNet(_) | Self::Gyroceptron(_) | Self::SympNet(_) => None,
+            Self::NormalForm(net) => Some(net),
+        }
+    }
+
+    /// The trajectories from each of the points in `initial`, as [`rollout`] gives them. A
+    /// gyroceptron in normal form goes to its coordinates once, makes all steps there, and comes
+    /// back for each state that is kept: its actions do not move by more than the
+    /// rounding of the steps between.
+    ///
+    /// # Errors
+    /// Those of [`rollout`].
+    pub fn rollout(&self, initial: &[f64], request: Rollout) -> Result<Vec<f64>, Error> {
+        let Self::NormalForm(net) = self else {
+            return rollout(self.composition(), initial, request);
+        };
+        let [chart, inner] = net.chart_and_inner_map();
+        let mut start = initial.to_vec();
+        map_points(&chart, Direction::Inverse, &mut start)?;
+        let mut states = rollout(&inner, &start, request)?;
+        states[..initial.len()].copy_from_slice(initial);
+        map_points(&chart, Direction::Forward, &mut states[initial.len()..])?;
+        Ok(states)
+    }
+
+    /// The invariant of the network at each of the points of `z` (2n numbers each): μ₀ = 𝔍₀∘ψ⁻¹
+    /// of a gyroceptron, which is adiabatic; the sum of the actions 𝔍∘χ⁻¹ of one in
+    /// normal form, which is exact. None of networks that are built on no circle.
+    pub fn invariant(&self, z: &[f64]) -> Option<Vec<f64>> {
+        match self {
+            Self::HenonNet(_) | Self::SympNet(_) => None,
+            Self::Gyroceptron(net) => Some(net.adiabatic_invariant(z)),
+            Self::NormalForm(net) => Some(net.invariant(z)),
+        }
+    }
+
+    /// The angles of its circles, in radians.
+    pub fn angles(&self) -> &[f64] {
+        let parameters = self.composition().parameters();
+        &parameters[parameters.len() - self.architecture().circles().len()..]
+    }
+
+    /// θ, where the network is built on one circle.
+    pub fn angle(&self) -> Option<f64> {
+        match self.angles() {
+            [theta] => Some(*theta),
+            _ => None,
         }
     }
 }

@@ -5,8 +5,8 @@ use super::composition::Composition;
 use super::step::{Kind, Step};
 use crate::error::Error;
 use crate::layer::{FastPlanes, TorusAction};
-use crate::phase::{Direction, Half};
-use crate::scalar::{Real, Scalar};
+use crate::phase::{Direction, Half, Map};
+use crate::scalar::{Over, Real, Scalar};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -34,7 +34,8 @@ impl NormalFormShape {
         self.action.dof()
     }
 
-    fn psi_shape(&self) -> HenonShape {
+    /// The shape of ψ.
+    pub fn psi_shape(&self) -> HenonShape {
         HenonShape { dof: self.dof(), widths: self.psi.clone() }
     }
 
@@ -43,21 +44,69 @@ impl NormalFormShape {
         width.saturating_mul(self.dof().saturating_add(2)).saturating_add(self.dof())
     }
 
-    fn twist_len(&self) -> Result<usize, Error> {
-        let arguments = FastPlanes::new(&self.action)?.arguments();
-        let of_shear = self.twist_width.saturating_mul(arguments + 2);
-        Ok(self.twists.saturating_mul(of_shear))
+    /// d, the numbers that a twist shear's function is of: the actions and half the slow
+    /// coordinates.
+    pub fn arguments(&self) -> usize {
+        let circles = self.action.circles();
+        let is_slow = |j: &usize| circles.iter().all(|circle| circle.weights()[*j] == 0);
+        circles.len() + (0..self.dof()).filter(is_slow).count()
+    }
+
+    fn twist_len(&self) -> usize {
+        let of_shear = self.twist_width.saturating_mul(self.arguments() + 2);
+        self.twists.saturating_mul(of_shear)
+    }
+
+    /// The index of the first angle of the circles among the parameters.
+    pub fn theta(&self) -> usize {
+        let kicks = self.kicks.iter().map(|&width| self.kick_len(width));
+        let kicks = kicks.fold(self.psi_shape().parameter_count(), usize::saturating_add);
+        kicks.saturating_add(self.twist_len())
     }
 
     /// The number of parameters: those of ψ, of the turned kicks, of the twist shears,
     /// and an angle for each circle.
+    pub fn parameter_count(&self) -> usize {
+        self.theta().saturating_add(self.action.circles().len())
+    }
+
+    /// The tensors of turned kicks and twists by the names that files give them, with
+    /// their shapes, in the order of the parameters.
+    pub(super) fn tensors(&self) -> Vec<(String, [usize; 2])> {
+        let (dof, mut out) = (self.dof(), Vec::new());
+        let mut potential = |name: String, arguments: usize, width: usize| {
+            out.extend([
+                (format!("{name}.w_in"), [arguments, width]),
+                (format!("{name}.b_in"), [1, width]),
+                (format!("{name}.w_out"), [width, 1]),
+            ]);
+        };
+        for (number, &width) in self.kicks.iter().enumerate() {
+            potential(format!("kick.{number}"), dof, width);
+        }
+        for number in 0..self.twists {
+            potential(format!("twist.{number}"), self.arguments(), self.twist_width);
+        }
+        for number in (0..self.kicks.len()).rev() {
+            out.insert(3 * number, (format!("kick.{number}.angles"), [1, dof]));
+        }
+        out.push(("theta".into(), [1, self.action.circles().len()]));
+        out
+    }
+
+    /// Fails unless the action is one that [`FastPlanes`] are of, the flow time is
+    /// finite, and no part is of width 0.
     ///
     /// # Errors
-    /// Those of [`FastPlanes::new`].
-    pub fn parameter_count(&self) -> Result<usize, Error> {
-        let kicks = self.kicks.iter().map(|&width| self.kick_len(width));
-        let kicks = kicks.fold(self.psi_shape().parameter_count(), usize::saturating_add);
-        Ok(kicks.saturating_add(self.twist_len()?).saturating_add(self.action.circles().len()))
+    /// With the value.
+    pub fn check(&self) -> Result<(), Error> {
+        FastPlanes::new(&self.action)?;
+        Error::check_finite("flow_time", self.flow_time)?;
+        if self.kicks.contains(&0) || self.twists > 0 && self.twist_width == 0 {
+            let expected = "at least one neuron";
+            return Err(Error::invalid("normal form", "a layer of width 0", expected));
+        }
+        Ok(())
     }
 }
 
@@ -103,7 +152,7 @@ impl<P: Real> Parts<P> {
         chart.push_all(&psi, 0, Direction::Forward);
         let mut inner = empty();
         let start = end;
-        end += shape.twist_len()?;
+        end += shape.twist_len();
         let (width, first, factor) = (shape.twist_width, Half::Position, shape.flow_time);
         let kind = Kind::Twist { planes, width, first, factor };
         inner.push(Step { kind, parameters: start..end, inverse: false, near_identity: true });
@@ -119,8 +168,8 @@ impl<P: Real> NormalForm<P> {
     /// When `parameters` is not of the length that `shape` asks for, or its action is
     /// not one that [`FastPlanes`] are of.
     pub fn new(shape: NormalFormShape, epsilon: P, parameters: Vec<P>) -> Result<Self, Error> {
-        Error::check_finite("flow_time", shape.flow_time)?;
-        Error::check_count("parameters", shape.parameter_count()?, parameters.len())?;
+        shape.check()?;
+        Error::check_count("parameters", shape.parameter_count(), parameters.len())?;
         let Parts { chart, inner } = Parts::new(&shape, epsilon, &parameters)?;
         let mut composition = Composition::new(shape.dof(), parameters, epsilon);
         composition.push_all(&chart, 0, Direction::Inverse);
@@ -140,6 +189,16 @@ impl<P: Real> NormalForm<P> {
 }
 
 impl<P: Scalar> NormalForm<P> {
+    /// An angle for each circle, in radians.
+    pub fn theta(&self) -> &[P] {
+        &self.composition.parameters()[self.shape.theta()..]
+    }
+
+    /// ε.
+    pub fn epsilon(&self) -> P {
+        self.composition.epsilon()
+    }
+
     /// Action and widths.
     pub fn shape(&self) -> &NormalFormShape {
         &self.shape
@@ -148,5 +207,41 @@ impl<P: Scalar> NormalForm<P> {
     /// The steps and parameters: the map.
     pub fn composition(&self) -> &Composition<P> {
         &self.composition
+    }
+}
+
+impl<P: Real> NormalForm<P> {
+    /// Σ_a 𝔍_a∘χ⁻¹, the sum of the actions, at each of the points of `z` (2n numbers
+    /// each): an invariant of the map, as each of them is.
+    pub fn invariant<S: Over<P>>(&self, z: &[S]) -> Vec<S> {
+        let [chart, _] = self.chart_and_inner_map();
+        let at = |z: &[S]| {
+            let mut w = z.to_vec();
+            chart.inverse(&mut w);
+            let circles = self.shape.action.circles().iter();
+            circles.fold(S::zero(), |sum, circle| sum + circle.invariant(&w))
+        };
+        z.chunks_exact(2 * self.shape.dof()).map(at).collect()
+    }
+}
+
+impl NormalForm<f64> {
+    /// This network over another number type.
+    pub fn lift<P: Real>(&self) -> NormalForm<P> {
+        let parameters = self.composition.parameters().iter().map(|&v| P::from_f64(v)).collect();
+        NormalForm::new(self.shape.clone(), P::from_f64(self.epsilon()), parameters)
+            .expect("the count is that of the shape")
+    }
+}
+
+impl<P: Scalar, S: Over<P>> Map<S> for NormalForm<P> {
+    fn dof(&self) -> usize {
+        self.shape.dof()
+    }
+    fn forward(&self, z: &mut [S]) {
+        self.composition.forward(z);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        self.composition.inverse(z);
     }
 }

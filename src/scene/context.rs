@@ -10,7 +10,7 @@ use super::setup::{Data, Need};
 use crate::error::Error;
 use crate::flow::{Pairs, ReferenceTrajectories, Trajectories, Window, sample};
 use crate::measure::{limiting_flow_error, root_mean_square};
-use crate::network::{Rollout, rollout};
+use crate::network::Rollout;
 use crate::random::Stream;
 use crate::scalar::max_or_nan;
 use crate::system::{Counted, Hamiltonian, System};
@@ -204,7 +204,7 @@ impl<'a> Context<'a> {
         let mut made = Vec::new();
         for trained in self.models()?.iter() {
             let states = self.stage(&format!("roll-out of {}", trained.spec.name), |_| {
-                rollout(trained.model().composition(), &initial.concat(), request)
+                trained.model().rollout(&initial.concat(), request)
             })?;
             let dim = 2 * trained.model().composition().dof();
             made.push(Trajectories::new(states, dim, initial.len())?);

@@ -43,8 +43,8 @@ pub(super) fn learn(
     let (system, time) = (context.system()?, context.flow_time()?);
     let options = scene.setup.training_of(&spec);
     let seed = scene.seed.wrapping_add(number);
-    let Some(architecture) = spec.network.architecture(&system.circle_action(), system.epsilon())
-    else {
+    let (action, epsilon) = (system.circle_action(), system.epsilon());
+    let Some(architecture) = spec.network.architecture(&action, epsilon, time) else {
         return of_file(context, data, spec);
     };
     let theta = system.limiting_frequency() * time;

@@ -2,8 +2,10 @@
 
 use crate::error::Error;
 use crate::flow::Window;
-use crate::layer::{Activation, CircleAction};
-use crate::network::{Architecture, GyroceptronShape, HenonShape, InitialWeights, SympNetShape};
+use crate::layer::{Activation, CircleAction, TorusAction};
+use crate::network::{
+    Architecture, GyroceptronShape, HenonShape, InitialWeights, NormalFormShape, SympNetShape,
+};
 use crate::system::{Hamiltonian, System};
 use crate::train::TrainingOptions;
 use serde::{Deserialize, Serialize};
@@ -99,6 +101,19 @@ pub enum NetworkSpec {
     HenonNet {
         /// Its layers.
         layers: Layers,
+    },
+    /// A gyroceptron in normal form, of the scene's flow time.
+    NormalForm {
+        /// ψ; none, unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        psi: Option<Layers>,
+        /// The turned kicks of ψ_ε.
+        kicks: Layers,
+        /// The twist shears of T_ε.
+        twists: Layers,
+        /// Φ; the system's, unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        action: Option<TorusAction>,
     },
     /// A gyroceptron with the weights of a file, `.safetensors` or `.npz`, as
     /// [`import_weights`](crate::io::import_weights) takes them: it is not trained.
@@ -266,7 +281,8 @@ impl Setup {
         let action = system.circle_action();
         for model in &self.models {
             let key = format!("models.{}", model.name);
-            let Some(architecture) = model.network.architecture(&action, system.epsilon()) else {
+            let (epsilon, time) = (system.epsilon(), self.flow_time.unwrap_or(1.0));
+            let Some(architecture) = model.network.architecture(&action, epsilon, time) else {
                 continue;
             };
             architecture.check().map_err(|e| e.at(&key))?;
@@ -309,6 +325,9 @@ impl NetworkSpec {
         match self {
             Self::Gyroceptron { psi, near_identity, .. } => vec![*psi, *near_identity],
             Self::HenonNet { layers } => vec![*layers],
+            Self::NormalForm { psi, kicks, twists, .. } => {
+                psi.iter().chain([kicks, twists]).copied().collect()
+            }
             Self::File { .. } => Vec::new(),
             Self::SympNet { modules, shears, .. } => {
                 vec![Layers { count: *modules, width: *shears }]
@@ -316,8 +335,14 @@ impl NetworkSpec {
         }
     }
 
-    /// The architecture for this circle action and ε; None where a file has it.
-    pub fn architecture(&self, action: &CircleAction, epsilon: f64) -> Option<Architecture> {
+    /// The architecture for this circle action, ε and flow time; None where a file has
+    /// it.
+    pub fn architecture(
+        &self,
+        action: &CircleAction,
+        epsilon: f64,
+        flow_time: f64,
+    ) -> Option<Architecture> {
         Some(match self {
             Self::File { .. } => return None,
             Self::Gyroceptron { psi, near_identity, circle_action } => Architecture::Gyroceptron {
@@ -325,6 +350,17 @@ impl NetworkSpec {
                     circle_action: circle_action.as_ref().unwrap_or(action).clone(),
                     psi: psi.widths(),
                     near_identity: near_identity.widths(),
+                },
+                epsilon,
+            },
+            Self::NormalForm { psi, kicks, twists, action: own } => Architecture::NormalForm {
+                shape: NormalFormShape {
+                    action: own.clone().unwrap_or_else(|| action.clone().into()),
+                    psi: psi.map_or_else(Vec::new, Layers::widths),
+                    kicks: kicks.widths(),
+                    twists: twists.count,
+                    twist_width: twists.width,
+                    flow_time,
                 },
                 epsilon,
             },

@@ -23,5 +23,5 @@ pub use levenberg_marquardt::LevenbergMarquardtOptions;
 pub use loss::{Loss, Objective};
 pub use normal_equations::NormalEquations;
 pub use options::{Optimiser, Stop, TrainingOptions, TrainingRecord};
-pub use rotation_fit::fit_rotation;
+pub use rotation_fit::{fit_rotation, slow_time};
 pub use run::{Control, Outcome, Progress, train};

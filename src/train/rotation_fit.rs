@@ -1,7 +1,8 @@
 //! θ for data whose frequency nobody stated.
 
 use crate::flow::Pairs;
-use crate::layer::CircleAction;
+use crate::layer::{CircleAction, TorusAction};
+use crate::measure::{root_mean_square, rotation_error};
 use std::f64::consts::{PI, TAU};
 
 /// The angle θ in (−π, π] whose rotation Φ_θ is nearest to the pairs in the
@@ -53,4 +54,12 @@ pub fn fit_rotation(pairs: &Pairs, action: &CircleAction) -> f64 {
     }
     let theta = 0.5 * (low + high);
     if theta > PI { theta - TAU } else { theta }
+}
+
+/// How far pairs move beside the rotation by these angles, over how large they are: the
+/// slow time εh that passes between them, up to a factor of order one.
+pub fn slow_time(pairs: &Pairs, action: &TorusAction, angles: &[f64]) -> f64 {
+    let moved = rotation_error(action, angles, pairs).sqrt() / root_mean_square(pairs.output());
+    // Pairs that are a rotation, or nothing at all, leave nothing to scale.
+    if moved > 0.0 && moved.is_finite() { moved } else { 1.0 }
 }

@@ -45,10 +45,9 @@ impl RandomNetwork {
 
     /// With the weights of this seed.
     pub(super) fn at(&self, epsilon: f64, seed: u64) -> Result<Gyroceptron<f64>, Error> {
-        match self.architecture(epsilon).initialise(self.weights, self.theta, seed)? {
-            Model::Gyroceptron(network) => Ok(network),
-            Model::HenonNet(_) | Model::SympNet(_) => unreachable!("asked for a gyroceptron"),
-        }
+        let model = self.architecture(epsilon).initialise(self.weights, self.theta, seed)?;
+        let Model::Gyroceptron(network) = model else { unreachable!("asked for a gyroceptron") };
+        Ok(network)
     }
 
     /// In words.

@@ -224,15 +224,15 @@ struct Network<'a> {
     learnt: Option<Learnt>,
 }
 
-/// The invariant of a gyroceptron itself, 𝔍₀∘ψ⁻¹.
+/// The invariant of a network itself: 𝔍₀∘ψ⁻¹ of a gyroceptron, 𝔍∘χ⁻¹ of one in normal form.
 struct Learnt {
     /// Along its own orbits.
     along_own: Change,
     /// Along the reference.
     along_reference: Change,
-    /// Root mean square of I_ε(z) − z over the states of the reference.
-    near_identity: f64,
-    epsilon: f64,
+    /// Root mean square of a gyroceptron's I_ε(z) − z over the states of the reference,
+    /// and ε.
+    near_identity: Option<(f64, f64)>,
 }
 
 impl<'a> Network<'a> {
@@ -242,13 +242,17 @@ impl<'a> Network<'a> {
         orbits: &'a Trajectories,
         reference: &Trajectories,
     ) -> Self {
-        let learnt = trained.model().gyroceptron().map(|network| {
-            let own = |z: &[f64]| network.adiabatic_invariant(z)[0];
+        let model = trained.model();
+        let learnt = model.invariant(&[]).map(|_| {
+            let own = |z: &[f64]| model.invariant(z).map_or(f64::NAN, |values| values[0]);
+            let near_identity = model.gyroceptron().map(|network| {
+                let moved = near_identity_rms(&network.near_identity(), reference.values());
+                (moved, network.epsilon())
+            });
             Learnt {
                 along_own: Change::of(orbits, own),
                 along_reference: Change::of(reference, own),
-                near_identity: near_identity_rms(&network.near_identity(), reference.values()),
-                epsilon: network.epsilon(),
+                near_identity,
             }
         });
         let squares: f64 =
@@ -274,7 +278,7 @@ impl<'a> Network<'a> {
             "own_adiabatic": self.learnt.as_ref().map(|learnt| json!({
                 "along_own_orbits": learnt.along_own.data(),
                 "along_the_reference": learnt.along_reference.data(),
-                "near_identity_rms": learnt.near_identity,
+                "near_identity_rms": learnt.near_identity.map(|(moved, _)| moved),
             })),
         })
     }
@@ -336,16 +340,19 @@ impl Orbits<'_> {
             let Some(learnt) = &network.learnt else { continue };
             let own = learnt.along_own.largest();
             out.push_str(&format!(
-                "- The invariant 𝔍₀∘ψ⁻¹ of `{}` moves by up to {} of its value along its own orbits \
-                 and {} along the reference; μ₀ of the system by {} and {}. I_ε moves points by {:.1} ε \
-                 (rms).",
+                "- The invariant {} of `{}` moves by up to {} of its value along its own orbits \
+                 and {} along the reference; μ₀ of the system by {} and {}.",
+                if learnt.near_identity.is_some() { "𝔍₀∘ψ⁻¹" } else { "𝔍∘χ⁻¹" },
                 network.name,
                 percent(own),
                 percent(learnt.along_reference.largest()),
                 percent(network.of_system.largest()),
                 percent(of_data),
-                learnt.near_identity / learnt.epsilon.abs(),
             ));
+            if let Some((moved, epsilon)) = learnt.near_identity {
+                let moved = moved / epsilon.abs();
+                out.push_str(&format!(" I_ε moves points by {moved:.1} ε (rms)."));
+            }
             if !(own <= AS_GOOD * of_data) {
                 out.push_str(&format!(
                     " It moves {} as much as that of the data: it is not the invariant of the data.",

@@ -46,7 +46,9 @@ impl Study for TrainingStudy {
             match model.network {
                 NetworkSpec::File { .. } => continue,
                 NetworkSpec::SympNet { .. } => out.push(SYMP_NET),
-                NetworkSpec::Gyroceptron { .. } | NetworkSpec::HenonNet { .. } => {}
+                NetworkSpec::Gyroceptron { .. }
+                | NetworkSpec::NormalForm { .. }
+                | NetworkSpec::HenonNet { .. } => {}
             }
             out.push(match setup.training_of(model).optimiser {
                 Optimiser::Lbfgs(_) => LBFGS,
@@ -166,8 +168,8 @@ impl TrainingResult {
             best: outcome.best,
             history: outcome.history.iter().copied().filter(told).collect(),
             component_errors,
-            initial_theta: trained.initial.gyroceptron().map(|g| g.theta()),
-            theta: model.gyroceptron().map(|g| g.theta()),
+            initial_theta: trained.initial.angle(),
+            theta: model.angle(),
         }
     }
 

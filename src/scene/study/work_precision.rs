@@ -10,9 +10,7 @@ use crate::measure::{
     jacobians_by_differences, most_accurate, precise_jacobians, relative_difference,
     work_precision,
 };
-use crate::network::{
-    Composition, Model, map_jacobians, map_jacobians_by_duals, map_points, rollout,
-};
+use crate::network::{Composition, Model, map_jacobians, map_jacobians_by_duals, map_points};
 use crate::phase::Direction;
 use crate::scene::bibliography::{GAUSS_LEGENDRE, SPLITTINGS, YOSHIDA};
 use crate::scene::context::{Context, DataSets, Halt};
@@ -278,11 +276,12 @@ impl WorkPrecisionOptions {
         let kept = request.kept() - 1;
         let mut methods = Vec::new();
         for (name, model) in &networks.models {
-            let map = model.composition();
             methods.push(Method {
                 name: format!("{name}, {TOGETHER}"),
                 setting: None,
-                run: Box::new(move || Ok(rollout(map, initial, request)?.split_off(initial.len()))),
+                run: Box::new(move || {
+                    Ok(model.rollout(initial, request)?.split_off(initial.len()))
+                }),
             });
             methods.push(Method {
                 name: format!("{name}, {ALONE}"),
@@ -290,7 +289,7 @@ impl WorkPrecisionOptions {
                 run: Box::new(move || {
                     let mut all = vec![0.0; kept * initial.len()];
                     for (m, start) in initial.chunks_exact(dim).enumerate() {
-                        let states = rollout(map, start, request)?;
+                        let states = model.rollout(start, request)?;
                         for (t, state) in states.chunks_exact(dim).skip(1).enumerate() {
                             let first = t * initial.len() + m * dim;
                             all[first..first + dim].copy_from_slice(state);

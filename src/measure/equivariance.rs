@@ -1,0 +1,154 @@
+//! Maps in normal form: what commutes with a torus action, and the actions that it keeps.
+
+use super::inversion::ILL_CONDITIONED;
+use super::{Conditioned, Measurable, MeasuredSteps, Walk, turn_steps};
+use crate::layer::{CircleAction, TorusAction, Turn};
+use crate::network::NormalForm;
+use crate::phase::Direction;
+use crate::scalar::{Scalar, max_or_nan};
+
+/// A map P = χ∘R∘χ⁻¹ whose inner map R claims to commute with a torus action.
+/// [`NormalForm`] is one; so is whatever claims to be built this way.
+pub trait NormalFormed: Measurable {
+    /// χ, from the coordinates of the normal form.
+    fn chart(&self) -> Box<dyn Measurable + '_>;
+    /// R, in these coordinates.
+    fn inner_map(&self) -> Box<dyn Measurable + '_>;
+    /// The action that R commutes with.
+    fn action(&self) -> &TorusAction;
+}
+
+impl NormalFormed for NormalForm<f64> {
+    fn chart(&self) -> Box<dyn Measurable + '_> {
+        let [chart, _] = self.chart_and_inner_map();
+        Box::new(chart)
+    }
+    fn inner_map(&self) -> Box<dyn Measurable + '_> {
+        let [_, inner] = self.chart_and_inner_map();
+        Box::new(inner)
+    }
+    fn action(&self) -> &TorusAction {
+        &self.shape().action
+    }
+}
+
+/// A turn of a plane is three shears with two rounded coefficients: it leaves the circle by
+/// at most so many u times its radius, as in the axioms of the circle action.
+const OF_TURN: f64 = 4.0;
+
+/// The largest over the components of the defect of P∘(χΦ_αχ⁻¹) = (χΦ_αχ⁻¹)∘P at z over
+/// its bound: the rounding of both sides, each step for itself, and the coefficients of
+/// the turns, carried to the end by the Jacobians behind them.
+pub fn equivariance_ratio(map: &dyn NormalFormed, angles: &[f64], z: &[f64]) -> Conditioned {
+    let u = f64::unit_roundoff();
+    let (dim, turn) = (z.len(), map.action().at(angles));
+    let (chart, inner) = (map.chart(), map.inner_map());
+    let turned = || -> MeasuredSteps<'_> {
+        let mut steps = chart.measured_steps(Direction::Inverse);
+        steps.extend(turn_steps(&turn, Direction::Forward));
+        steps.extend(chart.measured_steps(Direction::Forward));
+        steps
+    };
+    let mut first = turned();
+    first.extend(map.measured_steps(Direction::Forward));
+    let mut second = map.measured_steps(Direction::Forward);
+    second.extend(turned());
+    let walks = [Walk::new(&first, z), Walk::new(&second, z)];
+    let mut squares: Vec<f64> = z.to_vec();
+    let (mut reach, mut linear) = (0.0_f64, true);
+    for walk in &walks {
+        let (bounds, sums) = walk.value_bounds();
+        for (square, bound) in squares.iter_mut().zip(bounds) {
+            *square = libm::hypot(*square, bound);
+        }
+        reach = sums.into_iter().fold(reach, max_or_nan);
+        linear &= walk.is_linear();
+    }
+    // Where Φ_α leaves the point, and where R then does.
+    let mut after_turn = z.to_vec();
+    chart.inverse(&mut after_turn);
+    turn.apply(&mut after_turn, false);
+    let mut after_step = after_turn.clone();
+    inner.forward(&mut after_step);
+    let mut rest = inner.measured_steps(Direction::Forward);
+    rest.extend(chart.measured_steps(Direction::Forward));
+    let outer = chart.measured_steps(Direction::Forward);
+    // Once Φ_α with all behind it; Φ_θ, the turn of R, and Φ_α again at the end.
+    let carried = [(&rest, &after_turn, 1.0), (&outer, &after_step, 3.0)];
+    let mut of_turns = vec![0.0; dim];
+    for (steps, w, times) in carried {
+        let walk = Walk::new(steps, w);
+        let radii = radii(&turn, w);
+        for row in 0..dim {
+            for column in 0..dim {
+                let entry = walk.jacobian()[(row, column)].abs();
+                of_turns[row] += times * OF_TURN * entry * radii[column % (dim / 2)];
+            }
+        }
+    }
+    let [a, b] = [walks[0].end(), walks[1].end()];
+    if a.iter().chain(b).any(|v| !v.is_finite()) {
+        return Conditioned::Ratio(f64::NAN);
+    }
+    let size = z.iter().map(|v| v.abs()).fold(0.0, max_or_nan);
+    let mut largest = 0.0;
+    for row in 0..dim {
+        reach = max_or_nan(reach, of_turns[row]);
+        let error = (a[row] - b[row]).abs();
+        let bound = u * (squares[row] + of_turns[row]);
+        largest = max_or_nan(largest, if error == 0.0 { 0.0 } else { error / bound });
+    }
+    if !(u * reach <= ILL_CONDITIONED * size) || !linear {
+        return Conditioned::IllConditioned;
+    }
+    Conditioned::Ratio(largest)
+}
+
+/// Of the planes that turn; 0 of the others.
+fn radii(turn: &Turn<f64>, w: &[f64]) -> Vec<f64> {
+    let dof = turn.dof();
+    let mut out = vec![0.0; dof];
+    for plane in turn.planes() {
+        out[plane.plane] = libm::hypot(w[plane.plane], w[dof + plane.plane]);
+    }
+    out
+}
+
+/// Each of the two turns of a step has three shears, of which each rounds one coordinate by
+/// u times its size and leaves the rounding of its coefficient: an action changes by at
+/// most so many u times Σ|m_j|(q_j² + p_j²).
+const OF_STEP: f64 = 12.0;
+
+/// The largest change of an action 𝔍_a among so many iterations of the inner map from w,
+/// over its bound: the rounding of a step times √iterations, as independent errors add. What
+/// drifts outgrows it.
+pub fn action_ratio(
+    inner: &dyn Measurable,
+    circles: &[CircleAction],
+    iterations: usize,
+    w: &[f64],
+) -> f64 {
+    let mut moved = w.to_vec();
+    let before: Vec<f64> = circles.iter().map(|circle| circle.invariant(w)).collect();
+    let n = w.len() / 2;
+    let bounds: Vec<f64> = circles
+        .iter()
+        .map(|circle| {
+            let of_plane = |(j, m): (usize, &i32)| {
+                f64::from(m.abs()) * w[j].mul_add(w[j], w[n + j] * w[n + j])
+            };
+            let size: f64 = circle.weights().iter().enumerate().map(of_plane).sum();
+            let steps = (iterations as f64).sqrt();
+            f64::unit_roundoff() * OF_STEP * (steps * size + f64::MIN_POSITIVE)
+        })
+        .collect();
+    let mut largest = 0.0;
+    for _ in 0..iterations {
+        inner.forward(&mut moved);
+        for ((circle, before), bound) in circles.iter().zip(&before).zip(&bounds) {
+            let error = (circle.invariant(&moved) - before).abs();
+            largest = max_or_nan(largest, if error == 0.0 { 0.0 } else { error / bound });
+        }
+    }
+    largest
+}

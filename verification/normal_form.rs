@@ -1,0 +1,421 @@
+//! Gyroceptrons in normal form: every law of a composition, that they commute with the
+//! conjugated action, and that their actions stay for ever, whatever the weights.
+
+use crate::compositions::{Broken, named, points};
+use crate::mutants::Fault;
+use crate::watched::watched;
+use crate::{suite, tolerances};
+use gyroceptron::layer::{CircleAction, TorusAction};
+use gyroceptron::measure::{
+    Adjoint, Conditioned, Measurable, MeasuredSteps, NormalFormed, OneStep, Row, Samples, Tally,
+    Verdict, laws, log_slope, merged, turn_steps,
+};
+use gyroceptron::network::{NormalForm, NormalFormShape, Rollout, rollout};
+use gyroceptron::phase::{Direction, Map};
+use gyroceptron::random::Stream;
+use gyroceptron::scalar::{Elementary, max_or_nan};
+use proptest::prelude::*;
+use proptest::sample::select;
+use std::f64::consts::PI;
+use std::sync::OnceLock;
+
+pub const STATED: usize = 400;
+const NAME: &str = " of normal forms";
+/// ε of the drifts; 1 is as large as it can be.
+const EPSILONS: [f64; 5] = [0.0, 1e-3, 1e-2, 0.1, 1.0];
+/// Networks at each ε.
+const NETWORKS: u64 = 4;
+const HORIZONS: [usize; 4] = [1_000, 10_000, 100_000, 1_000_000];
+
+/// A network, ψ with it, and where its points are.
+#[derive(Clone, Debug)]
+struct Case {
+    /// Slow planes, and the weights of the fast ones.
+    slow: usize,
+    circles: Vec<Vec<i32>>,
+    epsilon: f64,
+    scale: f64,
+    psi: bool,
+    radius: f64,
+    seed: u64,
+}
+
+impl Case {
+    fn network(&self) -> NormalForm<f64> {
+        let circle = |fast: &Vec<i32>| {
+            let mut weights = vec![0; self.slow];
+            weights.extend(fast);
+            CircleAction::new(weights)
+        };
+        let circles: Vec<_> = self.circles.iter().map(circle).collect();
+        let shape = NormalFormShape {
+            action: TorusAction::new(circles).expect("circles of one size"),
+            psi: if self.psi { vec![3] } else { vec![] },
+            kicks: vec![3, 2],
+            twists: 3,
+            twist_width: 3,
+            flow_time: 2.5,
+        };
+        let mut stream = Stream::new(self.seed, "weights");
+        let count = shape.parameter_count();
+        let angles = shape.action.circles().len();
+        let parameters = (0..count)
+            .map(|i| match i < count - angles {
+                true => self.scale * stream.normal(),
+                false => stream.uniform(-PI, PI),
+            })
+            .collect();
+        NormalForm::new(shape, self.epsilon, parameters).expect("a sound shape")
+    }
+
+    fn dof(&self) -> usize {
+        self.slow + self.circles[0].len()
+    }
+}
+
+fn actions() -> impl Strategy<Value = (usize, Vec<Vec<i32>>)> {
+    select(vec![
+        (0, vec![vec![1]]),
+        (1, vec![vec![1]]),
+        (1, vec![vec![-2]]),
+        (2, vec![vec![1]]),
+        (1, vec![vec![1, 2]]),
+        (0, vec![vec![1, 0], vec![0, 1]]),
+        (1, vec![vec![1, 0], vec![1, 3]]),
+    ])
+}
+
+fn cases() -> impl Strategy<Value = Case> {
+    let scales = select(vec![0.1, 0.3, 1.0]);
+    let epsilons = select(vec![0.0, 1e-6, 0.01, 0.1, -0.1]);
+    let radii = select(vec![1.6, 1.6, 1e-6, 30.0]);
+    (actions(), epsilons, scales, any::<bool>(), radii, any::<u64>()).prop_map(
+        |((slow, circles), epsilon, scale, psi, radius, seed)| Case {
+            slow,
+            circles,
+            epsilon,
+            scale,
+            psi,
+            radius,
+            seed,
+        },
+    )
+}
+
+/// The laws on the first two of the points; that of evaluation on all.
+fn measure(
+    map: &dyn Measurable,
+    form: &dyn NormalFormed,
+    adjoint: &dyn Adjoint,
+    points: &[f64],
+    seed: u64,
+) -> Vec<Tally> {
+    let dof = map.dof();
+    let two = &points[..4 * dof];
+    let samples = Samples::new(two.to_vec(), vec![[0.7, -1.9], [3.0, 5.1]]);
+    let inversion = |equation, first| laws::inversion("inversion", equation, map, first, two);
+    let mut out = vec![
+        // A twist is one step of many shears, whose bounds are those of the worst case.
+        laws::symplecticity_of("symplecticity", map, two).of_worst_case(),
+        inversion("P⁻¹∘P = Id", Direction::Forward),
+        inversion("P∘P⁻¹ = Id", Direction::Inverse),
+        laws::evaluation(map, points),
+        laws::pullback(adjoint, two, dof, seed),
+        laws::normal_form(form, two),
+        laws::equivariance(form, &samples),
+    ];
+    out.extend(laws::actions(form, two));
+    out
+}
+
+/// D(N), the root mean square over orbits of the largest change of an action up to each
+/// of the horizons, by `states` (orbits, 2n) that follow one another.
+fn drifts(
+    action: &TorusAction,
+    start: &[f64],
+    mut advance: impl FnMut(&[f64], usize) -> Vec<f64>,
+) -> Vec<f64> {
+    /// States that are looked at between two horizons.
+    const LOOKS: usize = 100;
+    let dim = 2 * action.dof();
+    let invariants = |points: &[f64]| -> Vec<f64> {
+        let of = |z| action.circles().iter().map(move |circle| circle.invariant::<f64>(z));
+        points.chunks_exact(dim).flat_map(of).collect()
+    };
+    let initial = invariants(start);
+    let mut largest = vec![0.0; initial.len()];
+    let (mut point, mut done, mut out) = (start.to_vec(), 0, Vec::new());
+    for horizon in HORIZONS {
+        let steps = (horizon - done) / LOOKS;
+        for _ in 0..LOOKS {
+            point = advance(&point, steps);
+            for ((largest, now), then) in largest.iter_mut().zip(invariants(&point)).zip(&initial) {
+                *largest = max_or_nan(*largest, (now - then).abs());
+            }
+        }
+        done = horizon;
+        let squares: f64 = largest.iter().map(|d| d * d).sum();
+        out.push((squares / largest.len() as f64).sqrt());
+    }
+    out
+}
+
+/// The exponent of the drift in N over networks at each ε, and the largest drift.
+fn drift_rows(of: &dyn Fn(f64, u64) -> Vec<f64>, epsilons: &[f64]) -> Vec<Tally> {
+    let equation = "D(N) ∝ Nᵃ up to N = 10⁶: a";
+    let mut exponents =
+        Tally::with_limit("drift of the actions", equation, tolerances::EXACT_DRIFT_EXPONENT);
+    let equation = "D(10⁶), all ε";
+    let mut sizes = Tally::with_limit("drift of the actions", equation, tolerances::EXACT_DRIFT);
+    for &epsilon in epsilons {
+        // The mean of the logarithms over networks: that of one random walk scatters.
+        let mut logarithms = [0.0; HORIZONS.len()];
+        for seed in 0..NETWORKS {
+            let drifts = of(epsilon, seed);
+            sizes.push(Conditioned::Ratio(drifts[drifts.len() - 1]));
+            for (sum, drift) in logarithms.iter_mut().zip(drifts) {
+                *sum += drift.ln() / NETWORKS as f64;
+            }
+        }
+        let exponent = log_slope(&HORIZONS.map(|n| n as f64), &logarithms.map(f64::exp));
+        exponents.push(Conditioned::Ratio(if exponent > 0.0 { exponent } else { exponent.abs() }));
+    }
+    vec![exponents, sizes]
+}
+
+fn study() -> Vec<Tally> {
+    let of = |epsilon: f64, seed: u64| {
+        let circles = vec![vec![1]];
+        let (slow, scale, psi, radius) = (1, 0.5, true, 1.6);
+        let case = Case { slow, circles, epsilon, scale, psi, radius, seed };
+        let network = case.network();
+        let [_, inner] = network.chart_and_inner_map();
+        let advance = |point: &[f64], steps: usize| {
+            let request = Rollout { steps, every: steps };
+            rollout(&inner, point, request).expect("whole points").split_off(point.len())
+        };
+        drifts(&network.shape().action, &points(seed, radius, case.dof(), 8), advance)
+    };
+    drift_rows(&of, &EPSILONS)
+}
+
+pub fn rows() -> &'static [Row] {
+    static ROWS: OnceLock<Vec<Row>> = OnceLock::new();
+    ROWS.get_or_init(|| {
+        let mut rows = suite::run("normal_form", STATED / 2, cases(), |case| {
+            let network = case.network();
+            let map = watched("normal_form", &network);
+            let points = points(case.seed, case.radius, case.dof(), 11);
+            measure(&map, &network, network.composition(), &points, case.seed)
+        });
+        rows.extend(study().iter().map(Tally::row));
+        named(rows, NAME)
+    })
+}
+
+#[test]
+fn holds() {
+    let stated = |row: &&Row| !row.law.starts_with("drift");
+    let rows: Vec<Row> = rows().iter().filter(stated).cloned().collect();
+    suite::assert_holds(&rows, STATED);
+}
+
+#[test]
+fn drifts_are_those_of_rounding() {
+    let drifts: Vec<&Row> = rows().iter().filter(|row| row.law.starts_with("drift")).collect();
+    assert_eq!(drifts.len(), 2);
+    for row in drifts {
+        assert_eq!(row.verdict, Verdict::Holds, "{row:?}");
+    }
+}
+
+/// Two twist shears after their literal definition, of two neurons each, in two
+/// degrees of freedom with a fast first plane, and a turn.
+#[derive(Clone, Copy, Debug)]
+struct LiteralTwist {
+    fault: Fault,
+    epsilon: f64,
+    theta: f64,
+}
+
+/// a, b, c and w of the neurons of both shears.
+const NEURONS: [[[f64; 4]; 2]; 2] = [
+    [[0.7, -0.4, 0.3, 0.5], [-0.3, 0.9, -0.6, -0.4]],
+    [[-0.5, 0.6, 0.2, 0.8], [0.4, 0.3, -0.7, 0.6]],
+];
+
+impl LiteralTwist {
+    /// By three shears: a matrix of rounded entries would let the radius drift.
+    fn turn<S: Elementary>(z: &mut [S], angle: S) {
+        let (s, c) = angle.sin_cos();
+        let t = s / (S::from_f64(1.0) + c);
+        z[0] = z[0] + t * z[2];
+        z[2] = z[2] - s * z[0];
+        z[0] = z[0] + t * z[2];
+    }
+
+    fn shear<S: Elementary>(&self, number: usize, z: &mut [S], sign: f64) {
+        let (half, scale) = (S::from_f64(0.5), S::from_f64(sign * self.epsilon));
+        let (target, source, way) = if number == 0 { (1, 3, 1.0) } else { (3, 1, -1.0) };
+        let action = match self.fault {
+            Fault::TwistSeesPlane => z[0],
+            _ => half * (z[0] * z[0] + z[2] * z[2]),
+        };
+        let (mut angle, mut move_by) = (S::zero(), S::zero());
+        for [a, b, c, w] in NEURONS[number] {
+            let argument = S::from_f64(a) * action + S::from_f64(b) * z[source] + S::from_f64(c);
+            let (_, slope) = argument.tanh_sech2();
+            angle = angle + S::from_f64(w * a) * slope;
+            move_by = move_by + S::from_f64(w * b * way) * slope;
+        }
+        z[target] = z[target] + scale * move_by;
+        match self.fault {
+            Fault::TwistWithoutTurn => {}
+            Fault::TwistWeight => Self::turn(z, scale * S::from_f64(2.0) * angle),
+            // The kick of a potential that sees the position of the fast plane.
+            Fault::TwistSeesPlane => z[2] = z[2] - scale * angle,
+            _ => Self::turn(z, scale * angle),
+        }
+    }
+}
+
+impl<S: Elementary> Map<S> for LiteralTwist {
+    fn dof(&self) -> usize {
+        2
+    }
+    fn forward(&self, z: &mut [S]) {
+        self.shear(0, z, 1.0);
+        self.shear(1, z, 1.0);
+        Self::turn(z, S::from_f64(self.theta));
+        if self.fault == Fault::TwistFriction {
+            z[2] = z[2] * S::from_f64(1.0 - 1e-12);
+        }
+    }
+    fn inverse(&self, z: &mut [S]) {
+        if self.fault == Fault::TwistFriction {
+            z[2] = z[2] / S::from_f64(1.0 - 1e-12);
+        }
+        Self::turn(z, S::from_f64(-self.theta));
+        self.shear(1, z, -1.0);
+        self.shear(0, z, -1.0);
+    }
+}
+
+/// The literal twist between the chart of a network and its inverse.
+struct Literal {
+    fault: Fault,
+    sound: NormalForm<f64>,
+    /// Of the broken chart.
+    other: NormalForm<f64>,
+    inner: OneStep<LiteralTwist>,
+}
+
+impl Literal {
+    fn new(fault: Fault) -> Self {
+        let (slow, circles, epsilon, scale) = (1, vec![vec![1]], 0.1, 0.3);
+        let case = Case { slow, circles, epsilon, scale, psi: true, radius: 1.6, seed: 1 };
+        let sound = case.network();
+        // The fast plane comes first here.
+        let action = CircleAction::new([1, 0]).into();
+        let shape = NormalFormShape { action, ..sound.shape().clone() };
+        let of = |factor: f64| {
+            let weights = sound.composition().parameters().iter().map(|w| factor * w).collect();
+            NormalForm::new(shape.clone(), epsilon, weights).expect("as many")
+        };
+        let inner = OneStep(LiteralTwist { fault, epsilon: 0.3, theta: 0.9 });
+        Self { fault, other: of(1.0 + 1e-9), sound: of(1.0), inner }
+    }
+}
+
+impl Map<f64> for Literal {
+    fn dof(&self) -> usize {
+        2
+    }
+    fn forward(&self, z: &mut [f64]) {
+        self.measured_steps(Direction::Forward).iter().for_each(|step| step.apply(z));
+    }
+    fn inverse(&self, z: &mut [f64]) {
+        self.measured_steps(Direction::Inverse).iter().for_each(|step| step.apply(z));
+    }
+}
+
+impl Measurable for Literal {
+    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
+        let chart = match self.fault {
+            Fault::OtherChart => &self.other,
+            _ => &self.sound,
+        };
+        // Boxed steps borrow from what lives as long as the map.
+        let chart = chart.composition();
+        let steps = chart.measured_steps(Direction::Forward);
+        let inner = self.inner.measured_steps(direction);
+        let count = chart_steps(&self.sound);
+        let mut out: MeasuredSteps<'_> = steps.into_iter().take(count).collect();
+        out.extend(inner);
+        let steps = chart.measured_steps(Direction::Forward);
+        let behind = steps.len() - count;
+        out.extend(steps.into_iter().skip(behind));
+        out
+    }
+}
+
+/// How many of the measured steps of a network are χ⁻¹, and how many χ.
+fn chart_steps(network: &NormalForm<f64>) -> usize {
+    let [chart, _] = network.chart_and_inner_map();
+    chart.measured_steps(Direction::Forward).len()
+}
+
+impl NormalFormed for Literal {
+    fn chart(&self) -> Box<dyn Measurable + '_> {
+        self.sound.chart()
+    }
+    fn inner_map(&self) -> Box<dyn Measurable + '_> {
+        Box::new(self.inner)
+    }
+    fn action(&self) -> &TorusAction {
+        &self.sound.shape().action
+    }
+}
+
+/// All laws of normal forms on one with this fault.
+pub fn rows_of_mutant(fault: Fault) -> Vec<Row> {
+    let literal = Literal::new(fault);
+    let composition = literal.sound.composition();
+    let samples = points(1, 1.6, 2, 11);
+    let broken = Broken::new(fault, composition);
+    let mut tallies = measure(&literal, &literal, &broken, &samples, 1);
+    tallies.extend(measure(&broken, &literal, &broken, &samples, 1));
+    // Ten thousand times fewer steps would do for what drifts by 1e-12 a step.
+    let of = |_: f64, seed: u64| {
+        let advance = |point: &[f64], steps: usize| {
+            let mut out = point.to_vec();
+            for z in out.chunks_exact_mut(4) {
+                (0..steps).for_each(|_| literal.inner.forward(z));
+            }
+            out
+        };
+        drifts(literal.action(), &points(seed, 1.6, 2, 1), advance)
+    };
+    tallies.extend(drift_rows(&of, &[1.0]));
+    named(merged(tallies).iter().map(Tally::row).collect(), NAME)
+}
+
+#[test]
+fn a_sound_one_is_not_rejected() {
+    // A fault that is none of a normal form.
+    for row in rows_of_mutant(Fault::Friction) {
+        assert_eq!(row.verdict, Verdict::Holds, "{row:?}");
+    }
+}
+
+/// A turn as measures see it moves a point as the action does.
+#[test]
+fn turns_are_those_of_the_action() {
+    let action = TorusAction::new([CircleAction::new([1, 0]), CircleAction::new([2, -1])]);
+    let action = action.expect("two circles");
+    let turn = action.at(&[0.7, -2.0]);
+    let (mut a, mut b) = ([0.3, -0.4, 0.5, 0.6], [0.3, -0.4, 0.5, 0.6]);
+    turn.apply(&mut a, false);
+    turn_steps(&turn, Direction::Forward).iter().for_each(|step| step.apply(&mut b));
+    assert_eq!(a, b);
+}
