@@ -199,14 +199,33 @@ fn the_same_scene_gives_the_same_bits_on_one_thread_and_on_two() {
 #[test]
 fn a_killed_run_resumes_to_the_same_bits() {
     let scene = SCENE.replace("iterations = 60", "iterations = 400");
-    let folder = with_scene("small.toml", &scene);
+    let report = resumes_after_a_kill(&scene, "checkpoint");
+    assert!(!report.contains("start 1"), "{report}");
+}
+
+#[test]
+fn a_run_killed_on_a_ramp_resumes_to_the_same_bits() {
+    let scene = SCENE.replace(
+        "iterations = 60",
+        "iterations = 40\nstarts = { count = 2, iterations = 30 }\n\
+         ramp = [{ flow_time = 0.25, epsilon = 0.02, iterations = 400 }]",
+    );
+    let report = resumes_after_a_kill(&scene, "checkpoint-rung-1");
+    for words in ["start 1", "which went on", "at ε = 0.02 and 0.500 of the flow time"] {
+        assert!(report.contains(words), "{words}: {report}");
+    }
+}
+
+/// The report of a run that was killed when this file was there.
+fn resumes_after_a_kill(scene: &str, file: &str) -> String {
+    let folder = with_scene("small.toml", scene);
     succeeds(folder.path(), &["small.toml", "--out", "whole"]);
     let mut child = command(folder.path(), &["small.toml", "--out", "killed"])
         .stderr(Stdio::null())
         .stdout(Stdio::null())
         .spawn()
         .expect("starts");
-    let checkpoint = folder.path().join("killed/checkpoint");
+    let checkpoint = folder.path().join("killed").join(file);
     for _ in 0..6000 {
         if checkpoint.exists() || child.try_wait().expect("a child").is_some() {
             break;
@@ -222,6 +241,7 @@ fn a_killed_run_resumes_to_the_same_bits() {
         let read = |out: &str| std::fs::read(folder.path().join(out).join(file)).expect("there");
         assert!(read("whole") == read("killed"), "{file}");
     }
+    std::fs::read_to_string(folder.path().join("killed/report.md")).expect("a report")
 }
 
 #[test]
@@ -621,6 +641,14 @@ fn training_is_reproducible_and_resumes() {
     train("b.json", "150", &["--resume"]);
     let read = |file: &str| std::fs::read(folder.path().join(file)).expect("a model");
     assert!(read("a.json") == read("b.json"));
+    train("c.json", "60", &["--starts", "3"]);
+    assert!(read("c.json") != read("a.json"));
+    train("d.json", "30", &["--starts", "3"]);
+    let kept = folder.path().join("d.json.checkpoint-start-3");
+    assert!(kept.exists(), "a checkpoint for each start");
+    // All starts are as they were: the best of them goes on.
+    train("d.json", "60", &["--starts", "3", "--resume"]);
+    assert!(read("c.json") == read("d.json"));
 }
 
 #[test]

@@ -21,8 +21,9 @@ use gyroceptron::scene::{
     Folder, Layers, ModelSpec, NetworkSpec, Observer, OwnTraining, TrainingTimes,
 };
 use gyroceptron::train::{
-    AdamOptions, Control, LbfgsOptions, LevenbergMarquardtOptions, Optimiser, Stop,
-    TrainingOptions, fit_rotation, slow_time, train,
+    AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions, Optimiser,
+    Place, Progress as TrainingProgress, Starts, Stop, TrainingOptions, Watch, fit_rotation,
+    slow_time, train_schedule,
 };
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -158,6 +159,16 @@ fn options(arguments: &Train, mut training: TrainingOptions) -> Result<TrainingO
     if let Some(penalty) = arguments.near_identity_penalty {
         training.near_identity_penalty = penalty;
     }
+    if let Some(count) = arguments.starts {
+        let count = positive("--starts", count)? as u64;
+        // A tenth of the training tells good starts from bad ones.
+        let iterations = (training.iterations / 10).max(20);
+        training.starts = (count > 1).then_some(Starts { count, iterations });
+    }
+    if !training.ramp.is_empty() {
+        let expected = "no ramp: pairs are of one flow time and one ε";
+        return Err(Error::invalid("training.ramp", training.ramp.len(), expected));
+    }
     training.patience = arguments.patience.unwrap_or(training.patience);
     training.target = arguments.target.unwrap_or(training.target);
     training.check()?;
@@ -200,6 +211,50 @@ fn check_fit(arguments: &Train, pairs: &Pairs, action: &TorusAction) -> Result<(
     let (found, file) = (format!("{} weights", action.dof()), arguments.data.display());
     let expected = format!("{} weights, one for each plane of {file}", pairs.dof());
     Err(Error::invalid("--circle-action", found, expected))
+}
+
+/// Saves checkpoints beside the model, and tells how it goes.
+struct Training<'a> {
+    checkpoint: PathBuf,
+    resume: bool,
+    options: &'a TrainingOptions,
+    progress: &'a mut Progress,
+    times: TrainingTimes,
+    start: Instant,
+}
+
+impl Training<'_> {
+    fn file(&self, leg: Leg) -> PathBuf {
+        let mut name = self.checkpoint.clone().into_os_string();
+        name.push(leg.suffix());
+        name.into()
+    }
+}
+
+impl Watch for Training<'_> {
+    fn earlier(&mut self, leg: Leg) -> Result<Option<Checkpoint>, Error> {
+        let file = self.file(leg);
+        match self.resume && file.exists() {
+            true => load_checkpoint(&file).map(Some),
+            false => Ok(None),
+        }
+    }
+
+    fn observe(&mut self, leg: Leg, told: TrainingProgress<'_>) -> Result<Control, Error> {
+        let (iterations, name) = match (leg, self.options.starts) {
+            (Leg::Start(_), Some(starts)) => (starts.iterations, leg.name()),
+            _ => (self.options.iterations, "training".to_owned()),
+        };
+        if leg == Leg::Last {
+            let seconds = self.start.elapsed().as_secs_f64();
+            self.times.points.push((told.record.iteration, seconds));
+        }
+        if let Some(checkpoint) = told.checkpoint {
+            save_checkpoint(&self.file(leg), checkpoint)?;
+        }
+        self.progress.iteration(&name, told.record, iterations);
+        Ok(if self.progress.interrupted() { Control::Interrupt } else { Control::Continue })
+    }
 }
 
 pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
@@ -277,28 +332,39 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     });
     let (pairs, held_out) =
         file.pairs.split(arguments.validation, &mut Stream::new(arguments.seed, "data/held-out"));
-    let model = architecture.initialise(spec.weights, 0.0, arguments.seed)?.with_angles(&angles)?;
-    let resume = if arguments.resume { Some(load_checkpoint(&checkpoint_file)?) } else { None };
-    let resumed = resume.is_some();
     progress.note(&format!(
         "training {} parameters on {} pairs, {} held out, θ from {angles:.6?}",
-        model.composition().parameters().len(),
+        architecture.parameter_count(),
         pairs.len(),
         held_out.as_ref().map_or(0, Pairs::len)
     ));
-    let iterations = training.iterations;
-    let mut times = TrainingTimes { model: spec.name.clone(), points: Vec::new() };
-    let start = Instant::now();
-    let outcome = train(&model, &pairs, held_out.as_ref(), &training, resume, &mut |p| {
-        times.points.push((p.record.iteration, start.elapsed().as_secs_f64()));
-        if let Some(checkpoint) = p.checkpoint {
-            save_checkpoint(&checkpoint_file, checkpoint)?;
-        }
-        progress.iteration("training", p.record, iterations);
-        Ok(if progress.interrupted() { Control::Interrupt } else { Control::Continue })
-    });
+    let mut start = |number: u64| {
+        let seed = arguments.seed.wrapping_add(number << 32);
+        architecture.initialise(spec.weights, 0.0, seed)?.with_angles(&angles)
+    };
+    let place = Place {
+        epsilon,
+        time: 1.0,
+        pairs: &pairs,
+        held_out: held_out.as_ref(),
+        iterations: training.iterations,
+    };
+    let mut watch = Training {
+        checkpoint: checkpoint_file.clone(),
+        resume: arguments.resume,
+        options: &training,
+        progress: &mut progress,
+        times: TrainingTimes { model: spec.name.clone(), ..TrainingTimes::default() },
+        start: Instant::now(),
+    };
+    if arguments.resume && !Leg::all(&training).iter().any(|leg| watch.file(*leg).exists()) {
+        load_checkpoint(&checkpoint_file)?;
+    }
+    let result = train_schedule(&mut start, &[place], &training, &mut watch);
+    let mut times = watch.times;
     progress.finish();
-    let outcome = outcome?;
+    let result = result?;
+    let outcome = &result.outcome;
     if outcome.stop == Stop::Interrupted {
         progress.note(&format!(
             "interrupted; the same command with --resume goes on from {}",
@@ -314,10 +380,10 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     };
     save_model(&arguments.output, &StoredModel { model: outcome.model.clone(), provenance })?;
     // What was timed is not all of it.
-    if resumed {
+    if arguments.resume {
         times.points.clear();
     }
-    let command = command(arguments, &architecture, model.angle());
+    let command = command(arguments, &architecture, result.initial.angle());
     let (stop, best) = (outcome.stop, outcome.best);
     let angles = outcome.model.angles().to_vec();
     let judge = held_out.as_ref().unwrap_or(&pairs);
@@ -326,8 +392,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         options: &training,
         seed: arguments.seed,
         rotation_error: rotation_error(&action, &nearest, judge),
-        initial: model,
-        outcome,
+        training: result,
         pairs: &pairs,
         held_out: held_out.as_ref(),
         times,

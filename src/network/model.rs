@@ -290,6 +290,27 @@ impl Model {
         self.with_parameters(parameters)
     }
 
+    /// This network at another ε, unless it has none, and at `time` times its flow time: the
+    /// angles of its circles and the factor h of a normal form grow with it.
+    ///
+    /// # Errors
+    /// Those of [`Model::new`].
+    pub fn at(&self, epsilon: f64, time: f64) -> Result<Self, Error> {
+        let mut architecture = self.architecture();
+        match &mut architecture {
+            Architecture::HenonNet { .. } | Architecture::SympNet { .. } => {}
+            Architecture::Gyroceptron { epsilon: own, .. } => *own = epsilon,
+            Architecture::NormalForm { epsilon: own, shape } => {
+                *own = epsilon;
+                shape.flow_time *= time;
+            }
+        }
+        let mut parameters = self.composition().parameters().to_vec();
+        let first = parameters.len() - self.angles().len();
+        parameters[first..].iter_mut().for_each(|angle| *angle *= time);
+        Self::new(architecture, parameters)
+    }
+
     /// The gyroceptron, if it is one.
     pub fn gyroceptron(&self) -> Option<&Gyroceptron<f64>> {
         match self {

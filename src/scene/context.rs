@@ -40,6 +40,8 @@ pub(super) struct Context<'a> {
     log: Log,
     training_times: Vec<TrainingTimes>,
     data: Option<Rc<DataSets>>,
+    /// At other ε and flow times.
+    data_elsewhere: Vec<(f64, f64, Rc<DataSets>)>,
     models: Option<Vec<Rc<Trained>>>,
     references: Vec<(ReferenceRequest, Rc<ReferenceTrajectories>)>,
     rollouts: Vec<(RolloutRequest, Rc<Vec<Trajectories>>)>,
@@ -76,6 +78,7 @@ impl<'a> Context<'a> {
             log: Log::new(),
             training_times: Vec::new(),
             data: None,
+            data_elsewhere: Vec::new(),
             models: None,
             references: Vec::new(),
             rollouts: Vec::new(),
@@ -141,6 +144,29 @@ impl<'a> Context<'a> {
             made
         })?;
         Ok(Rc::clone(self.data.insert(Rc::new(made))))
+    }
+
+    /// The pairs of the same points at another ε and flow time.
+    pub(super) fn data_at(&mut self, epsilon: f64, time: f64) -> Result<Rc<DataSets>, Halt> {
+        if (epsilon, time) == (self.system()?.epsilon(), self.flow_time()?) {
+            return self.data();
+        }
+        let same = |made: &&(f64, f64, Rc<DataSets>)| (made.0, made.1) == (epsilon, time);
+        if let Some((_, _, made)) = self.data_elsewhere.iter().find(same) {
+            return Ok(Rc::clone(made));
+        }
+        let declared = self.scene.setup.data.as_ref().ok_or_else(|| self.missing(Need::Data))?;
+        let (system, seed) = (self.system()?.clone().with_epsilon(epsilon), self.scene.seed);
+        let name = format!("reference flow for ε = {epsilon} and time {time}");
+        let made = self.stage(&name, |context| {
+            let counted = Counted::new(&system);
+            let made = DataSets::of_flow(declared, &counted, time, seed);
+            context.log.vector_fields(counted.vector_fields());
+            made
+        })?;
+        let made = Rc::new(made);
+        self.data_elsewhere.push((epsilon, time, Rc::clone(&made)));
+        Ok(made)
     }
 
     /// The networks that are to be studied, trained.

@@ -130,11 +130,16 @@ impl Scene {
     }
 
     /// A short form of the scene, to see all of it: a quarter of the iterations of
-    /// training and of the pairs, one seed for each network, orbits of random networks
+    /// training and of the pairs, one start and one seed for each network, orbits of random networks
     /// of a tenth of the length and the longest of a thousandth.
     pub fn quick(mut self) -> Self {
         let fewer = |training: &mut TrainingOptions| {
-            training.iterations = (training.iterations / 4).max(20).min(training.iterations);
+            let shorter = |iterations: u64| (iterations / 4).max(20).min(iterations);
+            training.iterations = shorter(training.iterations);
+            training.starts = None;
+            for rung in &mut training.ramp {
+                rung.iterations = shorter(rung.iterations);
+            }
         };
         if !self.setup.models.is_empty() {
             fewer(&mut self.setup.training);

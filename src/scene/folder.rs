@@ -7,6 +7,7 @@ use super::setup::ModelSpec;
 use super::study::HORIZON_CHECKPOINT;
 use crate::error::Error;
 use crate::io::write_atomically;
+use crate::train::Leg;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -99,7 +100,11 @@ impl Folder {
             names.extend(earlier.plots.iter().map(|plot| file_of(plot)));
             names.extend(earlier.plots.iter().map(|plot| data_file_of(plot)));
             for attempt in earlier.setup.attempts() {
-                names.push(format!("checkpoint-{}", attempt.spec.name));
+                for leg in Leg::all(earlier.setup.training_of(&attempt.spec)) {
+                    let suffix = leg.suffix();
+                    names.push(format!("checkpoint{suffix}"));
+                    names.push(format!("checkpoint-{}{suffix}", attempt.spec.name));
+                }
                 names.push(format!("model-{}.json", attempt.spec.name));
             }
             for part in &earlier.parts {

@@ -11,8 +11,12 @@ use crate::io::{
 };
 use crate::network::Model;
 use crate::system::Hamiltonian;
-use crate::train::{Control, Loss, Objective, Outcome, Progress, Stop, TrainingRecord, train};
+use crate::train::{
+    Checkpoint, Control, Leg, LegResult, Loss, Objective, Outcome, Place, Progress, Scheduled,
+    Stop, TrainingOptions, TrainingRecord, Watch, train_schedule,
+};
 use serde_json::json;
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// A network before and after training.
@@ -21,6 +25,8 @@ pub(super) struct Trained {
     /// The name that the scene gives the network, for any of its seeds.
     pub(super) network: String,
     pub(super) initial: Model,
+    /// What led to the last leg of its training.
+    pub(super) legs: Vec<LegResult>,
     pub(super) outcome: Outcome,
 }
 
@@ -48,35 +54,35 @@ pub(super) fn learn(
         return of_file(context, data, spec);
     };
     let theta = system.limiting_frequency() * time;
-    let initial = architecture.initialise(spec.weights, theta, seed)?;
-    let checkpoint_file = folder.file_of_model(scene, "checkpoint", &spec, "");
-    let resume = if folder.resumes() && checkpoint_file.exists() {
-        Some(load_checkpoint(&checkpoint_file)?)
-    } else {
-        None
+    let mut start = |number: u64| {
+        // Far from the seeds of the network's other trainings.
+        let seed = seed.wrapping_add(number << 32);
+        architecture.initialise(spec.weights, theta, seed)
     };
-    let resumed_at = resume.as_ref().map_or(0, |checkpoint| checkpoint.last().iteration);
-    let mut times = earlier_times(context, &spec.name);
-    times.points.retain(|(iteration, _)| *iteration <= resumed_at);
-    let before = times.points.last().map_or(0.0, |(_, seconds)| *seconds);
-    let start = Instant::now();
-    let mut observe = |progress: Progress<'_>| -> Result<Control, Error> {
-        let record = progress.record;
-        if record.validation.is_some() || progress.checkpoint.is_some() {
-            times.points.push((record.iteration, before + start.elapsed().as_secs_f64()));
-        }
-        if let Some(checkpoint) = progress.checkpoint {
-            save_checkpoint(&checkpoint_file, checkpoint)?;
-            let all: Vec<_> = context.training_times().iter().chain([&times]).collect();
-            folder.save_timings(&json!({ "models": all }))?;
-        }
-        let iterations = options.iterations;
-        context.tell(Event::Iteration { model: &spec.name, record, iterations });
-        Ok(if context.interrupted() { Control::Interrupt } else { Control::Continue })
-    };
-    let (pairs, held_out) = (&data.training, data.held_out.as_ref());
-    let outcome = train(&initial, pairs, held_out, options, resume, &mut observe)?;
+    let mut rungs = Vec::new();
+    for rung in &options.ramp {
+        let rung_epsilon = rung.epsilon.unwrap_or(epsilon);
+        let rung_time = rung.flow_time.unwrap_or(time);
+        rungs.push((rung, rung_epsilon, rung_time, context.data_at(rung_epsilon, rung_time)?));
+    }
+    let mut places: Vec<Place<'_>> = rungs
+        .iter()
+        .map(|(rung, epsilon, rung_time, data)| Place {
+            epsilon: *epsilon,
+            time: rung_time / time,
+            pairs: &data.training,
+            held_out: data.held_out.as_ref(),
+            iterations: rung.iterations,
+        })
+        .collect();
+    let (pairs, held_out, iterations) =
+        (&data.training, data.held_out.as_ref(), options.iterations);
+    places.push(Place { epsilon, time: 1.0, pairs, held_out, iterations });
+    let mut watch = SceneWatch::new(context, &spec, &places, options);
+    let result = train_schedule(&mut start, &places, options, &mut watch);
+    let times = watch.times;
     context.add_training_times(times);
+    let Scheduled { initial, legs, outcome } = result?;
     let (stop, best) = (outcome.stop, outcome.best);
     context.tell(Event::Trained { model: &spec.name, stop, best });
     if stop == Stop::Interrupted {
@@ -91,7 +97,98 @@ pub(super) fn learn(
     };
     let stored = StoredModel { model: outcome.model.clone(), provenance };
     save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
-    Ok(Trained { spec, network, initial, outcome })
+    Ok(Trained { spec, network, initial, legs, outcome })
+}
+
+/// Saves checkpoints, takes times, and tells how it goes.
+struct SceneWatch<'w, 'a> {
+    context: &'w mut Context<'a>,
+    spec: &'w ModelSpec,
+    /// The most iterations of the starts, of each rung, and of the last leg.
+    iterations: (u64, Vec<u64>),
+    times: TrainingTimes,
+    /// The leg under way, when it began, and the seconds before: of other legs, and of its own in
+    /// the run that is gone on with.
+    under_way: Option<(Leg, Instant, f64, f64)>,
+    earlier: TrainingTimes,
+}
+
+impl<'w, 'a> SceneWatch<'w, 'a> {
+    fn new(
+        context: &'w mut Context<'a>,
+        spec: &'w ModelSpec,
+        places: &[Place<'_>],
+        options: &TrainingOptions,
+    ) -> Self {
+        let earlier = earlier_times(context, &spec.name);
+        let of_places = places.iter().map(|place| place.iterations).collect();
+        let iterations = (options.starts.map_or(0, |starts| starts.iterations), of_places);
+        let times = TrainingTimes { model: spec.name.clone(), ..TrainingTimes::default() };
+        Self { context, spec, iterations, times, under_way: None, earlier }
+    }
+
+    fn file(&self, leg: Leg) -> PathBuf {
+        let (scene, folder) = (self.context.scene, self.context.folder);
+        folder.file_of_model(scene, "checkpoint", self.spec, &leg.suffix())
+    }
+}
+
+impl Watch for SceneWatch<'_, '_> {
+    fn earlier(&mut self, leg: Leg) -> Result<Option<Checkpoint>, Error> {
+        let file = self.file(leg);
+        let found = match self.context.folder.resumes() && file.exists() {
+            true => Some(load_checkpoint(&file)?),
+            false => None,
+        };
+        let before: f64 = self.times.legs.iter().map(|(_, seconds)| seconds).sum();
+        let resumed_at = found.as_ref().map_or(0, |checkpoint| checkpoint.last().iteration);
+        let of_leg = match leg {
+            Leg::Last => {
+                self.times.points = std::mem::take(&mut self.earlier.points);
+                self.times.points.retain(|(iteration, _)| *iteration <= resumed_at);
+                self.times.points.last().map_or(0.0, |(_, seconds)| seconds - before)
+            }
+            _ => {
+                let name = leg.name();
+                let earlier = self.earlier.legs.iter().find(|(other, _)| *other == name);
+                let seconds = match (&found, earlier) {
+                    (Some(_), Some((_, seconds))) => *seconds,
+                    _ => 0.0,
+                };
+                self.times.legs.push((name, seconds));
+                seconds
+            }
+        };
+        self.under_way = Some((leg, Instant::now(), before, of_leg));
+        Ok(found)
+    }
+
+    fn observe(&mut self, leg: Leg, progress: Progress<'_>) -> Result<Control, Error> {
+        let record = progress.record;
+        if let Some((_, start, before, of_leg)) = &self.under_way {
+            let seconds = of_leg + start.elapsed().as_secs_f64();
+            match leg {
+                Leg::Last if record.validation.is_some() || progress.checkpoint.is_some() => {
+                    self.times.points.push((record.iteration, before + seconds));
+                }
+                Leg::Last => {}
+                _ => self.times.legs.last_mut().into_iter().for_each(|last| last.1 = seconds),
+            }
+        }
+        if let Some(checkpoint) = progress.checkpoint {
+            save_checkpoint(&self.file(leg), checkpoint)?;
+            let all: Vec<_> = self.context.training_times().iter().chain([&self.times]).collect();
+            self.context.folder.save_timings(&json!({ "models": all }))?;
+        }
+        let (starts, places) = &self.iterations;
+        let (iterations, model) = match leg {
+            Leg::Start(_) => (*starts, format!("{}, {}", self.spec.name, leg.name())),
+            Leg::Rung(number) => (places[number], format!("{}, {}", self.spec.name, leg.name())),
+            Leg::Last => (places[places.len() - 1], self.spec.name.clone()),
+        };
+        self.context.tell(Event::Iteration { model: &model, record, iterations });
+        Ok(if self.context.interrupted() { Control::Interrupt } else { Control::Continue })
+    }
 }
 
 /// A network that was trained elsewhere, judged by the pairs.
@@ -131,7 +228,7 @@ fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Tr
         curvatures: 0,
         stop: Stop::NotTrained,
     };
-    Ok(Trained { network: spec.name.clone(), spec, initial: model, outcome })
+    Ok(Trained { network: spec.name.clone(), spec, initial: model, legs: Vec::new(), outcome })
 }
 
 /// The times of the run that is gone on with; none where they cannot be read.
@@ -142,5 +239,5 @@ fn earlier_times(context: &Context<'_>, model: &str) -> TrainingTimes {
     };
     read()
         .and_then(|all| all.into_iter().find(|times| times.model == model))
-        .unwrap_or_else(|| TrainingTimes { model: model.into(), points: Vec::new() })
+        .unwrap_or_else(|| TrainingTimes { model: model.into(), ..TrainingTimes::default() })
 }

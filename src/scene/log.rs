@@ -22,8 +22,12 @@ pub struct TrainingTimes {
     /// Its name.
     pub model: String,
     /// (iteration, seconds of training since its start, without the time between a
-    /// killed run and the one that goes on with it).
+    /// killed run and the one that goes on with it). Of a training in legs, iterations of the
+    /// last, and the seconds of all.
     pub points: Vec<(u64, f64)>,
+    /// The seconds of each leg before the last, by its name.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub legs: Vec<(String, f64)>,
 }
 
 impl TrainingTimes {

@@ -12,8 +12,7 @@ use super::study::training::{Baseline, LOSS, TrainingResult, findings};
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::measure::{component_errors, root_mean_square};
-use crate::network::Model;
-use crate::train::{Outcome, TrainingOptions};
+use crate::train::{Scheduled, TrainingOptions};
 
 /// A training on pairs of one's own.
 pub struct OwnTraining<'a> {
@@ -23,10 +22,8 @@ pub struct OwnTraining<'a> {
     pub options: &'a TrainingOptions,
     /// The seed of its weights.
     pub seed: u64,
-    /// It before training.
-    pub initial: Model,
     /// What came of it.
-    pub outcome: Outcome,
+    pub training: Scheduled,
     /// The training pairs.
     pub pairs: &'a Pairs,
     /// The held-out pairs.
@@ -49,14 +46,16 @@ impl OwnTraining<'_> {
         let output = self.held_out.unwrap_or(self.pairs).output();
         let baseline =
             Baseline { rotation_error: Some(self.rotation_error), size: root_mean_square(output) };
-        let epsilon = self.initial.architecture().epsilon();
+        let epsilon = self.training.initial.architecture().epsilon();
         let errors = match self.held_out {
-            Some(held_out) => component_errors(self.outcome.model.composition(), held_out)?,
+            Some(held_out) => {
+                component_errors(self.training.outcome.model.composition(), held_out)?
+            }
             None => Vec::new(),
         };
         let network = self.spec.name.clone();
-        let (initial, outcome) = (self.initial, self.outcome);
-        let trained = Trained { spec: self.spec.clone(), network, initial, outcome };
+        let Scheduled { initial, legs, outcome } = self.training;
+        let trained = Trained { spec: self.spec.clone(), network, initial, legs, outcome };
         let result = TrainingResult::new(&trained, errors, self.options);
         let training_times = vec![self.times];
         let findings = findings(&[result], baseline, epsilon, &training_times, true);

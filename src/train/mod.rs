@@ -4,6 +4,7 @@
 //!   gradient, the Gauss–Newton matrix.
 //! - `lbfgs`, `levenberg_marquardt`, `adam`: an optimiser each, with its options.
 //! - `options`, `run`, `checkpoint`: what they share: validation, stopping, resuming.
+//! - `schedule`: several starts, and a ramp of other flow times or ε.
 
 mod adam;
 mod checkpoint;
@@ -15,6 +16,7 @@ mod normal_equations;
 mod options;
 mod rotation_fit;
 mod run;
+mod schedule;
 
 pub use adam::AdamOptions;
 pub use checkpoint::Checkpoint;
@@ -25,3 +27,4 @@ pub use normal_equations::NormalEquations;
 pub use options::{Optimiser, Stop, TrainingOptions, TrainingRecord};
 pub use rotation_fit::{fit_rotation, slow_time};
 pub use run::{Control, Outcome, Progress, train};
+pub use schedule::{Leg, LegResult, Place, Rung, Scheduled, Starts, Watch, train_schedule};

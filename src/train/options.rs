@@ -1,6 +1,6 @@
 //! How to train, and the records of it.
 
-use super::{AdamOptions, LbfgsOptions, LevenbergMarquardtOptions, Loss};
+use super::{AdamOptions, LbfgsOptions, LevenbergMarquardtOptions, Loss, Rung, Starts};
 use crate::error::Error;
 use crate::network::Architecture;
 use serde::{Deserialize, Serialize};
@@ -73,6 +73,14 @@ pub struct TrainingOptions {
     pub gradient_tolerance: f64,
     /// Iterations between checkpoints.
     pub checkpoint_every: u64,
+    /// Several initial weights, of which the best goes on: see
+    /// [`train_schedule`](super::train_schedule).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub starts: Option<Starts>,
+    /// Problems of other flow times or ε, one after another, whose weights start the next, and
+    /// the last of them the training that is wanted.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub ramp: Vec<Rung>,
 }
 
 impl Default for TrainingOptions {
@@ -87,6 +95,8 @@ impl Default for TrainingOptions {
             patience: 0,
             gradient_tolerance: 0.0,
             checkpoint_every: 100,
+            starts: None,
+            ramp: Vec::new(),
         }
     }
 }
@@ -125,7 +135,14 @@ impl TrainingOptions {
         ] {
             Error::check_range(name, value, 0.0, f64::MAX)?;
         }
+        self.starts.map_or(Ok(()), Starts::check)?;
+        self.ramp.iter().try_for_each(|rung| rung.check())?;
         self.optimiser.check()
+    }
+
+    /// Those of one of its legs.
+    pub(super) fn of_leg(&self, iterations: u64) -> Self {
+        Self { iterations, starts: None, ramp: Vec::new(), ..self.clone() }
     }
 }
 

@@ -13,7 +13,7 @@ use crate::scene::learning::Trained;
 use crate::scene::log::TrainingTimes;
 use crate::scene::setup::{Need, NetworkSpec};
 use crate::system::Hamiltonian;
-use crate::train::{Optimiser, Stop, TrainingOptions, TrainingRecord};
+use crate::train::{LegResult, Optimiser, Stop, TrainingOptions, TrainingRecord};
 use serde::Serialize;
 use serde_json::json;
 
@@ -137,6 +137,9 @@ pub(in crate::scene) struct TrainingResult {
     history: Vec<TrainingRecord>,
     /// The root-mean-square error of each component on the held-out pairs.
     component_errors: Vec<f64>,
+    /// What led to the last leg of its training.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    legs: Vec<LegResult>,
     initial_theta: Option<f64>,
     theta: Option<f64>,
 }
@@ -168,6 +171,7 @@ impl TrainingResult {
             best: outcome.best,
             history: outcome.history.iter().copied().filter(told).collect(),
             component_errors,
+            legs: trained.legs.clone(),
             initial_theta: trained.initial.angle(),
             theta: model.angle(),
         }
@@ -195,6 +199,24 @@ impl TrainingResult {
                 stop_words(self.stop)
             ),
         );
+        for (number, leg) in self.legs.iter().enumerate() {
+            let error = match leg.best.validation {
+                Some(error) => format!("held-out error {error:.2e}"),
+                None => format!("loss {:.2e}", leg.best.loss),
+            };
+            let iteration = leg.best.iteration;
+            let (name, went_on) = match (leg.start, leg.chosen) {
+                (true, true) => (format!("start {}", number + 1), ", which went on"),
+                (true, false) => (format!("start {}", number + 1), ""),
+                (false, _) => ("before".to_owned(), ""),
+            };
+            let time = Format::Magnitude.number(leg.time);
+            let place = match leg.start {
+                true => String::new(),
+                false => format!(" at ε = {} and {time} of the flow time", leg.epsilon),
+            };
+            facts.fact(&name, format!("{error} after {iteration} iterations{place}{went_on}"));
+        }
         let (iteration, loss) = (self.best.iteration, self.loss);
         facts.fact("kept", format!("iteration {iteration}, loss {loss:.3e}"));
         if let Some(validation) = self.best.validation {

@@ -1,0 +1,259 @@
+//! A training in several legs: starts of which the best goes on, and a ramp of other
+//! flow times or ε before the one that is wanted.
+
+use super::checkpoint::Checkpoint;
+use super::options::{Stop, TrainingOptions, TrainingRecord, at_least_one};
+use super::run::{Control, Outcome, Progress, train};
+use crate::error::Error;
+use crate::flow::Pairs;
+use crate::network::Model;
+use serde::{Deserialize, Serialize};
+
+/// Several initial weights, of which the best goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Starts {
+    /// How many.
+    pub count: u64,
+    /// The iterations after which the one of the lowest held-out error (loss, without
+    /// held-out pairs) is chosen. It goes on as if it had been alone.
+    pub iterations: u64,
+}
+
+/// A problem near the one that is wanted, whose weights start the next.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rung {
+    /// Its flow time; the scene's, unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flow_time: Option<f64>,
+    /// Its ε; the system's, unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub epsilon: Option<f64>,
+    /// Its iterations.
+    pub iterations: u64,
+}
+
+/// More are a slip of the pen.
+const MOST_STARTS: usize = 10_000;
+
+impl Starts {
+    pub(super) fn check(self) -> Result<(), Error> {
+        let count = usize::try_from(self.count).unwrap_or(usize::MAX);
+        Error::check_count_range("training.starts.count", count, 1, MOST_STARTS)?;
+        at_least_one("training.starts.iterations", self.iterations)
+    }
+}
+
+impl Rung {
+    pub(super) fn check(self) -> Result<(), Error> {
+        at_least_one("training.ramp.iterations", self.iterations)?;
+        if let Some(time) = self.flow_time {
+            Error::check_range("training.ramp.flow_time", time, Error::LEAST_POSITIVE, f64::MAX)?;
+        }
+        self.epsilon.map_or(Ok(()), |epsilon| Error::check_finite("training.ramp.epsilon", epsilon))
+    }
+}
+
+/// A rung with its pairs; the last one of a schedule is what is wanted.
+#[derive(Clone, Copy, Debug)]
+pub struct Place<'a> {
+    /// Its ε.
+    pub epsilon: f64,
+    /// Its flow time over that of the last place.
+    pub time: f64,
+    /// Its training pairs.
+    pub pairs: &'a Pairs,
+    /// Its held-out pairs.
+    pub held_out: Option<&'a Pairs>,
+    /// Its iterations.
+    pub iterations: u64,
+}
+
+/// Which leg of a schedule, from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Leg {
+    /// A start.
+    Start(u64),
+    /// A rung of the ramp.
+    Rung(usize),
+    /// What is wanted.
+    Last,
+}
+
+impl Leg {
+    /// What is appended to the name of its checkpoint.
+    pub fn suffix(self) -> String {
+        match self {
+            Self::Start(number) => format!("-start-{}", number + 1),
+            Self::Rung(number) => format!("-rung-{}", number + 1),
+            Self::Last => String::new(),
+        }
+    }
+
+    /// In words; nothing of the last.
+    pub fn name(self) -> String {
+        match self {
+            Self::Start(number) => format!("start {}", number + 1),
+            Self::Rung(number) => format!("rung {}", number + 1),
+            Self::Last => String::new(),
+        }
+    }
+
+    /// All legs of a training with these options, in their order.
+    pub fn all(options: &TrainingOptions) -> Vec<Self> {
+        let starts = options.starts.map_or(0, |starts| starts.count);
+        let rungs = (0..options.ramp.len()).map(Self::Rung);
+        (0..starts).map(Self::Start).chain(rungs).chain([Self::Last]).collect()
+    }
+}
+
+/// What became of a leg before the last.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LegResult {
+    /// Whether it is a start, of which one went on.
+    pub start: bool,
+    /// ε of its pairs.
+    pub epsilon: f64,
+    /// The flow time of its pairs over the one that is wanted.
+    pub time: f64,
+    /// The record of the model that was kept.
+    pub best: TrainingRecord,
+    /// It was gone on with.
+    pub chosen: bool,
+}
+
+/// The result of a schedule.
+#[derive(Clone, Debug)]
+pub struct Scheduled {
+    /// The chosen start, before any training.
+    pub initial: Model,
+    /// The legs before the last.
+    pub legs: Vec<LegResult>,
+    /// The last leg; or that which was interrupted.
+    pub outcome: Outcome,
+}
+
+/// What a schedule tells, and what it asks for.
+pub trait Watch {
+    /// A checkpoint of this leg to go on from, if there is one.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    fn earlier(&mut self, leg: Leg) -> Result<Option<Checkpoint>, Error>;
+
+    /// An iteration of the leg is done: see [`train`].
+    ///
+    /// # Errors
+    /// When a checkpoint cannot be written.
+    fn observe(&mut self, leg: Leg, progress: Progress<'_>) -> Result<Control, Error>;
+}
+
+/// Trains from several starts and along a ramp, as the options have them.
+///
+/// `start` makes a start, of the last place; `places` are the ramp's and then the one
+/// that is wanted. Weights go from a place to the next as they are, the angles of the
+/// circles in proportion to the flow time. Each leg has checkpoints of its own, and goes
+/// on from them to the same bits.
+///
+/// # Errors
+/// Those of [`train`], and of `start` and `watch`.
+pub fn train_schedule(
+    start: &mut dyn FnMut(u64) -> Result<Model, Error>,
+    places: &[Place<'_>],
+    options: &TrainingOptions,
+    watch: &mut dyn Watch,
+) -> Result<Scheduled, Error> {
+    let [ramp @ .., last] = places else {
+        return Err(Error::invalid("places", "none", "at least the one that is wanted"));
+    };
+    Error::check_count("rungs of the ramp", options.ramp.len(), ramp.len())?;
+    options.check()?;
+    let first = &places[0];
+    let mut legs = Vec::new();
+    let mut initial = start(0)?;
+    let mut trial: Option<Checkpoint> = None;
+    if let Some(starts) = options.starts {
+        let mut best: Option<(f64, u64, Model, Option<Checkpoint>)> = None;
+        for number in 0..starts.count {
+            let begun = start(number)?;
+            let model = begun.at(first.epsilon, first.time)?;
+            let iterations = starts.iterations.min(first.iterations);
+            let run = Run { leg: Leg::Start(number), place: first, iterations, options };
+            let (outcome, checkpoint) = run.go(&model, None, watch)?;
+            if outcome.stop == Stop::Interrupted {
+                return Ok(Scheduled { initial: begun, legs, outcome });
+            }
+            legs.push(LegResult::of(true, first, &outcome));
+            let score = outcome.best.validation.unwrap_or(outcome.loss);
+            if best.as_ref().is_none_or(|(lowest, ..)| score < *lowest) {
+                best = Some((score, number, begun, checkpoint));
+            }
+        }
+        if let Some((_, number, model, checkpoint)) = best {
+            legs[number as usize].chosen = true;
+            (initial, trial) = (model, checkpoint);
+        }
+    }
+    let mut model = initial.at(first.epsilon, first.time)?;
+    for (number, place) in ramp.iter().enumerate() {
+        let (leg, iterations) = (Leg::Rung(number), place.iterations);
+        let run = Run { leg, place, iterations, options };
+        let (outcome, _) = run.go(&model, trial.take(), watch)?;
+        if outcome.stop == Stop::Interrupted {
+            return Ok(Scheduled { initial, legs, outcome });
+        }
+        let next = &places[number + 1];
+        let mut parameters = outcome.model.composition().parameters().to_vec();
+        let first = parameters.len() - outcome.model.angles().len();
+        parameters[first..].iter_mut().for_each(|angle| *angle *= next.time / place.time);
+        model = initial.at(next.epsilon, next.time)?.with_parameters(parameters)?;
+        legs.push(LegResult { chosen: true, ..LegResult::of(false, place, &outcome) });
+    }
+    let run = Run { leg: Leg::Last, place: last, iterations: last.iterations, options };
+    let (outcome, _) = run.go(&model, trial, watch)?;
+    Ok(Scheduled { initial, legs, outcome })
+}
+
+impl LegResult {
+    fn of(start: bool, place: &Place<'_>, outcome: &Outcome) -> Self {
+        let Place { epsilon, time, .. } = *place;
+        Self { start, epsilon, time, best: outcome.best, chosen: false }
+    }
+}
+
+/// A leg about to be run.
+struct Run<'a> {
+    leg: Leg,
+    place: &'a Place<'a>,
+    iterations: u64,
+    options: &'a TrainingOptions,
+}
+
+impl Run<'_> {
+    /// Its outcome, and its last checkpoint. It goes on from one of its own or, without, from
+    /// that of the start that it continues.
+    fn go(
+        self,
+        model: &Model,
+        trial: Option<Checkpoint>,
+        watch: &mut dyn Watch,
+    ) -> Result<(Outcome, Option<Checkpoint>), Error> {
+        let Self { leg, place, iterations, options } = self;
+        let mut options = options.of_leg(iterations);
+        if leg != Leg::Last {
+            // What ends the training as a whole does not end what leads to it.
+            (options.target, options.patience) = (0.0, 0);
+        }
+        let mut newest = watch.earlier(leg)?.or(trial);
+        let resume = newest.clone();
+        let mut observe = |progress: Progress<'_>| {
+            if let (Some(checkpoint), Leg::Start(_)) = (progress.checkpoint, leg) {
+                newest = Some(checkpoint.clone());
+            }
+            watch.observe(leg, progress)
+        };
+        let outcome = train(model, place.pairs, place.held_out, &options, resume, &mut observe)?;
+        Ok((outcome, newest))
+    }
+}

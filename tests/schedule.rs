@@ -1,0 +1,226 @@
+//! Trainings in legs: starts of which the best goes on, and ramps.
+
+use gyroceptron::Error;
+use gyroceptron::flow::{Pairs, Window, sample};
+use gyroceptron::layer::CircleAction;
+use gyroceptron::network::{Architecture, InitialWeights, Model, NormalFormShape};
+use gyroceptron::random::Stream;
+use gyroceptron::system::Oscillators;
+use gyroceptron::train::{
+    Checkpoint, Control, Leg, LevenbergMarquardtOptions, Optimiser, Place, Progress, Rung,
+    Scheduled, Starts, Stop, TrainingOptions, Watch, train, train_schedule,
+};
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+
+const EPSILON: f64 = 0.02;
+const TIME: f64 = 40.0;
+
+/// Made once for all tests.
+fn pairs(time: f64, epsilon: f64, seed: u64) -> Pairs {
+    type Made = Vec<((f64, f64, u64), Pairs)>;
+    static MADE: Mutex<Made> = Mutex::new(Vec::new());
+    let mut made = MADE.lock().expect("no panic while it is held");
+    let key = (time, epsilon, seed);
+    if let Some((_, pairs)) = made.iter().find(|(other, _)| *other == key) {
+        return pairs.clone();
+    }
+    let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: 120 };
+    let points = sample(&[window], 2, &mut Stream::new(seed, "data")).expect("a valid window");
+    let (pairs, _) = Pairs::of_flow(&Oscillators { epsilon }, points, time).expect("converges");
+    made.push((key, pairs.clone()));
+    pairs
+}
+
+fn start(number: u64) -> Result<Model, Error> {
+    let shape = NormalFormShape {
+        action: CircleAction::new([1, 0]).into(),
+        psi: vec![],
+        kicks: vec![3; 2],
+        twists: 3,
+        twist_width: 3,
+        flow_time: TIME,
+    };
+    let architecture = Architecture::NormalForm { shape, epsilon: EPSILON };
+    architecture.initialise(InitialWeights::Normal { scale: 0.3 }, TIME, 7 + number)
+}
+
+fn options(starts: u64) -> TrainingOptions {
+    TrainingOptions {
+        optimiser: Optimiser::LevenbergMarquardt(LevenbergMarquardtOptions::default()),
+        iterations: 14,
+        validate_every: 3,
+        checkpoint_every: 4,
+        starts: (starts > 0).then_some(Starts { count: starts, iterations: 6 }),
+        ..TrainingOptions::default()
+    }
+}
+
+/// Keeps checkpoints as files would, and may stop after so many iterations of all legs.
+#[derive(Default)]
+struct Store {
+    checkpoints: BTreeMap<String, Checkpoint>,
+    iterations: usize,
+    most: Option<usize>,
+    legs: Vec<Leg>,
+}
+
+impl Watch for Store {
+    fn earlier(&mut self, leg: Leg) -> Result<Option<Checkpoint>, Error> {
+        self.legs.push(leg);
+        Ok(self.checkpoints.get(&leg.suffix()).cloned())
+    }
+    fn observe(&mut self, leg: Leg, progress: Progress<'_>) -> Result<Control, Error> {
+        if let Some(checkpoint) = progress.checkpoint {
+            // As a file has it.
+            let text = serde_json::to_string(checkpoint).expect("finite");
+            let read = serde_json::from_str(&text).expect("a checkpoint");
+            self.checkpoints.insert(leg.suffix(), read);
+        }
+        self.iterations += 1;
+        let over = self.most.is_some_and(|most| self.iterations >= most);
+        Ok(if over { Control::Interrupt } else { Control::Continue })
+    }
+}
+
+fn bits(model: &Model) -> Vec<u64> {
+    model.composition().parameters().iter().map(|v| v.to_bits()).collect()
+}
+
+fn run(options: &TrainingOptions, store: &mut Store) -> Scheduled {
+    let sets: Vec<(f64, f64, [Pairs; 2])> = options
+        .ramp
+        .iter()
+        .map(|rung| (rung.epsilon.unwrap_or(EPSILON), rung.flow_time.unwrap_or(TIME)))
+        .chain([(EPSILON, TIME)])
+        .map(|(e, t)| (e, t, [pairs(t, e, 1), pairs(t, e, 2)]))
+        .collect();
+    let iterations = options.ramp.iter().map(|rung| rung.iterations).chain([options.iterations]);
+    let places: Vec<Place<'_>> = sets
+        .iter()
+        .zip(iterations)
+        .map(|((epsilon, time, [pairs, held_out]), iterations)| Place {
+            epsilon: *epsilon,
+            time: time / TIME,
+            pairs,
+            held_out: Some(held_out),
+            iterations,
+        })
+        .collect();
+    train_schedule(&mut start, &places, options, store).expect("trains")
+}
+
+fn ramp() -> Vec<Rung> {
+    let rung = |time: f64, epsilon| Rung { flow_time: Some(time), epsilon, iterations: 8 };
+    vec![rung(10.0, Some(0.025)), rung(20.0, None)]
+}
+
+/// The best start goes on as if it had been alone.
+#[test]
+fn the_best_of_several_starts_goes_on() {
+    let options = options(4);
+    let mut store = Store::default();
+    let result = run(&options, &mut store);
+    let trials: Vec<f64> =
+        result.legs.iter().map(|leg| leg.best.validation.expect("held out")).collect();
+    assert_eq!(trials.len(), 4);
+    let lowest = (0..4).min_by(|a, b| trials[*a].total_cmp(&trials[*b])).expect("four");
+    assert!(lowest > 0, "the first is the best: nothing is seen of the choice");
+    let chosen: Vec<bool> = result.legs.iter().map(|leg| leg.chosen).collect();
+    assert_eq!(chosen, (0..4).map(|k| k == lowest).collect::<Vec<_>>());
+    let alone = TrainingOptions { starts: None, ..options.clone() };
+    let initial = start(lowest as u64).expect("a start");
+    let (pairs, held_out) = (pairs(TIME, EPSILON, 1), pairs(TIME, EPSILON, 2));
+    let expected =
+        train(&initial, &pairs, Some(&held_out), &alone, None, &mut |_| Ok(Control::Continue))
+            .expect("trains");
+    assert_eq!(bits(&result.outcome.model), bits(&expected.model));
+    assert_eq!(result.outcome.history, expected.history);
+    assert_eq!(bits(&result.initial), bits(&initial));
+    // No leg is done twice.
+    assert_eq!(store.iterations, 4 * 6 + 14 - 6);
+}
+
+/// A rung is a training of its own, whose weights start the next with other angles.
+#[test]
+fn a_ramp_is_its_rungs_one_after_another() {
+    let options = TrainingOptions { ramp: ramp(), ..options(0) };
+    let result = run(&options, &mut Store::default());
+    let mut model = start(0).expect("a start").at(0.025, 10.0 / TIME).expect("finite");
+    let [angle] = model.angles() else { panic!("one circle") };
+    assert!((angle - 10.0).abs() < 1e-12, "{angle}");
+    let steps = [(0.025, 10.0, 8), (EPSILON, 20.0, 8), (EPSILON, TIME, 14)];
+    for (number, (epsilon, time, iterations)) in steps.into_iter().enumerate() {
+        let plain = TrainingOptions { iterations, ramp: Vec::new(), ..options.clone() };
+        let (pairs, held_out) = (pairs(time, epsilon, 1), pairs(time, epsilon, 2));
+        let outcome =
+            train(&model, &pairs, Some(&held_out), &plain, None, &mut |_| Ok(Control::Continue))
+                .expect("trains");
+        match result.legs.get(number) {
+            Some(leg) => assert_eq!(leg.best, outcome.best),
+            None => assert_eq!(bits(&result.outcome.model), bits(&outcome.model)),
+        }
+        if let Some((epsilon, next, _)) = steps.get(number + 1) {
+            let weights = outcome.model.composition().parameters();
+            let mut weights = weights.to_vec();
+            *weights.last_mut().expect("θ") *= (next / TIME) / (time / TIME);
+            model = start(0).expect("a start").at(*epsilon, next / TIME).expect("finite");
+            model = model.with_parameters(weights).expect("finite");
+        }
+    }
+    let shape = result.outcome.model.normal_form().expect("a normal form").shape();
+    assert_eq!(shape.flow_time, TIME);
+    // It begins far below where it would without.
+    let without = run(&self::options(0), &mut Store::default());
+    let first = |result: &Scheduled| result.outcome.history[0].validation.expect("held out");
+    assert!(first(&result) < 0.5 * first(&without), "{} {}", first(&result), first(&without));
+}
+
+#[test]
+fn a_killed_schedule_goes_on_to_the_same_bits() {
+    let options = TrainingOptions { ramp: ramp(), ..options(3) };
+    let whole = run(&options, &mut Store::default());
+    let all = 3 * 6 + (8 - 6) + 8 + 14;
+    for most in [1, 5, 6, 7, 13, 19, 21, 27, 29, 33, 41] {
+        let mut store = Store { most: Some(most), ..Store::default() };
+        let stopped = run(&options, &mut store);
+        assert_eq!(stopped.outcome.stop, Stop::Interrupted, "{most} of {all}");
+        assert!(most < all);
+        (store.most, store.iterations) = (None, 0);
+        let result = run(&options, &mut store);
+        assert_eq!(bits(&result.outcome.model), bits(&whole.outcome.model), "{most}");
+        assert_eq!(result.outcome.history, whole.outcome.history, "{most}");
+        assert_eq!(result.legs, whole.legs, "{most}");
+        // What is done is not done again.
+        assert!(store.iterations + most <= all + 1, "{most}: {}", store.iterations);
+    }
+}
+
+#[test]
+fn bad_schedules_are_refused() {
+    let refused = |options: TrainingOptions, word: &str| {
+        let error = options.check().expect_err(word).to_string();
+        assert!(error.contains(word), "{error}");
+    };
+    let starts = |count, iterations| TrainingOptions {
+        starts: Some(Starts { count, iterations }),
+        ..options(0)
+    };
+    refused(starts(0, 5), "starts.count");
+    refused(starts(2, 0), "starts.iterations");
+    let rung = |flow_time, epsilon, iterations| TrainingOptions {
+        ramp: vec![Rung { flow_time, epsilon, iterations }],
+        ..options(0)
+    };
+    refused(rung(Some(0.0), None, 5), "ramp.flow_time");
+    refused(rung(Some(f64::NAN), None, 5), "ramp.flow_time");
+    refused(rung(None, Some(f64::INFINITY), 5), "ramp.epsilon");
+    refused(rung(None, None, 0), "ramp.iterations");
+    // Pairs for each rung.
+    let set = pairs(TIME, EPSILON, 1);
+    let (epsilon, time, iterations, held_out) = (EPSILON, 1.0, 3, None);
+    let place = Place { epsilon, time, pairs: &set, held_out, iterations };
+    let options = rung(None, None, 5);
+    assert!(train_schedule(&mut start, &[place], &options, &mut Store::default()).is_err());
+    assert!(train_schedule(&mut start, &[], &options, &mut Store::default()).is_err());
+}
