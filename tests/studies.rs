@@ -475,3 +475,127 @@ fn parts_are_summed_up_in_one_table() {
     refused(&format!("{named}[claims]\nstray = 1\n"), &[":7: ", "stray"]);
     refused(&PROFILES.replace("plots", "[claims]\n#plots"), &["claims", "parts"]);
 }
+
+const LONG_STEPS: &str = r#"
+name = "long"
+seed = 2
+flow_time = 10.0
+plots = ["long-steps"]
+models = [
+    { name = "normal-form", network = { kind = "normal-form", kicks = { count = 3, width = 4 }, twists = { count = 4, width = 4 } }, weights = { kind = "normal", scale = 0.15 } },
+    { name = "gyroceptron", network = { kind = "gyroceptron", psi = { count = 1, width = 4 }, near_identity = { count = 2, width = 4 } }, weights = { kind = "normal", scale = 0.15 } },
+]
+
+[system]
+kind = "oscillators"
+epsilon = 0.01
+
+[data]
+validation = 0.5
+windows = [{ low = [-1.0, -1.0, -1.0, -1.0], high = [1.0, 1.0, 1.0, 1.0], samples = 200 }]
+
+[training]
+iterations = 20
+optimiser = { kind = "levenberg-marquardt" }
+
+[long_steps]
+flow_times = [5.0, 10.0, 20.0]
+ramp = true
+duration = 200.0
+interval = 100.0
+points = 50
+rounds = 3
+invariant_steps = 20000
+initial = [[0.7, 0.1, 0.0, 0.2], [0.2, 0.6, 0.0, 0.0]]
+integrators = [
+    { integrator = { kind = "strang" }, steps = [25.0, 5.0, 1.0] },
+    { integrator = { kind = "aba-1064" }, steps = [5.0, 2.5] },
+]
+"#;
+
+#[test]
+fn maps_of_several_flow_times_are_set_beside_integrators() {
+    let folder = temporary();
+    let scene = parse("long", LONG_STEPS).expect("a scene");
+    let report = run_in(folder.path(), &scene);
+    let data = render::json(&report);
+    let times = data["studies"]["long_steps"].as_array().expect("flow times");
+    assert_eq!(times.len(), 3);
+    let number = |value: &Value| value.as_f64().expect("a number");
+    for (at, time) in times.iter().zip([5.0, 10.0, 20.0]) {
+        assert_eq!(number(&at["flow_time"]), time);
+        let networks = at["networks"].as_array().expect("networks");
+        assert_eq!(networks.len(), 2);
+        assert!(number(&networks[0]["drift"]) < 1e-13, "{}", networks[0]["drift"]);
+        assert!(networks[1]["drift"].is_null());
+        let rotation = number(&at["rotation_error"]);
+        for network in networks {
+            assert!(number(&network["error"]) < 0.5 * rotation, "{network}");
+            let legs = network["legs"].as_array().expect("legs");
+            assert!(legs.is_empty());
+        }
+        // The steps nearest to those asked for, each number once.
+        let settings = |comparison: &str, name: &str| -> Vec<f64> {
+            let methods = at[comparison]["methods"].as_array().expect("methods").iter();
+            let named = methods.filter(|m| m["name"].as_str().is_some_and(|n| n.starts_with(name)));
+            named.filter_map(|method| method["setting"].as_f64()).collect()
+        };
+        let nearest = |time: f64| match time {
+            5.0 => vec![1.0, 5.0],
+            10.0 => vec![1.0, 2.0, 10.0],
+            _ => vec![1.0, 4.0, 20.0],
+        };
+        assert_eq!(settings("one_step", "Strang"), nearest(time), "{at}");
+        assert_eq!(settings("trajectories", "Strang"), [4.0, 20.0, 100.0]);
+        // The error of a step is the root of 2n times that of a component.
+        let methods = at["one_step"]["methods"].as_array().expect("methods");
+        let step = number(&methods[0]["error"]);
+        let component = number(&networks[0]["error"]).sqrt();
+        assert!((step / (2.0 * component)).ln().abs() < 0.4, "{step} {component}");
+    }
+    // The weights of a flow time start the next, but for that of the scene.
+    let model = |name: &str| load_model(&folder.path().join(name)).expect("a model").model;
+    let first = model("model-normal-form-at-5.json");
+    assert_eq!(first.normal_form().expect("a normal form").shape().flow_time, 5.0);
+    let last = model("model-normal-form-at-20.json");
+    assert_eq!(last.normal_form().expect("a normal form").shape().flow_time, 20.0);
+    let middle = model("model-normal-form.json");
+    let kicks = |model: &Model| model.composition().parameters()[..3].to_vec();
+    let apart = |a: &[f64], b: &[f64]| -> f64 {
+        a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
+    };
+    let (near, far) =
+        (apart(&kicks(&last), &kicks(&middle)), apart(&kicks(&first), &kicks(&middle)));
+    assert!(near < far, "{near} {far}");
+    // What depends on the machine stands apart, in words too.
+    let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    for words in ["| `normal-form` |", "the network is faster by", "- `gyroceptron` "] {
+        assert!(text.contains(words), "{words}");
+    }
+    assert!(!data.to_string().contains("lower"), "quartiles of seconds");
+    let drawn = std::fs::read_to_string(folder.path().join("long-steps.csv")).expect("numbers");
+    assert!(drawn.contains("\"error of a step\",\"normal-form\",2e1,"), "{drawn}");
+    // A run over it leaves none of its files behind.
+    let again = parse("long", &LONG_STEPS.replace("20.0]", "25.0]")).expect("a scene");
+    let open = Folder::open(folder.path(), false, true).expect("a folder");
+    run(&again, &open, &mut Quiet).expect("runs").expect("not interrupted");
+    assert!(!folder.path().join("model-normal-form-at-20.json").exists());
+    assert!(folder.path().join("model-normal-form-at-25.json").exists());
+}
+
+#[test]
+fn flow_times_that_do_not_fit_are_refused() {
+    let with = |from: &str, to: &str, words: &[&str]| {
+        assert!(LONG_STEPS.contains(from), "{from}");
+        refused(&LONG_STEPS.replace(from, to), words);
+    };
+    with("[5.0, 10.0, 20.0]", "[]", &["long_steps", "flow_times"]);
+    with("[5.0, 10.0, 20.0]", "[5.0, 20.0, 10.0]", &["10 after 20", "ascending"]);
+    with("[5.0, 10.0, 20.0]", "[5.0, 30.0]", &["interval", "steps of 30"]);
+    with("duration = 200.0", "duration = 250.0", &["duration", "steps of 100"]);
+    with("steps = [5.0, 2.5]", "steps = [-1.0]", &["integrators.steps", "-1"]);
+    with("[0.2, 0.6, 0.0, 0.0]", "[0.2, 0.6]", &["initial", "4 finite numbers"]);
+    with("points = 50", "points = 0", &["points"]);
+    with("rounds = 3", "rounds = 0", &["rounds"]);
+    with("invariant_steps = 20000", "invariant_steps = 0", &["invariant_steps"]);
+}

@@ -311,6 +311,18 @@ impl Model {
         Self::new(architecture, parameters)
     }
 
+    /// This network with the weights of another one of its shape, whose angles are taken
+    /// `time` times: those of a flow map of another time as a start for this one's.
+    ///
+    /// # Errors
+    /// When it has more or fewer parameters; those of [`Model::new`].
+    pub fn with_weights_of(&self, other: &Self, time: f64) -> Result<Self, Error> {
+        let mut parameters = other.composition().parameters().to_vec();
+        let first = parameters.len() - other.angles().len();
+        parameters[first..].iter_mut().for_each(|angle| *angle *= time);
+        self.with_parameters(parameters)
+    }
+
     /// The gyroceptron, if it is one.
     pub fn gyroceptron(&self) -> Option<&Gyroceptron<f64>> {
         match self {

@@ -31,6 +31,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "oscillators-long",
         "particle-field",
         "error-against-time",
+        "long-steps",
         "trajectories",
         "adiabatic-profiles",
         "near-identity-penalty",

@@ -99,7 +99,7 @@ impl Folder {
         {
             names.extend(earlier.plots.iter().map(|plot| file_of(plot)));
             names.extend(earlier.plots.iter().map(|plot| data_file_of(plot)));
-            for attempt in earlier.setup.attempts() {
+            for attempt in earlier.attempts() {
                 for leg in Leg::all(earlier.setup.training_of(&attempt.spec)) {
                     let suffix = leg.suffix();
                     names.push(format!("checkpoint{suffix}"));
@@ -208,7 +208,7 @@ impl Folder {
         spec: &ModelSpec,
         ending: &str,
     ) -> PathBuf {
-        if scene.setup.attempts().count() == 1 {
+        if scene.attempts().len() == 1 {
             self.file(&format!("{stem}{ending}"))
         } else {
             self.file(&format!("{stem}-{}{ending}", spec.name))

@@ -44,10 +44,28 @@ pub(super) fn learn(
     data: &DataSets,
     attempt: Attempt,
 ) -> Result<Trained, Halt> {
+    let time = context.flow_time()?;
+    learn_at(context, data, attempt, time, None)
+}
+
+/// [`learn`] at another flow time, from the weights of the same network at one more, if it
+/// is given with that time.
+pub(super) fn learn_at(
+    context: &mut Context<'_>,
+    data: &DataSets,
+    attempt: Attempt,
+    time: f64,
+    from: Option<(&Model, f64)>,
+) -> Result<Trained, Halt> {
     let Attempt { spec, network, number } = attempt;
     let (scene, folder) = (context.scene, context.folder);
-    let (system, time) = (context.system()?, context.flow_time()?);
-    let options = scene.setup.training_of(&spec);
+    let system = context.system()?;
+    let mut options = scene.setup.training_of(&spec).clone();
+    if from.is_some() {
+        // The weights are a start, and a ramp is what led to them.
+        (options.starts, options.ramp) = (None, Vec::new());
+    }
+    let options = &options;
     let seed = scene.seed.wrapping_add(number);
     let (action, epsilon) = (system.circle_action(), system.epsilon());
     let Some(architecture) = spec.network.architecture(&action, epsilon, time) else {
@@ -57,7 +75,11 @@ pub(super) fn learn(
     let mut start = |number: u64| {
         // Far from the seeds of the network's other trainings.
         let seed = seed.wrapping_add(number << 32);
-        architecture.initialise(spec.weights, theta, seed)
+        let model = architecture.initialise(spec.weights, theta, seed)?;
+        match from {
+            None => Ok(model),
+            Some((from, earlier)) => model.with_weights_of(from, time / earlier),
+        }
     };
     let mut rungs = Vec::new();
     for rung in &options.ramp {

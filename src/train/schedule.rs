@@ -204,10 +204,8 @@ pub fn train_schedule(
             return Ok(Scheduled { initial, legs, outcome });
         }
         let next = &places[number + 1];
-        let mut parameters = outcome.model.composition().parameters().to_vec();
-        let first = parameters.len() - outcome.model.angles().len();
-        parameters[first..].iter_mut().for_each(|angle| *angle *= next.time / place.time);
-        model = initial.at(next.epsilon, next.time)?.with_parameters(parameters)?;
+        let there = initial.at(next.epsilon, next.time)?;
+        model = there.with_weights_of(&outcome.model, next.time / place.time)?;
         legs.push(LegResult { chosen: true, ..LegResult::of(false, place, &outcome) });
     }
     let run = Run { leg: Leg::Last, place: last, iterations: last.iterations, options };

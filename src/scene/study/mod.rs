@@ -8,6 +8,7 @@ pub mod adiabatic_horizon;
 pub mod adiabatic_profiles;
 pub mod certificate;
 pub mod claims;
+pub mod long_steps;
 mod pairs;
 pub mod random_network;
 pub mod rollout;
@@ -22,7 +23,7 @@ pub(super) use adiabatic_horizon::CHECKPOINT as HORIZON_CHECKPOINT;
 use super::context::{Context, Halt};
 use super::declaration::Scene;
 use super::findings::Findings;
-use super::setup::{Data, ModelSpec, Need, Setup};
+use super::setup::{Attempt, Data, ModelSpec, Need, Setup};
 use crate::error::Error;
 use crate::measure::CertificateOptions;
 use crate::system::System;
@@ -154,6 +155,8 @@ studies! {
     certificate: Certificate(CertificateOptions),
     /// Error against run time, of the networks and of integrators.
     work_precision: WorkPrecision(work_precision::WorkPrecisionOptions),
+    /// Maps of several flow times beside integrators.
+    long_steps: LongSteps(long_steps::LongStepsOptions),
     /// Error against run time of tanh and sech².
     tanh: Tanh(tanh::TanhOptions),
     /// The adiabatic invariant of a random network along its orbit.
@@ -169,6 +172,7 @@ impl AnyStudy {
     pub(super) fn shorten(&mut self) {
         match self {
             Self::AdiabaticHorizon(options) => options.shorten(),
+            Self::LongSteps(options) => options.shorten(),
             Self::WorkPrecision(options) => options.rounds = options.rounds.min(5),
             _ => {}
         }
@@ -176,6 +180,17 @@ impl AnyStudy {
 }
 
 impl Scene {
+    /// All trainings: of the set-up, and of studies that train networks of their own.
+    pub(super) fn attempts(&self) -> Vec<Attempt> {
+        let mut out: Vec<Attempt> = self.setup.attempts().collect();
+        for study in &self.studies {
+            if let AnyStudy::LongSteps(options) = study {
+                out.extend(options.trainings(self));
+            }
+        }
+        out
+    }
+
     /// The studies in the order in which they run: of the pairs and of the training
     /// where the set-up names them, then those that the scene names.
     pub(super) fn all_studies(&self) -> Vec<&dyn Study> {

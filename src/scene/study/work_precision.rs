@@ -180,21 +180,21 @@ impl Study for WorkPrecisionOptions {
 }
 
 /// What is compared with integrators.
-struct Networks<'a> {
-    models: Vec<(&'a str, &'a Model)>,
-    system: &'a System,
-    time: f64,
+pub(super) struct Networks<'a> {
+    pub(super) models: Vec<(&'a str, &'a Model)>,
+    pub(super) system: &'a System,
+    pub(super) time: f64,
 }
 
 /// Some rows of pairs.
-struct Points {
+pub(super) struct Points {
     input: Vec<f64>,
     output: Vec<f64>,
 }
 
 impl Points {
     /// At most `most` rows, evenly spaced.
-    fn evenly(pairs: &Pairs, most: usize) -> Self {
+    pub(super) fn evenly(pairs: &Pairs, most: usize) -> Self {
         let (dim, len) = (2 * pairs.dof(), pairs.len());
         let count = len.min(most);
         let chosen = |rows: &[f64]| {
@@ -206,7 +206,7 @@ impl Points {
 }
 
 /// How a network's trajectories are timed.
-const TOGETHER: &str = "all together";
+pub(super) const TOGETHER: &str = "all together";
 const ALONE: &str = "one alone";
 /// Methods to get Jacobians.
 const DUALS: &str = "duals";
@@ -214,7 +214,7 @@ const BY_HAND: &str = "chain rule by hand";
 const DIFFERENCES: &str = "central differences";
 
 impl WorkPrecisionOptions {
-    fn one_step(
+    pub(super) fn one_step(
         &self,
         networks: &Networks<'_>,
         data: &DataSets,
@@ -261,7 +261,7 @@ impl WorkPrecisionOptions {
         all.compare(self.rounds)
     }
 
-    fn rollout(
+    pub(super) fn rollout(
         &self,
         networks: &Networks<'_>,
         options: &RolloutOptions,
