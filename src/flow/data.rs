@@ -81,12 +81,26 @@ impl<H: Hamiltonian> Kernel for Flow<'_, H> {
     }
 }
 
-/// Pairs (z, P(z)) of a map: two arrays (N, 2n), columns q₁…qₙ, p₁…pₙ.
+/// The map that some pairs are of, in a family of maps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Condition {
+    /// Its ε.
+    pub epsilon: f64,
+    /// Its flow time, in units of that of the network which is trained on it.
+    pub time: f64,
+    /// How many pairs are of it.
+    pub pairs: usize,
+}
+
+/// Pairs (z, P(z)) of a map: two arrays (N, 2n), columns q₁…qₙ, p₁…pₙ. Or of a family
+/// of maps: runs of them are under a [`Condition`] each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pairs {
     dof: usize,
     input: Vec<f64>,
     output: Vec<f64>,
+    /// Of consecutive runs; none where all pairs are of one map.
+    conditions: Vec<Condition>,
 }
 
 impl Pairs {
@@ -105,7 +119,81 @@ impl Pairs {
         let rows = input.len() / dim;
         Error::check_count(&format!("{place}: rows of output"), rows, output.len() / dim)?;
         Error::check_count_range(&format!("{place}: rows of input"), rows, 1, usize::MAX)?;
-        Ok(Self { dof, input, output })
+        Ok(Self { dof, input, output, conditions: Vec::new() })
+    }
+
+    /// These pairs, each under the ε and the flow time of its row; those of a condition
+    /// come after one another, in the order in which the conditions come first.
+    ///
+    /// # Errors
+    /// When there is not one finite number for each pair, or a time is not positive.
+    pub fn under(self, epsilons: &[f64], times: &[f64]) -> Result<Self, Error> {
+        let count = self.len();
+        Error::check_count("values of ε", count, epsilons.len())?;
+        Error::check_count("flow times", count, times.len())?;
+        epsilons.iter().try_for_each(|epsilon| Error::check_finite("epsilon", *epsilon))?;
+        for time in times {
+            Error::check_range("flow_time", *time, Error::LEAST_POSITIVE, f64::MAX)?;
+        }
+        let mut conditions: Vec<Condition> = Vec::new();
+        let mut of_row = Vec::with_capacity(count);
+        for (&epsilon, &time) in epsilons.iter().zip(times) {
+            let same = |c: &Condition| c.epsilon == epsilon && c.time == time;
+            let found = conditions.iter().position(same).unwrap_or_else(|| {
+                conditions.push(Condition { epsilon, time, pairs: 0 });
+                conditions.len() - 1
+            });
+            conditions[found].pairs += 1;
+            of_row.push(found);
+        }
+        let mut rows: Vec<usize> = (0..count).collect();
+        rows.sort_by_key(|row| of_row[*row]);
+        let plain = Self { conditions: Vec::new(), ..self };
+        Ok(Self { conditions, ..plain.rows(rows) })
+    }
+
+    /// The pairs of several sets, one set after another, each under its own ε and flow time.
+    ///
+    /// # Errors
+    /// When there is no set, or they differ in their degrees of freedom; those of
+    /// [`Pairs::under`].
+    pub fn of_family(sets: Vec<(f64, f64, Self)>) -> Result<Self, Error> {
+        let Some((_, _, first)) = sets.first() else {
+            return Err(Error::invalid("pairs", "no set", "at least one"));
+        };
+        let mut all = Self { conditions: Vec::new(), ..first.clone() };
+        let (mut epsilons, mut times) = (Vec::new(), Vec::new());
+        for (number, (epsilon, time, set)) in sets.iter().enumerate() {
+            Error::check_count("degrees of freedom", all.dof, set.dof)?;
+            epsilons.extend(std::iter::repeat_n(*epsilon, set.len()));
+            times.extend(std::iter::repeat_n(*time, set.len()));
+            if number > 0 {
+                all.input.extend_from_slice(&set.input);
+                all.output.extend_from_slice(&set.output);
+            }
+        }
+        all.under(&epsilons, &times)
+    }
+
+    /// What runs of the pairs are of, one run after another; none where all are of
+    /// one map.
+    pub fn conditions(&self) -> &[Condition] {
+        &self.conditions
+    }
+
+    /// Inputs and outputs of each run, with its condition; None where all pairs are of one
+    /// map.
+    pub(crate) fn runs(&self) -> Vec<(Option<Condition>, &[f64], &[f64])> {
+        if self.conditions.is_empty() {
+            return vec![(None, &self.input, &self.output)];
+        }
+        let (mut first, mut out) = (0, Vec::new());
+        for condition in &self.conditions {
+            let numbers = first..first + condition.pairs * 2 * self.dof;
+            first = numbers.end;
+            out.push((Some(*condition), &self.input[numbers.clone()], &self.output[numbers]));
+        }
+        out
     }
 
     /// The time-`time` flow map of `system` at these points, with the largest
@@ -178,15 +266,37 @@ impl Pairs {
         (take(kept_rows), Some(take(held_rows)))
     }
 
-    /// The pairs of these rows.
+    /// The pairs of these rows; those of a condition together, where there are several.
     ///
     /// # Panics
     /// When there is no such row.
     pub fn rows(&self, rows: impl IntoIterator<Item = usize>) -> Self {
+        if self.conditions.is_empty() {
+            return self.plain_rows(rows.into_iter());
+        }
+        let ends: Vec<usize> = self
+            .conditions
+            .iter()
+            .scan(0, |end, condition| {
+                *end += condition.pairs;
+                Some(*end)
+            })
+            .collect();
+        let run = |row: &usize| ends.partition_point(|end| end <= row);
+        let mut rows: Vec<usize> = rows.into_iter().collect();
+        rows.sort_by_key(run);
+        let mut conditions = self.conditions.clone();
+        conditions.iter_mut().for_each(|condition| condition.pairs = 0);
+        rows.iter().for_each(|row| conditions[run(row)].pairs += 1);
+        conditions.retain(|condition| condition.pairs > 0);
+        Self { conditions, ..self.plain_rows(rows.into_iter()) }
+    }
+
+    fn plain_rows(&self, rows: impl Iterator<Item = usize>) -> Self {
         let dim = 2 * self.dof;
-        let rows = rows.into_iter();
         let space = || Vec::with_capacity(rows.size_hint().0 * dim);
-        let mut out = Self { dof: self.dof, input: space(), output: space() };
+        let (input, output) = (space(), space());
+        let mut out = Self { dof: self.dof, input, output, conditions: Vec::new() };
         for row in rows {
             out.input.extend_from_slice(&self.input[row * dim..(row + 1) * dim]);
             out.output.extend_from_slice(&self.output[row * dim..(row + 1) * dim]);
@@ -210,7 +320,10 @@ impl Pairs {
     /// SHA-256 of the numbers, in hexadecimal: what a model's provenance names.
     pub fn digest(&self) -> String {
         let dof = self.dof as f64;
-        digest::of_numbers(std::iter::once(&dof).chain(&self.input).chain(&self.output))
+        let of = |c: &Condition| [c.epsilon, c.time, c.pairs as f64];
+        let conditions: Vec<f64> = self.conditions.iter().flat_map(of).collect();
+        let numbers = std::iter::once(&dof).chain(&self.input).chain(&self.output);
+        digest::of_numbers(numbers.chain(&conditions))
     }
 }
 

@@ -7,6 +7,7 @@
 mod accuracy;
 mod adiabatic;
 mod adjoint;
+mod averaging;
 mod certificate;
 mod circle_axioms;
 mod determinant;
@@ -34,6 +35,7 @@ pub use adiabatic::{
     log_line, log_slope, nearest_resonance, settling_iterations,
 };
 pub use adjoint::{Adjoint, RESOLVED, adjoint_ratio};
+pub use averaging::averaged_invariant;
 pub use certificate::{
     Certificate, CertificateOptions, certify, certify_all, certify_family, certify_map,
     certify_normal_form,

@@ -237,6 +237,14 @@ impl<P: Scalar> Composition<P> {
         Self { epsilon, ..self.clone() }
     }
 
+    /// Where the angles of its circles are among the parameters: what a turn that ε does not
+    /// scale turns by.
+    pub fn angles(&self) -> Range<usize> {
+        let is_turn = |step: &&Step| matches!(step.kind, Kind::Turn { .. });
+        let turn = self.steps.iter().find(is_turn);
+        turn.map_or(0..0, |step| step.parameters.clone())
+    }
+
     /// These steps with other parameters and another ε, which may be of another
     /// number type.
     ///
@@ -258,6 +266,32 @@ impl<P: Scalar> Composition<P> {
             }
         }
         Ok(Composition { dof: self.dof, steps, parameters, epsilon, turns })
+    }
+
+    /// This member of a family of maps at another ε and `time` times its flow time: the
+    /// angles of its circles and the times of its twists grow with it. A map without
+    /// circles is of no family, and stays what it is.
+    ///
+    /// The factors of nested calls multiply, those of ε do not.
+    pub fn at(&self, epsilon: P, time: P) -> Self
+    where
+        P: Real,
+    {
+        let angles = self.angles();
+        if angles.is_empty() {
+            return self.clone();
+        }
+        let mut parameters = self.parameters.clone();
+        for angle in &mut parameters[angles] {
+            *angle = *angle * time;
+        }
+        let mut out = self.with_parameters(parameters, epsilon).expect("as many parameters");
+        for step in &mut out.steps {
+            if let Kind::Twist { factor, .. } = &mut step.kind {
+                *factor *= time.value();
+            }
+        }
+        out
     }
 
     /// The steps, in the order of application.

@@ -1,4 +1,36 @@
 //! The normal-form gyroceptron: a gyroceptron whose actions are exact invariants.
+//!
+//! # Why its ψ_ε is of turned kicks
+//!
+//! A near-identity HénonNet I_ε has ∂I_ε/∂ε = X_{G₁} at ε = 0 with
+//! G₁ = A(x) + B(y), x the positions and y the momenta, however many layers it has.
+//!
+//! *Proof.* A layer is H⁴ with H(x, y) = (y + η, −x + ε∇V(y)). At ε = 0 the four maps send
+//! (x, y) to (y + η, −x), (−x + η, −y − η), (−y, x − η) and (x, y): together they are the
+//! identity, and so is each layer. The derivative in ε at 0 is then the sum of those of the four
+//! kicks, each carried to the start by the maps before it, which are those just listed: the
+//! generators −V(y), −V(−x), −V(−y − η) and −V(x − η), in some order, each of x alone or of
+//! y alone. The derivative of a composition of layers, each the identity at ε = 0, is the
+//! sum of theirs. ∎
+//!
+//! So a generator with ∂²G/∂x∂y ≠ 0, such as x·y or what averaging asks for, is out of reach to first
+//! order: the error of a fit of exp(εX_G) is c·ε with c > 0, as large as the motion itself where ε
+//! is small for the weights. At one ε the second order can make up for it,
+//! ½ε²{A, B} ~ ε with weights ~ε^{−1/2}, but then I_ε is not near the identity in the
+//! sense that its invariant needs, and no weights do so at several ε.
+//!
+//! A turned kick has the generator −V(x cos φ + y sin φ), plane by plane, V being a sum of
+//! w tanh(a·(…) + b): w tanh(α·z + b) with any α in phase space, a_j and φ_j being the polar
+//! coordinates of its part in plane j. Sums of these are dense in C¹ on compact sets
+//! (Hornik, <https://doi.org/10.1016/0893-6080(91)90009-T>, theorem 3), so that the generators of turned
+//! kicks come near any G with its vector field. One evaluation of tanh a neuron is
+//! all they take, where a Hénon layer takes four.
+//!
+//! Measured, one set of weights fitted to exp(εX_G), G = q₁p₁ cos q₂, at
+//! ε = 0.08, 0.04, 0.02 and 0.01 together: 4 Hénon layers of 8 err by 0.44, 0.27, 0.63 and
+//! 0.81 of the motion, 8 of them by 0.22, 0.32, 0.24 and 0.57, and both by all of it below ε = 1e-3;
+//! 12 turned kicks of 8 err by 0.002 at every ε
+//! (`cargo test --release --test generators -- --nocapture`).
 
 use super::HenonShape;
 use super::composition::Composition;

@@ -138,9 +138,12 @@ impl<'a> Context<'a> {
         let declared = self.scene.setup.data.as_ref().ok_or_else(|| self.missing(Need::Data))?;
         let (system, time, seed) = (self.system()?, self.flow_time()?, self.scene.seed);
         let made = self.stage("reference flow of the training and held-out points", |context| {
-            let counted = Counted::new(system);
-            let made = DataSets::of_flow(declared, &counted, time, seed);
-            context.log.vector_fields(counted.vector_fields());
+            let (counted, mut others) = (Counted::new(system), 0);
+            let made = match declared.is_family() {
+                true => DataSets::of_family(declared, &counted, time, seed, &mut others),
+                false => DataSets::of_flow(declared, &counted, time, seed),
+            };
+            context.log.vector_fields(counted.vector_fields() + others);
             made
         })?;
         Ok(Rc::clone(self.data.insert(Rc::new(made))))
@@ -148,7 +151,8 @@ impl<'a> Context<'a> {
 
     /// The pairs of the same points at another ε and flow time.
     pub(super) fn data_at(&mut self, epsilon: f64, time: f64) -> Result<Rc<DataSets>, Halt> {
-        if (epsilon, time) == (self.system()?.epsilon(), self.flow_time()?) {
+        let family = self.scene.setup.data.as_ref().is_some_and(Data::is_family);
+        if !family && (epsilon, time) == (self.system()?.epsilon(), self.flow_time()?) {
             return self.data();
         }
         let same = |made: &&(f64, f64, Rc<DataSets>)| (made.0, made.1) == (epsilon, time);
@@ -254,6 +258,9 @@ impl<'a> Context<'a> {
 pub(super) struct DataSets {
     pub(super) training: Pairs,
     pub(super) held_out: Option<Pairs>,
+    /// The pairs that choose among the models of a training, where they are not those:
+    /// of all maps of a family.
+    validation: Option<Pairs>,
     /// The largest difference of the reference flow between two resolutions.
     pub(super) reference_error: f64,
     /// The held-out mean squared error of the exact limiting rotation alone.
@@ -261,15 +268,10 @@ pub(super) struct DataSets {
 }
 
 impl DataSets {
-    fn of_flow(
-        data: &Data,
-        system: &Counted<'_, System>,
-        time: f64,
-        seed: u64,
-    ) -> Result<Self, Error> {
-        let points = |windows: &[Window], stream| {
-            sample(windows, system.dof(), &mut Stream::new(seed, stream))
-        };
+    /// Training and held-out points.
+    fn points(data: &Data, dof: usize, seed: u64) -> Result<[Vec<f64>; 2], Error> {
+        let points =
+            |windows: &[Window], stream| sample(windows, dof, &mut Stream::new(seed, stream));
         let held_out_windows: Vec<_> = data
             .windows
             .iter()
@@ -278,9 +280,17 @@ impl DataSets {
                 ..window.clone()
             })
             .collect();
-        let held_out_points = points(&held_out_windows, "data/held-out")?;
-        let (training, mut reference_error) =
-            Pairs::of_flow(system, points(&data.windows, "data/training")?, time)?;
+        Ok([points(&data.windows, "data/training")?, points(&held_out_windows, "data/held-out")?])
+    }
+
+    fn of_flow(
+        data: &Data,
+        system: &Counted<'_, System>,
+        time: f64,
+        seed: u64,
+    ) -> Result<Self, Error> {
+        let [training_points, held_out_points] = Self::points(data, system.dof(), seed)?;
+        let (training, mut reference_error) = Pairs::of_flow(system, training_points, time)?;
         let held_out = if held_out_points.is_empty() {
             None
         } else {
@@ -290,7 +300,52 @@ impl DataSets {
         };
         let rotation_error =
             held_out.as_ref().map(|held_out| limiting_flow_error(system, held_out, time));
-        Ok(Self { training, held_out, reference_error, rotation_error })
+        Ok(Self { training, held_out, validation: None, reference_error, rotation_error })
+    }
+
+    /// The pairs of a family of maps: of each ε and flow time a share of the points. What is held
+    /// out to judge by is of one map, as without a family.
+    fn of_family(
+        data: &Data,
+        system: &Counted<'_, System>,
+        time: f64,
+        seed: u64,
+        fields: &mut u64,
+    ) -> Result<Self, Error> {
+        let dim = 2 * system.dof();
+        let [training_points, held_out_points] = Self::points(data, system.dof(), seed)?;
+        let (held_out, mut reference_error) =
+            Pairs::of_flow(system, held_out_points.clone(), time)?;
+        let or = |values: &[f64], own: f64| match values {
+            [] => vec![own],
+            several => several.to_vec(),
+        };
+        let (epsilons, times) = (or(&data.epsilons, system.epsilon()), or(&data.flow_times, time));
+        let maps: Vec<(f64, f64)> =
+            epsilons.iter().flat_map(|&e| times.iter().map(move |&t| (e, t))).collect();
+        let mut family = |points: &[f64]| -> Result<Pairs, Error> {
+            let mut sets = Vec::new();
+            for (number, &(epsilon, flow_time)) in maps.iter().enumerate() {
+                let rows = points.chunks_exact(dim).skip(number).step_by(maps.len());
+                let system = system.inner().clone().with_epsilon(epsilon);
+                let counted = Counted::new(&system);
+                let (set, error) =
+                    Pairs::of_flow(&counted, rows.flatten().copied().collect(), flow_time)?;
+                *fields += counted.vector_fields();
+                reference_error = max_or_nan(reference_error, error);
+                sets.push((epsilon, flow_time / time, set));
+            }
+            Pairs::of_family(sets)
+        };
+        let (training, validation) = (family(&training_points)?, Some(family(&held_out_points)?));
+        let rotation_error = Some(limiting_flow_error(system, &held_out, time));
+        let held_out = Some(held_out);
+        Ok(Self { training, held_out, validation, reference_error, rotation_error })
+    }
+
+    /// The pairs that choose among the models of a training.
+    pub(super) fn validation(&self) -> Option<&Pairs> {
+        self.validation.as_ref().or(self.held_out.as_ref())
     }
 
     /// The root mean square of the components of the outputs.

@@ -93,12 +93,11 @@ pub(super) fn learn_at(
             epsilon: *epsilon,
             time: rung_time / time,
             pairs: &data.training,
-            held_out: data.held_out.as_ref(),
+            held_out: data.validation(),
             iterations: rung.iterations,
         })
         .collect();
-    let (pairs, held_out, iterations) =
-        (&data.training, data.held_out.as_ref(), options.iterations);
+    let (pairs, held_out, iterations) = (&data.training, data.validation(), options.iterations);
     places.push(Place { epsilon, time: 1.0, pairs, held_out, iterations });
     let mut watch = SceneWatch::new(context, &spec, &places, options);
     let result = train_schedule(&mut start, &places, options, &mut watch);

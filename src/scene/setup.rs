@@ -34,6 +34,14 @@ pub struct Data {
     pub windows: Vec<Window>,
     /// Held-out points, as a share of each window's training points.
     pub validation: f64,
+    /// The pairs are of the flow maps for each of these ε, the system's unless given, …
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub epsilons: Vec<f64>,
+    /// … and each of these flow times, the scene's unless given: a network learns all of
+    /// them at once, with ε and the flow time as what it is told. The points of the windows
+    /// are shared out among them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub flow_times: Vec<f64>,
 }
 
 /// A network to train.
@@ -304,6 +312,11 @@ impl Setup {
 }
 
 impl Data {
+    /// Whether the pairs are of several maps.
+    pub(super) fn is_family(&self) -> bool {
+        !(self.epsilons.is_empty() && self.flow_times.is_empty())
+    }
+
     fn check(&self) -> Result<(), Error> {
         if !(0.0..=1.0).contains(&self.validation) {
             let expected = "a share between 0 and 1";
@@ -315,6 +328,20 @@ impl Data {
         }
         if self.windows.iter().all(|w| w.samples == 0) {
             return Err(Error::invalid("data.windows", "none", "at least one sample"));
+        }
+        self.epsilons.iter().try_for_each(|v| Error::check_finite("data.epsilons", *v))?;
+        for time in &self.flow_times {
+            Error::check_range("data.flow_times", *time, Error::LEAST_POSITIVE, f64::MAX)?;
+        }
+        let samples: usize = self.windows.iter().map(|w| w.samples).sum();
+        let maps = self.epsilons.len().max(1).saturating_mul(self.flow_times.len().max(1));
+        if samples < maps {
+            let expected = format!("a sample for each of {maps} maps");
+            return Err(Error::invalid("data.windows.samples", samples, expected));
+        }
+        if self.is_family() && self.validation == 0.0 {
+            let expected = "a share above 0: networks of a family are judged by held-out pairs";
+            return Err(Error::invalid("data.validation", 0, expected));
         }
         Ok(())
     }

@@ -25,6 +25,11 @@ impl<'a, H: Hamiltonian> Counted<'a, H> {
         Self { system, slots }
     }
 
+    /// The system itself.
+    pub fn inner(&self) -> &'a H {
+        self.system
+    }
+
     /// The evaluations of the vector field since [`Counted::new`].
     pub fn vector_fields(&self) -> u64 {
         self.slots.iter().map(|slot| slot.0.load(Ordering::Relaxed)).sum()

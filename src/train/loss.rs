@@ -2,13 +2,14 @@
 
 use super::kernels::{BendGradient, Blocks, Curvature, Gradient, Value};
 use crate::error::Error;
-use crate::flow::Pairs;
+use crate::flow::{Condition, Pairs};
 use crate::network::Composition;
 use crate::scalar::{WIDTH, max_or_nan, on_lanes};
 use crate::work;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
+use std::ops::Range;
 
 /// What is minimised: the mean over the pairs of Σ_c weight_c·(residual_c)².
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -67,6 +68,10 @@ pub(super) struct Term<'a> {
     pub(super) weights: Vec<f64>,
     pub(super) input: &'a [f64],
     pub(super) output: &'a [f64],
+    /// The angles of `map`, among its parameters, and how many times those of the network
+    /// they are.
+    pub(super) angles: Range<usize>,
+    pub(super) time: f64,
 }
 
 impl<'a> Objective<'a> {
@@ -115,15 +120,22 @@ impl<'a> Objective<'a> {
             map.dof(),
             self.pairs.dof()
         );
-        let (input, output) = (self.pairs.input(), self.pairs.output());
-        let map_on_pairs =
-            Term { map: Cow::Borrowed(map), weights: self.weights.clone(), input, output };
-        let mut terms = vec![map_on_pairs];
-        if self.penalty > 0.0 {
-            let dim = self.weights.len();
-            let weights = vec![self.penalty / dim as f64; dim];
-            let map = Cow::Owned(map.near_identity_part());
-            terms.push(Term { map, weights, input, output: input });
+        let angles = map.angles();
+        let mut terms = Vec::new();
+        for (condition, input, output) in self.pairs.runs() {
+            let (map, time) = match condition {
+                None => (Cow::Borrowed(map), 1.0),
+                Some(Condition { epsilon, time, .. }) => (Cow::Owned(map.at(epsilon, time)), time),
+            };
+            let (weights, angles) = (self.weights.clone(), angles.clone());
+            let near_identity = (self.penalty > 0.0).then(|| map.near_identity_part());
+            terms.push(Term { map, weights, input, output, angles: angles.clone(), time });
+            if let Some(map) = near_identity {
+                let dim = self.weights.len();
+                let weights = vec![self.penalty / dim as f64; dim];
+                let (map, output) = (Cow::Owned(map), input);
+                terms.push(Term { map, weights, input, output, angles, time });
+            }
         }
         terms
     }
@@ -152,9 +164,7 @@ impl<'a> Objective<'a> {
             let kind = work::Kind::Gradient;
             for (value, part) in term.block_results(kind, |b| on_lanes::<WIDTH, _>(Gradient(b))) {
                 total += value;
-                for (g, p) in gradient.iter_mut().zip(part) {
-                    *g += p;
-                }
+                term.add(part, term.time, gradient);
             }
         }
         let count = self.pairs.len() as f64;
@@ -181,9 +191,7 @@ impl<'a> Objective<'a> {
                 on_lanes::<WIDTH, _>(BendGradient { blocks, beside })
             });
             for part in parts {
-                for (g, p) in gradient.iter_mut().zip(part) {
-                    *g += p;
-                }
+                term.add(part, term.time, &mut gradient);
             }
         }
         for g in &mut gradient {
@@ -200,9 +208,7 @@ impl<'a> Objective<'a> {
         for term in self.terms(map) {
             let kind = work::Kind::Curvature;
             for part in term.block_results(kind, |b| on_lanes::<WIDTH, _>(Curvature(b))) {
-                for (d, p) in diagonal.iter_mut().zip(part) {
-                    *d += p;
-                }
+                term.add(part, term.time * term.time, &mut diagonal);
             }
         }
         for d in &mut diagonal {
@@ -213,6 +219,17 @@ impl<'a> Objective<'a> {
 }
 
 impl Term<'_> {
+    /// `sums` += what a kernel found for the parameters of the term's map, whose angles are
+    /// those of the network times a factor.
+    fn add(&self, mut part: Vec<f64>, factor: f64, sums: &mut [f64]) {
+        for angle in &mut part[self.angles.clone()] {
+            *angle *= factor;
+        }
+        for (sum, more) in sums.iter_mut().zip(part) {
+            *sum += more;
+        }
+    }
+
     /// The kernels give a result for each block. A task is several blocks, if there
     /// are enough for all threads: working space is made once for a task.
     fn block_results<T: Send>(

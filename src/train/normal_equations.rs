@@ -144,6 +144,12 @@ impl Term<'_> {
                     rows.resize((height + GAP) * columns, 0.0);
                     let blocks = Blocks { map: &self.map, weights: &self.weights, input, output };
                     on_lanes::<WIDTH, _>(Rows { blocks, rows });
+                    if self.time != 1.0 {
+                        for angle in self.angles.clone() {
+                            let column = &mut rows[angle * (height + GAP)..][..*height];
+                            column.iter_mut().for_each(|entry| *entry *= self.time);
+                        }
+                    }
                 });
             tiles.par_iter_mut().with_max_len(1).for_each(|tile| {
                 for (rows, &height) in held.iter().zip(&heights) {

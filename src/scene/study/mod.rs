@@ -8,6 +8,7 @@ pub mod adiabatic_horizon;
 pub mod adiabatic_profiles;
 pub mod certificate;
 pub mod claims;
+pub mod family;
 pub mod long_steps;
 mod pairs;
 pub mod random_network;
@@ -155,6 +156,8 @@ studies! {
     certificate: Certificate(CertificateOptions),
     /// Error against run time, of the networks and of integrators.
     work_precision: WorkPrecision(work_precision::WorkPrecisionOptions),
+    /// Networks at ε and flow times they have seen and have not.
+    family: Family(family::FamilyOptions),
     /// Maps of several flow times beside integrators.
     long_steps: LongSteps(long_steps::LongStepsOptions),
     /// Error against run time of tanh and sech².

@@ -1,0 +1,365 @@
+//! A family of maps: networks at ε and flow times they have seen and have not, and
+//! what their invariants are worth along the reference at each ε.
+
+use super::Study;
+use crate::error::Error;
+use crate::flow::Trajectories;
+use crate::measure::{
+    averaged_invariant, drifts, log_slope, root_mean_square, root_mean_square_distance,
+};
+use crate::network::{Model, Rollout, map_points};
+use crate::phase::Direction;
+use crate::scene::bibliography::GAUSS_LEGENDRE;
+use crate::scene::context::{Context, Halt};
+use crate::scene::declaration::Scene;
+use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
+use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::learning::Trained;
+use crate::scene::setup::{MOST, Need, check_points};
+use crate::system::{Hamiltonian, System};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::rc::Rc;
+
+const FIGURE: &str = "family";
+
+/// Networks at several ε and flow times.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FamilyOptions {
+    /// The values of ε at which they are judged.
+    pub epsilons: Vec<f64>,
+    /// The flow times.
+    pub flow_times: Vec<f64>,
+    /// Invariants are followed along trajectories of the reference of this length over ε: for
+    /// as long in the slow time, …
+    pub slow_time: f64,
+    /// … at so many times, …
+    pub states: usize,
+    /// … from these points.
+    pub initial: Vec<Vec<f64>>,
+}
+
+impl Study for FamilyOptions {
+    fn name(&self) -> &'static str {
+        "family"
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::System, Need::FlowTime, Need::Data, Need::Models]
+    }
+
+    fn check(&self, scene: &Scene) -> Result<(), Error> {
+        Error::check_count_range("epsilons", self.epsilons.len(), 1, MOST)?;
+        Error::check_count_range("flow_times", self.flow_times.len(), 1, MOST)?;
+        Error::check_count_range("states", self.states, 2, MOST)?;
+        Error::check_range("slow_time", self.slow_time, Error::LEAST_POSITIVE, f64::MAX)?;
+        for (name, values) in [("epsilons", &self.epsilons), ("flow_times", &self.flow_times)] {
+            for value in values {
+                Error::check_range(name, *value, Error::LEAST_POSITIVE, f64::MAX)?;
+            }
+        }
+        match &scene.setup.system {
+            Some(system) => check_points("initial", &self.initial, system.dof()),
+            None => Ok(()),
+        }
+    }
+
+    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+        vec![FIGURE]
+    }
+
+    fn cites(&self, _: &Scene) -> Vec<&'static str> {
+        vec![GAUSS_LEGENDRE]
+    }
+
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+        let (models, time) = (context.models()?, context.flow_time()?);
+        let mut cases = Vec::new();
+        for &epsilon in &self.epsilons {
+            for &flow_time in &self.flow_times {
+                cases.push(self.case(context, &models, epsilon, flow_time, time)?);
+            }
+        }
+        let mut invariants = Vec::new();
+        for &epsilon in &self.epsilons {
+            invariants.push(self.invariants(context, &models, epsilon)?);
+        }
+        let names: Vec<String> = models.iter().map(|one| one.spec.name.clone()).collect();
+        let found = Results { names, cases, invariants };
+        let text = format!(
+            "Errors are on points that no training has seen; a map is marked as seen where pairs \
+             of its ε and flow time were among those of the training. The frequency is that of the fast \
+             angle (of the first plane that turns) over the roll-outs of the network, against the \
+             reference. Invariants are followed over {} points of each of {} trajectories of \
+             the reference, of time {}/ε; a change is the root mean square over the trajectories \
+             of the largest |μ − μ(0)|. μ₀ + εμ₁ is the average to first order, by quadrature.",
+            self.states,
+            self.initial.len(),
+            self.slow_time
+        );
+        let figures = match context.draws(FIGURE) {
+            true => vec![found.figure()],
+            false => Vec::new(),
+        };
+        Ok(Findings {
+            title: "A family of maps".into(),
+            results: Section {
+                summary: vec![
+                    Block::Table(found.errors()),
+                    Block::Table(found.changes()),
+                    Block::Text(found.words()),
+                ],
+                details: vec![Block::Text(text)],
+                data: json!({ "maps": found.cases, "invariants": found.invariants }),
+            },
+            figures,
+            ..Findings::default()
+        })
+    }
+}
+
+/// All networks on one of the maps.
+#[derive(Serialize)]
+struct Case {
+    epsilon: f64,
+    flow_time: f64,
+    seen: bool,
+    rotation_error: Option<f64>,
+    /// The mean squared error of each network.
+    errors: Vec<Option<f64>>,
+    /// The error of its frequency of the fast plane, in radians for unit time.
+    frequency_errors: Vec<Option<f64>>,
+}
+
+/// What invariants do along the reference at one ε.
+#[derive(Serialize)]
+struct Invariants {
+    epsilon: f64,
+    leading: f64,
+    averaged: f64,
+    /// Of each network; None where it owns none.
+    learnt: Vec<Option<f64>>,
+}
+
+impl FamilyOptions {
+    fn case(
+        &self,
+        context: &mut Context<'_>,
+        models: &[Rc<Trained>],
+        epsilon: f64,
+        flow_time: f64,
+        own_time: f64,
+    ) -> Result<Case, Halt> {
+        let data = context.data_at(epsilon, flow_time)?;
+        let (own, declared) = (context.system()?, &context.scene.setup.data);
+        let is_seen = |among: &[f64], value: f64, own: f64| match among {
+            [] => value == own,
+            several => several.contains(&value),
+        };
+        let seen = declared.as_ref().is_some_and(|data| {
+            is_seen(&data.epsilons, epsilon, own.epsilon())
+                && is_seen(&data.flow_times, flow_time, own_time)
+        });
+        let system = own.clone().with_epsilon(epsilon);
+        // As many steps as the slow time asks for, and one at least.
+        let steps = (self.slow_time / (epsilon * flow_time)).round().max(1.0) as usize;
+        let interval = steps as f64 * flow_time;
+        let reference = context.reference(&system, &self.initial, interval, 2)?;
+        let judge = data.to_judge_by();
+        let (mut errors, mut frequency_errors) = (Vec::new(), Vec::new());
+        for trained in models {
+            // A network that leaves the finite numbers there has no error.
+            let Ok(model) = trained.model().at(epsilon, flow_time / own_time) else {
+                errors.push(None);
+                frequency_errors.push(None);
+                continue;
+            };
+            let mut moved = judge.input().to_vec();
+            map_points(model.composition(), Direction::Forward, &mut moved)?;
+            let dim = 2 * judge.dof();
+            let distance = root_mean_square_distance(&moved, judge.output(), dim);
+            errors.push(finite(distance * distance / dim as f64));
+            let request = Rollout { steps, every: steps };
+            let states = model.rollout(&self.initial.concat(), request)?;
+            let ends = &states[self.initial.concat().len()..];
+            let phases = phase_errors(&system, ends, reference.trajectories.values());
+            frequency_errors.push(finite(root_mean_square(&phases) / interval));
+        }
+        let rotation_error = data.rotation_error;
+        Ok(Case { epsilon, flow_time, seen, rotation_error, errors, frequency_errors })
+    }
+
+    fn invariants(
+        &self,
+        context: &mut Context<'_>,
+        models: &[Rc<Trained>],
+        epsilon: f64,
+    ) -> Result<Invariants, Halt> {
+        let system = context.system()?.clone().with_epsilon(epsilon);
+        let interval = self.slow_time / epsilon / (self.states - 1) as f64;
+        let reference = context.reference(&system, &self.initial, interval, self.states)?;
+        let along = &reference.trajectories;
+        context.stage("invariants along the reference", |_| {
+            let leading = change(along, |z| system.adiabatic_invariant(z));
+            let averaged = change(along, |z| averaged_invariant(&system, z));
+            let learnt = models.iter().map(|one| learnt_change(one.model(), epsilon, along));
+            Ok(Invariants { epsilon, leading, averaged, learnt: learnt.collect() })
+        })
+    }
+}
+
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
+/// The root mean square over trajectories of the largest change of a quantity.
+fn change(along: &Trajectories, quantity: impl Fn(&[f64]) -> f64) -> f64 {
+    let changes: Vec<f64> = drifts(along, quantity).iter().map(|drift| drift.largest).collect();
+    root_mean_square(&changes)
+}
+
+fn learnt_change(model: &Model, epsilon: f64, along: &Trajectories) -> Option<f64> {
+    let model = model.at(epsilon, 1.0).ok()?;
+    model.invariant(&[])?;
+    let own = |z: &[f64]| model.invariant(z).map_or(f64::NAN, |values| values[0]);
+    finite(change(along, own))
+}
+
+/// The angles, in the first plane that the system's circle action turns, between the last
+/// states and those of the reference (initial and last), between −π and π.
+fn phase_errors(system: &System, ends: &[f64], reference: &[f64]) -> Vec<f64> {
+    let action = system.circle_action();
+    let plane = action.weights().iter().position(|m| *m != 0).unwrap_or(0);
+    let (dof, dim) = (system.dof(), 2 * system.dof());
+    let angle = |z: &[f64]| libm::atan2(z[plane], z[dof + plane]);
+    let expected = &reference[reference.len() - ends.len()..];
+    ends.chunks_exact(dim)
+        .zip(expected.chunks_exact(dim))
+        .map(|(a, b)| libm::remainder(angle(a) - angle(b), std::f64::consts::TAU))
+        .collect()
+}
+
+struct Results {
+    names: Vec<String>,
+    cases: Vec<Case>,
+    invariants: Vec<Invariants>,
+}
+
+impl Results {
+    fn errors(&self) -> Table {
+        let mut columns = vec![
+            ("ε".to_owned(), Format::Setting),
+            ("flow time".to_owned(), Format::Exact),
+            ("seen".to_owned(), Format::Exact),
+            ("rotation alone".to_owned(), Format::Exponent(2)),
+        ];
+        for name in &self.names {
+            columns.push((format!("`{name}`: MSE"), Format::Exponent(2)));
+            columns.push((format!("`{name}`: error of the frequency"), Format::Exponent(1)));
+        }
+        let mut table = Table::new(columns);
+        for case in &self.cases {
+            let mut row = vec![
+                case.epsilon.into(),
+                case.flow_time.into(),
+                if case.seen { "yes" } else { "no" }.into(),
+                case.rotation_error.into(),
+            ];
+            for (error, frequency) in case.errors.iter().zip(&case.frequency_errors) {
+                row.extend([(*error).into(), (*frequency).into()]);
+            }
+            table.push(row);
+        }
+        table
+    }
+
+    fn changes(&self) -> Table {
+        let mut columns = vec![
+            ("ε".to_owned(), Format::Setting),
+            ("change of μ₀".to_owned(), Format::Exponent(2)),
+            ("of μ₀ + εμ₁".to_owned(), Format::Exponent(2)),
+        ];
+        for name in &self.names {
+            columns.push((format!("of the invariant of `{name}`"), Format::Exponent(2)));
+            columns.push(("less than μ₀ by".into(), Format::Factor));
+        }
+        let mut table = Table::new(columns);
+        for at in &self.invariants {
+            let mut row = vec![at.epsilon.into(), at.leading.into(), at.averaged.into()];
+            for learnt in &at.learnt {
+                let gain = learnt.map(|learnt| at.leading / learnt);
+                row.extend([(*learnt).into(), gain.into()]);
+            }
+            table.push(row);
+        }
+        table
+    }
+
+    /// The order in ε of a change; None where it has no values at two ε.
+    fn order(&self, of: impl Fn(&Invariants) -> Option<f64>) -> Option<f64> {
+        let known = self.invariants.iter().filter_map(|at| Some((at.epsilon, of(at)?)));
+        let (epsilons, changes): (Vec<f64>, Vec<f64>) = known.unzip();
+        (epsilons.len() > 1).then(|| log_slope(&epsilons, &changes))
+    }
+
+    fn words(&self) -> String {
+        let order = |order: Option<f64>| order.map_or("none".into(), |order| format!("{order:.2}"));
+        let mut out = format!(
+            "Orders in ε of the changes along the reference: μ₀ {}, μ₀ + εμ₁ {}",
+            order(self.order(|at| Some(at.leading))),
+            order(self.order(|at| Some(at.averaged))),
+        );
+        for (number, name) in self.names.iter().enumerate() {
+            if let Some(found) = self.order(|at| at.learnt[number]) {
+                out.push_str(&format!(", the invariant of `{name}` {found:.2}"));
+            }
+        }
+        out + "."
+    }
+
+    fn figure(&self) -> Figure {
+        let mut times: Vec<f64> = self.cases.iter().map(|case| case.flow_time).collect();
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        let mut errors = Vec::new();
+        for (number, name) in self.names.iter().enumerate() {
+            for (shade, time) in times.iter().enumerate() {
+                let at = self.cases.iter().filter(|case| case.flow_time == *time);
+                let points = at.filter_map(|case| Some((case.epsilon, case.errors[number]?)));
+                let style = if shade == 0 { Style::Marked } else { Style::Line };
+                let (name, points) = (format!("{name}, time {time}"), points.collect());
+                errors.push(Series { name, color: number * times.len() + shade, style, points });
+            }
+        }
+        let series = |name: &str, color, style, of: &dyn Fn(&Invariants) -> Option<f64>| {
+            let points = self.invariants.iter().filter_map(|at| Some((at.epsilon, of(at)?)));
+            Series { name: name.into(), color, style, points: points.collect() }
+        };
+        let mut changes = vec![
+            series("μ₀", self.names.len(), Style::Marked, &|at| Some(at.leading)),
+            series("μ₀ + εμ₁", self.names.len() + 1, Style::Marked, &|at| Some(at.averaged)),
+        ];
+        for (number, name) in self.names.iter().enumerate() {
+            changes.push(series(name, number, Style::Marked, &|at| at.learnt[number]));
+        }
+        let panel = |title: &str, y_label: &str, series| Panel {
+            title: title.into(),
+            x_label: "ε".into(),
+            y_label: y_label.into(),
+            x: Axis::Log,
+            y: Axis::Log,
+            series,
+            ..Panel::default()
+        };
+        Figure::in_a_row(
+            FIGURE,
+            "Left: the mean squared error of each network at every ε and flow time. Right: how much \
+             invariants change along the reference, over the same slow time at each ε.",
+            vec![
+                panel("error of a step", "mean squared error", errors),
+                panel("along the reference", "change of the invariant", changes),
+            ],
+        )
+    }
+}

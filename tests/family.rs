@@ -1,0 +1,285 @@
+//! Pairs of a family of maps, the loss of a network on them, and invariants by averaging.
+
+use gyroceptron::flow::{Pairs, ReferenceTrajectories, Window, sample};
+use gyroceptron::layer::{CircleAction, TorusAction};
+use gyroceptron::measure::{averaged_invariant, drifts};
+use gyroceptron::network::{
+    Architecture, GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape,
+};
+use gyroceptron::phase::Map;
+use gyroceptron::random::Stream;
+use gyroceptron::system::{Hamiltonian, Oscillators, ParticleField};
+use gyroceptron::train::{
+    AdamOptions, Control, LbfgsOptions, LevenbergMarquardtOptions, Loss, Objective, Optimiser,
+    TrainingOptions, train,
+};
+
+const TIME: f64 = 4.0;
+
+fn set(count: usize, time: f64, epsilon: f64, seed: u64) -> Pairs {
+    let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: count };
+    let points = sample(&[window], 2, &mut Stream::new(seed, "data")).expect("a valid window");
+    Pairs::of_flow(&Oscillators { epsilon }, points, time).expect("converges").0
+}
+
+/// Sets of different sizes, so that none can be taken for another.
+fn sets() -> Vec<(f64, f64, Pairs)> {
+    [(0.05, 1.0, 30), (0.02, 1.0, 17), (0.05, 2.5, 40)]
+        .into_iter()
+        .enumerate()
+        .map(|(seed, (epsilon, time, count))| {
+            (epsilon, time, set(count, TIME * time, epsilon, seed as u64))
+        })
+        .collect()
+}
+
+fn models() -> Vec<Model> {
+    let circles = [CircleAction::new([1, 0]), CircleAction::new([0, 1])];
+    let normal_form = |action: TorusAction| Architecture::NormalForm {
+        shape: NormalFormShape {
+            action,
+            psi: vec![2],
+            kicks: vec![3, 2],
+            twists: 3,
+            twist_width: 3,
+            flow_time: TIME,
+        },
+        epsilon: 0.05,
+    };
+    let gyroceptron = Architecture::Gyroceptron {
+        shape: GyroceptronShape {
+            circle_action: CircleAction::new([1, 0]),
+            psi: vec![3; 2],
+            near_identity: vec![3; 2],
+        },
+        epsilon: 0.05,
+    };
+    let all = [
+        normal_form(CircleAction::new([1, 0]).into()),
+        normal_form(TorusAction::new(circles).expect("two circles")),
+        gyroceptron,
+    ];
+    let weights = InitialWeights::Normal { scale: 0.4 };
+    all.iter().map(|a| a.initialise(weights, TIME, 3).expect("valid")).collect()
+}
+
+/// The mean over all pairs of the squared error of the map of their condition, in plain
+/// loops.
+fn by_definition(model: &Model) -> f64 {
+    let (mut total, mut count) = (0.0, 0);
+    for (epsilon, time, set) in sets() {
+        let model = model.at(epsilon, time).expect("finite");
+        for (z, target) in set.input().chunks_exact(4).zip(set.output().chunks_exact(4)) {
+            let mut w = z.to_vec();
+            model.forward(&mut w);
+            total += w.iter().zip(target).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+            count += 4;
+        }
+    }
+    total / f64::from(count)
+}
+
+fn objective(pairs: &Pairs) -> Objective<'_> {
+    Objective::new(&Loss::MeanSquaredError, pairs).expect("valid")
+}
+
+fn close(a: f64, b: f64, tolerance: f64, what: &str) {
+    assert!((a - b).abs() <= tolerance * a.abs().max(b.abs()).max(1e-3), "{what}: {a:e} {b:e}");
+}
+
+#[test]
+fn the_loss_of_a_family_is_its_definition() {
+    let pairs = Pairs::of_family(sets()).expect("sets");
+    assert_eq!((pairs.len(), pairs.conditions().len()), (87, 3));
+    for model in models() {
+        let loss = objective(&pairs).value(model.composition());
+        close(loss, by_definition(&model), 1e-12, "loss");
+    }
+}
+
+/// Against central differences of the definition: angles count as often as their map's
+/// flow time has the network's.
+#[test]
+fn gradient_and_curvature_of_a_family_are_those_of_differences() {
+    let pairs = Pairs::of_family(sets()).expect("sets");
+    for model in models() {
+        let weights = model.composition().parameters().to_vec();
+        let mut gradient = vec![0.0; weights.len()];
+        objective(&pairs).value_and_gradient(model.composition(), &mut gradient);
+        let equations = objective(&pairs).normal_equations(model.composition());
+        let diagonal = objective(&pairs).curvature_diagonal(model.composition());
+        let h = 1e-5;
+        for index in 0..weights.len() {
+            let at = |by: f64| {
+                let mut weights = weights.clone();
+                weights[index] += by;
+                by_definition(&model.with_parameters(weights).expect("finite"))
+            };
+            let slope = (at(h) - at(-h)) / (2.0 * h);
+            close(gradient[index], slope, 1e-6, &format!("gradient {index}"));
+            close(equations.gradient[index], gradient[index], 1e-11, "both gradients");
+            let entry = equations.matrix[(index, index)];
+            close(entry, diagonal[index], 1e-11, &format!("diagonal {index}"));
+        }
+        // Entries of the matrix: 2/N Σ ∂r_i ∂r_j by differences of the maps.
+        let last = weights.len() - 1;
+        for (row, column) in [(last, last), (last, 0), (last, last / 2), (3, 1)] {
+            let (mut sum, mut count) = (0.0, 0);
+            for (epsilon, time, set) in sets() {
+                let moved = |index: usize, by: f64, z: &[f64]| {
+                    let mut weights = weights.clone();
+                    weights[index] += by;
+                    let model = model.with_parameters(weights).expect("finite");
+                    let mut w = z.to_vec();
+                    model.at(epsilon, time).expect("finite").forward(&mut w);
+                    w
+                };
+                for z in set.input().chunks_exact(4) {
+                    let slope = |index| -> Vec<f64> {
+                        let (a, b) = (moved(index, h, z), moved(index, -h, z));
+                        a.iter().zip(b).map(|(a, b)| (a - b) / (2.0 * h)).collect()
+                    };
+                    let (a, b) = (slope(row), slope(column));
+                    sum += a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+                    count += 4;
+                }
+            }
+            let expected = 2.0 * sum / f64::from(count);
+            close(equations.matrix[(row, column)], expected, 1e-6, &format!("{row}, {column}"));
+        }
+    }
+}
+
+/// A HénonNet has no ε and no flow time to be told.
+#[test]
+fn a_map_without_circles_is_of_no_family() {
+    let shape = HenonShape { dof: 2, widths: vec![3, 2] };
+    let net = Architecture::HenonNet { shape, epsilon: 1.0 };
+    let net = net.initialise(InitialWeights::Glorot, 0.0, 1).expect("valid");
+    let family = Pairs::of_family(sets()).expect("sets");
+    let (input, output) = (family.input().to_vec(), family.output().to_vec());
+    let plain = Pairs::new("all", 2, input, output).expect("pairs");
+    let (a, b) = (objective(&family), objective(&plain));
+    close(a.value(net.composition()), b.value(net.composition()), 1e-13, "loss");
+    assert_ne!(family.digest(), plain.digest());
+}
+
+/// Whatever is chosen of the pairs is under the condition that it was under.
+#[test]
+fn rows_keep_their_conditions() {
+    let pairs = Pairs::of_family(sets()).expect("sets");
+    let of = |pairs: &Pairs| -> Vec<(Vec<u64>, u64, u64)> {
+        let mut out = Vec::new();
+        let mut rows = pairs.input().chunks_exact(4);
+        for condition in pairs.conditions() {
+            for z in rows.by_ref().take(condition.pairs) {
+                let z = z.iter().map(|v| v.to_bits()).collect();
+                out.push((z, condition.epsilon.to_bits(), condition.time.to_bits()));
+            }
+        }
+        assert!(rows.next().is_none());
+        out.sort();
+        out
+    };
+    let all = of(&pairs);
+    assert_eq!(all.len(), 87);
+    let part = pairs.thinned(20);
+    assert_eq!((part.len(), of(&part).len()), (20, 20));
+    assert!(of(&part).iter().all(|row| all.contains(row)));
+    let mixed = pairs.rows([80, 3, 40, 50, 2, 31]);
+    assert!(of(&mixed).iter().all(|row| all.contains(row)));
+    assert_eq!(mixed.conditions().len(), 3);
+    assert_eq!(pairs.rows([1, 2]).conditions().len(), 1);
+    let (rest, held_out) = pairs.clone().split(0.3, &mut Stream::new(1, "split"));
+    let mut both = of(&rest);
+    both.extend(of(&held_out.expect("a third")));
+    both.sort();
+    assert_eq!(both, all);
+    // In any order of rows: by ε and time of each.
+    let (epsilons, times): (Vec<f64>, Vec<f64>) =
+        (0..set(6, TIME, 0.05, 9).len()).map(|k| ([0.1, 0.2][k % 2], 1.0)).unzip();
+    let plain = set(6, TIME, 0.05, 9);
+    let under = plain.clone().under(&epsilons, &times).expect("as many");
+    assert_eq!(&under.input()[4..8], &plain.input()[8..12]);
+    assert_eq!(&under.output()[12..16], &plain.output()[4..8]);
+    assert!(plain.clone().under(&epsilons[1..], &times).is_err());
+    assert!(plain.clone().under(&epsilons, &[0.0; 6]).is_err());
+    assert!(plain.under(&[f64::NAN; 6], &times).is_err());
+    assert!(Pairs::of_family(Vec::new()).is_err());
+}
+
+/// One set of weights for all maps of a family, and for one that was not among them.
+#[test]
+fn a_normal_form_learns_a_family() {
+    let optimisers = [
+        (Optimiser::LevenbergMarquardt(LevenbergMarquardtOptions::default()), 150, 5e-3),
+        (Optimiser::Lbfgs(LbfgsOptions::default()), 60, 0.2),
+        (Optimiser::Adam(AdamOptions { rate: 0.01, batch: 32, ..Default::default() }), 20, 0.5),
+    ];
+    let family = |seed: u64| {
+        let sets = [(0.06, 1.0), (0.03, 1.0), (0.06, 0.5)];
+        let sets = sets.map(|(e, t)| (e, t, set(150, TIME * t, e, seed)));
+        Pairs::of_family(sets.to_vec()).expect("sets")
+    };
+    let shape = NormalFormShape {
+        action: CircleAction::new([1, 0]).into(),
+        psi: vec![],
+        kicks: vec![4; 4],
+        twists: 6,
+        twist_width: 4,
+        flow_time: TIME,
+    };
+    let architecture = Architecture::NormalForm { shape, epsilon: 0.05 };
+    let weights = InitialWeights::Normal { scale: 0.15 };
+    let model = architecture.initialise(weights, TIME, 3).expect("valid");
+    for (optimiser, iterations, share) in optimisers {
+        let options = TrainingOptions { optimiser, iterations, ..TrainingOptions::default() };
+        let (pairs, held_out) = (family(1), family(2));
+        let quiet = &mut |_: gyroceptron::train::Progress<'_>| Ok(Control::Continue);
+        let outcome =
+            train(&model, &pairs, Some(&held_out), &options, None, quiet).expect("trains");
+        let first = outcome.history[0].validation.expect("held out");
+        let best = outcome.best.validation.expect("held out");
+        assert!(best < share * first, "{:?}: {best:e} of {first:e}", options.optimiser);
+        if share < 0.01 {
+            let unseen = set(100, TIME * 0.75, 0.045, 5);
+            let there = outcome.model.at(0.045, 0.75).expect("finite");
+            let error = objective(&unseen).value(there.composition());
+            assert!(error < 4.0 * best, "{error:e} {best:e}");
+            let wrong = objective(&unseen).value(outcome.model.composition());
+            assert!(wrong > 100.0 * best, "{wrong:e}");
+        }
+    }
+}
+
+/// To first order in ε μ₀ changes, to second what averaging makes of it.
+#[test]
+fn averaging_gains_an_order() {
+    fn change<H: Hamiltonian + Sync>(system: &H, z: &[f64], averaged: bool) -> f64 {
+        let time = 2.0 / system.epsilon();
+        let states = 200;
+        let along = ReferenceTrajectories::of_flow(system, z, time / 199.0, states)
+            .expect("converges")
+            .trajectories;
+        let of = |z: &[f64]| match averaged {
+            true => averaged_invariant(system, z),
+            false => system.adiabatic_invariant(z),
+        };
+        drifts(&along, of)[0].largest
+    }
+    let slope = |values: [f64; 2]| (values[0] / values[1]).log2();
+    let oscillators = |averaged| {
+        [0.02, 0.01].map(|e| change(&Oscillators { epsilon: e }, &[0.9, 0.5, 0.0, 0.1], averaged))
+    };
+    let particle = |averaged| {
+        let z = [-1.0, 0.3, 0.2, 0.8, 0.3, 0.5];
+        [0.02, 0.01].map(|e| change(&ParticleField::two_modes(e), &z, averaged))
+    };
+    for (leading, averaged) in
+        [(oscillators(false), oscillators(true)), (particle(false), particle(true))]
+    {
+        assert!((slope(leading) - 1.0).abs() < 0.15, "{leading:?}");
+        assert!((slope(averaged) - 2.0).abs() < 0.25, "{averaged:?}");
+        assert!(averaged[1] < 0.1 * leading[1], "{averaged:?} {leading:?}");
+    }
+}
