@@ -508,3 +508,38 @@ fn a_normal_form_comes_back() {
     }
     names(model.with_angles(&[1.0]), &["angles", "2", "1"]);
 }
+
+#[test]
+fn pairs_of_a_family_come_back() {
+    let folder = folder();
+    let path = folder.path().join("pairs.npz");
+    let set = |base: f64, count: usize| {
+        let values: Vec<f64> = (0..2 * count).map(|k| base + k as f64).collect();
+        Pairs::new("set", 1, values.clone(), values).expect("pairs")
+    };
+    let family = vec![(0.1, 5.0, set(0.0, 2)), (0.1, 7.0, set(10.0, 1)), (0.2, 5.0, set(20.0, 3))];
+    let family = Pairs::of_family(family).expect("sets");
+    write_pairs(&path, &family).expect("written");
+    let file = read_pairs(&path).expect("read");
+    assert_eq!(file.pairs, family);
+    assert!(file.has_epsilons && file.has_times);
+    // Rows in any order, and one of the two arrays.
+    let column =
+        |values: &[f64]| npy("<f8", false, &format!("({},)", values.len()), &doubles(values));
+    let rows = npy("<f8", false, "(3, 2)", &doubles(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
+    let of = |more: &[(&str, Vec<u8>)]| {
+        let mut entries = vec![("input", rows.clone()), ("output", rows.clone())];
+        entries.extend_from_slice(more);
+        npz(&path, &entries);
+        read_pairs(&path)
+    };
+    let file = of(&[("epsilon", column(&[0.2, 0.1, 0.2]))]).expect("read");
+    assert_eq!(file.pairs.input(), [1.0, 2.0, 5.0, 6.0, 3.0, 4.0]);
+    assert_eq!((file.has_epsilons, file.has_times), (true, false));
+    let conditions: Vec<_> =
+        file.pairs.conditions().iter().map(|c| (c.epsilon, c.time, c.pairs)).collect();
+    assert_eq!(conditions, [(0.2, 1.0, 2), (0.1, 1.0, 1)]);
+    names(of(&[("epsilon", column(&[0.2, 0.1]))]), &["epsilon", "3", "2"]);
+    names(of(&[("epsilon", column(&[0.2, f64::NAN, 0.1]))]), &["epsilon", "NaN"]);
+    names(of(&[("flow_time", column(&[0.2, 0.0, 0.1]))]), &["flow_time", "0"]);
+}

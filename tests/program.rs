@@ -1155,3 +1155,55 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
         std::fs::remove_file(path.join("back.json")).expect("removed");
     }
 }
+
+/// Pairs of several maps in one file, and the model at one that was not among them.
+#[test]
+fn a_family_is_trained_and_asked_for_another_member() {
+    let folder = folder();
+    let path = folder.path();
+    let set = |epsilon: f64, time: f64, seed| {
+        let window = Window { low: vec![-0.8; 4], high: vec![0.8; 4], samples: 150 };
+        let points = sample(&[window], 2, &mut Stream::new(seed, "points")).expect("points");
+        Pairs::of_flow(&Oscillators { epsilon }, points, time).expect("pairs").0
+    };
+    let maps = [(0.02, 2.0), (0.02, 10.0), (0.01, 10.0)];
+    let sets = maps.map(|(e, t)| (e, t, set(e, t, 1)));
+    write_pairs(&path.join("pairs.npz"), &Pairs::of_family(sets.to_vec()).expect("sets"))
+        .expect("written");
+    let train = ["train", "--data", "pairs.npz", "--output", "m.json", "--circle-action", "1,0"];
+    let small = ["--kicks", "4x4", "--twists", "6x4", "--optimiser", "lm", "--iterations", "120"];
+    let form = ["--architecture", "normal-form"];
+    let net = [&train[..], &["--architecture", "henon-net"]].concat();
+    refuses(path, &net, &["pairs.npz", "family"]);
+    let output = succeeds(path, &[&train[..], &form, &small, &["--json"]].concat());
+    let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
+    let error = json["best"]["validation"].as_f64().expect("a number");
+    assert!(error < 1e-4, "{error:e}");
+    // Whole turns of the longer time are known from the shorter.
+    let theta = json["theta"].as_f64().expect("a number");
+    assert!((theta / 10.0 - 1.0).abs() < 0.02, "{theta}");
+    let stored = load_model(&path.join("m.json")).expect("a model");
+    assert_eq!(stored.model.architecture().epsilon(), 0.02);
+    assert_eq!(stored.provenance.flow_time, Some(10.0));
+
+    let judge = set(0.015, 5.0, 2);
+    let count = judge.len() as u64;
+    write_points(&path.join("z.npy"), &[count, 4], judge.input()).expect("written");
+    let predict = ["predict", "--model", "m.json", "--input", "z.npy", "--steps", "1"];
+    let predicted = |more: &[&str]| -> f64 {
+        let arguments = [&predict[..], &["--output", "t.npy", "--overwrite"], more].concat();
+        succeeds(path, &arguments);
+        let file = std::fs::read(path.join("t.npy")).expect("states");
+        let last = &file[file.len() - judge.output().len() * 8..];
+        let values = last.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().expect("eight")));
+        let squares: f64 = values.zip(judge.output()).map(|(a, b)| (a - b) * (a - b)).sum();
+        squares / judge.output().len() as f64
+    };
+    let there = predicted(&["--epsilon", "0.015", "--flow-time", "5"]);
+    assert!(there < 1e-4, "{there:e}");
+    let elsewhere = predicted(&["--epsilon", "0.015"]);
+    assert!(elsewhere > 100.0 * there, "{elsewhere:e} {there:e}");
+    let with = |more: &[&'static str]| [&predict[..], &["--output", "u.npy"], more].concat();
+    refuses(path, &with(&["--flow-time", "0"]), &["--flow-time", "0", "positive"]);
+    refuses(path, &with(&["--epsilon", "nan"]), &["epsilon", "NaN"]);
+}

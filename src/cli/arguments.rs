@@ -136,7 +136,8 @@ pub enum OptimiserName {
 #[derive(Debug, Args)]
 pub struct Train {
     /// An .npz with `input` and `output`, both (N, 2n) float64, columns
-    /// q1 … qn, p1 … pn.
+    /// q1 … qn, p1 … pn; of a family of maps, `epsilon` and `flow_time` of each pair
+    /// beside them, (N) float64.
     #[arg(long, value_name = "FILE.npz")]
     pub data: PathBuf,
     /// The integer weight of each plane (q_j, p_j), such as 1,0. Of several circles, each with
@@ -156,8 +157,9 @@ pub struct Train {
     /// Twist shears of T_ε and their neurons, of a gyroceptron in normal form, such as 16x8.
     #[arg(long, value_name = "LAYERSxWIDTH")]
     pub twists: Option<String>,
-    /// The flow time h of the pairs: with ε it scales T_ε of a gyroceptron in normal form
-    /// [default: how far the slow coordinates move, over ε].
+    /// The flow time h of the model. With ε it scales T_ε of a gyroceptron in normal form
+    /// [default: how far the slow coordinates move, over ε]; pairs with flow times of
+    /// their own are of maps of these times [default then: the longest].
     #[arg(long, allow_negative_numbers = true)]
     pub flow_time: Option<f64>,
     /// Layers and neurons of ψ, such as 10x8.
@@ -192,7 +194,7 @@ pub struct Train {
     /// The model file to write; FILE.checkpoint beside it while training.
     #[arg(long, value_name = "FILE.json")]
     pub output: PathBuf,
-    /// ε of the near-identity part [default: 0.01].
+    /// ε of the near-identity part [default: the largest of the pairs, or 0.01].
     #[arg(long, allow_negative_numbers = true)]
     pub epsilon: Option<f64>,
     /// θ to start from, in radians [default: the rotation nearest to the data].
@@ -225,6 +227,12 @@ pub struct Predict {
     /// Initial points, an .npy of (M, 2n) float64.
     #[arg(long, value_name = "FILE.npy")]
     pub input: PathBuf,
+    /// Another ε than the model's, for one that has learnt several.
+    #[arg(long, allow_negative_numbers = true)]
+    pub epsilon: Option<f64>,
+    /// Another flow time than the model's, for one that has learnt several.
+    #[arg(long, allow_negative_numbers = true)]
+    pub flow_time: Option<f64>,
     /// Applications of the map.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub steps: i64,

@@ -243,6 +243,38 @@ fn probe_writable(path: &Path) -> Result<(), Error> {
     std::fs::remove_file(&probe).map_err(fail)
 }
 
+/// The model at another ε and flow time, where they are given.
+fn member(
+    stored: &StoredModel,
+    epsilon: Option<f64>,
+    flow_time: Option<f64>,
+) -> Result<Model, Error> {
+    let (model, architecture) = (&stored.model, stored.model.architecture());
+    if epsilon.is_none() && flow_time.is_none() {
+        return Ok(model.clone());
+    }
+    let given = [("--epsilon", epsilon), ("--flow-time", flow_time)];
+    for (name, value) in given {
+        let Some(value) = value else { continue };
+        if architecture.circles().is_empty() {
+            return Err(Error::invalid(name, value, "an option of gyroceptrons"));
+        }
+    }
+    let own = model.normal_form().map(|network| network.shape().flow_time);
+    let time = match (flow_time, own.or(stored.provenance.flow_time)) {
+        (None, _) => 1.0,
+        (Some(time), Some(own)) if time > 0.0 && time.is_finite() => time / own,
+        (Some(time), Some(_)) => {
+            return Err(Error::invalid("--flow-time", time, "a positive number"));
+        }
+        (Some(time), None) => {
+            let expected = "a model that says its own flow time";
+            return Err(Error::invalid("--flow-time", time, expected));
+        }
+    };
+    model.at(epsilon.unwrap_or(architecture.epsilon()), time)
+}
+
 fn predict(arguments: &Predict) -> Result<Status, Error> {
     use_threads(&arguments.common)?;
     let request = Rollout {
@@ -251,8 +283,9 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     };
     let inputs = [arguments.model.as_path(), arguments.input.as_path()];
     let stored = load_model(&arguments.model)?;
+    let model = member(&stored, arguments.epsilon, arguments.flow_time)?;
     guard_output(&arguments.output, arguments.overwrite, &inputs)?;
-    let map = stored.model.composition();
+    let map = model.composition();
     let dim = 2 * map.dof();
     let file = read_points(&arguments.input, map.dof())?;
     if file.single_precision {
@@ -260,7 +293,7 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     }
     let initial = file.points;
     let points = initial.len() / dim;
-    let values = stored.model.rollout(&initial, request)?;
+    let values = model.rollout(&initial, request)?;
     if let Some(index) = values.iter().position(|v| !v.is_finite()) {
         let state = index / initial.len();
         return Err(Error::Diverged {

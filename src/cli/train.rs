@@ -8,9 +8,9 @@ use super::commands::{guard_output, read_scene, use_threads};
 use super::output::{json, out};
 use super::progress::Progress;
 use gyroceptron::Error;
-use gyroceptron::flow::Pairs;
+use gyroceptron::flow::{Condition, Pairs};
 use gyroceptron::io::{
-    Provenance, StoredModel, load_checkpoint, read_pairs, save_checkpoint, save_model,
+    PairsFile, Provenance, StoredModel, load_checkpoint, read_pairs, save_checkpoint, save_model,
 };
 use gyroceptron::layer::{Activation, TorusAction};
 use gyroceptron::measure::rotation_error;
@@ -257,6 +257,48 @@ impl Watch for Training<'_> {
     }
 }
 
+/// Where the network stands in the family that pairs may be of.
+struct Family {
+    epsilon: f64,
+    /// Its flow time, where that is known.
+    time: Option<f64>,
+    has_epsilons: bool,
+    has_times: bool,
+}
+
+impl Family {
+    fn of(arguments: &Train, file: &PairsFile, is_normal_form: bool) -> Result<Self, Error> {
+        let &PairsFile { has_epsilons, has_times, .. } = file;
+        if let Some(time) = arguments.flow_time
+            && !(is_normal_form || has_times)
+        {
+            let expected = "an option of gyroceptrons in normal form, and of pairs with flow times";
+            return Err(Error::invalid("--flow-time", time, expected));
+        }
+        let largest = |of: fn(&Condition) -> f64| {
+            file.pairs.conditions().iter().map(of).max_by(|a, b| a.abs().total_cmp(&b.abs()))
+        };
+        let epsilon = largest(|condition| condition.epsilon).filter(|_| has_epsilons);
+        let time = largest(|condition| condition.time).filter(|_| has_times);
+        Ok(Self {
+            epsilon: arguments.epsilon.or(epsilon).unwrap_or(EPSILON),
+            time: arguments.flow_time.or(time),
+            has_epsilons,
+            has_times,
+        })
+    }
+
+    /// ε of a condition and its time over the network's.
+    fn place(&self, condition: Condition) -> (f64, f64) {
+        let epsilon = if self.has_epsilons { condition.epsilon } else { self.epsilon };
+        let time = match self.time {
+            Some(own) if self.has_times => condition.time / own,
+            _ => 1.0,
+        };
+        (epsilon, time)
+    }
+}
+
 pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     use_threads(&arguments.common)?;
     let action = circle_action(&arguments.circle_action)?;
@@ -276,7 +318,6 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     for (name, value, fits, of) in [
         ("--epsilon", arguments.epsilon, has_circle, "gyroceptrons"),
         ("--theta", arguments.theta, has_circle, "gyroceptrons"),
-        ("--flow-time", arguments.flow_time, is_normal_form, "gyroceptrons in normal form"),
     ] {
         if let (Some(value), false) = (value, fits) {
             return Err(Error::invalid(name, value, format!("an option of {of}")));
@@ -288,13 +329,14 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if !is_normal_form {
         only_circle(&action)?;
     }
-    let epsilon = arguments.epsilon.unwrap_or(EPSILON);
-    let of_time = |flow_time: f64| {
+    let architecture = |epsilon: f64, flow_time: f64| {
         let architecture = spec.network.architecture(&action.circles()[0], epsilon, flow_time);
         architecture.expect("a network of a file is refused")
     };
-    of_time(1.0).check()?;
-    training.check_for(&of_time(1.0))?;
+    // Before any file is read: of any ε and flow time.
+    let any = architecture(arguments.epsilon.unwrap_or(EPSILON), 1.0);
+    any.check()?;
+    training.check_for(&any)?;
     let checkpoint_file = beside(&arguments.output, ".checkpoint", true);
     let replace = arguments.overwrite || arguments.resume;
     for path in [&arguments.output, &checkpoint_file] {
@@ -322,16 +364,21 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     }
     check_fit(arguments, &file.pairs, &action)?;
     let digest = file.pairs.digest();
+    let family = Family::of(arguments, &file, is_normal_form)?;
+    if !file.pairs.conditions().is_empty() && !has_circle {
+        let found = format!("epsilon or flow_time in {}", arguments.data.display());
+        return Err(Error::invalid("--architecture", found, "a gyroceptron to learn a family"));
+    }
+    let epsilon = family.epsilon;
+    let pairs = file.pairs.with_conditions(|condition| family.place(condition));
     let nearest: Vec<f64> =
-        action.circles().iter().map(|circle| fit_rotation(&file.pairs, circle)).collect();
+        action.circles().iter().map(|circle| fit_rotation(&pairs, circle)).collect();
     let angles: Vec<f64> =
         nearest.iter().map(|nearest| arguments.theta.unwrap_or(*nearest)).collect();
-    let architecture = of_time(match arguments.flow_time {
-        Some(time) => time,
-        None => slow_time(&file.pairs, &action, &nearest) / epsilon.abs(),
-    });
+    let time = family.time.unwrap_or_else(|| slow_time(&pairs, &action, &nearest) / epsilon.abs());
+    let architecture = architecture(epsilon, time);
     let (pairs, held_out) =
-        file.pairs.split(arguments.validation, &mut Stream::new(arguments.seed, "data/held-out"));
+        pairs.split(arguments.validation, &mut Stream::new(arguments.seed, "data/held-out"));
     progress.note(&format!(
         "training {} parameters on {} pairs, {} held out, θ from {angles:.6?}",
         architecture.parameter_count(),
@@ -375,6 +422,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let provenance = Provenance {
         seed: Some(arguments.seed),
         data: Some(digest),
+        flow_time: family.time,
         validation: outcome.best.validation,
         ..Provenance::of(&spec.name)
     };

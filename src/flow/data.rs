@@ -175,6 +175,15 @@ impl Pairs {
         all.under(&epsilons, &times)
     }
 
+    /// These pairs with other values of ε and times for each of their conditions.
+    #[must_use]
+    pub fn with_conditions(mut self, of: impl Fn(Condition) -> (f64, f64)) -> Self {
+        for condition in &mut self.conditions {
+            (condition.epsilon, condition.time) = of(*condition);
+        }
+        self
+    }
+
     /// What runs of the pairs are of, one run after another; none where all are of
     /// one map.
     pub fn conditions(&self) -> &[Condition] {

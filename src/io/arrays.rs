@@ -3,7 +3,7 @@
 use super::npy::{Array, read_array, write_array};
 use super::{read_bytes, write_atomically};
 use crate::error::Error;
-use crate::flow::{Pairs, check_finite};
+use crate::flow::{Condition, Pairs, check_finite};
 use std::io::Cursor;
 use std::path::Path;
 use zip::write::SimpleFileOptions;
@@ -75,13 +75,19 @@ const MOST_WITHOUT_ZIP64: usize = u32::MAX as usize - (1 << 20);
 /// Pairs read from a file, and what was noticed.
 #[derive(Debug)]
 pub struct PairsFile {
-    /// The pairs.
+    /// The pairs, under the ε and flow times of the file as they stand there, where it has
+    /// them; the one that it has not is 1.
     pub pairs: Pairs,
+    /// The file has an ε for each pair.
+    pub has_epsilons: bool,
+    /// The file has a flow time for each pair.
+    pub has_times: bool,
     /// An array held single precision.
     pub single_precision: bool,
 }
 
-/// Reads `input` and `output`, both (N, 2n), from an `.npz` file.
+/// Reads `input` and `output`, both (N, 2n), from an `.npz` file; and `epsilon` and
+/// `flow_time`, N numbers each, where pairs are of a family of maps.
 ///
 /// # Errors
 /// When the file is missing or corrupt, an array is missing, of another shape
@@ -116,8 +122,25 @@ pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
         ));
     }
     let single_precision = input.single || output.single;
-    let pairs = Pairs::new(place, columns / 2, input.values, output.values)?;
-    Ok(PairsFile { pairs, single_precision })
+    let mut pairs = Pairs::new(place, columns / 2, input.values, output.values)?;
+    let names = archive.names();
+    let mut of_rows = |name: &str| -> Result<Option<Vec<f64>>, Error> {
+        if !names.iter().any(|known| known == name) {
+            return Ok(None);
+        }
+        let values = archive.array(name)?.values;
+        Error::check_count(&format!("{place}: {name}: numbers"), pairs.len(), values.len())?;
+        check_finite(&format!("{place}: {name}"), &values, 1)?;
+        Ok(Some(values))
+    };
+    let (epsilons, times) = (of_rows("epsilon")?, of_rows("flow_time")?);
+    let (has_epsilons, has_times) = (epsilons.is_some(), times.is_some());
+    if has_epsilons || has_times {
+        let or_one = |values: Option<Vec<f64>>| values.unwrap_or_else(|| vec![1.0; pairs.len()]);
+        let (epsilons, times) = (or_one(epsilons), or_one(times));
+        pairs = pairs.under(&epsilons, &times).map_err(|e| e.at(place))?;
+    }
+    Ok(PairsFile { pairs, has_epsilons, has_times, single_precision })
 }
 
 /// Points read from a file, and what was noticed.
@@ -174,5 +197,15 @@ pub fn write_points(path: &Path, shape: &[u64], values: &[f64]) -> Result<(), Er
 /// [`Error::Write`].
 pub fn write_pairs(path: &Path, pairs: &Pairs) -> Result<(), Error> {
     let shape = [pairs.len() as u64, 2 * pairs.dof() as u64];
-    write_archive(path, &[("input", &shape, pairs.input()), ("output", &shape, pairs.output())])
+    let of_rows = |of: fn(&Condition) -> f64| -> Vec<f64> {
+        let runs = pairs.conditions().iter();
+        runs.flat_map(|run| std::iter::repeat_n(of(run), run.pairs)).collect()
+    };
+    let (epsilons, times) = (of_rows(|run| run.epsilon), of_rows(|run| run.time));
+    let rows = &shape[..1];
+    let mut arrays = vec![("input", &shape[..], pairs.input()), ("output", &shape, pairs.output())];
+    if !pairs.conditions().is_empty() {
+        arrays.extend([("epsilon", rows, &epsilons[..]), ("flow_time", rows, &times)]);
+    }
+    write_archive(path, &arrays)
 }

@@ -140,24 +140,35 @@ pub fn limiting_flow_error(system: &impl Hamiltonian, pairs: &Pairs, time: f64) 
     error_of(pairs, |z| system.limiting_flow(z, time))
 }
 
-/// The mean squared error, over all components, of the action alone at these angles.
+/// The mean squared error, over all components, of the action alone at these angles; of
+/// pairs with several flow times, in proportion to them.
 pub fn rotation_error(action: &TorusAction, angles: &[f64], pairs: &Pairs) -> f64 {
-    let turn = action.at(angles);
-    error_of(pairs, |z| turn.apply(z, false))
+    let mut total = 0.0;
+    for (condition, input, output) in pairs.runs() {
+        let time = condition.map_or(1.0, |condition| condition.time);
+        let angles: Vec<f64> = angles.iter().map(|angle| time * angle).collect();
+        let turn = action.at(&angles);
+        total += squares_of(input, output, 2 * pairs.dof(), |z| turn.apply(z, false));
+    }
+    total / pairs.output().len() as f64
 }
 
 /// The mean squared error of what `step` does to the inputs.
 fn error_of(pairs: &Pairs, step: impl Fn(&mut [f64])) -> f64 {
-    let dim = 2 * pairs.dof();
+    let squares = squares_of(pairs.input(), pairs.output(), 2 * pairs.dof(), step);
+    squares / pairs.output().len() as f64
+}
+
+fn squares_of(input: &[f64], output: &[f64], dim: usize, step: impl Fn(&mut [f64])) -> f64 {
     let mut total = 0.0;
-    for (input, output) in pairs.input().chunks_exact(dim).zip(pairs.output().chunks_exact(dim)) {
+    for (input, output) in input.chunks_exact(dim).zip(output.chunks_exact(dim)) {
         let mut moved = input.to_vec();
         step(&mut moved);
         for (a, b) in moved.iter().zip(output) {
             total += (a - b) * (a - b);
         }
     }
-    total / pairs.output().len() as f64
+    total
 }
 
 /// The root of the mean square of some numbers.
@@ -165,14 +176,20 @@ pub fn root_mean_square(values: &[f64]) -> f64 {
     (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-/// The root-mean-square error of each of the 2n components.
+/// The root-mean-square error of each of the 2n components; of pairs under several
+/// conditions, by the map of each.
 ///
 /// # Errors
 /// Those of [`map_points`].
 pub fn component_errors(map: &Composition<f64>, pairs: &Pairs) -> Result<Vec<f64>, Error> {
     let dim = 2 * pairs.dof();
-    let mut moved = pairs.input().to_vec();
-    map_points(map, Direction::Forward, &mut moved)?;
+    let mut moved = Vec::with_capacity(pairs.input().len());
+    for (condition, input, _) in pairs.runs() {
+        let first = moved.len();
+        moved.extend_from_slice(input);
+        let at = condition.map(|condition| map.at(condition.epsilon, condition.time));
+        map_points(at.as_ref().unwrap_or(map), Direction::Forward, &mut moved[first..])?;
+    }
     let mut squares = vec![0.0; dim];
     for (found, target) in moved.chunks_exact(dim).zip(pairs.output().chunks_exact(dim)) {
         for c in 0..dim {

@@ -1,12 +1,14 @@
 //! θ for data whose frequency nobody stated.
 
-use crate::flow::Pairs;
+use crate::flow::{Condition, Pairs};
 use crate::layer::{CircleAction, TorusAction};
 use crate::measure::{root_mean_square, rotation_error};
 use std::f64::consts::{PI, TAU};
 
 /// The angle θ in (−π, π] whose rotation Φ_θ is nearest to the pairs in the
-/// mean square: where to start θ when ω₀t is unknown.
+/// mean square: where to start θ when ω₀t is unknown. Of pairs with several flow times, the
+/// angle for time 1, from the shortest to the longest of them: whole turns are told from
+/// the times before.
 ///
 /// Σ|Φ_θz − z′|² = const − 2Σ_j(C_j cos m_jθ + S_j sin m_jθ) with
 /// C_j = Σ(qq′ + pp′) and S_j = Σ(pq′ − qp′); its minimum is found by a scan
@@ -15,15 +17,30 @@ use std::f64::consts::{PI, TAU};
 /// # Panics
 /// When the action and the pairs differ in their degrees of freedom.
 pub fn fit_rotation(pairs: &Pairs, action: &CircleAction) -> f64 {
-    let n = pairs.dof();
-    assert!(action.dof() == n);
+    assert!(action.dof() == pairs.dof());
+    let mut runs = pairs.runs();
+    let time = |run: &Option<Condition>| run.map_or(1.0, |condition| condition.time);
+    runs.sort_by(|(a, ..), (b, ..)| time(a).total_cmp(&time(b)));
+    let mut frequency: Option<f64> = None;
+    for of_time in runs.chunk_by(|(a, ..), (b, ..)| time(a) == time(b)) {
+        let (time, angle) = (time(&of_time[0].0), nearest(of_time, action));
+        let turns = frequency.map_or(0.0, |f| ((f * time - angle) / TAU).round());
+        frequency = Some(turns.mul_add(TAU, angle) / time);
+    }
+    frequency.unwrap_or(0.0)
+}
+
+/// The nearest angle for runs of pairs of one flow time.
+fn nearest(runs: &[(Option<Condition>, &[f64], &[f64])], action: &CircleAction) -> f64 {
+    let n = action.dof();
     let mut cosine = vec![0.0; n];
     let mut sine = vec![0.0; n];
-    let rows = pairs.input().chunks_exact(2 * n).zip(pairs.output().chunks_exact(2 * n));
-    for (z, w) in rows {
-        for j in 0..n {
-            cosine[j] += z[j] * w[j] + z[n + j] * w[n + j];
-            sine[j] += z[n + j] * w[j] - z[j] * w[n + j];
+    for (_, input, output) in runs {
+        for (z, w) in input.chunks_exact(2 * n).zip(output.chunks_exact(2 * n)) {
+            for j in 0..n {
+                cosine[j] += z[j] * w[j] + z[n + j] * w[n + j];
+                sine[j] += z[n + j] * w[j] - z[j] * w[n + j];
+            }
         }
     }
     let misfit = |theta: f64| -> f64 {
