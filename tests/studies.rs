@@ -599,3 +599,99 @@ fn flow_times_that_do_not_fit_are_refused() {
     with("rounds = 3", "rounds = 0", &["rounds"]);
     with("invariant_steps = 20000", "invariant_steps = 0", &["invariant_steps"]);
 }
+
+const FAMILY: &str = r#"
+name = "kin"
+seed = 4
+flow_time = 10.0
+plots = ["family"]
+models = [
+    { name = "normal-form", network = { kind = "normal-form", kicks = { count = 4, width = 4 }, twists = { count = 6, width = 4 } }, weights = { kind = "normal", scale = 0.15 } },
+    { name = "henon-net", network = { kind = "henon-net", layers = { count = 2, width = 4 } }, weights = { kind = "normal", scale = 0.15 } },
+]
+
+[system]
+kind = "oscillators"
+epsilon = 0.02
+
+[data]
+validation = 0.5
+epsilons = [0.02, 0.01]
+flow_times = [5.0, 10.0]
+windows = [{ low = [-1.0, -1.0, -1.0, -1.0], high = [1.0, 1.0, 1.0, 1.0], samples = 600 }]
+
+[training]
+iterations = 60
+optimiser = { kind = "levenberg-marquardt" }
+
+[family]
+epsilons = [0.02, 0.015, 0.01]
+flow_times = [5.0, 7.5]
+slow_time = 2.0
+states = 200
+initial = [[0.7, 0.3, 0.0, 0.2], [0.5, 0.6, 0.0, 0.0]]
+"#;
+
+#[test]
+fn a_family_is_judged_where_it_was_seen_and_where_not() {
+    let folder = temporary();
+    let scene = parse("kin", FAMILY).expect("a scene");
+    let report = run_in(folder.path(), &scene);
+    let data = render::json(&report);
+    let number = |value: &Value| value.as_f64().expect("a number");
+    let family = &data["studies"]["family"];
+    let maps = family["maps"].as_array().expect("maps");
+    assert_eq!(maps.len(), 6);
+    for map in maps {
+        let (epsilon, time) = (number(&map["epsilon"]), number(&map["flow_time"]));
+        let seen = (epsilon == 0.02 || epsilon == 0.01) && time == 5.0;
+        assert_eq!(map["seen"], seen, "{map}");
+        let errors = map["errors"].as_array().expect("errors");
+        // Those that were not seen lie between those that were.
+        assert!(number(&errors[0]) < 0.02 * number(&map["rotation_error"]), "{map}");
+        // A HénonNet is one map for all.
+        assert!(number(&errors[1]) > 10.0 * number(&errors[0]), "{map}");
+        // Of a phase of half a turn at most.
+        let frequency = number(&map["frequency_errors"][0]);
+        assert!(frequency < 0.1 * std::f64::consts::PI / (2.0 / epsilon), "{map}");
+    }
+    // The pairs are what the model says it was trained on.
+    let pairs = &data["studies"]["pairs"];
+    assert_eq!((&pairs["training"], &pairs["held_out"]), (&600.into(), &300.into()));
+    let invariants = family["invariants"].as_array().expect("invariants");
+    assert_eq!(invariants.len(), 3);
+    for at in invariants {
+        let (leading, averaged) = (number(&at["leading"]), number(&at["averaged"]));
+        assert!(averaged < 0.2 * leading, "{at}");
+        assert!(number(&at["learnt"][0]) < leading, "{at}");
+        assert!(at["learnt"][1].is_null(), "{at}");
+    }
+    let orders = |of: &str| {
+        let of = |k: usize| number(&invariants[k][of]);
+        (of(0) / of(2)).log2()
+    };
+    assert!((orders("leading") - 1.0).abs() < 0.3 && (orders("averaged") - 2.0).abs() < 0.5);
+    let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    for words in ["Orders in ε of the changes along the reference: μ₀ ", "| 1.5e-2 | 7.5 | no |"]
+    {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    assert!(folder.path().join("family.svg").exists());
+}
+
+#[test]
+fn families_that_do_not_fit_are_refused() {
+    let with = |from: &str, to: &str, words: &[&str]| {
+        assert!(FAMILY.contains(from), "{from}");
+        refused(&FAMILY.replace(from, to), words);
+    };
+    with("epsilons = [0.02, 0.01]", "epsilons = [nan]", &["data.epsilons", "NaN"]);
+    with("flow_times = [5.0, 10.0]", "flow_times = [0.0]", &["data.flow_times", "0"]);
+    with("validation = 0.5", "validation = 0.0", &["data.validation", "above 0"]);
+    with("samples = 600", "samples = 3", &["samples", "4 maps"]);
+    with("epsilons = [0.02, 0.015, 0.01]", "epsilons = []", &["family", "epsilons"]);
+    with("flow_times = [5.0, 7.5]", "flow_times = [-1.0]", &["flow_times", "-1"]);
+    with("slow_time = 2.0", "slow_time = 0.0", &["slow_time"]);
+    with("states = 200", "states = 1", &["states"]);
+    with("[0.5, 0.6, 0.0, 0.0]", "[0.5]", &["initial"]);
+}

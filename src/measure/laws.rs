@@ -319,7 +319,7 @@ pub fn normal_form(map: &dyn NormalFormed, points: &[f64]) -> Tally {
         }
         Conditioned::Ratio(count as f64)
     });
-    Tally::of_counts("normal form", "P = χ∘Φ_θT_ε∘χ⁻¹, bitwise").extend(counts)
+    Tally::of_counts("composition", "P = χ∘Φ_θT_ε∘χ⁻¹, bitwise").extend(counts)
 }
 
 /// P∘(χΦ_αχ⁻¹) = (χΦ_αχ⁻¹)∘P for angles α of all circles, by [`equivariance_ratio`].

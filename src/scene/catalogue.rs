@@ -32,6 +32,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "particle-field",
         "error-against-time",
         "long-steps",
+        "family",
         "trajectories",
         "adiabatic-profiles",
         "near-identity-penalty",

@@ -12,8 +12,8 @@ use crate::io::{
 use crate::network::Model;
 use crate::system::Hamiltonian;
 use crate::train::{
-    Checkpoint, Control, Leg, LegResult, Loss, Objective, Outcome, Place, Progress, Scheduled,
-    Stop, TrainingOptions, TrainingRecord, Watch, train_schedule,
+    Checkpoint, Control, Leg, LegResult, Loss, Objective, Outcome, Place, Progress, Rung,
+    Scheduled, Stop, TrainingOptions, TrainingRecord, Watch, train_schedule,
 };
 use serde_json::json;
 use std::path::PathBuf;
@@ -48,8 +48,8 @@ pub(super) fn learn(
     learn_at(context, data, attempt, time, None)
 }
 
-/// [`learn`] at another flow time, from the weights of the same network at one more, if it
-/// is given with that time.
+/// [`learn`] at another flow time. The first of its starts has the weights of the same
+/// network at an earlier flow time, if it is given with that time.
 pub(super) fn learn_at(
     context: &mut Context<'_>,
     data: &DataSets,
@@ -61,9 +61,10 @@ pub(super) fn learn_at(
     let (scene, folder) = (context.scene, context.folder);
     let system = context.system()?;
     let mut options = scene.setup.training_of(&spec).clone();
-    if from.is_some() {
-        // The weights are a start, and a ramp is what led to them.
-        (options.starts, options.ramp) = (None, Vec::new());
+    if time != context.flow_time()? {
+        // The ramp is up to the scene's flow time; weights of an earlier one come from there.
+        let leads_up = |rung: &Rung| rung.flow_time.is_none_or(|rung| rung < time);
+        options.ramp.retain(|rung| from.is_none() && leads_up(rung));
     }
     let options = &options;
     let seed = scene.seed.wrapping_add(number);
@@ -77,8 +78,8 @@ pub(super) fn learn_at(
         let seed = seed.wrapping_add(number << 32);
         let model = architecture.initialise(spec.weights, theta, seed)?;
         match from {
-            None => Ok(model),
-            Some((from, earlier)) => model.with_weights_of(from, time / earlier),
+            Some((from, earlier)) if number == 0 => model.with_weights_of(from, time / earlier),
+            _ => Ok(model),
         }
     };
     let mut rungs = Vec::new();

@@ -3,14 +3,13 @@
 use super::Study;
 use super::rollout::RolloutOptions;
 use super::work_precision::{
-    IntegratorSteps, MOST_ROUNDS, Networks, Points, TOGETHER, WorkPrecisionOptions,
+    IntegratorSteps, MOST_ROUNDS, Networks, Points, TOGETHER, WorkPrecisionOptions, citations,
 };
 use crate::error::Error;
 use crate::flow::Integrator;
 use crate::measure::{Comparison, Spread, WorkPrecision, drifts, fastest};
 use crate::network::{Model, Rollout};
 use crate::scalar::max_or_nan;
-use crate::scene::bibliography::{GAUSS_LEGENDRE, SPLITTINGS, YOSHIDA};
 use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
@@ -32,7 +31,8 @@ pub struct LongStepsOptions {
     /// The flow times, ascending. At that of the scene its networks are taken as they are
     /// trained; at others they are trained as there.
     pub flow_times: Vec<f64>,
-    /// Whether the weights of the flow time before start the next, in place of random ones.
+    /// Whether the weights of the flow time before are the first start of the next, in place of
+    /// random ones.
     #[serde(default)]
     pub ramp: bool,
     /// The length of the trajectories.
@@ -124,17 +124,7 @@ impl Study for LongStepsOptions {
     }
 
     fn cites(&self, _: &Scene) -> Vec<&'static str> {
-        let mut out = vec![GAUSS_LEGENDRE];
-        for entry in &self.integrators {
-            out.extend(match entry.integrator {
-                Integrator::Aba864 | Integrator::Aba1064 => Some(SPLITTINGS),
-                Integrator::Yoshida4 => Some(YOSHIDA),
-                Integrator::RungeKutta4 | Integrator::Strang | Integrator::GaussLegendre { .. } => {
-                    None
-                }
-            });
-        }
-        out
+        citations(self.integrators.iter().map(|entry| entry.integrator))
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
@@ -234,8 +224,10 @@ impl LongStepsOptions {
         self.others(scene).flat_map(|time| self.attempts(scene, time)).collect()
     }
 
-    /// A study of half as many flow times, timed less often.
+    /// A study of every other flow time, timed less often.
     pub(super) fn shorten(&mut self) {
+        // The longest is among them.
+        self.flow_times = self.flow_times.iter().rev().step_by(2).rev().copied().collect();
         self.rounds = self.rounds.min(5);
         self.invariant_steps = self.invariant_steps.min(100_000);
     }
@@ -292,7 +284,8 @@ impl LongStepsOptions {
             self.interval,
             self.invariant_steps,
             match self.ramp {
-                true => "Weights of one flow time start the next, but for that of the scene.",
+                true =>
+                    "Weights of one flow time are a start of the next, but for that of the scene.",
                 false => "Each flow time is trained from random weights.",
             }
         )

@@ -104,17 +104,7 @@ impl Study for WorkPrecisionOptions {
     }
 
     fn cites(&self, _: &Scene) -> Vec<&'static str> {
-        let mut out = vec![GAUSS_LEGENDRE];
-        for entry in &self.integrators {
-            out.extend(match entry.integrator {
-                Integrator::Aba864 | Integrator::Aba1064 => Some(SPLITTINGS),
-                Integrator::Yoshida4 => Some(YOSHIDA),
-                Integrator::RungeKutta4 | Integrator::Strang | Integrator::GaussLegendre { .. } => {
-                    None
-                }
-            });
-        }
-        out
+        citations(self.integrators.iter().map(|entry| entry.integrator))
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
@@ -177,6 +167,19 @@ impl Study for WorkPrecisionOptions {
             ..Findings::default()
         })
     }
+}
+
+/// BibTeX entries of the reference and of integrators.
+pub(super) fn citations(integrators: impl Iterator<Item = Integrator>) -> Vec<&'static str> {
+    let mut out = vec![GAUSS_LEGENDRE];
+    for integrator in integrators {
+        out.extend(match integrator {
+            Integrator::Aba864 | Integrator::Aba1064 => Some(SPLITTINGS),
+            Integrator::Yoshida4 => Some(YOSHIDA),
+            Integrator::RungeKutta4 | Integrator::Strang | Integrator::GaussLegendre { .. } => None,
+        });
+    }
+    out
 }
 
 /// What is compared with integrators.
