@@ -59,10 +59,11 @@
 //!   [`Map`](phase::Map).
 //! - [`random`]: seeded streams.
 //! - [`layer`]: the kinds of step, each a shear bound to its parameters.
-//! - [`network`]: HénonNets and gyroceptrons over one flat parameter vector.
+//! - [`network`]: HénonNets, gyroceptrons, also in normal form, and SympNets over one flat
+//!   parameter vector.
 //! - [`system`]: the Hamiltonian systems.
 //! - [`flow`]: their flows, and data sets of flow maps.
-//! - [`train`]: loss, L-BFGS, checkpoints.
+//! - [`train`]: loss, an optimiser each, schedules, checkpoints.
 //! - [`measure`]: from a map and points to numbers; the laws, generic over the
 //!   map; the structure certificate; error against run time.
 //! - `io` (feature `files`): models, data sets, weights of others.

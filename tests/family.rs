@@ -11,8 +11,9 @@ use gyroceptron::random::Stream;
 use gyroceptron::system::{Hamiltonian, Oscillators, ParticleField};
 use gyroceptron::train::{
     AdamOptions, Control, LbfgsOptions, LevenbergMarquardtOptions, Loss, Objective, Optimiser,
-    TrainingOptions, train,
+    TrainingOptions, fit_rotation, train,
 };
+use std::sync::OnceLock;
 
 const TIME: f64 = 4.0;
 
@@ -24,13 +25,15 @@ fn set(count: usize, time: f64, epsilon: f64, seed: u64) -> Pairs {
 
 /// Sets of different sizes, so that none can be taken for another.
 fn sets() -> Vec<(f64, f64, Pairs)> {
-    [(0.05, 1.0, 30), (0.02, 1.0, 17), (0.05, 2.5, 40)]
-        .into_iter()
-        .enumerate()
-        .map(|(seed, (epsilon, time, count))| {
+    static SETS: OnceLock<Vec<(f64, f64, Pairs)>> = OnceLock::new();
+    let made = SETS.get_or_init(|| {
+        let maps = [(0.05, 1.0, 30), (0.02, 1.0, 17), (0.05, 2.5, 40)];
+        let of = |(seed, (epsilon, time, count)): (usize, (f64, f64, usize))| {
             (epsilon, time, set(count, TIME * time, epsilon, seed as u64))
-        })
-        .collect()
+        };
+        maps.into_iter().enumerate().map(of).collect()
+    });
+    made.clone()
 }
 
 fn models() -> Vec<Model> {
@@ -250,6 +253,56 @@ fn a_normal_form_learns_a_family() {
             assert!(wrong > 100.0 * best, "{wrong:e}");
         }
     }
+}
+
+/// Whole periods of a circle are told from shorter times: of weight 2, a period is π.
+#[test]
+fn the_frequency_of_a_family_is_found() {
+    for (weight, frequency) in [(1, 0.9), (2, 0.4), (2, 1.9), (-3, 0.7)] {
+        let action = CircleAction::new([0, weight]);
+        let turned = |time: f64| {
+            let mut stream = Stream::new(8, "points");
+            let points: Vec<f64> = (0..80).map(|_| stream.uniform(-1.0, 1.0)).collect();
+            let mut moved = points.clone();
+            let turn = action.at(frequency * time);
+            moved.chunks_exact_mut(4).for_each(|z| turn.apply(z, false));
+            Pairs::new("turned", 2, points, moved).expect("pairs")
+        };
+        let times = [0.5, 1.0, 2.5, 7.3];
+        let sets = times.map(|time| (0.01, time, turned(time))).to_vec();
+        let found = fit_rotation(&Pairs::of_family(sets).expect("sets"), &action);
+        assert!((found - frequency).abs() < 1e-7, "{weight}: {found} for {frequency}");
+        let alone = fit_rotation(&turned(1.0), &action);
+        let period = std::f64::consts::TAU / f64::from(weight).abs();
+        assert!(alone.abs() <= 0.5 * period + 1e-9, "{alone}");
+        let rest = ((alone - frequency) / period).rem_euclid(1.0);
+        assert!(rest.min(1.0 - rest) < 1e-7, "{weight}: {alone} for {frequency}");
+    }
+}
+
+#[test]
+fn the_angles_of_circles_are_those_of_the_action_that_they_make() {
+    let torus = |circles: &[&[i32]]| {
+        let circles: Vec<_> = circles.iter().map(|m| CircleAction::new(*m)).collect();
+        TorusAction::new(circles).expect("circles of one size")
+    };
+    let action = CircleAction::new([0, 1, 2]);
+    let multiples = |circles: &[&[i32]]| torus(circles).multiples_of(&action);
+    for (circles, expected) in [
+        (&[&[0, 1, 2][..]][..], vec![1.0]),
+        (&[&[0, 1, 0], &[0, 0, 2]], vec![1.0, 1.0]),
+        (&[&[0, 1, 0], &[0, 0, 1]], vec![1.0, 2.0]),
+        (&[&[0, 1, 1], &[0, 0, 1]], vec![1.0, 1.0]),
+    ] {
+        let found = multiples(circles).expect("they make it");
+        let near = found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-12);
+        assert!(near && found.len() == expected.len(), "{circles:?}: {found:?}");
+    }
+    for circles in [&[&[0, 1, 0][..]][..], &[&[0, 1, 0], &[1, 0, 2]]] {
+        assert_eq!(multiples(circles), None, "{circles:?}");
+    }
+    assert_eq!(torus(&[&[0, 1, 1], &[0, 0, 1]]).shared_plane(), Some(2));
+    assert_eq!(torus(&[&[0, 1, 0], &[0, 0, 1]]).shared_plane(), None);
 }
 
 /// To first order in ε μ₀ changes, to second what averaging makes of it.

@@ -649,6 +649,14 @@ fn training_is_reproducible_and_resumes() {
     // All starts are as they were: the best of them goes on.
     train("d.json", "60", &["--starts", "3", "--resume"]);
     assert!(read("c.json") == read("d.json"));
+    // What another training left is not gone on with.
+    train("d.json", "60", &["--overwrite"]);
+    assert!(!kept.exists());
+    refuses(
+        folder.path(),
+        &["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "c.json"],
+        &["c.json"],
+    );
 }
 
 #[test]
@@ -1095,6 +1103,10 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
     refuses(path, &train(&["--circle-action", "1,0", "--kicks", "3x4"]), &["--kicks", "3x4"]);
     refuses(path, &train(&["--circle-action", "1,0", "--flow-time", "5"]), &["--flow-time"]);
     refuses(path, &train(&["--circle-action", "1,0/0,1"]), &["2 circles"]);
+    let shared = ["--circle-action", "1,0/1,3", "--architecture", "normal-form"];
+    refuses(path, &train(&shared), &["plane 1", "--theta"]);
+    let still = ["--epsilon", "0"];
+    refuses(path, &train(&[&form[..], &still].concat()), &["--epsilon", "--flow-time"]);
     refuses(path, &train(&["--circle-action", "1,0/0,a"]), &["1,0/0,a"]);
     let none = ["--circle-action", "0,0", "--architecture", "normal-form"];
     refuses(path, &train(&none), &["planes that an action turns"]);
@@ -1120,6 +1132,9 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
     assert_eq!(json["holds"], true, "{json}");
 
     let predict = ["predict", "--model", "m.json", "--input", "z.npy", "--output", "t.npy"];
+    // Nobody has told how long it takes.
+    let longer = [&predict[..], &["--steps", "2", "--flow-time", "40"]].concat();
+    refuses(path, &longer, &["--flow-time", "40", "told"]);
     succeeds(path, &[&predict[..], &["--steps", "20000", "--every", "5000"]].concat());
     let file = std::fs::read(path.join("t.npy")).expect("trajectories");
     let values: Vec<f64> = file[file.len() - 5 * 12 * 8..]
@@ -1148,6 +1163,8 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
         let import = [&import[..], &["--epsilon", "0.01", "--output", "back.json"]].concat();
         refuses(path, &import, &["--flow-time", weights]);
         let time = time.to_string();
+        let none = [&import[..], &["--flow-time", "0"]].concat();
+        refuses(path, &none, &["--flow-time", "positive"]);
         succeeds(path, &[&import[..], &["--flow-time", &time]].concat());
         let back = load_model(&path.join("back.json")).expect("a model").model;
         assert_eq!(back.architecture(), stored.model.architecture());

@@ -196,6 +196,32 @@ fn a_killed_schedule_goes_on_to_the_same_bits() {
     }
 }
 
+/// Weights whose loss leaves the numbers are passed over, unless all are such.
+#[test]
+fn a_start_without_a_loss_is_not_chosen() {
+    let (pairs, held_out) = (pairs(TIME, EPSILON, 1), pairs(TIME, EPSILON, 2));
+    let iterations = 14;
+    let place =
+        Place { epsilon: EPSILON, time: 1.0, pairs: &pairs, held_out: Some(&held_out), iterations };
+    let broken = |number: u64| {
+        let model = start(number)?;
+        let mut weights = model.composition().parameters().to_vec();
+        // The outer weights of the first kick: its squares overflow.
+        weights[11..14].fill(1e300);
+        model.with_parameters(weights)
+    };
+    let mut some = |number: u64| if number == 1 { start(1) } else { broken(number) };
+    let result = train_schedule(&mut some, &[place], &options(3), &mut Store::default());
+    let result = result.expect("one can be trained");
+    let chosen: Vec<bool> = result.legs.iter().map(|leg| leg.chosen).collect();
+    assert_eq!(chosen, [false, true, false]);
+    assert_eq!(bits(&result.initial), bits(&start(1).expect("a start")));
+    let mut none = |number: u64| broken(number);
+    let error = train_schedule(&mut none, &[place], &options(2), &mut Store::default());
+    let error = error.map(|_| "a result").expect_err("none can").to_string();
+    assert!(error.contains("initial parameters"), "{error}");
+}
+
 #[test]
 fn bad_schedules_are_refused() {
     let refused = |options: TrainingOptions, word: &str| {

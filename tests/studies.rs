@@ -597,6 +597,14 @@ fn flow_times_that_do_not_fit_are_refused() {
     with("[0.2, 0.6, 0.0, 0.0]", "[0.2, 0.6]", &["initial", "4 finite numbers"]);
     with("points = 50", "points = 0", &["points"]);
     with("rounds = 3", "rounds = 0", &["rounds"]);
+    with("steps = [5.0, 2.5]", "steps = [1e-300]", &["integrators.steps", "e-300"]);
+    let of_file = "network = { kind = \"file\" } }";
+    let trained = "network = { kind = \"gyroceptron\", psi = { count = 1, width = 4 }, near_identity = { count = 2, width = 4 } }, weights = { kind = \"normal\", scale = 0.15 } }";
+    with(
+        trained,
+        &format!("{}, weights = {{ kind = \"glorot\" }} }}", &of_file[..of_file.len() - 2]),
+        &["models", "one flow time"],
+    );
     with("invariant_steps = 20000", "invariant_steps = 0", &["invariant_steps"]);
 }
 
@@ -687,11 +695,18 @@ fn families_that_do_not_fit_are_refused() {
     };
     with("epsilons = [0.02, 0.01]", "epsilons = [nan]", &["data.epsilons", "NaN"]);
     with("flow_times = [5.0, 10.0]", "flow_times = [0.0]", &["data.flow_times", "0"]);
-    with("validation = 0.5", "validation = 0.0", &["data.validation", "above 0"]);
+    with("validation = 0.5", "validation = 0.0", &["data.validation", "held-out point"]);
     with("samples = 600", "samples = 3", &["samples", "4 maps"]);
     with("epsilons = [0.02, 0.015, 0.01]", "epsilons = []", &["family", "epsilons"]);
     with("flow_times = [5.0, 7.5]", "flow_times = [-1.0]", &["flow_times", "-1"]);
     with("slow_time = 2.0", "slow_time = 0.0", &["slow_time"]);
+    with("slow_time = 2.0", "slow_time = 1e9", &["slow_time", "steps"]);
+    with(
+        "twists = { count = 6, width = 4 }",
+        "twists = { count = 6, width = 4 }, action = [[0, 1]]",
+        &["action", "together"],
+    );
+    with("validation = 0.5", "validation = 0.005", &["data.validation", "4 maps"]);
     with("states = 200", "states = 1", &["states"]);
     with("[0.5, 0.6, 0.0, 0.0]", "[0.5]", &["initial"]);
 }

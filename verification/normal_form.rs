@@ -178,7 +178,7 @@ fn drift_rows(of: &dyn Fn(f64, u64) -> Vec<f64>, epsilons: &[f64]) -> Vec<Tally>
             }
         }
         let exponent = log_slope(&HORIZONS.map(|n| n as f64), &logarithms.map(f64::exp));
-        exponents.push(Conditioned::Ratio(if exponent > 0.0 { exponent } else { exponent.abs() }));
+        exponents.push(Conditioned::Ratio(exponent.abs()));
     }
     vec![exponents, sizes]
 }

@@ -174,8 +174,8 @@ pub struct Train {
     /// What minimises the loss [default: the scene's, or l-bfgs].
     #[arg(long, value_enum)]
     pub optimiser: Option<OptimiserName>,
-    /// Initial weights to begin from, a tenth of the iterations each, of which the best goes
-    /// on [default: the scene's, or 1].
+    /// Initial weights to begin from, 40 iterations each, of which the best goes on
+    /// [default: the scene's, or 1].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub starts: Option<i64>,
     /// What is added to the loss: so many times the mean square of I_ε(z) − z.

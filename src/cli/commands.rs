@@ -260,15 +260,14 @@ fn member(
             return Err(Error::invalid(name, value, "an option of gyroceptrons"));
         }
     }
-    let own = model.normal_form().map(|network| network.shape().flow_time);
-    let time = match (flow_time, own.or(stored.provenance.flow_time)) {
+    let time = match (flow_time, stored.provenance.flow_time) {
         (None, _) => 1.0,
         (Some(time), Some(own)) if time > 0.0 && time.is_finite() => time / own,
         (Some(time), Some(_)) => {
             return Err(Error::invalid("--flow-time", time, "a positive number"));
         }
         (Some(time), None) => {
-            let expected = "a model that says its own flow time";
+            let expected = "a model that was trained with its own flow time told";
             return Err(Error::invalid("--flow-time", time, expected));
         }
     };
@@ -354,6 +353,9 @@ fn import(arguments: &Import) -> Result<Status, Error> {
         line(&format!("{place}: float32 numbers, taken as they are"));
     }
     let (place, epsilon) = (place.to_string(), arguments.epsilon);
+    if let Some(time) = arguments.flow_time.filter(|time| !(*time > 0.0 && time.is_finite())) {
+        return Err(Error::invalid("--flow-time", time, "a positive number"));
+    }
     let model = match (is_normal_form(&tensors), arguments.flow_time) {
         (true, Some(time)) => assemble_normal_form(&place, tensors, action, epsilon, time)?,
         (true, None) => {
@@ -367,8 +369,11 @@ fn import(arguments: &Import) -> Result<Status, Error> {
         (false, None) => assemble_weights(&place, tensors, only_circle(&action)?.clone(), epsilon)?,
     };
     guard_output(&arguments.output, arguments.overwrite, &[&arguments.weights])?;
-    let provenance =
-        Provenance { data: Some(file_digest(&arguments.weights)?), ..Provenance::of("import") };
+    let provenance = Provenance {
+        data: Some(file_digest(&arguments.weights)?),
+        flow_time: arguments.flow_time,
+        ..Provenance::of("import")
+    };
     save_model(&arguments.output, &StoredModel { model: model.clone(), provenance })?;
     describe(&model, &arguments.output, arguments.json)
 }

@@ -35,6 +35,8 @@ const EPSILON: f64 = 0.01;
 /// ψ_ε and T_ε of the maps of scene `long-steps`.
 const KICKS: Layers = Layers { count: 12, width: 8 };
 const TWISTS: Layers = Layers { count: 16, width: 8 };
+/// Iterations that tell good starts from bad ones.
+const TRIAL: u64 = 40;
 /// The paper's HénonNet.
 const HENON_LAYERS: Layers = Layers { count: 16, width: 10 };
 /// A SympNet of about as many parameters.
@@ -161,9 +163,8 @@ fn options(arguments: &Train, mut training: TrainingOptions) -> Result<TrainingO
     }
     if let Some(count) = arguments.starts {
         let count = positive("--starts", count)? as u64;
-        // A tenth of the training tells good starts from bad ones.
-        let iterations = (training.iterations / 10).max(20);
-        training.starts = (count > 1).then_some(Starts { count, iterations });
+        // Whatever the iterations are: more of them may be asked for later.
+        training.starts = (count > 1).then_some(Starts { count, iterations: TRIAL });
     }
     if !training.ramp.is_empty() {
         let expected = "no ramp: pairs are of one flow time and one ε";
@@ -184,7 +185,12 @@ fn beside(model: &Path, addition: &str, ending: bool) -> PathBuf {
 }
 
 /// The command that does a training again, but for its scene.
-fn command(arguments: &Train, architecture: &Architecture, theta: Option<f64>) -> String {
+fn command(
+    arguments: &Train,
+    architecture: &Architecture,
+    flow_time: Option<f64>,
+    theta: Option<f64>,
+) -> String {
     let mut out = format!(
         "gyroceptron train --data {} --circle-action {} --validation {} --seed {}",
         arguments.data.display(),
@@ -195,8 +201,8 @@ fn command(arguments: &Train, architecture: &Architecture, theta: Option<f64>) -
     if !architecture.circles().is_empty() {
         out.push_str(&format!(" --epsilon {}", architecture.epsilon()));
     }
-    if let Architecture::NormalForm { shape, .. } = architecture {
-        out.push_str(&format!(" --flow-time {}", shape.flow_time));
+    if let Some(time) = flow_time {
+        out.push_str(&format!(" --flow-time {time}"));
     }
     if let Some(theta) = theta {
         out.push_str(&format!(" --theta {theta}"));
@@ -221,19 +227,31 @@ struct Training<'a> {
     progress: &'a mut Progress,
     times: TrainingTimes,
     start: Instant,
+    /// The newest checkpoint.
+    written: Option<PathBuf>,
 }
 
-impl Training<'_> {
-    fn file(&self, leg: Leg) -> PathBuf {
-        let mut name = self.checkpoint.clone().into_os_string();
-        name.push(leg.suffix());
-        name.into()
+/// The checkpoint of a leg.
+fn of_leg(checkpoint: &Path, leg: Leg) -> PathBuf {
+    let mut name = checkpoint.as_os_str().to_owned();
+    name.push(leg.suffix());
+    name.into()
+}
+
+/// Removes the checkpoints of all legs, however many a training had.
+fn remove_checkpoints(checkpoint: &Path) -> Result<(), Error> {
+    let remove =
+        |path: &Path| std::fs::remove_file(path).map_err(|reason| Error::write(path, reason));
+    if checkpoint.exists() {
+        remove(checkpoint)?;
     }
+    let number = |number| of_leg(checkpoint, Leg::Start(number));
+    (0..).map(number).take_while(|path| path.exists()).try_for_each(|path| remove(&path))
 }
 
 impl Watch for Training<'_> {
     fn earlier(&mut self, leg: Leg) -> Result<Option<Checkpoint>, Error> {
-        let file = self.file(leg);
+        let file = of_leg(&self.checkpoint, leg);
         match self.resume && file.exists() {
             true => load_checkpoint(&file).map(Some),
             false => Ok(None),
@@ -250,7 +268,9 @@ impl Watch for Training<'_> {
             self.times.points.push((told.record.iteration, seconds));
         }
         if let Some(checkpoint) = told.checkpoint {
-            save_checkpoint(&self.file(leg), checkpoint)?;
+            let file = of_leg(&self.checkpoint, leg);
+            save_checkpoint(&file, checkpoint)?;
+            self.written = Some(file);
         }
         self.progress.iteration(&name, told.record, iterations);
         Ok(if self.progress.interrupted() { Control::Interrupt } else { Control::Continue })
@@ -339,7 +359,9 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     training.check_for(&any)?;
     let checkpoint_file = beside(&arguments.output, ".checkpoint", true);
     let replace = arguments.overwrite || arguments.resume;
-    for path in [&arguments.output, &checkpoint_file] {
+    let legs = Leg::all(&training).into_iter().map(|leg| of_leg(&checkpoint_file, leg));
+    let checkpoints: Vec<PathBuf> = legs.collect();
+    for path in checkpoints.iter().chain([&arguments.output]) {
         guard_output(path, replace, &[&arguments.data])?;
     }
 
@@ -371,6 +393,14 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     }
     let epsilon = family.epsilon;
     let pairs = file.pairs.with_conditions(|condition| family.place(condition));
+    if let (Some(plane), None) = (action.shared_plane(), arguments.theta) {
+        let expected = "circles of planes of their own, or --theta";
+        let found = format!("plane {} in several circles", plane + 1);
+        return Err(Error::invalid("--circle-action", found, expected));
+    }
+    if is_normal_form && epsilon == 0.0 && family.time.is_none() {
+        return Err(Error::invalid("--epsilon", 0, "another number, or --flow-time"));
+    }
     let nearest: Vec<f64> =
         action.circles().iter().map(|circle| fit_rotation(&pairs, circle)).collect();
     let angles: Vec<f64> =
@@ -403,19 +433,23 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         progress: &mut progress,
         times: TrainingTimes { model: spec.name.clone(), ..TrainingTimes::default() },
         start: Instant::now(),
+        written: None,
     };
-    if arguments.resume && !Leg::all(&training).iter().any(|leg| watch.file(*leg).exists()) {
+    if !arguments.resume {
+        // Those of the training that is replaced are of no use to this one.
+        remove_checkpoints(&checkpoint_file)?;
+    } else if !checkpoints.iter().any(|path| path.exists()) {
         load_checkpoint(&checkpoint_file)?;
     }
     let result = train_schedule(&mut start, &[place], &training, &mut watch);
-    let mut times = watch.times;
+    let (mut times, written) = (watch.times, watch.written);
     progress.finish();
     let result = result?;
     let outcome = &result.outcome;
     if outcome.stop == Stop::Interrupted {
         progress.note(&format!(
             "interrupted; the same command with --resume goes on from {}",
-            checkpoint_file.display()
+            written.unwrap_or(checkpoint_file).display()
         ));
         return Ok(Status::Interrupted);
     }
@@ -431,7 +465,9 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if arguments.resume {
         times.points.clear();
     }
-    let command = command(arguments, &architecture, result.initial.angle());
+    // Angles that were fitted are fitted again.
+    let theta = arguments.theta.or(result.initial.angle());
+    let command = command(arguments, &architecture, family.time, theta);
     let (stop, best) = (outcome.stop, outcome.best);
     let angles = outcome.model.angles().to_vec();
     let judge = held_out.as_ref().unwrap_or(&pairs);

@@ -135,6 +135,8 @@ impl Pairs {
         for time in times {
             Error::check_range("flow_time", *time, Error::LEAST_POSITIVE, f64::MAX)?;
         }
+        /// A map for each pair is a slip of the pen.
+        const MOST: usize = 1000;
         let mut conditions: Vec<Condition> = Vec::new();
         let mut of_row = Vec::with_capacity(count);
         for (&epsilon, &time) in epsilons.iter().zip(times) {
@@ -143,6 +145,7 @@ impl Pairs {
                 conditions.push(Condition { epsilon, time, pairs: 0 });
                 conditions.len() - 1
             });
+            Error::check_count_range("maps of a family", conditions.len(), 1, MOST)?;
             conditions[found].pairs += 1;
             of_row.push(found);
         }

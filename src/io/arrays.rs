@@ -96,7 +96,7 @@ pub fn read_pairs(path: &Path) -> Result<PairsFile, Error> {
     parse_pairs(&path.display().to_string(), read_bytes(path)?)
 }
 
-/// Reads `input` and `output` from the bytes of an `.npz` file; `place` names it
+/// Reads pairs, as [`read_pairs`] does, from the bytes of an `.npz` file; `place` names it
 /// in errors.
 ///
 /// # Errors
@@ -121,14 +121,16 @@ pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
             format!("{found} columns"),
         ));
     }
-    let single_precision = input.single || output.single;
+    let mut single_precision = input.single || output.single;
     let mut pairs = Pairs::new(place, columns / 2, input.values, output.values)?;
     let names = archive.names();
     let mut of_rows = |name: &str| -> Result<Option<Vec<f64>>, Error> {
         if !names.iter().any(|known| known == name) {
             return Ok(None);
         }
-        let values = archive.array(name)?.values;
+        let array = archive.array(name)?;
+        single_precision |= array.single;
+        let values = array.values;
         Error::check_count(&format!("{place}: {name}: numbers"), pairs.len(), values.len())?;
         check_finite(&format!("{place}: {name}"), &values, 1)?;
         Ok(Some(values))

@@ -5,6 +5,7 @@ use super::Shear;
 use crate::error::Error;
 use crate::phase::Map;
 use crate::scalar::{Over, Real, Scalar};
+use faer::Mat;
 use serde::{Deserialize, Serialize};
 
 /// A linear circle action on phase space with integer weights m_j:
@@ -117,6 +118,26 @@ impl TorusAction {
     /// The number of degrees of freedom.
     pub fn dof(&self) -> usize {
         self.circles.first().map_or(0, CircleAction::dof)
+    }
+
+    /// The first plane that several circles turn.
+    pub fn shared_plane(&self) -> Option<usize> {
+        let turned = |j: &usize| self.circles.iter().filter(|c| c.weights()[*j] != 0).count() > 1;
+        (0..self.dof()).find(turned)
+    }
+
+    /// How often each circle goes round while `circle` does once, if the circles turn
+    /// every plane as it does: c with Σ_a c_a m_aj = m_j.
+    pub fn multiples_of(&self, circle: &CircleAction) -> Option<Vec<f64>> {
+        let (rows, columns) = (self.dof(), self.circles.len());
+        let weight = |of: &CircleAction, j: usize| f64::from(of.weights()[j]);
+        let matrix = Mat::from_fn(rows, columns, |j, a| weight(&self.circles[a], j));
+        let right = Mat::from_fn(rows, 1, |j, _| weight(circle, j));
+        // Of least norm, where circles depend on each other.
+        let multiples = matrix.thin_svd().ok()?.pseudoinverse() * &right;
+        let rest = &matrix * &multiples - right;
+        let fits = (0..rows).all(|j| rest[(j, 0)].abs() < 1e-9);
+        fits.then(|| (0..columns).map(|a| multiples[(a, 0)]).collect())
     }
 
     /// The rotation by these angles, in radians, one for each circle.

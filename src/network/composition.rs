@@ -272,7 +272,8 @@ impl<P: Scalar> Composition<P> {
     /// angles of its circles and the times of its twists grow with it. A map without
     /// circles is of no family, and stays what it is.
     ///
-    /// The factors of nested calls multiply, those of ε do not.
+    /// Of a map with several turns, as [`Composition::followed_by`] makes, the first alone is
+    /// taken for its circles. The factors of nested calls multiply, those of ε do not.
     pub fn at(&self, epsilon: P, time: P) -> Self
     where
         P: Real,

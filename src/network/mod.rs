@@ -3,7 +3,7 @@
 //! [`HenonNet`] (plain and near the identity), [`Gyroceptron`], [`NormalForm`] and
 //! [`SympNet`] are each
 //! a [`Composition`], which is what is evaluated, inverted, differentiated and
-//! measured. [`Model`] is a HénonNet or a gyroceptron in double precision, as files hold it.
+//! measured. [`Model`] is any of them in double precision, as files hold it.
 //!
 //! # Parameter layout
 //!

@@ -290,8 +290,9 @@ impl Model {
         self.with_parameters(parameters)
     }
 
-    /// This network at another ε, unless it has none, and at `time` times its flow time: the
-    /// angles of its circles and the factor h of a normal form grow with it.
+    /// This network at another ε and at `time` times its flow time: the angles of its
+    /// circles and the factor h of a normal form grow with it. HénonNets and SympNets are
+    /// of no family, and stay what they are.
     ///
     /// # Errors
     /// Those of [`Model::new`].

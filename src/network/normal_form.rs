@@ -132,7 +132,10 @@ impl NormalFormShape {
     /// # Errors
     /// With the value.
     pub fn check(&self) -> Result<(), Error> {
+        // A table of all planes is kept for each kick.
+        const MOST_PLANES: usize = 1000;
         FastPlanes::new(&self.action)?;
+        Error::check_count_range("planes of a normal form", self.dof(), 1, MOST_PLANES)?;
         Error::check_finite("flow_time", self.flow_time)?;
         if self.kicks.contains(&0) || self.twists > 0 && self.twist_width == 0 {
             let expected = "at least one neuron";

@@ -173,6 +173,23 @@ impl<'a> Context<'a> {
         Ok(made)
     }
 
+    /// The held-out pairs of the same points at another ε and flow time, and the mean
+    /// squared error of the limiting rotation on them.
+    pub(super) fn judge_at(&mut self, epsilon: f64, time: f64) -> Result<(Pairs, f64), Halt> {
+        let declared = self.scene.setup.data.as_ref().ok_or_else(|| self.missing(Need::Data))?;
+        let (system, seed) = (self.system()?.clone().with_epsilon(epsilon), self.scene.seed);
+        let name = format!("reference flow for ε = {epsilon} and time {time}");
+        self.stage(&name, |context| {
+            let counted = Counted::new(&system);
+            let [training, held_out] = DataSets::points(declared, system.dof(), seed)?;
+            let points = if held_out.is_empty() { training } else { held_out };
+            let (pairs, _) = Pairs::of_flow(&counted, points, time)?;
+            context.log.vector_fields(counted.vector_fields());
+            let rotation = limiting_flow_error(&system, &pairs, time);
+            Ok((pairs, rotation))
+        })
+    }
+
     /// The networks that are to be studied, trained.
     pub(super) fn models(&mut self) -> Result<Vec<Rc<Trained>>, Halt> {
         let all = self.all_models()?;
@@ -263,7 +280,8 @@ pub(super) struct DataSets {
     validation: Option<Pairs>,
     /// The largest difference of the reference flow between two resolutions.
     pub(super) reference_error: f64,
-    /// The held-out mean squared error of the exact limiting rotation alone.
+    /// The mean squared error of the exact limiting rotation alone, on the pairs that choose
+    /// among the models of a training.
     pub(super) rotation_error: Option<f64>,
 }
 
@@ -272,15 +290,8 @@ impl DataSets {
     fn points(data: &Data, dof: usize, seed: u64) -> Result<[Vec<f64>; 2], Error> {
         let points =
             |windows: &[Window], stream| sample(windows, dof, &mut Stream::new(seed, stream));
-        let held_out_windows: Vec<_> = data
-            .windows
-            .iter()
-            .map(|window| Window {
-                samples: (window.samples as f64 * data.validation).round() as usize,
-                ..window.clone()
-            })
-            .collect();
-        Ok([points(&data.windows, "data/training")?, points(&held_out_windows, "data/held-out")?])
+        let held_out = data.held_out_windows();
+        Ok([points(&data.windows, "data/training")?, points(&held_out, "data/held-out")?])
     }
 
     fn of_flow(
@@ -338,7 +349,16 @@ impl DataSets {
             Pairs::of_family(sets)
         };
         let (training, validation) = (family(&training_points)?, Some(family(&held_out_points)?));
-        let rotation_error = Some(limiting_flow_error(system, &held_out, time));
+        let mut squares = 0.0;
+        for (condition, input, output) in validation.iter().flat_map(Pairs::runs) {
+            let condition = condition.expect("a set for each map");
+            let system = system.inner().clone().with_epsilon(condition.epsilon);
+            let of_map = Pairs::new("map", system.dof(), input.to_vec(), output.to_vec())?;
+            let error = limiting_flow_error(&system, &of_map, condition.time * time);
+            squares += error * of_map.len() as f64;
+        }
+        let rotation_error =
+            validation.as_ref().map(|validation| squares / validation.len() as f64);
         let held_out = Some(held_out);
         Ok(Self { training, held_out, validation, reference_error, rotation_error })
     }
@@ -348,9 +368,9 @@ impl DataSets {
         self.validation.as_ref().or(self.held_out.as_ref())
     }
 
-    /// The root mean square of the components of the outputs.
+    /// The root mean square of the components of the outputs that a training is judged by.
     pub(super) fn size(&self) -> f64 {
-        root_mean_square(self.to_judge_by().output())
+        root_mean_square(self.validation().unwrap_or(&self.training).output())
     }
 
     /// The pairs to judge by: held out, where there are any.

@@ -76,7 +76,14 @@ pub(super) fn learn_at(
     let mut start = |number: u64| {
         // Far from the seeds of the network's other trainings.
         let seed = seed.wrapping_add(number << 32);
-        let model = architecture.initialise(spec.weights, theta, seed)?;
+        let mut model = architecture.initialise(spec.weights, theta, seed)?;
+        if let Some(network) = model.normal_form() {
+            // The check of the set-up has found them.
+            let multiples = network.shape().action.multiples_of(&action);
+            let angles: Vec<f64> =
+                multiples.unwrap_or_default().iter().map(|multiple| multiple * theta).collect();
+            model = model.with_angles(&angles)?;
+        }
         match from {
             Some((from, earlier)) if number == 0 => model.with_weights_of(from, time / earlier),
             _ => Ok(model),
@@ -162,7 +169,7 @@ impl Watch for SceneWatch<'_, '_> {
             true => Some(load_checkpoint(&file)?),
             false => None,
         };
-        let before: f64 = self.times.legs.iter().map(|(_, seconds)| seconds).sum();
+        let before = self.times.before();
         let resumed_at = found.as_ref().map_or(0, |checkpoint| checkpoint.last().iteration);
         let of_leg = match leg {
             Leg::Last => {

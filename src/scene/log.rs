@@ -31,6 +31,11 @@ pub struct TrainingTimes {
 }
 
 impl TrainingTimes {
+    /// Of all legs before the last.
+    pub fn before(&self) -> f64 {
+        self.legs.iter().map(|(_, seconds)| seconds).sum()
+    }
+
     /// Seconds at an iteration, where they were taken.
     pub fn seconds(&self, iteration: u64) -> Option<f64> {
         let at = self.points.iter().find(|(i, _)| *i == iteration);

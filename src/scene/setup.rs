@@ -300,6 +300,17 @@ impl Setup {
                 return Err(Error::invalid("circle_action", found, expected).at(key));
             }
         }
+        for model in &self.models {
+            let NetworkSpec::NormalForm { action: Some(own), .. } = &model.network else {
+                continue;
+            };
+            if own.multiples_of(&action).is_none() {
+                let found = format!("{:?}", own.circles());
+                let expected = format!("circles that turn the planes as {action:?} does together");
+                let key = format!("models.{}", model.name);
+                return Err(Error::invalid("action", found, expected).at(key));
+            }
+        }
         for (index, window) in self.data.iter().flat_map(|d| d.windows.iter().enumerate()) {
             window.check(&format!("data.windows[{index}]"), system.dof())?;
         }
@@ -312,6 +323,15 @@ impl Setup {
 }
 
 impl Data {
+    /// The windows of the held-out points.
+    pub(super) fn held_out_windows(&self) -> Vec<Window> {
+        let of = |window: &Window| Window {
+            samples: (window.samples as f64 * self.validation).round() as usize,
+            ..window.clone()
+        };
+        self.windows.iter().map(of).collect()
+    }
+
     /// Whether the pairs are of several maps.
     pub(super) fn is_family(&self) -> bool {
         !(self.epsilons.is_empty() && self.flow_times.is_empty())
@@ -339,9 +359,10 @@ impl Data {
             let expected = format!("a sample for each of {maps} maps");
             return Err(Error::invalid("data.windows.samples", samples, expected));
         }
-        if self.is_family() && self.validation == 0.0 {
-            let expected = "a share above 0: networks of a family are judged by held-out pairs";
-            return Err(Error::invalid("data.validation", 0, expected));
+        let held_out: usize = self.held_out_windows().iter().map(|w| w.samples).sum();
+        if self.is_family() && held_out < maps {
+            let expected = format!("a share that leaves a held-out point for each of {maps} maps");
+            return Err(Error::invalid("data.validation", self.validation, expected));
         }
         Ok(())
     }

@@ -3,12 +3,13 @@
 use crate::flow::{Condition, Pairs};
 use crate::layer::{CircleAction, TorusAction};
 use crate::measure::{root_mean_square, rotation_error};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
-/// The angle θ in (−π, π] whose rotation Φ_θ is nearest to the pairs in the
-/// mean square: where to start θ when ω₀t is unknown. Of pairs with several flow times, the
-/// angle for time 1, from the shortest to the longest of them: whole turns are told from
-/// the times before.
+/// The angle θ in (−π/g, π/g] whose rotation Φ_θ is nearest to the pairs in the
+/// mean square, g the greatest common divisor of the weights, after 2π/g of which the
+/// rotation is the same: where to start θ when ω₀t is unknown. Of pairs with several flow
+/// times, the angle for time 1, from the shortest to the longest of them: whole periods are told
+/// from the times before.
 ///
 /// Σ|Φ_θz − z′|² = const − 2Σ_j(C_j cos m_jθ + S_j sin m_jθ) with
 /// C_j = Σ(qq′ + pp′) and S_j = Σ(pq′ − qp′); its minimum is found by a scan
@@ -24,10 +25,22 @@ pub fn fit_rotation(pairs: &Pairs, action: &CircleAction) -> f64 {
     let mut frequency: Option<f64> = None;
     for of_time in runs.chunk_by(|(a, ..), (b, ..)| time(a) == time(b)) {
         let (time, angle) = (time(&of_time[0].0), nearest(of_time, action));
-        let turns = frequency.map_or(0.0, |f| ((f * time - angle) / TAU).round());
-        frequency = Some(turns.mul_add(TAU, angle) / time);
+        let period = TAU / divisor(action);
+        let turns = frequency.map_or(0.0, |f| ((f * time - angle) / period).round());
+        frequency = Some(turns.mul_add(period, angle) / time);
     }
     frequency.unwrap_or(0.0)
+}
+
+/// The greatest common divisor of the weights; 1 where all are 0.
+fn divisor(action: &CircleAction) -> f64 {
+    let gcd = |mut a: u32, mut b: u32| {
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    f64::from(action.weights().iter().map(|w| w.unsigned_abs()).fold(0, gcd).max(1))
 }
 
 /// The nearest angle for runs of pairs of one flow time.
@@ -54,9 +67,10 @@ fn nearest(runs: &[(Option<Condition>, &[f64], &[f64])], action: &CircleAction) 
     };
     let harmonics = action.weights().iter().map(|w| w.unsigned_abs()).max().unwrap_or(1).max(1);
     let points = 64 * harmonics;
-    let spacing = TAU / f64::from(points);
+    let period = TAU / divisor(action);
+    let spacing = period / f64::from(points);
     let best = (0..points)
-        .map(|k| PI - spacing * f64::from(k))
+        .map(|k| 0.5 * period - spacing * f64::from(k))
         .min_by(|a, b| misfit(*a).total_cmp(&misfit(*b)))
         .unwrap_or(0.0);
     let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
@@ -70,7 +84,7 @@ fn nearest(runs: &[(Option<Condition>, &[f64], &[f64])], action: &CircleAction) 
         }
     }
     let theta = 0.5 * (low + high);
-    if theta > PI { theta - TAU } else { theta }
+    if theta > 0.5 * period { theta - period } else { theta }
 }
 
 /// How far pairs move beside the rotation by these angles, over how large they are: the

@@ -15,8 +15,8 @@ use serde::{Deserialize, Serialize};
 pub struct Starts {
     /// How many.
     pub count: u64,
-    /// The iterations after which the one of the lowest held-out error (loss, without
-    /// held-out pairs) is chosen. It goes on as if it had been alone.
+    /// The iterations of each, after which the one of the lowest held-out error (loss,
+    /// without held-out pairs) is chosen. It goes on as if it had been alone.
     pub iterations: u64,
 }
 
@@ -178,9 +178,17 @@ pub fn train_schedule(
         for number in 0..starts.count {
             let begun = start(number)?;
             let model = begun.at(first.epsilon, first.time)?;
-            let iterations = starts.iterations.min(first.iterations);
+            let iterations = starts.iterations;
             let run = Run { leg: Leg::Start(number), place: first, iterations, options };
-            let (outcome, checkpoint) = run.go(&model, None, watch)?;
+            let (outcome, checkpoint) = match run.go(&model, None, watch) {
+                Ok(result) => result,
+                // Weights from which nothing can be computed are not the best.
+                Err(Error::Diverged { .. }) if starts.count > 1 => {
+                    legs.push(LegResult::failed(first));
+                    continue;
+                }
+                Err(error) => return Err(error),
+            };
             if outcome.stop == Stop::Interrupted {
                 return Ok(Scheduled { initial: begun, legs, outcome });
             }
@@ -190,6 +198,7 @@ pub fn train_schedule(
                 best = Some((score, number, begun, checkpoint));
             }
         }
+        // Where none could be trained, the first one says why.
         if let Some((_, number, model, checkpoint)) = best {
             legs[number as usize].chosen = true;
             (initial, trial) = (model, checkpoint);
@@ -214,6 +223,15 @@ pub fn train_schedule(
 }
 
 impl LegResult {
+    /// A start without a loss.
+    fn failed(place: &Place<'_>) -> Self {
+        let Place { epsilon, time, .. } = *place;
+        let (iteration, evaluations, pairs) = (0, 1, place.pairs.len());
+        let (loss, gradient, validation) = (f64::INFINITY, f64::INFINITY, None);
+        let best = TrainingRecord { iteration, evaluations, loss, pairs, gradient, validation };
+        Self { start: true, epsilon, time, best, chosen: false }
+    }
+
     fn of(start: bool, place: &Place<'_>, outcome: &Outcome) -> Self {
         let Place { epsilon, time, .. } = *place;
         Self { start, epsilon, time, best: outcome.best, chosen: false }

@@ -59,6 +59,12 @@ impl Study for FamilyOptions {
                 Error::check_range(name, *value, Error::LEAST_POSITIVE, f64::MAX)?;
             }
         }
+        let steps = |epsilon: f64, time: f64| self.slow_time / (epsilon * time);
+        let most = self.epsilons.iter().flat_map(|e| self.flow_times.iter().map(|t| steps(*e, *t)));
+        if let Some(steps) = most.into_iter().find(|steps| !(*steps <= MOST as f64)) {
+            let expected = format!("at most {MOST} steps of a map");
+            return Err(Error::invalid("slow_time", format!("{steps:e} steps"), expected));
+        }
         match &scene.setup.system {
             Some(system) => check_points("initial", &self.initial, system.dof()),
             None => Ok(()),
@@ -91,7 +97,7 @@ impl Study for FamilyOptions {
             "Errors are on points that no training has seen; a map is marked as seen where pairs \
              of its ε and flow time were among those of the training. The frequency is that of the fast \
              angle (of the first plane that turns) over the roll-outs of the network, against the \
-             reference. Invariants are followed over {} points of each of {} trajectories of \
+             reference; none where the phase is lost. Invariants are followed over {} points of each of {} trajectories of \
              the reference, of time {}/ε; a change is the root mean square over the trajectories \
              of the largest |μ − μ(0)|. μ₀ + εμ₁ is the average to first order, by quadrature.",
             self.states,
@@ -125,7 +131,7 @@ struct Case {
     epsilon: f64,
     flow_time: f64,
     seen: bool,
-    rotation_error: Option<f64>,
+    rotation_error: f64,
     /// The mean squared error of each network.
     errors: Vec<Option<f64>>,
     /// The error of its frequency of the fast plane, in radians for unit time.
@@ -142,6 +148,9 @@ struct Invariants {
     learnt: Vec<Option<f64>>,
 }
 
+/// The largest error of a phase, in radians, that tells a frequency.
+const KNOWN_PHASE: f64 = 1.0;
+
 impl FamilyOptions {
     fn case(
         &self,
@@ -151,7 +160,7 @@ impl FamilyOptions {
         flow_time: f64,
         own_time: f64,
     ) -> Result<Case, Halt> {
-        let data = context.data_at(epsilon, flow_time)?;
+        let (judge, rotation_error) = context.judge_at(epsilon, flow_time)?;
         let (own, declared) = (context.system()?, &context.scene.setup.data);
         let is_seen = |among: &[f64], value: f64, own: f64| match among {
             [] => value == own,
@@ -166,7 +175,6 @@ impl FamilyOptions {
         let steps = (self.slow_time / (epsilon * flow_time)).round().max(1.0) as usize;
         let interval = steps as f64 * flow_time;
         let reference = context.reference(&system, &self.initial, interval, 2)?;
-        let judge = data.to_judge_by();
         let (mut errors, mut frequency_errors) = (Vec::new(), Vec::new());
         for trained in models {
             // A network that leaves the finite numbers there has no error.
@@ -184,9 +192,10 @@ impl FamilyOptions {
             let states = model.rollout(&self.initial.concat(), request)?;
             let ends = &states[self.initial.concat().len()..];
             let phases = phase_errors(&system, ends, reference.trajectories.values());
-            frequency_errors.push(finite(root_mean_square(&phases) / interval));
+            let phase = root_mean_square(&phases);
+            // Beyond that nobody knows how many turns it is off.
+            frequency_errors.push((phase < KNOWN_PHASE).then_some(phase / interval));
         }
-        let rotation_error = data.rotation_error;
         Ok(Case { epsilon, flow_time, seen, rotation_error, errors, frequency_errors })
     }
 
@@ -296,11 +305,11 @@ impl Results {
         table
     }
 
-    /// The order in ε of a change; None where it has no values at two ε.
+    /// The order in ε of a change; None where it has no values at three ε.
     fn order(&self, of: impl Fn(&Invariants) -> Option<f64>) -> Option<f64> {
         let known = self.invariants.iter().filter_map(|at| Some((at.epsilon, of(at)?)));
         let (epsilons, changes): (Vec<f64>, Vec<f64>) = known.unzip();
-        (epsilons.len() > 1).then(|| log_slope(&epsilons, &changes))
+        finite(log_slope(&epsilons, &changes))
     }
 
     fn words(&self) -> String {

@@ -15,7 +15,7 @@ use crate::scene::declaration::Scene;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::learning::{Trained, learn_at};
-use crate::scene::setup::{Attempt, MOST, Need, check_points};
+use crate::scene::setup::{Attempt, MOST, ModelSpec, Need, NetworkSpec, check_points};
 use crate::system::Hamiltonian;
 use crate::train::LegResult;
 use serde::{Deserialize, Serialize};
@@ -106,11 +106,18 @@ impl Study for LongStepsOptions {
             return Err(Error::invalid("flow_times", found, "ascending ones"));
         }
         whole_steps("duration", self.duration, self.interval)?;
+        let of_file = |model: &&ModelSpec| matches!(model.network, NetworkSpec::File { .. });
+        if let Some(model) = scene.setup.models.iter().find(of_file) {
+            let expected = "networks to train: one of a file has one flow time";
+            return Err(Error::invalid("models", &model.name, expected));
+        }
         for entry in &self.integrators {
             entry.integrator.check()?;
             Error::check_count_range("integrators.steps", entry.steps.len(), 1, MOST)?;
+            // As many steps at most as any count of a scene may be.
+            let shortest = self.interval / MOST as f64;
             for step in &entry.steps {
-                Error::check_range("integrators.steps", *step, Error::LEAST_POSITIVE, f64::MAX)?;
+                Error::check_range("integrators.steps", *step, shortest, f64::MAX)?;
             }
         }
         match &scene.setup.system {
@@ -487,29 +494,37 @@ impl Results<'_> {
             [("for one step", |at| &at.one_step), ("over trajectories", |at| &at.trajectories)];
         for network in names {
             for (what, of) in both {
-                let gains: Vec<(f64, Option<f64>)> = self
+                // None where it has lost the points; a gain of None is one over all integrators.
+                let judged: Vec<(f64, Option<Option<f64>>)> = self
                     .times
                     .iter()
-                    .filter_map(|at| {
-                        let against = Against::new(of(at), &network.name)?;
-                        Some((at.flow_time, against.gain()))
+                    .map(|at| {
+                        let against = Against::new(of(at), &network.name);
+                        (at.flow_time, against.map(|against| against.gain()))
                     })
                     .collect();
-                let first = gains.iter().find(|(_, gain)| gain.is_none_or(|gain| gain > 1.0));
+                let wins = |(_, gain): &&(f64, Option<Option<f64>>)| {
+                    gain.is_some_and(|gain| gain.is_none_or(|gain| gain > 1.0))
+                };
+                let winning: Vec<String> =
+                    judged.iter().filter(wins).map(|(time, _)| time.to_string()).collect();
+                let gains: Vec<(f64, Option<f64>)> =
+                    judged.iter().filter_map(|(time, gain)| Some((*time, (*gain)?))).collect();
                 let largest = gains
                     .iter()
                     .filter_map(|(time, gain)| Some((*time, (*gain)?)))
                     .max_by(|a, b| a.1.total_cmp(&b.1));
-                let words = match (gains.is_empty(), first, largest) {
+                let words = match (gains.is_empty(), &winning[..], largest) {
                     (true, ..) => "has lost the points at every flow time".to_owned(),
-                    (_, None, Some((time, gain))) => format!(
+                    (_, [], Some((time, gain))) => format!(
                         "is slower than the fastest integrator that errs no more at every flow \
                          time: by {} at {time}, where it comes nearest",
                         Format::Factor.number(1.0 / gain)
                     ),
-                    (_, Some((from, _)), Some((time, gain))) => format!(
-                        "overtakes the fastest integrator that errs no more from flow time {from} on, and is \
-                         faster by {} at {time}",
+                    (_, times, Some((time, gain))) => format!(
+                        "overtakes the fastest integrator that errs no more at flow times {}, by up to {} at \
+                         {time}",
+                        times.join(", "),
                         Format::Factor.number(gain)
                     ),
                     (_, _, None) => "errs less than every integrator tried".to_owned(),

@@ -3,11 +3,11 @@
 
 use super::Study;
 use crate::error::Error;
-use crate::flow::Pairs;
+use crate::flow::{Condition, Pairs};
 use crate::scene::bibliography::GAUSS_LEGENDRE;
 use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
-use crate::scene::findings::{Block, Findings, Section, Table};
+use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::Need;
 use serde_json::json;
 
@@ -49,6 +49,15 @@ impl Study for PairsStudy {
                 &digest[..DIGITS.min(digest.len())]
             ),
         );
+        if !training.conditions().is_empty() {
+            let time = context.flow_time()?;
+            let of = |c: &Condition| {
+                let time = Format::Setting.number(c.time * time);
+                format!("{} of ε = {}, time {time}", c.pairs, Format::Setting.number(c.epsilon))
+            };
+            let maps: Vec<String> = training.conditions().iter().map(of).collect();
+            facts.fact("for training, of several maps", maps.join("; "));
+        }
         facts.fact(
             "reference flow",
             format!(

@@ -63,7 +63,7 @@ impl Study for TrainingStudy {
         let (data, models) = (context.data()?, context.all_models()?);
         let mut results = Vec::new();
         for trained in models.iter() {
-            let errors = match &data.held_out {
+            let errors = match data.validation() {
                 None => Vec::new(),
                 Some(held_out) => context.stage("held-out errors of each component", |_| {
                     component_errors(trained.model().composition(), held_out)
@@ -322,7 +322,7 @@ fn pace(results: &[TrainingResult], times: &[TrainingTimes]) -> Vec<Block> {
         lines.push_str(&format!(
             "- `{}`: {seconds:.1} s, {:.1} iterations a second\n",
             times.model,
-            *iterations as f64 / seconds
+            *iterations as f64 / (seconds - times.before())
         ));
         let held_out = results.iter().find(|r| r.name == times.model).map(TrainingResult::held_out);
         for passed in milestones(&held_out.unwrap_or_default()) {
