@@ -100,6 +100,35 @@ fn the_loss_of_a_family_is_its_definition() {
     }
 }
 
+/// Errors in units of εt, on average as before.
+#[test]
+fn the_loss_of_a_family_may_be_relative() {
+    let pairs = Pairs::of_family(sets()).expect("sets").relative().expect("not 0");
+    let slow = |epsilon: f64, time: f64| (epsilon * time).powi(-2);
+    let mean: f64 =
+        sets().iter().map(|(e, t, set)| slow(*e, *t) * set.len() as f64).sum::<f64>() / 87.0;
+    let weights: Vec<f64> = pairs.conditions().iter().map(|c| c.weight).collect();
+    for model in models() {
+        let mut expected = 0.0;
+        for ((epsilon, time, set), weight) in sets().iter().zip(&weights) {
+            let there = model.at(*epsilon, *time).expect("finite");
+            let error = objective(set).value(there.composition());
+            close(*weight, slow(*epsilon, *time) / mean, 1e-14, "weight");
+            expected += weight * error * set.len() as f64 / 87.0;
+        }
+        close(objective(&pairs).value(model.composition()), expected, 1e-12, "loss");
+        let mut gradient = vec![0.0; model.composition().parameters().len()];
+        objective(&pairs).value_and_gradient(model.composition(), &mut gradient);
+        let equations = objective(&pairs).normal_equations(model.composition());
+        for (a, b) in equations.gradient.iter().zip(&gradient) {
+            close(*a, *b, 1e-11, "both gradients");
+        }
+    }
+    assert_eq!(pairs.thinned(20).conditions()[0].weight, weights[0]);
+    let still = Pairs::of_family(vec![(0.0, 1.0, sets().remove(0).2)]).expect("a set");
+    assert!(still.relative().is_err());
+}
+
 /// Against central differences of the definition: angles count as often as their map's
 /// flow time has the network's.
 #[test]

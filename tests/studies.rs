@@ -708,5 +708,6 @@ fn families_that_do_not_fit_are_refused() {
     );
     with("validation = 0.5", "validation = 0.005", &["data.validation", "4 maps"]);
     with("states = 200", "states = 1", &["states"]);
+    with("epsilons = [0.02, 0.01]", "relative = true\nepsilons = [0.0, 0.01]", &["relative"]);
     with("[0.5, 0.6, 0.0, 0.0]", "[0.5]", &["initial"]);
 }

@@ -88,6 +88,8 @@ pub struct Condition {
     pub epsilon: f64,
     /// Its flow time, in units of that of the network which is trained on it.
     pub time: f64,
+    /// What the squares of their errors count with in a loss.
+    pub weight: f64,
     /// How many pairs are of it.
     pub pairs: usize,
 }
@@ -142,7 +144,7 @@ impl Pairs {
         for (&epsilon, &time) in epsilons.iter().zip(times) {
             let same = |c: &Condition| c.epsilon == epsilon && c.time == time;
             let found = conditions.iter().position(same).unwrap_or_else(|| {
-                conditions.push(Condition { epsilon, time, pairs: 0 });
+                conditions.push(Condition { epsilon, time, weight: 1.0, pairs: 0 });
                 conditions.len() - 1
             });
             Error::check_count_range("maps of a family", conditions.len(), 1, MOST)?;
@@ -185,6 +187,27 @@ impl Pairs {
             (condition.epsilon, condition.time) = of(*condition);
         }
         self
+    }
+
+    /// These pairs with squares of errors that count (εt)⁻², times as much as makes the mean
+    /// over all pairs 1: each map's error is measured by how far it is from its rotation,
+    /// which is of order εt.
+    ///
+    /// # Errors
+    /// When one of several ε is 0.
+    pub fn relative(mut self) -> Result<Self, Error> {
+        let count = self.len() as f64;
+        let slow = |c: &Condition| c.epsilon * c.time;
+        if let Some(condition) = self.conditions.iter().find(|c| slow(c) == 0.0) {
+            let expected = "another number: errors are measured by ε times the flow time";
+            return Err(Error::invalid("epsilon", condition.epsilon, expected));
+        }
+        let of = |c: &Condition| c.pairs as f64 / (slow(c) * slow(c));
+        let mean: f64 = self.conditions.iter().map(of).sum::<f64>() / count;
+        for condition in &mut self.conditions {
+            condition.weight = 1.0 / (slow(condition) * slow(condition) * mean);
+        }
+        Ok(self)
     }
 
     /// What runs of the pairs are of, one run after another; none where all are of
@@ -332,7 +355,7 @@ impl Pairs {
     /// SHA-256 of the numbers, in hexadecimal: what a model's provenance names.
     pub fn digest(&self) -> String {
         let dof = self.dof as f64;
-        let of = |c: &Condition| [c.epsilon, c.time, c.pairs as f64];
+        let of = |c: &Condition| [c.epsilon, c.time, c.weight, c.pairs as f64];
         let conditions: Vec<f64> = self.conditions.iter().flat_map(of).collect();
         let numbers = std::iter::once(&dof).chain(&self.input).chain(&self.output);
         digest::of_numbers(numbers.chain(&conditions))

@@ -346,7 +346,8 @@ impl DataSets {
                 reference_error = max_or_nan(reference_error, error);
                 sets.push((epsilon, flow_time / time, set));
             }
-            Pairs::of_family(sets)
+            let family = Pairs::of_family(sets)?;
+            if data.relative { family.relative() } else { Ok(family) }
         };
         let (training, validation) = (family(&training_points)?, Some(family(&held_out_points)?));
         let mut squares = 0.0;
@@ -355,7 +356,7 @@ impl DataSets {
             let system = system.inner().clone().with_epsilon(condition.epsilon);
             let of_map = Pairs::new("map", system.dof(), input.to_vec(), output.to_vec())?;
             let error = limiting_flow_error(&system, &of_map, condition.time * time);
-            squares += error * of_map.len() as f64;
+            squares += condition.weight * error * of_map.len() as f64;
         }
         let rotation_error =
             validation.as_ref().map(|validation| squares / validation.len() as f64);

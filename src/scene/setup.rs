@@ -42,6 +42,11 @@ pub struct Data {
     /// are shared out among them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub flow_times: Vec<f64>,
+    /// The error of each of these maps counts in units of ε times its flow time
+    /// ([`Pairs::relative`](crate::flow::Pairs::relative)), so that maps near their rotation
+    /// are learnt as well as others.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub relative: bool,
 }
 
 /// A network to train.
@@ -358,6 +363,10 @@ impl Data {
         if samples < maps {
             let expected = format!("a sample for each of {maps} maps");
             return Err(Error::invalid("data.windows.samples", samples, expected));
+        }
+        if self.relative && (!self.is_family() || self.epsilons.contains(&0.0)) {
+            let expected = "false, but for several maps of ε other than 0";
+            return Err(Error::invalid("data.relative", true, expected));
         }
         let held_out: usize = self.held_out_windows().iter().map(|w| w.samples).sum();
         if self.is_family() && held_out < maps {

@@ -123,11 +123,14 @@ impl<'a> Objective<'a> {
         let angles = map.angles();
         let mut terms = Vec::new();
         for (condition, input, output) in self.pairs.runs() {
-            let (map, time) = match condition {
-                None => (Cow::Borrowed(map), 1.0),
-                Some(Condition { epsilon, time, .. }) => (Cow::Owned(map.at(epsilon, time)), time),
+            let (map, time, factor) = match condition {
+                None => (Cow::Borrowed(map), 1.0, 1.0),
+                Some(Condition { epsilon, time, weight, .. }) => {
+                    (Cow::Owned(map.at(epsilon, time)), time, weight)
+                }
             };
-            let (weights, angles) = (self.weights.clone(), angles.clone());
+            let weights = self.weights.iter().map(|weight| factor * weight).collect();
+            let angles = angles.clone();
             let near_identity = (self.penalty > 0.0).then(|| map.near_identity_part());
             terms.push(Term { map, weights, input, output, angles: angles.clone(), time });
             if let Some(map) = near_identity {
