@@ -649,7 +649,10 @@ fn training_is_reproducible_and_resumes() {
     // All starts are as they were: the best of them goes on.
     train("d.json", "60", &["--starts", "3", "--resume"]);
     assert!(read("c.json") == read("d.json"));
-    // What another training left is not gone on with.
+    // Another training touches it only where it is told to, and does not go on with it.
+    std::fs::copy(&kept, folder.path().join("e.json.checkpoint-start-1")).expect("copied");
+    train("e.json", "30", &[]);
+    assert!(folder.path().join("e.json.checkpoint-start-1").exists());
     train("d.json", "60", &["--overwrite"]);
     assert!(!kept.exists());
     refuses(

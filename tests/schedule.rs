@@ -242,6 +242,13 @@ fn bad_schedules_are_refused() {
     refused(rung(Some(f64::NAN), None, 5), "ramp.flow_time");
     refused(rung(None, Some(f64::INFINITY), 5), "ramp.epsilon");
     refused(rung(None, None, 0), "ramp.iterations");
+    // One leg alone does not pass over what it was asked for.
+    for options in [starts(2, 5), rung(None, None, 5)] {
+        let (model, set) = (start(0).expect("a start"), pairs(TIME, EPSILON, 1));
+        let quiet = &mut |_: Progress<'_>| Ok(Control::Continue);
+        let error = train(&model, &set, None, &options, None, quiet).map(|_| "a result");
+        assert!(error.expect_err("refused").to_string().contains("train_schedule"));
+    }
     // Pairs for each rung.
     let set = pairs(TIME, EPSILON, 1);
     let (epsilon, time, iterations, held_out) = (EPSILON, 1.0, 3, None);

@@ -416,7 +416,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         held_out.as_ref().map_or(0, Pairs::len)
     ));
     let mut start = |number: u64| {
-        let seed = arguments.seed.wrapping_add(number << 32);
+        let seed = Starts::seed(arguments.seed, number);
         architecture.initialise(spec.weights, 0.0, seed)?.with_angles(&angles)
     };
     let place = Place {
@@ -435,10 +435,11 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         start: Instant::now(),
         written: None,
     };
-    if !arguments.resume {
+    if arguments.overwrite {
         // Those of the training that is replaced are of no use to this one.
         remove_checkpoints(&checkpoint_file)?;
-    } else if !checkpoints.iter().any(|path| path.exists()) {
+    }
+    if arguments.resume && !checkpoints.iter().any(|path| path.exists()) {
         load_checkpoint(&checkpoint_file)?;
     }
     let result = train_schedule(&mut start, &[place], &training, &mut watch);

@@ -124,6 +124,12 @@ pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
     let mut single_precision = input.single || output.single;
     let mut pairs = Pairs::new(place, columns / 2, input.values, output.values)?;
     let names = archive.names();
+    let known =
+        |name: &&String| ["input", "output", "epsilon", "flow_time"].contains(&name.as_str());
+    if let Some(other) = names.iter().find(|name| !known(name)) {
+        let expected = "input, output, epsilon and flow_time and no other array";
+        return Err(Error::content(place, expected, other));
+    }
     let mut of_rows = |name: &str| -> Result<Option<Vec<f64>>, Error> {
         if !names.iter().any(|known| known == name) {
             return Ok(None);

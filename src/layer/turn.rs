@@ -5,7 +5,6 @@ use super::Shear;
 use crate::error::Error;
 use crate::phase::Map;
 use crate::scalar::{Over, Real, Scalar};
-use faer::Mat;
 use serde::{Deserialize, Serialize};
 
 /// A linear circle action on phase space with integer weights m_j:
@@ -126,18 +125,24 @@ impl TorusAction {
         (0..self.dof()).find(turned)
     }
 
-    /// How often each circle goes round while `circle` does once, if the circles turn
-    /// every plane as it does: c with Σ_a c_a m_aj = m_j.
-    pub fn multiples_of(&self, circle: &CircleAction) -> Option<Vec<f64>> {
-        let (rows, columns) = (self.dof(), self.circles.len());
-        let weight = |of: &CircleAction, j: usize| f64::from(of.weights()[j]);
-        let matrix = Mat::from_fn(rows, columns, |j, a| weight(&self.circles[a], j));
-        let right = Mat::from_fn(rows, 1, |j, _| weight(circle, j));
-        // Of least norm, where circles depend on each other.
-        let multiples = matrix.thin_svd().ok()?.pseudoinverse() * &right;
-        let rest = &matrix * &multiples - right;
-        let fits = (0..rows).all(|j| rest[(j, 0)].abs() < 1e-9);
-        fits.then(|| (0..columns).map(|a| multiples[(a, 0)]).collect())
+    /// How often each circle goes round while `circle` does once, where the circles, of planes
+    /// of their own, turn every plane as it does: m_j/m_aj of all planes j of circle a.
+    pub fn multiples_of<P: Real>(&self, circle: &CircleAction) -> Option<Vec<P>> {
+        let (wanted, dof) = (circle.weights(), self.dof());
+        let turned = |j: &usize| self.circles.iter().any(|own| own.weights()[*j] != 0);
+        if self.shared_plane().is_some() || (0..dof).any(|j| turned(&j) != (wanted[j] != 0)) {
+            return None;
+        }
+        let of_circle = |own: &CircleAction| {
+            let weights = own.weights();
+            let first = (0..dof).find(|&j| weights[j] != 0)?;
+            let product = |j: usize, k: usize| i64::from(wanted[j]) * i64::from(weights[k]);
+            let alike = |&j: &usize| weights[j] == 0 || product(j, first) == product(first, j);
+            let multiple =
+                || P::from_f64(wanted[first].into()) / P::from_f64(weights[first].into());
+            (0..dof).all(|j| alike(&j)).then(multiple)
+        };
+        self.circles.iter().map(of_circle).collect()
     }
 
     /// The rotation by these angles, in radians, one for each circle.

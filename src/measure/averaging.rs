@@ -14,8 +14,8 @@ const POINTS: usize = 128;
 /// Since H and, to first order, ε⟨H₁⟩ are conserved, so is (H − ε⟨H₁⟩)/ω. Cost: 128 times
 /// the limiting flow and the energy.
 ///
-/// Source: averaging to first order, as in section 2 of Burby and Hirvijoki,
-/// <https://doi.org/10.1063/5.0054323>.
+/// Source: Kruskal, <https://doi.org/10.1063/1.1724285>, whose series this is the first order
+/// of.
 pub fn averaged_invariant(system: &impl Hamiltonian, z: &[f64]) -> f64 {
     let frequency = system.limiting_frequency();
     let perturbation = |z: &[f64]| system.energy(z) - frequency * system.adiabatic_invariant(z);

@@ -13,7 +13,7 @@ use crate::network::Model;
 use crate::system::Hamiltonian;
 use crate::train::{
     Checkpoint, Control, Leg, LegResult, Loss, Objective, Outcome, Place, Progress, Rung,
-    Scheduled, Stop, TrainingOptions, TrainingRecord, Watch, train_schedule,
+    Scheduled, Starts, Stop, TrainingOptions, TrainingRecord, Watch, train_schedule,
 };
 use serde_json::json;
 use std::path::PathBuf;
@@ -74,14 +74,13 @@ pub(super) fn learn_at(
     };
     let theta = system.limiting_frequency() * time;
     let mut start = |number: u64| {
-        // Far from the seeds of the network's other trainings.
-        let seed = seed.wrapping_add(number << 32);
+        let seed = Starts::seed(seed, number);
         let mut model = architecture.initialise(spec.weights, theta, seed)?;
         if let Some(network) = model.normal_form() {
             // The check of the set-up has found them.
-            let multiples = network.shape().action.multiples_of(&action);
-            let angles: Vec<f64> =
-                multiples.unwrap_or_default().iter().map(|multiple| multiple * theta).collect();
+            let mut angles: Vec<f64> =
+                network.shape().action.multiples_of(&action).unwrap_or_default();
+            angles.iter_mut().for_each(|angle| *angle *= theta);
             model = model.with_angles(&angles)?;
         }
         match from {

@@ -309,7 +309,7 @@ impl Setup {
             let NetworkSpec::NormalForm { action: Some(own), .. } = &model.network else {
                 continue;
             };
-            if own.multiples_of(&action).is_none() {
+            if own.multiples_of::<f64>(&action).is_none() {
                 let found = format!("{:?}", own.circles());
                 let expected = format!("circles that turn the planes as {action:?} does together");
                 let key = format!("models.{}", model.name);

@@ -140,6 +140,18 @@ impl TrainingOptions {
         self.optimiser.check()
     }
 
+    /// Fails where they are of several legs.
+    pub(super) fn check_single(&self) -> Result<(), Error> {
+        let expected = "none: several legs are trained by `train_schedule`";
+        if let Some(starts) = self.starts {
+            return Err(Error::invalid("training.starts", starts.count, expected));
+        }
+        match self.ramp.len() {
+            0 => Ok(()),
+            rungs => Err(Error::invalid("training.ramp", rungs, expected)),
+        }
+    }
+
     /// Those of one of its legs.
     pub(super) fn of_leg(&self, iterations: u64) -> Self {
         Self { iterations, starts: None, ramp: Vec::new(), ..self.clone() }

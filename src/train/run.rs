@@ -138,7 +138,8 @@ fn optimiser<'a>(
 /// the same model, pairs and options, continues to the same bits.
 ///
 /// # Errors
-/// When options or shapes do not fit, when the checkpoint is of another run,
+/// When options or shapes do not fit, or ask for the legs of a
+/// [schedule](super::train_schedule), when the checkpoint is of another run,
 /// when the loss is not finite at the start, or what `observe` returns.
 pub fn train(
     model: &Model,
@@ -149,6 +150,7 @@ pub fn train(
     observe: &mut dyn FnMut(Progress<'_>) -> Result<Control, Error>,
 ) -> Result<Outcome, Error> {
     options.check()?;
+    options.check_single()?;
     let dof = model.composition().dof();
     for (name, set) in [("training", Some(pairs)), ("held-out", validation)] {
         if let Some(set) = set {

@@ -38,6 +38,12 @@ pub struct Rung {
 const MOST_STARTS: usize = 10_000;
 
 impl Starts {
+    /// The seed of the weights of a start, that of the first being the training's own: far from
+    /// the seeds of other trainings, which follow one another.
+    pub fn seed(training: u64, number: u64) -> u64 {
+        training.wrapping_add(number << 32)
+    }
+
     pub(super) fn check(self) -> Result<(), Error> {
         let count = usize::try_from(self.count).unwrap_or(usize::MAX);
         Error::check_count_range("training.starts.count", count, 1, MOST_STARTS)?;
@@ -183,7 +189,7 @@ pub fn train_schedule(
             let (outcome, checkpoint) = match run.go(&model, None, watch) {
                 Ok(result) => result,
                 // Weights from which nothing can be computed are not the best.
-                Err(Error::Diverged { .. }) if starts.count > 1 => {
+                Err(Error::Diverged { .. }) => {
                     legs.push(LegResult::failed(first));
                     continue;
                 }
