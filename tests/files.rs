@@ -540,8 +540,10 @@ fn pairs_of_a_family_come_back() {
         file.pairs.conditions().iter().map(|c| (c.epsilon, c.time, c.pairs)).collect();
     assert_eq!(conditions, [(0.2, 1.0, 2), (0.1, 1.0, 1)]);
     names(of(&[("epsilon", column(&[0.2, 0.1]))]), &["epsilon", "3", "2"]);
-    // A slip of the pen would train one map on pairs of several.
-    names(of(&[("epsilons", column(&[0.2, 0.1, 0.2]))]), &["epsilons", "no other array"]);
+    // A slip of the pen trains one map on pairs of several: it is told.
+    let slip = of(&[("epsilons", column(&[0.2, 0.1, 0.2]))]).expect("read");
+    assert_eq!((slip.unused, slip.has_epsilons), (vec!["epsilons".to_owned()], false));
+    assert!(slip.pairs.conditions().is_empty());
     names(of(&[("epsilon", column(&[0.2, f64::NAN, 0.1]))]), &["epsilon", "NaN"]);
     names(of(&[("flow_time", column(&[0.2, 0.0, 0.1]))]), &["flow_time", "0"]);
 }

@@ -1145,7 +1145,8 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
         .map(|b| f64::from_le_bytes(b.try_into().expect("eight bytes")))
         .collect();
     assert_eq!(&values[..12], start);
-    let invariant = stored.model.invariant(&values).expect("an invariant");
+    let own = stored.model.invariant().expect("an invariant");
+    let invariant: Vec<f64> = values.chunks_exact(4).map(own).collect();
     for (state, invariants) in invariant.chunks_exact(3).enumerate() {
         for (m, value) in invariants.iter().enumerate() {
             let drift = (value - invariant[m]).abs();
@@ -1226,4 +1227,36 @@ fn a_family_is_trained_and_asked_for_another_member() {
     let with = |more: &[&'static str]| [&predict[..], &["--output", "u.npy"], more].concat();
     refuses(path, &with(&["--flow-time", "0"]), &["--flow-time", "0", "positive"]);
     refuses(path, &with(&["--epsilon", "nan"]), &["epsilon", "NaN"]);
+}
+
+/// 9,000 pairs of time 50 and nothing else told. Half a minute in a release build:
+/// `GYROCEPTRON_EXTENSIVE=1 cargo test --release --test program pairs_of_one_long_time --
+/// --nocapture` prints the error.
+#[test]
+fn pairs_of_one_long_time_train_a_normal_form() {
+    if std::env::var("GYROCEPTRON_EXTENSIVE").is_ok_and(|value| value == "1") {
+        let folder = folder();
+        let window = |low: [f64; 4], high: [f64; 4]| Window {
+            low: low.to_vec(),
+            high: high.to_vec(),
+            samples: 3000,
+        };
+        let windows = [
+            window([-1.6, -0.9, -1.6, -1.1], [1.6, 1.6, 1.6, 1.1]),
+            window([-1.6, 0.6, -1.6, -0.5], [1.6, 1.5, 1.6, 0.5]),
+            window([-1.6, -0.8, -1.6, -0.8], [1.6, 0.8, 1.6, 0.8]),
+        ];
+        let points = sample(&windows, 2, &mut Stream::new(1, "x")).expect("points");
+        let system = Oscillators { epsilon: 0.01 };
+        let (pairs, _) = Pairs::of_flow(&system, points, 50.0).expect("converges");
+        write_pairs(&folder.path().join("pairs.npz"), &pairs).expect("written");
+        let data = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--json"];
+        let how = ["--architecture", "normal-form", "--optimiser", "lm", "--iterations", "200"];
+        let train = [&data[..], &how, &["--output", "m.json"]].concat();
+        let output = succeeds(folder.path(), &train);
+        let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
+        let error = json["best"]["validation"].as_f64().expect("a number");
+        println!("held-out mean squared error {error:.2e}");
+        assert!(error <= 1e-5, "{error:e}");
+    }
 }

@@ -384,6 +384,10 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if file.single_precision {
         progress.note(&format!("{}: float32 numbers, taken as they are", arguments.data.display()));
     }
+    if !file.unused.is_empty() {
+        let (place, names) = (arguments.data.display(), file.unused.join(", "));
+        progress.note(&format!("{place}: not used: {names}"));
+    }
     check_fit(arguments, &file.pairs, &action)?;
     let digest = file.pairs.digest();
     let family = Family::of(arguments, &file, is_normal_form)?;

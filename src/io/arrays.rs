@@ -72,6 +72,9 @@ pub(super) fn write_archive(path: &Path, arrays: &[(&str, &[u64], &[f64])]) -> R
 /// is kept in 32 bits.
 const MOST_WITHOUT_ZIP64: usize = u32::MAX as usize - (1 << 20);
 
+/// The arrays of a file of pairs.
+const ARRAYS: [&str; 4] = ["input", "output", "epsilon", "flow_time"];
+
 /// Pairs read from a file, and what was noticed.
 #[derive(Debug)]
 pub struct PairsFile {
@@ -82,6 +85,8 @@ pub struct PairsFile {
     pub has_epsilons: bool,
     /// The file has a flow time for each pair.
     pub has_times: bool,
+    /// The names of its other arrays, which say nothing of pairs.
+    pub unused: Vec<String>,
     /// An array held single precision.
     pub single_precision: bool,
 }
@@ -124,12 +129,8 @@ pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
     let mut single_precision = input.single || output.single;
     let mut pairs = Pairs::new(place, columns / 2, input.values, output.values)?;
     let names = archive.names();
-    let known =
-        |name: &&String| ["input", "output", "epsilon", "flow_time"].contains(&name.as_str());
-    if let Some(other) = names.iter().find(|name| !known(name)) {
-        let expected = "input, output, epsilon and flow_time and no other array";
-        return Err(Error::content(place, expected, other));
-    }
+    let known = |name: &&String| ARRAYS.contains(&name.as_str());
+    let unused = names.iter().filter(|name| !known(name)).cloned().collect();
     let mut of_rows = |name: &str| -> Result<Option<Vec<f64>>, Error> {
         if !names.iter().any(|known| known == name) {
             return Ok(None);
@@ -148,7 +149,7 @@ pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
         let (epsilons, times) = (or_one(epsilons), or_one(times));
         pairs = pairs.under(&epsilons, &times).map_err(|e| e.at(place))?;
     }
-    Ok(PairsFile { pairs, has_epsilons, has_times, single_precision })
+    Ok(PairsFile { pairs, has_epsilons, has_times, unused, single_precision })
 }
 
 /// Points read from a file, and what was noticed.

@@ -97,25 +97,27 @@ impl Measurable for Turn<f64> {
     }
 }
 
+/// What a network that is its composition has of [`Measurable`].
+macro_rules! measured_by_composition {
+    () => {
+        fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
+            self.composition().measured_steps(direction)
+        }
+        fn move_points(&self, direction: Direction, points: &mut [f64]) {
+            self.composition().move_points(direction, points);
+        }
+    };
+}
+
 impl Measurable for HenonNet<f64> {
-    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
-        self.composition().measured_steps(direction)
-    }
-    fn move_points(&self, direction: Direction, points: &mut [f64]) {
-        self.composition().move_points(direction, points);
-    }
+    measured_by_composition!();
     fn layers(&self) -> Layers<'_> {
         forward_layers(HenonNet::layers(self))
     }
 }
 
 impl Measurable for Gyroceptron<f64> {
-    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
-        self.composition().measured_steps(direction)
-    }
-    fn move_points(&self, direction: Direction, points: &mut [f64]) {
-        self.composition().move_points(direction, points);
-    }
+    measured_by_composition!();
     fn layers(&self) -> Layers<'_> {
         let psi = self.shape().psi.len();
         let mut out: Layers<'_> = forward_layers(Gyroceptron::layers(self).take(psi));
@@ -131,30 +133,15 @@ impl Measurable for Gyroceptron<f64> {
 }
 
 impl Measurable for SympNet<f64> {
-    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
-        self.composition().measured_steps(direction)
-    }
-    fn move_points(&self, direction: Direction, points: &mut [f64]) {
-        self.composition().move_points(direction, points);
-    }
+    measured_by_composition!();
 }
 
 impl Measurable for NormalForm<f64> {
-    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
-        self.composition().measured_steps(direction)
-    }
-    fn move_points(&self, direction: Direction, points: &mut [f64]) {
-        self.composition().move_points(direction, points);
-    }
+    measured_by_composition!();
 }
 
 impl Measurable for Model {
-    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
-        self.composition().measured_steps(direction)
-    }
-    fn move_points(&self, direction: Direction, points: &mut [f64]) {
-        self.composition().move_points(direction, points);
-    }
+    measured_by_composition!();
     fn layers(&self) -> Layers<'_> {
         match self {
             Self::HenonNet(net) => Measurable::layers(net),

@@ -278,14 +278,10 @@ impl<P: Scalar> Composition<P> {
     where
         P: Real,
     {
-        let angles = self.angles();
-        if angles.is_empty() {
+        if self.angles().is_empty() {
             return self.clone();
         }
-        let mut parameters = self.parameters.clone();
-        for angle in &mut parameters[angles] {
-            *angle = *angle * time;
-        }
+        let parameters = self.parameters_at(time);
         let mut out = self.with_parameters(parameters, epsilon).expect("as many parameters");
         for step in &mut out.steps {
             if let Kind::Twist { factor, .. } = &mut step.kind {
@@ -293,6 +289,15 @@ impl<P: Scalar> Composition<P> {
             }
         }
         out
+    }
+
+    /// The parameters with the angles of the circles `time` times.
+    pub(super) fn parameters_at(&self, time: P) -> Vec<P> {
+        let mut parameters = self.parameters.clone();
+        for angle in &mut parameters[self.angles()] {
+            *angle = *angle * time;
+        }
+        parameters
     }
 
     /// The steps, in the order of application.

@@ -193,13 +193,5 @@ impl Gyroceptron<f64> {
 }
 
 impl<P: Scalar, S: Over<P>> Map<S> for Gyroceptron<P> {
-    fn dof(&self) -> usize {
-        self.shape.dof()
-    }
-    fn forward(&self, z: &mut [S]) {
-        self.composition.forward(z);
-    }
-    fn inverse(&self, z: &mut [S]) {
-        self.composition.inverse(z);
-    }
+    map_of_composition!(S);
 }

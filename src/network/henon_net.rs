@@ -134,13 +134,5 @@ impl HenonNet<f64> {
 }
 
 impl<P: Scalar, S: Over<P>> Map<S> for HenonNet<P> {
-    fn dof(&self) -> usize {
-        self.shape.dof
-    }
-    fn forward(&self, z: &mut [S]) {
-        self.composition.forward(z);
-    }
-    fn inverse(&self, z: &mut [S]) {
-        self.composition.inverse(z);
-    }
+    map_of_composition!(S);
 }

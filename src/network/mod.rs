@@ -16,6 +16,21 @@
 //! angles and W, b, w, the twist shears, each W (d × h, the rows of the actions first), b and
 //! w, and an angle for each circle. A SympNet is its modules in the order of application.
 
+/// What a network that is its composition has of [`Map`](crate::phase::Map).
+macro_rules! map_of_composition {
+    ($number:ty) => {
+        fn dof(&self) -> usize {
+            self.composition().dof()
+        }
+        fn forward(&self, z: &mut [$number]) {
+            self.composition().forward(z);
+        }
+        fn inverse(&self, z: &mut [$number]) {
+            self.composition().inverse(z);
+        }
+    };
+}
+
 mod batch;
 mod composition;
 mod gyroceptron;
@@ -33,7 +48,7 @@ pub use gyroceptron::{Gyroceptron, GyroceptronShape};
 pub use henon_net::{HenonNet, HenonShape};
 pub use init::InitialWeights;
 pub use jacobians::{map_jacobians, map_jacobians_by_duals};
-pub use model::{Architecture, Model};
+pub use model::{Architecture, Invariant, Model};
 pub use normal_form::{NormalForm, NormalFormShape};
 pub use step::{Kind, Step, Visitor};
 pub use symp_net::{SympNet, SympNetShape};

@@ -202,6 +202,9 @@ impl Architecture {
     }
 }
 
+/// A function of a point that a network keeps or nearly keeps.
+pub type Invariant<'a> = Box<dyn Fn(&[f64]) -> f64 + 'a>;
+
 /// A network in double precision.
 #[derive(Clone, Debug)]
 pub enum Model {
@@ -280,12 +283,11 @@ impl Model {
     /// # Errors
     /// When it is built on circles and there are more or fewer angles; those of [`Model::new`].
     pub fn with_angles(&self, angles: &[f64]) -> Result<Self, Error> {
-        let count = self.angles().len();
         let mut parameters = self.composition().parameters().to_vec();
-        if count > 0 {
-            Error::check_count("angles", count, angles.len())?;
-            let first = parameters.len() - count;
-            parameters[first..].copy_from_slice(angles);
+        let own = &mut parameters[self.composition().angles()];
+        if !own.is_empty() {
+            Error::check_count("angles", own.len(), angles.len())?;
+            own.copy_from_slice(angles);
         }
         self.with_parameters(parameters)
     }
@@ -306,10 +308,7 @@ impl Model {
                 shape.flow_time *= time;
             }
         }
-        let mut parameters = self.composition().parameters().to_vec();
-        let first = parameters.len() - self.angles().len();
-        parameters[first..].iter_mut().for_each(|angle| *angle *= time);
-        Self::new(architecture, parameters)
+        Self::new(architecture, self.composition().parameters_at(time))
     }
 
     /// This network with the weights of another one of its shape, whose angles are taken
@@ -318,10 +317,7 @@ impl Model {
     /// # Errors
     /// When it has more or fewer parameters; those of [`Model::new`].
     pub fn with_weights_of(&self, other: &Self, time: f64) -> Result<Self, Error> {
-        let mut parameters = other.composition().parameters().to_vec();
-        let first = parameters.len() - other.angles().len();
-        parameters[first..].iter_mut().for_each(|angle| *angle *= time);
-        self.with_parameters(parameters)
+        self.with_parameters(other.composition().parameters_at(time))
     }
 
     /// The gyroceptron, if it is one.
@@ -360,21 +356,27 @@ impl Model {
         Ok(states)
     }
 
-    /// The invariant of the network at each of the points of `z` (2n numbers each): μ₀ = 𝔍₀∘ψ⁻¹
-    /// of a gyroceptron, which is adiabatic; the sum of the actions 𝔍∘χ⁻¹ of one in
-    /// normal form, which is exact. None of networks that are built on no circle.
-    pub fn invariant(&self, z: &[f64]) -> Option<Vec<f64>> {
-        match self {
-            Self::HenonNet(_) | Self::SympNet(_) => None,
-            Self::Gyroceptron(net) => Some(net.adiabatic_invariant(z)),
-            Self::NormalForm(net) => Some(net.invariant(z)),
-        }
+    /// The invariant of the network as a function of a point: μ₀ = 𝔍₀∘ψ⁻¹ of a gyroceptron,
+    /// which is adiabatic; the sum of the actions 𝔍∘χ⁻¹ of one in normal form, which is
+    /// exact. None of networks that are built on no circle.
+    pub fn invariant(&self) -> Option<Invariant<'_>> {
+        Some(match self {
+            Self::HenonNet(_) | Self::SympNet(_) => return None,
+            Self::Gyroceptron(net) => {
+                let psi = net.psi();
+                Box::new(move |z| net.shape().circle_action.conjugated_invariant(&psi, z))
+            }
+            Self::NormalForm(net) => {
+                let [chart, _] = net.chart_and_inner_map();
+                let circles = net.shape().action.circles();
+                Box::new(move |z| circles.iter().map(|c| c.conjugated_invariant(&chart, z)).sum())
+            }
+        })
     }
 
     /// The angles of its circles, in radians.
     pub fn angles(&self) -> &[f64] {
-        let parameters = self.composition().parameters();
-        &parameters[parameters.len() - self.architecture().circles().len()..]
+        &self.composition().parameters()[self.composition().angles()]
     }
 
     /// θ, where the network is built on one circle.
@@ -387,13 +389,5 @@ impl Model {
 }
 
 impl<S: Over<f64>> Map<S> for Model {
-    fn dof(&self) -> usize {
-        self.composition().dof()
-    }
-    fn forward(&self, z: &mut [S]) {
-        self.composition().forward(z);
-    }
-    fn inverse(&self, z: &mut [S]) {
-        self.composition().inverse(z);
-    }
+    map_of_composition!(S);
 }

@@ -245,38 +245,6 @@ impl<P: Scalar> NormalForm<P> {
     }
 }
 
-impl<P: Real> NormalForm<P> {
-    /// Σ_a 𝔍_a∘χ⁻¹, the sum of the actions, at each of the points of `z` (2n numbers
-    /// each): an invariant of the map, as each of them is.
-    pub fn invariant<S: Over<P>>(&self, z: &[S]) -> Vec<S> {
-        let [chart, _] = self.chart_and_inner_map();
-        let at = |z: &[S]| {
-            let mut w = z.to_vec();
-            chart.inverse(&mut w);
-            let circles = self.shape.action.circles().iter();
-            circles.fold(S::zero(), |sum, circle| sum + circle.invariant(&w))
-        };
-        z.chunks_exact(2 * self.shape.dof()).map(at).collect()
-    }
-}
-
-impl NormalForm<f64> {
-    /// This network over another number type.
-    pub fn lift<P: Real>(&self) -> NormalForm<P> {
-        let parameters = self.composition.parameters().iter().map(|&v| P::from_f64(v)).collect();
-        NormalForm::new(self.shape.clone(), P::from_f64(self.epsilon()), parameters)
-            .expect("the count is that of the shape")
-    }
-}
-
 impl<P: Scalar, S: Over<P>> Map<S> for NormalForm<P> {
-    fn dof(&self) -> usize {
-        self.shape.dof()
-    }
-    fn forward(&self, z: &mut [S]) {
-        self.composition.forward(z);
-    }
-    fn inverse(&self, z: &mut [S]) {
-        self.composition.inverse(z);
-    }
+    map_of_composition!(S);
 }

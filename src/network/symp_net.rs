@@ -135,13 +135,5 @@ impl SympNet<f64> {
 }
 
 impl<P: Scalar, S: Over<P>> Map<S> for SympNet<P> {
-    fn dof(&self) -> usize {
-        self.shape.dof
-    }
-    fn forward(&self, z: &mut [S]) {
-        self.composition.forward(z);
-    }
-    fn inverse(&self, z: &mut [S]) {
-        self.composition.inverse(z);
-    }
+    map_of_composition!(S);
 }

@@ -230,9 +230,7 @@ fn change(along: &Trajectories, quantity: impl Fn(&[f64]) -> f64) -> f64 {
 
 fn learnt_change(model: &Model, epsilon: f64, along: &Trajectories) -> Option<f64> {
     let model = model.at(epsilon, 1.0).ok()?;
-    model.invariant(&[])?;
-    let own = |z: &[f64]| model.invariant(z).map_or(f64::NAN, |values| values[0]);
-    finite(change(along, own))
+    finite(change(along, model.invariant()?))
 }
 
 /// The angles, in the first plane that the system's circle action turns, between the last

@@ -6,7 +6,7 @@ use super::work_precision::{
     IntegratorSteps, MOST_ROUNDS, Networks, Points, TOGETHER, WorkPrecisionOptions, citations,
 };
 use crate::error::Error;
-use crate::flow::Integrator;
+use crate::flow::{Integrator, Trajectories};
 use crate::measure::{Comparison, Spread, WorkPrecision, drifts, fastest};
 use crate::network::{Model, Rollout};
 use crate::scalar::max_or_nan;
@@ -263,19 +263,18 @@ impl LongStepsOptions {
         Ok(out)
     }
 
-    /// The largest relative change of the invariant of a network that owns an exact one,
-    /// along its own trajectories.
+    /// The largest change of the invariant of a network that owns an exact one, along its own
+    /// trajectories.
     fn drift(&self, model: &Model) -> Result<Option<f64>, Error> {
         const KEPT: usize = 100;
-        if model.normal_form().is_none() {
+        let (Some(_), Some(own)) = (model.normal_form(), model.invariant()) else {
             return Ok(None);
-        }
+        };
         let every = self.invariant_steps.div_ceil(KEPT);
         let request = Rollout { steps: every * KEPT, every };
         let dim = 2 * model.composition().dof();
         let states = model.rollout(&self.initial.concat(), request)?;
-        let states = crate::flow::Trajectories::new(states, dim, self.initial.len())?;
-        let own = |z: &[f64]| model.invariant(z).map_or(f64::NAN, |values| values[0]);
+        let states = Trajectories::new(states, dim, self.initial.len())?;
         let changes = drifts(&states, own);
         Ok(Some(changes.iter().map(|d| d.largest).fold(0.0, max_or_nan)))
     }

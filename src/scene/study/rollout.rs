@@ -243,15 +243,14 @@ impl<'a> Network<'a> {
         reference: &Trajectories,
     ) -> Self {
         let model = trained.model();
-        let learnt = model.invariant(&[]).map(|_| {
-            let own = |z: &[f64]| model.invariant(z).map_or(f64::NAN, |values| values[0]);
+        let learnt = model.invariant().map(|own| {
             let near_identity = model.gyroceptron().map(|network| {
                 let moved = near_identity_rms(&network.near_identity(), reference.values());
                 (moved, network.epsilon())
             });
             Learnt {
-                along_own: Change::of(orbits, own),
-                along_reference: Change::of(reference, own),
+                along_own: Change::of(orbits, &own),
+                along_reference: Change::of(reference, &own),
                 near_identity,
             }
         });
