@@ -2,6 +2,7 @@
 
 use super::{GaussLegendre, Splitting, SplittingSteps, runge_kutta_4};
 use crate::error::Error;
+use crate::network::{TOGETHER, load_groups};
 use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
 use crate::system::{Splittable, System};
 use rayon::prelude::*;
@@ -190,20 +191,28 @@ impl<H: Splittable> Kernel for Trajectories<'_, H> {
             }
             return Ok(());
         }
-        let mut z = vec![V::zero(); dim];
-        let groups = states.chunks_mut(V::LANES * kept * dim);
-        for (initial, states) in initial.chunks(V::LANES * dim).zip(groups) {
-            crate::network::load(initial, dim, &mut z);
+        let mut z = vec![V::zero(); TOGETHER * dim];
+        let together = TOGETHER * V::LANES * dim;
+        for (initial, states) in initial.chunks(together).zip(states.chunks_mut(together * kept)) {
+            let size = load_groups(initial, dim, &mut z);
+            let z = &mut z[..size];
             for number in 0..kept {
                 match prepared {
-                    Prepared::Splitting(method) => method.take(system, &mut z, steps),
-                    _ => runge_kutta_4(system, &mut z, interval, steps),
+                    Prepared::Splitting(method) => method.take(system, z, steps),
+                    _ => {
+                        for z in z.chunks_exact_mut(dim) {
+                            runge_kutta_4(system, z, interval, steps);
+                        }
+                    }
                 }
-                let mut column = [0.0; WIDTH];
-                for (component, lanes) in z.iter().enumerate() {
-                    lanes.store(&mut column[..V::LANES]);
-                    for (states, value) in states.chunks_exact_mut(kept * dim).zip(column) {
-                        states[number * dim + component] = value;
+                let groups = states.chunks_mut(V::LANES * kept * dim);
+                for (z, states) in z.chunks_exact(dim).zip(groups) {
+                    let mut column = [0.0; WIDTH];
+                    for (component, lanes) in z.iter().enumerate() {
+                        lanes.store(&mut column[..V::LANES]);
+                        for (states, value) in states.chunks_exact_mut(kept * dim).zip(column) {
+                            states[number * dim + component] = value;
+                        }
                     }
                 }
             }

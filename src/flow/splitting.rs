@@ -113,7 +113,7 @@ impl Splitting {
     /// z ← the flow over `time` in `steps` equal steps.
     ///
     /// # Panics
-    /// When `steps` is 0 or z is not of 2n numbers.
+    /// When `steps` is 0 or z is not of whole points of 2n numbers.
     pub fn integrate<S: Real + Over<S>>(
         &self,
         system: &impl Splittable,
@@ -121,7 +121,7 @@ impl Splitting {
         time: f64,
         steps: usize,
     ) {
-        assert!(steps > 0 && z.len() == 2 * system.dof());
+        assert!(steps > 0);
         self.steps(system, time / steps as f64).take(system, z, steps);
     }
 }
@@ -140,10 +140,12 @@ pub struct SplittingSteps<P> {
 }
 
 impl<P: Real> SplittingSteps<P> {
-    /// z ← `count` steps of z, 2n numbers, of the system that they are of.
+    /// z ← `count` steps of z, of the system that they are of: 2n numbers for each point, all
+    /// points a stage after another, so that a processor has the next while it awaits the
+    /// results of one.
     ///
     /// # Panics
-    /// When z is not of 2n numbers.
+    /// When z is not of whole points.
     #[inline(always)]
     pub fn take<S: Over<P> + Elementary>(
         &self,
@@ -151,20 +153,27 @@ impl<P: Real> SplittingSteps<P> {
         z: &mut [S],
         count: usize,
     ) {
-        assert!(z.len() == 2 * self.first.dof());
+        let dim = 2 * self.first.dof();
+        assert!(z.len().is_multiple_of(dim));
         if count == 0 {
             return;
         }
-        system.enter(z);
-        self.first.apply(z, false);
+        for z in z.chunks_exact_mut(dim) {
+            system.enter(z);
+            self.first.apply(z, false);
+        }
         for step in 0..count {
             for (i, (&time, turn)) in self.kicks.iter().zip(&self.inner).enumerate() {
-                system.flow_b(z, S::embed(time));
                 let last = i + 1 == self.inner.len();
                 let turn = if last && step + 1 < count { &self.between } else { turn };
-                turn.apply(z, false);
+                for z in z.chunks_exact_mut(dim) {
+                    system.flow_b(z, S::embed(time));
+                    turn.apply(z, false);
+                }
             }
         }
-        system.leave(z);
+        for z in z.chunks_exact_mut(dim) {
+            system.leave(z);
+        }
     }
 }

@@ -12,7 +12,7 @@ const BLOCK: usize = 32 * WIDTH;
 
 /// Groups of points that make each step together: while the last results of one
 /// are awaited, the processor has the others.
-const TOGETHER: usize = 4;
+pub(crate) const TOGETHER: usize = 4;
 
 /// Neurons of one point in the lanes.
 pub(crate) const NEURONS: usize = 4;
@@ -47,7 +47,7 @@ fn store<V: Pack>(lanes: &[V], dim: usize, points: &mut [f64]) {
 
 /// Loads one group of points after another; returns how many numbers a lane they are.
 #[inline(always)]
-fn load_groups<V: Pack>(points: &[f64], dim: usize, lanes: &mut [V]) -> usize {
+pub(crate) fn load_groups<V: Pack>(points: &[f64], dim: usize, lanes: &mut [V]) -> usize {
     let groups = points.chunks(V::LANES * dim);
     let count = groups.len();
     for (group, lanes) in groups.zip(lanes.chunks_exact_mut(dim)) {

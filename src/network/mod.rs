@@ -53,4 +53,4 @@ pub use normal_form::{NormalForm, NormalFormShape};
 pub use step::{Kind, Step, Visitor};
 pub use symp_net::{SympNet, SympNetShape};
 
-pub(crate) use batch::{NEURONS, load};
+pub(crate) use batch::{NEURONS, TOGETHER, load, load_groups};
