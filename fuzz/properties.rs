@@ -7,11 +7,13 @@ use gyroceptron::io::{
     Provenance, StoredModel, WeightsFormat, assemble_weights, model_text, parse_model, parse_pairs,
     parse_points, parse_tensors,
 };
-use gyroceptron::layer::{CircleAction, HenonLayer, layer_parameter_count};
+use gyroceptron::layer::{CircleAction, HenonLayer, TorusAction, layer_parameter_count};
 use gyroceptron::measure::{
     Conditioned, Measurable, RATIO_LIMIT, differing_components, inversion_ratio,
 };
-use gyroceptron::network::{Architecture, GyroceptronShape, HenonNet, HenonShape, Model};
+use gyroceptron::network::{
+    Architecture, GyroceptronShape, HenonNet, HenonShape, Model, NormalFormShape,
+};
 use gyroceptron::phase::Direction;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::parse;
@@ -253,6 +255,57 @@ pub fn gyroceptron(data: &[u8]) -> Result<Outcome, String> {
     Ok(outcome)
 }
 
+/// A gyroceptron in normal form: several circles, any flow time, any of its parts left out.
+pub fn normal_form(data: &[u8]) -> Result<Outcome, String> {
+    let u = &mut Unstructured::new(data);
+    let dof = small(u, 4);
+    let circles: Vec<CircleAction> = (0..small(u, 3))
+        .map(|_| {
+            let weights = (0..dof).map(|_| i32::from(u.arbitrary::<i8>().unwrap_or(1) % 4));
+            CircleAction::new(weights.collect::<Vec<_>>())
+        })
+        .collect();
+    let action = TorusAction::new(circles).map_err(|reason| reason.to_string())?;
+    let layers = |u: &mut Unstructured<'_>, width: u8| -> Vec<usize> {
+        (0..small(u, 4) - 1).map(|_| small(u, width)).collect()
+    };
+    let (psi, kicks) = (layers(u, 4), layers(u, 6));
+    let (twists, twist_width) = (small(u, 5) - 1, small(u, 6));
+    let (flow_time, epsilon) = (number(u), number(u));
+    let z = numbers(u, 2 * dof);
+    let most = action.circles().iter().flat_map(CircleAction::weights).map(|m| m.abs()).max();
+    let widest = psi.iter().chain(&kicks).copied().fold(twist_width, usize::max);
+    let steps = 16 * psi.len() + 2 * kicks.len() + twists;
+    let turned = (0..dof).filter(|&j| action.circles().iter().any(|c| c.weights()[j] != 0));
+    let acts = |circle: &CircleAction| circle.weights().iter().any(|m| *m != 0);
+    let sound =
+        (1..=turned.count()).contains(&action.circles().len()) && action.circles().iter().all(acts);
+    let shape = NormalFormShape { action, psi, kicks, twists, twist_width, flow_time };
+    let weights = numbers(u, shape.parameter_count());
+    let finite = weights.iter().chain([&epsilon, &flow_time]).all(|v| v.is_finite());
+    let model = match Model::new(Architecture::NormalForm { shape, epsilon }, weights.clone()) {
+        Ok(model) if finite && sound => model,
+        Ok(_) => return Err("a model that should have been refused".into()),
+        Err(_) if !(finite && sound) => return Ok(Outcome::Refused),
+        Err(reason) => return Err(format!("refused without a cause: {reason}")),
+    };
+    // A twist moves by εh of its gradient, which is one of the actions, of squares.
+    let factor = epsilon.abs().max(1.0) * flow_time.abs().max(1.0);
+    let size = |v: &[f64]| v.iter().fold(0.0_f64, |m, x| max_or_nan(m, x.abs()));
+    let (w, m) = (size(&weights).max(1.0), f64::from(most.unwrap_or(1).max(1)));
+    let gain = (widest * steps) as f64 * factor * w * w * m * dof as f64;
+    let reach = 4.0 * (size(&z) + w + gain);
+    let range = gain * reach < 1e150
+        && reach * w * m < 1e140
+        && in_range(widest, steps, factor, &weights, &z);
+    let outcome = inverts(&model, &z, range)?;
+    let scaled = model.composition().near_identity_part();
+    if differing_components(&scaled.with_epsilon(0.0), &z) > 0 {
+        return Err(format!("moved at ε = 0: {z:?}"));
+    }
+    Ok(outcome)
+}
+
 /// A model file: raw bytes, or the file of a drawn model, written, read and
 /// compared, then read again with one byte changed.
 pub fn model(data: &[u8]) -> Result<Outcome, String> {
@@ -356,12 +409,13 @@ fn tensors(format: WeightsFormat, data: &[u8]) -> Result<Outcome, String> {
 }
 
 /// The targets by name.
-pub const TARGETS: [(&str, Property); 9] = [
+pub const TARGETS: [(&str, Property); 10] = [
     ("henon_layer", henon_layer),
     ("henon_net", henon_net),
     ("near_identity", near_identity),
     ("circle_action", circle_action),
     ("gyroceptron", gyroceptron),
+    ("normal_form", normal_form),
     ("model", model),
     ("scene", scene),
     ("npz", npz),
