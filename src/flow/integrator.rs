@@ -73,9 +73,10 @@ impl Integrator {
     /// numbers each, at the times `interval`, 2·`interval`, … `kept`·`interval`,
     /// `steps` equal steps in each: an array (kept, M, 2n).
     ///
-    /// Eight trajectories go together, one in each lane, and more on all threads: the
-    /// same bits as of each alone, on any processor. Gauss–Legendre moves one after
-    /// another, since each takes its own number of iterations.
+    /// Eight trajectories go together, one in each lane, several such groups a stage after
+    /// another in splittings, and more on all threads: the same bits as of each alone, on
+    /// any processor. Gauss–Legendre moves one after another, since each takes its own
+    /// number of iterations.
     ///
     /// # Errors
     /// When there are no steps, points are not whole, the interval is not finite, the
