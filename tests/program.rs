@@ -216,6 +216,24 @@ fn a_run_killed_on_a_ramp_resumes_to_the_same_bits() {
     }
 }
 
+#[test]
+fn a_run_killed_among_its_twists_resumes_to_the_same_bits() {
+    let gyroceptron = r#"kind = "gyroceptron", psi = { count = 3, width = 4 }, near_identity = { count = 3, width = 4 }"#;
+    let normal_form = r#"kind = "normal-form", kicks = { count = 3, width = 4 }, twists = { count = 4, width = 4 }"#;
+    assert!(SCENE.contains(gyroceptron));
+    let scene = SCENE.replace(gyroceptron, normal_form).replace(
+        "iterations = 60",
+        "iterations = 40\nramp = [{ flow_time = 0.25, iterations = 30 }]\n\
+         fresh_twists = { count = 1, iterations = 400 }",
+    );
+    let report = resumes_after_a_kill(&scene, "checkpoint-twists-2");
+    for words in ["twists of the ramp, alone", "fresh twists 1, alone", "which went on"] {
+        assert!(report.contains(words), "{words}: {report}");
+    }
+    let folder = with_scene("small.toml", &scene.replace(normal_form, gyroceptron));
+    refuses(folder.path(), &["small.toml"], &["fresh_twists", "only a normal form"]);
+}
+
 /// The report of a run that was killed when this file was there.
 fn resumes_after_a_kill(scene: &str, file: &str) -> String {
     let folder = with_scene("small.toml", scene);

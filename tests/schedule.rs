@@ -1,14 +1,15 @@
-//! Trainings in legs: starts of which the best goes on, and ramps.
+//! Trainings in legs: starts of which the best goes on, ramps, and twists alone.
 
 use gyroceptron::Error;
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::layer::CircleAction;
-use gyroceptron::network::{Architecture, InitialWeights, Model, NormalFormShape};
+use gyroceptron::network::{Architecture, HenonShape, InitialWeights, Model, NormalFormShape};
+use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
 use gyroceptron::system::Oscillators;
 use gyroceptron::train::{
-    Checkpoint, Control, Leg, LevenbergMarquardtOptions, Optimiser, Place, Progress, Rung,
-    Scheduled, Starts, Stop, TrainingOptions, Watch, train, train_schedule,
+    Checkpoint, Control, FreshTwists, Leg, LevenbergMarquardtOptions, Optimiser, Outcome, Place,
+    Progress, Rung, Scheduled, Starts, Stop, TrainingOptions, Watch, train, train_schedule,
 };
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -88,6 +89,14 @@ fn bits(model: &Model) -> Vec<u64> {
 }
 
 fn run(options: &TrainingOptions, store: &mut Store) -> Scheduled {
+    run_from(&mut start, options, store)
+}
+
+fn run_from(
+    start: &mut dyn FnMut(u64) -> Result<Model, Error>,
+    options: &TrainingOptions,
+    store: &mut Store,
+) -> Scheduled {
     let sets: Vec<(f64, f64, [Pairs; 2])> = options
         .ramp
         .iter()
@@ -107,7 +116,7 @@ fn run(options: &TrainingOptions, store: &mut Store) -> Scheduled {
             iterations,
         })
         .collect();
-    train_schedule(&mut start, &places, options, store).expect("trains")
+    train_schedule(start, &places, options, store).expect("trains")
 }
 
 fn ramp() -> Vec<Rung> {
@@ -176,12 +185,103 @@ fn a_ramp_is_its_rungs_one_after_another() {
     assert!(first(&result) < 0.5 * first(&without), "{} {}", first(&result), first(&without));
 }
 
+fn fresh(count: u64, iterations: u64) -> Option<FreshTwists> {
+    Some(FreshTwists { count, iterations })
+}
+
+/// A training of one leg.
+fn plain(model: &Model, [pairs, held_out]: [&Pairs; 2], iterations: u64) -> Outcome {
+    let options = TrainingOptions { iterations, ..options(0) };
+    train(model, pairs, Some(held_out), &options, None, &mut |_| Ok(Control::Continue))
+        .expect("trains")
+}
+
+/// Twists alone are a training on the pairs as the chart of the ramp sees them; the best of
+/// them goes on with that chart.
+#[test]
+fn twists_are_trained_alone_in_the_chart_of_the_ramp() {
+    const CHART: usize = 2 * (3 * 4 + 2);
+    let ramp = vec![Rung { flow_time: Some(1.0), epsilon: None, iterations: 8 }];
+    let options = TrainingOptions { ramp, fresh_twists: fresh(6, 12), ..options(0) };
+    let result = run(&options, &mut Store::default());
+    let model = start(0).expect("a start").at(EPSILON, 1.0 / TIME).expect("finite");
+    let outcome = plain(&model, [&pairs(1.0, EPSILON, 1), &pairs(1.0, EPSILON, 2)], 8);
+    let there = start(0).expect("a start");
+    let model = there.with_weights_of(&outcome.model, TIME).expect("of its shape");
+    let network = model.normal_form().expect("a normal form");
+    let [chart, _] = network.chart_and_inner_map();
+    let sets = [pairs(TIME, EPSILON, 1), pairs(TIME, EPSILON, 2)];
+    let seen = sets.each_ref().map(|pairs| {
+        let [input, output] = [pairs.input(), pairs.output()].map(|points| {
+            let mut points = points.to_vec();
+            points.chunks_exact_mut(4).for_each(|point| chart.inverse(point));
+            points
+        });
+        Pairs::new("seen", 2, input, output).expect("finite")
+    });
+    let carried = model.composition().parameters();
+    let shape = NormalFormShape { kicks: vec![], ..network.shape().clone() };
+    let alone: Vec<Outcome> = (0..7)
+        .map(|number| {
+            let mut weights = carried[CHART..].to_vec();
+            if number > 0 {
+                let fresh = start(number).expect("a start");
+                let (theta, twists) = weights.split_last_mut().expect("θ");
+                assert!((*theta - model.angles()[0]).abs() == 0.0);
+                twists.copy_from_slice(&fresh.composition().parameters()[CHART..][..twists.len()]);
+            }
+            let architecture = Architecture::NormalForm { shape: shape.clone(), epsilon: EPSILON };
+            let twists = Model::new(architecture, weights).expect("finite");
+            plain(&twists, seen.each_ref(), 12)
+        })
+        .collect();
+    let legs = &result.legs[1..];
+    assert_eq!(legs.len(), 7);
+    for (number, (leg, outcome)) in legs.iter().zip(&alone).enumerate() {
+        assert_eq!((leg.leg, leg.best), (Leg::Twists(number as u64), outcome.best));
+    }
+    let error = |number: &usize| alone[*number].best.validation.expect("held out");
+    let lowest = (0..7).min_by(|a, b| error(a).total_cmp(&error(b))).expect("seven");
+    assert!(lowest > 0, "those of the ramp are the best: nothing is seen of the choice");
+    let chosen: Vec<bool> = legs.iter().map(|leg| leg.chosen).collect();
+    assert_eq!(chosen, (0..7).map(|k| k == lowest).collect::<Vec<_>>());
+    let weights = [&carried[..CHART], alone[lowest].model.composition().parameters()].concat();
+    let model = model.with_parameters(weights).expect("finite");
+    let expected = plain(&model, sets.each_ref(), 14);
+    assert_eq!(bits(&result.outcome.model), bits(&expected.model));
+    assert_eq!(result.outcome.history, expected.history);
+    // It begins where the twists alone have come, far below what the ramp gives.
+    let first = |result: &Scheduled| result.outcome.history[0].validation.expect("held out");
+    let without = run(&TrainingOptions { fresh_twists: None, ..options }, &mut Store::default());
+    assert!(first(&result) < 0.5 * first(&without), "{} {}", first(&result), first(&without));
+}
+
+/// Twists whose loss leaves the numbers are passed over; where all are such, the ramp's go on.
+#[test]
+fn twists_without_a_loss_are_not_chosen() {
+    let options = TrainingOptions { ramp: ramp(), fresh_twists: fresh(2, 7), ..options(0) };
+    let mut broken = |number: u64| match number {
+        0 => start(0),
+        _ => {
+            let model = start(number)?;
+            let mut weights = model.composition().parameters().to_vec();
+            // The outer weights of the first twist.
+            weights[28 + 9..28 + 12].fill(1e300);
+            model.with_parameters(weights)
+        }
+    };
+    let result = run_from(&mut broken, &options, &mut Store::default());
+    let chosen: Vec<bool> = result.legs[2..].iter().map(|leg| leg.chosen).collect();
+    assert_eq!(chosen, [true, false, false]);
+    assert!(result.legs[3].best.loss.is_infinite());
+}
+
 #[test]
 fn a_killed_schedule_goes_on_to_the_same_bits() {
-    let options = TrainingOptions { ramp: ramp(), ..options(3) };
+    let options = TrainingOptions { ramp: ramp(), fresh_twists: fresh(2, 5), ..options(3) };
     let whole = run(&options, &mut Store::default());
-    let all = 3 * 6 + (8 - 6) + 8 + 14;
-    for most in [1, 5, 6, 7, 13, 19, 21, 27, 29, 33, 41] {
+    let all = 3 * 6 + (8 - 6) + 8 + 3 * 5 + 14;
+    for most in [1, 5, 6, 7, 13, 19, 21, 27, 28, 29, 33, 37, 41, 43, 44, 48, 56] {
         let mut store = Store { most: Some(most), ..Store::default() };
         let stopped = run(&options, &mut store);
         assert_eq!(stopped.outcome.stop, Stop::Interrupted, "{most} of {all}");
@@ -242,6 +342,16 @@ fn bad_schedules_are_refused() {
     refused(rung(Some(f64::NAN), None, 5), "ramp.flow_time");
     refused(rung(None, Some(f64::INFINITY), 5), "ramp.epsilon");
     refused(rung(None, None, 0), "ramp.iterations");
+    let twists = |count, iterations| TrainingOptions {
+        fresh_twists: fresh(count, iterations),
+        ..rung(None, None, 5)
+    };
+    refused(twists(0, 5), "fresh_twists.count");
+    refused(twists(2, 0), "fresh_twists.iterations");
+    refused(TrainingOptions { ramp: vec![], ..twists(2, 5) }, "without a ramp");
+    let shape = HenonShape { dof: 2, widths: vec![3] };
+    let error = twists(2, 5).check_for(&Architecture::HenonNet { shape, epsilon: EPSILON });
+    assert!(error.expect_err("no twists").to_string().contains("fresh_twists"));
     // One leg alone does not pass over what it was asked for.
     for options in [starts(2, 5), rung(None, None, 5)] {
         let (model, set) = (start(0).expect("a start"), pairs(TIME, EPSILON, 1));

@@ -583,6 +583,35 @@ fn maps_of_several_flow_times_are_set_beside_integrators() {
     assert!(folder.path().join("model-normal-form-at-25.json").exists());
 }
 
+/// The chart of a short flow time is that of the longer ones, whose twists are trained alone.
+#[test]
+fn longer_flow_times_have_the_chart_of_the_ramp() {
+    let training = "[training]\nramp = [{ flow_time = 5.0, iterations = 10 }]\n\
+                    fresh_twists = { count = 1, iterations = 10 }\n";
+    let normal_form = LONG_STEPS.lines().filter(|line| !line.contains("\"gyroceptron\""));
+    let scene = normal_form.collect::<Vec<_>>().join("\n");
+    let scene = scene.replace("[training]\n", training).replace("ramp = true\n", "");
+    let folder = temporary();
+    let report = run_in(folder.path(), &parse("long", &scene).expect("a scene"));
+    let data = render::json(&report);
+    let times = data["studies"]["long_steps"].as_array().expect("flow times");
+    let kinds = |at: &Value| -> Vec<String> {
+        let legs = at["networks"][0]["legs"].as_array().expect("legs").iter();
+        legs.map(|leg| leg["leg"]["kind"].as_str().expect("a kind").to_owned()).collect()
+    };
+    assert!(kinds(&times[0]).is_empty());
+    assert_eq!(kinds(&times[1]), ["rung", "twists", "twists"]);
+    assert_eq!(kinds(&times[2]), ["rung", "twists", "twists"]);
+    // A run over it leaves none of its files behind.
+    let left = |name: &str| folder.path().join(name).exists();
+    assert!(left("checkpoint-normal-form-at-20-twists-2"));
+    let again = parse("long", &scene.replace("20.0]", "25.0]")).expect("a scene");
+    let open = Folder::open(folder.path(), false, true).expect("a folder");
+    run(&again, &open, &mut Quiet).expect("runs").expect("not interrupted");
+    assert!(!left("checkpoint-normal-form-at-20-twists-2"));
+    assert!(left("checkpoint-normal-form-at-25-twists-2"));
+}
+
 #[test]
 fn flow_times_that_do_not_fit_are_refused() {
     let with = |from: &str, to: &str, words: &[&str]| {

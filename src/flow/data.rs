@@ -231,6 +231,28 @@ impl Pairs {
         out
     }
 
+    /// These pairs in other coordinates: `map` has the points of a run of them, inputs and
+    /// then outputs, and its condition.
+    ///
+    /// # Errors
+    /// Those of `map`; when a number is not finite after it, which `place` names.
+    pub(crate) fn transformed(
+        &self,
+        place: &str,
+        map: impl Fn(Option<Condition>, &mut [f64]) -> Result<(), Error>,
+    ) -> Result<Self, Error> {
+        let (mut input, mut output) = (Vec::new(), Vec::new());
+        for (condition, inputs, outputs) in self.runs() {
+            for (points, all) in [(inputs, &mut input), (outputs, &mut output)] {
+                let first = all.len();
+                all.extend_from_slice(points);
+                map(condition, &mut all[first..])?;
+            }
+        }
+        let plain = Self::new(place, self.dof, input, output)?;
+        Ok(Self { conditions: self.conditions.clone(), ..plain })
+    }
+
     /// The time-`time` flow map of `system` at these points, with the largest
     /// error estimate of the reference over 256 of them, evenly spaced.
     ///

@@ -320,6 +320,35 @@ impl Model {
         self.with_parameters(other.composition().parameters_at(time))
     }
 
+    /// Φ_θ∘T_ε of a normal form, as one whose chart is the identity; of any other network,
+    /// itself.
+    ///
+    /// # Errors
+    /// Those of [`Model::new`].
+    pub fn without_chart(&self) -> Result<Self, Error> {
+        let Some(network) = self.normal_form() else { return Ok(self.clone()) };
+        let parameters = network.inner_parameters().to_vec();
+        let shape = network.shape().without_chart();
+        Self::new(Architecture::NormalForm { shape, epsilon: network.epsilon() }, parameters)
+    }
+
+    /// This normal form with T_ε and the angles of another one, whose chart may differ; any
+    /// other network stays what it is.
+    ///
+    /// # Errors
+    /// When they have more or fewer parameters; those of [`Model::new`].
+    pub fn with_twists_of(&self, other: &Self) -> Result<Self, Error> {
+        let (Some(own), Some(other)) = (self.normal_form(), other.normal_form()) else {
+            return Ok(self.clone());
+        };
+        let mut parameters = self.composition().parameters().to_vec();
+        let (inner, others) = (own.inner_parameters().len(), other.inner_parameters());
+        Error::check_count("parameters of twists and angles", inner, others.len())?;
+        let chart = parameters.len() - inner;
+        parameters[chart..].copy_from_slice(others);
+        self.with_parameters(parameters)
+    }
+
     /// The gyroceptron, if it is one.
     pub fn gyroceptron(&self) -> Option<&Gyroceptron<f64>> {
         match self {

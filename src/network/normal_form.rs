@@ -89,11 +89,20 @@ impl NormalFormShape {
         self.twists.saturating_mul(of_shear)
     }
 
+    /// The number of parameters of the chart, which come first.
+    fn chart_len(&self) -> usize {
+        let kicks = self.kicks.iter().map(|&width| self.kick_len(width));
+        kicks.fold(self.psi_shape().parameter_count(), usize::saturating_add)
+    }
+
+    /// The shape with the identity for a chart.
+    pub fn without_chart(&self) -> Self {
+        Self { psi: Vec::new(), kicks: Vec::new(), ..self.clone() }
+    }
+
     /// The index of the first angle of the circles among the parameters.
     pub fn theta(&self) -> usize {
-        let kicks = self.kicks.iter().map(|&width| self.kick_len(width));
-        let kicks = kicks.fold(self.psi_shape().parameter_count(), usize::saturating_add);
-        kicks.saturating_add(self.twist_len())
+        self.chart_len().saturating_add(self.twist_len())
     }
 
     /// The number of parameters: those of ψ, of the turned kicks, of the twist shears,
@@ -227,6 +236,11 @@ impl<P: Scalar> NormalForm<P> {
     /// An angle for each circle, in radians.
     pub fn theta(&self) -> &[P] {
         &self.composition.parameters()[self.shape.theta()..]
+    }
+
+    /// The parameters of Φ_θ∘T_ε.
+    pub(super) fn inner_parameters(&self) -> &[P] {
+        &self.composition.parameters()[self.shape.chart_len()..]
     }
 
     /// ε.

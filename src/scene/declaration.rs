@@ -140,6 +140,9 @@ impl Scene {
             for rung in &mut training.ramp {
                 rung.iterations = shorter(rung.iterations);
             }
+            if let Some(fresh) = &mut training.fresh_twists {
+                (fresh.count, fresh.iterations) = (1, shorter(fresh.iterations));
+            }
         };
         if !self.setup.models.is_empty() {
             fewer(&mut self.setup.training);

@@ -65,6 +65,8 @@ pub(super) fn learn_at(
         // The ramp is up to the scene's flow time; weights of an earlier one come from there.
         let leads_up = |rung: &Rung| rung.flow_time.is_none_or(|rung| rung < time);
         options.ramp.retain(|rung| from.is_none() && leads_up(rung));
+        // Without a ramp there is no chart to train them in.
+        options.fresh_twists = options.fresh_twists.filter(|_| !options.ramp.is_empty());
     }
     let options = &options;
     let seed = scene.seed.wrapping_add(number);
@@ -132,8 +134,8 @@ pub(super) fn learn_at(
 struct SceneWatch<'w, 'a> {
     context: &'w mut Context<'a>,
     spec: &'w ModelSpec,
-    /// The most iterations of the starts, of each rung, and of the last leg.
-    iterations: (u64, Vec<u64>),
+    /// The most iterations of the legs.
+    iterations: Vec<(Leg, u64)>,
     times: TrainingTimes,
     /// The leg under way, when it began, and the seconds before: of other legs, and of its own in
     /// the run that is gone on with.
@@ -149,8 +151,13 @@ impl<'w, 'a> SceneWatch<'w, 'a> {
         options: &TrainingOptions,
     ) -> Self {
         let earlier = earlier_times(context, &spec.name);
-        let of_places = places.iter().map(|place| place.iterations).collect();
-        let iterations = (options.starts.map_or(0, |starts| starts.iterations), of_places);
+        let of_leg = |leg: Leg| match leg {
+            Leg::Start(_) => options.starts.map_or(0, |starts| starts.iterations),
+            Leg::Rung(number) => places[number].iterations,
+            Leg::Twists(_) => options.fresh_twists.map_or(0, |fresh| fresh.iterations),
+            Leg::Last => options.iterations,
+        };
+        let iterations = Leg::all(options).into_iter().map(|leg| (leg, of_leg(leg))).collect();
         let times = TrainingTimes { model: spec.name.clone(), ..TrainingTimes::default() };
         Self { context, spec, iterations, times, under_way: None, earlier }
     }
@@ -208,11 +215,11 @@ impl Watch for SceneWatch<'_, '_> {
             let all: Vec<_> = self.context.training_times().iter().chain([&self.times]).collect();
             self.context.folder.save_timings(&json!({ "models": all }))?;
         }
-        let (starts, places) = &self.iterations;
-        let (iterations, model) = match leg {
-            Leg::Start(_) => (*starts, format!("{}, {}", self.spec.name, leg.name())),
-            Leg::Rung(number) => (places[number], format!("{}, {}", self.spec.name, leg.name())),
-            Leg::Last => (places[places.len() - 1], self.spec.name.clone()),
+        let of_leg = self.iterations.iter().find(|(other, _)| *other == leg);
+        let iterations = of_leg.map_or(0, |(_, iterations)| *iterations);
+        let model = match leg {
+            Leg::Last => self.spec.name.clone(),
+            _ => format!("{}, {}", self.spec.name, leg.name()),
         };
         self.context.tell(Event::Iteration { model: &model, record, iterations });
         Ok(if self.context.interrupted() { Control::Interrupt } else { Control::Continue })

@@ -4,7 +4,7 @@
 //!   gradient, the Gauss–Newton matrix.
 //! - `lbfgs`, `levenberg_marquardt`, `adam`: an optimiser each, with its options.
 //! - `options`, `run`, `checkpoint`: what they share: validation, stopping, resuming.
-//! - `schedule`: several starts, and a ramp of other flow times or ε.
+//! - `schedule`: several starts, a ramp of other flow times or ε, twists alone.
 
 mod adam;
 mod checkpoint;
@@ -27,4 +27,6 @@ pub use normal_equations::NormalEquations;
 pub use options::{Optimiser, Stop, TrainingOptions, TrainingRecord};
 pub use rotation_fit::{fit_rotation, slow_time};
 pub use run::{Control, Outcome, Progress, train};
-pub use schedule::{Leg, LegResult, Place, Rung, Scheduled, Starts, Watch, train_schedule};
+pub use schedule::{
+    FreshTwists, Leg, LegResult, Place, Rung, Scheduled, Starts, Watch, train_schedule,
+};

@@ -1,6 +1,9 @@
 //! How to train, and the records of it.
 
-use super::{AdamOptions, LbfgsOptions, LevenbergMarquardtOptions, Loss, Rung, Starts};
+use super::schedule::not_a_normal_form;
+use super::{
+    AdamOptions, FreshTwists, LbfgsOptions, LevenbergMarquardtOptions, Loss, Rung, Starts,
+};
 use crate::error::Error;
 use crate::network::Architecture;
 use serde::{Deserialize, Serialize};
@@ -81,6 +84,10 @@ pub struct TrainingOptions {
     /// the last of them the training that is wanted.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub ramp: Vec<Rung>,
+    /// After the ramp, of a normal form: its twists trained alone, in the coordinates of the
+    /// chart that the ramp has found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fresh_twists: Option<FreshTwists>,
 }
 
 impl Default for TrainingOptions {
@@ -97,6 +104,7 @@ impl Default for TrainingOptions {
             checkpoint_every: 100,
             starts: None,
             ramp: Vec::new(),
+            fresh_twists: None,
         }
     }
 }
@@ -118,7 +126,12 @@ impl TrainingOptions {
             let (name, found) = ("training.near_identity_penalty", self.near_identity_penalty);
             return Err(Error::invalid(name, found, "0: only a gyroceptron has I_ε"));
         }
-        Ok(())
+        match self.fresh_twists {
+            Some(_) if !matches!(architecture, Architecture::NormalForm { .. }) => {
+                Err(not_a_normal_form())
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Fails unless every option is in its range.
@@ -137,6 +150,11 @@ impl TrainingOptions {
         }
         self.starts.map_or(Ok(()), Starts::check)?;
         self.ramp.iter().try_for_each(|rung| rung.check())?;
+        self.fresh_twists.map_or(Ok(()), FreshTwists::check)?;
+        if self.fresh_twists.is_some() && self.ramp.is_empty() {
+            let expected = "none without a ramp, whose chart they are trained in";
+            return Err(Error::invalid("training.fresh_twists", "given", expected));
+        }
         self.optimiser.check()
     }
 
@@ -154,7 +172,7 @@ impl TrainingOptions {
 
     /// Those of one of its legs.
     pub(super) fn of_leg(&self, iterations: u64) -> Self {
-        Self { iterations, starts: None, ramp: Vec::new(), ..self.clone() }
+        Self { iterations, starts: None, ramp: Vec::new(), fresh_twists: None, ..self.clone() }
     }
 }
 

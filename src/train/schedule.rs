@@ -1,12 +1,13 @@
-//! A training in several legs: starts of which the best goes on, and a ramp of other
-//! flow times or ε before the one that is wanted.
+//! A training in several legs: starts of which the best goes on, a ramp of other flow
+//! times or ε before the one that is wanted, and twists that are trained alone.
 
 use super::checkpoint::Checkpoint;
 use super::options::{Stop, TrainingOptions, TrainingRecord, at_least_one};
 use super::run::{Control, Outcome, Progress, train};
 use crate::error::Error;
 use crate::flow::Pairs;
-use crate::network::Model;
+use crate::network::{Model, map_points};
+use crate::phase::Direction;
 use serde::{Deserialize, Serialize};
 
 /// Several initial weights, of which the best goes on.
@@ -34,6 +35,21 @@ pub struct Rung {
     pub iterations: u64,
 }
 
+/// Twists T_ε of a normal form, trained alone before the last leg.
+///
+/// The chart χ of a short flow time is that of a long one; T_ε is not: weights that make one
+/// step of a splitting make a worse one of a longer step. In the coordinates of χ the pairs are of
+/// Φ_θ∘T_ε, a map without fast motion, which a few seconds train from random weights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FreshTwists {
+    /// How many random ones, beside that of the ramp.
+    pub count: u64,
+    /// The iterations of each, after which the one of the lowest held-out error (loss,
+    /// without held-out pairs) goes on with χ.
+    pub iterations: u64,
+}
+
 /// More are a slip of the pen.
 const MOST_STARTS: usize = 10_000;
 
@@ -48,6 +64,14 @@ impl Starts {
         let count = usize::try_from(self.count).unwrap_or(usize::MAX);
         Error::check_count_range("training.starts.count", count, 1, MOST_STARTS)?;
         at_least_one("training.starts.iterations", self.iterations)
+    }
+}
+
+impl FreshTwists {
+    pub(super) fn check(self) -> Result<(), Error> {
+        let count = usize::try_from(self.count).unwrap_or(usize::MAX);
+        Error::check_count_range("training.fresh_twists.count", count, 1, MOST_STARTS)?;
+        at_least_one("training.fresh_twists.iterations", self.iterations)
     }
 }
 
@@ -77,12 +101,15 @@ pub struct Place<'a> {
 }
 
 /// Which leg of a schedule, from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(tag = "kind", content = "number", rename_all = "kebab-case")]
 pub enum Leg {
     /// A start.
     Start(u64),
     /// A rung of the ramp.
     Rung(usize),
+    /// Twists alone: those of the ramp, then fresh ones.
+    Twists(u64),
     /// What is wanted.
     Last,
 }
@@ -93,6 +120,7 @@ impl Leg {
         match self {
             Self::Start(number) => format!("-start-{}", number + 1),
             Self::Rung(number) => format!("-rung-{}", number + 1),
+            Self::Twists(number) => format!("-twists-{}", number + 1),
             Self::Last => String::new(),
         }
     }
@@ -102,6 +130,7 @@ impl Leg {
         match self {
             Self::Start(number) => format!("start {}", number + 1),
             Self::Rung(number) => format!("rung {}", number + 1),
+            Self::Twists(number) => format!("twists {}", number + 1),
             Self::Last => String::new(),
         }
     }
@@ -110,22 +139,24 @@ impl Leg {
     pub fn all(options: &TrainingOptions) -> Vec<Self> {
         let starts = options.starts.map_or(0, |starts| starts.count);
         let rungs = (0..options.ramp.len()).map(Self::Rung);
-        (0..starts).map(Self::Start).chain(rungs).chain([Self::Last]).collect()
+        let twists = options.fresh_twists.map_or(0, |fresh| fresh.count + 1);
+        let twists = (0..twists).map(Self::Twists);
+        (0..starts).map(Self::Start).chain(rungs).chain(twists).chain([Self::Last]).collect()
     }
 }
 
 /// What became of a leg before the last.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LegResult {
-    /// Whether it is a start, of which one went on.
-    pub start: bool,
+    /// Which.
+    pub leg: Leg,
     /// ε of its pairs.
     pub epsilon: f64,
     /// The flow time of its pairs over the one that is wanted.
     pub time: f64,
-    /// The record of the model that was kept.
+    /// The record of the model that was kept; of twists alone, in the coordinates of the chart.
     pub best: TrainingRecord,
-    /// It was gone on with.
+    /// It was gone on with: one of the starts, each rung, one of the twists.
     pub chosen: bool,
 }
 
@@ -159,8 +190,9 @@ pub trait Watch {
 ///
 /// `start` makes a start, of the last place; `places` are the ramp's and then the one
 /// that is wanted. Weights go from a place to the next as they are, the angles of the
-/// circles in proportion to the flow time. Each leg has checkpoints of its own, and goes
-/// on from them to the same bits.
+/// circles in proportion to the flow time; at the last place twists may be
+/// [trained alone](FreshTwists) before all weights are. Each leg has checkpoints of its own, and
+/// goes on from them to the same bits.
 ///
 /// # Errors
 /// Those of [`train`], and of `start` and `watch`.
@@ -178,6 +210,7 @@ pub fn train_schedule(
     let first = &places[0];
     let mut legs = Vec::new();
     let mut initial = start(0)?;
+    options.check_for(&initial.architecture())?;
     let mut trial: Option<Checkpoint> = None;
     if let Some(starts) = options.starts {
         let mut best: Option<(f64, u64, Model, Option<Checkpoint>)> = None;
@@ -190,7 +223,7 @@ pub fn train_schedule(
                 Ok(result) => result,
                 // Weights from which nothing can be computed are not the best.
                 Err(Error::Diverged { .. }) => {
-                    legs.push(LegResult::failed(first));
+                    legs.push(LegResult::failed(Leg::Start(number), first));
                     continue;
                 }
                 Err(error) => return Err(error),
@@ -198,8 +231,8 @@ pub fn train_schedule(
             if outcome.stop == Stop::Interrupted {
                 return Ok(Scheduled { initial: begun, legs, outcome });
             }
-            legs.push(LegResult::of(true, first, &outcome));
-            let score = outcome.best.validation.unwrap_or(outcome.loss);
+            legs.push(LegResult::of(Leg::Start(number), first, &outcome));
+            let score = score(&outcome);
             if best.as_ref().is_none_or(|(lowest, ..)| score < *lowest) {
                 best = Some((score, number, begun, checkpoint));
             }
@@ -221,26 +254,103 @@ pub fn train_schedule(
         let next = &places[number + 1];
         let there = initial.at(next.epsilon, next.time)?;
         model = there.with_weights_of(&outcome.model, next.time / place.time)?;
-        legs.push(LegResult { chosen: true, ..LegResult::of(false, place, &outcome) });
+        legs.push(LegResult { chosen: true, ..LegResult::of(leg, place, &outcome) });
+    }
+    if let Some(fresh) = options.fresh_twists {
+        let first = options.starts.map_or(1, |starts| starts.count);
+        let mut draw = |number: u64| {
+            let angles = model.angles();
+            match number {
+                0 => Ok(model.clone()),
+                _ => start(first + number - 1)?.at(last.epsilon, last.time)?.with_angles(angles),
+            }
+        };
+        match train_twists(&model, &mut draw, fresh, last, options, &mut legs, watch)? {
+            Ok(better) => model = better,
+            Err(outcome) => return Ok(Scheduled { initial, legs, outcome }),
+        }
     }
     let run = Run { leg: Leg::Last, place: last, iterations: last.iterations, options };
     let (outcome, _) = run.go(&model, trial, watch)?;
     Ok(Scheduled { initial, legs, outcome })
 }
 
+/// What several legs are compared by.
+fn score(outcome: &Outcome) -> f64 {
+    outcome.best.validation.unwrap_or(outcome.loss)
+}
+
+/// `model` with the best of several twists, each trained alone; or the outcome that was
+/// interrupted. Where none has a loss, it stays as it is.
+fn train_twists(
+    model: &Model,
+    draw: &mut dyn FnMut(u64) -> Result<Model, Error>,
+    fresh: FreshTwists,
+    place: &Place<'_>,
+    options: &TrainingOptions,
+    legs: &mut Vec<LegResult>,
+    watch: &mut dyn Watch,
+) -> Result<Result<Model, Outcome>, Error> {
+    let pairs = in_chart(model, place.pairs)?;
+    let held_out = place.held_out.map(|pairs| in_chart(model, pairs)).transpose()?;
+    let place = &Place { pairs: &pairs, held_out: held_out.as_ref(), ..*place };
+    let mut best: Option<(f64, usize, Model)> = None;
+    for number in 0..=fresh.count {
+        let (leg, iterations) = (Leg::Twists(number), fresh.iterations);
+        let twists = draw(number)?.without_chart()?;
+        let outcome = match (Run { leg, place, iterations, options }).go(&twists, None, watch) {
+            Ok((outcome, _)) => outcome,
+            Err(Error::Diverged { .. }) => {
+                legs.push(LegResult::failed(leg, place));
+                continue;
+            }
+            Err(error) => return Err(error),
+        };
+        if outcome.stop == Stop::Interrupted {
+            return Ok(Err(outcome));
+        }
+        legs.push(LegResult::of(leg, place, &outcome));
+        let score = score(&outcome);
+        if best.as_ref().is_none_or(|(lowest, ..)| score < *lowest) {
+            best = Some((score, legs.len() - 1, outcome.model));
+        }
+    }
+    let Some((_, leg, twists)) = best else { return Ok(Ok(model.clone())) };
+    legs[leg].chosen = true;
+    model.with_twists_of(&twists).map(Ok)
+}
+
+/// Pairs in the coordinates of a normal form's chart.
+fn in_chart(model: &Model, pairs: &Pairs) -> Result<Pairs, Error> {
+    pairs.transformed("pairs in the chart of the ramp", |condition, points| {
+        let there = match condition {
+            Some(condition) => &model.at(condition.epsilon, condition.time)?,
+            None => model,
+        };
+        let network = there.normal_form().ok_or_else(not_a_normal_form)?;
+        let [chart, _] = network.chart_and_inner_map();
+        map_points(&chart, Direction::Inverse, points)
+    })
+}
+
+/// What is said of fresh twists where there are none.
+pub(super) fn not_a_normal_form() -> Error {
+    Error::invalid("training.fresh_twists", "given", "none: only a normal form has twists")
+}
+
 impl LegResult {
-    /// A start without a loss.
-    fn failed(place: &Place<'_>) -> Self {
+    /// A leg without a loss.
+    fn failed(leg: Leg, place: &Place<'_>) -> Self {
         let Place { epsilon, time, .. } = *place;
         let (iteration, evaluations, pairs) = (0, 1, place.pairs.len());
         let (loss, gradient, validation) = (f64::INFINITY, f64::INFINITY, None);
         let best = TrainingRecord { iteration, evaluations, loss, pairs, gradient, validation };
-        Self { start: true, epsilon, time, best, chosen: false }
+        Self { leg, epsilon, time, best, chosen: false }
     }
 
-    fn of(start: bool, place: &Place<'_>, outcome: &Outcome) -> Self {
+    fn of(leg: Leg, place: &Place<'_>, outcome: &Outcome) -> Self {
         let Place { epsilon, time, .. } = *place;
-        Self { start, epsilon, time, best: outcome.best, chosen: false }
+        Self { leg, epsilon, time, best: outcome.best, chosen: false }
     }
 }
 

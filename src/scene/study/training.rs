@@ -13,7 +13,7 @@ use crate::scene::learning::Trained;
 use crate::scene::log::TrainingTimes;
 use crate::scene::setup::{Need, NetworkSpec};
 use crate::system::Hamiltonian;
-use crate::train::{LegResult, Optimiser, Stop, TrainingOptions, TrainingRecord};
+use crate::train::{Leg, LegResult, Optimiser, Stop, TrainingOptions, TrainingRecord};
 use serde::Serialize;
 use serde_json::json;
 
@@ -199,21 +199,25 @@ impl TrainingResult {
                 stop_words(self.stop)
             ),
         );
-        for (number, leg) in self.legs.iter().enumerate() {
+        for leg in &self.legs {
             let error = match leg.best.validation {
                 Some(error) => format!("held-out error {error:.2e}"),
                 None => format!("loss {:.2e}", leg.best.loss),
             };
             let iteration = leg.best.iteration;
-            let (name, went_on) = match (leg.start, leg.chosen) {
-                (true, true) => (format!("start {}", number + 1), ", which went on"),
-                (true, false) => (format!("start {}", number + 1), ""),
-                (false, _) => ("before".to_owned(), ""),
-            };
             let time = Format::Magnitude.number(leg.time);
-            let place = match leg.start {
-                true => String::new(),
-                false => format!(" at ε = {} and {time} of the flow time", leg.epsilon),
+            let (name, place) = match leg.leg {
+                Leg::Rung(_) => {
+                    let place = format!(" at ε = {} and {time} of the flow time", leg.epsilon);
+                    ("before".to_owned(), place)
+                }
+                Leg::Twists(0) => ("twists of the ramp, alone".to_owned(), String::new()),
+                Leg::Twists(number) => (format!("fresh twists {number}, alone"), String::new()),
+                Leg::Start(_) | Leg::Last => (leg.leg.name(), String::new()),
+            };
+            let went_on = match (leg.leg, leg.chosen) {
+                (Leg::Start(_) | Leg::Twists(_), true) => ", which went on",
+                _ => "",
             };
             facts.fact(&name, format!("{error} after {iteration} iterations{place}{went_on}"));
         }
