@@ -226,8 +226,10 @@ fn a_run_killed_among_its_twists_resumes_to_the_same_bits() {
         "iterations = 40\nramp = [{ flow_time = 0.25, iterations = 30 }]\n\
          fresh_twists = { count = 1, iterations = 400 }",
     );
-    let report = resumes_after_a_kill(&scene, "checkpoint-twists-2");
-    for words in ["twists of the ramp, alone", "fresh twists 1, alone", "which went on"] {
+    let report = resumes_after_a_kill(&scene, "checkpoint-fresh-twists-1");
+    for words in
+        ["twists of the ramp", "fresh twists 1", "in the coordinates of the chart, which went on"]
+    {
         assert!(report.contains(words), "{words}: {report}");
     }
     let folder = with_scene("small.toml", &scene.replace(normal_form, gyroceptron));

@@ -583,13 +583,14 @@ fn maps_of_several_flow_times_are_set_beside_integrators() {
     assert!(folder.path().join("model-normal-form-at-25.json").exists());
 }
 
-/// The chart of a short flow time is that of the longer ones, whose twists are trained alone.
+/// Only flow times to which the ramp leads up have twists that are trained alone.
 #[test]
-fn longer_flow_times_have_the_chart_of_the_ramp() {
+fn flow_times_beyond_the_ramp_have_fresh_twists() {
     let training = "[training]\nramp = [{ flow_time = 5.0, iterations = 10 }]\n\
                     fresh_twists = { count = 1, iterations = 10 }\n";
     let normal_form = LONG_STEPS.lines().filter(|line| !line.contains("\"gyroceptron\""));
     let scene = normal_form.collect::<Vec<_>>().join("\n");
+    assert!(scene.contains("[training]\n") && scene.contains("ramp = true\n"));
     let scene = scene.replace("[training]\n", training).replace("ramp = true\n", "");
     let folder = temporary();
     let report = run_in(folder.path(), &parse("long", &scene).expect("a scene"));
@@ -604,12 +605,17 @@ fn longer_flow_times_have_the_chart_of_the_ramp() {
     assert_eq!(kinds(&times[2]), ["rung", "twists", "twists"]);
     // A run over it leaves none of its files behind.
     let left = |name: &str| folder.path().join(name).exists();
-    assert!(left("checkpoint-normal-form-at-20-twists-2"));
+    assert!(left("checkpoint-normal-form-at-20-fresh-twists-1"));
     let again = parse("long", &scene.replace("20.0]", "25.0]")).expect("a scene");
     let open = Folder::open(folder.path(), false, true).expect("a folder");
     run(&again, &open, &mut Quiet).expect("runs").expect("not interrupted");
-    assert!(!left("checkpoint-normal-form-at-20-twists-2"));
-    assert!(left("checkpoint-normal-form-at-25-twists-2"));
+    assert!(!left("checkpoint-normal-form-at-20-fresh-twists-1"));
+    assert!(left("checkpoint-normal-form-at-25-fresh-twists-1"));
+    // A short form has one draw of them, and fewer iterations.
+    let training = scene.replace("count = 1, iterations = 10 }", "count = 3, iterations = 100 }");
+    let quick = parse("long", &training).expect("a scene").quick();
+    let fresh = quick.setup.training.fresh_twists.expect("as in the scene");
+    assert_eq!((fresh.count, fresh.iterations), (1, 25));
 }
 
 #[test]
@@ -714,6 +720,71 @@ fn a_family_is_judged_where_it_was_seen_and_where_not() {
         assert!(text.contains(words), "{words}: {text}");
     }
     assert!(folder.path().join("family.svg").exists());
+}
+
+fn extensive() -> bool {
+    std::env::var("GYROCEPTRON_EXTENSIVE").is_ok_and(|value| value == "1")
+}
+
+/// A part of a built-in scene.
+fn part(scene: &str, name: &str) -> Scene {
+    let scene = find(scene).expect("built in").scene().expect("a scene");
+    scene.parts.into_iter().find(|part| part.name == name).expect("a part")
+}
+
+/// Two minutes in a release build: `GYROCEPTRON_EXTENSIVE=1 cargo test --release --test studies
+/// learnt_invariants -- --nocapture` prints the numbers.
+#[test]
+fn learnt_invariants_are_of_second_order() {
+    if !extensive() {
+        return;
+    }
+    let folder = temporary();
+    let report = run_in(folder.path(), &part("family", "invariant"));
+    let data = render::json(&report);
+    let changes: Vec<[f64; 3]> = data["studies"]["family"]["invariants"]
+        .as_array()
+        .expect("values of ε")
+        .iter()
+        .map(|at| {
+            [&at["epsilon"], &at["leading"], &at["learnt"][0]].map(|v| v.as_f64().expect("number"))
+        })
+        .collect();
+    for [epsilon, leading, learnt] in &changes {
+        println!("ε = {epsilon}: μ₀ changes by {leading:.2e}, the learnt μ by {learnt:.2e}");
+    }
+    let [.., [least, _, at_least]] = changes[..] else { panic!("several") };
+    let [[largest, _, at_largest], ..] = changes[..] else { panic!("several") };
+    assert!(largest > 7.0 * least, "{largest} {least}");
+    let order = (at_largest / at_least).ln() / (largest / least).ln();
+    println!("order {order:.2}");
+    assert!(order >= 1.8, "{order}");
+    let [_, leading, learnt] =
+        *changes.iter().find(|[epsilon, ..]| *epsilon == 0.01).expect("ε = 0.01");
+    assert!(leading >= 10.0 * learnt, "{leading} {learnt}");
+}
+
+/// Twelve minutes in a release build: `GYROCEPTRON_EXTENSIVE=1 cargo test --release --test studies
+/// long_flow_times -- --nocapture` prints the errors.
+#[test]
+fn long_flow_times_are_learnt() {
+    if !extensive() {
+        return;
+    }
+    let mut scene = part("long-steps", "oscillators");
+    scene.setup.models.retain(|model| model.name == "normal-form");
+    scene.setup.models[0].seeds = None;
+    scene.plots = Vec::new();
+    scene.studies.clear();
+    for (time, limit) in [(50.0, 1e-8), (200.0, 1e-6)] {
+        scene.setup.flow_time = Some(time);
+        let folder = temporary();
+        let report = run_in(folder.path(), &scene);
+        let training = &render::json(&report)["studies"]["training"];
+        let error = training["models"][0]["best"]["validation"].as_f64().expect("a number");
+        println!("time {time}: held-out mean squared error {error:.2e}");
+        assert!(error <= limit, "{error:e}");
+    }
 }
 
 #[test]

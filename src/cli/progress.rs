@@ -14,6 +14,8 @@ const QUIET: Duration = Duration::from_secs(15);
 pub struct Progress {
     terminal: bool,
     bar: Option<ProgressBar>,
+    /// What the bar is of.
+    model: String,
     last_line: Instant,
     /// When the first iteration seen here was, and its number.
     start: Option<(Instant, u64)>,
@@ -40,6 +42,7 @@ impl Progress {
         Self {
             terminal: std::io::stderr().is_terminal(),
             bar: None,
+            model: String::new(),
             last_line: Instant::now(),
             start: None,
             validation: None,
@@ -56,6 +59,11 @@ impl Progress {
     }
 
     pub fn iteration(&mut self, model: &str, record: TrainingRecord, iterations: u64) {
+        if self.model != model {
+            // Another leg of a training has errors and a pace of its own.
+            self.finish();
+            model.clone_into(&mut self.model);
+        }
         self.training.store(true, Ordering::SeqCst);
         self.validation = record.validation.or(self.validation);
         let held_out = self.validation.map(|v| format!(", held out {v:.2e}")).unwrap_or_default();

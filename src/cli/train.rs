@@ -259,10 +259,8 @@ impl Watch for Training<'_> {
     }
 
     fn observe(&mut self, leg: Leg, told: TrainingProgress<'_>) -> Result<Control, Error> {
-        let (iterations, name) = match (leg, self.options.starts) {
-            (Leg::Start(_), Some(starts)) => (starts.iterations, leg.name()),
-            _ => (self.options.iterations, "training".to_owned()),
-        };
+        let iterations = leg.iterations(self.options);
+        let name = if leg == Leg::Last { "training".to_owned() } else { leg.name() };
         if leg == Leg::Last {
             let seconds = self.start.elapsed().as_secs_f64();
             self.times.points.push((told.record.iteration, seconds));

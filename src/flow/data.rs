@@ -231,8 +231,8 @@ impl Pairs {
         out
     }
 
-    /// These pairs in other coordinates: `map` has the points of a run of them, inputs and
-    /// then outputs, and its condition.
+    /// These pairs in other coordinates: `map` moves the inputs of each run of them, then its
+    /// outputs, under its condition.
     ///
     /// # Errors
     /// Those of `map`; when a number is not finite after it, which `place` names.

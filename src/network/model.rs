@@ -325,7 +325,7 @@ impl Model {
     ///
     /// # Errors
     /// Those of [`Model::new`].
-    pub fn without_chart(&self) -> Result<Self, Error> {
+    pub(crate) fn without_chart(&self) -> Result<Self, Error> {
         let Some(network) = self.normal_form() else { return Ok(self.clone()) };
         let parameters = network.inner_parameters().to_vec();
         let shape = network.shape().without_chart();
@@ -337,7 +337,7 @@ impl Model {
     ///
     /// # Errors
     /// When they have more or fewer parameters; those of [`Model::new`].
-    pub fn with_twists_of(&self, other: &Self) -> Result<Self, Error> {
+    pub(crate) fn with_twists_of(&self, other: &Self) -> Result<Self, Error> {
         let (Some(own), Some(other)) = (self.normal_form(), other.normal_form()) else {
             return Ok(self.clone());
         };

@@ -96,7 +96,7 @@ impl NormalFormShape {
     }
 
     /// The shape with the identity for a chart.
-    pub fn without_chart(&self) -> Self {
+    pub(super) fn without_chart(&self) -> Self {
         Self { psi: Vec::new(), kicks: Vec::new(), ..self.clone() }
     }
 

@@ -14,6 +14,7 @@ use crate::network::Rollout;
 use crate::random::Stream;
 use crate::scalar::max_or_nan;
 use crate::system::{Counted, Hamiltonian, System};
+use serde_json::json;
 use std::rc::Rc;
 
 /// Why a run ends before its report.
@@ -39,6 +40,8 @@ pub(super) struct Context<'a> {
     observer: &'a mut dyn Observer,
     log: Log,
     training_times: Vec<TrainingTimes>,
+    /// Those of the run that is gone on with.
+    earlier_times: Vec<TrainingTimes>,
     data: Option<Rc<DataSets>>,
     /// At other ε and flow times.
     data_elsewhere: Vec<(f64, f64, Rc<DataSets>)>,
@@ -77,6 +80,7 @@ impl<'a> Context<'a> {
             observer,
             log: Log::new(),
             training_times: Vec::new(),
+            earlier_times: earlier_times(folder).unwrap_or_default(),
             data: None,
             data_elsewhere: Vec::new(),
             models: None,
@@ -262,6 +266,25 @@ impl<'a> Context<'a> {
     }
 
     /// The seconds of each network's training, so far.
+    /// Those of a network in the run that is gone on with; none where they cannot be read.
+    pub(super) fn earlier_times(&self, model: &str) -> TrainingTimes {
+        let earlier = self.earlier_times.iter().find(|times| times.model == model);
+        let none = || TrainingTimes { model: model.into(), ..TrainingTimes::default() };
+        earlier.cloned().unwrap_or_else(none)
+    }
+
+    /// Writes the times so far, with those of the network that is trained, and the earlier ones
+    /// of those whose turn is still to come.
+    pub(super) fn save_training_times(&self, present: &TrainingTimes) -> Result<(), Error> {
+        let mut all: Vec<_> = self.training_times.iter().chain([present]).collect();
+        for earlier in &self.earlier_times {
+            if all.iter().all(|times| times.model != earlier.model) {
+                all.push(earlier);
+            }
+        }
+        self.folder.save_timings(&json!({ "models": all }))
+    }
+
     pub(super) fn training_times(&self) -> &[TrainingTimes] {
         &self.training_times
     }
@@ -378,4 +401,8 @@ impl DataSets {
     pub(super) fn to_judge_by(&self) -> &Pairs {
         self.held_out.as_ref().unwrap_or(&self.training)
     }
+}
+
+fn earlier_times(folder: &Folder) -> Option<Vec<TrainingTimes>> {
+    serde_json::from_value(folder.earlier_timings()?.get("models")?.clone()).ok()
 }

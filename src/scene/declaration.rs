@@ -130,7 +130,7 @@ impl Scene {
     }
 
     /// A short form of the scene, to see all of it: a quarter of the iterations of
-    /// training and of the pairs, one start and one seed for each network, orbits of random networks
+    /// training and of the pairs, one start, one draw of twists and one seed for each network, orbits of random networks
     /// of a tenth of the length and the longest of a thousandth.
     pub fn quick(mut self) -> Self {
         let fewer = |training: &mut TrainingOptions| {

@@ -15,7 +15,6 @@ use crate::train::{
     Checkpoint, Control, Leg, LegResult, Loss, Objective, Outcome, Place, Progress, Rung,
     Scheduled, Starts, Stop, TrainingOptions, TrainingRecord, Watch, train_schedule,
 };
-use serde_json::json;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -65,7 +64,8 @@ pub(super) fn learn_at(
         // The ramp is up to the scene's flow time; weights of an earlier one come from there.
         let leads_up = |rung: &Rung| rung.flow_time.is_none_or(|rung| rung < time);
         options.ramp.retain(|rung| from.is_none() && leads_up(rung));
-        // Without a ramp there is no chart to train them in.
+        // Weights of an earlier flow time come with twists of their own, and where no rung leads
+        // up there is no chart to train fresh ones in.
         options.fresh_twists = options.fresh_twists.filter(|_| !options.ramp.is_empty());
     }
     let options = &options;
@@ -108,7 +108,7 @@ pub(super) fn learn_at(
         .collect();
     let (pairs, held_out, iterations) = (&data.training, data.validation(), options.iterations);
     places.push(Place { epsilon, time: 1.0, pairs, held_out, iterations });
-    let mut watch = SceneWatch::new(context, &spec, &places, options);
+    let mut watch = SceneWatch::new(context, &spec, options);
     let result = train_schedule(&mut start, &places, options, &mut watch);
     let times = watch.times;
     context.add_training_times(times);
@@ -134,8 +134,7 @@ pub(super) fn learn_at(
 struct SceneWatch<'w, 'a> {
     context: &'w mut Context<'a>,
     spec: &'w ModelSpec,
-    /// The most iterations of the legs.
-    iterations: Vec<(Leg, u64)>,
+    options: &'w TrainingOptions,
     times: TrainingTimes,
     /// The leg under way, when it began, and the seconds before: of other legs, and of its own in
     /// the run that is gone on with.
@@ -147,19 +146,11 @@ impl<'w, 'a> SceneWatch<'w, 'a> {
     fn new(
         context: &'w mut Context<'a>,
         spec: &'w ModelSpec,
-        places: &[Place<'_>],
-        options: &TrainingOptions,
+        options: &'w TrainingOptions,
     ) -> Self {
-        let earlier = earlier_times(context, &spec.name);
-        let of_leg = |leg: Leg| match leg {
-            Leg::Start(_) => options.starts.map_or(0, |starts| starts.iterations),
-            Leg::Rung(number) => places[number].iterations,
-            Leg::Twists(_) => options.fresh_twists.map_or(0, |fresh| fresh.iterations),
-            Leg::Last => options.iterations,
-        };
-        let iterations = Leg::all(options).into_iter().map(|leg| (leg, of_leg(leg))).collect();
+        let earlier = context.earlier_times(&spec.name);
         let times = TrainingTimes { model: spec.name.clone(), ..TrainingTimes::default() };
-        Self { context, spec, iterations, times, under_way: None, earlier }
+        Self { context, spec, options, times, under_way: None, earlier }
     }
 
     fn file(&self, leg: Leg) -> PathBuf {
@@ -212,11 +203,9 @@ impl Watch for SceneWatch<'_, '_> {
         }
         if let Some(checkpoint) = progress.checkpoint {
             save_checkpoint(&self.file(leg), checkpoint)?;
-            let all: Vec<_> = self.context.training_times().iter().chain([&self.times]).collect();
-            self.context.folder.save_timings(&json!({ "models": all }))?;
+            self.context.save_training_times(&self.times)?;
         }
-        let of_leg = self.iterations.iter().find(|(other, _)| *other == leg);
-        let iterations = of_leg.map_or(0, |(_, iterations)| *iterations);
+        let iterations = leg.iterations(self.options);
         let model = match leg {
             Leg::Last => self.spec.name.clone(),
             _ => format!("{}, {}", self.spec.name, leg.name()),
@@ -264,15 +253,4 @@ fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Tr
         stop: Stop::NotTrained,
     };
     Ok(Trained { network: spec.name.clone(), spec, initial: model, legs: Vec::new(), outcome })
-}
-
-/// The times of the run that is gone on with; none where they cannot be read.
-fn earlier_times(context: &Context<'_>, model: &str) -> TrainingTimes {
-    let read = || -> Option<Vec<TrainingTimes>> {
-        let timings = context.folder.earlier_timings()?;
-        serde_json::from_value(timings.get("models")?.clone()).ok()
-    };
-    read()
-        .and_then(|all| all.into_iter().find(|times| times.model == model))
-        .unwrap_or_else(|| TrainingTimes { model: model.into(), ..TrainingTimes::default() })
 }

@@ -33,13 +33,14 @@ pub struct TrainingTimes {
 impl TrainingTimes {
     /// Of all legs before the last.
     pub fn before(&self) -> f64 {
-        self.legs.iter().map(|(_, seconds)| seconds).sum()
+        // Not `sum`, which is −0 of nothing.
+        self.legs.iter().fold(0.0, |sum, (_, seconds)| sum + seconds)
     }
 
     /// Seconds at an iteration, where they were taken.
     pub fn seconds(&self, iteration: u64) -> Option<f64> {
         let at = self.points.iter().find(|(i, _)| *i == iteration);
-        at.map(|(_, seconds)| *seconds).or((iteration == 0).then_some(0.0))
+        at.map(|(_, seconds)| *seconds).or_else(|| (iteration == 0).then(|| self.before()))
     }
 }
 

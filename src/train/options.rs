@@ -126,18 +126,18 @@ impl TrainingOptions {
             let (name, found) = ("training.near_identity_penalty", self.near_identity_penalty);
             return Err(Error::invalid(name, found, "0: only a gyroceptron has I_ε"));
         }
-        match self.fresh_twists {
-            Some(_) if !matches!(architecture, Architecture::NormalForm { .. }) => {
-                Err(not_a_normal_form())
-            }
-            _ => Ok(()),
+        let has_twists = matches!(architecture, Architecture::NormalForm { .. });
+        if let Some(fresh) = self.fresh_twists.filter(|_| !has_twists) {
+            return Err(not_a_normal_form(fresh.count));
         }
+        Ok(())
     }
 
     /// Fails unless every option is in its range.
     ///
     /// # Errors
-    /// [`Error::CountOutOfRange`] and [`Error::OutOfRange`] with the option and its value.
+    /// [`Error::CountOutOfRange`], [`Error::OutOfRange`] and [`Error::Invalid`] with the option
+    /// and its value.
     pub fn check(&self) -> Result<(), Error> {
         at_least_one("training.validate_every", self.validate_every)?;
         at_least_one("training.checkpoint_every", self.checkpoint_every)?;
@@ -151,9 +151,9 @@ impl TrainingOptions {
         self.starts.map_or(Ok(()), Starts::check)?;
         self.ramp.iter().try_for_each(|rung| rung.check())?;
         self.fresh_twists.map_or(Ok(()), FreshTwists::check)?;
-        if self.fresh_twists.is_some() && self.ramp.is_empty() {
+        if let Some(fresh) = self.fresh_twists.filter(|_| self.ramp.is_empty()) {
             let expected = "none without a ramp, whose chart they are trained in";
-            return Err(Error::invalid("training.fresh_twists", "given", expected));
+            return Err(Error::invalid("training.fresh_twists", fresh.count, expected));
         }
         self.optimiser.check()
     }

@@ -6,9 +6,10 @@ use super::options::{Stop, TrainingOptions, TrainingRecord, at_least_one};
 use super::run::{Control, Outcome, Progress, train};
 use crate::error::Error;
 use crate::flow::Pairs;
-use crate::network::{Model, map_points};
+use crate::network::{Model, NormalForm, map_points};
 use crate::phase::Direction;
 use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
 
 /// Several initial weights, of which the best goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -37,21 +38,28 @@ pub struct Rung {
 
 /// Twists T_ε of a normal form, trained alone before the last leg.
 ///
-/// The chart χ of a short flow time is that of a long one; T_ε is not: weights that make one
-/// step of a splitting make a worse one of a longer step. In the coordinates of χ the pairs are of
-/// Φ_θ∘T_ε, a map without fast motion, which a few seconds train from random weights.
+/// The chart χ of a short flow time is that of a long one, T_ε is not: its shears, as the stages
+/// of a splitting, suit one step only. In the coordinates of χ the pairs are of Φ_θ∘T_ε, whose
+/// fast motion is a rotation, and which is soon trained from random weights; θ is the
+/// ramp's to begin with. Loss and held-out error are in these coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FreshTwists {
-    /// How many random ones, beside that of the ramp.
+    /// How many random ones, beside those of the ramp.
     pub count: u64,
     /// The iterations of each, after which the one of the lowest held-out error (loss,
     /// without held-out pairs) goes on with χ.
     pub iterations: u64,
 }
 
-/// More are a slip of the pen.
-const MOST_STARTS: usize = 10_000;
+/// Fails unless several are tried, each for a while.
+fn check_trials(name: &str, count: u64, iterations: u64) -> Result<(), Error> {
+    /// More are a slip of the pen.
+    const MOST: usize = 10_000;
+    let count = usize::try_from(count).unwrap_or(usize::MAX);
+    Error::check_count_range(&format!("training.{name}.count"), count, 1, MOST)?;
+    at_least_one(&format!("training.{name}.iterations"), iterations)
+}
 
 impl Starts {
     /// The seed of the weights of a start, that of the first being the training's own: far from
@@ -61,17 +69,13 @@ impl Starts {
     }
 
     pub(super) fn check(self) -> Result<(), Error> {
-        let count = usize::try_from(self.count).unwrap_or(usize::MAX);
-        Error::check_count_range("training.starts.count", count, 1, MOST_STARTS)?;
-        at_least_one("training.starts.iterations", self.iterations)
+        check_trials("starts", self.count, self.iterations)
     }
 }
 
 impl FreshTwists {
     pub(super) fn check(self) -> Result<(), Error> {
-        let count = usize::try_from(self.count).unwrap_or(usize::MAX);
-        Error::check_count_range("training.fresh_twists.count", count, 1, MOST_STARTS)?;
-        at_least_one("training.fresh_twists.iterations", self.iterations)
+        check_trials("fresh_twists", self.count, self.iterations)
     }
 }
 
@@ -108,7 +112,7 @@ pub enum Leg {
     Start(u64),
     /// A rung of the ramp.
     Rung(usize),
-    /// Twists alone: those of the ramp, then fresh ones.
+    /// Twists alone: those of the ramp, 0, and fresh ones.
     Twists(u64),
     /// What is wanted.
     Last,
@@ -120,7 +124,8 @@ impl Leg {
         match self {
             Self::Start(number) => format!("-start-{}", number + 1),
             Self::Rung(number) => format!("-rung-{}", number + 1),
-            Self::Twists(number) => format!("-twists-{}", number + 1),
+            Self::Twists(0) => "-twists".to_owned(),
+            Self::Twists(number) => format!("-fresh-twists-{number}"),
             Self::Last => String::new(),
         }
     }
@@ -130,7 +135,8 @@ impl Leg {
         match self {
             Self::Start(number) => format!("start {}", number + 1),
             Self::Rung(number) => format!("rung {}", number + 1),
-            Self::Twists(number) => format!("twists {}", number + 1),
+            Self::Twists(0) => "twists of the ramp".to_owned(),
+            Self::Twists(number) => format!("fresh twists {number}"),
             Self::Last => String::new(),
         }
     }
@@ -142,6 +148,16 @@ impl Leg {
         let twists = options.fresh_twists.map_or(0, |fresh| fresh.count + 1);
         let twists = (0..twists).map(Self::Twists);
         (0..starts).map(Self::Start).chain(rungs).chain(twists).chain([Self::Last]).collect()
+    }
+
+    /// The most iterations of it; 0 where the options have no such leg.
+    pub fn iterations(self, options: &TrainingOptions) -> u64 {
+        match self {
+            Self::Start(_) => options.starts.map_or(0, |starts| starts.iterations),
+            Self::Rung(number) => options.ramp.get(number).map_or(0, |rung| rung.iterations),
+            Self::Twists(_) => options.fresh_twists.map_or(0, |fresh| fresh.iterations),
+            Self::Last => options.iterations,
+        }
     }
 }
 
@@ -167,7 +183,7 @@ pub struct Scheduled {
     pub initial: Model,
     /// The legs before the last.
     pub legs: Vec<LegResult>,
-    /// The last leg; or that which was interrupted.
+    /// The last leg; or that which was interrupted, twists alone being without a chart.
     pub outcome: Outcome,
 }
 
@@ -195,7 +211,8 @@ pub trait Watch {
 /// goes on from them to the same bits.
 ///
 /// # Errors
-/// Those of [`train`], and of `start` and `watch`.
+/// Those of [`train`], and of `start` and `watch`; when the chart of the ramp takes a pair out of
+/// the finite numbers in which twists are to be trained.
 pub fn train_schedule(
     start: &mut dyn FnMut(u64) -> Result<Model, Error>,
     places: &[Place<'_>],
@@ -219,19 +236,12 @@ pub fn train_schedule(
             let model = begun.at(first.epsilon, first.time)?;
             let iterations = starts.iterations;
             let run = Run { leg: Leg::Start(number), place: first, iterations, options };
-            let (outcome, checkpoint) = match run.go(&model, None, watch) {
-                Ok(result) => result,
-                // Weights from which nothing can be computed are not the best.
-                Err(Error::Diverged { .. }) => {
-                    legs.push(LegResult::failed(Leg::Start(number), first));
-                    continue;
-                }
-                Err(error) => return Err(error),
+            let Some((outcome, checkpoint)) = run.attempt(&model, watch, &mut legs)? else {
+                continue;
             };
             if outcome.stop == Stop::Interrupted {
                 return Ok(Scheduled { initial: begun, legs, outcome });
             }
-            legs.push(LegResult::of(Leg::Start(number), first, &outcome));
             let score = score(&outcome);
             if best.as_ref().is_none_or(|(lowest, ..)| score < *lowest) {
                 best = Some((score, number, begun, checkpoint));
@@ -257,17 +267,14 @@ pub fn train_schedule(
         legs.push(LegResult { chosen: true, ..LegResult::of(leg, place, &outcome) });
     }
     if let Some(fresh) = options.fresh_twists {
-        let first = options.starts.map_or(1, |starts| starts.count);
-        let mut draw = |number: u64| {
-            let angles = model.angles();
-            match number {
-                0 => Ok(model.clone()),
-                _ => start(first + number - 1)?.at(last.epsilon, last.time)?.with_angles(angles),
-            }
+        let unused = options.starts.map_or(1, |starts| starts.count);
+        let mut draw = |number: u64| match number {
+            0 => Ok(model.clone()),
+            _ => start(unused + number - 1)?.with_angles(model.angles()),
         };
         match train_twists(&model, &mut draw, fresh, last, options, &mut legs, watch)? {
-            Ok(better) => model = better,
-            Err(outcome) => return Ok(Scheduled { initial, legs, outcome }),
+            ControlFlow::Continue(better) => model = better,
+            ControlFlow::Break(outcome) => return Ok(Scheduled { initial, legs, outcome }),
         }
     }
     let run = Run { leg: Leg::Last, place: last, iterations: last.iterations, options };
@@ -280,8 +287,8 @@ fn score(outcome: &Outcome) -> f64 {
     outcome.best.validation.unwrap_or(outcome.loss)
 }
 
-/// `model` with the best of several twists, each trained alone; or the outcome that was
-/// interrupted. Where none has a loss, it stays as it is.
+/// `model` with the best of several twists, each trained alone, or as it is where none has a
+/// loss; the outcome that was interrupted.
 fn train_twists(
     model: &Model,
     draw: &mut dyn FnMut(u64) -> Result<Model, Error>,
@@ -290,52 +297,43 @@ fn train_twists(
     options: &TrainingOptions,
     legs: &mut Vec<LegResult>,
     watch: &mut dyn Watch,
-) -> Result<Result<Model, Outcome>, Error> {
-    let pairs = in_chart(model, place.pairs)?;
-    let held_out = place.held_out.map(|pairs| in_chart(model, pairs)).transpose()?;
+) -> Result<ControlFlow<Outcome, Model>, Error> {
+    let network = model.normal_form().ok_or_else(|| not_a_normal_form(fresh.count))?;
+    let pairs = in_chart(network, place.pairs)?;
+    let held_out = place.held_out.map(|pairs| in_chart(network, pairs)).transpose()?;
     let place = &Place { pairs: &pairs, held_out: held_out.as_ref(), ..*place };
     let mut best: Option<(f64, usize, Model)> = None;
     for number in 0..=fresh.count {
-        let (leg, iterations) = (Leg::Twists(number), fresh.iterations);
         let twists = draw(number)?.without_chart()?;
-        let outcome = match (Run { leg, place, iterations, options }).go(&twists, None, watch) {
-            Ok((outcome, _)) => outcome,
-            Err(Error::Diverged { .. }) => {
-                legs.push(LegResult::failed(leg, place));
-                continue;
-            }
-            Err(error) => return Err(error),
-        };
+        let (leg, iterations) = (Leg::Twists(number), fresh.iterations);
+        let run = Run { leg, place, iterations, options };
+        let Some((outcome, _)) = run.attempt(&twists, watch, legs)? else { continue };
         if outcome.stop == Stop::Interrupted {
-            return Ok(Err(outcome));
+            return Ok(ControlFlow::Break(outcome));
         }
-        legs.push(LegResult::of(leg, place, &outcome));
         let score = score(&outcome);
         if best.as_ref().is_none_or(|(lowest, ..)| score < *lowest) {
             best = Some((score, legs.len() - 1, outcome.model));
         }
     }
-    let Some((_, leg, twists)) = best else { return Ok(Ok(model.clone())) };
+    let Some((_, leg, twists)) = best else { return Ok(ControlFlow::Continue(model.clone())) };
     legs[leg].chosen = true;
-    model.with_twists_of(&twists).map(Ok)
+    model.with_twists_of(&twists).map(ControlFlow::Continue)
 }
 
 /// Pairs in the coordinates of a normal form's chart.
-fn in_chart(model: &Model, pairs: &Pairs) -> Result<Pairs, Error> {
+fn in_chart(network: &NormalForm<f64>, pairs: &Pairs) -> Result<Pairs, Error> {
+    let [chart, _] = network.chart_and_inner_map();
     pairs.transformed("pairs in the chart of the ramp", |condition, points| {
-        let there = match condition {
-            Some(condition) => &model.at(condition.epsilon, condition.time)?,
-            None => model,
-        };
-        let network = there.normal_form().ok_or_else(not_a_normal_form)?;
-        let [chart, _] = network.chart_and_inner_map();
-        map_points(&chart, Direction::Inverse, points)
+        let epsilon = condition.map_or(network.epsilon(), |condition| condition.epsilon);
+        map_points(&chart.with_epsilon(epsilon), Direction::Inverse, points)
     })
 }
 
 /// What is said of fresh twists where there are none.
-pub(super) fn not_a_normal_form() -> Error {
-    Error::invalid("training.fresh_twists", "given", "none: only a normal form has twists")
+pub(super) fn not_a_normal_form(found: u64) -> Error {
+    let expected = "none: only a normal form has twists";
+    Error::invalid("training.fresh_twists", found, expected)
 }
 
 impl LegResult {
@@ -363,6 +361,30 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
+    /// [`Run::go`] of weights that need not be the best, with what became of them; None where
+    /// nothing can be computed from them.
+    fn attempt(
+        self,
+        model: &Model,
+        watch: &mut dyn Watch,
+        legs: &mut Vec<LegResult>,
+    ) -> Result<Option<(Outcome, Option<Checkpoint>)>, Error> {
+        let (leg, place) = (self.leg, self.place);
+        match self.go(model, None, watch) {
+            Ok((outcome, checkpoint)) => {
+                if outcome.stop != Stop::Interrupted {
+                    legs.push(LegResult::of(leg, place, &outcome));
+                }
+                Ok(Some((outcome, checkpoint)))
+            }
+            Err(Error::Diverged { .. }) => {
+                legs.push(LegResult::failed(leg, place));
+                Ok(None)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
     /// Its outcome, and its last checkpoint. It goes on from one of its own or, without, from
     /// that of the start that it continues.
     fn go(

@@ -32,7 +32,7 @@ pub struct LongStepsOptions {
     /// trained; at others they are trained as there.
     pub flow_times: Vec<f64>,
     /// Whether the weights of the flow time before are the first start of the next, in place of
-    /// random ones.
+    /// random ones and of what the ramp of their training and its fresh twists lead to.
     #[serde(default)]
     pub ramp: bool,
     /// The length of the trajectories.
@@ -292,7 +292,9 @@ impl LongStepsOptions {
             match self.ramp {
                 true =>
                     "Weights of one flow time are a start of the next, but for that of the scene.",
-                false => "Each flow time is trained from random weights.",
+                false =>
+                    "Each flow time begins with random weights, and with the ramp of its training \
+                     where that leads up to it.",
             }
         )
     }

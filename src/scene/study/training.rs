@@ -206,20 +206,19 @@ impl TrainingResult {
             };
             let iteration = leg.best.iteration;
             let time = Format::Magnitude.number(leg.time);
-            let (name, place) = match leg.leg {
-                Leg::Rung(_) => {
-                    let place = format!(" at ε = {} and {time} of the flow time", leg.epsilon);
-                    ("before".to_owned(), place)
-                }
-                Leg::Twists(0) => ("twists of the ramp, alone".to_owned(), String::new()),
-                Leg::Twists(number) => (format!("fresh twists {number}, alone"), String::new()),
-                Leg::Start(_) | Leg::Last => (leg.leg.name(), String::new()),
+            let place = match leg.leg {
+                Leg::Rung(_) => format!(" at ε = {} and {time} of the flow time", leg.epsilon),
+                Leg::Twists(_) => " alone, in the coordinates of the chart".to_owned(),
+                Leg::Start(_) | Leg::Last => String::new(),
             };
             let went_on = match (leg.leg, leg.chosen) {
                 (Leg::Start(_) | Leg::Twists(_), true) => ", which went on",
                 _ => "",
             };
-            facts.fact(&name, format!("{error} after {iteration} iterations{place}{went_on}"));
+            facts.fact(
+                &leg.leg.name(),
+                format!("{error} after {iteration} iterations{place}{went_on}"),
+            );
         }
         let (iteration, loss) = (self.best.iteration, self.loss);
         facts.fact("kept", format!("iteration {iteration}, loss {loss:.3e}"));
