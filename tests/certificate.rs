@@ -7,7 +7,9 @@ use gyroceptron::measure::{
     Certificate, CertificateOptions, Conditioned, Measurable, OneStep, Verdict, Walk, certify,
     certify_all, certify_map, inversion_ratio, jacobian, symplecticity_defect, symplecticity_ratio,
 };
-use gyroceptron::network::{Architecture, GyroceptronShape, HenonShape, InitialWeights, Model};
+use gyroceptron::network::{
+    Architecture, GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape,
+};
 use gyroceptron::phase::{Direction, Half, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::Elementary;
@@ -106,6 +108,31 @@ fn henon_nets_have_a_certificate_too() {
     let certificate = certify(&model, small(2));
     assert!(certificate.holds());
     assert_eq!(certificate.rows.len(), 9);
+}
+
+/// A twist of many shears, whose weights cancel: its bounds are those of its errors all the
+/// same, so that a defect has nowhere to hide.
+#[test]
+fn long_twists_are_judged_by_bounds_of_their_size() {
+    let shape = NormalFormShape {
+        action: CircleAction::new([1, 0]).into(),
+        psi: vec![],
+        kicks: vec![8; 12],
+        twists: 16,
+        twist_width: 8,
+        flow_time: 50.0,
+    };
+    let architecture = Architecture::NormalForm { shape, epsilon: 0.01 };
+    let weights = InitialWeights::Normal { scale: 1.0 };
+    let model = architecture.initialise(weights, 50.0, 1).expect("valid");
+    let certificate = certify(&model, small(3));
+    assert!(certificate.holds(), "{:#?}", certificate.rows);
+    for equation in ["JᵀΩJ = Ω", "P⁻¹∘P = Id", "P∘P⁻¹ = Id"] {
+        let row = row(&certificate, equation);
+        let deviation = row.deviation.expect("errors of rounding");
+        // 0.0004 to 0.006 where each shear's error is bounded by those of all before it.
+        assert!(deviation > 0.03, "{row:?}");
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::watched::laws_that_ran;
 use std::path::{Path, PathBuf};
 
 /// What makes a map of another.
-const ADAPTORS: [&str; 4] = ["OneStep", "ShearMap", "KickMap", "&M"];
+const ADAPTORS: [&str; 5] = ["OneStep", "ShearMap", "KickMap", "TwistPart", "&M"];
 /// The number types that a law runs on, or a test of `tests/` covers.
 const NUMBERS: [(&str, &str); 9] = [
     ("f64", "symplecticity"),

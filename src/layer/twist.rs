@@ -38,6 +38,11 @@ impl FastPlanes {
         Ok(Self { action: action.clone(), dof, fast, slow, circles, weights })
     }
 
+    /// Half the numbers of a point with the actions and angles of the circles.
+    pub(crate) fn extended_dof(&self) -> usize {
+        self.dof + self.circles
+    }
+
     /// The numbers that G depends on: the actions, and one half of the slow coordinates.
     pub fn arguments(&self) -> usize {
         self.circles + self.slow.len()
@@ -241,6 +246,37 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
                 direction[dof + j] = (-angle).mul_add(z[j], direction[dof + j]);
             }
         }
+    }
+
+    /// How many parts [`Twist::apply_part`] has.
+    pub(crate) fn parts(&self) -> usize {
+        if self.is_identity() { 0 } else { self.layers() + 2 }
+    }
+
+    /// One part of the map on `x`, the point and behind it the actions and the angles of the
+    /// circles, which are 0 in the beginning: the actions, then a shear after another, then
+    /// the turn. All of them, one after another, leave the image of the point: the same operations,
+    /// for who wants to look between them.
+    pub(crate) fn apply_part<S: Over<P>>(&self, part: usize, x: &mut [S]) {
+        let circles = self.planes.circles;
+        let (z, rest) = x.split_at_mut(2 * self.planes.dof);
+        let (actions, angles) = rest.split_at_mut(circles);
+        if part == 0 {
+            return self.planes.actions(z, actions);
+        }
+        let mut all = [S::zero(); CIRCLES];
+        all[..circles].copy_from_slice(angles);
+        if part > self.layers() {
+            return self.turn_all(&all, z, &mut []);
+        }
+        let layer = self.layer(part - 1);
+        let mut argument = vec![S::zero(); self.arguments()];
+        argument[..circles].copy_from_slice(actions);
+        self.source(&layer, z, &mut argument);
+        let mut gradient = vec![S::zero(); self.arguments()];
+        layer.potential.gradient(&argument, &mut gradient);
+        self.add(&layer, &gradient, z, &mut all);
+        angles.copy_from_slice(&all[..circles]);
     }
 
     /// The turn of a fast plane by the sum of its angles.

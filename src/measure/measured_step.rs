@@ -5,8 +5,9 @@
 //! new kind of step needs nothing here.
 
 use super::Numbers;
+use super::measured_twist::TwistStep;
 use crate::layer::{
-    HenonMap, Kick, Potential, Shear, TanhPotential, Turn, TurnStep, quarter_turns,
+    HenonMap, Kick, Potential, Shear, TanhPotential, Turn, TurnStep, Twist, quarter_turns,
 };
 use crate::network::Visitor;
 use crate::phase::{Direction, Half, Map};
@@ -575,7 +576,7 @@ impl<M: Numbers> MeasuredStep for TrackedStep<M> {
 }
 
 /// A step of a network as a map.
-struct ShearMap<T>(T);
+pub(super) struct ShearMap<T>(pub(super) T);
 
 impl<S: Over<f64>, T: Shear<f64>> Map<S> for ShearMap<T> {
     fn dof(&self) -> usize {
@@ -605,6 +606,10 @@ impl<'a> Visitor<'a, f64> for AsMeasured {
         kick: Kick<'a, f64, TanhPotential<'a, f64, D>>,
     ) -> MeasuredSteps<'a> {
         vec![TanhPotential::measured_kick(kick)]
+    }
+
+    fn visit_twist<const D: usize>(self, twist: Twist<'a, f64, D>) -> MeasuredSteps<'a> {
+        vec![Box::new(TwistStep(twist))]
     }
 
     fn visit_turn(self, turn: TurnStep<'a, f64>) -> MeasuredSteps<'a> {

@@ -19,6 +19,7 @@ pub mod laws;
 mod level_set;
 mod measurable;
 mod measured_step;
+mod measured_twist;
 mod near_identity;
 mod relations;
 mod rounding;

@@ -48,7 +48,12 @@ fn entry_size(entry: f64) -> f64 {
 
 /// One step over duals that start as `directions` (row by row); `out` ← the
 /// derivatives behind it, in the same form. Returns the point behind it.
-fn carry(step: &dyn MeasuredStep, z: &[f64], directions: &[f64], out: &mut [f64]) -> Vec<f64> {
+pub(super) fn carry(
+    step: &dyn MeasuredStep,
+    z: &[f64],
+    directions: &[f64],
+    out: &mut [f64],
+) -> Vec<f64> {
     let dim = z.len();
     let mut point = Vec::new();
     for first in (0..dim).step_by(8) {

@@ -97,6 +97,12 @@ pub trait Visitor<'a, P: Scalar>: Sized {
         self.visit(kick)
     }
 
+    /// Takes a twist.
+    #[inline(always)]
+    fn visit_twist<const D: usize>(self, twist: Twist<'a, P, D>) -> Self::Output {
+        self.visit(twist)
+    }
+
     /// Takes a turn.
     #[inline(always)]
     fn visit_turn(self, turn: TurnStep<'a, P>) -> Self::Output {
@@ -155,7 +161,7 @@ impl<P: Scalar> Composition<P> {
                 let scale = scale * P::from_f64(factor);
                 macro_rules! visit {
                     ($D:literal) => {
-                        visitor.visit(Twist::<P, $D> {
+                        visitor.visit_twist(Twist::<P, $D> {
                             planes,
                             width,
                             first,
