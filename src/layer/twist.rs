@@ -254,9 +254,9 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
     }
 
     /// One part of the map on `x`, the point and behind it the actions and the angles of the
-    /// circles, which are 0 in the beginning: the actions, then a shear after another, then
-    /// the turn. All of them, one after another, leave the image of the point: the same operations,
-    /// for who wants to look between them.
+    /// circles, 2·[`FastPlanes::extended_dof`] numbers, the last of them 0 in the beginning: the
+    /// actions, then a shear after another, then the turn. All of them, one after another, leave
+    /// the image of the point: the same operations, for those who want to look between them.
     pub(crate) fn apply_part<S: Over<P>>(&self, part: usize, x: &mut [S]) {
         let circles = self.planes.circles;
         let (z, rest) = x.split_at_mut(2 * self.planes.dof);
@@ -478,5 +478,49 @@ impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
             self.add(&layer, gradient, z, &mut angles);
         }
         self.turn_all(&angles, z, &mut []);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layer::CircleAction;
+    use crate::random::Stream;
+
+    /// Measures look between the parts: they are those of the map, to the last bit.
+    #[test]
+    fn the_parts_of_a_twist_make_it() {
+        let one = TorusAction::from(CircleAction::new([1, 0, 2]));
+        let two = [CircleAction::new([1, 0, 0]), CircleAction::new([0, 0, 2])];
+        let mut stream = Stream::new(5, "twist");
+        for action in [one, TorusAction::new(two.to_vec()).expect("two circles")] {
+            let planes = FastPlanes::new(&action).expect("planes that turn");
+            let (width, layers) = (3, 4);
+            let count = layers * width * (planes.arguments() + 2);
+            let parameters: Vec<f64> = (0..count).map(|_| stream.normal()).collect();
+            for (first, inverse, scale) in [
+                (Half::Position, false, 0.3),
+                (Half::Momentum, true, 0.3),
+                (Half::Position, true, 0.0),
+            ] {
+                let twist: Twist<'_, f64> = Twist {
+                    planes: &planes,
+                    width,
+                    first,
+                    scale,
+                    parameters: &parameters,
+                    inverse,
+                };
+                let mut point: Vec<f64> = (0..6).map(|_| stream.normal()).collect();
+                let mut extended = point.clone();
+                extended.resize(2 * planes.extended_dof(), 0.0);
+                for part in 0..twist.parts() {
+                    twist.apply_part(part, &mut extended);
+                }
+                twist.apply(&mut point, &mut [0.0; 6]);
+                let bits = |z: &[f64]| z.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+                assert_eq!(bits(&point), bits(&extended[..6]), "{first:?} {inverse} {scale}");
+            }
+        }
     }
 }

@@ -160,8 +160,8 @@ pub fn certify_normal_form(map: &dyn NormalFormed, options: CertificateOptions) 
 
 fn of_normal_form(map: &dyn NormalFormed, samples: &Samples) -> Vec<Tally> {
     let points = samples.points();
-    // The weights of a twist of a long flow time cancel: its bounds are further from its errors than
-    // those of the few shears of a layer.
+    // The weights of a twist of a long flow time cancel: its bounds are further from its errors
+    // than those of a layer, so that these need not show as in `laws::symplecticity`.
     let symplecticity = laws::symplecticity_of("symplecticity of P", map, points);
     let mut out = of_map_with(symplecticity, map, samples);
     out.push(laws::normal_form(map, points));

@@ -1,8 +1,8 @@
 //! The steps of maps as measures see them: with the scale of their rounding errors.
 //!
 //! Kicks of tanh potentials and turns have scales derived by hand. Those of any
-//! other step are found by running it on [`Tracked`] numbers ([`TrackedStep`]): a
-//! new kind of step needs nothing here.
+//! other step are found by running it on [`Tracked`] numbers ([`TrackedStep`]), of twists
+//! part by part: a new kind of step needs nothing here.
 
 use super::Numbers;
 use super::measured_twist::TwistStep;

@@ -26,10 +26,10 @@ impl<S: Over<f64>, const D: usize> Map<S> for TwistPart<'_, D> {
     }
 }
 
-/// Twists, whose many shears are one step. The errors of each are found by themselves, and
-/// carried to the end by the derivatives of those that come after it, as those of other steps
-/// are: bounds of all at once would take each magnitude for an error of the next, and
-/// grow by a factor with every shear.
+/// Twists, whose many shears are one step. The errors of each are found by themselves, carried
+/// to the end by the derivatives of those that come after it, and added in quadrature, as
+/// those of other steps are: a bound run through all shears takes absolute values at each, and
+/// loses that they cancel. No bound of the worst case, then.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TwistStep<'a, const D: usize>(pub(super) Twist<'a, f64, D>);
 
@@ -42,6 +42,11 @@ struct Parts<'a, const D: usize> {
     /// The derivatives of all parts before each, and of all after it: d × d, row by row.
     before: Vec<Vec<f64>>,
     after: Vec<Vec<f64>>,
+}
+
+/// √(a² + b²), NaN if either is: `hypot` would lose the NaN beside an infinity.
+fn hypot_or_nan(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() { f64::NAN } else { libm::hypot(a, b) }
 }
 
 /// `a`·`b`, d × d row by row.
@@ -84,14 +89,17 @@ impl<'a, const D: usize> Parts<'a, D> {
         Self { d, steps, points, before, after }
     }
 
-    /// |the derivative of what comes after part k|·`error`, with as many columns.
+    /// |the derivative of what comes after part k|·`error`, which has so many columns.
     fn at_the_end(&self, k: usize, error: &[f64], columns: usize) -> Vec<f64> {
         let mut out = vec![0.0; error.len()];
         let rows = self.after[k].chunks_exact(self.d);
         for (row, out) in rows.zip(out.chunks_exact_mut(columns)) {
             for (factor, error) in row.iter().zip(error.chunks_exact(columns)) {
                 for (out, error) in out.iter_mut().zip(error) {
-                    *out = factor.abs().mul_add(*error, *out);
+                    // What errs by nothing errs by nothing where a derivative overflows too.
+                    if *error != 0.0 {
+                        *out = factor.abs().mul_add(*error, *out);
+                    }
                 }
             }
         }
@@ -123,7 +131,7 @@ impl<const D: usize> MeasuredStep for TwistStep<'_, D> {
             let error = parts.at_the_end(k, &error, d);
             for (e, error) in e.chunks_exact_mut(dim).zip(error.chunks_exact(d)) {
                 for (e, error) in e.iter_mut().zip(error) {
-                    *e = libm::hypot(*e, *error);
+                    *e = hypot_or_nan(*e, *error);
                 }
             }
         }
@@ -136,7 +144,7 @@ impl<const D: usize> MeasuredStep for TwistStep<'_, D> {
             let mut error = vec![0.0; parts.d];
             step.value_magnitude(&parts.points[k], &[], &mut error);
             for (delta, error) in delta.iter_mut().zip(parts.at_the_end(k, &error, 1)) {
-                *delta = libm::hypot(*delta, error);
+                *delta = hypot_or_nan(*delta, error);
             }
         }
     }
