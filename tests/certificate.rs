@@ -12,7 +12,7 @@ use gyroceptron::network::{
 };
 use gyroceptron::phase::{Direction, Half, Map};
 use gyroceptron::random::Stream;
-use gyroceptron::scalar::Elementary;
+use gyroceptron::scalar::{Elementary, max_or_nan};
 
 const LIMIT: f64 = 10.0;
 
@@ -133,6 +133,22 @@ fn long_twists_are_judged_by_bounds_of_their_size() {
         // 0.0004 to 0.006 where each shear's error is bounded by those of all before it.
         assert!(deviation > 0.03, "{row:?}");
     }
+    // A way back whose first twist has one weight that is wrong by 1e-11.
+    let mut weights = model.composition().parameters().to_vec();
+    weights[12 * (8 * 4 + 2)] *= 1.0 + 1e-11;
+    let wrong = model.with_parameters(weights).expect("finite");
+    let mut stream = Stream::new(3, "points");
+    let ratios = (0..20).map(|_| {
+        let z: Vec<f64> = (0..4).map(|_| stream.uniform(-1.6, 1.6)).collect();
+        let there = model.composition().measured_steps(Direction::Forward);
+        let back = wrong.composition().measured_steps(Direction::Inverse);
+        match inversion_ratio(there, back, &z) {
+            Conditioned::Ratio(ratio) => ratio,
+            Conditioned::IllConditioned => f64::NAN,
+        }
+    });
+    let largest = ratios.fold(0.0, max_or_nan);
+    assert!(largest > LIMIT, "{largest}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Twists as measures see them: the scales of the rounding errors of each of their shears.
 
 use super::measured_step::ShearMap;
-use super::rounding::carry;
+use super::rounding::{carry, hypot_or_nan, product};
 use super::{MeasuredStep, TrackedStep};
 use crate::layer::Twist;
 use crate::phase::{Direction, Map};
@@ -44,24 +44,6 @@ struct Parts<'a, const D: usize> {
     after: Vec<Vec<f64>>,
 }
 
-/// √(a² + b²), NaN if either is: `hypot` would lose the NaN beside an infinity.
-fn hypot_or_nan(a: f64, b: f64) -> f64 {
-    if a.is_nan() || b.is_nan() { f64::NAN } else { libm::hypot(a, b) }
-}
-
-/// `a`·`b`, d × d row by row.
-fn product(d: usize, a: &[f64], b: &[f64]) -> Vec<f64> {
-    let mut out = vec![0.0; d * d];
-    for (row, out) in a.chunks_exact(d).zip(out.chunks_exact_mut(d)) {
-        for (factor, b) in row.iter().zip(b.chunks_exact(d)) {
-            for (out, b) in out.iter_mut().zip(b) {
-                *out = factor.mul_add(*b, *out);
-            }
-        }
-    }
-    out
-}
-
 impl<'a, const D: usize> Parts<'a, D> {
     fn new(twist: Twist<'a, f64, D>, z: &[f64]) -> Self {
         let d = 2 * twist.planes.extended_dof();
@@ -72,12 +54,14 @@ impl<'a, const D: usize> Parts<'a, D> {
         unit.iter_mut().step_by(d + 1).for_each(|entry| *entry = 1.0);
         let mut point = z.to_vec();
         point.resize(d, 0.0);
-        let (mut points, mut before, mut own) = (Vec::new(), vec![unit.clone()], Vec::new());
+        let (mut points, mut before, mut own) = (Vec::new(), Vec::new(), Vec::new());
+        let mut running = unit.clone();
         for step in &steps {
             let mut jacobian = vec![0.0; d * d];
             let next = carry(step, &point, &unit, &mut jacobian);
             points.push(std::mem::replace(&mut point, next));
-            before.push(product(d, &jacobian, &before[before.len() - 1]));
+            let next = product(d, &jacobian, &running);
+            before.push(std::mem::replace(&mut running, next));
             own.push(jacobian);
         }
         let mut after = vec![unit];
@@ -161,6 +145,51 @@ impl<const D: usize> MeasuredStep for TwistStep<'_, D> {
             step.curvature_magnitude(&parts.points[k], &spread, &mut bend);
             for (out, bend) in out.iter_mut().zip(parts.at_the_end(k, &bend, 1)) {
                 *out += bend;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layer::{CircleAction, FastPlanes, Shear, TorusAction};
+    use crate::phase::Half;
+    use crate::random::Stream;
+
+    /// Measures look between the parts: they are those of the map, to the last bit.
+    #[test]
+    fn the_parts_of_a_twist_make_it() {
+        let one = TorusAction::from(CircleAction::new([1, 0, 2]));
+        let two = [CircleAction::new([1, 0, 0]), CircleAction::new([0, 0, 2])];
+        let mut stream = Stream::new(5, "twist");
+        for action in [one, TorusAction::new(two.to_vec()).expect("two circles")] {
+            let planes = FastPlanes::new(&action).expect("planes that turn");
+            let (width, layers) = (3, 4);
+            let count = layers * width * (planes.arguments() + 2);
+            let parameters: Vec<f64> = (0..count).map(|_| stream.normal()).collect();
+            for (first, inverse, scale) in [
+                (Half::Position, false, 0.3),
+                (Half::Momentum, true, 0.3),
+                (Half::Position, true, 0.0),
+            ] {
+                let twist: Twist<'_, f64> = Twist {
+                    planes: &planes,
+                    width,
+                    first,
+                    scale,
+                    parameters: &parameters,
+                    inverse,
+                };
+                let mut point: Vec<f64> = (0..6).map(|_| stream.normal()).collect();
+                let mut extended = point.clone();
+                extended.resize(2 * planes.extended_dof(), 0.0);
+                for part in 0..twist.parts() {
+                    twist.apply_part(part, &mut extended);
+                }
+                twist.apply(&mut point, &mut [0.0; 6]);
+                let bits = |z: &[f64]| z.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+                assert_eq!(bits(&point), bits(&extended[..6]), "{first:?} {inverse} {scale}");
             }
         }
     }

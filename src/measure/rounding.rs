@@ -36,6 +36,24 @@ pub(super) fn inverse_of_symplectic(jacobian: &[f64], dof: usize) -> Vec<f64> {
     out
 }
 
+/// `a`·`b`, `dim` × `dim` row by row.
+pub(super) fn product(dim: usize, a: &[f64], b: &[f64]) -> Vec<f64> {
+    let mut out = vec![0.0; dim * dim];
+    for row in 0..dim {
+        for inner in 0..dim {
+            for column in 0..dim {
+                out[row * dim + column] += a[row * dim + inner] * b[inner * dim + column];
+            }
+        }
+    }
+    out
+}
+
+/// √(a² + b²), NaN if either is: `hypot` would lose the NaN beside an infinity.
+pub(super) fn hypot_or_nan(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() { f64::NAN } else { libm::hypot(a, b) }
+}
+
 /// An error of rounding is at least u times this, a few multiples of 2⁻¹⁰⁷⁴, to
 /// which results below the normal numbers are rounded.
 const UNDERFLOW: f64 = 4.0 * f64::MIN_POSITIVE;
@@ -215,7 +233,7 @@ impl<'a> Walk<'a> {
                     .map(|column| entry_size(inverse[row * dim + column]) * delta[column])
                     .sum();
                 // Squares would under- and overflow.
-                squares[row] = libm::hypot(squares[row], reach);
+                squares[row] = hypot_or_nan(squares[row], reach);
                 sums[row] += reach;
             }
             if !jacobian.iter().all(|entry| entry.is_finite()) {
@@ -249,20 +267,11 @@ impl<'a> Walk<'a> {
                     .map(|column| entry_size(behind[row * dim + column]) * delta[column])
                     .sum();
                 // Squares would under- and overflow.
-                squares[row] = libm::hypot(squares[row], reach);
+                squares[row] = hypot_or_nan(squares[row], reach);
                 sums[row] += reach;
             }
             carry(&*self.steps[k], &self.points[k], &identity, &mut of_step);
-            let mut product = vec![0.0; dim * dim];
-            for row in 0..dim {
-                for inner in 0..dim {
-                    for column in 0..dim {
-                        let entry = behind[row * dim + inner] * of_step[inner * dim + column];
-                        product[row * dim + column] += entry;
-                    }
-                }
-            }
-            behind = product;
+            behind = product(dim, &behind, &of_step);
         }
         (squares, sums)
     }
