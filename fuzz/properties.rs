@@ -269,18 +269,17 @@ pub fn normal_form(data: &[u8]) -> Result<Outcome, String> {
     let layers = |u: &mut Unstructured<'_>, width: u8| -> Vec<usize> {
         (0..small(u, 4) - 1).map(|_| small(u, width)).collect()
     };
-    let (psi, kicks) = (layers(u, 4), layers(u, 6));
-    let (twists, twist_width) = (small(u, 5) - 1, small(u, 6));
+    let (psi, kicks, twists) = (layers(u, 4), layers(u, 6), layers(u, 6));
     let (flow_time, epsilon) = (number(u), number(u));
     let z = numbers(u, 2 * dof);
     let most = action.circles().iter().flat_map(CircleAction::weights).map(|m| m.abs()).max();
-    let widest = psi.iter().chain(&kicks).copied().fold(twist_width, usize::max);
-    let steps = 16 * psi.len() + 2 * kicks.len() + twists;
+    let widest = psi.iter().chain(&kicks).chain(&twists).copied().fold(1, usize::max);
+    let steps = 16 * psi.len() + 2 * kicks.len() + twists.len();
     let turned = (0..dof).filter(|&j| action.circles().iter().any(|c| c.weights()[j] != 0));
     let acts = |circle: &CircleAction| circle.weights().iter().any(|m| *m != 0);
     let sound =
         (1..=turned.count()).contains(&action.circles().len()) && action.circles().iter().all(acts);
-    let shape = NormalFormShape { action, psi, kicks, twists, twist_width, flow_time };
+    let shape = NormalFormShape { action, psi, kicks, twists, flow_time };
     let weights = numbers(u, shape.parameter_count());
     let finite = weights.iter().chain([&epsilon, &flow_time]).all(|v| v.is_finite());
     let model = match Model::new(Architecture::NormalForm { shape, epsilon }, weights.clone()) {

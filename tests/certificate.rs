@@ -118,8 +118,7 @@ fn long_twists_are_judged_by_bounds_of_their_size() {
         action: CircleAction::new([1, 0]).into(),
         psi: vec![],
         kicks: vec![8; 12],
-        twists: 16,
-        twist_width: 8,
+        twists: vec![8; 16],
         flow_time: 50.0,
     };
     let architecture = Architecture::NormalForm { shape, epsilon: 0.01 };

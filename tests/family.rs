@@ -43,8 +43,7 @@ fn models() -> Vec<Model> {
             action,
             psi: vec![2],
             kicks: vec![3, 2],
-            twists: 3,
-            twist_width: 3,
+            twists: vec![3; 3],
             flow_time: TIME,
         },
         epsilon: 0.05,
@@ -257,8 +256,7 @@ fn a_normal_form_learns_a_family() {
         action: CircleAction::new([1, 0]).into(),
         psi: vec![],
         kicks: vec![4; 4],
-        twists: 6,
-        twist_width: 4,
+        twists: vec![4; 6],
         flow_time: TIME,
     };
     let architecture = Architecture::NormalForm { shape, epsilon: 0.05 };

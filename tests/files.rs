@@ -447,8 +447,7 @@ fn normal_form() -> Model {
         action: TorusAction::new(circles).expect("two circles"),
         psi: vec![2],
         kicks: vec![3, 1],
-        twists: 2,
-        twist_width: 4,
+        twists: vec![4, 2],
         flow_time: 7.5,
     };
     let architecture = Architecture::NormalForm { shape, epsilon: 0.02 };
@@ -473,7 +472,9 @@ fn a_normal_form_comes_back() {
         let tensors = read_tensors(&path).expect("read");
         assert_eq!(tensors["kick.0.angles"].shape, [1, 3]);
         assert_eq!(tensors["kick.1.w_in"].shape, [3, 1]);
-        assert_eq!(tensors["twist.1.w_in"].shape, [3, 4]);
+        assert_eq!(tensors["twist.1.w_in"].shape, [3, 2]);
+        assert_eq!(tensors["twist.0.quadratic"].shape, [1, 6]);
+        assert!(!tensors.contains_key("twist.1.quadratic"));
         assert_eq!(tensors["theta"].values, [0.25, -1.5]);
         // In the order of the parameters.
         let offset = 3 * 2 + 2 + 2 + 3;
@@ -491,16 +492,21 @@ fn a_normal_form_comes_back() {
         let back = read(tensors.clone()).expect("read");
         assert_eq!(back.architecture(), model.architecture());
         assert_eq!(back.composition().parameters(), model.composition().parameters());
-        for (lacking, word) in [("kick.1.b_in", "kick.1.b_in"), ("theta", "theta")] {
+        for lacking in ["kick.1.b_in", "twist.0.quadratic", "theta"] {
             let mut tensors = tensors.clone();
             tensors.remove(lacking);
-            names(read(tensors), &[word]);
+            names(read(tensors), &[lacking]);
         }
         let mut wrong = tensors.clone();
-        let narrow = &wrong["twist.1.w_in"];
-        let narrow = Tensor { shape: vec![3, 2], values: vec![0.0; 6], ..narrow.clone() };
-        wrong.insert("twist.1.w_in".into(), narrow);
-        names(read(wrong), &["twist.1.w_in", "[3, 4]", "[3, 2]"]);
+        let low =
+            Tensor { shape: vec![2, 2], values: vec![0.0; 4], ..wrong["twist.1.w_in"].clone() };
+        wrong.insert("twist.1.w_in".into(), low);
+        names(read(wrong), &["twist.1.w_in", "(3, h)", "[2, 2]"]);
+        let mut wrong = tensors.clone();
+        let wide =
+            Tensor { shape: vec![1, 4], values: vec![0.0; 4], ..wrong["twist.1.b_in"].clone() };
+        wrong.insert("twist.1.b_in".into(), wide);
+        names(read(wrong), &["twist.1.b_in", "[1, 2]", "[1, 4]"]);
         let mut one_angle = tensors.clone();
         let theta = Tensor { shape: vec![1], values: vec![0.0], ..one_angle["theta"].clone() };
         one_angle.insert("theta".into(), theta);

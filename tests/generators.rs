@@ -138,8 +138,7 @@ fn turned_kicks(kicks: usize) -> Composition<f64> {
         action: CircleAction::new([1, 0]).into(),
         psi: vec![],
         kicks: vec![8; kicks],
-        twists: 0,
-        twist_width: 0,
+        twists: vec![],
         flow_time: 1.0,
     };
     let architecture = Architecture::NormalForm { shape, epsilon: 1.0 };

@@ -1,16 +1,29 @@
 //! Twists, turned kicks, and the gyroceptrons in normal form that they make.
 
 use gyroceptron::layer::{
-    CircleAction, FastPlanes, Shear, TanhPotential, TorusAction, TurnedKick, Twist,
+    CircleAction, FastPlanes, Shear, TanhPotential, TorusAction, TurnedKick, Twist, TwistShears,
 };
 use gyroceptron::network::{NormalForm, NormalFormShape};
 use gyroceptron::phase::{Half, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Over, Real, Scalar, Tracked, max_or_nan};
+use std::ops::Range;
 
 type D = Dual<f64, 1>;
 
-const WIDTH: usize = 3;
+/// The neurons of three shears, of which the first and the third have a quadratic form.
+const WIDTHS: [usize; 3] = [3, 2, 0];
+
+/// Where the parameters of a shear are: W, b, w and, of the first and the third, the upper
+/// triangle of Q.
+fn place(d: usize, shear: usize) -> Range<usize> {
+    let of = |shear: usize| {
+        let form = if shear.is_multiple_of(2) { d * (d + 1) / 2 } else { 0 };
+        WIDTHS[shear] * (d + 2) + form
+    };
+    let begin = (0..shear).map(of).sum();
+    begin..begin + of(shear)
+}
 
 /// Actions with slow planes and without, resonant and with several circles.
 fn actions() -> Vec<TorusAction> {
@@ -28,7 +41,7 @@ fn actions() -> Vec<TorusAction> {
 
 struct Case {
     action: TorusAction,
-    planes: FastPlanes,
+    shears: TwistShears,
     parameters: Vec<f64>,
     z: Vec<f64>,
 }
@@ -37,18 +50,19 @@ fn cases() -> Vec<Case> {
     let case = |(number, action): (usize, TorusAction)| {
         let planes = FastPlanes::new(&action).expect("few circles");
         let mut stream = Stream::new(number as u64, "twist");
-        let count = 3 * WIDTH * (planes.arguments() + 2);
+        let count = place(planes.arguments(), 2).end;
+        let shears = TwistShears::new(planes, Half::Position, &WIDTHS);
+        assert_eq!(shears.parameter_count(), count);
         let parameters = (0..count).map(|_| stream.uniform(-1.0, 1.0)).collect();
         let z = (0..2 * action.dof()).map(|_| stream.uniform(-1.5, 1.5)).collect();
-        Case { action, planes, parameters, z }
+        Case { action, shears, parameters, z }
     };
     actions().into_iter().enumerate().map(case).collect()
 }
 
 impl Case {
     fn with<'a, P: Scalar>(&'a self, scale: P, parameters: &'a [P]) -> Twist<'a, P> {
-        let (planes, first) = (&self.planes, Half::Position);
-        Twist { planes, width: WIDTH, first, scale, parameters, inverse: false }
+        Twist { shears: &self.shears, scale, parameters, inverse: false }
     }
 
     fn twist(&self, scale: f64) -> Twist<'_, f64> {
@@ -66,20 +80,25 @@ impl Case {
 
     /// G_l at z by its definition, of whose flow the l-th shear is made.
     fn generator(&self, layer: usize, z: &[D]) -> D {
-        let (n, d) = (self.action.dof(), self.planes.arguments());
+        let (n, d) = (self.action.dof(), self.shears.planes().arguments());
         let circles = self.action.circles();
         let mut y: Vec<D> = circles.iter().map(|circle| circle.invariant(z)).collect();
         let slow = (0..n).filter(|&j| circles.iter().all(|circle| circle.weights()[j] == 0));
         // The positions change first, so that y are the momenta.
         y.extend(slow.map(|j| if layer.is_multiple_of(2) { z[n + j] } else { z[j] }));
-        let weights = &self.parameters[layer * WIDTH * (d + 2)..][..WIDTH * (d + 2)];
+        let (weights, width) = (&self.parameters[place(d, layer)], WIDTHS[layer]);
         let mut total = D::zero();
-        for k in 0..WIDTH {
-            let mut argument = D::constant(weights[d * WIDTH + k]);
+        for k in 0..width {
+            let mut argument = D::constant(weights[d * width + k]);
             for i in 0..d {
-                argument = argument + D::constant(weights[i * WIDTH + k]) * y[i];
+                argument = argument + D::constant(weights[i * width + k]) * y[i];
             }
-            total = total + D::constant(weights[(d + 1) * WIDTH + k]) * argument.tanh();
+            total = total + D::constant(weights[(d + 1) * width + k]) * argument.tanh();
+        }
+        let triangle = (0..d).flat_map(|i| (i..d).map(move |k| (i, k)));
+        for ((i, k), &entry) in triangle.zip(&weights[width * (d + 2)..]) {
+            let half = if i == k { 0.5 } else { 1.0 };
+            total = total + D::constant(half * entry) * y[i] * y[k];
         }
         total
     }
@@ -106,7 +125,7 @@ fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
 fn a_twist_is_the_flow_of_its_generators() {
     for case in cases() {
         for scale in [0.7, -3.1] {
-            let steps = 2000;
+            let steps = 8000;
             let h = scale / f64::from(steps);
             let mut z = case.z.clone();
             for layer in 0..3 {
@@ -314,7 +333,7 @@ fn normal_form<P: Real>(
 ) -> NormalForm<P> {
     let action = actions()[number].clone();
     let (psi, kicks) = (vec![3], vec![4, 2]);
-    let shape = NormalFormShape { action, psi, kicks, twists: 3, twist_width: 3, flow_time: 5.0 };
+    let shape = NormalFormShape { action, psi, kicks, twists: vec![3; 3], flow_time: 5.0 };
     let mut stream = Stream::new(number as u64, "normal form");
     let count = shape.parameter_count();
     let parameters = (0..count).map(|index| lift(index, stream.uniform(-0.7, 0.7))).collect();

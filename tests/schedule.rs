@@ -41,8 +41,7 @@ fn start(number: u64) -> Result<Model, Error> {
         action: CircleAction::new([1, 0]).into(),
         psi: vec![],
         kicks: vec![3; 2],
-        twists: 3,
-        twist_width: 3,
+        twists: vec![3; 3],
         flow_time: TIME,
     };
     let architecture = Architecture::NormalForm { shape, epsilon: EPSILON };
@@ -256,6 +255,24 @@ fn twists_are_trained_alone_in_the_chart_of_the_ramp() {
     let first = |result: &Scheduled| result.outcome.history[0].validation.expect("held out");
     let without = run(&TrainingOptions { fresh_twists: None, ..options }, &mut Store::default());
     assert!(first(&result) < 0.5 * first(&without), "{} {}", first(&result), first(&without));
+}
+
+/// What twists have learnt of all pairs is not forgotten on a part of them.
+#[test]
+fn all_weights_go_on_with_the_pairs_of_the_twists() {
+    let few = LevenbergMarquardtOptions { residuals: 1.0, ..Default::default() };
+    let options = TrainingOptions {
+        optimiser: Optimiser::LevenbergMarquardt(few),
+        ramp: ramp(),
+        fresh_twists: fresh(1, 40),
+        ..options(0)
+    };
+    let result = run(&options, &mut Store::default());
+    let twists = result.legs.iter().rfind(|leg| leg.chosen).expect("one of the twists");
+    let first = |result: &Scheduled| result.outcome.history[1].pairs;
+    assert_eq!((first(&result), twists.best.pairs), (120, 120));
+    let without = run(&TrainingOptions { fresh_twists: None, ..options }, &mut Store::default());
+    assert!(first(&without) < 60, "{}", first(&without));
 }
 
 /// Twists whose loss leaves the numbers are passed over.

@@ -108,6 +108,8 @@ pub enum Fault {
     TwistWeight,
     /// A twist by a function of the position of the fast plane, for its action.
     TwistSeesPlane,
+    /// A quadratic form of a twist whose matrix is not symmetric, by 1e-9.
+    TwistSkewForm,
     /// The fast momentum loses 1e-12 of itself with each twist.
     TwistFriction,
     /// A normal form whose chart has weights off by 1e-9.
@@ -115,7 +117,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    const ALL: [Self; 45] = [
+    const ALL: [Self; 46] = [
         Self::MissingTranspose,
         Self::OwnHalf,
         Self::OuterWeights,
@@ -159,6 +161,7 @@ impl Fault {
         Self::TwistWithoutTurn,
         Self::TwistWeight,
         Self::TwistSeesPlane,
+        Self::TwistSkewForm,
         Self::TwistFriction,
         Self::OtherChart,
     ];
@@ -180,6 +183,7 @@ impl Fault {
                 | Self::TwistWithoutTurn
                 | Self::TwistWeight
                 | Self::TwistSeesPlane
+                | Self::TwistSkewForm
                 | Self::TwistFriction
                 | Self::OtherChart
         )
@@ -740,6 +744,7 @@ fn rows_of(fault: Fault) -> Vec<Row> {
         Fault::TwistWithoutTurn
         | Fault::TwistWeight
         | Fault::TwistSeesPlane
+        | Fault::TwistSkewForm
         | Fault::TwistFriction
         | Fault::OtherChart => normal_form::rows_of_mutant(fault),
         Fault::TorusInverse | Fault::TorusPullback => torus::rows_of_mutant(fault),

@@ -52,8 +52,7 @@ impl Case {
             action: TorusAction::new(circles).expect("circles of one size"),
             psi: if self.psi { vec![3] } else { vec![] },
             kicks: vec![3, 2],
-            twists: 3,
-            twist_width: 3,
+            twists: vec![3; 3],
             flow_time: 2.5,
         };
         let mut stream = Stream::new(self.seed, "weights");
@@ -228,7 +227,7 @@ fn drifts_are_those_of_rounding() {
     }
 }
 
-/// Two twist shears after their literal definition, of two neurons each, in two
+/// Two twist shears after their literal definition, of two neurons each and a quadratic form, in two
 /// degrees of freedom with a fast first plane, and a turn.
 #[derive(Clone, Copy, Debug)]
 struct LiteralTwist {
@@ -242,6 +241,9 @@ const NEURONS: [[[f64; 4]; 2]; 2] = [
     [[0.7, -0.4, 0.3, 0.5], [-0.3, 0.9, -0.6, -0.4]],
     [[-0.5, 0.6, 0.2, 0.8], [0.4, 0.3, -0.7, 0.6]],
 ];
+
+/// Q of the first shear: of 𝔍², 𝔍p and p².
+const FORM: [f64; 3] = [0.3, -0.5, 0.6];
 
 impl LiteralTwist {
     /// By three shears: a matrix of rounded entries would let the radius drift.
@@ -266,6 +268,12 @@ impl LiteralTwist {
             let (_, slope) = argument.tanh_sech2();
             angle = angle + S::from_f64(w * a) * slope;
             move_by = move_by + S::from_f64(w * b * way) * slope;
+        }
+        if number == 0 {
+            let [of_action, mixed, of_momentum] = FORM.map(S::from_f64);
+            let skew = if self.fault == Fault::TwistSkewForm { 1e-9 } else { 0.0 };
+            angle = angle + of_action * action + mixed * z[source];
+            move_by = move_by + (mixed + S::from_f64(skew)) * action + of_momentum * z[source];
         }
         z[target] = z[target] + scale * move_by;
         match self.fault {

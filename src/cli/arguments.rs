@@ -3,7 +3,7 @@
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use gyroceptron::Error;
 use gyroceptron::layer::{CircleAction, TorusAction};
-use gyroceptron::scene::Layers;
+use gyroceptron::scene::{ByTurns, Layers, TwistLayers};
 use std::path::PathBuf;
 
 /// Symplectic gyroceptrons: train, certify and roll out nearly-periodic
@@ -154,8 +154,9 @@ pub struct Train {
     /// Turned kicks of ψ_ε and their neurons, of a gyroceptron in normal form, such as 12x8.
     #[arg(long, value_name = "LAYERSxWIDTH")]
     pub kicks: Option<String>,
-    /// Twist shears of T_ε and their neurons, of a gyroceptron in normal form, such as 16x8.
-    #[arg(long, value_name = "LAYERSxWIDTH")]
+    /// Twist shears of T_ε and their neurons, of a gyroceptron in normal form, such as 16x8, or
+    /// 20x2,10: 2 where they change positions, beside a quadratic form, and 10 where momenta.
+    #[arg(long, value_name = "LAYERSxWIDTH[,WIDTH]")]
     pub twists: Option<String>,
     /// The flow time h of the model. With ε it scales T_ε of a gyroceptron in normal form
     /// [default: how far the slow coordinates move, over ε]; pairs with flow times of
@@ -327,6 +328,28 @@ pub fn layers(name: &str, text: &str) -> Result<Layers, Error> {
     parse()
         .filter(sound)
         .ok_or_else(|| Error::invalid(name, text, "layers and neurons, such as 10x8"))
+}
+
+/// `16x8`, or `20x2,10` for two widths by turns, as twist shears.
+pub fn twists(name: &str, text: &str) -> Result<TwistLayers, Error> {
+    let parse = || {
+        let (count, width) = text.split_once('x')?;
+        let width = match width.split_once(',') {
+            None => ByTurns::Same(width.trim().parse().ok()?),
+            Some((first, second)) => {
+                ByTurns::Two([first.trim().parse().ok()?, second.trim().parse().ok()?])
+            }
+        };
+        Some(TwistLayers { count: count.trim().parse().ok()?, width })
+    };
+    let sound = |layers: &TwistLayers| (1..=100_000).contains(&layers.count) && layers.two()[1] > 0;
+    parse().filter(sound).ok_or_else(|| {
+        Error::invalid(
+            name,
+            text,
+            "shears and neurons, such as 16x8, or 20x2,10 for two widths by turns",
+        )
+    })
 }
 
 /// A count that must be at least 1.

@@ -339,7 +339,7 @@ fn describe(model: &Model, path: &Path, as_json: bool) -> Result<Status, Error> 
         if let Some(network) = model.normal_form() {
             let shape = network.shape();
             layers.push(format!("{} turned kicks", shape.kicks.len()));
-            layers.push(format!("{} twist shears", shape.twists));
+            layers.push(format!("{} twist shears", shape.twists.len()));
         }
         out(&format!("{}: {count} parameters, {}\n", path.display(), layers.join(", ")))?;
     }

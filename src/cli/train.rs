@@ -2,7 +2,7 @@
 
 use super::Status;
 use super::arguments::{
-    ArchitectureName, OptimiserName, Train, circle_action, layers, only_circle, positive,
+    ArchitectureName, OptimiserName, Train, circle_action, layers, only_circle, positive, twists,
 };
 use super::commands::{guard_output, read_scene, use_threads};
 use super::output::{json, out};
@@ -18,7 +18,8 @@ use gyroceptron::network::{Architecture, InitialWeights};
 use gyroceptron::random::Stream;
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
-    Folder, Layers, ModelSpec, NetworkSpec, Observer, OwnTraining, TrainingTimes,
+    ByTurns, Folder, Layers, ModelSpec, NetworkSpec, Observer, OwnTraining, TrainingTimes,
+    TwistLayers,
 };
 use gyroceptron::train::{
     AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions, Optimiser,
@@ -34,7 +35,7 @@ const LAYERS: Layers = Layers { count: 10, width: 8 };
 const EPSILON: f64 = 0.01;
 /// ψ_ε and T_ε of the maps of scene `long-steps`.
 const KICKS: Layers = Layers { count: 12, width: 8 };
-const TWISTS: Layers = Layers { count: 16, width: 8 };
+const TWISTS: TwistLayers = TwistLayers { count: 16, width: ByTurns::Same(8) };
 /// Iterations that tell good starts from bad ones.
 const TRIAL: u64 = 40;
 /// The paper's HénonNet.
@@ -80,8 +81,9 @@ fn network(arguments: &Train, of_scene: NetworkSpec) -> Result<NetworkSpec, Erro
     let psi = given("--psi", &arguments.psi)?;
     let near_identity = given("--near-identity", &arguments.near_identity)?;
     let plain = given("--layers", &arguments.layers)?;
-    let (own_kicks, own_twists) =
-        (given("--kicks", &arguments.kicks)?, given("--twists", &arguments.twists)?);
+    let own_kicks = given("--kicks", &arguments.kicks)?;
+    let own_twists =
+        arguments.twists.as_deref().map(|text| twists("--twists", text)).transpose()?;
     let mut network = match arguments.architecture {
         None => of_scene,
         Some(ArchitectureName::Gyroceptron) => gyroceptron(),

@@ -5,8 +5,9 @@
 //! element); a HénonNet has `henon.{i}.…` only. A gyroceptron in normal form has
 //! `kick.{i}.angles` (1, n), `kick.{i}.w_in` (n, h), `kick.{i}.b_in`, `kick.{i}.w_out`,
 //! `twist.{i}.w_in` (d, h; the rows of the actions first), `twist.{i}.b_in`,
-//! `twist.{i}.w_out`, `theta` (an angle for each circle), and `psi.{i}.…` where it has a ψ. Layers
-//! are numbered from 0 in the order of application; numbers are float32 or float64.
+//! `twist.{i}.w_out`, `twist.{i}.quadratic` (1, d(d + 1)/2; the rows of the upper triangle of Q; of even i only),
+//! `theta` (an angle for each circle), and `psi.{i}.…` where it has a ψ. Layers are numbered
+//! from 0 in the order of application; numbers are float32 or float64.
 
 use super::arrays::{Archive, write_archive};
 use super::{read_bytes, tensor_bundle, write_atomically};
@@ -185,8 +186,7 @@ pub fn is_normal_form(tensors: &BTreeMap<String, Tensor>) -> bool {
 /// tensors in memory; `place` names them in errors.
 ///
 /// # Errors
-/// When a tensor is missing, superfluous or of another shape, or twist shears differ in their
-/// widths.
+/// When a tensor is missing, superfluous or of another shape.
 pub fn assemble_normal_form(
     place: &str,
     tensors: BTreeMap<String, Tensor>,
@@ -199,13 +199,10 @@ pub fn assemble_normal_form(
         action,
         psi: widths_if_any(place, &tensors, "psi", dof)?,
         kicks: widths_if_any(place, &tensors, "kick", dof)?,
-        twists: 0,
-        twist_width: 0,
+        twists: Vec::new(),
         flow_time,
     };
-    let twists = widths_if_any(place, &tensors, "twist", shape.arguments())?;
-    shape.twists = twists.len();
-    shape.twist_width = twists.first().copied().unwrap_or(0);
+    shape.twists = widths_if_any(place, &tensors, "twist", shape.arguments())?;
     assemble(place, tensors, Architecture::NormalForm { shape, epsilon })
 }
 

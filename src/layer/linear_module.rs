@@ -1,6 +1,7 @@
 //! The linear module of SympNets.
 
 use super::Shear;
+use super::quadratic_form::{QuadraticForm, symmetric_len};
 use crate::phase::Half;
 use crate::scalar::{Over, Scalar};
 
@@ -11,11 +12,6 @@ use crate::scalar::{Over, Scalar};
 pub const fn linear_module_parameter_count(dof: usize, shears: usize) -> usize {
     let matrix = symmetric_len(dof);
     shears.saturating_mul(matrix).saturating_add(dof.saturating_mul(2))
-}
-
-/// The entries of a symmetric n × n matrix on and above the diagonal.
-const fn symmetric_len(dof: usize) -> usize {
-    dof.saturating_mul(dof.saturating_add(1)) / 2
 }
 
 /// Linear shears, target += c·S_k·source with S_k symmetric, that change one half
@@ -77,28 +73,11 @@ impl<'a, P: Scalar> LinearModule<'a, P> {
         if self.inverse { -self.scale } else { self.scale }
     }
 
-    /// S_number, by the rows of its upper triangle.
+    /// ½yᵀS_number·y, whose flow the shear is.
     #[inline(always)]
-    fn matrix(&self, number: usize) -> &'a [P] {
+    fn form(&self, number: usize) -> QuadraticForm<'a, P> {
         let size = symmetric_len(self.dof);
-        &self.matrices[number * size..(number + 1) * size]
-    }
-
-    /// `out` ← S_number·y.
-    #[inline(always)]
-    fn product<S: Over<P>>(&self, number: usize, y: &[S], out: &mut [S]) {
-        let matrix = self.matrix(number);
-        out.fill(S::zero());
-        let mut entry = 0;
-        for i in 0..self.dof {
-            for k in i..self.dof {
-                out[i] = y[k].mul_add_parameter(matrix[entry], out[i]);
-                if k != i {
-                    out[k] = y[i].mul_add_parameter(matrix[entry], out[k]);
-                }
-                entry += 1;
-            }
-        }
+        QuadraticForm::new(self.dof, &self.matrices[number * size..(number + 1) * size])
     }
 
     /// The linear shears, calling `keep(k, source)` before each.
@@ -114,7 +93,8 @@ impl<'a, P: Scalar> LinearModule<'a, P> {
             let (number, half) = self.shear(k);
             let (source, target) = half.split(self.dof, z);
             keep(k, source);
-            self.product(number, source, gradient);
+            gradient.fill(S::zero());
+            self.form(number).add_gradient(source, gradient);
             for (target, &gradient) in target.iter_mut().zip(&*gradient) {
                 *target = target.increment(self.factor(), gradient);
             }
@@ -206,21 +186,12 @@ impl<P: Scalar> Shear<P> for LinearModule<'_, P> {
             for i in 0..n {
                 u[i] = target_bar[i].times(self.factor());
             }
-            self.product(number, u, y_bar);
-            for (source_bar, y_bar) in source_bar.iter_mut().zip(&*y_bar) {
-                *source_bar = *source_bar + *y_bar;
-            }
             let size = symmetric_len(n);
             let matrix_bar = &mut matrices_bar[number * size..(number + 1) * size];
-            let mut entry = 0;
-            for i in 0..n {
-                for k in i..n {
-                    matrix_bar[entry] = u[i].mul_add(y[k], matrix_bar[entry]);
-                    if k != i {
-                        matrix_bar[entry] = u[k].mul_add(y[i], matrix_bar[entry]);
-                    }
-                    entry += 1;
-                }
+            y_bar.fill(S::zero());
+            self.form(number).pullback(y, u, y_bar, matrix_bar);
+            for (source_bar, y_bar) in source_bar.iter_mut().zip(&*y_bar) {
+                *source_bar = *source_bar + *y_bar;
             }
         }
         if self.inverse {

@@ -1,9 +1,11 @@
 //! Twists: flows of functions of the actions and of one half of the slow coordinates.
 
+use super::quadratic_form::{QuadraticForm, symmetric_len};
 use super::{Potential, Shear, TanhPotential, TorusAction};
 use crate::error::Error;
 use crate::phase::Half;
 use crate::scalar::{Over, Pack, Scalar};
+use std::ops::Range;
 
 /// The planes that a torus action turns, the fast ones, and those that it leaves
 /// alone, the slow ones.
@@ -103,6 +105,80 @@ impl<S: Scalar> StateTurn<S> {
     }
 }
 
+/// The shears of a twist: the planes that it turns, the half of the slow coordinates that each
+/// shear changes, by turns, and its neurons.
+#[derive(Clone, Debug)]
+pub struct TwistShears {
+    planes: FastPlanes,
+    first: Half,
+    /// Those of all shears before each, and of all.
+    neurons: Vec<usize>,
+}
+
+impl TwistShears {
+    /// Shears of so many neurons each, of which the first changes the half `first`.
+    pub fn new(planes: FastPlanes, first: Half, widths: &[usize]) -> Self {
+        let mut neurons = vec![0_usize];
+        for (number, width) in widths.iter().enumerate() {
+            neurons.push(neurons[number].saturating_add(*width));
+        }
+        Self { planes, first, neurons }
+    }
+
+    /// The planes that are turned.
+    pub fn planes(&self) -> &FastPlanes {
+        &self.planes
+    }
+
+    /// How many there are.
+    #[inline(always)]
+    pub fn count(&self) -> usize {
+        self.neurons.len() - 1
+    }
+
+    /// How many parameters they have. Saturates instead of overflowing.
+    pub fn parameter_count(&self) -> usize {
+        self.begin(self.count())
+    }
+
+    /// The half that a shear changes.
+    #[inline(always)]
+    fn target(&self, number: usize) -> Half {
+        if number.is_multiple_of(2) { self.first } else { self.first.other() }
+    }
+
+    #[inline(always)]
+    fn width(&self, number: usize) -> usize {
+        self.neurons[number + 1] - self.neurons[number]
+    }
+
+    /// Where the parameters of a shear begin.
+    #[inline(always)]
+    fn begin(&self, number: usize) -> usize {
+        let d = self.planes.arguments();
+        let forms = if self.first == Half::Position { number.div_ceil(2) } else { number / 2 };
+        let forms = forms.saturating_mul(symmetric_len(d));
+        self.neurons[number].saturating_mul(d + 2).saturating_add(forms)
+    }
+
+    /// Where the parameters of a shear are.
+    #[inline(always)]
+    fn parameters(&self, number: usize) -> Range<usize> {
+        self.begin(number)..self.begin(number + 1)
+    }
+
+    /// Where a tape has what is recorded of a shear: u, and (tanh, sech²) of each neuron.
+    #[inline(always)]
+    fn tape(&self, number: usize) -> Range<usize> {
+        self.tape_begin(number)..self.tape_begin(number + 1)
+    }
+
+    #[inline(always)]
+    fn tape_begin(&self, number: usize) -> usize {
+        number * self.planes.arguments() + 2 * self.neurons[number]
+    }
+}
+
 /// Several twist shears after one another: the flows, for time c, of functions
 /// G_l(𝔍, y) of the actions 𝔍 of the fast planes and of one half y of the slow
 /// coordinates, the momenta and the positions by turns.
@@ -112,19 +188,19 @@ impl<S: Scalar> StateTurn<S> {
 /// still: this is the flow. It commutes with the torus action. Since no
 /// shear changes 𝔍, all of them turn a plane together, by the sum of their angles.
 ///
-/// G_l is a [`TanhPotential`] of `[𝔍, y]`, d numbers, `D` of them where they are known at
-/// compile time; the parameters are theirs, one after another.
+/// G_l is a [`TanhPotential`] of u = (𝔍, y), d numbers, `D` of them where they are known at
+/// compile time; where y are the momenta, ½uᵀQu is added: what a kinetic energy and a frequency
+/// that shifts with the action are to leading order. Where y are the positions nothing is, so
+/// that the increments of the momenta are bounded and no weights let a slow motion grow
+/// faster than N² in N steps. The parameters are those of G₁, G₂, …: W, b, w and, for momenta, the rows of
+/// the upper triangle of Q.
 ///
 /// The inverse finds 𝔍 from the turned point, which rounding has moved: where increments
 /// are rounded to a grid it is near, not exact.
 #[derive(Clone, Copy, Debug)]
 pub struct Twist<'a, P, const D: usize = 0> {
-    /// The planes that turn.
-    pub planes: &'a FastPlanes,
-    /// The neurons of each G_l.
-    pub width: usize,
-    /// The half of the slow coordinates that the first one changes.
-    pub first: Half,
+    /// Its shears.
+    pub shears: &'a TwistShears,
     /// c.
     pub scale: P,
     /// The parameters.
@@ -137,6 +213,7 @@ pub struct Twist<'a, P, const D: usize = 0> {
 struct Layer<'a, P, const D: usize> {
     number: usize,
     potential: TanhPotential<'a, P, D>,
+    form: Option<QuadraticForm<'a, P, D>>,
     /// The half that it changes.
     target: Half,
     /// The factor of ∂G/∂y in its increment, and of ∂G/∂𝔍 in the angle.
@@ -144,33 +221,46 @@ struct Layer<'a, P, const D: usize> {
     turn: P,
 }
 
+impl<P: Scalar, const D: usize> Layer<'_, P, D> {
+    /// `gradient` += that of the quadratic form.
+    #[inline(always)]
+    fn add_form<S: Over<P>>(&self, argument: &[S], gradient: &mut [S]) {
+        if let Some(form) = self.form {
+            form.add_gradient(argument, gradient);
+        }
+    }
+}
+
 impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
     /// d.
     #[inline(always)]
     fn arguments(&self) -> usize {
-        if D > 0 { D } else { self.planes.arguments() }
+        if D > 0 { D } else { self.planes().arguments() }
     }
 
     #[inline(always)]
-    fn layer_len(&self) -> usize {
-        self.width * (self.arguments() + 2)
+    fn planes(&self) -> &'a FastPlanes {
+        &self.shears.planes
     }
 
+    /// How many neurons' parameters a shear has, before those of its quadratic form.
     #[inline(always)]
-    fn layers(&self) -> usize {
-        self.parameters.len() / self.layer_len().max(1)
+    fn neurons_len(&self, number: usize) -> usize {
+        self.shears.width(number) * (self.arguments() + 2)
     }
 
     /// The one that is applied after `turn` others.
     #[inline(always)]
     fn layer(&self, turn: usize) -> Layer<'a, P, D> {
-        let number = if self.inverse { self.layers() - 1 - turn } else { turn };
-        let parameters = &self.parameters[number * self.layer_len()..][..self.layer_len()];
-        let target = if number.is_multiple_of(2) { self.first } else { self.first.other() };
+        let number = if self.inverse { self.shears.count() - 1 - turn } else { turn };
+        let (d, place) = (self.arguments(), self.shears.parameters(number));
+        let (neurons, form) = self.parameters[place].split_at(self.neurons_len(number));
+        let potential = TanhPotential::new(d, self.shears.width(number), neurons);
+        let form = (!form.is_empty()).then(|| QuadraticForm::new(d, form));
+        let target = self.shears.target(number);
         let turn = if self.inverse { -self.scale } else { self.scale };
         let factor = if target == Half::Position { turn } else { -turn };
-        let potential = TanhPotential::new(self.arguments(), self.width, parameters);
-        Layer { number, potential, target, factor, turn }
+        Layer { number, potential, form, target, factor, turn }
     }
 
     /// A factor of zero moves nothing, whatever the weights: 0·∞ is not 0.
@@ -182,8 +272,9 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
     /// `argument` ← `[…, y]`.
     #[inline(always)]
     fn source<S: Scalar>(&self, layer: &Layer<'a, P, D>, z: &[S], argument: &mut [S]) {
-        for (i, &j) in self.planes.slow.iter().enumerate() {
-            argument[self.planes.circles + i] = z[layer.target.other().index(self.planes.dof, j)];
+        for (i, &j) in self.planes().slow.iter().enumerate() {
+            argument[self.planes().circles + i] =
+                z[layer.target.other().index(self.planes().dof, j)];
         }
     }
 
@@ -196,11 +287,11 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
         z: &mut [S],
         angles: &mut [S; CIRCLES],
     ) {
-        for (i, &j) in self.planes.slow.iter().enumerate() {
-            let k = layer.target.index(self.planes.dof, j);
-            z[k] = z[k].increment(layer.factor, gradient[self.planes.circles + i]);
+        for (i, &j) in self.planes().slow.iter().enumerate() {
+            let k = layer.target.index(self.planes().dof, j);
+            z[k] = z[k].increment(layer.factor, gradient[self.planes().circles + i]);
         }
-        for circle in 0..self.planes.circles {
+        for circle in 0..self.planes().circles {
             angles[circle] = gradient[circle].mul_add_parameter(layer.turn, angles[circle]);
         }
     }
@@ -215,13 +306,13 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
         z: &[S],
         direction: &mut [S],
     ) {
-        let FastPlanes { dof, circles, .. } = *self.planes;
+        let FastPlanes { dof, circles, .. } = *self.planes();
         let d = self.arguments();
         let mut actions = [S::zero(); CIRCLES];
-        for (number, &j) in self.planes.fast.iter().enumerate() {
+        for (number, &j) in self.planes().fast.iter().enumerate() {
             let along = z[dof + j].mul_add(direction[dof + j], z[j] * direction[j]);
             for circle in 0..circles {
-                let weight = self.planes.weight(number, circle);
+                let weight = self.planes().weight(number, circle);
                 actions[circle] = along.mul_add(weight, actions[circle]);
             }
         }
@@ -230,18 +321,18 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
             for circle in 0..circles {
                 more = hessian[row * d + circle].mul_add(actions[circle], more);
             }
-            for (i, &j) in self.planes.slow.iter().enumerate() {
+            for (i, &j) in self.planes().slow.iter().enumerate() {
                 let along = direction[layer.target.other().index(dof, j)];
                 more = hessian[row * d + circles + i].mul_add(along, more);
             }
             if row >= circles {
-                let k = layer.target.index(dof, self.planes.slow[row - circles]);
+                let k = layer.target.index(dof, self.planes().slow[row - circles]);
                 direction[k] = more.mul_add_parameter(layer.factor, direction[k]);
                 continue;
             }
             let angle = more.times(layer.turn);
-            for (number, &j) in self.planes.fast.iter().enumerate() {
-                let angle = angle * self.planes.weight(number, row);
+            for (number, &j) in self.planes().fast.iter().enumerate() {
+                let angle = angle * self.planes().weight(number, row);
                 direction[j] = angle.mul_add(z[dof + j], direction[j]);
                 direction[dof + j] = (-angle).mul_add(z[j], direction[dof + j]);
             }
@@ -250,7 +341,7 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
 
     /// How many parts [`Twist::apply_part`] has.
     pub(crate) fn parts(&self) -> usize {
-        if self.is_identity() { 0 } else { self.layers() + 2 }
+        if self.is_identity() { 0 } else { self.shears.count() + 2 }
     }
 
     /// One part of the map on `x`, the point and behind it the actions and the angles of the
@@ -258,15 +349,15 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
     /// actions, then a shear after another, then the turn. All of them, one after another, leave
     /// the image of the point: the same operations, for those who want to look between them.
     pub(crate) fn apply_part<S: Over<P>>(&self, part: usize, x: &mut [S]) {
-        let circles = self.planes.circles;
-        let (z, rest) = x.split_at_mut(2 * self.planes.dof);
+        let circles = self.planes().circles;
+        let (z, rest) = x.split_at_mut(2 * self.planes().dof);
         let (actions, angles) = rest.split_at_mut(circles);
         if part == 0 {
-            return self.planes.actions(z, actions);
+            return self.planes().actions(z, actions);
         }
         let mut all = [S::zero(); CIRCLES];
         all[..circles].copy_from_slice(angles);
-        if part > self.layers() {
+        if part > self.shears.count() {
             return self.turn_all(&all, z, &mut []);
         }
         let layer = self.layer(part - 1);
@@ -275,6 +366,7 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
         self.source(&layer, z, &mut argument);
         let mut gradient = vec![S::zero(); self.arguments()];
         layer.potential.gradient(&argument, &mut gradient);
+        layer.add_form(&argument, &mut gradient);
         self.add(&layer, &gradient, z, &mut all);
         angles.copy_from_slice(&all[..circles]);
     }
@@ -283,8 +375,8 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
     #[inline(always)]
     fn turn<S: Over<P>>(&self, number: usize, angles: &[S; CIRCLES]) -> StateTurn<S> {
         let mut angle = S::zero();
-        for circle in 0..self.planes.circles {
-            angle = angles[circle].mul_add(self.planes.weight(number, circle), angle);
+        for circle in 0..self.planes().circles {
+            angle = angles[circle].mul_add(self.planes().weight(number, circle), angle);
         }
         StateTurn::by(angle)
     }
@@ -292,8 +384,8 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
     /// Turns the fast planes of a point, and of directions.
     #[inline(always)]
     fn turn_all<S: Over<P>>(&self, angles: &[S; CIRCLES], z: &mut [S], directions: &mut [S]) {
-        let dof = self.planes.dof;
-        for (number, &j) in self.planes.fast.iter().enumerate() {
+        let dof = self.planes().dof;
+        for (number, &j) in self.planes().fast.iter().enumerate() {
             let turn = self.turn(number, angles);
             let (q, p) = z.split_at_mut(dof);
             turn.apply::<P>(&mut q[j], &mut p[j]);
@@ -311,7 +403,7 @@ const OF_PLANE: usize = 7;
 impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
     #[inline(always)]
     fn dof(&self) -> usize {
-        self.planes.dof
+        self.planes().dof
     }
 
     #[inline(always)]
@@ -321,13 +413,12 @@ impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
 
     #[inline(always)]
     fn tape_len(&self) -> usize {
-        let of_layer = self.arguments() + 2 * self.width;
-        self.layers() * of_layer + OF_PLANE * self.planes.fast.len()
+        self.shears.tape_begin(self.shears.count()) + OF_PLANE * self.planes().fast.len()
     }
 
     #[inline(always)]
     fn activation_count(&self) -> usize {
-        self.layers() * self.width
+        self.shears.neurons[self.shears.count()]
     }
 
     #[inline(always)]
@@ -336,12 +427,13 @@ impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
             return;
         }
         let (argument, gradient) = scratch.split_at_mut(self.arguments());
-        self.planes.actions(z, &mut argument[..self.planes.circles]);
+        self.planes().actions(z, &mut argument[..self.planes().circles]);
         let mut angles = [S::zero(); CIRCLES];
-        for turn in 0..self.layers() {
+        for turn in 0..self.shears.count() {
             let layer = self.layer(turn);
             self.source(&layer, z, argument);
             layer.potential.gradient(argument, gradient);
+            layer.add_form(argument, gradient);
             self.add(&layer, gradient, z, &mut angles);
         }
         self.turn_all(&angles, z, &mut []);
@@ -352,22 +444,23 @@ impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
         if self.is_identity() {
             return;
         }
-        let (d, dof) = (self.arguments(), self.planes.dof);
+        let (d, dof) = (self.arguments(), self.planes().dof);
         let (actions, gradient) = scratch.split_at_mut(d);
-        self.planes.actions(z, &mut actions[..self.planes.circles]);
+        self.planes().actions(z, &mut actions[..self.planes().circles]);
         let mut angles = [S::zero(); CIRCLES];
-        let (layers, planes) = tape.split_at_mut(self.layers() * (d + 2 * self.width));
-        for (turn, tape) in layers.chunks_exact_mut(d + 2 * self.width).enumerate() {
+        let (layers, planes) = tape.split_at_mut(self.shears.tape_begin(self.shears.count()));
+        for turn in 0..self.shears.count() {
             let layer = self.layer(turn);
-            let (argument, tape) = tape.split_at_mut(d);
+            let (argument, tape) = layers[self.shears.tape(layer.number)].split_at_mut(d);
             argument.copy_from_slice(actions);
             self.source(&layer, z, argument);
             layer.potential.gradient_recording(argument, gradient, tape);
+            layer.add_form(argument, gradient);
             self.add(&layer, gradient, z, &mut angles);
         }
         let (q, p) = z.split_at_mut(dof);
         for (number, tape) in planes.chunks_exact_mut(OF_PLANE).enumerate() {
-            let j = self.planes.fast[number];
+            let j = self.planes().fast[number];
             let turn = self.turn(number, &angles);
             (tape[0], tape[1]) = (q[j], p[j]);
             turn.apply::<P>(&mut q[j], &mut p[j]);
@@ -387,18 +480,18 @@ impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
         if self.is_identity() {
             return;
         }
-        let (d, dof, circles) = (self.arguments(), self.planes.dof, self.planes.circles);
-        let (layers, planes) = tape.split_at(self.layers() * (d + 2 * self.width));
+        let (d, dof, circles) = (self.arguments(), self.planes().dof, self.planes().circles);
+        let (layers, planes) = tape.split_at(self.shears.tape_begin(self.shears.count()));
         // Of the angles of the circles, and of the actions.
         let mut angles_bar = [S::zero(); CIRCLES];
         let mut actions_bar = [S::zero(); CIRCLES];
         for (number, tape) in planes.chunks_exact(OF_PLANE).enumerate() {
-            let j = self.planes.fast[number];
+            let j = self.planes().fast[number];
             let (q_bar, p_bar) = z_bar.split_at_mut(dof);
             // The derivative by the angle is the infinitesimal generator at the output.
             let angle_bar = q_bar[j] * tape[3] - p_bar[j] * tape[2];
             for circle in 0..circles {
-                let weight = self.planes.weight(number, circle);
+                let weight = self.planes().weight(number, circle);
                 angles_bar[circle] = angle_bar.mul_add(weight, angles_bar[circle]);
             }
             // A rotation is orthogonal: its adjoint is its inverse.
@@ -406,31 +499,33 @@ impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
             turn.back().apply::<P>(&mut q_bar[j], &mut p_bar[j]);
         }
         let (u, argument_bar) = scratch.split_at_mut(d);
-        for turn in (0..self.layers()).rev() {
+        for turn in (0..self.shears.count()).rev() {
             let layer = self.layer(turn);
-            let (argument, tape) = layers[turn * (d + 2 * self.width)..].split_at(d);
+            let (argument, tape) = layers[self.shears.tape(layer.number)].split_at(d);
             for circle in 0..circles {
                 u[circle] = angles_bar[circle].times(layer.turn);
             }
-            for (i, &j) in self.planes.slow.iter().enumerate() {
+            for (i, &j) in self.planes().slow.iter().enumerate() {
                 u[circles + i] = z_bar[layer.target.index(dof, j)].times(layer.factor);
             }
-            let of_layer = &mut parameters_bar[layer.number * self.layer_len()..];
-            let of_layer = &mut of_layer[..self.layer_len()];
-            let tape = &tape[..2 * self.width];
-            layer.potential.pullback(argument, tape, u, argument_bar, of_layer);
+            let of_layer = &mut parameters_bar[self.shears.parameters(layer.number)];
+            let (of_neurons, of_form) = of_layer.split_at_mut(self.neurons_len(layer.number));
+            layer.potential.pullback(argument, tape, u, argument_bar, of_neurons);
+            if let Some(form) = layer.form {
+                form.pullback(argument, u, argument_bar, of_form);
+            }
             for circle in 0..circles {
                 actions_bar[circle] = actions_bar[circle] + argument_bar[circle];
             }
-            for (i, &j) in self.planes.slow.iter().enumerate() {
+            for (i, &j) in self.planes().slow.iter().enumerate() {
                 let k = layer.target.other().index(dof, j);
                 z_bar[k] = z_bar[k] + argument_bar[circles + i];
             }
         }
-        for (number, &j) in self.planes.fast.iter().enumerate() {
+        for (number, &j) in self.planes().fast.iter().enumerate() {
             let tape = &planes[number * OF_PLANE..];
             for circle in 0..circles {
-                let factor = actions_bar[circle] * self.planes.weight(number, circle);
+                let factor = actions_bar[circle] * self.planes().weight(number, circle);
                 z_bar[j] = factor.mul_add(tape[0], z_bar[j]);
                 z_bar[dof + j] = factor.mul_add(tape[1], z_bar[dof + j]);
             }
@@ -442,16 +537,20 @@ impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
         if self.is_identity() {
             return;
         }
-        let (d, dof, circles) = (self.arguments(), self.planes.dof, self.planes.circles);
+        let (d, dof, circles) = (self.arguments(), self.planes().dof, self.planes().circles);
         let (argument, rest) = scratch.split_at_mut(d);
         let (gradient, rest) = rest.split_at_mut(d);
         let hessian = &mut rest[..d * d];
-        self.planes.actions(z, &mut argument[..circles]);
+        self.planes().actions(z, &mut argument[..circles]);
         let mut angles = [S::zero(); CIRCLES];
-        for turn in 0..self.layers() {
+        for turn in 0..self.shears.count() {
             let layer = self.layer(turn);
             self.source(&layer, z, argument);
             layer.potential.gradient_and_hessian(argument, gradient, hessian);
+            layer.add_form(argument, gradient);
+            if let Some(form) = layer.form {
+                form.add_hessian(hessian);
+            }
             for direction in directions.chunks_exact_mut(2 * dof) {
                 self.add_along(&layer, hessian, z, direction);
             }
@@ -469,12 +568,13 @@ impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
             return;
         }
         let (argument, gradient) = scratch.split_at_mut(self.arguments());
-        self.planes.actions(z, &mut argument[..self.planes.circles]);
+        self.planes().actions(z, &mut argument[..self.planes().circles]);
         let mut angles = [P::zero(); CIRCLES];
-        for turn in 0..self.layers() {
+        for turn in 0..self.shears.count() {
             let layer = self.layer(turn);
             self.source(&layer, z, argument);
             layer.potential.gradient_across::<V>(argument, gradient);
+            layer.add_form(argument, gradient);
             self.add(&layer, gradient, z, &mut angles);
         }
         self.turn_all(&angles, z, &mut []);

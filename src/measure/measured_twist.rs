@@ -16,7 +16,7 @@ struct TwistPart<'a, const D: usize> {
 
 impl<S: Over<f64>, const D: usize> Map<S> for TwistPart<'_, D> {
     fn dof(&self) -> usize {
-        self.twist.planes.extended_dof()
+        self.twist.shears.planes().extended_dof()
     }
     fn forward(&self, x: &mut [S]) {
         self.twist.apply_part(self.part, x);
@@ -46,7 +46,7 @@ struct Parts<'a, const D: usize> {
 
 impl<'a, const D: usize> Parts<'a, D> {
     fn new(twist: Twist<'a, f64, D>, z: &[f64]) -> Self {
-        let d = 2 * twist.planes.extended_dof();
+        let d = 2 * twist.shears.planes().extended_dof();
         let part =
             |part| TrackedStep { map: TwistPart { twist, part }, direction: Direction::Forward };
         let steps: Vec<_> = (0..twist.parts()).map(part).collect();
@@ -153,7 +153,7 @@ impl<const D: usize> MeasuredStep for TwistStep<'_, D> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layer::{CircleAction, FastPlanes, Shear, TorusAction};
+    use crate::layer::{CircleAction, FastPlanes, Shear, TorusAction, TwistShears};
     use crate::phase::Half;
     use crate::random::Stream;
 
@@ -165,22 +165,16 @@ mod tests {
         let mut stream = Stream::new(5, "twist");
         for action in [one, TorusAction::new(two.to_vec()).expect("two circles")] {
             let planes = FastPlanes::new(&action).expect("planes that turn");
-            let (width, layers) = (3, 4);
-            let count = layers * width * (planes.arguments() + 2);
-            let parameters: Vec<f64> = (0..count).map(|_| stream.normal()).collect();
             for (first, inverse, scale) in [
                 (Half::Position, false, 0.3),
                 (Half::Momentum, true, 0.3),
                 (Half::Position, true, 0.0),
             ] {
-                let twist: Twist<'_, f64> = Twist {
-                    planes: &planes,
-                    width,
-                    first,
-                    scale,
-                    parameters: &parameters,
-                    inverse,
-                };
+                let shears = TwistShears::new(planes.clone(), first, &[3, 1, 0, 4, 2]);
+                let count = shears.parameter_count();
+                let parameters: Vec<f64> = (0..count).map(|_| stream.normal()).collect();
+                let parameters = &parameters;
+                let twist: Twist<'_, f64> = Twist { shears: &shears, scale, parameters, inverse };
                 let mut point: Vec<f64> = (0..6).map(|_| stream.normal()).collect();
                 let mut extended = point.clone();
                 extended.resize(2 * planes.extended_dof(), 0.0);

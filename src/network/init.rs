@@ -1,6 +1,7 @@
 //! Initial weights.
 
 use super::{NormalFormShape, SympNetShape};
+use crate::layer::symmetric_len;
 use crate::random::Stream;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -50,7 +51,7 @@ impl InitialWeights {
     /// W, b and w of a potential of so many arguments.
     fn potential(self, arguments: usize, width: usize, stream: &mut Stream) -> Vec<f64> {
         let inner = inner_bound(arguments, width);
-        let outer = (6.0 / (width + 1) as f64).sqrt();
+        let outer = outer_bound(width);
         let draw = |index| match self {
             Self::Glorot if index < (arguments + 1) * width => stream.uniform(-inner, inner),
             Self::Glorot => stream.uniform(-outer, outer),
@@ -68,14 +69,35 @@ impl InitialWeights {
             out.extend((0..shape.dof()).map(|_| stream.uniform(-PI, PI)));
             out.extend(self.potential(shape.dof(), width, stream));
         }
-        for _ in 0..shape.twists {
-            out.extend(self.potential(shape.arguments(), shape.twist_width, stream));
+        let d = shape.arguments();
+        for (number, &width) in shape.twists.iter().enumerate() {
+            out.extend(self.potential(d, width, stream));
+            if number.is_multiple_of(2) {
+                let curvature = self.curvature(d, width);
+                out.extend((0..symmetric_len(d)).map(|_| curvature * stream.normal()));
+            }
         }
         out
+    }
+
+    /// About the size of the second derivatives of a potential of so many neurons. Quadratic forms
+    /// beside them are drawn of that size: larger ones start a twist far from the identity, where
+    /// training stays.
+    fn curvature(self, arguments: usize, width: usize) -> f64 {
+        let (inner, outer) = match self {
+            Self::Glorot => (inner_bound(arguments, width), outer_bound(width)),
+            Self::Normal { scale } => (scale, scale),
+        };
+        (width as f64).sqrt() * inner * inner * outer
     }
 }
 
 /// Of Glorot's law for W.
 fn inner_bound(arguments: usize, width: usize) -> f64 {
     (6.0 / (arguments + width) as f64).sqrt()
+}
+
+/// Of Glorot's law for w.
+fn outer_bound(width: usize) -> f64 {
+    (6.0 / (width + 1) as f64).sqrt()
 }

@@ -13,8 +13,9 @@
 //! then those of I_ε, then θ. A linear module is its symmetric matrices, each by the
 //! rows of its upper triangle, and 2n numbers of its translation; an activation
 //! module has n. A normal-form gyroceptron is the layers of ψ, the turned kicks, each its n
-//! angles and W, b, w, the twist shears, each W (d × h, the rows of the actions first), b and
-//! w, and an angle for each circle. A SympNet is its modules in the order of application.
+//! angles and W, b, w, the twist shears, each W (d × h, the rows of the actions first), b, w and,
+//! the first, third and so on, the rows of the upper triangle of Q (d × d), and an angle for each
+//! circle. A SympNet is its modules in the order of application.
 
 /// What a network that is its composition has of [`Map`](crate::phase::Map).
 macro_rules! map_of_composition {

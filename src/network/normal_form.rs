@@ -36,7 +36,7 @@ use super::HenonShape;
 use super::composition::Composition;
 use super::step::{Kind, Step};
 use crate::error::Error;
-use crate::layer::{FastPlanes, TorusAction};
+use crate::layer::{FastPlanes, TorusAction, TwistShears, symmetric_len};
 use crate::phase::{Direction, Half, Map};
 use crate::scalar::{Over, Real, Scalar};
 use serde::{Deserialize, Serialize};
@@ -52,10 +52,9 @@ pub struct NormalFormShape {
     pub psi: Vec<usize>,
     /// The widths of the turned kicks of ψ_ε.
     pub kicks: Vec<usize>,
-    /// How many twist shears T_ε has.
-    pub twists: usize,
-    /// The neurons of each.
-    pub twist_width: usize,
+    /// The widths of the twist shears of T_ε. The first, the third and so on change the
+    /// positions and have a quadratic form beside their neurons, of which they need few or none.
+    pub twists: Vec<usize>,
     /// h, the flow time, a factor of T_ε beside ε: weights are of the same size at any.
     pub flow_time: f64,
 }
@@ -85,8 +84,13 @@ impl NormalFormShape {
     }
 
     fn twist_len(&self) -> usize {
-        let of_shear = self.twist_width.saturating_mul(self.arguments() + 2);
-        self.twists.saturating_mul(of_shear)
+        let (d, mut out) = (self.arguments(), 0_usize);
+        for (number, &width) in self.twists.iter().enumerate() {
+            let form = if number.is_multiple_of(2) { symmetric_len(d) } else { 0 };
+            out =
+                out.saturating_add(width.saturating_mul(d.saturating_add(2)).saturating_add(form));
+        }
+        out
     }
 
     /// The number of parameters of the chart, which come first.
@@ -114,22 +118,23 @@ impl NormalFormShape {
     /// The tensors of turned kicks and twists by the names that files give them, with
     /// their shapes, in the order of the parameters.
     pub(super) fn tensors(&self) -> Vec<(String, [usize; 2])> {
-        let (dof, mut out) = (self.dof(), Vec::new());
-        let mut potential = |name: String, arguments: usize, width: usize| {
-            out.extend([
+        let (dof, arguments, mut out) = (self.dof(), self.arguments(), Vec::new());
+        let potential = |name: &str, arguments: usize, width: usize| {
+            [
                 (format!("{name}.w_in"), [arguments, width]),
                 (format!("{name}.b_in"), [1, width]),
                 (format!("{name}.w_out"), [width, 1]),
-            ]);
+            ]
         };
         for (number, &width) in self.kicks.iter().enumerate() {
-            potential(format!("kick.{number}"), dof, width);
+            out.push((format!("kick.{number}.angles"), [1, dof]));
+            out.extend(potential(&format!("kick.{number}"), dof, width));
         }
-        for number in 0..self.twists {
-            potential(format!("twist.{number}"), self.arguments(), self.twist_width);
-        }
-        for number in (0..self.kicks.len()).rev() {
-            out.insert(3 * number, (format!("kick.{number}.angles"), [1, dof]));
+        for (number, &width) in self.twists.iter().enumerate() {
+            out.extend(potential(&format!("twist.{number}"), arguments, width));
+            if number.is_multiple_of(2) {
+                out.push((format!("twist.{number}.quadratic"), [1, symmetric_len(arguments)]));
+            }
         }
         out.push(("theta".into(), [1, self.action.circles().len()]));
         out
@@ -146,7 +151,7 @@ impl NormalFormShape {
         FastPlanes::new(&self.action)?;
         Error::check_count_range("planes of a normal form", self.dof(), 1, MOST_PLANES)?;
         Error::check_finite("flow_time", self.flow_time)?;
-        if self.kicks.contains(&0) || self.twists > 0 && self.twist_width == 0 {
+        if self.kicks.contains(&0) || self.twists.iter().skip(1).step_by(2).any(|&h| h == 0) {
             let expected = "at least one neuron";
             return Err(Error::invalid("normal form", "a layer of width 0", expected));
         }
@@ -182,7 +187,7 @@ struct Parts<P> {
 
 impl<P: Real> Parts<P> {
     fn new(shape: &NormalFormShape, epsilon: P, parameters: &[P]) -> Result<Self, Error> {
-        let planes = Arc::new(FastPlanes::new(&shape.action)?);
+        let planes = FastPlanes::new(&shape.action)?;
         let empty = || Composition::new(shape.dof(), parameters.to_vec(), epsilon);
         let psi = shape.psi_shape();
         let mut end = psi.parameter_count();
@@ -197,8 +202,8 @@ impl<P: Real> Parts<P> {
         let mut inner = empty();
         let start = end;
         end += shape.twist_len();
-        let (width, first, factor) = (shape.twist_width, Half::Position, shape.flow_time);
-        let kind = Kind::Twist { planes, width, first, factor };
+        let shears = Arc::new(TwistShears::new(planes, Half::Position, &shape.twists));
+        let kind = Kind::Twist { shears, factor: shape.flow_time };
         inner.push(Step { kind, parameters: start..end, inverse: false, near_identity: true });
         inner.push_turn(&shape.action, end..parameters.len());
         Ok(Self { chart, inner })

@@ -2,8 +2,8 @@
 
 use super::Composition;
 use crate::layer::{
-    Activation, ActivationModule, FastPlanes, Kick, KickForm, LinearModule, Shear, TanhPotential,
-    TurnStep, TurnedKick, Twist,
+    Activation, ActivationModule, Kick, KickForm, LinearModule, Shear, TanhPotential, TurnStep,
+    TurnedKick, Twist, TwistShears,
 };
 use crate::phase::Half;
 use crate::scalar::Scalar;
@@ -48,12 +48,8 @@ pub enum Kind {
     },
     /// The flow of functions of the actions and of half the slow coordinates.
     Twist {
-        /// The planes that turn.
-        planes: Arc<FastPlanes>,
-        /// The neurons of each function.
-        width: usize,
-        /// The half that the first changes.
-        first: Half,
+        /// Its shears.
+        shears: Arc<TwistShears>,
         /// A factor of its time beside ε.
         factor: f64,
     },
@@ -157,21 +153,14 @@ impl<P: Scalar> Composition<P> {
                     _ => visit!(0),
                 }
             }
-            Kind::Twist { ref planes, width, first, factor } => {
+            Kind::Twist { ref shears, factor } => {
                 let scale = scale * P::from_f64(factor);
                 macro_rules! visit {
                     ($D:literal) => {
-                        visitor.visit_twist(Twist::<P, $D> {
-                            planes,
-                            width,
-                            first,
-                            scale,
-                            parameters,
-                            inverse,
-                        })
+                        visitor.visit_twist(Twist::<P, $D> { shears, scale, parameters, inverse })
                     };
                 }
-                match planes.arguments() {
+                match shears.planes().arguments() {
                     2 if T::SPECIALISED => visit!(2),
                     _ => visit!(0),
                 }

@@ -123,7 +123,7 @@ pub enum NetworkSpec {
         /// The turned kicks of ψ_ε.
         kicks: Layers,
         /// The twist shears of T_ε.
-        twists: Layers,
+        twists: TwistLayers,
         /// Φ; the system's, unless given.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         action: Option<TorusAction>,
@@ -161,6 +161,47 @@ pub struct Layers {
 impl Layers {
     fn widths(self) -> Vec<usize> {
         vec![self.width; self.count]
+    }
+}
+
+/// So many twist shears.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TwistLayers {
+    /// Their number.
+    pub count: usize,
+    /// The neurons of each: a number, or two by turns, the first of the shears that change the
+    /// positions, which have a quadratic form beside them.
+    pub width: ByTurns,
+}
+
+/// One number for all, or two by turns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum ByTurns {
+    /// The same for all.
+    Same(usize),
+    /// Of the first, the third and so on, and of the others.
+    Two([usize; 2]),
+}
+
+impl TwistLayers {
+    /// The neurons of the first and the second.
+    pub fn two(self) -> [usize; 2] {
+        match self.width {
+            ByTurns::Same(width) => [width; 2],
+            ByTurns::Two(widths) => widths,
+        }
+    }
+
+    fn widths(self) -> Vec<usize> {
+        self.two().into_iter().cycle().take(self.count).collect()
+    }
+
+    /// As many layers of the larger width.
+    fn widest(self) -> Layers {
+        let [first, second] = self.two();
+        Layers { count: self.count, width: first.max(second) }
     }
 }
 
@@ -383,7 +424,7 @@ impl NetworkSpec {
             Self::Gyroceptron { psi, near_identity, .. } => vec![*psi, *near_identity],
             Self::HenonNet { layers } => vec![*layers],
             Self::NormalForm { psi, kicks, twists, .. } => {
-                psi.iter().chain([kicks, twists]).copied().collect()
+                psi.iter().chain([kicks]).copied().chain([twists.widest()]).collect()
             }
             Self::File { .. } => Vec::new(),
             Self::SympNet { modules, shears, .. } => {
@@ -415,8 +456,7 @@ impl NetworkSpec {
                     action: own.clone().unwrap_or_else(|| action.clone().into()),
                     psi: psi.map_or_else(Vec::new, Layers::widths),
                     kicks: kicks.widths(),
-                    twists: twists.count,
-                    twist_width: twists.width,
+                    twists: twists.widths(),
                     flow_time,
                 },
                 epsilon,

@@ -21,6 +21,7 @@ use super::options::Stop;
 use super::run::{Minimise, Problem, Step, largest};
 use super::{NormalEquations, Objective};
 use crate::error::Error;
+use crate::network::Model;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 use serde::{Deserialize, Serialize};
@@ -60,6 +61,26 @@ impl LevenbergMarquardtOptions {
         Error::check_range(&name("damping"), self.damping, LEAST_DAMPING, MOST_DAMPING)?;
         Error::check_range(&name("residuals"), self.residuals, 0.0, f64::MAX)?;
         Error::check_range(&name("gap"), self.gap, 1.0, f64::MAX)
+    }
+
+    /// Parameters for each residual of a pair.
+    fn parameters_a_residual(model: &Model) -> f64 {
+        model.composition().parameters().len() as f64 / (2 * model.composition().dof()) as f64
+    }
+
+    /// The pairs to begin with, of so many.
+    fn pairs(&self, model: &Model, all: usize) -> usize {
+        let wanted = (self.residuals * Self::parameters_a_residual(model)).ceil();
+        let part = self.residuals > 0.0 && wanted < all as f64;
+        if part { wanted as usize } else { all }
+    }
+
+    /// Begins with at least so many pairs.
+    pub(super) fn begin_with(&mut self, pairs: usize, model: &Model) {
+        if self.residuals > 0.0 {
+            let residuals = pairs as f64 / Self::parameters_a_residual(model);
+            self.residuals = self.residuals.max(residuals);
+        }
     }
 }
 
@@ -130,13 +151,7 @@ impl<'a> LevenbergMarquardt<'a> {
         problem: Problem<'a>,
         options: &LevenbergMarquardtOptions,
     ) -> Result<Self, Error> {
-        let parameters = problem.model.composition().parameters().len();
-        let all = problem.objective.pairs();
-        let wanted = (options.residuals * parameters as f64 / (2 * all.dof()) as f64).ceil();
-        let pairs = match options.residuals > 0.0 && wanted < all.len() as f64 {
-            true => wanted as usize,
-            false => all.len(),
-        };
+        let pairs = options.pairs(problem.model, problem.objective.pairs().len());
         let (damping, growth) = (options.damping, 2.0);
         let state = LevenbergMarquardtState {
             damping,

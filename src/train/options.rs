@@ -5,7 +5,7 @@ use super::{
     AdamOptions, FreshTwists, LbfgsOptions, LevenbergMarquardtOptions, Loss, Rung, Starts,
 };
 use crate::error::Error;
-use crate::network::Architecture;
+use crate::network::{Architecture, Model};
 use serde::{Deserialize, Serialize};
 
 /// What lowers the loss, with its options.
@@ -40,6 +40,13 @@ impl Optimiser {
     /// Whether the loss of its iterations is of batches.
     pub(super) fn takes_batches(&self) -> bool {
         matches!(self, Self::Adam(_))
+    }
+
+    /// Where it would begin with a part of the pairs: begins with at least so many.
+    pub(super) fn begin_with(&mut self, pairs: usize, model: &Model) {
+        if let Self::LevenbergMarquardt(options) = self {
+            options.begin_with(pairs, model);
+        }
     }
 
     fn check(&self) -> Result<(), Error> {

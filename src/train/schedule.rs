@@ -48,7 +48,7 @@ pub struct FreshTwists {
     /// How many random ones, beside those of the ramp.
     pub count: u64,
     /// The iterations of each, after which the one of the lowest held-out error (loss,
-    /// without held-out pairs) goes on with χ.
+    /// without held-out pairs) goes on with χ, and with as many pairs as it has come to.
     pub iterations: u64,
 }
 
@@ -266,18 +266,23 @@ pub fn train_schedule(
         model = there.with_weights_of(&outcome.model, next.time / place.time)?;
         legs.push(LegResult { chosen: true, ..LegResult::of(leg, place, &outcome) });
     }
+    let mut options = options.clone();
     if let Some(fresh) = options.fresh_twists {
         let unused = options.starts.map_or(1, |starts| starts.count);
         let mut draw = |number: u64| match number {
             0 => Ok(model.clone()),
             _ => start(unused + number - 1)?.with_angles(model.angles()),
         };
-        match train_twists(&model, &mut draw, fresh, last, options, &mut legs, watch)? {
+        match train_twists(&model, &mut draw, fresh, last, &options, &mut legs, watch)? {
             ControlFlow::Continue(better) => model = better,
             ControlFlow::Break(outcome) => return Ok(Scheduled { initial, legs, outcome }),
         }
+        // On fewer they would forget what they have learnt of the others.
+        let chosen = |leg: &&LegResult| leg.chosen && matches!(leg.leg, Leg::Twists(_));
+        let learnt = legs.iter().rfind(chosen).map_or(0, |leg| leg.best.pairs);
+        options.optimiser.begin_with(learnt, &model);
     }
-    let run = Run { leg: Leg::Last, place: last, iterations: last.iterations, options };
+    let run = Run { leg: Leg::Last, place: last, iterations: last.iterations, options: &options };
     let (outcome, _) = run.go(&model, trial, watch)?;
     Ok(Scheduled { initial, legs, outcome })
 }
