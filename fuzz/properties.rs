@@ -269,7 +269,10 @@ pub fn normal_form(data: &[u8]) -> Result<Outcome, String> {
     let layers = |u: &mut Unstructured<'_>, width: u8| -> Vec<usize> {
         (0..small(u, 4) - 1).map(|_| small(u, width)).collect()
     };
-    let (psi, kicks, twists) = (layers(u, 4), layers(u, 6), layers(u, 6));
+    let (psi, kicks) = (layers(u, 4), layers(u, 6));
+    // Those of momenta may be without neurons.
+    let twists: Vec<usize> =
+        (0..small(u, 5) - 1).map(|k| small(u, 6 + (k + 1) as u8 % 2) - (k + 1) % 2).collect();
     let (flow_time, epsilon) = (number(u), number(u));
     let z = numbers(u, 2 * dof);
     let most = action.circles().iter().flat_map(CircleAction::weights).map(|m| m.abs()).max();

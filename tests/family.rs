@@ -43,7 +43,7 @@ fn models() -> Vec<Model> {
             action,
             psi: vec![2],
             kicks: vec![3, 2],
-            twists: vec![3; 3],
+            twists: vec![3, 2, 0],
             flow_time: TIME,
         },
         epsilon: 0.05,

@@ -447,7 +447,7 @@ fn normal_form() -> Model {
         action: TorusAction::new(circles).expect("two circles"),
         psi: vec![2],
         kicks: vec![3, 1],
-        twists: vec![4, 2],
+        twists: vec![4, 2, 0],
         flow_time: 7.5,
     };
     let architecture = Architecture::NormalForm { shape, epsilon: 0.02 };
@@ -475,6 +475,8 @@ fn a_normal_form_comes_back() {
         assert_eq!(tensors["twist.1.w_in"].shape, [3, 2]);
         assert_eq!(tensors["twist.0.quadratic"].shape, [1, 6]);
         assert!(!tensors.contains_key("twist.1.quadratic"));
+        assert_eq!(tensors["twist.2.w_in"].shape, [3, 0]);
+        assert_eq!(tensors["twist.2.quadratic"].shape, [1, 6]);
         assert_eq!(tensors["theta"].values, [0.25, -1.5]);
         // In the order of the parameters.
         let offset = 3 * 2 + 2 + 2 + 3;

@@ -3,8 +3,8 @@
 use gyroceptron::layer::{
     CircleAction, FastPlanes, Shear, TanhPotential, TorusAction, TurnedKick, Twist, TwistShears,
 };
-use gyroceptron::network::{NormalForm, NormalFormShape};
-use gyroceptron::phase::{Half, Map};
+use gyroceptron::network::{Architecture, InitialWeights, NormalForm, NormalFormShape};
+use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Over, Real, Scalar, Tracked, max_or_nan};
 use std::ops::Range;
@@ -51,7 +51,7 @@ fn cases() -> Vec<Case> {
         let planes = FastPlanes::new(&action).expect("few circles");
         let mut stream = Stream::new(number as u64, "twist");
         let count = place(planes.arguments(), 2).end;
-        let shears = TwistShears::new(planes, Half::Position, &WIDTHS);
+        let shears = TwistShears::new(planes, &WIDTHS);
         assert_eq!(shears.parameter_count(), count);
         let parameters = (0..count).map(|_| stream.uniform(-1.0, 1.0)).collect();
         let z = (0..2 * action.dof()).map(|_| stream.uniform(-1.5, 1.5)).collect();
@@ -333,7 +333,7 @@ fn normal_form<P: Real>(
 ) -> NormalForm<P> {
     let action = actions()[number].clone();
     let (psi, kicks) = (vec![3], vec![4, 2]);
-    let shape = NormalFormShape { action, psi, kicks, twists: vec![3; 3], flow_time: 5.0 };
+    let shape = NormalFormShape { action, psi, kicks, twists: vec![3, 2, 0], flow_time: 5.0 };
     let mut stream = Stream::new(number as u64, "normal form");
     let count = shape.parameter_count();
     let parameters = (0..count).map(|index| lift(index, stream.uniform(-0.7, 0.7))).collect();
@@ -435,4 +435,24 @@ fn a_normal_form_of_the_wrong_size_is_refused() {
     assert!(NormalForm::new(shape, 0.1, parameters.to_vec()).is_err());
     let still = TorusAction::from(CircleAction::new([0, 0]));
     assert!(NormalFormShape { action: still, ..map.shape().clone() }.check().is_err());
+}
+
+/// Of a shear without neurons the quadratic form is all there is to it.
+#[test]
+fn shears_without_neurons_are_of_momenta_only_and_begin_somewhere() {
+    let shape = |twists: &[usize]| NormalFormShape {
+        action: CircleAction::new([1, 0]).into(),
+        psi: vec![],
+        kicks: vec![],
+        twists: twists.to_vec(),
+        flow_time: 1.0,
+    };
+    assert!(shape(&[0, 3]).check().is_ok());
+    assert!(shape(&[3, 0]).check().is_err());
+    for weights in [InitialWeights::Glorot, InitialWeights::Normal { scale: 0.2 }] {
+        let architecture = Architecture::NormalForm { shape: shape(&[0, 3]), epsilon: 0.1 };
+        let model = architecture.initialise(weights, 1.0, 3).expect("a model");
+        let form = &model.composition().parameters()[..3];
+        assert!(form.iter().all(|entry| *entry != 0.0), "{weights:?} {form:?}");
+    }
 }

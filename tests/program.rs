@@ -219,7 +219,7 @@ fn a_run_killed_on_a_ramp_resumes_to_the_same_bits() {
 #[test]
 fn a_run_killed_among_its_twists_resumes_to_the_same_bits() {
     let gyroceptron = r#"kind = "gyroceptron", psi = { count = 3, width = 4 }, near_identity = { count = 3, width = 4 }"#;
-    let normal_form = r#"kind = "normal-form", kicks = { count = 3, width = 4 }, twists = { count = 4, width = 4 }"#;
+    let normal_form = r#"kind = "normal-form", kicks = { count = 3, width = 4 }, twists = { count = 4, width = [2, 4] }"#;
     assert!(SCENE.contains(gyroceptron));
     let scene = SCENE.replace(gyroceptron, normal_form).replace(
         "iterations = 60",
@@ -234,6 +234,10 @@ fn a_run_killed_among_its_twists_resumes_to_the_same_bits() {
     }
     let folder = with_scene("small.toml", &scene.replace(normal_form, gyroceptron));
     refuses(folder.path(), &["small.toml"], &["fresh_twists", "only a normal form"]);
+    for (width, words) in [("[2]", "two by turns"), ("[2, 0]", "width 0"), ("0", "width 0")] {
+        let folder = with_scene("small.toml", &scene.replace("[2, 4]", width));
+        refuses(folder.path(), &["small.toml"], &[words]);
+    }
 }
 
 /// The report of a run that was killed when this file was there.
@@ -1122,7 +1126,14 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
         [&["train", "--data", "pairs.npz", "--output", "m.json"], more].concat()
     }
     let form = ["--circle-action", "1,0", "--architecture", "normal-form"];
-    let small = ["--kicks", "3x4", "--twists", "4x4", "--optimiser", "lm", "--iterations", "25"];
+    let small = ["--kicks", "3x4", "--twists", "4x2,4", "--optimiser", "lm", "--iterations", "25"];
+    for twists in ["4x2,0", "4x2,", "4x2,4,2", "4x0", "x2"] {
+        refuses(
+            path,
+            &train(&[&form[..], &["--twists", twists]].concat()),
+            &["--twists", "20x2,10"],
+        );
+    }
     refuses(path, &train(&["--circle-action", "1,0", "--kicks", "3x4"]), &["--kicks", "3x4"]);
     refuses(path, &train(&["--circle-action", "1,0", "--flow-time", "5"]), &["--flow-time"]);
     refuses(path, &train(&["--circle-action", "1,0/0,1"]), &["2 circles"]);

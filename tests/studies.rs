@@ -732,7 +732,7 @@ fn part(scene: &str, name: &str) -> Scene {
     scene.parts.into_iter().find(|part| part.name == name).expect("a part")
 }
 
-/// Two minutes in a release build: `GYROCEPTRON_EXTENSIVE=1 cargo test --release --test studies
+/// Three minutes in a release build: `GYROCEPTRON_EXTENSIVE=1 cargo test --release --test studies
 /// learnt_invariants -- --nocapture` prints the numbers.
 #[test]
 fn learnt_invariants_are_of_second_order() {

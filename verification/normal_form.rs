@@ -227,7 +227,7 @@ fn drifts_are_those_of_rounding() {
     }
 }
 
-/// Two twist shears after their literal definition, of two neurons each and a quadratic form, in two
+/// Two twist shears after their literal definition, of two neurons each, the first with a quadratic form, in two
 /// degrees of freedom with a fast first plane, and a turn.
 #[derive(Clone, Copy, Debug)]
 struct LiteralTwist {

@@ -5,9 +5,9 @@
 //! element); a HénonNet has `henon.{i}.…` only. A gyroceptron in normal form has
 //! `kick.{i}.angles` (1, n), `kick.{i}.w_in` (n, h), `kick.{i}.b_in`, `kick.{i}.w_out`,
 //! `twist.{i}.w_in` (d, h; the rows of the actions first), `twist.{i}.b_in`,
-//! `twist.{i}.w_out`, `twist.{i}.quadratic` (1, d(d + 1)/2; the rows of the upper triangle of Q; of even i only),
-//! `theta` (an angle for each circle), and `psi.{i}.…` where it has a ψ. Layers are numbered
-//! from 0 in the order of application; numbers are float32 or float64.
+//! `twist.{i}.w_out`, of even i `twist.{i}.quadratic` (1, d(d + 1)/2; the rows of the upper
+//! triangle of Q), `theta` (an angle for each circle), and `psi.{i}.…` where it has a ψ. Layers
+//! are numbered from 0 in the order of application; numbers are float32 or float64.
 
 use super::arrays::{Archive, write_archive};
 use super::{read_bytes, tensor_bundle, write_atomically};

@@ -31,19 +31,17 @@ impl<'a, P: Scalar, const D: usize> QuadraticForm<'a, P, D> {
         if D > 0 { D } else { self.dof }
     }
 
-    /// The place of S_ij among the parameters.
-    #[inline(always)]
-    fn place(&self, i: usize, j: usize) -> usize {
-        let (row, column) = if i < j { (i, j) } else { (j, i) };
-        row * (2 * self.n() - row + 1) / 2 + column - row
-    }
-
     /// `out` += ∇V(y) = Sy.
     #[inline(always)]
     pub(super) fn add_gradient<S: Over<P>>(&self, y: &[S], out: &mut [S]) {
+        let mut entry = 0;
         for i in 0..self.n() {
-            for j in 0..self.n() {
-                out[i] = y[j].mul_add_parameter(self.entries[self.place(i, j)], out[i]);
+            for j in i..self.n() {
+                out[i] = y[j].mul_add_parameter(self.entries[entry], out[i]);
+                if j != i {
+                    out[j] = y[i].mul_add_parameter(self.entries[entry], out[j]);
+                }
+                entry += 1;
             }
         }
     }
@@ -51,11 +49,15 @@ impl<'a, P: Scalar, const D: usize> QuadraticForm<'a, P, D> {
     /// `hessian` += V″ = S, n × n row by row.
     #[inline(always)]
     pub(super) fn add_hessian<S: Over<P>>(&self, hessian: &mut [S]) {
-        let n = self.n();
+        let (n, mut entry) = (self.n(), 0);
         for i in 0..n {
-            for j in 0..n {
-                let entry = S::embed(self.entries[self.place(i, j)]);
-                hessian[i * n + j] = hessian[i * n + j] + entry;
+            for j in i..n {
+                let more = S::embed(self.entries[entry]);
+                hessian[i * n + j] = hessian[i * n + j] + more;
+                if j != i {
+                    hessian[j * n + i] = hessian[j * n + i] + more;
+                }
+                entry += 1;
             }
         }
     }
@@ -71,10 +73,14 @@ impl<'a, P: Scalar, const D: usize> QuadraticForm<'a, P, D> {
         entries_bar: &mut [S],
     ) {
         self.add_gradient(u, y_bar);
+        let mut entry = 0;
         for i in 0..self.n() {
-            for j in 0..self.n() {
-                let entry = &mut entries_bar[self.place(i, j)];
-                *entry = u[i].mul_add(y[j], *entry);
+            for j in i..self.n() {
+                entries_bar[entry] = u[i].mul_add(y[j], entries_bar[entry]);
+                if j != i {
+                    entries_bar[entry] = u[j].mul_add(y[i], entries_bar[entry]);
+                }
+                entry += 1;
             }
         }
     }

@@ -105,24 +105,23 @@ impl<S: Scalar> StateTurn<S> {
     }
 }
 
-/// The shears of a twist: the planes that it turns, the half of the slow coordinates that each
-/// shear changes, by turns, and its neurons.
+/// The shears of a twist: the planes that it turns, and the neurons of each shear. The first, the
+/// third and so on change slow positions, the others momenta.
 #[derive(Clone, Debug)]
 pub struct TwistShears {
     planes: FastPlanes,
-    first: Half,
     /// Those of all shears before each, and of all.
     neurons: Vec<usize>,
 }
 
 impl TwistShears {
-    /// Shears of so many neurons each, of which the first changes the half `first`.
-    pub fn new(planes: FastPlanes, first: Half, widths: &[usize]) -> Self {
+    /// Shears of so many neurons each.
+    pub fn new(planes: FastPlanes, widths: &[usize]) -> Self {
         let mut neurons = vec![0_usize];
         for (number, width) in widths.iter().enumerate() {
             neurons.push(neurons[number].saturating_add(*width));
         }
-        Self { planes, first, neurons }
+        Self { planes, neurons }
     }
 
     /// The planes that are turned.
@@ -144,7 +143,7 @@ impl TwistShears {
     /// The half that a shear changes.
     #[inline(always)]
     fn target(&self, number: usize) -> Half {
-        if number.is_multiple_of(2) { self.first } else { self.first.other() }
+        if number.is_multiple_of(2) { Half::Position } else { Half::Momentum }
     }
 
     #[inline(always)]
@@ -156,8 +155,7 @@ impl TwistShears {
     #[inline(always)]
     fn begin(&self, number: usize) -> usize {
         let d = self.planes.arguments();
-        let forms = if self.first == Half::Position { number.div_ceil(2) } else { number / 2 };
-        let forms = forms.saturating_mul(symmetric_len(d));
+        let forms = number.div_ceil(2).saturating_mul(symmetric_len(d));
         self.neurons[number].saturating_mul(d + 2).saturating_add(forms)
     }
 
@@ -181,7 +179,7 @@ impl TwistShears {
 
 /// Several twist shears after one another: the flows, for time c, of functions
 /// G_l(𝔍, y) of the actions 𝔍 of the fast planes and of one half y of the slow
-/// coordinates, the momenta and the positions by turns.
+/// coordinates, the momenta and the positions by turns, the momenta first.
 ///
 /// The other half of the slow coordinates moves by c∂G/∂p (positions) or −c∂G/∂q
 /// (momenta), the fast planes turn by c Σ_a m_{aj} ∂G/∂𝔍_a; 𝔍 and y stand
@@ -191,9 +189,9 @@ impl TwistShears {
 /// G_l is a [`TanhPotential`] of u = (𝔍, y), d numbers, `D` of them where they are known at
 /// compile time; where y are the momenta, ½uᵀQu is added: what a kinetic energy and a frequency
 /// that shifts with the action are to leading order. Where y are the positions nothing is, so
-/// that the increments of the momenta are bounded and no weights let a slow motion grow
-/// faster than N² in N steps. The parameters are those of G₁, G₂, …: W, b, w and, for momenta, the rows of
-/// the upper triangle of Q.
+/// that the increments of the momenta are bounded and no weights let a slow motion grow faster
+/// than N² in N steps. The parameters are those of G₁, G₂, …: W, b, w and, for momenta, the
+/// rows of the upper triangle of Q.
 ///
 /// The inverse finds 𝔍 from the turned point, which rounding has moved: where increments
 /// are rounded to a grid it is near, not exact.
@@ -203,7 +201,7 @@ pub struct Twist<'a, P, const D: usize = 0> {
     pub shears: &'a TwistShears,
     /// c.
     pub scale: P,
-    /// The parameters.
+    /// The parameters, [`TwistShears::parameter_count`] of them.
     pub parameters: &'a [P],
     /// The inverse.
     pub inverse: bool,
@@ -256,7 +254,7 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
         let (d, place) = (self.arguments(), self.shears.parameters(number));
         let (neurons, form) = self.parameters[place].split_at(self.neurons_len(number));
         let potential = TanhPotential::new(d, self.shears.width(number), neurons);
-        let form = (!form.is_empty()).then(|| QuadraticForm::new(d, form));
+        let form = if form.is_empty() { None } else { Some(QuadraticForm::new(d, form)) };
         let target = self.shears.target(number);
         let turn = if self.inverse { -self.scale } else { self.scale };
         let factor = if target == Half::Position { turn } else { -turn };

@@ -11,14 +11,15 @@ use std::f64::consts::PI;
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum InitialWeights {
     /// Glorot's uniform law, ±√(6/(fan-in + fan-out)), for W and w; the bounds
-    /// of W for b and η too. Of SympNets, ±√(3/n) for all.
+    /// of W for b and η too. Of SympNets, ±√(3/n) for all. Quadratic forms of twists are
+    /// normal, of about the size of their neurons' second derivatives.
     ///
     /// With b = η = 0 the potential would be odd and the layer's generator
     /// −[V(y) + V(−y−η) + V(−x) + V(x−η)] zero: I_ε would differ from the
     /// identity in second order only.
     Glorot,
     /// Normal with standard deviation `scale` for all of W, b, w and η, and for all
-    /// parameters of SympNets.
+    /// parameters of SympNets; `scale`³√h for the quadratic forms of twists of h neurons.
     Normal {
         /// The standard deviation.
         scale: f64,
@@ -80,15 +81,15 @@ impl InitialWeights {
         out
     }
 
-    /// About the size of the second derivatives of a potential of so many neurons. Quadratic forms
-    /// beside them are drawn of that size: larger ones start a twist far from the identity, where
-    /// training stays.
+    /// The standard deviation of the quadratic forms beside neurons, about the size of the second
+    /// derivatives of the neurons: larger ones start a twist far from the identity, where training
+    /// stays. That of one neuron where there is none.
     fn curvature(self, arguments: usize, width: usize) -> f64 {
         let (inner, outer) = match self {
             Self::Glorot => (inner_bound(arguments, width), outer_bound(width)),
             Self::Normal { scale } => (scale, scale),
         };
-        (width as f64).sqrt() * inner * inner * outer
+        (width.max(1) as f64).sqrt() * inner * inner * outer
     }
 }
 

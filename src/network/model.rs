@@ -130,7 +130,7 @@ impl Architecture {
     }
 
     /// Fails unless ε is finite, there is a degree of freedom, and no layer is
-    /// empty.
+    /// without parameters.
     ///
     /// # Errors
     /// [`Error::OutOfRange`], [`Error::CountOutOfRange`] and [`Error::Invalid`] with the

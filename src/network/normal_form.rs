@@ -37,7 +37,7 @@ use super::composition::Composition;
 use super::step::{Kind, Step};
 use crate::error::Error;
 use crate::layer::{FastPlanes, TorusAction, TwistShears, symmetric_len};
-use crate::phase::{Direction, Half, Map};
+use crate::phase::{Direction, Map};
 use crate::scalar::{Over, Real, Scalar};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -141,7 +141,7 @@ impl NormalFormShape {
     }
 
     /// Fails unless the action is one that [`FastPlanes`] are of, the flow time is
-    /// finite, and no part is of width 0.
+    /// finite, and no part is of width 0, but for twist shears with a quadratic form.
     ///
     /// # Errors
     /// With the value.
@@ -202,7 +202,7 @@ impl<P: Real> Parts<P> {
         let mut inner = empty();
         let start = end;
         end += shape.twist_len();
-        let shears = Arc::new(TwistShears::new(planes, Half::Position, &shape.twists));
+        let shears = Arc::new(TwistShears::new(planes, &shape.twists));
         let kind = Kind::Twist { shears, factor: shape.flow_time };
         inner.push(Step { kind, parameters: start..end, inverse: false, near_identity: true });
         inner.push_turn(&shape.action, end..parameters.len());

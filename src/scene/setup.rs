@@ -177,7 +177,7 @@ pub struct TwistLayers {
 
 /// One number for all, or two by turns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "a number of neurons, or two by turns")]
 pub enum ByTurns {
     /// The same for all.
     Same(usize),
@@ -196,12 +196,6 @@ impl TwistLayers {
 
     fn widths(self) -> Vec<usize> {
         self.two().into_iter().cycle().take(self.count).collect()
-    }
-
-    /// As many layers of the larger width.
-    fn widest(self) -> Layers {
-        let [first, second] = self.two();
-        Layers { count: self.count, width: first.max(second) }
     }
 }
 
@@ -292,8 +286,8 @@ impl Setup {
         }
         for (index, model) in self.models.iter().enumerate() {
             check_name(&model.name).map_err(|e| e.at("models"))?;
-            for layers in model.network.layers() {
-                Error::check_count_range("layers", layers.count, 1, MOST_LAYERS)
+            for count in model.network.counts() {
+                Error::check_count_range("layers", count, 1, MOST_LAYERS)
                     .map_err(|e| e.at(format!("models.{}.network", model.name)))?;
             }
             if let Some(seeds) = model.seeds {
@@ -419,17 +413,16 @@ impl Data {
 }
 
 impl NetworkSpec {
-    fn layers(&self) -> Vec<Layers> {
+    /// How many layers each of its parts has.
+    fn counts(&self) -> Vec<usize> {
         match self {
-            Self::Gyroceptron { psi, near_identity, .. } => vec![*psi, *near_identity],
-            Self::HenonNet { layers } => vec![*layers],
+            Self::Gyroceptron { psi, near_identity, .. } => vec![psi.count, near_identity.count],
+            Self::HenonNet { layers } => vec![layers.count],
             Self::NormalForm { psi, kicks, twists, .. } => {
-                psi.iter().chain([kicks]).copied().chain([twists.widest()]).collect()
+                psi.iter().map(|psi| psi.count).chain([kicks.count, twists.count]).collect()
             }
             Self::File { .. } => Vec::new(),
-            Self::SympNet { modules, shears, .. } => {
-                vec![Layers { count: *modules, width: *shears }]
-            }
+            Self::SympNet { modules, .. } => vec![*modules],
         }
     }
 

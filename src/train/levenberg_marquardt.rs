@@ -39,7 +39,8 @@ use std::ops::ControlFlow;
 pub struct LevenbergMarquardtOptions {
     /// λ of the first step.
     pub damping: f64,
-    /// Residuals for each parameter to begin with; 0 takes all pairs at once.
+    /// Residuals for each parameter to begin with, more where twists have been
+    /// [trained alone](super::FreshTwists) on more; 0 takes all pairs at once.
     pub residuals: f64,
     /// More pairs are taken when the loss on all of them is so many times that on the
     /// present ones.
@@ -78,7 +79,8 @@ impl LevenbergMarquardtOptions {
     /// Begins with at least so many pairs.
     pub(super) fn begin_with(&mut self, pairs: usize, model: &Model) {
         if self.residuals > 0.0 {
-            let residuals = pairs as f64 / Self::parameters_a_residual(model);
+            // Half a pair less, which rounding up gives back, and not one more.
+            let residuals = (pairs as f64 - 0.5) / Self::parameters_a_residual(model);
             self.residuals = self.residuals.max(residuals);
         }
     }

@@ -48,7 +48,7 @@ pub struct FreshTwists {
     /// How many random ones, beside those of the ramp.
     pub count: u64,
     /// The iterations of each, after which the one of the lowest held-out error (loss,
-    /// without held-out pairs) goes on with χ, and with as many pairs as it has come to.
+    /// without held-out pairs) goes on with χ, beginning with as many pairs as its record has.
     pub iterations: u64,
 }
 
@@ -278,9 +278,11 @@ pub fn train_schedule(
             ControlFlow::Break(outcome) => return Ok(Scheduled { initial, legs, outcome }),
         }
         // On fewer they would forget what they have learnt of the others.
-        let chosen = |leg: &&LegResult| leg.chosen && matches!(leg.leg, Leg::Twists(_));
-        let learnt = legs.iter().rfind(chosen).map_or(0, |leg| leg.best.pairs);
-        options.optimiser.begin_with(learnt, &model);
+        let learnt = |leg: &&LegResult| {
+            leg.chosen && matches!(leg.leg, Leg::Twists(_)) && leg.best.iteration > 0
+        };
+        let pairs = legs.iter().find(learnt).map_or(0, |leg| leg.best.pairs);
+        options.optimiser.begin_with(pairs, &model);
     }
     let run = Run { leg: Leg::Last, place: last, iterations: last.iterations, options: &options };
     let (outcome, _) = run.go(&model, trial, watch)?;
