@@ -110,18 +110,33 @@ impl<S: Scalar> StateTurn<S> {
 #[derive(Clone, Debug)]
 pub struct TwistShears {
     planes: FastPlanes,
-    /// Those of all shears before each, and of all.
+    /// The neurons and the parameters of all shears before each, and of all.
     neurons: Vec<usize>,
+    begins: Vec<usize>,
+}
+
+/// The parameters of a shear's quadratic form in so many arguments: only the first, the third
+/// and so on have one.
+pub(crate) fn form_len(number: usize, arguments: usize) -> usize {
+    if number.is_multiple_of(2) { symmetric_len(arguments) } else { 0 }
+}
+
+/// The parameters of a shear of so many neurons. Saturates instead of overflowing.
+pub(crate) fn shear_len(number: usize, width: usize, arguments: usize) -> usize {
+    let neurons = width.saturating_mul(arguments.saturating_add(2));
+    neurons.saturating_add(form_len(number, arguments))
 }
 
 impl TwistShears {
     /// Shears of so many neurons each.
     pub fn new(planes: FastPlanes, widths: &[usize]) -> Self {
-        let mut neurons = vec![0_usize];
-        for (number, width) in widths.iter().enumerate() {
-            neurons.push(neurons[number].saturating_add(*width));
+        let (mut neurons, mut begins) = (vec![0_usize], vec![0_usize]);
+        for (number, &width) in widths.iter().enumerate() {
+            let len = shear_len(number, width, planes.arguments());
+            neurons.push(neurons[number].saturating_add(width));
+            begins.push(begins[number].saturating_add(len));
         }
-        Self { planes, neurons }
+        Self { planes, neurons, begins }
     }
 
     /// The planes that are turned.
@@ -137,7 +152,7 @@ impl TwistShears {
 
     /// How many parameters they have. Saturates instead of overflowing.
     pub fn parameter_count(&self) -> usize {
-        self.begin(self.count())
+        self.begins[self.count()]
     }
 
     /// The half that a shear changes.
@@ -151,18 +166,10 @@ impl TwistShears {
         self.neurons[number + 1] - self.neurons[number]
     }
 
-    /// Where the parameters of a shear begin.
-    #[inline(always)]
-    fn begin(&self, number: usize) -> usize {
-        let d = self.planes.arguments();
-        let forms = number.div_ceil(2).saturating_mul(symmetric_len(d));
-        self.neurons[number].saturating_mul(d + 2).saturating_add(forms)
-    }
-
     /// Where the parameters of a shear are.
     #[inline(always)]
     fn parameters(&self, number: usize) -> Range<usize> {
-        self.begin(number)..self.begin(number + 1)
+        self.begins[number]..self.begins[number + 1]
     }
 
     /// Where a tape has what is recorded of a shear: u, and (tanh, sech²) of each neuron.

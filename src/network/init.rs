@@ -1,7 +1,7 @@
 //! Initial weights.
 
 use super::{NormalFormShape, SympNetShape};
-use crate::layer::symmetric_len;
+use crate::layer::form_len;
 use crate::random::Stream;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -73,10 +73,8 @@ impl InitialWeights {
         let d = shape.arguments();
         for (number, &width) in shape.twists.iter().enumerate() {
             out.extend(self.potential(d, width, stream));
-            if number.is_multiple_of(2) {
-                let curvature = self.curvature(d, width);
-                out.extend((0..symmetric_len(d)).map(|_| curvature * stream.normal()));
-            }
+            let curvature = self.curvature(d, width);
+            out.extend((0..form_len(number, d)).map(|_| curvature * stream.normal()));
         }
         out
     }
@@ -85,11 +83,14 @@ impl InitialWeights {
     /// derivatives of the neurons: larger ones start a twist far from the identity, where training
     /// stays. That of one neuron where there is none.
     fn curvature(self, arguments: usize, width: usize) -> f64 {
-        let (inner, outer) = match self {
-            Self::Glorot => (inner_bound(arguments, width), outer_bound(width)),
-            Self::Normal { scale } => (scale, scale),
+        let width = if width == 0 { 1 } else { width };
+        // A uniform law's standard deviation is its bound over √3.
+        let [inner, outer] = match self {
+            Self::Glorot => [inner_bound(arguments, width), outer_bound(width)]
+                .map(|bound| bound / 3_f64.sqrt()),
+            Self::Normal { scale } => [scale; 2],
         };
-        (width.max(1) as f64).sqrt() * inner * inner * outer
+        (width as f64).sqrt() * inner * inner * outer
     }
 }
 

@@ -36,7 +36,7 @@ use super::HenonShape;
 use super::composition::Composition;
 use super::step::{Kind, Step};
 use crate::error::Error;
-use crate::layer::{FastPlanes, TorusAction, TwistShears, symmetric_len};
+use crate::layer::{FastPlanes, TorusAction, TwistShears, form_len, shear_len};
 use crate::phase::{Direction, Map};
 use crate::scalar::{Over, Real, Scalar};
 use serde::{Deserialize, Serialize};
@@ -84,13 +84,8 @@ impl NormalFormShape {
     }
 
     fn twist_len(&self) -> usize {
-        let (d, mut out) = (self.arguments(), 0_usize);
-        for (number, &width) in self.twists.iter().enumerate() {
-            let form = if number.is_multiple_of(2) { symmetric_len(d) } else { 0 };
-            out =
-                out.saturating_add(width.saturating_mul(d.saturating_add(2)).saturating_add(form));
-        }
-        out
+        let of = |(number, &width)| shear_len(number, width, self.arguments());
+        self.twists.iter().enumerate().map(of).fold(0, usize::saturating_add)
     }
 
     /// The number of parameters of the chart, which come first.
@@ -132,8 +127,9 @@ impl NormalFormShape {
         }
         for (number, &width) in self.twists.iter().enumerate() {
             out.extend(potential(&format!("twist.{number}"), arguments, width));
-            if number.is_multiple_of(2) {
-                out.push((format!("twist.{number}.quadratic"), [1, symmetric_len(arguments)]));
+            let form = form_len(number, arguments);
+            if form > 0 {
+                out.push((format!("twist.{number}.quadratic"), [1, form]));
             }
         }
         out.push(("theta".into(), [1, self.action.circles().len()]));
@@ -151,7 +147,8 @@ impl NormalFormShape {
         FastPlanes::new(&self.action)?;
         Error::check_count_range("planes of a normal form", self.dof(), 1, MOST_PLANES)?;
         Error::check_finite("flow_time", self.flow_time)?;
-        if self.kicks.contains(&0) || self.twists.iter().skip(1).step_by(2).any(|&h| h == 0) {
+        let of = |(number, &width)| shear_len(number, width, self.arguments());
+        if self.kicks.contains(&0) || self.twists.iter().enumerate().map(of).any(|len| len == 0) {
             let expected = "at least one neuron";
             return Err(Error::invalid("normal form", "a layer of width 0", expected));
         }
