@@ -409,6 +409,39 @@ fn a_normal_form_keeps_its_actions_and_its_inverse() {
     }
 }
 
+/// Pᵐ is a normal form too, of m times the shears and the flow time.
+#[test]
+fn a_normal_form_is_iterated() {
+    for number in 0..actions().len() {
+        for epsilon in [0.0, 0.05, 1.0] {
+            let map = normal_form(number, epsilon, |_, v| v);
+            let shape = NormalFormShape { twists: vec![3, 2, 0, 4], ..map.shape().clone() };
+            let mut stream = Stream::new(7, "iterated");
+            let parameters =
+                (0..shape.parameter_count()).map(|_| stream.uniform(-0.7, 0.7)).collect();
+            let map = NormalForm::new(shape, epsilon, parameters).expect("valid");
+            for m in [1, 2, 3, 8] {
+                let iterated = map.iterated(m).expect("an even number of shears");
+                assert_eq!(iterated.shape().twists, [3, 2, 0, 4].repeat(m));
+                assert_eq!(iterated.shape().flow_time, 5.0 * m as f64);
+                let mut once = start(2 * map.shape().dof());
+                let mut stepwise = once.clone();
+                iterated.forward(&mut once);
+                (0..m).for_each(|_| map.forward(&mut stepwise));
+                let scale = stepwise.iter().map(|v| v.abs()).fold(1.0, max_or_nan);
+                let difference = largest_difference(&once, &stepwise);
+                assert!(difference < 1e-12 * scale, "{number} {epsilon} {m}: {difference:e}");
+            }
+            assert!(map.iterated(0).is_err());
+        }
+    }
+    // Shears of positions would follow one another, and of the wrong number of parameters.
+    let odd = normal_form(0, 0.1, |_, v| v);
+    assert!(odd.iterated(1).is_ok());
+    let error = odd.iterated(2).expect_err("three shears").to_string();
+    assert!(error.contains("expected an even number") && error.contains('3'), "{error}");
+}
+
 /// With other parameters each step keeps its own angles, also where some are left out.
 #[test]
 fn parts_of_a_normal_form_take_other_parameters() {

@@ -122,7 +122,8 @@ fn run_from(
 }
 
 fn ramp() -> Vec<Rung> {
-    let rung = |time: f64, epsilon| Rung { flow_time: Some(time), epsilon, iterations: 8 };
+    let rung =
+        |time: f64, epsilon| Rung { flow_time: Some(time), epsilon, repeats: None, iterations: 8 };
     vec![rung(10.0, Some(0.025)), rung(20.0, None)]
 }
 
@@ -187,6 +188,104 @@ fn a_ramp_is_its_rungs_one_after_another() {
     assert!(first(&result) < 0.5 * first(&without), "{} {}", first(&result), first(&without));
 }
 
+/// Twists of a part of the time, so many times over, begin the whole.
+#[test]
+fn the_twists_of_a_part_of_the_time_are_repeated() {
+    let four = |number: u64| {
+        let Architecture::NormalForm { mut shape, epsilon } = start(0)?.architecture() else {
+            panic!("a normal form")
+        };
+        shape.twists = vec![2, 3, 2, 3];
+        let architecture = Architecture::NormalForm { shape, epsilon };
+        architecture.initialise(InitialWeights::Normal { scale: 0.3 }, TIME, 7 + number)
+    };
+    // A shear of 2 or 3 neurons in (J, p) or (J, q), the first of them with a form of 3 numbers:
+    // what is behind their inner weights and biases is what G is linear in.
+    const PAIR: usize = 2 * 4 + 3 + 3 * 4;
+    let linear = |index: usize| (6..11).contains(&index) || (20..23).contains(&index);
+    let [begun, rest]: [Model; 2] = [four(0).expect("a start"), four(0).expect("a start")];
+    let weights = begun.composition().parameters();
+    assert_eq!(weights.len(), CHART + 2 * PAIR + 1);
+    let rung =
+        |time: f64| Rung { flow_time: Some(time), epsilon: None, repeats: Some(2), iterations: 8 };
+    let options = TrainingOptions { ramp: vec![rung(5.0), rung(20.0)], ..options(0) };
+    let result = run_from(&mut { four }, &options, &mut Store::default());
+    let part = |time: f64| {
+        let Architecture::NormalForm { mut shape, epsilon } = rest.architecture() else {
+            panic!("a normal form")
+        };
+        (shape.twists, shape.flow_time) = (vec![2, 3], time);
+        Architecture::NormalForm { shape, epsilon }
+    };
+    let mut first = weights[..CHART + PAIR].to_vec();
+    first.push(5.0);
+    let model = Model::new(part(5.0), first).expect("finite");
+    let sets = |time| [pairs(time, EPSILON, 1), pairs(time, EPSILON, 2)];
+    let five = plain(&model, sets(5.0).each_ref(), 8);
+    assert_eq!(result.legs[0].best, five.best);
+    let mut weights = five.model.composition().parameters().to_vec();
+    *weights.last_mut().expect("θ") *= 4.0;
+    let twenty = plain(&Model::new(part(20.0), weights).expect("finite"), sets(20.0).each_ref(), 8);
+    assert_eq!(result.legs[1].best, twenty.best);
+    let [chart @ .., theta] = twenty.model.composition().parameters() else { panic!("θ") };
+    let (chart, twists) = chart.split_at(CHART);
+    let half = twists.iter().enumerate();
+    let half: Vec<f64> =
+        half.map(|(index, weight)| if linear(index) { weight / 2.0 } else { *weight }).collect();
+    let weights = [chart, &half, &half, &[2.0 * theta]].concat();
+    let model = begun.with_parameters(weights).expect("finite");
+    let expected = plain(&model, sets(TIME).each_ref(), 14);
+    assert_eq!(bits(&result.outcome.model), bits(&expected.model));
+    assert_eq!(result.outcome.history, expected.history);
+    // It begins as twice the map of half the time.
+    let point: [f64; 4] = [0.4, -0.3, 0.2, 0.5];
+    let mut twice = point;
+    (0..2).for_each(|_| twenty.model.forward(&mut twice));
+    let mut once = point;
+    model.forward(&mut once);
+    for (a, b) in once.iter().zip(&twice) {
+        assert!((a - b).abs() < 1e-13, "{once:?} {twice:?}");
+    }
+}
+
+#[test]
+fn repeats_that_do_not_divide_are_refused() {
+    let refused = |repeats: &[usize], twists: usize| {
+        let rung = |&repeats| Rung {
+            flow_time: Some(1.0),
+            epsilon: None,
+            repeats: Some(repeats),
+            iterations: 8,
+        };
+        let ramp = repeats.iter().map(rung).collect();
+        let options = TrainingOptions { ramp, ..options(0) };
+        let shape = NormalFormShape {
+            action: CircleAction::new([1, 0]).into(),
+            psi: vec![],
+            kicks: vec![3],
+            twists: vec![3; twists],
+            flow_time: TIME,
+        };
+        let architecture = Architecture::NormalForm { shape, epsilon: EPSILON };
+        let found = options.check().and_then(|()| options.check_for(&architecture));
+        found.map_err(|error| error.to_string())
+    };
+    assert_eq!(refused(&[4, 4, 2, 1], 8), Ok(()));
+    assert_eq!(refused(&[1], 3), Ok(()));
+    // A part of one shear, of none, and of a fraction; more than before; none; of no twists.
+    for (repeats, twists) in
+        [(&[4][..], 4), (&[8], 4), (&[2], 6), (&[2, 4], 8), (&[4, 3], 24), (&[0], 4), (&[2], 0)]
+    {
+        let error = refused(repeats, twists).expect_err("refused");
+        assert!(error.contains("training.ramp.repeats"), "{error}");
+    }
+    let rung = Rung { flow_time: None, epsilon: None, repeats: Some(2), iterations: 8 };
+    let options = TrainingOptions { ramp: vec![rung], ..options(0) };
+    let shape = HenonShape { dof: 2, widths: vec![3; 4] };
+    let error = options.check_for(&Architecture::HenonNet { shape, epsilon: EPSILON });
+    assert!(error.expect_err("no twists").to_string().contains("repeats"));
+}
+
 fn fresh(count: u64, iterations: u64) -> Option<FreshTwists> {
     Some(FreshTwists { count, iterations })
 }
@@ -202,7 +301,7 @@ fn plain(model: &Model, [pairs, held_out]: [&Pairs; 2], iterations: u64) -> Outc
 /// them goes on with that chart.
 #[test]
 fn twists_are_trained_alone_in_the_chart_of_the_ramp() {
-    let ramp = vec![Rung { flow_time: Some(1.0), epsilon: None, iterations: 8 }];
+    let ramp = vec![Rung { flow_time: Some(1.0), epsilon: None, repeats: None, iterations: 8 }];
     let options = TrainingOptions { ramp, fresh_twists: fresh(6, 12), ..options(0) };
     let result = run(&options, &mut Store::default());
     let model = start(0).expect("a start").at(EPSILON, 1.0 / TIME).expect("finite");
@@ -325,7 +424,7 @@ fn twists_of_a_family_are_trained_in_its_charts() {
     };
     let (family, held_out) = (sets(1), sets(2));
     let near = [pairs(1.0, EPSILON, 1), pairs(1.0, EPSILON, 2)];
-    let ramp = vec![Rung { flow_time: Some(1.0), epsilon: None, iterations: 8 }];
+    let ramp = vec![Rung { flow_time: Some(1.0), epsilon: None, repeats: None, iterations: 8 }];
     let options = TrainingOptions { ramp, fresh_twists: fresh(1, 7), ..options(0) };
     let epsilon = EPSILON;
     let places = [
@@ -427,7 +526,7 @@ fn bad_schedules_are_refused() {
     refused(starts(0, 5), "starts.count");
     refused(starts(2, 0), "starts.iterations");
     let rung = |flow_time, epsilon, iterations| TrainingOptions {
-        ramp: vec![Rung { flow_time, epsilon, iterations }],
+        ramp: vec![Rung { flow_time, epsilon, repeats: None, iterations }],
         ..options(0)
     };
     refused(rung(Some(0.0), None, 5), "ramp.flow_time");

@@ -583,6 +583,49 @@ fn maps_of_several_flow_times_are_set_beside_integrators() {
     assert!(folder.path().join("model-normal-form-at-25.json").exists());
 }
 
+/// An integrator in place of the reference flow moves pairs and trajectories, and says how well.
+#[test]
+fn pairs_and_trajectories_are_those_of_the_flow_that_is_declared() {
+    let alone = LONG_STEPS.replace("[5.0, 10.0, 20.0]", "[10.0]").replace("ramp = true\n", "");
+    let by = |step: &str| {
+        let flow = format!("flow = {{ integrator = {{ kind = \"strang\" }}, step = {step} }}\n");
+        alone.replace("validation = 0.5\n", &format!("validation = 0.5\n{flow}"))
+    };
+    let studies = |scene: &str| {
+        let folder = temporary();
+        let report = run_in(folder.path(), &parse("long", scene).expect("a scene"));
+        let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+        (render::json(&report)["studies"].clone(), text)
+    };
+    let number = |value: &Value| value.as_f64().expect("a number");
+    let errors = |studies: &Value| {
+        let long = &studies["long_steps"][0]["trajectories"]["reference_error"];
+        [number(&studies["pairs"]["reference_error"]), number(long)]
+    };
+    let (exact, text) = studies(&alone);
+    assert!(errors(&exact).iter().all(|error| *error < 1e-10), "{exact}");
+    assert!(text.contains("Gauss–Legendre, 12 stages; largest difference of two resolutions"));
+    let (coarse, text) = studies(&by("0.5"));
+    let (fine, _) = studies(&by("0.125"));
+    assert_ne!(coarse["pairs"]["digest"], exact["pairs"]["digest"]);
+    assert!(text.contains("| reference flow | Strang, steps of 5e-1 at most;"), "{text}");
+    for (coarse, fine) in errors(&coarse).iter().zip(errors(&fine)) {
+        assert!((12.0..20.0).contains(&(coarse / fine)), "{coarse} {fine}");
+    }
+    // The network learns what it is shown.
+    let of = |studies: &Value| number(&studies["long_steps"][0]["networks"][0]["error"]);
+    assert!((of(&fine) / of(&exact)).ln().abs() < 1.0, "{} {}", of(&fine), of(&exact));
+    let with = |to: &str, words: &[&str]| {
+        let scene = by("0.5").replace("kind = \"strang\" }, step = 0.5", to);
+        assert!(scene != by("0.5"));
+        refused(&scene, words);
+    };
+    with("kind = \"strang\" }, step = 0.0", &["data.flow.step"]);
+    with("kind = \"strang\" }, step = nan", &["data.flow.step"]);
+    with("kind = \"gauss-legendre\", stages = 0 }, step = 0.5", &["data.flow", "stages"]);
+    with("kind = \"leap\" }, step = 0.5", &["leap"]);
+}
+
 /// Only flow times to which the ramp leads up have twists that are trained alone.
 #[test]
 fn flow_times_beyond_the_ramp_have_fresh_twists() {

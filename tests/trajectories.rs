@@ -1,7 +1,8 @@
 //! Trajectories, and what is measured along them.
 
-use gyroceptron::flow::{ReferenceTrajectories, Trajectories};
+use gyroceptron::flow::{Integrator, Pairs, ReferenceTrajectories, Trajectories};
 use gyroceptron::measure::{Milestone, departures, distances_along, drifts, level_set, milestones};
+use gyroceptron::scalar::max_or_nan;
 use gyroceptron::system::{
     AveragedOscillator, Counted, Hamiltonian, Oscillators, ParticleField, System,
 };
@@ -96,6 +97,46 @@ fn reference_trajectories_follow_the_flow() {
     let short = ReferenceTrajectories::of_flow(&coupled, &initial, 0.7, 11).expect("converges");
     assert_eq!(short.trajectories.values(), &long.trajectories.values()[..11 * 8]);
     assert_ne!(short.trajectories, found.trajectories);
+}
+
+/// An integrator in place of the reference tells how far it is from it.
+#[test]
+fn an_integrator_tells_its_distance_from_the_flow() {
+    let largest =
+        |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+    let points: Vec<f64> = (0..40).map(|k| 1.3 * (1.7 * f64::from(k)).sin()).collect();
+    let system = System::Oscillators(Oscillators { epsilon: 0.05 });
+    let (exact, _) = Pairs::of_flow(&system, points.clone(), 20.0).expect("converges");
+    let mut last = f64::INFINITY;
+    for steps in [40, 80] {
+        let by = Integrator::Aba864;
+        let (pairs, error) =
+            Pairs::of_integrator(&system, points.clone(), 20.0, by, steps).expect("finite");
+        assert_eq!(pairs.input(), exact.input());
+        let truth = largest(pairs.output(), exact.output());
+        assert!(truth < 1.1 * error && error < 1.1 * truth, "{error:e} {truth:e}");
+        // Of fourth order at least.
+        assert!(error < last / 14.0, "{error:e} after {last:e}");
+        last = error;
+    }
+    let along = ReferenceTrajectories::of_flow(&system, &points, 5.0, 5).expect("converges");
+    let by = Integrator::Strang;
+    let found = ReferenceTrajectories::of_integrator(&system, &points, 5.0, 5, by, 50);
+    let found = found.expect("finite");
+    assert_eq!((found.trajectories.states(), found.trajectories.count()), (5, 10));
+    assert_eq!(found.trajectories.state(0, 3), along.trajectories.state(0, 3));
+    // The finer of the two is kept: a third of the distance between them, of second order.
+    let mut distance = 0.0;
+    for m in 0..10 {
+        let [a, b] = [&found, &along].map(|of| of.trajectories.state(4, m));
+        let squares: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
+        distance = max_or_nan(distance, squares.sqrt());
+    }
+    let ratio = found.error / distance;
+    assert!((2.7..3.3).contains(&ratio) && found.error > 1e-6, "{} {distance}", found.error);
+    let none = Pairs::of_integrator(&system, points.clone(), 20.0, by, 0);
+    assert!(none.is_err() && Pairs::of_integrator(&system, vec![], 20.0, by, 5).is_err());
+    assert!(ReferenceTrajectories::of_integrator(&system, &points[..6], 5.0, 5, by, 50).is_err());
 }
 
 #[test]

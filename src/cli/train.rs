@@ -33,7 +33,7 @@ use std::time::Instant;
 /// ψ and I_ε of the paper's time-5 map.
 const LAYERS: Layers = Layers { count: 10, width: 8 };
 const EPSILON: f64 = 0.01;
-/// ψ_ε and T_ε of the maps of scene `long-steps`.
+/// ψ_ε and T_ε that learn pairs of times up to 50.
 const KICKS: Layers = Layers { count: 12, width: 8 };
 const TWISTS: TwistLayers = TwistLayers { count: 16, width: ByTurns::Same(8) };
 /// Iterations that tell good starts from bad ones.

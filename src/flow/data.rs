@@ -1,11 +1,11 @@
 //! Data sets: seeded samples in windows, and pairs of a flow map.
 
-use super::Reference;
+use super::{Integrator, Reference};
 use crate::digest;
 use crate::error::Error;
 use crate::random::Stream;
 use crate::scalar::{Kernel, Pack, WIDTH, max_or_nan, on_lanes};
-use crate::system::Hamiltonian;
+use crate::system::{Hamiltonian, System};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -59,6 +59,12 @@ pub fn sample(windows: &[Window], dof: usize, stream: &mut Stream) -> Result<Vec
 
 /// Points of one task.
 const BLOCK: usize = 16;
+
+/// Every so manieth of the points has its error estimated, which makes at most 256.
+fn judged_stride(points: usize) -> usize {
+    const MOST: usize = 256;
+    points.div_ceil(MOST).max(1)
+}
 
 /// The reference flow of some points; a kernel for the fused multiply-adds, not for
 /// the lanes.
@@ -270,12 +276,36 @@ impl Pairs {
         output.par_chunks_mut(BLOCK * dim).try_for_each(|points| {
             on_lanes::<WIDTH, _>(Flow { reference: &reference, system, points, time })
         })?;
-        let stride = (points.len() / dim).div_ceil(256).max(1);
         let mut error = 0.0_f64;
-        for point in points.chunks_exact(dim).step_by(stride) {
+        for point in points.chunks_exact(dim).step_by(judged_stride(points.len() / dim)) {
             error = max_or_nan(error, reference.flow_with_error(system, point, time)?.error);
         }
         Ok((Self::new("flow map", system.dof(), points, output)?, error))
+    }
+
+    /// The map of `steps` steps of an integrator over `time` at these points, with the largest
+    /// distance from that of twice as many steps at 256 of them, evenly spaced: of a system that
+    /// splits the flow map for a twentieth of the work of [`Pairs::of_flow`], to fewer digits.
+    ///
+    /// # Errors
+    /// Those of [`Integrator::trajectories`] and [`Pairs::new`].
+    pub fn of_integrator(
+        system: &System,
+        points: Vec<f64>,
+        time: f64,
+        integrator: Integrator,
+        steps: usize,
+    ) -> Result<(Self, f64), Error> {
+        let output = integrator.trajectories(system, &points, time, steps, 1)?;
+        let dim = 2 * system.dof();
+        let stride = judged_stride(points.len() / dim);
+        let judged = |rows: &[f64]| -> Vec<f64> {
+            rows.chunks_exact(dim).step_by(stride).flatten().copied().collect()
+        };
+        let (input, found) = (judged(&points), judged(&output));
+        let finer = integrator.trajectories(system, &input, time, steps.saturating_mul(2), 1)?;
+        let error = found.iter().zip(&finer).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+        Ok((Self::new(&integrator.name(), system.dof(), points, output)?, error))
     }
 
     /// n.

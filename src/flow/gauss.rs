@@ -285,6 +285,19 @@ impl Reference {
         self.method.integrate(system, z, time, self.steps(time))
     }
 
+    /// z ← the flow over `time`, by half the steps.
+    ///
+    /// # Errors
+    /// Those of [`GaussLegendre::integrate`].
+    pub(super) fn finer_flow(
+        &self,
+        system: &impl Hamiltonian,
+        z: &mut [f64],
+        time: f64,
+    ) -> Result<(), Error> {
+        self.method.integrate(system, z, time, 2 * self.steps(time))
+    }
+
     /// The flow at two resolutions, and their difference.
     ///
     /// # Errors
@@ -297,9 +310,8 @@ impl Reference {
     ) -> Result<ReferenceValue, Error> {
         let mut coarse = z.to_vec();
         let mut point = z.to_vec();
-        let steps = self.steps(time);
-        self.method.integrate(system, &mut coarse, time, steps)?;
-        self.method.integrate(system, &mut point, time, 2 * steps)?;
+        self.flow(system, &mut coarse, time)?;
+        self.finer_flow(system, &mut point, time)?;
         let error = coarse.iter().zip(&point).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
         Ok(ReferenceValue { point, error })
     }

@@ -1,9 +1,9 @@
 //! Several trajectories, and those of the reference flow.
 
-use super::Reference;
+use super::{Integrator, Reference};
 use crate::error::Error;
 use crate::scalar::max_or_nan;
-use crate::system::Hamiltonian;
+use crate::system::{Hamiltonian, System};
 use rayon::prelude::*;
 
 /// The states of M trajectories at T equal intervals of time: an array (T, M, 2n),
@@ -98,20 +98,19 @@ impl ReferenceTrajectories {
         interval: f64,
         states: usize,
     ) -> Result<Self, Error> {
-        let dim = 2 * system.dof();
         let reference = Reference::calibrated(system, initial, interval)?;
+        let dim = 2 * system.dof();
         let each: Vec<(Vec<f64>, f64)> = initial
             .par_chunks(dim)
             .map(|initial| {
                 let (mut fine, mut coarse) = (initial.to_vec(), initial.to_vec());
                 let mut kept = initial.to_vec();
                 for _ in 1..states {
-                    fine = reference.flow_with_error(system, &fine, interval)?.point;
+                    reference.finer_flow(system, &mut fine, interval)?;
                     reference.flow(system, &mut coarse, interval)?;
                     kept.extend_from_slice(&fine);
                 }
-                let squares = fine.iter().zip(&coarse).map(|(a, b)| (a - b) * (a - b));
-                Ok((kept, squares.sum::<f64>().sqrt()))
+                Ok((kept, distance(&fine, &coarse)))
             })
             .collect::<Result<_, Error>>()?;
         let mut values = Vec::with_capacity(states * initial.len());
@@ -123,4 +122,32 @@ impl ReferenceTrajectories {
         let error = each.iter().map(|(_, error)| *error).fold(0.0, max_or_nan);
         Ok(Self { trajectories: Trajectories::new(values, dim, each.len())?, error })
     }
+
+    /// As [`ReferenceTrajectories::of_flow`], by an integrator, with `steps` steps in the coarser
+    /// resolution of an interval.
+    ///
+    /// # Errors
+    /// Those of [`Integrator::trajectories`] and [`Trajectories::new`].
+    pub fn of_integrator(
+        system: &System,
+        initial: &[f64],
+        interval: f64,
+        states: usize,
+        integrator: Integrator,
+        steps: usize,
+    ) -> Result<Self, Error> {
+        let (dim, kept) = (2 * system.dof(), states.saturating_sub(1));
+        let coarse = integrator.trajectories(system, initial, interval, steps, kept)?;
+        let twice = steps.saturating_mul(2);
+        let fine = integrator.trajectories(system, initial, interval, twice, kept)?;
+        let distances =
+            fine.chunks_exact(dim).zip(coarse.chunks_exact(dim)).rev().take(initial.len() / dim);
+        let error = distances.map(|(a, b)| distance(a, b)).fold(0.0, max_or_nan);
+        let values = [initial, &fine].concat();
+        Ok(Self { trajectories: Trajectories::new(values, dim, initial.len() / dim)?, error })
+    }
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }

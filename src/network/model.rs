@@ -349,6 +349,33 @@ impl Model {
         self.with_parameters(parameters)
     }
 
+    /// Pᵐ of a normal form ([`NormalForm::iterated`]).
+    ///
+    /// # Errors
+    /// Those of [`NormalForm::iterated`]; when it is another network and m is not 1.
+    pub(crate) fn iterated(&self, m: usize) -> Result<Self, Error> {
+        match (self, m) {
+            (_, 1) => Ok(self.clone()),
+            (Self::NormalForm(net), _) => net.iterated(m).map(Self::NormalForm),
+            _ => Err(Error::invalid("iterations of a map", m, "1 of a network without twists")),
+        }
+    }
+
+    /// A normal form with one in `parts` of its twist shears, the first ones.
+    ///
+    /// # Errors
+    /// When they are no multiple of `parts`; when it is another network and `parts` is not 1.
+    pub(crate) fn with_part_of_twists(&self, parts: usize) -> Result<Self, Error> {
+        match (self, parts) {
+            (_, 1) => Ok(self.clone()),
+            (Self::NormalForm(net), _) if net.shape().twists.len().is_multiple_of(parts) => {
+                let count = net.shape().twists.len() / parts;
+                net.with_first_twists(count).map(Self::NormalForm)
+            }
+            _ => Err(Error::invalid("parts", parts, "a divisor of the number of twist shears")),
+        }
+    }
+
     /// The gyroceptron, if it is one.
     pub fn gyroceptron(&self) -> Option<&Gyroceptron<f64>> {
         match self {

@@ -59,6 +59,9 @@ pub struct NormalFormShape {
     pub flow_time: f64,
 }
 
+/// More repetitions of a twist are a slip of the pen.
+pub(crate) const MOST_ITERATIONS: usize = 100_000;
+
 impl NormalFormShape {
     /// n.
     pub fn dof(&self) -> usize {
@@ -240,6 +243,13 @@ impl<P: Scalar> NormalForm<P> {
         &self.composition.parameters()[self.shape.theta()..]
     }
 
+    /// The parameters of χ, of T_ε, and the angles.
+    fn parts(&self) -> [&[P]; 3] {
+        let (chart, rest) = self.composition.parameters().split_at(self.shape.chart_len());
+        let (twists, angles) = rest.split_at(self.shape.twist_len());
+        [chart, twists, angles]
+    }
+
     /// The parameters of Φ_θ∘T_ε.
     pub(super) fn inner_parameters(&self) -> &[P] {
         &self.composition.parameters()[self.shape.chart_len()..]
@@ -258,6 +268,56 @@ impl<P: Scalar> NormalForm<P> {
     /// The steps and parameters: the map.
     pub fn composition(&self) -> &Composition<P> {
         &self.composition
+    }
+}
+
+impl NormalForm<f64> {
+    /// Pᵐ as one map of m times the flow time: χ∘Φ_{mθ}∘T_εᵐ∘χ⁻¹, with m times as many twist
+    /// shears, of functions G/m in place of G, the factor h being m times as large. Exact, but for the
+    /// rounding of G/m and of the sum of the angles.
+    ///
+    /// A splitting of m steps, in other words, whose stages can then be trained each by itself.
+    ///
+    /// # Errors
+    /// When the number of twist shears is odd and m is not 1: those of positions and of momenta come
+    /// by turns. When m is 0.
+    pub fn iterated(&self, m: usize) -> Result<Self, Error> {
+        Error::check_count_range("iterations of a map", m, 1, MOST_ITERATIONS)?;
+        if m > 1 && !self.shape.twists.len().is_multiple_of(2) {
+            let expected = "an even number, to be repeated";
+            return Err(Error::invalid("twist shears", self.shape.twists.len(), expected));
+        }
+        let ([chart, twists, angles], times) = (self.parts(), m as f64);
+        let mut repeated = twists.to_vec();
+        let mut begin = 0;
+        for (number, &width) in self.shape.twists.iter().enumerate() {
+            let end = begin + shear_len(number, width, self.shape.arguments());
+            let inner = width * (self.shape.arguments() + 1);
+            repeated[begin + inner..end].iter_mut().for_each(|weight| *weight /= times);
+            begin = end;
+        }
+        let mut parameters = chart.to_vec();
+        parameters.extend(repeated.repeat(m));
+        parameters.extend(angles.iter().map(|angle| angle * times));
+        let shape = NormalFormShape {
+            twists: self.shape.twists.repeat(m),
+            flow_time: self.shape.flow_time * times,
+            ..self.shape.clone()
+        };
+        Self::new(shape, self.epsilon(), parameters)
+    }
+
+    /// With the first so many of its twist shears alone.
+    ///
+    /// # Errors
+    /// When there are fewer.
+    pub(super) fn with_first_twists(&self, count: usize) -> Result<Self, Error> {
+        Error::check_count_range("twist shears", count, 0, self.shape.twists.len())?;
+        let shape =
+            NormalFormShape { twists: self.shape.twists[..count].to_vec(), ..self.shape.clone() };
+        let [chart, twists, angles] = self.parts();
+        let parameters = [chart, &twists[..shape.twist_len()], angles].concat();
+        Self::new(shape, self.epsilon(), parameters)
     }
 }
 

@@ -6,7 +6,7 @@ use super::learning::{Trained, learn};
 use super::log::{Log, Stage, TrainingTimes};
 use super::report::Report;
 use super::run::{Event, Observer};
-use super::setup::{Data, Need};
+use super::setup::{Data, FlowBy, Need};
 use crate::error::Error;
 use crate::flow::{Pairs, ReferenceTrajectories, Trajectories, Window, sample};
 use crate::measure::{limiting_flow_error, root_mean_square};
@@ -187,7 +187,7 @@ impl<'a> Context<'a> {
             let counted = Counted::new(&system);
             let [training, held_out] = DataSets::points(declared, system.dof(), seed)?;
             let points = if held_out.is_empty() { training } else { held_out };
-            let (pairs, _) = Pairs::of_flow(&counted, points, time)?;
+            let (pairs, _) = FlowBy::pairs(declared.flow, &counted, points, time)?;
             context.log.vector_fields(counted.vector_fields());
             let rotation = limiting_flow_error(&system, &pairs, time);
             Ok((pairs, rotation))
@@ -233,7 +233,8 @@ impl<'a> Context<'a> {
         let made = self.stage("reference trajectories", |context| {
             let counted = Counted::new(&request.system);
             let initial = request.initial.concat();
-            let made = ReferenceTrajectories::of_flow(&counted, &initial, interval, states);
+            let flow = context.scene.setup.data.as_ref().and_then(|data| data.flow);
+            let made = FlowBy::trajectories(flow, &counted, &initial, interval, states);
             context.log.vector_fields(counted.vector_fields());
             made
         })?;
@@ -324,11 +325,12 @@ impl DataSets {
         seed: u64,
     ) -> Result<Self, Error> {
         let [training_points, held_out_points] = Self::points(data, system.dof(), seed)?;
-        let (training, mut reference_error) = Pairs::of_flow(system, training_points, time)?;
+        let flow = |points| FlowBy::pairs(data.flow, system, points, time);
+        let (training, mut reference_error) = flow(training_points)?;
         let held_out = if held_out_points.is_empty() {
             None
         } else {
-            let (held_out, error) = Pairs::of_flow(system, held_out_points, time)?;
+            let (held_out, error) = flow(held_out_points)?;
             reference_error = max_or_nan(reference_error, error);
             Some(held_out)
         };
@@ -349,7 +351,7 @@ impl DataSets {
         let dim = 2 * system.dof();
         let [training_points, held_out_points] = Self::points(data, system.dof(), seed)?;
         let (held_out, mut reference_error) =
-            Pairs::of_flow(system, held_out_points.clone(), time)?;
+            FlowBy::pairs(data.flow, system, held_out_points.clone(), time)?;
         let or = |values: &[f64], own: f64| match values {
             [] => vec![own],
             several => several.to_vec(),
@@ -363,8 +365,8 @@ impl DataSets {
                 let rows = points.chunks_exact(dim).skip(number).step_by(maps.len());
                 let system = system.inner().clone().with_epsilon(epsilon);
                 let counted = Counted::new(&system);
-                let (set, error) =
-                    Pairs::of_flow(&counted, rows.flatten().copied().collect(), flow_time)?;
+                let points = rows.flatten().copied().collect();
+                let (set, error) = FlowBy::pairs(data.flow, &counted, points, flow_time)?;
                 *fields += counted.vector_fields();
                 reference_error = max_or_nan(reference_error, error);
                 sets.push((epsilon, flow_time / time, set));

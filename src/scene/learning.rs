@@ -60,14 +60,12 @@ pub(super) fn learn_at(
     let (scene, folder) = (context.scene, context.folder);
     let system = context.system()?;
     let mut options = scene.setup.training_of(&spec).clone();
-    if time != context.flow_time()? {
-        // The ramp is up to the scene's flow time; weights of an earlier one come from there.
-        let leads_up = |rung: &Rung| rung.flow_time.is_none_or(|rung| rung < time);
-        options.ramp.retain(|rung| from.is_none() && leads_up(rung));
-        // Weights of an earlier flow time come with twists of their own, and where no rung leads
-        // up there is no chart to train fresh ones in.
-        options.fresh_twists = options.fresh_twists.filter(|_| !options.ramp.is_empty());
-    }
+    // A ramp is up to the flow time that is wanted; weights of an earlier one come from there.
+    let leads_up = |rung: &Rung| rung.flow_time.is_none_or(|rung| rung < time);
+    options.ramp.retain(|rung| from.is_none() && leads_up(rung));
+    // Weights of an earlier flow time come with twists of their own, and where no rung leads
+    // up there is no chart to train fresh ones in.
+    options.fresh_twists = options.fresh_twists.filter(|_| !options.ramp.is_empty());
     let options = &options;
     let seed = scene.seed.wrapping_add(number);
     let (action, epsilon) = (system.circle_action(), system.epsilon());

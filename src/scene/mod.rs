@@ -45,7 +45,7 @@ pub use own_pairs::OwnTraining;
 pub use parse::parse;
 pub use report::{Report, StudyFindings};
 pub use run::{Event, Observer, run};
-pub use setup::{ByTurns, Data, Layers, ModelSpec, NetworkSpec, Setup, TwistLayers};
+pub use setup::{ByTurns, Data, FlowBy, Layers, ModelSpec, NetworkSpec, Setup, TwistLayers};
 pub use study::AnyStudy;
 pub use study::certificate::{CERTIFICATE_HEADINGS, certificate_cells, certificate_table};
 pub use study::training::stop_words;

@@ -1,12 +1,12 @@
 //! What a scene sets up: system, flow time, data, networks, training.
 
 use crate::error::Error;
-use crate::flow::Window;
+use crate::flow::{Integrator, Pairs, ReferenceTrajectories, Window};
 use crate::layer::{Activation, CircleAction, TorusAction};
 use crate::network::{
     Architecture, GyroceptronShape, HenonShape, InitialWeights, NormalFormShape, SympNetShape,
 };
-use crate::system::{Hamiltonian, System};
+use crate::system::{Counted, Hamiltonian, System};
 use crate::train::TrainingOptions;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -34,6 +34,10 @@ pub struct Data {
     pub windows: Vec<Window>,
     /// Held-out points, as a share of each window's training points.
     pub validation: f64,
+    /// What moves them, and the trajectories that others are compared with: the reference flow,
+    /// unless given, which takes long over long times.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flow: Option<FlowBy>,
     /// The pairs are of the flow maps for each of these ε, the system's unless given, …
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub epsilons: Vec<f64>,
@@ -47,6 +51,52 @@ pub struct Data {
     /// are learnt as well as others.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub relative: bool,
+}
+
+/// An integrator in place of the reference flow; twice as many steps tell its error.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FlowBy {
+    /// Which.
+    pub integrator: Integrator,
+    /// The time of a step, at most.
+    pub step: f64,
+}
+
+impl FlowBy {
+    /// Its steps in a time.
+    fn steps(self, time: f64) -> Result<usize, Error> {
+        let steps = (time / self.step).ceil();
+        Error::check_range("steps of data.flow", steps, 1.0, MOST as f64)?;
+        Ok(steps as usize)
+    }
+
+    /// The pairs of a time, with their error.
+    pub(super) fn pairs(
+        declared: Option<Self>,
+        system: &Counted<'_, System>,
+        points: Vec<f64>,
+        time: f64,
+    ) -> Result<(Pairs, f64), Error> {
+        let Some(flow) = declared else { return Pairs::of_flow(system, points, time) };
+        Pairs::of_integrator(system.inner(), points, time, flow.integrator, flow.steps(time)?)
+    }
+
+    /// Trajectories of so many states, an interval apart.
+    pub(super) fn trajectories(
+        declared: Option<Self>,
+        system: &Counted<'_, System>,
+        initial: &[f64],
+        interval: f64,
+        states: usize,
+    ) -> Result<ReferenceTrajectories, Error> {
+        let Some(flow) = declared else {
+            return ReferenceTrajectories::of_flow(system, initial, interval, states);
+        };
+        let (system, steps) = (system.inner(), flow.steps(interval)?);
+        let by = flow.integrator;
+        ReferenceTrajectories::of_integrator(system, initial, interval, states, by, steps)
+    }
 }
 
 /// A network to train.
@@ -388,6 +438,10 @@ impl Data {
         }
         if self.windows.iter().all(|w| w.samples == 0) {
             return Err(Error::invalid("data.windows", "none", "at least one sample"));
+        }
+        if let Some(flow) = self.flow {
+            flow.integrator.check().map_err(|e| e.at("data.flow"))?;
+            Error::check_range("data.flow.step", flow.step, Error::LEAST_POSITIVE, f64::MAX)?;
         }
         self.epsilons.iter().try_for_each(|v| Error::check_finite("data.epsilons", *v))?;
         for time in &self.flow_times {

@@ -133,11 +133,14 @@ impl TrainingOptions {
             let (name, found) = ("training.near_identity_penalty", self.near_identity_penalty);
             return Err(Error::invalid(name, found, "0: only a gyroceptron has I_ε"));
         }
-        let has_twists = matches!(architecture, Architecture::NormalForm { .. });
-        if let Some(fresh) = self.fresh_twists.filter(|_| !has_twists) {
+        let twists = match architecture {
+            Architecture::NormalForm { shape, .. } => Some(shape.twists.len()),
+            _ => None,
+        };
+        if let Some(fresh) = self.fresh_twists.filter(|_| twists.is_none()) {
             return Err(not_a_normal_form(fresh.count));
         }
-        Ok(())
+        Rung::check_repeats(&self.ramp, twists.unwrap_or(0))
     }
 
     /// Fails unless every option is in its range.

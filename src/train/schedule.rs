@@ -6,7 +6,7 @@ use super::options::{Stop, TrainingOptions, TrainingRecord, at_least_one};
 use super::run::{Control, Outcome, Progress, train};
 use crate::error::Error;
 use crate::flow::Pairs;
-use crate::network::{Model, NormalForm, map_points};
+use crate::network::{MOST_ITERATIONS, Model, NormalForm, map_points};
 use crate::phase::Direction;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
@@ -26,12 +26,18 @@ pub struct Starts {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rung {
-    /// Its flow time; the scene's, unless given.
+    /// Its flow time; the scene's, unless given. A scene leaves out rungs whose time is given and
+    /// not below the one that is wanted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flow_time: Option<f64>,
     /// Its ε; the system's, unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub epsilon: Option<f64>,
+    /// Of a normal form: only one in so many of the twist shears are trained, T_ε, and T_ε so
+    /// many times over, each for its part of the time, is that of the place that is wanted
+    /// ([`NormalForm::iterated`]). All of them, unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub repeats: Option<usize>,
     /// Its iterations.
     pub iterations: u64,
 }
@@ -80,12 +86,40 @@ impl FreshTwists {
 }
 
 impl Rung {
+    fn repeats(&self) -> usize {
+        self.repeats.unwrap_or(1)
+    }
+
     pub(super) fn check(self) -> Result<(), Error> {
         at_least_one("training.ramp.iterations", self.iterations)?;
         if let Some(time) = self.flow_time {
             Error::check_range("training.ramp.flow_time", time, Error::LEAST_POSITIVE, f64::MAX)?;
         }
+        Error::check_count_range("training.ramp.repeats", self.repeats(), 1, MOST_ITERATIONS)?;
         self.epsilon.map_or(Ok(()), |epsilon| Error::check_finite("training.ramp.epsilon", epsilon))
+    }
+
+    /// Fails unless the [repeats](Rung::repeats) of a ramp divide, each those before it, and leave
+    /// the first of its rungs twist shears of both kinds.
+    pub(super) fn check_repeats(ramp: &[Self], twists: usize) -> Result<(), Error> {
+        let mut before = None;
+        for repeats in ramp.iter().map(Self::repeats) {
+            let divides = match before {
+                None => {
+                    repeats == 1 || twists > 0 && twists.is_multiple_of(repeats.saturating_mul(2))
+                }
+                Some(before) => usize::is_multiple_of(before, repeats),
+            };
+            if !divides {
+                let expected = match before {
+                    None => format!("1, or a divisor of half the number of twist shears, {twists}"),
+                    Some(before) => format!("a divisor of {before}, those of the rung before"),
+                };
+                return Err(Error::invalid("training.ramp.repeats", repeats, expected));
+            }
+            before = Some(repeats);
+        }
+        Ok(())
     }
 }
 
@@ -206,7 +240,8 @@ pub trait Watch {
 ///
 /// `start` makes a start, of the last place; `places` are the ramp's and then the one
 /// that is wanted. Weights go from a place to the next as they are, the angles of the
-/// circles in proportion to the flow time; at the last place twists may be
+/// circles in proportion to the flow time, and of a normal form so many times over as the
+/// [repeats](Rung::repeats) of the one divide into those of the other; at the last place twists may be
 /// [trained alone](FreshTwists) before all weights are. Each leg has checkpoints of its own, and
 /// goes on from them to the same bits.
 ///
@@ -228,12 +263,13 @@ pub fn train_schedule(
     let mut legs = Vec::new();
     let mut initial = start(0)?;
     options.check_for(&initial.architecture())?;
+    let repeats = |place: usize| options.ramp.get(place).map_or(1, Rung::repeats);
     let mut trial: Option<Checkpoint> = None;
     if let Some(starts) = options.starts {
         let mut best: Option<(f64, u64, Model, Option<Checkpoint>)> = None;
         for number in 0..starts.count {
             let begun = start(number)?;
-            let model = begun.at(first.epsilon, first.time)?;
+            let model = begun.with_part_of_twists(repeats(0))?.at(first.epsilon, first.time)?;
             let iterations = starts.iterations;
             let run = Run { leg: Leg::Start(number), place: first, iterations, options };
             let Some((outcome, checkpoint)) = run.attempt(&model, watch, &mut legs)? else {
@@ -253,7 +289,7 @@ pub fn train_schedule(
             (initial, trial) = (model, checkpoint);
         }
     }
-    let mut model = initial.at(first.epsilon, first.time)?;
+    let mut model = initial.with_part_of_twists(repeats(0))?.at(first.epsilon, first.time)?;
     for (number, place) in ramp.iter().enumerate() {
         let (leg, iterations) = (Leg::Rung(number), place.iterations);
         let run = Run { leg, place, iterations, options };
@@ -262,8 +298,11 @@ pub fn train_schedule(
             return Ok(Scheduled { initial, legs, outcome });
         }
         let next = &places[number + 1];
-        let there = initial.at(next.epsilon, next.time)?;
-        model = there.with_weights_of(&outcome.model, next.time / place.time)?;
+        let parts = initial.with_part_of_twists(repeats(number + 1))?;
+        let there = parts.at(next.epsilon, next.time)?;
+        let times = repeats(number) / repeats(number + 1);
+        let time = next.time / (place.time * times as f64);
+        model = there.with_weights_of(&outcome.model.iterated(times)?, time)?;
         legs.push(LegResult { chosen: true, ..LegResult::of(leg, place, &outcome) });
     }
     let mut options = options.clone();

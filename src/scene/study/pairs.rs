@@ -2,13 +2,13 @@
 //! alone makes of them.
 
 use super::Study;
+use super::work_precision::citations;
 use crate::error::Error;
 use crate::flow::{Condition, Pairs};
-use crate::scene::bibliography::GAUSS_LEGENDRE;
 use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::setup::Need;
+use crate::scene::setup::{Data, FlowBy, Need};
 use serde_json::json;
 
 /// In every scene that names data.
@@ -31,8 +31,9 @@ impl Study for PairsStudy {
         Vec::new()
     }
 
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
-        vec![GAUSS_LEGENDRE]
+    fn cites(&self, scene: &Scene) -> Vec<&'static str> {
+        let of_data = |data: &Data| data.flow.map(|flow| flow.integrator);
+        citations(scene.setup.data.as_ref().and_then(of_data).into_iter())
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
@@ -58,13 +59,19 @@ impl Study for PairsStudy {
             let maps: Vec<String> = training.conditions().iter().map(of).collect();
             facts.fact("for training, of several maps", maps.join("; "));
         }
-        facts.fact(
-            "reference flow",
-            format!(
-                "Gauss–Legendre, 12 stages; largest difference of two resolutions {:.1e}",
-                data.reference_error
+        let declared = context.scene.setup.data.as_ref().and_then(|data| data.flow);
+        let error = data.reference_error;
+        let flow = match declared {
+            Some(FlowBy { integrator, step }) => {
+                let (name, step) = (integrator.name(), Format::Setting.number(step));
+                let halves = "largest difference from half of them";
+                format!("{name}, steps of {step} at most; {halves} {error:.1e}")
+            }
+            None => format!(
+                "Gauss–Legendre, 12 stages; largest difference of two resolutions {error:.1e}"
             ),
-        );
+        };
+        facts.fact("reference flow", flow);
         if let Some(error) = data.rotation_error {
             let text = format!("held-out mean squared error {error:.3e}");
             facts.fact("limiting rotation alone", text);
