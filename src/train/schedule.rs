@@ -86,7 +86,7 @@ impl FreshTwists {
 }
 
 impl Rung {
-    fn repeats(&self) -> usize {
+    fn times(&self) -> usize {
         self.repeats.unwrap_or(1)
     }
 
@@ -95,7 +95,7 @@ impl Rung {
         if let Some(time) = self.flow_time {
             Error::check_range("training.ramp.flow_time", time, Error::LEAST_POSITIVE, f64::MAX)?;
         }
-        Error::check_count_range("training.ramp.repeats", self.repeats(), 1, MOST_ITERATIONS)?;
+        Error::check_count_range("training.ramp.repeats", self.times(), 1, MOST_ITERATIONS)?;
         self.epsilon.map_or(Ok(()), |epsilon| Error::check_finite("training.ramp.epsilon", epsilon))
     }
 
@@ -103,7 +103,7 @@ impl Rung {
     /// the first of its rungs twist shears of both kinds.
     pub(super) fn check_repeats(ramp: &[Self], twists: usize) -> Result<(), Error> {
         let mut before = None;
-        for repeats in ramp.iter().map(Self::repeats) {
+        for repeats in ramp.iter().map(Self::times) {
             let divides = match before {
                 None => {
                     repeats == 1 || twists > 0 && twists.is_multiple_of(repeats.saturating_mul(2))
@@ -263,7 +263,7 @@ pub fn train_schedule(
     let mut legs = Vec::new();
     let mut initial = start(0)?;
     options.check_for(&initial.architecture())?;
-    let repeats = |place: usize| options.ramp.get(place).map_or(1, Rung::repeats);
+    let repeats = |place: usize| options.ramp.get(place).map_or(1, Rung::times);
     let mut trial: Option<Checkpoint> = None;
     if let Some(starts) = options.starts {
         let mut best: Option<(f64, u64, Model, Option<Checkpoint>)> = None;
