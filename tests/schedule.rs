@@ -37,11 +37,15 @@ fn pairs(time: f64, epsilon: f64, seed: u64) -> Pairs {
 const CHART: usize = 2 * (3 * 4 + 2);
 
 fn start(number: u64) -> Result<Model, Error> {
+    start_of(&[3; 3], number)
+}
+
+fn start_of(twists: &[usize], number: u64) -> Result<Model, Error> {
     let shape = NormalFormShape {
         action: CircleAction::new([1, 0]).into(),
         psi: vec![],
         kicks: vec![3; 2],
-        twists: vec![3; 3],
+        twists: twists.to_vec(),
         flow_time: TIME,
     };
     let architecture = Architecture::NormalForm { shape, epsilon: EPSILON };
@@ -191,14 +195,7 @@ fn a_ramp_is_its_rungs_one_after_another() {
 /// Twists of a part of the time, so many times over, begin the whole.
 #[test]
 fn the_twists_of_a_part_of_the_time_are_repeated() {
-    let four = |number: u64| {
-        let Architecture::NormalForm { mut shape, epsilon } = start(0)?.architecture() else {
-            panic!("a normal form")
-        };
-        shape.twists = vec![2, 3, 2, 3];
-        let architecture = Architecture::NormalForm { shape, epsilon };
-        architecture.initialise(InitialWeights::Normal { scale: 0.3 }, TIME, 7 + number)
-    };
+    let four = |number: u64| start_of(&[2, 3, 2, 3], number);
     // A shear of 2 or 3 neurons in (J, p) or (J, q), the first of them with a form of 3 numbers:
     // what is behind their inner weights and biases is what G is linear in.
     const PAIR: usize = 2 * 4 + 3 + 3 * 4;
@@ -463,13 +460,26 @@ fn twists_of_a_family_are_trained_in_its_charts() {
 #[test]
 fn a_killed_schedule_goes_on_to_the_same_bits() {
     let stops = [1, 5, 6, 7, 13, 19, 21, 27, 28, 29, 33, 37, 41, 43, 44, 48, 56];
-    stopped_and_gone_on_with(options(3), &stops);
+    let alone = TrainingOptions { ramp: ramp(), ..options(3) };
+    stopped_and_gone_on_with(&mut start, alone, &stops);
     // The last leg begins with the pairs of the twists.
-    stopped_and_gone_on_with(with_few_pairs(3), &[30, 44, 48, 56]);
+    let few = TrainingOptions { ramp: ramp(), ..with_few_pairs(3) };
+    stopped_and_gone_on_with(&mut start, few, &[30, 44, 48, 56]);
+    // A quarter of the twists, then half of them.
+    let mut parts = ramp();
+    (parts[0].repeats, parts[1].repeats) = (Some(4), Some(2));
+    let parts = TrainingOptions { ramp: parts, ..options(3) };
+    let mut eight = |number| start_of(&[1, 2, 1, 2, 1, 2, 1, 2], number);
+    stopped_and_gone_on_with(&mut eight, parts, &[6, 13, 19, 21, 27, 28, 33, 44, 56]);
 }
 
-fn stopped_and_gone_on_with(options: TrainingOptions, stops: &[usize]) {
-    let options = TrainingOptions { ramp: ramp(), fresh_twists: fresh(2, 5), ..options };
+fn stopped_and_gone_on_with(
+    start: &mut dyn FnMut(u64) -> Result<Model, Error>,
+    options: TrainingOptions,
+    stops: &[usize],
+) {
+    let options = TrainingOptions { fresh_twists: fresh(2, 5), ..options };
+    let mut run = |options: &TrainingOptions, store: &mut Store| run_from(start, options, store);
     let whole = run(&options, &mut Store::default());
     let all = 3 * 6 + (8 - 6) + 8 + 3 * 5 + 14;
     for &most in stops {

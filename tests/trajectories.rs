@@ -134,6 +134,12 @@ fn an_integrator_tells_its_distance_from_the_flow() {
     }
     let ratio = found.error / distance;
     assert!((2.7..3.3).contains(&ratio) && found.error > 1e-6, "{} {distance}", found.error);
+    // Steps beyond the limit of stability: the fast plane leaves the numbers.
+    let far = Integrator::RungeKutta4;
+    let error = Pairs::of_integrator(&system, points.clone(), 1e5, far, 20_000).map(|_| ());
+    assert!(error.expect_err("diverges").to_string().contains("RK4"));
+    let error = ReferenceTrajectories::of_integrator(&system, &points, 2e4, 5, far, 4_000);
+    assert!(error.map(|_| ()).expect_err("diverges").to_string().contains("80000"));
     let none = Pairs::of_integrator(&system, points.clone(), 20.0, by, 0);
     assert!(none.is_err() && Pairs::of_integrator(&system, vec![], 20.0, by, 5).is_err());
     assert!(ReferenceTrajectories::of_integrator(&system, &points[..6], 5.0, 5, by, 50).is_err());

@@ -284,11 +284,13 @@ impl Pairs {
     }
 
     /// The map of `steps` steps of an integrator over `time` at these points, with the largest
-    /// distance from that of twice as many steps at 256 of them, evenly spaced: of a system that
-    /// splits the flow map for a twentieth of the work of [`Pairs::of_flow`], to fewer digits.
+    /// difference of a component from that of twice as many steps, at no more than 256 of them,
+    /// evenly spaced: for fewer digits than those of [`Pairs::of_flow`] a splitting takes far less
+    /// work.
     ///
     /// # Errors
-    /// Those of [`Integrator::trajectories`] and [`Pairs::new`].
+    /// Those of [`Integrator::trajectories`] and [`Pairs::new`]; when either map leaves the finite
+    /// numbers.
     pub fn of_integrator(
         system: &System,
         points: Vec<f64>,
@@ -305,6 +307,7 @@ impl Pairs {
         let (input, found) = (judged(&points), judged(&output));
         let finer = integrator.trajectories(system, &input, time, steps.saturating_mul(2), 1)?;
         let error = found.iter().zip(&finer).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+        integrator.check_finite(error, time)?;
         Ok((Self::new(&integrator.name(), system.dof(), points, output)?, error))
     }
 

@@ -285,7 +285,7 @@ impl Reference {
         self.method.integrate(system, z, time, self.steps(time))
     }
 
-    /// z ← the flow over `time`, by half the steps.
+    /// z ← the flow over `time`, by steps half as long.
     ///
     /// # Errors
     /// Those of [`GaussLegendre::integrate`].

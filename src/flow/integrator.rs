@@ -69,6 +69,15 @@ impl Integrator {
         }
     }
 
+    /// Fails where a distance of two of its states is not finite.
+    pub(super) fn check_finite(self, distance: f64, time: f64) -> Result<(), Error> {
+        if distance.is_finite() {
+            return Ok(());
+        }
+        let place = format!("a trajectory over time {time}");
+        Err(Error::Diverged { what: self.name(), place })
+    }
+
     /// The states of trajectories from each of the points in `initial`, 2n
     /// numbers each, at the times `interval`, 2·`interval`, … `kept`·`interval`,
     /// `steps` equal steps in each: an array (kept, M, 2n).

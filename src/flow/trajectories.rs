@@ -75,7 +75,7 @@ impl Trajectories {
     }
 }
 
-/// Trajectories of the reference flow.
+/// Trajectories that others are compared with.
 #[derive(Clone, Debug)]
 pub struct ReferenceTrajectories {
     /// The states, of the finer of two resolutions.
@@ -127,7 +127,8 @@ impl ReferenceTrajectories {
     /// resolution of an interval.
     ///
     /// # Errors
-    /// Those of [`Integrator::trajectories`] and [`Trajectories::new`].
+    /// Those of [`Integrator::trajectories`] and [`Trajectories::new`]; when an end is not of finite
+    /// numbers.
     pub fn of_integrator(
         system: &System,
         initial: &[f64],
@@ -143,6 +144,7 @@ impl ReferenceTrajectories {
         let distances =
             fine.chunks_exact(dim).zip(coarse.chunks_exact(dim)).rev().take(initial.len() / dim);
         let error = distances.map(|(a, b)| distance(a, b)).fold(0.0, max_or_nan);
+        integrator.check_finite(error, interval * kept as f64)?;
         let values = [initial, &fine].concat();
         Ok(Self { trajectories: Trajectories::new(values, dim, initial.len() / dim)?, error })
     }

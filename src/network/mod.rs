@@ -55,4 +55,4 @@ pub use step::{Kind, Step, Visitor};
 pub use symp_net::{SympNet, SympNetShape};
 
 pub(crate) use batch::{NEURONS, TOGETHER, load, load_groups};
-pub(crate) use normal_form::MOST_ITERATIONS;
+pub(crate) use normal_form::MOST_REPEATS;

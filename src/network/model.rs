@@ -357,7 +357,7 @@ impl Model {
         match (self, m) {
             (_, 1) => Ok(self.clone()),
             (Self::NormalForm(net), _) => net.iterated(m).map(Self::NormalForm),
-            _ => Err(Error::invalid("iterations of a map", m, "1 of a network without twists")),
+            _ => Err(Error::invalid("repeats of a map", m, "1 of a network without twists")),
         }
     }
 
@@ -366,6 +366,7 @@ impl Model {
     /// # Errors
     /// When they are no multiple of `parts`; when it is another network and `parts` is not 1.
     pub(crate) fn with_part_of_twists(&self, parts: usize) -> Result<Self, Error> {
+        Error::check_count_range("parts", parts, 1, usize::MAX)?;
         match (self, parts) {
             (_, 1) => Ok(self.clone()),
             (Self::NormalForm(net), _) if net.shape().twists.len().is_multiple_of(parts) => {

@@ -60,7 +60,7 @@ pub struct NormalFormShape {
 }
 
 /// More repetitions of a twist are a slip of the pen.
-pub(crate) const MOST_ITERATIONS: usize = 100_000;
+pub(crate) const MOST_REPEATS: usize = 100_000;
 
 impl NormalFormShape {
     /// n.
@@ -244,7 +244,7 @@ impl<P: Scalar> NormalForm<P> {
     }
 
     /// The parameters of χ, of T_ε, and the angles.
-    fn parts(&self) -> [&[P]; 3] {
+    fn blocks(&self) -> [&[P]; 3] {
         let (chart, rest) = self.composition.parameters().split_at(self.shape.chart_len());
         let (twists, angles) = rest.split_at(self.shape.twist_len());
         [chart, twists, angles]
@@ -278,16 +278,20 @@ impl NormalForm<f64> {
     ///
     /// A splitting of m steps, in other words, whose stages can then be trained each by itself.
     ///
+    /// Its step takes as long as m of the map, but for the charts between them.
+    ///
     /// # Errors
     /// When the number of twist shears is odd and m is not 1: those of positions and of momenta come
-    /// by turns. When m is 0.
+    /// by turns. When m is 0, the shears are too many, or the flow time is not finite.
     pub fn iterated(&self, m: usize) -> Result<Self, Error> {
-        Error::check_count_range("iterations of a map", m, 1, MOST_ITERATIONS)?;
+        Error::check_count_range("repeats of a map", m, 1, MOST_REPEATS)?;
+        let shears = m.saturating_mul(self.shape.twists.len());
+        Error::check_count_range("twist shears", shears, 0, MOST_REPEATS)?;
         if m > 1 && !self.shape.twists.len().is_multiple_of(2) {
             let expected = "an even number, to be repeated";
             return Err(Error::invalid("twist shears", self.shape.twists.len(), expected));
         }
-        let ([chart, twists, angles], times) = (self.parts(), m as f64);
+        let ([chart, twists, angles], times) = (self.blocks(), m as f64);
         let mut repeated = twists.to_vec();
         let mut begin = 0;
         for (number, &width) in self.shape.twists.iter().enumerate() {
@@ -315,7 +319,7 @@ impl NormalForm<f64> {
         Error::check_count_range("twist shears", count, 0, self.shape.twists.len())?;
         let shape =
             NormalFormShape { twists: self.shape.twists[..count].to_vec(), ..self.shape.clone() };
-        let [chart, twists, angles] = self.parts();
+        let [chart, twists, angles] = self.blocks();
         let parameters = [chart, &twists[..shape.twist_len()], angles].concat();
         Self::new(shape, self.epsilon(), parameters)
     }

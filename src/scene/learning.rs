@@ -61,7 +61,10 @@ pub(super) fn learn_at(
     let system = context.system()?;
     let mut options = scene.setup.training_of(&spec).clone();
     // A ramp is up to the flow time that is wanted; weights of an earlier one come from there.
-    let leads_up = |rung: &Rung| rung.flow_time.is_none_or(|rung| rung < time);
+    let leads_up = |rung: &Rung| {
+        let other_epsilon = rung.epsilon.is_some_and(|epsilon| epsilon != system.epsilon());
+        rung.flow_time.is_none_or(|rung| rung < time || rung == time && other_epsilon)
+    };
     options.ramp.retain(|rung| from.is_none() && leads_up(rung));
     // Weights of an earlier flow time come with twists of their own, and where no rung leads
     // up there is no chart to train fresh ones in.

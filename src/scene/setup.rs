@@ -53,7 +53,8 @@ pub struct Data {
     pub relative: bool,
 }
 
-/// An integrator in place of the reference flow; twice as many steps tell its error.
+/// An integrator in place of the reference flow; twice as many steps tell its error. Its
+/// evaluations of the equations of motion are not among those that a report counts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlowBy {
@@ -67,7 +68,8 @@ impl FlowBy {
     /// Its steps in a time.
     fn steps(self, time: f64) -> Result<usize, Error> {
         let steps = (time / self.step).ceil();
-        Error::check_range("steps of data.flow", steps, 1.0, MOST as f64)?;
+        let place = |error: Error| error.at(format!("data.flow.step {} in {time}", self.step));
+        Error::check_range("steps", steps, 1.0, MOST as f64).map_err(place)?;
         Ok(steps as usize)
     }
 
@@ -366,6 +368,9 @@ impl Setup {
         }
         if let Some(data) = &self.data {
             data.check()?;
+            if let (Some(flow), Some(time)) = (data.flow, self.flow_time) {
+                flow.steps(time)?;
+            }
         }
         if let Some(system) = &self.system {
             self.check_against(system)?;

@@ -6,7 +6,7 @@ use super::options::{Stop, TrainingOptions, TrainingRecord, at_least_one};
 use super::run::{Control, Outcome, Progress, train};
 use crate::error::Error;
 use crate::flow::Pairs;
-use crate::network::{MOST_ITERATIONS, Model, NormalForm, map_points};
+use crate::network::{MOST_REPEATS, Model, NormalForm, map_points};
 use crate::phase::Direction;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
@@ -26,16 +26,17 @@ pub struct Starts {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rung {
-    /// Its flow time; the scene's, unless given. A scene leaves out rungs whose time is given and
-    /// not below the one that is wanted.
+    /// Its flow time; the scene's, unless given. A scene leaves out rungs of longer times than the
+    /// one that is wanted, and of the same where their ε is the same too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flow_time: Option<f64>,
     /// Its ε; the system's, unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub epsilon: Option<f64>,
-    /// Of a normal form: only one in so many of the twist shears are trained, T_ε, and T_ε so
-    /// many times over, each for its part of the time, is that of the place that is wanted
-    /// ([`NormalForm::iterated`]). All of them, unless given.
+    /// Of a normal form: only one in so many of its twist shears, the first ones, are trained. What
+    /// comes after the ramp begins with them so many times over
+    /// ([`NormalForm::iterated`]), so that its flow time is best as many times as long. All of
+    /// them, unless given; those of a rung divide those of the one before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub repeats: Option<usize>,
     /// Its iterations.
@@ -45,7 +46,7 @@ pub struct Rung {
 /// Twists T_ε of a normal form, trained alone before the last leg.
 ///
 /// The chart χ of a short flow time is that of a long one, T_ε is not: its shears, as the stages
-/// of a splitting, suit one step only. In the coordinates of χ the pairs are of Φ_θ∘T_ε, whose
+/// of a splitting, suit steps of one length. In the coordinates of χ the pairs are of Φ_θ∘T_ε, whose
 /// fast motion is a rotation, and which is soon trained from random weights; θ is the
 /// ramp's to begin with. Loss and held-out error are in these coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -95,7 +96,7 @@ impl Rung {
         if let Some(time) = self.flow_time {
             Error::check_range("training.ramp.flow_time", time, Error::LEAST_POSITIVE, f64::MAX)?;
         }
-        Error::check_count_range("training.ramp.repeats", self.times(), 1, MOST_ITERATIONS)?;
+        Error::check_count_range("training.ramp.repeats", self.times(), 1, MOST_REPEATS)?;
         self.epsilon.map_or(Ok(()), |epsilon| Error::check_finite("training.ramp.epsilon", epsilon))
     }
 
@@ -112,7 +113,8 @@ impl Rung {
             };
             if !divides {
                 let expected = match before {
-                    None => format!("1, or a divisor of half the number of twist shears, {twists}"),
+                    None if twists == 0 => "1: only a normal form has twists".to_owned(),
+                    None => format!("1, or a divisor of half of {twists} twist shears"),
                     Some(before) => format!("a divisor of {before}, those of the rung before"),
                 };
                 return Err(Error::invalid("training.ramp.repeats", repeats, expected));
@@ -213,7 +215,7 @@ pub struct LegResult {
 /// The result of a schedule.
 #[derive(Clone, Debug)]
 pub struct Scheduled {
-    /// The chosen start, before any training.
+    /// The chosen start, before any training, with all its twists.
     pub initial: Model,
     /// The legs before the last.
     pub legs: Vec<LegResult>,
@@ -240,9 +242,9 @@ pub trait Watch {
 ///
 /// `start` makes a start, of the last place; `places` are the ramp's and then the one
 /// that is wanted. Weights go from a place to the next as they are, the angles of the
-/// circles in proportion to the flow time, and of a normal form so many times over as the
-/// [repeats](Rung::repeats) of the one divide into those of the other; at the last place twists may be
-/// [trained alone](FreshTwists) before all weights are. Each leg has checkpoints of its own, and
+/// circles in proportion to the flow time, and the twists of a normal form as many times over as
+/// the [repeats](Rung::repeats) of the next place go into those of the one before; at the last place
+/// twists may be [trained alone](FreshTwists) before all weights are. Each leg has checkpoints of its own, and
 /// goes on from them to the same bits.
 ///
 /// # Errors

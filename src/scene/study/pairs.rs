@@ -64,7 +64,7 @@ impl Study for PairsStudy {
         let flow = match declared {
             Some(FlowBy { integrator, step }) => {
                 let (name, step) = (integrator.name(), Format::Setting.number(step));
-                let halves = "largest difference from half of them";
+                let halves = "largest difference from steps half as long";
                 format!("{name}, steps of {step} at most; {halves} {error:.1e}")
             }
             None => format!(
