@@ -79,7 +79,7 @@ impl Direction {
     }
 }
 
-/// A map of phase space to itself that is invertible in closed form.
+/// A map of phase space to itself, as a rule one that is invertible in closed form.
 ///
 /// `S` is the number it is evaluated on; a map that needs no elementary
 /// function implements it for every [`Scalar`](crate::scalar::Scalar).
@@ -91,7 +91,19 @@ pub trait Map<S> {
     fn forward(&self, z: &mut [S]);
 
     /// z ← P⁻¹(z). `z` holds 2n numbers.
-    fn inverse(&self, z: &mut [S]);
+    ///
+    /// # Panics
+    /// In a map that has none, where [`Map::has_inverse`] has to say so.
+    fn inverse(&self, z: &mut [S]) {
+        let _ = z;
+        panic!("a map without an inverse was asked for it");
+    }
+
+    /// Whether there is an inverse: laws that need it are left out, and said to be,
+    /// where there is none.
+    fn has_inverse(&self) -> bool {
+        true
+    }
 
     /// z ← P(z) or P⁻¹(z).
     fn run(&self, direction: Direction, z: &mut [S]) {
@@ -111,5 +123,8 @@ impl<S, M: Map<S> + ?Sized> Map<S> for &M {
     }
     fn inverse(&self, z: &mut [S]) {
         (**self).inverse(z);
+    }
+    fn has_inverse(&self) -> bool {
+        (**self).has_inverse()
     }
 }

@@ -91,14 +91,14 @@ impl Case {
         for k in 0..width {
             let mut argument = D::constant(weights[d * width + k]);
             for i in 0..d {
-                argument = argument + D::constant(weights[i * width + k]) * y[i];
+                argument += D::constant(weights[i * width + k]) * y[i];
             }
-            total = total + D::constant(weights[(d + 1) * width + k]) * argument.tanh();
+            total += D::constant(weights[(d + 1) * width + k]) * argument.tanh();
         }
         let triangle = (0..d).flat_map(|i| (i..d).map(move |k| (i, k)));
         for ((i, k), &entry) in triangle.zip(&weights[width * (d + 2)..]) {
             let half = if i == k { 0.5 } else { 1.0 };
-            total = total + D::constant(half * entry) * y[i] * y[k];
+            total += D::constant(half * entry) * y[i] * y[k];
         }
         total
     }
@@ -290,9 +290,9 @@ fn turned_potential(parameters: &[f64], z: &[D]) -> D {
         for j in 0..n {
             let (s, c) = libm::sincos(angles[j]);
             let turned = D::constant(c) * z[j] + D::constant(s) * z[n + j];
-            argument = argument + D::constant(weights[j * KICK + k]) * turned;
+            argument += D::constant(weights[j * KICK + k]) * turned;
         }
-        total = total + D::constant(weights[(n + 1) * KICK + k]) * argument.tanh();
+        total += D::constant(weights[(n + 1) * KICK + k]) * argument.tanh();
     }
     total
 }

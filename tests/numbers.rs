@@ -114,6 +114,75 @@ fn sine_cosine_and_exponential_agree_with_multiprecision() {
     assert!(worst.iter().all(|e| *e > 0.5), "{worst:?}");
 }
 
+/// atan2(y, x) in multiprecision.
+fn big_atan2(y: &BigFloat, x: &BigFloat, constants: &mut Consts) -> BigFloat {
+    let angle = y.div(x, BITS, TO_NEAREST).atan(BITS, TO_NEAREST, constants);
+    let pi = constants.pi(BITS, TO_NEAREST);
+    match (x.is_negative(), y.is_negative()) {
+        (false, _) => angle,
+        (true, false) => angle.add(&pi, BITS, TO_NEAREST),
+        (true, true) => angle.sub(&pi, BITS, TO_NEAREST),
+    }
+}
+
+#[test]
+fn roots_logarithms_powers_and_angles_agree_with_multiprecision() {
+    let mut constants = Consts::new().expect("memory for constants");
+    let mut stream = Stream::new(9, "roots");
+    let (mut worst, mut double) = ([0.0; 4], [0.0; 4]);
+    for index in 0..3000 {
+        let scale = [1e-3, 1.0, 2.0, 1e3, 1e5][index % 5];
+        let (x, y) = (stream.uniform(-scale, scale), stream.uniform(-2.0, 2.0));
+        let (size, exponent) = (x.abs(), stream.uniform(-3.0, 3.0));
+        let (a, b, e) = (size, y, exponent);
+        let [size, y, exponent] = [size, y, exponent].map(|v| BigFloat::from_f64(v, BITS));
+        let signed = BigFloat::from_f64(x, BITS);
+        let exact = [
+            size.sqrt(BITS, TO_NEAREST),
+            size.ln(BITS, TO_NEAREST, &mut constants),
+            size.pow(&exponent, BITS, TO_NEAREST, &mut constants),
+            big_atan2(&y, &signed, &mut constants),
+        ];
+        let found = [a.sqrt(), Elementary::ln(a), Elementary::powf(a, e), Elementary::atan2(b, x)];
+        let wide = DoubleDouble::from_f64;
+        let in_double = [wide(a).sqrt(), wide(a).ln(), wide(a).powf(e), wide(b).atan2(wide(x))];
+        for k in 0..4 {
+            worst[k] = max_or_nan(worst[k], ulps(found[k], &exact[k]));
+            double[k] = max_or_nan(double[k], units(in_double[k], &exact[k], 0.0));
+        }
+    }
+    println!("largest errors of √, ln, power, atan2 in ulp {worst:.3?}, in 2⁻¹⁰⁶ {double:.1?}");
+    // What `Tracked` takes them for.
+    let limits = [0.5 + 1e-6, 1.0, 1.0, 2.0];
+    assert!(worst.iter().zip(limits).all(|(e, limit)| *e <= limit), "{worst:?}");
+    assert!(worst.iter().all(|e| *e > 0.4), "the oracle is not the kernel: {worst:?}");
+    // The logarithm of a power is as long as its exponent.
+    let limits = [6.0, 20.0, 200.0, 20.0];
+    assert!(double.iter().zip(limits).all(|(e, limit)| *e <= limit), "{double:?}");
+}
+
+#[test]
+fn angles_come_back_to_their_circle() {
+    for (x, rest) in [(7.5, 0.5), (-0.25, 3.25), (0.0, 0.0), (3.5, 0.0), (-7.0, 0.0)] {
+        assert_eq!(Elementary::modulo(x, 3.5), rest);
+        assert_eq!(DoubleDouble::from_f64(x).modulo(3.5).value(), rest);
+        assert_eq!(Lanes([x; WIDTH]).modulo(3.5).0, [rest; WIDTH]);
+        let dual = Dual::<f64, 1>::variable(x, 0).modulo(3.5);
+        assert_eq!((dual.re, dual.eps), (rest, [1.0]));
+    }
+    assert!(Elementary::modulo(f64::NAN, 1.0).is_nan());
+    let mut sum = DoubleDouble::from_f64(2.0);
+    sum += DoubleDouble::from_f64(1.0);
+    sum *= DoubleDouble::from_f64(4.0);
+    sum -= DoubleDouble::from_f64(2.0);
+    sum /= DoubleDouble::from_f64(5.0);
+    assert_eq!(sum.value(), 2.0);
+    assert_eq!(
+        (Scalar::powi(3.0, 5), Scalar::powi(2.0, -2), Scalar::powi(0.0, 0)),
+        (243.0, 0.25, 1.0)
+    );
+}
+
 #[test]
 fn elementary_functions_at_the_ends_of_the_range() {
     let exp = |x: f64| Elementary::exp(x);
@@ -241,6 +310,47 @@ fn everything<S: Elementary>(x: S, y: S) -> S {
     (t.mul_add(s, h) * (-quotient).exp()).mul_add(x, y)
 }
 
+/// A function of the roots, powers, logarithms and angles that potentials are made of.
+fn rooted<S: Elementary>(x: S, y: S) -> S {
+    let radius = (x * x + y * y + S::from_f64(0.25)).sqrt();
+    let power = radius.powf(1.5) * radius.powi(-3) + x.powi(3);
+    (radius.ln() * y.atan2(x) + power) / (y.modulo(0.7) + S::from_f64(1.0))
+}
+
+#[test]
+fn roots_and_angles_have_the_derivatives_of_another_implementation() {
+    use num_dual::{Dual64, DualNum};
+    let mut stream = Stream::new(12, "rooted");
+    for _ in 0..500 {
+        let (x, y) = (stream.uniform(-1.5, 1.5), stream.uniform(-1.5, 1.5));
+        let ours = rooted(Dual::<f64, 2>::variable(x, 0), Dual::variable(y, 1));
+        let bound = rooted(
+            Dual::<Tracked, 2>::variable(Tracked::exact(x), 0),
+            Dual::variable(Tracked::exact(y), 1),
+        );
+        let f = |x: Dual64, y: Dual64| {
+            let radius = (x * x + y * y + 0.25).sqrt();
+            let power = radius.powf(1.5) * radius.powi(-3) + x.powi(3);
+            let mut rest = y;
+            rest.re = y.re.rem_euclid(0.7);
+            (radius.ln() * y.atan2(x) + power) / (rest + 1.0)
+        };
+        let constant = |v: f64| Dual64::from_re(v);
+        let variable = |v: f64| Dual64::from_re(v).derivative();
+        let (dx, dy) = (f(variable(x), constant(y)), f(constant(x), variable(y)));
+        let ours = [ours.re, ours.eps[0], ours.eps[1]];
+        let bounds = [bound.re, bound.eps[0], bound.eps[1]];
+        for (k, other) in [dx.re, dx.eps, dy.eps].into_iter().enumerate() {
+            assert_eq!(ours[k], bounds[k].value);
+            let ratio = (ours[k] - other).abs() / bounds[k].error();
+            assert!(ratio <= 2.0, "component {k} at ({x}, {y}): {ratio}");
+        }
+        // The same bits in lanes, and in the real part of numbers with a bound.
+        let lanes = rooted(Lanes([x; WIDTH]), Lanes([y; WIDTH]));
+        assert_eq!(lanes.0.map(f64::to_bits), [rooted(x, y).to_bits(); WIDTH]);
+    }
+}
+
 #[test]
 fn duals_agree_with_two_other_implementations() {
     let mut stream = Stream::new(2, "duals");
@@ -302,7 +412,7 @@ fn the_tracked_bound_holds_against_multiprecision() {
         let mut tracked = Tracked::exact(0.0);
         let mut exact = BigFloat::from_f64(0.0, BITS);
         for &(a, b) in &terms {
-            tracked = tracked + Tracked::exact(a) * Tracked::exact(b);
+            tracked += Tracked::exact(a) * Tracked::exact(b);
             let product =
                 BigFloat::from_f64(a, BITS).mul(&BigFloat::from_f64(b, BITS), BITS, TO_NEAREST);
             exact = exact.add(&product, BITS, TO_NEAREST);

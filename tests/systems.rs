@@ -205,7 +205,7 @@ fn generalised_orders_show_in_epsilon() {
                 let mut sum = vec![DoubleDouble::zero(); points.len()];
                 for (multiple, weight) in combination {
                     for (sum, end) in sum.iter_mut().zip(ends(multiple * epsilon, count)) {
-                        *sum = *sum + DoubleDouble::from_f64(*weight) * end;
+                        *sum += DoubleDouble::from_f64(*weight) * end;
                     }
                 }
                 sum
@@ -354,7 +354,7 @@ impl Hamiltonian for Free {
         z[1]
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
-        z[0] = z[0] + time * z[1];
+        z[0] += time * z[1];
     }
 }
 

@@ -7,8 +7,9 @@ use crate::tolerances::ILL_CONDITIONED_SHARE as SHARE;
 use crate::watched::laws_that_ran;
 use std::path::{Path, PathBuf};
 
-/// What makes a map of another.
-const ADAPTORS: [&str; 5] = ["OneStep", "ShearMap", "KickMap", "TwistPart", "&M"];
+/// What makes a map of another, or of equations: `tests/own_maps.rs`.
+const ADAPTORS: [&str; 8] =
+    ["OneStep", "Steps", "Within", "Solved", "ShearMap", "KickMap", "TwistPart", "&M"];
 /// The number types that a law runs on, or a test of `tests/` covers.
 const NUMBERS: [(&str, &str); 9] = [
     ("f64", "symplecticity"),

@@ -346,12 +346,12 @@ impl<S: Scalar> Map<S> for Damping {
     }
     fn forward(&self, z: &mut [S]) {
         for value in &mut z[DOF..] {
-            *value = *value * S::from_f64(1.0 - 1e-6);
+            *value *= S::from_f64(1.0 - 1e-6);
         }
     }
     fn inverse(&self, z: &mut [S]) {
         for value in &mut z[DOF..] {
-            *value = *value / S::from_f64(1.0 - 1e-6);
+            *value /= S::from_f64(1.0 - 1e-6);
         }
     }
 }

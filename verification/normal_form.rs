@@ -250,9 +250,9 @@ impl LiteralTwist {
     fn turn<S: Elementary>(z: &mut [S], angle: S) {
         let (s, c) = angle.sin_cos();
         let t = s / (S::from_f64(1.0) + c);
-        z[0] = z[0] + t * z[2];
-        z[2] = z[2] - s * z[0];
-        z[0] = z[0] + t * z[2];
+        z[0] += t * z[2];
+        z[2] -= s * z[0];
+        z[0] += t * z[2];
     }
 
     fn shear<S: Elementary>(&self, number: usize, z: &mut [S], sign: f64) {
@@ -266,8 +266,8 @@ impl LiteralTwist {
         for [a, b, c, w] in NEURONS[number] {
             let argument = S::from_f64(a) * action + S::from_f64(b) * z[source] + S::from_f64(c);
             let (_, slope) = argument.tanh_sech2();
-            angle = angle + S::from_f64(w * a) * slope;
-            move_by = move_by + S::from_f64(w * b * way) * slope;
+            angle += S::from_f64(w * a) * slope;
+            move_by += S::from_f64(w * b * way) * slope;
         }
         if number == 0 {
             let [of_action, mixed, of_momentum] = FORM.map(S::from_f64);
@@ -275,12 +275,12 @@ impl LiteralTwist {
             angle = angle + of_action * action + mixed * z[source];
             move_by = move_by + (mixed + S::from_f64(skew)) * action + of_momentum * z[source];
         }
-        z[target] = z[target] + scale * move_by;
+        z[target] += scale * move_by;
         match self.fault {
             Fault::TwistWithoutTurn => {}
             Fault::TwistWeight => Self::turn(z, scale * S::from_f64(2.0) * angle),
             // The kick of a potential that sees the position of the fast plane.
-            Fault::TwistSeesPlane => z[2] = z[2] - scale * angle,
+            Fault::TwistSeesPlane => z[2] -= scale * angle,
             _ => Self::turn(z, scale * angle),
         }
     }
@@ -295,12 +295,12 @@ impl<S: Elementary> Map<S> for LiteralTwist {
         self.shear(1, z, 1.0);
         Self::turn(z, S::from_f64(self.theta));
         if self.fault == Fault::TwistFriction {
-            z[2] = z[2] * S::from_f64(1.0 - 1e-12);
+            z[2] *= S::from_f64(1.0 - 1e-12);
         }
     }
     fn inverse(&self, z: &mut [S]) {
         if self.fault == Fault::TwistFriction {
-            z[2] = z[2] / S::from_f64(1.0 - 1e-12);
+            z[2] /= S::from_f64(1.0 - 1e-12);
         }
         Self::turn(z, S::from_f64(-self.theta));
         self.shear(1, z, -1.0);

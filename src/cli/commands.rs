@@ -204,13 +204,16 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
         }))?;
     } else {
         out(&format!(
-            "{subject}: {} points each, uniform in |z_i| ≤ {}, seed {}\n{}{}\n",
+            "{subject}: {}\n{} points each, uniform in |z_i| ≤ {}, seed {}\n{}",
+            result.summary(),
             options.samples,
             options.radius,
             options.seed,
             terminal::table(&certificate_table(&result.rows)),
-            if result.holds() { "the certificate holds" } else { "THE CERTIFICATE DOES NOT HOLD" },
         ))?;
+        for line in result.advice() {
+            out(&format!("- {line}\n"))?;
+        }
     }
     Ok(status_of(result.holds()))
 }

@@ -113,9 +113,9 @@ impl<P: Scalar, const D: usize> Kick<'_, P, TanhPotential<'_, P, D>> {
             for i in 0..D {
                 let source_bar = &mut z_bars[m * 2 * D + source.index(D, i)];
                 let change = if self.reflect { -y_bar[m][i] } else { y_bar[m][i] };
-                *source_bar = *source_bar + change;
+                *source_bar += change;
                 if self.shift.is_some() {
-                    eta_bar[i] = eta_bar[i] - y_bar[m][i];
+                    eta_bar[i] -= y_bar[m][i];
                 }
             }
         }
@@ -187,7 +187,7 @@ impl<P: Scalar, const D: usize> Shear<P> for Kick<'_, P, TanhPotential<'_, P, D>
             source_bar[i] =
                 if self.reflect { source_bar[i] - y_bar[i] } else { source_bar[i] + y_bar[i] };
             if self.shift.is_some() {
-                eta_bar[i] = eta_bar[i] - y_bar[i];
+                eta_bar[i] -= y_bar[i];
             }
         }
     }

@@ -191,7 +191,7 @@ impl<P: Scalar> Shear<P> for LinearModule<'_, P> {
             y_bar.fill(S::zero());
             self.form(number).pullback(y, u, y_bar, matrix_bar);
             for (source_bar, y_bar) in source_bar.iter_mut().zip(&*y_bar) {
-                *source_bar = *source_bar + *y_bar;
+                *source_bar += *y_bar;
             }
         }
         if self.inverse {

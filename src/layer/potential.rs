@@ -386,8 +386,8 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
                 r = u[i].mul_add_parameter(self.w_in[i * h + j], r);
             }
             let bar = NeuronCotangent::of(activation, r, w_out[j]);
-            w_out_bar[j] = w_out_bar[j] + bar.w_out;
-            b_bar[j] = b_bar[j] + bar.z;
+            w_out_bar[j] += bar.w_out;
+            b_bar[j] += bar.z;
             for i in 0..n {
                 let entry = &mut w_bar[i * h + j];
                 *entry = bar.c.mul_add(u[i], bar.z.mul_add(y[i], *entry));
@@ -430,8 +430,8 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
                     r = u[m][i].mul_add_parameter(w_in[i], r);
                 }
                 let bar = NeuronCotangent::of(&neurons[m][j], r, w_out[j]);
-                w = w + bar.w_out;
-                b = b + bar.z;
+                w += bar.w_out;
+                b += bar.z;
                 for i in 0..D {
                     w_in_bar[i] = bar.c.mul_add(u[m][i], bar.z.mul_add(y[m][i], w_in_bar[i]));
                     y_bar[m][i] = bar.z.mul_add_parameter(w_in[i], y_bar[m][i]);

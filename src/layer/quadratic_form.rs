@@ -53,9 +53,9 @@ impl<'a, P: Scalar, const D: usize> QuadraticForm<'a, P, D> {
         for i in 0..n {
             for j in i..n {
                 let more = S::embed(self.entries[entry]);
-                hessian[i * n + j] = hessian[i * n + j] + more;
+                hessian[i * n + j] += more;
                 if j != i {
-                    hessian[j * n + i] = hessian[j * n + i] + more;
+                    hessian[j * n + i] += more;
                 }
                 entry += 1;
             }

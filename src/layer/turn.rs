@@ -391,7 +391,7 @@ impl<P: Scalar> Shear<P> for TurnStep<'_, P> {
                 let turn = z_bar[i] * out[k] - z_bar[k] * out[i];
                 total = m.mul_add(turn, total);
             }
-            *angle_bar = *angle_bar + total;
+            *angle_bar += total;
         }
         // A rotation is orthogonal: its adjoint is its inverse.
         self.turn.apply(z_bar, !self.inverse);

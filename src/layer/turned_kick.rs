@@ -109,11 +109,11 @@ impl<P: Scalar, const D: usize> Shear<P> for TurnedKick<'_, P, D> {
         // generator are the same before and after it.
         self.turn.apply(z_bar, false);
         for j in 0..n {
-            angles_bar[j] = angles_bar[j] - Self::moment(j, q, &momenta[n..], z_bar);
+            angles_bar[j] -= Self::moment(j, q, &momenta[n..], z_bar);
         }
         Shear::pull(&self.kick(), of_kick, z_bar, potential_bar, scratch);
         for j in 0..n {
-            angles_bar[j] = angles_bar[j] + Self::moment(j, q, &momenta[..n], z_bar);
+            angles_bar[j] += Self::moment(j, q, &momenta[..n], z_bar);
         }
         self.turn.apply(z_bar, true);
     }

@@ -520,11 +520,11 @@ impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
                 form.pullback(argument, u, argument_bar, of_form);
             }
             for circle in 0..circles {
-                actions_bar[circle] = actions_bar[circle] + argument_bar[circle];
+                actions_bar[circle] += argument_bar[circle];
             }
             for (i, &j) in self.planes().slow.iter().enumerate() {
                 let k = layer.target.other().index(dof, j);
-                z_bar[k] = z_bar[k] + argument_bar[circles + i];
+                z_bar[k] += argument_bar[circles + i];
             }
         }
         for (number, &j) in self.planes().fast.iter().enumerate() {

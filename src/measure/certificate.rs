@@ -1,13 +1,14 @@
 //! The structure certificate of a model: all laws on seeded samples.
 
 use super::laws::{self, Samples};
-use super::tally::{RATIO_LIMIT, Row, Tally, Verdict, merged};
+use super::tally::{COUNT_LIMIT, RATIO_LIMIT, Row, Tally, Verdict, merged};
 use super::{Measurable, NearlyPeriodic, NormalFormed};
 use crate::error::Error;
 use crate::network::Model;
 use crate::phase::Direction;
 use crate::scalar::max_or_nan;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// What was asked, and a row for each law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,6 +30,107 @@ impl Certificate {
         !self.rows.is_empty() && self.rows.iter().all(holds)
     }
 
+    /// One line: "holds: 14 laws, headroom 7.3 × (JᵀΩJ = Ω), 0 vacuous", or what does not
+    /// hold. The headroom is the least of all laws, and none where none deviated.
+    pub fn summary(&self) -> String {
+        let judged = self.rows.iter().filter(|row| row.verdict != Verdict::Reported);
+        let (good, bad): (Vec<&Row>, Vec<&Row>) =
+            judged.partition(|row| row.verdict == Verdict::Holds);
+        let of = |verdict| bad.iter().filter(|row| row.verdict == verdict).count();
+        let vacuous = of(Verdict::Vacuous);
+        let (count, all) = (good.len(), good.len() + bad.len());
+        let tight = good.iter().filter_map(|row| Some((row, row.headroom()?)));
+        let headroom = match tight.min_by(|a, b| a.1.total_cmp(&b.1)) {
+            Some((row, headroom)) => format!(", headroom {headroom:.1} × ({})", row.equation),
+            None => String::new(),
+        };
+        if self.holds() {
+            return format!("holds: {all} laws{headroom}, {vacuous} vacuous");
+        }
+        let mut out = format!(
+            "DOES NOT HOLD: {} of {all} laws violated, {vacuous} vacuous, {} ill-conditioned, \
+             {count} hold{headroom}",
+            of(Verdict::Violated),
+            of(Verdict::IllConditioned),
+        );
+        for row in bad {
+            out.push_str(&format!("; {} {}: {}", row.law, row.equation, row.verdict.word()));
+        }
+        out
+    }
+
+    /// Passes where the certificate [holds](Certificate::holds).
+    ///
+    /// # Panics
+    /// With the certificate, each law that does not hold, the worst point, the seed and what
+    /// to try.
+    #[track_caller]
+    pub fn assert_holds(&self) {
+        assert!(self.holds(), "{self}");
+    }
+
+    /// Of each law that does not hold a line: by how much, the worst point, and what to try.
+    pub fn advice(&self) -> Vec<String> {
+        let bad = |row: &&Row| !matches!(row.verdict, Verdict::Holds | Verdict::Reported);
+        self.rows.iter().filter(bad).map(|row| self.advice_on(row)).collect()
+    }
+
+    fn advice_on(&self, row: &Row) -> String {
+        let CertificateOptions { samples, radius, seed } = self.options;
+        let mut out = format!("{} {}: {}", row.law, row.equation, row.verdict.word());
+        match (row.largest, row.limit) {
+            (None, _) if row.verdict == Verdict::Violated => out.push_str(", a result is NaN"),
+            (Some(largest), RATIO_LIMIT) => {
+                let (ratio, median) = (short(largest), row.median.map_or("–".into(), short));
+                out.push_str(&format!(
+                    ", {ratio} times the rounding bound at worst, {median} in the median"
+                ));
+            }
+            (Some(largest), limit) => {
+                out.push_str(&format!(", {} where less than {limit} is to be", short(largest)));
+            }
+            (None, _) => {}
+        }
+        if let (Some(point), true) = (&row.worst, row.verdict == Verdict::Violated) {
+            let numbers: Vec<String> = point.iter().map(|v| format!("{v:?}")).collect();
+            out.push_str(&format!(" at z = [{}]", numbers.join(", ")));
+        }
+        out.push_str(&format!(" ({samples} samples, radius {radius}, seed {seed}). "));
+        let symplectic = row.law.starts_with("symplecticity");
+        let inversion = row.law.starts_with("inversion");
+        let bitwise = row.limit == COUNT_LIMIT;
+        out.push_str(match row.verdict {
+            Verdict::Violated if row.largest.is_none() => {
+                "Try: evaluate the map there; where it is not defined, another domain (`Within`) \
+                 or radius."
+            }
+            Verdict::Violated if symplectic => {
+                "Try: the Jacobian there (`measure::jacobian`) and JᵀΩJ − Ω \
+                 (`symplecticity_defect`), whose rows show which coordinates; then the steps of \
+                 the map one by one. What is solved for has to be given as `Implicit`."
+            }
+            Verdict::Violated if inversion => {
+                "Try: the map and then its inverse there, and which coordinate does not come \
+                 back; an angle has to be declared as one (`Coordinate::Angle`)."
+            }
+            Verdict::Violated if bitwise => {
+                "Try: both sides there; they have to do the same operations in the same order."
+            }
+            Verdict::Violated => "Try: both sides of the equation there.",
+            Verdict::Vacuous if row.samples == 0 => "Try: more samples.",
+            Verdict::Vacuous => {
+                "The rounding bounds are far above the errors, so that a defect would hide. Try: \
+                 a long composition as `Steps`, equations that are solved as `Implicit`; other \
+                 points, where the map moves them."
+            }
+            Verdict::IllConditioned => {
+                "Rounding leaves no digit to test. Try: a smaller radius, or fewer steps."
+            }
+            Verdict::Holds | Verdict::Reported => "",
+        });
+        out
+    }
+
     /// The largest ratio of all laws with a rounding bound; NaN if one is.
     pub fn largest_ratio(&self) -> Option<f64> {
         self.rows
@@ -39,6 +141,53 @@ impl Certificate {
                 _ => row.largest,
             })
             .reduce(max_or_nan)
+    }
+}
+
+/// Two digits, or as a power of ten.
+fn short(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 || (0.01..1000.0).contains(&size) {
+        format!("{value:.2}")
+    } else {
+        format!("{value:.1e}")
+    }
+}
+
+/// The [summary](Certificate::summary), the rows, and what to try where one does not hold.
+impl fmt::Display for Certificate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.summary())?;
+        let number = |value: Option<f64>| value.map_or("–".into(), short);
+        let heading = ["law", "measured", "samples", "largest", "median", "limit", "verdict"];
+        let mut cells = vec![heading.map(String::from)];
+        for row in &self.rows {
+            cells.push([
+                row.law.clone(),
+                row.equation.clone(),
+                match row.ill_conditioned {
+                    0 => row.samples.to_string(),
+                    ill => format!("{} ({ill} ill-conditioned)", row.samples),
+                },
+                number(row.largest),
+                number(row.median),
+                row.limit.to_string(),
+                row.verdict.word().to_owned(),
+            ]);
+        }
+        let width = |column: usize| {
+            cells.iter().map(|row: &[String; 7]| row[column].chars().count()).max().unwrap_or(0)
+        };
+        let widths: [usize; 7] = std::array::from_fn(width);
+        for row in &cells {
+            let padded: Vec<String> =
+                row.iter().zip(widths).map(|(cell, width)| format!("{cell:<width$}")).collect();
+            writeln!(f, "{}", padded.join("  ").trim_end())?;
+        }
+        for line in self.advice() {
+            writeln!(f, "- {line}")?;
+        }
+        Ok(())
     }
 }
 
@@ -140,7 +289,7 @@ pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate
 /// assert!(certify_map(&OneStep(StandardMap(1.2)), options).holds());
 /// ```
 pub fn certify_map(map: &dyn Measurable, options: CertificateOptions) -> Certificate {
-    Certificate::of(options, of_map(map, &Samples::draw(map.dof(), 0, options)))
+    Certificate::of(options, of_map(map, &samples_of(map, options)))
 }
 
 /// The laws of a nearly-periodic map P_ε = I_ε∘ψ∘Φ_θ∘ψ⁻¹: those of
@@ -148,14 +297,18 @@ pub fn certify_map(map: &dyn Measurable, options: CertificateOptions) -> Certifi
 /// slopes of I_ε in ε, the axioms of the circle action, plain and conjugated,
 /// and, for information, the drift of μ₀.
 pub fn certify_family(family: &dyn NearlyPeriodic, options: CertificateOptions) -> Certificate {
-    Certificate::of(options, of_family(family, &Samples::draw(family.dof(), 0, options)))
+    Certificate::of(options, of_family(family, &samples_of(family, options)))
 }
 
 /// The laws of a map P = χ∘R∘χ⁻¹ in normal form: those of [`certify_map`], that it is
 /// this composition, that it commutes with the action conjugated by χ, and that R
 /// keeps the actions.
 pub fn certify_normal_form(map: &dyn NormalFormed, options: CertificateOptions) -> Certificate {
-    Certificate::of(options, of_normal_form(map, &Samples::draw(map.dof(), 0, options)))
+    Certificate::of(options, of_normal_form(map, &samples_of(map, options)))
+}
+
+fn samples_of(map: &(impl Measurable + ?Sized), options: CertificateOptions) -> Samples {
+    Samples::draw_within(&map.domain(), map.dof(), 0, options)
 }
 
 fn of_normal_form(map: &dyn NormalFormed, samples: &Samples) -> Vec<Tally> {

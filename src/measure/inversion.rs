@@ -1,6 +1,7 @@
 //! P⁻¹∘P = Id, measured in units of its rounding bound.
 
-use super::{MeasuredSteps, Walk};
+use super::measurable::coordinate;
+use super::{Coordinate, MeasuredSteps, Walk};
 use crate::scalar::{Scalar, max_or_nan};
 
 /// The spacing of the subnormal numbers.
@@ -34,6 +35,7 @@ pub fn inversion_ratio(
 pub struct ThereAndBack<'a> {
     steps: MeasuredSteps<'a>,
     there: usize,
+    domain: Vec<Coordinate>,
 }
 
 impl<'a> ThereAndBack<'a> {
@@ -42,7 +44,12 @@ impl<'a> ThereAndBack<'a> {
         let count = there.len();
         let mut steps = there;
         steps.extend(back);
-        Self { steps, there: count }
+        Self { steps, there: count, domain: Vec::new() }
+    }
+
+    /// Of a map whose coordinates live here.
+    pub fn within(self, domain: Vec<Coordinate>) -> Self {
+        Self { domain, ..self }
     }
 
     /// ρ_I at z ([`inversion_ratio`]).
@@ -56,15 +63,15 @@ impl<'a> ThereAndBack<'a> {
         if point.iter().any(|v| !v.is_finite()) {
             return Conditioned::Ratio(f64::NAN);
         }
-        if !(u * reach <= ILL_CONDITIONED * size) || !walk.is_linear() {
+        if !(u * reach <= ILL_CONDITIONED * size) || !walk.is_linear_within(&self.domain) {
             return Conditioned::IllConditioned;
         }
         let mut largest = 0.0;
-        for ((moved, start), square) in point.iter().zip(z).zip(&squares) {
+        for (i, ((moved, start), square)) in point.iter().zip(z).zip(&squares).enumerate() {
             // Each step may lose a product that underflows to nothing.
             let least = self.steps.len() as f64 * SMALLEST;
             let bound = u * libm::hypot(*square, *start) + least;
-            let error = (moved - start).abs();
+            let error = coordinate(&self.domain, i).difference(moved - start).abs();
             let ratio = if error == 0.0 { 0.0 } else { error / bound };
             largest = max_or_nan(largest, ratio);
         }

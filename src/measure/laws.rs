@@ -7,13 +7,14 @@ use super::adjoint::{Adjoint, adjoint_ratio};
 use super::circle_axioms::{CircleAxiom, conjugated_axiom_ratio, turning_axiom_ratio};
 use super::determinant::determinant_ratio;
 use super::inversion::{Conditioned, ThereAndBack};
+use super::measurable::coordinate;
 use super::near_identity::{
     differing_components, near_identity_generator, near_identity_size, near_identity_undoing,
 };
 use super::relations::Relation;
 use super::tally::Tally;
 use super::{
-    CertificateOptions, Measurable, NearlyPeriodic, NormalFormed, Walk, action_ratio,
+    CertificateOptions, Coordinate, Measurable, NearlyPeriodic, NormalFormed, Walk, action_ratio,
     equivariance_ratio, symplecticity_ratio,
 };
 use crate::network::{Gyroceptron, Model};
@@ -35,9 +36,22 @@ pub struct Samples {
 impl Samples {
     /// The samples of map number `index` of a certificate.
     pub fn draw(dof: usize, index: usize, options: CertificateOptions) -> Self {
+        Self::draw_within(&[], dof, index, options)
+    }
+
+    /// Those of a map whose coordinates live in a [domain](Measurable::domain).
+    pub fn draw_within(
+        domain: &[Coordinate],
+        dof: usize,
+        index: usize,
+        options: CertificateOptions,
+    ) -> Self {
         let mut stream = Stream::new(options.seed, &format!("certificate/points/{index}"));
         let points = (0..options.samples * 2 * dof)
-            .map(|_| stream.uniform(-options.radius, options.radius))
+            .map(|i| {
+                let (low, high) = coordinate(domain, i % (2 * dof)).range(options.radius);
+                stream.uniform(low, high)
+            })
             .collect();
         let mut stream = Stream::new(options.seed, &format!("certificate/angles/{index}"));
         let angles = (0..options.samples)
@@ -83,11 +97,11 @@ pub fn symplecticity(map: &dyn Measurable, points: &[f64]) -> Tally {
 /// JᵀΩJ = Ω of a part of a map, under a name of its own, on any samples.
 pub fn symplecticity_of(law: &str, map: &dyn Measurable, points: &[f64]) -> Tally {
     let steps = map.measured_steps(Direction::Forward);
-    Tally::of_ratios(law, "JᵀΩJ = Ω").extend(
-        points
-            .chunks_exact(2 * map.dof())
-            .map(|z| Conditioned::Ratio(symplecticity_ratio(&Walk::new(&steps, z)))),
-    )
+    let dim = 2 * map.dof();
+    let results = points
+        .chunks_exact(dim)
+        .map(|z| Conditioned::Ratio(symplecticity_ratio(&Walk::new(&steps, z))));
+    Tally::of_ratios(law, "JᵀΩJ = Ω").extend_at(points, dim, results)
 }
 
 /// P⁻¹∘P = Id (`first` forward) or P∘P⁻¹ = Id (`first` inverse), by
@@ -99,9 +113,14 @@ pub fn inversion(
     first: Direction,
     points: &[f64],
 ) -> Tally {
-    let both = ThereAndBack::new(map.measured_steps(first), map.measured_steps(other(first)));
-    let results = points.chunks_exact(2 * map.dof()).map(|z| both.ratio(z));
-    Tally::of_ratios(law, equation).extend(results)
+    if !map.has_inverse() {
+        return Tally::of_ratios(law, format!("{equation}: no inverse is given")).reported();
+    }
+    let both = ThereAndBack::new(map.measured_steps(first), map.measured_steps(other(first)))
+        .within(map.domain());
+    let dim = 2 * map.dof();
+    let results = points.chunks_exact(dim).map(|z| both.ratio(z));
+    Tally::of_ratios(law, equation).extend_at(points, dim, results)
 }
 
 fn other(direction: Direction) -> Direction {
@@ -120,9 +139,10 @@ pub fn layers(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
     let mut reached = points.to_vec();
     for (direction, layer) in &layers {
         let there = layer.measured_steps(*direction);
-        let both = ThereAndBack::new(there, layer.measured_steps(other(*direction)));
+        let both = ThereAndBack::new(there, layer.measured_steps(other(*direction)))
+            .within(layer.domain());
         for z in reached.chunks_exact_mut(2 * map.dof()) {
-            tally.push(both.ratio(z));
+            tally.push_at(both.ratio(z), z);
             z.copy_from_slice(&moved(&**layer, *direction, z));
         }
     }
@@ -132,10 +152,12 @@ pub fn layers(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
 /// The steps that the other laws walk over are what users call, for one point
 /// and for many, forward and back, bit for bit.
 pub fn evaluation(map: &dyn Measurable, points: &[f64]) -> Tally {
-    let mut tally = Tally::of_counts("evaluation", "shears = single = batch, bitwise");
+    let tally = Tally::of_counts("evaluation", "shears = single = batch, bitwise");
     let dim = 2 * map.dof();
     let mut counts = vec![0; points.len() / dim];
-    for direction in [Direction::Forward, Direction::Inverse] {
+    let ways = [Direction::Forward, Direction::Inverse];
+    let ways = if map.has_inverse() { &ways[..] } else { &ways[..1] };
+    for &direction in ways {
         let mut batch = points.to_vec();
         map.move_points(direction, &mut batch);
         let steps = map.measured_steps(direction);
@@ -148,10 +170,8 @@ pub fn evaluation(map: &dyn Measurable, points: &[f64]) -> Tally {
                 + differing(&walked, &batch[index * dim..(index + 1) * dim]);
         }
     }
-    for count in counts {
-        tally.push(Conditioned::Ratio(count as f64));
-    }
-    tally
+    let results = counts.into_iter().map(|count| Conditioned::Ratio(count as f64));
+    tally.extend_at(points, dim, results)
 }
 
 /// det J = 1 by faer's LU decomposition, where its rounding leaves a digit.
@@ -172,7 +192,7 @@ pub fn identity_at_zero(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<Tall
         let counts = points
             .chunks_exact(dim)
             .map(|z| Conditioned::Ratio(differing_components(&*map, z) as f64));
-        Tally::of_counts("near identity", equation).extend(counts)
+        Tally::of_counts("near identity", equation).extend_at(points, dim, counts)
     };
     vec![bitwise("I₀ = Id, bitwise", 0.0), bitwise("I₋₀ = Id, bitwise", -0.0)]
 }
@@ -290,7 +310,8 @@ pub fn near_periodicity(family: &dyn NearlyPeriodic, points: &[f64]) -> Tally {
     let limit = family.map_at(0.0);
     let rotation = family.conjugated_action_at(family.angle());
     let psi = family.conjugation();
-    let counts = points.chunks_exact(2 * family.dof()).map(|z| {
+    let dim = 2 * family.dof();
+    let counts = points.chunks_exact(dim).map(|z| {
         let mut parts = moved(&*psi, Direction::Inverse, z);
         family.turn(family.angle(), &mut parts);
         psi.forward(&mut parts);
@@ -303,13 +324,14 @@ pub fn near_periodicity(family: &dyn NearlyPeriodic, points: &[f64]) -> Tally {
             );
         Conditioned::Ratio(count as f64)
     });
-    Tally::of_counts("near periodicity", "P₀ = ψ∘Φ_θ∘ψ⁻¹, bitwise").extend(counts)
+    Tally::of_counts("near periodicity", "P₀ = ψ∘Φ_θ∘ψ⁻¹, bitwise").extend_at(points, dim, counts)
 }
 
 /// P = χ∘R∘χ⁻¹ bit for bit, in both directions.
 pub fn normal_form(map: &dyn NormalFormed, points: &[f64]) -> Tally {
     let (chart, inner) = (map.chart(), map.inner_map());
-    let counts = points.chunks_exact(2 * map.dof()).map(|z| {
+    let dim = 2 * map.dof();
+    let counts = points.chunks_exact(dim).map(|z| {
         let mut count = 0;
         for direction in [Direction::Forward, Direction::Inverse] {
             let mut parts = moved(&*chart, Direction::Inverse, z);
@@ -319,7 +341,7 @@ pub fn normal_form(map: &dyn NormalFormed, points: &[f64]) -> Tally {
         }
         Conditioned::Ratio(count as f64)
     });
-    Tally::of_counts("composition", "P = χ∘Φ_θT_ε∘χ⁻¹, bitwise").extend(counts)
+    Tally::of_counts("composition", "P = χ∘Φ_θT_ε∘χ⁻¹, bitwise").extend_at(points, dim, counts)
 }
 
 /// P∘(χΦ_αχ⁻¹) = (χΦ_αχ⁻¹)∘P for angles α of all circles, by [`equivariance_ratio`].
@@ -330,7 +352,11 @@ pub fn equivariance(map: &dyn NormalFormed, samples: &Samples) -> Tally {
         equivariance_ratio(map, &angles, z)
     });
     let equation = "P∘(χΦ_αχ⁻¹) = (χΦ_αχ⁻¹)∘P";
-    Tally::of_ratios("equivariance", equation).of_worst_case().extend(results)
+    Tally::of_ratios("equivariance", equation).of_worst_case().extend_at(
+        samples.points(),
+        2 * map.dof(),
+        results,
+    )
 }
 
 /// The actions are those of the start after a step and among 1024, in the coordinates of the
@@ -339,12 +365,13 @@ pub fn actions(map: &dyn NormalFormed, points: &[f64]) -> Vec<Tally> {
     const ITERATIONS: usize = 1024;
     let (chart, inner, circles) = (map.chart(), map.inner_map(), map.action().circles());
     let each = [("𝔍∘Φ_θT_ε = 𝔍", 1), ("𝔍∘(Φ_θT_ε)ᴺ = 𝔍, N ≤ 1024", ITERATIONS)];
+    let dim = 2 * map.dof();
     let of = |(equation, iterations): (&'static str, usize)| {
-        let results = points.chunks_exact(2 * map.dof()).map(|z| {
+        let results = points.chunks_exact(dim).map(|z| {
             let w = moved(&*chart, Direction::Inverse, z);
             Conditioned::Ratio(action_ratio(&*inner, circles, iterations, &w))
         });
-        Tally::of_ratios("actions", equation).of_worst_case().extend(results)
+        Tally::of_ratios("actions", equation).of_worst_case().extend_at(points, dim, results)
     };
     each.into_iter().map(of).collect()
 }
@@ -455,7 +482,7 @@ pub fn exact_relation(
             transform(&mut right);
             count += differing(&left, &moved(other, direction, &right));
         }
-        tally.push(Conditioned::Ratio(count as f64));
+        tally.push_at(Conditioned::Ratio(count as f64), z);
     }
     tally
 }

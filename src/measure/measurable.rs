@@ -1,6 +1,8 @@
 //! What a map must tell of itself to be measured.
 
-use super::measured_step::{AsMeasured, MeasuredPotential, MeasuredSteps, TrackedStep, turn_steps};
+use super::measured_step::{
+    AsMeasured, MeasuredPotential, MeasuredStep, MeasuredSteps, TrackedStep, turn_steps,
+};
 use crate::layer::{HenonLayer, HenonMap, Kick, Turn};
 use crate::network::{Composition, Gyroceptron, HenonNet, Model, NormalForm, SympNet, map_points};
 use crate::phase::{Direction, Map};
@@ -29,10 +31,51 @@ pub trait Measurable: Map<f64> {
         Vec::new()
     }
 
+    /// Where each coordinate lives; those that are not listed, as none by default, in the
+    /// box of the samples.
+    fn domain(&self) -> Vec<Coordinate> {
+        Vec::new()
+    }
+
     /// The name of the type, by which a suite knows what it has measured.
     fn type_name(&self) -> &'static str {
         std::any::type_name::<Self>()
     }
+}
+
+/// Where a coordinate lives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Coordinate {
+    /// In the box of the samples.
+    Any,
+    /// Between two numbers.
+    Between(f64, f64),
+    /// On a circle of this circumference: numbers that differ by it are the same point.
+    Angle(f64),
+}
+
+impl Coordinate {
+    /// The range that samples are drawn from.
+    pub fn range(self, radius: f64) -> (f64, f64) {
+        match self {
+            Self::Any => (-radius, radius),
+            Self::Between(low, high) => (low, high),
+            Self::Angle(period) => (0.0, period),
+        }
+    }
+
+    /// A difference of two such coordinates, the shortest on a circle.
+    pub fn difference(self, difference: f64) -> f64 {
+        match self {
+            Self::Angle(period) => (-libm::round(difference / period)).mul_add(period, difference),
+            _ => difference,
+        }
+    }
+}
+
+/// The coordinate `i` of a [domain](Measurable::domain).
+pub(super) fn coordinate(domain: &[Coordinate], i: usize) -> Coordinate {
+    domain.get(i).copied().unwrap_or(Coordinate::Any)
 }
 
 /// Layers, each to be measured alone.
@@ -198,6 +241,9 @@ impl<S, M: Map<S>> Map<S> for OneStep<M> {
     fn inverse(&self, z: &mut [S]) {
         self.0.inverse(z);
     }
+    fn has_inverse(&self) -> bool {
+        self.0.has_inverse()
+    }
 }
 
 /// What the laws evaluate a map on.
@@ -208,5 +254,119 @@ impl<M> Numbers for M where M: Map<f64> + Map<Dual<f64, 8>> + Map<Dual<Tracked, 
 impl<M: Numbers> Measurable for OneStep<M> {
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
         vec![Box::new(TrackedStep { map: &self.0, direction })]
+    }
+}
+
+/// A composition of maps that are written over the number type, the first applied first.
+///
+/// The rounding errors of each are followed by itself, so that a long composition is
+/// judged by bounds of the size of its errors: a hundred steps of an integrator as
+/// [`OneStep`] are not.
+#[derive(Clone, Debug)]
+pub struct Steps<M>(pub Vec<M>);
+
+impl<M: Clone> Steps<M> {
+    /// So many times the same map.
+    pub fn repeated(map: M, count: usize) -> Self {
+        Self(vec![map; count])
+    }
+}
+
+impl<S, M: Map<S>> Map<S> for Steps<M> {
+    /// That of the first map; 0 of none.
+    fn dof(&self) -> usize {
+        self.0.first().map_or(0, Map::dof)
+    }
+    fn forward(&self, z: &mut [S]) {
+        for map in &self.0 {
+            map.forward(z);
+        }
+    }
+    fn inverse(&self, z: &mut [S]) {
+        for map in self.0.iter().rev() {
+            map.inverse(z);
+        }
+    }
+    fn has_inverse(&self) -> bool {
+        self.0.iter().all(Map::has_inverse)
+    }
+}
+
+impl<M: Numbers> Measurable for Steps<M> {
+    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
+        let step = |map| Box::new(TrackedStep { map, direction }) as Box<dyn MeasuredStep>;
+        match direction {
+            Direction::Forward => self.0.iter().map(step).collect(),
+            Direction::Inverse => self.0.iter().rev().map(step).collect(),
+        }
+    }
+}
+
+/// A map whose coordinates live in a [domain](Measurable::domain): boxes and angles.
+///
+/// ```
+/// use gyroceptron::measure::{
+///     CertificateOptions, Coordinate, OneStep, Within, certify_map,
+/// };
+/// use gyroceptron::phase::Map;
+/// use gyroceptron::scalar::{Elementary, constant};
+/// use std::f64::consts::TAU;
+///
+/// /// p ← p + K sin q, q ← q + p mod 2π.
+/// struct StandardMap(f64);
+///
+/// impl<S: Elementary> Map<S> for StandardMap {
+///     fn dof(&self) -> usize {
+///         1
+///     }
+///     fn forward(&self, z: &mut [S]) {
+///         z[1] = z[1] + constant::<S>(self.0) * z[0].sin_cos().0;
+///         z[0] = (z[0] + z[1]).modulo(TAU);
+///     }
+///     fn inverse(&self, z: &mut [S]) {
+///         z[0] = (z[0] - z[1]).modulo(TAU);
+///         z[1] = z[1] - constant::<S>(self.0) * z[0].sin_cos().0;
+///     }
+/// }
+///
+/// let domain = vec![Coordinate::Angle(TAU), Coordinate::Between(-3.0, 3.0)];
+/// let map = Within { map: OneStep(StandardMap(1.2)), domain };
+/// certify_map(&map, CertificateOptions::default()).assert_holds();
+/// ```
+#[derive(Clone, Debug)]
+pub struct Within<M> {
+    /// The map.
+    pub map: M,
+    /// Where each coordinate lives, q₁ … qₙ, p₁ … pₙ.
+    pub domain: Vec<Coordinate>,
+}
+
+impl<S, M: Map<S>> Map<S> for Within<M> {
+    fn dof(&self) -> usize {
+        self.map.dof()
+    }
+    fn forward(&self, z: &mut [S]) {
+        self.map.forward(z);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        self.map.inverse(z);
+    }
+    fn has_inverse(&self) -> bool {
+        self.map.has_inverse()
+    }
+}
+
+impl<M: Measurable> Measurable for Within<M> {
+    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
+        self.map.measured_steps(direction)
+    }
+    fn move_points(&self, direction: Direction, points: &mut [f64]) {
+        self.map.move_points(direction, points);
+    }
+    fn layers(&self) -> Layers<'_> {
+        self.map.layers()
+    }
+    fn domain(&self) -> Vec<Coordinate> {
+        self.domain.clone()
     }
 }

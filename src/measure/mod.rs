@@ -13,6 +13,7 @@ mod circle_axioms;
 mod determinant;
 mod equivariance;
 mod horizon;
+mod implicit;
 mod inversion;
 mod jacobian;
 pub mod laws;
@@ -47,11 +48,14 @@ pub use circle_axioms::{
 pub use determinant::determinant_ratio;
 pub use equivariance::{NormalFormed, action_ratio, equivariance_ratio};
 pub use horizon::AdiabaticOrbit;
+pub use implicit::{Implicit, Solved};
 pub use inversion::{Conditioned, ILL_CONDITIONED, ThereAndBack, inversion_ratio};
 pub use jacobian::{Differentiable, jacobian, jacobians_by_differences};
 pub use laws::Samples;
 pub use level_set::level_set;
-pub use measurable::{Layers, Measurable, NearlyPeriodic, Numbers, OneStep};
+pub use measurable::{
+    Coordinate, Layers, Measurable, NearlyPeriodic, Numbers, OneStep, Steps, Within,
+};
 pub use measured_step::{
     KickStep, Magnitudes, MeasuredPotential, MeasuredStep, MeasuredSteps, TrackedStep, turn_steps,
 };

@@ -1,6 +1,7 @@
 //! Rounding errors followed through a map, shear by shear.
 
-use super::MeasuredStep;
+use super::measurable::coordinate;
+use super::{Coordinate, MeasuredStep};
 use crate::random::Stream;
 use crate::scalar::{Dual, Scalar, max_or_nan};
 use faer::MatRef;
@@ -163,6 +164,12 @@ impl<'a> Walk<'a> {
     /// by walking again with each result moved up or down by half to all of the
     /// scale of its rounding error, at random.
     pub fn is_linear(&self) -> bool {
+        self.is_linear_within(&[])
+    }
+
+    /// [`Walk::is_linear`] of steps between points of a
+    /// [domain](super::Measurable::domain).
+    pub(super) fn is_linear_within(&self, domain: &[Coordinate]) -> bool {
         /// A share of the error, as it is found by the probes, that grows to no
         /// more than its triple where it is ten times that.
         const SMALL: f64 = 0.3;
@@ -185,8 +192,10 @@ impl<'a> Walk<'a> {
             let point = &self.points[k];
             let errors: Vec<[f64; 8]> = (0..self.dim)
                 .map(|i| {
-                    let error =
-                        |probe| probes.get(probe).map_or(0.0, |p: &Vec<f64>| p[i] - point[i]);
+                    let error = |probe| {
+                        let moved = |p: &Vec<f64>| p[i] - point[i];
+                        coordinate(domain, i).difference(probes.get(probe).map_or(0.0, moved))
+                    };
                     std::array::from_fn(error)
                 })
                 .collect();

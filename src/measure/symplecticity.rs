@@ -17,7 +17,7 @@ pub fn symplecticity_defect<S: Scalar>(jacobian: MatRef<'_, S>) -> Mat<S> {
         for i in 0..dof {
             let (qj, pj) = (jacobian[(i, j)], jacobian[(dof + i, j)]);
             let (qk, pk) = (jacobian[(i, k)], jacobian[(dof + i, k)]);
-            sum = sum + (qj * pk - pj * qk);
+            sum += qj * pk - pj * qk;
         }
         let omega = if k == j + dof {
             1.0

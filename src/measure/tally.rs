@@ -78,6 +78,10 @@ pub struct Row {
     pub limit: f64,
     /// What it came to.
     pub verdict: Verdict,
+    /// The point of the largest result, or of one that is NaN, where results belong to
+    /// points.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub worst: Option<Vec<f64>>,
 }
 
 impl Row {
@@ -119,6 +123,7 @@ pub struct Tally {
     soundness: Soundness,
     ratios: Vec<f64>,
     ill_conditioned: usize,
+    worst: Option<(f64, Vec<f64>)>,
     vacuous: bool,
     reported: bool,
 }
@@ -132,6 +137,7 @@ impl Tally {
             soundness: Soundness::Any,
             ratios: Vec::new(),
             ill_conditioned: 0,
+            worst: None,
             vacuous: false,
             reported: false,
         }
@@ -197,6 +203,34 @@ impl Tally {
         }
     }
 
+    /// Adds a sample that belongs to a point.
+    pub fn push_at(&mut self, result: Conditioned, point: &[f64]) {
+        if let Conditioned::Ratio(ratio) = result {
+            self.note(ratio, || point.to_vec());
+        }
+        self.push(result);
+    }
+
+    /// Keeps the point of the largest result: a NaN is larger than any.
+    fn note(&mut self, ratio: f64, point: impl FnOnce() -> Vec<f64>) {
+        if self.worst.as_ref().is_none_or(|(most, _)| !most.is_nan() && !(ratio <= *most)) {
+            self.worst = Some((ratio, point()));
+        }
+    }
+
+    /// Adds samples, each of the point of so many numbers that stands in its place.
+    pub fn extend_at(
+        mut self,
+        points: &[f64],
+        dim: usize,
+        results: impl IntoIterator<Item = Conditioned>,
+    ) -> Self {
+        for (result, point) in results.into_iter().zip(points.chunks_exact(dim)) {
+            self.push_at(result, point);
+        }
+        self
+    }
+
     /// Adds samples.
     pub fn extend(mut self, results: impl IntoIterator<Item = Conditioned>) -> Self {
         for result in results {
@@ -215,6 +249,9 @@ impl Tally {
     pub fn merge(&mut self, other: Self) {
         self.ratios.extend(other.ratios);
         self.ill_conditioned += other.ill_conditioned;
+        if let Some((ratio, point)) = other.worst {
+            self.note(ratio, || point);
+        }
         self.vacuous |= other.vacuous;
     }
 
@@ -260,6 +297,7 @@ impl Tally {
             deviation,
             limit: self.limit,
             verdict,
+            worst: self.worst.as_ref().map(|(_, point)| point.clone()),
         }
     }
 }

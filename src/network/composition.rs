@@ -295,7 +295,7 @@ impl<P: Scalar> Composition<P> {
     pub(super) fn parameters_at(&self, time: P) -> Vec<P> {
         let mut parameters = self.parameters.clone();
         for angle in &mut parameters[self.angles()] {
-            *angle = *angle * time;
+            *angle *= time;
         }
         parameters
     }

@@ -1,6 +1,6 @@
 //! Some 31 decimal digits as the unevaluated sum of two doubles.
 
-use super::{Elementary, Over, Real, Scalar, over_itself};
+use super::{Elementary, Over, Real, Scalar, assigning, over_itself};
 use qd::Quad;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -60,7 +60,7 @@ impl DoubleDouble {
         let k = libm::round(self.0.0 / period[0]);
         let mut rest = self;
         for part in period {
-            rest = rest - Self::from_f64(k) * Self::from_f64(part);
+            rest -= Self::from_f64(k) * Self::from_f64(part);
         }
         (k, rest)
     }
@@ -178,6 +178,68 @@ impl Elementary for DoubleDouble {
     fn sign(self) -> Self {
         Self::from_f64(self.0.0.sign())
     }
+
+    /// By one step of Newton's method from that of the high part, as what follows.
+    fn sqrt(self) -> Self {
+        let root = Self::from_f64(self.0.0.sqrt());
+        match root.0.0 {
+            value if value > 0.0 && value.is_finite() => {
+                root + (self - root * root) / root.scaled(2.0)
+            }
+            _ => root,
+        }
+    }
+
+    /// By the series of 2 artanh((x − 1)/(x + 1)) next to 1.
+    fn ln(self) -> Self {
+        let x = self.0.0;
+        if (0.7..1.4).contains(&x) {
+            let s = (self - Self::ONE) / (self + Self::ONE);
+            let square = s * s;
+            let mut sum = Self::zero();
+            for k in (0..TERMS).rev() {
+                sum = square * sum + Self::ONE / Self::from_f64(f64::from(2 * k + 1));
+            }
+            return s.scaled(2.0) * sum;
+        }
+        let first = Self::from_f64(Elementary::ln(x));
+        if !first.0.0.is_finite() {
+            return first;
+        }
+        // In two factors, so that neither leaves the range.
+        let half = (-first.scaled(0.5)).exp();
+        first + (self * half * half - Self::ONE)
+    }
+
+    /// Integers by products; else e^(p ln x).
+    fn powf(self, exponent: f64) -> Self {
+        if exponent == exponent.trunc() && exponent.abs() <= 64.0 {
+            return self.powi(exponent as i32);
+        }
+        match self.0.0 {
+            value if value > 0.0 && value.is_finite() => {
+                (self.ln() * Self::from_f64(exponent)).exp()
+            }
+            value => Self::from_f64(Elementary::powf(value, exponent)),
+        }
+    }
+
+    fn atan2(self, x: Self) -> Self {
+        let first = Self::from_f64(libm::atan2(self.0.0, x.0.0));
+        let radius = (self * self + x * x).sqrt();
+        if radius.0.0 > 0.0 && radius.0.0.is_finite() {
+            let (sin, cos) = first.sin_cos();
+            first + (self * cos - x * sin) / radius
+        } else {
+            first
+        }
+    }
+
+    fn modulo(self, period: f64) -> Self {
+        let multiple = Self::from_f64((self.0.0 / period).floor()) * Self::from_f64(period);
+        let rest = self - multiple;
+        if rest.0.0 < 0.0 { rest + Self::from_f64(period) } else { rest }
+    }
 }
 
 impl Real for DoubleDouble {
@@ -186,6 +248,7 @@ impl Real for DoubleDouble {
     }
 }
 
+assigning!([] DoubleDouble);
 over_itself!([] DoubleDouble);
 
 /// Weights of a double-precision model, exactly.

@@ -1,6 +1,6 @@
 //! Forward-mode dual numbers over any scalar.
 
-use super::{Elementary, Over, Real, Scalar, Task, over_itself};
+use super::{Elementary, Over, Real, Scalar, Task, assigning, over_itself};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// `re + Σ eps[k]·dₖ` with dₖdₗ = 0: a value and its derivatives in `N`
@@ -60,7 +60,7 @@ impl<S: Scalar, const N: usize> Dual<S, N> {
     fn chain(self, value: S, slope: S) -> Self {
         let mut eps = self.eps;
         for e in &mut eps {
-            *e = *e * slope;
+            *e *= slope;
         }
         Self { re: value, eps }
     }
@@ -203,6 +203,35 @@ impl<S: Elementary, const N: usize> Elementary for Dual<S, N> {
     fn sign(self) -> Self {
         Self { re: self.re.sign(), eps: [S::zero(); N] }
     }
+    #[inline]
+    fn sqrt(self) -> Self {
+        let root = self.re.sqrt();
+        self.chain(root, S::from_f64(0.5) / root)
+    }
+    #[inline]
+    fn ln(self) -> Self {
+        self.chain(self.re.ln(), S::from_f64(1.0) / self.re)
+    }
+    /// With a slope of 0 for an exponent of 0, also at 0.
+    #[inline]
+    fn powf(self, exponent: f64) -> Self {
+        let slope = match exponent {
+            0.0 => S::zero(),
+            _ => S::from_f64(exponent) * self.re.powf(exponent - 1.0),
+        };
+        self.chain(self.re.powf(exponent), slope)
+    }
+    /// (x·y′ − y·x′)/(x² + y²).
+    #[inline]
+    fn atan2(self, x: Self) -> Self {
+        let square = self.re.mul_add(self.re, x.re * x.re);
+        let (across, along) = (x.re / square, -self.re / square);
+        self.zip(x, self.re.atan2(x.re), |y, x| y.mul_add(across, x * along))
+    }
+    #[inline]
+    fn modulo(self, period: f64) -> Self {
+        Self { re: self.re.modulo(period), ..self }
+    }
 }
 
 impl<S: Real, const N: usize> Real for Dual<S, N> {
@@ -210,8 +239,13 @@ impl<S: Real, const N: usize> Real for Dual<S, N> {
     fn value(self) -> f64 {
         self.re.value()
     }
+    #[inline(always)]
+    fn inherits(self, known: Self) -> Self {
+        self.zip(known, self.re.inherits(known.re), S::inherits)
+    }
 }
 
+assigning!([S: Scalar, const N: usize] Dual<S, N>);
 over_itself!([S: Elementary, const N: usize] Dual<S, N>);
 
 /// Constant weights: no derivative of theirs is formed.

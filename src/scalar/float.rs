@@ -1,6 +1,6 @@
 //! `f64` and `f32` as scalars.
 
-use super::lanewise::Lanewise;
+use super::lanewise::{Lanewise, functions_of_lanes};
 use super::{Elementary, Over, Real, Scalar, over_itself, simd, tanh_sech2};
 
 impl Scalar for f64 {
@@ -64,6 +64,10 @@ impl Lanewise for f64 {
         f(self)
     }
     #[inline(always)]
+    fn pair_by_pair(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        f(self, other)
+    }
+    #[inline(always)]
     fn with_sign_of(self, sign: Self) -> Self {
         self.copysign(sign)
     }
@@ -90,6 +94,7 @@ impl Elementary for f64 {
     fn sign(self) -> Self {
         if self.is_sign_negative() { -1.0 } else { 1.0 }
     }
+    functions_of_lanes!();
 }
 
 impl Real for f64 {
@@ -144,6 +149,26 @@ impl Elementary for f32 {
     #[inline(always)]
     fn sign(self) -> Self {
         if self.is_sign_negative() { -1.0 } else { 1.0 }
+    }
+    #[inline]
+    fn sqrt(self) -> Self {
+        f32::sqrt(self)
+    }
+    #[inline]
+    fn ln(self) -> Self {
+        libm::log(f64::from(self)) as f32
+    }
+    #[inline]
+    fn powf(self, exponent: f64) -> Self {
+        libm::pow(f64::from(self), exponent) as f32
+    }
+    #[inline]
+    fn atan2(self, x: Self) -> Self {
+        libm::atan2(f64::from(self), f64::from(x)) as f32
+    }
+    #[inline]
+    fn modulo(self, period: f64) -> Self {
+        self.rem_euclid(period as f32)
     }
 }
 

@@ -1,8 +1,8 @@
 //! Several points at once: SIMD lanes of `f64`.
 
-use super::lanewise::{Lanewise, zero_lanes_with};
+use super::lanewise::{Lanewise, functions_of_lanes, zero_lanes_with};
 use super::tanh::tanh_sech2_in_step;
-use super::{Elementary, Pack, Scalar, Task, over_parameters, simd};
+use super::{Elementary, Pack, Scalar, Task, assigning, over_parameters, simd};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// The number of lanes that the batch kernels work on, on every processor.
@@ -128,6 +128,7 @@ impl<const L: usize> Elementary for Lanes<L> {
     fn sign(self) -> Self {
         Self::from_f64(1.0).with_sign_of(self)
     }
+    functions_of_lanes!();
 }
 
 /// Whether kernels on [`Lanes`] are compiled around calls.
@@ -145,6 +146,7 @@ fn run_outlined(task: impl Task) {
     task.run();
 }
 
+assigning!([const L: usize] Lanes<L>);
 over_parameters!([const L: usize] Lanes<L>);
 
 impl<const L: usize> Lanewise for Lanes<L> {
@@ -183,6 +185,10 @@ impl<const L: usize> Lanewise for Lanes<L> {
             (out.0.0[i], out.1.0[i]) = f(self.0[i]);
         }
         out
+    }
+    #[inline(always)]
+    fn pair_by_pair(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        self.zip(other, other, |a, b, _| f(a, b))
     }
     #[inline(always)]
     fn with_sign_of(self, sign: Self) -> Self {

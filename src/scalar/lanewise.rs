@@ -30,6 +30,9 @@ pub trait Lanewise: Elementary {
     /// `f` of one lane after another.
     fn one_by_one(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self);
 
+    /// `f` of one lane of self and `other` after another.
+    fn pair_by_pair(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self;
+
     /// The magnitude of self with the sign of `sign`.
     fn with_sign_of(self, sign: Self) -> Self;
 
@@ -49,3 +52,31 @@ pub(super) fn zero_lanes_with<V: Lanewise>(x: V, factor: V) -> V {
     const LEAST: f64 = f64::from_bits(1);
     (-factor.abs()).select_above(-LEAST, V::zero(), x)
 }
+
+/// The functions of [`Elementary`] that are taken lane by lane, those of [`libm`]: no
+/// kernel waits for them.
+macro_rules! functions_of_lanes {
+    () => {
+        #[inline]
+        fn sqrt(self) -> Self {
+            self.pair_by_pair(self, |x, _| x.sqrt())
+        }
+        #[inline]
+        fn ln(self) -> Self {
+            self.pair_by_pair(self, |x, _| libm::log(x))
+        }
+        #[inline]
+        fn powf(self, exponent: f64) -> Self {
+            self.pair_by_pair(self, |x, _| libm::pow(x, exponent))
+        }
+        #[inline]
+        fn atan2(self, x: Self) -> Self {
+            self.pair_by_pair(x, libm::atan2)
+        }
+        #[inline]
+        fn modulo(self, period: f64) -> Self {
+            self.pair_by_pair(self, |x, _| x.rem_euclid(period))
+        }
+    };
+}
+pub(super) use functions_of_lanes;

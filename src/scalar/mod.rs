@@ -33,7 +33,7 @@ pub use simd::{Simd, tanh_sech2, tanh_sech2_of_all};
 pub use tracked::Tracked;
 
 use std::fmt::Debug;
-use std::ops::{Add, Div, Mul, Neg, Sub};
+use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// A piece of work that is compiled as a function of its own: see
 /// [`Scalar::outlined`].
@@ -58,6 +58,10 @@ pub trait Scalar:
     + Sub<Output = Self>
     + Mul<Output = Self>
     + Div<Output = Self>
+    + AddAssign
+    + SubAssign
+    + MulAssign
+    + DivAssign
 {
     /// Whether kernels on such numbers are compiled for each small number of degrees
     /// of freedom by itself: those whose speed is what they are for. Each costs
@@ -118,6 +122,30 @@ pub trait Scalar:
     fn tanh(self) -> Self {
         self.tanh_sech2().0
     }
+
+    /// xⁿ by repeated squaring; x⁻ⁿ is the reciprocal of xⁿ.
+    #[inline]
+    fn powi(self, exponent: i32) -> Self {
+        let (mut power, mut square, mut left) =
+            (Self::from_f64(1.0), self, exponent.unsigned_abs());
+        while left > 0 {
+            if left % 2 == 1 {
+                power *= square;
+            }
+            left /= 2;
+            if left > 0 {
+                square *= square;
+            }
+        }
+        if exponent < 0 { Self::from_f64(1.0) / power } else { power }
+    }
+}
+
+/// A number without derivatives, its type taken from what it is combined with:
+/// `x * constant(0.5)`.
+#[inline(always)]
+pub fn constant<S: Scalar>(value: f64) -> S {
+    S::from_f64(value)
 }
 
 /// Elementary functions that Hamiltonian systems and twists need, and kicks do not.
@@ -130,6 +158,17 @@ pub trait Elementary: Scalar {
     fn zero_with(self, factor: Self) -> Self;
     /// 1 or −1, with the sign of the real part: exact, and a constant.
     fn sign(self) -> Self;
+    /// √x; NaN below 0.
+    fn sqrt(self) -> Self;
+    /// ln x; NaN below 0.
+    fn ln(self) -> Self;
+    /// x to a power that is a constant; NaN for x < 0 unless it is an integer.
+    fn powf(self, exponent: f64) -> Self;
+    /// The angle of the point (`x`, self) in (−π, π].
+    fn atan2(self, x: Self) -> Self;
+    /// x less a multiple of the period, in [0, `period`] (the end by rounding alone):
+    /// an angle. Derivatives are those of x.
+    fn modulo(self, period: f64) -> Self;
 }
 
 /// A number with one real part, on which code may branch.
@@ -139,6 +178,14 @@ pub trait Elementary: Scalar {
 pub trait Real: Elementary {
     /// The real part, rounded to `f64`.
     fn value(self) -> f64;
+
+    /// self, of numbers with a bound of their error without so much of it as `known` has:
+    /// `x.inherits(x)` is x as if it were exact.
+    #[inline(always)]
+    fn inherits(self, known: Self) -> Self {
+        let _ = known;
+        self
+    }
 }
 
 /// A state number that parameters of type `P` can act on.
@@ -172,6 +219,25 @@ pub trait Over<P>: Elementary {
 pub fn max_or_nan(a: f64, b: f64) -> f64 {
     if a.is_nan() || b <= a { a } else { b }
 }
+
+/// Implements `+=` and the like.
+macro_rules! assigning {
+    ([$($generics:tt)*] $number:ty) => {
+        assigning!(@ [$($generics)*] $number, AddAssign, add_assign, +);
+        assigning!(@ [$($generics)*] $number, SubAssign, sub_assign, -);
+        assigning!(@ [$($generics)*] $number, MulAssign, mul_assign, *);
+        assigning!(@ [$($generics)*] $number, DivAssign, div_assign, /);
+    };
+    (@ [$($generics:tt)*] $number:ty, $trait:ident, $method:ident, $operator:tt) => {
+        impl<$($generics)*> std::ops::$trait for $number {
+            #[inline(always)]
+            fn $method(&mut self, other: Self) {
+                *self = *self $operator other;
+            }
+        }
+    };
+}
+pub(crate) use assigning;
 
 /// Implements `Over<Self>`: a parameter is already a state number.
 macro_rules! over_itself {

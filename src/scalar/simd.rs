@@ -10,9 +10,9 @@
 //! A task that a kernel has outlined is called through the register type that the kernel
 //! was given, and so on the same processor.
 
-use super::lanewise::{Lanewise, zero_lanes_with};
+use super::lanewise::{Lanewise, functions_of_lanes, zero_lanes_with};
 use super::tanh::tanh_sech2_in_step;
-use super::{Elementary, Lanes, Over, Scalar, Task, WIDTH, over_parameters};
+use super::{Elementary, Lanes, Over, Scalar, Task, WIDTH, assigning, over_parameters};
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -343,7 +343,9 @@ mod x86 {
                 fn sign(self) -> Self {
                     Self::from_f64(1.0).with_sign_of(self)
                 }
+                functions_of_lanes!();
             }
+            assigning!([$($generics)*] $register);
         };
     }
 
@@ -357,6 +359,19 @@ mod x86 {
             (out.0[i], out.1[i]) = f(x);
         }
         (V::load(&out.0[..V::LANES]), V::load(&out.1[..V::LANES]))
+    }
+
+    /// [`Lanewise::pair_by_pair`] of registers.
+    #[inline(always)]
+    fn each_pair<V: Pack>(x: V, y: V, f: impl Fn(f64, f64) -> f64) -> V {
+        let mut all = [[0.0; WIDTH]; 2];
+        x.store(&mut all[0][..V::LANES]);
+        y.store(&mut all[1][..V::LANES]);
+        let [mut out, other] = all;
+        for (x, y) in out.iter_mut().zip(other) {
+            *x = f(*x, y);
+        }
+        V::load(&out[..V::LANES])
     }
 
     /// A method of the register by an intrinsic of the same operands.
@@ -456,6 +471,10 @@ mod x86 {
         #[inline(always)]
         fn one_by_one(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self) {
             each_lane(self, f)
+        }
+        #[inline(always)]
+        fn pair_by_pair(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+            each_pair(self, other, f)
         }
         #[inline(always)]
         fn at_most(self, most: f64) -> Self {
@@ -584,6 +603,10 @@ mod x86 {
             each_lane(self, f)
         }
         #[inline(always)]
+        fn pair_by_pair(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+            each_pair(self, other, f)
+        }
+        #[inline(always)]
         fn at_most(self, most: f64) -> Self {
             // SAFETY: see the module. A NaN in the second operand comes through.
             Self(unsafe { _mm512_min_pd(_mm512_set1_pd(most), self.0) })
@@ -681,6 +704,10 @@ mod x86 {
         #[inline(always)]
         fn one_by_one(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self) {
             each_lane(self, f)
+        }
+        #[inline(always)]
+        fn pair_by_pair(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+            each_pair(self, other, f)
         }
         #[inline(always)]
         fn at_most(self, most: f64) -> Self {

@@ -1,6 +1,6 @@
 //! A value with a bound of its accumulated rounding error.
 
-use super::{Elementary, Over, Real, Scalar, over_itself};
+use super::{Elementary, Over, Real, Scalar, assigning, over_itself};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A number that carries a first-order bound of the rounding errors made so
@@ -28,6 +28,13 @@ impl Tracked {
     #[inline]
     fn rounded(value: f64, inherited: f64) -> Self {
         Self { value, bound: inherited + value.abs() }
+    }
+
+    /// What a function of this slope passes on of the bound: nothing of an exact number,
+    /// however steep.
+    #[inline]
+    fn share(self, slope: f64) -> f64 {
+        if self.bound == 0.0 { 0.0 } else { slope.abs() * self.bound }
     }
 
     /// The bound as an absolute error.
@@ -125,14 +132,48 @@ impl Elementary for Tracked {
     fn sign(self) -> Self {
         Self::exact(self.value.sign())
     }
+    /// Rounded once.
+    fn sqrt(self) -> Self {
+        let root = self.value.sqrt();
+        Self::rounded(root, self.share(0.5 / root))
+    }
+    /// It errs by less than 1 ulp, 2u relative.
+    fn ln(self) -> Self {
+        let value = Elementary::ln(self.value);
+        Self { value, bound: self.share(1.0 / self.value) + 2.0 * value.abs() }
+    }
+    /// It errs by less than 1 ulp, 2u relative.
+    fn powf(self, exponent: f64) -> Self {
+        let value = Elementary::powf(self.value, exponent);
+        let slope = exponent * Elementary::powf(self.value, exponent - 1.0);
+        Self { value, bound: self.share(slope) + 2.0 * value.abs() }
+    }
+    /// It errs by less than 2 ulp, 4u relative.
+    fn atan2(self, x: Self) -> Self {
+        let value = Elementary::atan2(self.value, x.value);
+        let square = self.value.mul_add(self.value, x.value * x.value);
+        let inherited = self.share(x.value / square) + x.share(self.value / square);
+        Self { value, bound: inherited + 4.0 * value.abs() }
+    }
+    /// The remainder is exact, but where a multiple is added to a negative one.
+    fn modulo(self, period: f64) -> Self {
+        let value = self.value.modulo(period);
+        let inherited = self.bound;
+        if self.value < 0.0 { Self::rounded(value, inherited) } else { Self { value, ..self } }
+    }
 }
 
 impl Real for Tracked {
     fn value(self) -> f64 {
         self.value
     }
+    fn inherits(self, known: Self) -> Self {
+        let left = self.bound - known.bound;
+        Self { bound: if left < 0.0 { 0.0 } else { left }, ..self }
+    }
 }
 
+assigning!([] Tracked);
 over_itself!([] Tracked);
 
 /// The weights of a model count as exact.

@@ -39,7 +39,7 @@ impl Study for CertificateOptions {
                 Ok::<_, Error>(certify(trained.model(), *self))
             })?;
             holds &= certificate.holds();
-            lines.push_str(&line(name, &certificate));
+            lines.push_str(&format!("- `{name}` {}\n", certificate.summary()));
             appendix.push(Block::Heading(format!("`{name}`")));
             appendix.push(Block::Table(certificate_table(&certificate.rows)));
             data.push(entry(name, &certificate));
@@ -61,24 +61,6 @@ impl Study for CertificateOptions {
             ..Findings::default()
         })
     }
-}
-
-/// How many laws hold, and the row with the least headroom; each that does not.
-fn line(name: &str, certificate: &Certificate) -> String {
-    let judged = certificate.rows.iter().filter(|row| row.verdict != Verdict::Reported);
-    let (good, bad): (Vec<&Row>, Vec<&Row>) = judged.partition(|row| row.verdict == Verdict::Holds);
-    let count = good.len() + bad.len();
-    let mut out = format!("- `{name}`: {} of {count} rows hold", good.len());
-    let tight = good.iter().filter_map(|row| Some((row, row.headroom()?)));
-    if let Some((row, headroom)) = tight.min_by(|a, b| a.1.total_cmp(&b.1)) {
-        let headroom = Format::Factor.number(headroom);
-        out.push_str(&format!(", the tightest with {headroom} headroom ({})", row.equation));
-    }
-    for row in bad {
-        out.push_str(&format!("; {} {}: {}", row.law, row.equation, row.verdict.word()));
-    }
-    out.push('\n');
-    out
 }
 
 fn entry(model: &str, certificate: &Certificate) -> serde_json::Value {

@@ -1,0 +1,224 @@
+//! Maps that are given by equations to be solved.
+
+use crate::phase::Map;
+use crate::scalar::{Dual, Elementary, Real, max_or_nan};
+use faer::linalg::solvers::DenseSolveCore;
+use faer::{Col, Mat};
+
+/// An implicit step z ↦ z′: the solution x of F(z, x) = 0, and z′ from it.
+///
+/// [`Solved`] makes a [`Map`] of it. An implicit midpoint, with x = z′:
+///
+/// ```
+/// use gyroceptron::measure::{CertificateOptions, Implicit, OneStep, Solved, certify_map};
+/// use gyroceptron::scalar::{Elementary, constant};
+///
+/// /// Of the pendulum H = ½p² − cos q.
+/// struct Midpoint(f64);
+///
+/// impl Implicit for Midpoint {
+///     fn dof(&self) -> usize {
+///         1
+///     }
+///     fn residual<S: Elementary>(&self, z: &[S], next: &[S], out: &mut [S]) {
+///         let (h, half) = (constant::<S>(self.0), constant::<S>(0.5));
+///         let (q, p) = ((z[0] + next[0]) * half, (z[1] + next[1]) * half);
+///         out[0] = next[0] - z[0] - h * p;
+///         out[1] = next[1] - z[1] + h * q.sin_cos().0;
+///     }
+/// }
+///
+/// certify_map(&OneStep(Solved(Midpoint(0.1))), CertificateOptions::default()).assert_holds();
+/// ```
+pub trait Implicit {
+    /// The number of degrees of freedom n.
+    fn dof(&self) -> usize;
+
+    /// How many numbers x has: those of z′, or the stages of a method.
+    fn unknowns(&self) -> usize {
+        2 * self.dof()
+    }
+
+    /// `out` ← F(z, x), as many numbers as x has.
+    fn residual<S: Elementary>(&self, z: &[S], x: &[S], out: &mut [S]);
+
+    /// z ← z′.
+    fn end<S: Elementary>(&self, z: &mut [S], x: &[S]) {
+        let dim = z.len();
+        z.copy_from_slice(&x[..dim]);
+    }
+
+    /// `x` ← where Newton's method begins: z, over and over.
+    fn guess(&self, z: &[f64], x: &mut [f64]) {
+        for (x, z) in x.iter_mut().zip(z.iter().cycle()) {
+            *x = *z;
+        }
+    }
+}
+
+/// An implicit step as a map over the number type; its inverse solves the same
+/// equations for z.
+///
+/// They are solved in `f64` by Newton's method, and then twice by one step of it
+/// x ← x − A⁻¹F(z, x) in the number type, with A = ∂F/∂x of the solution: derivatives
+/// are those of the implicit function theorem, and the errors of rounding those of the
+/// last step. Iterated on numbers that carry bounds, Newton's method would double
+/// these each time, and no certificate could tell a good map by them.
+///
+/// Where the method does not converge the result is NaN. Cost: A⁻¹ of m unknowns, some
+/// six times; back 2n more of them.
+#[derive(Clone, Copy, Debug)]
+pub struct Solved<M>(pub M);
+
+/// F(given, x) = 0 of so many unknowns x.
+trait Equations {
+    fn count(&self) -> usize;
+    fn residual<S: Elementary>(&self, given: &[S], x: &[S], out: &mut [S]);
+}
+
+/// The unknowns of the step from z.
+struct Ahead<'a, M>(&'a M);
+
+impl<M: Implicit> Equations for Ahead<'_, M> {
+    fn count(&self) -> usize {
+        self.0.unknowns()
+    }
+    fn residual<S: Elementary>(&self, given: &[S], x: &[S], out: &mut [S]) {
+        self.0.residual(given, x, out);
+    }
+}
+
+/// z and the unknowns of the step from it, for the z′ that is given.
+struct Back<'a, M>(&'a M);
+
+impl<M: Implicit> Equations for Back<'_, M> {
+    fn count(&self) -> usize {
+        2 * self.0.dof() + self.0.unknowns()
+    }
+    fn residual<S: Elementary>(&self, given: &[S], x: &[S], out: &mut [S]) {
+        let (z, x) = x.split_at(2 * self.0.dof());
+        let (end, rest) = out.split_at_mut(z.len());
+        end.copy_from_slice(z);
+        self.0.end(end, x);
+        for (end, given) in end.iter_mut().zip(given) {
+            *end -= *given;
+        }
+        self.0.residual(z, x, rest);
+    }
+}
+
+/// (∂F/∂x)⁻¹ at x, and F there.
+fn inverse_and_residual(
+    equations: &impl Equations,
+    given: &[f64],
+    x: &[f64],
+) -> (Mat<f64>, Col<f64>) {
+    let count = equations.count();
+    let constants: Vec<Dual<f64, 8>> = given.iter().map(|&v| Dual::constant(v)).collect();
+    let mut out = vec![Dual::constant(0.0); count];
+    let mut matrix = Mat::zeros(count, count);
+    for first in (0..count).step_by(8) {
+        let columns = first..count.min(first + 8);
+        let variables: Vec<Dual<f64, 8>> = x
+            .iter()
+            .enumerate()
+            .map(|(i, &v)| match columns.contains(&i) {
+                true => Dual::variable(v, i - first),
+                false => Dual::constant(v),
+            })
+            .collect();
+        equations.residual(&constants, &variables, &mut out);
+        for (row, value) in out.iter().enumerate() {
+            for column in columns.clone() {
+                matrix[(row, column)] = value.eps[column - first];
+            }
+        }
+    }
+    (matrix.partial_piv_lu().inverse(), Col::from_fn(count, |i| out[i].re))
+}
+
+/// x ← the solution; the inverse of ∂F/∂x there, none where there is no solution.
+fn solve(equations: &impl Equations, given: &[f64], x: &mut [f64]) -> Option<Mat<f64>> {
+    const MOST: usize = 60;
+    // Steps of this share of x are in the quadratic range: they shrink until rounding
+    // stops them.
+    const CLOSE: f64 = 1e-6;
+    let largest = |values: &[f64]| values.iter().fold(0.0, |m, v| max_or_nan(m, v.abs()));
+    let mut before = f64::INFINITY;
+    for _ in 0..MOST {
+        let (inverse, residual) = inverse_and_residual(equations, given, x);
+        let step = &inverse * &residual;
+        let size = step.iter().fold(0.0, |m, v: &f64| max_or_nan(m, v.abs()));
+        if !size.is_finite() {
+            return None;
+        }
+        if size == 0.0 || (size <= CLOSE * largest(x) && !(size < 0.5 * before)) {
+            return Some(inverse);
+        }
+        for (x, step) in x.iter_mut().zip(step.iter()) {
+            *x -= *step;
+        }
+        before = size;
+    }
+    None
+}
+
+/// x ← x − A⁻¹F(given, x).
+fn newton_step<S: Real>(equations: &impl Equations, inverse: &Mat<f64>, given: &[S], x: &mut [S]) {
+    let count = x.len();
+    let mut residual = vec![S::zero(); count];
+    equations.residual(given, x, &mut residual);
+    for i in 0..count {
+        let mut step = S::zero();
+        for j in 0..count {
+            step = S::from_f64(inverse[(i, j)]).mul_add(residual[j], step);
+        }
+        // What x was in error by is in F too, and goes with it.
+        x[i] = x[i].inherits(x[i]) - step;
+    }
+}
+
+/// The solution as numbers of this type, from where Newton's method is to begin.
+fn solved<S: Real>(equations: &impl Equations, given: &[S], guess: Vec<f64>) -> Vec<S> {
+    let mut x = guess;
+    let values: Vec<f64> = given.iter().map(|v| v.value()).collect();
+    let Some(inverse) = solve(equations, &values, &mut x) else {
+        return vec![S::from_f64(f64::NAN); x.len()];
+    };
+    let first = |given: &[S]| {
+        let mut out: Vec<S> = x.iter().map(|v| S::from_f64(*v)).collect();
+        newton_step(equations, &inverse, given, &mut out);
+        out
+    };
+    let exact: Vec<S> = given.iter().map(|v| v.inherits(*v)).collect();
+    // Of the bounds of x those that it has from z, and none of its own rounding.
+    let mut out: Vec<S> =
+        first(given).into_iter().zip(first(&exact)).map(|(a, b)| a.inherits(b)).collect();
+    newton_step(equations, &inverse, given, &mut out);
+    out
+}
+
+impl<S: Real, M: Implicit> Map<S> for Solved<M> {
+    fn dof(&self) -> usize {
+        self.0.dof()
+    }
+
+    fn forward(&self, z: &mut [S]) {
+        let values: Vec<f64> = z.iter().map(|v| v.value()).collect();
+        let mut guess = vec![0.0; self.0.unknowns()];
+        self.0.guess(&values, &mut guess);
+        let x = solved(&Ahead(&self.0), z, guess);
+        self.0.end(z, &x);
+    }
+
+    fn inverse(&self, z: &mut [S]) {
+        let values: Vec<f64> = z.iter().map(|v| v.value()).collect();
+        let dim = values.len();
+        let mut guess = vec![0.0; dim + self.0.unknowns()];
+        let (start, x) = guess.split_at_mut(dim);
+        start.copy_from_slice(&values);
+        self.0.guess(&values, x);
+        let solution = solved(&Back(&self.0), z, guess);
+        z.copy_from_slice(&solution[..dim]);
+    }
+}

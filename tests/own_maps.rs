@@ -1,0 +1,287 @@
+//! Six maps that the crate does not know, certified: each holds, and each that goes wrong
+//! by a billionth or a trillionth is told from it. `wrong` is 0 in the right ones.
+
+use gyroceptron::measure::{
+    CertificateOptions, Coordinate, Implicit, Measurable, OneStep, Solved, Steps, Verdict, Within,
+    certify_map,
+};
+use gyroceptron::phase::Map;
+use gyroceptron::scalar::{Elementary, Real, constant as c};
+use std::f64::consts::TAU;
+
+/// p ← p + K sin q, q ← q + p, on the line or, with a period, on the torus.
+struct StandardMap {
+    strength: f64,
+    period: Option<f64>,
+    wrong: f64,
+}
+
+impl StandardMap {
+    fn wrapped<S: Elementary>(&self, x: S) -> S {
+        self.period.map_or(x, |period| x.modulo(period))
+    }
+}
+
+impl<S: Elementary> Map<S> for StandardMap {
+    fn dof(&self) -> usize {
+        1
+    }
+    fn forward(&self, z: &mut [S]) {
+        z[1] = self.wrapped(z[1] * c(1.0 + self.wrong) + z[0].sin_cos().0 * c(self.strength));
+        z[0] = self.wrapped(z[0] + z[1]);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        z[0] = self.wrapped(z[0] - z[1]);
+        z[1] = self.wrapped(z[1] - z[0].sin_cos().0 * c(self.strength));
+    }
+}
+
+/// Froeschlé's: two standard maps, coupled by sin(q₁ + q₂); its inverse is not given.
+struct Froeschle {
+    wrong: f64,
+}
+
+impl<S: Elementary> Map<S> for Froeschle {
+    fn dof(&self) -> usize {
+        2
+    }
+    fn forward(&self, z: &mut [S]) {
+        let both = (z[0] + z[1]).sin_cos().0 * c(0.3);
+        z[2] += z[0].sin_cos().0 * c(0.7) + both;
+        z[3] += z[1].sin_cos().0 * c(0.9) + both * c(1.0 + self.wrong);
+        z[0] += z[2];
+        z[1] += z[3];
+    }
+    fn has_inverse(&self) -> bool {
+        false
+    }
+}
+
+/// A step of Störmer and Verlet for H = ½|p|² + ½|q|² + q₁²q₂ − q₂³/3 (Hénon and Heiles).
+#[derive(Clone)]
+struct Verlet {
+    step: f64,
+    wrong: f64,
+}
+
+impl Verlet {
+    fn kick<S: Elementary>(&self, z: &mut [S], step: f64) {
+        let (x, y) = (z[0], z[1]);
+        z[2] -= (x + x * y * c(2.0)) * c(step);
+        z[3] -= (y + x.powi(2) - y.powi(2) + x * c(self.wrong)) * c(step);
+    }
+    fn go<S: Elementary>(&self, z: &mut [S], step: f64) {
+        self.kick(z, 0.5 * step);
+        for i in 0..2 {
+            z[i] += z[2 + i] * c(step);
+        }
+        self.kick(z, 0.5 * step);
+    }
+}
+
+impl<S: Elementary> Map<S> for Verlet {
+    fn dof(&self) -> usize {
+        2
+    }
+    fn forward(&self, z: &mut [S]) {
+        self.go(z, self.step);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        self.go(z, -self.step);
+    }
+}
+
+/// The implicit midpoint for Kepler's problem, H = ½|p|² − 1/|q|.
+struct Midpoint {
+    step: f64,
+    wrong: f64,
+}
+
+impl Implicit for Midpoint {
+    fn dof(&self) -> usize {
+        2
+    }
+    fn residual<S: Elementary>(&self, z: &[S], next: &[S], out: &mut [S]) {
+        let m: Vec<S> = z.iter().zip(next).map(|(a, b)| (*a + *b) * c(0.5)).collect();
+        let cube = (m[0] * m[0] + m[1] * m[1]).powf(1.5);
+        for i in 0..2 {
+            out[i] = next[i] - z[i] - m[2 + i] * c(self.step);
+            let force = -m[i] / cube - m[2 + i] * c(self.wrong);
+            out[2 + i] = next[2 + i] - z[2 + i] - force * c(self.step);
+        }
+    }
+}
+
+/// Two stages of Gauss and Legendre for three particles of Toda's ring,
+/// H = ½|p|² + Σ exp(qᵢ − qᵢ₊₁).
+struct GaussLegendre {
+    step: f64,
+    wrong: f64,
+}
+
+impl GaussLegendre {
+    fn field<S: Elementary>(&self, z: &[S], out: &mut [S]) {
+        let bond = |i: usize| (z[i % 3] - z[(i + 1) % 3]).exp();
+        for i in 0..3 {
+            out[i] = z[3 + i];
+            out[3 + i] = bond(i + 2) - bond(i) - z[3 + i] * c(self.wrong);
+        }
+    }
+}
+
+impl Implicit for GaussLegendre {
+    fn dof(&self) -> usize {
+        3
+    }
+    fn unknowns(&self) -> usize {
+        12
+    }
+    fn residual<S: Elementary>(&self, z: &[S], stages: &[S], out: &mut [S]) {
+        let root = 3.0_f64.sqrt() / 6.0;
+        for (i, [a, b]) in [[0.25, 0.25 - root], [0.25 + root, 0.25]].into_iter().enumerate() {
+            let at = |k: usize| z[k] + (stages[k] * c(a) + stages[6 + k] * c(b)) * c(self.step);
+            let point: Vec<S> = (0..6).map(at).collect();
+            let out = &mut out[6 * i..6 * i + 6];
+            self.field(&point, out);
+            for (out, stage) in out.iter_mut().zip(&stages[6 * i..]) {
+                *out = *stage - *out;
+            }
+        }
+    }
+    fn end<S: Elementary>(&self, z: &mut [S], stages: &[S]) {
+        for k in 0..6 {
+            z[k] += (stages[k] + stages[6 + k]) * c(0.5 * self.step);
+        }
+    }
+    fn guess(&self, z: &[f64], stages: &mut [f64]) {
+        self.field(z, &mut stages[..6]);
+        stages.copy_within(..6, 6);
+    }
+}
+
+/// Each map, right or wrong by so much, with the radius of its samples.
+fn maps(wrong: f64) -> Vec<(&'static str, Box<dyn Measurable>, f64)> {
+    let standard = |period| OneStep(StandardMap { strength: 1.2, period, wrong });
+    let torus = vec![Coordinate::Angle(TAU); 2];
+    let near = |x: f64| Coordinate::Between(x - 0.2, x + 0.2);
+    let orbit = vec![near(1.0), near(0.0), near(0.0), near(1.0)];
+    let midpoint = OneStep(Solved(Midpoint { step: 0.3, wrong }));
+    vec![
+        ("standard map", Box::new(standard(None)), 3.0),
+        ("on the torus", Box::new(Within { map: standard(Some(TAU)), domain: torus }), 3.0),
+        ("Froeschlé", Box::new(OneStep(Froeschle { wrong })), 3.0),
+        ("Verlet", Box::new(Steps::repeated(Verlet { step: 0.1, wrong }, 100)), 0.3),
+        ("midpoint", Box::new(Within { map: midpoint, domain: orbit }), 1.0),
+        ("Gauss–Legendre", Box::new(OneStep(Solved(GaussLegendre { step: 0.3, wrong }))), 1.0),
+    ]
+}
+
+#[test]
+fn six_maps_hold() {
+    for (name, map, radius) in maps(0.0) {
+        let certificate = certify_map(&*map, CertificateOptions { radius, ..Default::default() });
+        println!("{name} {certificate}");
+        certificate.assert_holds();
+    }
+}
+
+#[test]
+fn a_trillionth_is_told() {
+    for wrong in [1e-9, 1e-12] {
+        for (name, map, radius) in maps(wrong) {
+            let options = CertificateOptions { radius, ..Default::default() };
+            let certificate = certify_map(&*map, options);
+            let row = &certificate.rows[0];
+            assert_eq!(row.verdict, Verdict::Violated, "{name} {wrong:e} {certificate}");
+            let message = certificate.to_string();
+            for words in ["DOES NOT HOLD", "JᵀΩJ = Ω: VIOLATED", "at z = [", "seed 0", "Try:"] {
+                assert!(message.contains(words), "{name}: {words} is missing in {message}");
+            }
+            let point = row.worst.as_ref().expect("a worst point");
+            assert!(message.contains(&format!("{:?}", point[0])), "{message}");
+        }
+    }
+}
+
+/// The midpoint of a pendulum with Newton's method inside, on numbers that carry bounds.
+struct NewtonInside {
+    iterations: usize,
+}
+
+impl<S: Real> Map<S> for NewtonInside {
+    fn dof(&self) -> usize {
+        1
+    }
+    fn forward(&self, z: &mut [S]) {
+        let (h, half) = (c::<S>(0.1), c::<S>(0.5));
+        let mut next = z[1];
+        for _ in 0..self.iterations {
+            // q′ = q + ½h(p + p′) put into the equation for p′.
+            let (sin, cos) = (z[0] + h * half * half * (z[1] + next)).sin_cos();
+            let defect = next - z[1] + h * sin;
+            next -= defect / (c::<S>(1.0) + h * h * half * half * cos);
+        }
+        z[0] += h * half * (z[1] + next);
+        z[1] = next;
+    }
+    fn has_inverse(&self) -> bool {
+        false
+    }
+}
+
+#[test]
+fn newton_inside_the_number_type_is_not_taken_for_a_proof() {
+    let map = OneStep(NewtonInside { iterations: 20 });
+    let certificate = certify_map(&map, CertificateOptions::default());
+    assert_eq!(certificate.rows[0].verdict, Verdict::Vacuous, "{certificate}");
+    assert!(certificate.to_string().contains("solved as `Implicit`"), "{certificate}");
+}
+
+/// x² = −1 − q²: no solution.
+struct Unsolvable;
+
+impl Implicit for Unsolvable {
+    fn dof(&self) -> usize {
+        1
+    }
+    fn residual<S: Elementary>(&self, z: &[S], next: &[S], out: &mut [S]) {
+        out[0] = next[0] * next[0] + z[0] * z[0] + c(1.0);
+        out[1] = next[1] - z[1];
+    }
+}
+
+#[test]
+fn equations_without_a_solution_are_no_map() {
+    let certificate = certify_map(&OneStep(Solved(Unsolvable)), CertificateOptions::default());
+    assert_eq!(certificate.rows[0].verdict, Verdict::Violated);
+    assert!(certificate.to_string().contains("a result is NaN at z = ["), "{certificate}");
+    let mut z: [f64; 2] = [0.5, 0.25];
+    Solved(Unsolvable).forward(&mut z);
+    assert!(z.iter().all(|v| v.is_nan()), "{z:?}");
+}
+
+#[test]
+fn an_angle_that_is_not_said_to_be_one_jumps() {
+    let map = OneStep(StandardMap { strength: 1.2, period: Some(TAU), wrong: 0.0 });
+    let options = CertificateOptions { radius: 3.0, ..Default::default() };
+    let certificate = certify_map(&map, options);
+    let row = certificate.rows.iter().find(|row| row.equation == "P⁻¹∘P = Id").expect("a row");
+    assert_eq!(row.verdict, Verdict::Violated);
+    assert!(certificate.to_string().contains("`Coordinate::Angle`"), "{certificate}");
+}
+
+#[test]
+fn laws_that_need_an_inverse_say_so() {
+    let certificate =
+        certify_map(&OneStep(Froeschle { wrong: 0.0 }), CertificateOptions::default());
+    let without = |row: &&gyroceptron::measure::Row| row.equation.contains("no inverse is given");
+    assert_eq!(certificate.rows.iter().filter(without).count(), 2);
+    assert!(certificate.summary().starts_with("holds: 2 laws"), "{}", certificate.summary());
+}
+
+#[test]
+#[should_panic(expected = "JᵀΩJ = Ω: VIOLATED")]
+fn a_broken_map_panics_with_its_law() {
+    let map = OneStep(StandardMap { strength: 1.2, period: None, wrong: 1e-9 });
+    certify_map(&map, CertificateOptions::default()).assert_holds();
+}
