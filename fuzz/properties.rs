@@ -8,13 +8,10 @@ use gyroceptron::io::{
     parse_points, parse_tensors,
 };
 use gyroceptron::layer::{CircleAction, HenonLayer, TorusAction, layer_parameter_count};
-use gyroceptron::measure::{
-    Conditioned, Measurable, RATIO_LIMIT, differing_components, inversion_ratio,
-};
+use gyroceptron::measure::{Measurable, differing_components, fuzz};
 use gyroceptron::network::{
     Architecture, GyroceptronShape, HenonNet, HenonShape, Model, NormalFormShape,
 };
-use gyroceptron::phase::Direction;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::parse;
 
@@ -110,42 +107,11 @@ fn in_range(widest: usize, kicks: usize, epsilon: f64, weights: &[f64], z: &[f64
 /// P⁻¹∘P and P∘P⁻¹ at z. Only a result that is not finite may be put down to
 /// numbers out of range.
 pub fn inverts(map: &dyn Measurable, z: &[f64], in_range: bool) -> Result<Outcome, String> {
-    let mut outcome = Outcome::IllConditioned;
-    for (first, then) in
-        [(Direction::Forward, Direction::Inverse), (Direction::Inverse, Direction::Forward)]
-    {
-        match inversion_ratio(map.measured_steps(first), map.measured_steps(then), z) {
-            Conditioned::IllConditioned => {}
-            Conditioned::Ratio(ratio) if ratio < RATIO_LIMIT => outcome = Outcome::Tested,
-            Conditioned::Ratio(ratio) if in_range || ratio.is_finite() => {
-                return Err(format!("{first:?}, then back: ratio {ratio:e} at {z:?}"));
-            }
-            Conditioned::Ratio(_) => outcome = Outcome::OutOfRange,
-        }
-    }
-    // What users call gives the same bits as the steps.
-    for direction in [Direction::Forward, Direction::Inverse] {
-        let mut walked = z.to_vec();
-        for step in &map.measured_steps(direction) {
-            step.apply(&mut walked);
-        }
-        let mut single = z.to_vec();
-        match direction {
-            Direction::Forward => map.forward(&mut single),
-            Direction::Inverse => map.inverse(&mut single),
-        }
-        let mut many = z.to_vec();
-        map.move_points(direction, &mut many);
-        let same = |a: &f64, b: &f64| {
-            a.to_bits() == b.to_bits() || !(in_range || (a.is_finite() && b.is_finite()))
-        };
-        for other in [single, many] {
-            if !walked.iter().zip(&other).all(|(a, b)| same(a, b)) {
-                return Err(format!("{direction:?}: {walked:?} by steps, {other:?} at once"));
-            }
-        }
-    }
-    Ok(outcome)
+    Ok(match fuzz::inverted(map, z, in_range)? {
+        fuzz::Outcome::Tested => Outcome::Tested,
+        fuzz::Outcome::IllConditioned => Outcome::IllConditioned,
+        fuzz::Outcome::OutOfRange => Outcome::OutOfRange,
+    })
 }
 
 pub fn epsilon(u: &mut Unstructured<'_>) -> f64 {

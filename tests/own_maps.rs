@@ -1,11 +1,27 @@
 //! Six maps that the crate does not know, certified: each holds, and each that goes wrong
 //! by a billionth or a trillionth is told from it. `wrong` is 0 in the right ones.
 
+// The target for `cargo fuzz`, which is no dependency of the suite, as a function.
+extern crate self as libfuzzer_sys;
+
+/// What `libfuzzer_sys` makes of a target.
+#[macro_export]
+macro_rules! fuzz_target {
+    (|$data:ident: &[u8]| $body:block) => {
+        pub fn target($data: &[u8]) $body
+    };
+}
+
+#[allow(unused_attributes)]
+#[path = "../fuzz/targets/own_map.rs"]
+mod own_map;
+
 use gyroceptron::measure::{
     CertificateOptions, Coordinate, Implicit, Measurable, OneStep, Solved, Steps, Verdict, Within,
-    certify_map,
+    certify_map, fuzz,
 };
 use gyroceptron::phase::Map;
+use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Elementary, Real, constant as c};
 use std::f64::consts::TAU;
 
@@ -284,4 +300,74 @@ fn laws_that_need_an_inverse_say_so() {
 fn a_broken_map_panics_with_its_law() {
     let map = OneStep(StandardMap { strength: 1.2, period: None, wrong: 1e-9 });
     certify_map(&map, CertificateOptions::default()).assert_holds();
+}
+
+/// At rest stages are zero but for rounding: no share of them tells where Newton's method
+/// stops. Points of any size have their solution, and only those.
+#[test]
+fn solutions_are_found_at_any_scale() {
+    let ring = Solved(GaussLegendre { step: 0.3, wrong: 0.0 });
+    for q in [0.0_f64, 0.1, 0.7, 1e3] {
+        let mut z: [f64; 6] = [q, q, q, 0.0, 0.0, 0.0];
+        ring.forward(&mut z);
+        assert!(z[..3].iter().all(|v| (v - q).abs() <= 1e-15 * q), "{z:?}");
+        assert!(z[3..].iter().all(|v| v.abs() <= 1e-15), "{z:?}");
+    }
+    for scale in [1e-8_f64, 1e-3, 1.0, 1e3, 1e8] {
+        // 0.3 of the time of a radian.
+        let step = 0.3 * scale * scale.sqrt();
+        let kepler = Solved(Midpoint { step, wrong: 0.0 });
+        let start = [scale, 0.0, 0.0, 1.0 / scale.sqrt()];
+        let mut z = start;
+        kepler.forward(&mut z);
+        kepler.inverse(&mut z);
+        for i in 0..4 {
+            let size = start[3 * (i / 2)];
+            assert!((z[i] - start[i]).abs() <= 1e-14 * size, "{scale:e}: {z:?}");
+        }
+    }
+}
+
+/// Bytes as a fuzzer makes them.
+fn inputs() -> impl Iterator<Item = Vec<u8>> {
+    let mut stream = Stream::new(5, "fuzz");
+    (0..300).map(move |k| {
+        let bytes = |_| stream.uniform(0.0, 256.0) as u8;
+        (0..k % 60).map(bytes).collect()
+    })
+}
+
+#[test]
+fn any_bytes_are_a_point_of_ones_own_map() {
+    for (name, map, radius) in maps(0.0) {
+        let mut tested = 0;
+        for data in inputs() {
+            let z = fuzz::point(&*map, radius, &data);
+            let inside = |v: &f64| v.abs() <= if name == "on the torus" { TAU } else { 3.0 };
+            assert!(z.len() == 2 * map.dof() && z.iter().all(inside), "{name}: {z:?}");
+            tested += usize::from(fuzz::check(&*map, radius, &data) == fuzz::Outcome::Tested);
+        }
+        assert!(tested > 200, "{name}: {tested} of 300");
+    }
+}
+
+#[test]
+fn the_target_for_a_map_of_ones_own_runs() {
+    for data in inputs() {
+        own_map::target(&data);
+    }
+}
+
+#[test]
+fn a_fuzzer_finds_what_is_broken() {
+    for (name, map, radius) in maps(1e-9) {
+        let found = inputs().any(|data| {
+            let z = fuzz::point(&*map, radius, &data);
+            fuzz::symplectic(&*map, &z, true).is_err()
+        });
+        assert!(found, "{name}");
+    }
+    let map = OneStep(StandardMap { strength: 1.2, period: None, wrong: 1e-9 });
+    let reason = fuzz::inverted(&map, &[0.5, 0.25], true).expect_err("another inverse");
+    assert!(reason.contains("[0.5, 0.25]"), "{reason}");
 }

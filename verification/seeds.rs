@@ -56,7 +56,8 @@ fn every_target_is_declared() {
         assert!(source.expect("a target").contains(&format!("properties::{target},")), "{target}");
     }
     let targets = std::fs::read_dir(root.join("targets")).expect("targets").count();
-    assert_eq!(targets, TARGETS.len());
+    // That for a map of one's own is compiled and run in `tests/own_maps.rs`.
+    assert_eq!(targets, TARGETS.len() + 1);
 }
 
 /// A broken inverse is caught by what the targets assert.

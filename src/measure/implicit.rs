@@ -1,7 +1,7 @@
 //! Maps that are given by equations to be solved.
 
 use crate::phase::Map;
-use crate::scalar::{Dual, Elementary, Real, max_or_nan};
+use crate::scalar::{Dual, Elementary, Real, Scalar, Tracked, max_or_nan};
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Col, Mat};
 
@@ -107,8 +107,8 @@ impl<M: Implicit> Equations for Back<'_, M> {
     }
 }
 
-/// (∂F/∂x)⁻¹ at x, and F there.
-fn inverse_and_residual(
+/// ∂F/∂x at x, and F there.
+fn derivative_and_residual(
     equations: &impl Equations,
     given: &[f64],
     x: &[f64],
@@ -134,25 +134,42 @@ fn inverse_and_residual(
             }
         }
     }
-    (matrix.partial_piv_lu().inverse(), Col::from_fn(count, |i| out[i].re))
+    (matrix, Col::from_fn(count, |i| out[i].re))
 }
 
-/// x ← the solution; the inverse of ∂F/∂x there, none where there is no solution.
+/// Whether F(given, x) is zero up to the rounding of its evaluation and of x.
+fn is_rounding(
+    equations: &impl Equations,
+    given: &[f64],
+    x: &[f64],
+    derivative: &Mat<f64>,
+    residual: &Col<f64>,
+) -> bool {
+    const ROOM: f64 = 4.0;
+    let exact = |values: &[f64]| values.iter().map(|&v| Tracked::exact(v)).collect::<Vec<_>>();
+    let mut tracked = vec![Tracked::exact(0.0); x.len()];
+    equations.residual(&exact(given), &exact(x), &mut tracked);
+    tracked.iter().enumerate().all(|(i, value)| {
+        let of_x: f64 = x.iter().enumerate().map(|(j, x)| (derivative[(i, j)] * x).abs()).sum();
+        residual[i].abs() <= ROOM * f64::unit_roundoff() * (value.bound + of_x)
+    })
+}
+
+/// x ← the solution; the inverse of ∂F/∂x there, none where no solution was found.
 fn solve(equations: &impl Equations, given: &[f64], x: &mut [f64]) -> Option<Mat<f64>> {
     const MOST: usize = 60;
-    // Steps of this share of x are in the quadratic range: they shrink until rounding
-    // stops them.
-    const CLOSE: f64 = 1e-6;
-    let largest = |values: &[f64]| values.iter().fold(0.0, |m, v| max_or_nan(m, v.abs()));
     let mut before = f64::INFINITY;
     for _ in 0..MOST {
-        let (inverse, residual) = inverse_and_residual(equations, given, x);
+        let (derivative, residual) = derivative_and_residual(equations, given, x);
+        let inverse = derivative.partial_piv_lu().inverse();
         let step = &inverse * &residual;
         let size = step.iter().fold(0.0, |m, v: &f64| max_or_nan(m, v.abs()));
         if !size.is_finite() {
             return None;
         }
-        if size == 0.0 || (size <= CLOSE * largest(x) && !(size < 0.5 * before)) {
+        // Steps of the quadratic range shrink until rounding stops them.
+        let stopped = size == 0.0 || !(size < 0.5 * before);
+        if stopped && is_rounding(equations, given, x, &derivative, &residual) {
             return Some(inverse);
         }
         for (x, step) in x.iter_mut().zip(step.iter()) {

@@ -12,6 +12,7 @@ mod certificate;
 mod circle_axioms;
 mod determinant;
 mod equivariance;
+pub mod fuzz;
 mod horizon;
 mod implicit;
 mod inversion;

@@ -1,0 +1,177 @@
+//! What a fuzz target asserts of a map, for one input of any bytes.
+//!
+//! A target for a map of one's own is [`check`] of it:
+//!
+//! ```
+//! use gyroceptron::measure::{OneStep, fuzz};
+//! use gyroceptron::phase::Map;
+//! use gyroceptron::scalar::{Elementary, constant};
+//!
+//! struct StandardMap(f64); // p ← p + K sin q, q ← q + p
+//!
+//! impl<S: Elementary> Map<S> for StandardMap {
+//!     fn dof(&self) -> usize {
+//!         1
+//!     }
+//!     fn forward(&self, z: &mut [S]) {
+//!         z[1] += z[0].sin_cos().0 * constant(self.0);
+//!         z[0] += z[1];
+//!     }
+//!     fn inverse(&self, z: &mut [S]) {
+//!         z[0] -= z[1];
+//!         z[1] -= z[0].sin_cos().0 * constant(self.0);
+//!     }
+//! }
+//!
+//! fn target(data: &[u8]) {
+//!     fuzz::check(&OneStep(StandardMap(1.2)), 1e6, data);
+//! }
+//! target(b"any bytes that a fuzzer comes up with");
+//! ```
+
+use super::inversion::{Conditioned, ThereAndBack};
+use super::measurable::coordinate;
+use super::{Measurable, RATIO_LIMIT, Walk, symplecticity_ratio};
+use crate::phase::Direction;
+
+/// What an input came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// The ratio was measured, and is below the limit.
+    Tested,
+    /// Rounding leaves no digit to test.
+    IllConditioned,
+    /// The numbers may leave the range of `f64`.
+    OutOfRange,
+}
+
+/// Numbers at which arithmetic is at its ends.
+const SPECIAL: [f64; 16] = [
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    f64::MIN_POSITIVE,
+    5e-324,
+    -5e-324,
+    f64::EPSILON,
+    1e8,
+    -1e8,
+    1e-8,
+    1e16,
+    1e-300,
+    std::f64::consts::PI,
+    -std::f64::consts::FRAC_PI_2,
+    std::f64::consts::FRAC_PI_4,
+];
+
+/// 2n numbers from any bytes, zeros when they run out: common ones, of any size and of any
+/// bits, brought into |zᵢ| ≤ `reach`, or into the [domain](Measurable::domain) of the map.
+pub fn point(map: &dyn Measurable, reach: f64, data: &[u8]) -> Vec<f64> {
+    let mut bytes = data.iter().copied().chain(std::iter::repeat(0));
+    let mut take = |count: usize| -> [u8; 8] {
+        let mut out = [0; 8];
+        for (out, byte) in out[..count].iter_mut().zip(&mut bytes) {
+            *out = byte;
+        }
+        out
+    };
+    let mut number = || -> f64 {
+        let kind = take(1)[0];
+        let short = |[a, b, ..]: [u8; 8]| f64::from(i16::from_le_bytes([a, b]));
+        match kind % 8 {
+            0..=3 => short(take(2)) / 4096.0,
+            4 => {
+                let exponent = f64::from(take(1)[0] as i8);
+                short(take(2)) / 32768.0 * libm::exp2(exponent)
+            }
+            5 => SPECIAL[usize::from(take(1)[0]) % SPECIAL.len()],
+            6 => f64::from(take(1)[0] as i8) / 16.0,
+            _ => f64::from_bits(u64::from_le_bytes(take(8))),
+        }
+    };
+    let domain = map.domain();
+    let within = |(low, high): (f64, f64), value: f64| {
+        let value = if value.is_finite() { value } else { low };
+        let inside = (low..=high).contains(&value);
+        if inside { value } else { low + (value - low).rem_euclid(high - low) }
+    };
+    (0..2 * map.dof()).map(|i| within(coordinate(&domain, i).range(reach), number())).collect()
+}
+
+/// Panics unless the map is undone by its inverse, where it has one, and symplectic, at the
+/// [point] of these bytes.
+///
+/// `reach` is how far points go within which the map has to stay among the finite numbers;
+/// for coordinates of a domain that is their range.
+///
+/// # Panics
+/// With what does not hold, the ratio and the point.
+pub fn check(map: &dyn Measurable, reach: f64, data: &[u8]) -> Outcome {
+    let z = point(map, reach, data);
+    let symplectic = symplectic(map, &z, true);
+    let inverted = match map.has_inverse() {
+        true => inverted(map, &z, true),
+        false => symplectic.clone(),
+    };
+    match (symplectic, inverted) {
+        (Ok(_), Ok(outcome)) => outcome,
+        (Err(reason), _) | (_, Err(reason)) => panic!("{reason}"),
+    }
+}
+
+/// P⁻¹∘P = Id and P∘P⁻¹ = Id at z, and the same bits by [`Map`](crate::phase::Map), by its
+/// steps and for many points. Only a result that is not finite may be put down to numbers out
+/// of range.
+///
+/// # Errors
+/// What does not hold, with the ratio and the point.
+pub fn inverted(map: &dyn Measurable, z: &[f64], in_range: bool) -> Result<Outcome, String> {
+    let mut outcome = Outcome::IllConditioned;
+    for first in [Direction::Forward, Direction::Inverse] {
+        let both =
+            ThereAndBack::new(map.measured_steps(first), map.measured_steps(first.reversed()));
+        match both.within(map.domain()).ratio(z) {
+            Conditioned::IllConditioned => {}
+            Conditioned::Ratio(ratio) if ratio < RATIO_LIMIT => outcome = Outcome::Tested,
+            Conditioned::Ratio(ratio) if in_range || ratio.is_finite() => {
+                return Err(format!("{first:?}, then back: ratio {ratio:e} at {z:?}"));
+            }
+            Conditioned::Ratio(_) => outcome = Outcome::OutOfRange,
+        }
+    }
+    for direction in [Direction::Forward, Direction::Inverse] {
+        let mut walked = z.to_vec();
+        for step in &map.measured_steps(direction) {
+            step.apply(&mut walked);
+        }
+        let mut single = z.to_vec();
+        map.run(direction, &mut single);
+        let mut many = z.to_vec();
+        map.move_points(direction, &mut many);
+        let same = |a: &f64, b: &f64| {
+            a.to_bits() == b.to_bits() || !(in_range || (a.is_finite() && b.is_finite()))
+        };
+        for other in [single, many] {
+            if !walked.iter().zip(&other).all(|(a, b)| same(a, b)) {
+                return Err(format!("{direction:?}: {walked:?} by steps, {other:?} at once"));
+            }
+        }
+    }
+    Ok(outcome)
+}
+
+/// JᵀΩJ = Ω at z. Only a result that is not finite may be put down to numbers out of range.
+///
+/// # Errors
+/// The ratio and the point.
+pub fn symplectic(map: &dyn Measurable, z: &[f64], in_range: bool) -> Result<Outcome, String> {
+    let steps = map.measured_steps(Direction::Forward);
+    match symplecticity_ratio(&Walk::new(&steps, z)) {
+        ratio if ratio < RATIO_LIMIT => Ok(Outcome::Tested),
+        ratio if in_range || ratio.is_finite() => {
+            Err(format!("JᵀΩJ = Ω: ratio {ratio:e} at {z:?}"))
+        }
+        _ => Ok(Outcome::OutOfRange),
+    }
+}
