@@ -2,7 +2,7 @@
 #![cfg(feature = "cli")]
 
 use gyroceptron::flow::{Pairs, Window, sample};
-use gyroceptron::io::{load_model, read_points, save_model, write_pairs, write_points};
+use gyroceptron::io::{load_model, read_pairs, read_points, save_model, write_pairs, write_points};
 use gyroceptron::network::{Rollout, rollout};
 use gyroceptron::random::Stream;
 use gyroceptron::system::Oscillators;
@@ -639,6 +639,100 @@ fn train_verify_predict_export_and_import() {
         assert_eq!(back.model.composition().parameters(), stored.model.composition().parameters());
         std::fs::remove_file(path.join("back.json")).expect("removed");
     }
+}
+
+/// Interleaved columns, and a circle action of the wrong plane, are told from the rotation.
+#[test]
+fn columns_and_actions_that_do_not_fit_are_told() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let train = |data: &str, action: &str| {
+        let mut arguments = vec!["train", "--data", data, "--circle-action", action];
+        arguments.extend(["--iterations", "1", "--output", "m.json", "--overwrite"]);
+        text(&succeeds(path, &arguments).stderr)
+    };
+    assert!(!train("pairs.npz", "1,0").contains("better"));
+    let told = train("pairs.npz", "0,1");
+    assert!(told.contains("columns q1 q2 p1 p2 with circle action 1,0 better"), "{told}");
+    let pairs = read_pairs(&path.join("pairs.npz")).expect("pairs").pairs;
+    // q₁ p₁ q₂ p₂.
+    let interleaved = pairs.with_columns(&[0, 2, 1, 3]);
+    write_pairs(&path.join("interleaved.npz"), &interleaved).expect("written");
+    let told = train("interleaved.npz", "1,0");
+    assert!(told.contains("columns q1 p1 q2 p2 with circle action 1,0 better"), "{told}");
+    assert_eq!(interleaved.with_columns(&[0, 2, 1, 3]).input(), pairs.input());
+    // Momenta first turn the other way, and are as good.
+    write_pairs(&path.join("p-first.npz"), &pairs.with_columns(&[2, 3, 0, 1])).expect("written");
+    assert!(!train("p-first.npz", "1,0").contains("better"));
+}
+
+/// A model knows where it was trained: what leaves that box is told, or stops the command.
+#[test]
+fn trajectories_that_leave_the_training_points_are_told() {
+    let folder = with_model();
+    let path = folder.path();
+    let stored = load_model(&path.join("model.json")).expect("a model");
+    let region = stored.provenance.region.as_ref().expect("a box");
+    assert!(region.low.len() == 4 && region.low.iter().zip(&region.high).all(|(a, b)| a < b));
+    let inside: Vec<f64> =
+        region.low.iter().zip(&region.high).map(|(a, b)| (a + b) / 2.0).collect();
+    let mut outside = inside.clone();
+    outside[3] = 2.0 * region.high[3];
+    let points = [&inside[..], &outside, &inside].concat();
+    write_points(&path.join("far.npy"), &[3, 4], &points).expect("written");
+    let predict = |output: &str, more: &[&str]| {
+        let mut arguments = vec!["predict", "--model", "model.json", "--input", "far.npy"];
+        arguments.extend(["--steps", "4", "--every", "2", "--output", output]);
+        arguments.extend(more);
+        call(path, &arguments)
+    };
+    let output = predict("t.npy", &["--json", "--invariant", "mu.npy"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let told = text(&output.stderr);
+    for words in ["of 9 kept states", "1 trajectories", "row 1", "after 0 steps", "p2 = "] {
+        assert!(told.contains(words), "{words}: {told}");
+    }
+    let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
+    assert_eq!(
+        (json["outside"]["row"].as_u64(), json["outside"]["coordinate"].as_u64()),
+        (Some(1), Some(3))
+    );
+    // The invariant of the network along them.
+    let numbers = |file: &str, count: usize| -> Vec<f64> {
+        let bytes = std::fs::read(path.join(file)).expect("an array");
+        let of = |b: &[u8]| f64::from_le_bytes(b.try_into().expect("eight bytes"));
+        bytes[bytes.len() - count * 8..].chunks_exact(8).map(of).collect()
+    };
+    let (states, along) = (numbers("t.npy", 36), numbers("mu.npy", 9));
+    let own = stored.model.invariant().expect("a gyroceptron");
+    for (z, value) in states.chunks_exact(4).zip(&along) {
+        assert_eq!(own(z).to_bits(), value.to_bits());
+    }
+    // Nothing is written where it is to stop, and nothing said where it is to be ignored.
+    let output = predict("s.npy", &["--outside", "stop"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("nothing is written") && !path.join("s.npy").exists());
+    let output = predict("i.npy", &["--outside", "ignore", "--json"]);
+    assert!(output.status.success() && output.stderr.is_empty(), "{}", text(&output.stderr));
+    let refused = |arguments: &[&str], words: &[&str]| {
+        let mut all = vec![
+            "predict",
+            "--model",
+            "model.json",
+            "--input",
+            "far.npy",
+            "--steps",
+            "4",
+            "--output",
+            "n.npy",
+        ];
+        all.extend(arguments);
+        refuses(path, &all, words);
+    };
+    refused(&["--invariant", "n.npy"], &["--invariant", "another file"]);
+    refused(&["--invariant", "far.npy", "--overwrite"], &["far.npy"]);
+    refused(&["--outside", "perhaps"], &["--outside"]);
 }
 
 #[test]

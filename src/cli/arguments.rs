@@ -220,6 +220,17 @@ pub struct Train {
     pub common: Common,
 }
 
+/// What to do with trajectories that leave the box of the training points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Outside {
+    /// Say which, and write them.
+    Warn,
+    /// Say which, write nothing, and end with status 1.
+    Stop,
+    /// Write them.
+    Ignore,
+}
+
 #[derive(Debug, Args)]
 pub struct Predict {
     /// The model.
@@ -243,6 +254,13 @@ pub struct Predict {
     /// The trajectories, an .npy of (steps/every + 1, M, 2n).
     #[arg(long, value_name = "FILE.npy")]
     pub output: PathBuf,
+    /// The invariant of the network along them, an .npy of (steps/every + 1, M): 𝔍₀∘ψ⁻¹ of a
+    /// gyroceptron, the sum of the actions of one in normal form.
+    #[arg(long, value_name = "FILE.npy")]
+    pub invariant: Option<PathBuf>,
+    /// What to do with kept states outside the box of the training points.
+    #[arg(long, value_enum, default_value_t = Outside::Warn)]
+    pub outside: Outside,
     /// Replace an existing file.
     #[arg(long)]
     pub overwrite: bool,

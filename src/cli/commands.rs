@@ -1,14 +1,15 @@
 //! The commands.
 
 use super::arguments::{
-    Arguments, Command, Common, Export, Import, Predict, Run, Verify, circle_action, only_circle,
-    positive,
+    Arguments, Command, Common, Export, Import, Outside, Predict, Run, Verify, circle_action,
+    only_circle, positive,
 };
 use super::output::{json, out, status_of};
 use super::progress::{Progress, line};
 use super::train::train_pairs;
 use super::{Status, cite};
 use gyroceptron::Error;
+use gyroceptron::flow::Region;
 use gyroceptron::io::{
     Provenance, StoredModel, assemble_normal_form, assemble_weights, export_weights, file_digest,
     is_normal_form, load_model, read_points, read_tensors, save_model, write_points,
@@ -21,6 +22,8 @@ use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{
     Folder, Scene, catalogue, certificate_table, default_scene, find, parse, run,
 };
+use rayon::prelude::*;
+use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -277,6 +280,56 @@ fn member(
     model.at(epsilon.unwrap_or(architecture.epsilon()), time)
 }
 
+/// What left the box of the training points.
+#[derive(Debug, Serialize)]
+struct Left {
+    /// Trajectories with a state outside.
+    trajectories: usize,
+    /// Kept states outside.
+    states: usize,
+    /// Of all kept ones.
+    of: usize,
+    /// The first of them: a row of the input, and after how many steps.
+    row: usize,
+    step: usize,
+    /// Its first coordinate outside, from 0, and the value of it.
+    coordinate: usize,
+    value: f64,
+}
+
+impl Left {
+    fn region(region: &Region, values: &[f64], points: usize, every: usize) -> Option<Self> {
+        let dim = values.len().checked_div(points).map(|_| region.low.len())?;
+        let mut leaving = vec![false; points];
+        let mut out: Option<Self> = None;
+        for (index, z) in values.chunks_exact(dim).enumerate() {
+            let Some(coordinate) = region.first_outside(z) else { continue };
+            let row = index % points;
+            leaving[row] = true;
+            let (step, value) = (index / points * every, z[coordinate]);
+            let of = values.len() / dim;
+            let first = Self { trajectories: 0, states: 0, of, row, step, coordinate, value };
+            out.get_or_insert(first).states += 1;
+        }
+        out.map(|out| Self { trajectories: leaving.iter().filter(|left| **left).count(), ..out })
+    }
+
+    fn told(&self, region: Option<&Region>) -> String {
+        let Self { trajectories, states, of, row, step, coordinate, value } = *self;
+        let dof = region.map_or(1, |region| region.low.len() / 2);
+        let half = if coordinate < dof { "q" } else { "p" };
+        let bounds = region.map_or_else(String::new, |region| {
+            format!(", not from {:.3e} to {:.3e}", region.low[coordinate], region.high[coordinate])
+        });
+        format!(
+            "note: {states} of {of} kept states, of {trajectories} trajectories, are outside the box \
+             of the training points, where nothing is known of the model; the first from row {row} \
+             of the input after {step} steps: {half}{} = {value:.3e}{bounds}",
+            coordinate % dof + 1
+        )
+    }
+}
+
 fn predict(arguments: &Predict) -> Result<Status, Error> {
     use_threads(&arguments.common)?;
     let request = Rollout {
@@ -287,6 +340,22 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     let stored = load_model(&arguments.model)?;
     let model = member(&stored, arguments.epsilon, arguments.flow_time)?;
     guard_output(&arguments.output, arguments.overwrite, &inputs)?;
+    if let Some(invariant) = &arguments.invariant {
+        if model.invariant().is_none() {
+            let expected = "an option of gyroceptrons";
+            return Err(Error::invalid("--invariant", invariant.display(), expected));
+        }
+        let taken = [inputs[0], inputs[1], &arguments.output];
+        guard_output(invariant, arguments.overwrite, &taken)?;
+        if *invariant == arguments.output {
+            let expected = "another file than --output";
+            return Err(Error::invalid("--invariant", invariant.display(), expected));
+        }
+    }
+    if arguments.outside == Outside::Stop && stored.provenance.region.is_none() {
+        let expected = "a model that knows the box of its training points";
+        return Err(Error::invalid("--outside", "stop", expected));
+    }
     let map = model.composition();
     let dim = 2 * map.dof();
     let file = read_points(&arguments.input, map.dof())?;
@@ -307,10 +376,28 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
             ),
         });
     }
+    let region = stored.provenance.region.as_ref().filter(|_| arguments.outside != Outside::Ignore);
+    let left = region.and_then(|region| Left::region(region, &values, points, request.every));
+    if let Some(left) = &left {
+        line(&left.told(region));
+        if arguments.outside == Outside::Stop {
+            line("nothing is written");
+            return Ok(Status::CheckFailed);
+        }
+    }
     let shape = [request.kept() as u64, points as u64, dim as u64];
     write_points(&arguments.output, &shape, &values)?;
+    if let (Some(file), Some(invariant)) = (&arguments.invariant, model.invariant()) {
+        let along: Vec<f64> = values.par_chunks_exact(dim).map(invariant).collect();
+        write_points(file, &shape[..2], &along)?;
+    }
     if arguments.common.json {
-        json(&json!({ "output": arguments.output.display().to_string(), "shape": shape }))?;
+        json(&json!({
+            "output": arguments.output.display().to_string(),
+            "shape": shape,
+            "invariant": arguments.invariant.as_ref().map(|file| file.display().to_string()),
+            "outside": left,
+        }))?;
     } else {
         out(&format!(
             "{}: {} states of {points} trajectories of {dim} numbers\n",

@@ -18,7 +18,7 @@ use gyroceptron::network::{Architecture, InitialWeights};
 use gyroceptron::random::Stream;
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
-    ByTurns, Folder, Layers, ModelSpec, NetworkSpec, Observer, OwnTraining, TrainingTimes,
+    ByTurns, Folder, Layers, ModelSpec, NetworkSpec, Observer, OwnTraining, Reading, TrainingTimes,
     TwistLayers,
 };
 use gyroceptron::train::{
@@ -405,12 +405,16 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if is_normal_form && epsilon == 0.0 && family.time.is_none() {
         return Err(Error::invalid("--epsilon", 0, "another number, or --flow-time"));
     }
+    if let Some(reading) = Reading::better(&pairs, &action) {
+        progress.note(&format!("{}: {}", arguments.data.display(), reading.told()));
+    }
     let nearest: Vec<f64> =
         action.circles().iter().map(|circle| fit_rotation(&pairs, circle)).collect();
     let angles: Vec<f64> =
         nearest.iter().map(|nearest| arguments.theta.unwrap_or(*nearest)).collect();
     let time = family.time.unwrap_or_else(|| slow_time(&pairs, &action, &nearest) / epsilon.abs());
     let architecture = architecture(epsilon, time);
+    let region = pairs.region();
     let (pairs, held_out) =
         pairs.split(arguments.validation, &mut Stream::new(arguments.seed, "data/held-out"));
     progress.note(&format!(
@@ -463,6 +467,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         data: Some(digest),
         flow_time: family.time,
         validation: outcome.best.validation,
+        region,
         ..Provenance::of(&spec.name)
     };
     save_model(&arguments.output, &StoredModel { model: outcome.model.clone(), provenance })?;

@@ -9,6 +9,38 @@ use crate::system::{Hamiltonian, System};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+/// A box in phase space that points lie in: where a network was trained.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Region {
+    /// The lower corner, 2n numbers.
+    pub low: Vec<f64>,
+    /// The upper corner, 2n numbers.
+    pub high: Vec<f64>,
+}
+
+impl Region {
+    /// The smallest one around points of so many numbers; None of no points.
+    pub fn around<'a>(dim: usize, points: impl IntoIterator<Item = &'a [f64]>) -> Option<Self> {
+        let mut points = points.into_iter().flat_map(|points| points.chunks_exact(dim));
+        let first = points.next()?;
+        let mut out = Self { low: first.to_vec(), high: first.to_vec() };
+        for z in points {
+            for ((low, high), z) in out.low.iter_mut().zip(&mut out.high).zip(z) {
+                *low = if *z < *low { *z } else { *low };
+                *high = if *z > *high { *z } else { *high };
+            }
+        }
+        Some(out)
+    }
+
+    /// The first coordinate of a point that is outside; NaN is.
+    pub fn first_outside(&self, z: &[f64]) -> Option<usize> {
+        let within = |(z, (low, high)): (&f64, (&f64, &f64))| (*low..=*high).contains(z);
+        z.iter().zip(self.low.iter().zip(&self.high)).position(|one| !within(one))
+    }
+}
+
 /// A box in phase space and how many points to draw in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -309,6 +341,23 @@ impl Pairs {
         let error = found.iter().zip(&finer).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
         integrator.check_finite(error, time)?;
         Ok((Self::new(&integrator.name(), system.dof(), points, output)?, error))
+    }
+
+    /// The same pairs with other columns: number k is what `order[k]` was.
+    ///
+    /// # Panics
+    /// When an index is not below 2n.
+    pub fn with_columns(&self, order: &[usize]) -> Self {
+        let dim = 2 * self.dof;
+        let of = |values: &[f64]| -> Vec<f64> {
+            values.chunks_exact(dim).flat_map(|z| order.iter().map(|&k| z[k])).collect()
+        };
+        Self { input: of(&self.input), output: of(&self.output), ..self.clone() }
+    }
+
+    /// The box around their points, of both ends; None of no pairs.
+    pub fn region(&self) -> Option<Region> {
+        Region::around(2 * self.dof, [&self.input[..], &self.output[..]])
     }
 
     /// n.

@@ -9,7 +9,7 @@ mod trajectories;
 
 #[cfg(feature = "files")]
 pub(crate) use data::check_finite;
-pub use data::{Condition, Pairs, Window, sample};
+pub use data::{Condition, Pairs, Region, Window, sample};
 pub use gauss::{GaussLegendre, Reference, ReferenceValue};
 pub use integrator::Integrator;
 pub use runge_kutta::runge_kutta_4;

@@ -3,6 +3,7 @@
 use super::{read_bytes, write_atomically};
 use crate::digest;
 use crate::error::Error;
+use crate::flow::Region;
 use crate::network::{Architecture, Model};
 use crate::train::Checkpoint;
 use serde::de::DeserializeOwned;
@@ -28,6 +29,9 @@ pub struct Provenance {
     pub flow_time: Option<f64>,
     /// The held-out mean squared error.
     pub validation: Option<f64>,
+    /// The box around its pairs, training and held out: beyond it nothing has been shown.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub region: Option<Region>,
     /// The version of this crate.
     pub crate_version: String,
 }

@@ -203,7 +203,7 @@ impl Architecture {
 }
 
 /// A function of a point that a network keeps or nearly keeps.
-pub type Invariant<'a> = Box<dyn Fn(&[f64]) -> f64 + 'a>;
+pub type Invariant<'a> = Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>;
 
 /// A network in double precision.
 #[derive(Clone, Debug)]

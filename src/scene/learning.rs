@@ -124,6 +124,7 @@ pub(super) fn learn_at(
         data: Some(pairs.digest()),
         flow_time: Some(time),
         validation: best.validation,
+        region: pairs.region(),
         ..Provenance::of(&scene.name)
     };
     let stored = StoredModel { model: outcome.model.clone(), provenance };

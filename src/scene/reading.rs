@@ -1,0 +1,102 @@
+//! How pairs of one's own are to be read: which columns are a plane, which planes turn.
+
+use crate::flow::Pairs;
+use crate::layer::{CircleAction, TorusAction};
+use crate::measure::rotation_error;
+use crate::train::fit_rotation;
+
+/// Another order of columns or other weights of the circle action, which the pairs fit far
+/// better: a mean squared error of the rotation alone of a tenth at most.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reading {
+    /// What the columns would be.
+    pub columns: String,
+    /// The weights of the circle action.
+    pub weights: Vec<i32>,
+    /// The mean squared error of the rotation that is nearest to the pairs, read so.
+    pub error: f64,
+    /// The same of the pairs as they were said to be.
+    pub as_given: f64,
+}
+
+impl Reading {
+    /// How many times as large the error is at least of what was said.
+    const FACTOR: f64 = 10.0;
+    /// So many pairs tell.
+    const PAIRS: usize = 1000;
+
+    /// A reading that fits far better than that of columns q₁ … qₙ, p₁ … pₙ and this action,
+    /// if there is one: interleaved columns, and weights 0 to 2 of up to four planes.
+    ///
+    /// Momenta before positions turn the other way, and are as good.
+    pub fn better(pairs: &Pairs, action: &TorusAction) -> Option<Self> {
+        let dof = pairs.dof();
+        if action.dof() != dof {
+            return None;
+        }
+        let given = pairs.thinned(Self::PAIRS);
+        let interleaved: Vec<usize> =
+            (0..dof).map(|j| 2 * j).chain((0..dof).map(|j| 2 * j + 1)).collect();
+        let name = |half: &str, j: usize| format!("{half}{}", j + 1);
+        let planes = |j: usize| format!("{} {}", name("q", j), name("p", j));
+        let by_planes: Vec<String> = (0..dof).map(planes).collect();
+        let by_halves: Vec<String> =
+            ["q", "p"].iter().flat_map(|half| (0..dof).map(|j| name(half, j))).collect();
+        let mut readings = vec![(by_halves.join(" "), given.clone())];
+        if dof > 1 {
+            readings.push((by_planes.join(" "), given.with_columns(&interleaved)));
+        }
+        let error = |pairs: &Pairs, action: &TorusAction| {
+            let angles: Vec<f64> =
+                action.circles().iter().map(|circle| fit_rotation(pairs, circle)).collect();
+            rotation_error(action, &angles, pairs)
+        };
+        let as_given = error(&given, action);
+        let mut actions = vec![action.clone()];
+        if action.circles().len() == 1 {
+            actions.extend(candidates(dof).into_iter().map(TorusAction::from));
+        }
+        let mut best: Option<Self> = None;
+        for (columns, pairs) in &readings {
+            for action in &actions {
+                let error = error(pairs, action);
+                if error < best.as_ref().map_or(as_given / Self::FACTOR, |best| best.error) {
+                    let weights = action.circles().iter().flat_map(CircleAction::weights);
+                    let weights = weights.copied().collect();
+                    best = Some(Self { columns: columns.clone(), weights, error, as_given });
+                }
+            }
+        }
+        best
+    }
+
+    /// What is to be told.
+    pub fn told(&self) -> String {
+        let weights: Vec<String> = self.weights.iter().map(i32::to_string).collect();
+        format!(
+            "the pairs fit columns {} with circle action {} better: the nearest rotation errs by \
+             {:.1e} (mean square), by {:.1e} as they were said to be",
+            self.columns,
+            weights.join(","),
+            self.error,
+            self.as_given
+        )
+    }
+}
+
+/// Circle actions of weights 0, 1 and 2 without a common factor.
+fn candidates(dof: usize) -> Vec<CircleAction> {
+    const MOST: usize = 4;
+    if dof > MOST {
+        let one = |plane: usize| (0..dof).map(|j| i32::from(j == plane)).collect::<Vec<_>>();
+        return (0..dof).map(|plane| CircleAction::new(one(plane))).collect();
+    }
+    let weights = |number: usize| -> Vec<i32> {
+        (0..dof).map(|j| (number / 3_usize.pow(j as u32) % 3) as i32).collect()
+    };
+    (1..3_usize.pow(dof as u32))
+        .map(weights)
+        .filter(|weights| weights.contains(&1))
+        .map(CircleAction::new)
+        .collect()
+}
