@@ -96,7 +96,10 @@ pub trait Map<S> {
     /// In a map that has none, where [`Map::has_inverse`] has to say so.
     fn inverse(&self, z: &mut [S]) {
         let _ = z;
-        panic!("a map without an inverse was asked for it");
+        panic!(
+            "{} was asked for its inverse: implement `inverse`, or let `has_inverse` be false",
+            std::any::type_name::<Self>()
+        );
     }
 
     /// Whether there is an inverse: laws that need it are left out, and said to be,

@@ -171,6 +171,15 @@ fn angles_come_back_to_their_circle() {
         assert_eq!((dual.re, dual.eps), (rest, [1.0]));
     }
     assert!(Elementary::modulo(f64::NAN, 1.0).is_nan());
+    for x in [1e33, -1e33, 1e17] {
+        let (rest, wide) = (Elementary::modulo(x, 3.5), DoubleDouble::from_f64(x).modulo(3.5));
+        assert_eq!(wide.value(), rest, "{x:e}");
+    }
+    // Integers of any size are products, also of negative numbers.
+    let odd = DoubleDouble::from_f64(-1.5).powf(65.0);
+    assert!(odd.value() < 0.0 && odd.parts().1 != 0.0);
+    let zero = Tracked { value: 0.0, bound: 1.0 };
+    assert_eq!((zero.powf(0.0).value, zero.powf(0.0).bound), (1.0, 2.0));
     let mut sum = DoubleDouble::from_f64(2.0);
     sum += DoubleDouble::from_f64(1.0);
     sum *= DoubleDouble::from_f64(4.0);

@@ -17,12 +17,14 @@ macro_rules! fuzz_target {
 mod own_map;
 
 use gyroceptron::measure::{
-    CertificateOptions, Coordinate, Implicit, Measurable, OneStep, Solved, Steps, Verdict, Within,
-    certify_map, fuzz,
+    Certificate, CertificateOptions, Coordinate, Implicit, Measurable, OneStep, Solved, Steps,
+    Verdict, Within, certify_map, fuzz,
 };
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
-use gyroceptron::scalar::{Elementary, Real, constant as c};
+use gyroceptron::scalar::{
+    DoubleDouble, Dual, Elementary, Real, Scalar, Tracked, constant as c, max_or_nan,
+};
 use std::f64::consts::TAU;
 
 /// p ← p + K sin q, q ← q + p, on the line or, with a period, on the torus.
@@ -175,6 +177,10 @@ impl Implicit for GaussLegendre {
     }
 }
 
+fn within<M: Measurable>(map: M, domain: Vec<Coordinate>) -> Within<M> {
+    Within::new(map, domain).expect("a domain")
+}
+
 /// Each map, right or wrong by so much, with the radius of its samples.
 fn maps(wrong: f64) -> Vec<(&'static str, Box<dyn Measurable>, f64)> {
     let standard = |period| OneStep(StandardMap { strength: 1.2, period, wrong });
@@ -184,10 +190,10 @@ fn maps(wrong: f64) -> Vec<(&'static str, Box<dyn Measurable>, f64)> {
     let midpoint = OneStep(Solved(Midpoint { step: 0.3, wrong }));
     vec![
         ("standard map", Box::new(standard(None)), 3.0),
-        ("on the torus", Box::new(Within { map: standard(Some(TAU)), domain: torus }), 3.0),
+        ("on the torus", Box::new(within(standard(Some(TAU)), torus)), 3.0),
         ("Froeschlé", Box::new(OneStep(Froeschle { wrong })), 3.0),
         ("Verlet", Box::new(Steps::repeated(Verlet { step: 0.1, wrong }, 100)), 0.3),
-        ("midpoint", Box::new(Within { map: midpoint, domain: orbit }), 1.0),
+        ("midpoint", Box::new(within(midpoint, orbit)), 1.0),
         ("Gauss–Legendre", Box::new(OneStep(Solved(GaussLegendre { step: 0.3, wrong }))), 1.0),
     ]
 }
@@ -270,7 +276,10 @@ impl Implicit for Unsolvable {
 fn equations_without_a_solution_are_no_map() {
     let certificate = certify_map(&OneStep(Solved(Unsolvable)), CertificateOptions::default());
     assert_eq!(certificate.rows[0].verdict, Verdict::Violated);
-    assert!(certificate.to_string().contains("a result is NaN at z = ["), "{certificate}");
+    assert!(
+        certificate.to_string().contains("a result or its bound is not finite at z = ["),
+        "{certificate}"
+    );
     let mut z: [f64; 2] = [0.5, 0.25];
     Solved(Unsolvable).forward(&mut z);
     assert!(z.iter().all(|v| v.is_nan()), "{z:?}");
@@ -292,7 +301,9 @@ fn laws_that_need_an_inverse_say_so() {
         certify_map(&OneStep(Froeschle { wrong: 0.0 }), CertificateOptions::default());
     let without = |row: &&gyroceptron::measure::Row| row.equation.contains("no inverse is given");
     assert_eq!(certificate.rows.iter().filter(without).count(), 2);
-    assert!(certificate.summary().starts_with("holds: 2 laws"), "{}", certificate.summary());
+    let summary = certificate.summary();
+    assert!(summary.starts_with("holds: 2 laws"), "{summary}");
+    assert!(summary.ends_with("2 not tested: no inverse is given"), "{summary}");
 }
 
 #[test]
@@ -370,4 +381,129 @@ fn a_fuzzer_finds_what_is_broken() {
     let map = OneStep(StandardMap { strength: 1.2, period: None, wrong: 1e-9 });
     let reason = fuzz::inverted(&map, &[0.5, 0.25], true).expect_err("another inverse");
     assert!(reason.contains("[0.5, 0.25]"), "{reason}");
+}
+
+/// Maps whose operations are few or exact make no errors of rounding: their bounds are small
+/// all the same, so that nothing is left to show.
+#[test]
+fn maps_of_few_operations_hold_too() {
+    let options = |seed| CertificateOptions { radius: 3.0, seed, ..Default::default() };
+    for seed in 0..4 {
+        for strength in [0.0, 0.5, 0.97, 2.0, 5.0] {
+            let map = |wrong| OneStep(StandardMap { strength, period: None, wrong });
+            certify_map(&map(0.0), options(seed)).assert_holds();
+            let broken = certify_map(&map(1e-12), options(seed));
+            assert_eq!(broken.rows[0].verdict, Verdict::Violated, "{broken}");
+            let map = OneStep(StandardMap { strength, period: Some(TAU), wrong: 0.0 });
+            certify_map(&within(map, vec![Coordinate::Angle(TAU); 2]), options(seed))
+                .assert_holds();
+        }
+    }
+}
+
+#[test]
+fn circles_that_are_none_of_the_map_are_told() {
+    let options = CertificateOptions::default();
+    let verdict = |certificate: &Certificate| {
+        certificate.rows.iter().find(|row| row.law == "periodicity").expect("a row").verdict
+    };
+    let of = |circumference: f64| {
+        let map = StandardMap { strength: 1.2, period: Some(circumference), wrong: 0.0 };
+        let domain = vec![Coordinate::Angle(circumference); 2];
+        certify_map(&within(OneStep(map), domain), options)
+    };
+    assert_eq!(verdict(&of(TAU)), Verdict::Holds);
+    // sin q has another period.
+    assert_eq!(verdict(&of(5.0)), Verdict::Violated);
+    let map = || OneStep(StandardMap { strength: 1.2, period: None, wrong: 0.0 });
+    for domain in [
+        vec![Coordinate::Angle(TAU)],
+        vec![Coordinate::Any; 3],
+        vec![Coordinate::Any, Coordinate::Angle(0.0)],
+        vec![Coordinate::Any, Coordinate::Angle(f64::NAN)],
+        vec![Coordinate::Between(1.0, 1.0), Coordinate::Any],
+        vec![Coordinate::Between(0.0, f64::INFINITY), Coordinate::Any],
+    ] {
+        assert!(Within::new(map(), domain.clone()).is_err(), "{domain:?}");
+    }
+}
+
+/// exp x′ = exp(q + 3): Newton's whole steps lead far away from the solution, back by 1 each.
+struct Exponential;
+
+impl Implicit for Exponential {
+    fn dof(&self) -> usize {
+        1
+    }
+    fn residual<S: Elementary>(&self, z: &[S], next: &[S], out: &mut [S]) {
+        out[0] = next[0].exp() - z[0].exp() * c(3.0_f64.exp());
+        out[1] = next[1] - z[1] - c(1e9);
+    }
+}
+
+/// A pendulum's midpoint with a step so long that whole steps of Newton's method run away.
+struct LongMidpoint;
+
+impl Implicit for LongMidpoint {
+    fn dof(&self) -> usize {
+        1
+    }
+    fn residual<S: Elementary>(&self, z: &[S], next: &[S], out: &mut [S]) {
+        let (h, half) = (c::<S>(1.9), c::<S>(0.5));
+        out[0] = next[0] - z[0] - h * (z[1] + next[1]) * half;
+        out[1] = next[1] - z[1] + h * ((z[0] + next[0]) * half).sin_cos().0;
+    }
+}
+
+#[test]
+fn newton_s_method_finds_what_there_is() {
+    for q in [-3.0_f64, 0.5, 4.0] {
+        let mut z: [f64; 2] = [q, 0.0];
+        Solved(Exponential).forward(&mut z);
+        assert!((z[0] - q - 3.0).abs() <= 1e-14 * 7.0 && z[1] == 1e9, "{z:?}");
+    }
+    let mut z: [f64; 2] = [-2.7853233725299744, 2.75142126505878];
+    let start = z;
+    Solved(LongMidpoint).forward(&mut z);
+    assert!((0.5 * (z[0] + start[0]) + 0.0901884).abs() < 1e-6, "{z:?}");
+}
+
+/// What a step is bounded to err by, against the same step in double-double.
+#[test]
+fn bounds_of_implicit_steps_hold() {
+    let mut stream = Stream::new(7, "bounds");
+    let mut largest = 0.0;
+    for _ in 0..200 {
+        let z: Vec<f64> = (0..2).map(|_| stream.uniform(-2.0, 2.0)).collect();
+        let mut tracked: Vec<Dual<Tracked, 2>> =
+            (0..2).map(|i| Dual::variable(Tracked::exact(z[i]), i)).collect();
+        let mut exact: Vec<Dual<DoubleDouble, 2>> =
+            (0..2).map(|i| Dual::variable(DoubleDouble::from_f64(z[i]), i)).collect();
+        let map = Solved(ShortMidpoint);
+        map.forward(&mut tracked);
+        map.forward(&mut exact);
+        for (found, exact) in tracked.iter().zip(&exact) {
+            let pairs = [(found.re, exact.re), (found.eps[0], exact.eps[0])];
+            for (found, exact) in pairs {
+                let error = (DoubleDouble::from_f64(found.value) - exact).value().abs();
+                largest = max_or_nan(largest, error / found.error());
+            }
+        }
+    }
+    assert!(largest <= 1.0, "{largest}");
+    assert!(largest > 0.05, "the bound is vacuous: {largest}");
+}
+
+/// [`LongMidpoint`] with an ordinary step.
+struct ShortMidpoint;
+
+impl Implicit for ShortMidpoint {
+    fn dof(&self) -> usize {
+        1
+    }
+    fn residual<S: Elementary>(&self, z: &[S], next: &[S], out: &mut [S]) {
+        let (h, half) = (c::<S>(0.3), c::<S>(0.5));
+        out[0] = next[0] - z[0] - h * (z[1] + next[1]) * half;
+        out[1] = next[1] - z[1] + h * ((z[0] + next[0]) * half).sin_cos().0;
+    }
 }

@@ -2,7 +2,9 @@
 #![cfg(feature = "cli")]
 
 use gyroceptron::flow::{Pairs, Window, sample};
-use gyroceptron::io::{load_model, read_pairs, read_points, save_model, write_pairs, write_points};
+use gyroceptron::io::{
+    StoredModel, load_model, read_pairs, read_points, save_model, write_pairs, write_points,
+};
 use gyroceptron::network::{Rollout, rollout};
 use gyroceptron::random::Stream;
 use gyroceptron::system::Oscillators;
@@ -667,6 +669,46 @@ fn columns_and_actions_that_do_not_fit_are_told() {
     assert!(!train("p-first.npz", "1,0").contains("better"));
 }
 
+/// The report says in its first lines whether to trust the model, and why not.
+#[test]
+fn a_report_says_whether_to_trust_the_model() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let train = |output: &str, more: &[&str]| {
+        let mut arguments = vec!["train", "--data", "pairs.npz", "--circle-action", "1,0"];
+        arguments.extend(["--output", output]);
+        arguments.extend(more);
+        let told = text(&succeeds(path, &arguments).stdout);
+        let folder = path.join(output.replace(".json", "-report"));
+        let report = std::fs::read_to_string(folder.join("report.md")).expect("a report");
+        let data = std::fs::read(folder.join("report.json")).expect("data");
+        let data: Value = serde_json::from_slice(&data).expect("one JSON document");
+        let first = report.split("## ").nth(1).expect("a section").to_owned();
+        assert!(first.starts_with("Whether to trust it"), "{report}");
+        assert!(told.contains("Whether to trust it"), "{told}");
+        (first, data["studies"]["trust"].clone())
+    };
+    let (text, data) = train("none.json", &["--iterations", "1"]);
+    assert!(text.contains("**no**") && text.contains("little is learnt"), "{text}");
+    assert!(data["share_beyond_rotation"].as_f64().expect("a number") > 0.5);
+    let more = ["--optimiser", "lm", "--iterations", "60", "--architecture", "normal-form"];
+    let (text, data) = train("astray.json", &more);
+    // As many parameters as numbers: learnt by heart.
+    assert!(text.contains("**with care") && text.contains("leave the box of the pairs"), "{text}");
+    assert!(data["astray"].as_u64() > Some(0) && data["limit"] == "data");
+    let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: 1500 };
+    let points = sample(&[window], 2, &mut Stream::new(3, "points")).expect("points");
+    let (pairs, _) = Pairs::of_flow(&Oscillators { epsilon: 0.01 }, points, 5.0).expect("a flow");
+    write_pairs(&path.join("pairs.npz"), &pairs).expect("written");
+    let (text, data) = train("good.json", &more);
+    assert!(!text.contains("**no**") && data["no"] == serde_json::json!([]), "{text}");
+    assert!(data["astray"].as_u64() <= Some(1), "{data}");
+    assert!(data["own_invariant_drift"].as_f64().expect("a number") < 1e-10);
+    let (text, _) = train("all.json", &["--iterations", "30", "--validation", "0"]);
+    assert!(text.contains("nothing was held out"), "{text}");
+}
+
 /// A model knows where it was trained: what leaves that box is told, or stops the command.
 #[test]
 fn trajectories_that_leave_the_training_points_are_told() {
@@ -791,21 +833,33 @@ fn random_networks_are_certified() {
     assert_eq!(output.stdout, again.stdout);
 }
 
+/// An invariant that drifts is told, with the resonance that it is next to; one that stays
+/// is not, wherever its angle is.
 #[test]
-fn a_resonant_angle_is_told() {
+fn an_invariant_that_does_not_stay_is_told() {
     let folder = with_model();
     let path = folder.path().join("model.json");
-    let mut stored = load_model(&path).expect("a model");
+    let stored = load_model(&path).expect("a model");
     let verify = ["verify", "--model", "model.json", "--samples", "5"];
-    let mut at = |theta: f64| {
+    let count = stored.model.composition().parameters().len();
+    let at = |theta: f64, size: f64| {
         let mut parameters = stored.model.composition().parameters().to_vec();
+        for parameter in &mut parameters[count / 2..] {
+            *parameter *= size;
+        }
         *parameters.last_mut().expect("θ") = theta;
-        stored.model = stored.model.with_parameters(parameters).expect("finite");
-        save_model(&path, &stored).expect("written");
+        let model = stored.model.with_parameters(parameters).expect("finite");
+        save_model(&path, &StoredModel { model, provenance: stored.provenance.clone() })
+            .expect("written");
         text(&call(folder.path(), &verify).stderr)
     };
-    assert!(at(0.005).contains("resonance 2π·0/1"), "{}", at(0.005));
-    assert!(!at(3.8832).contains("resonance"));
+    let resonant = at(0.005, 3.0);
+    assert!(resonant.contains("its own invariant changes by"), "{resonant}");
+    assert!(resonant.contains("θ is next to 2π·0/1"), "{resonant}");
+    // Next to 2π/3, and the golden mean, of a network that hardly moves points by I_ε.
+    for theta in [2.1, 3.8832] {
+        assert_eq!(at(theta, 0.1), "", "θ = {theta}");
+    }
 }
 
 #[test]

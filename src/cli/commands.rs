@@ -15,7 +15,7 @@ use gyroceptron::io::{
     is_normal_form, load_model, read_points, read_tensors, save_model, write_points,
 };
 use gyroceptron::layer::CircleAction;
-use gyroceptron::measure::{CertificateOptions, certify, certify_all, disturbing_resonance};
+use gyroceptron::measure::{CertificateOptions, OwnInvariance, certify, certify_all};
 use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model, Rollout};
 use gyroceptron::random::Stream;
 use gyroceptron::scene::render::{self, terminal};
@@ -153,6 +153,28 @@ fn default_architecture(circle_action: CircleAction, epsilon: f64) -> Architectu
     }
 }
 
+/// Orbits that tell what an invariant is worth, and their length.
+const ORBITS: usize = 16;
+const ITERATIONS: usize = 1024;
+
+/// Points of the box that a model was trained in, or else of that of the samples, halfway to
+/// its ends at most.
+fn starts(stored: &StoredModel, options: &CertificateOptions) -> Vec<f64> {
+    let dim = 2 * stored.model.composition().dof();
+    let box_of_samples =
+        Region { low: vec![-options.radius; dim], high: vec![options.radius; dim] };
+    let region = stored.provenance.region.as_ref().unwrap_or(&box_of_samples);
+    let mut stream = Stream::new(options.seed, "verify/orbits");
+    let corners = || region.low.iter().zip(&region.high);
+    (0..ORBITS)
+        .flat_map(|_| corners())
+        .map(|(low, high)| {
+            let (centre, half) = (0.5 * (low + high), 0.25 * (high - low));
+            stream.uniform(centre - half, centre + half)
+        })
+        .collect()
+}
+
 fn verify(arguments: &Verify) -> Result<Status, Error> {
     use_threads(&arguments.common)?;
     let options = CertificateOptions {
@@ -164,18 +186,11 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
     let (subject, result) = match &arguments.model {
         Some(path) => {
             let stored = load_model(path)?;
-            if let Some(network) = stored.model.gyroceptron()
-                && let Some(resonance) = disturbing_resonance(
-                    &network.shape().circle_action,
-                    network.theta(),
-                    network.epsilon(),
-                )
+            let starts = starts(&stored, &options);
+            if let Some(fault) =
+                OwnInvariance::of(&stored.model, &starts, ITERATIONS).and_then(|own| own.fault())
             {
-                line(&format!(
-                    "note: θ = {} is next to the resonance {resonance}: there is hardly an \
-                     adiabatic invariant",
-                    network.theta()
-                ));
+                line(&format!("note: {fault}"));
             }
             (path.display().to_string(), certify(&stored.model, options))
         }

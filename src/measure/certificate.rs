@@ -1,8 +1,8 @@
 //! The structure certificate of a model: all laws on seeded samples.
 
-use super::laws::{self, Samples};
+use super::laws::{self, NO_INVERSE, Samples};
 use super::tally::{COUNT_LIMIT, RATIO_LIMIT, Row, Tally, Verdict, merged};
-use super::{Measurable, NearlyPeriodic, NormalFormed};
+use super::{Coordinate, Measurable, NearlyPeriodic, NormalFormed};
 use crate::error::Error;
 use crate::network::Model;
 use crate::phase::Direction;
@@ -15,13 +15,17 @@ use std::fmt;
 pub struct Certificate {
     /// How the samples were drawn.
     pub options: CertificateOptions,
+    /// Where, of a map that [lives](Measurable::domain) elsewhere than in |z_i| ≤ `radius`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub domain: Vec<Coordinate>,
     /// The laws.
     pub rows: Vec<Row>,
 }
 
 impl Certificate {
     fn of(options: CertificateOptions, tallies: impl IntoIterator<Item = Tally>) -> Self {
-        Self { options, rows: merged(tallies).iter().map(Tally::row).collect() }
+        let rows = merged(tallies).iter().map(Tally::row).collect();
+        Self { options, domain: Vec::new(), rows }
     }
 
     /// No law is violated or vacuous, and none is without a testable sample.
@@ -44,12 +48,17 @@ impl Certificate {
             Some((row, headroom)) => format!(", headroom {headroom:.1} × ({})", row.equation),
             None => String::new(),
         };
+        let untested = self.rows.iter().filter(|row| row.equation.ends_with(NO_INVERSE)).count();
+        let untested = match untested {
+            0 => String::new(),
+            count => format!(", {count} not tested: {NO_INVERSE}"),
+        };
         if self.holds() {
-            return format!("holds: {all} laws{headroom}, {vacuous} vacuous");
+            return format!("holds: {all} laws{headroom}, {vacuous} vacuous{untested}");
         }
         let mut out = format!(
             "DOES NOT HOLD: {} of {all} laws violated, {vacuous} vacuous, {} ill-conditioned, \
-             {count} hold{headroom}",
+             {count} hold{headroom}{untested}",
             of(Verdict::Violated),
             of(Verdict::IllConditioned),
         );
@@ -79,7 +88,9 @@ impl Certificate {
         let CertificateOptions { samples, radius, seed } = self.options;
         let mut out = format!("{} {}: {}", row.law, row.equation, row.verdict.word());
         match (row.largest, row.limit) {
-            (None, _) if row.verdict == Verdict::Violated => out.push_str(", a result is NaN"),
+            (None, _) if row.verdict == Verdict::Violated => {
+                out.push_str(", a result or its bound is not finite")
+            }
             (Some(largest), RATIO_LIMIT) => {
                 let (ratio, median) = (short(largest), row.median.map_or("–".into(), short));
                 out.push_str(&format!(
@@ -95,17 +106,22 @@ impl Certificate {
             let numbers: Vec<String> = point.iter().map(|v| format!("{v:?}")).collect();
             out.push_str(&format!(" at z = [{}]", numbers.join(", ")));
         }
-        out.push_str(&format!(" ({samples} samples, radius {radius}, seed {seed}). "));
+        let place = match &self.domain[..] {
+            [] => format!("radius {radius}"),
+            domain => format!("domain {domain:?}, else radius {radius}"),
+        };
+        out.push_str(&format!(" ({samples} samples, {place}, seed {seed}). "));
         let symplectic = row.law.starts_with("symplecticity");
         let inversion = row.law.starts_with("inversion");
         let bitwise = row.limit == COUNT_LIMIT;
         out.push_str(match row.verdict {
             Verdict::Violated if row.largest.is_none() => {
-                "Try: evaluate the map there; where it is not defined, another domain (`Within`) \
-                 or radius."
+                "Try: the map there, on `f64` and on duals, which have to give the same bits; where \
+                 it is not defined, another domain (`Within`) or radius; where it solves \
+                 equations, another `guess`."
             }
             Verdict::Violated if symplectic => {
-                "Try: the Jacobian there (`measure::jacobian`) and JᵀΩJ − Ω \
+                "Coordinates have to be canonical, q₁ … qₙ, p₁ … pₙ. Try: the Jacobian there (`measure::jacobian`) and JᵀΩJ − Ω \
                  (`symplecticity_defect`), whose rows show which coordinates; then the steps of \
                  the map one by one. What is solved for has to be given as `Implicit`."
             }
@@ -289,7 +305,10 @@ pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate
 /// assert!(certify_map(&OneStep(StandardMap(1.2)), options).holds());
 /// ```
 pub fn certify_map(map: &dyn Measurable, options: CertificateOptions) -> Certificate {
-    Certificate::of(options, of_map(map, &samples_of(map, options)))
+    let samples = samples_of(map, options);
+    let symplecticity = laws::symplecticity_of_any(map, samples.points());
+    let tallies = of_map_with(symplecticity, map, &samples);
+    Certificate { domain: map.domain(), ..Certificate::of(options, tallies) }
 }
 
 /// The laws of a nearly-periodic map P_ε = I_ε∘ψ∘Φ_θ∘ψ⁻¹: those of
@@ -335,6 +354,7 @@ fn of_map_with(symplecticity: Tally, map: &dyn Measurable, samples: &Samples) ->
         laws::inversion("inversion of P", "P∘P⁻¹ = Id", map, Direction::Inverse, points),
     ];
     out.extend(laws::layers(map, points));
+    out.extend(laws::periodicity(map, points));
     out.push(laws::evaluation(map, points));
     out.push(laws::determinant(map, points));
     out

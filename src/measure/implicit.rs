@@ -48,6 +48,18 @@ pub trait Implicit {
         z.copy_from_slice(&x[..dim]);
     }
 
+    /// Whether the map has an inverse, found by the same equations.
+    fn has_inverse(&self) -> bool {
+        true
+    }
+
+    /// z and `x` ← where Newton's method begins on the way back from z′: z′, and the
+    /// [guess](Implicit::guess) from it.
+    fn guess_back(&self, end: &[f64], z: &mut [f64], x: &mut [f64]) {
+        z.copy_from_slice(end);
+        self.guess(end, x);
+    }
+
     /// `x` ← where Newton's method begins: z, over and over.
     fn guess(&self, z: &[f64], x: &mut [f64]) {
         for (x, z) in x.iter_mut().zip(z.iter().cycle()) {
@@ -64,6 +76,9 @@ pub trait Implicit {
 /// are those of the implicit function theorem, and the errors of rounding those of the
 /// last step. Iterated on numbers that carry bounds, Newton's method would double
 /// these each time, and no certificate could tell a good map by them.
+///
+/// Angles need no `modulo` here, whose jump would stop the method: let the
+/// [domain](super::Coordinate::Angle) say that they are angles.
 ///
 /// Where the method does not converge the result is NaN. Cost: A⁻¹ of m unknowns, some
 /// six times; back 2n more of them.
@@ -151,13 +166,14 @@ fn is_rounding(
     equations.residual(&exact(given), &exact(x), &mut tracked);
     tracked.iter().enumerate().all(|(i, value)| {
         let of_x: f64 = x.iter().enumerate().map(|(j, x)| (derivative[(i, j)] * x).abs()).sum();
-        residual[i].abs() <= ROOM * f64::unit_roundoff() * (value.bound + of_x)
+        residual[i].abs() <= ROOM * f64::unit_roundoff() * (value.bound + of_x) + f64::MIN_POSITIVE
     })
 }
 
 /// x ← the solution; the inverse of ∂F/∂x there, none where no solution was found.
 fn solve(equations: &impl Equations, given: &[f64], x: &mut [f64]) -> Option<Mat<f64>> {
     const MOST: usize = 60;
+    const HALVINGS: u32 = 10;
     let mut before = f64::INFINITY;
     for _ in 0..MOST {
         let (derivative, residual) = derivative_and_residual(equations, given, x);
@@ -172,10 +188,20 @@ fn solve(equations: &impl Equations, given: &[f64], x: &mut [f64]) -> Option<Mat
         if stopped && is_rounding(equations, given, x, &derivative, &residual) {
             return Some(inverse);
         }
-        for (x, step) in x.iter_mut().zip(step.iter()) {
-            *x -= *step;
-        }
-        before = size;
+        let stepped = |share: f64| -> Vec<f64> {
+            x.iter().zip(step.iter()).map(|(x, step)| (-share).mul_add(*step, *x)).collect()
+        };
+        // Shorter steps where the whole one leads away from the solution.
+        let closer = |next: &[f64]| {
+            let mut residual = vec![0.0; next.len()];
+            equations.residual(given, next, &mut residual);
+            let left = &inverse * &Col::from_fn(next.len(), |i| residual[i]);
+            left.iter().fold(0.0, |m, v: &f64| max_or_nan(m, v.abs())) < size
+        };
+        let shares = (0..=HALVINGS).map(|k| libm::exp2(-f64::from(k)));
+        let next = shares.map(stepped).find(|next| closer(next)).unwrap_or_else(|| stepped(1.0));
+        before = if next == stepped(1.0) { size } else { f64::INFINITY };
+        x.copy_from_slice(&next);
     }
     None
 }
@@ -233,9 +259,12 @@ impl<S: Real, M: Implicit> Map<S> for Solved<M> {
         let dim = values.len();
         let mut guess = vec![0.0; dim + self.0.unknowns()];
         let (start, x) = guess.split_at_mut(dim);
-        start.copy_from_slice(&values);
-        self.0.guess(&values, x);
+        self.0.guess_back(&values, start, x);
         let solution = solved(&Back(&self.0), z, guess);
         z.copy_from_slice(&solution[..dim]);
+    }
+
+    fn has_inverse(&self) -> bool {
+        self.0.has_inverse()
     }
 }

@@ -12,7 +12,8 @@ use super::near_identity::{
     differing_components, near_identity_generator, near_identity_size, near_identity_undoing,
 };
 use super::relations::Relation;
-use super::tally::Tally;
+use super::symplecticity::symplecticity_resolution;
+use super::tally::{RESOLUTION, Tally};
 use super::{
     CertificateOptions, Coordinate, Measurable, NearlyPeriodic, NormalFormed, Walk, action_ratio,
     equivariance_ratio, symplecticity_ratio,
@@ -22,6 +23,9 @@ use crate::phase::{Direction, Map};
 use crate::random::Stream;
 use crate::scalar::{Scalar, max_or_nan};
 use std::f64::consts::TAU;
+
+/// Why a law is not tested.
+pub(super) const NO_INVERSE: &str = "no inverse is given";
 
 /// Slopes are taken from values so many times above rounding.
 const ABOVE_ROUNDING: f64 = 1e3;
@@ -104,6 +108,19 @@ pub fn symplecticity_of(law: &str, map: &dyn Measurable, points: &[f64]) -> Tall
     Tally::of_ratios(law, "JᵀΩJ = Ω").extend_at(points, dim, results)
 }
 
+/// [`symplecticity`] of a map that nothing is known of: where no errors of rounding show, since
+/// its operations are few or exact, small bounds do as well.
+pub fn symplecticity_of_any(map: &dyn Measurable, points: &[f64]) -> Tally {
+    let steps = map.measured_steps(Direction::Forward);
+    let mut resolutions: Vec<f64> = points
+        .chunks_exact(2 * map.dof())
+        .map(|z| symplecticity_resolution(&Walk::new(&steps, z)))
+        .collect();
+    resolutions.sort_by(f64::total_cmp);
+    let median = resolutions.get(resolutions.len() / 2).copied().unwrap_or(f64::NAN);
+    symplecticity(map, points).resolved_if(median <= RESOLUTION)
+}
+
 /// P⁻¹∘P = Id (`first` forward) or P∘P⁻¹ = Id (`first` inverse), by
 /// [`ThereAndBack`].
 pub fn inversion(
@@ -114,7 +131,7 @@ pub fn inversion(
     points: &[f64],
 ) -> Tally {
     if !map.has_inverse() {
-        return Tally::of_ratios(law, format!("{equation}: no inverse is given")).reported();
+        return Tally::of_ratios(law, format!("{equation}: {NO_INVERSE}")).reported();
     }
     let both = ThereAndBack::new(map.measured_steps(first), map.measured_steps(other(first)))
         .within(map.domain());
@@ -137,7 +154,7 @@ pub fn layers(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
     let mut tally = Tally::of_ratios("inversion of layers", "L⁻¹∘L = Id, each");
     let layers = map.layers();
     let mut reached = points.to_vec();
-    for (direction, layer) in &layers {
+    for (direction, layer) in layers.iter().filter(|(_, layer)| layer.has_inverse()) {
         let there = layer.measured_steps(*direction);
         let both = ThereAndBack::new(there, layer.measured_steps(other(*direction)))
             .within(layer.domain());
@@ -172,6 +189,45 @@ pub fn evaluation(map: &dyn Measurable, points: &[f64]) -> Tally {
     }
     let results = counts.into_iter().map(|count| Conditioned::Ratio(count as f64));
     tally.extend_at(points, dim, results)
+}
+
+/// P(z + L) = P(z) for the circumference L of each coordinate that is an
+/// [angle](Coordinate::Angle), up to such circumferences. None where none is.
+pub fn periodicity(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
+    let (domain, dim, u) = (map.domain(), 2 * map.dof(), f64::unit_roundoff());
+    let angles: Vec<(usize, f64)> = domain
+        .iter()
+        .enumerate()
+        .filter_map(|(i, coordinate)| match coordinate {
+            Coordinate::Angle(period) => Some((i, *period)),
+            _ => None,
+        })
+        .collect();
+    let steps = map.measured_steps(Direction::Forward);
+    let ratio = |z: &[f64]| {
+        let walk = Walk::new(&steps, z);
+        let (bounds, _) = walk.value_bounds();
+        let mut largest = 0.0;
+        for &(i, period) in &angles {
+            let mut shifted = z.to_vec();
+            shifted[i] += period;
+            let end = moved(map, Direction::Forward, &shifted);
+            for k in 0..dim {
+                let error = coordinate(&domain, k).difference(end[k] - walk.end()[k]).abs();
+                // The shift is rounded, and so are both ends.
+                let of_shift = walk.jacobian()[(k, i)].abs() * (z[i].abs() + period);
+                let bound = 2.0 * bounds[k] + of_shift + end[k].abs() + period;
+                largest = max_or_nan(largest, error / (u * bound));
+            }
+        }
+        Conditioned::Ratio(largest)
+    };
+    (!angles.is_empty()).then(|| {
+        let results = points.chunks_exact(dim).map(ratio);
+        Tally::of_ratios("periodicity", "P(z + L) = P(z), of angles")
+            .of_worst_case()
+            .extend_at(points, dim, results)
+    })
 }
 
 /// det J = 1 by faer's LU decomposition, where its rounding leaves a digit.

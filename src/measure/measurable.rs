@@ -3,10 +3,12 @@
 use super::measured_step::{
     AsMeasured, MeasuredPotential, MeasuredStep, MeasuredSteps, TrackedStep, turn_steps,
 };
+use crate::error::Error;
 use crate::layer::{HenonLayer, HenonMap, Kick, Turn};
 use crate::network::{Composition, Gyroceptron, HenonNet, Model, NormalForm, SympNet, map_points};
 use crate::phase::{Direction, Map};
 use crate::scalar::{Dual, Tracked};
+use serde::{Deserialize, Serialize};
 
 /// A map that the laws can be measured on.
 ///
@@ -44,7 +46,8 @@ pub trait Measurable: Map<f64> {
 }
 
 /// Where a coordinate lives.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Coordinate {
     /// In the box of the samples.
     Any,
@@ -61,6 +64,20 @@ impl Coordinate {
             Self::Any => (-radius, radius),
             Self::Between(low, high) => (low, high),
             Self::Angle(period) => (0.0, period),
+        }
+    }
+
+    fn check(self, name: &str) -> Result<(), Error> {
+        match self {
+            Self::Any => Ok(()),
+            Self::Between(low, high) => {
+                Error::check_finite(name, low)?;
+                Error::check_finite(name, high)?;
+                Error::check_range(name, low, f64::MIN, high.next_down())
+            }
+            Self::Angle(period) => {
+                Error::check_range(name, period, Error::LEAST_POSITIVE, f64::MAX)
+            }
         }
     }
 
@@ -257,7 +274,8 @@ impl<M: Numbers> Measurable for OneStep<M> {
     }
 }
 
-/// A composition of maps that are written over the number type, the first applied first.
+/// A composition of maps of one type, written over the number type, the first applied first;
+/// one at least.
 ///
 /// The rounding errors of each are followed by itself, so that a long composition is
 /// judged by bounds of the size of its errors: a hundred steps of an integrator as
@@ -273,7 +291,6 @@ impl<M: Clone> Steps<M> {
 }
 
 impl<S, M: Map<S>> Map<S> for Steps<M> {
-    /// That of the first map; 0 of none.
     fn dof(&self) -> usize {
         self.0.first().map_or(0, Map::dof)
     }
@@ -330,15 +347,28 @@ impl<M: Numbers> Measurable for Steps<M> {
 /// }
 ///
 /// let domain = vec![Coordinate::Angle(TAU), Coordinate::Between(-3.0, 3.0)];
-/// let map = Within { map: OneStep(StandardMap(1.2)), domain };
+/// let map = Within::new(OneStep(StandardMap(1.2)), domain)?;
 /// certify_map(&map, CertificateOptions::default()).assert_holds();
+/// # Ok::<(), gyroceptron::Error>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Within<M> {
-    /// The map.
-    pub map: M,
-    /// Where each coordinate lives, q₁ … qₙ, p₁ … pₙ.
-    pub domain: Vec<Coordinate>,
+    map: M,
+    domain: Vec<Coordinate>,
+}
+
+impl<M: Map<f64>> Within<M> {
+    /// A map and where each of its coordinates lives, q₁ … qₙ, p₁ … pₙ.
+    ///
+    /// # Errors
+    /// Unless there are 2n coordinates, boxes of two finite numbers in order, and circles of
+    /// positive circumference.
+    pub fn new(map: M, domain: Vec<Coordinate>) -> Result<Self, Error> {
+        Error::check_count("coordinates of the domain", 2 * map.dof(), domain.len())?;
+        let name = |i: usize| format!("domain[{i}]");
+        domain.iter().enumerate().try_for_each(|(i, coordinate)| coordinate.check(&name(i)))?;
+        Ok(Self { map, domain })
+    }
 }
 
 impl<S, M: Map<S>> Map<S> for Within<M> {

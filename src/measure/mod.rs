@@ -23,6 +23,7 @@ mod measurable;
 mod measured_step;
 mod measured_twist;
 mod near_identity;
+mod own_invariance;
 mod relations;
 mod rounding;
 mod symplecticity;
@@ -64,12 +65,13 @@ pub use near_identity::{
     differing_components, near_identity_generator, near_identity_rms, near_identity_size,
     near_identity_undoing,
 };
+pub use own_invariance::OwnInvariance;
 pub use relations::Relation;
 pub use rounding::Walk;
 pub use symplecticity::{symplecticity_defect, symplecticity_ratio, symplecticity_scale};
 pub use tally::{
-    COUNT_LIMIT, RATIO_LIMIT, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_DEVIATION, SOUND_MEDIAN,
-    TESTABLE, Tally, Verdict, merged,
+    COUNT_LIMIT, RATIO_LIMIT, RESOLUTION, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_DEVIATION,
+    SOUND_MEDIAN, TESTABLE, Tally, Verdict, merged,
 };
 pub use work_precision::{
     Comparison, FastestWithin, Method, Spread, TrajectoryMethods, WorkPrecision, fastest,

@@ -94,3 +94,17 @@ pub fn symplecticity_ratio(walk: &Walk<'_>) -> f64 {
     let finite = end.is_all_finite() && walk.end().iter().all(|v| v.is_finite());
     if finite { largest } else { f64::NAN }
 }
+
+/// u·max T over the largest of |J|² and 1: the defect, as a share of the terms of JᵀΩJ, that
+/// has a ratio of 1.
+pub(super) fn symplecticity_resolution(walk: &Walk<'_>) -> f64 {
+    let (end, scale) = (walk.jacobian(), symplecticity_scale(walk));
+    let (mut bound, mut size) = (0.0, 1.0);
+    for j in 0..walk.dim() {
+        for k in 0..walk.dim() {
+            bound = max_or_nan(bound, f64::unit_roundoff() * scale[(j, k)]);
+            size = max_or_nan(size, end[(j, k)] * end[(j, k)]);
+        }
+    }
+    bound / size
+}

@@ -19,6 +19,9 @@ pub const SOUND_DECILE: f64 = 0.05;
 /// every law on clean networks (`verification/soundness.rs`); bounds that are a
 /// thousand times as large as the errors hide defects of that size.
 pub const SOUND_DEVIATION: f64 = 0.01;
+/// Where errors of rounding need not show because there are none, as in maps of few or exact
+/// operations: a defect of this share of the terms of an equation still has a ratio of 1.
+pub const RESOLUTION: f64 = 1e-13;
 /// The largest median of ratios of such a computation: above, a defect smaller
 /// than the limit hides among the errors of rounding.
 pub const SOUND_MEDIAN: f64 = 2.0;
@@ -126,6 +129,8 @@ pub struct Tally {
     worst: Option<(f64, Vec<f64>)>,
     vacuous: bool,
     reported: bool,
+    /// Whether small defects show though errors of rounding do not.
+    resolved: bool,
 }
 
 impl Tally {
@@ -140,6 +145,7 @@ impl Tally {
             worst: None,
             vacuous: false,
             reported: false,
+            resolved: false,
         }
     }
 
@@ -178,6 +184,12 @@ impl Tally {
     /// have to show.
     pub fn must_show_errors(self) -> Self {
         Self { soundness: Soundness::Errors, ..self }
+    }
+
+    /// Says, where `resolved`, that the bounds are small whatever the errors are, to
+    /// [`RESOLUTION`]: no error of rounding has to show.
+    pub fn resolved_if(self, resolved: bool) -> Self {
+        Self { resolved, ..self }
     }
 
     /// Makes the law one for information only.
@@ -253,6 +265,7 @@ impl Tally {
             self.note(ratio, || point);
         }
         self.vacuous |= other.vacuous;
+        self.resolved &= other.resolved;
     }
 
     /// What the samples come to.
@@ -281,7 +294,7 @@ impl Tally {
             _ if nan => Verdict::Violated,
             (Some(largest), _) if !(largest < self.limit) => Verdict::Violated,
             _ if self.vacuous => Verdict::Vacuous,
-            _ if !shows => Verdict::Vacuous,
+            _ if !(shows || self.resolved) => Verdict::Vacuous,
             (_, Some(median)) if ratios && median > SOUND_MEDIAN => Verdict::Violated,
             _ if (testable as f64) < TESTABLE * samples as f64 => Verdict::IllConditioned,
             _ => Verdict::Holds,

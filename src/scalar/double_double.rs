@@ -213,7 +213,7 @@ impl Elementary for DoubleDouble {
 
     /// Integers by products; else e^(p ln x).
     fn powf(self, exponent: f64) -> Self {
-        if exponent == exponent.trunc() && exponent.abs() <= 64.0 {
+        if exponent == exponent.trunc() && exponent.abs() <= f64::from(i32::MAX) {
             return self.powi(exponent as i32);
         }
         match self.0.0 {
@@ -236,9 +236,15 @@ impl Elementary for DoubleDouble {
     }
 
     fn modulo(self, period: f64) -> Self {
-        let multiple = Self::from_f64((self.0.0 / period).floor()) * Self::from_f64(period);
-        let rest = self - multiple;
-        if rest.0.0 < 0.0 { rest + Self::from_f64(period) } else { rest }
+        let (high, low) = self.parts();
+        // The remainder of a double is exact.
+        let rest = Self::new(high.rem_euclid(period), low);
+        let size = Self::from_f64(period.abs());
+        match rest.0.0 {
+            value if value < 0.0 => rest + size,
+            value if value >= period.abs() => rest - size,
+            _ => rest,
+        }
     }
 }
 

@@ -164,7 +164,7 @@ pub trait Elementary: Scalar {
     fn ln(self) -> Self;
     /// x to a power that is a constant; NaN for x < 0 unless it is an integer.
     fn powf(self, exponent: f64) -> Self;
-    /// The angle of the point (`x`, self) in (−π, π].
+    /// The angle of the point (`x`, self) in [−π, π], −π of y = −0 alone.
     fn atan2(self, x: Self) -> Self;
     /// x less a multiple of the period, in [0, `period`] (the end by rounding alone):
     /// an angle. Derivatives are those of x.

@@ -145,7 +145,10 @@ impl Elementary for Tracked {
     /// It errs by less than 1 ulp, 2u relative.
     fn powf(self, exponent: f64) -> Self {
         let value = Elementary::powf(self.value, exponent);
-        let slope = exponent * Elementary::powf(self.value, exponent - 1.0);
+        let slope = match exponent {
+            0.0 => 0.0,
+            _ => exponent * Elementary::powf(self.value, exponent - 1.0),
+        };
         Self { value, bound: self.share(slope) + 2.0 * value.abs() }
     }
     /// It errs by less than 2 ulp, 4u relative.

@@ -35,6 +35,7 @@ mod report;
 mod run;
 mod setup;
 pub mod study;
+mod trust;
 mod words;
 
 pub use catalogue::{CatalogueEntry, catalogue, default_scene, find};

@@ -9,6 +9,7 @@ use super::report::{Report, StudyFindings};
 use super::run::write;
 use super::setup::{ModelSpec, Setup};
 use super::study::training::{Baseline, LOSS, TrainingResult, findings};
+use super::trust::trust;
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::measure::{component_errors, root_mean_square};
@@ -46,7 +47,6 @@ impl OwnTraining<'_> {
         let output = self.held_out.unwrap_or(self.pairs).output();
         let baseline =
             Baseline { rotation_error: Some(self.rotation_error), size: root_mean_square(output) };
-        let epsilon = self.training.initial.architecture().epsilon();
         let errors = match self.held_out {
             Some(held_out) => {
                 component_errors(self.training.outcome.model.composition(), held_out)?
@@ -54,11 +54,12 @@ impl OwnTraining<'_> {
             None => Vec::new(),
         };
         let network = self.spec.name.clone();
+        let trust = trust(&self.training.outcome, self.pairs, self.held_out, self.rotation_error)?;
         let Scheduled { initial, legs, outcome } = self.training;
         let trained = Trained { spec: self.spec.clone(), network, initial, legs, outcome };
         let result = TrainingResult::new(&trained, errors, self.options);
         let training_times = vec![self.times];
-        let findings = findings(&[result], baseline, epsilon, &training_times, true);
+        let findings = findings(&[result], baseline, &training_times, true);
         let title = format!(
             "A network trained on {} pairs, {} held out",
             self.pairs.len(),
@@ -75,7 +76,10 @@ impl OwnTraining<'_> {
             plots: vec![LOSS.into()],
             parts: Vec::new(),
         };
-        let studies = vec![StudyFindings { name: "training", findings }];
+        let studies = vec![
+            StudyFindings { name: "trust", findings: trust },
+            StudyFindings { name: "training", findings },
+        ];
         let (machine, stages, parts) = (Machine::this(), Vec::new(), Vec::new());
         let repeat = Some(self.command);
         let report = Report { scene, studies, training_times, stages, machine, repeat, parts };

@@ -2,7 +2,7 @@
 
 use super::Study;
 use crate::error::Error;
-use crate::measure::{Spread, component_errors, disturbing_resonance, milestones};
+use crate::measure::{Spread, component_errors, milestones};
 use crate::network::Architecture;
 use crate::scene::bibliography::{ADAM, HENON_NET, LBFGS, MARQUARDT, SYMP_NET};
 use crate::scene::context::{Context, Halt};
@@ -12,7 +12,6 @@ use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::learning::Trained;
 use crate::scene::log::TrainingTimes;
 use crate::scene::setup::{Need, NetworkSpec};
-use crate::system::Hamiltonian;
 use crate::train::{Leg, LegResult, Optimiser, Stop, TrainingOptions, TrainingRecord};
 use serde::Serialize;
 use serde_json::json;
@@ -73,9 +72,8 @@ impl Study for TrainingStudy {
             results.push(TrainingResult::new(trained, errors, options));
         }
         let baseline = Baseline { rotation_error: data.rotation_error, size: data.size() };
-        let epsilon = context.system()?.epsilon();
         let draws = context.draws(LOSS);
-        Ok(findings(&results, baseline, epsilon, context.training_times(), draws))
+        Ok(findings(&results, baseline, context.training_times(), draws))
     }
 }
 
@@ -91,7 +89,6 @@ pub(in crate::scene) struct Baseline {
 pub(in crate::scene) fn findings(
     results: &[TrainingResult],
     baseline: Baseline,
-    epsilon: f64,
     times: &[TrainingTimes],
     draws: bool,
 ) -> Findings {
@@ -99,7 +96,7 @@ pub(in crate::scene) fn findings(
     for result in results.iter().filter(|result| result.is_first()) {
         let heading = format!("`{}`: {} parameters", result.name, result.parameters);
         details.push(Block::Heading(heading));
-        details.push(Block::Table(result.facts(baseline.rotation_error, epsilon)));
+        details.push(Block::Table(result.facts(baseline.rotation_error)));
     }
     let mut summary = vec![Block::Table(overview(results, baseline))];
     let seeds = over_seeds(results, baseline);
@@ -187,7 +184,7 @@ impl TrainingResult {
         Some((self.best.validation? / rotation_error?).sqrt())
     }
 
-    fn facts(&self, rotation_error: Option<f64>, epsilon: f64) -> Table {
+    fn facts(&self, rotation_error: Option<f64>) -> Table {
         let mut facts = Table::of_facts();
         facts.fact(
             "training",
@@ -239,12 +236,6 @@ impl TrainingResult {
         }
         if let (Some(before), Some(after)) = (self.initial_theta, self.theta) {
             facts.fact("θ", format!("{before} before training, {after:.6} after"));
-            if let Architecture::Gyroceptron { shape, .. } = &self.architecture
-                && let Some(near) = disturbing_resonance(&shape.circle_action, after, epsilon)
-            {
-                let text = format!("{near}: there is hardly an adiabatic invariant");
-                facts.fact("resonance", text);
-            }
         }
         facts
     }

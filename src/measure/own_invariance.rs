@@ -1,0 +1,91 @@
+//! What the invariant that a network owns is worth, along its own orbits.
+
+use super::{disturbing_resonance, invariant_drift, log_slope, near_identity_rms};
+use crate::network::Model;
+use crate::scalar::max_or_nan;
+
+/// The change of a network's own invariant μ along its own orbits: medians over orbits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OwnInvariance {
+    /// Iterations of each orbit, N.
+    pub iterations: usize,
+    /// max |μ(Pᵏz) − μ(z)|/|μ(z)| over k ≤ N.
+    pub drift: f64,
+    /// The exponent of the drift in N, over the last four octaves; 0 of a μ that does not move.
+    pub exponent: f64,
+    /// The root mean square of I_ε(z) − z over |ε|: of a gyroceptron, whose invariant is
+    /// adiabatic, to order ε with this constant.
+    pub moved: Option<f64>,
+    /// The resonance next to its angle, where there is one within 2ε.
+    pub resonance: Option<String>,
+}
+
+/// In units of ε: a wider strip would hold most angles.
+const NEAR: f64 = 2.0;
+
+impl OwnInvariance {
+    /// A change of the invariant above which it is of no use, and an exponent above which it
+    /// drifts rather than oscillates, where the change is large enough to matter.
+    const USELESS: f64 = 0.1;
+    const DRIFTS: f64 = 0.3;
+    const MATTERS: f64 = 0.01;
+
+    /// Measured along orbits from some points, 2n numbers each; None of networks without an
+    /// invariant and of no points.
+    ///
+    /// Cost: `iterations` evaluations of the map and of μ for each point.
+    pub fn of(model: &Model, starts: &[f64], iterations: usize) -> Option<Self> {
+        let own = model.invariant()?;
+        let map = model.composition();
+        let horizons: Vec<usize> = (0..5).rev().map(|k| (iterations >> k).max(1)).collect();
+        let at: Vec<f64> = horizons.iter().map(|n| *n as f64).collect();
+        let (mut drifts, mut exponents) = (Vec::new(), Vec::new());
+        for z in starts.chunks_exact(2 * map.dof()) {
+            let along = invariant_drift(map, &own, z, &horizons);
+            drifts.push(along[along.len() - 1] / own(z).abs());
+            let slope = log_slope(&at, &along);
+            let still = along.iter().all(|drift| *drift == 0.0);
+            exponents.push(if still { 0.0 } else { slope });
+        }
+        let gyroceptron = model.gyroceptron();
+        let moved = gyroceptron.map(|net| {
+            let near_identity = net.near_identity();
+            near_identity_rms(&near_identity, starts) / net.epsilon().abs()
+        });
+        let resonance = gyroceptron.and_then(|net| {
+            disturbing_resonance(&net.shape().circle_action, net.theta(), net.epsilon())
+                .filter(|resonance| resonance.distance <= NEAR * net.epsilon().abs())
+        });
+        (!drifts.is_empty()).then(|| Self {
+            iterations,
+            drift: median(drifts),
+            exponent: median(exponents),
+            moved,
+            resonance: resonance.map(|resonance| resonance.to_string()),
+        })
+    }
+
+    /// What is wrong with it, if something is.
+    pub fn fault(&self) -> Option<String> {
+        let Self { drift, exponent, iterations, .. } = *self;
+        let useless = !(drift <= Self::USELESS);
+        let drifts = !(exponent <= Self::DRIFTS) && !(drift <= Self::MATTERS);
+        let moved = self.moved.map(|moved| format!("; I_ε moves points by {moved:.1} ε (rms)"));
+        let resonance = self.resonance.as_ref().map(|near| format!("; θ is next to {near}"));
+        let rest = moved.unwrap_or_default() + &resonance.unwrap_or_default();
+        (useless || drifts).then(|| {
+            format!(
+                "its own invariant changes by {:.0} % over {iterations} steps (median), as the \
+                 power {exponent:.2} of their number{rest}",
+                100.0 * drift
+            )
+        })
+    }
+}
+
+/// The upper median; NaN if a number is.
+fn median(mut values: Vec<f64>) -> f64 {
+    let largest = values.iter().copied().fold(0.0, max_or_nan);
+    values.sort_by(f64::total_cmp);
+    if largest.is_nan() { largest } else { values[values.len() / 2] }
+}
