@@ -39,48 +39,9 @@ pub fn check(property: Property, data: &[u8]) {
     }
 }
 
-/// Numbers at which arithmetic is at its ends.
-const SPECIAL: [f64; 24] = [
-    0.0,
-    -0.0,
-    1.0,
-    -1.0,
-    f64::MIN_POSITIVE,
-    -f64::MIN_POSITIVE,
-    5e-324,
-    -5e-324,
-    f64::MAX,
-    f64::MIN,
-    f64::NAN,
-    f64::INFINITY,
-    f64::NEG_INFINITY,
-    f64::EPSILON,
-    1e8,
-    -1e8,
-    1e-8,
-    1e16,
-    1e154,
-    1e-300,
-    std::f64::consts::PI,
-    -std::f64::consts::FRAC_PI_2,
-    std::f64::consts::FRAC_PI_4,
-    19.0,
-];
-
 /// A number of any size: common ones, special ones, any bits.
 pub fn number(u: &mut Unstructured<'_>) -> f64 {
-    let kind: u8 = u.arbitrary().unwrap_or(0);
-    match kind % 8 {
-        0..=3 => f64::from(u.arbitrary::<i16>().unwrap_or(0)) / 4096.0,
-        4 => {
-            let mantissa = f64::from(u.arbitrary::<i16>().unwrap_or(0)) / 32768.0;
-            let exponent = i32::from(u.arbitrary::<i8>().unwrap_or(0));
-            mantissa * 2.0_f64.powi(exponent)
-        }
-        5 => SPECIAL[usize::from(u.arbitrary::<u8>().unwrap_or(0)) % SPECIAL.len()],
-        6 => f64::from(u.arbitrary::<i8>().unwrap_or(0)) / 16.0,
-        _ => f64::from_bits(u.arbitrary().unwrap_or(0)),
-    }
+    fuzz::number(&mut |bytes| u.fill_buffer(bytes).unwrap_or_default())
 }
 
 pub fn numbers(u: &mut Unstructured<'_>, count: usize) -> Vec<f64> {

@@ -2,7 +2,7 @@
 #![cfg(feature = "files")]
 
 use gyroceptron::Error;
-use gyroceptron::flow::Pairs;
+use gyroceptron::flow::{Pairs, Region};
 use gyroceptron::io::{
     Provenance, StoredModel, Tensor, assemble_normal_form, export_weights, import_weights,
     is_normal_form, load_checkpoint, load_model, read_pairs, read_points, read_tensors,
@@ -115,6 +115,29 @@ fn models_keep_their_bits() {
         };
         assert_eq!(bits(&back.model), bits(&model));
         assert_eq!(back.provenance.seed, Some(u64::MAX));
+    }
+}
+
+/// A box of the wrong size, or without an inside, would be taken for the one of the pairs.
+#[test]
+fn boxes_that_are_none_are_refused() {
+    let folder = folder();
+    let path = folder.path().join("model.json");
+    let dim = 2 * model().composition().dof();
+    for (low, high, fits) in [
+        (vec![-1.0; dim], vec![1.0; dim], true),
+        (vec![], vec![], false),
+        (vec![-1.0; dim], vec![1.0; dim - 1], false),
+        (vec![1.0; dim], vec![-1.0; dim], false),
+    ] {
+        let region = Some(Region { low, high });
+        let provenance = Provenance { region: region.clone(), ..Provenance::of("test") };
+        save_model(&path, &StoredModel { model: model(), provenance }).expect("written");
+        let read = load_model(&path);
+        assert_eq!(read.is_ok(), fits, "{region:?}");
+        if let Ok(back) = read {
+            assert_eq!(back.provenance.region, region);
+        }
     }
 }
 

@@ -773,6 +773,7 @@ fn trajectories_that_leave_the_training_points_are_told() {
         refuses(path, &all, words);
     };
     refused(&["--invariant", "n.npy"], &["--invariant", "another file"]);
+    refused(&["--invariant", "./n.npy"], &["--invariant", "another file"]);
     refused(&["--invariant", "far.npy", "--overwrite"], &["far.npy"]);
     refused(&["--outside", "perhaps"], &["--outside"]);
 }

@@ -153,10 +153,6 @@ fn default_architecture(circle_action: CircleAction, epsilon: f64) -> Architectu
     }
 }
 
-/// Orbits that tell what an invariant is worth, and their length.
-const ORBITS: usize = 16;
-const ITERATIONS: usize = 1024;
-
 /// Points of the box that a model was trained in, or else of that of the samples, halfway to
 /// its ends at most.
 fn starts(stored: &StoredModel, options: &CertificateOptions) -> Vec<f64> {
@@ -166,7 +162,7 @@ fn starts(stored: &StoredModel, options: &CertificateOptions) -> Vec<f64> {
     let region = stored.provenance.region.as_ref().unwrap_or(&box_of_samples);
     let mut stream = Stream::new(options.seed, "verify/orbits");
     let corners = || region.low.iter().zip(&region.high);
-    (0..ORBITS)
+    (0..OwnInvariance::ORBITS)
         .flat_map(|_| corners())
         .map(|(low, high)| {
             let (centre, half) = (0.5 * (low + high), 0.25 * (high - low));
@@ -188,7 +184,8 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
             let stored = load_model(path)?;
             let starts = starts(&stored, &options);
             if let Some(fault) =
-                OwnInvariance::of(&stored.model, &starts, ITERATIONS).and_then(|own| own.fault())
+                OwnInvariance::of(&stored.model, &starts, OwnInvariance::ITERATIONS)
+                    .and_then(|own| own.fault())
             {
                 line(&format!("note: {fault}"));
             }
@@ -314,7 +311,7 @@ struct Left {
 
 impl Left {
     fn region(region: &Region, values: &[f64], points: usize, every: usize) -> Option<Self> {
-        let dim = values.len().checked_div(points).map(|_| region.low.len())?;
+        let dim = region.low.len();
         let mut leaving = vec![false; points];
         let mut out: Option<Self> = None;
         for (index, z) in values.chunks_exact(dim).enumerate() {
@@ -362,7 +359,13 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
         }
         let taken = [inputs[0], inputs[1], &arguments.output];
         guard_output(invariant, arguments.overwrite, &taken)?;
-        if *invariant == arguments.output {
+        // Neither may exist yet.
+        let place = |path: &Path| {
+            let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+            let folder = std::fs::canonicalize(folder.unwrap_or(Path::new("."))).ok();
+            folder.map(|folder| (folder, path.file_name().map(ToOwned::to_owned)))
+        };
+        if place(invariant) == place(&arguments.output) {
             let expected = "another file than --output";
             return Err(Error::invalid("--invariant", invariant.display(), expected));
         }

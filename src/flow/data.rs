@@ -9,6 +9,18 @@ use crate::system::{Hamiltonian, System};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+/// Fails unless both corners are of 2n finite numbers and low ≤ high.
+fn check_box(name: &str, dof: usize, low: &[f64], high: &[f64]) -> Result<(), Error> {
+    for (corner, values) in [("low", low), ("high", high)] {
+        let place = format!("{name}: {corner}");
+        Error::check_count(&format!("{place}: numbers"), 2 * dof, values.len())?;
+        values.iter().try_for_each(|v| Error::check_finite(&place, *v))?;
+    }
+    (0..2 * dof).try_for_each(|k| {
+        Error::check_range(&format!("{name}: low[{k}]"), low[k], f64::MIN, high[k])
+    })
+}
+
 /// A box in phase space that points lie in: where a network was trained.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -32,6 +44,14 @@ impl Region {
             }
         }
         Some(out)
+    }
+
+    /// Fails unless both corners are of 2n finite numbers and low ≤ high.
+    ///
+    /// # Errors
+    /// [`Error::WrongCount`] or [`Error::OutOfRange`], with the region's `name`.
+    pub fn check(&self, name: &str, dof: usize) -> Result<(), Error> {
+        check_box(name, dof, &self.low, &self.high)
     }
 
     /// The first coordinate of a point that is outside; NaN is.
@@ -59,15 +79,7 @@ impl Window {
     /// # Errors
     /// [`Error::WrongCount`] or [`Error::OutOfRange`], with the window's `name`.
     pub fn check(&self, name: &str, dof: usize) -> Result<(), Error> {
-        for (corner, values) in [("low", &self.low), ("high", &self.high)] {
-            let place = format!("{name}: {corner}");
-            Error::check_count(&format!("{place}: numbers"), 2 * dof, values.len())?;
-            values.iter().try_for_each(|v| Error::check_finite(&place, *v))?;
-        }
-        (0..2 * dof).try_for_each(|k| {
-            let low = format!("{name}: low[{k}]");
-            Error::check_range(&low, self.low[k], f64::MIN, self.high[k])
-        })
+        check_box(name, dof, &self.low, &self.high)
     }
 }
 

@@ -157,6 +157,9 @@ pub fn parse_model(place: &str, bytes: &[u8]) -> Result<StoredModel, Error> {
     }
     let model = Model::new(file.architecture, file.parameters)
         .map_err(|e| Error::content(place, "a valid model", e))?;
+    if let Some(region) = &file.provenance.region {
+        region.check(&format!("{place}: region"), model.composition().dof())?;
+    }
     Ok(StoredModel { model, provenance: file.provenance })
 }
 

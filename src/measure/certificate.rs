@@ -28,6 +28,11 @@ impl Certificate {
         Self { options, domain: Vec::new(), rows }
     }
 
+    /// With the domain of the map.
+    fn within(self, map: &(impl Measurable + ?Sized)) -> Self {
+        Self { domain: map.domain(), ..self }
+    }
+
     /// No law is violated or vacuous, and none is without a testable sample.
     pub fn holds(&self) -> bool {
         let holds = |row: &Row| matches!(row.verdict, Verdict::Holds | Verdict::Reported);
@@ -45,7 +50,10 @@ impl Certificate {
         let (count, all) = (good.len(), good.len() + bad.len());
         let tight = good.iter().filter_map(|row| Some((row, row.headroom()?)));
         let headroom = match tight.min_by(|a, b| a.1.total_cmp(&b.1)) {
-            Some((row, headroom)) => format!(", headroom {headroom:.1} × ({})", row.equation),
+            Some((row, headroom)) if headroom < 1e4 => {
+                format!(", headroom {headroom:.1} × ({})", row.equation)
+            }
+            Some((row, headroom)) => format!(", headroom {headroom:.0e} × ({})", row.equation),
             None => String::new(),
         };
         let untested = self.rows.iter().filter(|row| row.equation.ends_with(NO_INVERSE)).count();
@@ -121,8 +129,8 @@ impl Certificate {
                  equations, another `guess`."
             }
             Verdict::Violated if symplectic => {
-                "Coordinates have to be canonical, q₁ … qₙ, p₁ … pₙ. Try: the Jacobian there (`measure::jacobian`) and JᵀΩJ − Ω \
-                 (`symplecticity_defect`), whose rows show which coordinates; then the steps of \
+                "Coordinates have to be canonical, q₁ … qₙ, p₁ … pₙ. Try: the Jacobian there \
+                 (`measure::jacobian`) and JᵀΩJ − Ω (`symplecticity_defect`), whose rows show which coordinates; then the steps of \
                  the map one by one. What is solved for has to be given as `Implicit`."
             }
             Verdict::Violated if inversion => {
@@ -308,7 +316,7 @@ pub fn certify_map(map: &dyn Measurable, options: CertificateOptions) -> Certifi
     let samples = samples_of(map, options);
     let symplecticity = laws::symplecticity_of_any(map, samples.points());
     let tallies = of_map_with(symplecticity, map, &samples);
-    Certificate { domain: map.domain(), ..Certificate::of(options, tallies) }
+    Certificate::of(options, tallies).within(map)
 }
 
 /// The laws of a nearly-periodic map P_ε = I_ε∘ψ∘Φ_θ∘ψ⁻¹: those of
@@ -316,14 +324,14 @@ pub fn certify_map(map: &dyn Measurable, options: CertificateOptions) -> Certifi
 /// slopes of I_ε in ε, the axioms of the circle action, plain and conjugated,
 /// and, for information, the drift of μ₀.
 pub fn certify_family(family: &dyn NearlyPeriodic, options: CertificateOptions) -> Certificate {
-    Certificate::of(options, of_family(family, &samples_of(family, options)))
+    Certificate::of(options, of_family(family, &samples_of(family, options))).within(family)
 }
 
 /// The laws of a map P = χ∘R∘χ⁻¹ in normal form: those of [`certify_map`], that it is
 /// this composition, that it commutes with the action conjugated by χ, and that R
 /// keeps the actions.
 pub fn certify_normal_form(map: &dyn NormalFormed, options: CertificateOptions) -> Certificate {
-    Certificate::of(options, of_normal_form(map, &samples_of(map, options)))
+    Certificate::of(options, of_normal_form(map, &samples_of(map, options))).within(map)
 }
 
 fn samples_of(map: &(impl Measurable + ?Sized), options: CertificateOptions) -> Samples {

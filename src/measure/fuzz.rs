@@ -46,48 +46,62 @@ pub enum Outcome {
 }
 
 /// Numbers at which arithmetic is at its ends.
-const SPECIAL: [f64; 16] = [
+const SPECIAL: [f64; 24] = [
     0.0,
     -0.0,
     1.0,
     -1.0,
     f64::MIN_POSITIVE,
+    -f64::MIN_POSITIVE,
     5e-324,
     -5e-324,
+    f64::MAX,
+    f64::MIN,
+    f64::NAN,
+    f64::INFINITY,
+    f64::NEG_INFINITY,
     f64::EPSILON,
     1e8,
     -1e8,
     1e-8,
     1e16,
+    1e154,
     1e-300,
     std::f64::consts::PI,
     -std::f64::consts::FRAC_PI_2,
     std::f64::consts::FRAC_PI_4,
+    19.0,
 ];
+
+/// A number of any size, from bytes as `fill` gives them: common ones, special ones (NaN and
+/// infinities among them), any bits.
+pub fn number(fill: &mut dyn FnMut(&mut [u8])) -> f64 {
+    fn take<const N: usize>(fill: &mut dyn FnMut(&mut [u8])) -> [u8; N] {
+        let mut out = [0; N];
+        fill(&mut out);
+        out
+    }
+    let byte = |fill: &mut dyn FnMut(&mut [u8])| f64::from(i8::from_le_bytes(take(fill)));
+    let short = |fill: &mut dyn FnMut(&mut [u8])| f64::from(i16::from_le_bytes(take(fill)));
+    match take::<1>(fill)[0] % 8 {
+        0..=3 => short(fill) / 4096.0,
+        4 => {
+            let mantissa = short(fill) / 32768.0;
+            mantissa * libm::exp2(byte(fill))
+        }
+        5 => SPECIAL[usize::from(take::<1>(fill)[0]) % SPECIAL.len()],
+        6 => byte(fill) / 16.0,
+        _ => f64::from_bits(u64::from_le_bytes(take(fill))),
+    }
+}
 
 /// 2n numbers from any bytes, zeros when they run out: common ones, of any size and of any
 /// bits, brought into |zᵢ| ≤ `reach`, or into the [domain](Measurable::domain) of the map.
 pub fn point(map: &dyn Measurable, reach: f64, data: &[u8]) -> Vec<f64> {
     let mut bytes = data.iter().copied().chain(std::iter::repeat(0));
-    let mut take = |count: usize| -> [u8; 8] {
-        let mut out = [0; 8];
-        for (out, byte) in out[..count].iter_mut().zip(&mut bytes) {
+    let mut fill = |out: &mut [u8]| {
+        for (out, byte) in out.iter_mut().zip(&mut bytes) {
             *out = byte;
-        }
-        out
-    };
-    let mut number = || -> f64 {
-        let kind = take(1)[0];
-        let short = |[a, b, ..]: [u8; 8]| f64::from(i16::from_le_bytes([a, b]));
-        match kind % 8 {
-            0..=3 => short(take(2)) / 4096.0,
-            4 => {
-                let exponent = f64::from(take(1)[0] as i8);
-                short(take(2)) / 32768.0 * libm::exp2(exponent)
-            }
-            5 => SPECIAL[usize::from(take(1)[0]) % SPECIAL.len()],
-            6 => f64::from(take(1)[0] as i8) / 16.0,
-            _ => f64::from_bits(u64::from_le_bytes(take(8))),
         }
     };
     let domain = map.domain();
@@ -96,7 +110,9 @@ pub fn point(map: &dyn Measurable, reach: f64, data: &[u8]) -> Vec<f64> {
         let inside = (low..=high).contains(&value);
         if inside { value } else { low + (value - low).rem_euclid(high - low) }
     };
-    (0..2 * map.dof()).map(|i| within(coordinate(&domain, i).range(reach), number())).collect()
+    (0..2 * map.dof())
+        .map(|i| within(coordinate(&domain, i).range(reach), number(&mut fill)))
+        .collect()
 }
 
 /// Panics unless the map is undone by its inverse, where it has one, and symplectic, at the

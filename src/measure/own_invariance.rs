@@ -30,6 +30,11 @@ impl OwnInvariance {
     const DRIFTS: f64 = 0.3;
     const MATTERS: f64 = 0.01;
 
+    /// So many orbits tell, of so many iterations.
+    pub const ORBITS: usize = 16;
+    /// See [`OwnInvariance::ORBITS`].
+    pub const ITERATIONS: usize = 1000;
+
     /// Measured along orbits from some points, 2n numbers each; None of networks without an
     /// invariant and of no points.
     ///
