@@ -249,7 +249,7 @@ pub fn model(data: &[u8]) -> Result<Outcome, String> {
     let weights = numbers(u, shape.parameter_count());
     let architecture = Architecture::HenonNet { shape, epsilon: number(u) };
     let Ok(model) = Model::new(architecture, weights) else { return Ok(Outcome::Refused) };
-    let stored = StoredModel { model, provenance: Provenance::of("fuzz") };
+    let stored = StoredModel { model, units: None, provenance: Provenance::of("fuzz") };
     let outcome = same_again(&stored)?;
     let mut bytes = model_text(&stored).map_err(|e| e.to_string())?.into_bytes();
     let at = u.arbitrary::<u32>().unwrap_or(0) as usize % bytes.len();
@@ -273,7 +273,7 @@ fn same_again(stored: &StoredModel) -> Result<Outcome, String> {
         parse_model("model.json", text.as_bytes()).map_err(|e| format!("its own file: {e}"))?;
     let same = bits(&back.model) == bits(&stored.model)
         && back.model.architecture() == stored.model.architecture()
-        && back.provenance == stored.provenance;
+        && (&back.units, &back.provenance) == (&stored.units, &stored.provenance);
     if same { Ok(Outcome::Accepted) } else { Err("another model came back".into()) }
 }
 

@@ -107,7 +107,8 @@ fn models_keep_their_bits() {
         symp_net(true),
     ] {
         let provenance = Provenance { seed: Some(u64::MAX), ..Provenance::of("test") };
-        save_model(&path, &StoredModel { model: model.clone(), provenance }).expect("written");
+        save_model(&path, &StoredModel { model: model.clone(), units: None, provenance })
+            .expect("written");
         let back = load_model(&path).expect("read");
         assert_eq!(back.model.architecture(), model.architecture());
         let bits = |m: &Model| {
@@ -132,7 +133,8 @@ fn boxes_that_are_none_are_refused() {
     ] {
         let region = Some(Region { low, high });
         let provenance = Provenance { region: region.clone(), ..Provenance::of("test") };
-        save_model(&path, &StoredModel { model: model(), provenance }).expect("written");
+        save_model(&path, &StoredModel { model: model(), units: None, provenance })
+            .expect("written");
         let read = load_model(&path);
         assert_eq!(read.is_ok(), fits, "{region:?}");
         if let Ok(back) = read {
@@ -145,7 +147,7 @@ fn boxes_that_are_none_are_refused() {
 fn broken_models_are_refused() {
     let folder = folder();
     let path = folder.path().join("model.json");
-    let stored = StoredModel { model: model(), provenance: Provenance::of("test") };
+    let stored = StoredModel { model: model(), units: None, provenance: Provenance::of("test") };
     save_model(&path, &stored).expect("written");
     let whole = std::fs::read_to_string(&path).expect("read");
     let with = |from: &str, to: &str| {
@@ -308,7 +310,7 @@ fn points_come_back_and_bad_ones_are_refused() {
 fn exported(ending: &str) -> (tempfile::TempDir, PathBuf) {
     let folder = folder();
     let path = folder.path().join(format!("w.{ending}"));
-    export_weights(&path, &model()).expect("written");
+    export_weights(&path, &model(), None).expect("written");
     (folder, path)
 }
 
@@ -482,7 +484,8 @@ fn normal_form() -> Model {
 fn a_normal_form_comes_back() {
     let (folder, model) = (folder(), normal_form());
     let file = folder.path().join("m.json");
-    let stored = StoredModel { model: model.clone(), provenance: Provenance::of("test") };
+    let stored =
+        StoredModel { model: model.clone(), units: None, provenance: Provenance::of("test") };
     save_model(&file, &stored).expect("written");
     let back = load_model(&file).expect("read").model;
     assert_eq!(back.architecture(), model.architecture());
@@ -491,7 +494,7 @@ fn a_normal_form_comes_back() {
     assert_eq!(back.angle(), None);
     for ending in ["safetensors", "npz"] {
         let path = folder.path().join(format!("w.{ending}"));
-        export_weights(&path, &model).expect("written");
+        export_weights(&path, &model, None).expect("written");
         let tensors = read_tensors(&path).expect("read");
         assert_eq!(tensors["kick.0.angles"].shape, [1, 3]);
         assert_eq!(tensors["kick.1.w_in"].shape, [3, 1]);

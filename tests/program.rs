@@ -669,6 +669,98 @@ fn columns_and_actions_that_do_not_fit_are_told() {
     assert!(!train("p-first.npz", "1,0").contains("better"));
 }
 
+/// Of 128 times the data the network is trained to the same bits, and every command undoes the
+/// units; with the units of the data nothing is learnt.
+#[test]
+fn units_are_fitted_and_undone() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let pairs = read_pairs(&path.join("pairs.npz")).expect("pairs").pairs;
+    let times = |values: &[f64]| values.iter().map(|v| 128.0 * v).collect::<Vec<f64>>();
+    let large = Pairs::new("large", 2, times(pairs.input()), times(pairs.output()));
+    write_pairs(&path.join("large.npz"), &large.expect("finite")).expect("written");
+    let train = |data: &str, output: &str, more: &[&str]| {
+        let mut arguments = vec!["train", "--data", data, "--circle-action", "1,0"];
+        arguments.extend(["--iterations", "60", "--output", output]);
+        arguments.extend(more);
+        text(&succeeds(path, &arguments).stderr)
+    };
+    assert!(!train("pairs.npz", "plain.json", &[]).contains("units"));
+    let told = train("large.npz", "large.json", &[]);
+    assert!(told.contains("units of 1.2800e2, 1.2800e2, 1.2800e2, 1.2800e2 (q1"), "{told}");
+    assert!(!train("large.npz", "raw.json", &["--units", "data"]).contains("units"));
+    let [plain, scaled, raw] = ["plain.json", "large.json", "raw.json"]
+        .map(|name| load_model(&path.join(name)).expect("a model"));
+    let bits = |stored: &StoredModel| stored.model.composition().parameters().to_vec();
+    assert_eq!(bits(&scaled), bits(&plain));
+    assert_eq!(scaled.provenance.validation, plain.provenance.validation);
+    assert!(raw.units.is_none() && bits(&raw) != bits(&plain));
+    let report = |name: &str| -> Value {
+        let file = path.join(format!("{name}-report/report.json"));
+        serde_json::from_slice(&std::fs::read(file).expect("data")).expect("one JSON document")
+    };
+    let [of_plain, of_scaled] = ["plain", "large"].map(report);
+    assert_eq!(of_scaled["studies"]["trust"]["units"]["factors"][0], 128.0);
+    let component = |report: &Value| {
+        report["studies"]["training"]["models"][0]["component_errors"][2]
+            .as_f64()
+            .expect("a number")
+    };
+    assert_eq!(component(&of_scaled), 128.0 * component(&of_plain));
+    let share = |report: &Value| report["studies"]["trust"]["share_beyond_rotation"].clone();
+    assert_eq!(share(&of_scaled), share(&of_plain));
+
+    let start = [0.3, 0.2, -0.1, 0.4];
+    write_points(&path.join("z.npy"), &[1, 4], &start).expect("written");
+    write_points(&path.join("large.npy"), &[1, 4], &times(&start)).expect("written");
+    let predict = |model: &str, input: &str, output: &str| {
+        let mut arguments = vec!["predict", "--model", model, "--input", input, "--output", output];
+        arguments.extend(["--steps", "10", "--invariant", "mu.npy", "--overwrite"]);
+        let told = text(&succeeds(path, &arguments).stderr);
+        assert!(!told.contains("outside"), "{told}");
+        let numbers = |file: &str, count: usize| -> Vec<f64> {
+            let bytes = std::fs::read(path.join(file)).expect("an array");
+            let of = |b: &[u8]| f64::from_le_bytes(b.try_into().expect("eight bytes"));
+            bytes[bytes.len() - count * 8..].chunks_exact(8).map(of).collect()
+        };
+        (numbers(output, 44), numbers("mu.npy", 11))
+    };
+    let (states, along) = predict("plain.json", "z.npy", "t.npy");
+    let (of_large, along_large) = predict("large.json", "large.npy", "large-t.npy");
+    assert_eq!(of_large, times(&states));
+    assert_eq!(along_large, times(&times(&along)));
+
+    let output = succeeds(path, &["verify", "--model", "large.json", "--samples", "20"]);
+    assert!(text(&output.stdout).contains("in the units of the network"));
+    succeeds(path, &["export", "--model", "large.json", "--output", "w.npz"]);
+    let import = ["import", "--weights", "w.npz", "--circle-action", "1,0", "--epsilon", "0.01"];
+    succeeds(path, &[&import[..], &["--output", "back.json"]].concat());
+    let back = load_model(&path.join("back.json")).expect("a model");
+    assert_eq!((&back.units, bits(&back)), (&scaled.units, bits(&scaled)));
+}
+
+/// A name that says another format than what it would hold is refused.
+#[test]
+fn names_that_say_another_format_are_refused() {
+    let folder = with_model();
+    let path = folder.path();
+    let predict = ["predict", "--model", "model.json", "--input", "z.npy", "--steps", "4"];
+    let refused = |more: &[&str], words: &[&str]| {
+        refuses(path, &[&predict[..], more].concat(), words);
+    };
+    refused(&["--output", "t.csv"], &["--output", "t.csv", ".npy"]);
+    refused(&["--output", "t"], &["--output", ".npy"]);
+    refused(&["--output", "t.npy", "--invariant", "mu.csv"], &["--invariant", "mu.csv", ".npy"]);
+    let train = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output"];
+    refuses(path, &[&train[..], &["m.npz"]].concat(), &["--output", "m.npz", ".json"]);
+    std::fs::write(path.join("pairs.csv"), "1,2\n3,4\n").expect("written");
+    let train = ["train", "--data", "pairs.csv", "--circle-action", "1,0", "--output", "m.json"];
+    refuses(path, &train, &["pairs.csv"]);
+    let input = ["predict", "--model", "model.json", "--input", "pairs.csv", "--steps", "4"];
+    refuses(path, &[&input[..], &["--output", "t.npy"]].concat(), &["pairs.csv"]);
+}
+
 /// The report says in its first lines whether to trust the model, and why not.
 #[test]
 fn a_report_says_whether_to_trust_the_model() {
@@ -850,8 +942,7 @@ fn an_invariant_that_does_not_stay_is_told() {
         }
         *parameters.last_mut().expect("θ") = theta;
         let model = stored.model.with_parameters(parameters).expect("finite");
-        save_model(&path, &StoredModel { model, provenance: stored.provenance.clone() })
-            .expect("written");
+        save_model(&path, &StoredModel { model, ..stored.clone() }).expect("written");
         text(&call(folder.path(), &verify).stderr)
     };
     let resonant = at(0.005, 3.0);
@@ -1028,10 +1119,8 @@ fn bad_arguments_are_named() {
     std::fs::write(path.join("t.npy"), "mine").expect("written");
     let predict = ["predict", "--model", "model.json", "--input", "z.npy", "--steps", "2"];
     refuses(path, &[&predict[..], &["--output", "t.npy"]].concat(), &["t.npy", "--overwrite"]);
-    for file in ["z.npy", "model.json"] {
-        let arguments = [&predict[..], &["--output", file, "--overwrite"]].concat();
-        refuses(path, &arguments, &[file, "input"]);
-    }
+    let arguments = [&predict[..], &["--output", "z.npy", "--overwrite"]].concat();
+    refuses(path, &arguments, &["z.npy", "input"]);
     let huge = ["--steps", "9000000000000000000", "--output", "huge.npy"];
     refuses(path, &[&predict[..5], &huge].concat(), &["states"]);
     refuses(path, &["verify", "--random", "0"], &["--random"]);

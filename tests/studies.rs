@@ -380,7 +380,7 @@ fn weights_of_a_file_stand_beside_trained_ones() {
     let trained = run_in(first.path(), &parse("alone", &alone).expect("a scene"));
     let model = load_model(&first.path().join("model.json")).expect("a model").model;
     let weights = first.path().join("weights.npz");
-    export_weights(&weights, &model).expect("written");
+    export_weights(&weights, &model, None).expect("written");
     let (scene, any) = scene.with_weights(&weights);
     assert!(any);
     let report = run_in(second.path(), &scene);

@@ -8,8 +8,8 @@ use crate::watched::laws_that_ran;
 use std::path::{Path, PathBuf};
 
 /// What makes a map of another, or of equations: `tests/own_maps.rs`.
-const ADAPTORS: [&str; 8] =
-    ["OneStep", "Steps", "Within", "Solved", "ShearMap", "KickMap", "TwistPart", "&M"];
+const ADAPTORS: [&str; 9] =
+    ["OneStep", "Steps", "Within", "Solved", "InUnits", "ShearMap", "KickMap", "TwistPart", "&M"];
 /// The number types that a law runs on, or a test of `tests/` covers.
 const NUMBERS: [(&str, &str); 9] = [
     ("f64", "symplecticity"),

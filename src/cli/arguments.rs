@@ -133,6 +133,15 @@ pub enum OptimiserName {
     Adam,
 }
 
+/// Whose units a network is trained in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum UnitsOf {
+    /// Fitted to the pairs.
+    Fitted,
+    /// Those of the data.
+    Data,
+}
+
 #[derive(Debug, Args)]
 pub struct Train {
     /// An .npz with `input` and `output`, both (N, 2n) float64, columns
@@ -207,6 +216,10 @@ pub struct Train {
     /// The share of the pairs to hold out.
     #[arg(long, default_value_t = 0.1, allow_negative_numbers = true)]
     pub validation: f64,
+    /// The units that the network is trained in: ones in which the pairs are of order one and
+    /// turn in circles, kept with the model and undone wherever it is used, or those of the data.
+    #[arg(long, value_enum, default_value_t = UnitsOf::Fitted)]
+    pub units: UnitsOf,
     /// The seed of weights and of the held-out choice.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,

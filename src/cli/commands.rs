@@ -12,7 +12,7 @@ use gyroceptron::Error;
 use gyroceptron::flow::Region;
 use gyroceptron::io::{
     Provenance, StoredModel, assemble_normal_form, assemble_weights, export_weights, file_digest,
-    is_normal_form, load_model, read_points, read_tensors, save_model, write_points,
+    is_normal_form, load_model, read_points, read_tensors, save_model, take_units, write_points,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{CertificateOptions, OwnInvariance, certify, certify_all};
@@ -154,7 +154,7 @@ fn default_architecture(circle_action: CircleAction, epsilon: f64) -> Architectu
 }
 
 /// Points of the box that a model was trained in, or else of that of the samples, halfway to
-/// its ends at most.
+/// its ends at most, in the coordinates of the network.
 fn starts(stored: &StoredModel, options: &CertificateOptions) -> Vec<f64> {
     let dim = 2 * stored.model.composition().dof();
     let box_of_samples =
@@ -162,13 +162,17 @@ fn starts(stored: &StoredModel, options: &CertificateOptions) -> Vec<f64> {
     let region = stored.provenance.region.as_ref().unwrap_or(&box_of_samples);
     let mut stream = Stream::new(options.seed, "verify/orbits");
     let corners = || region.low.iter().zip(&region.high);
-    (0..OwnInvariance::ORBITS)
+    let mut points: Vec<f64> = (0..OwnInvariance::ORBITS)
         .flat_map(|_| corners())
         .map(|(low, high)| {
             let (centre, half) = (0.5 * (low + high), 0.25 * (high - low));
             stream.uniform(centre - half, centre + half)
         })
-        .collect()
+        .collect();
+    if let (Some(units), Some(_)) = (&stored.units, &stored.provenance.region) {
+        units.to_network(&mut points);
+    }
+    points
 }
 
 fn verify(arguments: &Verify) -> Result<Status, Error> {
@@ -179,9 +183,11 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
         seed: arguments.seed,
     };
     options.check()?;
+    let mut own_units = None;
     let (subject, result) = match &arguments.model {
         Some(path) => {
             let stored = load_model(path)?;
+            own_units.clone_from(&stored.units);
             let starts = starts(&stored, &options);
             if let Some(fault) =
                 OwnInvariance::of(&stored.model, &starts, OwnInvariance::ITERATIONS)
@@ -215,15 +221,17 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
             "subject": subject,
             "crate_version": env!("CARGO_PKG_VERSION"),
             "holds": result.holds(),
+            "units": own_units,
             "certificate": result,
         }))?;
     } else {
         out(&format!(
-            "{subject}: {}\n{} points each, uniform in |z_i| ≤ {}, seed {}\n{}",
+            "{subject}: {}\n{} points each, uniform in |z_i| ≤ {}, seed {}{}\n{}",
             result.summary(),
             options.samples,
             options.radius,
             options.seed,
+            if own_units.is_some() { ", z in the units of the network" } else { "" },
             terminal::table(&certificate_table(&result.rows)),
         ))?;
         for line in result.advice() {
@@ -252,6 +260,14 @@ pub fn guard_output(output: &Path, overwrite: bool, inputs: &[&Path]) -> Result<
     probe_writable(output)
 }
 
+/// Refuses a name that says another format than what is written to it.
+pub fn check_ending(option: &str, path: &Path, ending: &str) -> Result<(), Error> {
+    if path.extension().is_some_and(|found| found == ending) {
+        return Ok(());
+    }
+    Err(Error::invalid(option, path.display(), format!("a name that ends in .{ending}")))
+}
+
 fn probe_writable(path: &Path) -> Result<(), Error> {
     let mut probe = path.as_os_str().to_owned();
     probe.push(".probe");
@@ -263,13 +279,13 @@ fn probe_writable(path: &Path) -> Result<(), Error> {
 
 /// The model at another ε and flow time, where they are given.
 fn member(
-    stored: &StoredModel,
+    stored: StoredModel,
     epsilon: Option<f64>,
     flow_time: Option<f64>,
-) -> Result<Model, Error> {
-    let (model, architecture) = (&stored.model, stored.model.architecture());
+) -> Result<StoredModel, Error> {
+    let architecture = stored.model.architecture();
     if epsilon.is_none() && flow_time.is_none() {
-        return Ok(model.clone());
+        return Ok(stored);
     }
     let given = [("--epsilon", epsilon), ("--flow-time", flow_time)];
     for (name, value) in given {
@@ -289,7 +305,7 @@ fn member(
             return Err(Error::invalid("--flow-time", time, expected));
         }
     };
-    model.at(epsilon.unwrap_or(architecture.epsilon()), time)
+    stored.at(epsilon.unwrap_or(architecture.epsilon()), time)
 }
 
 /// What left the box of the training points.
@@ -349,11 +365,14 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
         every: positive("--every", arguments.every)?,
     };
     let inputs = [arguments.model.as_path(), arguments.input.as_path()];
-    let stored = load_model(&arguments.model)?;
-    let model = member(&stored, arguments.epsilon, arguments.flow_time)?;
+    check_ending("--output", &arguments.output, "npy")?;
+    if let Some(invariant) = &arguments.invariant {
+        check_ending("--invariant", invariant, "npy")?;
+    }
+    let stored = member(load_model(&arguments.model)?, arguments.epsilon, arguments.flow_time)?;
     guard_output(&arguments.output, arguments.overwrite, &inputs)?;
     if let Some(invariant) = &arguments.invariant {
-        if model.invariant().is_none() {
+        if stored.invariant().is_none() {
             let expected = "an option of gyroceptrons";
             return Err(Error::invalid("--invariant", invariant.display(), expected));
         }
@@ -374,15 +393,15 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
         let expected = "a model that knows the box of its training points";
         return Err(Error::invalid("--outside", "stop", expected));
     }
-    let map = model.composition();
-    let dim = 2 * map.dof();
-    let file = read_points(&arguments.input, map.dof())?;
+    let dof = stored.model.composition().dof();
+    let dim = 2 * dof;
+    let file = read_points(&arguments.input, dof)?;
     if file.single_precision {
         line(&format!("{}: float32 numbers, taken as they are", arguments.input.display()));
     }
     let initial = file.points;
     let points = initial.len() / dim;
-    let values = model.rollout(&initial, request)?;
+    let values = stored.rollout(&initial, request)?;
     if let Some(index) = values.iter().position(|v| !v.is_finite()) {
         let state = index / initial.len();
         return Err(Error::Diverged {
@@ -405,7 +424,7 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     }
     let shape = [request.kept() as u64, points as u64, dim as u64];
     write_points(&arguments.output, &shape, &values)?;
-    if let (Some(file), Some(invariant)) = (&arguments.invariant, model.invariant()) {
+    if let (Some(file), Some(invariant)) = (&arguments.invariant, stored.invariant()) {
         let along: Vec<f64> = values.par_chunks_exact(dim).map(invariant).collect();
         write_points(file, &shape[..2], &along)?;
     }
@@ -455,8 +474,9 @@ fn describe(model: &Model, path: &Path, as_json: bool) -> Result<Status, Error> 
 }
 
 fn import(arguments: &Import) -> Result<Status, Error> {
+    check_ending("--output", &arguments.output, "json")?;
     let action = circle_action(&arguments.circle_action)?;
-    let (tensors, place) = (read_tensors(&arguments.weights)?, arguments.weights.display());
+    let (mut tensors, place) = (read_tensors(&arguments.weights)?, arguments.weights.display());
     if tensors.values().any(|tensor| tensor.single_precision) {
         line(&format!("{place}: float32 numbers, taken as they are"));
     }
@@ -464,6 +484,7 @@ fn import(arguments: &Import) -> Result<Status, Error> {
     if let Some(time) = arguments.flow_time.filter(|time| !(*time > 0.0 && time.is_finite())) {
         return Err(Error::invalid("--flow-time", time, "a positive number"));
     }
+    let units = take_units(&place, &mut tensors, action.dof())?;
     let model = match (is_normal_form(&tensors), arguments.flow_time) {
         (true, Some(time)) => assemble_normal_form(&place, tensors, action, epsilon, time)?,
         (true, None) => {
@@ -482,13 +503,13 @@ fn import(arguments: &Import) -> Result<Status, Error> {
         flow_time: arguments.flow_time,
         ..Provenance::of("import")
     };
-    save_model(&arguments.output, &StoredModel { model: model.clone(), provenance })?;
+    save_model(&arguments.output, &StoredModel { model: model.clone(), units, provenance })?;
     describe(&model, &arguments.output, arguments.json)
 }
 
 fn export(arguments: &Export) -> Result<Status, Error> {
     let stored = load_model(&arguments.model)?;
     guard_output(&arguments.output, arguments.overwrite, &[&arguments.model])?;
-    export_weights(&arguments.output, &stored.model)?;
+    export_weights(&arguments.output, &stored.model, stored.units.as_ref())?;
     describe(&stored.model, &arguments.output, arguments.json)
 }

@@ -2,9 +2,10 @@
 
 use super::Status;
 use super::arguments::{
-    ArchitectureName, OptimiserName, Train, circle_action, layers, only_circle, positive, twists,
+    ArchitectureName, OptimiserName, Train, UnitsOf, circle_action, layers, only_circle, positive,
+    twists,
 };
-use super::commands::{guard_output, read_scene, use_threads};
+use super::commands::{check_ending, guard_output, read_scene, use_threads};
 use super::output::{json, out};
 use super::progress::Progress;
 use gyroceptron::Error;
@@ -19,12 +20,12 @@ use gyroceptron::random::Stream;
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
     ByTurns, Folder, Layers, ModelSpec, NetworkSpec, Observer, OwnTraining, Reading, TrainingTimes,
-    TwistLayers,
+    TwistLayers, units_told,
 };
 use gyroceptron::train::{
     AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions, Optimiser,
     Place, Progress as TrainingProgress, Starts, Stop, TrainingOptions, Watch, fit_rotation,
-    slow_time, train_schedule,
+    fit_units, slow_time, train_schedule,
 };
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -209,6 +210,9 @@ fn command(
     if let Some(theta) = theta {
         out.push_str(&format!(" --theta {theta}"));
     }
+    if arguments.units == UnitsOf::Data {
+        out.push_str(" --units data");
+    }
     out + " --output MODEL.json"
 }
 
@@ -321,6 +325,7 @@ impl Family {
 
 pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     use_threads(&arguments.common)?;
+    check_ending("--output", &arguments.output, "json")?;
     let action = circle_action(&arguments.circle_action)?;
     let (spec, training) = of_scene(arguments.scene.as_deref())?;
     let network = network(arguments, spec.network.clone())?;
@@ -408,13 +413,24 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if let Some(reading) = Reading::better(&pairs, &action) {
         progress.note(&format!("{}: {}", arguments.data.display(), reading.told()));
     }
+    let region = pairs.region();
+    let units = match arguments.units {
+        UnitsOf::Fitted => fit_units(&pairs, &action),
+        UnitsOf::Data => None,
+    };
+    let pairs = match &units {
+        None => pairs,
+        Some(units) => {
+            progress.note(&format!("{}: {}", arguments.data.display(), units_told(units)));
+            pairs.to_network(&arguments.data.display().to_string(), units)?
+        }
+    };
     let nearest: Vec<f64> =
         action.circles().iter().map(|circle| fit_rotation(&pairs, circle)).collect();
     let angles: Vec<f64> =
         nearest.iter().map(|nearest| arguments.theta.unwrap_or(*nearest)).collect();
     let time = family.time.unwrap_or_else(|| slow_time(&pairs, &action, &nearest) / epsilon.abs());
     let architecture = architecture(epsilon, time);
-    let region = pairs.region();
     let (pairs, held_out) =
         pairs.split(arguments.validation, &mut Stream::new(arguments.seed, "data/held-out"));
     progress.note(&format!(
@@ -470,7 +486,8 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         region,
         ..Provenance::of(&spec.name)
     };
-    save_model(&arguments.output, &StoredModel { model: outcome.model.clone(), provenance })?;
+    let stored = StoredModel { model: outcome.model.clone(), units: units.clone(), provenance };
+    save_model(&arguments.output, &stored)?;
     // What was timed is not all of it.
     if arguments.resume {
         times.points.clear();
@@ -489,6 +506,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         training: result,
         pairs: &pairs,
         held_out: held_out.as_ref(),
+        units: units.as_ref(),
         times,
         command,
     }
@@ -505,6 +523,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
                 _ => None,
             },
             "angles": angles,
+            "units": units,
         }))?;
     } else {
         out(&terminal::summary(&report))?;

@@ -3,6 +3,7 @@
 use super::{Integrator, Reference};
 use crate::digest;
 use crate::error::Error;
+use crate::phase::Units;
 use crate::random::Stream;
 use crate::scalar::{Kernel, Pack, WIDTH, max_or_nan, on_lanes};
 use crate::system::{Hamiltonian, System};
@@ -301,6 +302,17 @@ impl Pairs {
         }
         let plain = Self::new(place, self.dof, input, output)?;
         Ok(Self { conditions: self.conditions.clone(), ..plain })
+    }
+
+    /// These pairs in the coordinates of a network with such units.
+    ///
+    /// # Errors
+    /// [`Error::NotFinite`] when a number is not finite in them, which `place` names.
+    pub fn to_network(&self, place: &str, units: &Units) -> Result<Self, Error> {
+        self.transformed(place, |_, points| {
+            units.to_network(points);
+            Ok(())
+        })
     }
 
     /// The time-`time` flow map of `system` at these points, with the largest

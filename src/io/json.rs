@@ -4,14 +4,17 @@ use super::{read_bytes, write_atomically};
 use crate::digest;
 use crate::error::Error;
 use crate::flow::Region;
-use crate::network::{Architecture, Model};
+use crate::network::{Architecture, Invariant, Model, Rollout};
+use crate::phase::Units;
 use crate::train::Checkpoint;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The newest model format that this version reads, and the one it writes.
-const MODEL_VERSION: u64 = 1;
+/// The newest model format that this version reads, and the one it writes of a model with
+/// units; without them it is 1, which earlier versions read.
+const MODEL_VERSION: u64 = 2;
+const MODEL_VERSION_WITHOUT_UNITS: u64 = 1;
 /// The newest checkpoint format that this version reads, and the one it writes.
 const CHECKPOINT_VERSION: u64 = 1;
 
@@ -27,9 +30,10 @@ pub struct Provenance {
     pub data: Option<String>,
     /// The time of the flow map that it stands for.
     pub flow_time: Option<f64>,
-    /// The held-out mean squared error.
+    /// The held-out mean squared error, in the network's units.
     pub validation: Option<f64>,
-    /// The box around its pairs, training and held out: beyond it nothing has been shown.
+    /// The box around its pairs, training and held out, as the data has them: beyond it nothing
+    /// has been shown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub region: Option<Region>,
     /// The version of this crate.
@@ -47,13 +51,50 @@ impl Provenance {
     }
 }
 
-/// A model with its provenance, as a file holds it.
+/// A model with its units and provenance, as a file holds it.
 #[derive(Clone, Debug)]
 pub struct StoredModel {
     /// The network.
     pub model: Model,
+    /// The units of the data that it stands for, where they are not its own.
+    pub units: Option<Units>,
     /// Where it comes from.
     pub provenance: Provenance,
+}
+
+impl StoredModel {
+    /// [`Model::at`], in the same units.
+    ///
+    /// # Errors
+    /// Those of [`Model::at`].
+    pub fn at(&self, epsilon: f64, time: f64) -> Result<Self, Error> {
+        Ok(Self { model: self.model.at(epsilon, time)?, ..self.clone() })
+    }
+
+    /// [`Model::rollout`] of points of the data.
+    ///
+    /// # Errors
+    /// Those of [`Model::rollout`].
+    pub fn rollout(&self, initial: &[f64], request: Rollout) -> Result<Vec<f64>, Error> {
+        let Some(units) = &self.units else { return self.model.rollout(initial, request) };
+        let mut start = initial.to_vec();
+        units.to_network(&mut start);
+        let mut states = self.model.rollout(&start, request)?;
+        units.to_data(&mut states);
+        states[..initial.len()].copy_from_slice(initial);
+        Ok(states)
+    }
+
+    /// [`Model::invariant`] at points of the data, in units of their actions.
+    pub fn invariant(&self) -> Option<Invariant<'_>> {
+        let own = self.model.invariant()?;
+        let Some(units) = &self.units else { return Some(own) };
+        Some(Box::new(move |z| {
+            let mut point = z.to_vec();
+            units.to_network(&mut point);
+            units.area() * own(&point)
+        }))
+    }
 }
 
 #[derive(Serialize, Deserialize)]
@@ -62,10 +103,18 @@ struct ModelFile {
     format: String,
     version: u64,
     architecture: Architecture,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    units: Option<Units>,
     provenance: Provenance,
-    /// SHA-256 of the parameters' bits: a flipped digit is another model.
+    /// SHA-256 of the bits of the parameters and of the units: a flipped digit is another model.
     digest: String,
     parameters: Vec<f64>,
+}
+
+/// See `digest` of a model file.
+fn digest_of(parameters: &[f64], units: Option<&Units>) -> String {
+    let of_units = units.iter().flat_map(|units| units.centre().iter().chain(units.factors()));
+    digest::of_numbers(parameters.iter().chain(of_units))
 }
 
 const MODEL_FORMAT: &str = "gyroceptron-model";
@@ -105,10 +154,14 @@ fn parse_document<T: DeserializeOwned>(
 pub fn model_text(stored: &StoredModel) -> Result<String, Error> {
     let file = ModelFile {
         format: MODEL_FORMAT.into(),
-        version: MODEL_VERSION,
+        version: match stored.units {
+            Some(_) => MODEL_VERSION,
+            None => MODEL_VERSION_WITHOUT_UNITS,
+        },
         architecture: stored.model.architecture(),
+        units: stored.units.clone(),
         provenance: stored.provenance.clone(),
-        digest: digest::of_numbers(stored.model.composition().parameters()),
+        digest: digest_of(stored.model.composition().parameters(), stored.units.as_ref()),
         parameters: stored.model.composition().parameters().to_vec(),
     };
     let text = serde_json::to_string_pretty(&file)
@@ -148,7 +201,7 @@ pub fn parse_model(place: &str, bytes: &[u8]) -> Result<StoredModel, Error> {
             file.parameters.len(),
         ));
     }
-    if digest::of_numbers(&file.parameters) != file.digest {
+    if digest_of(&file.parameters, file.units.as_ref()) != file.digest {
         return Err(Error::content(
             format!("{place}: parameters"),
             "numbers that match their digest",
@@ -160,7 +213,10 @@ pub fn parse_model(place: &str, bytes: &[u8]) -> Result<StoredModel, Error> {
     if let Some(region) = &file.provenance.region {
         region.check(&format!("{place}: region"), model.composition().dof())?;
     }
-    Ok(StoredModel { model, provenance: file.provenance })
+    if let Some(units) = &file.units {
+        units.check(&format!("{place}: units"), model.composition().dof())?;
+    }
+    Ok(StoredModel { model, units: file.units, provenance: file.provenance })
 }
 
 #[derive(Serialize, Deserialize)]

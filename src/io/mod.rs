@@ -19,7 +19,7 @@ pub use json::{
 };
 pub use weights::{
     Tensor, WeightsFormat, assemble_normal_form, assemble_weights, export_weights, import_weights,
-    is_normal_form, parse_tensors, read_tensors,
+    is_normal_form, parse_tensors, read_tensors, take_units,
 };
 
 use crate::error::Error;

@@ -6,7 +6,9 @@
 //! `kick.{i}.angles` (1, n), `kick.{i}.w_in` (n, h), `kick.{i}.b_in`, `kick.{i}.w_out`,
 //! `twist.{i}.w_in` (d, h; the rows of the actions first), `twist.{i}.b_in`,
 //! `twist.{i}.w_out`, of even i `twist.{i}.quadratic` (1, d(d + 1)/2; the rows of the upper
-//! triangle of Q), `theta` (an angle for each circle), and `psi.{i}.…` where it has a ψ. Layers
+//! triangle of Q), `theta` (an angle for each circle), and `psi.{i}.…` where it has a ψ. Where the data has
+//! units of its own, `units.centre` and `units.factors`, (1, 2n) each, say them: z = centre +
+//! factors·w of the network's w. Layers
 //! are numbered from 0 in the order of application; numbers are float32 or float64.
 
 use super::arrays::{Archive, write_archive};
@@ -14,6 +16,7 @@ use super::{read_bytes, tensor_bundle, write_atomically};
 use crate::error::Error;
 use crate::layer::{CircleAction, TorusAction};
 use crate::network::{Architecture, GyroceptronShape, Model, NormalFormShape};
+use crate::phase::Units;
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
 use std::collections::BTreeMap;
@@ -274,11 +277,42 @@ fn assemble(
     Model::new(architecture, parameters)
 }
 
-/// Writes a model's weights as `.safetensors` or `.npz`, float64.
+/// The names of the tensors of units.
+const UNITS: [&str; 2] = ["units.centre", "units.factors"];
+
+/// Takes the units out of tensors, where there are any; `place` names them in errors.
+///
+/// # Errors
+/// When one of both is missing, they are not of 2n numbers, or no units ([`Units::new`]).
+pub fn take_units(
+    place: &str,
+    tensors: &mut BTreeMap<String, Tensor>,
+    dof: usize,
+) -> Result<Option<Units>, Error> {
+    let [centre, factors] = UNITS.map(|name| tensors.remove(name).map(|tensor| tensor.values));
+    let units = match (centre, factors) {
+        (None, None) => return Ok(None),
+        (Some(centre), Some(factors)) => Units::new(centre, factors),
+        (centre, _) => {
+            let missing = UNITS[usize::from(centre.is_some())];
+            return Err(Error::content(
+                format!("{place}: {missing}"),
+                "a tensor of that name",
+                "none",
+            ));
+        }
+    };
+    let units = units.map_err(|e| e.at(place))?;
+    units.check(&format!("{place}: units"), dof)?;
+    Ok(Some(units))
+}
+
+/// Writes a model's weights as `.safetensors` or `.npz`, float64, with the units of its data,
+/// where they are not its own.
 ///
 /// # Errors
 /// When the ending is another one or the file cannot be written.
-pub fn export_weights(path: &Path, model: &Model) -> Result<(), Error> {
+pub fn export_weights(path: &Path, model: &Model, units: Option<&Units>) -> Result<(), Error> {
     let format = WeightsFormat::of(path)?;
     let architecture = model.architecture();
     let parameters = model.composition().parameters();
@@ -289,6 +323,11 @@ pub fn export_weights(path: &Path, model: &Model) -> Result<(), Error> {
         rest = after;
         let shape = if name == "theta" { vec![shape[1]] } else { shape.to_vec() };
         tensors.push((name, shape, values));
+    }
+    if let Some(units) = units {
+        for (name, values) in UNITS.into_iter().zip([units.centre(), units.factors()]) {
+            tensors.push((name.to_owned(), vec![1, values.len()], values));
+        }
     }
     match format {
         WeightsFormat::Safetensors => {

@@ -127,7 +127,7 @@ pub(super) fn learn_at(
         region: pairs.region(),
         ..Provenance::of(&scene.name)
     };
-    let stored = StoredModel { model: outcome.model.clone(), provenance };
+    let stored = StoredModel { model: outcome.model.clone(), units: None, provenance };
     save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
     Ok(Trained { spec, network, initial, legs, outcome })
 }
@@ -244,7 +244,7 @@ fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Tr
         validation: record.validation,
         ..Provenance::of(&scene.name)
     };
-    let stored = StoredModel { model: model.clone(), provenance };
+    let stored = StoredModel { model: model.clone(), units: None, provenance };
     save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
     let outcome = Outcome {
         model: model.clone(),

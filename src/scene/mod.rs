@@ -43,7 +43,7 @@ pub use declaration::Scene;
 pub use folder::Folder;
 pub use log::{Stage, TrainingTimes};
 pub use machine::Machine;
-pub use own_pairs::OwnTraining;
+pub use own_pairs::{OwnTraining, units_told};
 pub use parse::parse;
 pub use reading::Reading;
 pub use report::{Report, StudyFindings};

@@ -1,6 +1,7 @@
 //! The report of a training on pairs of one's own.
 
 use super::declaration::Scene;
+use super::findings::Block;
 use super::folder::Folder;
 use super::learning::Trained;
 use super::log::TrainingTimes;
@@ -13,7 +14,26 @@ use super::trust::trust;
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::measure::{component_errors, root_mean_square};
+use crate::phase::Units;
 use crate::train::{Scheduled, TrainingOptions};
+use serde_json::json;
+
+/// What is said of units that are not the data's.
+pub fn units_told(units: &Units) -> String {
+    let numbers = |values: &[f64]| {
+        let texts: Vec<String> = values.iter().map(|value| format!("{value:.4e}")).collect();
+        texts.join(", ")
+    };
+    let centre = match units.centre().iter().any(|c| *c != 0.0) {
+        true => format!(" about {}", numbers(units.centre())),
+        false => String::new(),
+    };
+    format!(
+        "The network is trained in units of {}{centre} (q1 … qn, p1 … pn), in which the pairs are \
+         of order one",
+        numbers(units.factors())
+    )
+}
 
 /// A training on pairs of one's own.
 pub struct OwnTraining<'a> {
@@ -32,6 +52,8 @@ pub struct OwnTraining<'a> {
     /// The mean squared error, on the pairs to judge by, of the rotation nearest to the
     /// data: what the network has to improve upon.
     pub rotation_error: f64,
+    /// The units of the data, where they are not those of the pairs here and of the network.
+    pub units: Option<&'a Units>,
     /// The seconds of training.
     pub times: TrainingTimes,
     /// The command that does it again, but for the file of the scene.
@@ -47,14 +69,24 @@ impl OwnTraining<'_> {
         let output = self.held_out.unwrap_or(self.pairs).output();
         let baseline =
             Baseline { rotation_error: Some(self.rotation_error), size: root_mean_square(output) };
-        let errors = match self.held_out {
+        let mut errors = match self.held_out {
             Some(held_out) => {
                 component_errors(self.training.outcome.model.composition(), held_out)?
             }
             None => Vec::new(),
         };
         let network = self.spec.name.clone();
-        let trust = trust(&self.training.outcome, self.pairs, self.held_out, self.rotation_error)?;
+        let mut trust =
+            trust(&self.training.outcome, self.pairs, self.held_out, self.rotation_error)?;
+        if let Some(units) = self.units {
+            errors.iter_mut().zip(units.factors()).for_each(|(error, factor)| *error *= factor);
+            trust.results.details.push(Block::Text(format!(
+                "- {}. Errors of each component are in units of the data, all others in those of \
+                 the network.\n",
+                units_told(units)
+            )));
+            trust.results.data["units"] = json!(units);
+        }
         let Scheduled { initial, legs, outcome } = self.training;
         let trained = Trained { spec: self.spec.clone(), network, initial, legs, outcome };
         let result = TrainingResult::new(&trained, errors, self.options);

@@ -2,18 +2,19 @@
 
 use crate::flow::Pairs;
 use crate::layer::{CircleAction, TorusAction};
-use crate::measure::rotation_error;
-use crate::train::fit_rotation;
+use crate::measure::{root_mean_square, rotation_error};
+use crate::train::{fit_rotation, fit_units};
 
 /// Another order of columns or other weights of the circle action, which the pairs fit far
-/// better: a mean squared error of the rotation alone of a tenth at most.
+/// better: a mean squared error of the rotation alone of a tenth at most, in units that fit each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
     /// What the columns would be.
     pub columns: String,
     /// The weights of the circle action.
     pub weights: Vec<i32>,
-    /// The mean squared error of the rotation that is nearest to the pairs, read so.
+    /// The mean squared error of the rotation that is nearest to the pairs, read so, over the mean
+    /// square of the outputs.
     pub error: f64,
     /// The same of the pairs as they were said to be.
     pub as_given: f64,
@@ -47,9 +48,12 @@ impl Reading {
             readings.push((by_planes.join(" "), given.with_columns(&interleaved)));
         }
         let error = |pairs: &Pairs, action: &TorusAction| {
+            let units = fit_units(pairs, action);
+            let scaled = units.and_then(|units| pairs.to_network("pairs", &units).ok());
+            let pairs = scaled.as_ref().unwrap_or(pairs);
             let angles: Vec<f64> =
                 action.circles().iter().map(|circle| fit_rotation(pairs, circle)).collect();
-            rotation_error(action, &angles, pairs)
+            rotation_error(action, &angles, pairs) / root_mean_square(pairs.output()).powi(2)
         };
         let as_given = error(&given, action);
         let mut actions = vec![action.clone()];
@@ -75,11 +79,11 @@ impl Reading {
         let weights: Vec<String> = self.weights.iter().map(i32::to_string).collect();
         format!(
             "the pairs fit columns {} with circle action {} better: the nearest rotation errs by \
-             {:.1e} (mean square), by {:.1e} as they were said to be",
+             {:.1} % (rms), by {:.1} % as they were said to be",
             self.columns,
             weights.join(","),
-            self.error,
-            self.as_given
+            100.0 * self.error.sqrt(),
+            100.0 * self.as_given.sqrt()
         )
     }
 }

@@ -5,6 +5,7 @@
 //! - `lbfgs`, `levenberg_marquardt`, `adam`: an optimiser each, with its options.
 //! - `options`, `run`, `checkpoint`: what they share: validation, stopping, resuming.
 //! - `schedule`: several starts, a ramp of other flow times or ε, twists alone.
+//! - `rotation_fit`, `units_fit`: θ and units for data of which nobody told them.
 
 mod adam;
 mod checkpoint;
@@ -17,6 +18,7 @@ mod options;
 mod rotation_fit;
 mod run;
 mod schedule;
+mod units_fit;
 
 pub use adam::AdamOptions;
 pub use checkpoint::Checkpoint;
@@ -30,3 +32,4 @@ pub use run::{Control, Outcome, Progress, train};
 pub use schedule::{
     FreshTwists, Leg, LegResult, Place, Rung, Scheduled, Starts, Watch, train_schedule,
 };
+pub use units_fit::fit_units;

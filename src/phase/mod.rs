@@ -8,6 +8,10 @@
 //! so that Hamilton's equations read ż = Ω∇H, and a map with Jacobian J is
 //! symplectic when JᵀΩJ = Ω.
 
+mod units;
+
+pub use units::{InUnits, Units};
+
 use serde::{Deserialize, Serialize};
 
 /// One half of the coordinates.

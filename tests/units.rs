@@ -1,0 +1,243 @@
+//! Data in units that nobody chose for a network: fitted, undone, kept with the model.
+#![cfg(feature = "files")]
+
+use gyroceptron::flow::{Pairs, Window, sample};
+use gyroceptron::io::{
+    Provenance, StoredModel, export_weights, model_text, parse_model, read_tensors, take_units,
+};
+use gyroceptron::layer::{CircleAction, TorusAction};
+use gyroceptron::measure::{
+    CertificateOptions, Coordinate, OneStep, Within, certify_map, distance, root_mean_square,
+    rotation_error,
+};
+use gyroceptron::network::{
+    Architecture, GyroceptronShape, HenonShape, InitialWeights, Model, Rollout,
+};
+use gyroceptron::phase::{InUnits, Map, Units};
+use gyroceptron::random::Stream;
+use gyroceptron::scalar::{Scalar, constant};
+use gyroceptron::system::{Oscillators, ParticleField};
+use gyroceptron::train::{fit_rotation, fit_units};
+
+fn action() -> TorusAction {
+    CircleAction::new([1, 0]).into()
+}
+
+/// Pairs of the oscillators, where the network would have them.
+fn pairs(time: f64) -> Pairs {
+    let window = Window { low: vec![-1.6; 4], high: vec![1.6; 4], samples: 600 };
+    let points = sample(&[window], 2, &mut Stream::new(7, "points")).expect("points");
+    Pairs::of_flow(&Oscillators { epsilon: 0.01 }, points, time).expect("a flow").0
+}
+
+/// z = c + S w of both ends.
+fn in_units(pairs: &Pairs, units: &Units) -> Pairs {
+    let of = |points: &[f64]| {
+        let mut points = points.to_vec();
+        units.to_data(&mut points);
+        points
+    };
+    Pairs::new("pairs", pairs.dof(), of(pairs.input()), of(pairs.output())).expect("finite")
+}
+
+fn all_units(centre: [f64; 4], factors: [f64; 4]) -> Units {
+    Units::new(centre.to_vec(), factors.to_vec()).expect("units")
+}
+
+fn model() -> Model {
+    let shape = GyroceptronShape {
+        circle_action: CircleAction::new([1, 0]),
+        psi: vec![6; 3],
+        near_identity: vec![6; 3],
+    };
+    Architecture::Gyroceptron { shape, epsilon: 0.01 }
+        .initialise(InitialWeights::Glorot, 0.7, 5)
+        .expect("valid")
+}
+
+#[test]
+fn data_of_order_one_keeps_its_units() {
+    for time in [0.05, 0.5, 5.0, std::f64::consts::TAU, 50.0] {
+        assert_eq!(fit_units(&pairs(time), &action()), None, "{time}");
+    }
+    let system = ParticleField::two_modes(0.01);
+    let window = Window {
+        low: vec![-3.2, -0.6, -0.6, -1.2, -0.6, -0.1],
+        high: vec![3.2, 0.6, 0.6, 1.2, 0.6, 1.1],
+        samples: 300,
+    };
+    let points = sample(&[window], 3, &mut Stream::new(1, "points")).expect("points");
+    let (pairs, _) = Pairs::of_flow(&system, points, 0.8).expect("a flow");
+    assert_eq!(fit_units(&pairs, &CircleAction::new([0, 1, 2]).into()), None);
+}
+
+/// Of a hundred times the data, of ellipses in place of circles, of one that turns about another
+/// point, of slow coordinates that are far away or much longer than wide: what is left is of
+/// order one, and turns as the data did at first.
+#[test]
+fn units_are_found_again() {
+    let plain = pairs(0.5);
+    let left = |pairs: &Pairs| {
+        let angle = fit_rotation(pairs, &action().circles()[0]);
+        let size = root_mean_square(pairs.output());
+        (rotation_error(&action(), &[angle], pairs).sqrt() / size, size)
+    };
+    let (share, size) = left(&plain);
+    for (name, centre, factors) in [
+        ("a hundred times", [0.0; 4], [100.0; 4]),
+        ("a millionth", [0.0; 4], [1e-6; 4]),
+        ("an ellipse", [0.0; 4], [30.0, 3.0, 0.3, 3.0]),
+        ("another centre", [5.0, 0.0, -40.0, 0.0], [1.0; 4]),
+        ("both", [2e4, 0.0, 3e-3, 0.0], [1e3, 1.0, 1e-3, 1.0]),
+        ("far and long", [0.0, 700.0, 0.0, 0.0], [2.0, 400.0, 2.0, 0.01]),
+    ] {
+        let given = all_units(centre, factors);
+        let data = in_units(&plain, &given);
+        let found = fit_units(&data, &action()).expect(name);
+        let back = data.to_network(name, &found).expect("finite");
+        let (own_share, own_size) = left(&back);
+        // A circle of the wrong centre or ratio leaves a share of order one.
+        assert!(own_share < 2.5 * share, "{name}: {own_share} of {share}, {found:?}");
+        assert!((0.4..2.5).contains(&(own_size / size)), "{name}: {own_size}, {found:?}");
+        let products = [0, 1].map(|j| found.factors()[j] * found.factors()[2 + j]);
+        assert!((products[0] / products[1] - 1.0).abs() < 1e-15, "{name}: {products:?}");
+        // In the coordinates that it says.
+        let mut z = data.input()[..4].to_vec();
+        found.to_network(&mut z);
+        assert!(distance(&z, &back.input()[..4]) == 0.0);
+        found.to_data(&mut z);
+        assert!(distance(&z, &data.input()[..4]) <= 1e-12 * root_mean_square(data.input()));
+    }
+    // Unless they are there, centres and ratios are not found.
+    let doubled = fit_units(&in_units(&plain, &all_units([0.0; 4], [128.0; 4])), &action());
+    assert_eq!(doubled, Some(all_units([0.0; 4], [128.0; 4])));
+}
+
+/// Units whose planes have different areas make no symplectic map: refused at the border.
+#[test]
+fn units_of_unequal_areas_are_refused() {
+    for factors in [
+        vec![1.0, 1.0, 1.0, 2.0],
+        vec![1.0, 1.0, 1.0, 1.0 + 1e-13],
+        vec![0.0; 4],
+        vec![-1.0; 4],
+        vec![f64::NAN; 4],
+        vec![1e200; 4],
+        vec![1.0; 3],
+    ] {
+        let told = Units::new(vec![0.0; factors.len()], factors.clone());
+        assert!(told.is_err(), "{factors:?}");
+    }
+    assert!(Units::new(vec![0.0, f64::INFINITY], vec![1.0; 2]).is_err());
+    assert!(Units::new(Vec::new(), Vec::new()).is_err());
+    let told = Units::new(vec![0.0; 4], vec![2.0, 1.0, 3.0, 5.0]).expect_err("unequal");
+    assert!(told.to_string().contains("factors of q2 and p2"), "{told}");
+}
+
+/// S∘P∘S⁻¹ with another area in the second plane than in the first.
+struct Unequal<'a> {
+    model: &'a Model,
+    wrong: f64,
+}
+
+impl<S: Scalar> Map<S> for Unequal<'_>
+where
+    Model: Map<S>,
+{
+    fn dof(&self) -> usize {
+        2
+    }
+    fn forward(&self, z: &mut [S]) {
+        z[1] /= constant(1.0 + self.wrong);
+        self.model.forward(z);
+        z[1] *= constant(1.0 + self.wrong);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        z[1] /= constant(1.0 + self.wrong);
+        self.model.inverse(z);
+        z[1] *= constant(1.0 + self.wrong);
+    }
+}
+
+#[test]
+fn a_network_in_units_is_symplectic() {
+    // A single layer: rounding bounds of a whole network as one step hide what is to be seen.
+    let shape = HenonShape::uniform(2, 1, 6);
+    let model = Architecture::HenonNet { shape, epsilon: 1.0 }
+        .initialise(InitialWeights::Glorot, 0.0, 5)
+        .expect("valid");
+    let options = CertificateOptions { samples: 40, ..Default::default() };
+    let units = all_units([0.3, 700.0, 0.0, -2.0], [30.0, 400.0, 1.0 / 3.0, 0.025]);
+    let map = InUnits { map: &model, units: &units };
+    let between = |c: f64, s: f64| Coordinate::Between(c - s, c + s);
+    let domain = (0..4).map(|k| between(units.centre()[k], units.factors()[k])).collect();
+    let map = Within::new(OneStep(map), domain).expect("a domain");
+    let certificate = certify_map(&map, options);
+    assert!(certificate.holds(), "{certificate}");
+    for wrong in [1e-9, 1e-12] {
+        let broken = certify_map(&OneStep(Unequal { model: &model, wrong }), options);
+        assert!(!broken.holds(), "{wrong}: {broken}");
+        let right = certify_map(&OneStep(Unequal { model: &model, wrong: 0.0 }), options);
+        assert!(right.holds(), "{right}");
+    }
+}
+
+fn stored(units: Option<Units>) -> StoredModel {
+    StoredModel { model: model(), units, provenance: Provenance::of("test") }
+}
+
+#[test]
+fn a_model_acts_in_the_units_of_its_data() {
+    let (plain, scaled) = (stored(None), stored(Some(all_units([0.0; 4], [64.0; 4]))));
+    let start = [0.3, -0.2, 0.9, 0.1, 1.0, 0.5, -0.5, 0.25];
+    let times = |z: &[f64]| z.iter().map(|z| 64.0 * z).collect::<Vec<f64>>();
+    let request = Rollout { steps: 30, every: 10 };
+    let states = plain.rollout(&start, request).expect("finite");
+    assert_eq!(scaled.rollout(&times(&start), request).expect("finite"), times(&states));
+    let (own, of_data) = (plain.invariant().expect("one"), scaled.invariant().expect("one"));
+    assert_eq!(of_data(&times(&start[..4])), 64.0 * 64.0 * own(&start[..4]));
+    let member = scaled.at(0.02, 2.0).expect("a member");
+    assert_eq!(member.units, scaled.units);
+    assert_eq!(member.model.architecture().epsilon(), 0.02);
+    // Of units that round, the first states are the points that were given.
+    let other = stored(Some(all_units([0.1, 0.2, 0.3, 0.4], [3.0, 7.0, 7.0, 3.0])));
+    assert_eq!(other.rollout(&start, request).expect("finite")[..8], start);
+}
+
+#[test]
+fn files_keep_units() {
+    let units = all_units([0.25, 3.0, 0.0, 0.0], [30.0, 400.0, 1.0 / 3.0, 0.025]);
+    let with = stored(Some(units.clone()));
+    let text = model_text(&with).expect("text");
+    let back = parse_model("m.json", text.as_bytes()).expect("a model");
+    assert_eq!(back.units.as_ref(), Some(&units));
+    assert!(text.contains("\"version\": 2"));
+    // Those who know nothing of units read what has none.
+    let without = model_text(&stored(None)).expect("text");
+    assert!(without.contains("\"version\": 1") && !without.contains("units"));
+    for (from, to, word) in [
+        ("30.0", "31.0", "digest"),
+        ("0.25", "0.5", "digest"),
+        ("\"centre\"", "\"center\"", "center"),
+        ("\"version\": 2", "\"version\": 3", "newer"),
+    ] {
+        assert!(text.contains(from));
+        let told = parse_model("m.json", text.replacen(from, to, 1).as_bytes()).expect_err(word);
+        assert!(told.to_string().contains(word), "{told}");
+    }
+
+    let folder = tempfile::tempdir().expect("a folder");
+    for name in ["w.npz", "w.safetensors"] {
+        let file = folder.path().join(name);
+        export_weights(&file, &with.model, with.units.as_ref()).expect("written");
+        let mut tensors = read_tensors(&file).expect("tensors");
+        let taken = take_units(name, &mut tensors, 2).expect("units");
+        assert_eq!(taken.as_ref(), Some(&units));
+        assert_eq!(take_units(name, &mut tensors, 2).expect("none"), None);
+        let mut tensors = read_tensors(&file).expect("tensors");
+        assert!(take_units(name, &mut tensors.clone(), 3).is_err());
+        tensors.remove("units.centre");
+        let told = take_units(name, &mut tensors, 2).expect_err("one is missing").to_string();
+        assert!(told.contains("units.centre"), "{told}");
+    }
+}
