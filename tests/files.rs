@@ -155,7 +155,7 @@ fn broken_models_are_refused() {
         std::fs::write(&path, whole.replacen(from, to, 1)).expect("written");
         load_model(&path)
     };
-    names(with("\"version\": 1", "\"version\": 2"), &["model.json", "2", "1", "newer"]);
+    names(with("\"version\": 1", "\"version\": 3"), &["model.json", "3", "2", "newer"]);
     names(with("gyroceptron-model", "gyroceptron-checkpoint"), &["model.json", "checkpoint"]);
     names(with("\"epsilon\": 0.01", "\"epsilon\": null"), &["model.json"]);
     names(with("\"epsilon\": 0.01", "\"epsilon\": 1e999"), &["model.json"]);
@@ -268,7 +268,7 @@ fn broken_pairs_are_refused() {
     let line = npy("<f8", false, "(12,)", &[0; 96]);
     check(&[("input", line), ("output", good.clone())], &["two-dimensional"]);
     let cube = npy("<f8", false, "(3, 2, 2)", &[0; 96]);
-    check(&[("input", cube), ("output", good.clone())], &["two dimensions"]);
+    check(&[("input", cube), ("output", good.clone())], &["two-dimensional"]);
     let short = npy("<f8", false, "(3, 4)", &[0; 95]);
     check(&[("input", short), ("output", good.clone())], &["pairs.npz: input"]);
     let vast = npy("<f8", false, "(4000000000, 4)", &[0; 96]);

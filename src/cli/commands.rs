@@ -49,7 +49,8 @@ pub fn read_scene(name: &str) -> Result<Scene, Error> {
     let path = Path::new(name);
     if path.extension().is_some_and(|e| e == "toml") {
         let text = std::fs::read_to_string(path).map_err(|reason| Error::read(path, reason))?;
-        parse(name, &text)
+        let scene = parse(name, &text)?;
+        Ok(scene.with_data_from(path.parent().unwrap_or(Path::new(""))))
     } else {
         find(name)?.scene()
     }

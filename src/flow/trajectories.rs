@@ -69,6 +69,20 @@ impl Trajectories {
         Self { values, dim: 1, count: self.count }
     }
 
+    /// The first states of each trajectory, at most all.
+    #[must_use]
+    pub fn first(mut self, states: usize) -> Self {
+        self.values.truncate(states.max(1).saturating_mul(self.dim * self.count));
+        self
+    }
+
+    /// The same trajectories in other coordinates: `map` moves all states, in rows.
+    #[must_use]
+    pub fn moved(mut self, map: impl FnOnce(&mut [f64])) -> Self {
+        map(&mut self.values);
+        self
+    }
+
     /// All numbers.
     pub fn values(&self) -> &[f64] {
         &self.values

@@ -3,7 +3,7 @@
 use super::npy::{Array, read_array, write_array};
 use super::{read_bytes, write_atomically};
 use crate::error::Error;
-use crate::flow::{Condition, Pairs, check_finite};
+use crate::flow::{Condition, Pairs, Trajectories, check_finite};
 use std::io::Cursor;
 use std::path::Path;
 use zip::write::SimpleFileOptions;
@@ -190,6 +190,26 @@ pub fn parse_points(place: &str, bytes: &[u8], dof: usize) -> Result<PointsFile,
     }
     check_finite(place, &array.values, columns)?;
     Ok(PointsFile { points: array.values, single_precision: array.single })
+}
+
+/// Reads trajectories (T, M, 2n), T states of M of them, from an `.npy` file.
+///
+/// # Errors
+/// When the file is missing or corrupt, or the array is not of T ≥ 1 states of M ≥ 1 points of
+/// 2n finite numbers.
+pub fn read_trajectories(path: &Path, dof: usize) -> Result<Trajectories, Error> {
+    let (place, bytes) = (path.display().to_string(), read_bytes(path)?);
+    let array = read_array(&place, &mut &bytes[..], bytes.len() as u64)?;
+    let [states, count, columns] = array.shape[..] else {
+        let found = format!("shape {:?}", array.shape);
+        return Err(Error::content(place, "an array (states, trajectories, 2n)", found));
+    };
+    if columns != 2 * dof || states == 0 || count == 0 {
+        let expected = format!("states of trajectories of {} numbers", 2 * dof);
+        return Err(Error::content(place, expected, format!("shape {:?}", array.shape)));
+    }
+    check_finite(&place, &array.values, columns)?;
+    Trajectories::new(array.values, columns, count)
 }
 
 /// Writes points or trajectories as `.npy`; `shape` is the array's.

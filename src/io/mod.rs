@@ -10,8 +10,8 @@ mod tensor_bundle;
 mod weights;
 
 pub use arrays::{
-    PairsFile, PointsFile, parse_pairs, parse_points, read_pairs, read_points, write_pairs,
-    write_points,
+    PairsFile, PointsFile, parse_pairs, parse_points, read_pairs, read_points, read_trajectories,
+    write_pairs, write_points,
 };
 pub use json::{
     Provenance, StoredModel, load_checkpoint, load_model, model_text, parse_model, save_checkpoint,

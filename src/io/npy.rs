@@ -40,7 +40,7 @@ impl Array {
 /// Appends the numbers that bytes stand for.
 type Decode = fn(&[u8], &mut Vec<f64>);
 
-/// Reads an array of float64 or float32 of at most two dimensions from a source of
+/// Reads an array of float64 or float32 of at most three dimensions from a source of
 /// `size` bytes; `place` names it in errors. What follows the array is left unread.
 ///
 /// Memory is that of the numbers which the source holds, whatever it says of itself.
@@ -60,9 +60,9 @@ pub(super) fn read_array(place: &str, source: &mut impl Read, size: u64) -> Resu
         }
         other => return Err(Error::content(place, "float64 (or float32) numbers", other)),
     };
-    if shape.len() > 2 {
+    if shape.len() > 3 {
         let found = format!("one of {}", shape.len());
-        return Err(Error::content(place, "an array of at most two dimensions", found));
+        return Err(Error::content(place, "an array of at most three dimensions", found));
     }
     let all = shape.iter().try_fold(bytes, |n, d| n.checked_mul(*d));
     let Some(mut left) = all.filter(|all| *all as u64 <= size) else {
@@ -79,8 +79,18 @@ pub(super) fn read_array(place: &str, source: &mut impl Read, size: u64) -> Resu
         decode(bytes, &mut values);
         left -= bytes.len();
     }
-    if let ([rows, columns], true) = (&shape[..], fortran_order) {
-        values = (0..count).map(|i| values[(i % columns) * rows + i / columns]).collect();
+    if fortran_order {
+        // The last index is the fastest here, the first is there.
+        let there = |mut i: usize| {
+            let (mut index, mut stride) = (0, count);
+            for size in shape.iter().rev() {
+                stride /= size;
+                index += i % size * stride;
+                i /= size;
+            }
+            index
+        };
+        values = (0..count).map(|i| values[there(i)]).collect();
     }
     Ok(Array { shape, values, single: bytes == 4 })
 }

@@ -7,13 +7,18 @@ use super::log::{Log, Stage, TrainingTimes};
 use super::report::Report;
 use super::run::{Event, Observer};
 use super::setup::{Data, FlowBy, Need};
+use super::subject::{FileData, Subject};
 use crate::error::Error;
-use crate::flow::{Pairs, ReferenceTrajectories, Trajectories, Window, sample};
-use crate::measure::{limiting_flow_error, root_mean_square};
+use crate::flow::{Pairs, ReferenceTrajectories, Region, Trajectories, Window, sample};
+use crate::io::{read_pairs, read_trajectories};
+use crate::layer::CircleAction;
+use crate::measure::{limiting_flow_error, root_mean_square, rotation_error};
 use crate::network::Rollout;
+use crate::phase::Units;
 use crate::random::Stream;
 use crate::scalar::max_or_nan;
 use crate::system::{Counted, Hamiltonian, System};
+use crate::train::{fit_rotation, fit_units};
 use serde_json::json;
 use std::rc::Rc;
 
@@ -124,6 +129,11 @@ impl<'a> Context<'a> {
         self.scene.setup.system.as_ref().ok_or_else(|| self.missing(Need::System))
     }
 
+    /// What the networks stand for.
+    pub(super) fn subject(&self) -> Result<Subject<'a>, Error> {
+        self.scene.setup.subject().ok_or_else(|| self.missing(Need::Subject))
+    }
+
     /// The flow time of the set-up.
     pub(super) fn flow_time(&self) -> Result<f64, Error> {
         self.scene.setup.flow_time.ok_or_else(|| self.missing(Need::FlowTime))
@@ -140,7 +150,13 @@ impl<'a> Context<'a> {
             return Ok(Rc::clone(data));
         }
         let declared = self.scene.setup.data.as_ref().ok_or_else(|| self.missing(Need::Data))?;
-        let (system, time, seed) = (self.system()?, self.flow_time()?, self.scene.seed);
+        let (time, seed) = (self.flow_time()?, self.scene.seed);
+        if let Some(file) = declared.file() {
+            let name = format!("pairs of {}", file.pairs.display());
+            let made = self.stage(&name, |_| DataSets::of_file(file, declared.validation, seed))?;
+            return Ok(Rc::clone(self.data.insert(Rc::new(made))));
+        }
+        let system = self.system()?;
         let made = self.stage("reference flow of the training and held-out points", |context| {
             let (counted, mut others) = (Counted::new(system), 0);
             let made = match declared.is_family() {
@@ -214,6 +230,31 @@ impl<'a> Context<'a> {
             trained.push(Rc::new(one));
         }
         Ok(self.models.insert(trained).clone())
+    }
+
+    /// The trajectories of the file, in the coordinates of the networks: this many states of
+    /// each.
+    pub(super) fn trajectories_of_file(
+        &mut self,
+        states: usize,
+    ) -> Result<Rc<ReferenceTrajectories>, Halt> {
+        let Subject::File(file) = self.subject()? else {
+            return Err(self.missing(Need::Subject).into());
+        };
+        let path = file.trajectories.ok_or_else(|| {
+            let (place, key) = (format!("scene {}", self.scene.name), "data.trajectories");
+            Error::Missing { place, key, needed_by: "rollout".into() }
+        })?;
+        let data = self.data()?;
+        let mut values = read_trajectories(path, file.circle_action.dof())?;
+        let found = values.states();
+        let place = format!("{}: states of each trajectory", path.display());
+        Error::check_count_range(&place, found, states, usize::MAX)?;
+        values = values.first(states);
+        if let Some(units) = &data.units {
+            values = values.moved(|points| units.to_network(points));
+        }
+        Ok(Rc::new(ReferenceTrajectories { trajectories: values, error: f64::NAN }))
     }
 
     /// Trajectories of the reference flow of `system`: `states` states, `interval`
@@ -302,8 +343,11 @@ pub(super) struct DataSets {
     /// The pairs that choose among the models of a training, where they are not those:
     /// of all maps of a family.
     validation: Option<Pairs>,
-    /// The largest difference of the reference flow between two resolutions.
+    /// The largest difference of the reference flow between two resolutions; NaN of pairs of a
+    /// file, of which nothing is known.
     pub(super) reference_error: f64,
+    /// The units of the file that the pairs are of, where they are not those of the pairs here.
+    pub(super) units: Option<Units>,
     /// The mean squared error of the exact limiting rotation alone, on the pairs that choose
     /// among the models of a training.
     pub(super) rotation_error: Option<f64>,
@@ -336,7 +380,33 @@ impl DataSets {
         };
         let rotation_error =
             held_out.as_ref().map(|held_out| limiting_flow_error(system, held_out, time));
-        Ok(Self { training, held_out, validation: None, reference_error, rotation_error })
+        let (validation, units) = (None, None);
+        Ok(Self { training, held_out, validation, reference_error, units, rotation_error })
+    }
+
+    /// The pairs of a file, in units that fit them; what is held out is chosen as by
+    /// `gyroceptron train`.
+    fn of_file(file: FileData<'_>, validation: f64, seed: u64) -> Result<Self, Error> {
+        let place = file.pairs.display().to_string();
+        let read = read_pairs(file.pairs)?;
+        let (found, expected) = (read.pairs.dof(), file.circle_action.dof());
+        Error::check_count(&format!("{place}: degrees of freedom"), expected, found)?;
+        if !read.pairs.conditions().is_empty() {
+            let found = "epsilon or flow_time of each pair";
+            return Err(Error::content(place, "pairs of one map", found));
+        }
+        let action = file.circle_action.clone().into();
+        let units = fit_units(&read.pairs, &action);
+        let pairs = match &units {
+            None => read.pairs,
+            Some(units) => read.pairs.to_network(&place, units)?,
+        };
+        let angle = fit_rotation(&pairs, file.circle_action);
+        let (training, held_out) = pairs.split(validation, &mut Stream::new(seed, "data/held-out"));
+        let rotation_error =
+            held_out.as_ref().map(|held_out| rotation_error(&action, &[angle], held_out));
+        let (validation, reference_error) = (None, f64::NAN);
+        Ok(Self { training, held_out, validation, reference_error, units, rotation_error })
     }
 
     /// The pairs of a family of maps: of each ε and flow time a share of the points. What is held
@@ -386,7 +456,26 @@ impl DataSets {
         let rotation_error =
             validation.as_ref().map(|validation| squares / validation.len() as f64);
         let held_out = Some(held_out);
-        Ok(Self { training, held_out, validation, reference_error, rotation_error })
+        let units = None;
+        Ok(Self { training, held_out, validation, reference_error, units, rotation_error })
+    }
+
+    /// The mean squared error of the rotation nearest to the pairs, on those to judge by.
+    pub(super) fn nearest_rotation_error(&self, action: &CircleAction) -> f64 {
+        let angle = fit_rotation(self.to_judge_by(), action);
+        rotation_error(&action.clone().into(), &[angle], self.to_judge_by())
+    }
+
+    /// The box around the pairs, training and held out, in units of the data.
+    pub(super) fn region(&self) -> Option<Region> {
+        let both = [Some(&self.training), self.held_out.as_ref()].into_iter().flatten();
+        let ends = both.flat_map(|pairs| [pairs.input(), pairs.output()]);
+        let mut region = Region::around(2 * self.training.dof(), ends)?;
+        if let Some(units) = &self.units {
+            units.to_data(&mut region.low);
+            units.to_data(&mut region.high);
+        }
+        Some(region)
     }
 
     /// The pairs that choose among the models of a training.

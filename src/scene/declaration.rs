@@ -107,6 +107,17 @@ impl Scene {
         Ok(())
     }
 
+    /// The scene with the relative paths of its data taken from a folder, in all its parts.
+    pub fn with_data_from(mut self, folder: &Path) -> Self {
+        if let Some(data) = &mut self.setup.data {
+            for path in [&mut data.pairs, &mut data.trajectories].into_iter().flatten() {
+                *path = folder.join(&*path);
+            }
+        }
+        self.parts = self.parts.into_iter().map(|part| part.with_data_from(folder)).collect();
+        self
+    }
+
     /// The scene with another seed, in all its parts.
     pub fn with_seed(mut self, seed: u64) -> Self {
         self.seed = seed;

@@ -10,7 +10,6 @@ use crate::io::{
     save_model,
 };
 use crate::network::Model;
-use crate::system::Hamiltonian;
 use crate::train::{
     Checkpoint, Control, Leg, LegResult, Loss, Objective, Outcome, Place, Progress, Rung,
     Scheduled, Starts, Stop, TrainingOptions, TrainingRecord, Watch, train_schedule,
@@ -58,11 +57,11 @@ pub(super) fn learn_at(
 ) -> Result<Trained, Halt> {
     let Attempt { spec, network, number } = attempt;
     let (scene, folder) = (context.scene, context.folder);
-    let system = context.system()?;
+    let subject = context.subject()?;
     let mut options = scene.setup.training_of(&spec).clone();
     // A ramp is up to the flow time that is wanted; weights of an earlier one come from there.
     let leads_up = |rung: &Rung| {
-        let other_epsilon = rung.epsilon.is_some_and(|epsilon| epsilon != system.epsilon());
+        let other_epsilon = rung.epsilon.is_some_and(|epsilon| epsilon != subject.epsilon());
         rung.flow_time.is_none_or(|rung| rung < time || rung == time && other_epsilon)
     };
     options.ramp.retain(|rung| from.is_none() && leads_up(rung));
@@ -71,20 +70,18 @@ pub(super) fn learn_at(
     options.fresh_twists = options.fresh_twists.filter(|_| !options.ramp.is_empty());
     let options = &options;
     let seed = scene.seed.wrapping_add(number);
-    let (action, epsilon) = (system.circle_action(), system.epsilon());
+    let (action, epsilon) = (subject.circle_action(), subject.epsilon());
     let Some(architecture) = spec.network.architecture(&action, epsilon, time) else {
         return of_file(context, data, spec);
     };
-    let theta = system.limiting_frequency() * time;
+    let theta = subject.angle(time, &data.training);
+    // The check of the set-up has found them.
+    let angles = subject.angles(&architecture, theta, &data.training);
     let mut start = |number: u64| {
         let seed = Starts::seed(seed, number);
         let mut model = architecture.initialise(spec.weights, theta, seed)?;
-        if let Some(network) = model.normal_form() {
-            // The check of the set-up has found them.
-            let mut angles: Vec<f64> =
-                network.shape().action.multiples_of(&action).unwrap_or_default();
-            angles.iter_mut().for_each(|angle| *angle *= theta);
-            model = model.with_angles(&angles)?;
+        if let Some(angles) = &angles {
+            model = model.with_angles(angles)?;
         }
         match from {
             Some((from, earlier)) if number == 0 => model.with_weights_of(from, time / earlier),
@@ -124,10 +121,11 @@ pub(super) fn learn_at(
         data: Some(pairs.digest()),
         flow_time: Some(time),
         validation: best.validation,
-        region: pairs.region(),
+        region: data.region(),
         ..Provenance::of(&scene.name)
     };
-    let stored = StoredModel { model: outcome.model.clone(), units: None, provenance };
+    let stored =
+        StoredModel { model: outcome.model.clone(), units: data.units.clone(), provenance };
     save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
     Ok(Trained { spec, network, initial, legs, outcome })
 }
@@ -224,8 +222,8 @@ fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Tr
         let (place, key) = (format!("scene {}", scene.name), "models.network.path");
         return Err(Error::Missing { place, key, needed_by: spec.name }.into());
     };
-    let system = context.system()?;
-    let model = import_weights(path, system.circle_action(), system.epsilon())?;
+    let subject = context.subject()?;
+    let model = import_weights(path, subject.circle_action(), subject.epsilon())?;
     let objective = Objective::new(&scene.setup.training_of(&spec).loss, &data.training)?;
     let held_out = data.held_out.as_ref();
     let validation = held_out.map(|pairs| Objective::new(&Loss::MeanSquaredError, pairs));

@@ -35,6 +35,7 @@ mod report;
 mod run;
 mod setup;
 pub mod study;
+mod subject;
 mod trust;
 mod words;
 

@@ -40,10 +40,9 @@ impl Report {
         !self.studies.iter().any(fails) && self.parts.iter().all(Self::holds)
     }
 
-    /// ε of its system, as data.
+    /// ε of what it is of, as data.
     pub(super) fn scene_epsilon(&self) -> Option<serde_json::Value> {
-        use crate::system::Hamiltonian;
-        self.scene.setup.system.as_ref().map(|system| system.epsilon().into())
+        self.scene.setup.subject().map(|subject| subject.epsilon().into())
     }
 
     /// The findings of the study of this name.

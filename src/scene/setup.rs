@@ -6,7 +6,8 @@ use crate::layer::{Activation, CircleAction, TorusAction};
 use crate::network::{
     Architecture, GyroceptronShape, HenonShape, InitialWeights, NormalFormShape, SympNetShape,
 };
-use crate::system::{Counted, Hamiltonian, System};
+use crate::scene::subject::{FileData, Subject};
+use crate::system::{Counted, System};
 use crate::train::TrainingOptions;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -26,14 +27,30 @@ pub struct Setup {
     pub training: TrainingOptions,
 }
 
-/// The training and held-out pairs.
+/// The training and held-out pairs: of points in windows, moved by the system, or of a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Data {
     /// Boxes with their numbers of training points.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub windows: Vec<Window>,
-    /// Held-out points, as a share of each window's training points.
+    /// Held-out points, as a share of each window's training points; of a file, as a share of
+    /// its pairs.
     pub validation: f64,
+    /// A file of pairs in place of windows and a system, as `gyroceptron train` takes them. A
+    /// relative path is from the folder of the scene's file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pairs: Option<PathBuf>,
+    /// An `.npy` file of (T, M, 2n) numbers, the trajectories that others are compared with: T states,
+    /// one every so many flow times as the roll-out keeps them, of M initial points.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trajectories: Option<PathBuf>,
+    /// Φ of the pairs of a file, …
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub circle_action: Option<CircleAction>,
+    /// … and their ε.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub epsilon: Option<f64>,
     /// What moves them, and the trajectories that others are compared with: the reference flow,
     /// unless given, which takes long over long times.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -285,6 +302,8 @@ pub(super) fn check_points(name: &str, points: &[Vec<f64>], dof: usize) -> Resul
 pub enum Need {
     /// The system.
     System,
+    /// A system or pairs of a file.
+    Subject,
     /// The flow time.
     FlowTime,
     /// The data.
@@ -297,7 +316,7 @@ impl Need {
     /// Its key in a scene file.
     pub fn key(self) -> &'static str {
         match self {
-            Self::System => "system",
+            Self::System | Self::Subject => "system",
             Self::FlowTime => "flow_time",
             Self::Data => "data",
             Self::Models => "models",
@@ -310,10 +329,17 @@ impl Setup {
     pub fn has(&self, need: Need) -> bool {
         match need {
             Need::System => self.system.is_some(),
+            Need::Subject => self.subject().is_some(),
             Need::FlowTime => self.flow_time.is_some(),
             Need::Data => self.data.is_some(),
             Need::Models => self.models.iter().any(|model| !model.training_only),
         }
+    }
+
+    /// What the networks stand for.
+    pub(super) fn subject(&self) -> Option<Subject<'_>> {
+        let file = || self.data.as_ref().and_then(Data::file).map(Subject::File);
+        self.system.as_ref().map(Subject::System).or_else(file)
     }
 
     /// All trainings.
@@ -373,25 +399,40 @@ impl Setup {
             }
         }
         if let Some(system) = &self.system {
-            self.check_against(system)?;
+            system.check()?;
+        }
+        if let Some(subject) = self.subject() {
+            self.check_against(subject)?;
+        }
+        let of_file = self.data.as_ref().and_then(Data::file).is_some();
+        let mut trainings = self.models.iter().map(|model| self.training_of(model));
+        if of_file && self.system.is_some() {
+            return Err(Error::invalid(
+                "data.pairs",
+                "a system",
+                "no system beside pairs of a file",
+            ));
+        }
+        if let (true, Some(training)) = (of_file, trainings.find(|t| !t.ramp.is_empty())) {
+            let expected = "no ramp: the pairs of a file are of one flow time and one ε";
+            return Err(Error::invalid("training.ramp", training.ramp.len(), expected));
         }
         Ok(())
     }
 
-    /// Fails unless networks, data and loss are of the system's degrees of freedom.
-    fn check_against(&self, system: &System) -> Result<(), Error> {
-        system.check()?;
-        let action = system.circle_action();
+    /// Fails unless networks, data and loss are of the degrees of freedom of the subject.
+    fn check_against(&self, subject: Subject<'_>) -> Result<(), Error> {
+        let action = subject.circle_action();
         for model in &self.models {
             let key = format!("models.{}", model.name);
-            let (epsilon, time) = (system.epsilon(), self.flow_time.unwrap_or(1.0));
+            let (epsilon, time) = (subject.epsilon(), self.flow_time.unwrap_or(1.0));
             let Some(architecture) = model.network.architecture(&action, epsilon, time) else {
                 continue;
             };
             architecture.check().map_err(|e| e.at(&key))?;
             self.training_of(model).check_for(&architecture).map_err(|e| e.at(&key))?;
-            if architecture.dof() != system.dof() {
-                let (found, expected) = (architecture.dof(), format!("{} weights", system.dof()));
+            if architecture.dof() != subject.dof() {
+                let (found, expected) = (architecture.dof(), format!("{} weights", subject.dof()));
                 return Err(Error::invalid("circle_action", found, expected).at(key));
             }
         }
@@ -407,10 +448,10 @@ impl Setup {
             }
         }
         for (index, window) in self.data.iter().flat_map(|d| d.windows.iter().enumerate()) {
-            window.check(&format!("data.windows[{index}]"), system.dof())?;
+            window.check(&format!("data.windows[{index}]"), subject.dof())?;
         }
         for training in self.models.iter().map(|m| self.training_of(m)).chain([&self.training]) {
-            let weights = training.loss.component_weights(system.dof());
+            let weights = training.loss.component_weights(subject.dof());
             weights.map_err(|e| e.at("training.loss"))?;
         }
         Ok(())
@@ -432,7 +473,52 @@ impl Data {
         !(self.epsilons.is_empty() && self.flow_times.is_empty())
     }
 
+    /// The files, where pairs are of one.
+    pub(super) fn file(&self) -> Option<FileData<'_>> {
+        Some(FileData {
+            pairs: self.pairs.as_deref()?,
+            trajectories: self.trajectories.as_deref(),
+            circle_action: self.circle_action.as_ref()?,
+            epsilon: self.epsilon?,
+        })
+    }
+
+    /// Fails where keys of files and of windows are mixed.
+    fn check_source(&self) -> Result<(), Error> {
+        let of_file = [
+            ("trajectories", self.trajectories.is_some()),
+            ("circle_action", self.circle_action.is_some()),
+            ("epsilon", self.epsilon.is_some()),
+        ];
+        let of_windows = [
+            ("windows", !self.windows.is_empty()),
+            ("flow", self.flow.is_some()),
+            ("epsilons", !self.epsilons.is_empty()),
+            ("flow_times", !self.flow_times.is_empty()),
+            ("relative", self.relative),
+        ];
+        let refused = |keys: &[(&str, bool)], expected: &str| {
+            let key = keys.iter().find(|(_, given)| *given).map(|(key, _)| format!("data.{key}"));
+            key.map_or(Ok(()), |key| Err(Error::invalid("data", key, expected)))
+        };
+        if self.pairs.is_none() {
+            return refused(&of_file, "it beside data.pairs, a file, only");
+        }
+        refused(&of_windows, "pairs of a file, or of windows")?;
+        for (key, given) in &of_file[1..] {
+            if !given {
+                return Err(Error::invalid(
+                    "data",
+                    format!("no data.{key}"),
+                    "it beside data.pairs",
+                ));
+            }
+        }
+        self.epsilon.iter().try_for_each(|epsilon| Error::check_finite("data.epsilon", *epsilon))
+    }
+
     fn check(&self) -> Result<(), Error> {
+        self.check_source()?;
         if !(0.0..=1.0).contains(&self.validation) {
             let expected = "a share between 0 and 1";
             return Err(Error::invalid("data.validation", self.validation, expected));
@@ -440,6 +526,9 @@ impl Data {
         if let Some(window) = self.windows.iter().find(|w| w.samples > MOST) {
             let expected = format!("at most {MOST}");
             return Err(Error::invalid("data.windows.samples", window.samples, expected));
+        }
+        if self.pairs.is_some() {
+            return Ok(());
         }
         if self.windows.iter().all(|w| w.samples == 0) {
             return Err(Error::invalid("data.windows", "none", "at least one sample"));

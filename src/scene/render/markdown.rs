@@ -25,6 +25,11 @@ fn write_report(out: &mut String, report: &Report) -> Result {
         let json = serde_json::to_string(system).unwrap_or_default();
         facts.fact("system", format!("`{json}`"));
     }
+    if let Some(file) = scene.setup.data.as_ref().and_then(|data| data.file()) {
+        facts.fact("pairs of", format!("`{}`", file.pairs.display()));
+        let (weights, epsilon) = (file.circle_action.weights(), file.epsilon);
+        facts.fact("circle action, ε", format!("{weights:?}, {epsilon}"));
+    }
     if let Some(time) = scene.setup.flow_time {
         facts.fact("flow time", time.to_string());
     }

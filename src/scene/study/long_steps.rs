@@ -16,6 +16,7 @@ use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::learning::{Trained, learn_at};
 use crate::scene::setup::{Attempt, MOST, ModelSpec, Need, NetworkSpec, check_points};
+use crate::scene::subject::Subject;
 use crate::system::Hamiltonian;
 use crate::train::LegResult;
 use serde::{Deserialize, Serialize};
@@ -145,7 +146,7 @@ impl Study for LongStepsOptions {
             let data = context.data_at(system.epsilon(), time)?;
             let points = Points::evenly(data.to_judge_by(), self.points);
             let models = trained.iter().map(|one| (network_name(one), one.model())).collect();
-            let networks = Networks { models, system, time };
+            let networks = Networks { models, subject: Subject::System(system), time };
             let every = whole_steps("interval", self.interval, time)?;
             let options = WorkPrecisionOptions {
                 points: self.points,
@@ -163,14 +164,12 @@ impl Study for LongStepsOptions {
             };
             let steps = every * (states - 1);
             let initial = self.initial.clone();
-            let request = RolloutOptions { steps, every, initial };
+            let request = RolloutOptions { steps, every, initial, plane: None };
             let name = format!("error against run time at flow time {time}: one step");
             let one_step = context.stage(&name, |_| options.one_step(&networks, &data, &points))?;
             let name = format!("error against run time at flow time {time}: trajectories");
-            let long = context.stage(&name, |_| {
-                let states = reference.trajectories.values();
-                options.rollout(&networks, &request, states, reference.error)
-            })?;
+            let long =
+                context.stage(&name, |_| options.rollout(&networks, &request, &reference))?;
             let drifts = context.stage("drift of the invariants", |_| {
                 trained.iter().map(|one| self.drift(one.model())).collect::<Result<Vec<_>, _>>()
             })?;

@@ -17,6 +17,7 @@ pub mod slow_manifold;
 pub mod tanh;
 pub mod training;
 pub mod trajectories;
+mod trust;
 pub mod work_precision;
 
 pub(super) use adiabatic_horizon::CHECKPOINT as HORIZON_CHECKPOINT;
@@ -198,6 +199,10 @@ impl Scene {
     /// where the set-up names them, then those that the scene names.
     pub(super) fn all_studies(&self) -> Vec<&dyn Study> {
         let mut out: Vec<&dyn Study> = Vec::new();
+        let of_file = self.setup.data.as_ref().is_some_and(|data| data.pairs.is_some());
+        if of_file && !self.setup.models.is_empty() {
+            out.push(&trust::TrustStudy);
+        }
         if self.setup.data.is_some() {
             out.push(&pairs::PairsStudy);
         }

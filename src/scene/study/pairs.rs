@@ -8,6 +8,7 @@ use crate::flow::{Condition, Pairs};
 use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::own_pairs::units_told;
 use crate::scene::setup::{Data, FlowBy, Need};
 use serde_json::json;
 
@@ -20,7 +21,7 @@ impl Study for PairsStudy {
     }
 
     fn needs(&self) -> &'static [Need] {
-        &[Need::System, Need::FlowTime, Need::Data]
+        &[Need::Subject, Need::FlowTime, Need::Data]
     }
 
     fn check(&self, _: &Scene) -> Result<(), Error> {
@@ -61,7 +62,9 @@ impl Study for PairsStudy {
         }
         let declared = context.scene.setup.data.as_ref().and_then(|data| data.flow);
         let error = data.reference_error;
+        let file = context.scene.setup.data.as_ref().and_then(Data::file);
         let flow = match declared {
+            None if file.is_some() => "of a file: its error is not known".to_owned(),
             Some(FlowBy { integrator, step }) => {
                 let (name, step) = (integrator.name(), Format::Setting.number(step));
                 let halves = "largest difference from steps half as long";
@@ -74,7 +77,12 @@ impl Study for PairsStudy {
         facts.fact("reference flow", flow);
         if let Some(error) = data.rotation_error {
             let text = format!("held-out mean squared error {error:.3e}");
-            facts.fact("limiting rotation alone", text);
+            let name =
+                if file.is_some() { "nearest rotation alone" } else { "limiting rotation alone" };
+            facts.fact(name, text);
+        }
+        if let Some(units) = &data.units {
+            facts.fact("units", format!("{}; all errors are in these", units_told(units)));
         }
         let results = Section {
             details: vec![Block::Table(facts)],
@@ -82,6 +90,7 @@ impl Study for PairsStudy {
                 "digest": digest,
                 "training": training.len(),
                 "held_out": held_out,
+                "units": data.units,
                 "reference_error": data.reference_error,
                 "rotation_error": data.rotation_error,
             }),

@@ -15,6 +15,7 @@ use crate::scene::figure::{Axis, Figure, Panel, SameAxes, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::learning::Trained;
 use crate::scene::setup::{Need, check_points};
+use crate::scene::subject::Subject;
 use crate::scene::words::{coordinate, initial_names};
 use crate::system::{Hamiltonian, Oscillators, System};
 use serde::{Deserialize, Serialize};
@@ -33,8 +34,13 @@ pub struct RolloutOptions {
     pub steps: usize,
     /// One state in so many is kept.
     pub every: usize,
-    /// The initial points, 2n numbers each.
+    /// The initial points, 2n numbers each; of pairs of a file, those of the trajectories beside
+    /// it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub initial: Vec<Vec<f64>>,
+    /// The plane (q_j, p_j) to draw, j from 1: the slow one, unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plane: Option<usize>,
 }
 
 impl RolloutOptions {
@@ -56,8 +62,11 @@ impl RolloutOptions {
         &self,
         context: &mut Context<'_>,
     ) -> Result<Rc<ReferenceTrajectories>, Halt> {
-        let (system, interval) = (context.system()?, self.interval(context.flow_time()?));
-        context.reference(system, &self.initial, interval, self.request().kept())
+        let (interval, kept) = (self.interval(context.flow_time()?), self.request().kept());
+        match context.subject()? {
+            Subject::System(system) => context.reference(system, &self.initial, interval, kept),
+            Subject::File(_) => context.trajectories_of_file(kept),
+        }
     }
 
     /// The time between two states that are kept.
@@ -72,23 +81,36 @@ impl Study for RolloutOptions {
     }
 
     fn needs(&self) -> &'static [Need] {
-        &[Need::System, Need::FlowTime]
+        &[Need::Subject, Need::FlowTime]
     }
 
     fn check(&self, scene: &Scene) -> Result<(), Error> {
         Error::check_count_range("steps", self.steps, 1, usize::MAX)?;
         Error::check_count_range("every", self.every, 1, self.steps)?;
-        match &scene.setup.system {
-            Some(system) => check_points("initial", &self.initial, system.dof()),
-            None => Ok(()),
+        let Some(subject) = scene.setup.subject() else { return Ok(()) };
+        if let Some(plane) = self.plane {
+            Error::check_count_range("plane", plane, 1, subject.dof())?;
+        }
+        match subject {
+            Subject::System(system) => check_points("initial", &self.initial, system.dof()),
+            Subject::File(file) => {
+                if !self.initial.is_empty() {
+                    let expected = "none: those of data.trajectories are taken";
+                    return Err(Error::invalid("initial", self.initial.len(), expected));
+                }
+                let trajectories = file.trajectories.map(|_| ());
+                trajectories.ok_or_else(|| {
+                    Error::invalid("rollout", "no data.trajectories", "it, to compare with")
+                })
+            }
         }
     }
 
-    /// The portrait is of the slow plane of the oscillators.
+    /// The portrait is of the slow plane of the oscillators, or of the one that is asked for.
     fn figures(&self, scene: &Scene) -> Vec<&'static str> {
-        match scene.setup.system {
-            Some(System::Oscillators(_)) => vec![PORTRAIT, INVARIANT, ERROR],
-            _ => vec![INVARIANT, ERROR],
+        match (&scene.setup.system, self.plane) {
+            (Some(System::ParticleField(_)), None) => vec![INVARIANT, ERROR],
+            _ => vec![PORTRAIT, INVARIANT, ERROR],
         }
     }
 
@@ -97,31 +119,35 @@ impl Study for RolloutOptions {
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
-        let (system, flow_time) = (context.system()?, context.flow_time()?);
+        let (subject, flow_time) = (context.subject()?, context.flow_time()?);
+        let system = subject.system();
         let found = self.reference(context)?;
         let reference = &found.trajectories;
+        let initial: Vec<Vec<f64>> =
+            (0..reference.count()).map(|m| reference.state(0, m).to_vec()).collect();
         let (mut models, mut moved) = (Vec::new(), Rc::default());
         if !context.scene.setup.models.is_empty() {
             models = context.models()?;
-            moved = context.rollouts(&self.initial, self.request())?;
+            moved = context.rollouts(&initial, self.request())?;
         }
-        let of_reference = Change::of(reference, |z| system.adiabatic_invariant(z));
+        let of_reference =
+            system.map(|system| Change::of(reference, |z| system.adiabatic_invariant(z)));
         let networks: Vec<Network<'_>> = models
             .iter()
             .zip(moved.iter())
             .map(|(trained, trajectories)| Network::new(trained, system, trajectories, reference))
             .collect();
         let orbits = Orbits {
-            system,
+            subject,
+            plane: self.plane,
             interval: self.interval(flow_time),
-            names: initial_names(&self.initial),
+            names: initial_names(&initial),
             reference,
             of_reference,
         };
 
         let text = format!(
-            "{} steps (time {}), one state in {} kept; the reference's own error at the end is \
-             {:.1e}. The initial points, and the coordinates in which they differ: {}. μ₀ is the \
+            "{} steps (time {}), one state in {} kept; {}. The initial points, and the coordinates in which they differ: {}. μ₀ is the \
              leading adiabatic invariant: of the system that of the limiting rotation, of a \
              gyroceptron 𝔍₀∘ψ⁻¹. A change of it is |μ₀ − μ₀(0)|/μ₀(0) at its largest; the exponent \
              is that of the largest change up to N steps, in N. At one ε the data do not tell θ and \
@@ -129,8 +155,11 @@ impl Study for RolloutOptions {
             self.steps,
             self.interval(flow_time) * (self.request().kept() - 1) as f64,
             self.every,
-            found.error,
-            self.initial.iter().map(|z| format!("{z:?}")).collect::<Vec<_>>().join(", "),
+            match found.error {
+                error if error.is_nan() => "the error of the reference is not known".to_owned(),
+                error => format!("the reference's own error at the end is {error:.1e}"),
+            },
+            initial.iter().map(|z| format!("{z:?}")).collect::<Vec<_>>().join(", "),
         );
         let mut details = vec![Block::Text(text)];
         if networks.is_empty() {
@@ -142,7 +171,7 @@ impl Study for RolloutOptions {
         }
         let mut figures = Vec::new();
         if context.draws(PORTRAIT) {
-            figures.push(orbits.portrait(&self.initial, &networks));
+            figures.push(orbits.portrait(&initial, &networks));
         }
         if context.draws(INVARIANT) {
             figures.push(orbits.invariants(&networks));
@@ -159,7 +188,7 @@ impl Study for RolloutOptions {
         };
         let data = json!({
             "reference_error": found.error,
-            "reference_adiabatic": orbits.of_reference.data(),
+            "reference_adiabatic": orbits.of_reference.as_ref().map(Change::data),
             "models": networks.iter().map(Network::data).collect::<Vec<_>>(),
         });
         Ok(Findings {
@@ -218,8 +247,8 @@ struct Network<'a> {
     departures: Vec<Departure>,
     /// Root mean square of the distance of all states from the reference's.
     rms: f64,
-    /// μ₀ of the system along the network's orbits.
-    of_system: Change,
+    /// μ₀ of the system along the network's orbits, where there is one.
+    of_system: Option<Change>,
     /// What only a gyroceptron has.
     learnt: Option<Learnt>,
 }
@@ -238,7 +267,7 @@ struct Learnt {
 impl<'a> Network<'a> {
     fn new(
         trained: &'a Trained,
-        system: &System,
+        system: Option<&System>,
         orbits: &'a Trajectories,
         reference: &Trajectories,
     ) -> Self {
@@ -261,7 +290,7 @@ impl<'a> Network<'a> {
             one_step: trained.outcome.best.validation,
             departures: departures(orbits, reference),
             rms: (squares / (orbits.values().len() / orbits.dim()) as f64).sqrt(),
-            of_system: Change::of(orbits, |z| system.adiabatic_invariant(z)),
+            of_system: system.map(|system| Change::of(orbits, |z| system.adiabatic_invariant(z))),
             orbits,
             learnt,
         }
@@ -273,7 +302,7 @@ impl<'a> Network<'a> {
             "rms_error": self.rms,
             "largest_errors": self.departures.iter().map(|d| d.largest).collect::<Vec<_>>(),
             "final_errors": self.departures.iter().map(|d| d.last).collect::<Vec<_>>(),
-            "system_adiabatic": self.of_system.data(),
+            "system_adiabatic": self.of_system.as_ref().map(Change::data),
             "own_adiabatic": self.learnt.as_ref().map(|learnt| json!({
                 "along_own_orbits": learnt.along_own.data(),
                 "along_the_reference": learnt.along_reference.data(),
@@ -285,13 +314,15 @@ impl<'a> Network<'a> {
 
 /// What the orbits of all networks are compared with.
 struct Orbits<'a> {
-    system: &'a System,
+    subject: Subject<'a>,
+    /// The one to draw, from 1.
+    plane: Option<usize>,
     interval: f64,
     /// Of the initial points.
     names: Vec<String>,
     reference: &'a Trajectories,
     /// μ₀ of the system along the reference.
-    of_reference: Change,
+    of_reference: Option<Change>,
 }
 
 /// How much more an invariant that is learnt may move than that of the data.
@@ -322,9 +353,9 @@ impl Orbits<'_> {
                 learnt.map(|l| l.along_own.largest()).into(),
                 learnt.map(|l| l.along_own.exponent).into(),
                 learnt.map(|l| l.along_reference.largest()).into(),
-                network.of_system.largest().into(),
-                network.of_system.exponent.into(),
-                self.of_reference.largest().into(),
+                network.of_system.as_ref().map(Change::largest).into(),
+                network.of_system.as_ref().map(|change| change.exponent).into(),
+                self.of_reference.as_ref().map(Change::largest).into(),
             ]);
         }
         table
@@ -333,26 +364,31 @@ impl Orbits<'_> {
     /// What became of the invariant of each gyroceptron.
     fn sentences(&self, networks: &[Network<'_>]) -> String {
         let percent = |value: f64| Format::Percent.number(value);
-        let of_data = self.of_reference.largest();
         let mut out = String::new();
         for network in networks {
             let Some(learnt) = &network.learnt else { continue };
             let own = learnt.along_own.largest();
             out.push_str(&format!(
                 "- The invariant {} of `{}` moves by up to {} of its value along its own orbits \
-                 and {} along the reference; μ₀ of the system by {} and {}.",
+                 and {} along the reference",
                 if learnt.near_identity.is_some() { "𝔍₀∘ψ⁻¹" } else { "𝔍∘χ⁻¹" },
                 network.name,
                 percent(own),
                 percent(learnt.along_reference.largest()),
-                percent(network.of_system.largest()),
-                percent(of_data),
             ));
+            let of_data = self.of_reference.as_ref().map(Change::largest);
+            if let (Some(of_system), Some(of_data)) = (&network.of_system, of_data) {
+                let (along, of_data) = (percent(of_system.largest()), percent(of_data));
+                out.push_str(&format!("; μ₀ of the system by {along} and {of_data}"));
+            }
+            out.push('.');
             if let Some((moved, epsilon)) = learnt.near_identity {
                 let moved = moved / epsilon.abs();
                 out.push_str(&format!(" I_ε moves points by {moved:.1} ε (rms)."));
             }
-            if !(own <= AS_GOOD * of_data) {
+            if let Some(of_data) = of_data
+                && !(own <= AS_GOOD * of_data)
+            {
                 out.push_str(&format!(
                     " It moves {} as much as that of the data: it is not the invariant of the data.",
                     Format::Factor.number(own / of_data)
@@ -384,33 +420,36 @@ impl Orbits<'_> {
                 learnt.map(|l| l.along_own.drifts[m].initial).into(),
                 learnt.and_then(|l| l.along_own.relative(m)).into(),
                 learnt.and_then(|l| l.along_reference.relative(m)).into(),
-                self.of_reference.drifts[m].initial.into(),
-                network.and_then(|n| n.of_system.relative(m)).into(),
-                self.of_reference.relative(m).into(),
+                self.of_reference.as_ref().map(|of| of.drifts[m].initial).into(),
+                network.and_then(|n| n.of_system.as_ref()?.relative(m)).into(),
+                self.of_reference.as_ref().and_then(|of| of.relative(m)).into(),
             ]);
         }
         table
     }
 
-    /// The coordinates of the slow plane, whose motion the paper shows.
-    fn slow_plane(&self) -> [usize; 2] {
-        let dof = self.reference.dim() / 2;
-        let slow = match self.system {
-            System::Oscillators(_) => 1,
-            System::ParticleField(_) => 0,
-        };
-        [slow, dof + slow]
+    /// The coordinates of the plane to draw: the one that is asked for, or the first that does not
+    /// turn, whose motion the paper shows.
+    fn plane(&self) -> [usize; 2] {
+        let action = self.subject.circle_action();
+        let slow = action.weights().iter().position(|weight| *weight == 0);
+        let j = self.plane.map_or(slow.unwrap_or(0), |plane| plane - 1);
+        [j, action.dof() + j]
     }
 
     fn plane_labels(&self) -> [String; 2] {
-        self.slow_plane().map(|k| coordinate(k, self.reference.dim()))
+        self.plane().map(|k| coordinate(k, self.reference.dim()))
     }
 
     fn portrait(&self, initial: &[Vec<f64>], networks: &[Network<'_>]) -> Figure {
-        let [i, k] = self.slow_plane();
+        let [i, k] = self.plane();
         let [x_label, y_label] = self.plane_labels();
+        // Of the slow plane of the oscillators.
+        let oscillators = matches!(self.subject.system(), Some(System::Oscillators(_)));
+        let has_levels = oscillators && i == 1;
         let panel = |title: &str, orbits: &Trajectories| {
-            let mut series: Vec<_> = initial.iter().filter_map(|z| averaged(z)).collect();
+            let levels = if has_levels { initial } else { &[] };
+            let mut series: Vec<_> = levels.iter().filter_map(|z| averaged(z)).collect();
             for (m, name) in self.names.iter().enumerate() {
                 let points = orbits.of(m).map(|z| (z[i], z[k])).collect();
                 let (name, color) = (name.clone(), orbit_color(m));
@@ -459,12 +498,15 @@ impl Orbits<'_> {
     }
 
     fn invariants(&self, networks: &[Network<'_>]) -> Figure {
-        let title = "μ₀ of the system along the reference".into();
-        let mut panels = vec![self.envelopes(title, &self.of_reference)];
+        let title = "μ₀ of the system along the reference".to_owned();
+        let of_reference = self.of_reference.iter();
+        let mut panels: Vec<Panel> =
+            of_reference.map(|change| self.envelopes(title.clone(), change)).collect();
         for network in networks {
             let name = network.name;
-            let title = format!("μ₀ of the system along {name}");
-            panels.push(self.envelopes(title, &network.of_system));
+            if let Some(change) = &network.of_system {
+                panels.push(self.envelopes(format!("μ₀ of the system along {name}"), change));
+            }
             if let Some(learnt) = &network.learnt {
                 let title = format!("own μ₀ of {name} along its orbits");
                 panels.push(self.envelopes(title, &learnt.along_own));
@@ -479,7 +521,7 @@ impl Orbits<'_> {
     }
 
     fn errors(&self, networks: &[Network<'_>]) -> Figure {
-        let [i, k] = self.slow_plane();
+        let [i, k] = self.plane();
         let [q, p] = self.plane_labels();
         let panel = |network: &Network<'_>| {
             let along = |(m, name): (usize, &String)| {
@@ -502,7 +544,7 @@ impl Orbits<'_> {
             }
         };
         let panels = networks.iter().map(panel).collect();
-        let caption = "Distance of each trajectory from the reference in the slow plane.";
+        let caption = "Distance of each trajectory from the reference in the plane that is named.";
         let figure = Figure::in_a_row(ERROR, caption, panels);
         Figure { columns: columns(figure.panels.len()), same_axes: SameAxes::Widest, ..figure }
     }

@@ -27,7 +27,7 @@ impl Study for TrainingStudy {
     }
 
     fn needs(&self) -> &'static [Need] {
-        &[Need::System, Need::FlowTime, Need::Data, Need::Models]
+        &[Need::Subject, Need::FlowTime, Need::Data, Need::Models]
     }
 
     fn check(&self, _: &Scene) -> Result<(), Error> {

@@ -4,7 +4,7 @@
 use super::Study;
 use super::rollout::RolloutOptions;
 use crate::error::Error;
-use crate::flow::{Integrator, Pairs};
+use crate::flow::{Integrator, Pairs, ReferenceTrajectories};
 use crate::measure::{
     Comparison, Method, Spread, TrajectoryMethods, WorkPrecision, fastest,
     jacobians_by_differences, most_accurate, precise_jacobians, relative_difference,
@@ -18,7 +18,8 @@ use crate::scene::declaration::Scene;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};
 use crate::scene::setup::{MOST, Need};
-use crate::system::{Hamiltonian, System};
+use crate::scene::subject::Subject;
+use crate::system::System;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::fmt::Write;
@@ -67,13 +68,18 @@ impl Study for WorkPrecisionOptions {
     }
 
     fn needs(&self) -> &'static [Need] {
-        &[Need::System, Need::FlowTime, Need::Data]
+        &[Need::Subject, Need::FlowTime, Need::Data]
     }
 
     fn check(&self, scene: &Scene) -> Result<(), Error> {
         let rollout = RolloutOptions::of(scene);
         Error::check_count_range("points", self.points, 1, MOST)?;
         Error::check_count_range("rounds", self.rounds, 1, MOST_ROUNDS)?;
+        let subject = scene.setup.subject();
+        if let (Some(Subject::File(_)), Some(entry)) = (subject, self.integrators.first()) {
+            let expected = "none: the equations that pairs of a file are of are not known";
+            return Err(Error::invalid("integrators", entry.integrator.name(), expected));
+        }
         for entry in &self.integrators {
             entry.integrator.check()?;
             for &steps in entry.one_step.iter().chain(&entry.rollout) {
@@ -118,7 +124,7 @@ impl Study for WorkPrecisionOptions {
                 .flat_map(|all| all.iter())
                 .map(|one| (&one.spec.name[..], one.model()))
                 .collect(),
-            system: context.system()?,
+            subject: context.subject()?,
             time: context.flow_time()?,
         };
         let data = context.data()?;
@@ -132,10 +138,7 @@ impl Study for WorkPrecisionOptions {
                 Some(options) => {
                     let reference = options.reference(context)?;
                     let name = "error against run time: roll-out";
-                    Some(context.stage(name, |_| {
-                        let states = reference.trajectories.values();
-                        self.rollout(&networks, options, states, reference.error)
-                    })?)
+                    Some(context.stage(name, |_| self.rollout(&networks, options, &reference))?)
                 }
             },
             jacobians: match self.differences.is_empty() {
@@ -185,7 +188,7 @@ pub(super) fn citations(integrators: impl Iterator<Item = Integrator>) -> Vec<&'
 /// What is compared with integrators.
 pub(super) struct Networks<'a> {
     pub(super) models: Vec<(&'a str, &'a Model)>,
-    pub(super) system: &'a System,
+    pub(in crate::scene) subject: Subject<'a>,
     pub(super) time: f64,
 }
 
@@ -223,7 +226,7 @@ impl WorkPrecisionOptions {
         data: &DataSets,
         points: &Points,
     ) -> Result<Comparison, Error> {
-        let (dim, time) = (2 * networks.system.dof(), networks.time);
+        let (dim, time) = (2 * networks.subject.dof(), networks.time);
         let input = &points.input[..];
         let mut methods = Vec::new();
         for (name, model) in &networks.models {
@@ -249,14 +252,14 @@ impl WorkPrecisionOptions {
                 }),
             });
         }
-        for entry in &self.integrators {
-            let of = |&steps| integrator(networks.system, entry.integrator, steps, input, time, 1);
+        for (entry, system) in self.integrators_of(networks) {
+            let of = |&steps| integrator(system, entry.integrator, steps, input, time, 1);
             methods.extend(entry.one_step.iter().map(of));
         }
         let all = TrajectoryMethods {
             methods,
             reference: &points.output,
-            reference_error: data.reference_error,
+            reference_error: known(data.reference_error),
             dim,
             trajectories: input.len() / dim,
             time,
@@ -268,12 +271,12 @@ impl WorkPrecisionOptions {
         &self,
         networks: &Networks<'_>,
         options: &RolloutOptions,
-        reference: &[f64],
-        reference_error: f64,
+        reference: &ReferenceTrajectories,
     ) -> Result<Comparison, Error> {
-        let dim = 2 * networks.system.dof();
-        let initial = options.initial.concat();
-        let initial = &initial[..];
+        let ReferenceTrajectories { trajectories, error: reference_error } = reference;
+        let (reference, count) = (trajectories.values(), trajectories.count());
+        let dim = 2 * networks.subject.dof();
+        let initial = &reference[..count * dim];
         let request = options.request();
         let interval = options.interval(networks.time);
         let kept = request.kept() - 1;
@@ -302,21 +305,28 @@ impl WorkPrecisionOptions {
                 }),
             });
         }
-        for entry in &self.integrators {
-            let of = |&steps| {
-                integrator(networks.system, entry.integrator, steps, initial, interval, kept)
-            };
+        for (entry, system) in self.integrators_of(networks) {
+            let of = |&steps| integrator(system, entry.integrator, steps, initial, interval, kept);
             methods.extend(entry.rollout.iter().map(of));
         }
         let all = TrajectoryMethods {
             methods,
             reference: &reference[initial.len()..],
-            reference_error,
+            reference_error: known(*reference_error),
             dim,
             trajectories: initial.len() / dim,
             time: interval * kept as f64,
         };
         all.compare(self.rounds)
+    }
+
+    /// Those that are tried, each with the system.
+    fn integrators_of<'a>(
+        &'a self,
+        networks: &Networks<'a>,
+    ) -> impl Iterator<Item = (&'a IntegratorSteps, &'a System)> + use<'a> {
+        let system = networks.subject.system();
+        self.integrators.iter().filter_map(move |entry| Some((entry, system?)))
     }
 
     fn jacobians(
@@ -343,6 +353,11 @@ impl WorkPrecisionOptions {
         let methods = work_precision(&methods, &judge, units, self.rounds)?;
         Ok(JacobianComparison { model: name.to_owned(), methods })
     }
+}
+
+/// The error of a reference, 0 where it is not known.
+fn known(error: f64) -> f64 {
+    if error.is_nan() { 0.0 } else { error }
 }
 
 fn integrator<'a>(

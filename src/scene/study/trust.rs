@@ -1,0 +1,59 @@
+//! Whether to trust the networks that were trained on pairs of one's own.
+
+use super::Study;
+use crate::error::Error;
+use crate::scene::context::{Context, Halt};
+use crate::scene::declaration::Scene;
+use crate::scene::findings::{Block, Findings, Section};
+use crate::scene::setup::Need;
+use crate::scene::trust::trust;
+
+/// In every scene of pairs of a file.
+pub(super) struct TrustStudy;
+
+impl Study for TrustStudy {
+    fn name(&self) -> &'static str {
+        "trust"
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::Subject, Need::FlowTime, Need::Data]
+    }
+
+    fn check(&self, _: &Scene) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+        Vec::new()
+    }
+
+    fn cites(&self, _: &Scene) -> Vec<&'static str> {
+        Vec::new()
+    }
+
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+        let (data, models) = (context.data()?, context.models()?);
+        let rotation_error = data.nearest_rotation_error(&context.subject()?.circle_action());
+        let (mut summary, mut details, mut values) = (Vec::new(), Vec::new(), Vec::new());
+        for trained in models.iter() {
+            let name = &trained.spec.name;
+            let held_out = data.held_out.as_ref();
+            let mut found = context.stage(&format!("orbits of {name}"), |_| {
+                trust(&trained.outcome, &data.training, held_out, rotation_error)
+            })?;
+            let heading = || Block::Heading(format!("`{name}`"));
+            summary.push(heading());
+            summary.append(&mut found.results.summary);
+            details.push(heading());
+            details.append(&mut found.results.details);
+            found.results.data["name"] = name.clone().into();
+            values.push(found.results.data);
+        }
+        Ok(Findings {
+            title: "Whether to trust it".into(),
+            results: Section { summary, details, data: values.into() },
+            ..Findings::default()
+        })
+    }
+}

@@ -1,0 +1,227 @@
+//! Scenes on pairs and trajectories of one's own, of a system that the crate need not know.
+#![cfg(feature = "cli")]
+
+use gyroceptron::flow::{Pairs, Trajectories, Window, sample};
+use gyroceptron::io::{load_model, read_trajectories, write_pairs, write_points};
+use gyroceptron::network::Rollout;
+use gyroceptron::random::Stream;
+use gyroceptron::system::Oscillators;
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Output};
+
+const SCENE: &str = r#"
+name = "own"
+title = "Pairs of a file"
+seed = 3
+flow_time = 0.5
+plots = ["loss", "portrait", "adiabatic-invariant", "rollout-error", "error-against-time"]
+
+[data]
+pairs = "pairs.npz"
+trajectories = "t.npy"
+circle_action = [1, 0]
+epsilon = 0.01
+validation = 0.2
+
+[[models]]
+name = "gyroceptron"
+network = { kind = "gyroceptron", psi = { count = 3, width = 4 }, near_identity = { count = 3, width = 4 } }
+weights = { kind = "normal", scale = 0.15 }
+
+[[models]]
+name = "normal-form"
+network = { kind = "normal-form", kicks = { count = 4, width = 4 }, twists = { count = 4, width = 4 } }
+weights = { kind = "normal", scale = 0.15 }
+
+[training]
+iterations = 150
+optimiser = { kind = "levenberg-marquardt" }
+
+[rollout]
+steps = 100
+every = 10
+
+[work_precision]
+points = 20
+rounds = 1
+
+[certificate]
+samples = 10
+radius = 1.6
+"#;
+
+/// The pairs and trajectories of the oscillators, `factor` times as large.
+fn write_data(folder: &Path, factor: f64) -> Trajectories {
+    let times = |values: &[f64]| values.iter().map(|v| factor * v).collect::<Vec<f64>>();
+    let window = Window { low: vec![-1.6; 4], high: vec![1.6; 4], samples: 400 };
+    let points = sample(&[window], 2, &mut Stream::new(1, "points")).expect("points");
+    let system = Oscillators { epsilon: 0.01 };
+    let (pairs, _) = Pairs::of_flow(&system, points, 0.5).expect("a flow");
+    let pairs = Pairs::new("pairs", 2, times(pairs.input()), times(pairs.output()));
+    write_pairs(&folder.join("pairs.npz"), &pairs.expect("finite")).expect("written");
+    let mut states = vec![1.2, 0.3, 0.1, 0.0, 0.9, -0.5, 0.0, 0.2, 0.4, 0.4, 0.4, 0.4];
+    for _ in 0..12 {
+        let last = states[states.len() - 12..].to_vec();
+        let (moved, _) = Pairs::of_flow(&system, last, 5.0).expect("a flow");
+        states.extend_from_slice(moved.output());
+    }
+    let states = times(&states);
+    write_points(&folder.join("t.npy"), &[13, 3, 4], &states).expect("written");
+    Trajectories::new(states, 4, 3).expect("states of three")
+}
+
+fn run(folder: &Path, scene: &str, out: &str) -> Output {
+    let program = env!("CARGO_BIN_EXE_gyroceptron");
+    let arguments = ["run", scene, "--out", out, "--overwrite"];
+    Command::new(program).current_dir(folder).args(arguments).output().expect("it starts")
+}
+
+fn report(folder: &Path) -> (String, Value) {
+    let text = std::fs::read_to_string(folder.join("report.md")).expect("a report");
+    let data = std::fs::read(folder.join("report.json")).expect("data");
+    (text, serde_json::from_slice(&data).expect("one JSON document"))
+}
+
+#[test]
+fn a_scene_on_files_runs_to_a_report() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let inner = folder.path().join("inner");
+    std::fs::create_dir(&inner).expect("made");
+    let reference = write_data(&inner, 1.0);
+    std::fs::write(inner.join("own.toml"), SCENE).expect("written");
+    // Paths are from the folder of the scene's file.
+    let output = run(folder.path(), "inner/own.toml", "out");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let out = folder.path().join("out");
+    let (text, data) = report(&out);
+    let first = text.split("## ").nth(1).expect("a section");
+    assert!(first.starts_with("Whether to trust it"), "{text}");
+    assert!(text.contains("nearest rotation alone") && text.contains("error is not known"));
+    assert!(!text.contains("NaN"), "{text}");
+    for plot in ["loss", "portrait", "adiabatic-invariant", "rollout-error", "error-against-time"] {
+        let svg = std::fs::read_to_string(out.join(format!("{plot}.svg"))).expect("a plot");
+        assert!(svg.starts_with("<svg") && svg.len() > 3000, "{plot}");
+    }
+    let studies = &data["studies"];
+    assert_eq!(studies["pairs"]["reference_error"], Value::Null);
+    for (k, name) in ["gyroceptron", "normal-form"].into_iter().enumerate() {
+        let stored = load_model(&out.join(format!("model-{name}.json"))).expect("a model");
+        assert!(stored.provenance.region.is_some() && stored.units.is_none());
+        assert_eq!(stored.provenance.flow_time, Some(0.5));
+        let request = Rollout { steps: 100, every: 10 };
+        let states = stored.rollout(&reference.values()[..12], request).expect("finite");
+        let squares = |(a, b): (&f64, &f64)| (a - b) * (a - b);
+        let squares: f64 = states.iter().zip(reference.values()).map(squares).sum();
+        let rms = (squares / 33.0).sqrt();
+        let model = &studies["rollout"]["models"][k];
+        let told = model["rms_error"].as_f64().expect("a number");
+        assert!((told / rms - 1.0).abs() < 1e-12 && rms < 0.5, "{name}: {told:e}, {rms:e}");
+        assert_eq!(model["system_adiabatic"], Value::Null);
+        assert!(model["own_adiabatic"]["along_own_orbits"]["largest_change"].is_number());
+        let trust = &studies["trust"][k];
+        assert_eq!(trust["name"], name);
+        assert!(trust["share_beyond_rotation"].as_f64() < Some(0.5), "{trust}");
+        let one_step = &studies["training"]["models"][k]["best"]["validation"];
+        assert_eq!(one_step.as_f64(), stored.provenance.validation);
+    }
+
+    // Of other units: the same networks, and errors in units of their own.
+    write_data(&inner, 128.0);
+    let output = run(folder.path(), "inner/own.toml", "large");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let large = folder.path().join("large");
+    let (text, of_large) = report(&large);
+    assert!(text.contains("in units of 1.2800e2"), "{text}");
+    assert_eq!(of_large["studies"]["rollout"]["models"], studies["rollout"]["models"]);
+    let region = |folder: &Path| {
+        let stored = load_model(&folder.join("model-gyroceptron.json")).expect("a model");
+        let parameters = stored.model.composition().parameters().to_vec();
+        (stored.provenance.region.expect("a box").high, parameters)
+    };
+    let ((high, parameters), (high_large, same)) = (region(&out), region(&large));
+    assert_eq!(parameters, same);
+    assert_eq!(high.iter().map(|v| 128.0 * v).collect::<Vec<_>>(), high_large);
+}
+
+#[test]
+fn scenes_on_files_that_cannot_be_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    write_data(path, 1.0);
+    write_points(&path.join("few.npy"), &[2, 3, 4], &[0.5; 24]).expect("written");
+    write_points(&path.join("flat.npy"), &[6, 4], &[0.5; 24]).expect("written");
+    write_points(&path.join("wide.npy"), &[2, 2, 6], &[0.5; 24]).expect("written");
+    let window =
+        "windows = [{ low = [-1.0, -1.0, -1.0, -1.0], high = [1.0, 1.0, 1.0, 1.0], samples = 4 }]";
+    let pairs = "pairs = \"pairs.npz\"";
+    let rollout = "every = 10\n";
+    let system = "[system]\nkind = \"oscillators\"\nepsilon = 0.01\n\n[data]";
+    let integrators =
+        "rounds = 1\nintegrators = [{ integrator = { kind = \"strang\" }, one_step = [1] }]";
+    let ramp = "iterations = 150\nramp = [{ flow_time = 0.1, iterations = 5 }]";
+    for (from, to, words) in [
+        (pairs, "pairs = \"none.npz\"", &["none.npz"][..]),
+        (pairs, &format!("{pairs}\n{window}"), &["data.windows"]),
+        (pairs, window, &["data.trajectories"]),
+        ("epsilon = 0.01\n", "", &["data.epsilon"]),
+        ("circle_action = [1, 0]\n", "", &["data.circle_action"]),
+        (
+            "circle_action = [1, 0]",
+            "circle_action = [1, 0, 0]",
+            &["pairs.npz", "degrees of freedom"],
+        ),
+        ("trajectories = \"t.npy\"\n", "", &["data.trajectories"]),
+        ("t.npy", "few.npy", &["few.npy", "states", "found 2"]),
+        ("t.npy", "flat.npy", &["flat.npy", "(states, trajectories, 2n)"]),
+        ("t.npy", "wide.npy", &["wide.npy", "of 4 numbers"]),
+        (rollout, "every = 10\ninitial = [[1.0, 0.0, 0.0, 0.0]]\n", &["initial"]),
+        (rollout, "every = 10\nplane = 3\n", &["plane", "found 3"]),
+        ("[data]", system, &["data.pairs", "system"]),
+        ("rounds = 1", integrators, &["integrators"]),
+        ("iterations = 150", ramp, &["ramp"]),
+        ("flow_time = 0.5\n", "", &["flow_time"]),
+    ] {
+        let scene = SCENE.replacen(from, to, 1);
+        assert!(scene != SCENE, "{from}");
+        std::fs::write(path.join("bad.toml"), scene).expect("written");
+        let output = run(path, "bad.toml", "o");
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{from}: {told}");
+        for word in words {
+            assert!(told.contains(word), "{from} does not name {word}: {told}");
+        }
+    }
+}
+
+/// Numbers of three dimensions in either order of memory.
+#[test]
+fn trajectories_are_read_in_either_order() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("t.npy");
+    let shape = [3, 2, 4];
+    let value = |t: usize, m: usize, k: usize| (100 * t + 10 * m + k) as f64;
+    let mut columns_first = Vec::new();
+    for k in 0..shape[2] {
+        for m in 0..shape[1] {
+            for t in 0..shape[0] {
+                columns_first.extend(value(t, m, k).to_le_bytes());
+            }
+        }
+    }
+    let header = "{'descr': '<f8', 'fortran_order': True, 'shape': (3, 2, 4), }";
+    let header = format!("{header:<117}\n");
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.as_bytes());
+    bytes.extend(columns_first);
+    std::fs::write(&file, bytes).expect("written");
+    let found = read_trajectories(&file, 2).expect("trajectories");
+    assert_eq!((found.states(), found.count(), found.dim()), (3, 2, 4));
+    for t in 0..3 {
+        for m in 0..2 {
+            let expected: Vec<f64> = (0..4).map(|k| value(t, m, k)).collect();
+            assert_eq!(found.state(t, m), expected);
+        }
+    }
+}
