@@ -96,6 +96,8 @@ pub mod layer;
 pub mod measure;
 pub mod network;
 pub mod phase;
+#[cfg(feature = "python")]
+mod python;
 pub mod random;
 pub mod scalar;
 #[cfg(feature = "scenes")]

@@ -740,6 +740,67 @@ fn units_are_fitted_and_undone() {
     assert_eq!((&back.units, bits(&back)), (&scaled.units, bits(&scaled)));
 }
 
+/// θ is left as it is where it is known.
+#[test]
+fn a_known_angle_is_left() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let train = |output: &str, more: &[&str]| {
+        let mut arguments = vec!["train", "--data", "pairs.npz", "--circle-action", "1,0"];
+        arguments.extend(["--iterations", "20", "--theta", "0.5", "--output", output]);
+        arguments.extend(more);
+        succeeds(path, &arguments);
+        load_model(&path.join(output)).expect("a model").model.angles().to_vec()
+    };
+    assert_eq!(train("fixed.json", &["--theta-fixed"]), [0.5]);
+    assert_ne!(train("free.json", &[]), [0.5]);
+    let form = ["--theta-fixed", "--architecture", "normal-form", "--optimiser", "lm"];
+    assert_eq!(train("form.json", &form), [0.5]);
+    let net = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "n.json"];
+    let net = [&net[..], &["--architecture", "henon-net", "--theta-fixed"]].concat();
+    refuses(path, &net, &["theta_fixed"]);
+}
+
+/// The networks of all parts, in one table.
+#[test]
+fn parts_have_an_overview() {
+    let part = |name: &str, more: &str| {
+        let part = SCENE.replacen("small", name, 1).replace("\n[[", "\n[[parts.");
+        let part = part.replace("\n[", "\n[parts.").replace("[parts.[parts.", "[[parts.");
+        format!("[[parts]]{}", part.replace("steps = 100", more))
+    };
+    let scene = format!(
+        "name = \"all\"\n[overview]\n{}\n{}",
+        part("one", "steps = 100"),
+        part("two", "steps = 50")
+    );
+    let folder = with_scene("all.toml", &scene);
+    succeeds(folder.path(), &["run", "all.toml", "--out", "o"]);
+    let read = |file: &str| -> Value {
+        let bytes = std::fs::read(folder.path().join("o").join(file)).expect("a report");
+        serde_json::from_slice(&bytes).expect("one JSON document")
+    };
+    let (all, one) = (read("report.json"), read("one/report.json"));
+    let rows = all["studies"]["overview"].as_array().expect("rows");
+    assert_eq!(rows.len(), 2);
+    assert_eq!((&rows[0]["part"], &rows[1]["part"]), (&"one".into(), &"two".into()));
+    let model = &one["studies"]["training"]["models"][0];
+    assert_eq!(rows[0]["held_out"], model["best"]["validation"]);
+    assert_eq!((&rows[0]["parameters"], &rows[0]["pairs"]), (&model["parameters"], &400.into()));
+    let along = &one["studies"]["rollout"]["models"][0];
+    assert_eq!(rows[0]["rollout"], along["rms_error"]);
+    let own = &along["own_adiabatic"];
+    assert_eq!(rows[0]["own_change"], own["along_own_orbits"]["largest_change"]);
+    let moved = own["near_identity_rms"].as_f64().expect("a number") / 0.01;
+    assert_eq!(rows[0]["near_identity_over_epsilon"], moved);
+    assert!(rows[0]["share"].as_f64() < Some(1.0) && rows[0]["theta_moved"].is_number());
+    let text = std::fs::read_to_string(folder.path().join("o/report.md")).expect("a report");
+    assert!(text.contains("## All networks") && text.contains("Seconds of training"), "{text}");
+    let bad = with_scene("bad.toml", &format!("{SCENE}\n[overview]\n"));
+    refuses(bad.path(), &["run", "bad.toml"], &["overview"]);
+}
+
 /// A name that says another format than what it would hold is refused.
 #[test]
 fn names_that_say_another_format_are_refused() {
@@ -1081,7 +1142,7 @@ fn bad_arguments_are_named() {
         arguments.extend(more);
         refuses(path, &arguments, words);
     };
-    train(&["--circle-action", "1,0,0"], &["--circle-action", "3 weights", "2 weights"]);
+    train(&["--circle-action", "1,0,0"], &["circle action", "3 weights", "2 weights"]);
     train(&["--circle-action", "1,x"], &["--circle-action", "1,x"]);
     train(&["--circle-action", "0,0"], &["circle action"]);
     train(&["--circle-action", "1,0", "--epsilon", "NaN"], &["epsilon", "NaN"]);
@@ -1376,7 +1437,7 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
     refuses(path, &train(&["--circle-action", "1,0", "--flow-time", "5"]), &["--flow-time"]);
     refuses(path, &train(&["--circle-action", "1,0/0,1"]), &["2 circles"]);
     let shared = ["--circle-action", "1,0/1,3", "--architecture", "normal-form"];
-    refuses(path, &train(&shared), &["plane 1", "--theta"]);
+    refuses(path, &train(&shared), &["plane 1", "an angle θ"]);
     let still = ["--epsilon", "0"];
     refuses(path, &train(&[&form[..], &still].concat()), &["--epsilon", "--flow-time"]);
     refuses(path, &train(&["--circle-action", "1,0/0,a"]), &["1,0/0,a"]);
@@ -1406,7 +1467,7 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
     let predict = ["predict", "--model", "m.json", "--input", "z.npy", "--output", "t.npy"];
     // Nobody has told how long it takes.
     let longer = [&predict[..], &["--steps", "2", "--flow-time", "40"]].concat();
-    refuses(path, &longer, &["--flow-time", "40", "told"]);
+    refuses(path, &longer, &["flow_time", "40", "told"]);
     succeeds(path, &[&predict[..], &["--steps", "20000", "--every", "5000"]].concat());
     let file = std::fs::read(path.join("t.npy")).expect("trajectories");
     let values: Vec<f64> = file[file.len() - 5 * 12 * 8..]
@@ -1494,7 +1555,7 @@ fn a_family_is_trained_and_asked_for_another_member() {
     let elsewhere = predicted(&["--epsilon", "0.015"]);
     assert!(elsewhere > 100.0 * there, "{elsewhere:e} {there:e}");
     let with = |more: &[&'static str]| [&predict[..], &["--output", "u.npy"], more].concat();
-    refuses(path, &with(&["--flow-time", "0"]), &["--flow-time", "0", "positive"]);
+    refuses(path, &with(&["--flow-time", "0"]), &["flow_time", "0", "positive"]);
     refuses(path, &with(&["--epsilon", "nan"]), &["epsilon", "NaN"]);
 }
 

@@ -984,3 +984,46 @@ fn splitting_pairs_keeps_every_row_once() {
     assert_eq!(rows, expected);
     assert!(pairs(1, 0.5, 5).split(0.9, &mut Stream::new(1, "split")).1.is_none());
 }
+
+/// A fixed θ has no derivative, and no optimiser moves it, while all else is learnt.
+#[test]
+fn a_fixed_angle_stays() {
+    let (pairs, start) = (pairs(300, 0.5, 1), model(3));
+    let angle = start.angle().expect("a gyroceptron").to_bits();
+    let free = Objective::new(&Loss::MeanSquaredError, &pairs).expect("a loss");
+    let fixed = free.clone().with_fixed_angles(true);
+    let count = start.composition().parameters().len();
+    let at = start.composition().angles();
+    assert_eq!(at, count - 1..count);
+    let (mut of_free, mut of_fixed) = (vec![0.0; count], vec![0.0; count]);
+    let map = start.composition();
+    let values =
+        [free.value_and_gradient(map, &mut of_free), fixed.value_and_gradient(map, &mut of_fixed)];
+    assert_eq!(values[0].to_bits(), values[1].to_bits());
+    assert!(of_free[count - 1] != 0.0 && of_fixed[count - 1] == 0.0);
+    assert_eq!(of_free[..count - 1], of_fixed[..count - 1]);
+    let (whole, without) = (free.normal_equations(map), fixed.normal_equations(map));
+    assert!(whole.matrix[(count - 1, count - 1)] > 0.0 && whole.matrix[(count - 1, 0)] != 0.0);
+    assert!((0..count).all(|k| without.matrix[(count - 1, k)] == 0.0));
+    assert_eq!(fixed.curvature_diagonal(map)[count - 1], 0.0);
+    for optimiser in optimisers() {
+        let name = optimiser.name();
+        let free = TrainingOptions { optimiser, ..options(30) };
+        let fixed = TrainingOptions { theta_fixed: true, ..free.clone() };
+        let trained = |options: &TrainingOptions| {
+            train(&start, &pairs, None, options, None, &mut quiet).expect("trains")
+        };
+        let (with, without) = (trained(&fixed), trained(&free));
+        let own = |outcome: &Outcome| outcome.model.angle().expect("a gyroceptron").to_bits();
+        assert!(own(&with) == angle && own(&without) != angle, "{name}");
+        let moved = bits(&with.model).iter().zip(bits(&start)).filter(|(a, b)| **a != *b).count();
+        assert!(moved > count / 2 && with.loss < values[0], "{name}: {moved} of {count}");
+    }
+    let shape = HenonShape::uniform(2, 2, 3);
+    let net = Architecture::HenonNet { shape, epsilon: 1.0 }
+        .initialise(InitialWeights::Glorot, 0.0, 1)
+        .expect("valid");
+    let options = TrainingOptions { theta_fixed: true, ..options(2) };
+    let told = train(&net, &pairs, None, &options, None, &mut quiet).expect_err("no θ");
+    assert!(told.to_string().contains("theta_fixed"), "{told}");
+}

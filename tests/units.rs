@@ -13,7 +13,7 @@ use gyroceptron::measure::{
 use gyroceptron::network::{
     Architecture, GyroceptronShape, HenonShape, InitialWeights, Model, Rollout,
 };
-use gyroceptron::phase::{InUnits, Map, Units};
+use gyroceptron::phase::{Direction, InUnits, Map, Units};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Scalar, constant};
 use gyroceptron::system::{Oscillators, ParticleField};
@@ -199,6 +199,33 @@ fn a_model_acts_in_the_units_of_its_data() {
     let member = scaled.at(0.02, 2.0).expect("a member");
     assert_eq!(member.units, scaled.units);
     assert_eq!(member.model.architecture().epsilon(), 0.02);
+    // One step and back, and its derivatives against differences.
+    let units = all_units([0.25, 3.0, 0.0, 0.0], [30.0, 400.0, 1.0 / 3.0, 0.025]);
+    let long = stored(Some(units.clone()));
+    let mut z = [10.0, 200.0, 0.1, -0.01];
+    let jacobian = long.jacobians(&z).expect("finite");
+    let moved = |k: usize, h: f64| {
+        let mut z = z;
+        z[k] += h;
+        long.map_points(Direction::Forward, &mut z).expect("finite");
+        z
+    };
+    for k in 0..4 {
+        let h = 1e-5 * units.factors()[k];
+        let (after, before) = (moved(k, h), moved(k, -h));
+        for i in 0..4 {
+            let slope = (after[i] - before[i]) / (2.0 * h);
+            let scale = units.factors()[i] / units.factors()[k];
+            assert!((slope - jacobian[4 * i + k]).abs() < 1e-8 * scale, "{i}, {k}");
+        }
+    }
+    let start_of_z = z;
+    long.map_points(Direction::Forward, &mut z).expect("finite");
+    long.map_points(Direction::Inverse, &mut z).expect("finite");
+    for k in 0..4 {
+        assert!((z[k] - start_of_z[k]).abs() < 1e-12 * units.factors()[k]);
+    }
+    assert!(long.rollout(&[f64::NAN, 0.0, 0.0, 0.0], request).is_err());
     // Of units that round, the first states are the points that were given.
     let other = stored(Some(all_units([0.1, 0.2, 0.3, 0.4], [3.0, 7.0, 7.0, 3.0])));
     assert_eq!(other.rollout(&start, request).expect("finite")[..8], start);

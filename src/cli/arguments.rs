@@ -210,6 +210,10 @@ pub struct Train {
     /// θ to start from, in radians [default: the rotation nearest to the data].
     #[arg(long, allow_negative_numbers = true)]
     pub theta: Option<f64>,
+    /// Leave θ as it is at the start: where the frequency of the limit is known, so that I_ε
+    /// does not take a part of the rotation from it, nor it from I_ε.
+    #[arg(long)]
+    pub theta_fixed: bool,
     /// Iterations in place of the scene's.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub iterations: Option<i64>,

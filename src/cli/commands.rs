@@ -23,7 +23,6 @@ use gyroceptron::scene::{
     Folder, Scene, catalogue, certificate_table, default_scene, find, parse, run,
 };
 use rayon::prelude::*;
-use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -278,87 +277,6 @@ fn probe_writable(path: &Path) -> Result<(), Error> {
     std::fs::remove_file(&probe).map_err(fail)
 }
 
-/// The model at another ε and flow time, where they are given.
-fn member(
-    stored: StoredModel,
-    epsilon: Option<f64>,
-    flow_time: Option<f64>,
-) -> Result<StoredModel, Error> {
-    let architecture = stored.model.architecture();
-    if epsilon.is_none() && flow_time.is_none() {
-        return Ok(stored);
-    }
-    let given = [("--epsilon", epsilon), ("--flow-time", flow_time)];
-    for (name, value) in given {
-        let Some(value) = value else { continue };
-        if architecture.circles().is_empty() {
-            return Err(Error::invalid(name, value, "an option of gyroceptrons"));
-        }
-    }
-    let time = match (flow_time, stored.provenance.flow_time) {
-        (None, _) => 1.0,
-        (Some(time), Some(own)) if time > 0.0 && time.is_finite() => time / own,
-        (Some(time), Some(_)) => {
-            return Err(Error::invalid("--flow-time", time, "a positive number"));
-        }
-        (Some(time), None) => {
-            let expected = "a model that was trained with its own flow time told";
-            return Err(Error::invalid("--flow-time", time, expected));
-        }
-    };
-    stored.at(epsilon.unwrap_or(architecture.epsilon()), time)
-}
-
-/// What left the box of the training points.
-#[derive(Debug, Serialize)]
-struct Left {
-    /// Trajectories with a state outside.
-    trajectories: usize,
-    /// Kept states outside.
-    states: usize,
-    /// Of all kept ones.
-    of: usize,
-    /// The first of them: a row of the input, and after how many steps.
-    row: usize,
-    step: usize,
-    /// Its first coordinate outside, from 0, and the value of it.
-    coordinate: usize,
-    value: f64,
-}
-
-impl Left {
-    fn region(region: &Region, values: &[f64], points: usize, every: usize) -> Option<Self> {
-        let dim = region.low.len();
-        let mut leaving = vec![false; points];
-        let mut out: Option<Self> = None;
-        for (index, z) in values.chunks_exact(dim).enumerate() {
-            let Some(coordinate) = region.first_outside(z) else { continue };
-            let row = index % points;
-            leaving[row] = true;
-            let (step, value) = (index / points * every, z[coordinate]);
-            let of = values.len() / dim;
-            let first = Self { trajectories: 0, states: 0, of, row, step, coordinate, value };
-            out.get_or_insert(first).states += 1;
-        }
-        out.map(|out| Self { trajectories: leaving.iter().filter(|left| **left).count(), ..out })
-    }
-
-    fn told(&self, region: Option<&Region>) -> String {
-        let Self { trajectories, states, of, row, step, coordinate, value } = *self;
-        let dof = region.map_or(1, |region| region.low.len() / 2);
-        let half = if coordinate < dof { "q" } else { "p" };
-        let bounds = region.map_or_else(String::new, |region| {
-            format!(", not from {:.3e} to {:.3e}", region.low[coordinate], region.high[coordinate])
-        });
-        format!(
-            "note: {states} of {of} kept states, of {trajectories} trajectories, are outside the box \
-             of the training points, where nothing is known of the model; the first from row {row} \
-             of the input after {step} steps: {half}{} = {value:.3e}{bounds}",
-            coordinate % dof + 1
-        )
-    }
-}
-
 fn predict(arguments: &Predict) -> Result<Status, Error> {
     use_threads(&arguments.common)?;
     let request = Rollout {
@@ -370,7 +288,7 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     if let Some(invariant) = &arguments.invariant {
         check_ending("--invariant", invariant, "npy")?;
     }
-    let stored = member(load_model(&arguments.model)?, arguments.epsilon, arguments.flow_time)?;
+    let stored = load_model(&arguments.model)?.member(arguments.epsilon, arguments.flow_time)?;
     guard_output(&arguments.output, arguments.overwrite, &inputs)?;
     if let Some(invariant) = &arguments.invariant {
         if stored.invariant().is_none() {
@@ -402,22 +320,11 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     }
     let initial = file.points;
     let points = initial.len() / dim;
-    let values = stored.rollout(&initial, request)?;
-    if let Some(index) = values.iter().position(|v| !v.is_finite()) {
-        let state = index / initial.len();
-        return Err(Error::Diverged {
-            what: format!("{}: roll-out", arguments.model.display()),
-            place: format!(
-                "row {} of the input, at the latest after {} steps",
-                index % initial.len() / dim,
-                state * request.every
-            ),
-        });
-    }
+    let values = stored.rollout(&initial, request).map_err(|e| e.at(arguments.model.display()))?;
     let region = stored.provenance.region.as_ref().filter(|_| arguments.outside != Outside::Ignore);
-    let left = region.and_then(|region| Left::region(region, &values, points, request.every));
-    if let Some(left) = &left {
-        line(&left.told(region));
+    let left = region.and_then(|region| region.left_by(&values, points, request.every));
+    if let (Some(left), Some(region)) = (&left, region) {
+        line(&format!("note: {}", left.told(region)));
         if arguments.outside == Outside::Stop {
             line("nothing is written");
             return Ok(Status::CheckFailed);

@@ -13,47 +13,30 @@ use gyroceptron::flow::{Condition, Pairs};
 use gyroceptron::io::{
     PairsFile, Provenance, StoredModel, load_checkpoint, read_pairs, save_checkpoint, save_model,
 };
-use gyroceptron::layer::{Activation, TorusAction};
 use gyroceptron::measure::rotation_error;
-use gyroceptron::network::{Architecture, InitialWeights};
-use gyroceptron::random::Stream;
+use gyroceptron::network::Architecture;
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
-    ByTurns, Folder, Layers, ModelSpec, NetworkSpec, Observer, OwnTraining, Reading, TrainingTimes,
-    TwistLayers, units_told,
+    Folder, Layers, ModelSpec, NetworkSpec, Observer, OwnTraining, Reading, TrainingTimes,
+    units_told,
 };
 use gyroceptron::train::{
     AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions, Optimiser,
-    Place, Progress as TrainingProgress, Starts, Stop, TrainingOptions, Watch, fit_rotation,
-    fit_units, slow_time, train_schedule,
+    Place, Preparation, Prepared, Progress as TrainingProgress, Starts, Stop, TrainingOptions,
+    Watch, train_schedule,
 };
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// ψ and I_ε of the paper's time-5 map.
-const LAYERS: Layers = Layers { count: 10, width: 8 };
 const EPSILON: f64 = 0.01;
-/// ψ_ε and T_ε that learn pairs of times up to 50.
-const KICKS: Layers = Layers { count: 12, width: 8 };
-const TWISTS: TwistLayers = TwistLayers { count: 16, width: ByTurns::Same(8) };
-/// Iterations that tell good starts from bad ones.
-const TRIAL: u64 = 40;
-/// The paper's HénonNet.
-const HENON_LAYERS: Layers = Layers { count: 16, width: 10 };
-/// A SympNet of about as many parameters.
-const MODULES: Layers = Layers { count: 41, width: 4 };
-
-fn gyroceptron() -> NetworkSpec {
-    NetworkSpec::Gyroceptron { psi: LAYERS, near_identity: LAYERS, circle_action: None }
-}
 
 /// The network and its training, as the scene has them.
 fn of_scene(scene: Option<&str>) -> Result<(ModelSpec, TrainingOptions), Error> {
     let default = |name: &str| ModelSpec {
         name: name.into(),
-        network: gyroceptron(),
-        weights: InitialWeights::Normal { scale: 0.15 },
+        network: NetworkSpec::default_gyroceptron(),
+        weights: ModelSpec::OWN_WEIGHTS,
         training: None,
         training_only: false,
         seeds: None,
@@ -87,17 +70,10 @@ fn network(arguments: &Train, of_scene: NetworkSpec) -> Result<NetworkSpec, Erro
         arguments.twists.as_deref().map(|text| twists("--twists", text)).transpose()?;
     let mut network = match arguments.architecture {
         None => of_scene,
-        Some(ArchitectureName::Gyroceptron) => gyroceptron(),
-        Some(ArchitectureName::NormalForm) => {
-            NetworkSpec::NormalForm { psi: None, kicks: KICKS, twists: TWISTS, action: None }
-        }
-        Some(ArchitectureName::HenonNet) => NetworkSpec::HenonNet { layers: HENON_LAYERS },
-        Some(ArchitectureName::SympNet) => NetworkSpec::SympNet {
-            modules: MODULES.count,
-            shears: MODULES.width,
-            activation: Activation::Sigmoid,
-            plain: false,
-        },
+        Some(ArchitectureName::Gyroceptron) => NetworkSpec::default_gyroceptron(),
+        Some(ArchitectureName::NormalForm) => NetworkSpec::default_normal_form(),
+        Some(ArchitectureName::HenonNet) => NetworkSpec::default_henon_net(),
+        Some(ArchitectureName::SympNet) => NetworkSpec::default_symp_net(),
     };
     let unfit = |name: &str, value: &Option<String>, of: &str| {
         let found = value.clone().unwrap_or_default();
@@ -167,12 +143,13 @@ fn options(arguments: &Train, mut training: TrainingOptions) -> Result<TrainingO
     if let Some(count) = arguments.starts {
         let count = positive("--starts", count)? as u64;
         // Whatever the iterations are: more of them may be asked for later.
-        training.starts = (count > 1).then_some(Starts { count, iterations: TRIAL });
+        training.starts = (count > 1).then_some(Starts { count, iterations: Starts::TRIAL });
     }
     if !training.ramp.is_empty() {
         let expected = "no ramp: pairs are of one flow time and one ε";
         return Err(Error::invalid("training.ramp", training.ramp.len(), expected));
     }
+    training.theta_fixed |= arguments.theta_fixed;
     training.patience = arguments.patience.unwrap_or(training.patience);
     training.target = arguments.target.unwrap_or(training.target);
     training.check()?;
@@ -210,19 +187,13 @@ fn command(
     if let Some(theta) = theta {
         out.push_str(&format!(" --theta {theta}"));
     }
+    if arguments.theta_fixed {
+        out.push_str(" --theta-fixed");
+    }
     if arguments.units == UnitsOf::Data {
         out.push_str(" --units data");
     }
     out + " --output MODEL.json"
-}
-
-fn check_fit(arguments: &Train, pairs: &Pairs, action: &TorusAction) -> Result<(), Error> {
-    if pairs.dof() == action.dof() {
-        return Ok(());
-    }
-    let (found, file) = (format!("{} weights", action.dof()), arguments.data.display());
-    let expected = format!("{} weights, one for each plane of {file}", pairs.dof());
-    Err(Error::invalid("--circle-action", found, expected))
 }
 
 /// Saves checkpoints beside the model, and tells how it goes.
@@ -393,7 +364,6 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         let (place, names) = (arguments.data.display(), file.unused.join(", "));
         progress.note(&format!("{place}: not used: {names}"));
     }
-    check_fit(arguments, &file.pairs, &action)?;
     let digest = file.pairs.digest();
     let family = Family::of(arguments, &file, is_normal_form)?;
     if !file.pairs.conditions().is_empty() && !has_circle {
@@ -402,37 +372,29 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     }
     let epsilon = family.epsilon;
     let pairs = file.pairs.with_conditions(|condition| family.place(condition));
-    if let (Some(plane), None) = (action.shared_plane(), arguments.theta) {
-        let expected = "circles of planes of their own, or --theta";
-        let found = format!("plane {} in several circles", plane + 1);
-        return Err(Error::invalid("--circle-action", found, expected));
-    }
     if is_normal_form && epsilon == 0.0 && family.time.is_none() {
         return Err(Error::invalid("--epsilon", 0, "another number, or --flow-time"));
     }
     if let Some(reading) = Reading::better(&pairs, &action) {
         progress.note(&format!("{}: {}", arguments.data.display(), reading.told()));
     }
-    let region = pairs.region();
-    let units = match arguments.units {
-        UnitsOf::Fitted => fit_units(&pairs, &action),
-        UnitsOf::Data => None,
+    let place = arguments.data.display().to_string();
+    let preparation = Preparation {
+        place: &place,
+        action: &action,
+        epsilon,
+        flow_time: family.time,
+        theta: arguments.theta,
+        units: arguments.units == UnitsOf::Fitted,
+        validation: arguments.validation,
+        seed: arguments.seed,
     };
-    let pairs = match &units {
-        None => pairs,
-        Some(units) => {
-            progress.note(&format!("{}: {}", arguments.data.display(), units_told(units)));
-            pairs.to_network(&arguments.data.display().to_string(), units)?
-        }
-    };
-    let nearest: Vec<f64> =
-        action.circles().iter().map(|circle| fit_rotation(&pairs, circle)).collect();
-    let angles: Vec<f64> =
-        nearest.iter().map(|nearest| arguments.theta.unwrap_or(*nearest)).collect();
-    let time = family.time.unwrap_or_else(|| slow_time(&pairs, &action, &nearest) / epsilon.abs());
+    let Prepared { pairs, held_out, units, region, nearest, angles, flow_time: time } =
+        preparation.prepare(pairs)?;
+    if let Some(units) = &units {
+        progress.note(&format!("{place}: {}", units_told(units)));
+    }
     let architecture = architecture(epsilon, time);
-    let (pairs, held_out) =
-        pairs.split(arguments.validation, &mut Stream::new(arguments.seed, "data/held-out"));
     progress.note(&format!(
         "training {} parameters on {} pairs, {} held out, θ from {angles:.6?}",
         architecture.parameter_count(),

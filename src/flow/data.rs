@@ -1,6 +1,7 @@
 //! Data sets: seeded samples in windows, and pairs of a flow map.
 
-use super::{Integrator, Reference};
+use super::region::check_box;
+use super::{Integrator, Reference, Region};
 use crate::digest;
 use crate::error::Error;
 use crate::phase::Units;
@@ -9,58 +10,6 @@ use crate::scalar::{Kernel, Pack, WIDTH, max_or_nan, on_lanes};
 use crate::system::{Hamiltonian, System};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-
-/// Fails unless both corners are of 2n finite numbers and low ≤ high.
-fn check_box(name: &str, dof: usize, low: &[f64], high: &[f64]) -> Result<(), Error> {
-    for (corner, values) in [("low", low), ("high", high)] {
-        let place = format!("{name}: {corner}");
-        Error::check_count(&format!("{place}: numbers"), 2 * dof, values.len())?;
-        values.iter().try_for_each(|v| Error::check_finite(&place, *v))?;
-    }
-    (0..2 * dof).try_for_each(|k| {
-        Error::check_range(&format!("{name}: low[{k}]"), low[k], f64::MIN, high[k])
-    })
-}
-
-/// A box in phase space that points lie in: where a network was trained.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Region {
-    /// The lower corner, 2n numbers.
-    pub low: Vec<f64>,
-    /// The upper corner, 2n numbers.
-    pub high: Vec<f64>,
-}
-
-impl Region {
-    /// The smallest one around points of so many numbers; None of no points.
-    pub fn around<'a>(dim: usize, points: impl IntoIterator<Item = &'a [f64]>) -> Option<Self> {
-        let mut points = points.into_iter().flat_map(|points| points.chunks_exact(dim));
-        let first = points.next()?;
-        let mut out = Self { low: first.to_vec(), high: first.to_vec() };
-        for z in points {
-            for ((low, high), z) in out.low.iter_mut().zip(&mut out.high).zip(z) {
-                *low = if *z < *low { *z } else { *low };
-                *high = if *z > *high { *z } else { *high };
-            }
-        }
-        Some(out)
-    }
-
-    /// Fails unless both corners are of 2n finite numbers and low ≤ high.
-    ///
-    /// # Errors
-    /// [`Error::WrongCount`] or [`Error::OutOfRange`], with the region's `name`.
-    pub fn check(&self, name: &str, dof: usize) -> Result<(), Error> {
-        check_box(name, dof, &self.low, &self.high)
-    }
-
-    /// The first coordinate of a point that is outside; NaN is.
-    pub fn first_outside(&self, z: &[f64]) -> Option<usize> {
-        let within = |(z, (low, high)): (&f64, (&f64, &f64))| (*low..=*high).contains(z);
-        z.iter().zip(self.low.iter().zip(&self.high)).position(|one| !within(one))
-    }
-}
 
 /// A box in phase space and how many points to draw in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -3,15 +3,17 @@
 mod data;
 mod gauss;
 mod integrator;
+mod region;
 mod runge_kutta;
 mod splitting;
 mod trajectories;
 
 #[cfg(feature = "files")]
 pub(crate) use data::check_finite;
-pub use data::{Condition, Pairs, Region, Window, sample};
+pub use data::{Condition, Pairs, Window, sample};
 pub use gauss::{GaussLegendre, Reference, ReferenceValue};
 pub use integrator::Integrator;
+pub use region::{Left, Region};
 pub use runge_kutta::runge_kutta_4;
 pub use splitting::{Splitting, SplittingSteps};
 pub use trajectories::{ReferenceTrajectories, Trajectories};

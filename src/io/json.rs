@@ -4,8 +4,8 @@ use super::{read_bytes, write_atomically};
 use crate::digest;
 use crate::error::Error;
 use crate::flow::Region;
-use crate::network::{Architecture, Invariant, Model, Rollout};
-use crate::phase::Units;
+use crate::network::{Architecture, Invariant, Model, Rollout, map_jacobians, map_points};
+use crate::phase::{Direction, Units};
 use crate::train::Checkpoint;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -71,18 +71,99 @@ impl StoredModel {
         Ok(Self { model: self.model.at(epsilon, time)?, ..self.clone() })
     }
 
+    /// The model at another ε and flow time, where they are given.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when the network is built on no circle, or a flow time is asked for and
+    /// is not positive, or that of the model is not known; those of [`Model::at`].
+    pub fn member(self, epsilon: Option<f64>, flow_time: Option<f64>) -> Result<Self, Error> {
+        let architecture = self.model.architecture();
+        if epsilon.is_none() && flow_time.is_none() {
+            return Ok(self);
+        }
+        for (name, value) in [("epsilon", epsilon), ("flow_time", flow_time)] {
+            if let (Some(value), true) = (value, architecture.circles().is_empty()) {
+                return Err(Error::invalid(name, value, "none: it is of gyroceptrons only"));
+            }
+        }
+        let time = match (flow_time, self.provenance.flow_time) {
+            (None, _) => 1.0,
+            (Some(time), Some(own)) if time > 0.0 && time.is_finite() => time / own,
+            (Some(time), Some(_)) => {
+                return Err(Error::invalid("flow_time", time, "a positive number"));
+            }
+            (Some(time), None) => {
+                let expected = "a model that was trained with its own flow time told";
+                return Err(Error::invalid("flow_time", time, expected));
+            }
+        };
+        let mut member = self.at(epsilon.unwrap_or(architecture.epsilon()), time)?;
+        member.provenance.flow_time = flow_time.or(member.provenance.flow_time);
+        Ok(member)
+    }
+
     /// [`Model::rollout`] of points of the data.
     ///
     /// # Errors
-    /// Those of [`Model::rollout`].
+    /// Those of [`Model::rollout`]; [`Error::Diverged`] when a state is not of finite numbers.
     pub fn rollout(&self, initial: &[f64], request: Rollout) -> Result<Vec<f64>, Error> {
-        let Some(units) = &self.units else { return self.model.rollout(initial, request) };
-        let mut start = initial.to_vec();
-        units.to_network(&mut start);
-        let mut states = self.model.rollout(&start, request)?;
-        units.to_data(&mut states);
-        states[..initial.len()].copy_from_slice(initial);
-        Ok(states)
+        let states = match &self.units {
+            None => self.model.rollout(initial, request)?,
+            Some(units) => {
+                let mut start = initial.to_vec();
+                units.to_network(&mut start);
+                let mut states = self.model.rollout(&start, request)?;
+                units.to_data(&mut states);
+                states[..initial.len()].copy_from_slice(initial);
+                states
+            }
+        };
+        let Some(index) = states.iter().position(|v| !v.is_finite()) else { return Ok(states) };
+        let (row, state) = (index % initial.len(), index / initial.len());
+        Err(Error::Diverged {
+            what: "roll-out".into(),
+            place: format!(
+                "row {} of the input, at the latest after {} steps",
+                row / (2 * self.model.composition().dof()),
+                state * request.every
+            ),
+        })
+    }
+
+    /// P or P⁻¹ at points of the data, in place.
+    ///
+    /// # Errors
+    /// Those of [`map_points`].
+    pub fn map_points(&self, direction: Direction, points: &mut [f64]) -> Result<(), Error> {
+        let Some(units) = &self.units else {
+            return map_points(self.model.composition(), direction, points);
+        };
+        units.to_network(points);
+        map_points(self.model.composition(), direction, points)?;
+        units.to_data(points);
+        Ok(())
+    }
+
+    /// ∂P/∂z at points of the data: 2n × 2n numbers each, row by row.
+    ///
+    /// # Errors
+    /// Those of [`map_jacobians`].
+    pub fn jacobians(&self, points: &[f64]) -> Result<Vec<f64>, Error> {
+        let map = self.model.composition();
+        let dim = 2 * map.dof();
+        let mut out = vec![0.0; points.len() * dim];
+        let Some(units) = &self.units else {
+            map_jacobians(map, points, &mut out)?;
+            return Ok(out);
+        };
+        let mut points = points.to_vec();
+        units.to_network(&mut points);
+        map_jacobians(map, &points, &mut out)?;
+        let factors = units.factors();
+        for (index, entry) in out.iter_mut().enumerate() {
+            *entry = *entry * factors[index / dim % dim] / factors[index % dim];
+        }
+        Ok(out)
     }
 
     /// [`Model::invariant`] at points of the data, in units of their actions.

@@ -33,6 +33,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "error-against-time",
         "long-steps",
         "family",
+        "choosing",
         "trajectories",
         "adiabatic-profiles",
         "near-identity-penalty",

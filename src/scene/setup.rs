@@ -153,6 +153,9 @@ pub(super) struct Attempt {
 }
 
 impl ModelSpec {
+    /// The weights that a network for pairs of one's own begins with.
+    pub const OWN_WEIGHTS: InitialWeights = InitialWeights::Normal { scale: 0.15 };
+
     /// One for each of its seeds.
     pub(super) fn attempts(&self) -> impl Iterator<Item = Attempt> + '_ {
         (0..self.seeds.unwrap_or(1)).map(|number| {
@@ -560,7 +563,31 @@ impl Data {
     }
 }
 
+/// Networks for pairs of one's own.
 impl NetworkSpec {
+    /// ψ and I_ε of the paper's time-5 map.
+    pub fn default_gyroceptron() -> Self {
+        let layers = Layers { count: 10, width: 8 };
+        Self::Gyroceptron { psi: layers, near_identity: layers, circle_action: None }
+    }
+
+    /// ψ_ε and T_ε that learn pairs of times up to 50.
+    pub fn default_normal_form() -> Self {
+        let twists = TwistLayers { count: 16, width: ByTurns::Same(8) };
+        let kicks = Layers { count: 12, width: 8 };
+        Self::NormalForm { psi: None, kicks, twists, action: None }
+    }
+
+    /// The paper's HénonNet.
+    pub fn default_henon_net() -> Self {
+        Self::HenonNet { layers: Layers { count: 16, width: 10 } }
+    }
+
+    /// A SympNet of about as many parameters.
+    pub fn default_symp_net() -> Self {
+        Self::SympNet { modules: 41, shears: 4, activation: Activation::Sigmoid, plain: false }
+    }
+
     /// How many layers each of its parts has.
     fn counts(&self) -> Vec<usize> {
         match self {

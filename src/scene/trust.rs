@@ -67,12 +67,7 @@ struct Orbits {
 fn orbits(model: &Model, starts: &[f64], region: &Region) -> Result<Orbits, Error> {
     let dim = 2 * model.composition().dof();
     let count = starts.len() / dim;
-    let widened = |sign: f64| -> Vec<f64> {
-        let corners = region.low.iter().zip(&region.high);
-        let corner = |(low, high): (&f64, &f64)| if sign < 0.0 { *low } else { *high };
-        corners.map(|(low, high)| corner((low, high)) + 0.5 * sign * (high - low)).collect()
-    };
-    let around = Region { low: widened(-1.0), high: widened(1.0) };
+    let around = region.widened(0.5);
     let values = model.rollout(starts, Rollout { steps: STEPS, every: 1 })?;
     let mut lost = vec![false; count];
     let mut first = None;

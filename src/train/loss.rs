@@ -60,6 +60,8 @@ pub struct Objective<'a> {
     pairs: Cow<'a, Pairs>,
     weights: Vec<f64>,
     penalty: f64,
+    /// The angles of the circles count as numbers, not as parameters.
+    angles_fixed: bool,
 }
 
 /// A mean of squares that the loss is a sum of: of P(z) − z′, or of I_ε(z) − z.
@@ -69,7 +71,7 @@ pub(super) struct Term<'a> {
     pub(super) input: &'a [f64],
     pub(super) output: &'a [f64],
     /// The angles of `map`, among its parameters, and how many times those of the network
-    /// they are.
+    /// they are: 0 of angles that are fixed.
     pub(super) angles: Range<usize>,
     pub(super) time: f64,
 }
@@ -81,7 +83,7 @@ impl<'a> Objective<'a> {
     /// Those of [`Loss::component_weights`].
     pub fn new(loss: &Loss, pairs: &'a Pairs) -> Result<Self, Error> {
         let weights = loss.component_weights(pairs.dof())?;
-        Ok(Self { pairs: Cow::Borrowed(pairs), weights, penalty: 0.0 })
+        Ok(Self { pairs: Cow::Borrowed(pairs), weights, penalty: 0.0, angles_fixed: false })
     }
 
     /// The loss and `penalty` times the mean square of I_ε(z) − z over all components
@@ -96,10 +98,17 @@ impl<'a> Objective<'a> {
         Ok(Self { penalty, ..self })
     }
 
+    /// The same loss with derivatives 0 in the angles of the circles, so that training leaves
+    /// them as they are.
+    pub fn with_fixed_angles(self, fixed: bool) -> Self {
+        Self { angles_fixed: fixed, ..self }
+    }
+
     /// The same loss on other pairs.
     pub(super) fn on(&self, pairs: Pairs) -> Objective<'static> {
-        let (weights, penalty) = (self.weights.clone(), self.penalty);
-        Objective { pairs: Cow::Owned(pairs), weights, penalty }
+        let (weights, penalty, angles_fixed) =
+            (self.weights.clone(), self.penalty, self.angles_fixed);
+        Objective { pairs: Cow::Owned(pairs), weights, penalty, angles_fixed }
     }
 
     /// Of the components; 1 where all are 0.
@@ -130,6 +139,7 @@ impl<'a> Objective<'a> {
                 }
             };
             let weights = self.weights.iter().map(|weight| factor * weight).collect();
+            let time = if self.angles_fixed { 0.0 } else { time };
             let angles = angles.clone();
             let near_identity = (self.penalty > 0.0).then(|| map.near_identity_part());
             terms.push(Term { map, weights, input, output, angles: angles.clone(), time });

@@ -5,7 +5,7 @@
 //! - `lbfgs`, `levenberg_marquardt`, `adam`: an optimiser each, with its options.
 //! - `options`, `run`, `checkpoint`: what they share: validation, stopping, resuming.
 //! - `schedule`: several starts, a ramp of other flow times or ε, twists alone.
-//! - `rotation_fit`, `units_fit`: θ and units for data of which nobody told them.
+//! - `prepare`, `rotation_fit`, `units_fit`: θ and units for data of which nobody told them.
 
 mod adam;
 mod checkpoint;
@@ -15,6 +15,7 @@ mod levenberg_marquardt;
 mod loss;
 mod normal_equations;
 mod options;
+mod prepare;
 mod rotation_fit;
 mod run;
 mod schedule;
@@ -27,6 +28,7 @@ pub use levenberg_marquardt::LevenbergMarquardtOptions;
 pub use loss::{Loss, Objective};
 pub use normal_equations::NormalEquations;
 pub use options::{Optimiser, Stop, TrainingOptions, TrainingRecord};
+pub use prepare::{Preparation, Prepared};
 pub use rotation_fit::{fit_rotation, slow_time};
 pub use run::{Control, Outcome, Progress, train};
 pub use schedule::{

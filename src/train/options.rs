@@ -67,6 +67,9 @@ pub struct TrainingOptions {
     /// What is added to the loss: so many times the mean square of I_ε(z) − z over all
     /// components of the training inputs.
     pub near_identity_penalty: f64,
+    /// The angles θ of the circles stay what they are at the start.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub theta_fixed: bool,
     /// What minimises it.
     pub optimiser: Optimiser,
     /// The most iterations; of Adam, epochs.
@@ -102,6 +105,7 @@ impl Default for TrainingOptions {
         Self {
             loss: Loss::MeanSquaredError,
             near_identity_penalty: 0.0,
+            theta_fixed: false,
             optimiser: Optimiser::default(),
             iterations: 1000,
             validate_every: 10,
@@ -132,6 +136,10 @@ impl TrainingOptions {
         if self.near_identity_penalty > 0.0 && !has_near_identity {
             let (name, found) = ("training.near_identity_penalty", self.near_identity_penalty);
             return Err(Error::invalid(name, found, "0: only a gyroceptron has I_ε"));
+        }
+        if self.theta_fixed && architecture.circles().is_empty() {
+            let expected = "false: only a gyroceptron has an angle θ";
+            return Err(Error::invalid("training.theta_fixed", true, expected));
         }
         let twists = match architecture {
             Architecture::NormalForm { shape, .. } => Some(shape.twists.len()),

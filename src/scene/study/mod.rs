@@ -10,6 +10,7 @@ pub mod certificate;
 pub mod claims;
 pub mod family;
 pub mod long_steps;
+pub mod overview;
 mod pairs;
 pub mod random_network;
 pub mod rollout;
@@ -149,6 +150,8 @@ macro_rules! studies {
 studies! {
     /// What the parts make of the paper's claims.
     claims: Claims(claims::ClaimsOptions),
+    /// The networks of all parts in one table.
+    overview: Overview(overview::OverviewOptions),
     /// The trajectories of each network beside the reference.
     rollout: Rollout(rollout::RolloutOptions),
     /// The slow manifold of the charged particle, and the learnt invariant off it.

@@ -1,0 +1,123 @@
+//! Boxes in phase space.
+
+use crate::error::Error;
+use serde::{Deserialize, Serialize};
+
+/// Fails unless both corners are of 2n finite numbers and low ≤ high.
+pub(super) fn check_box(name: &str, dof: usize, low: &[f64], high: &[f64]) -> Result<(), Error> {
+    for (corner, values) in [("low", low), ("high", high)] {
+        let place = format!("{name}: {corner}");
+        Error::check_count(&format!("{place}: numbers"), 2 * dof, values.len())?;
+        values.iter().try_for_each(|v| Error::check_finite(&place, *v))?;
+    }
+    (0..2 * dof).try_for_each(|k| {
+        Error::check_range(&format!("{name}: low[{k}]"), low[k], f64::MIN, high[k])
+    })
+}
+
+/// A box in phase space that points lie in: where a network was trained.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Region {
+    /// The lower corner, 2n numbers.
+    pub low: Vec<f64>,
+    /// The upper corner, 2n numbers.
+    pub high: Vec<f64>,
+}
+
+impl Region {
+    /// The smallest one around points of so many numbers; None of no points.
+    pub fn around<'a>(dim: usize, points: impl IntoIterator<Item = &'a [f64]>) -> Option<Self> {
+        let mut points = points.into_iter().flat_map(|points| points.chunks_exact(dim));
+        let first = points.next()?;
+        let mut out = Self { low: first.to_vec(), high: first.to_vec() };
+        for z in points {
+            for ((low, high), z) in out.low.iter_mut().zip(&mut out.high).zip(z) {
+                *low = if *z < *low { *z } else { *low };
+                *high = if *z > *high { *z } else { *high };
+            }
+        }
+        Some(out)
+    }
+
+    /// Fails unless both corners are of 2n finite numbers and low ≤ high.
+    ///
+    /// # Errors
+    /// [`Error::WrongCount`] or [`Error::OutOfRange`], with the region's `name`.
+    pub fn check(&self, name: &str, dof: usize) -> Result<(), Error> {
+        check_box(name, dof, &self.low, &self.high)
+    }
+
+    /// The first coordinate of a point that is outside; NaN is.
+    pub fn first_outside(&self, z: &[f64]) -> Option<usize> {
+        let within = |(z, (low, high)): (&f64, (&f64, &f64))| (*low..=*high).contains(z);
+        z.iter().zip(self.low.iter().zip(&self.high)).position(|one| !within(one))
+    }
+
+    /// The box with so much of its width more on each side.
+    #[must_use]
+    pub fn widened(&self, share: f64) -> Self {
+        let mut out = self.clone();
+        for (low, high) in out.low.iter_mut().zip(&mut out.high) {
+            let more = share * (*high - *low);
+            (*low, *high) = (*low - more, *high + more);
+        }
+        out
+    }
+
+    /// What of some trajectories is outside by more than a hundredth of the width, (T, M, 2n) with one state in `every` kept of M =
+    /// `points` of them; None where nothing is.
+    pub fn left_by(&self, values: &[f64], points: usize, every: usize) -> Option<Left> {
+        // At its border a model that errs a little steps over it.
+        let around = self.widened(0.01);
+        let dim = self.low.len();
+        let mut leaving = vec![false; points];
+        let mut out: Option<Left> = None;
+        for (index, z) in values.chunks_exact(dim).enumerate() {
+            let Some(coordinate) = around.first_outside(z) else { continue };
+            let row = index % points;
+            leaving[row] = true;
+            let (step, value) = (index / points * every, z[coordinate]);
+            let of = values.len() / dim;
+            let first = Left { trajectories: 0, states: 0, of, row, step, coordinate, value };
+            out.get_or_insert(first).states += 1;
+        }
+        out.map(|out| Left { trajectories: leaving.iter().filter(|left| **left).count(), ..out })
+    }
+}
+
+/// What left the box of the training points.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Left {
+    /// Trajectories with a state outside.
+    pub trajectories: usize,
+    /// Kept states outside.
+    pub states: usize,
+    /// Of all kept ones.
+    pub of: usize,
+    /// The first of them: a row of the initial points, …
+    pub row: usize,
+    /// … and after how many steps.
+    pub step: usize,
+    /// Its first coordinate outside, from 0, …
+    pub coordinate: usize,
+    /// … and the value of it.
+    pub value: f64,
+}
+
+impl Left {
+    /// What is to be told of it.
+    pub fn told(&self, region: &Region) -> String {
+        let Self { trajectories, states, of, row, step, coordinate, value } = *self;
+        let dof = region.low.len() / 2;
+        let half = if coordinate < dof { "q" } else { "p" };
+        let (low, high) = (region.low[coordinate], region.high[coordinate]);
+        format!(
+            "{states} of {of} kept states, of {trajectories} trajectories, are outside the box \
+             of the training points, where nothing is known of the model; the first from row {row} \
+             of the input after {step} steps: {half}{} = {value:.3e}, not from {low:.3e} to \
+             {high:.3e}",
+            coordinate % dof + 1
+        )
+    }
+}

@@ -1,0 +1,315 @@
+//! Training from Python: what `gyroceptron train` does, to the same bits.
+
+use super::{GyroceptronError, Model, Rows, rows_of};
+use crate::error::Error;
+use crate::flow::Pairs;
+use crate::io::{Provenance, StoredModel};
+use crate::layer::{CircleAction, TorusAction};
+use crate::measure::rotation_error;
+use crate::scene::{
+    ByTurns, Folder, Layers, ModelSpec, NetworkSpec, OwnTraining, TrainingTimes, TwistLayers,
+};
+use crate::train::{
+    AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions, Optimiser,
+    Place, Preparation, Prepared, Progress, Starts, TrainingOptions, Watch, train_schedule,
+};
+use numpy::PyUntypedArrayMethods;
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// One circle, or several.
+#[derive(FromPyObject)]
+pub(super) enum Circles {
+    One(Vec<i32>),
+    Several(Vec<Vec<i32>>),
+}
+
+impl Circles {
+    fn action(self) -> Result<TorusAction, Error> {
+        let circles = match self {
+            Self::One(weights) => vec![weights],
+            Self::Several(circles) => circles,
+        };
+        let circles: Vec<_> = circles.into_iter().map(CircleAction::new).collect();
+        TorusAction::new(circles).map_err(|e| e.at("circle_action"))
+    }
+}
+
+/// Neurons of each shear, or two numbers by turns.
+#[derive(FromPyObject)]
+pub(super) enum Widths {
+    Same(usize),
+    Two([usize; 2]),
+}
+
+/// (layers, neurons).
+type Shape = Option<(usize, usize)>;
+
+fn layers(shape: (usize, usize)) -> Layers {
+    Layers { count: shape.0, width: shape.1 }
+}
+
+/// Calls back at each iteration.
+struct Calling<'a> {
+    callback: Option<&'a Py<PyAny>>,
+    /// What the callback raised.
+    raised: Option<PyErr>,
+    times: TrainingTimes,
+    start: Instant,
+}
+
+impl Watch for Calling<'_> {
+    fn earlier(&mut self, _: Leg) -> Result<Option<Checkpoint>, Error> {
+        Ok(None)
+    }
+
+    fn observe(&mut self, leg: Leg, progress: Progress<'_>) -> Result<Control, Error> {
+        let record = progress.record;
+        if leg == Leg::Last {
+            self.times.points.push((record.iteration, self.start.elapsed().as_secs_f64()));
+        }
+        let name = if leg == Leg::Last { "training".to_owned() } else { leg.name() };
+        let told = (name, record.iteration, record.loss, record.validation);
+        let goes_on = Python::attach(|py| -> PyResult<bool> {
+            py.check_signals()?;
+            let Some(callback) = self.callback else { return Ok(true) };
+            let answer = callback.bind(py).call1(told)?;
+            Ok(answer.is_none() || answer.is_truthy()?)
+        });
+        match goes_on {
+            Ok(true) => Ok(Control::Continue),
+            Ok(false) => Ok(Control::Interrupt),
+            Err(raised) => {
+                self.raised = Some(raised);
+                Ok(Control::Interrupt)
+            }
+        }
+    }
+}
+
+/// Trains a network on pairs, the rows of `input` and `output`, (N, 2n) each, as the program's
+/// `train` does.
+///
+/// `circle_action` has the weight of each plane, such as [1, 0], or those of several circles.
+/// `psi`, `near_identity`, `kicks`, `twists` and `layers` are (layers, neurons) of the parts that
+/// an architecture has. `callback(leg, iteration, loss, held_out)` is called at each iteration and
+/// stops the training by False: the best model so far is returned. `report` is a folder for a
+/// report with plots, which says whether to trust the model.
+#[pyfunction]
+#[pyo3(signature = (
+    input, output, circle_action, *, architecture="gyroceptron", psi=None, near_identity=None,
+    kicks=None, twists=None, layers=None, optimiser="l-bfgs", iterations=None, starts=1,
+    near_identity_penalty=0.0, patience=0, target=0.0, epsilon=0.01, flow_time=None, theta=None,
+    theta_fixed=false, units="fitted", validation=0.1, seed=0, report=None, callback=None
+))]
+#[allow(clippy::too_many_arguments)]
+pub(super) fn train(
+    py: Python<'_>,
+    input: Rows<'_>,
+    output: Rows<'_>,
+    circle_action: Circles,
+    architecture: &str,
+    psi: Shape,
+    near_identity: Shape,
+    kicks: Shape,
+    twists: Option<(usize, Widths)>,
+    layers: Shape,
+    optimiser: &str,
+    iterations: Option<u64>,
+    starts: u64,
+    near_identity_penalty: f64,
+    patience: u64,
+    target: f64,
+    epsilon: f64,
+    flow_time: Option<f64>,
+    theta: Option<f64>,
+    theta_fixed: bool,
+    units: &str,
+    validation: f64,
+    seed: u64,
+    report: Option<PathBuf>,
+    callback: Option<Py<PyAny>>,
+) -> PyResult<Model> {
+    let action = circle_action.action()?;
+    let dof = input.shape()[1] / 2;
+    let (input, output) = (rows_of("input", &input, dof)?, rows_of("output", &output, dof)?);
+    let pairs = Pairs::new("pairs", dof, input, output)?;
+    let shapes = Shapes { psi, near_identity, kicks, twists, layers };
+    let network = shapes.network(architecture, &action)?;
+    let defaults = TrainingOptions::default();
+    let options = TrainingOptions {
+        optimiser: match optimiser {
+            "l-bfgs" => Optimiser::Lbfgs(LbfgsOptions::default()),
+            "lm" => Optimiser::LevenbergMarquardt(LevenbergMarquardtOptions::default()),
+            "adam" => Optimiser::Adam(AdamOptions::default()),
+            _ => return Err(Error::invalid("optimiser", optimiser, "l-bfgs, lm or adam").into()),
+        },
+        iterations: iterations.unwrap_or(defaults.iterations),
+        starts: (starts > 1).then_some(Starts { count: starts, iterations: Starts::TRIAL }),
+        near_identity_penalty,
+        theta_fixed,
+        patience,
+        target,
+        ..defaults
+    };
+    options.check()?;
+    let preparation = Preparation {
+        place: "pairs",
+        action: &action,
+        epsilon,
+        flow_time,
+        theta,
+        units: match units {
+            "fitted" => true,
+            "data" => false,
+            _ => return Err(Error::invalid("units", units, "fitted or data").into()),
+        },
+        validation,
+        seed,
+    };
+    if let Some(folder) = &report {
+        Folder::refuse_run(folder)?;
+    }
+    let training = Training { preparation, network, options, pairs, report };
+    let start = Instant::now();
+    let times = TrainingTimes { model: "train".into(), ..TrainingTimes::default() };
+    let mut watch = Calling { callback: callback.as_ref(), raised: None, times, start };
+    let stored = py.detach(|| training.run(&mut watch));
+    match watch.raised {
+        Some(raised) => Err(raised),
+        None => Ok(Model { stored: stored? }),
+    }
+}
+
+/// Those of the parts that were asked for.
+struct Shapes {
+    psi: Shape,
+    near_identity: Shape,
+    kicks: Shape,
+    twists: Option<(usize, Widths)>,
+    layers: Shape,
+}
+
+impl Shapes {
+    fn network(self, architecture: &str, action: &TorusAction) -> Result<NetworkSpec, Error> {
+        let mut network = match architecture {
+            "gyroceptron" => NetworkSpec::default_gyroceptron(),
+            "normal-form" => NetworkSpec::default_normal_form(),
+            "henon-net" => NetworkSpec::default_henon_net(),
+            "sympnet" => NetworkSpec::default_symp_net(),
+            _ => {
+                let expected = "gyroceptron, normal-form, henon-net or sympnet";
+                return Err(Error::invalid("architecture", architecture, expected));
+            }
+        };
+        let Self { mut psi, mut near_identity, mut kicks, mut twists, layers: mut plain } = self;
+        match &mut network {
+            NetworkSpec::Gyroceptron { psi: own, near_identity: near, .. } => {
+                *own = psi.take().map_or(*own, layers);
+                *near = near_identity.take().map_or(*near, layers);
+            }
+            NetworkSpec::NormalForm { psi: own, kicks: of, twists: shears, action: circles } => {
+                *own = psi.take().map(layers);
+                *of = kicks.take().map_or(*of, layers);
+                if let Some((count, widths)) = twists.take() {
+                    let width = match widths {
+                        Widths::Same(width) => ByTurns::Same(width),
+                        Widths::Two(widths) => ByTurns::Two(widths),
+                    };
+                    *shears = TwistLayers { count, width };
+                }
+                *circles = Some(action.clone());
+            }
+            NetworkSpec::HenonNet { layers: own } => *own = plain.take().map_or(*own, layers),
+            NetworkSpec::SympNet { modules, shears, .. } => {
+                (*modules, *shears) = plain.take().unwrap_or((*modules, *shears));
+            }
+            NetworkSpec::File { .. } => {}
+        }
+        // What no part has taken.
+        for (name, left) in [
+            ("psi", psi.is_some()),
+            ("near_identity", near_identity.is_some()),
+            ("kicks", kicks.is_some()),
+            ("twists", twists.is_some()),
+            ("layers", plain.is_some()),
+        ] {
+            if left {
+                return Err(Error::invalid(name, architecture, "an architecture that has it"));
+            }
+        }
+        if !matches!(network, NetworkSpec::NormalForm { .. }) && action.circles().len() > 1 {
+            let found = format!("{} circles", action.circles().len());
+            let expected = "one circle, but for a gyroceptron in normal form";
+            return Err(Error::invalid("circle_action", found, expected));
+        }
+        Ok(network)
+    }
+}
+
+/// A training that has been checked.
+struct Training<'a> {
+    preparation: Preparation<'a>,
+    network: NetworkSpec,
+    options: TrainingOptions,
+    pairs: Pairs,
+    report: Option<PathBuf>,
+}
+
+impl Training<'_> {
+    fn run(self, watch: &mut Calling<'_>) -> Result<StoredModel, PyErr> {
+        let Self { preparation, network, options, pairs, report } = self;
+        let Preparation { action, epsilon, seed, flow_time: known, .. } = preparation;
+        let digest = pairs.digest();
+        let Prepared { pairs, held_out, units, region, nearest, angles, flow_time } =
+            preparation.prepare(pairs)?;
+        let Some(architecture) = network.architecture(&action.circles()[0], epsilon, flow_time)
+        else {
+            return Err(GyroceptronError::new_err("a network of a file is not trained"));
+        };
+        architecture.check()?;
+        options.check_for(&architecture)?;
+        let mut start = |number: u64| {
+            let seed = Starts::seed(seed, number);
+            architecture.initialise(ModelSpec::OWN_WEIGHTS, 0.0, seed)?.with_angles(&angles)
+        };
+        let (iterations, held) = (options.iterations, held_out.as_ref());
+        let place = Place { epsilon, time: 1.0, pairs: &pairs, held_out: held, iterations };
+        let training = train_schedule(&mut start, &[place], &options, watch)?;
+        let outcome = &training.outcome;
+        let provenance = Provenance {
+            seed: Some(seed),
+            data: Some(digest),
+            flow_time: known,
+            validation: outcome.best.validation,
+            region,
+            ..Provenance::of("train")
+        };
+        let stored = StoredModel { model: outcome.model.clone(), units, provenance };
+        if let (Some(folder), None) = (report, &watch.raised) {
+            let spec = ModelSpec {
+                name: "train".into(),
+                network,
+                weights: ModelSpec::OWN_WEIGHTS,
+                training: None,
+                training_only: false,
+                seeds: None,
+            };
+            let report = OwnTraining {
+                spec,
+                options: &options,
+                seed,
+                rotation_error: rotation_error(action, &nearest, held.unwrap_or(&pairs)),
+                training,
+                pairs: &pairs,
+                held_out: held,
+                units: stored.units.as_ref(),
+                times: std::mem::take(&mut watch.times),
+                command: "the same call of gyroceptron.train".into(),
+            };
+            report.report(&Folder::open(&folder, false, true)?)?;
+        }
+        Ok(stored)
+    }
+}

@@ -1,0 +1,221 @@
+"""The installed wheel, as its users call it."""
+
+import ast
+import inspect
+import json
+import pathlib
+import threading
+import time
+import warnings
+
+import numpy as np
+import pytest
+
+import gyroceptron
+from conftest import flow
+
+
+def test_a_network_is_trained_and_rolled_out(pairs, model):
+    assert (model.kind, model.dof, model.epsilon) == ("gyroceptron", 2, 0.05)
+    states = model.predict(pairs[0][:5], steps=20, every=5, outside="ignore")
+    assert states.shape == (5, 5, 4) and states.dtype == np.float64
+    assert np.array_equal(states[0], pairs[0][:5])
+    reference = flow(pairs[0][:5], 0.05, 20 * 0.7, 4000)
+    assert np.abs(states[-1] - reference).max() < 0.1
+    step = model.predict(pairs[0])[1]
+    assert np.mean((step - pairs[1]) ** 2) < 1e-6
+    assert model.validation < 1e-6
+    # What SciPy would call: lists, single precision, other strides.
+    for points in (pairs[0][:3].tolist(), np.asfortranarray(pairs[0][:3]), pairs[0][::-1][-3:][::-1]):
+        assert np.array_equal(model.predict(points)[1], step[:3])
+
+
+def test_the_inverse_undoes_a_step(pairs, model):
+    back = model.inverse(model.predict(pairs[0])[1])
+    assert np.abs(back - pairs[0]).max() < 1e-12
+
+
+def test_jacobians_are_symplectic_and_derivatives(pairs, model):
+    points = pairs[0][:50]
+    jacobian = model.jacobian(points)
+    assert jacobian.shape == (50, 4, 4)
+    omega = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.eye(2), np.zeros((2, 2))]])
+    assert np.abs(jacobian.transpose(0, 2, 1) @ omega @ jacobian - omega).max() < 1e-13
+    for k in range(4):
+        h = 1e-5 * np.eye(4)[k]
+        slope = (model.predict(points + h)[1] - model.predict(points - h)[1]) / 2e-5
+        assert np.abs(slope - jacobian[:, :, k]).max() < 1e-8
+
+
+def test_the_invariant_of_a_normal_form_stays(pairs):
+    shape = {"kicks": (4, 4), "twists": (4, (2, 4))}
+    model = gyroceptron.train(
+        *pairs, [[1, 0]], architecture="normal-form", epsilon=0.05, iterations=20, **shape
+    )
+    assert model.kind == "normal-form"
+    states = model.predict(pairs[0][:3], steps=10_000, every=1000, outside="ignore")
+    along = model.invariant(states.reshape(-1, 4)).reshape(11, 3)
+    assert np.abs(along / along[0] - 1).max() < 1e-12
+    assert along[0].min() > 0
+
+
+def test_the_structure_is_certified(model):
+    certificate = model.verify(samples=20)
+    assert certificate.holds and certificate.summary.startswith("holds: ")
+    assert {"law", "largest", "limit", "verdict"} <= set(certificate.rows[0])
+    assert "symplecticity" in str(certificate) and repr(certificate).startswith("<Certificate")
+
+
+def test_files_and_the_program_give_the_same_bits(tmp_path, pairs, model, program):
+    path = tmp_path / "model.json"
+    model.save(path)
+    again = gyroceptron.load(path)
+    assert np.array_equal(again.parameters, model.parameters) and again.region == model.region
+    with pytest.raises(gyroceptron.Error, match="model.json"):
+        model.save(path)
+    model.save(path, overwrite=True)
+
+    points = pairs[0][:7] * 0.5
+    np.save(tmp_path / "z.npy", points)
+    np.savez(tmp_path / "pairs.npz", input=pairs[0], output=pairs[1])
+    program("predict", "--model", path, "--input", tmp_path / "z.npy", "--steps", 100,
+            "--every", 10, "--output", tmp_path / "t.npy", "--invariant", tmp_path / "mu.npy")
+    states = np.load(tmp_path / "t.npy")
+    assert np.array_equal(states, model.predict(points, 100, 10))
+    along = np.load(tmp_path / "mu.npy")
+    assert np.array_equal(along.ravel(), model.invariant(states.reshape(-1, 4)))
+    program("train", "--data", tmp_path / "pairs.npz", "--circle-action", "1,0", "--epsilon", 0.05,
+            "--optimiser", "lm", "--iterations", 60, "--seed", 4, "--output", tmp_path / "own.json")
+    assert (tmp_path / "own.json").read_bytes() == path.read_bytes()
+
+
+def test_units_of_the_data_are_undone(pairs, model):
+    large = gyroceptron.train(
+        128 * pairs[0], 128 * pairs[1], [1, 0], epsilon=0.05, optimiser="lm", iterations=60, seed=4
+    )
+    plain = gyroceptron.train(
+        *pairs, [1, 0], epsilon=0.05, optimiser="lm", iterations=60, seed=4, units="data"
+    )
+    factors = np.array(large.units[1])
+    assert model.units == plain.units and (factors >= 32).all()
+    points = 128 * pairs[0][:9]
+    step = large.predict(points)[1]
+    assert np.abs(step - 128 * pairs[1][:9]).max() < 128 * 0.01
+    slope = large.jacobian(points)
+    omega = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.eye(2), np.zeros((2, 2))]])
+    assert np.abs(slope.transpose(0, 2, 1) @ omega @ slope - omega).max() < 1e-12
+    assert np.abs(large.inverse(step) - points).max() < 1e-10
+    action = 0.5 * (points[:, 0] ** 2 + points[:, 2] ** 2)
+    assert 0.2 < np.median(large.invariant(points) / action) < 5
+
+
+def test_a_callback_follows_stops_and_raises(tmp_path, pairs):
+    told = []
+    report = tmp_path / "report"
+    model = gyroceptron.train(
+        *pairs, [1, 0], iterations=30, seed=1, report=report,
+        callback=lambda leg, iteration, loss, held_out: told.append((leg, iteration, loss, held_out)),
+    )
+    assert [iteration for _, iteration, _, _ in told] == list(range(31)) or told[-1][1] == 30
+    assert told[-1][0] == "training" and told[-1][3] is not None
+    assert told[-1][2] < told[0][2]
+    assert "Whether to trust it" in (report / "report.md").read_text()
+    data = json.loads((report / "report.json").read_text())
+    assert data["studies"]["training"]["models"][0]["parameters"] == len(model.parameters)
+    with pytest.raises(gyroceptron.Error, match="report"):
+        gyroceptron.train(*pairs, [1, 0], iterations=1, report=report)
+
+    stopped = gyroceptron.train(*pairs, [1, 0], iterations=1000, callback=lambda *told: told[1] < 5)
+    assert stopped.validation > 0 and len(stopped.parameters) == len(model.parameters)
+
+    def fails(*_):
+        raise ZeroDivisionError("mine")
+
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        gyroceptron.train(*pairs, [1, 0], iterations=10, callback=fails)
+
+
+def test_other_threads_go_on_meanwhile(pairs, model):
+    count, done = [0], threading.Event()
+
+    def counts():
+        while not done.is_set():
+            count[0] += 1
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=counts)
+    thread.start()
+    before, start = count[0], time.perf_counter()
+    while time.perf_counter() - start < 0.3:
+        model.predict(pairs[0][:400], steps=2000, every=2000, outside="ignore")
+    during = count[0] - before
+    done.set()
+    thread.join()
+    assert during > 20
+
+
+def test_what_leaves_the_box_is_told(pairs, model):
+    far = np.array([[0.1, 0.1, 0.1, 9.0]])
+    with pytest.warns(UserWarning, match="p2 = 9.000e0"):
+        model.predict(far)
+    with pytest.raises(gyroceptron.Error, match="outside the box"):
+        model.predict(far, outside="stop")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model.predict(far, outside="ignore")
+        model.predict(0.5 * pairs[0][:3])
+
+
+def test_bad_input_is_named(tmp_path, pairs, model):
+    def refuses(words, call, *arguments, **options):
+        with pytest.raises((gyroceptron.Error, TypeError), match=words):
+            call(*arguments, **options)
+
+    refuses("columns: expected 4, found 3", model.predict, np.zeros((2, 3)))
+    refuses("dimension", model.predict, np.zeros(4))
+    refuses("row 1, column 2", model.predict, [[0, 0, 0, 0], [0, 0, np.nan, 0]])
+    refuses("rows", model.predict, np.zeros((0, 4)))
+    refuses("steps", model.predict, np.zeros((1, 4)), steps=0)
+    refuses("outside", model.predict, np.zeros((1, 4)), outside="perhaps")
+    refuses("radius", model.verify, radius=float("nan"))
+    refuses("none.json", gyroceptron.load, tmp_path / "none.json")
+    refuses("flow_time", model.at, flow_time=3.0)
+    train = gyroceptron.train
+    refuses("2 weights", train, *pairs, [1, 0, 0])
+    refuses("architecture", train, *pairs, [1, 0], architecture="mlp")
+    refuses("kicks", train, *pairs, [1, 0], kicks=(2, 2))
+    refuses("optimiser", train, *pairs, [1, 0], optimiser="sgd")
+    refuses("units", train, *pairs, [1, 0], units="mine")
+    refuses("validation", train, *pairs, [1, 0], validation=1.5)
+    refuses("rows of output", train, pairs[0], pairs[1][:5], [1, 0])
+    refuses("circles", train, *pairs, [[1, 0], [0, 1]])
+    net = train(*pairs, [1, 0], architecture="henon-net", layers=(2, 3), iterations=2)
+    refuses("invariant", net.invariant, pairs[0])
+    assert net.kind == "henon-net" and net.angles == []
+
+
+def test_stubs_say_what_there_is():
+    stub = pathlib.Path(gyroceptron.__file__).with_suffix(".pyi").read_text()
+    tree = ast.parse(stub)
+    classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
+    functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
+    names = {*classes, *functions, "__version__"}
+    assert names == set(gyroceptron.__all__)
+
+    def parameters(node):
+        return [a.arg for a in (*node.args.args, *node.args.kwonlyargs)]
+
+    for name, node in functions.items():
+        signature = inspect.signature(getattr(gyroceptron, name))
+        assert parameters(node) == list(signature.parameters), name
+        assert getattr(gyroceptron, name).__doc__
+    for name in ("Model", "Certificate"):
+        own = {n for n in vars(getattr(gyroceptron, name)) if not n.startswith("_")}
+        stubbed = {node.name: node for node in classes[name].body if isinstance(node, ast.FunctionDef)}
+        assert own == set(stubbed), name
+        for method, node in stubbed.items():
+            attribute = inspect.getattr_static(getattr(gyroceptron, name), method)
+            if callable(attribute):
+                signature = inspect.signature(attribute)
+                assert parameters(node) == list(signature.parameters), method
+                assert attribute.__doc__, method

@@ -1,0 +1,51 @@
+"""What the README shows, as it stands there."""
+
+import pathlib
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import gyroceptron
+
+README = (pathlib.Path(__file__).parents[2] / "README.md").read_text()
+BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+
+
+def test_the_example_trains_a_pendulum(capsys):
+    [example] = [block for block in BLOCKS if "import gyroceptron" in block]
+    names = {}
+    exec(example, names)
+    model = names["model"]
+    assert "holds: " in capsys.readouterr().out
+    assert model.validation < 1e-6
+    assert names["orbits"].shape == (101, 8, 2)
+    action = model.invariant(names["points"][:8])
+    assert np.median(names["drift"] / action) < 0.1
+
+
+@pytest.mark.parametrize("scale", [1.0, 100.0])
+def test_the_reader_agrees_with_the_network(tmp_path, pairs, program, scale):
+    [reader] = [block for block in BLOCKS if "def henon_inverse" in block]
+    names = {}
+    exec(reader, names)
+    model = gyroceptron.train(
+        scale * pairs[0], scale * pairs[1], [1, 0], epsilon=0.05, iterations=40
+    )
+    assert (model.units is None) == (scale == 1.0)
+    model.save(tmp_path / "model.json")
+    program("export", "--model", tmp_path / "model.json", "--output", tmp_path / "w.npz")
+    points = scale * pairs[0][:200]
+    found = names["step"](tmp_path / "w.npz", points, [1, 0], 0.05)
+    expected = model.predict(points, outside="ignore")[1]
+    assert np.abs(found - expected).max() < 1e-13 * scale
+    assert len(reader.splitlines()) <= 50
+
+
+def test_the_docstrings_are_a_reference():
+    done = subprocess.run(
+        [sys.executable, "-c", "import gyroceptron; help(gyroceptron)"], capture_output=True, text=True
+    )
+    assert done.returncode == 0 and "train(" in done.stdout
