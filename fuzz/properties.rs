@@ -12,6 +12,7 @@ use gyroceptron::measure::{Measurable, differing_components, fuzz};
 use gyroceptron::network::{
     Architecture, GyroceptronShape, HenonNet, HenonShape, Model, NormalFormShape,
 };
+use gyroceptron::phase::Units;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::parse;
 
@@ -249,7 +250,13 @@ pub fn model(data: &[u8]) -> Result<Outcome, String> {
     let weights = numbers(u, shape.parameter_count());
     let architecture = Architecture::HenonNet { shape, epsilon: number(u) };
     let Ok(model) = Model::new(architecture, weights) else { return Ok(Outcome::Refused) };
-    let stored = StoredModel { model, units: None, provenance: Provenance::of("fuzz") };
+    let dim = 2 * model.composition().dof();
+    let factors = vec![number(u); dim];
+    let units = match u.arbitrary() {
+        Ok(true) => Units::new(numbers(u, dim), factors).ok(),
+        _ => None,
+    };
+    let stored = StoredModel { model, units, provenance: Provenance::of("fuzz") };
     let outcome = same_again(&stored)?;
     let mut bytes = model_text(&stored).map_err(|e| e.to_string())?.into_bytes();
     let at = u.arbitrary::<u32>().unwrap_or(0) as usize % bytes.len();

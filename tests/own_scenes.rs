@@ -126,6 +126,12 @@ fn a_scene_on_files_runs_to_a_report() {
         assert_eq!(one_step.as_f64(), stored.provenance.validation);
     }
 
+    // As it was run, from another folder.
+    let again = run(&inner, "../out/as-run.toml", "again");
+    assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
+    let (_, of_again) = report(&inner.join("again"));
+    assert_eq!(of_again["studies"]["rollout"], studies["rollout"]);
+
     // Of other units: the same networks, and errors in units of their own.
     write_data(&inner, 128.0);
     let output = run(folder.path(), "inner/own.toml", "large");
@@ -154,6 +160,7 @@ fn scenes_on_files_that_cannot_be_are_refused() {
     write_points(&path.join("wide.npy"), &[2, 2, 6], &[0.5; 24]).expect("written");
     let window =
         "windows = [{ low = [-1.0, -1.0, -1.0, -1.0], high = [1.0, 1.0, 1.0, 1.0], samples = 4 }]";
+    let gyroceptron = SCENE.lines().find(|line| line.starts_with("network")).expect("a network");
     let pairs = "pairs = \"pairs.npz\"";
     let rollout = "every = 10\n";
     let system = "[system]\nkind = \"oscillators\"\nepsilon = 0.01\n\n[data]";
@@ -181,6 +188,8 @@ fn scenes_on_files_that_cannot_be_are_refused() {
         ("rounds = 1", integrators, &["integrators"]),
         ("iterations = 150", ramp, &["ramp"]),
         ("flow_time = 0.5\n", "", &["flow_time"]),
+        ("validation = 0.2", "validation = 1.0", &["data.validation"]),
+        (gyroceptron, "network = { kind = \"file\", path = \"w.npz\" }", &["networks to train"]),
     ] {
         let scene = SCENE.replacen(from, to, 1);
         assert!(scene != SCENE, "{from}");
@@ -192,6 +201,24 @@ fn scenes_on_files_that_cannot_be_are_refused() {
             assert!(told.contains(word), "{from} does not name {word}: {told}");
         }
     }
+}
+
+/// The scene of the README, as it stands there.
+#[test]
+fn the_readme_shows_a_scene() {
+    let readme = include_str!("../README.md");
+    let block = readme.split("```toml").nth(1).expect("a scene").split("```").next();
+    let block = block.expect("its end").lines().map(str::trim).collect::<Vec<_>>().join("\n");
+    let folder = tempfile::tempdir().expect("a folder");
+    write_data(folder.path(), 1.0);
+    let scene =
+        block.replace("steps = 100", "steps = 12").replace("iterations = 200", "iterations = 9");
+    assert!(scene != block);
+    std::fs::write(folder.path().join("own.toml"), scene).expect("written");
+    let output = run(folder.path(), "own.toml", "out");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let portrait = std::fs::read_to_string(folder.path().join("out/portrait.svg")).expect("a plot");
+    assert!(portrait.contains("trajectory 3"));
 }
 
 /// Numbers of three dimensions in either order of memory.

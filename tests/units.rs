@@ -113,6 +113,54 @@ fn units_are_found_again() {
     assert_eq!(doubled, Some(all_units([0.0; 4], [128.0; 4])));
 }
 
+/// A centre is told from the rotation, however far it is and whatever the flow time; and none is
+/// made up where pairs of one side hardly turn.
+#[test]
+fn centres_are_found_where_they_are() {
+    for time in [0.5, 5.0] {
+        let plain = pairs(time);
+        for far in [40.0, 100.0, 300.0, 1e4] {
+            let given = all_units([far, 0.0, -2.0 * far, 0.0], [1.0; 4]);
+            let found = fit_units(&in_units(&plain, &given), &action()).expect("a centre");
+            for k in [0, 2] {
+                let off = (found.centre()[k] - given.centre()[k]).abs();
+                assert!(off < 0.1, "{time}, {far}: {found:?}");
+            }
+            assert_eq!(found.factors(), [1.0; 4]);
+        }
+    }
+    let window = Window { low: vec![0.2, -1.6, -1.6, -1.6], high: vec![1.6; 4], samples: 120 };
+    for time in [12.55, std::f64::consts::TAU, 0.01] {
+        for seed in 1..6 {
+            let points = sample(std::slice::from_ref(&window), 2, &mut Stream::new(seed, "points"));
+            let system = Oscillators { epsilon: 0.01 };
+            let (pairs, _) =
+                Pairs::of_flow(&system, points.expect("points"), time).expect("a flow");
+            assert_eq!(fit_units(&pairs, &action()), None, "{time}, {seed}");
+        }
+    }
+}
+
+/// A column that never changes has no size.
+#[test]
+fn constant_columns_have_no_unit() {
+    let plain = pairs(0.5);
+    for constant in [vec![3], vec![1], vec![1, 3], vec![0, 2]] {
+        let of = |points: &[f64]| -> Vec<f64> {
+            let with = |(k, v): (usize, &f64)| if constant.contains(&(k % 4)) { 0.1 } else { *v };
+            points.iter().enumerate().map(with).collect()
+        };
+        let pairs = Pairs::new("pairs", 2, of(plain.input()), of(plain.output())).expect("finite");
+        if let Some(units) = fit_units(&pairs, &action()) {
+            assert_eq!(units.factors(), [1.0; 4], "{constant:?}: {units:?}");
+            assert!(units.centre().iter().all(|c| c.abs() < 0.2), "{constant:?}: {units:?}");
+        }
+    }
+    let one = Pairs::new("one", 2, vec![1e9, 1.0, 2.0, 3.0], vec![1.0, 1.0, 2.0, -3.0]);
+    let units = fit_units(&one.expect("finite"), &action());
+    assert!(units.iter().all(|units| units.area().is_normal()), "{units:?}");
+}
+
 /// Units whose planes have different areas make no symplectic map: refused at the border.
 #[test]
 fn units_of_unequal_areas_are_refused() {

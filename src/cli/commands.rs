@@ -49,7 +49,7 @@ pub fn read_scene(name: &str) -> Result<Scene, Error> {
     if path.extension().is_some_and(|e| e == "toml") {
         let text = std::fs::read_to_string(path).map_err(|reason| Error::read(path, reason))?;
         let scene = parse(name, &text)?;
-        Ok(scene.with_data_from(path.parent().unwrap_or(Path::new(""))))
+        scene.with_data_from(path.parent().unwrap_or(Path::new("")))
     } else {
         find(name)?.scene()
     }

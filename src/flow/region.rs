@@ -65,11 +65,16 @@ impl Region {
         out
     }
 
-    /// What of some trajectories is outside by more than a hundredth of the width, (T, M, 2n) with one state in `every` kept of M =
-    /// `points` of them; None where nothing is.
+    /// What of some trajectories, (T, M, 2n) with one state in `every` kept of M = `points` of
+    /// them, is outside by more than a hundredth of the width: a model that errs a little steps
+    /// over the border. None where nothing is.
     pub fn left_by(&self, values: &[f64], points: usize, every: usize) -> Option<Left> {
-        // At its border a model that errs a little steps over it.
-        let around = self.widened(0.01);
+        let mut around = self.widened(0.01);
+        // A coordinate that never changes has no width.
+        for (low, high) in around.low.iter_mut().zip(&mut around.high) {
+            let rounding = 1e-9 * low.abs().max(high.abs());
+            (*low, *high) = (*low - rounding, *high + rounding);
+        }
         let dim = self.low.len();
         let mut leaving = vec![false; points];
         let mut out: Option<Left> = None;

@@ -63,12 +63,16 @@ pub struct StoredModel {
 }
 
 impl StoredModel {
-    /// [`Model::at`], in the same units.
+    /// [`Model::at`], in the same units; its held-out error is not known.
     ///
     /// # Errors
     /// Those of [`Model::at`].
     pub fn at(&self, epsilon: f64, time: f64) -> Result<Self, Error> {
-        Ok(Self { model: self.model.at(epsilon, time)?, ..self.clone() })
+        let mut out = Self { model: self.model.at(epsilon, time)?, ..self.clone() };
+        out.provenance.flow_time = self.provenance.flow_time.map(|own| time * own);
+        // Of the map that it was.
+        out.provenance.validation = None;
+        Ok(out)
     }
 
     /// The model at another ε and flow time, where they are given.
@@ -97,9 +101,7 @@ impl StoredModel {
                 return Err(Error::invalid("flow_time", time, expected));
             }
         };
-        let mut member = self.at(epsilon.unwrap_or(architecture.epsilon()), time)?;
-        member.provenance.flow_time = flow_time.or(member.provenance.flow_time);
-        Ok(member)
+        self.at(epsilon.unwrap_or(architecture.epsilon()), time)
     }
 
     /// [`Model::rollout`] of points of the data.

@@ -12,21 +12,24 @@ use numpy::{
     AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayLike2, PyArrayMethods,
     PyUntypedArrayMethods,
 };
-use pyo3::exceptions::{PyUserWarning, PyValueError};
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use std::path::PathBuf;
 
-pyo3::create_exception!(
-    gyroceptron,
-    GyroceptronError,
-    PyValueError,
-    "What can go wrong: the message has the values that explain it."
-);
+/// The exception, by the name that it has in Python.
+mod exception {
+    pyo3::create_exception!(
+        gyroceptron,
+        Error,
+        pyo3::exceptions::PyValueError,
+        "What can go wrong: the message has the values that explain it."
+    );
+}
 
 impl From<Error> for PyErr {
     fn from(error: Error) -> Self {
-        GyroceptronError::new_err(error.to_string())
+        exception::Error::new_err(error.to_string())
     }
 }
 
@@ -68,7 +71,7 @@ impl PyCertificate {
     #[getter]
     fn rows<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let text = serde_json::to_string(&self.inner.rows)
-            .map_err(|reason| GyroceptronError::new_err(reason.to_string()))?;
+            .map_err(|reason| exception::Error::new_err(reason.to_string()))?;
         py.import("json")?.call_method1("loads", (text,))
     }
 
@@ -116,6 +119,7 @@ impl Model {
         self.stored.model.composition().dof()
     }
 
+    /// ε of its near-identity part.
     #[getter]
     fn epsilon(&self) -> f64 {
         self.architecture().epsilon()
@@ -162,7 +166,7 @@ impl Model {
 
     /// Trajectories from the rows of `points`, (M, 2n): an array (steps // every + 1, M, 2n), the
     /// points themselves first. `outside` says what to do when one leaves the box of the
-    /// training points: "warn", "stop" (an Error) or "ignore".
+    /// training points by more than a hundredth of its width: "warn", "stop" (an Error) or "ignore".
     #[pyo3(signature = (points, steps=1, every=1, outside="warn"))]
     fn predict<'py>(
         &self,
@@ -187,7 +191,7 @@ impl Model {
         {
             let told = left.told(region);
             if outside == "stop" {
-                return Err(GyroceptronError::new_err(told));
+                return Err(exception::Error::new_err(told));
             }
             let message = std::ffi::CString::new(told)?;
             PyErr::warn(py, &py.get_type::<PyUserWarning>(), &message, 1)?;
@@ -292,7 +296,7 @@ mod _native {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        module.add("Error", module.py().get_type::<super::GyroceptronError>())?;
+        module.add("Error", module.py().get_type::<super::exception::Error>())?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

@@ -1,6 +1,6 @@
 //! Training from Python: what `gyroceptron train` does, to the same bits.
 
-use super::{GyroceptronError, Model, Rows, rows_of};
+use super::{Model, Rows, rows_of};
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::io::{Provenance, StoredModel};
@@ -13,7 +13,6 @@ use crate::train::{
     AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions, Optimiser,
     Place, Preparation, Prepared, Progress, Starts, TrainingOptions, Watch, train_schedule,
 };
-use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -49,6 +48,9 @@ type Shape = Option<(usize, usize)>;
 fn layers(shape: (usize, usize)) -> Layers {
     Layers { count: shape.0, width: shape.1 }
 }
+
+/// More starts are a slip of the pen.
+const MOST_STARTS: usize = 1000;
 
 /// Calls back at each iteration.
 struct Calling<'a> {
@@ -89,13 +91,25 @@ impl Watch for Calling<'_> {
 }
 
 /// Trains a network on pairs, the rows of `input` and `output`, (N, 2n) each, as the program's
-/// `train` does.
+/// `train` does, to the same bits.
 ///
-/// `circle_action` has the weight of each plane, such as [1, 0], or those of several circles.
-/// `psi`, `near_identity`, `kicks`, `twists` and `layers` are (layers, neurons) of the parts that
-/// an architecture has. `callback(leg, iteration, loss, held_out)` is called at each iteration and
-/// stops the training by False: the best model so far is returned. `report` is a folder for a
-/// report with plots, which says whether to trust the model.
+/// circle_action: the weight of each plane, such as [1, 0], or those of several circles.
+/// architecture: "gyroceptron", "normal-form", "henon-net" or "sympnet".
+/// psi, near_identity, kicks, twists, layers: (layers, neurons) of the parts that it has.
+/// optimiser: "l-bfgs", "lm" (Levenberg-Marquardt, which gets furthest) or "adam".
+/// iterations: at most so many, 1000 unless given.
+/// starts: so many sets of initial weights, 40 iterations each, of which the best goes on.
+/// near_identity_penalty: the loss gets so many times the mean square of I_epsilon(z) - z.
+/// patience, target: stop when the held-out error has not improved for so many evaluations, one
+/// in ten iterations, or is at most the target; 0 never stops.
+/// epsilon, flow_time: those of the pairs; only their product matters to a normal form.
+/// theta, theta_fixed: the angle to start from, the nearest rotation's unless given, and whether
+/// it stays.
+/// units: "fitted", in which pairs are of order one and turn in circles, or those of the "data".
+/// validation: the share that is held out. seed: of the weights and of that choice.
+/// report: a folder for a report with plots, which says whether to trust the model.
+/// callback: called with (leg, iteration, loss, held-out error or None) at each iteration; False
+/// stops the training, and the best model of the leg that is stopped is returned.
 #[pyfunction]
 #[pyo3(signature = (
     input, output, circle_action, *, architecture="gyroceptron", psi=None, near_identity=None,
@@ -132,11 +146,28 @@ pub(super) fn train(
     callback: Option<Py<PyAny>>,
 ) -> PyResult<Model> {
     let action = circle_action.action()?;
-    let dof = input.shape()[1] / 2;
+    let dof = action.dof();
     let (input, output) = (rows_of("input", &input, dof)?, rows_of("output", &output, dof)?);
     let pairs = Pairs::new("pairs", dof, input, output)?;
     let shapes = Shapes { psi, near_identity, kicks, twists, layers };
     let network = shapes.network(architecture, &action)?;
+    let has_circle =
+        matches!(network, NetworkSpec::Gyroceptron { .. } | NetworkSpec::NormalForm { .. });
+    if let (Some(theta), false) = (theta, has_circle) {
+        return Err(Error::invalid("theta", theta, "none: only a gyroceptron has it").into());
+    }
+    if let Some(theta) = theta {
+        Error::check_finite("theta", theta)?;
+    }
+    if matches!(network, NetworkSpec::NormalForm { .. }) && epsilon == 0.0 && flow_time.is_none() {
+        return Err(Error::invalid("epsilon", 0, "another number, or a flow_time").into());
+    }
+    Error::check_count_range(
+        "starts",
+        usize::try_from(starts).unwrap_or(usize::MAX),
+        1,
+        MOST_STARTS,
+    )?;
     let defaults = TrainingOptions::default();
     let options = TrainingOptions {
         optimiser: match optimiser {
@@ -168,9 +199,8 @@ pub(super) fn train(
         validation,
         seed,
     };
-    if let Some(folder) = &report {
-        Folder::refuse_run(folder)?;
-    }
+    // Before anything is computed.
+    let report = report.map(|path| Folder::open(&path, false, false)).transpose()?;
     let training = Training { preparation, network, options, pairs, report };
     let start = Instant::now();
     let times = TrainingTimes { model: "train".into(), ..TrainingTimes::default() };
@@ -244,6 +274,7 @@ impl Shapes {
             let expected = "one circle, but for a gyroceptron in normal form";
             return Err(Error::invalid("circle_action", found, expected));
         }
+        network.check_counts()?;
         Ok(network)
     }
 }
@@ -254,7 +285,7 @@ struct Training<'a> {
     network: NetworkSpec,
     options: TrainingOptions,
     pairs: Pairs,
-    report: Option<PathBuf>,
+    report: Option<Folder>,
 }
 
 impl Training<'_> {
@@ -266,7 +297,7 @@ impl Training<'_> {
             preparation.prepare(pairs)?;
         let Some(architecture) = network.architecture(&action.circles()[0], epsilon, flow_time)
         else {
-            return Err(GyroceptronError::new_err("a network of a file is not trained"));
+            return Err(Error::invalid("architecture", "file", "a network to train").into());
         };
         architecture.check()?;
         options.check_for(&architecture)?;
@@ -308,7 +339,7 @@ impl Training<'_> {
                 times: std::mem::take(&mut watch.times),
                 command: "the same call of gyroceptron.train".into(),
             };
-            report.report(&Folder::open(&folder, false, true)?)?;
+            report.report(&folder)?;
         }
         Ok(stored)
     }

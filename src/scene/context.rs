@@ -11,7 +11,6 @@ use super::subject::{FileData, Subject};
 use crate::error::Error;
 use crate::flow::{Pairs, ReferenceTrajectories, Region, Trajectories, Window, sample};
 use crate::io::{read_pairs, read_trajectories};
-use crate::layer::CircleAction;
 use crate::measure::{limiting_flow_error, root_mean_square, rotation_error};
 use crate::network::Rollout;
 use crate::phase::Units;
@@ -403,8 +402,8 @@ impl DataSets {
         };
         let angle = fit_rotation(&pairs, file.circle_action);
         let (training, held_out) = pairs.split(validation, &mut Stream::new(seed, "data/held-out"));
-        let rotation_error =
-            held_out.as_ref().map(|held_out| rotation_error(&action, &[angle], held_out));
+        let judge = held_out.as_ref().unwrap_or(&training);
+        let rotation_error = Some(rotation_error(&action, &[angle], judge));
         let (validation, reference_error) = (None, f64::NAN);
         Ok(Self { training, held_out, validation, reference_error, units, rotation_error })
     }
@@ -458,12 +457,6 @@ impl DataSets {
         let held_out = Some(held_out);
         let units = None;
         Ok(Self { training, held_out, validation, reference_error, units, rotation_error })
-    }
-
-    /// The mean squared error of the rotation nearest to the pairs, on those to judge by.
-    pub(super) fn nearest_rotation_error(&self, action: &CircleAction) -> f64 {
-        let angle = fit_rotation(self.to_judge_by(), action);
-        rotation_error(&action.clone().into(), &[angle], self.to_judge_by())
     }
 
     /// The box around the pairs, training and held out, in units of the data.

@@ -107,15 +107,22 @@ impl Scene {
         Ok(())
     }
 
-    /// The scene with the relative paths of its data taken from a folder, in all its parts.
-    pub fn with_data_from(mut self, folder: &Path) -> Self {
+    /// The scene with the relative paths of its data taken from a folder, in all its parts, and
+    /// absolute, so that it can be run from anywhere.
+    ///
+    /// # Errors
+    /// [`Error::Read`] when the current folder is not known.
+    pub fn with_data_from(mut self, folder: &Path) -> Result<Self, Error> {
         if let Some(data) = &mut self.setup.data {
             for path in [&mut data.pairs, &mut data.trajectories].into_iter().flatten() {
-                *path = folder.join(&*path);
+                let joined = folder.join(&*path);
+                *path =
+                    std::path::absolute(&joined).map_err(|reason| Error::read(&joined, reason))?;
             }
         }
-        self.parts = self.parts.into_iter().map(|part| part.with_data_from(folder)).collect();
-        self
+        let parts = self.parts.into_iter().map(|part| part.with_data_from(folder));
+        self.parts = parts.collect::<Result<_, _>>()?;
+        Ok(self)
     }
 
     /// The scene with another seed, in all its parts.

@@ -155,9 +155,15 @@ impl Format {
             Self::Percent => {
                 let percent = 100.0 * value;
                 let places = 1.0 - libm::floor(libm::log10(percent.abs()));
-                // None at 0, NaN and ∞: the cast saturates.
-                let places = if places.is_finite() { places.clamp(0.0, 12.0) as usize } else { 0 };
-                format!("{percent:.places$} %")
+                // Infinite at 0, NaN and ∞.
+                match places {
+                    // Noughts are no digits.
+                    places if places > 6.0 && places.is_finite() => format!("{percent:.1e} %"),
+                    places if places.is_finite() => {
+                        format!("{percent:.0$} %", places.max(0.0) as usize)
+                    }
+                    _ => format!("{percent:.0} %"),
+                }
             }
         }
     }

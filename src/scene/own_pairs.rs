@@ -29,8 +29,8 @@ pub fn units_told(units: &Units) -> String {
         false => String::new(),
     };
     format!(
-        "The network is trained in units of {}{centre} (q1 … qn, p1 … pn), in which the pairs are \
-         of order one",
+        "The network is trained in units of {}{centre} (q1 … qn, p1 … pn), in which the \
+         widest plane of the pairs is of order one",
         numbers(units.factors())
     )
 }

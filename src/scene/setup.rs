@@ -367,10 +367,8 @@ impl Setup {
         }
         for (index, model) in self.models.iter().enumerate() {
             check_name(&model.name).map_err(|e| e.at("models"))?;
-            for count in model.network.counts() {
-                Error::check_count_range("layers", count, 1, MOST_LAYERS)
-                    .map_err(|e| e.at(format!("models.{}.network", model.name)))?;
-            }
+            let place = || format!("models.{}.network", model.name);
+            model.network.check_counts().map_err(|e| e.at(place()))?;
             if let Some(seeds) = model.seeds {
                 let most = MOST_SEEDS as usize;
                 let found = usize::try_from(seeds).unwrap_or(usize::MAX);
@@ -408,6 +406,11 @@ impl Setup {
             self.check_against(subject)?;
         }
         let of_file = self.data.as_ref().and_then(Data::file).is_some();
+        let foreign = |model: &&ModelSpec| matches!(model.network, NetworkSpec::File { .. });
+        if let (true, Some(model)) = (of_file, self.models.iter().find(foreign)) {
+            let expected = "networks to train, beside pairs of a file";
+            return Err(Error::invalid("models", &model.name, expected));
+        }
         let mut trainings = self.models.iter().map(|model| self.training_of(model));
         if of_file && self.system.is_some() {
             return Err(Error::invalid(
@@ -531,7 +534,13 @@ impl Data {
             return Err(Error::invalid("data.windows.samples", window.samples, expected));
         }
         if self.pairs.is_some() {
-            return Ok(());
+            return match self.validation < 1.0 {
+                true => Ok(()),
+                false => {
+                    let expected = "a share below 1 of the pairs of a file";
+                    Err(Error::invalid("data.validation", self.validation, expected))
+                }
+            };
         }
         if self.windows.iter().all(|w| w.samples == 0) {
             return Err(Error::invalid("data.windows", "none", "at least one sample"));
@@ -586,6 +595,15 @@ impl NetworkSpec {
     /// A SympNet of about as many parameters.
     pub fn default_symp_net() -> Self {
         Self::SympNet { modules: 41, shears: 4, activation: Activation::Sigmoid, plain: false }
+    }
+
+    /// Fails unless each of its parts has a sane number of layers.
+    ///
+    /// # Errors
+    /// [`Error::CountOutOfRange`].
+    pub fn check_counts(&self) -> Result<(), Error> {
+        let check = |count| Error::check_count_range("layers", count, 1, MOST_LAYERS);
+        self.counts().into_iter().try_for_each(check)
     }
 
     /// How many layers each of its parts has.

@@ -101,7 +101,7 @@ pub(super) fn trust(
     let own = OwnInvariance::of(&outcome.model, starts, STEPS);
     let limit = limit(outcome.loss, outcome.best.validation, &outcome.history);
 
-    let (mut no, mut care) = (Vec::new(), Vec::new());
+    let (mut no, mut long, mut care) = (Vec::new(), Vec::new(), Vec::new());
     let percent = |value: f64| Format::Percent.number(value);
     let share_text = format!("it errs by {} of what the nearest rotation leaves", percent(share));
     if !(share < 0.5) {
@@ -110,8 +110,9 @@ pub(super) fn trust(
         care.push(share_text.clone());
     }
     if let Some(Orbits { count, astray, first: Some((row, step)) }) = orbits {
-        // A few may follow the flow itself, which nothing is known of there.
-        let of = if 4 * astray > count { &mut no } else { &mut care };
+        // They may follow the flow itself, of which nothing is known there: of the single steps
+        // inside this says nothing.
+        let of = if 4 * astray > count { &mut long } else { &mut care };
         of.push(format!(
             "{astray} of {count} orbits of {STEPS} steps leave the box of the pairs by more than half \
              its width, the first, from held-out point {row}, after {step} steps"
@@ -126,13 +127,14 @@ pub(super) fn trust(
     }
     let fault = own.as_ref().and_then(OwnInvariance::fault);
     care.extend(fault);
-    let word = match (no.is_empty(), care.is_empty()) {
-        (true, true) => "yes, within the box of the pairs",
-        (true, false) => "with care, within the box of the pairs",
-        (false, _) => "no",
+    let word = match (no.is_empty(), long.is_empty(), care.is_empty()) {
+        (true, true, true) => "yes, within the box of the pairs",
+        (true, true, false) => "with care, within the box of the pairs",
+        (true, false, _) => "for single steps within the box of the pairs, not for long orbits",
+        (false, ..) => "no",
     };
     let mut text = format!("**{word}**: {share_text}");
-    for reason in no.iter().chain(&care).filter(|reason| **reason != share_text) {
+    for reason in no.iter().chain(&long).chain(&care).filter(|reason| **reason != share_text) {
         text.push_str(&format!("; {reason}"));
     }
     text.push_str(".\n\n");
@@ -153,6 +155,7 @@ pub(super) fn trust(
     let data = json!({
         "trust": word,
         "no": no,
+        "no_long_orbits": long,
         "care": care,
         "share_beyond_rotation": share,
         "limit": match limit {

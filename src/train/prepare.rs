@@ -53,8 +53,8 @@ impl Preparation<'_> {
     ///
     /// # Errors
     /// [`Error::Invalid`] when the action and the pairs differ in their degrees of freedom, two
-    /// circles share a plane and no angle is known, the share is not of [0, 1), or a flow time is
-    /// to be found at ε = 0.
+    /// circles share a plane and no angle is known, the share is not of [0, 1), or the flow time is
+    /// no positive number. At ε = 0 a flow time that is not known is infinite.
     pub fn prepare(&self, pairs: Pairs) -> Result<Prepared, Error> {
         let Self { place, action, epsilon, validation, .. } = *self;
         if pairs.dof() != action.dof() {
@@ -65,6 +65,9 @@ impl Preparation<'_> {
         if !(0.0..1.0).contains(&validation) {
             let expected = "a share of at least 0 and less than 1";
             return Err(Error::invalid("validation", validation, expected));
+        }
+        if let Some(time) = self.flow_time {
+            Error::check_range("flow time", time, Error::LEAST_POSITIVE, f64::MAX)?;
         }
         if let (Some(plane), None) = (action.shared_plane(), self.theta) {
             let expected = "circles of planes of their own, or an angle θ";

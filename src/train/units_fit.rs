@@ -13,10 +13,14 @@ const LARGE: f64 = 2.0;
 const BETTER: f64 = 10.0;
 /// A misfit below which all are as good.
 const PERFECT: f64 = 1e-12;
+/// A centre is within so many spreads of the mean.
+const NEAR: f64 = 3.0;
+/// The square of the sine of an angle below which it tells no ratio.
+const TURNED: f64 = 1e-3;
 /// So many pairs tell.
 const PAIRS: usize = 10_000;
 
-/// The units in which pairs are of order one and the planes that an action turns are turned
+/// The units in which the widest plane of pairs is of order one and the planes that an action turns are turned
 /// in circles; none where they are already.
 ///
 /// A plane that turns along ellipses gets the ratio of its factors, and its centre where it has
@@ -94,10 +98,13 @@ fn mean(moves: &Moves, half: usize) -> f64 {
     values(moves, half).sum::<f64>() / (2 * moves.len()) as f64
 }
 
-/// The root of the mean square about `centre`.
+/// The root of the mean square about `centre`; 0 of a constant, whose mean is rounded.
 fn spread(moves: &Moves, half: usize, centre: f64) -> f64 {
+    const ROUNDING: f64 = 1e-10;
     let squares: f64 = values(moves, half).map(|v| (v - centre) * (v - centre)).sum();
-    (squares / (2 * moves.len()) as f64).sqrt()
+    let largest = values(moves, half).map(f64::abs).fold(0.0, max_or_nan);
+    let spread = (squares / (2 * moves.len()) as f64).sqrt();
+    if spread > ROUNDING * largest { spread } else { 0.0 }
 }
 
 /// The mean, where it is far from 0.
@@ -109,10 +116,11 @@ fn apart(moves: &Moves, half: usize) -> f64 {
 /// Whether pairs of a plane are at −z or z again, to a tenth.
 fn at_rest(moves: &Moves, centre: [f64; 2]) -> bool {
     let mut sums = [0.0; 3];
+    let sizes = [0, 1].map(|half| spread(moves, half, centre[half]));
     for m in moves {
         for half in 0..2 {
             let (a, b) = (m[half] - centre[half], m[half + 2] - centre[half]);
-            let size = spread(moves, half, centre[half]);
+            let size = sizes[half];
             sums[0] += (a - b) * (a - b) / (size * size);
             sums[1] += (a + b) * (a + b) / (size * size);
             sums[2] += 1.0;
@@ -126,7 +134,15 @@ fn at_rest(moves: &Moves, centre: [f64; 2]) -> bool {
 fn circles(moves: &Moves) -> ([f64; 2], f64) {
     let none = ([0.0; 2], 1.0);
     let about_zero = ratio_about(moves, [0.0; 2]).map(|ratio| ([0.0; 2], ratio));
+    // A rotation by next to nothing has its fixed point anywhere.
+    let near = |centre: &[f64; 2]| {
+        (0..2).all(|half| {
+            let mean = mean(moves, half);
+            (centre[half] - mean).abs() <= NEAR * spread(moves, half, mean)
+        })
+    };
     let about_own = fixed_point(moves)
+        .filter(near)
         .and_then(|centre| ratio_about(moves, centre).map(|ratio| (centre, ratio)));
     let shifted = about_own.map(|(centre, _)| (centre, 1.0));
     let candidates: Vec<([f64; 2], f64)> =
@@ -167,7 +183,8 @@ fn linear(moves: &Moves, centre: [f64; 2]) -> [[f64; 2]; 2] {
 fn ratio_about(moves: &Moves, centre: [f64; 2]) -> Option<f64> {
     let m = linear(moves, centre);
     let squared = -m[1][0] / m[0][1];
-    (squared > 0.0 && squared.is_finite()).then(|| squared.sqrt())
+    let turned = -m[1][0] * m[0][1] > TURNED;
+    (turned && squared > 0.0 && squared.is_finite()).then(|| squared.sqrt())
 }
 
 /// The point that the affine map nearest to the moves leaves where it is.
@@ -192,9 +209,11 @@ fn fixed_point(moves: &Moves) -> Option<[f64; 2]> {
 }
 
 /// The mean squared error of the nearest rotation about `centre`, p being in units of `ratio`
-/// times that of q, over the mean square.
+/// times that of q, over the mean square about the mean, which is the same for any centre.
 fn misfit(moves: &Moves, centre: [f64; 2], ratio: f64) -> f64 {
     let (mut square, mut cosine, mut sine) = (0.0, 0.0, 0.0);
+    let spreads = [0, 1].map(|half| spread(moves, half, mean(moves, half)));
+    let size = spreads[0].powi(2) + (spreads[1] / ratio).powi(2);
     for m in moves {
         let (q, p) = (m[0] - centre[0], (m[1] - centre[1]) / ratio);
         let (x, y) = (m[2] - centre[0], (m[3] - centre[1]) / ratio);
@@ -202,5 +221,5 @@ fn misfit(moves: &Moves, centre: [f64; 2], ratio: f64) -> f64 {
         cosine += q * x + p * y;
         sine += p * x - q * y;
     }
-    1.0 - libm::hypot(cosine, sine) / square
+    (square - libm::hypot(cosine, sine)) / (size * moves.len() as f64)
 }

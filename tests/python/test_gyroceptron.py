@@ -4,6 +4,7 @@ import ast
 import inspect
 import json
 import pathlib
+import pickle
 import threading
 import time
 import warnings
@@ -116,14 +117,21 @@ def test_a_callback_follows_stops_and_raises(tmp_path, pairs):
         *pairs, [1, 0], iterations=30, seed=1, report=report,
         callback=lambda leg, iteration, loss, held_out: told.append((leg, iteration, loss, held_out)),
     )
-    assert [iteration for _, iteration, _, _ in told] == list(range(31)) or told[-1][1] == 30
+    iterations = [iteration for _, iteration, _, _ in told]
+    assert iterations == sorted(set(iterations)) and iterations[-1] == 30
     assert told[-1][0] == "training" and told[-1][3] is not None
     assert told[-1][2] < told[0][2]
     assert "Whether to trust it" in (report / "report.md").read_text()
     data = json.loads((report / "report.json").read_text())
     assert data["studies"]["training"]["models"][0]["parameters"] == len(model.parameters)
-    with pytest.raises(gyroceptron.Error, match="report"):
-        gyroceptron.train(*pairs, [1, 0], iterations=1, report=report)
+    (tmp_path / "file").write_text("mine")
+    for taken in (report, tmp_path / "file"):
+        calls = []
+        with pytest.raises(gyroceptron.Error, match=taken.name):
+            gyroceptron.train(
+                *pairs, [1, 0], iterations=1, report=taken, callback=lambda *told: calls.append(told)
+            )
+        assert not calls
 
     stopped = gyroceptron.train(*pairs, [1, 0], iterations=1000, callback=lambda *told: told[1] < 5)
     assert stopped.validation > 0 and len(stopped.parameters) == len(model.parameters)
@@ -181,7 +189,7 @@ def test_bad_input_is_named(tmp_path, pairs, model):
     refuses("none.json", gyroceptron.load, tmp_path / "none.json")
     refuses("flow_time", model.at, flow_time=3.0)
     train = gyroceptron.train
-    refuses("2 weights", train, *pairs, [1, 0, 0])
+    refuses("columns: expected 6, found 4", train, *pairs, [1, 0, 0])
     refuses("architecture", train, *pairs, [1, 0], architecture="mlp")
     refuses("kicks", train, *pairs, [1, 0], kicks=(2, 2))
     refuses("optimiser", train, *pairs, [1, 0], optimiser="sgd")
@@ -189,6 +197,18 @@ def test_bad_input_is_named(tmp_path, pairs, model):
     refuses("validation", train, *pairs, [1, 0], validation=1.5)
     refuses("rows of output", train, pairs[0], pairs[1][:5], [1, 0])
     refuses("circles", train, *pairs, [[1, 0], [0, 1]])
+    refuses("layers", train, *pairs, [1, 0], psi=(10**12, 8))
+    refuses("layers", train, *pairs, [1, 0], psi=(0, 8))
+    refuses("parameters", train, *pairs, [1, 0], psi=(2, 2**50))
+    refuses("starts", train, *pairs, [1, 0], starts=0)
+    refuses("flow time", train, *pairs, [1, 0], flow_time=-5.0)
+    refuses("theta", train, *pairs, [1, 0], architecture="henon-net", theta=0.5)
+    refuses("theta_fixed", train, *pairs, [1, 0], architecture="sympnet", theta_fixed=True)
+    refuses("epsilon", train, *pairs, [1, 0], architecture="normal-form", epsilon=0.0)
+    refuses("columns: expected 4, found 3", train, pairs[0][:, :3], pairs[1], [1, 0])
+    with pytest.raises(gyroceptron.Error) as raised:
+        model.predict(np.zeros((2, 3)))
+    assert type(pickle.loads(pickle.dumps(raised.value))) is gyroceptron.Error
     net = train(*pairs, [1, 0], architecture="henon-net", layers=(2, 3), iterations=2)
     refuses("invariant", net.invariant, pairs[0])
     assert net.kind == "henon-net" and net.angles == []
@@ -208,6 +228,11 @@ def test_stubs_say_what_there_is():
     for name, node in functions.items():
         signature = inspect.signature(getattr(gyroceptron, name))
         assert parameters(node) == list(signature.parameters), name
+        named = [a.arg for a in node.args.kwonlyargs]
+        kinds = signature.parameters.values()
+        assert named == [p.name for p in kinds if p.kind is p.KEYWORD_ONLY], name
+        defaults = [ast.literal_eval(d) for d in node.args.kw_defaults]
+        assert defaults == [signature.parameters[n].default for n in named], name
         assert getattr(gyroceptron, name).__doc__
     for name in ("Model", "Certificate"):
         own = {n for n in vars(getattr(gyroceptron, name)) if not n.startswith("_")}

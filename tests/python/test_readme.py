@@ -40,8 +40,8 @@ def test_the_reader_agrees_with_the_network(tmp_path, pairs, program, scale):
     points = scale * pairs[0][:200]
     found = names["step"](tmp_path / "w.npz", points, [1, 0], 0.05)
     expected = model.predict(points, outside="ignore")[1]
-    assert np.abs(found - expected).max() < 1e-13 * scale
-    assert len(reader.splitlines()) <= 50
+    assert np.abs(found - expected).max() < 1e-14 * scale
+    assert len(reader.splitlines()) <= 40
 
 
 def test_the_docstrings_are_a_reference():

@@ -141,14 +141,20 @@ impl Study for RolloutOptions {
             subject,
             plane: self.plane,
             interval: self.interval(flow_time),
-            names: initial_names(&initial),
+            names: match subject {
+                Subject::System(_) => initial_names(&initial),
+                // Of numbers that nobody chose.
+                Subject::File(_) => {
+                    (1..=initial.len()).map(|m| format!("trajectory {m}")).collect()
+                }
+            },
             reference,
             of_reference,
         };
 
         let text = format!(
-            "{} steps (time {}), one state in {} kept; {}. The initial points, and the coordinates in which they differ: {}. μ₀ is the \
-             leading adiabatic invariant: of the system that of the limiting rotation, of a \
+            "{} steps (time {}), one state in {} kept; {}. {}. μ₀ is the leading \
+             adiabatic invariant: of the system that of the limiting rotation, of a \
              gyroceptron 𝔍₀∘ψ⁻¹. A change of it is |μ₀ − μ₀(0)|/μ₀(0) at its largest; the exponent \
              is that of the largest change up to N steps, in N. At one ε the data do not tell θ and \
              I_ε apart, so that an accurate map may own another invariant than that of the data.",
@@ -159,7 +165,20 @@ impl Study for RolloutOptions {
                 error if error.is_nan() => "the error of the reference is not known".to_owned(),
                 error => format!("the reference's own error at the end is {error:.1e}"),
             },
-            initial.iter().map(|z| format!("{z:?}")).collect::<Vec<_>>().join(", "),
+            match subject {
+                Subject::File(_) => {
+                    "The initial points are those of the file; where units were fitted to the \
+                     pairs, all numbers are in these"
+                        .to_owned()
+                }
+                Subject::System(_) => {
+                    let points: Vec<_> = initial.iter().map(|z| format!("{z:?}")).collect();
+                    format!(
+                        "The initial points, and the coordinates in which they differ: {}",
+                        points.join(", ")
+                    )
+                }
+            },
         );
         let mut details = vec![Block::Text(text)];
         if networks.is_empty() {
@@ -174,7 +193,7 @@ impl Study for RolloutOptions {
             figures.push(orbits.portrait(&initial, &networks));
         }
         if context.draws(INVARIANT) {
-            figures.push(orbits.invariants(&networks));
+            figures.extend(orbits.invariants(&networks));
         }
         if context.draws(ERROR) && !networks.is_empty() {
             figures.push(orbits.errors(&networks));
@@ -468,8 +487,14 @@ impl Orbits<'_> {
         panels.extend(networks.iter().map(|network| panel(network.name, network.orbits)));
         let figure = Figure::in_a_row(
             PORTRAIT,
-            "The slow plane: reference trajectories over the level sets of the averaged \
-             Hamiltonian through their initial points (grey), and the trajectories of each network.",
+            match has_levels {
+                true => {
+                    "The slow plane: reference trajectories over the level sets of the averaged \
+                     Hamiltonian through their initial points (grey), and the trajectories of each \
+                     network."
+                }
+                false => "One plane of the reference trajectories and of those of each network.",
+            },
             panels,
         );
         Figure { columns: columns(figure.panels.len()), same_axes: SameAxes::First, ..figure }
@@ -497,7 +522,8 @@ impl Orbits<'_> {
         }
     }
 
-    fn invariants(&self, networks: &[Network<'_>]) -> Figure {
+    /// None where nothing has an invariant.
+    fn invariants(&self, networks: &[Network<'_>]) -> Option<Figure> {
         let title = "μ₀ of the system along the reference".to_owned();
         let of_reference = self.of_reference.iter();
         let mut panels: Vec<Panel> =
@@ -516,8 +542,12 @@ impl Orbits<'_> {
         }
         let caption = "The relative change of the leading adiabatic invariant, its envelope for each \
                        orbit: of the system, and of each gyroceptron itself, μ₀ = 𝔍₀∘ψ⁻¹.";
+        if panels.is_empty() {
+            return None;
+        }
         let figure = Figure::in_a_row(INVARIANT, caption, panels);
-        Figure { columns: columns(figure.panels.len()), same_axes: SameAxes::Widest, ..figure }
+        let columns = columns(figure.panels.len());
+        Some(Figure { columns, same_axes: SameAxes::Widest, ..figure })
     }
 
     fn errors(&self, networks: &[Network<'_>]) -> Figure {

@@ -34,7 +34,8 @@ impl Study for TrustStudy {
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
         let (data, models) = (context.data()?, context.models()?);
-        let rotation_error = data.nearest_rotation_error(&context.subject()?.circle_action());
+        // Of the nearest rotation: pairs of a file have one.
+        let rotation_error = data.rotation_error.unwrap_or(f64::NAN);
         let (mut summary, mut details, mut values) = (Vec::new(), Vec::new(), Vec::new());
         for trained in models.iter() {
             let name = &trained.spec.name;

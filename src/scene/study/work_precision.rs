@@ -259,7 +259,7 @@ impl WorkPrecisionOptions {
         let all = TrajectoryMethods {
             methods,
             reference: &points.output,
-            reference_error: known(data.reference_error),
+            reference_error: data.reference_error,
             dim,
             trajectories: input.len() / dim,
             time,
@@ -312,7 +312,7 @@ impl WorkPrecisionOptions {
         let all = TrajectoryMethods {
             methods,
             reference: &reference[initial.len()..],
-            reference_error: known(*reference_error),
+            reference_error: *reference_error,
             dim,
             trajectories: initial.len() / dim,
             time: interval * kept as f64,
@@ -353,11 +353,6 @@ impl WorkPrecisionOptions {
         let methods = work_precision(&methods, &judge, units, self.rounds)?;
         Ok(JacobianComparison { model: name.to_owned(), methods })
     }
-}
-
-/// The error of a reference, 0 where it is not known.
-fn known(error: f64) -> f64 {
-    if error.is_nan() { 0.0 } else { error }
 }
 
 fn integrator<'a>(
@@ -578,7 +573,9 @@ fn winners(comparison: &Comparison, steps: &str) -> String {
             micro(alone)
         );
         let integrators = methods.iter().filter(|other| other.setting.is_some());
+        let tried = methods.iter().any(|other| other.setting.is_some());
         let sentence = match fastest(integrators, error) {
+            _ if !tried => "there is no integrator to compare with.".to_owned(),
             _ if error >= comparison.lost() => format!(
                 "it has lost the trajectories, whose points are of size {:.1}, and there is \
                  nothing to compare.",
