@@ -99,10 +99,6 @@ impl Study for AdiabaticHorizonOptions {
         vec![HORIZON]
     }
 
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
-        Vec::new()
-    }
-
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
         let mut orbits = self.orbits(context)?;
         context.stage("orbits of random networks", |context| self.advance(context, &mut orbits))?;

@@ -51,10 +51,6 @@ impl Study for AdiabaticProfilesOptions {
         vec![PROFILES]
     }
 
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
-        Vec::new()
-    }
-
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
         let seed = context.scene.seed;
         let request = Rollout { steps: self.iterations, every: 1 };

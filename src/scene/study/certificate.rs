@@ -22,14 +22,6 @@ impl Study for CertificateOptions {
         CertificateOptions::check(self)
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
-        Vec::new()
-    }
-
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
-        Vec::new()
-    }
-
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
         let (mut lines, mut data, mut holds) = (String::new(), Vec::new(), true);
         let mut appendix = Vec::new();

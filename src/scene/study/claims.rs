@@ -34,14 +34,6 @@ impl Study for ClaimsOptions {
         }
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
-        Vec::new()
-    }
-
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
-        Vec::new()
-    }
-
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
         let with_command = |part: &Report| Some((Row::of(part)?, command(&part.scene)));
         let rows: Vec<(Row, String)> = context.parts.iter().filter_map(with_command).collect();

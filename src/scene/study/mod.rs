@@ -43,13 +43,22 @@ pub(super) trait Study {
 
     /// Fails unless its options are in range and fit the set-up, as far as that is
     /// given.
-    fn check(&self, scene: &Scene) -> Result<(), Error>;
+    fn check(&self, scene: &Scene) -> Result<(), Error> {
+        let _ = scene;
+        Ok(())
+    }
 
     /// The figures that it can draw of this scene.
-    fn figures(&self, scene: &Scene) -> Vec<&'static str>;
+    fn figures(&self, scene: &Scene) -> Vec<&'static str> {
+        let _ = scene;
+        Vec::new()
+    }
 
     /// BibTeX entries of the methods that it uses.
-    fn cites(&self, scene: &Scene) -> Vec<&'static str>;
+    fn cites(&self, scene: &Scene) -> Vec<&'static str> {
+        let _ = scene;
+        Vec::new()
+    }
 
     /// Measures. What other studies may ask for too is asked of the context, which
     /// makes it once.

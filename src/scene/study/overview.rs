@@ -31,14 +31,6 @@ impl Study for OverviewOptions {
         }
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
-        Vec::new()
-    }
-
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
-        Vec::new()
-    }
-
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
         let mut table = Table::new([
             ("part", Format::Exact),

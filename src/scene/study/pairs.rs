@@ -3,7 +3,6 @@
 
 use super::Study;
 use super::work_precision::citations;
-use crate::error::Error;
 use crate::flow::{Condition, Pairs};
 use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
@@ -22,14 +21,6 @@ impl Study for PairsStudy {
 
     fn needs(&self) -> &'static [Need] {
         &[Need::Subject, Need::FlowTime, Need::Data]
-    }
-
-    fn check(&self, _: &Scene) -> Result<(), Error> {
-        Ok(())
-    }
-
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
-        Vec::new()
     }
 
     fn cites(&self, scene: &Scene) -> Vec<&'static str> {

@@ -54,10 +54,6 @@ impl Study for TanhOptions {
         vec![TANH]
     }
 
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
-        Vec::new()
-    }
-
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
         let seed = context.scene.seed;
         let judged = context.stage("tanh and sech²", |_| self.compare(seed))?;

@@ -1,7 +1,6 @@
 //! The training of each network: where it ended, how it went, how long it took.
 
 use super::Study;
-use crate::error::Error;
 use crate::measure::{Spread, component_errors, milestones};
 use crate::network::Architecture;
 use crate::scene::bibliography::{ADAM, HENON_NET, LBFGS, MARQUARDT, SYMP_NET};
@@ -28,10 +27,6 @@ impl Study for TrainingStudy {
 
     fn needs(&self) -> &'static [Need] {
         &[Need::Subject, Need::FlowTime, Need::Data, Need::Models]
-    }
-
-    fn check(&self, _: &Scene) -> Result<(), Error> {
-        Ok(())
     }
 
     fn figures(&self, _: &Scene) -> Vec<&'static str> {

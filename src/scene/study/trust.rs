@@ -1,9 +1,7 @@
 //! Whether to trust the networks that were trained on pairs of one's own.
 
 use super::Study;
-use crate::error::Error;
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
 use crate::scene::findings::{Block, Findings, Section};
 use crate::scene::setup::Need;
 use crate::scene::trust::trust;
@@ -18,18 +16,6 @@ impl Study for TrustStudy {
 
     fn needs(&self) -> &'static [Need] {
         &[Need::Subject, Need::FlowTime, Need::Data]
-    }
-
-    fn check(&self, _: &Scene) -> Result<(), Error> {
-        Ok(())
-    }
-
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
-        Vec::new()
-    }
-
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
-        Vec::new()
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
