@@ -845,6 +845,19 @@ fn a_report_says_whether_to_trust_the_model() {
     let (text, data) = train("none.json", &["--iterations", "1"]);
     assert!(text.contains("**no**") && text.contains("little is learnt"), "{text}");
     assert!(data["share_beyond_rotation"].as_f64().expect("a number") > 0.5);
+    let report = std::fs::read(path.join("none-report/report.json")).expect("data");
+    let report: Value = serde_json::from_slice(&report).expect("one JSON document");
+    let model = &report["studies"]["training"]["models"][0];
+    let numbers = |key: &str| -> Vec<f64> {
+        let values = model[key].as_array().expect("numbers").iter();
+        values.map(|value| value.as_f64().expect("a number")).collect()
+    };
+    // Squares of what the rotation leaves, weighed by the shares, are the error of all.
+    let (errors, shares) = (numbers("component_errors"), numbers("component_shares"));
+    let left: f64 = errors.iter().zip(&shares).map(|(error, share)| (error / share).powi(2)).sum();
+    let all: f64 = errors.iter().map(|error| error * error).sum();
+    let share = data["share_beyond_rotation"].as_f64().expect("a number");
+    assert!(((all / left).sqrt() / share - 1.0).abs() < 1e-12, "{shares:?}, {share}");
     let more = ["--optimiser", "lm", "--iterations", "60", "--architecture", "normal-form"];
     let (text, data) = train("astray.json", &more);
     // As many parameters as numbers: learnt by heart.

@@ -311,6 +311,20 @@ fn files_keep_units() {
         assert_eq!(take_units(name, &mut tensors, 2).expect("none"), None);
         let mut tensors = read_tensors(&file).expect("tensors");
         assert!(take_units(name, &mut tensors.clone(), 3).is_err());
+        // Rounded to single precision, they are units again; of one that is wrong, none.
+        let mut single = tensors.clone();
+        let factors = single.get_mut("units.factors").expect("a tensor");
+        factors.values.iter_mut().for_each(|v| *v = f64::from(*v as f32));
+        let mut wrong = single.clone();
+        assert!(take_units(name, &mut wrong, 2).is_err(), "products that are not equal");
+        single.get_mut("units.factors").expect("a tensor").single_precision = true;
+        let mut wrong = single.clone();
+        let taken = take_units(name, &mut single, 2).expect("units").expect("units");
+        for (a, b) in taken.factors().iter().zip(units.factors()) {
+            assert!((a / b - 1.0).abs() < 3e-7);
+        }
+        wrong.get_mut("units.factors").expect("a tensor").values[3] *= 1.0 + 1e-5;
+        assert!(take_units(name, &mut wrong, 2).is_err());
         tensors.remove("units.centre");
         let told = take_units(name, &mut tensors, 2).expect_err("one is missing").to_string();
         assert!(told.contains("units.centre"), "{told}");

@@ -13,7 +13,7 @@ use gyroceptron::flow::{Condition, Pairs};
 use gyroceptron::io::{
     PairsFile, Provenance, StoredModel, load_checkpoint, read_pairs, save_checkpoint, save_model,
 };
-use gyroceptron::measure::rotation_error;
+use gyroceptron::measure::rotation_errors;
 use gyroceptron::network::Architecture;
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
@@ -464,7 +464,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         spec,
         options: &training,
         seed: arguments.seed,
-        rotation_error: rotation_error(&action, &nearest, judge),
+        rotation_errors: rotation_errors(&action, &nearest, judge),
         training: result,
         pairs: &pairs,
         held_out: held_out.as_ref(),

@@ -289,10 +289,15 @@ pub fn take_units(
     tensors: &mut BTreeMap<String, Tensor>,
     dof: usize,
 ) -> Result<Option<Units>, Error> {
-    let [centre, factors] = UNITS.map(|name| tensors.remove(name).map(|tensor| tensor.values));
+    let [centre, factors] = UNITS.map(|name| tensors.remove(name));
     let units = match (centre, factors) {
         (None, None) => return Ok(None),
-        (Some(centre), Some(factors)) => Units::new(centre, factors),
+        (Some(centre), Some(mut factors)) => {
+            if factors.single_precision {
+                even_out(&mut factors.values);
+            }
+            Units::new(centre.values, factors.values)
+        }
         (centre, _) => {
             let missing = UNITS[usize::from(centre.is_some())];
             return Err(Error::content(
@@ -305,6 +310,19 @@ pub fn take_units(
     let units = units.map_err(|e| e.at(place))?;
     units.check(&format!("{place}: units"), dof)?;
     Ok(Some(units))
+}
+
+/// Gives the factors of p what makes the products of all planes that of the first, where they
+/// are so to single precision.
+fn even_out(factors: &mut [f64]) {
+    const CLOSE: f64 = 4.0 * f32::EPSILON as f64;
+    let (positions, momenta) = factors.split_at_mut(factors.len() / 2);
+    let Some(area) = positions.first().zip(momenta.first()).map(|(q, p)| q * p) else { return };
+    for (q, p) in positions.iter().zip(momenta) {
+        if (*q * *p / area - 1.0).abs() <= CLOSE {
+            *p = area / q;
+        }
+    }
 }
 
 /// Writes a model's weights as `.safetensors` or `.npz`, float64, with the units of its data,

@@ -3,7 +3,7 @@
 use super::adiabatic::log_slope;
 use crate::error::Error;
 use crate::flow::{Pairs, Trajectories};
-use crate::layer::TorusAction;
+use crate::layer::{TorusAction, Turn};
 use crate::network::{Composition, map_points};
 use crate::phase::Direction;
 use crate::scalar::max_or_nan;
@@ -144,13 +144,40 @@ pub fn limiting_flow_error(system: &impl Hamiltonian, pairs: &Pairs, time: f64) 
 /// pairs with several flow times, in proportion to them.
 pub fn rotation_error(action: &TorusAction, angles: &[f64], pairs: &Pairs) -> f64 {
     let mut total = 0.0;
-    for (condition, input, output) in pairs.runs() {
-        let time = condition.map_or(1.0, |condition| condition.time);
-        let angles: Vec<f64> = angles.iter().map(|angle| time * angle).collect();
-        let turn = action.at(&angles);
+    for (turn, input, output) in turns(action, angles, pairs) {
         total += squares_of(input, output, 2 * pairs.dof(), |z| turn.apply(z, false));
     }
     total / pairs.output().len() as f64
+}
+
+/// The rotation, the inputs and the outputs of each map that pairs are of.
+fn turns<'a>(
+    action: &'a TorusAction,
+    angles: &'a [f64],
+    pairs: &'a Pairs,
+) -> impl Iterator<Item = (Turn<f64>, &'a [f64], &'a [f64])> {
+    pairs.runs().into_iter().map(move |(condition, input, output)| {
+        let time = condition.map_or(1.0, |condition| condition.time);
+        let angles: Vec<f64> = angles.iter().map(|angle| time * angle).collect();
+        (action.at(&angles), input, output)
+    })
+}
+
+/// The mean squared error of each of the 2n components, of the action alone at these angles:
+/// see [`rotation_error`].
+pub fn rotation_errors(action: &TorusAction, angles: &[f64], pairs: &Pairs) -> Vec<f64> {
+    let dim = 2 * pairs.dof();
+    let mut squares = vec![0.0; dim];
+    for (turn, input, output) in turns(action, angles, pairs) {
+        for (input, output) in input.chunks_exact(dim).zip(output.chunks_exact(dim)) {
+            let mut moved = input.to_vec();
+            turn.apply(&mut moved, false);
+            for ((sum, a), b) in squares.iter_mut().zip(&moved).zip(output) {
+                *sum += (a - b) * (a - b);
+            }
+        }
+    }
+    squares.iter().map(|sum| sum / pairs.len() as f64).collect()
 }
 
 /// The mean squared error of what `step` does to the inputs.

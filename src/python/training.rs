@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::flow::Pairs;
 use crate::io::{Provenance, StoredModel};
 use crate::layer::{CircleAction, TorusAction};
-use crate::measure::rotation_error;
+use crate::measure::rotation_errors;
 use crate::scene::{
     ByTurns, Folder, Layers, ModelSpec, NetworkSpec, OwnTraining, TrainingTimes, TwistLayers,
 };
@@ -331,7 +331,7 @@ impl Training<'_> {
                 spec,
                 options: &options,
                 seed,
-                rotation_error: rotation_error(action, &nearest, held.unwrap_or(&pairs)),
+                rotation_errors: rotation_errors(action, &nearest, held.unwrap_or(&pairs)),
                 training,
                 pairs: &pairs,
                 held_out: held,

@@ -49,9 +49,9 @@ pub struct OwnTraining<'a> {
     pub pairs: &'a Pairs,
     /// The held-out pairs.
     pub held_out: Option<&'a Pairs>,
-    /// The mean squared error, on the pairs to judge by, of the rotation nearest to the
-    /// data: what the network has to improve upon.
-    pub rotation_error: f64,
+    /// The mean squared error of each component, on the pairs to judge by, of the rotation
+    /// nearest to the data: what the network has to improve upon.
+    pub rotation_errors: Vec<f64>,
     /// The units of the data, where they are not those of the pairs here and of the network.
     pub units: Option<&'a Units>,
     /// The seconds of training.
@@ -67,8 +67,10 @@ impl OwnTraining<'_> {
     /// When a file cannot be written.
     pub fn report(self, folder: &Folder) -> Result<Report, Error> {
         let output = self.held_out.unwrap_or(self.pairs).output();
+        let rotation_error =
+            self.rotation_errors.iter().sum::<f64>() / self.rotation_errors.len() as f64;
         let baseline =
-            Baseline { rotation_error: Some(self.rotation_error), size: root_mean_square(output) };
+            Baseline { rotation_error: Some(rotation_error), size: root_mean_square(output) };
         let mut errors = match self.held_out {
             Some(held_out) => {
                 component_errors(self.training.outcome.model.composition(), held_out)?
@@ -76,8 +78,9 @@ impl OwnTraining<'_> {
             None => Vec::new(),
         };
         let network = self.spec.name.clone();
-        let mut trust =
-            trust(&self.training.outcome, self.pairs, self.held_out, self.rotation_error)?;
+        let mut trust = trust(&self.training.outcome, self.pairs, self.held_out, rotation_error)?;
+        let shares: Vec<f64> =
+            errors.iter().zip(&self.rotation_errors).map(|(a, b)| a / b.sqrt()).collect();
         if let Some(units) = self.units {
             errors.iter_mut().zip(units.factors()).for_each(|(error, factor)| *error *= factor);
             trust.results.details.push(Block::Text(format!(
@@ -89,7 +92,7 @@ impl OwnTraining<'_> {
         }
         let Scheduled { initial, legs, outcome } = self.training;
         let trained = Trained { spec: self.spec.clone(), network, initial, legs, outcome };
-        let result = TrainingResult::new(&trained, errors, self.options);
+        let result = TrainingResult::new(&trained, errors, self.options).with_shares(shares);
         let training_times = vec![self.times];
         let findings = findings(&[result], baseline, &training_times, true);
         let title = format!(

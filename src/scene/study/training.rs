@@ -129,6 +129,9 @@ pub(in crate::scene) struct TrainingResult {
     history: Vec<TrainingRecord>,
     /// The root-mean-square error of each component on the held-out pairs.
     component_errors: Vec<f64>,
+    /// The same over what the nearest rotation leaves of the component.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    component_shares: Vec<f64>,
     /// What led to the last leg of its training.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     legs: Vec<LegResult>,
@@ -163,10 +166,16 @@ impl TrainingResult {
             best: outcome.best,
             history: outcome.history.iter().copied().filter(told).collect(),
             component_errors,
+            component_shares: Vec::new(),
             legs: trained.legs.clone(),
             initial_theta: trained.initial.angle(),
             theta: model.angle(),
         }
+    }
+
+    /// With the errors of the components over what the nearest rotation leaves of each.
+    pub(in crate::scene) fn with_shares(self, component_shares: Vec<f64>) -> Self {
+        Self { component_shares, ..self }
     }
 
     /// Whether it is of the first of its network's initial weights.
@@ -228,6 +237,12 @@ impl TrainingResult {
         if !self.component_errors.is_empty() {
             let errors: Vec<_> = self.component_errors.iter().map(|e| format!("{e:.2e}")).collect();
             facts.fact("held-out RMS error of each component", errors.join(", "));
+        }
+        if !self.component_shares.is_empty() {
+            let shares: Vec<_> =
+                self.component_shares.iter().map(|share| Format::Percent.number(*share)).collect();
+            let name = "of the motion of each that the nearest rotation leaves";
+            facts.fact(name, shares.join(", "));
         }
         if let (Some(before), Some(after)) = (self.initial_theta, self.theta) {
             facts.fact("θ", format!("{before} before training, {after:.6} after"));
