@@ -176,7 +176,7 @@ fn scenes_on_files_that_cannot_be_are_refused() {
         (
             "circle_action = [1, 0]",
             "circle_action = [1, 0, 0]",
-            &["pairs.npz", "degrees of freedom"],
+            &["pairs.npz", "circle action", "3 weights"],
         ),
         ("trajectories = \"t.npy\"\n", "", &["data.trajectories"]),
         ("t.npy", "few.npy", &["few.npy", "states", "found 2"]),

@@ -122,6 +122,13 @@ fn write_data(folder: &Path) {
     write_points(&folder.join("z.npy"), &[3, 4], &start).expect("written");
 }
 
+/// The last numbers of an .npy file of float64.
+fn last_numbers(file: &Path, count: usize) -> Vec<f64> {
+    let bytes = std::fs::read(file).expect("an array");
+    let of = |b: &[u8]| f64::from_le_bytes(b.try_into().expect("eight bytes"));
+    bytes[bytes.len() - count * 8..].chunks_exact(8).map(of).collect()
+}
+
 /// A folder with pairs.npz, z.npy and a trained model.json.
 fn with_model() -> tempfile::TempDir {
     let folder = folder();
@@ -719,11 +726,7 @@ fn units_are_fitted_and_undone() {
         arguments.extend(["--steps", "10", "--invariant", "mu.npy", "--overwrite"]);
         let told = text(&succeeds(path, &arguments).stderr);
         assert!(!told.contains("outside"), "{told}");
-        let numbers = |file: &str, count: usize| -> Vec<f64> {
-            let bytes = std::fs::read(path.join(file)).expect("an array");
-            let of = |b: &[u8]| f64::from_le_bytes(b.try_into().expect("eight bytes"));
-            bytes[bytes.len() - count * 8..].chunks_exact(8).map(of).collect()
-        };
+        let numbers = |file: &str, count: usize| last_numbers(&path.join(file), count);
         (numbers(output, 44), numbers("mu.npy", 11))
     };
     let (states, along) = predict("plain.json", "z.npy", "t.npy");
@@ -907,11 +910,7 @@ fn trajectories_that_leave_the_training_points_are_told() {
         (Some(1), Some(3))
     );
     // The invariant of the network along them.
-    let numbers = |file: &str, count: usize| -> Vec<f64> {
-        let bytes = std::fs::read(path.join(file)).expect("an array");
-        let of = |b: &[u8]| f64::from_le_bytes(b.try_into().expect("eight bytes"));
-        bytes[bytes.len() - count * 8..].chunks_exact(8).map(of).collect()
-    };
+    let numbers = |file: &str, count: usize| last_numbers(&path.join(file), count);
     let (states, along) = (numbers("t.npy", 36), numbers("mu.npy", 9));
     let own = stored.model.invariant().expect("a gyroceptron");
     for (z, value) in states.chunks_exact(4).zip(&along) {

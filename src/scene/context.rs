@@ -17,7 +17,7 @@ use crate::phase::Units;
 use crate::random::Stream;
 use crate::scalar::max_or_nan;
 use crate::system::{Counted, Hamiltonian, System};
-use crate::train::{fit_rotation, fit_units};
+use crate::train::{Preparation, Prepared};
 use serde_json::json;
 use std::rc::Rc;
 
@@ -152,7 +152,8 @@ impl<'a> Context<'a> {
         let (time, seed) = (self.flow_time()?, self.scene.seed);
         if let Some(file) = declared.file() {
             let name = format!("pairs of {}", file.pairs.display());
-            let made = self.stage(&name, |_| DataSets::of_file(file, declared.validation, seed))?;
+            let made =
+                self.stage(&name, |_| DataSets::of_file(file, time, declared.validation, seed))?;
             return Ok(Rc::clone(self.data.insert(Rc::new(made))));
         }
         let system = self.system()?;
@@ -383,27 +384,29 @@ impl DataSets {
         Ok(Self { training, held_out, validation, reference_error, units, rotation_error })
     }
 
-    /// The pairs of a file, in units that fit them; what is held out is chosen as by
-    /// `gyroceptron train`.
-    fn of_file(file: FileData<'_>, validation: f64, seed: u64) -> Result<Self, Error> {
+    /// The pairs of a file, made ready as by `gyroceptron train`.
+    fn of_file(file: FileData<'_>, time: f64, validation: f64, seed: u64) -> Result<Self, Error> {
         let place = file.pairs.display().to_string();
-        let read = read_pairs(file.pairs)?;
-        let (found, expected) = (read.pairs.dof(), file.circle_action.dof());
-        Error::check_count(&format!("{place}: degrees of freedom"), expected, found)?;
-        if !read.pairs.conditions().is_empty() {
+        let pairs = read_pairs(file.pairs)?.pairs;
+        if !pairs.conditions().is_empty() {
             let found = "epsilon or flow_time of each pair";
             return Err(Error::content(place, "pairs of one map", found));
         }
         let action = file.circle_action.clone().into();
-        let units = fit_units(&read.pairs, &action);
-        let pairs = match &units {
-            None => read.pairs,
-            Some(units) => read.pairs.to_network(&place, units)?,
+        let preparation = Preparation {
+            place: &place,
+            action: &action,
+            epsilon: file.epsilon,
+            flow_time: Some(time),
+            theta: None,
+            units: true,
+            validation,
+            seed,
         };
-        let angle = fit_rotation(&pairs, file.circle_action);
-        let (training, held_out) = pairs.split(validation, &mut Stream::new(seed, "data/held-out"));
+        let Prepared { pairs: training, held_out, units, nearest, .. } =
+            preparation.prepare(pairs)?;
         let judge = held_out.as_ref().unwrap_or(&training);
-        let rotation_error = Some(rotation_error(&action, &[angle], judge));
+        let rotation_error = Some(rotation_error(&action, &nearest, judge));
         let (validation, reference_error) = (None, f64::NAN);
         Ok(Self { training, held_out, validation, reference_error, units, rotation_error })
     }

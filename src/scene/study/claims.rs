@@ -1,6 +1,6 @@
 //! What the parts of a scene make of the paper's claims: its first table.
 
-use super::Study;
+use super::{Study, check_parts};
 use crate::error::Error;
 use crate::measure::Spread;
 use crate::scalar::max_or_nan;
@@ -28,10 +28,7 @@ impl Study for ClaimsOptions {
     }
 
     fn check(&self, scene: &Scene) -> Result<(), Error> {
-        match scene.parts.is_empty() {
-            true => Err(Error::invalid("claims", "no parts", "a scene of parts")),
-            false => Ok(()),
-        }
+        check_parts(self.name(), scene)
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {

@@ -65,6 +65,14 @@ pub(super) trait Study {
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt>;
 }
 
+/// Fails where a study of the parts has none.
+fn check_parts(study: &str, scene: &Scene) -> Result<(), Error> {
+    match scene.parts.is_empty() {
+        true => Err(Error::invalid(study, "no parts", "a scene of parts")),
+        false => Ok(()),
+    }
+}
+
 macro_rules! studies {
     ($($(#[$doc:meta])* $key:ident: $variant:ident($options:ty)),* $(,)?) => {
         /// A study that a scene names, with its options.

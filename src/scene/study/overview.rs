@@ -1,6 +1,6 @@
 //! The networks of all parts of a scene in one table.
 
-use super::Study;
+use super::{Study, check_parts};
 use crate::error::Error;
 use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
@@ -25,10 +25,7 @@ impl Study for OverviewOptions {
     }
 
     fn check(&self, scene: &Scene) -> Result<(), Error> {
-        match scene.parts.is_empty() {
-            true => Err(Error::invalid("overview", "no parts", "a scene of parts")),
-            false => Ok(()),
-        }
+        check_parts(self.name(), scene)
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
