@@ -758,11 +758,16 @@ fn a_known_angle_is_left() {
     };
     assert_eq!(train("fixed.json", &["--theta-fixed"]), [0.5]);
     assert_ne!(train("free.json", &[]), [0.5]);
+    let held = train("held.json", &["--theta-penalty", "1e6"])[0];
+    assert!(held != 0.5 && (held - 0.5).abs() < 1e-4, "{held}");
     let form = ["--theta-fixed", "--architecture", "normal-form", "--optimiser", "lm"];
     assert_eq!(train("form.json", &form), [0.5]);
     let net = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "n.json"];
     let net = [&net[..], &["--architecture", "henon-net", "--theta-fixed"]].concat();
     refuses(path, &net, &["theta_fixed"]);
+    let net =
+        net.iter().map(|&word| if word == "--theta-fixed" { "--theta-penalty=1" } else { word });
+    refuses(path, &net.collect::<Vec<_>>(), &["theta_penalty"]);
 }
 
 /// The networks of all parts, in one table.

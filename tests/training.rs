@@ -1027,3 +1027,62 @@ fn a_fixed_angle_stays() {
     let told = train(&net, &pairs, None, &options, None, &mut quiet).expect_err("no θ");
     assert!(told.to_string().contains("theta_fixed"), "{told}");
 }
+
+/// Σ(θ − θ⁰)² joins the loss and its derivatives to second order; under every optimiser a larger
+/// weight leaves θ closer to where it was, and none at all is the training without it.
+#[test]
+fn a_penalised_angle_stays_near() {
+    let (pairs, start) = (pairs(300, 0.5, 1), model(3));
+    let map = start.composition();
+    let last = map.parameters().len() - 1;
+    assert_eq!(map.angles(), last..last + 1);
+    let (away, weight) = (0.25, 0.7);
+    let goal = start.angle().expect("a gyroceptron") - away;
+    let plain = Objective::new(&Loss::MeanSquaredError, &pairs).expect("a loss");
+    let penalised = plain.clone().with_angle_penalty(weight, &[goal]).expect("valid");
+    let close = |found: f64, expected: f64| (found - expected).abs() <= 1e-14 * expected.abs();
+    assert!(close(penalised.value(map), plain.value(map) + weight * away * away));
+    let (mut of_plain, mut of_penalised) = (vec![0.0; last + 1], vec![0.0; last + 1]);
+    plain.value_and_gradient(map, &mut of_plain);
+    let value = penalised.value_and_gradient(map, &mut of_penalised);
+    assert!(close(value, penalised.value(map)));
+    assert_eq!(of_penalised[..last], of_plain[..last]);
+    assert!(close(of_penalised[last], of_plain[last] + 2.0 * weight * away));
+    let diagonals = [&plain, &penalised].map(|objective| objective.curvature_diagonal(map)[last]);
+    assert!(close(diagonals[1], diagonals[0] + 2.0 * weight));
+    let [without, with] = [&plain, &penalised].map(|objective| objective.normal_equations(map));
+    assert!(close(with.matrix[(last, last)], without.matrix[(last, last)] + 2.0 * weight));
+    assert_eq!(with.matrix[(last, 0)], without.matrix[(last, 0)]);
+    assert!(close(with.gradient[last], without.gradient[last] + 2.0 * weight * away));
+    assert!(close(with.loss, without.loss + weight * away * away));
+    let fixed = penalised.with_fixed_angles(true);
+    assert_eq!(fixed.value(map).to_bits(), plain.value(map).to_bits());
+
+    for optimiser in optimisers() {
+        let name = optimiser.name();
+        let left = |penalty: f64| {
+            let options = TrainingOptions {
+                optimiser: optimiser.clone(),
+                theta_penalty: penalty,
+                ..options(30)
+            };
+            let outcome = train(&start, &pairs, None, &options, None, &mut quiet).expect("trains");
+            assert!(outcome.loss < plain.value(map), "{name} at {penalty}");
+            (outcome.model.angle().expect("a gyroceptron") - goal - away).abs()
+        };
+        let moved = [0.0, 1.0, 100.0].map(left);
+        assert!(moved[2] < moved[1] && moved[1] < 0.3 * moved[0], "{name}: {moved:?}");
+    }
+    for bad in [-1.0, f64::NAN, f64::INFINITY] {
+        let options = TrainingOptions { theta_penalty: bad, ..options(5) };
+        let told = train(&start, &pairs, None, &options, None, &mut quiet).expect_err("no weight");
+        assert!(told.to_string().contains("theta_penalty"), "{told}");
+    }
+    let shape = HenonShape::uniform(2, 2, 3);
+    let net = Architecture::HenonNet { shape, epsilon: 1.0 }
+        .initialise(InitialWeights::Glorot, 0.0, 1)
+        .expect("valid");
+    let options = TrainingOptions { theta_penalty: 1.0, ..options(2) };
+    let told = train(&net, &pairs, None, &options, None, &mut quiet).expect_err("no θ");
+    assert!(told.to_string().contains("theta_penalty"), "{told}");
+}

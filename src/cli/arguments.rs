@@ -214,6 +214,9 @@ pub struct Train {
     /// does not take a part of the rotation from it, nor it from I_ε.
     #[arg(long)]
     pub theta_fixed: bool,
+    /// What is added to the loss: so many times the square of how far θ is from its start.
+    #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
+    pub theta_penalty: Option<f64>,
     /// Iterations in place of the scene's.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub iterations: Option<i64>,

@@ -150,6 +150,7 @@ fn options(arguments: &Train, mut training: TrainingOptions) -> Result<TrainingO
         return Err(Error::invalid("training.ramp", training.ramp.len(), expected));
     }
     training.theta_fixed |= arguments.theta_fixed;
+    training.theta_penalty = arguments.theta_penalty.unwrap_or(training.theta_penalty);
     training.patience = arguments.patience.unwrap_or(training.patience);
     training.target = arguments.target.unwrap_or(training.target);
     training.check()?;
@@ -189,6 +190,9 @@ fn command(
     }
     if arguments.theta_fixed {
         out.push_str(" --theta-fixed");
+    }
+    if let Some(penalty) = arguments.theta_penalty {
+        out.push_str(&format!(" --theta-penalty {penalty}"));
     }
     if arguments.units == UnitsOf::Data {
         out.push_str(" --units data");

@@ -103,8 +103,8 @@ impl Watch for Calling<'_> {
 /// patience, target: stop when the held-out error has not improved for so many evaluations, one
 /// in ten iterations, or is at most the target; 0 never stops.
 /// epsilon, flow_time: those of the pairs; only their product matters to a normal form.
-/// theta, theta_fixed: the angle to start from, the nearest rotation's unless given, and whether
-/// it stays.
+/// theta, theta_fixed, theta_penalty: the angle to start from, the nearest rotation's unless given,
+/// whether it stays, and what its squared distance from there adds to the loss.
 /// units: "fitted", in which pairs are of order one and turn in circles, or those of the "data".
 /// validation: the share that is held out. seed: of the weights and of that choice.
 /// report: a folder for a report with plots, which says whether to trust the model.
@@ -115,7 +115,7 @@ impl Watch for Calling<'_> {
     input, output, circle_action, *, architecture="gyroceptron", psi=None, near_identity=None,
     kicks=None, twists=None, layers=None, optimiser="l-bfgs", iterations=None, starts=1,
     near_identity_penalty=0.0, patience=0, target=0.0, epsilon=0.01, flow_time=None, theta=None,
-    theta_fixed=false, units="fitted", validation=0.1, seed=0, report=None, callback=None
+    theta_fixed=false, theta_penalty=0.0, units="fitted", validation=0.1, seed=0, report=None, callback=None
 ))]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn train(
@@ -139,6 +139,7 @@ pub(super) fn train(
     flow_time: Option<f64>,
     theta: Option<f64>,
     theta_fixed: bool,
+    theta_penalty: f64,
     units: &str,
     validation: f64,
     seed: u64,
@@ -180,6 +181,7 @@ pub(super) fn train(
         starts: (starts > 1).then_some(Starts { count: starts, iterations: Starts::TRIAL }),
         near_identity_penalty,
         theta_fixed,
+        theta_penalty,
         patience,
         target,
         ..defaults

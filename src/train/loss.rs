@@ -62,6 +62,8 @@ pub struct Objective<'a> {
     penalty: f64,
     /// The angles of the circles count as numbers, not as parameters.
     angles_fixed: bool,
+    /// What Σ_j (θ_j − θ⁰_j)² is multiplied with, and the θ⁰_j.
+    angle_penalty: Option<(f64, Vec<f64>)>,
 }
 
 /// A mean of squares that the loss is a sum of: of P(z) − z′, or of I_ε(z) − z.
@@ -83,7 +85,8 @@ impl<'a> Objective<'a> {
     /// Those of [`Loss::component_weights`].
     pub fn new(loss: &Loss, pairs: &'a Pairs) -> Result<Self, Error> {
         let weights = loss.component_weights(pairs.dof())?;
-        Ok(Self { pairs: Cow::Borrowed(pairs), weights, penalty: 0.0, angles_fixed: false })
+        let (pairs, penalty, angles_fixed) = (Cow::Borrowed(pairs), 0.0, false);
+        Ok(Self { pairs, weights, penalty, angles_fixed, angle_penalty: None })
     }
 
     /// The loss and `penalty` times the mean square of I_ε(z) − z over all components
@@ -104,11 +107,53 @@ impl<'a> Objective<'a> {
         Self { angles_fixed: fixed, ..self }
     }
 
+    /// The loss and `penalty` times Σ_j (θ_j − θ⁰_j)² over the angles of the circles: a network
+    /// whose I_ε could take a part of the rotation pays for leaving the θ⁰_j.
+    ///
+    /// # Errors
+    /// When `penalty` is not a finite number ≥ 0, or θ⁰ is not finite.
+    pub fn with_angle_penalty(self, penalty: f64, angles: &[f64]) -> Result<Self, Error> {
+        Error::check_range("theta_penalty", penalty, 0.0, f64::MAX)?;
+        for &angle in angles {
+            Error::check_finite("theta", angle)?;
+        }
+        let angle_penalty = (penalty > 0.0).then(|| (penalty, angles.to_vec()));
+        Ok(Self { angle_penalty, ..self })
+    }
+
     /// The same loss on other pairs.
     pub(super) fn on(&self, pairs: Pairs) -> Objective<'static> {
-        let (weights, penalty, angles_fixed) =
-            (self.weights.clone(), self.penalty, self.angles_fixed);
-        Objective { pairs: Cow::Owned(pairs), weights, penalty, angles_fixed }
+        Objective {
+            pairs: Cow::Owned(pairs),
+            weights: self.weights.clone(),
+            penalty: self.penalty,
+            angles_fixed: self.angles_fixed,
+            angle_penalty: self.angle_penalty.clone(),
+        }
+    }
+
+    /// The penalty's half derivative by each angle, its number among the parameters before it;
+    /// none of angles that are fixed.
+    pub(super) fn angle_pulls(&self, map: &Composition<f64>) -> Vec<(usize, f64)> {
+        let Some((penalty, goals)) = self.angle_penalty.as_ref().filter(|_| !self.angles_fixed)
+        else {
+            return Vec::new();
+        };
+        let angles = map.angles();
+        assert!(goals.len() == angles.len(), "{} angles for {}", goals.len(), angles.len());
+        let pull = |(k, goal): (usize, &f64)| (k, penalty * (map.parameters()[k] - goal));
+        angles.zip(goals).map(pull).collect()
+    }
+
+    /// The second derivative of half the penalty by each angle.
+    pub(super) fn angle_stiffness(&self) -> f64 {
+        self.angle_penalty.as_ref().map_or(0.0, |(penalty, _)| *penalty)
+    }
+
+    /// The penalty of the angles.
+    pub(super) fn angle_cost(&self, map: &Composition<f64>) -> f64 {
+        let stiffness = self.angle_stiffness();
+        self.angle_pulls(map).iter().map(|(_, pull)| pull * (pull / stiffness)).sum()
     }
 
     /// Of the components; 1 where all are 0.
@@ -161,7 +206,7 @@ impl<'a> Objective<'a> {
                 total += part;
             }
         }
-        total / self.pairs.len() as f64
+        total / self.pairs.len() as f64 + self.angle_cost(map)
     }
 
     /// The loss; `gradient` ← its gradient in the parameters. Costs about
@@ -181,10 +226,13 @@ impl<'a> Objective<'a> {
             }
         }
         let count = self.pairs.len() as f64;
-        for g in gradient {
+        for g in &mut *gradient {
             *g /= count;
         }
-        total / count
+        for (k, pull) in self.angle_pulls(map) {
+            gradient[k] += 2.0 * pull;
+        }
+        total / count + self.angle_cost(map)
     }
 
     /// (2/N) Σ Σ_c weight_c b_c ∇P_c at the parameters of `map`, b being the bend
@@ -226,6 +274,9 @@ impl<'a> Objective<'a> {
         }
         for d in &mut diagonal {
             *d *= 2.0 / self.pairs.len() as f64;
+        }
+        for (k, _) in self.angle_pulls(map) {
+            diagonal[k] += 2.0 * self.angle_stiffness();
         }
         diagonal
     }

@@ -113,7 +113,11 @@ impl Objective<'_> {
                 }
             }
         }
-        NormalEquations { matrix, gradient, loss }
+        for (k, pull) in self.angle_pulls(map) {
+            matrix[(k, k)] += 2.0 * self.angle_stiffness();
+            gradient[k] += 2.0 * pull;
+        }
+        NormalEquations { matrix, gradient, loss: loss + self.angle_cost(map) }
     }
 }
 

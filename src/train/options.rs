@@ -70,6 +70,10 @@ pub struct TrainingOptions {
     /// The angles θ of the circles stay what they are at the start.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub theta_fixed: bool,
+    /// What is added to the loss: so many times Σ (θ − θ⁰)² over the circles, θ⁰ being the
+    /// angle at the start.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub theta_penalty: f64,
     /// What minimises it.
     pub optimiser: Optimiser,
     /// The most iterations; of Adam, epochs.
@@ -106,6 +110,7 @@ impl Default for TrainingOptions {
             loss: Loss::MeanSquaredError,
             near_identity_penalty: 0.0,
             theta_fixed: false,
+            theta_penalty: 0.0,
             optimiser: Optimiser::default(),
             iterations: 1000,
             validate_every: 10,
@@ -118,6 +123,12 @@ impl Default for TrainingOptions {
             fresh_twists: None,
         }
     }
+}
+
+/// Options that are not in use are not written, so that what was trained without them stays what
+/// it was.
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// Fails unless a number of iterations, or the like, is at least one.
@@ -137,9 +148,16 @@ impl TrainingOptions {
             let (name, found) = ("training.near_identity_penalty", self.near_identity_penalty);
             return Err(Error::invalid(name, found, "0: only a gyroceptron has I_ε"));
         }
-        if self.theta_fixed && architecture.circles().is_empty() {
-            let expected = "false: only a gyroceptron has an angle θ";
-            return Err(Error::invalid("training.theta_fixed", true, expected));
+        if architecture.circles().is_empty() {
+            let expected = ": only a gyroceptron has an angle θ";
+            if self.theta_fixed {
+                let expected = format!("false{expected}");
+                return Err(Error::invalid("training.theta_fixed", true, &expected));
+            }
+            if self.theta_penalty > 0.0 {
+                let (name, expected) = ("training.theta_penalty", format!("0{expected}"));
+                return Err(Error::invalid(name, self.theta_penalty, &expected));
+            }
         }
         let twists = match architecture {
             Architecture::NormalForm { shape, .. } => Some(shape.twists.len()),
@@ -161,6 +179,7 @@ impl TrainingOptions {
         at_least_one("training.checkpoint_every", self.checkpoint_every)?;
         for (name, value) in [
             ("training.near_identity_penalty", self.near_identity_penalty),
+            ("training.theta_penalty", self.theta_penalty),
             ("training.target", self.target),
             ("training.gradient_tolerance", self.gradient_tolerance),
         ] {

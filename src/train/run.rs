@@ -160,7 +160,8 @@ pub fn train(
     options.check_for(&model.architecture())?;
     let objective = Objective::new(&options.loss, pairs)?
         .with_near_identity_penalty(options.near_identity_penalty)?
-        .with_fixed_angles(options.theta_fixed);
+        .with_fixed_angles(options.theta_fixed)
+        .with_angle_penalty(options.theta_penalty, model.angles())?;
     let held_out =
         validation.map(|set| Objective::new(&Loss::MeanSquaredError, set)).transpose()?;
     let run = RunIdentity::of(model, pairs, validation, options);

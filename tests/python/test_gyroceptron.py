@@ -204,6 +204,7 @@ def test_bad_input_is_named(tmp_path, pairs, model):
     refuses("flow time", train, *pairs, [1, 0], flow_time=-5.0)
     refuses("theta", train, *pairs, [1, 0], architecture="henon-net", theta=0.5)
     refuses("theta_fixed", train, *pairs, [1, 0], architecture="sympnet", theta_fixed=True)
+    refuses("theta_penalty", train, *pairs, [1, 0], theta_penalty=-1.0)
     refuses("epsilon", train, *pairs, [1, 0], architecture="normal-form", epsilon=0.0)
     refuses("columns: expected 4, found 3", train, pairs[0][:, :3], pairs[1], [1, 0])
     with pytest.raises(gyroceptron.Error) as raised:

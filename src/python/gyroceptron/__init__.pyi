@@ -74,6 +74,7 @@ def train(
     flow_time: float | None = None,
     theta: float | None = None,
     theta_fixed: bool = False,
+    theta_penalty: float = 0.0,
     units: Literal["fitted", "data"] = "fitted",
     validation: float = 0.1,
     seed: int = 0,
