@@ -210,7 +210,7 @@ pub fn normal_form(data: &[u8]) -> Result<Outcome, String> {
     let acts = |circle: &CircleAction| circle.weights().iter().any(|m| *m != 0);
     let sound =
         (1..=turned.count()).contains(&action.circles().len()) && action.circles().iter().all(acts);
-    let shape = NormalFormShape { action, psi, kicks, twists, flow_time };
+    let shape = NormalFormShape { action, psi, kicks, twists, flow_time, perturbation: None };
     let weights = numbers(u, shape.parameter_count());
     let finite = weights.iter().chain([&epsilon, &flow_time]).all(|v| v.is_finite());
     let model = match Model::new(Architecture::NormalForm { shape, epsilon }, weights.clone()) {

@@ -120,6 +120,7 @@ fn long_twists_are_judged_by_bounds_of_their_size() {
         kicks: vec![8; 12],
         twists: vec![8; 16],
         flow_time: 50.0,
+        perturbation: None,
     };
     let architecture = Architecture::NormalForm { shape, epsilon: 0.01 };
     let weights = InitialWeights::Normal { scale: 1.0 };

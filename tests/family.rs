@@ -8,7 +8,7 @@ use gyroceptron::network::{
 };
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
-use gyroceptron::system::{Hamiltonian, Oscillators, ParticleField};
+use gyroceptron::system::{NearlyPeriodic, Oscillators, ParticleField};
 use gyroceptron::train::{
     AdamOptions, Control, LbfgsOptions, LevenbergMarquardtOptions, Loss, Objective, Optimiser,
     TrainingOptions, fit_rotation, train,
@@ -45,6 +45,7 @@ fn models() -> Vec<Model> {
             kicks: vec![3, 2],
             twists: vec![3, 2, 0],
             flow_time: TIME,
+            perturbation: None,
         },
         epsilon: 0.05,
     };
@@ -258,6 +259,7 @@ fn a_normal_form_learns_a_family() {
         kicks: vec![4; 4],
         twists: vec![4; 6],
         flow_time: TIME,
+        perturbation: None,
     };
     let architecture = Architecture::NormalForm { shape, epsilon: 0.05 };
     let weights = InitialWeights::Normal { scale: 0.15 };
@@ -342,7 +344,7 @@ fn the_angles_of_circles_are_those_of_the_action_that_they_make() {
 /// To first order in ε μ₀ changes, to second what averaging makes of it.
 #[test]
 fn averaging_gains_an_order() {
-    fn change<H: Hamiltonian + Sync>(system: &H, z: &[f64], averaged: bool) -> f64 {
+    fn change<H: NearlyPeriodic + Sync>(system: &H, z: &[f64], averaged: bool) -> f64 {
         let time = 2.0 / system.epsilon();
         let states = 200;
         let along = ReferenceTrajectories::of_flow(system, z, time / 199.0, states)

@@ -474,6 +474,7 @@ fn normal_form() -> Model {
         kicks: vec![3, 1],
         twists: vec![4, 2, 0],
         flow_time: 7.5,
+        perturbation: None,
     };
     let architecture = Architecture::NormalForm { shape, epsilon: 0.02 };
     let model = architecture.initialise(InitialWeights::Glorot, 0.3, 5).expect("a model");

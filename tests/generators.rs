@@ -22,29 +22,9 @@ impl Hamiltonian for Mixed {
     fn dof(&self) -> usize {
         2
     }
-    fn epsilon(&self) -> f64 {
-        1.0
-    }
-    fn energy<S: Elementary>(&self, z: &[S]) -> S {
+    fn energy<S: Elementary>(&self, z: &[S], _: f64) -> S {
         z[0] * z[2] * z[1].sin_cos().1
     }
-    fn vector_field<S: Elementary>(&self, z: &[S], out: &mut [S]) {
-        let (s, c) = z[1].sin_cos();
-        out[0] = z[0] * c;
-        out[1] = S::zero();
-        out[2] = -(z[2] * c);
-        out[3] = z[0] * z[2] * s;
-    }
-    fn circle_action(&self) -> CircleAction {
-        CircleAction::new([1, 0])
-    }
-    fn limiting_frequency(&self) -> f64 {
-        1.0
-    }
-    fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
-        self.energy(z)
-    }
-    fn limiting_flow<S: Elementary>(&self, _: &mut [S], _: S) {}
 }
 
 /// ε of the fit.
@@ -140,6 +120,7 @@ fn turned_kicks(kicks: usize) -> Composition<f64> {
         kicks: vec![8; kicks],
         twists: vec![],
         flow_time: 1.0,
+        perturbation: None,
     };
     let architecture = Architecture::NormalForm { shape, epsilon: 1.0 };
     let weights = InitialWeights::Normal { scale: 0.4 };

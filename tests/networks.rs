@@ -230,7 +230,14 @@ fn normal_form(dof: usize) -> NormalForm<f64> {
     }
     let action = TorusAction::new(circles).expect("circles");
     let (psi, kicks) = (vec![3, 2], vec![5, 1, 4]);
-    let shape = NormalFormShape { action, psi, kicks, twists: vec![5, 5, 0, 2], flow_time: 7.0 };
+    let shape = NormalFormShape {
+        action,
+        psi,
+        kicks,
+        twists: vec![5, 5, 0, 2],
+        flow_time: 7.0,
+        perturbation: None,
+    };
     let count = shape.parameter_count();
     NormalForm::new(shape, 0.1, point(count, 8)).expect("valid")
 }

@@ -3,7 +3,10 @@
 use gyroceptron::layer::{
     CircleAction, FastPlanes, Shear, TanhPotential, TorusAction, TurnedKick, Twist, TwistShears,
 };
-use gyroceptron::network::{Architecture, InitialWeights, NormalForm, NormalFormShape};
+use gyroceptron::measure::{CertificateOptions, certify, certify_normal_form, log_slope};
+use gyroceptron::network::{
+    Architecture, InitialWeights, Model, NormalForm, NormalFormShape, Rollout,
+};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Over, Real, Scalar, Tracked, max_or_nan};
@@ -333,7 +336,14 @@ fn normal_form<P: Real>(
 ) -> NormalForm<P> {
     let action = actions()[number].clone();
     let (psi, kicks) = (vec![3], vec![4, 2]);
-    let shape = NormalFormShape { action, psi, kicks, twists: vec![3, 2, 0], flow_time: 5.0 };
+    let shape = NormalFormShape {
+        action,
+        psi,
+        kicks,
+        twists: vec![3, 2, 0],
+        flow_time: 5.0,
+        perturbation: None,
+    };
     let mut stream = Stream::new(number as u64, "normal form");
     let count = shape.parameter_count();
     let parameters = (0..count).map(|index| lift(index, stream.uniform(-0.7, 0.7))).collect();
@@ -479,6 +489,7 @@ fn shears_without_neurons_are_of_momenta_only_and_begin_somewhere() {
         kicks: vec![],
         twists: twists.to_vec(),
         flow_time: 1.0,
+        perturbation: None,
     };
     assert!(shape(&[0, 3]).check().is_ok());
     assert!(shape(&[3, 0]).check().is_err());
@@ -490,5 +501,160 @@ fn shears_without_neurons_are_of_momenta_only_and_begin_somewhere() {
             form.iter().all(|entry| entry.abs() > 1e-4 && entry.abs() < 3.0),
             "{weights:?} {form:?}"
         );
+    }
+}
+
+/// χ∘K_ε∘Φ_θ∘T∘χ⁻¹, χ and T of order one.
+fn nearly_integrable<P: Real>(
+    number: usize,
+    epsilon: P,
+    lift: impl Fn(usize, f64) -> P,
+) -> NormalForm<P> {
+    let shape = NormalFormShape {
+        action: actions()[number].clone(),
+        psi: vec![3],
+        kicks: vec![4, 2],
+        twists: vec![3, 2],
+        flow_time: 0.7,
+        perturbation: Some(vec![3, 5]),
+    };
+    let mut stream = Stream::new(number as u64, "nearly integrable");
+    let count = shape.parameter_count();
+    let parameters = (0..count).map(|index| lift(index, stream.uniform(-0.7, 0.7))).collect();
+    NormalForm::new(shape, epsilon, parameters).expect("valid")
+}
+
+#[test]
+fn the_pullback_of_a_nearly_integrable_map_is_that_of_duals() {
+    for number in 0..actions().len() {
+        let map = nearly_integrable(number, 0.1, |_, v| v);
+        let (dim, count) = (2 * map.shape().dof(), map.composition().parameters().len());
+        let z = start(dim);
+        let mut recording = map.composition().recording();
+        map.composition().forward_recording(&mut z.clone(), &mut recording);
+        let cotangent: Vec<f64> = (0..dim).map(|i| 1.0 - 0.2 * i as f64).collect();
+        let (mut z_bar, mut parameters_bar) = (cotangent.clone(), vec![0.0; count]);
+        map.composition().pullback(&mut recording, &mut z_bar, &mut parameters_bar);
+        for index in 0..count {
+            let lift = |k: usize, v: f64| D::variable(v, usize::from(k != index));
+            let map = nearly_integrable(number, D::constant(0.1), lift);
+            let mut z: Vec<D> = z.iter().map(|&v| D::constant(v)).collect();
+            map.composition().forward(&mut z);
+            let pulled: f64 = z.iter().zip(&cotangent).map(|(z, c)| z.eps[0] * c).sum();
+            let found = parameters_bar[index];
+            assert!((found - pulled).abs() < 1e-11, "{number}, {index}: {found} {pulled}");
+        }
+    }
+}
+
+/// At ε = 0 the actions stay, whatever the weights; beside it they move by O(ε), and the map
+/// without its perturbation is that at ε = 0.
+#[test]
+fn a_perturbation_moves_the_actions_by_epsilon() {
+    for number in 0..actions().len() {
+        let map = nearly_integrable(number, 0.0, |_, v| v);
+        let z = start(2 * map.shape().dof());
+        let moved_by = |epsilon: f64| {
+            let map = map.at_epsilon(epsilon);
+            let [chart, inner] = map.chart_and_inner_map();
+            assert_eq!([chart.epsilon(), inner.epsilon()], [epsilon; 2]);
+            let mut w = z.clone();
+            chart.inverse(&mut w);
+            let actions = |w: &[f64]| -> Vec<f64> {
+                map.shape().action.circles().iter().map(|circle| circle.invariant(w)).collect()
+            };
+            let before = actions(&w);
+            inner.forward(&mut w);
+            let change = largest_difference(&actions(&w), &before);
+            chart.forward(&mut w);
+            let mut whole = z.clone();
+            map.composition().forward(&mut whole);
+            assert_eq!(w, whole);
+            (change, w)
+        };
+        let (still, unperturbed) = moved_by(0.0);
+        assert!(still < 1e-14, "{number}: {still:e}");
+        let epsilons = [4e-4, 2e-4, 1e-4];
+        let slope = log_slope(&epsilons, &epsilons.map(|epsilon| moved_by(epsilon).0));
+        assert!((slope - 1.0).abs() < 0.01, "{number}: {slope}");
+        let [chart, _] = map.chart_and_inner_map();
+        let mut charted = z.clone();
+        chart.forward(&mut charted);
+        assert!(largest_difference(&charted, &z) > 0.02, "{number}: χ is of order one");
+
+        let shape = NormalFormShape { perturbation: Some(Vec::new()), ..map.shape().clone() };
+        assert!(shape.is_integrable() && !map.shape().is_integrable());
+        let mut parameters = map.composition().parameters().to_vec();
+        parameters.drain(shape.theta()..map.shape().theta());
+        let plain = NormalForm::new(shape, 0.3, parameters).expect("valid");
+        let mut by_plain = z.clone();
+        plain.composition().forward(&mut by_plain);
+        assert_eq!(by_plain, unperturbed);
+        // The kicks of the perturbation alone are near the identity.
+        let near = map.at_epsilon(0.1).composition().near_identity_part();
+        assert_eq!(near.steps().len(), 2);
+        let told = map.iterated(2).expect_err("other powers").to_string();
+        assert!(told.contains("perturbation"), "{told}");
+        assert!(plain.iterated(2).is_ok());
+    }
+}
+
+#[test]
+fn nearly_integrable_maps_hold_their_laws() {
+    for number in 0..actions().len() {
+        let map = nearly_integrable(number, 0.05, |_, v| v);
+        let options = CertificateOptions { samples: 60, ..Default::default() };
+        let certificate = certify(&Model::NormalForm(map.clone()), options);
+        certificate.assert_holds();
+        let at_zero: Vec<_> =
+            certificate.rows.iter().filter(|row| row.law.ends_with("ε = 0")).collect();
+        assert_eq!(at_zero.len(), 4);
+        // The mutant: taken for integrable at ε ≠ 0.
+        assert!(!certify_normal_form(&map, options).holds(), "{number}");
+    }
+}
+
+/// Of the architecture, in files and at other times.
+#[test]
+fn a_nearly_integrable_model_is_kept_whole() {
+    let map = nearly_integrable(0, 0.05, |_, v| v);
+    let model = Model::NormalForm(map.clone());
+    let text = serde_json::to_string(&model.architecture()).expect("plain");
+    assert!(text.contains("\"perturbation\":[3,5]"), "{text}");
+    let back: Architecture = serde_json::from_str(&text).expect("the same");
+    assert_eq!(back, model.architecture());
+    let names: Vec<String> = back
+        .tensors()
+        .into_iter()
+        .map(|(name, _)| name)
+        .filter(|n| n.starts_with("pert"))
+        .collect();
+    assert_eq!(names[0], "perturbation.0.angles");
+    assert_eq!(names.len(), 8);
+    let count: usize = back.tensors().iter().map(|(_, [r, c])| r * c).sum();
+    assert_eq!(count, back.parameter_count());
+    let random = back.initialise(InitialWeights::Glorot, 0.3, 1).expect("valid");
+    assert_eq!(random.composition().parameters().len(), count);
+    assert_eq!(random.angle(), Some(0.3));
+    // ε of other signs and sizes; the angle and the twist grow with the time, the kicks do not.
+    let other = model.at(-0.1, 2.0).expect("a member");
+    let by_hand = {
+        let shape = NormalFormShape { flow_time: 1.4, ..map.shape().clone() };
+        let mut parameters = map.composition().parameters().to_vec();
+        let theta = shape.theta();
+        parameters[theta..].iter_mut().for_each(|angle| *angle *= 2.0);
+        NormalForm::new(shape, -0.1, parameters).expect("valid")
+    };
+    let (mut a, mut b) = (start(2 * map.shape().dof()), start(2 * map.shape().dof()));
+    other.forward(&mut a);
+    by_hand.composition().forward(&mut b);
+    assert_eq!(a, b);
+    // Roll-outs go to the coordinates of the normal form once.
+    let states = model.rollout(&start(a.len()), Rollout { steps: 5, every: 1 }).expect("finite");
+    let mut by_steps = start(a.len());
+    for step in 1..=5 {
+        model.forward(&mut by_steps);
+        let found = &states[step * a.len()..(step + 1) * a.len()];
+        assert!(largest_difference(found, &by_steps) < 1e-12);
     }
 }

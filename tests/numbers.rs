@@ -1,13 +1,14 @@
 //! The number layer against independent arithmetic.
 
 use astro_float::{BigFloat, Consts, RoundingMode};
-use gyroceptron::flow::{Integrator, runge_kutta_4};
+use gyroceptron::flow::{GaussLegendre, Integrator, runge_kutta_4};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{
     DoubleDouble, Dual, Elementary, Lanes, Real, Scalar, Simd, Tracked, WIDTH, max_or_nan,
     tanh_sech2,
 };
-use gyroceptron::system::{Hamiltonian, Oscillators, ParticleField, System};
+use gyroceptron::system::{FieldLines, Hamiltonian, Oscillators, ParticleField, System};
+use std::f64::consts::TAU;
 
 const BITS: usize = 320;
 const TO_NEAREST: RoundingMode = RoundingMode::ToEven;
@@ -260,6 +261,37 @@ fn products_with_a_vanished_factor_vanish() {
     assert!(bell(Dual::variable(f64::NAN, 0)).re.is_nan());
 }
 
+/// Gauss–Legendre, whose lanes wait for one another, and a field with a cubic to solve.
+#[test]
+fn implicit_steps_in_lanes_are_those_of_one_alone() {
+    let mut stream = Stream::new(4, "lines");
+    let system = FieldLines::new(1e-2);
+    let any = System::FieldLines(system);
+    for count in [1, 8, 11, 19] {
+        let points: Vec<f64> = (0..count)
+            .flat_map(|_| system.at(stream.uniform(0.05, 0.95), stream.uniform(-3.0, 3.0)))
+            .collect();
+        for (stages, steps) in [(1, 5), (3, 2), (6, 1)] {
+            let method = GaussLegendre::new(stages);
+            let mut alone = Vec::new();
+            let mut z = points.clone();
+            for _ in 0..3 {
+                for z in z.chunks_exact_mut(2) {
+                    method.integrate(&system, z, TAU, 4 * steps).expect("converges");
+                }
+                alone.extend_from_slice(&z);
+            }
+            for set in Simd::ALL.into_iter().filter(|set| set.is_available()) {
+                set.limit();
+                let by = Integrator::GaussLegendre { stages };
+                let states = by.trajectories(&any, &points, TAU, 4 * steps, 3).expect("moved");
+                assert_eq!(states, alone, "{stages} stages, {count} points, {set:?}");
+            }
+            Simd::Avx512.limit();
+        }
+    }
+}
+
 /// Integrators move several trajectories in lanes: with the bits of each alone, on
 /// each instruction set.
 #[test]
@@ -286,7 +318,11 @@ fn trajectories_in_lanes_are_those_of_one_alone() {
                 for _ in 0..3 {
                     for z in z.chunks_exact_mut(dim) {
                         match integrator.splitting() {
-                            Some(splitting) => splitting.integrate(&system, z, 0.3, 2),
+                            Some(splitting) => match &system {
+                                System::Oscillators(s) => splitting.integrate(s, z, 0.3, 2),
+                                System::ParticleField(s) => splitting.integrate(s, z, 0.3, 2),
+                                System::FieldLines(_) => panic!("no parts"),
+                            },
                             None => runge_kutta_4(&system, z, 0.3, 2),
                         }
                     }

@@ -1,11 +1,14 @@
 //! Scenes on pairs and trajectories of one's own, of a system that the crate need not know.
 #![cfg(feature = "cli")]
 
-use gyroceptron::flow::{Pairs, Trajectories, Window, sample};
-use gyroceptron::io::{load_model, read_trajectories, write_pairs, write_points};
+use gyroceptron::flow::{Pairs, ReferenceTrajectories, Trajectories, Window, sample};
+use gyroceptron::io::{
+    load_model, read_trajectories, write_pairs, write_points, write_trajectories,
+};
 use gyroceptron::network::Rollout;
 use gyroceptron::random::Stream;
-use gyroceptron::system::Oscillators;
+use gyroceptron::scalar::{Elementary, constant};
+use gyroceptron::system::{Hamiltonian, Oscillators};
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -251,4 +254,64 @@ fn trajectories_are_read_in_either_order() {
             assert_eq!(found.state(t, m), expected);
         }
     }
+}
+
+/// What the library writes for a Hamiltonian of one's own, the program takes.
+#[test]
+fn a_hamiltonian_of_ones_own_makes_a_scene() {
+    struct Springy;
+    impl Hamiltonian for Springy {
+        fn dof(&self) -> usize {
+            2
+        }
+        fn energy<S: Elementary>(&self, z: &[S], _: f64) -> S {
+            let (half, one) = (constant::<S>(0.5), constant::<S>(1.0));
+            let slow = half * z[3] * z[3] - (one + z[0]) * z[1].sin_cos().1;
+            half * (z[0] * z[0] + z[2] * z[2]) + constant::<S>(0.02) * slow
+        }
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: 400 };
+    let points = sample(&[window], 2, &mut Stream::new(1, "points")).expect("a window");
+    let (pairs, error) = Pairs::of_flow(&Springy, points, 5.0).expect("converges");
+    let initial = [0.8, 0.4, 0.0, 0.0];
+    let orbit = ReferenceTrajectories::of_flow(&Springy, &initial, 5.0, 11).expect("converges");
+    assert!(error < 1e-12 && orbit.error < 1e-12);
+    write_pairs(&path.join("pairs.npz"), &pairs).expect("written");
+    write_trajectories(&path.join("t.npy"), &orbit.trajectories).expect("written");
+    let back = read_trajectories(&path.join("t.npy"), 2).expect("trajectories");
+    assert_eq!(back, orbit.trajectories);
+    let scene = r#"
+name = "springy"
+flow_time = 5.0
+
+[data]
+pairs = "pairs.npz"
+trajectories = "t.npy"
+circle_action = [1, 0]
+epsilon = 0.02
+validation = 0.1
+
+[training]
+iterations = 60
+optimiser = { kind = "levenberg-marquardt" }
+
+[rollout]
+steps = 10
+every = 1
+
+[[models]]
+name = "form"
+network = { kind = "normal-form", kicks = { count = 6, width = 4 }, twists = { count = 6, width = 4 } }
+weights = { kind = "normal", scale = 0.15 }
+"#;
+    std::fs::write(path.join("own.toml"), scene).expect("written");
+    let output = run(path, "own.toml", "out");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report = std::fs::read_to_string(path.join("out/report.json")).expect("a report");
+    let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+    let rolled = &report["studies"]["rollout"]["models"][0];
+    let error = rolled["rms_error"].as_f64().expect("a number");
+    assert!(error < 1e-3, "{rolled}");
 }

@@ -5,7 +5,7 @@ use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::io::{
     StoredModel, load_model, read_pairs, read_points, save_model, write_pairs, write_points,
 };
-use gyroceptron::network::{Rollout, rollout};
+use gyroceptron::network::{Architecture, Rollout, rollout};
 use gyroceptron::random::Stream;
 use gyroceptron::system::Oscillators;
 use serde_json::Value;
@@ -770,6 +770,61 @@ fn a_known_angle_is_left() {
     refuses(path, &net.collect::<Vec<_>>(), &["theta_penalty"]);
 }
 
+/// A normal form of order one, with a perturbation beside it or none.
+#[test]
+fn a_nearly_integrable_map_is_trained() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let start = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--iterations", "5"];
+    let train = |output: &str, perturbation: &str| {
+        let form = ["--architecture", "normal-form", "--perturbation", perturbation];
+        succeeds(path, &[&start[..], &form, &["--output", output]].concat());
+        load_model(&path.join(output)).expect("a model").model.architecture()
+    };
+    let widths = |of: Architecture| match of {
+        Architecture::NormalForm { shape, .. } => shape.perturbation,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(widths(train("near.json", "2x3")), Some(vec![3, 3]));
+    assert_eq!(widths(train("none.json", "0x3")), Some(vec![]));
+    let weights = ["export", "--model", "near.json", "--output", "w.npz"];
+    succeeds(path, &weights);
+    let import = ["import", "--weights", "w.npz", "--circle-action", "1,0", "--epsilon", "0.01"];
+    let back = [&import[..], &["--flow-time", "1", "--output", "back.json"]].concat();
+    let told = text(&succeeds(path, &back).stdout);
+    assert!(told.contains("2 turned kicks of the perturbation"), "{told}");
+    let back = load_model(&path.join("back.json")).expect("a model").model.architecture();
+    assert_eq!(widths(back), Some(vec![3, 3]));
+    let net = [&start[..], &["--perturbation", "2x3", "--output", "x.json"]].concat();
+    refuses(path, &net, &["--perturbation", "normal form"]);
+    let form = ["--architecture", "normal-form", "--perturbation", "2", "--output", "x.json"];
+    refuses(path, &[&start[..], &form].concat(), &["--perturbation"]);
+}
+
+/// A circle action that nobody told.
+#[test]
+fn a_circle_action_is_chosen() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let auto = ["train", "--data", "pairs.npz", "--circle-action", "auto", "--iterations", "3"];
+    let output = succeeds(path, &[&auto[..], &["--output", "model.json"]].concat());
+    let told = text(&output.stderr);
+    assert!(told.contains("circle action 1,0 is as near as"), "{told}");
+    let model = load_model(&path.join("model.json")).expect("a model").model;
+    assert_eq!(model.architecture().circles()[0].weights(), [1, 0]);
+    let report = std::fs::read_to_string(path.join("model-report/report.md")).expect("a report");
+    assert!(report.contains("--circle-action 1,0"), "what was chosen is what is repeated");
+    // Pairs that stand still turn by no action.
+    let mut stream = Stream::new(1, "still");
+    let points: Vec<f64> = (0..80).map(|_| stream.uniform(-1.0, 1.0)).collect();
+    let still = Pairs::new("still", 2, points.clone(), points).expect("whole");
+    write_pairs(&path.join("still.npz"), &still).expect("written");
+    let auto = ["train", "--data", "still.npz", "--circle-action", "auto", "--output", "x.json"];
+    refuses(path, &auto, &["--circle-action", "not sure", "the planes turn by"]);
+}
+
 /// The networks of all parts, in one table.
 #[test]
 fn parts_have_an_overview() {
@@ -1091,7 +1146,7 @@ fn scenes_are_listed_and_shown() {
 fn the_parameter_counts_of_the_built_in_scenes_are_the_papers() {
     let count = |name: &str, model: usize| {
         let scene = gyroceptron::scene::find(name).and_then(|e| e.scene()).expect("a scene");
-        use gyroceptron::system::Hamiltonian;
+        use gyroceptron::system::NearlyPeriodic;
         let action = scene.setup.system.expect("a system").circle_action();
         scene.setup.models[model]
             .network

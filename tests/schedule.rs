@@ -47,6 +47,7 @@ fn start_of(twists: &[usize], number: u64) -> Result<Model, Error> {
         kicks: vec![3; 2],
         twists: twists.to_vec(),
         flow_time: TIME,
+        perturbation: None,
     };
     let architecture = Architecture::NormalForm { shape, epsilon: EPSILON };
     architecture.initialise(InitialWeights::Normal { scale: 0.3 }, TIME, 7 + number)
@@ -262,6 +263,7 @@ fn repeats_that_do_not_divide_are_refused() {
             kicks: vec![3],
             twists: vec![3; twists],
             flow_time: TIME,
+            perturbation: None,
         };
         let architecture = Architecture::NormalForm { shape, epsilon: EPSILON };
         let found = options.check().and_then(|()| options.check_for(&architecture));

@@ -9,7 +9,7 @@ use gyroceptron::network::{Architecture, Gyroceptron, GyroceptronShape, InitialW
 use gyroceptron::phase::Map;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{Event, Folder, Observer, Report, Scene, find, parse, render, run};
-use gyroceptron::system::{Hamiltonian, ParticleField};
+use gyroceptron::system::{NearlyPeriodic, ParticleField};
 use gyroceptron::{Error, flow};
 use serde_json::Value;
 use std::path::Path;
@@ -421,7 +421,7 @@ fn the_learnt_invariant_is_followed_along_both_orbits() {
     let along = &own["along_own_orbits"]["along"][0];
     assert_eq!(number(&along["initial"]), initial);
     assert!((number(&along["largest"]) - largest).abs() <= 1e-12);
-    let reference = flow::Reference::new(&gyroceptron::system::Oscillators { epsilon: 0.01 });
+    let reference = flow::Reference::new(&gyroceptron::system::Oscillators { epsilon: 0.01 }, &z);
     let mut z: [f64; 4] = [1.5, 0.15, 0.0, 0.0];
     let mut largest = 0.0_f64;
     for _ in 0..200 {
@@ -871,4 +871,104 @@ fn families_that_do_not_fit_are_refused() {
     with("states = 200", "states = 1", &["states"]);
     with("epsilons = [0.02, 0.01]", "relative = true\nepsilons = [0.0, 0.01]", &["relative"]);
     with("[0.5, 0.6, 0.0, 0.0]", "[0.5]", &["initial"]);
+}
+
+const SURFACES: &str = r#"
+name = "lines"
+seed = 1
+flow_time = 6.283185307179586
+plots = ["section"]
+
+[system]
+kind = "field-lines"
+epsilon = 4e-3
+
+[data]
+validation = 0.25
+windows = [{ low = [-1.04, -1.16], high = [1.04, 0.82], samples = 200 }]
+
+[training]
+iterations = 3
+
+[surfaces]
+radii = [0.2, 0.48]
+theta = 0.0
+steps = 200
+early = 5
+last = 100
+island = 80
+rounds = 1
+
+[[surfaces.integrators]]
+integrator = { kind = "runge-kutta-4" }
+steps = [8]
+
+[[surfaces.integrators]]
+integrator = { kind = "gauss-legendre", stages = 1 }
+steps = [10, 20]
+
+[[surfaces.integrators]]
+integrator = { kind = "gauss-legendre", stages = 6 }
+steps = [10]
+
+[[models]]
+name = "integrable"
+network = { kind = "normal-form", kicks = { count = 2, width = 2 }, twists = { count = 1, width = 2 }, perturbation = { count = 0, width = 2 } }
+weights = { kind = "normal", scale = 0.1 }
+"#;
+
+/// An integrator of small errors lies on the surfaces and has the island of the reference, others
+/// are off by what they are; a map that is integrable has none.
+#[test]
+fn surfaces_tell_methods_apart() {
+    let folder = temporary();
+    let scene = parse("lines", SURFACES).expect("a scene");
+    assert!(scene.citations().iter().any(|entry| entry.contains("RathEtAl2021")));
+    let report = run_in(folder.path(), &scene);
+    let data = render::json(&report);
+    let found = &data["studies"]["surfaces"];
+    let number = |value: &Value| value.as_f64().expect("a number");
+    let ends = |value: &Value| [number(&value[0]), number(&value[1])];
+    let island = ends(&found["island"]);
+    // A pendulum in the action r²/2: 4√(εf/|dω/dJ|) wide, to first order.
+    let (iota, square): (f64, f64) = (2.0 / 5_f64.sqrt(), 1.0 - 5_f64.sqrt() / 3.0);
+    let f = iota * (square / 2.0 - square * square / 4.0);
+    let action = (island[1].powi(2) - island[0].powi(2)) / 2.0;
+    let expected = 4.0 * (4e-3 * f / (2.0 * iota)).sqrt();
+    assert!((action / expected - 1.0).abs() < 0.2, "{action} for {expected}");
+    let of = |name: &str, steps: Option<u64>| {
+        let methods = found["methods"].as_array().expect("methods");
+        let fits = |m: &&Value| m["name"] == name && m["steps"].as_u64() == steps;
+        let method = methods.iter().find(fits).expect(name).clone();
+        // The innermost line, far from resonances.
+        let largest = number(&method["surfaces"][0][1]);
+        (method, largest)
+    };
+    let (exact, on) = of("Gauss–Legendre, 6 stages", Some(10));
+    assert!(on < 1e-9 && number(&exact["early"]) < 1e-10, "{exact}");
+    assert_eq!(ends(&exact["island"]), island);
+    let (coarse, off) = of("Gauss–Legendre, 1 stage", Some(10));
+    let (fine, less) = of("Gauss–Legendre, 1 stage", Some(20));
+    // Second order; on the surfaces the points of the reference are not dense.
+    let ratio = number(&coarse["early"]) / number(&fine["early"]);
+    assert!((ratio - 4.0).abs() < 0.8 && off > 1e-3 && less > 1e-4, "{coarse} {fine}");
+    let [low, high] = ends(&fine["island"]);
+    assert!((high - low) / (island[1] - island[0]) - 1.0 < 0.1 && low != island[0]);
+    let (lost, far) = of("RK4", Some(8));
+    assert!(far > 10.0 * less, "{lost}");
+    let (integrable, _) = of("integrable", None);
+    assert!(integrable["island"].is_null() && number(&integrable["early"]) > 1e-2);
+    let svg = std::fs::read_to_string(folder.path().join("section.svg")).expect("drawn");
+    assert!(svg.contains("reference") && svg.contains("integrable"));
+
+    refused(&SURFACES.replace("0.48]", "1.48]"), &["torus"]);
+    refused(&SURFACES.replace("runge-kutta-4", "strang"), &["no parts with exact flows"]);
+    refused(&SURFACES.replace("last = 100", "last = 1000"), &["last"]);
+    refused(&SURFACES.replace("steps = [8]", "steps = [0]"), &["steps"]);
+    let half = SURFACES.replace("flow_time = 6.283185307179586", "flow_time = 1.5");
+    let half = parse("half", &half).expect("a scene");
+    let folder = temporary();
+    let folder = Folder::open(folder.path(), false, false).expect("a folder");
+    let told = run(&half, &folder, &mut Quiet).expect_err("no whole periods").to_string();
+    assert!(told.contains("a multiple of the period"), "{told}");
 }

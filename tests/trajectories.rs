@@ -1,10 +1,17 @@
 //! Trajectories, and what is measured along them.
 
 use gyroceptron::flow::{Integrator, Pairs, ReferenceTrajectories, Trajectories};
-use gyroceptron::measure::{Milestone, departures, distances_along, drifts, level_set, milestones};
+use gyroceptron::layer::CircleAction;
+use gyroceptron::measure::{
+    Milestone, component_errors, departures, distances_along, drift_exponent, drifts, level_set,
+    milestones,
+};
+use gyroceptron::network::{Architecture, InitialWeights, NormalFormShape};
+use gyroceptron::phase::Map;
+use gyroceptron::random::Stream;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::system::{
-    AveragedOscillator, Counted, Hamiltonian, Oscillators, ParticleField, System,
+    AveragedOscillator, Counted, Hamiltonian, NearlyPeriodic, Oscillators, ParticleField, System,
 };
 
 /// Three states of two trajectories in a plane.
@@ -91,7 +98,7 @@ fn reference_trajectories_follow_the_flow() {
     let coupled = system.with_epsilon(0.1);
     assert_eq!(coupled.epsilon(), 0.1);
     let long = ReferenceTrajectories::of_flow(&coupled, &initial, 0.7, 21).expect("converges");
-    for drift in drifts(&long.trajectories, |z| coupled.energy(z)) {
+    for drift in drifts(&long.trajectories, |z| coupled.energy(z, 0.0)) {
         assert!(drift.largest < 1e-13, "{drift:?}");
     }
     let short = ReferenceTrajectories::of_flow(&coupled, &initial, 0.7, 11).expect("converges");
@@ -153,10 +160,10 @@ fn level_sets_keep_the_energy_and_close() {
     assert_eq!(start, [0.4, 0.1]);
     let points = level_set(&averaged, start, 0.02, 600).expect("converges");
     assert_eq!((points.len(), points[0]), (601, (0.4, 0.1)));
-    let energy = averaged.energy(&start);
+    let energy = averaged.energy(&start, 0.0);
     let mut back = f64::INFINITY;
     for (t, (q, p)) in points.iter().enumerate() {
-        let drift = (averaged.energy(&[*q, *p]) - energy).abs();
+        let drift = (averaged.energy(&[*q, *p], 0.0) - energy).abs();
         assert!(drift < 1e-14, "{drift:e} at {t}");
         if t > 100 {
             // no NaN: the energy of the point is a number
@@ -166,4 +173,61 @@ fn level_sets_keep_the_energy_and_close() {
     assert!(back < 0.02, "it does not come back: {back}");
     let of_three = ParticleField::two_modes(0.01);
     assert!(level_set(&of_three, start, 0.02, 600).is_err());
+}
+
+/// Of few states the first hundredth is none: the exponent is of those after the first.
+#[test]
+fn short_trajectories_have_an_exponent_too() {
+    for last in [20_u32, 49, 200, 5000] {
+        let values: Vec<f64> = (0..=last).map(|t| 3.0 + 0.1 * f64::from(t)).collect();
+        let line = Trajectories::new(values, 1, 1).expect("whole");
+        let exponent = drift_exponent(&line, |v| v[0]);
+        assert!((exponent - 1.0).abs() < 1e-9, "{last}: {exponent}");
+    }
+}
+
+/// By definition, and of each condition by its own map.
+#[test]
+fn errors_of_components_are_their_definition() {
+    let shape = NormalFormShape {
+        action: CircleAction::new([1, 0]).into(),
+        psi: Vec::new(),
+        kicks: vec![3],
+        twists: vec![3, 3],
+        flow_time: 1.0,
+        perturbation: None,
+    };
+    let model = Architecture::NormalForm { shape, epsilon: 0.1 }
+        .initialise(InitialWeights::Glorot, 0.7, 1)
+        .expect("valid");
+    let mut stream = Stream::new(1, "pairs");
+    let mut uniform =
+        |count: usize| -> Vec<f64> { (0..count).map(|_| stream.uniform(-1.0, 1.0)).collect() };
+    let plain = Pairs::new("pairs", 2, uniform(4 * 30), uniform(4 * 30)).expect("whole");
+    let family = plain
+        .clone()
+        .under(&[vec![0.1; 10], vec![0.2; 20]].concat(), &[vec![1.0; 10], vec![3.0; 20]].concat());
+    for pairs in [plain, family.expect("a family")] {
+        let mut squares = [0.0; 4];
+        for (k, (z, target)) in
+            pairs.input().chunks_exact(4).zip(pairs.output().chunks_exact(4)).enumerate()
+        {
+            let at = match pairs.conditions().is_empty() {
+                true => model.clone(),
+                false if k < 10 => model.at(0.1, 1.0).expect("a member"),
+                false => model.at(0.2, 3.0).expect("a member"),
+            };
+            let mut w = z.to_vec();
+            at.forward(&mut w);
+            for c in 0..4 {
+                squares[c] += (w[c] - target[c]).powi(2);
+            }
+        }
+        let found = component_errors(model.composition(), &pairs).expect("finite");
+        assert_eq!(found.len(), 4);
+        for (found, square) in found.iter().zip(squares) {
+            let expected = (square / 30.0).sqrt();
+            assert!((found - expected).abs() < 1e-13 * expected, "{found} {expected}");
+        }
+    }
 }

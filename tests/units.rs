@@ -1,7 +1,7 @@
 //! Data in units that nobody chose for a network: fitted, undone, kept with the model.
 #![cfg(feature = "files")]
 
-use gyroceptron::flow::{Pairs, Window, sample};
+use gyroceptron::flow::{Integrator, Pairs, Window, sample};
 use gyroceptron::io::{
     Provenance, StoredModel, export_weights, model_text, parse_model, read_tensors, take_units,
 };
@@ -16,8 +16,8 @@ use gyroceptron::network::{
 use gyroceptron::phase::{Direction, InUnits, Map, Units};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Scalar, constant};
-use gyroceptron::system::{Oscillators, ParticleField};
-use gyroceptron::train::{fit_rotation, fit_units};
+use gyroceptron::system::{Hamiltonian, Oscillators, ParticleField, System};
+use gyroceptron::train::{ActionFit, fit_rotation, fit_units};
 
 fn action() -> TorusAction {
     CircleAction::new([1, 0]).into()
@@ -329,4 +329,102 @@ fn files_keep_units() {
         let told = take_units(name, &mut tensors, 2).expect_err("one is missing").to_string();
         assert!(told.contains("units.centre"), "{told}");
     }
+}
+
+/// Planes that turn by angles of their own, in units of their own, about points of their own, with some
+/// slow motion beside.
+fn turning(angles: &[f64], beside: f64, seed: u64) -> Pairs {
+    let dof = angles.len();
+    let mut stream = Stream::new(seed, "turning");
+    let (mut input, mut output) = (Vec::new(), Vec::new());
+    let factors: Vec<f64> = (0..2 * dof).map(|k| 10.0_f64.powi((k as i32 * 5) % 7 - 3)).collect();
+    for _ in 0..300 {
+        let w: Vec<f64> = (0..2 * dof).map(|_| stream.normal()).collect();
+        let mut turned = w.clone();
+        for (j, angle) in angles.iter().enumerate() {
+            let (s, c) = angle.sin_cos();
+            turned[j] = c * w[j] + s * w[dof + j] + beside * w[(j + 1) % dof].powi(2);
+            turned[dof + j] = c * w[dof + j] - s * w[j] + beside * w[j].sin();
+        }
+        let data = |w: &[f64]| -> Vec<f64> {
+            w.iter().zip(&factors).map(|(v, factor)| factor * (v + 2.0)).collect()
+        };
+        input.extend(data(&w));
+        output.extend(data(&turned));
+    }
+    Pairs::new("turning", dof, input, output).expect("whole")
+}
+
+#[test]
+fn a_circle_action_is_found() {
+    for (weights, theta) in [
+        (vec![1, 0], 0.7),
+        (vec![0, 1], 2.5),
+        (vec![1, -2], 0.9),
+        (vec![1, 2], 0.8),
+        (vec![0, 1, 2], 0.6),
+        (vec![1, 0, -1], 0.4),
+        (vec![1, 1], 0.6),
+        (vec![0, 0, 1, 2], 0.5),
+        (vec![1], 0.3),
+    ] {
+        let angles: Vec<f64> = weights.iter().map(|m| f64::from(*m) * theta).collect();
+        for (seed, beside) in [(1, 0.0), (2, 0.02)] {
+            let fit = ActionFit::of(&turning(&angles, beside, seed)).expect("a linear map");
+            let found = fit.action().weights();
+            let turned: Vec<i32> = weights.iter().map(|m| -m).collect();
+            assert!(found == weights || found == turned, "{weights:?}: {}", fit.told());
+            assert!(fit.is_sure(), "{weights:?}: {}", fit.told());
+            for (found, angle) in fit.angles.iter().zip(&angles) {
+                let chord = 2.0 * (0.5 * (found - angle)).sin().abs();
+                assert!(chord < if beside > 0.0 { 0.05 } else { 1e-6 }, "{}", fit.told());
+            }
+        }
+    }
+    // Several turn these planes about alike, and nobody can tell which is meant.
+    let third = std::f64::consts::TAU / 3.0;
+    for angles in [vec![third, -third], vec![0.8, 1.294], vec![1.1, 1.65], vec![0.0, 0.0]] {
+        let fit = ActionFit::of(&turning(&angles, 0.0, 3)).expect("a linear map");
+        assert!(!fit.is_sure(), "{angles:?}: {}", fit.told());
+    }
+    let few = turning(&[0.3, 0.0], 0.0, 1).thinned(4);
+    assert!(ActionFit::of(&few).expect_err("too few").to_string().contains("4 pairs"));
+    let flat = Pairs::new("flat", 1, vec![1.0, 0.0, 2.0, 0.0, 3.0, 0.0, 4.0, 0.0], vec![1.0; 8]);
+    assert!(ActionFit::of(&flat.expect("whole")).is_err());
+    assert!(ActionFit::of(&turning(&[0.1; 6], 0.0, 1)).is_err());
+}
+
+/// Of the flow maps of two systems, at ten flow times, ε and seeds each.
+#[test]
+fn circle_actions_of_flow_maps_are_found() {
+    let (mut right, mut sure_and_wrong) = ([0; 2], 0);
+    for seed in 0..10 {
+        let mut stream = Stream::new(seed, "tries");
+        let epsilon = 10.0_f64.powf(stream.uniform(-3.0, -1.3));
+        let time = stream.uniform(0.3, 8.0);
+        let window = |dof: usize| Window {
+            low: vec![-1.0; 2 * dof],
+            high: vec![1.0; 2 * dof],
+            samples: 200,
+        };
+        let points = |dof: usize, stream: &mut Stream| {
+            sample(&[window(dof)], dof, stream).expect("a window")
+        };
+        let systems = [
+            System::Oscillators(Oscillators { epsilon }),
+            System::ParticleField(ParticleField::two_modes(epsilon)),
+        ];
+        let pairs = systems.map(|system| {
+            let points = points(system.dof(), &mut stream);
+            Pairs::of_integrator(&system, points, time, Integrator::Aba864, 100)
+        });
+        for (k, (pairs, weights)) in pairs.into_iter().zip([&[1, 0][..], &[0, 1, 2]]).enumerate() {
+            let fit = ActionFit::of(&pairs.expect("finite").0).expect("a linear map");
+            let is_right = fit.action().weights() == weights;
+            right[k] += usize::from(is_right);
+            sure_and_wrong += usize::from(fit.is_sure() && !is_right);
+        }
+    }
+    assert!(right.iter().all(|right| *right >= 9), "{right:?}");
+    assert_eq!(sure_and_wrong, 0);
 }

@@ -54,6 +54,7 @@ impl Case {
             kicks: vec![3, 2],
             twists: vec![3; 3],
             flow_time: 2.5,
+            perturbation: None,
         };
         let mut stream = Stream::new(self.seed, "weights");
         let count = shape.parameter_count();

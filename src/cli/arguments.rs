@@ -75,7 +75,7 @@ pub struct Run {
     pub overwrite: bool,
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct Common {
     /// Threads to use [default: all]; the results do not depend on it.
     #[arg(long, value_name = "N")]
@@ -142,7 +142,7 @@ pub enum UnitsOf {
     Data,
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct Train {
     /// An .npz with `input` and `output`, both (N, 2n) float64, columns
     /// q1 … qn, p1 … pn; of a family of maps, `epsilon` and `flow_time` of each pair
@@ -150,7 +150,8 @@ pub struct Train {
     #[arg(long, value_name = "FILE.npz")]
     pub data: PathBuf,
     /// The integer weight of each plane (q_j, p_j), such as 1,0. Of several circles, each with
-    /// an angle of its own, for a gyroceptron in normal form: such as 0,1,0/0,0,2.
+    /// an angle of its own, for a gyroceptron in normal form: such as 0,1,0/0,0,2. Or auto: those that
+    /// the linear map nearest to the pairs tells, where it does.
     #[arg(long, value_name = "WEIGHTS", allow_hyphen_values = true)]
     pub circle_action: String,
     /// Network and training options are taken from this scene; the options below come
@@ -178,6 +179,10 @@ pub struct Train {
     /// Layers and neurons of I_ε, such as 10x8.
     #[arg(long, value_name = "LAYERSxWIDTH")]
     pub near_identity: Option<String>,
+    /// Turned kicks of a normal form that is nearly integrable, and their neurons: ε scales them
+    /// alone. Give --epsilon of the perturbation; 0x8 is an integrable map.
+    #[arg(long, value_name = "KICKSxWIDTH")]
+    pub perturbation: Option<String>,
     /// Layers and neurons of a HénonNet; linear modules and their shears of a SympNet.
     #[arg(long, value_name = "LAYERSxWIDTH")]
     pub layers: Option<String>,
@@ -362,7 +367,9 @@ pub fn layers(name: &str, text: &str) -> Result<Layers, Error> {
         let (count, width) = text.split_once('x')?;
         Some(Layers { count: count.trim().parse().ok()?, width: width.trim().parse().ok()? })
     };
-    let sound = |layers: &Layers| (1..=100_000).contains(&layers.count) && layers.width > 0;
+    // Of a perturbation there may be none.
+    let least = usize::from(name != "--perturbation");
+    let sound = |layers: &Layers| (least..=100_000).contains(&layers.count) && layers.width > 0;
     parse()
         .filter(sound)
         .ok_or_else(|| Error::invalid(name, text, "layers and neurons, such as 10x8"))

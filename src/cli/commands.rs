@@ -375,6 +375,9 @@ fn describe(model: &Model, path: &Path, as_json: bool) -> Result<Status, Error> 
             let shape = network.shape();
             layers.push(format!("{} turned kicks", shape.kicks.len()));
             layers.push(format!("{} twist shears", shape.twists.len()));
+            if let Some(perturbation) = &shape.perturbation {
+                layers.push(format!("{} turned kicks of the perturbation", perturbation.len()));
+            }
         }
         out(&format!("{}: {count} parameters, {}\n", path.display(), layers.join(", ")))?;
     }

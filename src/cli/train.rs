@@ -21,9 +21,9 @@ use gyroceptron::scene::{
     units_told,
 };
 use gyroceptron::train::{
-    AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions, Optimiser,
-    Place, Preparation, Prepared, Progress as TrainingProgress, Starts, Stop, TrainingOptions,
-    Watch, train_schedule,
+    ActionFit, AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions,
+    Optimiser, Place, Preparation, Prepared, Progress as TrainingProgress, Starts, Stop,
+    TrainingOptions, Watch, train_schedule,
 };
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -66,6 +66,7 @@ fn network(arguments: &Train, of_scene: NetworkSpec) -> Result<NetworkSpec, Erro
     let near_identity = given("--near-identity", &arguments.near_identity)?;
     let plain = given("--layers", &arguments.layers)?;
     let own_kicks = given("--kicks", &arguments.kicks)?;
+    let perturbation = given("--perturbation", &arguments.perturbation)?;
     let own_twists =
         arguments.twists.as_deref().map(|text| twists("--twists", text)).transpose()?;
     let mut network = match arguments.architecture {
@@ -80,14 +81,18 @@ fn network(arguments: &Train, of_scene: NetworkSpec) -> Result<NetworkSpec, Erro
         Err(Error::invalid(name, found, format!("an option of {of}")))
     };
     if !matches!(network, NetworkSpec::NormalForm { .. }) {
-        for (name, value) in [("--kicks", &arguments.kicks), ("--twists", &arguments.twists)] {
+        for (name, value) in [
+            ("--kicks", &arguments.kicks),
+            ("--twists", &arguments.twists),
+            ("--perturbation", &arguments.perturbation),
+        ] {
             if value.is_some() {
                 return unfit(name, value, "gyroceptrons in normal form");
             }
         }
     }
     match &mut network {
-        NetworkSpec::NormalForm { psi: own, kicks, twists, action } => {
+        NetworkSpec::NormalForm { psi: own, kicks, twists, action, perturbation: of } => {
             if plain.is_some() {
                 return unfit("--layers", &arguments.layers, "HénonNets and SympNets");
             }
@@ -97,6 +102,7 @@ fn network(arguments: &Train, of_scene: NetworkSpec) -> Result<NetworkSpec, Erro
             *own = psi.or(*own);
             *kicks = own_kicks.unwrap_or(*kicks);
             *twists = own_twists.unwrap_or(*twists);
+            *of = perturbation.or(*of);
             *action = Some(circle_action(&arguments.circle_action)?);
         }
         NetworkSpec::Gyroceptron { psi: own, near_identity: near, circle_action } => {
@@ -298,7 +304,27 @@ impl Family {
     }
 }
 
+/// The weights of the circle action that the pairs themselves tell.
+fn found_action(arguments: &Train) -> Result<String, Error> {
+    let fit = ActionFit::of(&read_pairs(&arguments.data)?.pairs)?;
+    if !fit.is_sure() {
+        let found = format!("{AUTO}, which is not sure: {}", fit.told());
+        let expected = "weights, or pairs of another flow time";
+        return Err(Error::invalid("--circle-action", found, expected));
+    }
+    Progress::new().note(&format!("{}: {}", arguments.data.display(), fit.told()));
+    let weights: Vec<String> = fit.action().weights().iter().map(i32::to_string).collect();
+    Ok(weights.join(","))
+}
+
+/// The circle action that is found.
+const AUTO: &str = "auto";
+
 pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
+    if arguments.circle_action == AUTO {
+        let circle_action = found_action(arguments)?;
+        return train_pairs(&Train { circle_action, ..arguments.clone() });
+    }
     use_threads(&arguments.common)?;
     check_ending("--output", &arguments.output, "json")?;
     let action = circle_action(&arguments.circle_action)?;

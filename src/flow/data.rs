@@ -39,12 +39,44 @@ impl Window {
 /// # Errors
 /// When a corner is not of 2n finite numbers, or low > high somewhere.
 pub fn sample(windows: &[Window], dof: usize, stream: &mut Stream) -> Result<Vec<f64>, Error> {
+    sample_where(windows, dof, stream, |_| Ok(()))
+}
+
+/// As [`sample`], of the points of the windows at which a system is defined.
+///
+/// # Errors
+/// Those of [`sample`]; where it is defined at none of many points of a window, as it is told there.
+pub fn sample_of(
+    system: &impl Hamiltonian,
+    windows: &[Window],
+    stream: &mut Stream,
+) -> Result<Vec<f64>, Error> {
+    sample_where(windows, system.dof(), stream, |z| system.check_point(z))
+}
+
+fn sample_where(
+    windows: &[Window],
+    dof: usize,
+    stream: &mut Stream,
+    check: impl Fn(&[f64]) -> Result<(), Error>,
+) -> Result<Vec<f64>, Error> {
+    /// Draws in a row without a point: a window that has so few is in the wrong place.
+    const MOST: usize = 10_000;
     let mut points = Vec::new();
     for (index, window) in windows.iter().enumerate() {
-        window.check(&format!("window {index}"), dof)?;
+        let place = format!("window {index}");
+        window.check(&place, dof)?;
         for _ in 0..window.samples {
-            for (low, high) in window.low.iter().zip(&window.high) {
-                points.push(stream.uniform(*low, *high));
+            let first = points.len();
+            for draw in 1.. {
+                for (low, high) in window.low.iter().zip(&window.high) {
+                    points.push(stream.uniform(*low, *high));
+                }
+                match check(&points[first..]) {
+                    Ok(()) => break,
+                    Err(reason) if draw == MOST => return Err(reason.at(place)),
+                    Err(_) => points.truncate(first),
+                }
             }
         }
     }

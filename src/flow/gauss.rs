@@ -1,7 +1,7 @@
 //! Gauss–Legendre collocation: the reference flow, with an error estimate.
 
 use crate::error::Error;
-use crate::scalar::max_or_nan;
+use crate::scalar::{Pack, WIDTH, max_or_nan};
 use crate::system::Hamiltonian;
 
 /// The s-stage Gauss–Legendre Runge–Kutta method: symplectic, of order 2s.
@@ -37,6 +37,9 @@ fn legendre_values(stages: usize, x: f64) -> Vec<f64> {
     }
     values
 }
+
+/// Iterations for the stages of a step.
+const MAXIMUM: usize = 100;
 
 fn out_of_range(step: usize) -> Error {
     Error::Diverged { what: "Gauss–Legendre".into(), place: format!("step {step}") }
@@ -115,7 +118,6 @@ impl GaussLegendre {
         time: f64,
         steps: usize,
     ) -> Result<(), Error> {
-        const MAXIMUM: usize = 100;
         Error::check_count_range("steps", steps, 1, usize::MAX)?;
         let (s, dim) = (self.stages(), z.len());
         let h = time / steps as f64;
@@ -126,7 +128,7 @@ impl GaussLegendre {
         let mut carry = vec![0.0; dim];
         for step in 0..steps {
             if step == 0 {
-                system.vector_field(z, &mut stage);
+                system.vector_field(z, 0.0, &mut stage);
                 for block in slopes.chunks_exact_mut(dim) {
                     block.copy_from_slice(&stage);
                 }
@@ -142,7 +144,8 @@ impl GaussLegendre {
                         }
                         stage[d] = h.mul_add(sum, z[d]);
                     }
-                    system.vector_field(&stage, &mut updated[i * dim..(i + 1) * dim]);
+                    let now = (step as f64 + self.nodes[i]) * h;
+                    system.vector_field(&stage, now, &mut updated[i * dim..(i + 1) * dim]);
                 }
                 let mut change = 0.0_f64;
                 // What a stage is rounded by: its own size or its increment's.
@@ -188,6 +191,143 @@ impl GaussLegendre {
     }
 }
 
+/// What goes through the steps of several points in lanes.
+pub(super) struct Lanes<V> {
+    slopes: Vec<V>,
+    updated: Vec<V>,
+    stage: Vec<V>,
+    carry: Vec<V>,
+}
+
+impl<V: Pack> Lanes<V> {
+    /// For points of `dim` numbers.
+    pub(super) fn new(method: &GaussLegendre, dim: usize) -> Self {
+        let of = |count: usize| vec![V::zero(); count];
+        let stages = method.stages() * dim;
+        Self { slopes: of(stages), updated: of(stages), stage: of(dim), carry: of(dim) }
+    }
+}
+
+/// The larger in each lane; a NaN may be lost.
+#[inline(always)]
+fn larger<V: Pack>(a: V, b: V) -> V {
+    (b - a).select_above(0.0, b, a)
+}
+
+impl GaussLegendre {
+    /// [`GaussLegendre::integrate`] of a point in each of the first lanes, with the bits of each alone: a lane
+    /// whose stages have converged waits for the others. False, and z of no use, where one of them fails:
+    /// alone it tells why.
+    #[inline(always)]
+    pub(super) fn integrate_lanes<V: Pack>(
+        &self,
+        system: &impl Hamiltonian,
+        z: &mut [V],
+        time: f64,
+        steps: usize,
+        space: &mut Lanes<V>,
+        points: usize,
+    ) -> bool {
+        let (s, dim) = (self.stages(), z.len());
+        let step_size = time / steps as f64;
+        let (h, zero) = (V::from_f64(step_size), V::zero());
+        let Lanes { slopes, updated, stage, carry } = space;
+        carry.fill(zero);
+        for step in 0..steps {
+            if step == 0 {
+                system.vector_field(z, 0.0, stage);
+                for block in slopes.chunks_exact_mut(dim) {
+                    block.copy_from_slice(stage);
+                }
+            }
+            let mut size = zero;
+            for &v in z.iter() {
+                size = larger(size, v.abs());
+            }
+            let mut last = [f64::INFINITY; WIDTH];
+            // 1 in lanes that still change: none without a point.
+            let mut active = [0.0; WIDTH];
+            active[..points].fill(1.0);
+            let mut waiting = points < V::LANES;
+            for iteration in 1.. {
+                for i in 0..s {
+                    for d in 0..dim {
+                        let mut sum = zero;
+                        for j in 0..s {
+                            let weight = V::from_f64(self.matrix[i * s + j]);
+                            sum = weight.mul_add(slopes[j * dim + d], sum);
+                        }
+                        stage[d] = h.mul_add(sum, z[d]);
+                    }
+                    let now = (step as f64 + self.nodes[i]) * step_size;
+                    system.vector_field(stage, now, &mut updated[i * dim..(i + 1) * dim]);
+                }
+                let (mut change, mut scale, mut lost) = (zero, size, zero);
+                for (&old, &new) in slopes.iter().zip(updated.iter()) {
+                    let difference = (h * (new - old)).abs();
+                    scale = larger(scale, (h * new).abs());
+                    change = larger(change, difference);
+                    // NaN from then on, where a number is none or infinite.
+                    lost = difference.mul_add(zero, lost);
+                }
+                if waiting {
+                    let active = V::load(&active[..V::LANES]);
+                    for (old, &new) in slopes.iter_mut().zip(updated.iter()) {
+                        *old = active.select_above(0.5, new, *old);
+                    }
+                } else {
+                    std::mem::swap(slopes, updated);
+                }
+                let (mut changes, mut scales) = ([0.0; WIDTH], [0.0; WIDTH]);
+                (change + lost).store(&mut changes[..V::LANES]);
+                scale.store(&mut scales[..V::LANES]);
+                let mut left = 0;
+                for lane in 0..V::LANES {
+                    if active[lane] == 0.0 {
+                        continue;
+                    }
+                    let change = changes[lane];
+                    if !change.is_finite() {
+                        return false;
+                    }
+                    let small = change <= 8.0 * f64::EPSILON * scales[lane];
+                    if change == 0.0 || (small && change >= last[lane]) {
+                        (active[lane], waiting) = (0.0, true);
+                    } else {
+                        (last[lane], left) = (change, left + 1);
+                    }
+                }
+                if left == 0 {
+                    break;
+                }
+                if iteration == MAXIMUM {
+                    return false;
+                }
+            }
+            for d in 0..dim {
+                let mut sum = zero;
+                for j in 0..s {
+                    sum = V::from_f64(self.weights[j]).mul_add(slopes[j * dim + d], sum);
+                }
+                let increment = h.mul_add(sum, carry[d]);
+                let next = z[d] + increment;
+                carry[d] = increment - (next - z[d]);
+                z[d] = next;
+            }
+            let mut lost = zero;
+            for &v in z.iter() {
+                lost = v.mul_add(zero, lost);
+            }
+            let mut sums = [0.0; WIDTH];
+            lost.store(&mut sums[..V::LANES]);
+            if sums[..points].iter().any(|v| v.is_nan()) {
+                return false;
+            }
+        }
+        true
+    }
+}
+
 /// The reference flow: Gauss–Legendre, with the error estimated by half the
 /// step.
 #[derive(Clone, Debug)]
@@ -206,17 +346,10 @@ pub struct ReferenceValue {
 }
 
 impl Reference {
-    /// The reference for `system`: 12 stages, one step for each radian of its
+    /// The reference for `system` near z: 12 stages, one step for each radian of its
     /// fastest mode.
-    pub fn new(system: &impl Hamiltonian) -> Self {
-        let fastest = system
-            .circle_action()
-            .weights()
-            .iter()
-            .map(|w| f64::from(w.abs()))
-            .fold(1.0, max_or_nan)
-            * system.limiting_frequency();
-        Self { method: GaussLegendre::new(12), steps_per_time: fastest }
+    pub fn new(system: &impl Hamiltonian, z: &[f64]) -> Self {
+        Self { method: GaussLegendre::new(12), steps_per_time: system.fastest_frequency(z) }
     }
 
     /// The reference for `system` whose steps ([`Reference::new`]) are halved until
@@ -230,14 +363,18 @@ impl Reference {
         const HALVINGS: usize = 8;
         let dim = 2 * system.dof();
         let stride = (points.len() / dim).div_ceil(64).max(1);
-        let mut reference = Self::new(system);
+        points.chunks_exact(dim).try_for_each(|z| system.check_point(z))?;
+        let judged = || points.chunks_exact(dim).step_by(stride);
+        let fastest = judged().map(|z| system.fastest_frequency(z)).fold(0.0, max_or_nan);
+        let steps_per_time = if fastest > 0.0 { fastest } else { 1.0 };
+        let mut reference = Self { method: GaussLegendre::new(12), steps_per_time };
         let mut last = f64::INFINITY;
         let mut last_failure = None;
         for _ in 0..HALVINGS {
             let mut error = 0.0_f64;
             let mut scale = 1.0_f64;
             let mut failed = None;
-            for point in points.chunks_exact(dim).step_by(stride) {
+            for point in judged() {
                 match reference.flow_with_error(system, point, time) {
                     Ok(value) => {
                         error = max_or_nan(error, value.error);

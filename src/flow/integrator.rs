@@ -1,10 +1,11 @@
 //! The integrators by name, on many points.
 
+use super::gauss::Lanes;
 use super::{GaussLegendre, Splitting, SplittingSteps, runge_kutta_4};
 use crate::error::Error;
 use crate::network::{TOGETHER, load_groups};
 use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
-use crate::system::{Splittable, System};
+use crate::system::{Hamiltonian, Splittable, System};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -84,8 +85,8 @@ impl Integrator {
     ///
     /// Eight trajectories go together, one in each lane, several such groups a stage after
     /// another in splittings, and more on all threads: the same bits as of each alone, on
-    /// any processor. Gauss–Legendre moves one after another, since each takes its own
-    /// number of iterations.
+    /// any processor. Those of Gauss–Legendre whose stages have converged wait for the others of
+    /// their step.
     ///
     /// # Errors
     /// When there are no steps, points are not whole, the interval is not finite, the
@@ -99,35 +100,138 @@ impl Integrator {
         steps: usize,
         kept: usize,
     ) -> Result<Vec<f64>, Error> {
-        let request = Request { integrator: self, interval, steps, kept };
+        let request = Request { interval, steps, kept };
+        self.check()?;
+        if let (Some(period), true) = (system.period(), kept > 1) {
+            whole_periods(interval, period)?;
+        }
+        let Some(splitting) = self.splitting() else {
+            return match system {
+                System::Oscillators(system) => self.by_field(&request, system, initial),
+                System::ParticleField(system) => self.by_field(&request, system, initial),
+                System::FieldLines(system) => self.by_field(&request, system, initial),
+            };
+        };
         match system {
-            System::Oscillators(system) => request.run(system, initial),
-            System::ParticleField(system) => request.run(system, initial),
+            System::Oscillators(system) => request.split(splitting, system, initial),
+            System::ParticleField(system) => request.split(splitting, system, initial),
+            System::FieldLines(_) => {
+                let expected = "another integrator: the system has no parts with exact flows";
+                Err(Error::invalid("integrator", self.name(), expected))
+            }
         }
     }
+
+    /// By a method that takes the equations of motion alone.
+    fn by_field(
+        self,
+        request: &Request,
+        system: &(impl Hamiltonian + Sync),
+        initial: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        match self {
+            Self::GaussLegendre { stages } => {
+                let method = GaussLegendre::new(stages);
+                let each = |initial: &[f64], states: &mut [f64]| {
+                    let (method, request) = (&method, *request);
+                    on_lanes::<WIDTH, _>(Collocation { method, system, request, initial, states })
+                };
+                request.run(system, initial, each)
+            }
+            _ => request.run(system, initial, request.in_lanes(&RungeKutta4, system)),
+        }
+    }
+}
+
+/// Fails unless an interval is of whole periods of a system: its states are taken from one such
+/// time to the next.
+pub(super) fn whole_periods(interval: f64, period: f64) -> Result<(), Error> {
+    let periods = interval / period;
+    if (periods - periods.round()).abs() <= 1e-9 * periods.abs().max(1.0) {
+        return Ok(());
+    }
+    Err(Error::invalid("interval", interval, format!("a multiple of the period {period}")))
 }
 
 /// Trajectories of one task, at most.
 const BLOCK: usize = 4 * WIDTH;
 
-/// A method with what it knows before the first step.
-enum Prepared {
-    RungeKutta4,
-    Splitting(SplittingSteps<f64>),
-    GaussLegendre(GaussLegendre),
+/// A method on lanes, with what it knows before the first step.
+trait Method<H>: Sync {
+    /// Moves several points, 2n lanes each, over an interval.
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize);
 }
 
+struct RungeKutta4;
+
+/// State `number` of as many trajectories as there is room for ← the lanes.
+#[inline(always)]
+fn store_states<V: Pack>(z: &[V], states: &mut [f64], number: usize, kept: usize) {
+    let dim = z.len();
+    let mut column = [0.0; WIDTH];
+    for (component, lanes) in z.iter().enumerate() {
+        lanes.store(&mut column[..V::LANES]);
+        for (states, value) in states.chunks_exact_mut(kept * dim).zip(column) {
+            states[number * dim + component] = value;
+        }
+    }
+}
+
+impl<H: Hamiltonian> Method<H> for RungeKutta4 {
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize) {
+        for z in z.chunks_exact_mut(2 * system.dof()) {
+            runge_kutta_4(system, z, interval, steps);
+        }
+    }
+}
+
+impl<H: Splittable> Method<H> for SplittingSteps<f64> {
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
+        SplittingSteps::take(self, system, z, steps);
+    }
+}
+
+#[derive(Clone, Copy)]
 struct Request {
-    integrator: Integrator,
     interval: f64,
     steps: usize,
     kept: usize,
 }
 
 impl Request {
-    fn run(self, system: &(impl Splittable + Sync), initial: &[f64]) -> Result<Vec<f64>, Error> {
-        self.integrator.check()?;
-        let Self { integrator, interval, steps, kept } = self;
+    fn split(
+        &self,
+        splitting: Splitting,
+        system: &(impl Splittable + Sync),
+        initial: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        Error::check_count_range("steps", self.steps, 1, usize::MAX)?;
+        let method = splitting.steps(system, self.interval / self.steps as f64);
+        self.run(system, initial, self.in_lanes(&method, system))
+    }
+
+    fn in_lanes<H: Hamiltonian + Sync>(
+        &self,
+        method: &impl Method<H>,
+        system: &H,
+    ) -> impl Fn(&[f64], &mut [f64]) -> Result<(), Error> + Sync {
+        |initial, states| {
+            let request = *self;
+            on_lanes::<WIDTH, _>(Trajectories { method, system, request, initial, states });
+            Ok(())
+        }
+    }
+
+    /// `each` gives all states of one trajectory after another, of a block of points.
+    fn run(
+        &self,
+        system: &impl Hamiltonian,
+        initial: &[f64],
+        each: impl Fn(&[f64], &mut [f64]) -> Result<(), Error> + Sync,
+    ) -> Result<Vec<f64>, Error> {
+        let Self { interval, steps, kept } = *self;
         let dim = 2 * system.dof();
         Error::check_count_range("steps", steps, 1, usize::MAX)?;
         Error::check_rows("initial points", initial.len(), dim)?;
@@ -135,15 +239,7 @@ impl Request {
         if initial.is_empty() || kept == 0 {
             return Ok(Vec::new());
         }
-        let prepared = match (integrator, integrator.splitting()) {
-            (_, Some(splitting)) => {
-                Prepared::Splitting(splitting.steps(system, interval / steps as f64))
-            }
-            (Integrator::GaussLegendre { stages }, _) => {
-                Prepared::GaussLegendre(GaussLegendre::new(stages))
-            }
-            _ => Prepared::RungeKutta4,
-        };
+        initial.chunks_exact(dim).try_for_each(|z| system.check_point(z))?;
         let points = initial.len() / dim;
         let block = points.div_ceil(rayon::current_num_threads());
         let block = block.next_multiple_of(WIDTH).clamp(WIDTH, BLOCK) * dim;
@@ -156,11 +252,7 @@ impl Request {
         }
         by_block.resize(size, 0.0);
         let tasks = initial.par_chunks(block).zip(by_block.par_chunks_mut(block * kept));
-        tasks.try_for_each(|(initial, states)| {
-            let prepared = &prepared;
-            let task = Trajectories { prepared, system, interval, steps, kept, initial, states };
-            on_lanes::<WIDTH, _>(task)
-        })?;
+        tasks.try_for_each(|(initial, states)| each(initial, states))?;
         for t in 0..kept {
             for states in by_block.chunks_exact(kept * dim) {
                 out.extend_from_slice(&states[t * dim..(t + 1) * dim]);
@@ -170,63 +262,85 @@ impl Request {
     }
 }
 
-/// The trajectories of a block of points.
-struct Trajectories<'a, H> {
-    prepared: &'a Prepared,
+/// The trajectories of a block of points, a group in lanes after another.
+struct Collocation<'a, H> {
+    method: &'a GaussLegendre,
     system: &'a H,
-    interval: f64,
-    steps: usize,
-    kept: usize,
+    request: Request,
     initial: &'a [f64],
     /// All states of one trajectory after another.
     states: &'a mut [f64],
 }
 
-impl<H: Splittable> Kernel for Trajectories<'_, H> {
+impl<H: Hamiltonian> Kernel for Collocation<'_, H> {
     type Output = Result<(), Error>;
 
     #[inline(always)]
     fn run<V: Pack>(self) -> Result<(), Error> {
-        let Self { prepared, system, interval, steps, kept, initial, states } = self;
+        let Self { method, system, request: Request { interval, steps, kept }, initial, states } =
+            self;
         let dim = 2 * system.dof();
-        if let Prepared::GaussLegendre(method) = prepared {
-            let mut z = vec![0.0; dim];
-            let trajectories = states.chunks_exact_mut(kept * dim);
-            for (initial, states) in initial.chunks_exact(dim).zip(trajectories) {
+        let mut lanes = vec![V::zero(); dim];
+        let mut space = Lanes::new(method, dim);
+        let mut z = vec![0.0; dim];
+        let group = V::LANES * dim;
+        for (initial, states) in initial.chunks(group).zip(states.chunks_mut(group * kept)) {
+            load_groups(initial, dim, &mut lanes);
+            let points = initial.len() / dim;
+            let together = (0..kept).all(|number| {
+                let goes =
+                    method.integrate_lanes(system, &mut lanes, interval, steps, &mut space, points);
+                store_states(&lanes, states, number, kept);
+                goes
+            });
+            if together {
+                continue;
+            }
+            // One of them fails, and tells why.
+            for (initial, states) in
+                initial.chunks_exact(dim).zip(states.chunks_exact_mut(kept * dim))
+            {
                 z.copy_from_slice(initial);
                 for state in states.chunks_exact_mut(dim) {
                     method.integrate(system, &mut z, interval, steps)?;
                     state.copy_from_slice(&z);
                 }
             }
-            return Ok(());
         }
+        Ok(())
+    }
+}
+
+/// The trajectories of a block of points, on lanes.
+struct Trajectories<'a, H, M> {
+    method: &'a M,
+    system: &'a H,
+    request: Request,
+    initial: &'a [f64],
+    /// All states of one trajectory after another.
+    states: &'a mut [f64],
+}
+
+impl<H: Hamiltonian, M: Method<H>> Kernel for Trajectories<'_, H, M> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Pack>(self) {
+        let Self { method, system, request: Request { interval, steps, kept }, initial, states } =
+            self;
+        let dim = 2 * system.dof();
         let mut z = vec![V::zero(); TOGETHER * dim];
         let together = TOGETHER * V::LANES * dim;
         for (initial, states) in initial.chunks(together).zip(states.chunks_mut(together * kept)) {
             let size = load_groups(initial, dim, &mut z);
             let z = &mut z[..size];
             for number in 0..kept {
-                match prepared {
-                    Prepared::Splitting(method) => method.take(system, z, steps),
-                    _ => {
-                        for z in z.chunks_exact_mut(dim) {
-                            runge_kutta_4(system, z, interval, steps);
-                        }
-                    }
-                }
+                method.take(system, z, interval, steps);
                 let groups = states.chunks_mut(V::LANES * kept * dim);
                 for (z, states) in z.chunks_exact(dim).zip(groups) {
-                    let mut column = [0.0; WIDTH];
-                    for (component, lanes) in z.iter().enumerate() {
-                        lanes.store(&mut column[..V::LANES]);
-                        for (states, value) in states.chunks_exact_mut(kept * dim).zip(column) {
-                            states[number * dim + component] = value;
-                        }
-                    }
+                    store_states(z, states, number, kept);
                 }
             }
         }
-        Ok(())
     }
 }

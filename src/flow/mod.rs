@@ -10,7 +10,7 @@ mod trajectories;
 
 #[cfg(feature = "files")]
 pub(crate) use data::check_finite;
-pub use data::{Condition, Pairs, Window, sample};
+pub use data::{Condition, Pairs, Window, sample, sample_of};
 pub use gauss::{GaussLegendre, Reference, ReferenceValue};
 pub use integrator::Integrator;
 pub use region::{Left, Region};

@@ -30,11 +30,14 @@ pub fn runge_kutta_4<S: Elementary>(
     };
     let (stage, rest) = space.split_at_mut(dim);
     let (slope, sum) = rest.split_at_mut(dim);
-    for _ in 0..steps {
+    for step in 0..steps {
+        let start = step as f64 * h;
         sum.fill(S::zero());
         stage.copy_from_slice(z);
-        for (advance, weight) in [(0.5, 1.0), (0.5, 2.0), (1.0, 2.0), (0.0, 1.0)] {
-            system.vector_field(stage, slope);
+        for (node, advance, weight) in
+            [(0.0, 0.5, 1.0), (0.5, 0.5, 2.0), (0.5, 1.0, 2.0), (1.0, 0.0, 1.0)]
+        {
+            system.vector_field(stage, start + node * h, slope);
             for i in 0..dim {
                 sum[i] = S::from_f64(weight).mul_add(slope[i], sum[i]);
                 stage[i] = S::from_f64(advance * h).mul_add(slope[i], z[i]);

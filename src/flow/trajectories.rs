@@ -1,5 +1,6 @@
 //! Several trajectories, and those of the reference flow.
 
+use super::integrator::whole_periods;
 use super::{Integrator, Reference};
 use crate::error::Error;
 use crate::scalar::max_or_nan;
@@ -112,6 +113,9 @@ impl ReferenceTrajectories {
         interval: f64,
         states: usize,
     ) -> Result<Self, Error> {
+        if let (Some(period), true) = (system.period(), states > 2) {
+            whole_periods(interval, period)?;
+        }
         let reference = Reference::calibrated(system, initial, interval)?;
         let dim = 2 * system.dof();
         let each: Vec<(Vec<f64>, f64)> = initial

@@ -220,6 +220,15 @@ pub fn write_points(path: &Path, shape: &[u64], values: &[f64]) -> Result<(), Er
     write_atomically(path, |out| write_array(out, shape, values))
 }
 
+/// Writes trajectories to `.npy`, (T, M, 2n), as [`read_trajectories`] takes them.
+///
+/// # Errors
+/// [`Error::Write`] with the path.
+pub fn write_trajectories(path: &Path, trajectories: &Trajectories) -> Result<(), Error> {
+    let shape = [trajectories.states(), trajectories.count(), trajectories.dim()];
+    write_points(path, &shape.map(|n| n as u64), trajectories.values())
+}
+
 /// Writes pairs as an `.npz` of `input` and `output`.
 ///
 /// # Errors

@@ -11,7 +11,7 @@ mod weights;
 
 pub use arrays::{
     PairsFile, PointsFile, parse_pairs, parse_points, read_pairs, read_points, read_trajectories,
-    write_pairs, write_points,
+    write_pairs, write_points, write_trajectories,
 };
 pub use json::{
     Provenance, StoredModel, load_checkpoint, load_model, model_text, parse_model, save_checkpoint,

@@ -204,7 +204,11 @@ pub fn assemble_normal_form(
         kicks: widths_if_any(place, &tensors, "kick", dof)?,
         twists: Vec::new(),
         flow_time,
+        perturbation: None,
     };
+    let perturbation = widths_if_any(place, &tensors, "perturbation", dof)?;
+    // An integrable map and one near the identity times a turn have the same tensors.
+    shape.perturbation = (!perturbation.is_empty()).then_some(perturbation);
     shape.twists = widths_if_any(place, &tensors, "twist", shape.arguments())?;
     assemble(place, tensors, Architecture::NormalForm { shape, epsilon })
 }

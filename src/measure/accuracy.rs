@@ -7,7 +7,7 @@ use crate::layer::{TorusAction, Turn};
 use crate::network::{Composition, map_points};
 use crate::phase::Direction;
 use crate::scalar::max_or_nan;
-use crate::system::Hamiltonian;
+use crate::system::NearlyPeriodic;
 use serde::{Deserialize, Serialize};
 
 /// The Euclidean distance of two points.
@@ -136,7 +136,7 @@ pub fn milestones(history: &[(u64, f64)]) -> Vec<Milestone> {
 
 /// The mean squared error, over all components, of the exact limiting flow of
 /// `system` over `time`: what a surrogate has to improve upon.
-pub fn limiting_flow_error(system: &impl Hamiltonian, pairs: &Pairs, time: f64) -> f64 {
+pub fn limiting_flow_error(system: &impl NearlyPeriodic, pairs: &Pairs, time: f64) -> f64 {
     error_of(pairs, |z| system.limiting_flow(z, time))
 }
 

@@ -1,6 +1,6 @@
 //! Adiabatic invariants of a flow by averaging over its limiting circle action.
 
-use crate::system::Hamiltonian;
+use crate::system::NearlyPeriodic;
 use std::f64::consts::TAU;
 
 /// Points on a circle that an average is taken over: the rule is exact for harmonics below
@@ -16,9 +16,10 @@ const POINTS: usize = 128;
 ///
 /// Source: Kruskal, <https://doi.org/10.1063/1.1724285>, whose series this is the first order
 /// of.
-pub fn averaged_invariant(system: &impl Hamiltonian, z: &[f64]) -> f64 {
+pub fn averaged_invariant(system: &impl NearlyPeriodic, z: &[f64]) -> f64 {
     let frequency = system.limiting_frequency();
-    let perturbation = |z: &[f64]| system.energy(z) - frequency * system.adiabatic_invariant(z);
+    let perturbation =
+        |z: &[f64]| system.energy(z, 0.0) - frequency * system.adiabatic_invariant(z);
     let mut total = 0.0;
     for k in 0..POINTS {
         let mut turned = z.to_vec();

@@ -250,7 +250,8 @@ impl CertificateOptions {
 ///
 /// A HénonNet or SympNet: those of [`certify_map`]. A gyroceptron: those of
 /// [`certify_family`] and [`laws::formula_of_generator`]. One in normal form: those of
-/// [`certify_normal_form`]. HénonNets and gyroceptrons:
+/// [`certify_normal_form`]; with a perturbation, those of [`certify_map`], and at ε = 0 those of a normal
+/// form. HénonNets and gyroceptrons:
 /// [`laws::exact_relations`]. Cost: some 200 evaluations over dual numbers a
 /// sample.
 pub fn certify(model: &Model, options: CertificateOptions) -> Certificate {
@@ -264,7 +265,15 @@ pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate
         let mut out = match model {
             Model::HenonNet(network) => of_map(network, &samples),
             Model::SympNet(network) => of_map(network, &samples),
-            Model::NormalForm(network) => of_normal_form(network, &samples),
+            Model::NormalForm(network) if network.shape().is_integrable() => {
+                of_normal_form(network, &samples)
+            }
+            Model::NormalForm(network) => {
+                let mut out = of_map_resolved_by_steps(network, &samples);
+                let integrable = of_actions(&network.at_epsilon(0.0), &samples);
+                out.extend(integrable.into_iter().map(|tally| tally.where_("ε = 0")));
+                out
+            }
             Model::Gyroceptron(network) => {
                 let mut out = of_family(network, &samples);
                 out.push(laws::formula_of_generator(network, samples.points()));
@@ -339,13 +348,21 @@ fn samples_of(map: &(impl Measurable + ?Sized), options: CertificateOptions) -> 
 }
 
 fn of_normal_form(map: &dyn NormalFormed, samples: &Samples) -> Vec<Tally> {
+    let mut out = of_map_resolved_by_steps(map, samples);
+    out.extend(of_actions(map, samples));
+    out
+}
+
+/// The weights of a twist of a long flow time cancel: its bounds are further from its errors
+/// than those of a layer, so that these need not show as in [`laws::symplecticity`].
+fn of_map_resolved_by_steps(map: &dyn Measurable, samples: &Samples) -> Vec<Tally> {
+    let symplecticity = laws::symplecticity_of("symplecticity of P", map, samples.points());
+    of_map_with(symplecticity, map, samples)
+}
+
+fn of_actions(map: &dyn NormalFormed, samples: &Samples) -> Vec<Tally> {
     let points = samples.points();
-    // The weights of a twist of a long flow time cancel: its bounds are further from its errors
-    // than those of a layer, so that these need not show as in `laws::symplecticity`.
-    let symplecticity = laws::symplecticity_of("symplecticity of P", map, points);
-    let mut out = of_map_with(symplecticity, map, samples);
-    out.push(laws::normal_form(map, points));
-    out.push(laws::equivariance(map, samples));
+    let mut out = vec![laws::normal_form(map, points), laws::equivariance(map, samples)];
     out.extend(laws::actions(map, points));
     out
 }

@@ -18,7 +18,7 @@ pub fn level_set(
     steps: usize,
 ) -> Result<Vec<(f64, f64)>, Error> {
     Error::check_count("degrees of freedom", 1, system.dof())?;
-    let reference = Reference::new(system);
+    let reference = Reference::new(system, &start);
     let mut point = start;
     let mut points = vec![(point[0], point[1])];
     for _ in 0..steps {

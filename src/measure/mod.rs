@@ -26,6 +26,7 @@ mod near_identity;
 mod own_invariance;
 mod relations;
 mod rounding;
+mod surfaces;
 mod symplecticity;
 mod tally;
 mod work_precision;
@@ -69,6 +70,7 @@ pub use near_identity::{
 pub use own_invariance::OwnInvariance;
 pub use relations::Relation;
 pub use rounding::Walk;
+pub use surfaces::{Locked, distances_to_set, locked_interval, winding_numbers};
 pub use symplecticity::{symplecticity_defect, symplecticity_ratio, symplecticity_scale};
 pub use tally::{
     COUNT_LIMIT, RATIO_LIMIT, RESOLUTION, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_DEVIATION,

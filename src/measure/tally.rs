@@ -134,6 +134,13 @@ pub struct Tally {
 }
 
 impl Tally {
+    /// The law holds there alone, and says so.
+    #[must_use]
+    pub(super) fn where_(mut self, place: &str) -> Self {
+        self.law = format!("{}, {place}", self.law);
+        self
+    }
+
     fn new(law: impl Into<String>, equation: impl Into<String>, limit: f64) -> Self {
         Self {
             law: law.into(),

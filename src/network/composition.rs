@@ -487,12 +487,17 @@ impl<P: Real> Composition<P> {
     }
 
     /// Appends a turned kick near the identity with these parameters.
-    pub(super) fn push_turned_kick(&mut self, width: usize, parameters: Range<usize>) {
+    pub(super) fn push_turned_kick(
+        &mut self,
+        width: usize,
+        parameters: Range<usize>,
+        near_identity: bool,
+    ) {
         let prepared = self.turns.len();
         let angles = &self.parameters[parameters.clone()][..self.dof];
         self.turns.push(Turn::by_angles(angles));
         let kind = Kind::TurnedKick { width, prepared };
-        self.steps.push(Step { kind, parameters, inverse: false, near_identity: true });
+        self.steps.push(Step { kind, parameters, inverse: false, near_identity });
     }
 
     /// Appends a turn whose angles are these of the parameters, one for each circle

@@ -67,8 +67,7 @@ impl InitialWeights {
     pub(super) fn normal_form(self, shape: &NormalFormShape, stream: &mut Stream) -> Vec<f64> {
         let mut out = Vec::new();
         for &width in &shape.kicks {
-            out.extend((0..shape.dof()).map(|_| stream.uniform(-PI, PI)));
-            out.extend(self.potential(shape.dof(), width, stream));
+            out.extend(self.turned_kick(shape.dof(), width, stream));
         }
         let d = shape.arguments();
         for (number, &width) in shape.twists.iter().enumerate() {
@@ -76,6 +75,15 @@ impl InitialWeights {
             let curvature = self.curvature(d, width);
             out.extend((0..form_len(number, d)).map(|_| curvature * stream.normal()));
         }
+        for &width in shape.perturbation.iter().flatten() {
+            out.extend(self.turned_kick(shape.dof(), width, stream));
+        }
+        out
+    }
+
+    fn turned_kick(self, dof: usize, width: usize, stream: &mut Stream) -> Vec<f64> {
+        let mut out: Vec<f64> = (0..dof).map(|_| stream.uniform(-PI, PI)).collect();
+        out.extend(self.potential(dof, width, stream));
         out
     }
 

@@ -57,6 +57,10 @@ pub struct NormalFormShape {
     pub twists: Vec<usize>,
     /// h, the flow time, a factor of T_ε beside ε: weights are of the same size at any.
     pub flow_time: f64,
+    /// The widths of the turned kicks of K_ε, where the map is nearly integrable: χ and T are then
+    /// of order one, and ε scales K_ε alone. With none of them it is integrable.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub perturbation: Option<Vec<usize>>,
 }
 
 /// More repetitions of a twist are a slip of the pen.
@@ -91,6 +95,16 @@ impl NormalFormShape {
         self.twists.iter().enumerate().map(of).fold(0, usize::saturating_add)
     }
 
+    fn perturbation_len(&self) -> usize {
+        let widths = self.perturbation.iter().flatten();
+        widths.map(|&width| self.kick_len(width)).fold(0, usize::saturating_add)
+    }
+
+    /// Whether the actions are invariants at any ε: whether there is no K_ε.
+    pub fn is_integrable(&self) -> bool {
+        self.perturbation.iter().flatten().next().is_none()
+    }
+
     /// The number of parameters of the chart, which come first.
     fn chart_len(&self) -> usize {
         let kicks = self.kicks.iter().map(|&width| self.kick_len(width));
@@ -104,10 +118,10 @@ impl NormalFormShape {
 
     /// The index of the first angle of the circles among the parameters.
     pub fn theta(&self) -> usize {
-        self.chart_len().saturating_add(self.twist_len())
+        self.chart_len().saturating_add(self.twist_len()).saturating_add(self.perturbation_len())
     }
 
-    /// The number of parameters: those of ψ, of the turned kicks, of the twist shears,
+    /// The number of parameters: those of ψ, of the turned kicks, of the twist shears, of K_ε,
     /// and an angle for each circle.
     pub fn parameter_count(&self) -> usize {
         self.theta().saturating_add(self.action.circles().len())
@@ -124,9 +138,12 @@ impl NormalFormShape {
                 (format!("{name}.w_out"), [width, 1]),
             ]
         };
+        let kick = |name: String, width: usize| {
+            let angles = [(format!("{name}.angles"), [1, dof])];
+            angles.into_iter().chain(potential(&name, dof, width))
+        };
         for (number, &width) in self.kicks.iter().enumerate() {
-            out.push((format!("kick.{number}.angles"), [1, dof]));
-            out.extend(potential(&format!("kick.{number}"), dof, width));
+            out.extend(kick(format!("kick.{number}"), width));
         }
         for (number, &width) in self.twists.iter().enumerate() {
             out.extend(potential(&format!("twist.{number}"), arguments, width));
@@ -134,6 +151,9 @@ impl NormalFormShape {
             if form > 0 {
                 out.push((format!("twist.{number}.quadratic"), [1, form]));
             }
+        }
+        for (number, &width) in self.perturbation.iter().flatten().enumerate() {
+            out.extend(kick(format!("perturbation.{number}"), width));
         }
         out.push(("theta".into(), [1, self.action.circles().len()]));
         out
@@ -151,7 +171,10 @@ impl NormalFormShape {
         Error::check_count_range("planes of a normal form", self.dof(), 1, MOST_PLANES)?;
         Error::check_finite("flow_time", self.flow_time)?;
         let of = |(number, &width)| shear_len(number, width, self.arguments());
-        if self.kicks.contains(&0) || self.twists.iter().enumerate().map(of).any(|len| len == 0) {
+        let mut kicks = self.kicks.iter().chain(self.perturbation.iter().flatten());
+        if kicks.any(|width| *width == 0)
+            || self.twists.iter().enumerate().map(of).any(|len| len == 0)
+        {
             let expected = "at least one neuron";
             return Err(Error::invalid("normal form", "a layer of width 0", expected));
         }
@@ -161,6 +184,11 @@ impl NormalFormShape {
 
 /// P = χ∘Φ_θ∘T_ε∘χ⁻¹, χ = ψ∘ψ_ε, with a HénonNet ψ, [turned kicks](crate::layer::TurnedKick)
 /// ψ_ε scaled by ε, and a [twist](crate::layer::Twist) T_ε scaled by εh.
+///
+/// Or, with a [perturbation](NormalFormShape::perturbation), P = χ∘K_ε∘Φ_θ∘T∘χ⁻¹ with χ and T
+/// of order one and turned kicks K_ε: any map near an integrable one, whose surfaces
+/// turn at frequencies of their own, with the resonances and islands that ε opens. 𝔍∘χ⁻¹ is then
+/// an invariant at ε = 0.
 ///
 /// It is a gyroceptron: near the identity times ψ∘Φ_θ∘ψ⁻¹. T_ε commutes with Φ, so that
 /// P commutes with the action conjugated by χ, and 𝔍∘χ⁻¹, the actions in the coordinates
@@ -181,7 +209,7 @@ pub struct NormalForm<P> {
 struct Parts<P> {
     /// χ.
     chart: Composition<P>,
-    /// Φ_θ∘T_ε.
+    /// Φ_θ∘T_ε, and K_ε after it where there is one.
     inner: Composition<P>,
 }
 
@@ -192,11 +220,12 @@ impl<P: Real> Parts<P> {
         let psi = shape.psi_shape();
         let mut end = psi.parameter_count();
         let psi = psi.composition(parameters[..end].to_vec(), epsilon, false);
+        let near_periodic = shape.perturbation.is_none();
         let mut chart = empty();
         for &width in &shape.kicks {
             let start = end;
             end += shape.kick_len(width);
-            chart.push_turned_kick(width, start..end);
+            chart.push_turned_kick(width, start..end, near_periodic);
         }
         chart.push_all(&psi, 0, Direction::Forward);
         let mut inner = empty();
@@ -204,8 +233,14 @@ impl<P: Real> Parts<P> {
         end += shape.twist_len();
         let shears = Arc::new(TwistShears::new(planes, &shape.twists));
         let kind = Kind::Twist { shears, factor: shape.flow_time };
-        inner.push(Step { kind, parameters: start..end, inverse: false, near_identity: true });
-        inner.push_turn(&shape.action, end..parameters.len());
+        let (parameters, near_identity) = (start..end, near_periodic);
+        inner.push(Step { kind, parameters, inverse: false, near_identity });
+        inner.push_turn(&shape.action, shape.theta()..shape.parameter_count());
+        for &width in shape.perturbation.iter().flatten() {
+            let start = end;
+            end += shape.kick_len(width);
+            inner.push_turned_kick(width, start..end, true);
+        }
         Ok(Self { chart, inner })
     }
 }
@@ -227,7 +262,7 @@ impl<P: Real> NormalForm<P> {
         Ok(Self { shape, composition })
     }
 
-    /// χ, from the coordinates of the normal form to those of the data, and Φ_θ∘T_ε, the
+    /// χ, from the coordinates of the normal form to those of the data, and Φ_θ∘T_ε, or K_ε∘Φ_θ∘T, the
     /// map in the former: N steps are χ∘(Φ_θT_ε)^N∘χ⁻¹.
     pub fn chart_and_inner_map(&self) -> [Composition<P>; 2] {
         let (epsilon, parameters) = (self.composition.epsilon(), self.composition.parameters());
@@ -243,14 +278,15 @@ impl<P: Scalar> NormalForm<P> {
         &self.composition.parameters()[self.shape.theta()..]
     }
 
-    /// The parameters of χ, of T_ε, and the angles.
-    fn blocks(&self) -> [&[P]; 3] {
+    /// The parameters of χ, of T_ε, of K_ε, and the angles.
+    fn blocks(&self) -> [&[P]; 4] {
         let (chart, rest) = self.composition.parameters().split_at(self.shape.chart_len());
-        let (twists, angles) = rest.split_at(self.shape.twist_len());
-        [chart, twists, angles]
+        let (twists, rest) = rest.split_at(self.shape.twist_len());
+        let (perturbation, angles) = rest.split_at(self.shape.perturbation_len());
+        [chart, twists, perturbation, angles]
     }
 
-    /// The parameters of Φ_θ∘T_ε.
+    /// The parameters of the map in the coordinates of the normal form.
     pub(super) fn inner_parameters(&self) -> &[P] {
         &self.composition.parameters()[self.shape.chart_len()..]
     }
@@ -291,7 +327,11 @@ impl NormalForm<f64> {
             let expected = "an even number, to be repeated";
             return Err(Error::invalid("twist shears", self.shape.twists.len(), expected));
         }
-        let ([chart, twists, angles], times) = (self.blocks(), m as f64);
+        if m > 1 && !self.shape.is_integrable() {
+            let expected = "1 of a map with a perturbation, whose powers have other ones";
+            return Err(Error::invalid("repeats of a map", m, expected));
+        }
+        let ([chart, twists, perturbation, angles], times) = (self.blocks(), m as f64);
         let mut repeated = twists.to_vec();
         let mut begin = 0;
         for (number, &width) in self.shape.twists.iter().enumerate() {
@@ -302,6 +342,7 @@ impl NormalForm<f64> {
         }
         let mut parameters = chart.to_vec();
         parameters.extend(repeated.repeat(m));
+        parameters.extend(perturbation);
         parameters.extend(angles.iter().map(|angle| angle * times));
         let shape = NormalFormShape {
             twists: self.shape.twists.repeat(m),
@@ -309,6 +350,12 @@ impl NormalForm<f64> {
             ..self.shape.clone()
         };
         Self::new(shape, self.epsilon(), parameters)
+    }
+
+    /// The map at another ε.
+    pub fn at_epsilon(&self, epsilon: f64) -> Self {
+        let composition = self.composition.with_epsilon(epsilon);
+        Self { composition, shape: self.shape.clone() }
     }
 
     /// With the first so many of its twist shears alone.
@@ -319,8 +366,8 @@ impl NormalForm<f64> {
         Error::check_count_range("twist shears", count, 0, self.shape.twists.len())?;
         let shape =
             NormalFormShape { twists: self.shape.twists[..count].to_vec(), ..self.shape.clone() };
-        let [chart, twists, angles] = self.blocks();
-        let parameters = [chart, &twists[..shape.twist_len()], angles].concat();
+        let [chart, twists, perturbation, angles] = self.blocks();
+        let parameters = [chart, &twists[..shape.twist_len()], perturbation, angles].concat();
         Self::new(shape, self.epsilon(), parameters)
     }
 }

@@ -95,7 +95,8 @@ impl Watch for Calling<'_> {
 ///
 /// circle_action: the weight of each plane, such as [1, 0], or those of several circles.
 /// architecture: "gyroceptron", "normal-form", "henon-net" or "sympnet".
-/// psi, near_identity, kicks, twists, layers: (layers, neurons) of the parts that it has.
+/// psi, near_identity, kicks, twists, perturbation, layers: (layers, neurons) of the parts that it
+/// has; a normal form with a perturbation is nearly integrable, of order one without it.
 /// optimiser: "l-bfgs", "lm" (Levenberg-Marquardt, which gets furthest) or "adam".
 /// iterations: at most so many, 1000 unless given.
 /// starts: so many sets of initial weights, 40 iterations each, of which the best goes on.
@@ -113,7 +114,7 @@ impl Watch for Calling<'_> {
 #[pyfunction]
 #[pyo3(signature = (
     input, output, circle_action, *, architecture="gyroceptron", psi=None, near_identity=None,
-    kicks=None, twists=None, layers=None, optimiser="l-bfgs", iterations=None, starts=1,
+    kicks=None, twists=None, perturbation=None, layers=None, optimiser="l-bfgs", iterations=None, starts=1,
     near_identity_penalty=0.0, patience=0, target=0.0, epsilon=0.01, flow_time=None, theta=None,
     theta_fixed=false, theta_penalty=0.0, units="fitted", validation=0.1, seed=0, report=None, callback=None
 ))]
@@ -128,6 +129,7 @@ pub(super) fn train(
     near_identity: Shape,
     kicks: Shape,
     twists: Option<(usize, Widths)>,
+    perturbation: Shape,
     layers: Shape,
     optimiser: &str,
     iterations: Option<u64>,
@@ -150,7 +152,7 @@ pub(super) fn train(
     let dof = action.dof();
     let (input, output) = (rows_of("input", &input, dof)?, rows_of("output", &output, dof)?);
     let pairs = Pairs::new("pairs", dof, input, output)?;
-    let shapes = Shapes { psi, near_identity, kicks, twists, layers };
+    let shapes = Shapes { psi, near_identity, kicks, twists, perturbation, layers };
     let network = shapes.network(architecture, &action)?;
     let has_circle =
         matches!(network, NetworkSpec::Gyroceptron { .. } | NetworkSpec::NormalForm { .. });
@@ -220,6 +222,7 @@ struct Shapes {
     near_identity: Shape,
     kicks: Shape,
     twists: Option<(usize, Widths)>,
+    perturbation: Shape,
     layers: Shape,
 }
 
@@ -235,13 +238,27 @@ impl Shapes {
                 return Err(Error::invalid("architecture", architecture, expected));
             }
         };
-        let Self { mut psi, mut near_identity, mut kicks, mut twists, layers: mut plain } = self;
+        let Self {
+            mut psi,
+            mut near_identity,
+            mut kicks,
+            mut twists,
+            mut perturbation,
+            layers: mut plain,
+        } = self;
         match &mut network {
             NetworkSpec::Gyroceptron { psi: own, near_identity: near, .. } => {
                 *own = psi.take().map_or(*own, layers);
                 *near = near_identity.take().map_or(*near, layers);
             }
-            NetworkSpec::NormalForm { psi: own, kicks: of, twists: shears, action: circles } => {
+            NetworkSpec::NormalForm {
+                psi: own,
+                kicks: of,
+                twists: shears,
+                action: circles,
+                perturbation: beside,
+            } => {
+                *beside = perturbation.take().map(layers).or(*beside);
                 *own = psi.take().map(layers);
                 *of = kicks.take().map_or(*of, layers);
                 if let Some((count, widths)) = twists.take() {
@@ -265,6 +282,7 @@ impl Shapes {
             ("near_identity", near_identity.is_some()),
             ("kicks", kicks.is_some()),
             ("twists", twists.is_some()),
+            ("perturbation", perturbation.is_some()),
             ("layers", plain.is_some()),
         ] {
             if left {

@@ -71,6 +71,19 @@ pub(super) const GAUSS_LEGENDRE: &str = "@book{HairerLubichWanner2006,
 }
 ";
 
+/// The field lines, and maps of them by regression.
+pub(super) const FIELD_LINES: &str = "@article{RathEtAl2021,
+  author = {Rath, Katharina and Albert, Christopher G. and Bischl, Bernd and von Toussaint, Udo},
+  title = {Symplectic {G}aussian process regression of maps in {H}amiltonian systems},
+  journal = {Chaos},
+  volume = {31},
+  number = {5},
+  pages = {053121},
+  year = {2021},
+  doi = {10.1063/5.0048129}
+}
+";
+
 /// ABA(8,6,4) and ABA(10,6,4).
 pub(super) const SPLITTINGS: &str = "@article{BlanesEtAl2013,
   author = {Blanes, Sergio and Casas, Fernando and Farr\\'es, Ariadna and Laskar, Jacques and Makazaga, Joseba and Murua, Ander},

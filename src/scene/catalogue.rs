@@ -33,6 +33,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "error-against-time",
         "long-steps",
         "family",
+        "field-lines",
         "choosing",
         "trajectories",
         "adiabatic-profiles",

@@ -9,14 +9,14 @@ use super::run::{Event, Observer};
 use super::setup::{Data, FlowBy, Need};
 use super::subject::{FileData, Subject};
 use crate::error::Error;
-use crate::flow::{Pairs, ReferenceTrajectories, Region, Trajectories, Window, sample};
+use crate::flow::{Pairs, ReferenceTrajectories, Region, Trajectories, Window, sample_of};
 use crate::io::{read_pairs, read_trajectories};
 use crate::measure::{limiting_flow_error, root_mean_square, rotation_error};
 use crate::network::Rollout;
 use crate::phase::Units;
 use crate::random::Stream;
 use crate::scalar::max_or_nan;
-use crate::system::{Counted, Hamiltonian, System};
+use crate::system::{Counted, Hamiltonian, NearlyPeriodic, System};
 use crate::train::{Preparation, Prepared};
 use serde_json::json;
 use std::rc::Rc;
@@ -201,7 +201,7 @@ impl<'a> Context<'a> {
         let name = format!("reference flow for ε = {epsilon} and time {time}");
         self.stage(&name, |context| {
             let counted = Counted::new(&system);
-            let [training, held_out] = DataSets::points(declared, system.dof(), seed)?;
+            let [training, held_out] = DataSets::points(declared, &system, seed)?;
             let points = if held_out.is_empty() { training } else { held_out };
             let (pairs, _) = FlowBy::pairs(declared.flow, &counted, points, time)?;
             context.log.vector_fields(counted.vector_fields());
@@ -355,9 +355,9 @@ pub(super) struct DataSets {
 
 impl DataSets {
     /// Training and held-out points.
-    fn points(data: &Data, dof: usize, seed: u64) -> Result<[Vec<f64>; 2], Error> {
+    fn points(data: &Data, system: &System, seed: u64) -> Result<[Vec<f64>; 2], Error> {
         let points =
-            |windows: &[Window], stream| sample(windows, dof, &mut Stream::new(seed, stream));
+            |windows: &[Window], stream| sample_of(system, windows, &mut Stream::new(seed, stream));
         let held_out = data.held_out_windows();
         Ok([points(&data.windows, "data/training")?, points(&held_out, "data/held-out")?])
     }
@@ -368,7 +368,7 @@ impl DataSets {
         time: f64,
         seed: u64,
     ) -> Result<Self, Error> {
-        let [training_points, held_out_points] = Self::points(data, system.dof(), seed)?;
+        let [training_points, held_out_points] = Self::points(data, system.inner(), seed)?;
         let flow = |points| FlowBy::pairs(data.flow, system, points, time);
         let (training, mut reference_error) = flow(training_points)?;
         let held_out = if held_out_points.is_empty() {
@@ -421,7 +421,7 @@ impl DataSets {
         fields: &mut u64,
     ) -> Result<Self, Error> {
         let dim = 2 * system.dof();
-        let [training_points, held_out_points] = Self::points(data, system.dof(), seed)?;
+        let [training_points, held_out_points] = Self::points(data, system.inner(), seed)?;
         let (held_out, mut reference_error) =
             FlowBy::pairs(data.flow, system, held_out_points.clone(), time)?;
         let or = |values: &[f64], own: f64| match values {

@@ -199,6 +199,10 @@ pub enum NetworkSpec {
         /// Φ; the system's, unless given.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         action: Option<TorusAction>,
+        /// The turned kicks of K_ε, of a map that is nearly integrable: see
+        /// [`NormalFormShape::perturbation`]. Of 0 layers, an integrable one.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        perturbation: Option<Layers>,
     },
     /// A gyroceptron with the weights of a file, `.safetensors` or `.npz`, as
     /// [`import_weights`](crate::io::import_weights) takes them: it is not trained.
@@ -584,7 +588,7 @@ impl NetworkSpec {
     pub fn default_normal_form() -> Self {
         let twists = TwistLayers { count: 16, width: ByTurns::Same(8) };
         let kicks = Layers { count: 12, width: 8 };
-        Self::NormalForm { psi: None, kicks, twists, action: None }
+        Self::NormalForm { psi: None, kicks, twists, action: None, perturbation: None }
     }
 
     /// The paper's HénonNet.
@@ -611,8 +615,11 @@ impl NetworkSpec {
         match self {
             Self::Gyroceptron { psi, near_identity, .. } => vec![psi.count, near_identity.count],
             Self::HenonNet { layers } => vec![layers.count],
-            Self::NormalForm { psi, kicks, twists, .. } => {
-                psi.iter().map(|psi| psi.count).chain([kicks.count, twists.count]).collect()
+            Self::NormalForm { psi, kicks, twists, perturbation, .. } => {
+                let few = [kicks.count, twists.count];
+                // There may be none of a perturbation.
+                let many = perturbation.iter().map(|perturbation| perturbation.count.max(1));
+                psi.iter().map(|psi| psi.count).chain(few).chain(many).collect()
             }
             Self::File { .. } => Vec::new(),
             Self::SympNet { modules, .. } => vec![*modules],
@@ -637,16 +644,19 @@ impl NetworkSpec {
                 },
                 epsilon,
             },
-            Self::NormalForm { psi, kicks, twists, action: own } => Architecture::NormalForm {
-                shape: NormalFormShape {
-                    action: own.clone().unwrap_or_else(|| action.clone().into()),
-                    psi: psi.map_or_else(Vec::new, Layers::widths),
-                    kicks: kicks.widths(),
-                    twists: twists.widths(),
-                    flow_time,
-                },
-                epsilon,
-            },
+            Self::NormalForm { psi, kicks, twists, action: own, perturbation } => {
+                Architecture::NormalForm {
+                    shape: NormalFormShape {
+                        action: own.clone().unwrap_or_else(|| action.clone().into()),
+                        psi: psi.map_or_else(Vec::new, Layers::widths),
+                        kicks: kicks.widths(),
+                        twists: twists.widths(),
+                        flow_time,
+                        perturbation: perturbation.map(Layers::widths),
+                    },
+                    epsilon,
+                }
+            }
             Self::HenonNet { layers } => Architecture::HenonNet {
                 shape: HenonShape { dof: action.dof(), widths: layers.widths() },
                 epsilon: 1.0,

@@ -3,7 +3,7 @@
 use crate::flow::Pairs;
 use crate::layer::CircleAction;
 use crate::network::Architecture;
-use crate::system::{Hamiltonian, System};
+use crate::system::{Hamiltonian, NearlyPeriodic, System};
 use crate::train::fit_rotation;
 use std::path::Path;
 

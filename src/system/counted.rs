@@ -1,6 +1,7 @@
 //! A system that counts how often its equations of motion are evaluated.
 
-use super::Hamiltonian;
+use super::{Hamiltonian, NearlyPeriodic};
+use crate::error::Error;
 use crate::layer::CircleAction;
 use crate::scalar::Elementary;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -40,19 +41,31 @@ impl<H: Hamiltonian> Hamiltonian for Counted<'_, H> {
     fn dof(&self) -> usize {
         self.system.dof()
     }
-    fn epsilon(&self) -> f64 {
-        self.system.epsilon()
-    }
-    fn energy<S: Elementary>(&self, z: &[S]) -> S {
-        self.system.energy(z)
+    fn energy<S: Elementary>(&self, z: &[S], time: f64) -> S {
+        self.system.energy(z, time)
     }
     #[inline(always)]
-    fn vector_field<S: Elementary>(&self, z: &[S], out: &mut [S]) {
+    fn vector_field<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
         // A thread of another pool than the one that made this shares a slot.
         let thread = rayon::current_thread_index().map_or(0, |index| index + 1);
         let slot = thread % self.slots.len();
         self.slots[slot].0.fetch_add(1, Ordering::Relaxed);
-        self.system.vector_field(z, out);
+        self.system.vector_field(z, time, out);
+    }
+    fn period(&self) -> Option<f64> {
+        self.system.period()
+    }
+    fn fastest_frequency(&self, z: &[f64]) -> f64 {
+        self.system.fastest_frequency(z)
+    }
+    fn check_point(&self, z: &[f64]) -> Result<(), Error> {
+        self.system.check_point(z)
+    }
+}
+
+impl<H: NearlyPeriodic> NearlyPeriodic for Counted<'_, H> {
+    fn epsilon(&self) -> f64 {
+        self.system.epsilon()
     }
     fn circle_action(&self) -> CircleAction {
         self.system.circle_action()

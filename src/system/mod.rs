@@ -1,35 +1,108 @@
 //! Nearly-periodic Hamiltonian systems: one file each.
 
 mod counted;
+mod field_lines;
 mod oscillators;
 mod particle_field;
 
 pub use counted::Counted;
+pub use field_lines::FieldLines;
 pub use oscillators::{AveragedOscillator, Oscillators};
 pub use particle_field::{FieldProfile, ParticleField};
 
 use crate::error::Error;
 use crate::layer::CircleAction;
-use crate::scalar::Elementary;
+use crate::scalar::{Dual, Elementary, max_or_nan};
 use serde::{Deserialize, Serialize};
 
-/// A nearly-periodic Hamiltonian system on ℝ²ⁿ with the canonical form.
-///
-/// Its flow at ε = 0 is ψ∘Φ_{ω₀t}∘ψ⁻¹ with the system's circle action Φ, a
-/// constant frequency ω₀ and a symplectic map ψ (the identity where the action
-/// is linear in the coordinates).
+/// A Hamiltonian system on ℝ²ⁿ with the canonical form: its energy is all that it needs.
 pub trait Hamiltonian {
     /// n.
     fn dof(&self) -> usize;
 
+    /// H(z, t): of most, no function of the time.
+    fn energy<S: Elementary>(&self, z: &[S], time: f64) -> S;
+
+    /// `out` ← Ω∇H(z, t): by duals, unless given; the equations of motion written out take a
+    /// fraction of that.
+    fn vector_field<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
+        symplectic_gradient(|z| self.energy(z, time), z, out);
+    }
+
+    /// The period of H in time; none where it is no function of it. Steps of a flow map begin at
+    /// whole periods: of any other interval its repetition is not the flow.
+    fn period(&self) -> Option<f64> {
+        None
+    }
+
+    /// The angular frequency of the fastest motion near z, roughly: how long the steps are that
+    /// a reference flow begins to try. By the second derivatives of H, unless given.
+    fn fastest_frequency(&self, z: &[f64]) -> f64 {
+        let mut squares = 0.0;
+        for direction in 0..z.len() {
+            let along = |(i, &v)| Dual::<f64, 1>::variable(v, usize::from(i != direction));
+            let z: Vec<_> = z.iter().enumerate().map(along).collect();
+            let mut slope = z.clone();
+            self.vector_field(&z, 0.0, &mut slope);
+            squares += slope.iter().map(|v| v.eps[0] * v.eps[0]).sum::<f64>();
+        }
+        // Of a plane that turns, that of its turning.
+        let frequency = libm::sqrt(0.5 * squares);
+        if frequency.is_finite() && frequency > 0.0 { frequency } else { 1.0 }
+    }
+
+    /// Fails unless the system is defined at z.
+    ///
+    /// # Errors
+    /// With the point, and where it is not.
+    fn check_point(&self, z: &[f64]) -> Result<(), Error> {
+        let _ = z;
+        Ok(())
+    }
+}
+
+/// `out` ← Ω∇H(z), the gradient by duals.
+///
+/// # Panics
+/// When z and `out` are not of 2n numbers.
+pub fn symplectic_gradient<S: Elementary>(
+    energy: impl Fn(&[Dual<S, 2>]) -> Dual<S, 2>,
+    z: &[S],
+    out: &mut [S],
+) {
+    /// Small systems keep their working space on the stack.
+    const STACK: usize = 16;
+    let dim = z.len();
+    assert!(out.len() == dim && dim.is_multiple_of(2), "{dim} and {} numbers", out.len());
+    let mut stack = [Dual::constant(S::zero()); STACK];
+    let mut heap;
+    let lifted = if dim <= STACK {
+        &mut stack[..dim]
+    } else {
+        heap = vec![Dual::constant(S::zero()); dim];
+        &mut heap[..]
+    };
+    let dof = dim / 2;
+    for k in 0..dof {
+        for (lifted, &v) in lifted.iter_mut().zip(z) {
+            *lifted = Dual::constant(v);
+        }
+        lifted[k] = Dual::variable(z[k], 0);
+        lifted[dof + k] = Dual::variable(z[dof + k], 1);
+        let [by_position, by_momentum] = energy(lifted).eps;
+        out[k] = by_momentum;
+        out[dof + k] = -by_position;
+    }
+}
+
+/// A nearly-periodic Hamiltonian system.
+///
+/// Its flow at ε = 0 is ψ∘Φ_{ω₀t}∘ψ⁻¹ with the system's circle action Φ, a
+/// constant frequency ω₀ and a symplectic map ψ (the identity where the action
+/// is linear in the coordinates).
+pub trait NearlyPeriodic: Hamiltonian {
     /// ε.
     fn epsilon(&self) -> f64;
-
-    /// H(z).
-    fn energy<S: Elementary>(&self, z: &[S]) -> S;
-
-    /// `out` ← Ω∇H(z), the equations of motion written out.
-    fn vector_field<S: Elementary>(&self, z: &[S], out: &mut [S]);
 
     /// Φ, the circle action of the limit ε = 0, up to conjugation.
     fn circle_action(&self) -> CircleAction;
@@ -43,11 +116,18 @@ pub trait Hamiltonian {
     /// z ← the exact flow of the limit ε = 0 over `time`: the rotation that a
     /// surrogate has to improve upon.
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S);
+
+    /// The frequency of the fastest plane of the limit.
+    fn fastest_plane(&self) -> f64 {
+        let action = self.circle_action();
+        let weights = action.weights().iter().map(|w| f64::from(w.abs()));
+        weights.fold(1.0, max_or_nan) * self.limiting_frequency()
+    }
 }
 
 /// A Hamiltonian H = H_A + H_B whose two parts have exact flows: what a
 /// splitting composes. H_A = ½Σ ω_j(q_j² + p_j²) turns planes.
-pub trait Splittable: Hamiltonian {
+pub trait Splittable: NearlyPeriodic {
     /// z ← the coordinates in which the parts are simple. Applied once before
     /// an integration.
     fn enter<S: Elementary>(&self, z: &mut [S]);
@@ -70,6 +150,8 @@ pub enum System {
     Oscillators(Oscillators),
     /// The paper's charged particle in its own field, of any number of modes.
     ParticleField(ParticleField),
+    /// Magnetic field lines of a tokamak.
+    FieldLines(FieldLines),
 }
 
 /// Runs `$body` on the system behind the enum.
@@ -78,6 +160,7 @@ macro_rules! each_system {
         match $self {
             System::Oscillators($system) => $body,
             System::ParticleField($system) => $body,
+            System::FieldLines($system) => $body,
         }
     };
 }
@@ -88,26 +171,22 @@ impl System {
         match &mut self {
             Self::Oscillators(system) => system.epsilon = epsilon,
             Self::ParticleField(system) => system.epsilon = epsilon,
+            Self::FieldLines(system) => system.epsilon = epsilon,
         }
         self
     }
 
-    /// Fails unless ε is finite and the system has a mode.
+    /// Fails unless ε is finite and the system is sound.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] and [`Error::Invalid`] with the value.
     pub fn check(&self) -> Result<(), Error> {
         Error::check_finite("system.epsilon", self.epsilon())?;
-        if self.dof() < 2 {
-            return Err(Error::invalid("system.profiles", "none", "at least one field mode"));
+        match self {
+            Self::Oscillators(_) => Ok(()),
+            Self::ParticleField(system) => system.check(),
+            Self::FieldLines(system) => system.check(),
         }
-        if let Self::ParticleField(system) = self
-            && let Some(profile) = system.profiles.iter().find(|p| !p.is_sound())
-        {
-            let expected = "finite numbers, the rate of a Gaussian not negative";
-            return Err(Error::invalid("system.profiles", format!("{profile:?}"), expected));
-        }
-        Ok(())
     }
 }
 
@@ -115,14 +194,26 @@ impl Hamiltonian for System {
     fn dof(&self) -> usize {
         each_system!(self, s => s.dof())
     }
+    fn energy<S: Elementary>(&self, z: &[S], time: f64) -> S {
+        each_system!(self, s => s.energy(z, time))
+    }
+    fn vector_field<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
+        each_system!(self, s => s.vector_field(z, time, out))
+    }
+    fn period(&self) -> Option<f64> {
+        each_system!(self, s => s.period())
+    }
+    fn fastest_frequency(&self, z: &[f64]) -> f64 {
+        each_system!(self, s => s.fastest_frequency(z))
+    }
+    fn check_point(&self, z: &[f64]) -> Result<(), Error> {
+        each_system!(self, s => s.check_point(z))
+    }
+}
+
+impl NearlyPeriodic for System {
     fn epsilon(&self) -> f64 {
         each_system!(self, s => s.epsilon())
-    }
-    fn energy<S: Elementary>(&self, z: &[S]) -> S {
-        each_system!(self, s => s.energy(z))
-    }
-    fn vector_field<S: Elementary>(&self, z: &[S], out: &mut [S]) {
-        each_system!(self, s => s.vector_field(z, out))
     }
     fn circle_action(&self) -> CircleAction {
         each_system!(self, s => s.circle_action())
@@ -135,21 +226,6 @@ impl Hamiltonian for System {
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         each_system!(self, s => s.limiting_flow(z, time))
-    }
-}
-
-impl Splittable for System {
-    fn enter<S: Elementary>(&self, z: &mut [S]) {
-        each_system!(self, s => s.enter(z))
-    }
-    fn leave<S: Elementary>(&self, z: &mut [S]) {
-        each_system!(self, s => s.leave(z))
-    }
-    fn frequencies(&self) -> Vec<f64> {
-        each_system!(self, s => s.frequencies())
-    }
-    fn flow_b<S: Elementary>(&self, z: &mut [S], time: S) {
-        each_system!(self, s => s.flow_b(z, time))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Two nonlinearly coupled oscillators, one fast and one slow.
 
-use super::{Hamiltonian, Splittable, turn};
+use super::{Hamiltonian, NearlyPeriodic, Splittable, turn};
 use crate::layer::CircleAction;
 use crate::scalar::Elementary;
 use serde::{Deserialize, Serialize};
@@ -47,22 +47,28 @@ impl Hamiltonian for Oscillators {
     fn dof(&self) -> usize {
         2
     }
-    fn epsilon(&self) -> f64 {
-        self.epsilon
-    }
-    fn energy<S: Elementary>(&self, z: &[S]) -> S {
+    fn energy<S: Elementary>(&self, z: &[S], _: f64) -> S {
         let half = S::from_f64(0.5);
         let slow = half * (z[1] * z[1] + z[3] * z[3]) + Self::coupling(z[0], z[1]);
         half * (z[0] * z[0] + z[2] * z[2]) + S::from_f64(self.epsilon) * slow
     }
     #[inline(always)]
-    fn vector_field<S: Elementary>(&self, z: &[S], out: &mut [S]) {
+    fn vector_field<S: Elementary>(&self, z: &[S], _: f64, out: &mut [S]) {
         let epsilon = S::from_f64(self.epsilon);
         let (u1, u2) = Self::coupling_gradient(z[0], z[1]);
         out[0] = z[2];
         out[1] = epsilon * z[3];
         out[2] = -(z[0] + epsilon * u1);
         out[3] = -(epsilon * (z[1] + u2));
+    }
+    fn fastest_frequency(&self, _: &[f64]) -> f64 {
+        self.fastest_plane()
+    }
+}
+
+impl NearlyPeriodic for Oscillators {
+    fn epsilon(&self) -> f64 {
+        self.epsilon
     }
     fn circle_action(&self) -> CircleAction {
         CircleAction::new([1, 0])
@@ -119,31 +125,19 @@ impl Hamiltonian for AveragedOscillator {
     fn dof(&self) -> usize {
         1
     }
-    fn epsilon(&self) -> f64 {
-        1.0
-    }
-    fn energy<S: Elementary>(&self, z: &[S]) -> S {
+    fn energy<S: Elementary>(&self, z: &[S], _: f64) -> S {
         let two = S::from_f64(2.0);
         let (_, c) = (two * z[0]).sin_cos();
         let quadratic = S::from_f64(0.5) * z[0].mul_add(z[0], z[1] * z[1]);
         quadratic + S::from_f64(self.strength) * z[0] * c
     }
-    fn vector_field<S: Elementary>(&self, z: &[S], out: &mut [S]) {
+    fn vector_field<S: Elementary>(&self, z: &[S], _: f64, out: &mut [S]) {
         let two = S::from_f64(2.0);
         let (s, c) = (two * z[0]).sin_cos();
         out[0] = z[1];
         out[1] = -(z[0] + S::from_f64(self.strength) * (c - two * z[0] * s));
     }
-    fn circle_action(&self) -> CircleAction {
-        CircleAction::new([1])
-    }
-    fn limiting_frequency(&self) -> f64 {
+    fn fastest_frequency(&self, _: &[f64]) -> f64 {
         1.0
-    }
-    fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
-        self.energy(z)
-    }
-    fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
-        turn(z, 0, 1, time);
     }
 }

@@ -1,6 +1,7 @@
 //! A charged particle in the electromagnetic field that it generates.
 
-use super::{Hamiltonian, Splittable, turn};
+use super::{Hamiltonian, NearlyPeriodic, Splittable, turn};
+use crate::error::Error;
 use crate::layer::CircleAction;
 use crate::scalar::Elementary;
 use serde::{Deserialize, Serialize};
@@ -94,6 +95,21 @@ impl ParticleField {
         z
     }
 
+    /// Fails unless it has a mode, and sound ones.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the profile.
+    pub fn check(&self) -> Result<(), Error> {
+        if self.profiles.is_empty() {
+            return Err(Error::invalid("system.profiles", "none", "at least one field mode"));
+        }
+        if let Some(profile) = self.profiles.iter().find(|p| !p.is_sound()) {
+            let expected = "finite numbers, the rate of a Gaussian not negative";
+            return Err(Error::invalid("system.profiles", format!("{profile:?}"), expected));
+        }
+        Ok(())
+    }
+
     fn modes(&self) -> usize {
         self.profiles.len()
     }
@@ -123,16 +139,13 @@ impl Hamiltonian for ParticleField {
     fn dof(&self) -> usize {
         self.modes() + 1
     }
-    fn epsilon(&self) -> f64 {
-        self.epsilon
-    }
-    fn energy<S: Elementary>(&self, z: &[S]) -> S {
+    fn energy<S: Elementary>(&self, z: &[S], _: f64) -> S {
         let half = S::from_f64(0.5);
         let v = self.velocity(z);
         half * S::from_f64(self.epsilon) * v * v + self.adiabatic_invariant(z)
     }
     #[inline(always)]
-    fn vector_field<S: Elementary>(&self, z: &[S], out: &mut [S]) {
+    fn vector_field<S: Elementary>(&self, z: &[S], _: f64, out: &mut [S]) {
         let n = self.dof();
         let drift = S::from_f64(self.epsilon) * self.velocity(z);
         out[0] = drift;
@@ -147,6 +160,15 @@ impl Hamiltonian for ParticleField {
             out[n + i] = drift.mul_add(s, turning.mul_add(slope, -(k * z[i])));
         }
         out[n] = drift * force;
+    }
+    fn fastest_frequency(&self, _: &[f64]) -> f64 {
+        self.fastest_plane()
+    }
+}
+
+impl NearlyPeriodic for ParticleField {
+    fn epsilon(&self) -> f64 {
+        self.epsilon
     }
     /// Weights 0, 1, …, K.
     fn circle_action(&self) -> CircleAction {

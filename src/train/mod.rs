@@ -5,8 +5,10 @@
 //! - `lbfgs`, `levenberg_marquardt`, `adam`: an optimiser each, with its options.
 //! - `options`, `run`, `checkpoint`: what they share: validation, stopping, resuming.
 //! - `schedule`: several starts, a ramp of other flow times or ε, twists alone.
-//! - `prepare`, `rotation_fit`, `units_fit`: θ and units for data of which nobody told them.
+//! - `prepare`, `action_fit`, `rotation_fit`, `units_fit`: circle action, θ and units for data of which
+//!   nobody told them.
 
+mod action_fit;
 mod adam;
 mod checkpoint;
 mod kernels;
@@ -21,6 +23,7 @@ mod run;
 mod schedule;
 mod units_fit;
 
+pub use action_fit::ActionFit;
 pub use adam::AdamOptions;
 pub use checkpoint::Checkpoint;
 pub use lbfgs::{LbfgsOptions, Scaling};

@@ -63,6 +63,7 @@ def train(
     near_identity: tuple[int, int] | None = None,
     kicks: tuple[int, int] | None = None,
     twists: tuple[int, int] | tuple[int, tuple[int, int]] | None = None,
+    perturbation: tuple[int, int] | None = None,
     layers: tuple[int, int] | None = None,
     optimiser: Literal["l-bfgs", "lm", "adam"] = "l-bfgs",
     iterations: int | None = None,

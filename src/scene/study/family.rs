@@ -16,7 +16,7 @@ use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::learning::Trained;
 use crate::scene::setup::{MOST, Need, check_points};
-use crate::system::{Hamiltonian, System};
+use crate::system::{Hamiltonian, NearlyPeriodic, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::rc::Rc;

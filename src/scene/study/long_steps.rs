@@ -17,7 +17,7 @@ use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::learning::{Trained, learn_at};
 use crate::scene::setup::{Attempt, MOST, ModelSpec, Need, NetworkSpec, check_points};
 use crate::scene::subject::Subject;
-use crate::system::Hamiltonian;
+use crate::system::{Hamiltonian, NearlyPeriodic};
 use crate::train::LegResult;
 use serde::{Deserialize, Serialize};
 use serde_json::json;

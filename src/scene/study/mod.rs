@@ -15,6 +15,7 @@ mod pairs;
 pub mod random_network;
 pub mod rollout;
 pub mod slow_manifold;
+pub mod surfaces;
 pub mod tanh;
 pub mod training;
 pub mod trajectories;
@@ -173,6 +174,8 @@ studies! {
     rollout: Rollout(rollout::RolloutOptions),
     /// The slow manifold of the charged particle, and the learnt invariant off it.
     slow_manifold: SlowManifold(slow_manifold::SlowManifoldOptions),
+    /// Surfaces of field lines over many turns.
+    surfaces: Surfaces(surfaces::SurfacesOptions),
     /// The structure certificate of each network.
     certificate: Certificate(CertificateOptions),
     /// Error against run time, of the networks and of integrators.
@@ -197,6 +200,7 @@ impl AnyStudy {
         match self {
             Self::AdiabaticHorizon(options) => options.shorten(),
             Self::LongSteps(options) => options.shorten(),
+            Self::Surfaces(options) => options.shorten(),
             Self::WorkPrecision(options) => options.rounds = options.rounds.min(5),
             _ => {}
         }

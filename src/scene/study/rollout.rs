@@ -17,7 +17,7 @@ use crate::scene::learning::Trained;
 use crate::scene::setup::{Need, check_points};
 use crate::scene::subject::Subject;
 use crate::scene::words::{coordinate, initial_names};
-use crate::system::{Hamiltonian, Oscillators, System};
+use crate::system::{Hamiltonian, NearlyPeriodic, Oscillators, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::rc::Rc;

@@ -14,7 +14,7 @@ use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{Need, check_points};
 use crate::scene::words::initial_names;
-use crate::system::{Hamiltonian, ParticleField, System};
+use crate::system::{Hamiltonian, NearlyPeriodic, ParticleField, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -51,7 +51,7 @@ impl Study for SlowManifoldOptions {
         self.on.iter().flatten().try_for_each(|v| Error::check_finite("on", *v))?;
         match &scene.setup.system {
             Some(System::ParticleField(system)) => check_points("off", &self.off, system.dof()),
-            Some(System::Oscillators(_)) => {
+            Some(System::Oscillators(_) | System::FieldLines(_)) => {
                 Err(Error::invalid("system", "oscillators", "particle-field"))
             }
             None => Ok(()),

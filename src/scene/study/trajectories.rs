@@ -12,7 +12,7 @@ use crate::scene::figure::{Figure, Panel, SameAxes, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{MOST, Need, check_points};
 use crate::scene::words::{initial_names, subscript};
-use crate::system::{Hamiltonian, System};
+use crate::system::{Hamiltonian, NearlyPeriodic, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::rc::Rc;
@@ -109,7 +109,7 @@ impl OfEpsilon {
         Self {
             epsilon,
             adiabatic: drifts(states, |z| system.adiabatic_invariant(z)),
-            energy: drifts(states, |z| system.energy(z)),
+            energy: drifts(states, |z| system.energy(z, 0.0)),
             excursions: (0..states.count()).map(|m| excursions(states, m)).collect(),
             reference,
         }

@@ -1,0 +1,525 @@
+//! Surfaces of field lines over many turns: networks and integrators beside the reference.
+
+use super::Study;
+use super::rollout::orbit_color;
+use super::work_precision::{MOST_ROUNDS, citations};
+use crate::error::Error;
+use crate::flow::{Integrator, Reference, Trajectories};
+use crate::measure::{
+    Comparison, Locked, Method, TrajectoryMethods, distances_to_set, fastest, locked_interval,
+    root_mean_square_distance, winding_numbers,
+};
+use crate::network::{Model, Rollout};
+use crate::scalar::max_or_nan;
+use crate::scene::bibliography::{FIELD_LINES, GAUSS_LEGENDRE};
+use crate::scene::context::{Context, Halt};
+use crate::scene::declaration::Scene;
+use crate::scene::figure::{Figure, Panel, SameAxes, Series, Style};
+use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};
+use crate::scene::learning::Trained;
+use crate::scene::setup::{MOST, Need};
+use crate::system::{FieldLines, Hamiltonian, System};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::f64::consts::{PI, TAU};
+use std::rc::Rc;
+
+const SECTION: &str = "section";
+
+/// Surfaces of field lines over many turns.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SurfacesOptions {
+    /// r of the lines, …
+    pub radii: Vec<f64>,
+    /// … all at this θ.
+    pub theta: f64,
+    /// Applications of the map.
+    pub steps: usize,
+    /// After so many of them, and all before, points are compared one by one.
+    pub early: usize,
+    /// So many of the last points are looked for on the surfaces of the reference, and drawn.
+    pub last: usize,
+    /// Applications of the map that tell whether a line is in an island.
+    pub island: usize,
+    /// How often each time is taken.
+    pub rounds: usize,
+    /// What the networks are compared with.
+    pub integrators: Vec<StepsInAMap>,
+}
+
+/// An integrator with the numbers of steps it is tried with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StepsInAMap {
+    /// Which.
+    pub integrator: Integrator,
+    /// Its steps in the flow time.
+    pub steps: Vec<usize>,
+}
+
+impl Study for SurfacesOptions {
+    fn name(&self) -> &'static str {
+        "surfaces"
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::System, Need::FlowTime, Need::Data, Need::Models]
+    }
+
+    fn check(&self, scene: &Scene) -> Result<(), Error> {
+        Error::check_count_range("radii", self.radii.len(), 1, 1000)?;
+        Error::check_finite("theta", self.theta)?;
+        Error::check_count_range("steps", self.steps, 2, MOST)?;
+        Error::check_count_range("early", self.early, 1, self.steps)?;
+        Error::check_count_range("last", self.last, 1, self.steps)?;
+        Error::check_count_range("island", self.island, 1, MOST)?;
+        Error::check_count_range("rounds", self.rounds, 1, MOST_ROUNDS)?;
+        for entry in &self.integrators {
+            entry.integrator.check()?;
+            for &steps in &entry.steps {
+                Error::check_count_range("integrators.steps", steps, 1, MOST)?;
+            }
+        }
+        let Some(any) = &scene.setup.system else { return Ok(()) };
+        let system = lines(any)?;
+        for point in self.initial(system) {
+            system.check_point(&point)?;
+        }
+        let splits = self.integrators.iter().find(|e| e.integrator.splitting().is_some());
+        match splits {
+            None => Ok(()),
+            Some(entry) => {
+                let expected = "others: field lines have no parts with exact flows";
+                Err(Error::invalid("integrators", entry.integrator.name(), expected))
+            }
+        }
+    }
+
+    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+        vec![SECTION]
+    }
+
+    fn cites(&self, _: &Scene) -> Vec<&'static str> {
+        let mut out = citations(self.integrators.iter().map(|entry| entry.integrator));
+        out.extend([GAUSS_LEGENDRE, FIELD_LINES]);
+        out
+    }
+
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+        let any = context.system()?;
+        let (system, interval) = (lines(any)?, context.flow_time()?);
+        let models = context.models()?;
+        let initial = self.initial(system);
+        let request = Rollout { steps: self.steps, every: 1 };
+        let reference = context.reference(any, &initial, interval, request.kept())?;
+        let rolled = context.rollouts(&initial, request)?;
+        let judge = Judge { options: self, system, reference: &reference.trajectories };
+
+        let by_reference = |points: &[f64], steps: usize| repeated(system, points, interval, steps);
+        let island =
+            context.stage("the island of the reference", |_| judge.island(&by_reference))?;
+        let mut found = Vec::new();
+        for (trained, orbits) in models.iter().zip(rolled.iter()) {
+            let model = trained.model();
+            let island = judge.island(&|points, steps| of_model(model, points, steps))?;
+            found.push(judge.of(&trained.spec.name, None, orbits, island));
+            if context.interrupted() {
+                return Err(Halt::Interrupted);
+            }
+        }
+        for entry in &self.integrators {
+            for &steps in &entry.steps {
+                let name = entry.integrator.name();
+                let by = |points: &[f64], kept: usize| -> Result<Trajectories, Error> {
+                    let moved =
+                        entry.integrator.trajectories(any, points, interval, steps, kept)?;
+                    Trajectories::new([points, &moved].concat(), 2, points.len() / 2)
+                };
+                let stage = format!("surfaces of {name}, {steps} steps");
+                let one = context.stage(&stage, |_| -> Result<_, Halt> {
+                    let orbits = by(&initial.concat(), self.steps)?;
+                    Ok(judge.of(&name, Some(steps), &orbits, judge.island(&by)?))
+                })?;
+                found.push(one);
+                if context.interrupted() {
+                    return Err(Halt::Interrupted);
+                }
+            }
+        }
+        let comparison = context.stage("run times", |_| {
+            self.timed(any, interval, &models, &reference.trajectories, reference.error)
+        })?;
+        let mut figures = Vec::new();
+        if context.draws(SECTION) {
+            figures.push(self.figure(system, &judge, &models, &rolled));
+        }
+        let results = Results { options: self, island, found, reference: &judge };
+        let words = results.words(reference.error);
+        let data = json!({
+            "island": island.map(|locked| [locked.low, locked.high]),
+            "reference_error": reference.error,
+            "reference_oscillation": results.reference.oscillation(&reference.trajectories),
+            "methods": results.found,
+            "early": comparison.without_seconds(),
+        });
+        let summary = vec![Block::Text(words), Block::Table(results.table())];
+        let times =
+            vec![Block::Text(results.words_of_times()), Block::Table(results.times(&comparison))];
+        Ok(Findings {
+            title: "Surfaces".into(),
+            results: Section { summary, data, ..Section::default() },
+            timings: Section { summary: times, data: json!(comparison), ..Section::default() },
+            figures,
+            ..Findings::default()
+        })
+    }
+}
+
+/// The field lines of a scene.
+fn lines(system: &System) -> Result<&FieldLines, Error> {
+    match system {
+        System::FieldLines(system) => Ok(system),
+        System::Oscillators(_) | System::ParticleField(_) => {
+            Err(Error::invalid("system", "another system", "field-lines"))
+        }
+    }
+}
+
+fn of_model(model: &Model, points: &[f64], steps: usize) -> Result<Trajectories, Error> {
+    let states = model.rollout(points, Rollout { steps, every: 1 })?;
+    Trajectories::new(states, 2, points.len() / 2)
+}
+
+/// The reference flow from each of these points, time after time.
+fn repeated(
+    system: &FieldLines,
+    points: &[f64],
+    interval: f64,
+    steps: usize,
+) -> Result<Trajectories, Error> {
+    let flow = Reference::calibrated(system, points, interval)?;
+    let each: Vec<Vec<f64>> = points
+        .par_chunks(2)
+        .map(|point| {
+            let (mut z, mut states) = (point.to_vec(), point.to_vec());
+            for _ in 0..steps {
+                flow.flow(system, &mut z, interval)?;
+                states.extend_from_slice(&z);
+            }
+            Ok(states)
+        })
+        .collect::<Result<_, Error>>()?;
+    let state = |t: usize| each.iter().flat_map(move |states| states[2 * t..2 * t + 2].to_vec());
+    Trajectories::new((0..=steps).flat_map(state).collect(), 2, each.len())
+}
+
+/// What a method came to.
+#[derive(Serialize)]
+struct Found {
+    name: String,
+    /// Steps of an integrator in the flow time.
+    steps: Option<usize>,
+    /// The root mean square distance from the reference over the early points.
+    early: f64,
+    /// The median and the largest distance of the last points from the surface of the reference, for
+    /// each line.
+    surfaces: Vec<[f64; 2]>,
+    /// The standard deviation of H over its mean, of each line.
+    oscillation: Vec<f64>,
+    island: Option<[f64; 2]>,
+}
+
+impl Found {
+    fn largest(&self) -> f64 {
+        self.surfaces.iter().map(|[_, largest]| *largest).fold(0.0, max_or_nan)
+    }
+
+    fn median(&self) -> f64 {
+        let mut medians: Vec<f64> = self.surfaces.iter().map(|[median, _]| *median).collect();
+        medians.sort_by(f64::total_cmp);
+        medians[medians.len() / 2]
+    }
+}
+
+/// The orbits of points, of so many steps.
+type Orbits<'a> = dyn Fn(&[f64], usize) -> Result<Trajectories, Error> + 'a;
+
+struct Judge<'a> {
+    options: &'a SurfacesOptions,
+    system: &'a FieldLines,
+    reference: &'a Trajectories,
+}
+
+impl Judge<'_> {
+    fn of(
+        &self,
+        name: &str,
+        steps: Option<usize>,
+        orbits: &Trajectories,
+        island: Option<Locked>,
+    ) -> Found {
+        let early = self.early(orbits.values(), orbits);
+        let surfaces = (0..orbits.count()).map(|m| self.surface(orbits, m)).collect();
+        let island = island.map(|locked| [locked.low, locked.high]);
+        let oscillation = self.oscillation(orbits);
+        Found { name: name.to_owned(), steps, early, surfaces, oscillation, island }
+    }
+
+    fn early(&self, states: &[f64], orbits: &Trajectories) -> f64 {
+        let row = 2 * orbits.count();
+        let early = row..row * (self.options.early + 1);
+        root_mean_square_distance(&states[early.clone()], &self.reference.values()[early], 2)
+    }
+
+    /// The median and the largest distance of the last points of a line from the surface of the
+    /// reference.
+    fn surface(&self, orbits: &Trajectories, m: usize) -> [f64; 2] {
+        let surface: Vec<f64> = self.reference.of(m).flatten().copied().collect();
+        let first = orbits.states() - self.options.last;
+        let points: Vec<f64> = orbits.of(m).skip(first).flatten().copied().collect();
+        let mut distances = distances_to_set(&points, &surface, 2);
+        distances.sort_by(f64::total_cmp);
+        // A NaN is the last.
+        [distances[distances.len() / 2], distances[distances.len() - 1]]
+    }
+
+    /// The standard deviation of H over its mean along each line.
+    fn oscillation(&self, orbits: &Trajectories) -> Vec<f64> {
+        let of = |m: usize| {
+            let energies: Vec<f64> = orbits.of(m).map(|z| self.system.energy(z, 0.0)).collect();
+            let count = energies.len() as f64;
+            let mean = energies.iter().sum::<f64>() / count;
+            let square = energies.iter().map(|e| (e - mean) * (e - mean)).sum::<f64>() / count;
+            libm::sqrt(square) / mean.abs()
+        };
+        (0..orbits.count()).into_par_iter().map(of).collect()
+    }
+
+    /// Where, on the line of symmetry through the middle of an island, a map is locked to the
+    /// resonance of the perturbation.
+    fn island(&self, map: &Orbits<'_>) -> Result<Option<Locked>, Error> {
+        /// The widest island that is looked for.
+        const REACH: f64 = 0.12;
+        let Some((winding, radius)) = self.system.resonance() else { return Ok(None) };
+        let steps = self.options.island;
+        let on = |theta: f64| {
+            let locked = |radii: &[f64]| -> Result<Vec<bool>, Error> {
+                let points: Vec<f64> =
+                    radii.iter().flat_map(|radius| self.system.at(*radius, theta)).collect();
+                let orbits = map(&points, steps)?;
+                let found = winding_numbers(&orbits, |z| self.system.polar(z).1);
+                // Within an island of |m| parts the angle stays in one of them.
+                let width = 1.0 / f64::from(self.system.poloidal.unsigned_abs());
+                let locked = |w: &f64| (w - winding).abs() * (steps as f64) < width;
+                Ok(found.iter().map(locked).collect())
+            };
+            locked_interval(radius, REACH, locked)
+        };
+        let [one, other] = [on(0.0)?, on(PI)?];
+        let width = |locked: Option<Locked>| locked.map_or(0.0, Locked::width);
+        Ok(if width(one) >= width(other) { one } else { other })
+    }
+}
+
+impl SurfacesOptions {
+    /// Less of all.
+    pub(super) fn shorten(&mut self) {
+        self.steps = (self.steps / 20).max(self.early).max(self.last).max(2);
+        self.island = (self.island / 4).max(1);
+        self.rounds = self.rounds.min(5);
+    }
+
+    fn initial(&self, system: &FieldLines) -> Vec<Vec<f64>> {
+        self.radii.iter().map(|radius| system.at(*radius, self.theta).to_vec()).collect()
+    }
+
+    /// All methods over the early points, on one thread.
+    fn timed(
+        &self,
+        system: &System,
+        interval: f64,
+        models: &[Rc<Trained>],
+        reference: &Trajectories,
+        reference_error: f64,
+    ) -> Result<Comparison, Error> {
+        let row = 2 * reference.count();
+        let initial = &reference.values()[..row];
+        let mut methods = Vec::new();
+        for trained in models {
+            let model = trained.model();
+            let run = move || {
+                let request = Rollout { steps: self.early, every: 1 };
+                let mut states = model.rollout(initial, request)?;
+                states.drain(..row);
+                Ok(states)
+            };
+            methods.push(Method {
+                name: trained.spec.name.clone(),
+                setting: None,
+                run: Box::new(run),
+            });
+        }
+        for entry in &self.integrators {
+            for &steps in &entry.steps {
+                let by = entry.integrator;
+                let run = move || by.trajectories(system, initial, interval, steps, self.early);
+                let setting = Some(steps as f64);
+                methods.push(Method { name: by.name(), setting, run: Box::new(run) });
+            }
+        }
+        TrajectoryMethods {
+            methods,
+            reference: &reference.values()[row..row * (self.early + 1)],
+            reference_error,
+            dim: 2,
+            trajectories: reference.count(),
+            time: interval * self.early as f64,
+        }
+        .compare(self.rounds)
+    }
+
+    /// r over θ of the last points of each line.
+    fn figure(
+        &self,
+        system: &FieldLines,
+        judge: &Judge<'_>,
+        models: &[Rc<Trained>],
+        rolled: &[Trajectories],
+    ) -> Figure {
+        let panel = |title: &str, orbits: &Trajectories| {
+            let series = (0..orbits.count()).map(|m| {
+                let last = orbits.of(m).skip(orbits.states() - self.last);
+                let points = last.map(|z| {
+                    let (radius, theta) = system.polar(z);
+                    (theta / PI, radius)
+                });
+                Series::unnamed(orbit_color(m), Style::Dots, points.collect())
+            });
+            Panel {
+                title: title.to_owned(),
+                x_label: "θ/π".into(),
+                y_label: "r".into(),
+                series: series.collect(),
+                ..Panel::default()
+            }
+        };
+        let mut panels = vec![panel("reference", judge.reference)];
+        panels.extend(models.iter().zip(rolled).map(|(m, orbits)| panel(&m.spec.name, orbits)));
+        let caption = "The last points of each line, turn after turn, on its surface.";
+        let columns = 2;
+        let figure = Figure::in_a_row(SECTION, caption, panels);
+        Figure { columns, same_axes: SameAxes::First, ..figure }
+    }
+}
+
+struct Results<'a> {
+    options: &'a SurfacesOptions,
+    island: Option<Locked>,
+    found: Vec<Found>,
+    reference: &'a Judge<'a>,
+}
+
+impl Results<'_> {
+    fn words(&self, error: f64) -> String {
+        let options = self.options;
+        let oscillation = self.reference.oscillation(self.reference.reference);
+        let largest = oscillation.into_iter().fold(0.0, max_or_nan);
+        let island = match self.island {
+            Some(locked) => {
+                format!(
+                    "from r = {:.4} to {:.4}, {:.4} wide",
+                    locked.low,
+                    locked.high,
+                    locked.width()
+                )
+            }
+            None => "none".into(),
+        };
+        format!(
+            "{} lines from r = {} to {} over {} maps; lengths are in units of the minor radius. One by \
+             one: the root mean square distance from the reference over the first {}. From the \
+             surface: of the last {} points of each line from the nearest of all those of the \
+             reference, which itself errs by {error:.1e} at the end. H of the reference oscillates \
+             by up to {:.2} % on the section. The island of the reference: {island}, told by \
+             {} maps.",
+            options.radii.len(),
+            options.radii[0],
+            options.radii[options.radii.len() - 1],
+            options.steps,
+            options.early,
+            options.last,
+            100.0 * largest,
+            options.island
+        )
+    }
+
+    fn table(&self) -> Table {
+        let mut table = Table::new([
+            ("method", Format::Exact),
+            ("steps in a map", Format::Exact),
+            ("one by one", Format::Exponent(2)),
+            ("from the surface, median", Format::Exponent(2)),
+            ("largest", Format::Exponent(2)),
+            ("oscillation of H, largest", Format::Percent),
+            ("width of the island", Format::Fixed(4)),
+            ("differs by", Format::Percent),
+        ]);
+        for of in &self.found {
+            let width = of.island.map(|[low, high]| high - low);
+            let differs = self.island.map(|own| (width.unwrap_or(0.0) / own.width() - 1.0).abs());
+            let name = if of.steps.is_some() { of.name.clone() } else { format!("`{}`", of.name) };
+            table.push([
+                name.into(),
+                of.steps.into(),
+                of.early.into(),
+                of.median().into(),
+                of.largest().into(),
+                of.oscillation.iter().copied().fold(0.0, max_or_nan).into(),
+                width.map_or(Cell::Text("none".into()), Cell::Number),
+                differs.into(),
+            ]);
+        }
+        table
+    }
+
+    fn words_of_times(&self) -> String {
+        "All on one thread, with a line in each lane of the vector registers. Gauss–Legendre of one stage \
+         is the implicit midpoint rule. The fastest integrator is that of no larger error one by \
+         one."
+            .into()
+    }
+
+    fn times(&self, comparison: &Comparison) -> Table {
+        const MICRO: f64 = 1e6;
+        let mut table = Table::new([
+            ("method", Format::Exact),
+            ("steps in a map", Format::Exact),
+            ("µs a turn", Format::Magnitude),
+            ("one by one", Format::Exponent(2)),
+            ("fastest integrator as accurate", Format::Exact),
+            ("takes as long", Format::Factor),
+        ]);
+        for method in &comparison.methods {
+            let integrators = comparison.methods.iter().filter(|other| other.setting.is_some());
+            let best = method.error.filter(|_| method.setting.is_none());
+            let best = best.and_then(|error| fastest(integrators, error));
+            let seconds = method.seconds.map(|spread| spread.median);
+            let ratio = best.zip(seconds).map(|((_, theirs), own)| theirs / own);
+            let named = |other: &crate::measure::WorkPrecision| {
+                let steps = other.setting.unwrap_or_default();
+                format!("{}, {steps} steps", other.name)
+            };
+            table.push([
+                method.name.clone().into(),
+                method.setting.into(),
+                method.seconds.map(|spread| spread.scaled(TAU * MICRO)).into(),
+                method.error.into(),
+                best.map(|(other, _)| named(other)).into(),
+                ratio.into(),
+            ]);
+        }
+        table
+    }
+}

@@ -1,0 +1,247 @@
+//! The circle action of pairs of which nobody told it.
+
+use crate::error::Error;
+use crate::flow::Pairs;
+use crate::layer::CircleAction;
+use faer::linalg::solvers::Solve;
+use faer::{Mat, Side};
+use std::f64::consts::TAU;
+
+/// What the linear map nearest to some pairs says of their circle action.
+///
+/// At ε = 0 plane j turns by m_jθ: the block of the map that moves it has the eigenvalues
+/// exp(±im_jθ), which are the same in any linear units of the plane, but for its size. Of all weights
+/// |m_j| ≤ 3 without a common factor those are chosen that bring the turned planes nearest to these
+/// angles, for the best θ; of some that are about as near, the simplest. Angles are known up to
+/// whole turns only, and short ones may be slow: then nobody can tell, and [`ActionFit::is_sure`]
+/// says so.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ActionFit {
+    /// The angle by which each plane turns from an input to its output, in (−π, π], 0 of those
+    /// that do not turn.
+    pub angles: Vec<f64>,
+    /// Actions, the nearest first, with the root mean square over the planes of
+    /// |exp(iα_j) − exp(im_jθ)|.
+    pub candidates: Vec<(CircleAction, f64)>,
+}
+
+/// Of one plane, 2 |sin| of half the difference of two angles.
+fn chord(angle: f64) -> f64 {
+    2.0 * libm::sin(0.5 * angle).abs()
+}
+
+impl ActionFit {
+    /// The largest |m_j|.
+    const MOST: i32 = 3;
+    /// Planes of more degrees of freedom have too many candidates.
+    const MOST_PLANES: usize = 5;
+    /// So many pairs tell.
+    const PAIRS: usize = 4000;
+    /// What is nearer, as a share of how far the planes turn, may be meant: ε moves them too.
+    const NEAR: f64 = 0.15;
+    /// So far may ε turn planes.
+    const SLOW: f64 = 0.1;
+    /// What is so many times as far is not.
+    const FACTOR: f64 = 3.0;
+
+    /// That of these pairs; of several flow times, of those of the shortest.
+    ///
+    /// # Errors
+    /// When there are more than five planes, or no linear map fits best: fewer pairs than it has
+    /// columns, or all in a plane.
+    pub fn of(pairs: &Pairs) -> Result<Self, Error> {
+        let dof = pairs.dof();
+        Error::check_count_range(
+            "planes of an action that is to be found",
+            dof,
+            1,
+            Self::MOST_PLANES,
+        )?;
+        let angles = plane_angles(&shortest(pairs).thinned(Self::PAIRS))?;
+        let mut candidates: Vec<(CircleAction, f64)> = weights(dof)
+            .into_iter()
+            .map(|weights| {
+                let distance = distance(&weights, &angles);
+                (CircleAction::new(weights), distance)
+            })
+            .collect();
+        candidates.sort_by(|(_, near), (_, far)| near.total_cmp(far));
+        // Larger weights come near any angles: simpler ones that are about as good are meant.
+        let best = candidates.first().map_or(0.0, |(_, distance)| *distance);
+        let good = Self::SLOW.max(2.0 * best);
+        let simplest = (0..candidates.len())
+            .filter(|k| candidates[*k].1 <= good)
+            .min_by_key(|k| complexity(&candidates[*k].0));
+        if let Some(simplest) = simplest {
+            let chosen = candidates.remove(simplest);
+            candidates.insert(0, chosen);
+        }
+        Ok(Self { angles, candidates })
+    }
+
+    /// The action that is nearest.
+    pub fn action(&self) -> &CircleAction {
+        &self.candidates[0].0
+    }
+
+    /// The nearest of the others of no larger weights, or of 1 and 2.
+    fn next(&self) -> Option<&(CircleAction, f64)> {
+        let largest = |action: &CircleAction| action.weights().iter().map(|m| m.abs()).max();
+        let own = largest(self.action()).max(Some(2));
+        let others = self.candidates[1..].iter().filter(|(action, _)| largest(action) <= own);
+        others.min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// Whether the choice is clear: it is near, the others of no larger weights are three times as far and
+    /// not near, and simpler ones are further than a slow motion may turn a plane in a step.
+    pub fn is_sure(&self) -> bool {
+        let turned = turned(&self.angles);
+        let near = self.candidates[0].1;
+        let clear = (Self::FACTOR * near).max(Self::NEAR * turned);
+        let own = complexity(self.action());
+        let mut simpler =
+            self.candidates[1..].iter().filter(|(action, _)| complexity(action) < own);
+        near < Self::NEAR * turned
+            && self.next().is_none_or(|(_, distance)| *distance > clear)
+            && simpler.all(|(_, distance)| *distance > Self::NEAR)
+    }
+
+    /// What is to be told.
+    pub fn told(&self) -> String {
+        let weights = |action: &CircleAction| {
+            let weights: Vec<String> = action.weights().iter().map(i32::to_string).collect();
+            weights.join(",")
+        };
+        let angles: Vec<String> = self.angles.iter().map(|angle| format!("{angle:.3}")).collect();
+        let next = self.next().map_or_else(String::new, |(action, distance)| {
+            format!(", {} as {distance:.2}", weights(action))
+        });
+        format!(
+            "the planes turn by {} from inputs to outputs; circle action {} is as near as {:.2}{next}",
+            angles.join(", "),
+            weights(self.action()),
+            self.candidates[0].1
+        )
+    }
+}
+
+/// How large the weights are, and of how many signs.
+fn complexity(action: &CircleAction) -> (i32, usize) {
+    let negative = action.weights().iter().filter(|m| **m < 0).count();
+    (action.weights().iter().map(|m| m.abs()).sum(), negative)
+}
+
+/// The root mean square over the planes of |exp(iα_j) − 1|.
+fn turned(angles: &[f64]) -> f64 {
+    let squares: f64 = angles.iter().map(|angle| chord(*angle) * chord(*angle)).sum();
+    libm::sqrt(squares / angles.len() as f64)
+}
+
+/// Those of the shortest flow time.
+fn shortest(pairs: &Pairs) -> Pairs {
+    let times = pairs.conditions().iter().map(|condition| condition.time.abs());
+    let Some(least) = times.min_by(f64::total_cmp) else { return pairs.clone() };
+    let mut first = 0;
+    let mut rows = Vec::new();
+    for condition in pairs.conditions() {
+        if condition.time.abs() == least {
+            rows.extend(first..first + condition.pairs);
+        }
+        first += condition.pairs;
+    }
+    pairs.rows(rows)
+}
+
+/// All weights up to a sign.
+fn weights(dof: usize) -> Vec<Vec<i32>> {
+    let base = 2 * ActionFit::MOST + 1;
+    let of = |number: i32| -> Vec<i32> {
+        (0..dof).map(|j| number / base.pow(j as u32) % base - ActionFit::MOST).collect()
+    };
+    let gcd = |mut a: i32, mut b: i32| {
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let is_wanted = |weights: &Vec<i32>| {
+        let first = weights.iter().find(|m| **m != 0);
+        first.is_some_and(|m| *m > 0) && weights.iter().map(|m| m.abs()).fold(0, gcd) == 1
+    };
+    (0..base.pow(dof as u32)).map(of).filter(is_wanted).collect()
+}
+
+/// Of the planes turned by these weights at the best angle.
+fn distance(weights: &[i32], angles: &[f64]) -> f64 {
+    let misfit = |theta: f64| -> f64 {
+        let of = |(m, angle): (&i32, &f64)| {
+            let chord = chord(f64::from(*m) * theta - angle);
+            chord * chord
+        };
+        weights.iter().zip(angles).map(of).sum()
+    };
+    // A weight divides the circle: one of its angles is within the minimum's reach.
+    const POINTS: usize = 96;
+    let spacing = TAU / POINTS as f64;
+    let best = (0..POINTS)
+        .map(|k| k as f64 * spacing)
+        .min_by(|a, b| misfit(*a).total_cmp(&misfit(*b)))
+        .unwrap_or(0.0);
+    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let (mut low, mut high) = (best - spacing, best + spacing);
+    while high - low > 1e-9 {
+        let (a, b) = (high - golden * (high - low), low + golden * (high - low));
+        if misfit(a) <= misfit(b) {
+            high = b;
+        } else {
+            low = a;
+        }
+    }
+    libm::sqrt(misfit(0.5 * (low + high)) / weights.len() as f64)
+}
+
+/// By how much each plane turns under the affine map nearest to the pairs in the mean square.
+fn plane_angles(pairs: &Pairs) -> Result<Vec<f64>, Error> {
+    let dof = pairs.dof();
+    let dim = 2 * dof;
+    let size = dim + 1;
+    let unfit = || {
+        let (found, expected) = (format!("{} pairs", pairs.len()), "more, in all directions");
+        Error::invalid("pairs for their circle action", found, expected)
+    };
+    // Columns of the same size, so that none is lost in the equations.
+    let mut scales = vec![0.0_f64; dim];
+    for z in pairs.input().chunks_exact(dim) {
+        scales.iter_mut().zip(z).for_each(|(scale, v)| *scale += v * v);
+    }
+    if scales.contains(&0.0) || pairs.len() < size {
+        return Err(unfit());
+    }
+    scales.iter_mut().for_each(|scale| *scale = libm::sqrt(*scale / pairs.len() as f64));
+    let mut normal = Mat::<f64>::zeros(size, size);
+    let mut right = Mat::<f64>::zeros(size, dim);
+    for (z, w) in pairs.input().chunks_exact(dim).zip(pairs.output().chunks_exact(dim)) {
+        let row = |i: usize| if i < dim { z[i] / scales[i] } else { 1.0 };
+        for i in 0..size {
+            for j in 0..size {
+                normal[(i, j)] += row(i) * row(j);
+            }
+            for c in 0..dim {
+                right[(i, c)] += row(i) * w[c] / scales[c];
+            }
+        }
+    }
+    let factor = normal.llt(Side::Lower).map_err(|_| unfit())?;
+    let solution = factor.solve(&right);
+    let entry = |row: usize, column: usize| solution[(column, row)] * scales[row] / scales[column];
+    let angle = |j: usize| {
+        let (q, p) = (j, dof + j);
+        let determinant = entry(q, q) * entry(p, p) - entry(q, p) * entry(p, q);
+        let cosine = 0.5 * (entry(q, q) + entry(p, p)) / libm::sqrt(determinant);
+        // Of a plane that does not turn, such as one that is sheared, none.
+        let angle = libm::acos(cosine.clamp(-1.0, 1.0));
+        let turns = determinant > 0.0 && angle > 0.0;
+        if turns { angle.copysign(entry(q, p) - entry(p, q)) } else { 0.0 }
+    };
+    Ok((0..dof).map(angle).collect())
+}
