@@ -796,6 +796,23 @@ fn a_nearly_integrable_map_is_trained() {
     assert!(told.contains("2 turned kicks of the perturbation"), "{told}");
     let back = load_model(&path.join("back.json")).expect("a model").model.architecture();
     assert_eq!(widths(back), Some(vec![3, 3]));
+    // An integrable map of order one is not taken for one that ε scales.
+    succeeds(path, &["export", "--model", "none.json", "--output", "none.npz"]);
+    let import = ["import", "--weights", "none.npz", "--circle-action", "1,0", "--epsilon", "0.01"];
+    succeeds(path, &[&import[..], &["--flow-time", "1", "--output", "none-back.json"]].concat());
+    let [before, after] = ["none.json", "none-back.json"]
+        .map(|file| load_model(&path.join(file)).expect("a model").model);
+    assert_eq!(widths(after.architecture()), Some(vec![]));
+    assert_eq!(before.composition().parameters(), after.composition().parameters());
+    // Of an unknown flow time the unit is a step, at ε = 0 too.
+    let form = ["--architecture", "normal-form", "--perturbation", "2x3", "--epsilon", "0"];
+    succeeds(path, &[&start[..], &form, &["--output", "zero.json"]].concat());
+    match load_model(&path.join("zero.json")).expect("a model").model.architecture() {
+        Architecture::NormalForm { shape, epsilon } => {
+            assert_eq!((shape.flow_time, epsilon), (1.0, 0.0));
+        }
+        other => panic!("{other:?}"),
+    }
     let net = [&start[..], &["--perturbation", "2x3", "--output", "x.json"]].concat();
     refuses(path, &net, &["--perturbation", "normal form"]);
     let form = ["--architecture", "normal-form", "--perturbation", "2", "--output", "x.json"];

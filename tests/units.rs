@@ -387,6 +387,12 @@ fn a_circle_action_is_found() {
         let fit = ActionFit::of(&turning(&angles, 0.0, 3)).expect("a linear map");
         assert!(!fit.is_sure(), "{angles:?}: {}", fit.told());
     }
+    // Far from the origin, where the columns differ by little.
+    let near = turning(&[0.9, 1.8], 0.0, 1);
+    let moved = |values: &[f64]| values.iter().map(|v| v + 1e9).collect::<Vec<_>>();
+    let far = Pairs::new("far", 2, moved(near.input()), moved(near.output())).expect("whole");
+    let [near, far] = [&near, &far].map(|pairs| ActionFit::of(pairs).expect("a linear map"));
+    assert!(far.angles.iter().zip(&near.angles).all(|(a, b)| (a - b).abs() < 1e-2), "{far:?}");
     let few = turning(&[0.3, 0.0], 0.0, 1).thinned(4);
     assert!(ActionFit::of(&few).expect_err("too few").to_string().contains("4 pairs"));
     let flat = Pairs::new("flat", 1, vec![1.0, 0.0, 2.0, 0.0, 3.0, 0.0, 4.0, 0.0], vec![1.0; 8]);

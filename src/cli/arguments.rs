@@ -111,7 +111,8 @@ pub struct Verify {
 pub enum ArchitectureName {
     /// I_ε ∘ ψ ∘ Φ_θ ∘ ψ⁻¹.
     Gyroceptron,
-    /// χ ∘ Φ_θ ∘ T_ε ∘ χ⁻¹: its actions are exact invariants.
+    /// χ ∘ Φ_θ ∘ T_ε ∘ χ⁻¹: its actions are exact invariants, but for a
+    /// perturbation.
     NormalForm,
     /// Hénon layers.
     HenonNet,

@@ -322,6 +322,7 @@ const AUTO: &str = "auto";
 
 pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if arguments.circle_action == AUTO {
+        check_ending("--output", &arguments.output, "json")?;
         let circle_action = found_action(arguments)?;
         return train_pairs(&Train { circle_action, ..arguments.clone() });
     }
@@ -402,7 +403,8 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     }
     let epsilon = family.epsilon;
     let pairs = file.pairs.with_conditions(|condition| family.place(condition));
-    if is_normal_form && epsilon == 0.0 && family.time.is_none() {
+    let of_order_one = spec.network.is_nearly_integrable();
+    if is_normal_form && !of_order_one && epsilon == 0.0 && family.time.is_none() {
         return Err(Error::invalid("--epsilon", 0, "another number, or --flow-time"));
     }
     if let Some(reading) = Reading::better(&pairs, &action) {
@@ -414,6 +416,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         action: &action,
         epsilon,
         flow_time: family.time,
+        of_order_one,
         theta: arguments.theta,
         units: arguments.units == UnitsOf::Fitted,
         validation: arguments.validation,

@@ -145,7 +145,7 @@ impl Integrator {
 
 /// Fails unless an interval is of whole periods of a system: its states are taken from one such
 /// time to the next.
-pub(super) fn whole_periods(interval: f64, period: f64) -> Result<(), Error> {
+pub(crate) fn whole_periods(interval: f64, period: f64) -> Result<(), Error> {
     let periods = interval / period;
     if (periods - periods.round()).abs() <= 1e-9 * periods.abs().max(1.0) {
         return Ok(());

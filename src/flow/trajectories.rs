@@ -1,7 +1,6 @@
 //! Several trajectories, and those of the reference flow.
 
-use super::integrator::whole_periods;
-use super::{Integrator, Reference};
+use super::{Integrator, Reference, whole_periods};
 use crate::error::Error;
 use crate::scalar::max_or_nan;
 use crate::system::{Hamiltonian, System};

@@ -6,7 +6,8 @@
 //! `kick.{i}.angles` (1, n), `kick.{i}.w_in` (n, h), `kick.{i}.b_in`, `kick.{i}.w_out`,
 //! `twist.{i}.w_in` (d, h; the rows of the actions first), `twist.{i}.b_in`,
 //! `twist.{i}.w_out`, of even i `twist.{i}.quadratic` (1, d(d + 1)/2; the rows of the upper
-//! triangle of Q), `theta` (an angle for each circle), and `psi.{i}.…` where it has a ψ. Where the data has
+//! triangle of Q), `theta` (an angle for each circle), and `psi.{i}.…` where it has a ψ; one that is nearly
+//! integrable `perturbation.{i}.…` as of kicks, and `perturbation` (1), their number. Where the data has
 //! units of its own, `units.centre` and `units.factors`, (1, 2n) each, say them: z = centre +
 //! factors·w of the network's w. Layers
 //! are numbered from 0 in the order of application; numbers are float32 or float64.
@@ -182,7 +183,9 @@ pub fn import_weights(
 
 /// Whether tensors are those of a gyroceptron in normal form.
 pub fn is_normal_form(tensors: &BTreeMap<String, Tensor>) -> bool {
-    tensors.keys().any(|name| name.starts_with("kick.") || name.starts_with("twist."))
+    let is_of_one =
+        |name: &String| ["kick.", "twist.", PERTURBATION].iter().any(|part| name.starts_with(part));
+    tensors.keys().any(is_of_one)
 }
 
 /// Makes a gyroceptron in normal form, with this action at ε and this flow time, of
@@ -192,7 +195,7 @@ pub fn is_normal_form(tensors: &BTreeMap<String, Tensor>) -> bool {
 /// When a tensor is missing, superfluous or of another shape.
 pub fn assemble_normal_form(
     place: &str,
-    tensors: BTreeMap<String, Tensor>,
+    mut tensors: BTreeMap<String, Tensor>,
     action: TorusAction,
     epsilon: f64,
     flow_time: f64,
@@ -207,8 +210,20 @@ pub fn assemble_normal_form(
         perturbation: None,
     };
     let perturbation = widths_if_any(place, &tensors, "perturbation", dof)?;
-    // An integrable map and one near the identity times a turn have the same tensors.
-    shape.perturbation = (!perturbation.is_empty()).then_some(perturbation);
+    if let Some(count) = tensors.remove(PERTURBATION) {
+        let place = format!("{place}: {PERTURBATION}");
+        if count.values != [perturbation.len() as f64] {
+            let found = format!("{:?}", count.values);
+            return Err(Error::content(place, format!("[{}]", perturbation.len()), found));
+        }
+        shape.perturbation = Some(perturbation);
+    } else if !perturbation.is_empty() {
+        return Err(Error::content(
+            format!("{place}: {PERTURBATION}"),
+            "a tensor of that name",
+            "none",
+        ));
+    }
     shape.twists = widths_if_any(place, &tensors, "twist", shape.arguments())?;
     assemble(place, tensors, Architecture::NormalForm { shape, epsilon })
 }
@@ -281,6 +296,10 @@ fn assemble(
     Model::new(architecture, parameters)
 }
 
+/// The name of the tensor that tells a map which is nearly integrable: how many turned kicks its
+/// perturbation has.
+const PERTURBATION: &str = "perturbation";
+
 /// The names of the tensors of units.
 const UNITS: [&str; 2] = ["units.centre", "units.factors"];
 
@@ -345,6 +364,11 @@ pub fn export_weights(path: &Path, model: &Model, units: Option<&Units>) -> Resu
         rest = after;
         let shape = if name == "theta" { vec![shape[1]] } else { shape.to_vec() };
         tensors.push((name, shape, values));
+    }
+    let perturbation = model.normal_form().and_then(|net| net.shape().perturbation.as_ref());
+    let kicks = perturbation.map(|widths| [widths.len() as f64]);
+    if let Some(kicks) = &kicks {
+        tensors.push((PERTURBATION.to_owned(), vec![1], kicks));
     }
     if let Some(units) = units {
         for (name, values) in UNITS.into_iter().zip([units.centre(), units.factors()]) {

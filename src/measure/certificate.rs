@@ -338,7 +338,7 @@ pub fn certify_family(family: &dyn NearlyPeriodic, options: CertificateOptions) 
 
 /// The laws of a map P = χ∘R∘χ⁻¹ in normal form: those of [`certify_map`], that it is
 /// this composition, that it commutes with the action conjugated by χ, and that R
-/// keeps the actions.
+/// keeps the actions: not those of one with a perturbation, for which [`certify`] asks at ε = 0 only.
 pub fn certify_normal_form(map: &dyn NormalFormed, options: CertificateOptions) -> Certificate {
     Certificate::of(options, of_normal_form(map, &samples_of(map, options))).within(map)
 }

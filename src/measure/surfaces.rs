@@ -16,7 +16,7 @@ pub fn distances_to_set(points: &[f64], set: &[f64], dim: usize) -> Vec<f64> {
             for member in set.chunks_exact(dim) {
                 let found = square(point, member);
                 // A NaN stays.
-                least = if found >= least { least } else { found };
+                least = if least.is_nan() || found >= least { least } else { found };
             }
             libm::sqrt(least)
         })
@@ -57,7 +57,8 @@ impl Locked {
 }
 
 /// The ends of the part of [`centre` − `reach`, `centre` + `reach`] around its centre where
-/// `is_locked`, which judges many points at once, says so; None where it does not at the centre. Each
+/// `is_locked`, which judges many points at once, says so; None where it does not at the centre, or
+/// does up to an end. Each
 /// end is told by 24 points between those that were and were not, three times over.
 ///
 /// # Errors
@@ -71,21 +72,21 @@ pub fn locked_interval<E>(
     if !is_locked(&[centre])?.first().is_some_and(|locked| *locked) {
         return Ok(None);
     }
-    let mut end = |sign: f64| -> Result<f64, E> {
+    let mut end = |sign: f64| -> Result<Option<f64>, E> {
         let (mut locked, mut free) = (0.0, reach);
         for _ in 0..3 {
             let at = |k: usize| locked + (free - locked) * k as f64 / POINTS as f64;
             let offsets: Vec<f64> = (1..=POINTS).map(at).collect();
             let places: Vec<f64> = offsets.iter().map(|offset| centre + sign * offset).collect();
             let found = is_locked(&places)?;
-            let first = found.iter().position(|locked| !locked).unwrap_or(POINTS - 1);
+            let Some(first) = found.iter().position(|locked| !locked) else { return Ok(None) };
             free = offsets[first];
             locked = if first > 0 { offsets[first - 1] } else { locked };
         }
-        Ok(centre + sign * 0.5 * (locked + free))
+        Ok(Some(centre + sign * 0.5 * (locked + free)))
     };
     let (low, high) = (end(-1.0)?, end(1.0)?);
-    Ok(Some(Locked { low, high }))
+    Ok(low.zip(high).map(|(low, high)| Locked { low, high }))
 }
 
 #[cfg(test)]
@@ -97,6 +98,8 @@ mod tests {
         let set = [0.0, 0.0, 3.0, 4.0];
         assert_eq!(distances_to_set(&[0.0, 1.0, 3.0, 4.5], &set, 2), [1.0, 0.5]);
         assert!(distances_to_set(&[f64::NAN, 1.0], &set, 2)[0].is_nan());
+        let hole = [1.0, 1.0, f64::NAN, 0.0, 30.0, 40.0];
+        assert!(distances_to_set(&[1.0, 1.0], &hole, 2)[0].is_nan());
         assert_eq!(distances_to_set(&[1.0, 1.0], &[], 2), [f64::INFINITY]);
     }
 
@@ -126,5 +129,6 @@ mod tests {
         assert!((found.low - 0.47).abs() < 1e-5 && (found.high - 0.58).abs() < 1e-5, "{found:?}");
         assert!((found.width() - 0.11).abs() < 2e-5);
         assert!(locked_interval(0.3, 0.2, judge).expect("judged").is_none());
+        assert!(locked_interval(0.5, 0.05, judge).expect("judged").is_none(), "cut off");
     }
 }

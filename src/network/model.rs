@@ -415,7 +415,7 @@ impl Model {
 
     /// The invariant of the network as a function of a point: μ₀ = 𝔍₀∘ψ⁻¹ of a gyroceptron,
     /// which is adiabatic; the sum of the actions 𝔍∘χ⁻¹ of one in normal form, which is
-    /// exact. None of networks that are built on no circle.
+    /// exact, but for a perturbation. None of networks that are built on no circle.
     pub fn invariant(&self) -> Option<Invariant<'_>> {
         Some(match self {
             Self::HenonNet(_) | Self::SympNet(_) => return None,

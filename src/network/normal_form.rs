@@ -190,7 +190,7 @@ impl NormalFormShape {
 /// turn at frequencies of their own, with the resonances and islands that ε opens. 𝔍∘χ⁻¹ is then
 /// an invariant at ε = 0.
 ///
-/// It is a gyroceptron: near the identity times ψ∘Φ_θ∘ψ⁻¹. T_ε commutes with Φ, so that
+/// Without a perturbation it is a gyroceptron: near the identity times ψ∘Φ_θ∘ψ⁻¹. T_ε commutes with Φ, so that
 /// P commutes with the action conjugated by χ, and 𝔍∘χ⁻¹, the actions in the coordinates
 /// of the normal form, are invariants of P, exactly, for all weights and all time.
 ///

@@ -162,7 +162,9 @@ pub(super) fn train(
     if let Some(theta) = theta {
         Error::check_finite("theta", theta)?;
     }
-    if matches!(network, NetworkSpec::NormalForm { .. }) && epsilon == 0.0 && flow_time.is_none() {
+    let of_order_one = network.is_nearly_integrable();
+    let scaled = matches!(network, NetworkSpec::NormalForm { .. }) && !of_order_one;
+    if scaled && epsilon == 0.0 && flow_time.is_none() {
         return Err(Error::invalid("epsilon", 0, "another number, or a flow_time").into());
     }
     Error::check_count_range(
@@ -194,6 +196,7 @@ pub(super) fn train(
         action: &action,
         epsilon,
         flow_time,
+        of_order_one,
         theta,
         units: match units {
             "fitted" => true,

@@ -398,6 +398,7 @@ impl DataSets {
             action: &action,
             epsilon: file.epsilon,
             flow_time: Some(time),
+            of_order_one: false,
             theta: None,
             units: true,
             validation,

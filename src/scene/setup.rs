@@ -1,13 +1,13 @@
 //! What a scene sets up: system, flow time, data, networks, training.
 
 use crate::error::Error;
-use crate::flow::{Integrator, Pairs, ReferenceTrajectories, Window};
+use crate::flow::{Integrator, Pairs, ReferenceTrajectories, Window, whole_periods};
 use crate::layer::{Activation, CircleAction, TorusAction};
 use crate::network::{
     Architecture, GyroceptronShape, HenonShape, InitialWeights, NormalFormShape, SympNetShape,
 };
 use crate::scene::subject::{FileData, Subject};
-use crate::system::{Counted, System};
+use crate::system::{Counted, Hamiltonian, System};
 use crate::train::TrainingOptions;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -332,6 +332,18 @@ impl Need {
 }
 
 impl Setup {
+    /// Fails unless a flow time is of whole periods of the system, so that repeating its map is the
+    /// flow.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the time.
+    pub(super) fn check_repeated(&self, time: f64) -> Result<(), Error> {
+        match self.system.as_ref().and_then(System::period) {
+            Some(period) => whole_periods(time, period).map_err(|e| e.at("flow_time")),
+            None => Ok(()),
+        }
+    }
+
     /// Whether a need is met.
     pub fn has(&self, need: Need) -> bool {
         match need {
@@ -599,6 +611,11 @@ impl NetworkSpec {
     /// A SympNet of about as many parameters.
     pub fn default_symp_net() -> Self {
         Self::SympNet { modules: 41, shears: 4, activation: Activation::Sigmoid, plain: false }
+    }
+
+    /// Whether it is a normal form of order one, which ε does not scale.
+    pub fn is_nearly_integrable(&self) -> bool {
+        matches!(self, Self::NormalForm { perturbation: Some(_), .. })
     }
 
     /// Fails unless each of its parts has a sane number of layers.

@@ -17,7 +17,7 @@ use std::f64::consts::TAU;
 ///
 /// At ε = 0 r stays and θ − (r/A) sin θ turns at ι(r) = ι₀(1 − r²), so that the surfaces turn at
 /// frequencies of their own: what has one frequency is the neighbourhood of the axis. Where
-/// mι + n = 0 the perturbation opens a chain of islands. H is singular at the axis for |m| > 2 and
+/// mι + n = 0 the perturbation opens a chain of islands. H is singular at the axis for m ≠ 0 and
 /// ε ≠ 0, and defined inside of r ≤ 1.
 ///
 /// Source: the vector potential of Rath, Albert, Bischl and von Toussaint,
@@ -139,7 +139,7 @@ impl FieldLines {
         (re, im)
     }
 
-    /// Fails unless its numbers are finite and the radius is positive.
+    /// Fails unless ι₀ is finite, A at least 1.25, and |m| and |n| at most 100.
     ///
     /// # Errors
     /// With the value.
@@ -148,9 +148,10 @@ impl FieldLines {
         // The axis of the torus is outside of it, and r is a root: p/A < 1/√3.
         Error::check_range("system.aspect_ratio", self.aspect_ratio, 1.25, f64::MAX)?;
         // Each is a product of so many rotations.
-        const MOST: usize = 100;
-        let turns = self.poloidal.unsigned_abs() as usize;
-        Error::check_count_range("|system.poloidal|", turns, 0, MOST)
+        const MOST: i32 = 100;
+        let most = MOST as f64;
+        Error::check_range("system.poloidal", f64::from(self.poloidal), -most, most)?;
+        Error::check_range("system.toroidal", f64::from(self.toroidal), -most, most)
     }
 }
 
@@ -187,7 +188,10 @@ impl Hamiltonian for FieldLines {
         let epsilon = S::from_f64(self.epsilon);
         let slope = slope * (one + epsilon * cos);
         // By θ, over 2p_θ.
-        let torque = -(epsilon * S::from_f64(f64::from(self.poloidal)) * f * sin / square);
+        let torque = match self.poloidal {
+            0 => S::zero(),
+            m => -(epsilon * S::from_f64(f64::from(m)) * f * sin / square),
+        };
         out[0] = slope * by_p - torque * q;
         out[1] = -(slope * by_q + torque * p);
     }

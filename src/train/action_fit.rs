@@ -204,43 +204,47 @@ fn distance(weights: &[i32], angles: &[f64]) -> f64 {
 fn plane_angles(pairs: &Pairs) -> Result<Vec<f64>, Error> {
     let dof = pairs.dof();
     let dim = 2 * dof;
-    let size = dim + 1;
     let unfit = || {
         let (found, expected) = (format!("{} pairs", pairs.len()), "more, in all directions");
         Error::invalid("pairs for their circle action", found, expected)
     };
-    // Columns of the same size, so that none is lost in the equations.
-    let mut scales = vec![0.0_f64; dim];
-    for z in pairs.input().chunks_exact(dim) {
-        scales.iter_mut().zip(z).for_each(|(scale, v)| *scale += v * v);
-    }
-    if scales.contains(&0.0) || pairs.len() < size {
+    // About their means and of size one, so that no column is lost in the equations.
+    let count = pairs.len() as f64;
+    let moments = |values: &[f64]| -> Vec<(f64, f64)> {
+        let of = |c: usize| {
+            let column = || values[c..].iter().step_by(dim);
+            let mean = column().sum::<f64>() / count;
+            let square = column().map(|v| (v - mean) * (v - mean)).sum::<f64>() / count;
+            (mean, libm::sqrt(square))
+        };
+        (0..dim).map(of).collect()
+    };
+    let (of_input, of_output) = (moments(pairs.input()), moments(pairs.output()));
+    if of_input.iter().any(|(_, size)| *size == 0.0) || pairs.len() <= dim {
         return Err(unfit());
     }
-    scales.iter_mut().for_each(|scale| *scale = libm::sqrt(*scale / pairs.len() as f64));
-    let mut normal = Mat::<f64>::zeros(size, size);
-    let mut right = Mat::<f64>::zeros(size, dim);
+    let mut normal = Mat::<f64>::zeros(dim, dim);
+    let mut right = Mat::<f64>::zeros(dim, dim);
     for (z, w) in pairs.input().chunks_exact(dim).zip(pairs.output().chunks_exact(dim)) {
-        let row = |i: usize| if i < dim { z[i] / scales[i] } else { 1.0 };
-        for i in 0..size {
-            for j in 0..size {
-                normal[(i, j)] += row(i) * row(j);
-            }
-            for c in 0..dim {
-                right[(i, c)] += row(i) * w[c] / scales[c];
+        let input = |i: usize| (z[i] - of_input[i].0) / of_input[i].1;
+        for i in 0..dim {
+            for j in 0..dim {
+                normal[(i, j)] += input(i) * input(j);
+                right[(i, j)] += input(i) * (w[j] - of_output[j].0);
             }
         }
     }
     let factor = normal.llt(Side::Lower).map_err(|_| unfit())?;
     let solution = factor.solve(&right);
-    let entry = |row: usize, column: usize| solution[(column, row)] * scales[row] / scales[column];
+    let entry = |row: usize, column: usize| solution[(column, row)] / of_input[column].1;
     let angle = |j: usize| {
         let (q, p) = (j, dof + j);
         let determinant = entry(q, q) * entry(p, p) - entry(q, p) * entry(p, q);
         let cosine = 0.5 * (entry(q, q) + entry(p, p)) / libm::sqrt(determinant);
-        // Of a plane that does not turn, such as one that is sheared, none.
+        // Of a plane that does not turn, such as one that is sheared, none; of half a turn the
+        // cosine is −1 but for rounding.
         let angle = libm::acos(cosine.clamp(-1.0, 1.0));
-        let turns = determinant > 0.0 && angle > 0.0;
+        let turns = determinant > 0.0 && angle > 0.0 && cosine > -1.0 - 1e-6;
         if turns { angle.copysign(entry(q, p) - entry(p, q)) } else { 0.0 }
     };
     Ok((0..dof).map(angle).collect())

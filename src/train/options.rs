@@ -159,6 +159,13 @@ impl TrainingOptions {
                 return Err(Error::invalid(name, self.theta_penalty, &expected));
             }
         }
+        if let Architecture::NormalForm { shape, .. } = architecture
+            && let Some(rung) = self.ramp.iter().find(|rung| rung.repeats.unwrap_or(1) > 1)
+            && !shape.is_integrable()
+        {
+            let (name, found) = ("training.ramp.repeats", rung.repeats.unwrap_or(1));
+            return Err(Error::invalid(name, found, "none: powers of a perturbed map are others"));
+        }
         let twists = match architecture {
             Architecture::NormalForm { shape, .. } => Some(shape.twists.len()),
             _ => None,

@@ -18,6 +18,9 @@ pub struct Preparation<'a> {
     pub epsilon: f64,
     /// The flow time of the network, where it is known.
     pub flow_time: Option<f64>,
+    /// Whether the twists of the network are of order one, and not scaled by ε: the flow time that is
+    /// not known is 1 then.
+    pub of_order_one: bool,
     /// The angle of all circles to start from, where it is known.
     pub theta: Option<f64>,
     /// Whether units are fitted to them.
@@ -83,7 +86,10 @@ impl Preparation<'_> {
         let nearest: Vec<f64> =
             action.circles().iter().map(|circle| fit_rotation(&pairs, circle)).collect();
         let angles = nearest.iter().map(|nearest| self.theta.unwrap_or(*nearest)).collect();
-        let slow = || slow_time(&pairs, action, &nearest) / epsilon.abs();
+        let slow = || match self.of_order_one {
+            true => 1.0,
+            false => slow_time(&pairs, action, &nearest) / epsilon.abs(),
+        };
         let flow_time = self.flow_time.unwrap_or_else(slow);
         let (pairs, held_out) =
             pairs.split(validation, &mut Stream::new(self.seed, "data/held-out"));

@@ -101,6 +101,7 @@ impl Study for LongStepsOptions {
         for time in &self.flow_times {
             Error::check_range("flow_times", *time, Error::LEAST_POSITIVE, f64::MAX)?;
             whole_steps("interval", self.interval, *time)?;
+            scene.setup.check_repeated(*time)?;
         }
         if let Some(pair) = self.flow_times.windows(2).find(|pair| !(pair[0] < pair[1])) {
             let found = format!("{} after {}", pair[1], pair[0]);
@@ -266,7 +267,8 @@ impl LongStepsOptions {
     /// trajectories.
     fn drift(&self, model: &Model) -> Result<Option<f64>, Error> {
         const KEPT: usize = 100;
-        let (Some(_), Some(own)) = (model.normal_form(), model.invariant()) else {
+        let integrable = model.normal_form().is_some_and(|net| net.shape().is_integrable());
+        let (true, Some(own)) = (integrable, model.invariant()) else {
             return Ok(None);
         };
         let every = self.invariant_steps.div_ceil(KEPT);

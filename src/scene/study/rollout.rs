@@ -87,6 +87,7 @@ impl Study for RolloutOptions {
     fn check(&self, scene: &Scene) -> Result<(), Error> {
         Error::check_count_range("steps", self.steps, 1, usize::MAX)?;
         Error::check_count_range("every", self.every, 1, self.steps)?;
+        scene.setup.flow_time.map_or(Ok(()), |time| scene.setup.check_repeated(time))?;
         let Some(subject) = scene.setup.subject() else { return Ok(()) };
         if let Some(plane) = self.plane {
             Error::check_count_range("plane", plane, 1, subject.dof())?;

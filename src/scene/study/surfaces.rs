@@ -27,6 +27,11 @@ use std::rc::Rc;
 
 const SECTION: &str = "section";
 
+/// Fewer maps lock nearly every line, …
+const LEAST_ISLAND: usize = 50;
+/// … and the states of more do not fit into memory.
+const MOST_ISLAND: usize = 1_000_000;
+
 /// Surfaces of field lines over many turns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -74,7 +79,6 @@ impl Study for SurfacesOptions {
         Error::check_count_range("steps", self.steps, 2, MOST)?;
         Error::check_count_range("early", self.early, 1, self.steps)?;
         Error::check_count_range("last", self.last, 1, self.steps)?;
-        Error::check_count_range("island", self.island, 1, MOST)?;
         Error::check_count_range("rounds", self.rounds, 1, MOST_ROUNDS)?;
         for entry in &self.integrators {
             entry.integrator.check()?;
@@ -82,10 +86,15 @@ impl Study for SurfacesOptions {
                 Error::check_count_range("integrators.steps", steps, 1, MOST)?;
             }
         }
+        Error::check_count_range("island", self.island, LEAST_ISLAND, MOST_ISLAND)?;
+        scene.setup.flow_time.map_or(Ok(()), |time| scene.setup.check_repeated(time))?;
+        for (index, radius) in self.radii.iter().enumerate() {
+            Error::check_range(&format!("radii[{index}]"), *radius, 0.0, 1.0)?;
+        }
         let Some(any) = &scene.setup.system else { return Ok(()) };
         let system = lines(any)?;
-        for point in self.initial(system) {
-            system.check_point(&point)?;
+        for (index, point) in self.initial(system).iter().enumerate() {
+            system.check_point(point).map_err(|e| e.at(format!("radii[{index}]")))?;
         }
         let splits = self.integrators.iter().find(|e| e.integrator.splitting().is_some());
         match splits {
@@ -115,7 +124,7 @@ impl Study for SurfacesOptions {
         let request = Rollout { steps: self.steps, every: 1 };
         let reference = context.reference(any, &initial, interval, request.kept())?;
         let rolled = context.rollouts(&initial, request)?;
-        let judge = Judge { options: self, system, reference: &reference.trajectories };
+        let judge = Judge { options: self, interval, system, reference: &reference.trajectories };
 
         let by_reference = |points: &[f64], steps: usize| repeated(system, points, interval, steps);
         let island =
@@ -181,9 +190,8 @@ impl Study for SurfacesOptions {
 fn lines(system: &System) -> Result<&FieldLines, Error> {
     match system {
         System::FieldLines(system) => Ok(system),
-        System::Oscillators(_) | System::ParticleField(_) => {
-            Err(Error::invalid("system", "another system", "field-lines"))
-        }
+        System::Oscillators(_) => Err(Error::invalid("system", "oscillators", "field-lines")),
+        System::ParticleField(_) => Err(Error::invalid("system", "particle-field", "field-lines")),
     }
 }
 
@@ -239,7 +247,8 @@ impl Found {
     fn median(&self) -> f64 {
         let mut medians: Vec<f64> = self.surfaces.iter().map(|[median, _]| *median).collect();
         medians.sort_by(f64::total_cmp);
-        medians[medians.len() / 2]
+        // Of one line that has none there is none of all.
+        if self.largest().is_nan() { f64::NAN } else { medians[medians.len() / 2] }
     }
 }
 
@@ -248,6 +257,7 @@ type Orbits<'a> = dyn Fn(&[f64], usize) -> Result<Trajectories, Error> + 'a;
 
 struct Judge<'a> {
     options: &'a SurfacesOptions,
+    interval: f64,
     system: &'a FieldLines,
     reference: &'a Trajectories,
 }
@@ -281,8 +291,9 @@ impl Judge<'_> {
         let points: Vec<f64> = orbits.of(m).skip(first).flatten().copied().collect();
         let mut distances = distances_to_set(&points, &surface, 2);
         distances.sort_by(f64::total_cmp);
-        // A NaN is the last.
-        [distances[distances.len() / 2], distances[distances.len() - 1]]
+        let largest = distances.iter().copied().fold(0.0, max_or_nan);
+        let median = distances[distances.len() / 2];
+        [if largest.is_nan() { f64::NAN } else { median }, largest]
     }
 
     /// The standard deviation of H over its mean along each line.
@@ -302,22 +313,29 @@ impl Judge<'_> {
     fn island(&self, map: &Orbits<'_>) -> Result<Option<Locked>, Error> {
         /// The widest island that is looked for.
         const REACH: f64 = 0.12;
-        let Some((winding, radius)) = self.system.resonance() else { return Ok(None) };
-        let steps = self.options.island;
+        let Some((iota, radius)) = self.system.resonance() else { return Ok(None) };
+        let (steps, winding) = (self.options.island, iota * self.interval / TAU);
+        let parts = f64::from(self.system.poloidal.unsigned_abs());
         let on = |theta: f64| {
             let locked = |radii: &[f64]| -> Result<Vec<bool>, Error> {
                 let points: Vec<f64> =
                     radii.iter().flat_map(|radius| self.system.at(*radius, theta)).collect();
                 let orbits = map(&points, steps)?;
                 let found = winding_numbers(&orbits, |z| self.system.polar(z).1);
-                // Within an island of |m| parts the angle stays in one of them.
-                let width = 1.0 / f64::from(self.system.poloidal.unsigned_abs());
-                let locked = |w: &f64| (w - winding).abs() * (steps as f64) < width;
+                // Within an island of |m| parts the angle stays in one of them; whole turns in a map
+                // are not seen.
+                let locked = |w: &f64| {
+                    let off = w - winding;
+                    (off - off.round()).abs() * (steps as f64) < 1.0 / parts
+                };
                 Ok(found.iter().map(locked).collect())
             };
-            locked_interval(radius, REACH, locked)
+            // Within the torus.
+            let reach = REACH.min(0.9 * radius).min(0.9 * (1.0 - radius));
+            locked_interval(radius, reach, locked)
         };
-        let [one, other] = [on(0.0)?, on(PI)?];
+        // Middles and corners of islands by turns.
+        let [one, other] = [on(0.0)?, on(PI / parts)?];
         let width = |locked: Option<Locked>| locked.map_or(0.0, Locked::width);
         Ok(if width(one) >= width(other) { one } else { other })
     }
@@ -327,7 +345,7 @@ impl SurfacesOptions {
     /// Less of all.
     pub(super) fn shorten(&mut self) {
         self.steps = (self.steps / 20).max(self.early).max(self.last).max(2);
-        self.island = (self.island / 4).max(1);
+        self.island = (self.island / 4).max(LEAST_ISLAND);
         self.rounds = self.rounds.min(5);
     }
 
