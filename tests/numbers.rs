@@ -261,7 +261,7 @@ fn products_with_a_vanished_factor_vanish() {
     assert!(bell(Dual::variable(f64::NAN, 0)).re.is_nan());
 }
 
-/// Gauss–Legendre, whose lanes wait for one another, and a field with a cubic to solve.
+/// Gauss–Legendre, and a field with a cubic to solve.
 #[test]
 fn implicit_steps_in_lanes_are_those_of_one_alone() {
     let mut stream = Stream::new(4, "lines");

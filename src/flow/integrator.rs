@@ -1,6 +1,5 @@
 //! The integrators by name, on many points.
 
-use super::gauss::Lanes;
 use super::{GaussLegendre, Splitting, SplittingSteps, runge_kutta_4};
 use crate::error::Error;
 use crate::network::{TOGETHER, load_groups};
@@ -85,8 +84,8 @@ impl Integrator {
     ///
     /// Eight trajectories go together, one in each lane, several such groups a stage after
     /// another in splittings, and more on all threads: the same bits as of each alone, on
-    /// any processor. Those of Gauss–Legendre whose stages have converged wait for the others of
-    /// their step.
+    /// any processor. Gauss–Legendre moves one after another, since each takes its own
+    /// number of iterations.
     ///
     /// # Errors
     /// When there are no steps, points are not whole, the interval is not finite, the
@@ -262,7 +261,7 @@ impl Request {
     }
 }
 
-/// The trajectories of a block of points, a group in lanes after another.
+/// The trajectories of a block of points, one after another.
 struct Collocation<'a, H> {
     method: &'a GaussLegendre,
     system: &'a H,
@@ -280,31 +279,13 @@ impl<H: Hamiltonian> Kernel for Collocation<'_, H> {
         let Self { method, system, request: Request { interval, steps, kept }, initial, states } =
             self;
         let dim = 2 * system.dof();
-        let mut lanes = vec![V::zero(); dim];
-        let mut space = Lanes::new(method, dim);
         let mut z = vec![0.0; dim];
-        let group = V::LANES * dim;
-        for (initial, states) in initial.chunks(group).zip(states.chunks_mut(group * kept)) {
-            load_groups(initial, dim, &mut lanes);
-            let points = initial.len() / dim;
-            let together = (0..kept).all(|number| {
-                let goes =
-                    method.integrate_lanes(system, &mut lanes, interval, steps, &mut space, points);
-                store_states(&lanes, states, number, kept);
-                goes
-            });
-            if together {
-                continue;
-            }
-            // One of them fails, and tells why.
-            for (initial, states) in
-                initial.chunks_exact(dim).zip(states.chunks_exact_mut(kept * dim))
-            {
-                z.copy_from_slice(initial);
-                for state in states.chunks_exact_mut(dim) {
-                    method.integrate(system, &mut z, interval, steps)?;
-                    state.copy_from_slice(&z);
-                }
+        let trajectories = states.chunks_exact_mut(kept * dim);
+        for (initial, states) in initial.chunks_exact(dim).zip(trajectories) {
+            z.copy_from_slice(initial);
+            for state in states.chunks_exact_mut(dim) {
+                method.integrate(system, &mut z, interval, steps)?;
+                state.copy_from_slice(&z);
             }
         }
         Ok(())

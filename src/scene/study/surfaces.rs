@@ -503,9 +503,10 @@ impl Results<'_> {
     }
 
     fn words_of_times(&self) -> String {
-        "All on one thread, with a line in each lane of the vector registers. Gauss–Legendre of one stage \
-         is the implicit midpoint rule. The fastest integrator is that of no larger error one by \
-         one."
+        "All on one thread. Networks go with a line in each lane of the vector registers, Gauss–Legendre, \
+         whose stages take their own number of iterations each, with one line after another; that of \
+         one stage is the implicit midpoint rule. The fastest integrator is that of no larger error \
+         one by one."
             .into()
     }
 
