@@ -969,6 +969,25 @@ fn surfaces_tell_methods_apart() {
     refused(&half, &["flow_time", "a multiple of the period"]);
     refused(&SURFACES.replace("island = 50", "island = 8"), &["island"]);
     refused(&SURFACES.replace("radii = [0.2, 0.48]", "radii = [0.2, -0.48]"), &["radii[1]"]);
+    // Where a flow time is repeated, and where something is split, in other studies too.
+    let without = SURFACES.split("[surfaces]").next().expect("a set-up").to_owned()
+        + "[[models]]"
+        + SURFACES.split("[[models]]").nth(1).expect("a model");
+    let without = without.replace("plots = [\"section\"]", "");
+    let rolled = format!("{without}\n[rollout]\nsteps = 2\nevery = 2\ninitial = [[0.1, 0.3]]\n");
+    assert!(parse("rolled", &rolled).is_ok());
+    let quarter = rolled.replace("flow_time = 6.283185307179586", "flow_time = 1.5707963267948966");
+    refused(&quarter, &["flow_time", "a multiple of the period"]);
+    let split = "[data]\nflow = { integrator = { kind = \"strang\" }, step = 0.1 }";
+    refused(&rolled.replace("[data]", split), &["data.flow", "no parts with exact flows"]);
+    let ramp = "iterations = 3\nramp = [{ flow_time = 3.0, iterations = 2, repeats = 2 }]";
+    let perturbed = rolled
+        .replace("count = 0, width = 2", "count = 1, width = 2")
+        .replace("twists = { count = 1", "twists = { count = 2")
+        .replace("iterations = 3", ramp);
+    refused(&perturbed, &["training.ramp.repeats", "powers of a perturbed map"]);
+    let far = "epsilon = 4e-3\ntoroidal = -1000";
+    refused(&SURFACES.replace("epsilon = 4e-3", far), &["system.toroidal"]);
     let far = "epsilon = 4e-3\npoloidal = 1000";
     refused(&SURFACES.replace("epsilon = 4e-3", far), &["system.poloidal"]);
 }

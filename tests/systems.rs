@@ -463,6 +463,11 @@ fn field_lines_tell_where_they_are_not() {
     assert!(told([0.1, 3.0]).contains("r(p_θ, θ) at the point [0.1, 3.0]"));
     assert!(told([f64::NAN, 0.1]).contains("NaN"));
     assert!(FieldLines::new(0.0).check_point(&[0.0, 0.0]).is_ok());
+    // Without a poloidal wave it is defined there, and at rest.
+    let plain = FieldLines { poloidal: 0, ..system };
+    let mut field = [1.0; 2];
+    plain.vector_field(&[0.0, 0.0], 0.4, &mut field);
+    assert!(plain.check_point(&[0.0, 0.0]).is_ok() && field == [0.0, 0.0], "{field:?}");
     // Steps from one turn to the next are of whole periods.
     let z = system.at(0.5, 0.1);
     let quarter = ReferenceTrajectories::of_flow(&system, &z, 0.25 * TAU, 3).expect_err("no map");

@@ -38,9 +38,6 @@ fn legendre_values(stages: usize, x: f64) -> Vec<f64> {
     values
 }
 
-/// Iterations for the stages of a step.
-const MAXIMUM: usize = 100;
-
 fn out_of_range(step: usize) -> Error {
     Error::Diverged { what: "Gauss–Legendre".into(), place: format!("step {step}") }
 }
@@ -118,6 +115,7 @@ impl GaussLegendre {
         time: f64,
         steps: usize,
     ) -> Result<(), Error> {
+        const MAXIMUM: usize = 100;
         Error::check_count_range("steps", steps, 1, usize::MAX)?;
         let (s, dim) = (self.stages(), z.len());
         let h = time / steps as f64;
@@ -220,8 +218,8 @@ impl Reference {
     /// rounding or falls no more.
     ///
     /// # Errors
-    /// When the flow leaves the finite numbers, or converges at none of the
-    /// steps tried.
+    /// When the system is not defined at a point, the flow leaves the finite numbers, or converges
+    /// at none of the steps tried.
     pub fn calibrated(system: &impl Hamiltonian, points: &[f64], time: f64) -> Result<Self, Error> {
         const HALVINGS: usize = 8;
         let dim = 2 * system.dof();

@@ -114,11 +114,26 @@ impl Integrator {
         match system {
             System::Oscillators(system) => request.split(splitting, system, initial),
             System::ParticleField(system) => request.split(splitting, system, initial),
-            System::FieldLines(_) => {
-                let expected = "another integrator: the system has no parts with exact flows";
-                Err(Error::invalid("integrator", self.name(), expected))
-            }
+            System::FieldLines(_) => Err(self.nothing_to_split()),
         }
+    }
+
+    /// Fails unless it is sound and can integrate this system.
+    ///
+    /// # Errors
+    /// Those of [`Integrator::check`]; [`Error::Invalid`] of a splitting, where the system has no
+    /// parts with exact flows.
+    pub fn check_for(self, system: &System) -> Result<(), Error> {
+        self.check()?;
+        match (system, self.splitting()) {
+            (System::FieldLines(_), Some(_)) => Err(self.nothing_to_split()),
+            _ => Ok(()),
+        }
+    }
+
+    fn nothing_to_split(self) -> Error {
+        let expected = "another integrator: the system has no parts with exact flows";
+        Error::invalid("integrator", self.name(), expected)
     }
 
     /// By a method that takes the equations of motion alone.

@@ -417,6 +417,9 @@ impl Setup {
         }
         if let Some(system) = &self.system {
             system.check()?;
+            if let Some(flow) = self.data.as_ref().and_then(|data| data.flow) {
+                flow.integrator.check_for(system).map_err(|e| e.at("data.flow"))?;
+            }
         }
         if let Some(subject) = self.subject() {
             self.check_against(subject)?;

@@ -1,5 +1,6 @@
 //! The circle action of pairs of which nobody told it.
 
+use super::rotation_fit::{divisor, least_angle};
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::layer::CircleAction;
@@ -158,15 +159,9 @@ fn weights(dof: usize) -> Vec<Vec<i32>> {
     let of = |number: i32| -> Vec<i32> {
         (0..dof).map(|j| number / base.pow(j as u32) % base - ActionFit::MOST).collect()
     };
-    let gcd = |mut a: i32, mut b: i32| {
-        while b > 0 {
-            (a, b) = (b, a % b);
-        }
-        a
-    };
     let is_wanted = |weights: &Vec<i32>| {
         let first = weights.iter().find(|m| **m != 0);
-        first.is_some_and(|m| *m > 0) && weights.iter().map(|m| m.abs()).fold(0, gcd) == 1
+        first.is_some_and(|m| *m > 0) && divisor(weights) == 1.0
     };
     (0..base.pow(dof as u32)).map(of).filter(is_wanted).collect()
 }
@@ -180,24 +175,9 @@ fn distance(weights: &[i32], angles: &[f64]) -> f64 {
         };
         weights.iter().zip(angles).map(of).sum()
     };
-    // A weight divides the circle: one of its angles is within the minimum's reach.
-    const POINTS: usize = 96;
-    let spacing = TAU / POINTS as f64;
-    let best = (0..POINTS)
-        .map(|k| k as f64 * spacing)
-        .min_by(|a, b| misfit(*a).total_cmp(&misfit(*b)))
-        .unwrap_or(0.0);
-    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
-    let (mut low, mut high) = (best - spacing, best + spacing);
-    while high - low > 1e-9 {
-        let (a, b) = (high - golden * (high - low), low + golden * (high - low));
-        if misfit(a) <= misfit(b) {
-            high = b;
-        } else {
-            low = a;
-        }
-    }
-    libm::sqrt(misfit(0.5 * (low + high)) / weights.len() as f64)
+    // Three turns of the fastest plane at most: 32 points in each.
+    let theta = least_angle(misfit, TAU, 96);
+    libm::sqrt(misfit(theta) / weights.len() as f64)
 }
 
 /// By how much each plane turns under the affine map nearest to the pairs in the mean square.

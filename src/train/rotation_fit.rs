@@ -25,7 +25,7 @@ pub fn fit_rotation(pairs: &Pairs, action: &CircleAction) -> f64 {
     let mut frequency: Option<f64> = None;
     for of_time in runs.chunk_by(|(a, ..), (b, ..)| time(a) == time(b)) {
         let (time, angle) = (time(&of_time[0].0), nearest(of_time, action));
-        let period = TAU / divisor(action);
+        let period = TAU / divisor(action.weights());
         let turns = frequency.map_or(0.0, |f| ((f * time - angle) / period).round());
         frequency = Some(turns.mul_add(period, angle) / time);
     }
@@ -33,14 +33,14 @@ pub fn fit_rotation(pairs: &Pairs, action: &CircleAction) -> f64 {
 }
 
 /// The greatest common divisor of the weights; 1 where all are 0.
-fn divisor(action: &CircleAction) -> f64 {
+pub(super) fn divisor(weights: &[i32]) -> f64 {
     let gcd = |mut a: u32, mut b: u32| {
         while b > 0 {
             (a, b) = (b, a % b);
         }
         a
     };
-    f64::from(action.weights().iter().map(|w| w.unsigned_abs()).fold(0, gcd).max(1))
+    f64::from(weights.iter().map(|w| w.unsigned_abs()).fold(0, gcd).max(1))
 }
 
 /// The nearest angle for runs of pairs of one flow time.
@@ -66,8 +66,14 @@ fn nearest(runs: &[(Option<Condition>, &[f64], &[f64])], action: &CircleAction) 
             .sum::<f64>()
     };
     let harmonics = action.weights().iter().map(|w| w.unsigned_abs()).max().unwrap_or(1).max(1);
-    let points = 64 * harmonics;
-    let period = TAU / divisor(action);
+    let period = TAU / divisor(action.weights());
+    let theta = least_angle(misfit, period, 64 * harmonics);
+    if theta > 0.5 * period { theta - period } else { theta }
+}
+
+/// Where a function of the angle of this period is least: by a scan of so many points, and
+/// golden-section search between the neighbours of the best.
+pub(super) fn least_angle(misfit: impl Fn(f64) -> f64, period: f64, points: u32) -> f64 {
     let spacing = period / f64::from(points);
     let best = (0..points)
         .map(|k| 0.5 * period - spacing * f64::from(k))
@@ -83,8 +89,7 @@ fn nearest(runs: &[(Option<Condition>, &[f64], &[f64])], action: &CircleAction) 
             low = a;
         }
     }
-    let theta = 0.5 * (low + high);
-    if theta > 0.5 * period { theta - period } else { theta }
+    0.5 * (low + high)
 }
 
 /// How far pairs move beside the rotation by these angles, over how large they are: the

@@ -114,7 +114,10 @@ impl Study for LongStepsOptions {
             return Err(Error::invalid("models", &model.name, expected));
         }
         for entry in &self.integrators {
-            entry.integrator.check()?;
+            match &scene.setup.system {
+                Some(system) => entry.integrator.check_for(system)?,
+                None => entry.integrator.check()?,
+            }
             Error::check_count_range("integrators.steps", entry.steps.len(), 1, MOST)?;
             // As many steps at most as any count of a scene may be.
             let shortest = self.interval / MOST as f64;

@@ -96,14 +96,7 @@ impl Study for SurfacesOptions {
         for (index, point) in self.initial(system).iter().enumerate() {
             system.check_point(point).map_err(|e| e.at(format!("radii[{index}]")))?;
         }
-        let splits = self.integrators.iter().find(|e| e.integrator.splitting().is_some());
-        match splits {
-            None => Ok(()),
-            Some(entry) => {
-                let expected = "others: field lines have no parts with exact flows";
-                Err(Error::invalid("integrators", entry.integrator.name(), expected))
-            }
-        }
+        self.integrators.iter().try_for_each(|entry| entry.integrator.check_for(any))
     }
 
     fn figures(&self, _: &Scene) -> Vec<&'static str> {
@@ -119,10 +112,11 @@ impl Study for SurfacesOptions {
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
         let any = context.system()?;
         let (system, interval) = (lines(any)?, context.flow_time()?);
-        let models = context.models()?;
         let initial = self.initial(system);
         let request = Rollout { steps: self.steps, every: 1 };
+        // What may fail, before anything is trained.
         let reference = context.reference(any, &initial, interval, request.kept())?;
+        let models = context.models()?;
         let rolled = context.rollouts(&initial, request)?;
         let judge = Judge { options: self, interval, system, reference: &reference.trajectories };
 

@@ -81,7 +81,10 @@ impl Study for WorkPrecisionOptions {
             return Err(Error::invalid("integrators", entry.integrator.name(), expected));
         }
         for entry in &self.integrators {
-            entry.integrator.check()?;
+            match &scene.setup.system {
+                Some(system) => entry.integrator.check_for(system)?,
+                None => entry.integrator.check()?,
+            }
             for &steps in entry.one_step.iter().chain(&entry.rollout) {
                 Error::check_count_range("integrators.steps", steps, 1, MOST)?;
             }
