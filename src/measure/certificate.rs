@@ -270,6 +270,10 @@ pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate
             }
             Model::NormalForm(network) => {
                 let mut out = of_map_resolved_by_steps(network, &samples);
+                out.push(
+                    laws::normal_form(network, samples.points())
+                        .stating("P = χ∘K_εΦ_θT∘χ⁻¹, bitwise"),
+                );
                 let integrable = of_actions(&network.at_epsilon(0.0), &samples);
                 out.extend(integrable.into_iter().map(|tally| tally.where_("ε = 0")));
                 out

@@ -141,6 +141,12 @@ impl Tally {
         self
     }
 
+    /// The same law of another kind of map.
+    #[must_use]
+    pub(super) fn stating(self, equation: &str) -> Self {
+        Self { equation: equation.into(), ..self }
+    }
+
     fn new(law: impl Into<String>, equation: impl Into<String>, limit: f64) -> Self {
         Self {
             law: law.into(),

@@ -71,7 +71,7 @@ pub struct TrainingOptions {
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub theta_fixed: bool,
     /// What is added to the loss: so many times Σ (θ − θ⁰)² over the circles, θ⁰ being the
-    /// angle at the start.
+    /// angle at the start; of a schedule, at that of each leg.
     #[serde(skip_serializing_if = "is_zero")]
     pub theta_penalty: f64,
     /// What minimises it.
