@@ -261,7 +261,7 @@ fn products_with_a_vanished_factor_vanish() {
     assert!(bell(Dual::variable(f64::NAN, 0)).re.is_nan());
 }
 
-/// Gauss–Legendre, and a field with a cubic to solve.
+/// Gauss–Legendre, whose lanes wait for one another, and a field with a cubic to solve.
 #[test]
 fn implicit_steps_in_lanes_are_those_of_one_alone() {
     let mut stream = Stream::new(4, "lines");
@@ -290,6 +290,24 @@ fn implicit_steps_in_lanes_are_those_of_one_alone() {
             Simd::Avx512.limit();
         }
     }
+}
+
+/// A lane that does not converge, among others that do, says so as it does alone.
+#[test]
+fn a_lane_that_fails_tells_why() {
+    let system = Oscillators { epsilon: 0.5 };
+    let any = System::Oscillators(system);
+    let mut points = vec![0.1; 4 * 11];
+    points[4 * 9 + 1] = 1e8;
+    let (time, steps) = (4.0, 2);
+    let method = GaussLegendre::new(2);
+    let mut alone = points[4 * 9..4 * 10].to_vec();
+    let expected = method.integrate(&system, &mut alone, time, steps).expect_err("too long a step");
+    let by = Integrator::GaussLegendre { stages: 2 };
+    let found = by.trajectories(&any, &points, time, steps, 3).expect_err("one of them fails");
+    assert_eq!(found.to_string(), expected.to_string());
+    points[4 * 9 + 1] = 0.1;
+    assert!(by.trajectories(&any, &points, time, steps, 3).is_ok());
 }
 
 /// Integrators move several trajectories in lanes: with the bits of each alone, on

@@ -367,7 +367,7 @@ fn field_lines_are_of_the_vector_potential() {
         assert!(distance(&system.at(r, theta), z) < 1e-15);
         let (mut field, mut by_duals) = ([0.0; 2], [0.0; 2]);
         system.vector_field(z, time, &mut field);
-        symplectic_gradient(|z| system.energy(z, time), z, &mut by_duals);
+        symplectic_gradient(&system, z, time, &mut by_duals);
         assert!(distance(&field, &by_duals) < 2e-15, "{field:?} {by_duals:?}");
         assert!(system.fastest_frequency(z) > 0.5 && system.check_point(z).is_ok());
     }

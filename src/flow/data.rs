@@ -6,9 +6,8 @@ use crate::digest;
 use crate::error::Error;
 use crate::phase::Units;
 use crate::random::Stream;
-use crate::scalar::{Kernel, Pack, WIDTH, max_or_nan, on_lanes};
+use crate::scalar::max_or_nan;
 use crate::system::{Hamiltonian, System};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// A box in phase space and how many points to draw in it.
@@ -83,34 +82,15 @@ fn sample_where(
     Ok(points)
 }
 
-/// Points of one task.
-const BLOCK: usize = 16;
-
-/// Every so manieth of the points has its error estimated, which makes at most 256.
-fn judged_stride(points: usize) -> usize {
+/// At most 256 of the rows, evenly spaced: those that have their errors estimated.
+fn judged(rows: &[f64], dim: usize) -> Vec<f64> {
     const MOST: usize = 256;
-    points.div_ceil(MOST).max(1)
+    let stride = (rows.len() / dim).div_ceil(MOST).max(1);
+    rows.chunks_exact(dim).step_by(stride).flatten().copied().collect()
 }
 
-/// The reference flow of some points; a kernel for the fused multiply-adds, not for
-/// the lanes.
-struct Flow<'a, H> {
-    reference: &'a Reference,
-    system: &'a H,
-    points: &'a mut [f64],
-    time: f64,
-}
-
-impl<H: Hamiltonian> Kernel for Flow<'_, H> {
-    type Output = Result<(), Error>;
-
-    #[inline(always)]
-    fn run<V: Pack>(self) -> Result<(), Error> {
-        for point in self.points.chunks_exact_mut(2 * self.system.dof()) {
-            self.reference.flow(self.system, point, self.time)?;
-        }
-        Ok(())
-    }
+fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
 }
 
 /// The map that some pairs are of, in a family of maps.
@@ -310,13 +290,11 @@ impl Pairs {
         let dim = 2 * system.dof();
         let reference = Reference::calibrated(system, &points, time)?;
         let mut output = points.clone();
-        output.par_chunks_mut(BLOCK * dim).try_for_each(|points| {
-            on_lanes::<WIDTH, _>(Flow { reference: &reference, system, points, time })
-        })?;
-        let mut error = 0.0_f64;
-        for point in points.chunks_exact(dim).step_by(judged_stride(points.len() / dim)) {
-            error = max_or_nan(error, reference.flow_with_error(system, point, time)?.error);
-        }
+        reference.move_all(system, &mut output, time, 1)?;
+        let judged = |rows: &[f64]| judged(rows, dim);
+        let (mut finer, found) = (judged(&points), judged(&output));
+        reference.finer().move_all(system, &mut finer, time, 1)?;
+        let error = largest_difference(&finer, &found);
         Ok((Self::new("flow map", system.dof(), points, output)?, error))
     }
 
@@ -337,13 +315,10 @@ impl Pairs {
     ) -> Result<(Self, f64), Error> {
         let output = integrator.trajectories(system, &points, time, steps, 1)?;
         let dim = 2 * system.dof();
-        let stride = judged_stride(points.len() / dim);
-        let judged = |rows: &[f64]| -> Vec<f64> {
-            rows.chunks_exact(dim).step_by(stride).flatten().copied().collect()
-        };
+        let judged = |rows: &[f64]| judged(rows, dim);
         let (input, found) = (judged(&points), judged(&output));
         let finer = integrator.trajectories(system, &input, time, steps.saturating_mul(2), 1)?;
-        let error = found.iter().zip(&finer).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+        let error = largest_difference(&finer, &found);
         integrator.check_finite(error, time)?;
         Ok((Self::new(&integrator.name(), system.dof(), points, output)?, error))
     }

@@ -1,5 +1,7 @@
 //! Gauss–Legendre collocation: the reference flow, with an error estimate.
 
+use super::collocation::Intervals;
+use super::integrator::Request;
 use crate::error::Error;
 use crate::scalar::max_or_nan;
 use crate::system::Hamiltonian;
@@ -10,10 +12,10 @@ use crate::system::Hamiltonian;
 /// <https://doi.org/10.1007/3-540-30666-8>.
 #[derive(Clone, Debug)]
 pub struct GaussLegendre {
-    nodes: Vec<f64>,
-    weights: Vec<f64>,
+    pub(super) nodes: Vec<f64>,
+    pub(super) weights: Vec<f64>,
     /// a_ij, row by row.
-    matrix: Vec<f64>,
+    pub(super) matrix: Vec<f64>,
 }
 
 /// P_s(x) and P_s′(x).
@@ -37,6 +39,9 @@ fn legendre_values(stages: usize, x: f64) -> Vec<f64> {
     }
     values
 }
+
+/// Iterations for the stages of a step.
+pub(super) const MAXIMUM: usize = 100;
 
 fn out_of_range(step: usize) -> Error {
     Error::Diverged { what: "Gauss–Legendre".into(), place: format!("step {step}") }
@@ -115,7 +120,6 @@ impl GaussLegendre {
         time: f64,
         steps: usize,
     ) -> Result<(), Error> {
-        const MAXIMUM: usize = 100;
         Error::check_count_range("steps", steps, 1, usize::MAX)?;
         let (s, dim) = (self.stages(), z.len());
         let h = time / steps as f64;
@@ -195,6 +199,8 @@ impl GaussLegendre {
 pub struct Reference {
     method: GaussLegendre,
     steps_per_time: f64,
+    /// Of the steps so counted.
+    halvings: u32,
 }
 
 /// A point of the reference flow.
@@ -210,7 +216,11 @@ impl Reference {
     /// The reference for `system` near z: 12 stages, one step for each radian of its
     /// fastest mode.
     pub fn new(system: &impl Hamiltonian, z: &[f64]) -> Self {
-        Self { method: GaussLegendre::new(12), steps_per_time: system.fastest_frequency(z) }
+        Self {
+            method: GaussLegendre::new(12),
+            steps_per_time: system.fastest_frequency(z),
+            halvings: 0,
+        }
     }
 
     /// The reference for `system` whose steps ([`Reference::new`]) are halved until
@@ -228,7 +238,7 @@ impl Reference {
         let judged = || points.chunks_exact(dim).step_by(stride);
         let fastest = judged().map(|z| system.fastest_frequency(z)).fold(0.0, max_or_nan);
         let steps_per_time = if fastest > 0.0 { fastest } else { 1.0 };
-        let mut reference = Self { method: GaussLegendre::new(12), steps_per_time };
+        let mut reference = Self { method: GaussLegendre::new(12), steps_per_time, halvings: 0 };
         let mut last = f64::INFINITY;
         let mut last_failure = None;
         for _ in 0..HALVINGS {
@@ -271,7 +281,8 @@ impl Reference {
 
     /// The number of steps over `time`.
     pub fn steps(&self, time: f64) -> usize {
-        (self.steps_per_time * time.abs()).ceil().max(1.0) as usize
+        let steps = (self.steps_per_time * time.abs()).ceil().max(1.0) as usize;
+        steps << self.halvings
     }
 
     /// z ← the flow over `time`.
@@ -283,17 +294,41 @@ impl Reference {
         self.method.integrate(system, z, time, self.steps(time))
     }
 
-    /// z ← the flow over `time`, by steps half as long.
+    /// The same, of steps half as long.
+    pub(super) fn finer(&self) -> Self {
+        Self { halvings: self.halvings + 1, ..self.clone() }
+    }
+
+    /// Points ← the flow over `count` intervals of time, with the bits of each alone.
+    pub(super) fn move_all(
+        &self,
+        system: &(impl Hamiltonian + Sync),
+        points: &mut [f64],
+        interval: f64,
+        count: usize,
+    ) -> Result<(), Error> {
+        let steps = self.steps(interval);
+        self.method.move_all(system, points, Intervals { interval, steps, count })
+    }
+
+    /// The states of trajectories from each of the points in `initial`, 2n numbers each, at the times
+    /// `interval`, 2·`interval`, … `kept`·`interval`: an array (kept, M, 2n). All threads share them,
+    /// eight in the lanes of a register, each with the bits of [`Reference::flow`].
     ///
     /// # Errors
-    /// Those of [`GaussLegendre::integrate`].
-    pub(super) fn finer_flow(
+    /// As of [`Integrator::trajectories`](super::Integrator::trajectories).
+    pub fn trajectories(
         &self,
-        system: &impl Hamiltonian,
-        z: &mut [f64],
-        time: f64,
-    ) -> Result<(), Error> {
-        self.method.integrate(system, z, time, 2 * self.steps(time))
+        system: &(impl Hamiltonian + Sync),
+        initial: &[f64],
+        interval: f64,
+        kept: usize,
+    ) -> Result<Vec<f64>, Error> {
+        Request { interval, steps: self.steps(interval), kept }.collocate(
+            &self.method,
+            system,
+            initial,
+        )
     }
 
     /// The flow at two resolutions, and their difference.
@@ -309,7 +344,7 @@ impl Reference {
         let mut coarse = z.to_vec();
         let mut point = z.to_vec();
         self.flow(system, &mut coarse, time)?;
-        self.finer_flow(system, &mut point, time)?;
+        self.finer().flow(system, &mut point, time)?;
         let error = coarse.iter().zip(&point).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
         Ok(ReferenceValue { point, error })
     }

@@ -1,5 +1,6 @@
 //! The integrators by name, on many points.
 
+use super::collocation::{Intervals, store_states};
 use super::{GaussLegendre, Splitting, SplittingSteps, runge_kutta_4};
 use crate::error::Error;
 use crate::network::{TOGETHER, load_groups};
@@ -84,8 +85,8 @@ impl Integrator {
     ///
     /// Eight trajectories go together, one in each lane, several such groups a stage after
     /// another in splittings, and more on all threads: the same bits as of each alone, on
-    /// any processor. Gauss–Legendre moves one after another, since each takes its own
-    /// number of iterations.
+    /// any processor. Those of Gauss–Legendre whose stages have converged wait for the others of
+    /// their step.
     ///
     /// # Errors
     /// When there are no steps, points are not whole, the interval is not finite, the
@@ -146,11 +147,7 @@ impl Integrator {
         match self {
             Self::GaussLegendre { stages } => {
                 let method = GaussLegendre::new(stages);
-                let each = |initial: &[f64], states: &mut [f64]| {
-                    let (method, request) = (&method, *request);
-                    on_lanes::<WIDTH, _>(Collocation { method, system, request, initial, states })
-                };
-                request.run(system, initial, each)
+                request.collocate(&method, system, initial)
             }
             _ => request.run(system, initial, request.in_lanes(&RungeKutta4, system)),
         }
@@ -178,19 +175,6 @@ trait Method<H>: Sync {
 
 struct RungeKutta4;
 
-/// State `number` of as many trajectories as there is room for ← the lanes.
-#[inline(always)]
-fn store_states<V: Pack>(z: &[V], states: &mut [f64], number: usize, kept: usize) {
-    let dim = z.len();
-    let mut column = [0.0; WIDTH];
-    for (component, lanes) in z.iter().enumerate() {
-        lanes.store(&mut column[..V::LANES]);
-        for (states, value) in states.chunks_exact_mut(kept * dim).zip(column) {
-            states[number * dim + component] = value;
-        }
-    }
-}
-
 impl<H: Hamiltonian> Method<H> for RungeKutta4 {
     #[inline(always)]
     fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize) {
@@ -208,10 +192,10 @@ impl<H: Splittable> Method<H> for SplittingSteps<f64> {
 }
 
 #[derive(Clone, Copy)]
-struct Request {
-    interval: f64,
-    steps: usize,
-    kept: usize,
+pub(super) struct Request {
+    pub(super) interval: f64,
+    pub(super) steps: usize,
+    pub(super) kept: usize,
 }
 
 impl Request {
@@ -224,6 +208,20 @@ impl Request {
         Error::check_count_range("steps", self.steps, 1, usize::MAX)?;
         let method = splitting.steps(system, self.interval / self.steps as f64);
         self.run(system, initial, self.in_lanes(&method, system))
+    }
+
+    /// By Gauss–Legendre.
+    pub(super) fn collocate(
+        &self,
+        method: &GaussLegendre,
+        system: &(impl Hamiltonian + Sync),
+        initial: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        let Self { interval, steps, kept: count } = *self;
+        let intervals = Intervals { interval, steps, count };
+        self.run(system, initial, |initial, states| {
+            method.move_block(system, &mut initial.to_vec(), intervals, states)
+        })
     }
 
     fn in_lanes<H: Hamiltonian + Sync>(
@@ -273,37 +271,6 @@ impl Request {
             }
         }
         Ok(out)
-    }
-}
-
-/// The trajectories of a block of points, one after another.
-struct Collocation<'a, H> {
-    method: &'a GaussLegendre,
-    system: &'a H,
-    request: Request,
-    initial: &'a [f64],
-    /// All states of one trajectory after another.
-    states: &'a mut [f64],
-}
-
-impl<H: Hamiltonian> Kernel for Collocation<'_, H> {
-    type Output = Result<(), Error>;
-
-    #[inline(always)]
-    fn run<V: Pack>(self) -> Result<(), Error> {
-        let Self { method, system, request: Request { interval, steps, kept }, initial, states } =
-            self;
-        let dim = 2 * system.dof();
-        let mut z = vec![0.0; dim];
-        let trajectories = states.chunks_exact_mut(kept * dim);
-        for (initial, states) in initial.chunks_exact(dim).zip(trajectories) {
-            z.copy_from_slice(initial);
-            for state in states.chunks_exact_mut(dim) {
-                method.integrate(system, &mut z, interval, steps)?;
-                state.copy_from_slice(&z);
-            }
-        }
-        Ok(())
     }
 }
 

@@ -1,5 +1,6 @@
 //! Flows of the systems: splittings, Runge–Kutta, the reference, and data.
 
+mod collocation;
 mod data;
 mod gauss;
 mod integrator;

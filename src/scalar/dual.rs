@@ -174,13 +174,13 @@ impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
 }
 
 impl<S: Elementary, const N: usize> Elementary for Dual<S, N> {
-    #[inline]
+    #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
         let (s, c) = self.re.sin_cos();
         (self.chain(s, c), self.chain(c, -s))
     }
     /// Where eˣ is zero its derivatives are, also those of an infinite x.
-    #[inline]
+    #[inline(always)]
     fn exp(self) -> Self {
         let e = self.re.exp();
         let mut out = self.chain(e, e);
@@ -189,7 +189,7 @@ impl<S: Elementary, const N: usize> Elementary for Dual<S, N> {
         }
         out
     }
-    #[inline]
+    #[inline(always)]
     fn zero_with(self, factor: Self) -> Self {
         let mut out = self;
         out.re = self.re.zero_with(factor.re);
@@ -203,17 +203,17 @@ impl<S: Elementary, const N: usize> Elementary for Dual<S, N> {
     fn sign(self) -> Self {
         Self { re: self.re.sign(), eps: [S::zero(); N] }
     }
-    #[inline]
+    #[inline(always)]
     fn sqrt(self) -> Self {
         let root = self.re.sqrt();
         self.chain(root, S::from_f64(0.5) / root)
     }
-    #[inline]
+    #[inline(always)]
     fn ln(self) -> Self {
         self.chain(self.re.ln(), S::from_f64(1.0) / self.re)
     }
     /// With a slope of 0 for an exponent of 0, also at 0.
-    #[inline]
+    #[inline(always)]
     fn powf(self, exponent: f64) -> Self {
         let slope = match exponent {
             0.0 => S::zero(),
@@ -222,13 +222,13 @@ impl<S: Elementary, const N: usize> Elementary for Dual<S, N> {
         self.chain(self.re.powf(exponent), slope)
     }
     /// (x·y′ − y·x′)/(x² + y²).
-    #[inline]
+    #[inline(always)]
     fn atan2(self, x: Self) -> Self {
         let square = self.re.mul_add(self.re, x.re * x.re);
         let (across, along) = (x.re / square, -self.re / square);
         self.zip(x, self.re.atan2(x.re), |y, x| y.mul_add(across, x * along))
     }
-    #[inline]
+    #[inline(always)]
     fn modulo(self, period: f64) -> Self {
         Self { re: self.re.modulo(period), ..self }
     }

@@ -57,23 +57,23 @@ pub(super) fn zero_lanes_with<V: Lanewise>(x: V, factor: V) -> V {
 /// kernel waits for them.
 macro_rules! functions_of_lanes {
     () => {
-        #[inline]
+        #[inline(always)]
         fn sqrt(self) -> Self {
             self.pair_by_pair(self, |x, _| x.sqrt())
         }
-        #[inline]
+        #[inline(always)]
         fn ln(self) -> Self {
             self.pair_by_pair(self, |x, _| libm::log(x))
         }
-        #[inline]
+        #[inline(always)]
         fn powf(self, exponent: f64) -> Self {
             self.pair_by_pair(self, |x, _| libm::pow(x, exponent))
         }
-        #[inline]
+        #[inline(always)]
         fn atan2(self, x: Self) -> Self {
             self.pair_by_pair(x, libm::atan2)
         }
-        #[inline]
+        #[inline(always)]
         fn modulo(self, period: f64) -> Self {
             self.pair_by_pair(self, |x, _| x.rem_euclid(period))
         }

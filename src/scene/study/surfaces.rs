@@ -202,19 +202,8 @@ fn repeated(
     steps: usize,
 ) -> Result<Trajectories, Error> {
     let flow = Reference::calibrated(system, points, interval)?;
-    let each: Vec<Vec<f64>> = points
-        .par_chunks(2)
-        .map(|point| {
-            let (mut z, mut states) = (point.to_vec(), point.to_vec());
-            for _ in 0..steps {
-                flow.flow(system, &mut z, interval)?;
-                states.extend_from_slice(&z);
-            }
-            Ok(states)
-        })
-        .collect::<Result<_, Error>>()?;
-    let state = |t: usize| each.iter().flat_map(move |states| states[2 * t..2 * t + 2].to_vec());
-    Trajectories::new((0..=steps).flat_map(state).collect(), 2, each.len())
+    let moved = flow.trajectories(system, points, interval, steps)?;
+    Trajectories::new([points, &moved].concat(), 2, points.len() / 2)
 }
 
 /// What a method came to.
@@ -497,10 +486,9 @@ impl Results<'_> {
     }
 
     fn words_of_times(&self) -> String {
-        "All on one thread. Networks go with a line in each lane of the vector registers, Gauss–Legendre, \
-         whose stages take their own number of iterations each, with one line after another; that of \
-         one stage is the implicit midpoint rule. The fastest integrator is that of no larger error \
-         one by one."
+        "All on one thread, with a line in each lane of the vector registers. Gauss–Legendre of one stage \
+         is the implicit midpoint rule. The fastest integrator is that of no larger error one by \
+         one."
             .into()
     }
 

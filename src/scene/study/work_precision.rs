@@ -409,10 +409,10 @@ struct JacobianComparison {
 
 const TIME: &str = "µs a trajectory and unit time";
 
-const HOW: &str = "One thread; medians of repeated runs, in turn, and in brackets their quartiles. \
-                   Splittings, RK4 and networks move several trajectories in the lanes of vectors, \
-                   of which fewer than eight leave some empty; Gauss–Legendre moves one after \
-                   another. Networks are timed with one trajectory alone as well. Data and \
+const HOW: &str = "One thread; medians of repeated runs, in turn, and in brackets their quartiles. All \
+                   move several trajectories in the lanes of vectors, of which fewer than eight leave \
+                   some empty; those of Gauss–Legendre wait for one another where their stages take \
+                   more iterations. Networks are timed with one trajectory alone as well. Data and \
                    training are not counted.";
 
 const DISTANCE: &str = "The error is the root mean square distance from the reference";
