@@ -544,6 +544,48 @@ fn a_normal_form_comes_back() {
     names(model.with_angles(&[1.0]), &["angles", "2", "1"]);
 }
 
+/// One with a perturbation, and one of order one without kicks of it.
+#[test]
+fn a_perturbed_normal_form_comes_back() {
+    for kicks in [vec![2, 1], Vec::new()] {
+        let action: TorusAction = CircleAction::new([1, 0]).into();
+        let shape = NormalFormShape {
+            action: action.clone(),
+            psi: vec![2],
+            kicks: vec![3],
+            twists: vec![4],
+            flow_time: 7.5,
+            perturbation: Some(kicks.clone()),
+        };
+        let architecture = Architecture::NormalForm { shape, epsilon: 0.02 };
+        let model = architecture.initialise(InitialWeights::Glorot, 0.3, 5).expect("a model");
+        for ending in ["safetensors", "npz"] {
+            let folder = folder();
+            let path = folder.path().join(format!("w.{ending}"));
+            export_weights(&path, &model, None).expect("written");
+            let tensors = read_tensors(&path).expect("read");
+            let read = |tensors| assemble_normal_form("w", tensors, action.clone(), 0.02, 7.5);
+            let back = read(tensors.clone()).expect("read");
+            assert_eq!(back.architecture(), model.architecture());
+            assert_eq!(back.composition().parameters(), model.composition().parameters());
+            let mut wrong = tensors.clone();
+            let count =
+                Tensor { shape: vec![1], values: vec![3.0], ..wrong["perturbation"].clone() };
+            wrong.insert("perturbation".into(), count);
+            names(read(wrong), &["w: perturbation", &format!("[{}]", kicks.len()), "[3.0]"]);
+            if kicks.is_empty() {
+                continue;
+            }
+            let mut lacking = tensors.clone();
+            lacking.remove("perturbation");
+            names(read(lacking), &["w: perturbation", "none"]);
+            let mut lacking = tensors;
+            lacking.remove("perturbation.1.angles");
+            names(read(lacking), &["perturbation.1.angles"]);
+        }
+    }
+}
+
 #[test]
 fn pairs_of_a_family_come_back() {
     let folder = folder();
