@@ -110,11 +110,13 @@ impl Integrator {
                 System::Oscillators(system) => self.by_field(&request, system, initial),
                 System::ParticleField(system) => self.by_field(&request, system, initial),
                 System::FieldLines(system) => self.by_field(&request, system, initial),
+                System::FullOrbit(system) => self.by_field(&request, system, initial),
             };
         };
         match system {
             System::Oscillators(system) => request.split(splitting, system, initial),
             System::ParticleField(system) => request.split(splitting, system, initial),
+            System::FullOrbit(system) => request.split(splitting, system, initial),
             System::FieldLines(_) => Err(self.nothing_to_split()),
         }
     }

@@ -2,11 +2,13 @@
 
 mod counted;
 mod field_lines;
+mod full_orbit;
 mod oscillators;
 mod particle_field;
 
 pub use counted::Counted;
 pub use field_lines::FieldLines;
+pub use full_orbit::FullOrbit;
 pub use oscillators::{AveragedOscillator, Oscillators};
 pub use particle_field::{FieldProfile, ParticleField};
 
@@ -129,7 +131,7 @@ pub trait NearlyPeriodic: Hamiltonian {
     }
 }
 
-/// A Hamiltonian H = H_A + H_B whose two parts have exact flows: what a
+/// A Hamiltonian H = H_A + H_B whose two parts have exact flows, or a vector field whose parts have: what a
 /// splitting composes. H_A = ½Σ ω_j(q_j² + p_j²) turns planes.
 pub trait Splittable: NearlyPeriodic {
     /// z ← the coordinates in which the parts are simple. Applied once before
@@ -156,6 +158,8 @@ pub enum System {
     ParticleField(ParticleField),
     /// Magnetic field lines of a tokamak.
     FieldLines(FieldLines),
+    /// A charged particle in a strong magnetic field.
+    FullOrbit(FullOrbit),
 }
 
 /// Runs `$body` on the system behind the enum.
@@ -165,6 +169,7 @@ macro_rules! each_system {
             System::Oscillators($system) => $body,
             System::ParticleField($system) => $body,
             System::FieldLines($system) => $body,
+            System::FullOrbit($system) => $body,
         }
     };
 }
@@ -176,6 +181,7 @@ impl System {
             Self::Oscillators(system) => system.epsilon = epsilon,
             Self::ParticleField(system) => system.epsilon = epsilon,
             Self::FieldLines(system) => system.epsilon = epsilon,
+            Self::FullOrbit(system) => system.epsilon = epsilon,
         }
         self
     }
@@ -190,6 +196,7 @@ impl System {
             Self::Oscillators(_) => Ok(()),
             Self::ParticleField(system) => system.check(),
             Self::FieldLines(system) => system.check(),
+            Self::FullOrbit(system) => system.check(),
         }
     }
 }

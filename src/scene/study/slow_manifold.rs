@@ -57,6 +57,9 @@ impl Study for SlowManifoldOptions {
             Some(System::FieldLines(_)) => {
                 Err(Error::invalid("system", "field-lines", "particle-field"))
             }
+            Some(System::FullOrbit(_)) => {
+                Err(Error::invalid("system", "full-orbit", "particle-field"))
+            }
             None => Ok(()),
         }
     }

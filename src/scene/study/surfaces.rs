@@ -186,6 +186,7 @@ fn lines(system: &System) -> Result<&FieldLines, Error> {
         System::FieldLines(system) => Ok(system),
         System::Oscillators(_) => Err(Error::invalid("system", "oscillators", "field-lines")),
         System::ParticleField(_) => Err(Error::invalid("system", "particle-field", "field-lines")),
+        System::FullOrbit(_) => Err(Error::invalid("system", "full-orbit", "field-lines")),
     }
 }
 

@@ -1,0 +1,191 @@
+//! A charged particle in a strong magnetic field that varies within its gyroradius.
+
+use super::{Hamiltonian, NearlyPeriodic, Splittable, turn};
+use crate::error::Error;
+use crate::layer::CircleAction;
+use crate::scalar::Elementary;
+use serde::{Deserialize, Serialize};
+
+/// H = ½|p − A(x, y)|² + εφ(x, y) in the plane, B = 1 + ε(cos kx + cos ky), φ = f(cos kx + sin ky): lengths in
+/// gyroradii of unit speed, the time in radians of the gyration in the uniform part.
+///
+/// With the kinetic momenta of the uniform part Π and the guiding centre (X, Y) = (x + Π_y, y − Π_x), z = [Π_x, Y,
+/// Π_y, X] are canonical: {Π_x, Π_y} = {Y, X} = 1, a linear symplectic map of positions and momenta. Then
+/// x = p₂ − p₁, y = q₁ + q₂ and H = ½|(q₁, p₁) − εa(x, y)|² + εφ, a = (−sin ky, sin kx)/k. At ε = 0 the velocity
+/// turns and the guiding centre stands still.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FullOrbit {
+    /// ε.
+    pub epsilon: f64,
+    /// k.
+    #[serde(default = "FullOrbit::wavenumber")]
+    pub wavenumber: f64,
+    /// f.
+    #[serde(default = "FullOrbit::potential")]
+    pub potential: f64,
+}
+
+impl FullOrbit {
+    /// k = 1, f = ½.
+    pub fn new(epsilon: f64) -> Self {
+        Self { epsilon, wavenumber: Self::wavenumber(), potential: Self::potential() }
+    }
+
+    fn wavenumber() -> f64 {
+        1.0
+    }
+
+    fn potential() -> f64 {
+        0.5
+    }
+
+    /// (x, y).
+    #[inline(always)]
+    fn position<S: Elementary>(z: &[S]) -> (S, S) {
+        (z[3] - z[2], z[0] + z[1])
+    }
+
+    /// ε sin kx/k and its slope ε cos kx, of x and of y.
+    #[inline(always)]
+    fn waves<S: Elementary>(&self, x: S, y: S) -> [(S, S); 2] {
+        let (k, epsilon) = (S::from_f64(self.wavenumber), S::from_f64(self.epsilon));
+        let size = S::from_f64(self.epsilon / self.wavenumber);
+        [x, y].map(|v| {
+            let (s, c) = (k * v).sin_cos();
+            (size * s, epsilon * c)
+        })
+    }
+
+    /// Π ← Π − `sign`·εa where the particle is, and the guiding centre that belongs to it.
+    #[inline(always)]
+    fn shift_momenta<S: Elementary>(&self, z: &mut [S], sign: f64) {
+        let (x, y) = Self::position(z);
+        let [(sx, _), (sy, _)] = self.waves(x, y);
+        let sign = S::from_f64(sign);
+        (z[0], z[2]) = (z[0] + sign * sy, z[2] - sign * sx);
+        (z[1], z[3]) = (y - z[0], x + z[2]);
+    }
+
+    /// (v_x, v_y) at a point.
+    pub fn velocity<S: Elementary>(&self, z: &[S]) -> (S, S) {
+        let (x, y) = Self::position(z);
+        let [(sx, _), (sy, _)] = self.waves(x, y);
+        (z[0] + sy, z[2] - sx)
+    }
+
+    /// v²/2B at a point, the magnetic moment to lowest order.
+    pub fn magnetic_moment<S: Elementary>(&self, z: &[S]) -> S {
+        let (x, y) = Self::position(z);
+        let [(_, cx), (_, cy)] = self.waves(x, y);
+        let (vx, vy) = self.velocity(z);
+        S::from_f64(0.5) * (vx * vx + vy * vy) / (S::from_f64(1.0) + cx + cy)
+    }
+
+    /// Fails unless k is positive and f is finite.
+    ///
+    /// # Errors
+    /// With the value.
+    pub fn check(&self) -> Result<(), Error> {
+        Error::check_range("system.wavenumber", self.wavenumber, Error::LEAST_POSITIVE, f64::MAX)?;
+        Error::check_finite("system.potential", self.potential)
+    }
+}
+
+impl Hamiltonian for FullOrbit {
+    fn dof(&self) -> usize {
+        2
+    }
+    #[inline(always)]
+    fn energy<S: Elementary>(&self, z: &[S], _: f64) -> S {
+        let (x, y) = Self::position(z);
+        let [(sx, cx), (sy, _)] = self.waves(x, y);
+        let (vx, vy) = (z[0] + sy, z[2] - sx);
+        let k = S::from_f64(self.wavenumber);
+        S::from_f64(0.5) * (vx * vx + vy * vy) + S::from_f64(self.potential) * (cx + k * sy)
+    }
+    #[inline(always)]
+    fn vector_field<S: Elementary>(&self, z: &[S], _: f64, out: &mut [S]) {
+        let (x, y) = Self::position(z);
+        let [(sx, cx), (sy, cy)] = self.waves(x, y);
+        let (vx, vy) = (z[0] + sy, z[2] - sx);
+        let fk = S::from_f64(self.potential * self.wavenumber);
+        let k = S::from_f64(self.wavenumber);
+        let by_x = -(cx * vy) - fk * k * sx;
+        let by_y = cy * vx + fk * cy;
+        out[0] = vy - by_x;
+        out[1] = by_x;
+        out[2] = -(vx + by_y);
+        out[3] = -by_y;
+    }
+    fn fastest_frequency(&self, _: &[f64]) -> f64 {
+        self.fastest_plane()
+    }
+}
+
+impl NearlyPeriodic for FullOrbit {
+    fn epsilon(&self) -> f64 {
+        self.epsilon
+    }
+    fn circle_action(&self) -> CircleAction {
+        CircleAction::new([1, 0])
+    }
+    fn limiting_frequency(&self) -> f64 {
+        1.0
+    }
+    /// ½(Π_x² + Π_y²).
+    fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
+        S::from_f64(0.5) * (z[0] * z[0] + z[2] * z[2])
+    }
+    fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
+        turn(z, 0, 2, time);
+    }
+}
+
+/// A splitting of the vector field, in the velocities v = Π − εa: A is the gyration in the uniform
+/// part, B turns and accelerates the velocity where the particle is. Its compositions keep the
+/// volume and the reversal of time, not the symplectic form.
+///
+/// Source: Knapp, Kendl, Koskela and Ostermann, <https://doi.org/10.1103/PhysRevE.92.063310>.
+impl Splittable for FullOrbit {
+    #[inline(always)]
+    fn enter<S: Elementary>(&self, z: &mut [S]) {
+        self.shift_momenta(z, 1.0);
+    }
+    #[inline(always)]
+    fn leave<S: Elementary>(&self, z: &mut [S]) {
+        self.shift_momenta(z, -1.0);
+    }
+    fn frequencies(&self) -> Vec<f64> {
+        vec![1.0, 0.0]
+    }
+    /// v ← R(βh)v + h sinc(½βh)R(½βh)E, β = ε(cos kx + cos ky), E = −ε∇φ.
+    #[inline(always)]
+    fn flow_b<S: Elementary>(&self, z: &mut [S], time: S) {
+        let (x, y) = Self::position(z);
+        let [(sx, cx), (_, cy)] = self.waves(x, y);
+        let half = S::from_f64(0.5) * (cx + cy) * time;
+        let (s, c) = half.sin_cos();
+        let strength = self.potential * self.wavenumber;
+        let kick = time * sinc(half);
+        let ex = kick * S::from_f64(strength * self.wavenumber) * sx;
+        let ey = -(kick * S::from_f64(strength) * cy);
+        // R(½βh)(R(½βh)v + …), each turn clockwise.
+        let (vx, vy) = (c * z[0] + s * z[2] + ex, c * z[2] - s * z[0] + ey);
+        (z[0], z[2]) = (c * vx + s * vy, c * vy - s * vx);
+        (z[1], z[3]) = (y - z[0], x + z[2]);
+    }
+}
+
+/// sin u/u, for |u| ≤ 2 to rounding: of larger arguments steps are too long to be of use.
+#[inline(always)]
+fn sinc<S: Elementary>(u: S) -> S {
+    const TERMS: u32 = 12;
+    let square = u * u;
+    let mut sum = S::from_f64(1.0);
+    for k in (1..TERMS).rev() {
+        let denominator = f64::from(2 * k * (2 * k + 1));
+        sum = S::from_f64(1.0) - square * S::from_f64(1.0 / denominator) * sum;
+    }
+    sum
+}
