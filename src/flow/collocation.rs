@@ -2,33 +2,26 @@
 
 use super::GaussLegendre;
 use super::gauss::MAXIMUM;
+use super::integrator::Request;
 use crate::error::Error;
 use crate::network::load_groups;
 use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
 use crate::system::Hamiltonian;
 use rayon::prelude::*;
 
-/// Equal intervals of time, each of equal steps.
-#[derive(Clone, Copy)]
-pub(super) struct Intervals {
-    pub(super) interval: f64,
-    pub(super) steps: usize,
-    pub(super) count: usize,
-}
-
 impl GaussLegendre {
-    /// `points`, 2n numbers each, ← where the flow takes them over these intervals, on all threads: the
+    /// `points`, 2n numbers each, ← where the flow takes them over the intervals of a request, on all threads: the
     /// bits of [`GaussLegendre::integrate`], interval by interval.
     pub(super) fn move_all(
         &self,
         system: &(impl Hamiltonian + Sync),
         points: &mut [f64],
-        intervals: Intervals,
+        request: Request,
     ) -> Result<(), Error> {
         let block = WIDTH * 2 * system.dof();
         points
             .par_chunks_mut(block)
-            .try_for_each(|points| self.move_block(system, points, intervals, &mut []))
+            .try_for_each(|points| self.move_block(system, points, request, &mut []))
     }
 
     /// As [`GaussLegendre::move_all`], on this thread; `states` ← the points at the end of each interval, all of a
@@ -37,17 +30,17 @@ impl GaussLegendre {
         &self,
         system: &impl Hamiltonian,
         points: &mut [f64],
-        intervals: Intervals,
+        request: Request,
         states: &mut [f64],
     ) -> Result<(), Error> {
-        on_lanes::<WIDTH, _>(Collocation { method: self, system, intervals, points, states })
+        on_lanes::<WIDTH, _>(Collocation { method: self, system, request, points, states })
     }
 }
 
 struct Collocation<'a, H> {
     method: &'a GaussLegendre,
     system: &'a H,
-    intervals: Intervals,
+    request: Request,
     points: &'a mut [f64],
     states: &'a mut [f64],
 }
@@ -58,8 +51,8 @@ impl<H: Hamiltonian> Kernel for Collocation<'_, H> {
     // Loops, no closures: those are compiled for any processor.
     #[inline(always)]
     fn run<V: Pack>(self) -> Result<(), Error> {
-        let Self { method, system, intervals, points, mut states } = self;
-        let Intervals { interval, steps, count } = intervals;
+        let Self { method, system, request, points, mut states } = self;
+        let Request { interval, steps, kept: count } = request;
         let dim = 2 * system.dof();
         let kept = if states.is_empty() { 0 } else { count * dim };
         let mut lanes = vec![V::zero(); dim];

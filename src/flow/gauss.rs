@@ -1,6 +1,5 @@
 //! Gauss–Legendre collocation: the reference flow, with an error estimate.
 
-use super::collocation::Intervals;
 use super::integrator::Request;
 use crate::error::Error;
 use crate::scalar::max_or_nan;
@@ -308,7 +307,7 @@ impl Reference {
         count: usize,
     ) -> Result<(), Error> {
         let steps = self.steps(interval);
-        self.method.move_all(system, points, Intervals { interval, steps, count })
+        self.method.move_all(system, points, Request { interval, steps, kept: count })
     }
 
     /// The states of trajectories from each of the points in `initial`, 2n numbers each, at the times

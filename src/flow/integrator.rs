@@ -1,6 +1,6 @@
 //! The integrators by name, on many points.
 
-use super::collocation::{Intervals, store_states};
+use super::collocation::store_states;
 use super::{GaussLegendre, Splitting, SplittingSteps, runge_kutta_4};
 use crate::error::Error;
 use crate::network::{TOGETHER, load_groups};
@@ -193,6 +193,7 @@ impl<H: Splittable> Method<H> for SplittingSteps<f64> {
     }
 }
 
+/// Equal intervals of time, each of equal steps, as many as there are states to keep.
 #[derive(Clone, Copy)]
 pub(super) struct Request {
     pub(super) interval: f64,
@@ -219,10 +220,8 @@ impl Request {
         system: &(impl Hamiltonian + Sync),
         initial: &[f64],
     ) -> Result<Vec<f64>, Error> {
-        let Self { interval, steps, kept: count } = *self;
-        let intervals = Intervals { interval, steps, count };
         self.run(system, initial, |initial, states| {
-            method.move_block(system, &mut initial.to_vec(), intervals, states)
+            method.move_block(system, &mut initial.to_vec(), *self, states)
         })
     }
 

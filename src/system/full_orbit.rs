@@ -51,10 +51,9 @@ impl FullOrbit {
     fn waves<S: Elementary>(&self, x: S, y: S) -> [(S, S); 2] {
         let (k, epsilon) = (S::from_f64(self.wavenumber), S::from_f64(self.epsilon));
         let size = S::from_f64(self.epsilon / self.wavenumber);
-        [x, y].map(|v| {
-            let (s, c) = (k * v).sin_cos();
-            (size * s, epsilon * c)
-        })
+        // No closure: it is compiled for any processor.
+        let ((sx, cx), (sy, cy)) = ((k * x).sin_cos(), (k * y).sin_cos());
+        [(size * sx, epsilon * cx), (size * sy, epsilon * cy)]
     }
 
     /// Π ← Π − `sign`·εa where the particle is, and the guiding centre that belongs to it.
