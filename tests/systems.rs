@@ -2,8 +2,8 @@
 
 use gyroceptron::Error;
 use gyroceptron::flow::{
-    GaussLegendre, Integrator, Pairs, Reference, ReferenceTrajectories, Splitting, Window,
-    runge_kutta_4, sample_of,
+    GaussLegendre, Integrator, Pairs, Reference, ReferenceTrajectories, Splitting, Window, boris,
+    runge_kutta_4, sample_of, velocity_splitting,
 };
 use gyroceptron::measure::{Line, averaged_invariant, drifts, log_line, log_slope};
 use gyroceptron::random::Stream;
@@ -620,6 +620,106 @@ fn split_flows_are_symplectic() {
             assert!(largest < 2e-14, "{largest}");
         }
     }
+}
+
+/// Boris' method and the splitting into ½v_x², ½v_y² and φ: their order, what they keep, and both there and back.
+#[test]
+fn methods_of_charged_particles_are_of_second_order() {
+    type Method = fn(&FullOrbit, &mut [f64], f64, usize);
+    type OfDuals = fn(&FullOrbit, &mut [Dual<f64, 4>], f64, usize);
+    let methods: [(Integrator, Method, OfDuals); 2] = [
+        (Integrator::Boris, boris, boris),
+        (Integrator::VelocitySplitting, velocity_splitting, velocity_splitting),
+    ];
+    let system = FullOrbit { epsilon: 0.2, wavenumber: 1.3, potential: 0.7 };
+    for (integrator, method, of_duals) in methods {
+        let z = point(2, 7);
+        let exact = Reference::calibrated(&system, &z, 4.0)
+            .and_then(|reference| reference.flow_with_error(&system, &z, 4.0))
+            .expect("converges");
+        let (mut sizes, mut errors) = (Vec::new(), Vec::new());
+        for count in [64, 96, 128, 192, 256] {
+            let mut w = z.clone();
+            method(&system, &mut w, 4.0, count);
+            sizes.push(4.0 / count as f64);
+            errors.push(distance(&w, &exact.point));
+            method(&system, &mut w, -4.0, count);
+            assert!(distance(&w, &z) < 1e-13);
+        }
+        let slope = log_slope(&sizes, &errors);
+        assert!((slope - 2.0).abs() < 0.1, "{}: {slope}", integrator.name());
+        let mut w: Vec<_> =
+            z.iter().enumerate().map(|(k, &v)| Dual::<f64, 4>::variable(v, k)).collect();
+        of_duals(&system, &mut w, 0.9, 3);
+        let jacobian = faer::Mat::from_fn(4, 4, |i, k| w[i].eps[k]);
+        let omega = faer::Mat::from_fn(4, 4, |i, k| match (i + 2 == k, k + 2 == i) {
+            (true, _) => 1.0,
+            (_, true) => -1.0,
+            _ => 0.0,
+        });
+        let form = (jacobian.transpose() * &omega * &jacobian - &omega).norm_max();
+        match integrator {
+            Integrator::Boris => assert!(form > 1e-4, "{form}"),
+            _ => assert!(form < 1e-14, "{form}"),
+        }
+        assert!((jacobian.determinant() - 1.0).abs() < 1e-13);
+        // Of many points, each in a lane, and of no other system.
+        let points: Vec<f64> = (0..11).flat_map(|seed| point(2, seed)).collect();
+        let system = System::FullOrbit(system);
+        let states = integrator.trajectories(&system, &points, 0.7, 5, 2).expect("moves");
+        let System::FullOrbit(alone) = &system else { unreachable!() };
+        for (m, start) in points.chunks_exact(4).enumerate() {
+            let mut z = start.to_vec();
+            for t in 0..2 {
+                method(alone, &mut z, 0.7, 5);
+                assert_eq!(&states[(t * 11 + m) * 4..][..4], &z[..]);
+            }
+        }
+        let other = System::Oscillators(Oscillators { epsilon: 0.01 });
+        for refused in [
+            integrator.check_for(&other),
+            integrator.trajectories(&other, &points, 0.7, 5, 2).map(|_| ()),
+        ] {
+            let message = refused.expect_err("another system").to_string();
+            assert!(message.contains("full-orbit"), "{message}");
+        }
+        assert!(integrator.check_for(&system).is_ok());
+    }
+}
+
+/// v²/2B + ½v²(v×∇B)_z/B³, the textbooks' next order in the gyroradius: where B varies slowly it
+/// changes less, by the wavenumber; within a gyroradius only the average does.
+#[test]
+fn the_gradient_corrects_the_magnetic_moment_where_it_is_small() {
+    let changes = |wavenumber: f64| -> [f64; 3] {
+        let epsilon = 1e-4;
+        let system = FullOrbit { epsilon, wavenumber, potential: 0.0 };
+        // Where the gradient is steepest.
+        let z = [0.8, 0.5 / wavenumber, 0.3, 0.9 / wavenumber];
+        let orbit = ReferenceTrajectories::of_flow(&system, &z, 0.1, 201).expect("moves");
+        let of =
+            |quantity: &dyn Fn(&[f64]) -> f64| drifts(&orbit.trajectories, quantity)[0].largest;
+        let gradient = |z: &[f64]| {
+            let (x, y) = (z[3] - z[2], z[0] + z[1]);
+            let (vx, vy) = system.velocity(z);
+            let (bx, by) = (
+                -epsilon * wavenumber * (wavenumber * x).sin(),
+                -epsilon * wavenumber * (wavenumber * y).sin(),
+            );
+            0.5 * (vx * vx + vy * vy) * (vx * by - vy * bx)
+        };
+        [
+            of(&|z| system.magnetic_moment(z)),
+            of(&|z| system.magnetic_moment(z) + gradient(z)),
+            of(&|z| averaged_invariant(&system, z)),
+        ]
+    };
+    let wavenumbers = [0.4, 0.2, 0.1];
+    let found = wavenumbers.map(changes);
+    let order = |which: usize| log_slope(&wavenumbers, &found.map(|changes| changes[which]));
+    assert!((order(0) - 1.0).abs() < 0.2 && (order(1) - 2.0).abs() < 0.3, "{found:?}");
+    let [first, second, averaged] = changes(1.0);
+    assert!(second > 0.1 * first && averaged < 0.1 * first, "{first:e} {second:e} {averaged:e}");
 }
 
 /// ẋ = v, v̇ = Bv×e_z − ε∇φ, and the orders in ε of the magnetic moment.

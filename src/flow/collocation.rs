@@ -68,8 +68,7 @@ impl<H: Hamiltonian> Kernel for Collocation<'_, H> {
                 if !converged {
                     break;
                 }
-                converged =
-                    method.integrate_lanes(system, &mut lanes, interval, steps, &mut space, rows);
+                converged = method.integrate_lanes(system, &mut lanes, interval, steps, &mut space);
                 if kept > 0 {
                     store_states(&lanes, here, number, count);
                 }
@@ -130,7 +129,7 @@ fn larger<V: Pack>(a: V, b: V) -> V {
 }
 
 impl GaussLegendre {
-    /// [`GaussLegendre::integrate`] of a point in each of the first lanes, with the bits of each alone: a lane
+    /// [`GaussLegendre::integrate`] of a point in each lane, with the bits of each alone: a lane
     /// whose stages have converged waits for the others. False, and z of no use, where one of them fails:
     /// alone it tells why.
     #[inline(always)]
@@ -141,7 +140,6 @@ impl GaussLegendre {
         time: f64,
         steps: usize,
         space: &mut Lanes<V>,
-        points: usize,
     ) -> bool {
         let (s, dim) = (self.stages(), z.len());
         let step_size = time / steps as f64;
@@ -160,10 +158,8 @@ impl GaussLegendre {
                 size = larger(size, v.abs());
             }
             let mut last = [f64::INFINITY; WIDTH];
-            // 1 in lanes that still change: none without a point.
-            let mut active = [0.0; WIDTH];
-            active[..points].fill(1.0);
-            let mut waiting = points < V::LANES;
+            // 1 in lanes that still change; those without a point go with the last that has one.
+            let (mut active, mut waiting) = ([1.0; WIDTH], false);
             for iteration in 1.. {
                 for i in 0..s {
                     for d in 0..dim {
@@ -235,7 +231,7 @@ impl GaussLegendre {
             }
             let mut sums = [0.0; WIDTH];
             lost.store(&mut sums[..V::LANES]);
-            if sums[..points].iter().any(|v| v.is_nan()) {
+            if sums[..V::LANES].iter().any(|v| v.is_nan()) {
                 return false;
             }
         }

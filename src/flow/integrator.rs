@@ -1,11 +1,11 @@
 //! The integrators by name, on many points.
 
 use super::collocation::store_states;
-use super::{GaussLegendre, Splitting, SplittingSteps, runge_kutta_4};
+use super::{GaussLegendre, Splitting, SplittingSteps, boris, runge_kutta_4, velocity_splitting};
 use crate::error::Error;
 use crate::network::{TOGETHER, load_groups};
 use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
-use crate::system::{Hamiltonian, Splittable, System};
+use crate::system::{FullOrbit, Hamiltonian, Splittable, System, each_system};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +32,10 @@ pub enum Integrator {
         /// s, the number of stages.
         stages: usize,
     },
+    /// [`boris`].
+    Boris,
+    /// [`velocity_splitting`].
+    VelocitySplitting,
 }
 
 impl Integrator {
@@ -39,6 +43,8 @@ impl Integrator {
     pub fn name(self) -> String {
         match self {
             Self::RungeKutta4 => "RK4".into(),
+            Self::Boris => "Boris".into(),
+            Self::VelocitySplitting => "splitting of ½v_x², ½v_y² and φ".into(),
             Self::GaussLegendre { stages: 1 } => "Gauss–Legendre, 1 stage".into(),
             Self::GaussLegendre { stages } => format!("Gauss–Legendre, {stages} stages"),
             Self::Strang | Self::Yoshida4 | Self::Aba864 | Self::Aba1064 => {
@@ -54,7 +60,10 @@ impl Integrator {
             Self::Yoshida4 => Some(Splitting::YOSHIDA_4),
             Self::Aba864 => Some(Splitting::ABA_864),
             Self::Aba1064 => Some(Splitting::ABA_1064),
-            Self::RungeKutta4 | Self::GaussLegendre { .. } => None,
+            Self::RungeKutta4
+            | Self::GaussLegendre { .. }
+            | Self::Boris
+            | Self::VelocitySplitting => None,
         }
     }
 
@@ -105,19 +114,16 @@ impl Integrator {
         if let (Some(period), true) = (system.period(), kept > 1) {
             whole_periods(interval, period)?;
         }
-        let Some(splitting) = self.splitting() else {
-            return match system {
-                System::Oscillators(system) => self.by_field(&request, system, initial),
-                System::ParticleField(system) => self.by_field(&request, system, initial),
-                System::FieldLines(system) => self.by_field(&request, system, initial),
-                System::FullOrbit(system) => self.by_field(&request, system, initial),
-            };
-        };
-        match system {
-            System::Oscillators(system) => request.split(splitting, system, initial),
-            System::ParticleField(system) => request.split(splitting, system, initial),
-            System::FullOrbit(system) => request.split(splitting, system, initial),
-            System::FieldLines(_) => Err(self.nothing_to_split()),
+        match (self, system) {
+            (Self::Boris, System::FullOrbit(system)) => request.step(&Boris, system, initial),
+            (Self::VelocitySplitting, System::FullOrbit(system)) => {
+                request.step(&VelocitySplitting, system, initial)
+            }
+            (Self::Boris | Self::VelocitySplitting, _) => Err(self.not_a_particle()),
+            _ => match self.splitting() {
+                Some(splitting) => self.by_parts(&request, splitting, system, initial),
+                None => each_system!(system, system => self.by_field(&request, system, initial)),
+            },
         }
     }
 
@@ -128,8 +134,12 @@ impl Integrator {
     /// parts with exact flows.
     pub fn check_for(self, system: &System) -> Result<(), Error> {
         self.check()?;
-        match (system, self.splitting()) {
-            (System::FieldLines(_), Some(_)) => Err(self.nothing_to_split()),
+        match (self, system) {
+            (Self::Boris | Self::VelocitySplitting, System::FullOrbit(_)) => Ok(()),
+            (Self::Boris | Self::VelocitySplitting, _) => Err(self.not_a_particle()),
+            (_, System::FieldLines(_)) if self.splitting().is_some() => {
+                Err(self.nothing_to_split())
+            }
             _ => Ok(()),
         }
     }
@@ -137,6 +147,28 @@ impl Integrator {
     fn nothing_to_split(self) -> Error {
         let expected = "another integrator: the system has no parts with exact flows";
         Error::invalid("integrator", self.name(), expected)
+    }
+
+    fn not_a_particle(self) -> Error {
+        let expected =
+            "another integrator: this one is of charged particles, the system full-orbit";
+        Error::invalid("integrator", self.name(), expected)
+    }
+
+    /// By the flows of the parts of a system.
+    fn by_parts(
+        self,
+        request: &Request,
+        splitting: Splitting,
+        system: &System,
+        initial: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        match system {
+            System::Oscillators(system) => request.split(splitting, system, initial),
+            System::ParticleField(system) => request.split(splitting, system, initial),
+            System::FullOrbit(system) => request.split(splitting, system, initial),
+            System::FieldLines(_) => Err(self.nothing_to_split()),
+        }
     }
 
     /// By a method that takes the equations of motion alone.
@@ -151,7 +183,7 @@ impl Integrator {
                 let method = GaussLegendre::new(stages);
                 request.collocate(&method, system, initial)
             }
-            _ => request.run(system, initial, request.in_lanes(&RungeKutta4, system)),
+            _ => request.step(&RungeKutta4, system, initial),
         }
     }
 }
@@ -186,6 +218,28 @@ impl<H: Hamiltonian> Method<H> for RungeKutta4 {
     }
 }
 
+struct Boris;
+
+impl Method<FullOrbit> for Boris {
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &FullOrbit, z: &mut [V], interval: f64, steps: usize) {
+        for z in z.chunks_exact_mut(4) {
+            boris(system, z, interval, steps);
+        }
+    }
+}
+
+struct VelocitySplitting;
+
+impl Method<FullOrbit> for VelocitySplitting {
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &FullOrbit, z: &mut [V], interval: f64, steps: usize) {
+        for z in z.chunks_exact_mut(4) {
+            velocity_splitting(system, z, interval, steps);
+        }
+    }
+}
+
 impl<H: Splittable> Method<H> for SplittingSteps<f64> {
     #[inline(always)]
     fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
@@ -210,7 +264,17 @@ impl Request {
     ) -> Result<Vec<f64>, Error> {
         Error::check_count_range("steps", self.steps, 1, usize::MAX)?;
         let method = splitting.steps(system, self.interval / self.steps as f64);
-        self.run(system, initial, self.in_lanes(&method, system))
+        self.step(&method, system, initial)
+    }
+
+    /// By a method on lanes.
+    fn step<H: Hamiltonian + Sync>(
+        &self,
+        method: &impl Method<H>,
+        system: &H,
+        initial: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        self.run(system, initial, self.in_lanes(method, system))
     }
 
     /// By Gauss–Legendre.

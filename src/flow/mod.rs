@@ -1,5 +1,6 @@
 //! Flows of the systems: splittings, Runge–Kutta, the reference, and data.
 
+mod charged;
 mod collocation;
 mod data;
 mod gauss;
@@ -9,6 +10,7 @@ mod runge_kutta;
 mod splitting;
 mod trajectories;
 
+pub use charged::{boris, velocity_splitting};
 #[cfg(feature = "files")]
 pub(crate) use data::check_finite;
 pub use data::{Condition, Pairs, Window, sample, sample_of};

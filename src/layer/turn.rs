@@ -30,6 +30,11 @@ impl CircleAction {
         &self.weights
     }
 
+    /// Φ₋θ: the same circles, the other way round.
+    pub fn reversed(&self) -> Self {
+        Self { weights: self.weights.iter().map(|m| -m).collect() }
+    }
+
     /// The number of degrees of freedom.
     pub fn dof(&self) -> usize {
         self.weights.len()

@@ -108,3 +108,29 @@ pub(super) const YOSHIDA: &str = "@article{Yoshida1990,
   doi = {10.1016/0375-9601(90)90092-3}
 }
 ";
+
+/// Boris' method.
+pub(super) const BORIS: &str = "@article{QinEtAl2013,
+  author = {Qin, Hong and Zhang, Shuangxi and Xiao, Jianyuan and Liu, Jian and Sun, Yajuan and Tang, William M.},
+  title = {Why is {B}oris algorithm so good?},
+  journal = {Physics of Plasmas},
+  volume = {20},
+  number = {8},
+  pages = {084503},
+  year = {2013},
+  doi = {10.1063/1.4818428}
+}
+";
+
+/// The explicit symplectic splitting for charged particles.
+pub(super) const VELOCITY_SPLITTING: &str = "@article{HeEtAl2017,
+  author = {He, Yang and Zhou, Zhaoqi and Sun, Yajuan and Liu, Jian and Qin, Hong},
+  title = {Explicit {K}-symplectic algorithms for charged particle dynamics},
+  journal = {Physics Letters A},
+  volume = {381},
+  number = {6},
+  pages = {568--573},
+  year = {2017},
+  doi = {10.1016/j.physleta.2016.12.031}
+}
+";

@@ -34,6 +34,8 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "long-steps",
         "family",
         "field-lines",
+        "full-orbit",
+        "which-action",
         "choosing",
         "trajectories",
         "adiabatic-profiles",

@@ -46,27 +46,45 @@ impl FullOrbit {
         (z[3] - z[2], z[0] + z[1])
     }
 
-    /// ε sin kx/k and its slope ε cos kx, of x and of y.
+    /// ε sin ku/k and its slope ε cos ku, of u = x or y: −a_y or a_x, and a part of B each.
     #[inline(always)]
-    fn waves<S: Elementary>(&self, x: S, y: S) -> [(S, S); 2] {
-        let (k, epsilon) = (S::from_f64(self.wavenumber), S::from_f64(self.epsilon));
-        let size = S::from_f64(self.epsilon / self.wavenumber);
-        // No closure: it is compiled for any processor.
-        let ((sx, cx), (sy, cy)) = ((k * x).sin_cos(), (k * y).sin_cos());
-        [(size * sx, epsilon * cx), (size * sy, epsilon * cy)]
+    pub(crate) fn wave<S: Elementary>(&self, u: S) -> (S, S) {
+        let (s, c) = (S::from_f64(self.wavenumber) * u).sin_cos();
+        (S::from_f64(self.epsilon / self.wavenumber) * s, S::from_f64(self.epsilon) * c)
     }
 
-    /// Π ← Π − `sign`·εa where the particle is, and the guiding centre that belongs to it.
+    /// [`FullOrbit::wave`] of x and of y.
     #[inline(always)]
-    fn shift_momenta<S: Elementary>(&self, z: &mut [S], sign: f64) {
+    fn waves<S: Elementary>(&self, x: S, y: S) -> [(S, S); 2] {
+        [self.wave(x), self.wave(y)]
+    }
+
+    /// E = −ε∇φ, from the wave of x and the slope of that of y.
+    #[inline(always)]
+    pub(crate) fn electric<S: Elementary>(&self, of_x: S, slope_of_y: S) -> (S, S) {
+        let strength = self.potential * self.wavenumber;
+        let by_x = S::from_f64(strength * self.wavenumber) * of_x;
+        (by_x, -(S::from_f64(strength) * slope_of_y))
+    }
+
+    /// [x, y, v_x, v_y] of a point.
+    #[inline(always)]
+    pub(crate) fn particle<S: Elementary>(&self, z: &[S]) -> [S; 4] {
         let (x, y) = Self::position(z);
+        let (vx, vy) = self.velocity(z);
+        [x, y, vx, vy]
+    }
+
+    /// The inverse of [`FullOrbit::particle`].
+    #[inline(always)]
+    pub(crate) fn from_particle<S: Elementary>(&self, [x, y, vx, vy]: [S; 4], z: &mut [S]) {
         let [(sx, _), (sy, _)] = self.waves(x, y);
-        let sign = S::from_f64(sign);
-        (z[0], z[2]) = (z[0] + sign * sy, z[2] - sign * sx);
+        (z[0], z[2]) = (vx - sy, vy + sx);
         (z[1], z[3]) = (y - z[0], x + z[2]);
     }
 
     /// (v_x, v_y) at a point.
+    #[inline(always)]
     pub fn velocity<S: Elementary>(&self, z: &[S]) -> (S, S) {
         let (x, y) = Self::position(z);
         let [(sx, _), (sy, _)] = self.waves(x, y);
@@ -108,10 +126,8 @@ impl Hamiltonian for FullOrbit {
         let (x, y) = Self::position(z);
         let [(sx, cx), (sy, cy)] = self.waves(x, y);
         let (vx, vy) = (z[0] + sy, z[2] - sx);
-        let fk = S::from_f64(self.potential * self.wavenumber);
-        let k = S::from_f64(self.wavenumber);
-        let by_x = -(cx * vy) - fk * k * sx;
-        let by_y = cy * vx + fk * cy;
+        let (ex, ey) = self.electric(sx, cy);
+        let (by_x, by_y) = (-(cx * vy) - ex, cy * vx - ey);
         out[0] = vy - by_x;
         out[1] = by_x;
         out[2] = -(vx + by_y);
@@ -136,6 +152,9 @@ impl NearlyPeriodic for FullOrbit {
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         S::from_f64(0.5) * (z[0] * z[0] + z[2] * z[2])
     }
+    fn customary_invariant<S: Elementary>(&self, z: &[S]) -> Option<(&'static str, S)> {
+        Some(("v²/2B", self.magnetic_moment(z)))
+    }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         turn(z, 0, 2, time);
     }
@@ -149,11 +168,13 @@ impl NearlyPeriodic for FullOrbit {
 impl Splittable for FullOrbit {
     #[inline(always)]
     fn enter<S: Elementary>(&self, z: &mut [S]) {
-        self.shift_momenta(z, 1.0);
+        let [x, y, vx, vy] = self.particle(z);
+        z.copy_from_slice(&[vx, y - vx, vy, x + vy]);
     }
     #[inline(always)]
     fn leave<S: Elementary>(&self, z: &mut [S]) {
-        self.shift_momenta(z, -1.0);
+        let (x, y) = Self::position(z);
+        self.from_particle([x, y, z[0], z[2]], z);
     }
     fn frequencies(&self) -> Vec<f64> {
         vec![1.0, 0.0]
@@ -165,10 +186,9 @@ impl Splittable for FullOrbit {
         let [(sx, cx), (_, cy)] = self.waves(x, y);
         let half = S::from_f64(0.5) * (cx + cy) * time;
         let (s, c) = half.sin_cos();
-        let strength = self.potential * self.wavenumber;
         let kick = time * sinc(half);
-        let ex = kick * S::from_f64(strength * self.wavenumber) * sx;
-        let ey = -(kick * S::from_f64(strength) * cy);
+        let (ex, ey) = self.electric(sx, cy);
+        let (ex, ey) = (kick * ex, kick * ey);
         // R(½βh)(R(½βh)v + …), each turn clockwise.
         let (vx, vy) = (c * z[0] + s * z[2] + ex, c * z[2] - s * z[0] + ey);
         (z[0], z[2]) = (c * vx + s * vy, c * vy - s * vx);

@@ -119,6 +119,12 @@ pub trait NearlyPeriodic: Hamiltonian {
     /// μ₀(z), the adiabatic invariant to leading order.
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S;
 
+    /// Another approximate invariant, that its users know by the name given with it; none, unless there is one.
+    fn customary_invariant<S: Elementary>(&self, z: &[S]) -> Option<(&'static str, S)> {
+        let _ = z;
+        None
+    }
+
     /// z ← the exact flow of the limit ε = 0 over `time`: the rotation that a
     /// surrogate has to improve upon.
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S);
@@ -166,13 +172,14 @@ pub enum System {
 macro_rules! each_system {
     ($self:expr, $system:ident => $body:expr) => {
         match $self {
-            System::Oscillators($system) => $body,
-            System::ParticleField($system) => $body,
-            System::FieldLines($system) => $body,
-            System::FullOrbit($system) => $body,
+            $crate::system::System::Oscillators($system) => $body,
+            $crate::system::System::ParticleField($system) => $body,
+            $crate::system::System::FieldLines($system) => $body,
+            $crate::system::System::FullOrbit($system) => $body,
         }
     };
 }
+pub(crate) use each_system;
 
 impl System {
     /// The system with another ε.
@@ -235,6 +242,9 @@ impl NearlyPeriodic for System {
     }
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         each_system!(self, s => s.adiabatic_invariant(z))
+    }
+    fn customary_invariant<S: Elementary>(&self, z: &[S]) -> Option<(&'static str, S)> {
+        each_system!(self, s => s.customary_invariant(z))
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         each_system!(self, s => s.limiting_flow(z, time))

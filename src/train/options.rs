@@ -203,7 +203,7 @@ impl TrainingOptions {
     }
 
     /// Fails where they are of several legs.
-    pub(super) fn check_single(&self) -> Result<(), Error> {
+    pub(crate) fn check_single(&self) -> Result<(), Error> {
         let expected = "none: several legs are trained by `train_schedule`";
         if let Some(starts) = self.starts {
             return Err(Error::invalid("training.starts", starts.count, expected));

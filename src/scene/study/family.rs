@@ -92,7 +92,8 @@ impl Study for FamilyOptions {
             invariants.push(self.invariants(context, &models, epsilon)?);
         }
         let names: Vec<String> = models.iter().map(|one| one.spec.name.clone()).collect();
-        let found = Results { names, cases, invariants };
+        let customary = self.customary(context.system()?);
+        let found = Results { names, customary, cases, invariants };
         let text = format!(
             "Errors are on points that no training has seen; a map is marked as seen where pairs \
              of its ε and flow time were among those of the training. The frequency is that of the fast \
@@ -143,6 +144,9 @@ struct Case {
 struct Invariants {
     epsilon: f64,
     leading: f64,
+    /// Of that which the users of the system know.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    customary: Option<f64>,
     averaged: f64,
     /// Of each network; None where it owns none.
     learnt: Vec<Option<f64>>,
@@ -152,6 +156,11 @@ struct Invariants {
 const KNOWN_PHASE: f64 = 1.0;
 
 impl FamilyOptions {
+    /// The name of the invariant that users of the system know.
+    fn customary(&self, system: &System) -> Option<&'static str> {
+        Some(system.customary_invariant(self.initial.first()?)?.0)
+    }
+
     fn case(
         &self,
         context: &mut Context<'_>,
@@ -211,9 +220,14 @@ impl FamilyOptions {
         let along = &reference.trajectories;
         context.stage("invariants along the reference", |_| {
             let leading = change(along, |z| system.adiabatic_invariant(z));
+            let customary = self.customary(&system).map(|_| {
+                change(along, |z| {
+                    system.customary_invariant(z).map_or(f64::NAN, |(_, value)| value)
+                })
+            });
             let averaged = change(along, |z| averaged_invariant(&system, z));
             let learnt = models.iter().map(|one| learnt_change(one.model(), epsilon, along));
-            Ok(Invariants { epsilon, leading, averaged, learnt: learnt.collect() })
+            Ok(Invariants { epsilon, leading, customary, averaged, learnt: learnt.collect() })
         })
     }
 }
@@ -249,6 +263,7 @@ fn phase_errors(system: &System, ends: &[f64], reference: &[f64]) -> Vec<f64> {
 
 struct Results {
     names: Vec<String>,
+    customary: Option<&'static str>,
     cases: Vec<Case>,
     invariants: Vec<Invariants>,
 }
@@ -285,17 +300,21 @@ impl Results {
         let mut columns = vec![
             ("ε".to_owned(), Format::Setting),
             ("change of μ₀".to_owned(), Format::Exponent(2)),
-            ("of μ₀ + εμ₁".to_owned(), Format::Exponent(2)),
         ];
+        columns.extend(self.customary.map(|name| (format!("of {name}"), Format::Exponent(2))));
+        columns.push(("of μ₀ + εμ₁".to_owned(), Format::Exponent(2)));
         for name in &self.names {
             columns.push((format!("of the invariant of `{name}`"), Format::Exponent(2)));
-            columns.push(("less than μ₀ by".into(), Format::Factor));
+            let other = self.customary.unwrap_or("μ₀");
+            columns.push((format!("less than {other} by"), Format::Factor));
         }
         let mut table = Table::new(columns);
         for at in &self.invariants {
-            let mut row = vec![at.epsilon.into(), at.leading.into(), at.averaged.into()];
+            let mut row = vec![at.epsilon.into(), at.leading.into()];
+            row.extend(at.customary.map(Into::into));
+            row.push(at.averaged.into());
             for learnt in &at.learnt {
-                let gain = learnt.map(|learnt| at.leading / learnt);
+                let gain = learnt.map(|learnt| at.customary.unwrap_or(at.leading) / learnt);
                 row.extend([(*learnt).into(), gain.into()]);
             }
             table.push(row);
@@ -317,6 +336,9 @@ impl Results {
             order(self.order(|at| Some(at.leading))),
             order(self.order(|at| Some(at.averaged))),
         );
+        if let Some(name) = self.customary {
+            out.push_str(&format!(", {name} {}", order(self.order(|at| at.customary))));
+        }
         for (number, name) in self.names.iter().enumerate() {
             if let Some(found) = self.order(|at| at.learnt[number]) {
                 out.push_str(&format!(", the invariant of `{name}` {found:.2}"));
@@ -347,6 +369,9 @@ impl Results {
             series("μ₀", self.names.len(), Style::Marked, &|at| Some(at.leading)),
             series("μ₀ + εμ₁", self.names.len() + 1, Style::Marked, &|at| Some(at.averaged)),
         ];
+        if let Some(name) = self.customary {
+            changes.push(series(name, self.names.len() + 2, Style::Marked, &|at| at.customary));
+        }
         for (number, name) in self.names.iter().enumerate() {
             changes.push(series(name, number, Style::Marked, &|at| at.learnt[number]));
         }

@@ -234,11 +234,14 @@ impl LongStepsOptions {
         self.others(scene).flat_map(|time| self.attempts(scene, time)).collect()
     }
 
-    /// A study of every other flow time, timed less often.
+    /// A study of every other flow time and step of an integrator, timed less often.
     pub(super) fn shorten(&mut self) {
         // The longest is among them.
         self.flow_times = self.flow_times.iter().rev().step_by(2).rev().copied().collect();
-        self.rounds = self.rounds.min(5);
+        for entry in &mut self.integrators {
+            entry.steps = entry.steps.iter().step_by(2).copied().collect();
+        }
+        self.rounds = self.rounds.min(3);
         self.invariant_steps = self.invariant_steps.min(100_000);
     }
 

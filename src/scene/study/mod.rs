@@ -20,6 +20,7 @@ pub mod tanh;
 pub mod training;
 pub mod trajectories;
 mod trust;
+pub mod which_action;
 pub mod work_precision;
 
 pub(super) use adiabatic_horizon::CHECKPOINT as HORIZON_CHECKPOINT;
@@ -176,6 +177,8 @@ studies! {
     slow_manifold: SlowManifold(slow_manifold::SlowManifoldOptions),
     /// Surfaces of field lines over many turns.
     surfaces: Surfaces(surfaces::SurfacesOptions),
+    /// Which circle action the pairs have.
+    which_action: WhichAction(which_action::WhichActionOptions),
     /// The structure certificate of each network.
     certificate: Certificate(CertificateOptions),
     /// Error against run time, of the networks and of integrators.
@@ -201,6 +204,7 @@ impl AnyStudy {
             Self::AdiabaticHorizon(options) => options.shorten(),
             Self::LongSteps(options) => options.shorten(),
             Self::Surfaces(options) => options.shorten(),
+            Self::WhichAction(options) => options.shorten(),
             Self::WorkPrecision(options) => options.rounds = options.rounds.min(5),
             _ => {}
         }

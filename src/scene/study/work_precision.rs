@@ -12,7 +12,7 @@ use crate::measure::{
 };
 use crate::network::{Composition, Model, map_jacobians, map_jacobians_by_duals, map_points};
 use crate::phase::Direction;
-use crate::scene::bibliography::{GAUSS_LEGENDRE, SPLITTINGS, YOSHIDA};
+use crate::scene::bibliography::{BORIS, GAUSS_LEGENDRE, SPLITTINGS, VELOCITY_SPLITTING, YOSHIDA};
 use crate::scene::context::{Context, DataSets, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
@@ -182,6 +182,8 @@ pub(super) fn citations(integrators: impl Iterator<Item = Integrator>) -> Vec<&'
         out.extend(match integrator {
             Integrator::Aba864 | Integrator::Aba1064 => Some(SPLITTINGS),
             Integrator::Yoshida4 => Some(YOSHIDA),
+            Integrator::Boris => Some(BORIS),
+            Integrator::VelocitySplitting => Some(VELOCITY_SPLITTING),
             Integrator::RungeKutta4 | Integrator::Strang | Integrator::GaussLegendre { .. } => None,
         });
     }

@@ -1,0 +1,354 @@
+//! Which circle action some pairs have, where nobody tells: that of the network that learns them best.
+
+use super::Study;
+use crate::error::Error;
+use crate::flow::Pairs;
+use crate::layer::CircleAction;
+use crate::measure::Spread;
+use crate::network::InitialWeights;
+use crate::scene::context::{Context, Halt};
+use crate::scene::declaration::Scene;
+use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
+use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::run::Event;
+use crate::scene::setup::{MOST, Need, NetworkSpec};
+use crate::system::{Hamiltonian, NearlyPeriodic};
+use crate::train::{
+    ActionFit, Control, Stop, TrainingOptions, TrainingRecord, fit_rotation, train,
+};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+const FIGURE: &str = "which-action";
+
+/// An ensemble of circle actions, each given to a network that is trained for a short while, several
+/// times over with pairs and weights of their own; and what the linear map nearest to the same
+/// pairs tells.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WhichActionOptions {
+    /// The actions, that of the system among them.
+    pub actions: Vec<CircleAction>,
+    /// How often all are tried.
+    pub tries: usize,
+    /// The pairs of each try: no two tries share one.
+    pub pairs: usize,
+    /// The network, with each of the actions in turn. Its angle begins at the rotation nearest to the pairs: nobody
+    /// tells the frequency either.
+    pub network: NetworkSpec,
+    /// How its weights are drawn.
+    pub weights: InitialWeights,
+    /// How it is trained.
+    pub training: TrainingOptions,
+}
+
+impl Study for WhichActionOptions {
+    fn name(&self) -> &'static str {
+        "which_action"
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::System, Need::FlowTime, Need::Data]
+    }
+
+    fn check(&self, scene: &Scene) -> Result<(), Error> {
+        Error::check_count_range("actions", self.actions.len(), 2, MOST)?;
+        Error::check_count_range("tries", self.tries, 1, MOST)?;
+        Error::check_count_range("pairs", self.pairs, 1, MOST)?;
+        self.training.check()?;
+        self.training.check_single()?;
+        if !matches!(self.network, NetworkSpec::Gyroceptron { circle_action: None, .. }) {
+            let expected = "a gyroceptron without a circle action of its own";
+            return Err(Error::invalid("network", "another", expected));
+        }
+        for (index, action) in self.actions.iter().enumerate() {
+            let name = || format!("actions[{index}]");
+            if let Some(system) = &scene.setup.system {
+                Error::check_count(&name(), system.dof(), action.dof())?;
+            }
+            let same = |other: &CircleAction| other == action || *other == action.reversed();
+            if self.actions[..index].iter().any(same) {
+                return Err(Error::invalid(&name(), weights(action), "each action once"));
+            }
+        }
+        match &scene.setup.system {
+            Some(system) if self.right(&system.circle_action()).is_none() => {
+                let expected = format!("{} among them", weights(&system.circle_action()));
+                Err(Error::invalid("actions", "others only", expected))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+        vec![FIGURE]
+    }
+
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+        let action = context.system()?.circle_action();
+        let data = context.data()?;
+        let (all, held_out) = (&data.training, data.validation());
+        let Some(held_out) = held_out else {
+            let expected = "a share above 0: actions are judged by pairs that are held out";
+            return Err(Error::invalid("data.validation", 0, expected).into());
+        };
+        let wanted = self.tries.saturating_mul(self.pairs);
+        Error::check_count_range("pairs for all tries", all.len(), wanted, usize::MAX)?;
+        let mut tries = Vec::new();
+        for number in 0..self.tries {
+            let pairs = all.rows(number * self.pairs..(number + 1) * self.pairs);
+            tries.push(self.attempt(context, number, &pairs, held_out)?);
+        }
+        let right = self.right(&action).unwrap_or(0);
+        let found = Results { options: self, right, tries };
+        let figures = match context.draws(FIGURE) {
+            true => vec![found.figure()],
+            false => Vec::new(),
+        };
+        let text = format!(
+            "Each of the {} actions is given to a network, {} iterations each, in {} tries of {} pairs and initial weights of \
+             their own; the angle begins at the rotation nearest to the pairs. Chosen is the action whose \
+             network errs least on {} held-out pairs; the margin is how many times as large the mean squared error of \
+             the next is, and below {CLEAR} the try says that it is not sure. Without training: the planes' angles of the \
+             linear map nearest to the same pairs, among all weights up to 3, and whether they tell.",
+            self.actions.len(),
+            self.training.iterations,
+            self.tries,
+            self.pairs,
+            held_out.len()
+        );
+        Ok(Findings {
+            title: "Which circle action".into(),
+            results: Section {
+                summary: vec![
+                    Block::Text(found.words()),
+                    Block::Table(found.by_action()),
+                    Block::Table(found.by_try()),
+                ],
+                details: vec![Block::Text(text)],
+                data: found.data(),
+            },
+            figures,
+            ..Findings::default()
+        })
+    }
+}
+
+/// What is fewer times as far as the best is not told from it.
+const CLEAR: f64 = 3.0;
+
+/// One try of all actions.
+#[derive(Serialize)]
+struct Attempted {
+    /// The held-out error of the network of each action; None where it could not be trained.
+    errors: Vec<Option<f64>>,
+    /// The same on the way: iterations and errors.
+    history: Vec<Vec<(u64, f64)>>,
+    /// What the linear map says, and whether it tells.
+    linear: CircleAction,
+    sure: bool,
+}
+
+impl Attempted {
+    /// The best action, and how many times as far the next is.
+    fn chosen(&self) -> Option<(usize, f64)> {
+        let mut known: Vec<(usize, f64)> =
+            self.errors.iter().enumerate().filter_map(|(k, e)| Some((k, (*e)?))).collect();
+        known.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let (first, least) = *known.first()?;
+        Some((first, known.get(1).map_or(f64::INFINITY, |(_, next)| next / least)))
+    }
+}
+
+impl WhichActionOptions {
+    /// A study of fewer tries, of fewer pairs.
+    pub(super) fn shorten(&mut self) {
+        self.tries = self.tries.min(2);
+        self.pairs = self.pairs.div_ceil(4);
+    }
+
+    /// The number of an action, or of it the other way round.
+    fn right(&self, action: &CircleAction) -> Option<usize> {
+        self.actions.iter().position(|own| own == action || *own == action.reversed())
+    }
+
+    fn attempt(
+        &self,
+        context: &mut Context<'_>,
+        number: usize,
+        pairs: &Pairs,
+        held_out: &Pairs,
+    ) -> Result<Attempted, Halt> {
+        let fit = ActionFit::of(pairs)?;
+        let (mut errors, mut history) = (Vec::new(), Vec::new());
+        for action in &self.actions {
+            let name = format!("try {}, action {}", number + 1, weights(action));
+            let on_the_way = context.stage(&name, |context| {
+                self.trained(context, &name, action, number, pairs, held_out)
+            })?;
+            errors.push(on_the_way.iter().map(|(_, error)| *error).min_by(f64::total_cmp));
+            history.push(on_the_way);
+        }
+        Ok(Attempted { errors, history, linear: fit.action().clone(), sure: fit.is_sure() })
+    }
+
+    /// The held-out error of a network in the course of its training.
+    fn trained(
+        &self,
+        context: &mut Context<'_>,
+        name: &str,
+        action: &CircleAction,
+        number: usize,
+        pairs: &Pairs,
+        held_out: &Pairs,
+    ) -> Result<Vec<(u64, f64)>, Halt> {
+        let (epsilon, time) = (context.system()?.epsilon(), context.flow_time()?);
+        let seed = context.scene.seed.wrapping_add(number as u64);
+        let Some(architecture) = self.network.architecture(action, epsilon, time) else {
+            return Err(Error::invalid("network", "a file", "one to train").into());
+        };
+        let model = architecture.initialise(self.weights, fit_rotation(pairs, action), seed)?;
+        let outcome =
+            train(&model, pairs, Some(held_out), &self.training, None, &mut |progress| {
+                let (record, iterations) = (progress.record, self.training.iterations);
+                context.tell(Event::Iteration { model: name, record, iterations });
+                Ok(if context.interrupted() { Control::Interrupt } else { Control::Continue })
+            })?;
+        if outcome.stop == Stop::Interrupted {
+            return Err(Halt::Interrupted);
+        }
+        let of = |record: &TrainingRecord| {
+            let error = record.validation.filter(|error| error.is_finite())?;
+            Some((record.iteration, error))
+        };
+        Ok(outcome.history.iter().filter_map(of).collect())
+    }
+}
+
+/// As options of the command write them.
+fn weights(action: &CircleAction) -> String {
+    let weights: Vec<String> = action.weights().iter().map(i32::to_string).collect();
+    weights.join(",")
+}
+
+struct Results<'a> {
+    options: &'a WhichActionOptions,
+    /// The number of the system's own action.
+    right: usize,
+    tries: Vec<Attempted>,
+}
+
+impl Results<'_> {
+    /// How often the right one is chosen, surely, and how often surely another.
+    fn counted(&self, chosen: impl Fn(&Attempted) -> Option<(bool, bool)>) -> String {
+        let all: Vec<(bool, bool)> = self.tries.iter().filter_map(chosen).collect();
+        let count = |wanted: (bool, bool)| all.iter().filter(|found| **found == wanted).count();
+        format!(
+            "right in {} of {} tries and sure in {}, wrong in {} and sure of it in {}",
+            count((true, true)) + count((true, false)),
+            self.tries.len(),
+            count((true, true)),
+            self.tries.len() - count((true, true)) - count((true, false)),
+            count((false, true)),
+        )
+    }
+
+    fn words(&self) -> String {
+        let by_training = self.counted(|one| {
+            let (chosen, margin) = one.chosen()?;
+            Some((chosen == self.right, margin >= CLEAR))
+        });
+        let right = &self.options.actions[self.right];
+        let by_map = self.counted(|one| {
+            Some((one.linear == *right || one.linear == right.reversed(), one.sure))
+        });
+        format!(
+            "The action is {}. By training it is {by_training}; by the linear map, without training, {by_map}.",
+            weights(right)
+        )
+    }
+
+    fn by_action(&self) -> Table {
+        let mut table = Table::new([
+            ("action", Format::Exact),
+            ("held-out MSE over the tries", Format::Exponent(1)),
+            ("over that of the right one", Format::Magnitude),
+            ("the best in", Format::Exact),
+        ]);
+        let median = |action: usize| {
+            let errors: Option<Vec<f64>> =
+                self.tries.iter().map(|one| one.errors[action]).collect();
+            Spread::of(errors?)
+        };
+        let least = median(self.right).map(|spread| spread.median);
+        for (number, action) in self.options.actions.iter().enumerate() {
+            let errors = median(number);
+            let best = |one: &&Attempted| one.chosen().is_some_and(|(best, _)| best == number);
+            let name = match number == self.right {
+                true => format!("**{}**", weights(action)),
+                false => weights(action),
+            };
+            table.push([
+                name.into(),
+                errors.into(),
+                errors.and_then(|errors| Some(errors.median / least?)).into(),
+                self.tries.iter().filter(best).count().into(),
+            ]);
+        }
+        table
+    }
+
+    fn by_try(&self) -> Table {
+        let mut table = Table::new([
+            ("try", Format::Exact),
+            ("by training", Format::Exact),
+            ("margin", Format::Factor),
+            ("sure", Format::Exact),
+            ("by the linear map", Format::Exact),
+            ("sure", Format::Exact),
+        ]);
+        let told = |sure: bool| if sure { "yes" } else { "not sure" };
+        for (number, one) in self.tries.iter().enumerate() {
+            let chosen = one.chosen();
+            table.push([
+                (number + 1).into(),
+                chosen.map(|(best, _)| weights(&self.options.actions[best])).into(),
+                chosen.map(|(_, margin)| margin).into(),
+                chosen.map(|(_, margin)| told(margin >= CLEAR)).into(),
+                weights(&one.linear).into(),
+                told(one.sure).into(),
+            ]);
+        }
+        table
+    }
+
+    fn data(&self) -> serde_json::Value {
+        let actions: Vec<String> = self.options.actions.iter().map(weights).collect();
+        json!({ "actions": actions, "right": self.right, "tries": self.tries })
+    }
+
+    /// The error of each action against the iterations, one line a try.
+    fn figure(&self) -> Figure {
+        let mut series = Vec::new();
+        for (number, action) in self.options.actions.iter().enumerate() {
+            let style = if number == self.right { Style::Marked } else { Style::Line };
+            for (attempt, one) in self.tries.iter().enumerate() {
+                let points =
+                    one.history[number].iter().map(|(at, error)| (*at as f64, *error)).collect();
+                series.push(match attempt {
+                    0 => Series { name: weights(action), color: number, style, points },
+                    _ => Series::unnamed(number, style, points),
+                });
+            }
+        }
+        let panel = Panel {
+            x_label: "iterations".into(),
+            y_label: "held-out mean squared error".into(),
+            y: Axis::Log,
+            series,
+            ..Panel::default()
+        };
+        let caption = "The held-out error of networks of each circle action in the course of their training, a line for                        each try; marked, that of the system.";
+        Figure::in_a_row(FIGURE, caption, vec![panel])
+    }
+}
