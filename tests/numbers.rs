@@ -7,7 +7,9 @@ use gyroceptron::scalar::{
     DoubleDouble, Dual, Elementary, Lanes, Real, Scalar, Simd, Tracked, WIDTH, max_or_nan,
     tanh_sech2,
 };
-use gyroceptron::system::{FieldLines, FullOrbit, Hamiltonian, Oscillators, ParticleField, System};
+use gyroceptron::system::{
+    FieldLines, FullOrbit, Hamiltonian, Oscillators, ParticleField, System, ThreeOscillators,
+};
 use std::f64::consts::TAU;
 
 const BITS: usize = 320;
@@ -317,7 +319,8 @@ fn trajectories_in_lanes_are_those_of_one_alone() {
     let mut stream = Stream::new(9, "trajectories");
     let field = System::ParticleField(ParticleField::two_modes(0.1));
     let orbit = System::FullOrbit(FullOrbit::new(0.1));
-    for system in [System::Oscillators(Oscillators { epsilon: 0.01 }), field, orbit] {
+    let torus = System::ThreeOscillators(ThreeOscillators::new(0.1));
+    for system in [System::Oscillators(Oscillators { epsilon: 0.01 }), field, orbit, torus] {
         let dim = 2 * system.dof();
         for count in [1, 7, 8, 19] {
             let mut points: Vec<f64> =
@@ -341,6 +344,7 @@ fn trajectories_in_lanes_are_those_of_one_alone() {
                                 System::Oscillators(s) => splitting.integrate(s, z, 0.3, 2),
                                 System::ParticleField(s) => splitting.integrate(s, z, 0.3, 2),
                                 System::FullOrbit(s) => splitting.integrate(s, z, 0.3, 2),
+                                System::ThreeOscillators(s) => splitting.integrate(s, z, 0.3, 2),
                                 System::FieldLines(_) => panic!("no parts"),
                             },
                             None => runge_kutta_4(&system, z, 0.3, 2),

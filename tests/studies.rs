@@ -25,6 +25,12 @@ fn run_in(folder: &Path, scene: &Scene) -> Report {
     run(scene, &folder, &mut Quiet).expect("runs").expect("not interrupted")
 }
 
+/// What a run says that fails.
+fn failed_in(folder: &Path, scene: &Scene) -> String {
+    let folder = Folder::open(folder, false, false).expect("a folder");
+    run(scene, &folder, &mut Quiet).err().expect("fails").to_string()
+}
+
 fn temporary() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
@@ -990,4 +996,74 @@ fn surfaces_tell_methods_apart() {
     refused(&SURFACES.replace("epsilon = 4e-3", far), &["system.toroidal"]);
     let far = "epsilon = 4e-3\npoloidal = 1000";
     refused(&SURFACES.replace("epsilon = 4e-3", far), &["system.poloidal"]);
+}
+
+const WHICH: &str = r#"
+name = "which"
+seed = 1
+flow_time = 0.8
+plots = ["which-action"]
+
+[system]
+kind = "oscillators"
+epsilon = 0.01
+
+[data]
+validation = 0.25
+windows = [{ low = [-1.6, -1.6, -1.6, -1.6], high = [1.6, 1.6, 1.6, 1.6], samples = 400 }]
+
+[which_action]
+actions = [[1, 1], [1, 0], [1, -1]]
+tries = 2
+pairs = 200
+network = { kind = "gyroceptron", psi = { count = 4, width = 4 }, near_identity = { count = 0, width = 4 } }
+weights = { kind = "normal", scale = 0.15 }
+training = { iterations = 20, optimiser = { kind = "levenberg-marquardt" } }
+"#;
+
+/// The network of the right action errs least, by far; what no data tell is refused.
+#[test]
+fn the_circle_action_is_found_by_training() {
+    let folder = temporary();
+    let scene = parse("which", WHICH).expect("a scene");
+    let report = run_in(folder.path(), &scene);
+    let found = &render::json(&report)["studies"]["which_action"];
+    assert_eq!(found["right"], 1);
+    for one in found["tries"].as_array().expect("tries") {
+        let errors: Vec<f64> = one["errors"]
+            .as_array()
+            .expect("errors")
+            .iter()
+            .map(|error| error.as_f64().expect("a number"))
+            .collect();
+        assert!(errors[0] > 30.0 * errors[1] && errors[2] > 30.0 * errors[1], "{errors:?}");
+        assert_eq!(one["linear"], serde_json::json!([1, 0]));
+        assert_eq!(one["sure"], true);
+    }
+    let text = render::markdown(&report);
+    assert!(text.contains("By training it is right in 2 of 2 tries and sure in 2"), "{text}");
+    assert!(std::fs::read_to_string(folder.path().join("which-action.svg")).is_ok());
+
+    // No other weights than those of an exchange of planes.
+    let swapped = WHICH.replace("[1, -1]]", "[0, 1]]");
+    refused(&swapped, &["actions[2]", "0,1", "exchange of planes"]);
+    refused(&WHICH.replace("[1, 1], [1, 0], ", "[1, 1], "), &["actions", "1,0 among them"]);
+    refused(&WHICH.replace("[1, -1]]", "[1, -1, 0]]"), &["actions[2]"]);
+    refused(&WHICH.replace("tries = 2", "tries = 0"), &["tries"]);
+    refused(&WHICH.replace("pairs = 200", "pairs = 0"), &["pairs"]);
+    let own = WHICH.replace(
+        "near_identity = { count = 0, width = 4 }",
+        "near_identity = { count = 0, width = 4 }, circle_action = [1, 0]",
+    );
+    refused(&own, &["network", "without a circle action"]);
+    let starts = WHICH
+        .replace("iterations = 20,", "iterations = 20, starts = { count = 2, iterations = 3 },");
+    refused(&starts, &["training.starts"]);
+    // What is known from the pairs only.
+    let few = parse("few", &WHICH.replace("tries = 2", "tries = 3")).expect("a scene");
+    let error = failed_in(temporary().path(), &few);
+    assert!(error.contains("600") && error.contains("400"), "{error}");
+    let alone = parse("alone", &WHICH.replace("validation = 0.25", "validation = 0.0"));
+    let error = failed_in(temporary().path(), &alone.expect("a scene"));
+    assert!(error.contains("data.validation"), "{error}");
 }

@@ -10,7 +10,7 @@ use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Elementary, Real, Scalar, max_or_nan};
 use gyroceptron::system::{
     AveragedOscillator, FieldLines, FieldProfile, FullOrbit, Hamiltonian, NearlyPeriodic,
-    Oscillators, ParticleField, Splittable, System, symplectic_gradient,
+    Oscillators, ParticleField, Splittable, System, ThreeOscillators, symplectic_gradient,
 };
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::f64::consts::TAU;
@@ -28,6 +28,7 @@ macro_rules! split {
             System::Oscillators($s) => $body,
             System::ParticleField($s) => $body,
             System::FullOrbit($s) => $body,
+            System::ThreeOscillators($s) => $body,
             System::FieldLines(_) => panic!("no parts"),
         }
     };
@@ -40,6 +41,7 @@ fn systems(epsilon: f64) -> Vec<System> {
         System::ParticleField(particle(epsilon, 2)),
         System::ParticleField(particle(epsilon, 4)),
         System::FullOrbit(FullOrbit::new(epsilon)),
+        System::ThreeOscillators(ThreeOscillators::new(epsilon)),
     ]
 }
 
@@ -132,8 +134,9 @@ fn the_limit_is_the_circle_action() {
         split!(system, s => s.enter(&mut by_action));
         let invariant = system.circle_action().invariant(&by_action);
         assert!((invariant - system.adiabatic_invariant(&z)).abs() < 1e-14);
-        let angle = system.limiting_frequency() * time;
-        system.circle_action().at(angle).apply(&mut by_action, false);
+        let (torus, frequencies) = system.torus();
+        let angles: Vec<f64> = frequencies.iter().map(|frequency| frequency * time).collect();
+        torus.at(&angles).apply(&mut by_action, false);
         split!(system, s => s.leave(&mut by_action));
         assert!(distance(&by_action, &by_limit) < 1e-14);
     }
@@ -146,6 +149,7 @@ fn splittings_have_their_orders_for_the_papers_equations() {
         System::Oscillators(Oscillators { epsilon: 0.2 }),
         System::ParticleField(particle(0.2, 2)),
         System::FullOrbit(FullOrbit::new(0.2)),
+        System::ThreeOscillators(ThreeOscillators::new(0.2)),
     ] {
         let z = point(system.dof(), 7);
         let time = 4.0;
@@ -756,6 +760,38 @@ fn a_full_orbit_is_newtons_and_keeps_its_magnetic_moment() {
     }
     let orders = [log_slope(&epsilons, &first), log_slope(&epsilons, &second)];
     assert!((orders[0] - 1.0).abs() < 0.2 && (orders[1] - 2.0).abs() < 0.3, "{orders:?}");
+}
+
+/// Both actions of a torus change by O(ε) where no harmonic of its frequencies is small; at 2ω₁ ≈ ω₂ they are
+/// exchanged, and J₁ + 2J₂ alone stays.
+#[test]
+fn a_resonance_exchanges_the_actions_of_a_torus() {
+    let changes = |epsilon: f64, frequency: f64| -> [f64; 3] {
+        let system = ThreeOscillators { epsilon, frequency };
+        let z = [0.9, 0.6, 0.5, 0.0, 0.3, 0.0];
+        let orbit = ReferenceTrajectories::of_flow(&system, &z, 0.1 / epsilon, 301).expect("moves");
+        assert!(orbit.error < 1e-11, "{:e}", orbit.error);
+        let (torus, _) = system.torus();
+        let of =
+            |quantity: &dyn Fn(&[f64]) -> f64| drifts(&orbit.trajectories, quantity)[0].largest;
+        let [first, second] = [0, 1].map(|k| of(&|z| torus.circles()[k].invariant(z)));
+        [first, second, of(&|z| system.adiabatic_invariant(z))]
+    };
+    let epsilons = [0.02, 0.01, 0.005];
+    let golden = ThreeOscillators::new(0.0).frequency;
+    let free = epsilons.map(|epsilon| changes(epsilon, golden));
+    for which in 0..2 {
+        let slope = log_slope(&epsilons, &free.map(|changes| changes[which]));
+        assert!((slope - 1.0).abs() < 0.2, "{which}: {slope}, {free:?}");
+    }
+    for epsilon in epsilons {
+        let [first, second, both] = changes(epsilon, 2.0 + epsilon);
+        // Beside the exchange each changes by O(ε).
+        assert!((first - 2.0 * second).abs() < 3.0 * epsilon && both < 3.0 * epsilon);
+        assert!(first > 0.05 && second > 0.025, "{first} {second} {both}");
+    }
+    let system = System::ThreeOscillators(ThreeOscillators { epsilon: 0.1, frequency: -1.0 });
+    assert!(system.check().expect_err("no frequency").to_string().contains("system.frequency"));
 }
 
 #[test]

@@ -167,6 +167,7 @@ impl Integrator {
             System::Oscillators(system) => request.split(splitting, system, initial),
             System::ParticleField(system) => request.split(splitting, system, initial),
             System::FullOrbit(system) => request.split(splitting, system, initial),
+            System::ThreeOscillators(system) => request.split(splitting, system, initial),
             System::FieldLines(_) => Err(self.nothing_to_split()),
         }
     }

@@ -30,9 +30,17 @@ impl CircleAction {
         &self.weights
     }
 
-    /// Φ₋θ: the same circles, the other way round.
-    pub fn reversed(&self) -> Self {
-        Self { weights: self.weights.iter().map(|m| -m).collect() }
+    /// Whether a symplectic map takes one action into the other, or into it the other way round: the weights are the
+    /// same but for the order of the planes, which an exchange of planes changes, and for all signs at once. No
+    /// data tell one from the other where any symplectic ψ may be learnt.
+    pub fn is_conjugate(&self, other: &Self) -> bool {
+        let sorted = |sign: i32, action: &Self| {
+            let mut weights: Vec<i32> = action.weights.iter().map(|m| sign * m).collect();
+            weights.sort_unstable();
+            weights
+        };
+        let own = sorted(1, self);
+        own == sorted(1, other) || own == sorted(-1, other)
     }
 
     /// The number of degrees of freedom.
@@ -109,9 +117,14 @@ impl TorusAction {
 
     /// Each plane by an angle of its own.
     pub fn of_planes(dof: usize) -> Self {
+        Self::of_first_planes(dof, dof)
+    }
+
+    /// Each of the first planes by an angle of its own; the others stay.
+    pub fn of_first_planes(count: usize, dof: usize) -> Self {
         let circle =
             |plane| CircleAction::new(Vec::from_iter((0..dof).map(|j| i32::from(j == plane))));
-        Self { circles: (0..dof).map(circle).collect() }
+        Self { circles: (0..count).map(circle).collect() }
     }
 
     /// The circles.

@@ -423,12 +423,31 @@ impl Model {
                 let psi = net.psi();
                 Box::new(move |z| net.shape().circle_action.conjugated_invariant(&psi, z))
             }
-            Self::NormalForm(net) => {
-                let [chart, _] = net.chart_and_inner_map();
-                let circles = net.shape().action.circles();
-                Box::new(move |z| circles.iter().map(|c| c.conjugated_invariant(&chart, z)).sum())
+            Self::NormalForm(_) => {
+                let all = self.invariants();
+                Box::new(move |z| all.iter().map(|(_, invariant)| invariant(z)).sum())
             }
         })
+    }
+
+    /// The invariant of each of its circles, with the circle: of one in normal form the
+    /// actions 𝔍_a∘χ⁻¹, whose sum is [`Model::invariant`].
+    pub fn invariants(&self) -> Vec<(CircleAction, Invariant<'_>)> {
+        match self {
+            Self::HenonNet(_) | Self::SympNet(_) => Vec::new(),
+            Self::Gyroceptron(net) => {
+                let circle = net.shape().circle_action.clone();
+                self.invariant().map(|invariant| (circle, invariant)).into_iter().collect()
+            }
+            Self::NormalForm(net) => {
+                let of = |circle: &CircleAction| -> (CircleAction, Invariant<'_>) {
+                    let [chart, _] = net.chart_and_inner_map();
+                    let own = circle.clone();
+                    (circle.clone(), Box::new(move |z| own.conjugated_invariant(&chart, z)))
+                };
+                net.shape().action.circles().iter().map(of).collect()
+            }
+        }
     }
 
     /// The angles of its circles, in radians.

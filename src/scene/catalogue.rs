@@ -35,6 +35,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "family",
         "field-lines",
         "full-orbit",
+        "two-modes",
         "which-action",
         "choosing",
         "trajectories",

@@ -465,7 +465,7 @@ impl Setup {
             let NetworkSpec::NormalForm { action: Some(own), .. } = &model.network else {
                 continue;
             };
-            if own.multiples_of::<f64>(&action).is_none() {
+            if !subject.is_turned_by(own) {
                 let found = format!("{:?}", own.circles());
                 let expected = format!("circles that turn the planes as {action:?} does together");
                 let key = format!("models.{}", model.name);

@@ -1,7 +1,7 @@
 //! What the networks of a scene stand for: a system of the crate, or pairs of a file.
 
 use crate::flow::Pairs;
-use crate::layer::CircleAction;
+use crate::layer::{CircleAction, TorusAction};
 use crate::network::Architecture;
 use crate::system::{Hamiltonian, NearlyPeriodic, System};
 use crate::train::fit_rotation;
@@ -68,13 +68,21 @@ impl<'a> Subject<'a> {
         }
     }
 
+    /// Whether these circles turn the planes that its limit turns, in proportion.
+    pub(super) fn is_turned_by(self, action: &TorusAction) -> bool {
+        match self {
+            Self::System(system) => multiples(system, action).is_some(),
+            Self::File(file) => action.multiples_of::<f64>(file.circle_action).is_some(),
+        }
+    }
+
     /// Angles for the circles of a network to start from, where they are others than
     /// [`Subject::angle`] for its only one.
     pub(super) fn angles(self, of: &Architecture, theta: f64, pairs: &Pairs) -> Option<Vec<f64>> {
         let Architecture::NormalForm { shape, .. } = of else { return None };
         match self {
             Self::System(system) => {
-                let mut angles = shape.action.multiples_of(&system.circle_action())?;
+                let mut angles = multiples(system, &shape.action)?;
                 angles.iter_mut().for_each(|angle| *angle *= theta);
                 Some(angles)
             }
@@ -84,4 +92,17 @@ impl<'a> Subject<'a> {
             }
         }
     }
+}
+
+/// How often each circle goes round while the limit of a system turns by one radian of ω₀: those of its own torus with
+/// their frequencies, or parts of its circle action.
+fn multiples(system: &System, action: &TorusAction) -> Option<Vec<f64>> {
+    let (torus, frequencies) = system.torus();
+    let frequency = |circle: &CircleAction| {
+        let own = torus.circles().iter().position(|own| own == circle)?;
+        Some(frequencies[own] / system.limiting_frequency())
+    };
+    let all = action.circles().len() == frequencies.len();
+    let of_torus = action.circles().iter().map(frequency).collect::<Option<Vec<f64>>>();
+    of_torus.filter(|_| all).or_else(|| action.multiples_of(&system.circle_action()))
 }

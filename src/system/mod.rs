@@ -5,15 +5,17 @@ mod field_lines;
 mod full_orbit;
 mod oscillators;
 mod particle_field;
+mod three_oscillators;
 
 pub use counted::Counted;
 pub use field_lines::FieldLines;
 pub use full_orbit::FullOrbit;
 pub use oscillators::{AveragedOscillator, Oscillators};
 pub use particle_field::{FieldProfile, ParticleField};
+pub use three_oscillators::ThreeOscillators;
 
 use crate::error::Error;
-use crate::layer::CircleAction;
+use crate::layer::{CircleAction, TorusAction};
 use crate::scalar::{Dual, Elementary, max_or_nan};
 use serde::{Deserialize, Serialize};
 
@@ -116,6 +118,12 @@ pub trait NearlyPeriodic: Hamiltonian {
     /// ω₀, the angular frequency of the limit.
     fn limiting_frequency(&self) -> f64;
 
+    /// The commuting circles that the limit turns, with the frequency of each: the circle action, unless the
+    /// limit goes round a torus, along which no single circle leads.
+    fn torus(&self) -> (TorusAction, Vec<f64>) {
+        (self.circle_action().into(), vec![self.limiting_frequency()])
+    }
+
     /// μ₀(z), the adiabatic invariant to leading order.
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S;
 
@@ -166,6 +174,8 @@ pub enum System {
     FieldLines(FieldLines),
     /// A charged particle in a strong magnetic field.
     FullOrbit(FullOrbit),
+    /// Two fast oscillators and a slow one.
+    ThreeOscillators(ThreeOscillators),
 }
 
 /// Runs `$body` on the system behind the enum.
@@ -176,12 +186,24 @@ macro_rules! each_system {
             $crate::system::System::ParticleField($system) => $body,
             $crate::system::System::FieldLines($system) => $body,
             $crate::system::System::FullOrbit($system) => $body,
+            $crate::system::System::ThreeOscillators($system) => $body,
         }
     };
 }
 pub(crate) use each_system;
 
 impl System {
+    /// Its name in scenes.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Oscillators(_) => "oscillators",
+            Self::ParticleField(_) => "particle-field",
+            Self::FieldLines(_) => "field-lines",
+            Self::FullOrbit(_) => "full-orbit",
+            Self::ThreeOscillators(_) => "three-oscillators",
+        }
+    }
+
     /// The system with another ε.
     pub fn with_epsilon(mut self, epsilon: f64) -> Self {
         match &mut self {
@@ -189,6 +211,7 @@ impl System {
             Self::ParticleField(system) => system.epsilon = epsilon,
             Self::FieldLines(system) => system.epsilon = epsilon,
             Self::FullOrbit(system) => system.epsilon = epsilon,
+            Self::ThreeOscillators(system) => system.epsilon = epsilon,
         }
         self
     }
@@ -204,6 +227,7 @@ impl System {
             Self::ParticleField(system) => system.check(),
             Self::FieldLines(system) => system.check(),
             Self::FullOrbit(system) => system.check(),
+            Self::ThreeOscillators(system) => system.check(),
         }
     }
 }
@@ -239,6 +263,9 @@ impl NearlyPeriodic for System {
     }
     fn limiting_frequency(&self) -> f64 {
         each_system!(self, s => s.limiting_frequency())
+    }
+    fn torus(&self) -> (TorusAction, Vec<f64>) {
+        each_system!(self, s => s.torus())
     }
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         each_system!(self, s => s.adiabatic_invariant(z))

@@ -4,6 +4,7 @@
 //! A new study is such a file, its line in the registry below, and a scene of the
 //! catalogue that names it.
 
+pub mod actions;
 pub mod adiabatic_horizon;
 pub mod adiabatic_profiles;
 pub mod certificate;
@@ -175,6 +176,8 @@ studies! {
     rollout: Rollout(rollout::RolloutOptions),
     /// The slow manifold of the charged particle, and the learnt invariant off it.
     slow_manifold: SlowManifold(slow_manifold::SlowManifoldOptions),
+    /// The actions of a torus, and those that networks have learnt.
+    actions: Actions(actions::ActionsOptions),
     /// Surfaces of field lines over many turns.
     surfaces: Surfaces(surfaces::SurfacesOptions),
     /// Which circle action the pairs have.

@@ -51,15 +51,7 @@ impl Study for SlowManifoldOptions {
         self.on.iter().flatten().try_for_each(|v| Error::check_finite("on", *v))?;
         match &scene.setup.system {
             Some(System::ParticleField(system)) => check_points("off", &self.off, system.dof()),
-            Some(System::Oscillators(_)) => {
-                Err(Error::invalid("system", "oscillators", "particle-field"))
-            }
-            Some(System::FieldLines(_)) => {
-                Err(Error::invalid("system", "field-lines", "particle-field"))
-            }
-            Some(System::FullOrbit(_)) => {
-                Err(Error::invalid("system", "full-orbit", "particle-field"))
-            }
+            Some(other) => Err(Error::invalid("system", other.kind(), "particle-field")),
             None => Ok(()),
         }
     }

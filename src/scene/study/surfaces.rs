@@ -184,9 +184,7 @@ impl Study for SurfacesOptions {
 fn lines(system: &System) -> Result<&FieldLines, Error> {
     match system {
         System::FieldLines(system) => Ok(system),
-        System::Oscillators(_) => Err(Error::invalid("system", "oscillators", "field-lines")),
-        System::ParticleField(_) => Err(Error::invalid("system", "particle-field", "field-lines")),
-        System::FullOrbit(_) => Err(Error::invalid("system", "full-orbit", "field-lines")),
+        other => Err(Error::invalid("system", other.kind(), "field-lines")),
     }
 }
 

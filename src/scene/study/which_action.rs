@@ -27,7 +27,7 @@ const FIGURE: &str = "which-action";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WhichActionOptions {
-    /// The actions, that of the system among them.
+    /// The actions, that of the system among them, and no two of them [conjugate](CircleAction::is_conjugate).
     pub actions: Vec<CircleAction>,
     /// How often all are tried.
     pub tries: usize,
@@ -66,9 +66,14 @@ impl Study for WhichActionOptions {
             if let Some(system) = &scene.setup.system {
                 Error::check_count(&name(), system.dof(), action.dof())?;
             }
-            let same = |other: &CircleAction| other == action || *other == action.reversed();
-            if self.actions[..index].iter().any(same) {
-                return Err(Error::invalid(&name(), weights(action), "each action once"));
+            if let Some(same) =
+                self.actions[..index].iter().find(|other| action.is_conjugate(other))
+            {
+                let expected = format!(
+                    "others than {}: an exchange of planes, which is symplectic, makes one of the other",
+                    weights(same)
+                );
+                return Err(Error::invalid(&name(), weights(action), expected));
             }
         }
         match &scene.setup.system {
@@ -167,9 +172,9 @@ impl WhichActionOptions {
         self.pairs = self.pairs.div_ceil(4);
     }
 
-    /// The number of an action, or of it the other way round.
+    /// The number of an action.
     fn right(&self, action: &CircleAction) -> Option<usize> {
-        self.actions.iter().position(|own| own == action || *own == action.reversed())
+        self.actions.iter().position(|own| own == action)
     }
 
     fn attempt(
@@ -259,9 +264,7 @@ impl Results<'_> {
             Some((chosen == self.right, margin >= CLEAR))
         });
         let right = &self.options.actions[self.right];
-        let by_map = self.counted(|one| {
-            Some((one.linear == *right || one.linear == right.reversed(), one.sure))
-        });
+        let by_map = self.counted(|one| Some((one.linear == *right, one.sure)));
         format!(
             "The action is {}. By training it is {by_training}; by the linear map, without training, {by_map}.",
             weights(right)

@@ -1,0 +1,277 @@
+//! The actions of a system's torus, and those that networks have learnt.
+
+use super::Study;
+use crate::error::Error;
+use crate::flow::{Trajectories, whole_periods};
+use crate::layer::CircleAction;
+use crate::measure::{drifts, root_mean_square, root_mean_square_distance};
+use crate::network::Rollout;
+use crate::scene::context::{Context, Halt};
+use crate::scene::declaration::Scene;
+use crate::scene::figure::{Figure, Panel, Series, Style};
+use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::setup::{MOST, Need, check_points};
+use crate::system::{Hamiltonian, NearlyPeriodic, System};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+const FIGURE: &str = "actions";
+
+/// How the actions of the limit, and those of each network, change along trajectories of the reference, and along
+/// the network's own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ActionsOptions {
+    /// Applications of each network, …
+    pub steps: usize,
+    /// … of which so many lead from one state that is kept to the next.
+    pub every: usize,
+    /// The initial points.
+    pub initial: Vec<Vec<f64>>,
+}
+
+impl Study for ActionsOptions {
+    fn name(&self) -> &'static str {
+        "actions"
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::System, Need::FlowTime, Need::Data, Need::Models]
+    }
+
+    fn check(&self, scene: &Scene) -> Result<(), Error> {
+        Error::check_count_range("steps", self.steps, 1, MOST)?;
+        Error::check_count_range("every", self.every, 1, self.steps)?;
+        if !self.steps.is_multiple_of(self.every) {
+            let expected = format!("a divisor of steps, {}", self.steps);
+            return Err(Error::invalid("every", self.every, expected));
+        }
+        let Some(system) = &scene.setup.system else { return Ok(()) };
+        if let (Some(period), Some(time)) = (system.period(), scene.setup.flow_time) {
+            whole_periods(time, period)?;
+        }
+        check_points("initial", &self.initial, system.dof())
+    }
+
+    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+        vec![FIGURE]
+    }
+
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+        let (system, time, models) = (context.system()?, context.flow_time()?, context.models()?);
+        let interval = self.every as f64 * time;
+        let states = self.steps / self.every + 1;
+        let reference = context.reference(system, &self.initial, interval, states)?;
+        let along = &reference.trajectories;
+        let request = Rollout { steps: self.steps, every: self.every };
+        let rolled = context.rollouts(&self.initial, request)?;
+        let (torus, _) = system.torus();
+        let mut all = Vec::new();
+        for circle in torus.circles() {
+            all.push(Action::new("the limit", circle, along, None, &|z| circle.invariant(z)));
+        }
+        if torus.circles().len() > 1 {
+            let circle = system.circle_action();
+            all.push(Action::new("the limit", &circle, along, None, &|z| circle.invariant(z)));
+        }
+        let mut distances = Vec::new();
+        for (trained, own) in models.iter().zip(rolled.iter()) {
+            let name = format!("`{}`", trained.spec.name);
+            for (circle, invariant) in trained.model().invariants() {
+                all.push(Action::new(&name, &circle, along, Some(own), &*invariant));
+            }
+            let dim = 2 * system.dof();
+            let distance = root_mean_square_distance(own.values(), along.values(), dim);
+            distances.push((name, distance));
+        }
+        let found = Results { interval, torus: torus.circles().to_vec(), all, distances };
+        let text = format!(
+            "Along {} trajectories of time {}, {states} states of each: the root mean square over the trajectories of the \
+             largest |𝔍 − 𝔍(0)|. An action of the limit is 𝔍 of its circle, that of a network 𝔍 of its circle in the \
+             coordinates of its chart. Error of the reference at the end: {:.1e}.",
+            self.initial.len(),
+            self.steps as f64 * time,
+            reference.error
+        );
+        let figures = match context.draws(FIGURE) {
+            true => vec![found.figure()],
+            false => Vec::new(),
+        };
+        Ok(Findings {
+            title: "Actions".into(),
+            results: Section {
+                summary: vec![
+                    Block::Table(found.changes()),
+                    Block::Table(found.distances()),
+                    Block::Text(resonance(system)),
+                ],
+                details: vec![Block::Text(text)],
+                data: json!({ "actions": found.all, "distances": found.distances }),
+            },
+            figures,
+            ..Findings::default()
+        })
+    }
+}
+
+/// The largest |k₁| + |k₂| + … of a harmonic that is looked at.
+const ORDER: i32 = 6;
+/// A harmonic is slow that turns by less than so many times ε in unit time: it is as slow as what
+/// the fast motion is averaged for.
+const SLOW: f64 = 10.0;
+
+/// The slowest harmonic of the frequencies of a torus.
+fn resonance(system: &System) -> String {
+    let (torus, frequencies) = system.torus();
+    if frequencies.len() < 2 {
+        return "The limit turns along circles: no harmonic of several frequencies is slow.".into();
+    }
+    let side = 2 * ORDER + 1;
+    let of = |number: i32| -> Vec<i32> {
+        (0..frequencies.len()).map(|a| number / side.pow(a as u32) % side - ORDER).collect()
+    };
+    let rate =
+        |k: &Vec<i32>| k.iter().zip(&frequencies).map(|(k, w)| f64::from(*k) * w).sum::<f64>();
+    let order = |k: &Vec<i32>| k.iter().map(|k| k.abs()).sum::<i32>();
+    let harmonics = (0..side.pow(frequencies.len() as u32)).map(of);
+    let wanted = harmonics.filter(|k| {
+        let first = k.iter().find(|k| **k != 0);
+        first.is_some_and(|first| *first > 0) && order(k) <= ORDER
+    });
+    let slowest = wanted.min_by(|a, b| rate(a).abs().total_cmp(&rate(b).abs()));
+    let Some(slowest) = slowest else { return String::new() };
+    let names: Vec<String> = slowest.iter().map(i32::to_string).collect();
+    let (rate, epsilon) = (rate(&slowest), system.epsilon());
+    let what = match rate.abs() < SLOW * epsilon.abs() {
+        true => format!(
+            "is as slow as the slow motion, {:.1} ε: it is no fast angle to average over. Along it the {} actions are \
+             exchanged, only combinations that the harmonic leaves alone are invariants, and a network that \
+             keeps each action cannot follow",
+            rate / epsilon,
+            torus.circles().len()
+        ),
+        false => {
+            format!("turns {:.0} times ε: each action is an adiabatic invariant", rate / epsilon)
+        }
+    };
+    format!(
+        "Of the harmonics k·ω up to order {ORDER} the slowest, k = ({}), {what}.",
+        names.join(", ")
+    )
+}
+
+/// An action along trajectories.
+#[derive(Serialize)]
+struct Action {
+    /// Whose.
+    of: String,
+    circle: CircleAction,
+    /// The root mean square of its values at the start.
+    size: f64,
+    /// How it changes along the reference.
+    reference: f64,
+    /// How it changes along the network's own trajectories.
+    own: Option<f64>,
+    /// Along the first trajectory of the reference.
+    #[serde(skip)]
+    first: Vec<f64>,
+}
+
+impl Action {
+    fn new(
+        of: &str,
+        circle: &CircleAction,
+        reference: &Trajectories,
+        own: Option<&Trajectories>,
+        action: &dyn Fn(&[f64]) -> f64,
+    ) -> Self {
+        let change = |along: &Trajectories| {
+            let largest: Vec<f64> = drifts(along, action).iter().map(|d| d.largest).collect();
+            root_mean_square(&largest)
+        };
+        let starts: Vec<f64> =
+            (0..reference.count()).map(|m| action(reference.state(0, m))).collect();
+        Self {
+            of: of.to_owned(),
+            circle: circle.clone(),
+            size: root_mean_square(&starts),
+            reference: change(reference),
+            own: own.map(change),
+            first: reference.of(0).map(action).collect(),
+        }
+    }
+
+    fn weights(&self) -> String {
+        let weights: Vec<String> = self.circle.weights().iter().map(i32::to_string).collect();
+        weights.join(",")
+    }
+}
+
+struct Results {
+    interval: f64,
+    torus: Vec<CircleAction>,
+    all: Vec<Action>,
+    distances: Vec<(String, f64)>,
+}
+
+impl Results {
+    fn changes(&self) -> Table {
+        let mut table = Table::new([
+            ("action of", Format::Exact),
+            ("circle", Format::Exact),
+            ("its size", Format::Magnitude),
+            ("change along the reference", Format::Exponent(1)),
+            ("of its size", Format::Percent),
+            ("along its own trajectories", Format::Exponent(1)),
+        ]);
+        for one in &self.all {
+            table.push([
+                one.of.clone().into(),
+                one.weights().into(),
+                one.size.into(),
+                one.reference.into(),
+                (one.reference / one.size).into(),
+                one.own.into(),
+            ]);
+        }
+        table
+    }
+
+    fn distances(&self) -> Table {
+        let mut table = Table::new([
+            ("network", Format::Exact),
+            ("distance from the reference, rms", Format::Exponent(2)),
+        ]);
+        for (name, distance) in &self.distances {
+            table.push([name.clone().into(), (*distance).into()]);
+        }
+        table
+    }
+
+    /// A panel for each circle of the torus.
+    fn figure(&self) -> Figure {
+        let panel = |circle: &CircleAction| {
+            let mut series = Vec::new();
+            for one in self.all.iter().filter(|one| one.circle == *circle) {
+                let at = |(k, value): (usize, &f64)| (k as f64 * self.interval, *value);
+                series.push(Series {
+                    name: one.of.replace('`', ""),
+                    color: series.len(),
+                    style: Style::Line,
+                    points: one.first.iter().enumerate().map(at).collect(),
+                });
+            }
+            let weights: Vec<String> = circle.weights().iter().map(i32::to_string).collect();
+            Panel {
+                title: format!("circle {}", weights.join(",")),
+                x_label: "time".into(),
+                y_label: "action".into(),
+                series,
+                ..Panel::default()
+            }
+        };
+        let caption =
+            "The actions of the limit and of networks along the first trajectory of the reference.";
+        Figure::in_a_row(FIGURE, caption, self.torus.iter().map(panel).collect())
+    }
+}
