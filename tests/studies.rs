@@ -1067,3 +1067,84 @@ fn the_circle_action_is_found_by_training() {
     let error = failed_in(temporary().path(), &alone.expect("a scene"));
     assert!(error.contains("data.validation"), "{error}");
 }
+
+const ACTIONS: &str = r#"
+name = "actions"
+seed = 1
+flow_time = 5.0
+plots = ["actions"]
+
+[system]
+kind = "three-oscillators"
+epsilon = 0.01
+
+[data]
+validation = 0.25
+windows = [{ low = [-1.0, -1.0, -1.0, -1.0, -1.0, -1.0], high = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0], samples = 600 }]
+
+[[models]]
+name = "torus"
+network = { kind = "normal-form", kicks = { count = 6, width = 4 }, twists = { count = 4, width = 4 }, action = [[1, 0, 0], [0, 1, 0]] }
+weights = { kind = "normal", scale = 0.1 }
+
+[[models]]
+name = "circle"
+network = { kind = "gyroceptron", psi = { count = 2, width = 3 }, near_identity = { count = 2, width = 3 } }
+weights = { kind = "normal", scale = 0.1 }
+
+[training]
+iterations = 40
+optimiser = { kind = "levenberg-marquardt" }
+
+[actions]
+steps = 120
+every = 2
+initial = [[0.6, 0.4, 0.5, 0.0, 0.3, 0.0], [0.2, 0.7, 0.0, 0.3, 0.0, 0.6]]
+"#;
+
+/// A normal form of two circles starts at the frequencies of both, keeps both actions and finds some that stay
+/// better than those of the limit; at a resonance these are exchanged, and the study says so.
+#[test]
+fn both_actions_of_a_torus_are_learnt() {
+    let number = |value: &Value| value.as_f64().expect("a number");
+    let golden = 0.5 * (1.0 + 5_f64.sqrt());
+    let of = |frequency: f64| {
+        let folder = temporary();
+        let text = ACTIONS
+            .replace("epsilon = 0.01", &format!("epsilon = 0.01\nfrequency = {frequency:?}"));
+        let report = run_in(folder.path(), &parse("actions", &text).expect("a scene"));
+        assert!(folder.path().join("actions.svg").exists());
+        let found = render::json(&report)["studies"]["actions"].clone();
+        let rows = found["actions"].as_array().expect("actions").clone();
+        (render::markdown(&report), rows)
+    };
+    let (text, rows) = of(golden);
+    assert!(text.contains("k = (3, -2), turns by 24 ε"), "{text}");
+    let names: Vec<&str> = rows.iter().map(|row| row["of"].as_str().expect("a name")).collect();
+    let limit = "the limit";
+    assert_eq!(names, [limit, limit, limit, "`torus`", "`torus`", "`circle`"]);
+    for (known, learnt) in rows[..2].iter().zip(&rows[3..5]) {
+        assert_eq!(known["circle"], learnt["circle"]);
+        let [before, after] = [known, learnt].map(|row| number(&row["reference"]));
+        assert!(before > 2e-3 && after < 0.5 * before, "{before:e} {after:e}");
+        assert!(known["own"].is_null() && number(&learnt["own"]) < 1e-13);
+    }
+    assert!(number(&rows[5]["own"]) > 1e-4);
+    let (text, rows) = of(2.01);
+    assert!(text.contains("k = (2, -1), is as slow as the slow motion, 1.0 ε"), "{text}");
+    let [first, second, both] = [0, 1, 2].map(|k| number(&rows[k]["reference"]));
+    assert!(both < 0.6 * second && second < first, "{first} {second} {both}");
+
+    // Circles of other planes than the limit turns.
+    refused(&ACTIONS.replace("[0, 1, 0]]", "[0, 0, 1]]"), &["models.torus", "action"]);
+    refused(&ACTIONS.replace("every = 2", "every = 7"), &["every", "a divisor of steps"]);
+    refused(&ACTIONS.replace("steps = 120", "steps = 0"), &["steps"]);
+    refused(&ACTIONS.replace("0.0, 0.3, 0.0]", "0.0]"), &["initial"]);
+    let unsound = ACTIONS.replace("epsilon = 0.01", "epsilon = 0.01\nfrequency = 0.0");
+    refused(&unsound, &["system.frequency"]);
+    let family = "[family]\nepsilons = [0.01]\nflow_times = [5.0]\nslow_time = 1.0\nstates = 9\n";
+    let averaged = ACTIONS
+        .replace("plots = [\"actions\"]", "")
+        .replace("[actions]\nsteps = 120\nevery = 2\n", family);
+    refused(&averaged, &["three-oscillators", "along circles"]);
+}

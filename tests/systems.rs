@@ -691,6 +691,66 @@ fn methods_of_charged_particles_are_of_second_order() {
     }
 }
 
+/// The averaged equation takes the flow over thousands of periods in a few steps: of fourth order in their size, with
+/// an error of fourth order in ε beside, and no larger where ε is small.
+#[test]
+fn stroboscopic_averaging_follows_the_slow_motion() {
+    let by = |system: &System, z: &[f64], time: f64, steps: usize| {
+        Integrator::Stroboscopic { micro: 24 }
+            .trajectories(system, z, time, steps, 1)
+            .expect("integrates")
+    };
+    let all: [&dyn Fn(f64) -> System; 3] = [
+        &|epsilon| System::Oscillators(Oscillators { epsilon }),
+        &|epsilon| System::ParticleField(particle(epsilon, 2)),
+        &|epsilon| System::FullOrbit(FullOrbit::new(epsilon)),
+    ];
+    for of in all {
+        let system = of(1e-3);
+        let points: Vec<f64> = (0..9).flat_map(|seed| point(system.dof(), seed)).collect();
+        let dim = 2 * system.dof();
+        // Half of the slow time, 79 periods, and a part of one.
+        let exact = ReferenceTrajectories::of_flow(&system, &points, 500.0, 2).expect("moves");
+        assert!(exact.error < 1e-10, "{:e}", exact.error);
+        let exact = &exact.trajectories.values()[points.len()..];
+        let steps = [2, 3, 4, 6];
+        let errors = steps.map(|steps| distance(&by(&system, &points, 500.0, steps), exact));
+        let slope = log_slope(&steps.map(|steps| 1.0 / steps as f64), &errors);
+        assert!((slope - 4.0).abs() < 0.5, "{slope}, {errors:?}");
+        let least = distance(&by(&system, &points, 500.0, 40), exact);
+        // Some times (2πε)⁴.
+        assert!(least < 3e-8, "{least:e}");
+        // Of each alone, and back again.
+        let together = by(&system, &points, 500.0, 3);
+        for (z, there) in points.chunks_exact(dim).zip(together.chunks_exact(dim)) {
+            assert_eq!(by(&system, z, 500.0, 3), there);
+        }
+        let back = by(&system, &by(&system, &points, 500.0, 40), -500.0, 40);
+        assert!(distance(&back, &points) < 3e-8);
+        // Less than a period is the splitting's alone.
+        let short = Integrator::Aba1064.trajectories(&system, &points, 1.0, 4, 1).expect("moves");
+        assert!(distance(&by(&system, &points, 1.0, 1), &short) < 1e-14);
+    }
+    // In half of the slow time, whatever ε is, but for ε⁴.
+    let z = point(2, 3);
+    let errors = [0.04, 0.02, 0.01].map(|epsilon| {
+        let system = System::Oscillators(Oscillators { epsilon });
+        let exact = Reference::calibrated(&system, &z, 0.5 / epsilon)
+            .and_then(|reference| reference.flow_with_error(&system, &z, 0.5 / epsilon))
+            .expect("converges");
+        distance(&by(&system, &z, 0.5 / epsilon, 60), &exact.point)
+    });
+    let slope = log_slope(&[0.04, 0.02, 0.01], &errors);
+    assert!((slope - 4.0).abs() < 0.6, "{slope}, {errors:?}");
+    let torus = System::ThreeOscillators(ThreeOscillators::new(0.01));
+    let lines = System::FieldLines(FieldLines::new(1e-3));
+    for (system, word) in [(torus, "no period"), (lines, "no parts with exact flows")] {
+        let refused = Integrator::Stroboscopic { micro: 8 }.check_for(&system);
+        assert!(refused.expect_err("refused").to_string().contains(word));
+    }
+    assert!(Integrator::Stroboscopic { micro: 0 }.check().is_err());
+}
+
 /// v²/2B + ½v²(v×∇B)_z/B³, the textbooks' next order in the gyroradius: where B varies slowly it
 /// changes less, by the wavenumber; within a gyroradius only the average does.
 #[test]

@@ -1,11 +1,14 @@
 //! The integrators by name, on many points.
 
 use super::collocation::store_states;
-use super::{GaussLegendre, Splitting, SplittingSteps, boris, runge_kutta_4, velocity_splitting};
+use super::{
+    GaussLegendre, Splitting, SplittingSteps, Stroboscopic, boris, runge_kutta_4,
+    velocity_splitting,
+};
 use crate::error::Error;
 use crate::network::{TOGETHER, load_groups};
 use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
-use crate::system::{FullOrbit, Hamiltonian, Splittable, System, each_system};
+use crate::system::{FullOrbit, Hamiltonian, NearlyPeriodic, Splittable, System, each_system};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -36,6 +39,11 @@ pub enum Integrator {
     Boris,
     /// [`velocity_splitting`].
     VelocitySplitting,
+    /// [`Stroboscopic`].
+    Stroboscopic {
+        /// Steps of ABA(10,6,4) in a period.
+        micro: usize,
+    },
 }
 
 impl Integrator {
@@ -45,6 +53,9 @@ impl Integrator {
             Self::RungeKutta4 => "RK4".into(),
             Self::Boris => "Boris".into(),
             Self::VelocitySplitting => "splitting of ½v_x², ½v_y² and φ".into(),
+            Self::Stroboscopic { micro } => {
+                format!("stroboscopic averaging, {micro} steps a period")
+            }
             Self::GaussLegendre { stages: 1 } => "Gauss–Legendre, 1 stage".into(),
             Self::GaussLegendre { stages } => format!("Gauss–Legendre, {stages} stages"),
             Self::Strang | Self::Yoshida4 | Self::Aba864 | Self::Aba1064 => {
@@ -63,11 +74,12 @@ impl Integrator {
             Self::RungeKutta4
             | Self::GaussLegendre { .. }
             | Self::Boris
-            | Self::VelocitySplitting => None,
+            | Self::VelocitySplitting
+            | Self::Stroboscopic { .. } => None,
         }
     }
 
-    /// Fails unless it has 1 to 64 stages.
+    /// Fails unless it has 1 to 64 stages, or 1 to 1000 steps in a period.
     ///
     /// # Errors
     /// [`Error::CountOutOfRange`] with the number.
@@ -75,6 +87,7 @@ impl Integrator {
         const MOST: usize = 64;
         match self {
             Self::GaussLegendre { stages } => Error::check_count_range("stages", stages, 1, MOST),
+            Self::Stroboscopic { micro } => Error::check_count_range("micro", micro, 1, 1000),
             _ => Ok(()),
         }
     }
@@ -110,7 +123,7 @@ impl Integrator {
         kept: usize,
     ) -> Result<Vec<f64>, Error> {
         let request = Request { interval, steps, kept };
-        self.check()?;
+        self.check_for(system)?;
         if let (Some(period), true) = (system.period(), kept > 1) {
             whole_periods(interval, period)?;
         }
@@ -120,8 +133,13 @@ impl Integrator {
                 request.step(&VelocitySplitting, system, initial)
             }
             (Self::Boris | Self::VelocitySplitting, _) => Err(self.not_a_particle()),
+            (Self::Stroboscopic { micro }, _) => {
+                self.by_parts(&request, Parts::Averaged(micro), system, initial)
+            }
             _ => match self.splitting() {
-                Some(splitting) => self.by_parts(&request, splitting, system, initial),
+                Some(splitting) => {
+                    self.by_parts(&request, Parts::Split(splitting), system, initial)
+                }
                 None => each_system!(system, system => self.by_field(&request, system, initial)),
             },
         }
@@ -137,6 +155,11 @@ impl Integrator {
         match (self, system) {
             (Self::Boris | Self::VelocitySplitting, System::FullOrbit(_)) => Ok(()),
             (Self::Boris | Self::VelocitySplitting, _) => Err(self.not_a_particle()),
+            (Self::Stroboscopic { .. }, System::FieldLines(_)) => Err(self.nothing_to_split()),
+            (Self::Stroboscopic { .. }, system) if system.torus().1.len() > 1 => {
+                let expected = "another integrator: the limit of the system has no period";
+                Err(Error::invalid("integrator", self.name(), expected))
+            }
             (_, System::FieldLines(_)) if self.splitting().is_some() => {
                 Err(self.nothing_to_split())
             }
@@ -159,15 +182,15 @@ impl Integrator {
     fn by_parts(
         self,
         request: &Request,
-        splitting: Splitting,
+        parts: Parts,
         system: &System,
         initial: &[f64],
     ) -> Result<Vec<f64>, Error> {
         match system {
-            System::Oscillators(system) => request.split(splitting, system, initial),
-            System::ParticleField(system) => request.split(splitting, system, initial),
-            System::FullOrbit(system) => request.split(splitting, system, initial),
-            System::ThreeOscillators(system) => request.split(splitting, system, initial),
+            System::Oscillators(system) => request.split(parts, system, initial),
+            System::ParticleField(system) => request.split(parts, system, initial),
+            System::FullOrbit(system) => request.split(parts, system, initial),
+            System::ThreeOscillators(system) => request.split(parts, system, initial),
             System::FieldLines(_) => Err(self.nothing_to_split()),
         }
     }
@@ -248,6 +271,21 @@ impl<H: Splittable> Method<H> for SplittingSteps<f64> {
     }
 }
 
+impl<H: Splittable> Method<H> for Stroboscopic {
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
+        Stroboscopic::take(self, system, z, steps);
+    }
+}
+
+/// What is made of the flows of the parts of a system.
+#[derive(Clone, Copy)]
+enum Parts {
+    Split(Splitting),
+    /// With so many steps of a splitting in a period.
+    Averaged(usize),
+}
+
 /// Equal intervals of time, each of equal steps, as many as there are states to keep.
 #[derive(Clone, Copy)]
 pub(super) struct Request {
@@ -259,13 +297,20 @@ pub(super) struct Request {
 impl Request {
     fn split(
         &self,
-        splitting: Splitting,
+        parts: Parts,
         system: &(impl Splittable + Sync),
         initial: &[f64],
     ) -> Result<Vec<f64>, Error> {
         Error::check_count_range("steps", self.steps, 1, usize::MAX)?;
-        let method = splitting.steps(system, self.interval / self.steps as f64);
-        self.step(&method, system, initial)
+        match parts {
+            Parts::Split(splitting) => {
+                let method = splitting.steps(system, self.interval / self.steps as f64);
+                self.step(&method, system, initial)
+            }
+            Parts::Averaged(micro) => {
+                self.step(&Stroboscopic::new(system, self.interval, micro), system, initial)
+            }
+        }
     }
 
     /// By a method on lanes.

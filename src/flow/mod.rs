@@ -8,6 +8,7 @@ mod integrator;
 mod region;
 mod runge_kutta;
 mod splitting;
+mod stroboscopic;
 mod trajectories;
 
 pub use charged::{boris, velocity_splitting};
@@ -20,4 +21,5 @@ pub(crate) use integrator::whole_periods;
 pub use region::{Left, Region};
 pub use runge_kutta::runge_kutta_4;
 pub use splitting::{Splitting, SplittingSteps};
+pub use stroboscopic::Stroboscopic;
 pub use trajectories::{ReferenceTrajectories, Trajectories};

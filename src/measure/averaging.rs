@@ -12,7 +12,8 @@ const POINTS: usize = 128;
 /// where μ₀ changes by O(ε).
 ///
 /// Since H and, to first order, ε⟨H₁⟩ are conserved, so is (H − ε⟨H₁⟩)/ω. Cost: 128 times
-/// the limiting flow and the energy.
+/// the limiting flow and the energy. The limit has to turn along circles; along a torus
+/// ([`NearlyPeriodic::torus`]) one of its orbits is no average.
 ///
 /// Source: Kruskal, <https://doi.org/10.1063/1.1724285>, whose series this is the first order
 /// of.

@@ -134,3 +134,16 @@ pub(super) const VELOCITY_SPLITTING: &str = "@article{HeEtAl2017,
   doi = {10.1016/j.physleta.2016.12.031}
 }
 ";
+
+/// Stroboscopic averaging.
+pub(super) const STROBOSCOPIC: &str = "@article{CalvoEtAl2011,
+  author = {Calvo, Mari Paz and Chartier, Philippe and Murua, Ander and Sanz-Serna, Jes\\'us Mar\\'ia},
+  title = {Numerical stroboscopic averaging for {ODE}s and {DAE}s},
+  journal = {Applied Numerical Mathematics},
+  volume = {61},
+  number = {10},
+  pages = {1077--1095},
+  year = {2011},
+  doi = {10.1016/j.apnum.2011.06.007}
+}
+";

@@ -144,15 +144,16 @@ fn resonance(system: &System) -> String {
     let (rate, epsilon) = (rate(&slowest), system.epsilon());
     let what = match rate.abs() < SLOW * epsilon.abs() {
         true => format!(
-            "is as slow as the slow motion, {:.1} ε: it is no fast angle to average over. Along it the {} actions are \
+            "is as slow as the slow motion, {:.1} ε in unit time: it is no fast angle to average over. Along it the {} actions are \
              exchanged, only combinations that the harmonic leaves alone are invariants, and a network that \
              keeps each action cannot follow",
-            rate / epsilon,
+            (rate / epsilon).abs(),
             torus.circles().len()
         ),
-        false => {
-            format!("turns {:.0} times ε: each action is an adiabatic invariant", rate / epsilon)
-        }
+        false => format!(
+            "turns by {:.0} ε in unit time: each action is an adiabatic invariant",
+            (rate / epsilon).abs()
+        ),
     };
     format!(
         "Of the harmonics k·ω up to order {ORDER} the slowest, k = ({}), {what}.",

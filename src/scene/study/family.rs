@@ -66,6 +66,10 @@ impl Study for FamilyOptions {
             return Err(Error::invalid("slow_time", format!("{steps:e} steps"), expected));
         }
         match &scene.setup.system {
+            Some(system) if system.torus().1.len() > 1 => {
+                let expected = "a system whose limit turns along circles, for averages over them";
+                Err(Error::invalid("system", system.kind(), expected))
+            }
             Some(system) => check_points("initial", &self.initial, system.dof()),
             None => Ok(()),
         }

@@ -12,7 +12,9 @@ use crate::measure::{
 };
 use crate::network::{Composition, Model, map_jacobians, map_jacobians_by_duals, map_points};
 use crate::phase::Direction;
-use crate::scene::bibliography::{BORIS, GAUSS_LEGENDRE, SPLITTINGS, VELOCITY_SPLITTING, YOSHIDA};
+use crate::scene::bibliography::{
+    BORIS, GAUSS_LEGENDRE, SPLITTINGS, STROBOSCOPIC, VELOCITY_SPLITTING, YOSHIDA,
+};
 use crate::scene::context::{Context, DataSets, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
@@ -184,6 +186,7 @@ pub(super) fn citations(integrators: impl Iterator<Item = Integrator>) -> Vec<&'
             Integrator::Yoshida4 => Some(YOSHIDA),
             Integrator::Boris => Some(BORIS),
             Integrator::VelocitySplitting => Some(VELOCITY_SPLITTING),
+            Integrator::Stroboscopic { .. } => Some(STROBOSCOPIC),
             Integrator::RungeKutta4 | Integrator::Strang | Integrator::GaussLegendre { .. } => None,
         });
     }
