@@ -28,7 +28,10 @@ fn run_in(folder: &Path, scene: &Scene) -> Report {
 /// What a run says that fails.
 fn failed_in(folder: &Path, scene: &Scene) -> String {
     let folder = Folder::open(folder, false, false).expect("a folder");
-    run(scene, &folder, &mut Quiet).err().expect("fails").to_string()
+    match run(scene, &folder, &mut Quiet) {
+        Err(error) => error.to_string(),
+        Ok(_) => panic!("it runs"),
+    }
 }
 
 fn temporary() -> tempfile::TempDir {

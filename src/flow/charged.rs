@@ -30,7 +30,7 @@ pub fn boris<S: Elementary>(system: &FullOrbit, z: &mut [S], time: f64, steps: u
         let drift = if step + 1 < steps { whole } else { half };
         (x, y) = (drift.mul_add(vx, x), drift.mul_add(vy, y));
     }
-    system.from_particle([x, y, vx, vy], z);
+    system.set_particle([x, y, vx, vy], z);
 }
 
 /// z ← the flow over `time`, in `steps` equal steps of Strang's composition of the exact flows of ½v_x², ½v_y² and εφ:
@@ -70,5 +70,5 @@ pub fn velocity_splitting<S: Elementary>(system: &FullOrbit, z: &mut [S], time: 
             (vx, vy) = (half.mul_add(ex, vx), half.mul_add(ey, vy));
         }
     }
-    system.from_particle([x, y, vx, vy], z);
+    system.set_particle([x, y, vx, vy], z);
 }

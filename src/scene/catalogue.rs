@@ -36,6 +36,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "field-lines",
         "full-orbit",
         "two-modes",
+        "stiff",
         "which-action",
         "choosing",
         "trajectories",

@@ -75,9 +75,9 @@ impl FullOrbit {
         [x, y, vx, vy]
     }
 
-    /// The inverse of [`FullOrbit::particle`].
+    /// The inverse of [`FullOrbit::particle`]: z ← the point of a particle.
     #[inline(always)]
-    pub(crate) fn from_particle<S: Elementary>(&self, [x, y, vx, vy]: [S; 4], z: &mut [S]) {
+    pub(crate) fn set_particle<S: Elementary>(&self, [x, y, vx, vy]: [S; 4], z: &mut [S]) {
         let [(sx, _), (sy, _)] = self.waves(x, y);
         (z[0], z[2]) = (vx - sy, vy + sx);
         (z[1], z[3]) = (y - z[0], x + z[2]);
@@ -174,7 +174,7 @@ impl Splittable for FullOrbit {
     #[inline(always)]
     fn leave<S: Elementary>(&self, z: &mut [S]) {
         let (x, y) = Self::position(z);
-        self.from_particle([x, y, z[0], z[2]], z);
+        self.set_particle([x, y, z[0], z[2]], z);
     }
     fn frequencies(&self) -> Vec<f64> {
         vec![1.0, 0.0]

@@ -35,11 +35,11 @@ pub struct WhichActionOptions {
     pub pairs: usize,
     /// The network, with each of the actions in turn. Its angle begins at the rotation nearest to the pairs: nobody
     /// tells the frequency either.
-    pub network: NetworkSpec,
+    pub network: Box<NetworkSpec>,
     /// How its weights are drawn.
     pub weights: InitialWeights,
     /// How it is trained.
-    pub training: TrainingOptions,
+    pub training: Box<TrainingOptions>,
 }
 
 impl Study for WhichActionOptions {
@@ -57,7 +57,7 @@ impl Study for WhichActionOptions {
         Error::check_count_range("pairs", self.pairs, 1, MOST)?;
         self.training.check()?;
         self.training.check_single()?;
-        if !matches!(self.network, NetworkSpec::Gyroceptron { circle_action: None, .. }) {
+        if !matches!(*self.network, NetworkSpec::Gyroceptron { circle_action: None, .. }) {
             let expected = "a gyroceptron without a circle action of its own";
             return Err(Error::invalid("network", "another", expected));
         }
