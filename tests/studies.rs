@@ -1051,6 +1051,25 @@ fn the_circle_action_is_found_by_training() {
     let swapped = WHICH.replace("[1, -1]]", "[0, 1]]");
     refused(&swapped, &["actions[2]", "0,1", "exchange of planes"]);
     refused(&WHICH.replace("[1, 1], [1, 0], ", "[1, 1], "), &["actions", "1,0 among them"]);
+    refused(&WHICH.replace("[1, -1]]", "[-1, 0]]"), &["actions[2]", "others than 1,0"]);
+    refused(&WHICH.replace("[1, -1]]", "[2, -2]]"), &["actions[2]", "common factor"]);
+    refused(&WHICH.replace("[1, -1]]", "[0, 0]]"), &["actions[2]", "common factor"]);
+    refused(&WHICH.replace("[1, -1]]", "[1, -2000000000]]"), &["actions[2]", "-2000000000"]);
+    refused(&WHICH.replace("psi = { count = 4,", "psi = { count = 1000000000000,"), &["layers"]);
+    refused(
+        &WHICH.replace("psi = { count = 4, width = 4 }", "psi = { count = 4, width = 0 }"),
+        &["network"],
+    );
+    refused(
+        &WHICH.replace("samples = 400 }]", "samples = 400 }]\nflow_times = [0.8, 1.6]"),
+        &["pairs of one map"],
+    );
+    let torus = WHICH
+        .replace("kind = \"oscillators\"", "kind = \"three-oscillators\"")
+        .replace("-1.6, -1.6, -1.6, -1.6", "-1.0, -1.0, -1.0, -1.0, -1.0, -1.0")
+        .replace("1.6, 1.6, 1.6, 1.6]", "1.0, 1.0, 1.0, 1.0, 1.0, 1.0]")
+        .replace("[[1, 1], [1, 0], [1, -1]]", "[[1, 1, 0], [1, 2, 0]]");
+    refused(&torus, &["three-oscillators", "along circles"]);
     refused(&WHICH.replace("[1, -1]]", "[1, -1, 0]]"), &["actions[2]"]);
     refused(&WHICH.replace("tries = 2", "tries = 0"), &["tries"]);
     refused(&WHICH.replace("pairs = 200", "pairs = 0"), &["pairs"]);

@@ -696,18 +696,18 @@ fn methods_of_charged_particles_are_of_second_order() {
 #[test]
 fn stroboscopic_averaging_follows_the_slow_motion() {
     let by = |system: &System, z: &[f64], time: f64, steps: usize| {
-        Integrator::Stroboscopic { micro: 24 }
+        Integrator::Stroboscopic { micro: 24, differences: 2 }
             .trajectories(system, z, time, steps, 1)
             .expect("integrates")
     };
     let all: [&dyn Fn(f64) -> System; 3] = [
         &|epsilon| System::Oscillators(Oscillators { epsilon }),
-        &|epsilon| System::ParticleField(particle(epsilon, 2)),
+        &|epsilon| System::ParticleField(particle(epsilon, 1)),
         &|epsilon| System::FullOrbit(FullOrbit::new(epsilon)),
     ];
     for of in all {
         let system = of(1e-3);
-        let points: Vec<f64> = (0..9).flat_map(|seed| point(system.dof(), seed)).collect();
+        let points: Vec<f64> = (0..10).flat_map(|seed| point(system.dof(), seed)).collect();
         let dim = 2 * system.dof();
         // Half of the slow time, 79 periods, and a part of one.
         let exact = ReferenceTrajectories::of_flow(&system, &points, 500.0, 2).expect("moves");
@@ -745,10 +745,21 @@ fn stroboscopic_averaging_follows_the_slow_motion() {
     let torus = System::ThreeOscillators(ThreeOscillators::new(0.01));
     let lines = System::FieldLines(FieldLines::new(1e-3));
     for (system, word) in [(torus, "no period"), (lines, "no parts with exact flows")] {
-        let refused = Integrator::Stroboscopic { micro: 8 }.check_for(&system);
+        let refused = Integrator::Stroboscopic { micro: 8, differences: 2 }.check_for(&system);
         assert!(refused.expect_err("refused").to_string().contains(word));
     }
-    assert!(Integrator::Stroboscopic { micro: 0 }.check().is_err());
+    assert!(Integrator::Stroboscopic { micro: 0, differences: 2 }.check().is_err());
+    assert!(Integrator::Stroboscopic { micro: 8, differences: 4 }.check().is_err());
+    // What is told as its error is no less than it is, of steps that are short too.
+    let system = System::FullOrbit(FullOrbit::new(0.01));
+    for (time, steps) in [(400.0, 128), (5.0, 1)] {
+        let method = Integrator::Stroboscopic { micro: 8, differences: 2 };
+        let (found, told) =
+            Pairs::of_integrator(&system, point(2, 5), time, method, steps).expect("moves");
+        let exact = Pairs::of_flow(&system, point(2, 5), time).expect("moves").0;
+        let error = distance(found.output(), exact.output());
+        assert!(error > 1e-12 && told > 0.8 * error, "{told:e} for {error:e}");
+    }
 }
 
 /// v²/2B + ½v²(v×∇B)_z/B³, the textbooks' next order in the gyroradius: where B varies slowly it

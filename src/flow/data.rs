@@ -299,7 +299,8 @@ impl Pairs {
     }
 
     /// The map of `steps` steps of an integrator over `time` at these points, with the largest
-    /// difference of a component from that of twice as many steps, at no more than 256 of them,
+    /// difference of a component from that of twice as many steps (of stroboscopic averaging, of a finer
+    /// map of a period and one more difference too), at no more than 256 of them,
     /// evenly spaced: for fewer digits than those of [`Pairs::of_flow`] a splitting takes far less
     /// work.
     ///
@@ -317,7 +318,8 @@ impl Pairs {
         let dim = 2 * system.dof();
         let judged = |rows: &[f64]| judged(rows, dim);
         let (input, found) = (judged(&points), judged(&output));
-        let finer = integrator.trajectories(system, &input, time, steps.saturating_mul(2), 1)?;
+        let twice = steps.saturating_mul(2);
+        let finer = integrator.finer().trajectories(system, &input, time, twice, 1)?;
         let error = largest_difference(&finer, &found);
         integrator.check_finite(error, time)?;
         Ok((Self::new(&integrator.name(), system.dof(), points, output)?, error))

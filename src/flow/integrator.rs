@@ -43,7 +43,15 @@ pub enum Integrator {
     Stroboscopic {
         /// Steps of ABA(10,6,4) in a period.
         micro: usize,
+        /// m, the central differences: errors are O(ε²ᵐ).
+        #[serde(default = "two")]
+        differences: usize,
     },
+}
+
+/// The differences that scenes do not name.
+fn two() -> usize {
+    2
 }
 
 impl Integrator {
@@ -53,7 +61,7 @@ impl Integrator {
             Self::RungeKutta4 => "RK4".into(),
             Self::Boris => "Boris".into(),
             Self::VelocitySplitting => "splitting of ½v_x², ½v_y² and φ".into(),
-            Self::Stroboscopic { micro } => {
+            Self::Stroboscopic { micro, .. } => {
                 format!("stroboscopic averaging, {micro} steps a period")
             }
             Self::GaussLegendre { stages: 1 } => "Gauss–Legendre, 1 stage".into(),
@@ -87,8 +95,24 @@ impl Integrator {
         const MOST: usize = 64;
         match self {
             Self::GaussLegendre { stages } => Error::check_count_range("stages", stages, 1, MOST),
-            Self::Stroboscopic { micro } => Error::check_count_range("micro", micro, 1, 1000),
+            Self::Stroboscopic { micro, differences } => {
+                Error::check_count_range("micro", micro, 1, 1000)?;
+                let most = Stroboscopic::MOST_DIFFERENCES;
+                Error::check_count_range("differences", differences, 1, most)
+            }
             _ => Ok(()),
+        }
+    }
+
+    /// What tells its error beside twice as many steps: itself, or averaging by a finer map of a period
+    /// and one more difference, whose errors the steps do not know.
+    pub(super) fn finer(self) -> Self {
+        match self {
+            Self::Stroboscopic { micro, differences } => Self::Stroboscopic {
+                micro: 2 * micro,
+                differences: (differences + 1).min(Stroboscopic::MOST_DIFFERENCES),
+            },
+            other => other,
         }
     }
 
@@ -133,8 +157,8 @@ impl Integrator {
                 request.step(&VelocitySplitting, system, initial)
             }
             (Self::Boris | Self::VelocitySplitting, _) => Err(self.not_a_particle()),
-            (Self::Stroboscopic { micro }, _) => {
-                self.by_parts(&request, Parts::Averaged(micro), system, initial)
+            (Self::Stroboscopic { micro, differences }, _) => {
+                self.by_parts(&request, Parts::Averaged(micro, differences), system, initial)
             }
             _ => match self.splitting() {
                 Some(splitting) => {
@@ -282,8 +306,8 @@ impl<H: Splittable> Method<H> for Stroboscopic {
 #[derive(Clone, Copy)]
 enum Parts {
     Split(Splitting),
-    /// With so many steps of a splitting in a period.
-    Averaged(usize),
+    /// With so many steps of a splitting in a period, and so many differences.
+    Averaged(usize, usize),
 }
 
 /// Equal intervals of time, each of equal steps, as many as there are states to keep.
@@ -307,8 +331,9 @@ impl Request {
                 let method = splitting.steps(system, self.interval / self.steps as f64);
                 self.step(&method, system, initial)
             }
-            Parts::Averaged(micro) => {
-                self.step(&Stroboscopic::new(system, self.interval, micro), system, initial)
+            Parts::Averaged(micro, differences) => {
+                let method = Stroboscopic::new(system, self.interval, micro, differences);
+                self.step(&method, system, initial)
             }
         }
     }

@@ -9,9 +9,9 @@ use crate::system::Splittable;
 ///
 /// dZ/dt = F(Z) = (8(M − M⁻¹) − (M² − M⁻²))Z / 12P + O(ε⁵P⁴),
 ///
-/// which steps of the classical Runge–Kutta method follow through the slow motion. M is made of steps of
-/// ABA(10,6,4), and so is what the time has beyond whole periods. Each step costs sixteen periods, however
-/// long it is. Errors are O(ε⁴) beside those of both methods, and rounding counts in M as ε⁻¹.
+/// or another central difference of M^k, which steps of the classical Runge–Kutta method follow through the slow
+/// motion. M is made of steps of ABA(10,6,4), and so is what the time has beyond whole periods. Each step costs 8m periods with
+/// m differences, however long it is. Errors are O(ε²ᵐ) beside those of both methods, and rounding counts in M as ε⁻¹.
 ///
 /// Source: Calvo, Chartier, Murua and Sanz-Serna, <https://doi.org/10.1016/j.apnum.2011.06.007>.
 #[derive(Clone, Debug)]
@@ -23,17 +23,28 @@ pub struct Stroboscopic {
     backward: SplittingSteps<f64>,
     /// Steps of the splitting in a period.
     micro: usize,
+    /// Of M^k − M^−k, k = 1 … m, over P.
+    weights: &'static [f64],
     rest: SplittingSteps<f64>,
     rest_steps: usize,
 }
 
 impl Stroboscopic {
-    /// Over `time`, with `micro` steps of the splitting in a period.
+    /// The most central differences.
+    pub const MOST_DIFFERENCES: usize = 3;
+
+    /// Over `time`, with `micro` steps of the splitting in a period and so many central differences.
     ///
     /// # Panics
-    /// When `micro` is 0.
-    pub fn new(system: &impl Splittable, time: f64, micro: usize) -> Self {
+    /// When `micro` is 0, or there are not 1 to 3 differences.
+    pub fn new(system: &impl Splittable, time: f64, micro: usize, differences: usize) -> Self {
         assert!(micro > 0);
+        let weights: &[f64] = match differences {
+            1 => &[1.0 / 2.0],
+            2 => &[8.0 / 12.0, -1.0 / 12.0],
+            3 => &[45.0 / 60.0, -9.0 / 60.0, 1.0 / 60.0],
+            _ => panic!("{differences} differences"),
+        };
         let period = std::f64::consts::TAU / system.limiting_frequency();
         let periods = (time / period).trunc();
         let rest = (-periods).mul_add(period, time);
@@ -46,6 +57,7 @@ impl Stroboscopic {
             forward: steps(step),
             backward: steps(-step),
             micro,
+            weights,
             rest: steps(rest / rest_steps as f64),
             rest_steps,
         }
@@ -96,16 +108,14 @@ impl Stroboscopic {
         moved: &mut [S],
     ) {
         slope.fill(S::zero());
-        let unit = 1.0 / (12.0 * self.period);
-        for (steps, weights) in
-            [(&self.forward, [8.0 * unit, -unit]), (&self.backward, [-8.0 * unit, unit])]
-        {
+        for (steps, sign) in [(&self.forward, 1.0), (&self.backward, -1.0)] {
             moved.copy_from_slice(z);
-            for weight in weights {
+            for weight in self.weights {
                 steps.take(system, moved, self.micro);
+                let weight = S::from_f64(sign * weight / self.period);
                 for i in 0..z.len() {
                     // Of differences, which are small: nothing is lost in the sum.
-                    slope[i] = S::from_f64(weight).mul_add(moved[i] - z[i], slope[i]);
+                    slope[i] = weight.mul_add(moved[i] - z[i], slope[i]);
                 }
             }
         }

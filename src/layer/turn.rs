@@ -30,12 +30,25 @@ impl CircleAction {
         &self.weights
     }
 
+    /// The greatest common divisor of the weights, 0 where all are: after so much less than a whole turn the
+    /// rotation is the same.
+    pub fn common_factor(&self) -> u32 {
+        let gcd = |mut a: u32, mut b: u32| {
+            while b > 0 {
+                (a, b) = (b, a % b);
+            }
+            a
+        };
+        self.weights.iter().map(|m| m.unsigned_abs()).fold(0, gcd)
+    }
+
     /// Whether a symplectic map takes one action into the other, or into it the other way round: the weights are the
     /// same but for the order of the planes, which an exchange of planes changes, and for all signs at once. No
     /// data tell one from the other where any symplectic ψ may be learnt.
     pub fn is_conjugate(&self, other: &Self) -> bool {
-        let sorted = |sign: i32, action: &Self| {
-            let mut weights: Vec<i32> = action.weights.iter().map(|m| sign * m).collect();
+        let sorted = |sign: i64, action: &Self| {
+            let mut weights: Vec<i64> =
+                action.weights.iter().map(|m| sign * i64::from(*m)).collect();
             weights.sort_unstable();
             weights
         };

@@ -626,7 +626,12 @@ impl NetworkSpec {
     /// # Errors
     /// [`Error::CountOutOfRange`].
     pub fn check_counts(&self) -> Result<(), Error> {
-        let check = |count| Error::check_count_range("layers", count, 1, MOST_LAYERS);
+        self.check_counts_from(1)
+    }
+
+    /// [`NetworkSpec::check_counts`] with at least so many layers, which may be none.
+    pub(super) fn check_counts_from(&self, least: usize) -> Result<(), Error> {
+        let check = |count| Error::check_count_range("layers", count, least, MOST_LAYERS);
         self.counts().into_iter().try_for_each(check)
     }
 

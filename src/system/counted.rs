@@ -2,7 +2,7 @@
 
 use super::{Hamiltonian, NearlyPeriodic};
 use crate::error::Error;
-use crate::layer::CircleAction;
+use crate::layer::{CircleAction, TorusAction};
 use crate::scalar::Elementary;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -72,6 +72,12 @@ impl<H: NearlyPeriodic> NearlyPeriodic for Counted<'_, H> {
     }
     fn limiting_frequency(&self) -> f64 {
         self.system.limiting_frequency()
+    }
+    fn torus(&self) -> (TorusAction, Vec<f64>) {
+        self.system.torus()
+    }
+    fn customary_invariant<S: Elementary>(&self, z: &[S]) -> Option<(&'static str, S)> {
+        self.system.customary_invariant(z)
     }
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         self.system.adiabatic_invariant(z)

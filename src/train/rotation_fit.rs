@@ -34,13 +34,7 @@ pub fn fit_rotation(pairs: &Pairs, action: &CircleAction) -> f64 {
 
 /// The greatest common divisor of the weights; 1 where all are 0.
 pub(super) fn divisor(weights: &[i32]) -> f64 {
-    let gcd = |mut a: u32, mut b: u32| {
-        while b > 0 {
-            (a, b) = (b, a % b);
-        }
-        a
-    };
-    f64::from(weights.iter().map(|w| w.unsigned_abs()).fold(0, gcd).max(1))
+    f64::from(CircleAction::new(weights).common_factor().max(1))
 }
 
 /// The nearest angle for runs of pairs of one flow time.

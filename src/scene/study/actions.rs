@@ -84,7 +84,7 @@ impl Study for ActionsOptions {
             let distance = root_mean_square_distance(own.values(), along.values(), dim);
             distances.push((name, distance));
         }
-        let found = Results { interval, torus: torus.circles().to_vec(), all, distances };
+        let found = Results { interval, all, distances };
         let text = format!(
             "Along {} trajectories of time {}, {states} states of each: the root mean square over the trajectories of the \
              largest |𝔍 − 𝔍(0)|. An action of the limit is 𝔍 of its circle, that of a network 𝔍 of its circle in the \
@@ -122,7 +122,7 @@ const SLOW: f64 = 10.0;
 
 /// The slowest harmonic of the frequencies of a torus.
 fn resonance(system: &System) -> String {
-    let (torus, frequencies) = system.torus();
+    let (_, frequencies) = system.torus();
     if frequencies.len() < 2 {
         return "The limit turns along circles: no harmonic of several frequencies is slow.".into();
     }
@@ -136,19 +136,26 @@ fn resonance(system: &System) -> String {
     let harmonics = (0..side.pow(frequencies.len() as u32)).map(of);
     let wanted = harmonics.filter(|k| {
         let first = k.iter().find(|k| **k != 0);
-        first.is_some_and(|first| *first > 0) && order(k) <= ORDER
+        let primitive = || CircleAction::new(k.as_slice()).common_factor() == 1;
+        first.is_some_and(|first| *first > 0) && order(k) <= ORDER && primitive()
     });
     let slowest = wanted.min_by(|a, b| rate(a).abs().total_cmp(&rate(b).abs()));
     let Some(slowest) = slowest else { return String::new() };
     let names: Vec<String> = slowest.iter().map(i32::to_string).collect();
     let (rate, epsilon) = (rate(&slowest), system.epsilon());
+    let of_several = slowest.iter().filter(|k| **k != 0).count() > 1;
     let what = match rate.abs() < SLOW * epsilon.abs() {
-        true => format!(
-            "is as slow as the slow motion, {:.1} ε in unit time: it is no fast angle to average over. Along it the {} actions are \
-             exchanged, only combinations that the harmonic leaves alone are invariants, and a network that \
+        _ if epsilon == 0.0 => format!("turns by {:.1e} in unit time, and ε is 0", rate.abs()),
+        true if of_several => format!(
+            "is as slow as the slow motion, {:.1} ε in unit time: it is no fast angle to average over. Along it actions \
+             may be exchanged; what stays are combinations that the harmonic leaves alone, and a network that \
              keeps each action cannot follow",
-            (rate / epsilon).abs(),
-            torus.circles().len()
+            (rate / epsilon).abs()
+        ),
+        true => format!(
+            "is as slow as the slow motion, {:.1} ε in unit time: that circle is no fast one, and its action may \
+             change",
+            (rate / epsilon).abs()
         ),
         false => format!(
             "turns by {:.0} ε in unit time: each action is an adiabatic invariant",
@@ -210,7 +217,6 @@ impl Action {
 
 struct Results {
     interval: f64,
-    torus: Vec<CircleAction>,
     all: Vec<Action>,
     distances: Vec<(String, f64)>,
 }
@@ -249,7 +255,7 @@ impl Results {
         table
     }
 
-    /// A panel for each circle of the torus.
+    /// A panel for each circle.
     fn figure(&self) -> Figure {
         let panel = |circle: &CircleAction| {
             let mut series = Vec::new();
@@ -273,6 +279,12 @@ impl Results {
         };
         let caption =
             "The actions of the limit and of networks along the first trajectory of the reference.";
-        Figure::in_a_row(FIGURE, caption, self.torus.iter().map(panel).collect())
+        let mut circles: Vec<&CircleAction> = Vec::new();
+        for one in &self.all {
+            if !circles.contains(&&one.circle) {
+                circles.push(&one.circle);
+            }
+        }
+        Figure::in_a_row(FIGURE, caption, circles.into_iter().map(panel).collect())
     }
 }

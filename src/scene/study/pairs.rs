@@ -3,7 +3,7 @@
 
 use super::Study;
 use super::work_precision::citations;
-use crate::flow::{Condition, Pairs};
+use crate::flow::{Condition, Integrator, Pairs};
 use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
@@ -58,7 +58,12 @@ impl Study for PairsStudy {
             None if file.is_some() => "of a file: its error is not known".to_owned(),
             Some(FlowBy { integrator, step }) => {
                 let (name, step) = (integrator.name(), Format::Setting.number(step));
-                let halves = "largest difference from steps half as long";
+                let halves = match integrator {
+                    Integrator::Stroboscopic { .. } => {
+                        "largest difference from steps half as long of a finer map of the period"
+                    }
+                    _ => "largest difference from steps half as long",
+                };
                 format!("{name}, steps of {step} at most; {halves} {error:.1e}")
             }
             None => format!(
