@@ -257,13 +257,16 @@ impl Results {
 
     /// A panel for each circle.
     fn figure(&self) -> Figure {
+        // One colour for each, in all panels.
+        let mut names: Vec<&str> = self.all.iter().map(|one| &one.of[..]).collect();
+        names.dedup();
         let panel = |circle: &CircleAction| {
             let mut series = Vec::new();
             for one in self.all.iter().filter(|one| one.circle == *circle) {
                 let at = |(k, value): (usize, &f64)| (k as f64 * self.interval, *value);
                 series.push(Series {
                     name: one.of.replace('`', ""),
-                    color: series.len(),
+                    color: names.iter().position(|name| *name == one.of).unwrap_or(0),
                     style: Style::Line,
                     points: one.first.iter().enumerate().map(at).collect(),
                 });
