@@ -19,6 +19,14 @@ pub struct CircleAction {
     weights: Vec<i32>,
 }
 
+/// The weights, as options of the command take them: 0,1,2.
+impl std::fmt::Display for CircleAction {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let weights: Vec<String> = self.weights.iter().map(i32::to_string).collect();
+        f.write_str(&weights.join(","))
+    }
+}
+
 impl CircleAction {
     /// The action with these weights, one for each degree of freedom.
     pub fn new(weights: impl Into<Vec<i32>>) -> Self {

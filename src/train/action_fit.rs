@@ -109,18 +109,14 @@ impl ActionFit {
 
     /// What is to be told.
     pub fn told(&self) -> String {
-        let weights = |action: &CircleAction| {
-            let weights: Vec<String> = action.weights().iter().map(i32::to_string).collect();
-            weights.join(",")
-        };
         let angles: Vec<String> = self.angles.iter().map(|angle| format!("{angle:.3}")).collect();
-        let next = self.next().map_or_else(String::new, |(action, distance)| {
-            format!(", {} as {distance:.2}", weights(action))
-        });
+        let next = self
+            .next()
+            .map_or_else(String::new, |(action, distance)| format!(", {action} as {distance:.2}"));
         format!(
             "the planes turn by {} from inputs to outputs; circle action {} is as near as {:.2}{next}",
             angles.join(", "),
-            weights(self.action()),
+            self.action(),
             self.candidates[0].1
         )
     }

@@ -208,11 +208,6 @@ impl Action {
             first: reference.of(0).map(action).collect(),
         }
     }
-
-    fn weights(&self) -> String {
-        let weights: Vec<String> = self.circle.weights().iter().map(i32::to_string).collect();
-        weights.join(",")
-    }
 }
 
 struct Results {
@@ -234,7 +229,7 @@ impl Results {
         for one in &self.all {
             table.push([
                 one.of.clone().into(),
-                one.weights().into(),
+                one.circle.to_string().into(),
                 one.size.into(),
                 one.reference.into(),
                 (one.reference / one.size).into(),
@@ -271,9 +266,8 @@ impl Results {
                     points: one.first.iter().enumerate().map(at).collect(),
                 });
             }
-            let weights: Vec<String> = circle.weights().iter().map(i32::to_string).collect();
             Panel {
-                title: format!("circle {}", weights.join(",")),
+                title: format!("circle {circle}"),
                 x_label: "time".into(),
                 y_label: "action".into(),
                 series,

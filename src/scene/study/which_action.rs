@@ -75,7 +75,7 @@ impl Study for WhichActionOptions {
             if action.common_factor() != 1 {
                 let expected =
                     "weights, not all 0, without a common factor: it changes the angle alone";
-                return Err(Error::invalid(&name(), weights(action), expected));
+                return Err(Error::invalid(&name(), action, expected));
             }
             let Some(architecture) = self.network.architecture(action, 1.0, 1.0) else { continue };
             architecture.check().map_err(|e| e.at("network"))?;
@@ -88,9 +88,9 @@ impl Study for WhichActionOptions {
             {
                 let expected = format!(
                     "others than {}: an exchange of planes, which is symplectic, makes one of the other",
-                    weights(same)
+                    same
                 );
-                return Err(Error::invalid(&name(), weights(action), expected));
+                return Err(Error::invalid(&name(), action, expected));
             }
         }
         match &scene.setup.system {
@@ -99,7 +99,7 @@ impl Study for WhichActionOptions {
                 Err(Error::invalid("system", system.kind(), expected))
             }
             Some(system) if self.right(&system.circle_action()).is_none() => {
-                let expected = format!("{} among them", weights(&system.circle_action()));
+                let expected = format!("{} among them", system.circle_action());
                 Err(Error::invalid("actions", "others only", expected))
             }
             _ => Ok(()),
@@ -214,7 +214,7 @@ impl WhichActionOptions {
         let fit = ActionFit::of(pairs)?;
         let (mut errors, mut history) = (Vec::new(), Vec::new());
         for action in &self.actions {
-            let name = format!("try {}, action {}", number + 1, weights(action));
+            let name = format!("try {}, action {}", number + 1, action);
             let on_the_way = context.stage(&name, |context| {
                 self.trained(context, &name, action, number, pairs, held_out)
             });
@@ -261,12 +261,6 @@ impl WhichActionOptions {
     }
 }
 
-/// As options of the command write them.
-fn weights(action: &CircleAction) -> String {
-    let weights: Vec<String> = action.weights().iter().map(i32::to_string).collect();
-    weights.join(",")
-}
-
 struct Results<'a> {
     options: &'a WhichActionOptions,
     /// The number of the system's own action.
@@ -298,7 +292,7 @@ impl Results<'_> {
         let by_map = self.counted(|one| Some((one.linear == *right, one.sure)));
         format!(
             "The action is {}. By training it is {by_training}; by the linear map, without training, {by_map}.",
-            weights(right)
+            right
         )
     }
 
@@ -319,8 +313,8 @@ impl Results<'_> {
             let errors = median(number);
             let best = |one: &&Attempted| one.chosen().is_some_and(|(best, _)| best == number);
             let name = match number == self.right {
-                true => format!("**{}**", weights(action)),
-                false => weights(action),
+                true => format!("**{action}**"),
+                false => action.to_string(),
             };
             table.push([
                 name.into(),
@@ -346,10 +340,10 @@ impl Results<'_> {
             let chosen = one.chosen();
             table.push([
                 (number + 1).into(),
-                chosen.map(|(best, _)| weights(&self.options.actions[best])).into(),
+                chosen.map(|(best, _)| self.options.actions[best].to_string()).into(),
                 chosen.map(|(_, margin)| margin).into(),
                 chosen.map(|(_, margin)| told(margin >= CLEAR)).into(),
-                weights(&one.linear).into(),
+                one.linear.to_string().into(),
                 told(one.sure).into(),
             ]);
         }
@@ -357,7 +351,8 @@ impl Results<'_> {
     }
 
     fn data(&self) -> serde_json::Value {
-        let actions: Vec<String> = self.options.actions.iter().map(weights).collect();
+        let actions: Vec<String> =
+            self.options.actions.iter().map(CircleAction::to_string).collect();
         json!({ "actions": actions, "right": self.right, "tries": self.tries })
     }
 
@@ -370,7 +365,7 @@ impl Results<'_> {
                 let points =
                     one.history[number].iter().map(|(at, error)| (*at as f64, *error)).collect();
                 series.push(match attempt {
-                    0 => Series { name: weights(action), color: number, style, points },
+                    0 => Series { name: action.to_string(), color: number, style, points },
                     _ => Series::unnamed(number, style, points),
                 });
             }
