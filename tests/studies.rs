@@ -9,7 +9,7 @@ use gyroceptron::network::{Architecture, Gyroceptron, GyroceptronShape, InitialW
 use gyroceptron::phase::Map;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{Event, Folder, Observer, Report, Scene, find, parse, render, run};
-use gyroceptron::system::{NearlyPeriodic, ParticleField};
+use gyroceptron::system::{FullOrbit, NearlyPeriodic, ParticleField};
 use gyroceptron::{Error, flow};
 use serde_json::Value;
 use std::path::Path;
@@ -1169,4 +1169,64 @@ fn both_actions_of_a_torus_are_learnt() {
         .replace("plots = [\"actions\"]", "")
         .replace("[actions]\nsteps = 120\nevery = 2\n", family);
     refused(&averaged, &["three-oscillators", "along circles"]);
+}
+
+const MOMENT: &str = r#"
+name = "moment"
+seed = 1
+flow_time = 0.8
+
+[system]
+kind = "full-orbit"
+epsilon = 0.02
+
+[data]
+validation = 0.25
+windows = [{ low = [-1.0, -0.8, -1.0, -1.6], high = [1.0, 2.6, 1.0, 1.6], samples = 60 }]
+
+[[models]]
+name = "normal-form"
+network = { kind = "normal-form", kicks = { count = 2, width = 2 }, twists = { count = 2, width = 2 } }
+weights = { kind = "normal", scale = 0.1 }
+
+[training]
+iterations = 2
+
+[family]
+epsilons = [0.04, 0.02]
+flow_times = [0.8]
+slow_time = 2.0
+states = 200
+initial = [[0.7, 0.4, 0.5, 0.6]]
+"#;
+
+/// The invariant that users of a system know stands beside the others, and is what the learnt one is
+/// measured by; a system that has none has no column of it.
+#[test]
+fn a_family_names_the_invariant_that_users_know() {
+    let folder = temporary();
+    let report = run_in(folder.path(), &parse("moment", MOMENT).expect("a scene"));
+    let found = render::json(&report)["studies"]["family"]["invariants"].clone();
+    for at in found.as_array().expect("invariants") {
+        let number = |key: &str| at[key].as_f64().expect(key);
+        let system = FullOrbit::new(number("epsilon"));
+        let (z, interval) = ([0.7, 0.4, 0.5, 0.6], 2.0 / system.epsilon / 199.0);
+        let orbit = flow::ReferenceTrajectories::of_flow(&system, &z, interval, 200);
+        let states = orbit.expect("moves").trajectories;
+        let moment = |t: usize| system.magnetic_moment(states.state(t, 0));
+        let largest = (0..200).map(|t| (moment(t) - moment(0)).abs()).fold(0.0, max_or_nan);
+        assert!((number("customary") / largest - 1.0).abs() < 1e-6, "{at}");
+        assert!(
+            number("averaged") < number("customary") && number("customary") < number("leading")
+        );
+    }
+    let text = render::markdown(&report);
+    assert!(text.contains("of v²/2B") && text.contains("less than v²/2B by"), "{text}");
+    let other = MOMENT
+        .replace("full-orbit", "oscillators")
+        .replace("-1.0, -0.8, -1.0, -1.6", "-1.0, -1.0, -1.0, -1.0")
+        .replace("1.0, 2.6, 1.0, 1.6", "1.0, 1.0, 1.0, 1.0");
+    let report = run_in(temporary().path(), &parse("moment", &other).expect("a scene"));
+    let found = &render::json(&report)["studies"]["family"]["invariants"][0];
+    assert!(found["customary"].is_null() && render::markdown(&report).contains("less than μ₀ by"));
 }

@@ -9,7 +9,7 @@ use gyroceptron::measure::{Line, averaged_invariant, drifts, log_line, log_slope
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Elementary, Real, Scalar, max_or_nan};
 use gyroceptron::system::{
-    AveragedOscillator, FieldLines, FieldProfile, FullOrbit, Hamiltonian, NearlyPeriodic,
+    AveragedOscillator, Counted, FieldLines, FieldProfile, FullOrbit, Hamiltonian, NearlyPeriodic,
     Oscillators, ParticleField, Splittable, System, ThreeOscillators, symplectic_gradient,
 };
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -759,6 +759,12 @@ fn stroboscopic_averaging_follows_the_slow_motion() {
         let exact = Pairs::of_flow(&system, point(2, 5), time).expect("moves").0;
         let error = distance(found.output(), exact.output());
         assert!(error > 1e-12 && told > 0.8 * error, "{told:e} for {error:e}");
+        let z = point(2, 5);
+        let along = ReferenceTrajectories::of_integrator(&system, &z, time, 2, method, steps);
+        let along = along.expect("moves");
+        // It is the finer one that is kept.
+        let kept = distance(&along.trajectories.values()[4..], exact.output());
+        assert!(along.error > 0.8 * error && kept < 0.2 * error, "{:e} {kept:e}", along.error);
     }
 }
 
@@ -861,6 +867,11 @@ fn a_resonance_exchanges_the_actions_of_a_torus() {
         assert!((first - 2.0 * second).abs() < 3.0 * epsilon && both < 3.0 * epsilon);
         assert!(first > 0.05 && second > 0.025, "{first} {second} {both}");
     }
+    let system = ThreeOscillators::new(0.1);
+    assert_eq!(Counted::new(&system).torus(), system.torus());
+    let (orbit, z) = (FullOrbit::new(0.1), point(2, 1));
+    let known = Counted::new(&orbit).customary_invariant(&z);
+    assert!(known.is_some() && known == orbit.customary_invariant(&z));
     let system = System::ThreeOscillators(ThreeOscillators { epsilon: 0.1, frequency: -1.0 });
     assert!(system.check().expect_err("no frequency").to_string().contains("system.frequency"));
 }

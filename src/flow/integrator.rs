@@ -61,8 +61,9 @@ impl Integrator {
             Self::RungeKutta4 => "RK4".into(),
             Self::Boris => "Boris".into(),
             Self::VelocitySplitting => "splitting of ½v_x², ½v_y² and φ".into(),
-            Self::Stroboscopic { micro, .. } => {
-                format!("stroboscopic averaging, {micro} steps a period")
+            Self::Stroboscopic { micro, differences } => {
+                let order = 2 * differences;
+                format!("stroboscopic averaging of order {order}, {micro} steps a period")
             }
             Self::GaussLegendre { stages: 1 } => "Gauss–Legendre, 1 stage".into(),
             Self::GaussLegendre { stages } => format!("Gauss–Legendre, {stages} stages"),

@@ -2,7 +2,7 @@
 
 use super::Study;
 use crate::error::Error;
-use crate::flow::{Trajectories, whole_periods};
+use crate::flow::Trajectories;
 use crate::layer::CircleAction;
 use crate::measure::{drifts, root_mean_square, root_mean_square_distance};
 use crate::network::Rollout;
@@ -47,8 +47,8 @@ impl Study for ActionsOptions {
             return Err(Error::invalid("every", self.every, expected));
         }
         let Some(system) = &scene.setup.system else { return Ok(()) };
-        if let (Some(period), Some(time)) = (system.period(), scene.setup.flow_time) {
-            whole_periods(time, period)?;
+        if let Some(time) = scene.setup.flow_time {
+            scene.setup.check_repeated(time)?;
         }
         check_points("initial", &self.initial, system.dof())
     }
