@@ -10,8 +10,8 @@ use gyroceptron::io::{
 };
 use gyroceptron::layer::{Activation, CircleAction, TorusAction};
 use gyroceptron::network::{
-    Architecture, GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape,
-    SympNetShape,
+    Architecture, CouplingGyroceptronShape, GyroceptronShape, HenonShape, InitialWeights, Model,
+    NormalFormShape, SympNetShape,
 };
 use gyroceptron::train::{Control, TrainingOptions, train};
 use std::io::Write;
@@ -94,6 +94,19 @@ fn symp_net(plain: bool) -> Model {
     .expect("valid")
 }
 
+fn couplings() -> Model {
+    Architecture::CouplingGyroceptron {
+        shape: CouplingGyroceptronShape {
+            circle_action: CircleAction::new([1, 0]),
+            psi: vec![3, 4],
+            near_identity: vec![2],
+        },
+        epsilon: 0.01,
+    }
+    .initialise(InitialWeights::Glorot, 0.4, 1)
+    .expect("valid")
+}
+
 #[test]
 fn models_keep_their_bits() {
     let folder = folder();
@@ -105,6 +118,7 @@ fn models_keep_their_bits() {
             .expect("valid"),
         symp_net(false),
         symp_net(true),
+        couplings(),
     ] {
         let provenance = Provenance { seed: Some(u64::MAX), ..Provenance::of("test") };
         save_model(&path, &StoredModel { model: model.clone(), units: None, provenance })

@@ -4,9 +4,9 @@ use gyroceptron::flow::Pairs;
 use gyroceptron::layer::{Activation, CircleAction, TorusAction};
 use gyroceptron::measure::{Verdict, jacobian, jacobians_by_differences, laws};
 use gyroceptron::network::{
-    Architecture, Composition, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights,
-    Model, NormalForm, NormalFormShape, Rollout, SympNet, SympNetShape, map_jacobians,
-    map_jacobians_by_duals, map_points, rollout,
+    Architecture, Composition, CouplingGyroceptron, CouplingGyroceptronShape, Gyroceptron,
+    GyroceptronShape, HenonNet, HenonShape, InitialWeights, Model, NormalForm, NormalFormShape,
+    Rollout, SympNet, SympNetShape, map_jacobians, map_jacobians_by_duals, map_points, rollout,
 };
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
@@ -253,6 +253,14 @@ fn compositions() -> Vec<Composition<f64>> {
         let turn = Composition::of_turn(&torus, point(dof, 2)).expect("an angle a plane");
         out.push(turn.followed_by(net.composition(), Direction::Inverse).expect("of one size"));
         out.push(normal_form(dof).composition().clone());
+        let shape = CouplingGyroceptronShape {
+            circle_action: CircleAction::new(vec![1; dof]),
+            psi: vec![5, 1],
+            near_identity: vec![4, 7],
+        };
+        let parameters = point(shape.parameter_count(), 6);
+        let net = CouplingGyroceptron::new(shape, 0.3, parameters).expect("valid");
+        out.push(net.composition().clone());
         for plain in [false, true] {
             let activation = Activation::Sigmoid;
             let shape = SympNetShape { dof, modules: 2, shears: 2, activation, plain };

@@ -311,7 +311,7 @@ fn a_turned_kick_moves_along_the_gradient_in_turned_coordinates() {
         let z: Vec<f64> = (0..2 * n).map(|_| stream.uniform(-1.5, 1.5)).collect();
         let turn = gyroceptron::layer::Turn::by_angles(&parameters[..n]);
         let potential = TanhPotential::<f64>::new(n, KICK, &parameters[n..]);
-        let kick = TurnedKick { turn: &turn, potential, scale: 0.8 };
+        let kick = TurnedKick::new(&turn, potential, 0.8);
         let (mut image, mut scratch) = (z.clone(), vec![0.0; 2 * n]);
         kick.apply(&mut image, &mut scratch);
         let slope = |index: usize| {

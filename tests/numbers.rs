@@ -9,6 +9,7 @@ use gyroceptron::scalar::{
 };
 use gyroceptron::system::{
     FieldLines, FullOrbit, Hamiltonian, Oscillators, ParticleField, System, ThreeOscillators,
+    VanDerPol,
 };
 use std::f64::consts::TAU;
 
@@ -320,7 +321,9 @@ fn trajectories_in_lanes_are_those_of_one_alone() {
     let field = System::ParticleField(ParticleField::two_modes(0.1));
     let orbit = System::FullOrbit(FullOrbit::new(0.1));
     let torus = System::ThreeOscillators(ThreeOscillators::new(0.1));
-    for system in [System::Oscillators(Oscillators { epsilon: 0.01 }), field, orbit, torus] {
+    let excited = System::VanDerPol(VanDerPol::new(0.1));
+    let coupled = System::Oscillators(Oscillators { epsilon: 0.01 });
+    for system in [coupled, field, orbit, torus, excited] {
         let dim = 2 * system.dof();
         for count in [1, 7, 8, 19] {
             let mut points: Vec<f64> =
@@ -345,6 +348,7 @@ fn trajectories_in_lanes_are_those_of_one_alone() {
                                 System::ParticleField(s) => splitting.integrate(s, z, 0.3, 2),
                                 System::FullOrbit(s) => splitting.integrate(s, z, 0.3, 2),
                                 System::ThreeOscillators(s) => splitting.integrate(s, z, 0.3, 2),
+                                System::VanDerPol(s) => splitting.integrate(s, z, 0.3, 2),
                                 System::FieldLines(_) => panic!("no parts"),
                             },
                             None => runge_kutta_4(&system, z, 0.3, 2),

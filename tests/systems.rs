@@ -10,7 +10,8 @@ use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Elementary, Real, Scalar, max_or_nan};
 use gyroceptron::system::{
     AveragedOscillator, Counted, FieldLines, FieldProfile, FullOrbit, Hamiltonian, NearlyPeriodic,
-    Oscillators, ParticleField, Splittable, System, ThreeOscillators, symplectic_gradient,
+    Oscillators, ParticleField, Splittable, System, ThreeOscillators, VanDerPol,
+    symplectic_gradient,
 };
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::f64::consts::TAU;
@@ -29,6 +30,7 @@ macro_rules! split {
             System::ParticleField($s) => $body,
             System::FullOrbit($s) => $body,
             System::ThreeOscillators($s) => $body,
+            System::VanDerPol($s) => $body,
             System::FieldLines(_) => panic!("no parts"),
         }
     };
@@ -42,6 +44,7 @@ fn systems(epsilon: f64) -> Vec<System> {
         System::ParticleField(particle(epsilon, 4)),
         System::FullOrbit(FullOrbit::new(epsilon)),
         System::ThreeOscillators(ThreeOscillators::new(epsilon)),
+        System::VanDerPol(VanDerPol::new(epsilon)),
     ]
 }
 
@@ -69,13 +72,17 @@ fn from_energy(system: &impl Hamiltonian, z: &[f64]) -> Vec<f64> {
 }
 
 #[test]
-fn vector_fields_are_hamiltonian() {
+fn vector_fields_are_hamiltonian_but_for_dissipation() {
     for system in systems(0.3) {
         for seed in 0..20 {
             let z = point(system.dof(), seed);
             let mut field = vec![0.0; z.len()];
             system.vector_field(&z, 0.0, &mut field);
-            assert!(distance(&field, &from_energy(&system, &z)) < 1e-14);
+            let mut expected = from_energy(&system, &z);
+            let by_energy = distance(&field, &expected);
+            assert_eq!(by_energy > 1e-3, system.dissipates(), "{by_energy}");
+            system.add_dissipation(&z, 0.0, &mut expected);
+            assert!(distance(&field, &expected) < 1e-14);
         }
     }
     let averaged = AveragedOscillator::new(1.5);
@@ -150,6 +157,7 @@ fn splittings_have_their_orders_for_the_papers_equations() {
         System::ParticleField(particle(0.2, 2)),
         System::FullOrbit(FullOrbit::new(0.2)),
         System::ThreeOscillators(ThreeOscillators::new(0.2)),
+        System::VanDerPol(VanDerPol::new(0.2)),
     ] {
         let z = point(system.dof(), 7);
         let time = 4.0;
@@ -336,6 +344,12 @@ fn the_reference_keeps_energy_and_estimates_its_error() {
             .and_then(|reference| reference.flow_with_error(&system, &z, 5.0))
             .expect("converges");
         assert!(result.error < 1e-13, "{:e}", result.error);
+        if system.dissipates() {
+            let mut w = z.clone();
+            split!(system, s => Splitting::ABA_1064.integrate(s, &mut w, 5.0, 100));
+            assert!(distance(&w, &result.point) < 1e-13);
+            continue;
+        }
         let change = (system.energy(&result.point, 0.0) - system.energy(&z, 0.0)).abs();
         assert!(change < 1e-14 * (1.0 + system.energy(&z, 0.0).abs()), "{change:e}");
     }
@@ -615,7 +629,9 @@ fn split_flows_are_symplectic() {
                 largest = max_or_nan(largest, (form - omega).abs());
             }
         }
-        if let System::FullOrbit(_) = system {
+        if system.dissipates() {
+            assert!(largest > 1e-3, "{largest}");
+        } else if let System::FullOrbit(_) = system {
             // A splitting of the vector field keeps the volume alone.
             let volume = faer::Mat::from_fn(2 * n, 2 * n, |i, k| columns[k][i]).determinant();
             assert!(largest > 1e-8, "{largest}");
@@ -972,4 +988,108 @@ fn trajectories_are_those_of_the_methods_bit_for_bit() {
         assert!(Integrator::Strang.trajectories(&system, &[0.0; 3], 1.0, 1, 1).is_err());
         assert!(Integrator::Strang.trajectories(&system, &[], 1.0, 1, 1).expect("none").is_empty());
     }
+}
+
+/// The equations of motion, written out once more, and what they say of volumes: the flow's Jacobian has
+/// the determinant e^∫div.
+#[test]
+fn the_self_excited_oscillator_is_its_equations() {
+    let (epsilon, damping) = (0.07, 0.2);
+    let system = VanDerPol { epsilon, damping };
+    let [q1, q2, p1, p2]: [f64; 4] = [0.9, -0.4, 1.3, 0.6];
+    let mut field = [0.0; 4];
+    system.vector_field(&[q1, q2, p1, p2], 0.0, &mut field);
+    let expected = [
+        p1,
+        epsilon * p2,
+        -q1 + epsilon * (1.0 - q1 * q1 - q2) * p1,
+        epsilon * (0.5 * q1 * q1 - q2 - damping * p2),
+    ];
+    assert!(distance(&field, &expected) < 1e-15);
+
+    type D = Dual<f64, 4>;
+    let (steps, interval) = (400, 0.05);
+    let lifted = [q1, q2, p1, p2].into_iter().enumerate().map(|(i, v)| D::variable(v, i));
+    let mut z: Vec<D> = lifted.collect();
+    let split = Splitting::ABA_1064.steps::<f64>(&system, interval);
+    // Simpson's rule, on steps in pairs.
+    let divergence = |z: &[D]| {
+        let point: Vec<f64> = z.iter().map(|v| v.re).collect();
+        system.divergence(&point)
+    };
+    let mut growth = divergence(&z);
+    for step in 1..=steps {
+        split.take(&system, &mut z, 1);
+        let weight = if step == steps { 1.0 } else { 2.0 + 2.0 * f64::from(step % 2) };
+        growth += weight * divergence(&z);
+    }
+    growth *= interval / 3.0;
+    let volume = faer::Mat::from_fn(4, 4, |i, k| z[i].eps[k]).determinant();
+    assert!((volume.ln() - growth).abs() < 1e-7, "{} {growth}", volume.ln());
+    assert!(growth.abs() > 0.1);
+
+    // The formula of the exact flow without damping is the limit of that with damping.
+    let of = |damping: f64| {
+        let mut z = [q1, q2, p1, p2];
+        VanDerPol { epsilon, damping }.flow_b(&mut z, 0.8);
+        z
+    };
+    assert!(distance(&of(0.0), &of(1e-12)) < 1e-13);
+    assert!(System::VanDerPol(VanDerPol { epsilon, damping: -1.0 }).check().is_err());
+    assert!(System::VanDerPol(VanDerPol { epsilon, damping: f64::NAN }).check().is_err());
+}
+
+/// Over times of 1/ε the fast action follows the averaged equations, whose torus of γ = 0.3 all trajectories
+/// come to, with errors of order ε.
+#[test]
+fn the_self_excited_oscillator_follows_its_averaged_equations() {
+    /// J′ = J(1 − ½J − x), x′ = y, y′ = −x − γy + ½J in slow time.
+    struct Averaged(f64);
+    impl Averaged {
+        fn slope(&self, [j, x, y]: [f64; 3]) -> [f64; 3] {
+            [j * (1.0 - 0.5 * j - x), y, 0.5 * j - x - self.0 * y]
+        }
+        fn flow(&self, mut s: [f64; 3], time: f64, steps: usize) -> [f64; 3] {
+            let h = time / steps as f64;
+            let beside =
+                |s: [f64; 3], by: f64, k: [f64; 3]| std::array::from_fn(|i| k[i].mul_add(by, s[i]));
+            for _ in 0..steps {
+                let a = self.slope(s);
+                let b = self.slope(beside(s, 0.5 * h, a));
+                let c = self.slope(beside(s, 0.5 * h, b));
+                let d = self.slope(beside(s, h, c));
+                for i in 0..3 {
+                    s[i] += h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]);
+                }
+            }
+            s
+        }
+    }
+    let z: [f64; 4] = [1.2, 0.3, -0.4, 0.5];
+    let slow_time = 8.0;
+    let start = [0.5 * (z[0] * z[0] + z[2] * z[2]), z[1], z[3]];
+    let averaged = Averaged(0.3).flow(start, slow_time, 4000);
+    // Of whole turns, so that the fast angle of the error is the same in all.
+    let epsilons = [32.0, 64.0, 128.0, 256.0].map(|turns| slow_time / (TAU * turns));
+    let errors = epsilons.map(|epsilon| {
+        let system = VanDerPol::new(epsilon);
+        let mut w = z;
+        let time = slow_time / epsilon;
+        Splitting::ABA_1064.integrate(&system, &mut w, time, (time / 0.2) as usize);
+        distance(&[system.adiabatic_invariant(&w), w[1], w[3]], &averaged)
+    });
+    assert_order("averaging", 1.0, &epsilons, &errors);
+    let swing = |damping: f64| {
+        let (mut low, mut high) = (f64::INFINITY, 0.0);
+        let mut s = Averaged(damping).flow(start, 600.0, 60_000);
+        for _ in 0..400 {
+            s = Averaged(damping).flow(s, 0.05, 10);
+            (low, high) = (f64::min(low, s[0]), f64::max(high, s[0]));
+        }
+        (low, high)
+    };
+    let (low, high) = swing(0.3);
+    assert!((low - 0.131).abs() < 1e-3 && (high - 2.72).abs() < 1e-2, "{low} {high}");
+    let (low, high) = swing(0.5);
+    assert!((low - 1.0).abs() < 1e-9 && (high - 1.0).abs() < 1e-9, "{low} {high}");
 }

@@ -114,6 +114,8 @@ pub enum ArchitectureName {
     /// χ ∘ Φ_θ ∘ T_ε ∘ χ⁻¹: its actions are exact invariants, but for a
     /// perturbation.
     NormalForm,
+    /// I_ε ∘ ψ ∘ Φ_θ ∘ ψ⁻¹ of affine couplings: not symplectic, for flows with friction.
+    CouplingGyroceptron,
     /// Hénon layers.
     HenonNet,
     /// Linear and activation modules.

@@ -73,6 +73,7 @@ fn network(arguments: &Train, of_scene: NetworkSpec) -> Result<NetworkSpec, Erro
         None => of_scene,
         Some(ArchitectureName::Gyroceptron) => NetworkSpec::default_gyroceptron(),
         Some(ArchitectureName::NormalForm) => NetworkSpec::default_normal_form(),
+        Some(ArchitectureName::CouplingGyroceptron) => NetworkSpec::default_coupling_gyroceptron(),
         Some(ArchitectureName::HenonNet) => NetworkSpec::default_henon_net(),
         Some(ArchitectureName::SympNet) => NetworkSpec::default_symp_net(),
     };
@@ -105,7 +106,8 @@ fn network(arguments: &Train, of_scene: NetworkSpec) -> Result<NetworkSpec, Erro
             *of = perturbation.or(*of);
             *action = Some(circle_action(&arguments.circle_action)?);
         }
-        NetworkSpec::Gyroceptron { psi: own, near_identity: near, circle_action } => {
+        NetworkSpec::Gyroceptron { psi: own, near_identity: near, circle_action }
+        | NetworkSpec::CouplingGyroceptron { psi: own, near_identity: near, circle_action } => {
             if plain.is_some() {
                 return unfit("--layers", &arguments.layers, "HénonNets and SympNets");
             }

@@ -216,6 +216,7 @@ impl Integrator {
             System::ParticleField(system) => request.split(parts, system, initial),
             System::FullOrbit(system) => request.split(parts, system, initial),
             System::ThreeOscillators(system) => request.split(parts, system, initial),
+            System::VanDerPol(system) => request.split(parts, system, initial),
             System::FieldLines(_) => Err(self.nothing_to_split()),
         }
     }

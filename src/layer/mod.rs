@@ -7,7 +7,9 @@
 //!   layer.
 //! - [`Turn`], [`TurnStep`]: each plane rotated by its angle, as three shears a
 //!   plane; [`CircleAction`] and [`TorusAction`] say which planes turn together.
-//! - [`TurnedKick`]: a kick in coordinates turned by angles of its own.
+//! - [`AffineCoupling`]: the momenta scaled and shifted by functions of the positions; not
+//!   symplectic.
+//! - [`Turned`]: a kick or a coupling in coordinates turned by angles of its own.
 //! - [`Twist`]: the flow of functions of the actions and of half the slow coordinates,
 //!   which commutes with the torus action.
 //! - [`LinearModule`], [`ActivationModule`]: the modules of SympNets.
@@ -16,6 +18,7 @@
 //! the latter as four kicks.
 
 mod activation_module;
+mod coupling;
 mod henon;
 mod kick;
 mod linear_module;
@@ -23,16 +26,17 @@ mod potential;
 mod quadratic_form;
 mod shear;
 mod turn;
-mod turned_kick;
+mod turned;
 mod twist;
 
 pub use activation_module::{Activation, ActivationModule};
+pub use coupling::{AffineCoupling, coupling_parameter_count};
 pub use henon::{HenonLayer, HenonMap, KickForm, layer_parameter_count};
 pub use kick::Kick;
 pub use linear_module::{LinearModule, linear_module_parameter_count};
 pub use potential::{Potential, TanhPotential};
 pub use shear::Shear;
 pub use turn::{CircleAction, PlaneTurn, TorusAction, Turn, TurnStep, quarter_turns};
-pub use turned_kick::TurnedKick;
+pub use turned::{OfMomenta, Turned, TurnedCoupling, TurnedKick};
 pub use twist::{FastPlanes, Twist, TwistShears};
 pub(crate) use twist::{form_len, shear_len};

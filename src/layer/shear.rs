@@ -2,8 +2,8 @@
 
 use crate::scalar::{Over, Pack, Scalar};
 
-/// A shear, or a few that belong together, bound to its parameters: an exactly
-/// symplectic step whose inverse is of the same kind.
+/// A shear, or a few that belong together, bound to its parameters: a step whose inverse is of
+/// the same kind. All but the [affine coupling](super::AffineCoupling) are exactly symplectic.
 ///
 /// A network is a sequence of them. Whoever implements this for a new kind of
 /// step writes one file; all that is done with steps goes through these methods:
@@ -15,8 +15,8 @@ use crate::scalar::{Over, Pack, Scalar};
 ///
 /// Coordinates are changed by [`Over::increment`] and exact operations (signs,
 /// exchanges) alone: this is what makes the inverse exact where increments are
-/// rounded to a grid, unless, as in a [`Twist`](super::Twist), the factor of an increment
-/// depends on what it changes.
+/// rounded to a grid, unless, as in a [`Twist`](super::Twist) and an
+/// [`AffineCoupling`](super::AffineCoupling), the factor of an increment depends on what it changes.
 pub trait Shear<P: Scalar>: Copy {
     /// n.
     fn dof(&self) -> usize;

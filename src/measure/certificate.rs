@@ -249,7 +249,8 @@ impl CertificateOptions {
 /// Measures the laws that `model` is built to obey.
 ///
 /// A HénonNet or SympNet: those of [`certify_map`]. A gyroceptron: those of
-/// [`certify_family`] and [`laws::formula_of_generator`]. One in normal form: those of
+/// [`certify_family`] and [`laws::formula_of_generator`]; one of couplings: those of
+/// [`certify_nearly_periodic`]. One in normal form: those of
 /// [`certify_normal_form`]; with a perturbation, those of [`certify_map`], and at ε = 0 those of a normal
 /// form. HénonNets and gyroceptrons:
 /// [`laws::exact_relations`]. Cost: some 200 evaluations over dual numbers a
@@ -278,6 +279,7 @@ pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate
                 out.extend(integrable.into_iter().map(|tally| tally.where_("ε = 0")));
                 out
             }
+            Model::CouplingGyroceptron(network) => of_any_family(network, &samples),
             Model::Gyroceptron(network) => {
                 let mut out = of_family(network, &samples);
                 out.push(laws::formula_of_generator(network, samples.points()));
@@ -340,6 +342,16 @@ pub fn certify_family(family: &dyn NearlyPeriodic, options: CertificateOptions) 
     Certificate::of(options, of_family(family, &samples_of(family, options))).within(family)
 }
 
+/// The laws of a nearly-periodic map that is not symplectic, as of a system with friction: those of
+/// [`certify_family`] but for symplecticity and the drift of μ₀, which it does not have. How far it is
+/// from symplectic is reported.
+pub fn certify_nearly_periodic(
+    family: &dyn NearlyPeriodic,
+    options: CertificateOptions,
+) -> Certificate {
+    Certificate::of(options, of_any_family(family, &samples_of(family, options))).within(family)
+}
+
 /// The laws of a map P = χ∘R∘χ⁻¹ in normal form: those of [`certify_map`], that it is
 /// this composition, that it commutes with the action conjugated by χ, and that R
 /// keeps the actions: not those of one with a perturbation, for which [`certify`] asks at ε = 0 only.
@@ -390,8 +402,24 @@ fn of_map_with(symplecticity: Tally, map: &dyn Measurable, samples: &Samples) ->
 }
 
 fn of_family(family: &dyn NearlyPeriodic, samples: &Samples) -> Vec<Tally> {
+    let symplecticity = laws::symplecticity(family, samples.points());
+    let mut out = of_family_with(symplecticity, family, samples);
+    out.push(laws::adiabatic_invariance(family, samples.points()));
+    out
+}
+
+fn of_any_family(family: &dyn NearlyPeriodic, samples: &Samples) -> Vec<Tally> {
+    let symplecticity = laws::symplecticity_of("symplecticity of P", family, samples.points());
+    of_family_with(symplecticity.stating("JᵀΩJ = Ω, not claimed").reported(), family, samples)
+}
+
+fn of_family_with(
+    symplecticity: Tally,
+    family: &dyn NearlyPeriodic,
+    samples: &Samples,
+) -> Vec<Tally> {
     let points = samples.points();
-    let mut out = of_map(family, samples);
+    let mut out = of_map_with(symplecticity, family, samples);
     let psi = family.conjugation();
     let near_identity = family.near_identity_at(family.epsilon());
     let forward = Direction::Forward;
@@ -408,6 +436,5 @@ fn of_family(family: &dyn NearlyPeriodic, samples: &Samples) -> Vec<Tally> {
     out.push(laws::near_periodicity(family, points));
     out.extend(laws::circle_action(family, samples));
     out.extend(laws::conjugated_circle_action(family, samples));
-    out.push(laws::adiabatic_invariance(family, points));
     out
 }

@@ -5,7 +5,9 @@ use super::measured_step::{
 };
 use crate::error::Error;
 use crate::layer::{HenonLayer, HenonMap, Kick, Turn};
-use crate::network::{Composition, Gyroceptron, HenonNet, Model, NormalForm, SympNet, map_points};
+use crate::network::{
+    Composition, CouplingGyroceptron, Gyroceptron, HenonNet, Model, NormalForm, SympNet, map_points,
+};
 use crate::phase::{Direction, Map};
 use crate::scalar::{Dual, Tracked};
 use serde::{Deserialize, Serialize};
@@ -200,6 +202,13 @@ impl Measurable for NormalForm<f64> {
     measured_by_composition!();
 }
 
+impl Measurable for CouplingGyroceptron<f64> {
+    measured_by_composition!();
+    fn layers(&self) -> Layers<'_> {
+        forward_layers(self.composition().step_by_step())
+    }
+}
+
 impl Measurable for Model {
     measured_by_composition!();
     fn layers(&self) -> Layers<'_> {
@@ -207,6 +216,7 @@ impl Measurable for Model {
             Self::HenonNet(net) => Measurable::layers(net),
             Self::Gyroceptron(net) => Measurable::layers(net),
             Self::NormalForm(net) => Measurable::layers(net),
+            Self::CouplingGyroceptron(net) => Measurable::layers(net),
             Self::SympNet(net) => Measurable::layers(net),
         }
     }
@@ -398,5 +408,32 @@ impl<M: Measurable> Measurable for Within<M> {
     }
     fn domain(&self) -> Vec<Coordinate> {
         self.domain.clone()
+    }
+}
+
+impl NearlyPeriodic for CouplingGyroceptron<f64> {
+    fn map_at(&self, epsilon: f64) -> Box<dyn Measurable + '_> {
+        Box::new(self.with_epsilon(epsilon))
+    }
+    fn near_identity_at(&self, epsilon: f64) -> Box<dyn Measurable + '_> {
+        Box::new(self.near_identity().with_epsilon(epsilon))
+    }
+    fn conjugation(&self) -> Box<dyn Measurable + '_> {
+        Box::new(self.psi())
+    }
+    fn action_weights(&self) -> &[i32] {
+        self.shape().circle_action.weights()
+    }
+    fn turn(&self, theta: f64, z: &mut [f64]) {
+        self.shape().circle_action.at(theta).apply(z, false);
+    }
+    fn conjugated_action_at(&self, theta: f64) -> Box<dyn Measurable + '_> {
+        Box::new(self.conjugated_circle_action(theta))
+    }
+    fn angle(&self) -> f64 {
+        self.theta()
+    }
+    fn epsilon(&self) -> f64 {
+        CouplingGyroceptron::epsilon(self)
     }
 }

@@ -44,7 +44,7 @@ pub use adjoint::{Adjoint, RESOLVED, adjoint_ratio};
 pub use averaging::averaged_invariant;
 pub use certificate::{
     Certificate, CertificateOptions, certify, certify_all, certify_family, certify_map,
-    certify_normal_form,
+    certify_nearly_periodic, certify_normal_form,
 };
 pub use circle_axioms::{
     CircleAxiom, circle_axiom_ratio, conjugated_axiom_ratio, turning_axiom_ratio,

@@ -174,17 +174,15 @@ impl<P: Scalar> Composition<P> {
         let turns = self.turns.len();
         self.turns.extend(other.turns.iter().cloned());
         let undo = direction == Direction::Inverse;
-        let moved = other.steps.iter().map(|step| Step {
-            kind: match step.kind {
-                Kind::Turn { prepared } => Kind::Turn { prepared: prepared + turns },
-                Kind::TurnedKick { width, prepared } => {
-                    Kind::TurnedKick { width, prepared: prepared + turns }
-                }
-                ref kind => kind.clone(),
-            },
-            parameters: step.parameters.start + offset..step.parameters.end + offset,
-            inverse: step.inverse != undo,
-            near_identity: step.near_identity,
+        let moved = other.steps.iter().map(|step| {
+            let mut kind = step.kind.clone();
+            kind.prepared_mut().into_iter().for_each(|prepared| *prepared += turns);
+            Step {
+                kind,
+                parameters: step.parameters.start + offset..step.parameters.end + offset,
+                inverse: step.inverse != undo,
+                near_identity: step.near_identity,
+            }
         });
         if undo { self.steps.extend(moved.rev()) } else { self.steps.extend(moved) }
     }
@@ -232,6 +230,12 @@ impl<P: Scalar> Composition<P> {
         Self { steps, ..self.clone() }
     }
 
+    /// Each of the steps as a map of its own, in the order of application.
+    pub fn step_by_step(&self) -> impl Iterator<Item = Self> + '_ {
+        let alone = |step: &Step| Self { steps: vec![step.clone()], ..self.clone() };
+        self.steps.iter().map(alone)
+    }
+
     /// This map at another ε.
     pub fn with_epsilon(&self, epsilon: P) -> Self {
         Self { epsilon, ..self.clone() }
@@ -258,7 +262,7 @@ impl<P: Scalar> Composition<P> {
         Error::check_count("parameters", self.parameters.len(), parameters.len())?;
         let (mut steps, mut turns) = (self.steps.clone(), Vec::new());
         for step in &mut steps {
-            if let Kind::Turn { prepared } | Kind::TurnedKick { prepared, .. } = &mut step.kind {
+            if let Some(prepared) = step.kind.prepared_mut() {
                 let turn = &self.turns[*prepared];
                 let angles = &parameters[step.parameters.clone()][..turn.angle_count()];
                 *prepared = turns.len();
@@ -486,18 +490,35 @@ impl<P: Real> Composition<P> {
         Ok(out)
     }
 
-    /// Appends a turned kick near the identity with these parameters.
+    /// Appends a turned kick with these parameters.
     pub(super) fn push_turned_kick(
         &mut self,
         width: usize,
         parameters: Range<usize>,
         near_identity: bool,
     ) {
-        let prepared = self.turns.len();
+        let prepared = self.prepare(&parameters);
+        let kind = Kind::TurnedKick { width, prepared };
+        self.push(Step { kind, parameters, inverse: false, near_identity });
+    }
+
+    /// Appends a turned coupling with these parameters.
+    pub(super) fn push_turned_coupling(
+        &mut self,
+        width: usize,
+        parameters: Range<usize>,
+        near_identity: bool,
+    ) {
+        let prepared = self.prepare(&parameters);
+        let kind = Kind::TurnedCoupling { width, prepared };
+        self.push(Step { kind, parameters, inverse: false, near_identity });
+    }
+
+    /// Prepares the turn of each plane by its angle, the first of these parameters.
+    fn prepare(&mut self, parameters: &Range<usize>) -> usize {
         let angles = &self.parameters[parameters.clone()][..self.dof];
         self.turns.push(Turn::by_angles(angles));
-        let kind = Kind::TurnedKick { width, prepared };
-        self.steps.push(Step { kind, parameters, inverse: false, near_identity });
+        self.turns.len() - 1
     }
 
     /// Appends a turn whose angles are these of the parameters, one for each circle

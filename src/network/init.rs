@@ -1,7 +1,7 @@
 //! Initial weights.
 
 use super::{NormalFormShape, SympNetShape};
-use crate::layer::form_len;
+use crate::layer::{coupling_parameter_count, form_len};
 use crate::random::Stream;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -12,7 +12,8 @@ use std::f64::consts::PI;
 pub enum InitialWeights {
     /// Glorot's uniform law, ±√(6/(fan-in + fan-out)), for W and w; the bounds
     /// of W for b and η too. Of SympNets, ±√(3/n) for all. Quadratic forms of twists are
-    /// normal, of about the size of their neurons' second derivatives.
+    /// normal, of about the size of their neurons' second derivatives. Of couplings, a tenth
+    /// of the law for A, B, a and β, so that a random ψ is not far from a rotation.
     ///
     /// With b = η = 0 the potential would be odd and the layer's generator
     /// −[V(y) + V(−y−η) + V(−x) + V(x−η)] zero: I_ε would differ from the
@@ -78,6 +79,22 @@ impl InitialWeights {
         for &width in shape.perturbation.iter().flatten() {
             out.extend(self.turned_kick(shape.dof(), width, stream));
         }
+        out
+    }
+
+    /// A coupling in turned coordinates, its angles uniform, so that all directions of phase space are
+    /// seen.
+    pub(super) fn turned_coupling(self, dof: usize, width: usize, stream: &mut Stream) -> Vec<f64> {
+        let mut out: Vec<f64> = (0..dof).map(|_| stream.uniform(-PI, PI)).collect();
+        let inner = inner_bound(dof, width);
+        let outer = 0.1 * (6.0 / (width + dof) as f64).sqrt();
+        let neurons = (dof + 1) * width;
+        let draw = |index| match self {
+            Self::Glorot if index < neurons => stream.uniform(-inner, inner),
+            Self::Glorot => stream.uniform(-outer, outer),
+            Self::Normal { scale } => scale * stream.normal(),
+        };
+        out.extend((0..coupling_parameter_count(dof, width)).map(draw));
         out
     }
 

@@ -1,7 +1,7 @@
 //! Networks: compositions of layers over one flat parameter vector.
 //!
-//! [`HenonNet`] (plain and near the identity), [`Gyroceptron`], [`NormalForm`] and
-//! [`SympNet`] are each
+//! [`HenonNet`] (plain and near the identity), [`Gyroceptron`], [`NormalForm`],
+//! [`SympNet`] and [`CouplingGyroceptron`], which alone is not symplectic, are each
 //! a [`Composition`], which is what is evaluated, inverted, differentiated and
 //! measured. [`Model`] is any of them in double precision, as files hold it.
 //!
@@ -15,7 +15,8 @@
 //! module has n. A normal-form gyroceptron is the layers of ψ, the turned kicks, each its n
 //! angles and W, b, w, the twist shears, each W (d × h, the rows of the actions first), b, w and,
 //! the first, third and so on, the rows of the upper triangle of Q (d × d), and an angle for each
-//! circle. A SympNet is its modules in the order of application.
+//! circle. A SympNet is its modules in the order of application. A gyroceptron of couplings is the
+//! couplings of ψ, those of I_ε, each its n angles and W (n × h), b, A (n × h), a, B (n × h), β, and θ.
 
 /// What a network that is its composition has of [`Map`](crate::phase::Map).
 macro_rules! map_of_composition {
@@ -34,6 +35,7 @@ macro_rules! map_of_composition {
 
 mod batch;
 mod composition;
+mod coupling_gyroceptron;
 mod gyroceptron;
 mod henon_net;
 mod init;
@@ -45,6 +47,7 @@ mod symp_net;
 
 pub use batch::{Rollout, map_points, rollout};
 pub use composition::{Composition, Recording};
+pub use coupling_gyroceptron::{CouplingGyroceptron, CouplingGyroceptronShape};
 pub use gyroceptron::{Gyroceptron, GyroceptronShape};
 pub use henon_net::{HenonNet, HenonShape};
 pub use init::InitialWeights;

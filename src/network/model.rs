@@ -2,8 +2,8 @@
 
 use super::batch::{Rollout, map_points, rollout};
 use super::{
-    Composition, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights, NormalForm,
-    NormalFormShape, SympNet, SympNetShape,
+    Composition, CouplingGyroceptron, CouplingGyroceptronShape, Gyroceptron, GyroceptronShape,
+    HenonNet, HenonShape, InitialWeights, NormalForm, NormalFormShape, SympNet, SympNetShape,
 };
 use crate::error::Error;
 use crate::layer::CircleAction;
@@ -45,6 +45,14 @@ pub enum Architecture {
         /// ε.
         epsilon: f64,
     },
+    /// A gyroceptron of affine couplings: not symplectic.
+    CouplingGyroceptron {
+        /// Circle action and widths.
+        #[serde(flatten)]
+        shape: CouplingGyroceptronShape,
+        /// ε.
+        epsilon: f64,
+    },
     /// An LA-SympNet.
     SympNet {
         /// Modules, shears and activation.
@@ -60,6 +68,7 @@ impl Architecture {
             Self::HenonNet { shape, .. } => shape.dof,
             Self::Gyroceptron { shape, .. } => shape.dof(),
             Self::NormalForm { shape, .. } => shape.dof(),
+            Self::CouplingGyroceptron { shape, .. } => shape.dof(),
             Self::SympNet { shape } => shape.dof,
         }
     }
@@ -69,7 +78,8 @@ impl Architecture {
         match self {
             Self::HenonNet { epsilon, .. }
             | Self::Gyroceptron { epsilon, .. }
-            | Self::NormalForm { epsilon, .. } => *epsilon,
+            | Self::NormalForm { epsilon, .. }
+            | Self::CouplingGyroceptron { epsilon, .. } => *epsilon,
             Self::SympNet { .. } => 1.0,
         }
     }
@@ -80,6 +90,7 @@ impl Architecture {
             Self::HenonNet { shape, .. } => shape.parameter_count(),
             Self::Gyroceptron { shape, .. } => shape.parameter_count(),
             Self::NormalForm { shape, .. } => shape.parameter_count(),
+            Self::CouplingGyroceptron { shape, .. } => shape.parameter_count(),
             Self::SympNet { shape } => shape.parameter_count(),
         }
     }
@@ -92,7 +103,7 @@ impl Architecture {
                 vec![("psi", shape.psi_shape()), ("near_identity", shape.near_identity_shape())]
             }
             Self::NormalForm { shape, .. } => vec![("psi", shape.psi_shape())],
-            Self::SympNet { .. } => Vec::new(),
+            Self::SympNet { .. } | Self::CouplingGyroceptron { .. } => Vec::new(),
         }
     }
 
@@ -116,6 +127,7 @@ impl Architecture {
             Self::Gyroceptron { .. } => out.push(("theta".into(), [1, 1])),
             Self::NormalForm { shape, .. } => out.extend(shape.tensors()),
             Self::SympNet { shape } => out.extend(shape.tensors()),
+            Self::CouplingGyroceptron { shape, .. } => out.extend(shape.tensors()),
         }
         out
     }
@@ -126,7 +138,13 @@ impl Architecture {
             Self::HenonNet { .. } | Self::SympNet { .. } => &[],
             Self::Gyroceptron { shape, .. } => std::slice::from_ref(&shape.circle_action),
             Self::NormalForm { shape, .. } => shape.action.circles(),
+            Self::CouplingGyroceptron { shape, .. } => std::slice::from_ref(&shape.circle_action),
         }
+    }
+
+    /// Whether maps of the architecture are symplectic, whatever their weights.
+    pub fn is_symplectic(&self) -> bool {
+        !matches!(self, Self::CouplingGyroceptron { .. })
     }
 
     /// Fails unless ε is finite, there is a degree of freedom, and no layer is
@@ -149,8 +167,10 @@ impl Architecture {
             Error::check_count_range("linear modules", shape.modules, 1, usize::MAX)?;
             Error::check_count_range("shears of a linear module", shape.shears, 1, usize::MAX)?;
         }
-        if let Self::NormalForm { shape, .. } = self {
-            shape.check()?;
+        match self {
+            Self::NormalForm { shape, .. } => shape.check()?,
+            Self::CouplingGyroceptron { shape, .. } => shape.check()?,
+            Self::HenonNet { .. } | Self::Gyroceptron { .. } | Self::SympNet { .. } => {}
         }
         for circle in self.circles() {
             let too_large = |weight: &&i32| weight.unsigned_abs() > LARGEST_WEIGHT;
@@ -197,6 +217,15 @@ impl Architecture {
                 let mut stream = Stream::new(seed, "weights/symp-net");
                 parameters.extend(weights.modules(shape, &mut stream));
             }
+            Self::CouplingGyroceptron { shape, .. } => {
+                for (part, widths) in shape.parts() {
+                    let mut stream = Stream::new(seed, &format!("weights/couplings/{part}"));
+                    for &width in widths {
+                        parameters.extend(weights.turned_coupling(shape.dof(), width, &mut stream));
+                    }
+                }
+                parameters.push(theta);
+            }
         }
         Model::new(self.clone(), parameters)
     }
@@ -214,6 +243,8 @@ pub enum Model {
     Gyroceptron(Gyroceptron<f64>),
     /// A gyroceptron in normal form.
     NormalForm(NormalForm<f64>),
+    /// A gyroceptron of affine couplings.
+    CouplingGyroceptron(CouplingGyroceptron<f64>),
     /// An LA-SympNet.
     SympNet(SympNet<f64>),
 }
@@ -239,6 +270,9 @@ impl Model {
             Architecture::NormalForm { shape, epsilon } => {
                 Self::NormalForm(NormalForm::new(shape, epsilon, parameters)?)
             }
+            Architecture::CouplingGyroceptron { shape, epsilon } => {
+                Self::CouplingGyroceptron(CouplingGyroceptron::new(shape, epsilon, parameters)?)
+            }
             Architecture::SympNet { shape } => Self::SympNet(SympNet::new(shape, parameters)?),
         })
     }
@@ -256,6 +290,10 @@ impl Model {
             Self::NormalForm(net) => {
                 Architecture::NormalForm { shape: net.shape().clone(), epsilon: net.epsilon() }
             }
+            Self::CouplingGyroceptron(net) => Architecture::CouplingGyroceptron {
+                shape: net.shape().clone(),
+                epsilon: net.epsilon(),
+            },
             Self::SympNet(net) => Architecture::SympNet { shape: net.shape().clone() },
         }
     }
@@ -266,6 +304,7 @@ impl Model {
             Self::HenonNet(net) => net.composition(),
             Self::Gyroceptron(net) => net.composition(),
             Self::NormalForm(net) => net.composition(),
+            Self::CouplingGyroceptron(net) => net.composition(),
             Self::SympNet(net) => net.composition(),
         }
     }
@@ -302,7 +341,8 @@ impl Model {
         let mut architecture = self.architecture();
         match &mut architecture {
             Architecture::HenonNet { .. } | Architecture::SympNet { .. } => {}
-            Architecture::Gyroceptron { epsilon: own, .. } => *own = epsilon,
+            Architecture::Gyroceptron { epsilon: own, .. }
+            | Architecture::CouplingGyroceptron { epsilon: own, .. } => *own = epsilon,
             Architecture::NormalForm { epsilon: own, shape } => {
                 *own = epsilon;
                 shape.flow_time *= time;
@@ -380,16 +420,16 @@ impl Model {
     /// The gyroceptron, if it is one.
     pub fn gyroceptron(&self) -> Option<&Gyroceptron<f64>> {
         match self {
-            Self::HenonNet(_) | Self::NormalForm(_) | Self::SympNet(_) => None,
             Self::Gyroceptron(net) => Some(net),
+            _ => None,
         }
     }
 
     /// The gyroceptron in normal form, if it is one.
     pub fn normal_form(&self) -> Option<&NormalForm<f64>> {
         match self {
-            Self::HenonNet(_) | Self::Gyroceptron(_) | Self::SympNet(_) => None,
             Self::NormalForm(net) => Some(net),
+            _ => None,
         }
     }
 
@@ -415,10 +455,11 @@ impl Model {
 
     /// The invariant of the network as a function of a point: μ₀ = 𝔍₀∘ψ⁻¹ of a gyroceptron,
     /// which is adiabatic; the sum of the actions 𝔍∘χ⁻¹ of one in normal form, which is
-    /// exact, but for a perturbation. None of networks that are built on no circle.
+    /// exact, but for a perturbation. None of networks that are built on no circle, or are not
+    /// symplectic.
     pub fn invariant(&self) -> Option<Invariant<'_>> {
         Some(match self {
-            Self::HenonNet(_) | Self::SympNet(_) => return None,
+            Self::HenonNet(_) | Self::SympNet(_) | Self::CouplingGyroceptron(_) => return None,
             Self::Gyroceptron(net) => {
                 let psi = net.psi();
                 Box::new(move |z| net.shape().circle_action.conjugated_invariant(&psi, z))
@@ -434,7 +475,7 @@ impl Model {
     /// actions 𝔍_a∘χ⁻¹, whose sum is [`Model::invariant`].
     pub fn invariants(&self) -> Vec<(CircleAction, Invariant<'_>)> {
         match self {
-            Self::HenonNet(_) | Self::SympNet(_) => Vec::new(),
+            Self::HenonNet(_) | Self::SympNet(_) | Self::CouplingGyroceptron(_) => Vec::new(),
             Self::Gyroceptron(net) => {
                 let circle = net.shape().circle_action.clone();
                 self.invariant().map(|invariant| (circle, invariant)).into_iter().collect()

@@ -2,8 +2,8 @@
 
 use super::Composition;
 use crate::layer::{
-    Activation, ActivationModule, Kick, KickForm, LinearModule, Shear, TanhPotential, TurnStep,
-    TurnedKick, Twist, TwistShears,
+    Activation, ActivationModule, AffineCoupling, Kick, KickForm, LinearModule, Shear,
+    TanhPotential, TurnStep, TurnedCoupling, TurnedKick, Twist, TwistShears,
 };
 use crate::phase::Half;
 use crate::scalar::Scalar;
@@ -46,6 +46,13 @@ pub enum Kind {
         /// Which of the composition's prepared turns.
         prepared: usize,
     },
+    /// An affine coupling in turned coordinates; its first n parameters are the angles.
+    TurnedCoupling {
+        /// The number of neurons.
+        width: usize,
+        /// Which of the composition's prepared turns.
+        prepared: usize,
+    },
     /// The flow of functions of the actions and of half the slow coordinates.
     Twist {
         /// Its shears.
@@ -67,6 +74,21 @@ pub enum Kind {
         /// The half that it changes.
         target: Half,
     },
+}
+
+impl Kind {
+    /// Which of the composition's prepared turns it has, if any.
+    pub(super) fn prepared_mut(&mut self) -> Option<&mut usize> {
+        match self {
+            Self::Turn { prepared }
+            | Self::TurnedKick { prepared, .. }
+            | Self::TurnedCoupling { prepared, .. } => Some(prepared),
+            Self::Kick { .. }
+            | Self::Twist { .. }
+            | Self::Linear { .. }
+            | Self::Activation { .. } => None,
+        }
+    }
 }
 
 /// What is done with a step once it is bound.
@@ -143,7 +165,7 @@ impl<P: Scalar> Composition<P> {
                 macro_rules! visit {
                     ($D:literal) => {{
                         let potential = TanhPotential::<P, $D>::new(self.dof(), width, potential);
-                        let kick = TurnedKick { turn, potential, scale };
+                        let kick = TurnedKick::new(turn, potential, scale);
                         visitor.visit(if inverse { kick.inverse() } else { kick })
                     }};
                 }
@@ -152,6 +174,12 @@ impl<P: Scalar> Composition<P> {
                     3 if T::SPECIALISED => visit!(3),
                     _ => visit!(0),
                 }
+            }
+            Kind::TurnedCoupling { width, prepared } => {
+                let (turn, parameters) = (self.turn(prepared), &parameters[self.dof()..]);
+                let shear = AffineCoupling::new(self.dof(), width, scale, parameters);
+                let coupling = TurnedCoupling { turn, shear };
+                visitor.visit(if inverse { coupling.inverse() } else { coupling })
             }
             Kind::Twist { ref shears, factor } => {
                 let scale = scale * P::from_f64(factor);

@@ -102,12 +102,13 @@ impl Model {
 
 #[pymethods]
 impl Model {
-    /// "gyroceptron", "normal-form", "henon-net" or "sympnet".
+    /// "gyroceptron", "normal-form", "coupling-gyroceptron", "henon-net" or "sympnet".
     #[getter]
     fn kind(&self) -> &'static str {
         match self.architecture() {
             Architecture::Gyroceptron { .. } => "gyroceptron",
             Architecture::NormalForm { .. } => "normal-form",
+            Architecture::CouplingGyroceptron { .. } => "coupling-gyroceptron",
             Architecture::HenonNet { .. } => "henon-net",
             Architecture::SympNet { .. } => "sympnet",
         }

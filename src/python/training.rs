@@ -94,7 +94,7 @@ impl Watch for Calling<'_> {
 /// `train` does, to the same bits.
 ///
 /// circle_action: the weight of each plane, such as [1, 0], or those of several circles.
-/// architecture: "gyroceptron", "normal-form", "henon-net" or "sympnet".
+/// architecture: "gyroceptron", "normal-form", "coupling-gyroceptron", "henon-net" or "sympnet".
 /// psi, near_identity, kicks, twists, perturbation, layers: (layers, neurons) of the parts that it
 /// has; a normal form with a perturbation is nearly integrable, of order one without it.
 /// optimiser: "l-bfgs", "lm" (Levenberg-Marquardt, which gets furthest) or "adam".
@@ -234,10 +234,12 @@ impl Shapes {
         let mut network = match architecture {
             "gyroceptron" => NetworkSpec::default_gyroceptron(),
             "normal-form" => NetworkSpec::default_normal_form(),
+            "coupling-gyroceptron" => NetworkSpec::default_coupling_gyroceptron(),
             "henon-net" => NetworkSpec::default_henon_net(),
             "sympnet" => NetworkSpec::default_symp_net(),
             _ => {
-                let expected = "gyroceptron, normal-form, henon-net or sympnet";
+                let expected =
+                    "gyroceptron, normal-form, coupling-gyroceptron, henon-net or sympnet";
                 return Err(Error::invalid("architecture", architecture, expected));
             }
         };
@@ -250,7 +252,8 @@ impl Shapes {
             layers: mut plain,
         } = self;
         match &mut network {
-            NetworkSpec::Gyroceptron { psi: own, near_identity: near, .. } => {
+            NetworkSpec::Gyroceptron { psi: own, near_identity: near, .. }
+            | NetworkSpec::CouplingGyroceptron { psi: own, near_identity: near, .. } => {
                 *own = psi.take().map_or(*own, layers);
                 *near = near_identity.take().map_or(*near, layers);
             }

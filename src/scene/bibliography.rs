@@ -25,6 +25,16 @@ pub(super) const SYMP_NET: &str = "@article{JinEtAl2020,
 }
 ";
 
+/// Affine coupling layers.
+pub(super) const COUPLINGS: &str = "@inproceedings{DinhEtAl2017,
+  author = {Dinh, Laurent and Sohl-Dickstein, Jascha and Bengio, Samy},
+  title = {Density estimation using {Real} {NVP}},
+  booktitle = {5th International Conference on Learning Representations},
+  year = {2017},
+  url = {https://arxiv.org/abs/1605.08803}
+}
+";
+
 /// Levenberg–Marquardt.
 pub(super) const MARQUARDT: &str = "@article{Marquardt1963,
   author = {Marquardt, Donald W.},

@@ -4,7 +4,8 @@ use crate::error::Error;
 use crate::flow::{Integrator, Pairs, ReferenceTrajectories, Window, whole_periods};
 use crate::layer::{Activation, CircleAction, TorusAction};
 use crate::network::{
-    Architecture, GyroceptronShape, HenonShape, InitialWeights, NormalFormShape, SympNetShape,
+    Architecture, CouplingGyroceptronShape, GyroceptronShape, HenonShape, InitialWeights,
+    NormalFormShape, SympNetShape,
 };
 use crate::scene::subject::{FileData, Subject};
 use crate::system::{Counted, Hamiltonian, System};
@@ -203,6 +204,17 @@ pub enum NetworkSpec {
         /// [`NormalFormShape::perturbation`]. Of 0 layers, an integrable one.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         perturbation: Option<Layers>,
+    },
+    /// A gyroceptron of affine couplings, which is not symplectic, with the circle action of the
+    /// system.
+    CouplingGyroceptron {
+        /// The couplings of ψ.
+        psi: Layers,
+        /// The couplings of I_ε.
+        near_identity: Layers,
+        /// Φ; the system's, unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        circle_action: Option<CircleAction>,
     },
     /// A gyroceptron with the weights of a file, `.safetensors` or `.npz`, as
     /// [`import_weights`](crate::io::import_weights) takes them: it is not trained.
@@ -599,6 +611,12 @@ impl NetworkSpec {
         Self::Gyroceptron { psi: layers, near_identity: layers, circle_action: None }
     }
 
+    /// ψ and I_ε of about as many parameters.
+    pub fn default_coupling_gyroceptron() -> Self {
+        let (psi, near_identity) = (Layers { count: 4, width: 8 }, Layers { count: 12, width: 8 });
+        Self::CouplingGyroceptron { psi, near_identity, circle_action: None }
+    }
+
     /// ψ_ε and T_ε that learn pairs of times up to 50.
     pub fn default_normal_form() -> Self {
         let twists = TwistLayers { count: 16, width: ByTurns::Same(8) };
@@ -638,7 +656,10 @@ impl NetworkSpec {
     /// How many layers each of its parts has.
     fn counts(&self) -> Vec<usize> {
         match self {
-            Self::Gyroceptron { psi, near_identity, .. } => vec![psi.count, near_identity.count],
+            Self::Gyroceptron { psi, near_identity, .. }
+            | Self::CouplingGyroceptron { psi, near_identity, .. } => {
+                vec![psi.count, near_identity.count]
+            }
             Self::HenonNet { layers } => vec![layers.count],
             Self::NormalForm { psi, kicks, twists, perturbation, .. } => {
                 let few = [kicks.count, twists.count];
@@ -669,6 +690,16 @@ impl NetworkSpec {
                 },
                 epsilon,
             },
+            Self::CouplingGyroceptron { psi, near_identity, circle_action } => {
+                Architecture::CouplingGyroceptron {
+                    shape: CouplingGyroceptronShape {
+                        circle_action: circle_action.as_ref().unwrap_or(action).clone(),
+                        psi: psi.widths(),
+                        near_identity: near_identity.widths(),
+                    },
+                    epsilon,
+                }
+            }
             Self::NormalForm { psi, kicks, twists, action: own, perturbation } => {
                 Architecture::NormalForm {
                     shape: NormalFormShape {

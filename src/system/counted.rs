@@ -45,6 +45,10 @@ impl<H: Hamiltonian> Hamiltonian for Counted<'_, H> {
         self.system.energy(z, time)
     }
     #[inline(always)]
+    fn add_dissipation<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
+        self.system.add_dissipation(z, time, out);
+    }
+    #[inline(always)]
     fn vector_field<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
         // A thread of another pool than the one that made this shares a slot.
         let thread = rayon::current_thread_index().map_or(0, |index| index + 1);

@@ -1,4 +1,4 @@
-//! Nearly-periodic Hamiltonian systems: one file each.
+//! Nearly-periodic systems, Hamiltonian ones and one that is not: a file each.
 
 mod counted;
 mod field_lines;
@@ -6,6 +6,7 @@ mod full_orbit;
 mod oscillators;
 mod particle_field;
 mod three_oscillators;
+mod van_der_pol;
 
 pub use counted::Counted;
 pub use field_lines::FieldLines;
@@ -13,13 +14,15 @@ pub use full_orbit::FullOrbit;
 pub use oscillators::{AveragedOscillator, Oscillators};
 pub use particle_field::{FieldProfile, ParticleField};
 pub use three_oscillators::ThreeOscillators;
+pub use van_der_pol::VanDerPol;
 
 use crate::error::Error;
 use crate::layer::{CircleAction, TorusAction};
 use crate::scalar::{Dual, Elementary, max_or_nan};
 use serde::{Deserialize, Serialize};
 
-/// A Hamiltonian system on ℝ²ⁿ with the canonical form: its energy is all that it needs.
+/// A Hamiltonian system on ℝ²ⁿ with the canonical form: its energy is all that it needs. Friction and other
+/// forces that no energy has come beside it: ż = Ω∇H(z, t) + D(z, t).
 pub trait Hamiltonian {
     /// n.
     fn dof(&self) -> usize;
@@ -28,11 +31,18 @@ pub trait Hamiltonian {
     /// flows several times as fast: it is then compiled for the vector registers that they go in.
     fn energy<S: Elementary>(&self, z: &[S], time: f64) -> S;
 
-    /// `out` ← Ω∇H(z, t): by duals, unless given; the equations of motion written out take a
+    /// `out` += D(z, t), which is not Hamiltonian; nothing, unless given. Flows then are not symplectic.
+    #[inline(always)]
+    fn add_dissipation<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
+        let _ = (z, time, out);
+    }
+
+    /// `out` ← Ω∇H(z, t) + D(z, t): by duals, unless given; the equations of motion written out take a
     /// fraction of that, and want `#[inline(always)]` too.
     #[inline(always)]
     fn vector_field<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
         symplectic_gradient(self, z, time, out);
+        self.add_dissipation(z, time, out);
     }
 
     /// The period of H in time; none where it is no function of it. Steps of a flow map begin at
@@ -103,7 +113,7 @@ pub fn symplectic_gradient<S: Elementary>(
     }
 }
 
-/// A nearly-periodic Hamiltonian system.
+/// A nearly-periodic system.
 ///
 /// Its flow at ε = 0 is ψ∘Φ_{ω₀t}∘ψ⁻¹ with the system's circle action Φ, a
 /// constant frequency ω₀ and a symplectic map ψ (the identity where the action
@@ -124,7 +134,7 @@ pub trait NearlyPeriodic: Hamiltonian {
         (self.circle_action().into(), vec![self.limiting_frequency()])
     }
 
-    /// μ₀(z), the adiabatic invariant to leading order.
+    /// μ₀(z), the adiabatic invariant to leading order; with dissipation, the action of the limit, which is none.
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S;
 
     /// Another approximate invariant, that its users know by the name given with it; none, unless there is one.
@@ -176,6 +186,8 @@ pub enum System {
     FullOrbit(FullOrbit),
     /// Two fast oscillators and a slow one.
     ThreeOscillators(ThreeOscillators),
+    /// A self-excited oscillator with a slow one: not Hamiltonian.
+    VanDerPol(VanDerPol),
 }
 
 /// Runs `$body` on the system behind the enum.
@@ -187,6 +199,7 @@ macro_rules! each_system {
             $crate::system::System::FieldLines($system) => $body,
             $crate::system::System::FullOrbit($system) => $body,
             $crate::system::System::ThreeOscillators($system) => $body,
+            $crate::system::System::VanDerPol($system) => $body,
         }
     };
 }
@@ -201,7 +214,13 @@ impl System {
             Self::FieldLines(_) => "field-lines",
             Self::FullOrbit(_) => "full-orbit",
             Self::ThreeOscillators(_) => "three-oscillators",
+            Self::VanDerPol(_) => "van-der-pol",
         }
+    }
+
+    /// Whether it is not Hamiltonian: nothing is conserved, not even nearly.
+    pub fn dissipates(&self) -> bool {
+        matches!(self, Self::VanDerPol(_))
     }
 
     /// The system with another ε.
@@ -212,6 +231,7 @@ impl System {
             Self::FieldLines(system) => system.epsilon = epsilon,
             Self::FullOrbit(system) => system.epsilon = epsilon,
             Self::ThreeOscillators(system) => system.epsilon = epsilon,
+            Self::VanDerPol(system) => system.epsilon = epsilon,
         }
         self
     }
@@ -228,6 +248,7 @@ impl System {
             Self::FieldLines(system) => system.check(),
             Self::FullOrbit(system) => system.check(),
             Self::ThreeOscillators(system) => system.check(),
+            Self::VanDerPol(system) => system.check(),
         }
     }
 }
@@ -238,6 +259,10 @@ impl Hamiltonian for System {
     }
     fn energy<S: Elementary>(&self, z: &[S], time: f64) -> S {
         each_system!(self, s => s.energy(z, time))
+    }
+    #[inline(always)]
+    fn add_dissipation<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
+        each_system!(self, s => s.add_dissipation(z, time, out))
     }
     #[inline(always)]
     fn vector_field<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {

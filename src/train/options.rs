@@ -143,7 +143,10 @@ impl TrainingOptions {
     /// # Errors
     /// [`Error::Invalid`] with the option and its value.
     pub fn check_for(&self, architecture: &Architecture) -> Result<(), Error> {
-        let has_near_identity = matches!(architecture, Architecture::Gyroceptron { .. });
+        let has_near_identity = matches!(
+            architecture,
+            Architecture::Gyroceptron { .. } | Architecture::CouplingGyroceptron { .. }
+        );
         if self.near_identity_penalty > 0.0 && !has_near_identity {
             let (name, found) = ("training.near_identity_penalty", self.near_identity_penalty);
             return Err(Error::invalid(name, found, "0: only a gyroceptron has I_ε"));

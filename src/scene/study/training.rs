@@ -3,7 +3,7 @@
 use super::Study;
 use crate::measure::{Spread, component_errors, milestones};
 use crate::network::Architecture;
-use crate::scene::bibliography::{ADAM, HENON_NET, LBFGS, MARQUARDT, SYMP_NET};
+use crate::scene::bibliography::{ADAM, COUPLINGS, HENON_NET, LBFGS, MARQUARDT, SYMP_NET};
 use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
@@ -40,6 +40,7 @@ impl Study for TrainingStudy {
             match model.network {
                 NetworkSpec::File { .. } => continue,
                 NetworkSpec::SympNet { .. } => out.push(SYMP_NET),
+                NetworkSpec::CouplingGyroceptron { .. } => out.push(COUPLINGS),
                 NetworkSpec::Gyroceptron { .. }
                 | NetworkSpec::NormalForm { .. }
                 | NetworkSpec::HenonNet { .. } => {}

@@ -1,41 +1,63 @@
-//! Kicks in coordinates turned by angles of their own.
+//! Shears in coordinates turned by angles of their own.
 
-use super::{Kick, Shear, TanhPotential, Turn};
+use super::{AffineCoupling, Kick, Shear, TanhPotential, Turn};
 use crate::phase::Half;
 use crate::scalar::{Over, Pack, Scalar};
 
-/// R(−φ)∘K∘R(φ): each plane turned clockwise by its angle φ_j, a
-/// kick p += c∇V(q), turned back.
+/// A shear that moves the momenta alone. What it keeps for its pullback begins with the
+/// positions.
+pub trait OfMomenta<P: Scalar>: Shear<P> {
+    /// Whether it moves nothing, whatever the point.
+    fn is_identity(&self) -> bool;
+}
+
+/// R(−φ)∘K∘R(φ): each plane turned clockwise by its angle φ_j, a shear K of the momenta, turned
+/// back.
+///
+/// Its parameters are `[φ (n), …those of K…]`.
+#[derive(Clone, Copy, Debug)]
+pub struct Turned<'a, P, T> {
+    /// R(φ).
+    pub turn: &'a Turn<P>,
+    /// K.
+    pub shear: T,
+}
+
+/// R(−φ)∘K∘R(φ) with a kick K: p += c∇V(q).
 ///
 /// It is the time-c flow of −V(q cos φ + p sin φ), by planes: sums of such functions,
 /// of all φ, come near every function of phase space, where kicks of positions
 /// and of momenta alone have generators A(q) + B(p) to first order in c.
 ///
 /// Its parameters are `[φ (n), …potential…]`.
-#[derive(Clone, Copy, Debug)]
-pub struct TurnedKick<'a, P, const D: usize = 0> {
-    /// R(φ).
-    pub turn: &'a Turn<P>,
-    /// V.
-    pub potential: TanhPotential<'a, P, D>,
-    /// c.
-    pub scale: P,
-}
+pub type TurnedKick<'a, P, const D: usize = 0> =
+    Turned<'a, P, Kick<'a, P, TanhPotential<'a, P, D>>>;
 
 impl<'a, P: Scalar, const D: usize> TurnedKick<'a, P, D> {
-    /// K.
+    /// The kick with this potential and c = `scale`.
     #[inline(always)]
-    fn kick(&self) -> Kick<'a, P, TanhPotential<'a, P, D>> {
-        let (potential, scale) = (self.potential, self.scale);
-        Kick { potential, scale, reflect: false, shift: None, target: Half::Momentum }
+    pub fn new(turn: &'a Turn<P>, potential: TanhPotential<'a, P, D>, scale: P) -> Self {
+        let target = Half::Momentum;
+        Self { turn, shear: Kick { potential, scale, reflect: false, shift: None, target } }
     }
+}
 
-    /// A factor of zero moves nothing, not even by the rounding of two turns.
+/// Of a kick of the momenta whose argument is neither reflected nor shifted, as
+/// [`TurnedKick::new`] makes it.
+impl<P: Scalar, const D: usize> OfMomenta<P> for Kick<'_, P, TanhPotential<'_, P, D>> {
     #[inline(always)]
     fn is_identity(&self) -> bool {
-        self.scale.is_zero()
+        Kick::is_identity(self)
     }
+}
 
+/// R(−φ)∘K∘R(φ) with an affine coupling K.
+///
+/// To first order in c its motions by x and y are, with all φ, near every vector field of phase space;
+/// those of couplings of positions and of momenta alone are of products of few of its functions.
+pub type TurnedCoupling<'a, P> = Turned<'a, P, AffineCoupling<'a, P>>;
+
+impl<P: Scalar, T> Turned<'_, P, T> {
     /// What a cotangent says of a plane's generator, q̇ = p, ṗ = −q, at this point.
     #[inline(always)]
     fn moment<S: Scalar>(j: usize, q: &[S], p: &[S], z_bar: &[S]) -> S {
@@ -43,49 +65,49 @@ impl<'a, P: Scalar, const D: usize> TurnedKick<'a, P, D> {
     }
 }
 
-impl<P: Scalar, const D: usize> Shear<P> for TurnedKick<'_, P, D> {
+impl<P: Scalar, T: OfMomenta<P>> Shear<P> for Turned<'_, P, T> {
     #[inline(always)]
     fn dof(&self) -> usize {
-        self.potential.n()
+        self.shear.dof()
     }
 
     #[inline(always)]
     fn inverse(self) -> Self {
-        Self { scale: -self.scale, ..self }
+        Self { shear: self.shear.inverse(), ..self }
     }
 
     #[inline(always)]
     fn tape_len(&self) -> usize {
-        Shear::<P>::tape_len(&self.kick()) + 2 * self.potential.n()
+        self.shear.tape_len() + 2 * self.shear.dof()
     }
 
     #[inline(always)]
     fn activation_count(&self) -> usize {
-        self.potential.width()
+        self.shear.activation_count()
     }
 
     #[inline(always)]
     fn apply<S: Over<P>>(&self, z: &mut [S], scratch: &mut [S]) {
-        if self.is_identity() {
+        if self.shear.is_identity() {
             return;
         }
         self.turn.apply(z, false);
-        self.kick().apply(z, scratch);
+        self.shear.apply(z, scratch);
         self.turn.apply(z, true);
     }
 
-    /// The momenta before and after the kick are kept behind what the kick keeps, whose
+    /// The momenta before and after the shear are kept behind what the shear keeps, whose
     /// first numbers are the positions.
     #[inline(always)]
     fn record<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
-        if self.is_identity() {
+        if self.shear.is_identity() {
             return;
         }
-        let n = self.potential.n();
-        let (of_kick, momenta) = tape.split_at_mut(tape.len() - 2 * n);
+        let n = self.shear.dof();
+        let (of_shear, momenta) = tape.split_at_mut(tape.len() - 2 * n);
         self.turn.apply(z, false);
         momenta[..n].copy_from_slice(&z[n..]);
-        Shear::record(&self.kick(), z, of_kick, scratch);
+        self.shear.record(z, of_shear, scratch);
         momenta[n..].copy_from_slice(&z[n..]);
         self.turn.apply(z, true);
     }
@@ -98,20 +120,20 @@ impl<P: Scalar, const D: usize> Shear<P> for TurnedKick<'_, P, D> {
         parameters_bar: &mut [S],
         scratch: &mut [S],
     ) {
-        if self.is_identity() {
+        if self.shear.is_identity() {
             return;
         }
-        let n = self.potential.n();
-        let (of_kick, momenta) = tape.split_at(tape.len() - 2 * n);
-        let (angles_bar, potential_bar) = parameters_bar.split_at_mut(n);
-        let q = &of_kick[..n];
+        let n = self.shear.dof();
+        let (of_shear, momenta) = tape.split_at(tape.len() - 2 * n);
+        let (angles_bar, shear_bar) = parameters_bar.split_at_mut(n);
+        let q = &of_shear[..n];
         // A rotation is orthogonal: its adjoint is its inverse, and the moments of its
         // generator are the same before and after it.
         self.turn.apply(z_bar, false);
         for j in 0..n {
             angles_bar[j] -= Self::moment(j, q, &momenta[n..], z_bar);
         }
-        Shear::pull(&self.kick(), of_kick, z_bar, potential_bar, scratch);
+        self.shear.pull(of_shear, z_bar, shear_bar, scratch);
         for j in 0..n {
             angles_bar[j] += Self::moment(j, q, &momenta[..n], z_bar);
         }
@@ -120,15 +142,15 @@ impl<P: Scalar, const D: usize> Shear<P> for TurnedKick<'_, P, D> {
 
     #[inline(always)]
     fn apply_along<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
-        if self.is_identity() {
+        if self.shear.is_identity() {
             return;
         }
-        let dim = 2 * self.potential.n();
+        let dim = 2 * self.shear.dof();
         self.turn.apply(z, false);
         for direction in directions.chunks_exact_mut(dim) {
             self.turn.apply(direction, false);
         }
-        self.kick().apply_along(z, directions, scratch);
+        self.shear.apply_along(z, directions, scratch);
         self.turn.apply(z, true);
         for direction in directions.chunks_exact_mut(dim) {
             self.turn.apply(direction, true);
@@ -140,11 +162,11 @@ impl<P: Scalar, const D: usize> Shear<P> for TurnedKick<'_, P, D> {
     where
         P: Over<P>,
     {
-        if self.is_identity() {
+        if self.shear.is_identity() {
             return;
         }
         self.turn.apply(z, false);
-        self.kick().apply_across::<V>(z, scratch);
+        self.shear.apply_across::<V>(z, scratch);
         self.turn.apply(z, true);
     }
 }

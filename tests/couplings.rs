@@ -1,0 +1,228 @@
+//! Gyroceptrons of affine couplings: nearly periodic, invertible, and not symplectic.
+
+use gyroceptron::layer::{AffineCoupling, CircleAction, Shear, coupling_parameter_count};
+use gyroceptron::measure::{
+    CertificateOptions, Verdict, certify, certify_map, certify_nearly_periodic, jacobian,
+};
+use gyroceptron::network::{
+    Architecture, CouplingGyroceptron, CouplingGyroceptronShape, InitialWeights, Model,
+};
+use gyroceptron::phase::Map;
+use gyroceptron::random::Stream;
+use gyroceptron::scalar::max_or_nan;
+
+fn architecture(action: &[i32], epsilon: f64) -> Architecture {
+    Architecture::CouplingGyroceptron {
+        shape: CouplingGyroceptronShape {
+            circle_action: CircleAction::new(action),
+            psi: vec![5, 3],
+            near_identity: vec![4, 6, 1],
+        },
+        epsilon,
+    }
+}
+
+fn network(action: &[i32], epsilon: f64, weights: InitialWeights, seed: u64) -> Model {
+    architecture(action, epsilon).initialise(weights, 2.4, seed).expect("valid")
+}
+
+fn couplings(model: &Model) -> &CouplingGyroceptron<f64> {
+    match model {
+        Model::CouplingGyroceptron(network) => network,
+        other => panic!("{other:?}"),
+    }
+}
+
+const OPTIONS: CertificateOptions = CertificateOptions { samples: 25, radius: 1.6, seed: 4 };
+
+/// All laws of a nearly-periodic map but those of the canonical form, which is measured, and refused
+/// where it is claimed.
+#[test]
+fn they_are_invertible_and_nearly_periodic_and_symplecticity_is_refused() {
+    for (index, action) in [&[1][..], &[1, 0], &[2, -1], &[1, 0, 3]].into_iter().enumerate() {
+        for scale in [0.1, 0.5, 1.0] {
+            let weights = InitialWeights::Normal { scale };
+            let model = network(action, 0.05, weights, index as u64);
+            let certificate = certify(&model, OPTIONS);
+            assert!(certificate.holds(), "{action:?} {scale}: {certificate}");
+            let row = &certificate.rows[0];
+            assert!(row.law.contains("symplecticity"), "{row:?}");
+            assert_eq!(row.verdict, Verdict::Reported);
+            assert!(row.median.expect("finite") > 1e6, "{row:?}");
+            assert!(certificate.rows.len() >= 18, "{certificate}");
+            let claimed = certify_map(couplings(&model), OPTIONS);
+            let refused: Vec<_> =
+                claimed.rows.iter().filter(|row| row.verdict == Verdict::Violated).collect();
+            assert_eq!(refused.len(), 1, "{claimed}");
+            assert!(refused[0].law.contains("symplecticity"), "{claimed}");
+        }
+    }
+}
+
+#[test]
+fn one_certificate_is_the_other() {
+    let model = network(&[1, 0], 0.05, InitialWeights::Glorot, 3);
+    let text = |c: gyroceptron::measure::Certificate| format!("{c}");
+    let own = certify_nearly_periodic(couplings(&model), OPTIONS);
+    assert_eq!(text(certify(&model, OPTIONS)), text(own));
+}
+
+fn weights(count: usize, size: f64, name: &str) -> Vec<f64> {
+    let mut stream = Stream::new(7, name);
+    (0..count).map(|_| stream.uniform(-size, size)).collect()
+}
+
+/// The definition, read off its parameters one by one.
+#[test]
+fn a_coupling_is_its_definition() {
+    for (n, h) in [(1, 3), (2, 6), (3, 1), (5, 9)] {
+        let parameters = weights(coupling_parameter_count(n, h), 1.5, "coupling");
+        let z = weights(2 * n, 2.0, "point");
+        let at = |start: usize, i: usize, j: usize| parameters[start + i * h + j];
+        let (bias, to_scale, to_shift) = (n * h, (n + 1) * h, (2 * n + 1) * h + n);
+        let hidden: Vec<f64> = (0..h)
+            .map(|j| {
+                let sum: f64 = (0..n).map(|i| at(0, i, j) * z[i]).sum();
+                (sum + parameters[bias + j]).tanh()
+            })
+            .collect();
+        let output = |start: usize, i: usize| {
+            let sum: f64 = (0..h).map(|j| at(start, i, j) * hidden[j]).sum();
+            sum + parameters[start + n * h + i]
+        };
+        let c = 0.7;
+        let mut expected = z.clone();
+        let mut volume = 1.0;
+        for i in 0..n {
+            let tau = (c * output(to_scale, i)).tanh();
+            let factor = (2.0 + tau) / (2.0 - tau);
+            assert!((1.0 / 3.0..3.0).contains(&factor));
+            volume *= factor;
+            expected[n + i] = factor * z[n + i] + c * output(to_shift, i);
+        }
+        let coupling = AffineCoupling::new(n, h, c, &parameters);
+        let (mut image, mut scratch) = (z.clone(), vec![0.0; 2 * n]);
+        coupling.apply(&mut image, &mut scratch);
+        let error = |a: &[f64], b: &[f64]| {
+            a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
+        };
+        assert!(error(&image, &expected) < 1e-14, "{image:?} {expected:?}");
+        coupling.undo(&mut image, &mut scratch);
+        assert!(error(&image, &z) < 1e-14, "{image:?} {z:?}");
+
+        struct One<'a>(AffineCoupling<'a, f64>);
+        impl<S: gyroceptron::scalar::Over<f64>> Map<S> for One<'_> {
+            fn dof(&self) -> usize {
+                self.0.dof()
+            }
+            fn forward(&self, z: &mut [S]) {
+                self.0.apply(z, &mut vec![S::zero(); z.len()]);
+            }
+            fn inverse(&self, z: &mut [S]) {
+                self.0.undo(z, &mut vec![S::zero(); z.len()]);
+            }
+        }
+        let jacobian = jacobian(&One(coupling), &z);
+        assert!((jacobian.determinant() - volume).abs() < 1e-13 * volume);
+        assert!((volume - 1.0).abs() > 1e-3);
+    }
+}
+
+/// The first order of I_ε − Id: each coupling's x(q) ⊙ p + y(q) in its own turned coordinates.
+#[test]
+fn the_generator_of_the_near_identity_part_is_the_sum_of_its_couplings() {
+    let model = network(&[1, 0], 0.0, InitialWeights::Normal { scale: 0.8 }, 5);
+    let network = couplings(&model);
+    let (n, widths) = (2, [4, 6, 1]);
+    let all = network.near_identity();
+    let steps = all.steps();
+    assert_eq!(steps.len(), widths.len());
+    let z = [0.4, -0.9, 1.1, 0.3];
+    let mut expected = [0.0; 4];
+    for (step, h) in steps.iter().zip(widths) {
+        let own = &all.parameters()[step.parameters.clone()];
+        assert_eq!(own.len(), n + coupling_parameter_count(n, h));
+        let (angles, own) = own.split_at(n);
+        let turned = |i: usize| {
+            let (s, c) = angles[i].sin_cos();
+            [c * z[i] + s * z[n + i], c * z[n + i] - s * z[i]]
+        };
+        let hidden: Vec<f64> = (0..h)
+            .map(|j| {
+                let sum: f64 = (0..n).map(|i| own[i * h + j] * turned(i)[0]).sum();
+                (sum + own[n * h + j]).tanh()
+            })
+            .collect();
+        for i in 0..n {
+            let output = |start: usize| {
+                let sum: f64 = (0..h).map(|j| own[start + i * h + j] * hidden[j]).sum();
+                sum + own[start + n * h + i]
+            };
+            let (x, y) = (output((n + 1) * h), output((2 * n + 1) * h + n));
+            let change = x * turned(i)[1] + y;
+            let (s, c) = angles[i].sin_cos();
+            expected[i] -= s * change;
+            expected[n + i] += c * change;
+        }
+    }
+    let moved = |epsilon: f64| {
+        let mut out = z;
+        all.with_epsilon(epsilon).forward(&mut out);
+        out
+    };
+    for (i, expected) in expected.into_iter().enumerate() {
+        let slope = |e: f64| (moved(e)[i] - moved(-e)[i]) / (2.0 * e);
+        // The error of the first is a quarter of that of half of it: the extrapolation is of fourth order.
+        let found = (4.0 * slope(5e-4) - slope(1e-3)) / 3.0;
+        assert!((found - expected).abs() < 1e-10, "{i}: {found} {expected}");
+        assert!(expected.abs() > 0.05);
+    }
+}
+
+/// Each factor is bounded whatever its weights: there is no point that is moved to infinity or onto
+/// another one.
+#[test]
+fn large_weights_are_undone_too() {
+    let (n, h) = (2, 5);
+    for size in [1e3, 1e100, 1e300] {
+        let mut parameters = weights(coupling_parameter_count(n, h), size, "large");
+        // Shifts of order one: what is lost beside a large number does not come back.
+        let shift = (2 * n + 1) * h + n;
+        for weight in &mut parameters[shift..] {
+            *weight /= size;
+        }
+        let coupling = AffineCoupling::new(n, h, 1.0, &parameters);
+        let z: [f64; 4] = [0.3, -0.2, 1.5, -0.7];
+        let (mut image, mut scratch) = (z, [0.0; 4]);
+        coupling.apply(&mut image, &mut scratch);
+        assert!(image[2].abs() < 3.0 * 1.5 + 10.0, "{image:?}");
+        assert!((image[2] - z[2]).abs() > 0.1);
+        coupling.undo(&mut image, &mut scratch);
+        for (a, b) in image.iter().zip(z) {
+            assert!((a - b).abs() < 1e-13, "{size}: {image:?}");
+        }
+    }
+}
+
+#[test]
+fn shapes_without_neurons_are_refused() {
+    let bad = |shape: CouplingGyroceptronShape| {
+        let found = Architecture::CouplingGyroceptron { shape, epsilon: 0.1 }.check();
+        found.expect_err("accepted").to_string()
+    };
+    let shape = |action: &[i32], psi: &[usize]| CouplingGyroceptronShape {
+        circle_action: CircleAction::new(action),
+        psi: psi.to_vec(),
+        near_identity: vec![3],
+    };
+    assert!(bad(shape(&[1, 0], &[3, 0])).contains("width 0"));
+    assert!(bad(shape(&[0, 0], &[3])).contains("all weights 0"));
+    assert!(bad(shape(&[], &[3])).contains("degrees of freedom"));
+    assert!(bad(shape(&[1, 0], &[usize::MAX])).contains("parameters"));
+    let model = network(&[1, 0], 0.1, InitialWeights::Glorot, 1);
+    let count = model.composition().parameters().len();
+    assert!(model.with_parameters(vec![0.1; count - 1]).is_err());
+    assert!(model.invariant().is_none() && model.invariants().is_empty());
+    assert!(!model.architecture().is_symplectic());
+    assert_eq!(model.angle(), Some(2.4));
+}
