@@ -10,7 +10,7 @@ use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Elementary, Real, Scalar, max_or_nan};
 use gyroceptron::system::{
     AveragedOscillator, Counted, FieldLines, FieldProfile, FullOrbit, Hamiltonian, NearlyPeriodic,
-    Oscillators, ParticleField, Splittable, System, ThreeOscillators, VanDerPol,
+    Oscillators, ParticleField, Splittable, System, ThreeOscillators, VanDerPol, divergence,
     symplectic_gradient,
 };
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -1013,15 +1013,18 @@ fn the_self_excited_oscillator_is_its_equations() {
     let mut z: Vec<D> = lifted.collect();
     let split = Splitting::ABA_1064.steps::<f64>(&system, interval);
     // Simpson's rule, on steps in pairs.
-    let divergence = |z: &[D]| {
+    let rate = |z: &[D]| {
         let point: Vec<f64> = z.iter().map(|v| v.re).collect();
-        system.divergence(&point)
+        let found = divergence(&system, &point, 0.0);
+        let expected = epsilon * (1.0 - point[0] * point[0] - point[1] - damping);
+        assert!((found - expected).abs() < 1e-16, "{found} {expected}");
+        found
     };
-    let mut growth = divergence(&z);
+    let mut growth = rate(&z);
     for step in 1..=steps {
         split.take(&system, &mut z, 1);
         let weight = if step == steps { 1.0 } else { 2.0 + 2.0 * f64::from(step % 2) };
-        growth += weight * divergence(&z);
+        growth += weight * rate(&z);
     }
     growth *= interval / 3.0;
     let volume = faer::Mat::from_fn(4, 4, |i, k| z[i].eps[k]).determinant();

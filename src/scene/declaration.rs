@@ -49,6 +49,11 @@ impl Scene {
         self.setup.check()?;
         for study in self.all_studies() {
             study.check(self).map_err(|e| e.at(study.name()))?;
+            let dissipating = self.setup.system.as_ref().filter(|system| system.dissipates());
+            if let (true, Some(system)) = (study.is_of_invariants(), dissipating) {
+                let expected = "a system without dissipation: it is of what Hamiltonian flows keep";
+                return Err(Error::invalid(study.name(), system.kind(), expected));
+            }
         }
         let figures: Vec<_> = self.all_studies().iter().flat_map(|s| s.figures(self)).collect();
         if let Some(plot) = self.plots.iter().find(|plot| !figures.contains(&&plot[..])) {

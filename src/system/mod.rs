@@ -113,6 +113,19 @@ pub fn symplectic_gradient<S: Elementary>(
     }
 }
 
+/// Σ ∂żᵢ/∂zᵢ at z, by duals: how fast volumes grow. Of a Hamiltonian system, 0.
+pub fn divergence(system: &impl Hamiltonian, z: &[f64], time: f64) -> f64 {
+    let mut sum = 0.0;
+    for direction in 0..z.len() {
+        let along = |(i, &v)| Dual::<f64, 1>::variable(v, usize::from(i != direction));
+        let lifted: Vec<_> = z.iter().enumerate().map(along).collect();
+        let mut field = lifted.clone();
+        system.vector_field(&lifted, time, &mut field);
+        sum += field[direction].eps[0];
+    }
+    sum
+}
+
 /// A nearly-periodic system.
 ///
 /// Its flow at ε = 0 is ψ∘Φ_{ω₀t}∘ψ⁻¹ with the system's circle action Φ, a

@@ -48,12 +48,6 @@ impl VanDerPol {
         Error::check_range("system.damping", self.damping, 0.0, MOST)
     }
 
-    /// The divergence of the vector field, ε(1 − q₁² − q₂ − γ): how fast volumes grow.
-    pub fn divergence<S: Elementary>(&self, z: &[S]) -> S {
-        let growth = S::from_f64(1.0 - self.damping) - z[0].mul_add(z[0], z[1]);
-        S::from_f64(self.epsilon) * growth
-    }
-
     /// 1 − q₁² − q₂.
     #[inline(always)]
     fn excitation<S: Elementary>(z: &[S]) -> S {

@@ -1,6 +1,6 @@
 //! The actions of a system's torus, and those that networks have learnt.
 
-use super::Study;
+use super::{Study, check_along};
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::layer::CircleAction;
@@ -10,7 +10,7 @@ use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::setup::{MOST, Need, check_points};
+use crate::scene::setup::Need;
 use crate::system::{Hamiltonian, NearlyPeriodic, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -39,18 +39,12 @@ impl Study for ActionsOptions {
         &[Need::System, Need::FlowTime, Need::Data, Need::Models]
     }
 
+    fn is_of_invariants(&self) -> bool {
+        true
+    }
+
     fn check(&self, scene: &Scene) -> Result<(), Error> {
-        Error::check_count_range("steps", self.steps, 1, MOST)?;
-        Error::check_count_range("every", self.every, 1, self.steps)?;
-        if !self.steps.is_multiple_of(self.every) {
-            let expected = format!("a divisor of steps, {}", self.steps);
-            return Err(Error::invalid("every", self.every, expected));
-        }
-        let Some(system) = &scene.setup.system else { return Ok(()) };
-        if let Some(time) = scene.setup.flow_time {
-            scene.setup.check_repeated(time)?;
-        }
-        check_points("initial", &self.initial, system.dof())
+        check_along(scene, self.steps, self.every, &self.initial)
     }
 
     fn figures(&self, _: &Scene) -> Vec<&'static str> {

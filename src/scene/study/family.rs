@@ -1,7 +1,7 @@
 //! A family of maps: networks at ε and flow times they have seen and have not, and
 //! what their invariants are worth along the reference at each ε.
 
-use super::Study;
+use super::{Study, finite};
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::measure::{
@@ -47,6 +47,10 @@ impl Study for FamilyOptions {
 
     fn needs(&self) -> &'static [Need] {
         &[Need::System, Need::FlowTime, Need::Data, Need::Models]
+    }
+
+    fn is_of_invariants(&self) -> bool {
+        true
     }
 
     fn check(&self, scene: &Scene) -> Result<(), Error> {
@@ -234,10 +238,6 @@ impl FamilyOptions {
             Ok(Invariants { epsilon, leading, customary, averaged, learnt: learnt.collect() })
         })
     }
-}
-
-fn finite(value: f64) -> Option<f64> {
-    value.is_finite().then_some(value)
 }
 
 /// The root mean square over trajectories of the largest change of a quantity.

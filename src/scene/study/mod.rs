@@ -9,6 +9,7 @@ pub mod adiabatic_horizon;
 pub mod adiabatic_profiles;
 pub mod certificate;
 pub mod claims;
+pub mod dissipation;
 pub mod family;
 pub mod long_steps;
 pub mod overview;
@@ -29,10 +30,10 @@ pub(super) use adiabatic_horizon::CHECKPOINT as HORIZON_CHECKPOINT;
 use super::context::{Context, Halt};
 use super::declaration::Scene;
 use super::findings::Findings;
-use super::setup::{Attempt, Data, ModelSpec, Need, Setup};
+use super::setup::{Attempt, Data, MOST, ModelSpec, Need, Setup, check_points};
 use crate::error::Error;
 use crate::measure::CertificateOptions;
-use crate::system::System;
+use crate::system::{Hamiltonian, System};
 use crate::train::TrainingOptions;
 use serde::{Deserialize, Serialize};
 
@@ -43,6 +44,11 @@ pub(super) trait Study {
 
     /// What it cannot do without.
     fn needs(&self) -> &'static [Need];
+
+    /// Whether it is of what a Hamiltonian flow keeps, so that a system with dissipation is refused.
+    fn is_of_invariants(&self) -> bool {
+        false
+    }
 
     /// Fails unless its options are in range and fit the set-up, as far as that is
     /// given.
@@ -74,6 +80,31 @@ fn check_parts(study: &str, scene: &Scene) -> Result<(), Error> {
         true => Err(Error::invalid(study, "no parts", "a scene of parts")),
         false => Ok(()),
     }
+}
+
+/// Fails unless trajectories of so many steps, of which so many lead from one state that is kept to the next, are of the
+/// system from these points.
+fn check_along(
+    scene: &Scene,
+    steps: usize,
+    every: usize,
+    initial: &[Vec<f64>],
+) -> Result<(), Error> {
+    Error::check_count_range("steps", steps, 1, MOST)?;
+    Error::check_count_range("every", every, 1, steps)?;
+    if !steps.is_multiple_of(every) {
+        return Err(Error::invalid("every", every, format!("a divisor of steps, {steps}")));
+    }
+    let Some(system) = &scene.setup.system else { return Ok(()) };
+    if let Some(time) = scene.setup.flow_time {
+        scene.setup.check_repeated(time)?;
+    }
+    check_points("initial", initial, system.dof())
+}
+
+/// A number for a table; none where it is not one.
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
 }
 
 macro_rules! studies {
@@ -178,6 +209,8 @@ studies! {
     slow_manifold: SlowManifold(slow_manifold::SlowManifoldOptions),
     /// The actions of a torus, and those that networks have learnt.
     actions: Actions(actions::ActionsOptions),
+    /// Volumes and attractors of a flow that is not Hamiltonian.
+    dissipation: Dissipation(dissipation::DissipationOptions),
     /// Surfaces of field lines over many turns.
     surfaces: Surfaces(surfaces::SurfacesOptions),
     /// Which circle action the pairs have.

@@ -84,6 +84,10 @@ impl Study for RolloutOptions {
         &[Need::Subject, Need::FlowTime]
     }
 
+    fn is_of_invariants(&self) -> bool {
+        true
+    }
+
     fn check(&self, scene: &Scene) -> Result<(), Error> {
         Error::check_count_range("steps", self.steps, 1, usize::MAX)?;
         Error::check_count_range("every", self.every, 1, self.steps)?;

@@ -43,6 +43,10 @@ impl Study for TrajectoriesOptions {
         &[Need::System, Need::FlowTime]
     }
 
+    fn is_of_invariants(&self) -> bool {
+        true
+    }
+
     fn check(&self, scene: &Scene) -> Result<(), Error> {
         Error::check_count_range("number of epsilons", self.epsilons.len(), 1, MOST_EPSILONS)?;
         if let Some(bad) = self.epsilons.iter().find(|epsilon| !epsilon.is_finite()) {

@@ -1,0 +1,418 @@
+//! Networks of a flow that is not Hamiltonian: volumes, and where trajectories come to.
+
+use super::{Study, check_along, finite};
+use crate::error::Error;
+use crate::flow::Trajectories;
+use crate::measure::{root_mean_square, root_mean_square_distance, symplecticity_defect};
+use crate::network::{Composition, Rollout, map_jacobians};
+use crate::scalar::max_or_nan;
+use crate::scene::context::{Context, Halt};
+use crate::scene::declaration::Scene;
+use crate::scene::figure::{Figure, Panel, Series, Style};
+use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::setup::{MOST, Need};
+use crate::system::{Hamiltonian, NearlyPeriodic, System, divergence};
+use faer::MatRef;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+const FIGURE: &str = "dissipation";
+/// The states of the first trajectory that are drawn over time.
+const DRAWN: usize = 120;
+/// Between two states of the reference that its divergence is summed over, in fast angles.
+const FINE: f64 = 0.1;
+
+/// By how much volumes change and how far maps are from symplectic, of each network and of the flow; and the
+/// action along trajectories, which goes to the same values wherever they start.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DissipationOptions {
+    /// Volumes are compared at so many held-out points.
+    pub points: usize,
+    /// Applications of each network, …
+    pub steps: usize,
+    /// … of which so many lead from one state that is kept to the next.
+    pub every: usize,
+    /// The initial points.
+    pub initial: Vec<Vec<f64>>,
+}
+
+impl Study for DissipationOptions {
+    fn name(&self) -> &'static str {
+        "dissipation"
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::System, Need::FlowTime, Need::Data, Need::Models]
+    }
+
+    fn check(&self, scene: &Scene) -> Result<(), Error> {
+        Error::check_count_range("points", self.points, 1, MOST)?;
+        check_along(scene, self.steps, self.every, &self.initial)
+    }
+
+    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+        vec![FIGURE]
+    }
+
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+        let (system, time, models) = (context.system()?, context.flow_time()?, context.models()?);
+        let points = self.points_of(context)?;
+        let (growth, volume_error) = self.growth(context, system, &points, time)?;
+        let mut volumes = Vec::new();
+        for trained in models.iter() {
+            let map = trained.model().composition();
+            volumes.push(Volumes::new(&trained.spec.name, map, &points, &growth)?);
+        }
+        let interval = self.every as f64 * time;
+        let states = self.steps / self.every + 1;
+        let reference = context.reference(system, &self.initial, interval, states)?;
+        let request = Rollout { steps: self.steps, every: self.every };
+        let rolled = context.rollouts(&self.initial, request)?;
+        let along = &reference.trajectories;
+        let mut all = vec![Along::new("the reference", system, along, along, interval)];
+        for (trained, own) in models.iter().zip(rolled.iter()) {
+            let name = format!("`{}`", trained.spec.name);
+            all.push(Along::new(&name, system, own, along, interval));
+        }
+        let found = Results { volumes, all };
+        let text = format!(
+            "log det J of the flow is the integral of its divergence along the reference, whose error is {volume_error:.1e}, at {} \
+             held-out points. Trajectories of time {} from {} points, {states} states of each; error of the reference \
+             at the end: {:.1e}. The action J of the limit is no invariant; its least, mean and largest values are \
+             those of the second half, and its period is the mean time between two rises through the \
+             mean.",
+            points.len(),
+            self.steps as f64 * time,
+            self.initial.len(),
+            reference.error
+        );
+        let figures = match context.draws(FIGURE) {
+            true => vec![self.figure(system, &found, along, &rolled, interval)],
+            false => Vec::new(),
+        };
+        Ok(Findings {
+            title: "Dissipation".into(),
+            results: Section {
+                summary: vec![
+                    Block::Table(found.volumes()),
+                    Block::Text(found.sentence(system)),
+                    Block::Table(found.along()),
+                ],
+                details: vec![Block::Text(text)],
+                data: json!({ "volumes": found.volumes, "along": found.all }),
+            },
+            figures,
+            ..Findings::default()
+        })
+    }
+}
+
+impl DissipationOptions {
+    /// Held-out points, evenly chosen.
+    fn points_of(&self, context: &mut Context<'_>) -> Result<Vec<Vec<f64>>, Halt> {
+        let data = context.data()?;
+        let pairs = data.to_judge_by();
+        let count = self.points.min(pairs.len());
+        let dim = 2 * pairs.dof();
+        let row = |k: usize| pairs.input().chunks_exact(dim).nth(k * pairs.len() / count);
+        Ok((0..count).filter_map(row).map(<[f64]>::to_vec).collect())
+    }
+
+    /// log det of the flow's Jacobian at each point, by Simpson's rule, with how far that is from the same on
+    /// every other state.
+    fn growth(
+        &self,
+        context: &mut Context<'_>,
+        system: &System,
+        points: &[Vec<f64>],
+        time: f64,
+    ) -> Result<(Vec<f64>, f64), Halt> {
+        // A multiple of four, so that every other state is an even number of intervals too.
+        let turns = time * system.fastest_plane() / FINE;
+        let intervals = (turns.ceil() as usize).clamp(4, MOST).next_multiple_of(4);
+        let interval = time / intervals as f64;
+        let fine = context.reference(system, points, interval, intervals + 1)?;
+        let states = &fine.trajectories;
+        let (mut out, mut error) = (Vec::new(), 0.0);
+        for m in 0..states.count() {
+            let rates: Vec<f64> = states.of(m).map(|z| divergence(system, z, 0.0)).collect();
+            let every_other: Vec<f64> = rates.iter().step_by(2).copied().collect();
+            let growth = simpson(&rates, interval);
+            error = max_or_nan(error, (growth - simpson(&every_other, 2.0 * interval)).abs());
+            out.push(growth);
+        }
+        Ok((out, error))
+    }
+
+    /// The action over time, and the planes that the limit leaves alone in the end.
+    fn figure(
+        &self,
+        system: &System,
+        found: &Results,
+        reference: &Trajectories,
+        rolled: &[Trajectories],
+        interval: f64,
+    ) -> Figure {
+        let everyone = || std::iter::once(reference).chain(rolled);
+        let mut over_time = Vec::new();
+        for (color, (one, states)) in found.all.iter().zip(everyone()).enumerate() {
+            let action = |(k, z)| (k as f64 * interval, system.adiabatic_invariant::<f64>(z));
+            over_time.push(Series {
+                name: one.of.replace('`', ""),
+                color,
+                style: if color == 0 { Style::Line } else { Style::Marked },
+                points: states.of(0).take(DRAWN).enumerate().map(action).collect(),
+            });
+        }
+        let mut panels = vec![Panel {
+            title: "the first trajectory".into(),
+            x_label: "time".into(),
+            y_label: "action J".into(),
+            series: over_time,
+            ..Panel::default()
+        }];
+        let (action, dof) = (system.circle_action(), system.dof());
+        let slow = action.weights().iter().position(|weight| *weight == 0);
+        if let Some(plane) = slow {
+            let mut series = Vec::new();
+            for (color, (one, states)) in found.all.iter().zip(everyone()).enumerate() {
+                let half = states.states() / 2;
+                let last = (0..states.count()).flat_map(|m| states.of(m).skip(half));
+                series.push(Series {
+                    name: one.of.replace('`', ""),
+                    color,
+                    style: Style::Dots,
+                    points: last.map(|z| (z[plane], z[dof + plane])).collect(),
+                });
+            }
+            panels.push(Panel {
+                title: "all trajectories, second half".into(),
+                x_label: format!("q{}", crate::scene::words::subscript(plane + 1)),
+                y_label: format!("p{}", crate::scene::words::subscript(plane + 1)),
+                series,
+                ..Panel::default()
+            });
+        }
+        let caption = "Left: the action of the limit along the first trajectory. Right: the plane that the limit leaves \
+                       alone, in the second half of all trajectories.";
+        Figure::in_a_row(FIGURE, caption, panels)
+    }
+}
+
+/// ∫ of an odd number of values, equally far apart.
+fn simpson(values: &[f64], interval: f64) -> f64 {
+    let last = values.len() - 1;
+    let weight = |k: usize| match k {
+        0 => 1.0,
+        k if k == last => 1.0,
+        k if k % 2 == 1 => 4.0,
+        _ => 2.0,
+    };
+    let sum: f64 = values.iter().enumerate().map(|(k, value)| weight(k) * value).sum();
+    sum * interval / 3.0
+}
+
+/// What one application does to volumes and to the canonical form.
+#[derive(Serialize)]
+struct Volumes {
+    name: String,
+    /// The root mean square of log det J of the flow.
+    of_flow: f64,
+    /// That of the network.
+    own: f64,
+    /// That of their difference.
+    error: f64,
+    /// The root mean square of the largest entry of JᵀΩJ − Ω.
+    defect: f64,
+}
+
+impl Volumes {
+    fn new(
+        name: &str,
+        map: &Composition<f64>,
+        points: &[Vec<f64>],
+        growth: &[f64],
+    ) -> Result<Self, Error> {
+        let dim = 2 * map.dof();
+        let mut jacobians = vec![0.0; points.len() * dim * dim];
+        map_jacobians(map, &points.concat(), &mut jacobians)?;
+        let (mut own, mut error, mut defects) = (Vec::new(), Vec::new(), Vec::new());
+        for (jacobian, growth) in jacobians.chunks_exact(dim * dim).zip(growth) {
+            let jacobian = MatRef::from_row_major_slice(jacobian, dim, dim);
+            let volume = libm::log(jacobian.determinant().abs());
+            own.push(volume);
+            error.push(volume - growth);
+            let defect = symplecticity_defect(jacobian);
+            let entries = (0..dim * dim).map(|k| defect[(k / dim, k % dim)].abs());
+            defects.push(entries.fold(0.0, max_or_nan));
+        }
+        Ok(Self {
+            name: name.to_owned(),
+            of_flow: root_mean_square(growth),
+            own: root_mean_square(&own),
+            error: root_mean_square(&error),
+            defect: root_mean_square(&defects),
+        })
+    }
+}
+
+/// Trajectories, and the action along them.
+#[derive(Serialize)]
+struct Along {
+    of: String,
+    /// The root mean square distance from the reference.
+    distance: f64,
+    /// Of the action in the second half.
+    least: f64,
+    mean: f64,
+    largest: f64,
+    /// The mean time between two rises of the action through its mean.
+    period: Option<f64>,
+}
+
+impl Along {
+    fn new(
+        of: &str,
+        system: &System,
+        own: &Trajectories,
+        reference: &Trajectories,
+        interval: f64,
+    ) -> Self {
+        let half = own.states() / 2;
+        let (mut least, mut largest, mut sum, mut count) = (0.0, 0.0, 0.0, 0);
+        let mut periods = Vec::new();
+        for m in 0..own.count() {
+            let actions: Vec<f64> =
+                own.of(m).skip(half).map(|z| system.adiabatic_invariant(z)).collect();
+            for action in &actions {
+                least = if count == 0 { *action } else { -max_or_nan(-least, -action) };
+                largest = if count == 0 { *action } else { max_or_nan(largest, *action) };
+                sum += action;
+                count += 1;
+            }
+            periods.extend(period(&actions, interval));
+        }
+        let all = periods.len() == own.count();
+        let mean_period = periods.iter().sum::<f64>() / periods.len() as f64;
+        Self {
+            of: of.to_owned(),
+            distance: root_mean_square_distance(own.values(), reference.values(), own.dim()),
+            least,
+            mean: sum / f64::from(count),
+            largest,
+            period: all.then_some(mean_period),
+        }
+    }
+}
+
+/// The mean time between two rises of a sampled quantity through its mean; none where it does not swing.
+fn period(values: &[f64], interval: f64) -> Option<f64> {
+    /// Less is a ripple.
+    const LEAST_SWING: f64 = 0.05;
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let deviations: Vec<f64> = values.iter().map(|value| value - mean).collect();
+    if !(root_mean_square(&deviations) > LEAST_SWING * mean.abs()) {
+        return None;
+    }
+    let mut rises = Vec::new();
+    for (k, pair) in deviations.windows(2).enumerate() {
+        let (before, after) = (pair[0], pair[1]);
+        if before < 0.0 && after >= 0.0 {
+            rises.push(k as f64 + before / (before - after));
+        }
+    }
+    match rises[..] {
+        [first, .., last] => Some((last - first) / (rises.len() - 1) as f64 * interval),
+        _ => None,
+    }
+}
+
+struct Results {
+    volumes: Vec<Volumes>,
+    all: Vec<Along>,
+}
+
+impl Results {
+    fn volumes(&self) -> Table {
+        let mut table = Table::new([
+            ("network", Format::Exact),
+            ("log det J of the flow, rms", Format::Exponent(2)),
+            ("its own, rms", Format::Exponent(2)),
+            ("difference, rms", Format::Exponent(1)),
+            ("JᵀΩJ − Ω, largest entry, rms", Format::Exponent(1)),
+        ]);
+        for one in &self.volumes {
+            table.push([
+                format!("`{}`", one.name).into(),
+                one.of_flow.into(),
+                one.own.into(),
+                finite(one.error).into(),
+                finite(one.defect).into(),
+            ]);
+        }
+        table
+    }
+
+    /// What can be told of networks that keep volumes where the flow does not.
+    fn sentence(&self, system: &System) -> String {
+        if !system.dissipates() {
+            return "The flow is Hamiltonian: volumes are kept.".into();
+        }
+        let keeps = |one: &&Volumes| one.own < 1e-6 * one.of_flow;
+        let names: Vec<String> =
+            self.volumes.iter().filter(keeps).map(|one| format!("`{}`", one.name)).collect();
+        if names.is_empty() {
+            return "The flow contracts volumes, and trajectories come to an attractor.".into();
+        }
+        format!(
+            "The flow contracts volumes, and trajectories come to an attractor; {} cannot: a map that is symplectic for all weights has \
+             none.",
+            names.join(", ")
+        )
+    }
+
+    fn along(&self) -> Table {
+        let mut table = Table::new([
+            ("trajectories of", Format::Exact),
+            ("distance from the reference, rms", Format::Exponent(2)),
+            ("least J", Format::Fixed(4)),
+            ("mean J", Format::Fixed(4)),
+            ("largest J", Format::Fixed(4)),
+            ("period of J", Format::Fixed(2)),
+        ]);
+        for (number, one) in self.all.iter().enumerate() {
+            table.push([
+                one.of.clone().into(),
+                finite(one.distance).filter(|_| number > 0).into(),
+                finite(one.least).into(),
+                finite(one.mean).into(),
+                finite(one.largest).into(),
+                one.period.into(),
+            ]);
+        }
+        table
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_period_is_that_between_rises() {
+        let wave = |k: usize| 2.0 + (0.37 * k as f64 + 0.4).sin();
+        let values: Vec<f64> = (0..400).map(wave).collect();
+        let found = period(&values, 0.5).expect("it swings");
+        assert!((found - 0.5 * std::f64::consts::TAU / 0.37).abs() < 1e-2, "{found}");
+        assert_eq!(period(&[2.0, 2.01, 1.99, 2.01, 1.99, 2.01], 1.0), None);
+        assert_eq!(period(&[1.0, 2.0, 3.0], 1.0), None);
+        assert_eq!(period(&[1.0, f64::NAN, 3.0, 0.0, 5.0], 1.0), None);
+    }
+
+    #[test]
+    fn simpsons_rule_is_exact_for_cubes() {
+        let values: Vec<f64> = (0..9).map(|k| f64::from(k * k * k) / 512.0).collect();
+        assert!((simpson(&values, 0.125) - 0.25).abs() < 1e-15);
+    }
+}
