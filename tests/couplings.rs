@@ -100,7 +100,7 @@ fn a_coupling_is_its_definition() {
             volume *= factor;
             expected[n + i] = factor * z[n + i] + c * output(to_shift, i);
         }
-        let coupling = AffineCoupling::new(n, h, c, &parameters);
+        let coupling: AffineCoupling<'_, f64> = AffineCoupling::new(n, h, c, &parameters);
         let (mut image, mut scratch) = (z.clone(), vec![0.0; 2 * n]);
         coupling.apply(&mut image, &mut scratch);
         let error = |a: &[f64], b: &[f64]| {
@@ -191,7 +191,7 @@ fn large_weights_are_undone_too() {
         for weight in &mut parameters[shift..] {
             *weight /= size;
         }
-        let coupling = AffineCoupling::new(n, h, 1.0, &parameters);
+        let coupling: AffineCoupling<'_, f64> = AffineCoupling::new(n, h, 1.0, &parameters);
         let z: [f64; 4] = [0.3, -0.2, 1.5, -0.7];
         let (mut image, mut scratch) = (z, [0.0; 4]);
         coupling.apply(&mut image, &mut scratch);

@@ -1,5 +1,6 @@
 //! The affine coupling: a layer that is invertible and not symplectic.
 
+use super::unrolled::{for_neurons, in_registers};
 use super::{OfMomenta, Shear};
 use crate::scalar::{Over, Scalar};
 
@@ -13,12 +14,13 @@ use crate::scalar::{Over, Scalar};
 /// that no grid of numbers is mapped onto itself: it is undone to the last digits, not to the last
 /// bit. At c = 0 it is the identity.
 ///
-/// Its parameters are `[W (n × h, row by row), b (h), A (n × h), a (n), B (n × h), β (n)]`.
+/// Its parameters are `[W (n × h, row by row), b (h), A (n × h), a (n), B (n × h), β (n)]`. `D` fixes n
+/// at compile time where the caller knows it.
 ///
 /// Source: the affine coupling layers of Dinh, Sohl-Dickstein and Bengio,
 /// <https://arxiv.org/abs/1605.08803>, section 3.3, with f for the exponential, which is not bounded.
 #[derive(Clone, Copy, Debug)]
-pub struct AffineCoupling<'a, P> {
+pub struct AffineCoupling<'a, P, const D: usize = 0> {
     dof: usize,
     width: usize,
     w_in: &'a [P],
@@ -36,40 +38,34 @@ struct Outputs<'a, P> {
     biases: &'a [P],
 }
 
+impl<P: Scalar> Outputs<'_, P> {
+    /// out += the K neurons' part, t from j on.
+    #[inline(always)]
+    fn add<S: Over<P>, const K: usize>(&self, width: usize, j: usize, t: [S; K], out: &mut [S]) {
+        for (i, out) in out.iter_mut().enumerate() {
+            let row = &self.weights[i * width + j..][..K];
+            for k in 0..K {
+                *out = t[k].mul_add_parameter(row[k], *out);
+            }
+        }
+    }
+}
+
 /// The number of parameters of a coupling.
 pub fn coupling_parameter_count(dof: usize, width: usize) -> usize {
     let weights = dof.saturating_mul(width).saturating_mul(3);
     weights.saturating_add(width).saturating_add(dof.saturating_mul(2))
 }
 
-// No closures here: they would be compiled for any processor before they are inlined.
-
-/// Runs `$body` for all neurons, `$j` being the first of `$K` at a time: the results of one are long to
-/// come.
-macro_rules! for_neurons {
-    ($width:expr, $j:ident, $K:ident => $body:expr) => {{
-        let width = $width;
-        let mut $j = 0;
-        while $j + 4 <= width {
-            const $K: usize = 4;
-            $body;
-            $j += $K;
-        }
-        while $j < width {
-            const $K: usize = 1;
-            $body;
-            $j += $K;
-        }
-    }};
-}
-
-impl<'a, P: Scalar> AffineCoupling<'a, P> {
+impl<'a, P: Scalar, const D: usize> AffineCoupling<'a, P, D> {
     /// The coupling of these parameters with c = `scale`.
     ///
     /// # Panics
-    /// When `parameters` does not hold [`coupling_parameter_count`] numbers.
+    /// When `parameters` does not hold [`coupling_parameter_count`] numbers, or `D` is neither 0 nor
+    /// `dof`.
     #[inline(always)]
     pub fn new(dof: usize, width: usize, scale: P, parameters: &'a [P]) -> Self {
+        assert!(D == 0 || D == dof);
         let (w_in, rest) = parameters.split_at(dof * width);
         let (b_in, rest) = rest.split_at(width);
         let (of_scale, of_shift) = rest.split_at(dof * (width + 1));
@@ -82,6 +78,12 @@ impl<'a, P: Scalar> AffineCoupling<'a, P> {
         Self { dof, width, w_in, b_in, of_scale, of_shift, scale, inverse: false }
     }
 
+    /// n, a constant where `D` is.
+    #[inline(always)]
+    fn n(&self) -> usize {
+        if D > 0 { D } else { self.dof }
+    }
+
     /// tanh and sech² of K neurons from j on.
     #[inline(always)]
     fn neurons<S: Over<P>, const K: usize>(&self, j: usize, q: &[S]) -> ([S; K], [S; K]) {
@@ -89,7 +91,7 @@ impl<'a, P: Scalar> AffineCoupling<'a, P> {
         for k in 0..K {
             z[k] = S::embed(self.b_in[j + k]);
         }
-        for i in 0..self.dof {
+        for i in 0..self.n() {
             let row = &self.w_in[i * self.width + j..][..K];
             for k in 0..K {
                 z[k] = q[i].mul_add_parameter(row[k], z[k]);
@@ -101,27 +103,24 @@ impl<'a, P: Scalar> AffineCoupling<'a, P> {
     /// x and y, from (tanh, sech²) of each neuron, which are kept where there is space.
     #[inline(always)]
     fn outputs<S: Over<P>>(&self, q: &[S], x: &mut [S], y: &mut [S], kept: &mut [S]) {
-        for i in 0..self.dof {
-            x[i] = S::embed(self.of_scale.biases[i]);
-            y[i] = S::embed(self.of_shift.biases[i]);
-        }
-        for_neurons!(self.width, j, K => {
-            let (t, s) = self.neurons::<S, K>(j, q);
-            for k in 0..K {
+        let n = self.n();
+        in_registers!(S, n, D, [q], x => in_registers!(S, n, D, [], y => {
+            for_neurons!(self.width, j, K => {
+                let (t, s) = self.neurons::<S, K>(j, q);
                 if !kept.is_empty() {
-                    kept[2 * (j + k)] = t[k];
-                    kept[2 * (j + k) + 1] = s[k];
+                    for k in 0..K {
+                        kept[2 * (j + k)] = t[k];
+                        kept[2 * (j + k) + 1] = s[k];
+                    }
                 }
+                self.of_scale.add(self.width, j, t, x);
+                self.of_shift.add(self.width, j, t, y);
+            });
+            for i in 0..n {
+                x[i] += S::embed(self.of_scale.biases[i]);
+                y[i] += S::embed(self.of_shift.biases[i]);
             }
-            for i in 0..self.dof {
-                let to_scale = &self.of_scale.weights[i * self.width + j..][..K];
-                let to_shift = &self.of_shift.weights[i * self.width + j..][..K];
-                for k in 0..K {
-                    x[i] = t[k].mul_add_parameter(to_scale[k], x[i]);
-                    y[i] = t[k].mul_add_parameter(to_shift[k], y[i]);
-                }
-            }
-        });
+        }));
     }
 
     /// One momentum moved, with x and y of it.
@@ -162,10 +161,10 @@ struct Moved<S> {
     by_x: S,
 }
 
-impl<P: Scalar> Shear<P> for AffineCoupling<'_, P> {
+impl<P: Scalar, const D: usize> Shear<P> for AffineCoupling<'_, P, D> {
     #[inline(always)]
     fn dof(&self) -> usize {
-        self.dof
+        self.n()
     }
 
     #[inline(always)]
@@ -176,12 +175,12 @@ impl<P: Scalar> Shear<P> for AffineCoupling<'_, P> {
     /// The positions, both derivatives of each momentum, and (tanh, sech²) of each neuron.
     #[inline(always)]
     fn tape_len(&self) -> usize {
-        3 * self.dof + 2 * self.width
+        3 * self.n() + 2 * self.width
     }
 
     #[inline(always)]
     fn activation_count(&self) -> usize {
-        self.width + self.dof
+        self.width + self.n()
     }
 
     #[inline(always)]
@@ -189,7 +188,7 @@ impl<P: Scalar> Shear<P> for AffineCoupling<'_, P> {
         if self.is_identity() {
             return;
         }
-        let n = self.dof;
+        let n = self.n();
         let (q, p) = z.split_at_mut(n);
         let (x, y) = scratch.split_at_mut(n);
         self.outputs(q, x, y, &mut []);
@@ -203,7 +202,7 @@ impl<P: Scalar> Shear<P> for AffineCoupling<'_, P> {
         if self.is_identity() {
             return;
         }
-        let n = self.dof;
+        let n = self.n();
         let (q, p) = z.split_at_mut(n);
         let (x, y) = scratch.split_at_mut(n);
         let (positions, rest) = tape.split_at_mut(n);
@@ -229,7 +228,7 @@ impl<P: Scalar> Shear<P> for AffineCoupling<'_, P> {
         if self.is_identity() {
             return;
         }
-        let (n, h) = (self.dof, self.width);
+        let (n, h) = (self.n(), self.width);
         let (q_bar, p_bar) = z_bar.split_at_mut(n);
         let (x_bar, y_bar) = scratch.split_at_mut(n);
         let (q, rest) = tape.split_at(n);
@@ -270,7 +269,7 @@ impl<P: Scalar> Shear<P> for AffineCoupling<'_, P> {
         if self.is_identity() {
             return;
         }
-        let (n, h) = (self.dof, self.width);
+        let (n, h) = (self.n(), self.width);
         let (q, p) = z.split_at_mut(n);
         let (by_x, rest) = scratch.split_at_mut(n);
         let (factor, rest) = rest.split_at_mut(n);
@@ -310,7 +309,7 @@ impl<P: Scalar> Shear<P> for AffineCoupling<'_, P> {
     }
 }
 
-impl<P: Scalar> OfMomenta<P> for AffineCoupling<'_, P> {
+impl<P: Scalar, const D: usize> OfMomenta<P> for AffineCoupling<'_, P, D> {
     #[inline(always)]
     fn is_identity(&self) -> bool {
         self.scale.is_zero()

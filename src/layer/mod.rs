@@ -28,6 +28,7 @@ mod shear;
 mod turn;
 mod turned;
 mod twist;
+mod unrolled;
 
 pub use activation_module::{Activation, ActivationModule};
 pub use coupling::{AffineCoupling, coupling_parameter_count};

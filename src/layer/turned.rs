@@ -55,7 +55,7 @@ impl<P: Scalar, const D: usize> OfMomenta<P> for Kick<'_, P, TanhPotential<'_, P
 ///
 /// To first order in c its motions by x and y are, with all φ, near every vector field of phase space;
 /// those of couplings of positions and of momenta alone are of products of few of its functions.
-pub type TurnedCoupling<'a, P> = Turned<'a, P, AffineCoupling<'a, P>>;
+pub type TurnedCoupling<'a, P, const D: usize = 0> = Turned<'a, P, AffineCoupling<'a, P, D>>;
 
 impl<P: Scalar, T> Turned<'_, P, T> {
     /// What a cotangent says of a plane's generator, q̇ = p, ṗ = −q, at this point.

@@ -177,9 +177,18 @@ impl<P: Scalar> Composition<P> {
             }
             Kind::TurnedCoupling { width, prepared } => {
                 let (turn, parameters) = (self.turn(prepared), &parameters[self.dof()..]);
-                let shear = AffineCoupling::new(self.dof(), width, scale, parameters);
-                let coupling = TurnedCoupling { turn, shear };
-                visitor.visit(if inverse { coupling.inverse() } else { coupling })
+                macro_rules! visit {
+                    ($D:literal) => {{
+                        let shear =
+                            AffineCoupling::<P, $D>::new(self.dof(), width, scale, parameters);
+                        let coupling = TurnedCoupling { turn, shear };
+                        visitor.visit(if inverse { coupling.inverse() } else { coupling })
+                    }};
+                }
+                match self.dof() {
+                    2 if T::SPECIALISED => visit!(2),
+                    _ => visit!(0),
+                }
             }
             Kind::Twist { ref shears, factor } => {
                 let scale = scale * P::from_f64(factor);
