@@ -28,9 +28,22 @@ pub fn measure(
     seed: u64,
 ) -> Vec<Tally> {
     let two = &points[..4 * dof];
+    let mut out = vec![laws::symplecticity_of("symplecticity", map, two).must_show_errors()];
+    out.extend(measure_any(map, adjoint, points, dof, seed));
+    out
+}
+
+/// [`measure`] but for symplecticity.
+pub fn measure_any(
+    map: &dyn Measurable,
+    adjoint: &dyn Adjoint,
+    points: &[f64],
+    dof: usize,
+    seed: u64,
+) -> Vec<Tally> {
+    let two = &points[..4 * dof];
     let inversion = |equation, first| laws::inversion("inversion", equation, map, first, two);
     vec![
-        laws::symplecticity_of("symplecticity", map, two).must_show_errors(),
         inversion("P⁻¹∘P = Id", Direction::Forward),
         inversion("P∘P⁻¹ = Id", Direction::Inverse),
         laws::evaluation(map, points),

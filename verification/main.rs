@@ -9,6 +9,7 @@
 mod adiabatic;
 mod circle_action;
 mod compositions;
+mod coupling;
 mod coverage;
 mod determinant;
 mod evaluation;

@@ -2,7 +2,8 @@
 //! law has to reject one.
 
 use crate::{
-    adiabatic, gradients, normal_form, precision, suite, symp_net, tanh, tolerances, torus,
+    adiabatic, coupling, gradients, normal_form, precision, suite, symp_net, tanh, tolerances,
+    torus,
 };
 use gyroceptron::layer::{
     CircleAction, HenonLayer, HenonMap, Kick, KickForm, Potential, TanhPotential,
@@ -739,6 +740,12 @@ fn rows_of(fault: Fault) -> Vec<Row> {
             let mut rows = symp_net::rows_of_mutant(fault);
             rows.extend(torus::rows_of_mutant(fault));
             rows.extend(normal_form::rows_of_mutant(fault));
+            rows.extend(coupling::rows_of_mutant(fault));
+            rows
+        }
+        Fault::EpsilonIgnored | Fault::ConjugatedOnce | Fault::AngleSlips => {
+            let mut rows = map_rows(fault);
+            rows.extend(coupling::rows_of_mutant(fault));
             rows
         }
         Fault::TwistWithoutTurn

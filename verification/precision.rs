@@ -109,18 +109,31 @@ pub fn defects(map: &Composition<f64>, seed: u64) -> [f64; 2] {
     [ratios.symplecticity, ratios.inversion].map(|r| (over_all(r) - 1.0).abs())
 }
 
+/// The second of [`defects`], of a map that is not symplectic.
+pub fn inversion_defect(map: &Composition<f64>, seed: u64) -> f64 {
+    (over_all(inversions_of(map, &points(seed))) - 1.0).abs()
+}
+
 fn ratios_of(map: &Composition<f64>, points: &[f64]) -> Ratios {
     let residuals = [
         symplecticity::<f32>(map, points),
         symplecticity::<f64>(map, points),
         symplecticity::<DoubleDouble>(map, points),
+    ];
+    Ratios { symplecticity: over_roundoffs(residuals), inversion: inversions_of(map, points) }
+}
+
+fn inversions_of(map: &Composition<f64>, points: &[f64]) -> [f64; 3] {
+    over_roundoffs([
         inversion::<f32>(map, map, points),
         inversion::<f64>(map, map, points),
         inversion::<DoubleDouble>(map, map, points),
-    ];
+    ])
+}
+
+fn over_roundoffs(residuals: [f64; 3]) -> [f64; 3] {
     let u = ROUNDOFFS();
-    let over = |first: usize| [0, 1, 2].map(|rung| residuals[first + rung] / u[rung]);
-    Ratios { symplecticity: over(0), inversion: over(3) }
+    [0, 1, 2].map(|rung| residuals[rung] / u[rung])
 }
 
 /// Slope of log residual in log u between two rungs.

@@ -99,6 +99,9 @@ pub const CONFIDENCE: f64 = 0.99;
 pub const LADDER_TWO_RUNGS: f64 = 0.20;
 /// |slope − 1| over all three rungs, 82 bits apart: a factor of 17.
 pub const LADDER_THREE_RUNGS: f64 = 0.05;
+/// How many times the limit a map that is not symplectic is from it, at the least of its points: contractions of a
+/// thousandth would do.
+pub const REFUSED: f64 = 1e6;
 /// |slope − 1| of the medians of twenty seeds over all rungs: a factor of 3,
 /// which the spread of a median does not reach.
 pub const LADDER_MEDIAN: f64 = 0.02;

@@ -36,6 +36,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "field-lines",
         "full-orbit",
         "two-modes",
+        "dissipative",
         "stiff",
         "which-action",
         "choosing",
