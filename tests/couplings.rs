@@ -17,6 +17,7 @@ fn architecture(action: &[i32], epsilon: f64) -> Architecture {
             circle_action: CircleAction::new(action),
             psi: vec![5, 3],
             near_identity: vec![4, 6, 1],
+            flow_time: 2.0,
         },
         epsilon,
     }
@@ -159,7 +160,8 @@ fn the_generator_of_the_near_identity_part_is_the_sum_of_its_couplings() {
                 sum + own[start + n * h + i]
             };
             let (x, y) = (output((n + 1) * h), output((2 * n + 1) * h + n));
-            let change = x * turned(i)[1] + y;
+            // In the flow time too.
+            let change = 2.0 * (x * turned(i)[1] + y);
             let (s, c) = angles[i].sin_cos();
             expected[i] -= s * change;
             expected[n + i] += c * change;
@@ -214,6 +216,7 @@ fn shapes_without_neurons_are_refused() {
         circle_action: CircleAction::new(action),
         psi: psi.to_vec(),
         near_identity: vec![3],
+        flow_time: 2.0,
     };
     assert!(bad(shape(&[1, 0], &[3, 0])).contains("width 0"));
     assert!(bad(shape(&[0, 0], &[3])).contains("all weights 0"));

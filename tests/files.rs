@@ -100,6 +100,7 @@ fn couplings() -> Model {
             circle_action: CircleAction::new([1, 0]),
             psi: vec![3, 4],
             near_identity: vec![2],
+            flow_time: 2.0,
         },
         epsilon: 0.01,
     }

@@ -257,6 +257,7 @@ fn compositions() -> Vec<Composition<f64>> {
             circle_action: CircleAction::new(vec![1; dof]),
             psi: vec![5, 1],
             near_identity: vec![4, 7],
+            flow_time: 2.0,
         };
         let parameters = point(shape.parameter_count(), 6);
         let net = CouplingGyroceptron::new(shape, 0.3, parameters).expect("valid");

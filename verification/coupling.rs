@@ -42,6 +42,7 @@ impl Case {
             circle_action: CircleAction::new(self.action.clone()),
             psi: self.psi.clone(),
             near_identity: self.near_identity.clone(),
+            flow_time: 2.0,
         };
         let architecture = Architecture::CouplingGyroceptron { shape, epsilon: self.epsilon };
         let weights = InitialWeights::Normal { scale: self.scale };

@@ -273,7 +273,7 @@ impl<P: Scalar> Composition<P> {
     }
 
     /// This member of a family of maps at another ε and `time` times its flow time: the
-    /// angles of its circles and the times of its twists grow with it. A map without
+    /// angles of its circles and the times of its twists and of its couplings near the identity grow with it. A map without
     /// circles is of no family, and stays what it is.
     ///
     /// Of a map with several turns, as [`Composition::followed_by`] makes, the first alone is
@@ -288,8 +288,12 @@ impl<P: Scalar> Composition<P> {
         let parameters = self.parameters_at(time);
         let mut out = self.with_parameters(parameters, epsilon).expect("as many parameters");
         for step in &mut out.steps {
-            if let Kind::Twist { factor, .. } = &mut step.kind {
-                *factor *= time.value();
+            match &mut step.kind {
+                Kind::Twist { factor, .. } => *factor *= time.value(),
+                Kind::TurnedCoupling { factor, .. } if step.near_identity => {
+                    *factor *= time.value();
+                }
+                _ => {}
             }
         }
         out
@@ -502,15 +506,16 @@ impl<P: Real> Composition<P> {
         self.push(Step { kind, parameters, inverse: false, near_identity });
     }
 
-    /// Appends a turned coupling with these parameters.
+    /// Appends a turned coupling with these parameters, c being 1, or ε times this factor.
     pub(super) fn push_turned_coupling(
         &mut self,
         width: usize,
         parameters: Range<usize>,
-        near_identity: bool,
+        near_identity: Option<f64>,
     ) {
         let prepared = self.prepare(&parameters);
-        let kind = Kind::TurnedCoupling { width, prepared };
+        let kind = Kind::TurnedCoupling { width, prepared, factor: near_identity.unwrap_or(1.0) };
+        let near_identity = near_identity.is_some();
         self.push(Step { kind, parameters, inverse: false, near_identity });
     }
 

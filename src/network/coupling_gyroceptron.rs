@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// The shape of a gyroceptron of couplings.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CouplingGyroceptronShape {
     /// Φ_θ; its length is half the dimension of phase space.
@@ -18,6 +18,9 @@ pub struct CouplingGyroceptronShape {
     pub psi: Vec<usize>,
     /// The widths of I_ε's couplings.
     pub near_identity: Vec<usize>,
+    /// h, the time of the flow map that it stands for: the couplings of I_ε are scaled by εh, which is
+    /// how far the slow motion gets, so that weights of order one do whatever ε is.
+    pub flow_time: f64,
 }
 
 impl CouplingGyroceptronShape {
@@ -36,11 +39,12 @@ impl CouplingGyroceptronShape {
         [("psi", &self.psi), ("near_identity", &self.near_identity)]
     }
 
-    /// Fails unless no coupling is without neurons.
+    /// Fails unless no coupling is without neurons, and h is finite.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the part.
+    /// [`Error::Invalid`] with the part or the time.
     pub(super) fn check(&self) -> Result<(), Error> {
+        Error::check_finite("flow_time", self.flow_time)?;
         match self.parts().into_iter().find(|(_, widths)| widths.contains(&0)) {
             Some((part, _)) => {
                 Err(Error::invalid(part, "a coupling of width 0", "at least one neuron"))
@@ -95,7 +99,7 @@ impl CouplingGyroceptronShape {
 }
 
 /// P_ε = I_ε ∘ ψ ∘ Φ_θ ∘ ψ⁻¹, ψ and I_ε compositions of [affine
-/// couplings](crate::layer::AffineCoupling) in turned coordinates, those of I_ε scaled by ε.
+/// couplings](crate::layer::AffineCoupling) in turned coordinates, those of I_ε scaled by εh.
 ///
 /// For all weights it is invertible in closed form and nearly periodic: P₀ = ψ∘Φ_θ∘ψ⁻¹ is a circle
 /// action, so that where θ is not resonant it has a formal circle symmetry to all orders in ε, its
@@ -126,7 +130,8 @@ fn couplings<P: Real>(
     for &width in widths {
         let first = end;
         end += shape.coupling_len(width);
-        out.push_turned_coupling(width, first..end, near_identity.is_some());
+        let factor = near_identity.map(|_| shape.flow_time);
+        out.push_turned_coupling(width, first..end, factor);
     }
     out
 }

@@ -332,7 +332,7 @@ impl Model {
     }
 
     /// This network at another ε and at `time` times its flow time: the angles of its
-    /// circles and the factor h of a normal form grow with it. HénonNets and SympNets are
+    /// circles and the factor h of a normal form or of couplings grow with it. HénonNets and SympNets are
     /// of no family, and stay what they are.
     ///
     /// # Errors
@@ -341,8 +341,11 @@ impl Model {
         let mut architecture = self.architecture();
         match &mut architecture {
             Architecture::HenonNet { .. } | Architecture::SympNet { .. } => {}
-            Architecture::Gyroceptron { epsilon: own, .. }
-            | Architecture::CouplingGyroceptron { epsilon: own, .. } => *own = epsilon,
+            Architecture::Gyroceptron { epsilon: own, .. } => *own = epsilon,
+            Architecture::CouplingGyroceptron { epsilon: own, shape } => {
+                *own = epsilon;
+                shape.flow_time *= time;
+            }
             Architecture::NormalForm { epsilon: own, shape } => {
                 *own = epsilon;
                 shape.flow_time *= time;

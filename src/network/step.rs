@@ -52,6 +52,8 @@ pub enum Kind {
         width: usize,
         /// Which of the composition's prepared turns.
         prepared: usize,
+        /// A factor of c beside ε.
+        factor: f64,
     },
     /// The flow of functions of the actions and of half the slow coordinates.
     Twist {
@@ -175,7 +177,8 @@ impl<P: Scalar> Composition<P> {
                     _ => visit!(0),
                 }
             }
-            Kind::TurnedCoupling { width, prepared } => {
+            Kind::TurnedCoupling { width, prepared, factor } => {
+                let scale = scale * P::from_f64(factor);
                 let (turn, parameters) = (self.turn(prepared), &parameters[self.dof()..]);
                 macro_rules! visit {
                     ($D:literal) => {{

@@ -696,6 +696,7 @@ impl NetworkSpec {
                         circle_action: circle_action.as_ref().unwrap_or(action).clone(),
                         psi: psi.widths(),
                         near_identity: near_identity.widths(),
+                        flow_time,
                     },
                     epsilon,
                 }
