@@ -175,16 +175,25 @@ impl DissipationOptions {
         let (action, dof) = (system.circle_action(), system.dof());
         let slow = action.weights().iter().position(|weight| *weight == 0);
         if let Some(plane) = slow {
-            let mut series = Vec::new();
-            for (color, (one, states)) in found.all.iter().zip(everyone()).enumerate() {
+            let points_of = |states: &Trajectories| -> Vec<(f64, f64)> {
                 let half = states.states() / 2;
                 let last = (0..states.count()).flat_map(|m| states.of(m).skip(half));
-                series.push(Series {
-                    name: one.of.replace('`', ""),
-                    color,
-                    style: Style::Dots,
-                    points: last.map(|z| (z[plane], z[dof + plane])).collect(),
-                });
+                last.map(|z| (z[plane], z[dof + plane])).collect()
+            };
+            let own = points_of(reference);
+            // What leaves would make a dot of the attractor.
+            let within = |at: fn(&(f64, f64)) -> f64, point: &(f64, f64)| {
+                let low = -own.iter().map(|point| -at(point)).fold(f64::NEG_INFINITY, max_or_nan);
+                let high = own.iter().map(at).fold(f64::NEG_INFINITY, max_or_nan);
+                let room = 0.5 * (high - low);
+                at(point) > low - room && at(point) < high + room
+            };
+            let near = |point: &(f64, f64)| within(|p| p.0, point) && within(|p| p.1, point);
+            let mut series = Vec::new();
+            for (color, (one, states)) in found.all.iter().zip(everyone()).enumerate() {
+                let points = points_of(states).into_iter().filter(near).collect();
+                let name = one.of.replace('`', "");
+                series.push(Series { name, color, style: Style::Dots, points });
             }
             panels.push(Panel {
                 title: "all trajectories, second half".into(),
@@ -195,7 +204,8 @@ impl DissipationOptions {
             });
         }
         let caption = "Left: the action of the limit along the first trajectory. Right: the plane that the limit leaves \
-                       alone, in the second half of all trajectories.";
+                       alone, in the second half of all trajectories; what lies farther from those of the reference than half their \
+                       range is not drawn.";
         Figure::in_a_row(FIGURE, caption, panels)
     }
 }
