@@ -2,12 +2,13 @@
 
 use gyroceptron::layer::{AffineCoupling, CircleAction, Shear, coupling_parameter_count};
 use gyroceptron::measure::{
-    CertificateOptions, Verdict, certify, certify_map, certify_nearly_periodic, jacobian,
+    CertificateOptions, MeasuredStep, MeasuredSteps, OneStep, TrackedStep, Verdict, Walk, certify,
+    certify_map, certify_nearly_periodic, jacobian,
 };
 use gyroceptron::network::{
     Architecture, CouplingGyroceptron, CouplingGyroceptronShape, InitialWeights, Model,
 };
-use gyroceptron::phase::Map;
+use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::max_or_nan;
 
@@ -179,6 +180,38 @@ fn the_generator_of_the_near_identity_part_is_the_sum_of_its_couplings() {
         assert!((found - expected).abs() < 1e-10, "{i}: {found} {expected}");
         assert!(expected.abs() > 0.05);
     }
+}
+
+/// The rounding bounds of a way there and back are those of the map's own inverse, not of a symplectic one: an error
+/// behind a contraction by ten comes back ten times as large.
+#[test]
+fn bounds_of_the_way_back_are_those_of_a_contraction() {
+    struct Shrink;
+    impl<S: gyroceptron::scalar::Scalar> Map<S> for Shrink {
+        fn dof(&self) -> usize {
+            1
+        }
+        fn forward(&self, z: &mut [S]) {
+            z[1] = z[1] * S::from_f64(0.1);
+        }
+        fn inverse(&self, z: &mut [S]) {
+            z[1] = z[1] / S::from_f64(0.1);
+        }
+    }
+    let there = TrackedStep { map: Shrink, direction: Direction::Forward };
+    let steps: MeasuredSteps<'_> = vec![Box::new(there)];
+    let walk = Walk::new(&steps, &[2.0, 3.0]);
+    let (bounds, sums) = walk.return_bounds(1);
+    let mut delta = [0.0; 2];
+    steps[0].value_magnitude(&[2.0, 3.0], walk.end(), &mut delta);
+    assert!(delta[1] > 0.25, "{delta:?}");
+    let expected = 10.0 * delta[1];
+    assert!((bounds[1] / (2_f64.sqrt() * expected) - 1.0).abs() < 1e-12, "{bounds:?}");
+    assert!((sums[1] / (2.0 * expected) - 1.0).abs() < 1e-12, "{sums:?}");
+    let certificate = certify_map(&OneStep(Shrink), OPTIONS);
+    let of = |law: &str| certificate.rows.iter().find(|row| row.law.contains(law)).expect("a row");
+    assert_eq!(of("symplecticity").verdict, Verdict::Violated);
+    assert_eq!(of("inversion").verdict, Verdict::Holds, "{certificate}");
 }
 
 /// Each factor is bounded whatever its weights: there is no point that is moved to infinity or onto

@@ -1681,3 +1681,87 @@ fn pairs_of_one_time_train_a_normal_form() {
         }
     }
 }
+
+/// Pairs of a flow with friction: couplings learn them, in units of their own, and are certified, asked, sent to files and
+/// read back; the command that the report gives trains them again.
+#[test]
+fn couplings_are_trained_on_pairs_with_friction() {
+    let folder = folder();
+    let path = folder.path();
+    let mut stream = Stream::new(3, "points");
+    let points: Vec<f64> = (0..2 * 600).map(|_| stream.uniform(-1.5, 1.5)).collect();
+    // A damped oscillator over half a turn and a bit, about another point than 0.
+    let damped = |z: &[f64]| {
+        let (s, c) = 3.3_f64.sin_cos();
+        [0.9 * (c * z[0] + s * z[1]), 0.9 * (c * z[1] - s * z[0])]
+    };
+    let output: Vec<f64> =
+        points.chunks_exact(2).flat_map(damped).map(|v| 30.0 * v + 4.0).collect();
+    let input: Vec<f64> = points.iter().map(|v| 30.0 * v + 4.0).collect();
+    let pairs = Pairs::new("pairs", 1, input.clone(), output.clone()).expect("pairs");
+    write_pairs(&path.join("pairs.npz"), &pairs).expect("written");
+    let train = ["train", "--data", "pairs.npz", "--circle-action", "1", "--output", "m.json"];
+    let of = ["--architecture", "coupling-gyroceptron", "--psi", "1x3", "--near-identity", "4x4"];
+    let more = ["--epsilon", "0.05", "--flow-time", "3.3", "--iterations", "60"];
+    let all = [&train[..], &of, &more, &["--optimiser", "lm", "--json"]].concat();
+    let json: Value =
+        serde_json::from_slice(&succeeds(path, &all).stdout).expect("one JSON document");
+    let error = json["best"]["validation"].as_f64().expect("a number");
+    assert!(error < 1e-8, "{error:e}");
+    let stored = load_model(&path.join("m.json")).expect("a model");
+    assert_eq!(stored.provenance.flow_time, Some(3.3));
+    let Architecture::CouplingGyroceptron { shape, epsilon } = stored.model.architecture() else {
+        panic!("{:?}", stored.model.architecture());
+    };
+    assert_eq!((shape.flow_time, epsilon), (3.3, 0.05));
+    // What is symplectic cannot learn that volumes shrink by a fifth.
+    let symplectic = ["--output", "s.json", "--optimiser", "lm", "--json", "--iterations", "60"];
+    let symplectic =
+        [&train[..5], &symplectic, &["--psi", "1x3", "--near-identity", "4x4"]].concat();
+    let json: Value =
+        serde_json::from_slice(&succeeds(path, &symplectic).stdout).expect("one JSON document");
+    assert!(json["best"]["validation"].as_f64().expect("a number") > 1e-3);
+
+    let told = text(&succeeds(path, &["verify", "--model", "m.json", "--samples", "40"]).stdout);
+    assert!(told.contains("holds") && told.contains("not claimed"), "{told}");
+    write_points(&path.join("z.npy"), &[2, 2], &input[..4]).expect("written");
+    let predict = ["predict", "--model", "m.json", "--input", "z.npy", "--steps", "1", "--output"];
+    succeeds(path, &[&predict[..], &["t.npy"]].concat());
+    for (found, expected) in last_numbers(&path.join("t.npy"), 4).iter().zip(&output[..4]) {
+        assert!((found - expected).abs() < 0.05, "{found} {expected}");
+    }
+    let invariant = [&predict[..], &["u.npy", "--invariant", "mu.npy"]].concat();
+    refuses(path, &invariant, &["--invariant", "symplectic"]);
+    // Another member of the family: half the flow time.
+    succeeds(path, &[&predict[..], &["half.npy", "--flow-time", "1.65"]].concat());
+    assert_ne!(last_numbers(&path.join("half.npy"), 4), last_numbers(&path.join("t.npy"), 4));
+
+    for weights in ["w.safetensors", "w.npz"] {
+        let told =
+            text(&succeeds(path, &["export", "--model", "m.json", "--output", weights]).stdout);
+        assert!(told.contains("near_identity 4 couplings"), "{told}");
+        let import = ["import", "--weights", weights, "--circle-action", "1", "--epsilon", "0.05"];
+        let import = [&import[..], &["--output", "back.json"]].concat();
+        refuses(path, &import, &["--flow-time", "couplings"]);
+        succeeds(path, &[&import[..], &["--flow-time", "3.3"]].concat());
+        let back = load_model(&path.join("back.json")).expect("a model").model;
+        assert_eq!(back.architecture(), stored.model.architecture());
+        assert_eq!(back.composition().parameters(), stored.model.composition().parameters());
+        std::fs::remove_file(path.join("back.json")).expect("removed");
+    }
+
+    let report = std::fs::read_to_string(path.join("m-report/report.md")).expect("a report");
+    let command = report.lines().find_map(|line| line.split("`gyroceptron ").nth(1));
+    let command = command.and_then(|rest| rest.split('`').next()).expect("a command");
+    let scene = |word| if word == "as-run.toml" { "m-report/as-run.toml" } else { word };
+    succeeds(path, &command.split(' ').map(scene).collect::<Vec<_>>());
+    let back = load_model(&path.join("MODEL.json")).expect("a model").model;
+    assert_eq!(back.composition().parameters(), stored.model.composition().parameters());
+
+    let zero = [&train[..5], &of, &["--output", "x.json", "--epsilon", "0"]].concat();
+    refuses(path, &zero, &["--epsilon", "--flow-time"]);
+    let kicks = [&train[..5], &of, &["--output", "x.json", "--kicks", "2x2"]].concat();
+    refuses(path, &kicks, &["--kicks", "normal form"]);
+    let layers = [&train[..5], &of, &["--output", "x.json", "--layers", "2x2"]].concat();
+    refuses(path, &layers, &["--layers"]);
+}

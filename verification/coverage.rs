@@ -135,7 +135,6 @@ fn the_conformance_page_names_what_there_is() {
         assert!(root.join(&path).exists(), "{path}");
     }
     let unnamed = [
-        "coupling",
         "determinant",
         "evaluation",
         "exact_relations",

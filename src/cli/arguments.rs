@@ -171,7 +171,7 @@ pub struct Train {
     /// 20x2,10: 2 where they change positions, beside a quadratic form, and 10 where momenta.
     #[arg(long, value_name = "LAYERSxWIDTH[,WIDTH]")]
     pub twists: Option<String>,
-    /// The flow time h of the model. With ε it scales T_ε of a gyroceptron in normal form
+    /// The flow time h of the model. With ε it scales T_ε of a gyroceptron in normal form, I_ε of one of couplings
     /// [default: how far the slow coordinates move, over ε]; pairs with flow times of
     /// their own are of maps of these times [default then: the longest].
     #[arg(long, allow_negative_numbers = true)]
@@ -309,7 +309,7 @@ pub struct Import {
     /// ε of the near-identity part.
     #[arg(long, allow_negative_numbers = true)]
     pub epsilon: f64,
-    /// The flow time h, where the weights are of a gyroceptron in normal form.
+    /// The flow time h, where the weights are of a gyroceptron in normal form or of couplings.
     #[arg(long, allow_negative_numbers = true)]
     pub flow_time: Option<f64>,
     /// The model file to write.

@@ -11,8 +11,9 @@ use super::{Status, cite};
 use gyroceptron::Error;
 use gyroceptron::flow::Region;
 use gyroceptron::io::{
-    Provenance, StoredModel, assemble_normal_form, assemble_weights, export_weights, file_digest,
-    is_normal_form, load_model, read_points, read_tensors, save_model, take_units, write_points,
+    Provenance, StoredModel, assemble_couplings, assemble_normal_form, assemble_weights,
+    export_weights, file_digest, is_normal_form, is_of_couplings, load_model, read_points,
+    read_tensors, save_model, take_units, write_points,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{CertificateOptions, OwnInvariance, certify, certify_all};
@@ -292,7 +293,7 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     guard_output(&arguments.output, arguments.overwrite, &inputs)?;
     if let Some(invariant) = &arguments.invariant {
         if stored.invariant().is_none() {
-            let expected = "an option of gyroceptrons";
+            let expected = "an option of symplectic gyroceptrons: other networks own no invariant";
             return Err(Error::invalid("--invariant", invariant.display(), expected));
         }
         let taken = [inputs[0], inputs[1], &arguments.output];
@@ -379,6 +380,10 @@ fn describe(model: &Model, path: &Path, as_json: bool) -> Result<Status, Error> 
                 layers.push(format!("{} turned kicks of the perturbation", perturbation.len()));
             }
         }
+        if let Architecture::CouplingGyroceptron { shape, .. } = model.architecture() {
+            layers.push(format!("psi {} couplings", shape.psi.len()));
+            layers.push(format!("near_identity {} couplings", shape.near_identity.len()));
+        }
         out(&format!("{}: {count} parameters, {}\n", path.display(), layers.join(", ")))?;
     }
     Ok(Status::Done)
@@ -396,14 +401,20 @@ fn import(arguments: &Import) -> Result<Status, Error> {
         return Err(Error::invalid("--flow-time", time, "a positive number"));
     }
     let units = take_units(&place, &mut tensors, action.dof())?;
-    let model = match (is_normal_form(&tensors), arguments.flow_time) {
+    let of_couplings = is_of_couplings(&tensors);
+    let model = match (is_normal_form(&tensors) || of_couplings, arguments.flow_time) {
+        (true, Some(time)) if of_couplings => {
+            let circle = only_circle(&action)?.clone();
+            assemble_couplings(&place, tensors, circle, epsilon, time)?
+        }
         (true, Some(time)) => assemble_normal_form(&place, tensors, action, epsilon, time)?,
         (true, None) => {
-            let (key, needed_by) = ("--flow-time", "a gyroceptron in normal form".into());
+            let of = if of_couplings { "of couplings" } else { "in normal form" };
+            let (key, needed_by) = ("--flow-time", format!("a gyroceptron {of}"));
             return Err(Error::Missing { place, key, needed_by });
         }
         (false, Some(time)) => {
-            let expected = "an option of gyroceptrons in normal form";
+            let expected = "an option of gyroceptrons in normal form and of couplings";
             return Err(Error::invalid("--flow-time", time, expected));
         }
         (false, None) => assemble_weights(&place, tensors, only_circle(&action)?.clone(), epsilon)?,

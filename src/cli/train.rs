@@ -274,12 +274,12 @@ struct Family {
 }
 
 impl Family {
-    fn of(arguments: &Train, file: &PairsFile, is_normal_form: bool) -> Result<Self, Error> {
+    fn of(arguments: &Train, file: &PairsFile, has_time: bool) -> Result<Self, Error> {
         let &PairsFile { has_epsilons, has_times, .. } = file;
         if let Some(time) = arguments.flow_time
-            && !(is_normal_form || has_times)
+            && !(has_time || has_times)
         {
-            let expected = "an option of gyroceptrons in normal form, and of pairs with flow times";
+            let expected = "an option of gyroceptrons in normal form and of couplings, and of pairs with flow times";
             return Err(Error::invalid("--flow-time", time, expected));
         }
         let largest = |of: fn(&Condition) -> f64| {
@@ -343,7 +343,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         return Err(Error::invalid("--theta", theta, "a finite number"));
     }
     let is_normal_form = matches!(spec.network, NetworkSpec::NormalForm { .. });
-    let has_circle = is_normal_form || matches!(spec.network, NetworkSpec::Gyroceptron { .. });
+    let (has_circle, has_time) = (spec.network.has_circle(), spec.network.has_flow_time());
     for (name, value, fits, of) in [
         ("--epsilon", arguments.epsilon, has_circle, "gyroceptrons"),
         ("--theta", arguments.theta, has_circle, "gyroceptrons"),
@@ -398,7 +398,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         progress.note(&format!("{place}: not used: {names}"));
     }
     let digest = file.pairs.digest();
-    let family = Family::of(arguments, &file, is_normal_form)?;
+    let family = Family::of(arguments, &file, has_time)?;
     if !file.pairs.conditions().is_empty() && !has_circle {
         let found = format!("epsilon or flow_time in {}", arguments.data.display());
         return Err(Error::invalid("--architecture", found, "a gyroceptron to learn a family"));
@@ -406,7 +406,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let epsilon = family.epsilon;
     let pairs = file.pairs.with_conditions(|condition| family.place(condition));
     let of_order_one = spec.network.is_nearly_integrable();
-    if is_normal_form && !of_order_one && epsilon == 0.0 && family.time.is_none() {
+    if has_time && !of_order_one && epsilon == 0.0 && family.time.is_none() {
         return Err(Error::invalid("--epsilon", 0, "another number, or --flow-time"));
     }
     if let Some(reading) = Reading::better(&pairs, &action) {

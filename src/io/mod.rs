@@ -18,8 +18,9 @@ pub use json::{
     save_model,
 };
 pub use weights::{
-    Tensor, WeightsFormat, assemble_normal_form, assemble_weights, export_weights, import_weights,
-    is_normal_form, parse_tensors, read_tensors, take_units,
+    Tensor, WeightsFormat, assemble_couplings, assemble_normal_form, assemble_weights,
+    export_weights, import_weights, is_normal_form, is_of_couplings, parse_tensors, read_tensors,
+    take_units,
 };
 
 use crate::error::Error;

@@ -7,7 +7,9 @@
 //! `twist.{i}.w_in` (d, h; the rows of the actions first), `twist.{i}.b_in`,
 //! `twist.{i}.w_out`, of even i `twist.{i}.quadratic` (1, d(d + 1)/2; the rows of the upper
 //! triangle of Q), `theta` (an angle for each circle), and `psi.{i}.…` where it has a ψ; one that is nearly
-//! integrable `perturbation.{i}.…` as of kicks, and `perturbation` (1), their number. Where the data has
+//! integrable `perturbation.{i}.…` as of kicks, and `perturbation` (1), their number. A gyroceptron of couplings has `angles` (1, n), `w_in`
+//! (n, h), `b_in` (1, h), `w_scale` (n, h), `b_scale` (1, n), `w_shift` (n, h) and `b_shift` (1, n) under `psi.{i}.` and
+//! `near_identity.{i}.`, and `theta`. Where the data has
 //! units of its own, `units.centre` and `units.factors`, (1, 2n) each, say them: z = centre +
 //! factors·w of the network's w. Layers
 //! are numbered from 0 in the order of application; numbers are float32 or float64.
@@ -16,7 +18,9 @@ use super::arrays::{Archive, write_archive};
 use super::{read_bytes, tensor_bundle, write_atomically};
 use crate::error::Error;
 use crate::layer::{CircleAction, TorusAction};
-use crate::network::{Architecture, GyroceptronShape, Model, NormalFormShape};
+use crate::network::{
+    Architecture, CouplingGyroceptronShape, GyroceptronShape, Model, NormalFormShape,
+};
 use crate::phase::Units;
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
@@ -186,6 +190,33 @@ pub fn is_normal_form(tensors: &BTreeMap<String, Tensor>) -> bool {
     let is_of_one =
         |name: &String| ["kick.", "twist.", PERTURBATION].iter().any(|part| name.starts_with(part));
     tensors.keys().any(is_of_one)
+}
+
+/// Whether tensors are those of a gyroceptron of couplings.
+pub fn is_of_couplings(tensors: &BTreeMap<String, Tensor>) -> bool {
+    tensors.keys().any(|name| name.ends_with(".w_scale"))
+}
+
+/// Makes a gyroceptron of couplings, with this action at ε and this flow time, of tensors in
+/// memory; `place` names them in errors.
+///
+/// # Errors
+/// When a tensor is missing, superfluous or of another shape.
+pub fn assemble_couplings(
+    place: &str,
+    tensors: BTreeMap<String, Tensor>,
+    circle_action: CircleAction,
+    epsilon: f64,
+    flow_time: f64,
+) -> Result<Model, Error> {
+    let dof = circle_action.dof();
+    let shape = CouplingGyroceptronShape {
+        psi: widths_if_any(place, &tensors, "psi", dof)?,
+        near_identity: widths_if_any(place, &tensors, "near_identity", dof)?,
+        circle_action,
+        flow_time,
+    };
+    assemble(place, tensors, Architecture::CouplingGyroceptron { shape, epsilon })
 }
 
 /// Makes a gyroceptron in normal form, with this action at ε and this flow time, of

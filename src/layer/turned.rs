@@ -17,10 +17,8 @@ pub trait OfMomenta<P: Scalar>: Shear<P> {
 /// Its parameters are `[φ (n), …those of K…]`.
 #[derive(Clone, Copy, Debug)]
 pub struct Turned<'a, P, T> {
-    /// R(φ).
-    pub turn: &'a Turn<P>,
-    /// K.
-    pub shear: T,
+    turn: &'a Turn<P>,
+    shear: T,
 }
 
 /// R(−φ)∘K∘R(φ) with a kick K: p += c∇V(q).
@@ -56,6 +54,14 @@ impl<P: Scalar, const D: usize> OfMomenta<P> for Kick<'_, P, TanhPotential<'_, P
 /// To first order in c its motions by x and y are, with all φ, near every vector field of phase space;
 /// those of couplings of positions and of momenta alone are of products of few of its functions.
 pub type TurnedCoupling<'a, P, const D: usize = 0> = Turned<'a, P, AffineCoupling<'a, P, D>>;
+
+impl<'a, P: Scalar, const D: usize> TurnedCoupling<'a, P, D> {
+    /// The coupling in coordinates turned by R(φ).
+    #[inline(always)]
+    pub fn new(turn: &'a Turn<P>, shear: AffineCoupling<'a, P, D>) -> Self {
+        Self { turn, shear }
+    }
+}
 
 impl<P: Scalar, T> Turned<'_, P, T> {
     /// What a cotangent says of a plane's generator, q̇ = p, ṗ = −q, at this point.

@@ -410,7 +410,13 @@ fn of_family(family: &dyn NearlyPeriodic, samples: &Samples) -> Vec<Tally> {
 
 fn of_any_family(family: &dyn NearlyPeriodic, samples: &Samples) -> Vec<Tally> {
     let symplecticity = laws::symplecticity_of("symplecticity of P", family, samples.points());
-    of_family_with(symplecticity.stating("JᵀΩJ = Ω, not claimed").reported(), family, samples)
+    let symplecticity = symplecticity.stating("JᵀΩJ = Ω, not claimed").reported();
+    let mut out = of_family_with(symplecticity, family, samples);
+    let of_volumes = |tally: &&mut Tally| tally.law() == "determinant";
+    if let Some(tally) = out.iter_mut().find(of_volumes) {
+        *tally = tally.clone().stating("det J = 1, not claimed");
+    }
+    out
 }
 
 fn of_family_with(

@@ -76,8 +76,9 @@ impl Relation {
     /// the normal ones: then it is no exact relation. When the model is not of tanh
     /// potentials.
     pub fn transform_model(self, model: &Model) -> Result<Model, Error> {
-        if let Model::SympNet(_) = model {
-            return Err(Error::invalid("model", "a SympNet", "a network of tanh potentials"));
+        if let Model::SympNet(_) | Model::CouplingGyroceptron(_) = model {
+            let found = "a network of modules or couplings";
+            return Err(Error::invalid("model", found, "a network of tanh potentials"));
         }
         let mut parameters = model.composition().parameters().to_vec();
         let mut rest = &mut parameters[..];

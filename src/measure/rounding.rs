@@ -1,10 +1,11 @@
 //! Rounding errors followed through a map, shear by shear.
 
 use super::measurable::coordinate;
-use super::{Coordinate, MeasuredStep};
+use super::{Coordinate, MeasuredStep, symplecticity_defect};
 use crate::random::Stream;
 use crate::scalar::{Dual, Scalar, max_or_nan};
 use faer::MatRef;
+use faer::linalg::solvers::DenseSolveCore;
 
 /// The points and Jacobians along a sequence of shears, with the scale of the
 /// rounding error that each of them makes.
@@ -21,8 +22,23 @@ pub struct Walk<'a> {
     value_errors: Vec<Vec<f64>>,
 }
 
+/// J⁻¹, row by row: of a symplectic J without a linear system, of any other by faer's LU decomposition.
+pub(super) fn inverse(jacobian: &[f64], dof: usize) -> Vec<f64> {
+    /// Of |J|². Above rounding, and below what the inverse of another matrix would be off by.
+    const SYMPLECTIC: f64 = 1e-8;
+    let dim = 2 * dof;
+    let matrix = MatRef::from_row_major_slice(jacobian, dim, dim);
+    let defect = symplecticity_defect(matrix).norm_max();
+    // What is not finite is told by its entries.
+    if !matrix.is_all_finite() || defect <= SYMPLECTIC * matrix.squared_norm_l2() {
+        return inverse_of_symplectic(jacobian, dof);
+    }
+    let inverse = matrix.partial_piv_lu().inverse();
+    (0..dim * dim).map(|k| inverse[(k / dim, k % dim)]).collect()
+}
+
 /// J⁻¹ = −ΩJᵀΩ for a symplectic J, row by row: no linear system is solved.
-pub(super) fn inverse_of_symplectic(jacobian: &[f64], dof: usize) -> Vec<f64> {
+fn inverse_of_symplectic(jacobian: &[f64], dof: usize) -> Vec<f64> {
     let dim = 2 * dof;
     let mut out = vec![0.0; dim * dim];
     // (Ωv)_i = v_{n+i}, (Ωv)_{n+i} = −v_i.
@@ -235,7 +251,7 @@ impl<'a> Walk<'a> {
         let mut squares = vec![0.0; dim];
         let mut sums = vec![0.0; dim];
         for (jacobian, delta) in self.jacobians[1..=count].iter().zip(&self.value_errors) {
-            let inverse = inverse_of_symplectic(jacobian, dim / 2);
+            let inverse = inverse(jacobian, dim / 2);
             for row in 0..dim {
                 let reach: f64 = (0..dim)
                     .filter(|column| delta[*column] != 0.0)

@@ -407,7 +407,7 @@ impl<P: Scalar> Composition<P> {
     }
 
     /// Space for [`Composition::forward_recording`] and
-    /// [`Composition::pullback`]: n + 2h numbers a kick, 3n + 2h a turned one, 2n a turn,
+    /// [`Composition::pullback`]: n + 2h numbers a kick, 3n + 2h a turned one, 5n + 2h a turned coupling, 2n a turn,
     /// d + 2h a twist shear of d arguments.
     pub fn recording<S: Over<P>>(&self) -> Recording<S> {
         self.recording_of(1)

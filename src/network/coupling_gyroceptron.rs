@@ -39,12 +39,19 @@ impl CouplingGyroceptronShape {
         [("psi", &self.psi), ("near_identity", &self.near_identity)]
     }
 
-    /// Fails unless no coupling is without neurons, and h is finite.
+    /// Fails unless no coupling is without neurons, and h is finite and not 0.
     ///
     /// # Errors
     /// [`Error::Invalid`] with the part or the time.
     pub(super) fn check(&self) -> Result<(), Error> {
         Error::check_finite("flow_time", self.flow_time)?;
+        if self.flow_time == 0.0 {
+            return Err(Error::invalid(
+                "flow_time",
+                0,
+                "another number: I_ε would be the identity",
+            ));
+        }
         match self.parts().into_iter().find(|(_, widths)| widths.contains(&0)) {
             Some((part, _)) => {
                 Err(Error::invalid(part, "a coupling of width 0", "at least one neuron"))
@@ -140,13 +147,14 @@ impl<P: Real> CouplingGyroceptron<P> {
     /// The gyroceptron of this shape at ε with these parameters: ψ, I_ε, θ.
     ///
     /// # Errors
-    /// When `parameters` is not of the length that `shape` asks for, or there is
-    /// no degree of freedom.
+    /// When `parameters` is not of the length that `shape` asks for, there is no degree of freedom, a
+    /// coupling has no neurons, or h is not finite or 0.
     pub fn new(
         shape: CouplingGyroceptronShape,
         epsilon: P,
         parameters: Vec<P>,
     ) -> Result<Self, Error> {
+        shape.check()?;
         Error::check_count_range("degrees of freedom", shape.dof(), 1, usize::MAX)?;
         Error::check_count("parameters", shape.parameter_count(), parameters.len())?;
         let theta = shape.theta();

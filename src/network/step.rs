@@ -184,7 +184,7 @@ impl<P: Scalar> Composition<P> {
                     ($D:literal) => {{
                         let shear =
                             AffineCoupling::<P, $D>::new(self.dof(), width, scale, parameters);
-                        let coupling = TurnedCoupling { turn, shear };
+                        let coupling = TurnedCoupling::new(turn, shear);
                         visitor.visit(if inverse { coupling.inverse() } else { coupling })
                     }};
                 }

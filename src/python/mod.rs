@@ -235,7 +235,7 @@ impl Model {
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let values = self.rows("points", &points)?;
         let Some(invariant) = self.stored.invariant() else {
-            let expected = "a gyroceptron, which has an invariant";
+            let expected = "a symplectic gyroceptron, which has an invariant";
             return Err(Error::invalid("invariant", self.kind(), expected).into());
         };
         let dim = 2 * self.dof();

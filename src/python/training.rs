@@ -154,16 +154,14 @@ pub(super) fn train(
     let pairs = Pairs::new("pairs", dof, input, output)?;
     let shapes = Shapes { psi, near_identity, kicks, twists, perturbation, layers };
     let network = shapes.network(architecture, &action)?;
-    let has_circle =
-        matches!(network, NetworkSpec::Gyroceptron { .. } | NetworkSpec::NormalForm { .. });
-    if let (Some(theta), false) = (theta, has_circle) {
+    if let (Some(theta), false) = (theta, network.has_circle()) {
         return Err(Error::invalid("theta", theta, "none: only a gyroceptron has it").into());
     }
     if let Some(theta) = theta {
         Error::check_finite("theta", theta)?;
     }
     let of_order_one = network.is_nearly_integrable();
-    let scaled = matches!(network, NetworkSpec::NormalForm { .. }) && !of_order_one;
+    let scaled = network.has_flow_time() && !of_order_one;
     if scaled && epsilon == 0.0 && flow_time.is_none() {
         return Err(Error::invalid("epsilon", 0, "another number, or a flow_time").into());
     }

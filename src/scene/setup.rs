@@ -639,6 +639,21 @@ impl NetworkSpec {
         matches!(self, Self::NormalForm { perturbation: Some(_), .. })
     }
 
+    /// Whether it is built on a circle action: it has an ε and angles, and is of a family of maps.
+    pub fn has_circle(&self) -> bool {
+        match self {
+            Self::Gyroceptron { .. }
+            | Self::NormalForm { .. }
+            | Self::CouplingGyroceptron { .. } => true,
+            Self::HenonNet { .. } | Self::SympNet { .. } | Self::File { .. } => false,
+        }
+    }
+
+    /// Whether ε scales parts of it by its flow time too.
+    pub fn has_flow_time(&self) -> bool {
+        matches!(self, Self::NormalForm { .. } | Self::CouplingGyroceptron { .. })
+    }
+
     /// Fails unless each of its parts has a sane number of layers.
     ///
     /// # Errors

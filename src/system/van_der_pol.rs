@@ -14,8 +14,8 @@ use serde::{Deserialize, Serialize};
 ///
 /// z = [q₁, q₂, p₁, p₂]. At ε = 0 the first oscillator turns with frequency 1 and the second stands still. Over times of
 /// 1/ε the action J = ½(q₁² + p₁²) changes by as much as it is: to first order J′ = εJ(1 − ½J − q₂),
-/// q₂″ + εγq₂′ + ε²q₂ = ½ε²J. Of all points but those of J = 0 trajectories go to one and the same torus for γ below
-/// 0.36, where J swings, and to a circle of J = 1 above.
+/// q₂″ + εγq₂′ + ε²q₂ = ½ε²J. Almost all trajectories come to a circle of J = 1 for γ above ¼(√41 − 5) = 0.351, where it
+/// loses its stability to a torus on which J swings; without damping the swing grows on.
 ///
 /// Source: the averaged equations after Sanders, Verhulst and Murdock,
 /// <https://doi.org/10.1007/978-0-387-48918-6>, section 2.2; the slow oscillator is ours.

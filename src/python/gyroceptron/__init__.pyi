@@ -58,7 +58,9 @@ def train(
     output: ArrayLike,
     circle_action: Sequence[int] | Sequence[Sequence[int]],
     *,
-    architecture: Literal["gyroceptron", "normal-form", "henon-net", "sympnet"] = "gyroceptron",
+    architecture: Literal[
+        "gyroceptron", "normal-form", "coupling-gyroceptron", "henon-net", "sympnet"
+    ] = "gyroceptron",
     psi: tuple[int, int] | None = None,
     near_identity: tuple[int, int] | None = None,
     kicks: tuple[int, int] | None = None,

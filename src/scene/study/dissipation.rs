@@ -61,8 +61,10 @@ impl Study for DissipationOptions {
         let (growth, volume_error) = self.growth(context, system, &points, time)?;
         let mut volumes = Vec::new();
         for trained in models.iter() {
-            let map = trained.model().composition();
-            volumes.push(Volumes::new(&trained.spec.name, map, &points, &growth)?);
+            let model = trained.model();
+            let symplectic = model.architecture().is_symplectic();
+            let (name, map) = (&trained.spec.name, model.composition());
+            volumes.push(Volumes::new(name, symplectic, map, &points, &growth)?);
         }
         let interval = self.every as f64 * time;
         let states = self.steps / self.every + 1;
@@ -77,15 +79,16 @@ impl Study for DissipationOptions {
         }
         let found = Results { volumes, all };
         let text = format!(
-            "log det J of the flow is the integral of its divergence along the reference, whose error is {volume_error:.1e}, at {} \
-             held-out points. Trajectories of time {} from {} points, {states} states of each; error of the reference \
-             at the end: {:.1e}. The action J of the limit is no invariant; its least, mean and largest values are \
-             those of the second half, and its period is the mean time between two rises through the \
+            "log det J of the flow is the integral of its divergence along the reference, by Simpson's rule (which errs by \
+             {volume_error:.1e}), at {} of the pairs' points. Trajectories of time {} from {} points, {states} states of each; error of \
+             the reference at the end: {:.1e}. J is the action of the limit{}; its least, mean and largest \
+             values are those of the second half, and its period is the mean time between two rises through the \
              mean.",
             points.len(),
             self.steps as f64 * time,
             self.initial.len(),
-            reference.error
+            reference.error,
+            if system.dissipates() { ", which no law keeps" } else { "" }
         );
         let figures = match context.draws(FIGURE) {
             true => vec![self.figure(system, &found, along, &rolled, interval)],
@@ -182,13 +185,14 @@ impl DissipationOptions {
             };
             let own = points_of(reference);
             // What leaves would make a dot of the attractor.
-            let within = |at: fn(&(f64, f64)) -> f64, point: &(f64, f64)| {
+            let range = |at: fn(&(f64, f64)) -> f64| {
                 let low = -own.iter().map(|point| -at(point)).fold(f64::NEG_INFINITY, max_or_nan);
                 let high = own.iter().map(at).fold(f64::NEG_INFINITY, max_or_nan);
                 let room = 0.5 * (high - low);
-                at(point) > low - room && at(point) < high + room
+                low - room..high + room
             };
-            let near = |point: &(f64, f64)| within(|p| p.0, point) && within(|p| p.1, point);
+            let (across, along) = (range(|p| p.0), range(|p| p.1));
+            let near = |p: &(f64, f64)| across.contains(&p.0) && along.contains(&p.1);
             let mut series = Vec::new();
             for (color, (one, states)) in found.all.iter().zip(everyone()).enumerate() {
                 let points = points_of(states).into_iter().filter(near).collect();
@@ -227,6 +231,11 @@ fn simpson(values: &[f64], interval: f64) -> f64 {
 #[derive(Serialize)]
 struct Volumes {
     name: String,
+    /// Whether it keeps them whatever its weights.
+    symplectic: bool,
+    /// The mean of log det J of the flow, and the share of the points where it is negative.
+    mean_of_flow: f64,
+    shrinking: f64,
     /// The root mean square of log det J of the flow.
     of_flow: f64,
     /// That of the network.
@@ -240,6 +249,7 @@ struct Volumes {
 impl Volumes {
     fn new(
         name: &str,
+        symplectic: bool,
         map: &Composition<f64>,
         points: &[Vec<f64>],
         growth: &[f64],
@@ -259,6 +269,9 @@ impl Volumes {
         }
         Ok(Self {
             name: name.to_owned(),
+            symplectic,
+            mean_of_flow: growth.iter().sum::<f64>() / growth.len() as f64,
+            shrinking: growth.iter().filter(|v| **v < 0.0).count() as f64 / growth.len() as f64,
             of_flow: root_mean_square(growth),
             own: root_mean_square(&own),
             error: root_mean_square(&error),
@@ -364,22 +377,26 @@ impl Results {
         table
     }
 
-    /// What can be told of networks that keep volumes where the flow does not.
+    /// What the flow does to volumes, and which networks cannot follow.
     fn sentence(&self, system: &System) -> String {
-        if !system.dissipates() {
+        let Some(first) = self.volumes.first().filter(|_| system.dissipates()) else {
             return "The flow is Hamiltonian: volumes are kept.".into();
+        };
+        let mut out = format!(
+            "The flow takes a volume to {} of it in the geometric mean, and to less of it at {} of the points.",
+            Format::Percent.number(libm::exp(first.mean_of_flow)),
+            Format::Percent.number(first.shrinking)
+        );
+        let keeping = self.volumes.iter().filter(|one| one.symplectic);
+        let names: Vec<String> = keeping.map(|one| format!("`{}`", one.name)).collect();
+        if !names.is_empty() && first.mean_of_flow < 0.0 {
+            out.push_str(&format!(
+                " {} cannot follow: what is symplectic for all weights keeps all volumes, and no trajectory of it comes to \
+                 an attractor.",
+                names.join(", ")
+            ));
         }
-        let keeps = |one: &&Volumes| one.own < 1e-6 * one.of_flow;
-        let names: Vec<String> =
-            self.volumes.iter().filter(keeps).map(|one| format!("`{}`", one.name)).collect();
-        if names.is_empty() {
-            return "The flow contracts volumes, and trajectories come to an attractor.".into();
-        }
-        format!(
-            "The flow contracts volumes, and trajectories come to an attractor; {} cannot: a map that is symplectic for all weights has \
-             none.",
-            names.join(", ")
-        )
+        out
     }
 
     fn along(&self) -> Table {
