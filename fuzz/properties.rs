@@ -10,7 +10,8 @@ use gyroceptron::io::{
 use gyroceptron::layer::{CircleAction, HenonLayer, TorusAction, layer_parameter_count};
 use gyroceptron::measure::{Measurable, differing_components, fuzz};
 use gyroceptron::network::{
-    Architecture, GyroceptronShape, HenonNet, HenonShape, Model, NormalFormShape,
+    Architecture, CouplingGyroceptronShape, GyroceptronShape, HenonNet, HenonShape, Model,
+    NormalFormShape,
 };
 use gyroceptron::phase::Units;
 use gyroceptron::scalar::max_or_nan;
@@ -236,6 +237,47 @@ pub fn normal_form(data: &[u8]) -> Result<Outcome, String> {
     Ok(outcome)
 }
 
+pub fn coupling_gyroceptron(data: &[u8]) -> Result<Outcome, String> {
+    let u = &mut Unstructured::new(data);
+    let dof = small(u, 3);
+    let action: Vec<i32> = (0..dof).map(|_| i32::from(u.arbitrary::<i8>().unwrap_or(1))).collect();
+    let layers = |u: &mut Unstructured<'_>| -> Vec<usize> {
+        (0..small(u, 4) - 1).map(|_| small(u, 5)).collect()
+    };
+    let (psi, near_identity) = (layers(u), layers(u));
+    let (flow_time, epsilon) = (number(u), number(u));
+    let z = numbers(u, 2 * dof);
+    let couplings = 2 * psi.len() + near_identity.len();
+    let acts = action.iter().any(|m| *m != 0);
+    let shape = CouplingGyroceptronShape {
+        circle_action: CircleAction::new(action),
+        psi,
+        near_identity,
+        flow_time,
+    };
+    let weights = numbers(u, shape.parameter_count());
+    let finite = weights.iter().chain([&epsilon, &flow_time]).all(|v| v.is_finite());
+    let sound = finite && acts && flow_time != 0.0;
+    let architecture = Architecture::CouplingGyroceptron { shape, epsilon };
+    let model = match Model::new(architecture, weights.clone()) {
+        Ok(model) if sound => model,
+        Ok(_) => return Err("a model that should have been refused".into()),
+        Err(_) if !sound => return Ok(Outcome::Refused),
+        Err(reason) => return Err(format!("refused without a cause: {reason}")),
+    };
+    // A coupling lengthens by 3 and its shift, the turns around it by 2; five neurons and a bias.
+    let size = |v: &[f64]| v.iter().fold(0.0_f64, |m, x| max_or_nan(m, x.abs()));
+    let (w, scale) = (size(&weights).max(1.0), (epsilon * flow_time).abs().max(1.0));
+    let reach = 6_f64.powi(couplings as i32 + 1) * (size(&z) + scale * w * 6.0);
+    let range = reach * w * 8.0 < 1e150 && scale * w < 1e150;
+    let outcome = inverts(&model, &z, range)?;
+    let scaled = model.composition().near_identity_part();
+    if differing_components(&scaled.with_epsilon(0.0), &z) > 0 {
+        return Err(format!("moved at ε = 0: {z:?}"));
+    }
+    Ok(outcome)
+}
+
 /// A model file: raw bytes, or the file of a drawn model, written, read and
 /// compared, then read again with one byte changed.
 pub fn model(data: &[u8]) -> Result<Outcome, String> {
@@ -345,13 +387,14 @@ fn tensors(format: WeightsFormat, data: &[u8]) -> Result<Outcome, String> {
 }
 
 /// The targets by name.
-pub const TARGETS: [(&str, Property); 10] = [
+pub const TARGETS: [(&str, Property); 11] = [
     ("henon_layer", henon_layer),
     ("henon_net", henon_net),
     ("near_identity", near_identity),
     ("circle_action", circle_action),
     ("gyroceptron", gyroceptron),
     ("normal_form", normal_form),
+    ("coupling_gyroceptron", coupling_gyroceptron),
     ("model", model),
     ("scene", scene),
     ("npz", npz),

@@ -2,8 +2,8 @@
 
 use gyroceptron::layer::{AffineCoupling, CircleAction, Shear, coupling_parameter_count};
 use gyroceptron::measure::{
-    CertificateOptions, MeasuredStep, MeasuredSteps, OneStep, TrackedStep, Verdict, Walk, certify,
-    certify_map, certify_nearly_periodic, jacobian,
+    CertificateOptions, MeasuredSteps, OneStep, TrackedStep, Verdict, Walk, certify, certify_map,
+    certify_nearly_periodic, jacobian,
 };
 use gyroceptron::network::{
     Architecture, CouplingGyroceptron, CouplingGyroceptronShape, InitialWeights, Model,
@@ -192,10 +192,10 @@ fn bounds_of_the_way_back_are_those_of_a_contraction() {
             1
         }
         fn forward(&self, z: &mut [S]) {
-            z[1] = z[1] * S::from_f64(0.1);
+            z[1] *= S::from_f64(0.1);
         }
         fn inverse(&self, z: &mut [S]) {
-            z[1] = z[1] / S::from_f64(0.1);
+            z[1] /= S::from_f64(0.1);
         }
     }
     let there = TrackedStep { map: Shrink, direction: Direction::Forward };

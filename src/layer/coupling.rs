@@ -78,6 +78,18 @@ impl<'a, P: Scalar, const D: usize> AffineCoupling<'a, P, D> {
         Self { dof, width, w_in, b_in, of_scale, of_shift, scale, inverse: false }
     }
 
+    /// W, b, A, a, B and β.
+    pub fn weights(&self) -> [&'a [P]; 6] {
+        let Outputs { weights: to_scale, biases: of_scale } = self.of_scale;
+        let Outputs { weights: to_shift, biases: of_shift } = self.of_shift;
+        [self.w_in, self.b_in, to_scale, of_scale, to_shift, of_shift]
+    }
+
+    /// c.
+    pub fn scale(&self) -> P {
+        self.scale
+    }
+
     /// n, a constant where `D` is.
     #[inline(always)]
     fn n(&self) -> usize {

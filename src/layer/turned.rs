@@ -61,6 +61,11 @@ impl<'a, P: Scalar, const D: usize> TurnedCoupling<'a, P, D> {
     pub fn new(turn: &'a Turn<P>, shear: AffineCoupling<'a, P, D>) -> Self {
         Self { turn, shear }
     }
+
+    /// R(φ) and the coupling.
+    pub fn parts(&self) -> (&'a Turn<P>, &AffineCoupling<'a, P, D>) {
+        (self.turn, &self.shear)
+    }
 }
 
 impl<P: Scalar, T> Turned<'_, P, T> {

@@ -1,6 +1,5 @@
 //! det J = 1, where the determinant of a rounded matrix means anything.
 
-use super::rounding::inverse;
 use super::{Conditioned, Walk};
 use crate::scalar::Scalar;
 
@@ -23,8 +22,7 @@ pub fn determinant_ratio(walk: &Walk) -> Conditioned {
     let decomposition = dim as f64 * norm * norm;
     // d(log det) = tr(J⁻¹dJ), step by step.
     let mut of_rounding = 0.0;
-    for (jacobian, error) in walk.jacobian_steps() {
-        let inverse = inverse(jacobian, dim / 2);
+    for ((_, inverse), (_, error)) in walk.inverses().zip(walk.jacobian_steps()) {
         for i in 0..dim {
             for k in 0..dim {
                 of_rounding += inverse[i * dim + k].abs() * error[k * dim + i];

@@ -70,7 +70,8 @@ impl<'a> ThereAndBack<'a> {
         for (i, ((moved, start), square)) in point.iter().zip(z).zip(&squares).enumerate() {
             // Each step may lose a product that underflows to nothing.
             let least = self.steps.len() as f64 * SMALLEST;
-            let bound = u * libm::hypot(*square, *start) + least;
+            // Where a component is next to nothing, errors are rounded too.
+            let bound = u * libm::hypot(*square, *start) + u * u * reach + least;
             let error = coordinate(&self.domain, i).difference(moved - start).abs();
             let ratio = if error == 0.0 { 0.0 } else { error / bound };
             largest = max_or_nan(largest, ratio);

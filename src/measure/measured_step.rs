@@ -2,12 +2,14 @@
 //!
 //! Kicks of tanh potentials and turns have scales derived by hand. Those of any
 //! other step are found by running it on [`Tracked`] numbers ([`TrackedStep`]), of twists
-//! part by part: a new kind of step needs nothing here.
+//! part by part: a new kind of step needs nothing here, unless it saturates, as couplings do.
 
 use super::Numbers;
+use super::measured_coupling::CouplingStep;
 use super::measured_twist::TwistStep;
 use crate::layer::{
-    HenonMap, Kick, Potential, Shear, TanhPotential, Turn, TurnStep, Twist, quarter_turns,
+    HenonMap, Kick, Potential, Shear, TanhPotential, Turn, TurnStep, TurnedCoupling, Twist,
+    quarter_turns,
 };
 use crate::network::Visitor;
 use crate::phase::{Direction, Half, Map};
@@ -35,13 +37,18 @@ pub trait MeasuredStep {
     /// `out` ← a bound of how far the step is from linear over errors `spread`
     /// of z.
     fn curvature_magnitude(&self, z: &[f64], spread: &[f64], out: &mut [f64]);
+
+    /// Whether it may be symplectic. One that cannot be says so: beside large derivatives it does not show.
+    fn may_be_symplectic(&self) -> bool {
+        true
+    }
 }
 
 /// Steps in the order of application.
 pub type MeasuredSteps<'a> = Vec<Box<dyn MeasuredStep + 'a>>;
 
 /// A bound is for errors up to so many times what they are taken for.
-const ROOM: f64 = 100.0;
+pub(super) const ROOM: f64 = 100.0;
 
 /// Scales of the rounding errors of a potential's derivatives.
 pub trait Magnitudes {
@@ -610,6 +617,13 @@ impl<'a> Visitor<'a, f64> for AsMeasured {
 
     fn visit_twist<const D: usize>(self, twist: Twist<'a, f64, D>) -> MeasuredSteps<'a> {
         vec![Box::new(TwistStep(twist))]
+    }
+
+    fn visit_coupling<const D: usize>(
+        self,
+        coupling: TurnedCoupling<'a, f64, D>,
+    ) -> MeasuredSteps<'a> {
+        vec![Box::new(CouplingStep::new(coupling))]
     }
 
     fn visit_turn(self, turn: TurnStep<'a, f64>) -> MeasuredSteps<'a> {

@@ -20,6 +20,7 @@ mod jacobian;
 pub mod laws;
 mod level_set;
 mod measurable;
+mod measured_coupling;
 mod measured_step;
 mod measured_twist;
 mod near_identity;

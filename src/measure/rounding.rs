@@ -4,8 +4,8 @@ use super::measurable::coordinate;
 use super::{Coordinate, MeasuredStep, symplecticity_defect};
 use crate::random::Stream;
 use crate::scalar::{Dual, Scalar, max_or_nan};
-use faer::MatRef;
 use faer::linalg::solvers::DenseSolveCore;
+use faer::{Mat, MatRef};
 
 /// The points and Jacobians along a sequence of shears, with the scale of the
 /// rounding error that each of them makes.
@@ -22,19 +22,29 @@ pub struct Walk<'a> {
     value_errors: Vec<Vec<f64>>,
 }
 
-/// J⁻¹, row by row: of a symplectic J without a linear system, of any other by faer's LU decomposition.
-pub(super) fn inverse(jacobian: &[f64], dof: usize) -> Vec<f64> {
+/// J⁻¹, row by row: of a symplectic J without a linear system, of any other by faer's LU decomposition; infinite
+/// where that leaves no digit.
+fn inverse(jacobian: &[f64], dof: usize, may_be_symplectic: bool) -> Vec<f64> {
     /// Of |J|². Above rounding, and below what the inverse of another matrix would be off by.
     const SYMPLECTIC: f64 = 1e-8;
+    /// Of J·J⁻¹ − Id and J⁻¹·J − Id.
+    const RESIDUAL: f64 = 1e-8;
     let dim = 2 * dof;
     let matrix = MatRef::from_row_major_slice(jacobian, dim, dim);
     let defect = symplecticity_defect(matrix).norm_max();
     // What is not finite is told by its entries.
-    if !matrix.is_all_finite() || defect <= SYMPLECTIC * matrix.squared_norm_l2() {
+    let is_symplectic = may_be_symplectic && defect <= SYMPLECTIC * matrix.squared_norm_l2();
+    if !matrix.is_all_finite() || is_symplectic {
         return inverse_of_symplectic(jacobian, dof);
     }
     let inverse = matrix.partial_piv_lu().inverse();
-    (0..dim * dim).map(|k| inverse[(k / dim, k % dim)]).collect()
+    let identity = Mat::<f64>::identity(dim, dim);
+    let residuals = [&(matrix * &inverse), &(&inverse * matrix)];
+    let sound = |product: &Mat<f64>| (product - &identity).norm_max() <= RESIDUAL;
+    match residuals.into_iter().all(sound) {
+        true => (0..dim * dim).map(|k| inverse[(k / dim, k % dim)]).collect(),
+        false => vec![f64::INFINITY; dim * dim],
+    }
 }
 
 /// J⁻¹ = −ΩJᵀΩ for a symplectic J, row by row: no linear system is solved.
@@ -238,6 +248,15 @@ impl<'a> Walk<'a> {
         true
     }
 
+    /// The running Jacobian after each step, with its inverse.
+    pub(super) fn inverses(&self) -> impl Iterator<Item = (&[f64], Vec<f64>)> {
+        let mut may_be_symplectic = true;
+        self.jacobians[1..].iter().zip(self.steps).map(move |(jacobian, step)| {
+            may_be_symplectic &= step.may_be_symplectic();
+            (&jacobian[..], inverse(jacobian, self.dim / 2, may_be_symplectic))
+        })
+    }
+
     /// Bounds, in units of u, of how far a way back by the exact inverse of the
     /// first `count` steps ends from the start: √2 times the root of the sum of
     /// squares, and twice the plain sum, of |Jᵢ⁻¹|δᵢ over these steps, since the
@@ -250,8 +269,7 @@ impl<'a> Walk<'a> {
         let dim = self.dim;
         let mut squares = vec![0.0; dim];
         let mut sums = vec![0.0; dim];
-        for (jacobian, delta) in self.jacobians[1..=count].iter().zip(&self.value_errors) {
-            let inverse = inverse(jacobian, dim / 2);
+        for ((jacobian, inverse), delta) in self.inverses().take(count).zip(&self.value_errors) {
             for row in 0..dim {
                 let reach: f64 = (0..dim)
                     .filter(|column| delta[*column] != 0.0)

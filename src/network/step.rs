@@ -123,6 +123,12 @@ pub trait Visitor<'a, P: Scalar>: Sized {
         self.visit(twist)
     }
 
+    /// Takes a coupling in turned coordinates.
+    #[inline(always)]
+    fn visit_coupling<const D: usize>(self, coupling: TurnedCoupling<'a, P, D>) -> Self::Output {
+        self.visit(coupling)
+    }
+
     /// Takes a turn.
     #[inline(always)]
     fn visit_turn(self, turn: TurnStep<'a, P>) -> Self::Output {
@@ -185,7 +191,7 @@ impl<P: Scalar> Composition<P> {
                         let shear =
                             AffineCoupling::<P, $D>::new(self.dof(), width, scale, parameters);
                         let coupling = TurnedCoupling::new(turn, shear);
-                        visitor.visit(if inverse { coupling.inverse() } else { coupling })
+                        visitor.visit_coupling(if inverse { coupling.inverse() } else { coupling })
                     }};
                 }
                 match self.dof() {
