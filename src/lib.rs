@@ -59,9 +59,9 @@
 //!   [`Map`](phase::Map).
 //! - [`random`]: seeded streams.
 //! - [`layer`]: the kinds of step, each a shear bound to its parameters.
-//! - [`network`]: HénonNets, gyroceptrons, also in normal form, and SympNets over one flat
-//!   parameter vector.
-//! - [`system`]: the Hamiltonian systems.
+//! - [`network`]: HénonNets, gyroceptrons, also in normal form and of couplings, and SympNets over one
+//!   flat parameter vector.
+//! - [`system`]: the Hamiltonian systems, and one that dissipates.
 //! - [`flow`]: their flows, and data sets of flow maps.
 //! - [`train`]: loss, an optimiser each, schedules, checkpoints.
 //! - [`measure`]: from a map and points to numbers; the laws, generic over the

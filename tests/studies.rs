@@ -1299,6 +1299,21 @@ fn a_flow_with_dissipation_is_learnt_with_its_attractor() {
     assert!((along(0, "period") - 5.91 / 0.05).abs() < 0.05 * 5.91 / 0.05);
     assert!(along(1, "distance") < 0.5 * along(2, "distance"), "{found}");
 
+    // A Hamiltonian flow, nothing held out, a single state behind the first, from one point.
+    let kept = DISSIPATION
+        .replace("kind = \"van-der-pol\"", "kind = \"oscillators\"")
+        .replace("iterations = 60", "iterations = 2")
+        .replace("validation = 0.25", "validation = 0.0")
+        .replace("steps = 400\nevery = 1", "steps = 5\nevery = 5")
+        .replace("[[1.0, 0.3, 0.0, 0.0], [0.3, 0.0, 0.2, 0.0]]", "[[1.0, 0.3, 0.0, 0.0]]");
+    let folder = temporary();
+    let report = run_in(folder.path(), &parse("kept", &kept).expect("a scene"));
+    let text = render::markdown(&report);
+    assert!(text.contains("The flow is Hamiltonian: volumes are kept"), "{text}");
+    let found = render::json(&report)["studies"]["dissipation"].clone();
+    assert!(number(&found["volumes"][0]["of_flow"]).abs() < 1e-12);
+    assert!(found["along"][0]["period"].is_null());
+
     refused(&DISSIPATION.replace("every = 1", "every = 7"), &["every", "a divisor of steps"]);
     refused(&DISSIPATION.replace("points = 8", "points = 0"), &["points"]);
     refused(&DISSIPATION.replace("0.2, 0.0]]", "0.2]]"), &["initial"]);
