@@ -383,9 +383,9 @@ impl Results {
             return "The flow is Hamiltonian: volumes are kept.".into();
         };
         let mut out = format!(
-            "The flow takes a volume to {} of it in the geometric mean, and to less of it at {} of the points.",
-            Format::Percent.number(libm::exp(first.mean_of_flow)),
-            Format::Percent.number(first.shrinking)
+            "The flow makes volumes smaller at {} of the points; the geometric mean of all is {} of what they were.",
+            Format::Percent.number(first.shrinking),
+            Format::Percent.number(libm::exp(first.mean_of_flow))
         );
         let keeping = self.volumes.iter().filter(|one| one.symplectic);
         let names: Vec<String> = keeping.map(|one| format!("`{}`", one.name)).collect();
