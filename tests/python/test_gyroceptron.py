@@ -60,6 +60,27 @@ def test_the_invariant_of_a_normal_form_stays(pairs):
     assert along[0].min() > 0
 
 
+def test_couplings_are_invertible_and_not_symplectic(pairs):
+    q, p = np.hsplit(pairs[1], 2)
+    damped = np.hstack([q, 0.8 * p])
+    model = gyroceptron.train(
+        pairs[0], damped, [1, 0], architecture="coupling-gyroceptron", epsilon=0.05, flow_time=1.0,
+        theta=0.5, psi=(1, 3), near_identity=(4, 4), iterations=20,
+    )
+    assert model.kind == "coupling-gyroceptron"
+    z = pairs[0][:5]
+    assert np.abs(model.inverse(model.predict(z)[1]) - z).max() < 1e-12
+    assert np.abs(np.linalg.det(model.jacobian(z)) - 1).max() > 1e-2
+    certificate = model.verify(samples=20)
+    assert certificate.holds and "not claimed" in str(certificate)
+    with pytest.raises(gyroceptron.Error, match="symplectic"):
+        model.invariant(z)
+    with pytest.raises(gyroceptron.Error, match="epsilon"):
+        gyroceptron.train(
+            *pairs, [1, 0], architecture="coupling-gyroceptron", epsilon=0.0, iterations=1
+        )
+
+
 def test_the_structure_is_certified(model):
     certificate = model.verify(samples=20)
     assert certificate.holds and certificate.summary.startswith("holds: ")
