@@ -222,32 +222,44 @@ impl Measurable for Model {
     }
 }
 
-impl NearlyPeriodic for Gyroceptron<f64> {
-    fn map_at(&self, epsilon: f64) -> Box<dyn Measurable + '_> {
-        Box::new(self.with_epsilon(epsilon))
-    }
-    fn near_identity_at(&self, epsilon: f64) -> Box<dyn Measurable + '_> {
-        Box::new(self.near_identity().composition().with_epsilon(epsilon))
-    }
-    fn conjugation(&self) -> Box<dyn Measurable + '_> {
-        Box::new(self.psi())
-    }
-    fn action_weights(&self) -> &[i32] {
-        self.shape().circle_action.weights()
-    }
-    fn turn(&self, theta: f64, z: &mut [f64]) {
-        self.shape().circle_action.at(theta).apply(z, false);
-    }
-    fn conjugated_action_at(&self, theta: f64) -> Box<dyn Measurable + '_> {
-        Box::new(self.conjugated_circle_action(theta))
-    }
-    fn angle(&self) -> f64 {
-        self.theta()
-    }
-    fn epsilon(&self) -> f64 {
-        Gyroceptron::epsilon(self)
-    }
+/// What gyroceptrons have of [`NearlyPeriodic`], whatever their ψ and I_ε are made of.
+macro_rules! nearly_periodic {
+    ($network:ident, $near_identity:expr) => {
+        impl NearlyPeriodic for $network<f64> {
+            fn map_at(&self, epsilon: f64) -> Box<dyn Measurable + '_> {
+                Box::new(self.with_epsilon(epsilon))
+            }
+            fn near_identity_at(&self, epsilon: f64) -> Box<dyn Measurable + '_> {
+                let of: fn(&Self, f64) -> Composition<f64> = $near_identity;
+                Box::new(of(self, epsilon))
+            }
+            fn conjugation(&self) -> Box<dyn Measurable + '_> {
+                Box::new(self.psi())
+            }
+            fn action_weights(&self) -> &[i32] {
+                self.shape().circle_action.weights()
+            }
+            fn turn(&self, theta: f64, z: &mut [f64]) {
+                self.shape().circle_action.at(theta).apply(z, false);
+            }
+            fn conjugated_action_at(&self, theta: f64) -> Box<dyn Measurable + '_> {
+                Box::new(self.conjugated_circle_action(theta))
+            }
+            fn angle(&self) -> f64 {
+                self.theta()
+            }
+            fn epsilon(&self) -> f64 {
+                $network::epsilon(self)
+            }
+        }
+    };
 }
+
+nearly_periodic!(Gyroceptron, |net, epsilon| net
+    .near_identity()
+    .composition()
+    .with_epsilon(epsilon));
+nearly_periodic!(CouplingGyroceptron, |net, epsilon| net.near_identity().with_epsilon(epsilon));
 
 /// Any map that is written over the number type, as one step.
 ///
@@ -408,32 +420,5 @@ impl<M: Measurable> Measurable for Within<M> {
     }
     fn domain(&self) -> Vec<Coordinate> {
         self.domain.clone()
-    }
-}
-
-impl NearlyPeriodic for CouplingGyroceptron<f64> {
-    fn map_at(&self, epsilon: f64) -> Box<dyn Measurable + '_> {
-        Box::new(self.with_epsilon(epsilon))
-    }
-    fn near_identity_at(&self, epsilon: f64) -> Box<dyn Measurable + '_> {
-        Box::new(self.near_identity().with_epsilon(epsilon))
-    }
-    fn conjugation(&self) -> Box<dyn Measurable + '_> {
-        Box::new(self.psi())
-    }
-    fn action_weights(&self) -> &[i32] {
-        self.shape().circle_action.weights()
-    }
-    fn turn(&self, theta: f64, z: &mut [f64]) {
-        self.shape().circle_action.at(theta).apply(z, false);
-    }
-    fn conjugated_action_at(&self, theta: f64) -> Box<dyn Measurable + '_> {
-        Box::new(self.conjugated_circle_action(theta))
-    }
-    fn angle(&self) -> f64 {
-        self.theta()
-    }
-    fn epsilon(&self) -> f64 {
-        CouplingGyroceptron::epsilon(self)
     }
 }
