@@ -3,14 +3,14 @@
 use gyroceptron::layer::{AffineCoupling, CircleAction, Shear, coupling_parameter_count};
 use gyroceptron::measure::{
     CertificateOptions, MeasuredSteps, OneStep, TrackedStep, Verdict, Walk, certify, certify_map,
-    certify_nearly_periodic, jacobian,
+    certify_nearly_periodic, fuzz, jacobian,
 };
 use gyroceptron::network::{
     Architecture, CouplingGyroceptron, CouplingGyroceptronShape, InitialWeights, Model,
 };
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
-use gyroceptron::scalar::max_or_nan;
+use gyroceptron::scalar::{Dual, max_or_nan};
 
 fn architecture(action: &[i32], epsilon: f64) -> Architecture {
     Architecture::CouplingGyroceptron {
@@ -212,6 +212,57 @@ fn bounds_of_the_way_back_are_those_of_a_contraction() {
     let of = |law: &str| certificate.rows.iter().find(|row| row.law.contains(law)).expect("a row");
     assert_eq!(of("symplecticity").verdict, Verdict::Violated);
     assert_eq!(of("inversion").verdict, Verdict::Holds, "{certificate}");
+}
+
+/// A map that flattens points has no inverse, whatever is given for one: that is no matter of rounding.
+#[test]
+fn what_has_no_inverse_is_violated_and_not_ill_conditioned() {
+    struct Flatten;
+    impl<S: gyroceptron::scalar::Scalar> Map<S> for Flatten {
+        fn dof(&self) -> usize {
+            1
+        }
+        fn forward(&self, z: &mut [S]) {
+            z[1] = z[0] * S::from_f64(0.1);
+        }
+        fn inverse(&self, _: &mut [S]) {}
+    }
+    let certificate = certify_map(&OneStep(Flatten), OPTIONS);
+    let there = |row: &&gyroceptron::measure::Row| row.equation == "P⁻¹∘P = Id";
+    let row = certificate.rows.iter().find(there).expect("a row");
+    assert_eq!(row.verdict, Verdict::Violated, "{certificate}");
+    assert!(fuzz::inverted(&OneStep(Flatten), &[0.3, 0.7], true).is_err());
+}
+
+/// The derivatives by each parameter and coordinate, against duals one by one: to a few units of rounding, where the
+/// bounds of the suite are those of the worst case.
+#[test]
+fn the_pullback_is_the_derivative_to_rounding() {
+    type D = Dual<f64, 1>;
+    let model = network(&[1, 0], 0.2, InitialWeights::Normal { scale: 0.4 }, 9);
+    let map = model.composition();
+    let (z, c) = ([0.4, -0.9, 1.1, 0.3], [0.7, -0.2, 0.5, 1.3]);
+    let mut recording = map.recording();
+    let (mut moved, mut z_bar) = (z, c);
+    let mut bars = vec![0.0; map.parameters().len()];
+    map.forward_recording(&mut moved, &mut recording);
+    map.pullback(&mut recording, &mut z_bar, &mut bars);
+    let along = |which: usize| {
+        let lift = |(k, v): (usize, &f64)| D::variable(*v, usize::from(k != which));
+        let parameters = map.parameters().iter().enumerate().map(lift).collect();
+        let first = map.parameters().len();
+        let lifted = z.iter().enumerate().map(|(i, v)| (first + i, v)).map(lift);
+        let mut image: Vec<D> = lifted.collect();
+        let over = map.with_parameters::<D>(parameters, D::constant(0.2)).expect("as many");
+        over.forward(&mut image);
+        image.iter().zip(c).map(|(w, c)| c * w.eps[0]).sum::<f64>()
+    };
+    for (which, found) in bars.iter().chain(&z_bar).enumerate() {
+        let expected = along(which);
+        let error = (found - expected).abs();
+        assert!(error < 1e-13 * (1.0 + expected.abs()), "{which}: {found} {expected}");
+    }
+    assert!(bars.iter().filter(|bar| bar.abs() > 1e-3).count() > bars.len() / 2);
 }
 
 /// Each factor is bounded whatever its weights: there is no point that is moved to infinity or onto

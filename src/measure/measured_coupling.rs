@@ -1,6 +1,6 @@
 //! Couplings as measures see them.
 
-use super::measured_step::{MeasuredStep, ROOM, ShearMap, TrackedStep};
+use super::measured_step::{MeasuredStep, ROOM, ShearMap, TrackedStep, at_most};
 use crate::layer::TurnedCoupling;
 use crate::phase::Direction;
 use crate::scalar::{Dual, Elementary, Scalar};
@@ -22,8 +22,6 @@ impl<'a, const D: usize> CouplingStep<'a, D> {
 
 /// Of tanh next to a, for errors up to a hundred times d: a bound of its slope, and of how far it is from linear over d.
 fn tanh_near(a: f64, d: f64) -> (f64, f64) {
-    // Minima that keep a NaN of x.
-    let at_most = |most: f64, x: f64| if x > most { most } else { x };
     let slope = at_most(1.0, 4.0 * Elementary::exp(-2.0 * (a.abs() - ROOM * d)));
     // |tanh″| ≤ 2 sech².
     (slope, 2.0 * slope * at_most(1.0 + d, d * d))

@@ -50,6 +50,11 @@ pub type MeasuredSteps<'a> = Vec<Box<dyn MeasuredStep + 'a>>;
 /// A bound is for errors up to so many times what they are taken for.
 pub(super) const ROOM: f64 = 100.0;
 
+/// A minimum that keeps a NaN of x.
+pub(super) fn at_most(most: f64, x: f64) -> f64 {
+    if x > most { most } else { x }
+}
+
 /// Scales of the rounding errors of a potential's derivatives.
 pub trait Magnitudes {
     /// `out` ← a bound of |V″(y)| that rounding errors are measured by, n × n
@@ -110,8 +115,6 @@ impl<const D: usize> Magnitudes for TanhPotential<'_, f64, D> {
     fn curvature_magnitude(&self, y: &[f64], spread: &[f64], out: &mut [f64]) {
         let [w_in, _, w_out] = self.weights();
         let (n, h) = (y.len(), w_out.len());
-        // A minimum that keeps a NaN of x.
-        let at_most = |most: f64, x: f64| if x > most { most } else { x };
         out.fill(0.0);
         for j in 0..h {
             let mut d = 0.0;

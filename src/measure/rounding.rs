@@ -23,12 +23,15 @@ pub struct Walk<'a> {
 }
 
 /// J⁻¹, row by row: of a symplectic J without a linear system, of any other by faer's LU decomposition; infinite
-/// where that leaves no digit.
+/// where that leaves no digit, and 0 where there is none: a map that flattens points has no way back, and no rounding
+/// excuses one.
 fn inverse(jacobian: &[f64], dof: usize, may_be_symplectic: bool) -> Vec<f64> {
     /// Of |J|². Above rounding, and below what the inverse of another matrix would be off by.
     const SYMPLECTIC: f64 = 1e-8;
     /// Of J·J⁻¹ − Id and J⁻¹·J − Id.
     const RESIDUAL: f64 = 1e-8;
+    /// Of larger entries a determinant may cancel to 0.
+    const MODERATE: f64 = 1e6;
     let dim = 2 * dof;
     let matrix = MatRef::from_row_major_slice(jacobian, dim, dim);
     let defect = symplecticity_defect(matrix).norm_max();
@@ -36,6 +39,9 @@ fn inverse(jacobian: &[f64], dof: usize, may_be_symplectic: bool) -> Vec<f64> {
     let is_symplectic = may_be_symplectic && defect <= SYMPLECTIC * matrix.squared_norm_l2();
     if !matrix.is_all_finite() || is_symplectic {
         return inverse_of_symplectic(jacobian, dof);
+    }
+    if matrix.norm_max() <= MODERATE && matrix.determinant() == 0.0 {
+        return vec![0.0; dim * dim];
     }
     let inverse = matrix.partial_piv_lu().inverse();
     let identity = Mat::<f64>::identity(dim, dim);

@@ -172,11 +172,17 @@ pub trait NearlyPeriodic: Hamiltonian {
 /// splitting composes. H_A = ½Σ ω_j(q_j² + p_j²) turns planes.
 pub trait Splittable: NearlyPeriodic {
     /// z ← the coordinates in which the parts are simple. Applied once before
-    /// an integration.
-    fn enter<S: Elementary>(&self, z: &mut [S]);
+    /// an integration. None but the system's own, unless given.
+    #[inline(always)]
+    fn enter<S: Elementary>(&self, z: &mut [S]) {
+        let _ = z;
+    }
 
     /// The inverse of [`Splittable::enter`].
-    fn leave<S: Elementary>(&self, z: &mut [S]);
+    #[inline(always)]
+    fn leave<S: Elementary>(&self, z: &mut [S]) {
+        let _ = z;
+    }
 
     /// ω_j of each plane (q_j, p_j).
     fn frequencies(&self) -> Vec<f64>;

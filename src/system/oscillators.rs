@@ -87,10 +87,6 @@ impl NearlyPeriodic for Oscillators {
 
 /// A: both oscillators turn, with frequencies 1 and ε. B: p ← p − hε∇U.
 impl Splittable for Oscillators {
-    #[inline(always)]
-    fn enter<S: Elementary>(&self, _: &mut [S]) {}
-    #[inline(always)]
-    fn leave<S: Elementary>(&self, _: &mut [S]) {}
     fn frequencies(&self) -> Vec<f64> {
         vec![1.0, self.epsilon]
     }

@@ -102,10 +102,6 @@ impl NearlyPeriodic for ThreeOscillators {
 
 /// A: the oscillators turn, with frequencies 1, ω and ε. B: p ← p + hε sin(q₁ + q₂ + q₃).
 impl Splittable for ThreeOscillators {
-    #[inline(always)]
-    fn enter<S: Elementary>(&self, _: &mut [S]) {}
-    #[inline(always)]
-    fn leave<S: Elementary>(&self, _: &mut [S]) {}
     fn frequencies(&self) -> Vec<f64> {
         vec![1.0, self.frequency, self.epsilon]
     }

@@ -109,10 +109,6 @@ impl NearlyPeriodic for VanDerPol {
 /// A: both oscillators turn, with frequencies 1 and ε. B: excitation, damping and drive at fixed
 /// positions, p₁ ← e^{hε(1 − q₁² − q₂)}p₁, p₂ ← p₂ + (1 − e^{−hεγ})(½q₁²/γ − p₂).
 impl Splittable for VanDerPol {
-    #[inline(always)]
-    fn enter<S: Elementary>(&self, _: &mut [S]) {}
-    #[inline(always)]
-    fn leave<S: Elementary>(&self, _: &mut [S]) {}
     fn frequencies(&self) -> Vec<f64> {
         vec![1.0, self.epsilon]
     }
