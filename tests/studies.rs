@@ -1,5 +1,6 @@
 //! Studies of scenes, as a caller of the library runs them.
 
+use gyroceptron::flow::{Pairs, ReferenceTrajectories, Window, sample_of};
 use gyroceptron::io::{export_weights, load_model};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
@@ -7,9 +8,10 @@ use gyroceptron::measure::{
 };
 use gyroceptron::network::{Architecture, Gyroceptron, GyroceptronShape, InitialWeights, Model};
 use gyroceptron::phase::Map;
+use gyroceptron::random::Stream;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{Event, Folder, Observer, Report, Scene, find, parse, render, run};
-use gyroceptron::system::{FullOrbit, NearlyPeriodic, ParticleField};
+use gyroceptron::system::{FieldLines, FullOrbit, NearlyPeriodic, ParticleField};
 use gyroceptron::{Error, flow};
 use serde_json::Value;
 use std::path::Path;
@@ -785,6 +787,87 @@ fn a_family_is_judged_where_it_was_seen_and_where_not() {
         assert!(text.contains(words), "{words}: {text}");
     }
     assert!(folder.path().join("family.svg").exists());
+}
+
+/// Pairs of orbits begin where others end, on the map of the scene also at other times, in any
+/// order; those held out are of orbits of their own.
+#[test]
+fn pairs_are_along_orbits() {
+    let scene = "name = \"orbits\"\nseed = 3\n".to_owned()
+        + SURFACES.split("seed = 1\n").nth(1).expect("a set-up");
+    let scene = scene
+        .replace("samples = 200", "samples = 12")
+        .replace("validation = 0.25", "validation = 0.25\norbit = 5")
+        .replace("iterations = 3", "iterations = 3\nramp = [{ flow_time = 0.5, iterations = 1 }]");
+    let folder = temporary();
+    let report = run_in(folder.path(), &parse("orbits", &scene).expect("a scene"));
+    let found = &render::json(&report)["studies"]["pairs"];
+    assert_eq!((&found["training"], &found["held_out"]), (&60.into(), &15.into()));
+    let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    assert!(text.contains("60 for training, 5 along each of 12 orbits, 15 held out"), "{text}");
+
+    let system = FieldLines::new(4e-3);
+    let windows = [Window { low: vec![-1.04, -1.16], high: vec![1.04, 0.82], samples: 12 }];
+    let starts = sample_of(&system, &windows, &mut Stream::new(3, "data/training"));
+    let starts = starts.expect("points");
+    let turn = std::f64::consts::TAU;
+    let orbits = ReferenceTrajectories::of_flow(&system, &starts, turn, 5).expect("orbits");
+    let mut points: Vec<Vec<f64>> = Vec::new();
+    for (m, start) in starts.chunks_exact(2).enumerate() {
+        // Step by step, each orbit alone.
+        let mut z = start.to_vec();
+        for state in orbits.trajectories.of(m) {
+            assert!(z.iter().zip(state).all(|(a, b)| (a - b).abs() < 1e-9));
+            points.push(state.to_vec());
+            let (pair, error) = Pairs::of_flow(&system, z, turn).expect("a pair");
+            assert!(error < 1e-10);
+            z = pair.output().to_vec();
+        }
+    }
+    let stored = load_model(&folder.path().join("model.json")).expect("a model");
+    let region = stored.provenance.region.expect("a box");
+    for (k, high) in region.high.iter().enumerate() {
+        let of_orbits = points.iter().map(|z| z[k]).fold(f64::MIN, max_or_nan);
+        assert!(*high >= of_orbits - 1e-9, "{high} {of_orbits}");
+    }
+    let mut unordered = points.clone();
+    Stream::new(3, "data/training/orbits").shuffle(&mut points);
+    assert_ne!(points, unordered);
+    let digest = |points: &[Vec<f64>]| {
+        let pairs = Pairs::of_flow(&system, points.concat(), turn);
+        Value::from(pairs.expect("pairs").0.digest())
+    };
+    assert_eq!(found["digest"], digest(&points));
+    unordered.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    assert_ne!(found["digest"], digest(&unordered));
+
+    // Without orbits, nothing of it, as with other keys at their defaults.
+    let spelt_out = scene.replace("[data]", "[data]\nrelative = false\nepsilons = []");
+    assert_eq!(
+        parse("orbits", &spelt_out).expect("a scene"),
+        parse("orbits", &scene).expect("one")
+    );
+    let alone = parse("orbits", &scene.replace("orbit = 5", "orbit = 1")).expect("a scene");
+    assert_eq!(alone, parse("orbits", &scene.replace("\norbit = 5", "")).expect("a scene"));
+    let quick = parse("orbits", &scene).expect("a scene").quick();
+    let data = quick.setup.data.expect("data");
+    assert_eq!((data.orbit, data.windows[0].samples), (2, 12));
+    for (orbit, words) in [
+        ("orbit = 0", &["data.orbit"][..]),
+        ("orbit = 100000000", &["data.windows.samples", "at most 1"]),
+        ("orbit = 5\npairs = \"p.npz\"", &["data"]),
+    ] {
+        refused(&scene.replace("orbit = 5", orbit), words);
+    }
+    let (set_up, _) = scene.split_once("[surfaces]").expect("a set-up");
+    let (_, models) = scene.split_once("[[models]]").expect("a model");
+    let trained = format!("{}[[models]]{models}", set_up.replace("plots = [\"section\"]", ""));
+    assert!(parse("orbits", &trained).and_then(|scene| scene.complete()).is_ok());
+    let quarter =
+        trained.replace("flow_time = 6.283185307179586", "flow_time = 1.5707963267948966");
+    refused(&quarter, &["data.orbit", "a multiple of the period"]);
+    let independent = quarter.replace("orbit = 5", "");
+    assert!(parse("orbits", &independent).and_then(|scene| scene.complete()).is_ok());
 }
 
 fn extensive() -> bool {

@@ -159,9 +159,10 @@ impl<'a> Context<'a> {
         let system = self.system()?;
         let made = self.stage("reference flow of the training and held-out points", |context| {
             let (counted, mut others) = (Counted::new(system), 0);
+            let points = DataSets::points(declared, &counted, time, seed)?;
             let made = match declared.is_family() {
-                true => DataSets::of_family(declared, &counted, time, seed, &mut others),
-                false => DataSets::of_flow(declared, &counted, time, seed),
+                true => DataSets::of_family(declared, &counted, points, time, &mut others),
+                false => DataSets::of_flow(declared, &counted, points, time),
             };
             context.log.vector_fields(counted.vector_fields() + others);
             made
@@ -184,7 +185,8 @@ impl<'a> Context<'a> {
         let name = format!("reference flow for ε = {epsilon} and time {time}");
         let made = self.stage(&name, |context| {
             let counted = Counted::new(&system);
-            let made = DataSets::of_flow(declared, &counted, time, seed);
+            let points = DataSets::points(declared, &counted, context.flow_time()?, seed)?;
+            let made = DataSets::of_flow(declared, &counted, points, time);
             context.log.vector_fields(counted.vector_fields());
             made
         })?;
@@ -201,7 +203,8 @@ impl<'a> Context<'a> {
         let name = format!("reference flow for ε = {epsilon} and time {time}");
         self.stage(&name, |context| {
             let counted = Counted::new(&system);
-            let [training, held_out] = DataSets::points(declared, &system, seed)?;
+            let of_scene = context.flow_time()?;
+            let [training, held_out] = DataSets::points(declared, &counted, of_scene, seed)?;
             let points = if held_out.is_empty() { training } else { held_out };
             let (pairs, _) = FlowBy::pairs(declared.flow, &counted, points, time)?;
             context.log.vector_fields(counted.vector_fields());
@@ -354,10 +357,27 @@ pub(super) struct DataSets {
 }
 
 impl DataSets {
-    /// Training and held-out points.
-    fn points(data: &Data, system: &System, seed: u64) -> Result<[Vec<f64>; 2], Error> {
-        let points =
-            |windows: &[Window], stream| sample_of(system, windows, &mut Stream::new(seed, stream));
+    /// Training and held-out points: of the windows, and of the orbits from there under the map
+    /// of this time.
+    fn points(
+        data: &Data,
+        system: &Counted<'_, System>,
+        time: f64,
+        seed: u64,
+    ) -> Result<[Vec<f64>; 2], Error> {
+        let points = |windows: &[Window], stream: &str| {
+            let points = sample_of(system.inner(), windows, &mut Stream::new(seed, stream))?;
+            if data.orbit == 1 || points.is_empty() {
+                return Ok(points);
+            }
+            let orbits = FlowBy::trajectories(data.flow, system, &points, time, data.orbit)?;
+            let states = orbits.trajectories;
+            let all = (0..states.count()).flat_map(|m| states.of(m));
+            // In any order, so that each part of the pairs is of all orbits.
+            let mut rows: Vec<&[f64]> = all.collect();
+            Stream::new(seed, &format!("{stream}/orbits")).shuffle(&mut rows);
+            Ok(rows.concat())
+        };
         let held_out = data.held_out_windows();
         Ok([points(&data.windows, "data/training")?, points(&held_out, "data/held-out")?])
     }
@@ -365,10 +385,9 @@ impl DataSets {
     fn of_flow(
         data: &Data,
         system: &Counted<'_, System>,
+        [training_points, held_out_points]: [Vec<f64>; 2],
         time: f64,
-        seed: u64,
     ) -> Result<Self, Error> {
-        let [training_points, held_out_points] = Self::points(data, system.inner(), seed)?;
         let flow = |points| FlowBy::pairs(data.flow, system, points, time);
         let (training, mut reference_error) = flow(training_points)?;
         let held_out = if held_out_points.is_empty() {
@@ -417,12 +436,11 @@ impl DataSets {
     fn of_family(
         data: &Data,
         system: &Counted<'_, System>,
+        [training_points, held_out_points]: [Vec<f64>; 2],
         time: f64,
-        seed: u64,
         fields: &mut u64,
     ) -> Result<Self, Error> {
         let dim = 2 * system.dof();
-        let [training_points, held_out_points] = Self::points(data, system.inner(), seed)?;
         let (held_out, mut reference_error) =
             FlowBy::pairs(data.flow, system, held_out_points.clone(), time)?;
         let or = |values: &[f64], own: f64| match values {

@@ -174,8 +174,11 @@ impl Scene {
             model.training.as_mut().map(fewer);
             model.seeds = None;
         }
-        for window in self.setup.data.iter_mut().flat_map(|data| &mut data.windows) {
-            window.samples = window.samples.div_ceil(4);
+        if let Some(data) = &mut self.setup.data {
+            match data.orbit {
+                1 => data.windows.iter_mut().for_each(|w| w.samples = w.samples.div_ceil(4)),
+                _ => data.orbit = data.orbit.div_ceil(4),
+            }
         }
         self.studies.iter_mut().for_each(AnyStudy::shorten);
         self.parts = self.parts.into_iter().map(Self::quick).collect();

@@ -21,8 +21,8 @@ pub fn parse(place: &str, text: &str) -> Result<Scene, Error> {
             Error::content(place, "a scene", error.message().replace('\n', " "))
         })
     })?;
-    // Variants without fields let any key pass: what does not come back when
-    // the scene is written again was not understood.
+    // Variants without fields let any key pass: what does not come back beside a
+    // kind when the scene is written again was not understood.
     let written = toml::Value::try_from(&scene).ok();
     let given = toml::from_str::<toml::Value>(text).ok();
     if let (Some(written), Some(given)) = (written, given)
@@ -61,14 +61,16 @@ fn without_named_scenes<'a>(
     Ok((text.into(), scenes))
 }
 
-/// The first key that `given` has and `written` lacks, with its known
-/// neighbours.
+/// The first key of a kind that `given` has and `written` lacks, with its known
+/// neighbours. Elsewhere a key may be left out for its default value.
 fn stray_key(given: &toml::Value, written: &toml::Value) -> Option<(String, Vec<String>)> {
     match (given, written) {
         (toml::Value::Table(given), toml::Value::Table(written)) => {
+            let of_kind = given.contains_key("kind");
             given.iter().find_map(|(key, value)| match written.get(key) {
                 Some(other) => stray_key(value, other),
-                None => Some((key.clone(), written.keys().cloned().collect())),
+                None if of_kind => Some((key.clone(), written.keys().cloned().collect())),
+                None => None,
             })
         }
         (toml::Value::Array(given), toml::Value::Array(written)) => {

@@ -38,6 +38,10 @@ pub struct Data {
     /// Held-out points, as a share of each window's training points; of a file, as a share of
     /// its pairs.
     pub validation: f64,
+    /// How many pairs of the orbit of each point: the scene's flow map takes it so far, and each pair
+    /// begins where the one before ends. 1, unless given: pairs of independent points.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub orbit: usize,
     /// A file of pairs in place of windows and a system, as `gyroceptron train` takes them. A
     /// relative path is from the folder of the scene's file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -426,6 +430,9 @@ impl Setup {
             if let (Some(flow), Some(time)) = (data.flow, self.flow_time) {
                 flow.steps(time)?;
             }
+            if let (true, Some(time)) = (data.orbit > 1, self.flow_time) {
+                self.check_repeated(time).map_err(|e| e.at("data.orbit"))?;
+            }
         }
         if let Some(system) = &self.system {
             system.check()?;
@@ -495,7 +502,21 @@ impl Setup {
     }
 }
 
+fn one() -> usize {
+    1
+}
+
+fn is_one(count: &usize) -> bool {
+    *count == 1
+}
+
 impl Data {
+    /// How many pairs begin in these windows.
+    fn pairs_of(&self, windows: &[Window]) -> usize {
+        let each = |window: &Window| window.samples.saturating_mul(self.orbit);
+        windows.iter().map(each).fold(0, usize::saturating_add)
+    }
+
     /// The windows of the held-out points.
     pub(super) fn held_out_windows(&self) -> Vec<Window> {
         let of = |window: &Window| Window {
@@ -533,6 +554,7 @@ impl Data {
             ("epsilons", !self.epsilons.is_empty()),
             ("flow_times", !self.flow_times.is_empty()),
             ("relative", self.relative),
+            ("orbit", self.orbit != 1),
         ];
         let refused = |keys: &[(&str, bool)], expected: &str| {
             let key = keys.iter().find(|(_, given)| *given).map(|(key, _)| format!("data.{key}"));
@@ -560,8 +582,10 @@ impl Data {
             let expected = "a share between 0 and 1";
             return Err(Error::invalid("data.validation", self.validation, expected));
         }
-        if let Some(window) = self.windows.iter().find(|w| w.samples > MOST) {
-            let expected = format!("at most {MOST}");
+        Error::check_count_range("data.orbit", self.orbit, 1, MOST)?;
+        let most = MOST / self.orbit;
+        if let Some(window) = self.windows.iter().find(|w| w.samples > most) {
+            let expected = format!("at most {most}");
             return Err(Error::invalid("data.windows.samples", window.samples, expected));
         }
         if self.pairs.is_some() {
@@ -584,7 +608,7 @@ impl Data {
         for time in &self.flow_times {
             Error::check_range("data.flow_times", *time, Error::LEAST_POSITIVE, f64::MAX)?;
         }
-        let samples: usize = self.windows.iter().map(|w| w.samples).sum();
+        let samples = self.pairs_of(&self.windows);
         let maps = self.epsilons.len().max(1).saturating_mul(self.flow_times.len().max(1));
         if samples < maps {
             let expected = format!("a sample for each of {maps} maps");
@@ -594,7 +618,7 @@ impl Data {
             let expected = "false, but for several maps of ε other than 0";
             return Err(Error::invalid("data.relative", true, expected));
         }
-        let held_out: usize = self.held_out_windows().iter().map(|w| w.samples).sum();
+        let held_out = self.pairs_of(&self.held_out_windows());
         if self.is_family() && held_out < maps {
             let expected = format!("a share that leaves a held-out point for each of {maps} maps");
             return Err(Error::invalid("data.validation", self.validation, expected));

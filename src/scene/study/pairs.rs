@@ -33,11 +33,17 @@ impl Study for PairsStudy {
         let data = context.data()?;
         let (training, held_out) = (&data.training, data.held_out.as_ref().map_or(0, Pairs::len));
         let digest = training.digest();
+        let declared = context.scene.setup.data.as_ref();
+        let orbit = declared.map_or(1, |data| data.orbit);
+        let of_orbits = match orbit {
+            1 => String::new(),
+            _ => format!(", {orbit} along each of {} orbits", training.len() / orbit),
+        };
         let mut facts = Table::of_facts();
         facts.fact(
             "pairs",
             format!(
-                "{} for training, {held_out} held out; SHA-256 `{}…`",
+                "{} for training{of_orbits}, {held_out} held out; SHA-256 `{}…`",
                 training.len(),
                 &digest[..DIGITS.min(digest.len())]
             ),
@@ -85,6 +91,7 @@ impl Study for PairsStudy {
             data: json!({
                 "digest": digest,
                 "training": training.len(),
+                "orbit": orbit,
                 "held_out": held_out,
                 "units": data.units,
                 "reference_error": data.reference_error,
