@@ -184,7 +184,8 @@ pub fn gyroceptron(data: &[u8]) -> Result<Outcome, String> {
     Ok(outcome)
 }
 
-/// A gyroceptron in normal form: several circles, any flow time, any of its parts left out.
+/// A gyroceptron in normal form, or a nearly-integrable map: several circles, any flow time, any of its
+/// parts left out.
 pub fn normal_form(data: &[u8]) -> Result<Outcome, String> {
     let u = &mut Unstructured::new(data);
     let dof = small(u, 4);
@@ -203,15 +204,19 @@ pub fn normal_form(data: &[u8]) -> Result<Outcome, String> {
     let twists: Vec<usize> =
         (0..small(u, 5) - 1).map(|k| small(u, 6 + (k + 1) as u8 % 2) - (k + 1) % 2).collect();
     let (flow_time, epsilon) = (number(u), number(u));
+    let perturbed = u.arbitrary::<u8>().unwrap_or(0) % 2 == 1;
+    let perturbation = perturbed.then(|| layers(u, 6));
     let z = numbers(u, 2 * dof);
     let most = action.circles().iter().flat_map(CircleAction::weights).map(|m| m.abs()).max();
-    let widest = psi.iter().chain(&kicks).chain(&twists).copied().fold(1, usize::max);
-    let steps = 16 * psi.len() + 2 * kicks.len() + twists.len();
+    let perturbing = perturbation.iter().flatten();
+    let widths = psi.iter().chain(&kicks).chain(&twists).chain(perturbing.clone());
+    let widest = widths.copied().fold(1, usize::max);
+    let steps = 16 * psi.len() + 2 * kicks.len() + twists.len() + perturbing.count();
     let turned = (0..dof).filter(|&j| action.circles().iter().any(|c| c.weights()[j] != 0));
     let acts = |circle: &CircleAction| circle.weights().iter().any(|m| *m != 0);
     let sound =
         (1..=turned.count()).contains(&action.circles().len()) && action.circles().iter().all(acts);
-    let shape = NormalFormShape { action, psi, kicks, twists, flow_time, perturbation: None };
+    let shape = NormalFormShape { action, psi, kicks, twists, flow_time, perturbation };
     let weights = numbers(u, shape.parameter_count());
     let finite = weights.iter().chain([&epsilon, &flow_time]).all(|v| v.is_finite());
     let model = match Model::new(Architecture::NormalForm { shape, epsilon }, weights.clone()) {

@@ -1036,6 +1036,13 @@ fn surfaces_tell_methods_apart() {
         let largest = number(&method["surfaces"][0][1]);
         (method, largest)
     };
+    // All lines together err by the mean square of what each does.
+    for method in found["methods"].as_array().expect("methods") {
+        let lines = method["early_of_lines"].as_array().expect("lines");
+        let squares: f64 = lines.iter().map(|early| number(early).powi(2)).sum();
+        let all = number(&method["early"]);
+        assert!(lines.len() == 2 && (squares / 2.0 / (all * all) - 1.0).abs() < 1e-9, "{method}");
+    }
     let (exact, on) = of("Gauss–Legendre, 6 stages", Some(10));
     assert!(on < 1e-9 && number(&exact["early"]) < 1e-10, "{exact}");
     assert_eq!(ends(&exact["island"]), island);

@@ -138,6 +138,7 @@ fn the_conformance_page_names_what_there_is() {
         "determinant",
         "evaluation",
         "exact_relations",
+        "nearly_integrable",
         "normal_form",
         "precision",
         "symp_net",

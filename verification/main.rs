@@ -20,6 +20,7 @@ mod inversion;
 mod mutants;
 mod near_identity;
 mod near_periodicity;
+mod nearly_integrable;
 mod normal_form;
 mod precision;
 mod report;

@@ -2,8 +2,8 @@
 //! law has to reject one.
 
 use crate::{
-    adiabatic, coupling, gradients, normal_form, precision, suite, symp_net, tanh, tolerances,
-    torus,
+    adiabatic, coupling, gradients, nearly_integrable, normal_form, precision, suite, symp_net,
+    tanh, tolerances, torus,
 };
 use gyroceptron::layer::{
     CircleAction, HenonLayer, HenonMap, Kick, KickForm, Potential, TanhPotential,
@@ -740,11 +740,13 @@ fn rows_of(fault: Fault) -> Vec<Row> {
             let mut rows = symp_net::rows_of_mutant(fault);
             rows.extend(torus::rows_of_mutant(fault));
             rows.extend(normal_form::rows_of_mutant(fault));
+            rows.extend(nearly_integrable::rows_of_mutant(fault));
             rows.extend(coupling::rows_of_mutant(fault));
             rows
         }
         Fault::EpsilonIgnored | Fault::ConjugatedOnce | Fault::AngleSlips => {
             let mut rows = map_rows(fault);
+            rows.extend(nearly_integrable::rows_of_mutant(fault));
             rows.extend(coupling::rows_of_mutant(fault));
             rows
         }
@@ -752,8 +754,12 @@ fn rows_of(fault: Fault) -> Vec<Row> {
         | Fault::TwistWeight
         | Fault::TwistSeesPlane
         | Fault::TwistSkewForm
-        | Fault::TwistFriction
-        | Fault::OtherChart => normal_form::rows_of_mutant(fault),
+        | Fault::TwistFriction => normal_form::rows_of_mutant(fault),
+        Fault::OtherChart => {
+            let mut rows = normal_form::rows_of_mutant(fault);
+            rows.extend(nearly_integrable::rows_of_mutant(fault));
+            rows
+        }
         Fault::TorusInverse | Fault::TorusPullback => torus::rows_of_mutant(fault),
         _ => map_rows(fault),
     }

@@ -2,8 +2,8 @@
 
 use crate::{
     adiabatic, circle_action, coupling, determinant, evaluation, exact_relations, gradients,
-    inversion, near_identity, near_periodicity, normal_form, precision, suite, symp_net,
-    symplecticity, tanh, tolerances, torus,
+    inversion, near_identity, near_periodicity, nearly_integrable, normal_form, precision, suite,
+    symp_net, symplecticity, tanh, tolerances, torus,
 };
 use gyroceptron::measure::{Row, Verdict};
 use gyroceptron::scene::{CERTIFICATE_HEADINGS, certificate_cells};
@@ -16,7 +16,7 @@ pub struct Law {
     pub stated: usize,
 }
 
-pub const LAWS: [Law; 16] = [
+pub const LAWS: [Law; 17] = [
     Law { file: "symplecticity", rows: symplecticity::rows, stated: symplecticity::STATED },
     Law { file: "inversion", rows: inversion::rows, stated: inversion::STATED },
     Law { file: "near_identity", rows: near_identity::rows, stated: near_identity::STATED },
@@ -34,6 +34,11 @@ pub const LAWS: [Law; 16] = [
     Law { file: "symp_net", rows: symp_net::rows, stated: symp_net::STATED },
     Law { file: "torus", rows: torus::rows, stated: torus::STATED },
     Law { file: "normal_form", rows: normal_form::rows, stated: normal_form::STATED },
+    Law {
+        file: "nearly_integrable",
+        rows: nearly_integrable::rows,
+        stated: nearly_integrable::STATED,
+    },
     Law { file: "coupling", rows: coupling::rows, stated: coupling::STATED },
     Law { file: "tanh", rows: tanh::rows, stated: tanh::STATED },
     Law { file: "precision", rows: precision::rows, stated: precision::STATED },

@@ -271,12 +271,8 @@ pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate
             }
             Model::NormalForm(network) => {
                 let mut out = of_map_resolved_by_steps(network, &samples);
-                out.push(
-                    laws::normal_form(network, samples.points())
-                        .stating("P = χ∘K_εΦ_θT∘χ⁻¹, bitwise"),
-                );
-                let integrable = of_actions(&network.at_epsilon(0.0), &samples);
-                out.extend(integrable.into_iter().map(|tally| tally.where_("ε = 0")));
+                let at_zero = network.at_epsilon(0.0);
+                out.extend(laws::nearly_integrable(network, &at_zero, &samples));
                 out
             }
             Model::CouplingGyroceptron(network) => of_any_family(network, &samples),
@@ -365,7 +361,7 @@ fn samples_of(map: &(impl Measurable + ?Sized), options: CertificateOptions) -> 
 
 fn of_normal_form(map: &dyn NormalFormed, samples: &Samples) -> Vec<Tally> {
     let mut out = of_map_resolved_by_steps(map, samples);
-    out.extend(of_actions(map, samples));
+    out.extend(laws::integrable(map, samples));
     out
 }
 
@@ -374,13 +370,6 @@ fn of_normal_form(map: &dyn NormalFormed, samples: &Samples) -> Vec<Tally> {
 fn of_map_resolved_by_steps(map: &dyn Measurable, samples: &Samples) -> Vec<Tally> {
     let symplecticity = laws::symplecticity_of("symplecticity of P", map, samples.points());
     of_map_with(symplecticity, map, samples)
-}
-
-fn of_actions(map: &dyn NormalFormed, samples: &Samples) -> Vec<Tally> {
-    let points = samples.points();
-    let mut out = vec![laws::normal_form(map, points), laws::equivariance(map, samples)];
-    out.extend(laws::actions(map, points));
-    out
 }
 
 fn of_map(map: &dyn Measurable, samples: &Samples) -> Vec<Tally> {

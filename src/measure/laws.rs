@@ -400,6 +400,25 @@ pub fn normal_form(map: &dyn NormalFormed, points: &[f64]) -> Tally {
     Tally::of_counts("composition", "P = χ∘Φ_θT_ε∘χ⁻¹, bitwise").extend_at(points, dim, counts)
 }
 
+/// What a map in normal form has of one: [`normal_form`], [`equivariance`] and [`actions`].
+pub fn integrable(map: &dyn NormalFormed, samples: &Samples) -> Vec<Tally> {
+    let mut out = vec![normal_form(map, samples.points()), equivariance(map, samples)];
+    out.extend(actions(map, samples.points()));
+    out
+}
+
+/// What a [perturbed](crate::network::NormalFormShape::perturbation) map has of a normal form: that it is
+/// its composition, and at ε = 0, as `at_zero`, all that is [`integrable`].
+pub fn nearly_integrable(
+    map: &dyn NormalFormed,
+    at_zero: &dyn NormalFormed,
+    samples: &Samples,
+) -> Vec<Tally> {
+    let whole = normal_form(map, samples.points()).stating("P = χ∘K_εΦ_θT∘χ⁻¹, bitwise");
+    let at_zero = integrable(at_zero, samples).into_iter().map(|tally| tally.where_("ε = 0"));
+    std::iter::once(whole).chain(at_zero).collect()
+}
+
 /// P∘(χΦ_αχ⁻¹) = (χΦ_αχ⁻¹)∘P for angles α of all circles, by [`equivariance_ratio`].
 pub fn equivariance(map: &dyn NormalFormed, samples: &Samples) -> Tally {
     let circles = map.action().circles().len();

@@ -213,6 +213,8 @@ struct Found {
     steps: Option<usize>,
     /// The root mean square distance from the reference over the early points.
     early: f64,
+    /// The same of each line.
+    early_of_lines: Vec<f64>,
     /// The median and the largest distance of the last points from the surface of the reference, for
     /// each line.
     surfaces: Vec<[f64; 2]>,
@@ -253,16 +255,24 @@ impl Judge<'_> {
         island: Option<Locked>,
     ) -> Found {
         let early = self.early(orbits.values(), orbits);
+        let early_of_lines = (0..orbits.count()).map(|m| self.early_of(orbits, m)).collect();
         let surfaces = (0..orbits.count()).map(|m| self.surface(orbits, m)).collect();
         let island = island.map(|locked| [locked.low, locked.high]);
         let oscillation = self.oscillation(orbits);
-        Found { name: name.to_owned(), steps, early, surfaces, oscillation, island }
+        Found { name: name.to_owned(), steps, early, early_of_lines, surfaces, oscillation, island }
     }
 
     fn early(&self, states: &[f64], orbits: &Trajectories) -> f64 {
         let row = 2 * orbits.count();
         let early = row..row * (self.options.early + 1);
         root_mean_square_distance(&states[early.clone()], &self.reference.values()[early], 2)
+    }
+
+    fn early_of(&self, orbits: &Trajectories, m: usize) -> f64 {
+        let early = |of: &Trajectories| -> Vec<f64> {
+            of.of(m).skip(1).take(self.options.early).flatten().copied().collect()
+        };
+        root_mean_square_distance(&early(orbits), &early(self.reference), 2)
     }
 
     /// The median and the largest distance of the last points of a line from the surface of the
