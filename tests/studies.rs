@@ -1,13 +1,13 @@
 //! Studies of scenes, as a caller of the library runs them.
 
 use gyroceptron::flow::{Pairs, ReferenceTrajectories, Window, sample_of};
-use gyroceptron::io::{export_weights, load_model};
+use gyroceptron::io::{StoredModel, export_weights, load_model, save_model};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
     AdiabaticOrbit, drift_exponent, near_identity_rms, settling_iterations,
 };
 use gyroceptron::network::{Architecture, Gyroceptron, GyroceptronShape, InitialWeights, Model};
-use gyroceptron::phase::Map;
+use gyroceptron::phase::{Map, Units};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{Event, Folder, Observer, Report, Scene, find, parse, render, run};
@@ -409,7 +409,53 @@ fn weights_of_a_file_stand_beside_trained_ones() {
     assert_eq!(models[0]["own_adiabatic"], models[1]["own_adiabatic"]);
     let text = std::fs::read_to_string(second.path().join("report.md")).expect("a report");
     assert!(text.contains("The invariant 𝔍₀∘ψ⁻¹ of `published` moves by up to"));
-    assert!(scene.with_weights(Path::new("gone.npz")).0.complete().is_ok());
+    let gone = scene.clone().with_weights(Path::new("gone.npz")).0;
+    assert!(gone.complete().is_ok());
+    assert!(gone.check_networks().expect_err("no file").to_string().contains("gone.npz"));
+
+    // A model of a scene or of `train`, of any architecture, as it is.
+    let path = first.path().join("model.json");
+    let third = temporary();
+    let (scene, _) = scene.with_weights(&path);
+    scene.check_networks().expect("it is there");
+    let again = run_in(third.path(), &scene);
+    assert_eq!(best(&again, 1), best(&trained, 0));
+    let kept = load_model(&third.path().join("model-published.json")).expect("a model").model;
+    assert_eq!(kept.composition().parameters(), model.composition().parameters());
+    let other = temporary();
+    let with = |from: &str, to: &str, words: &[&str]| {
+        let text = FILE.replace(from, to);
+        assert!(text != FILE);
+        let (scene, _) = parse("file", &text).expect("a scene").with_weights(&path);
+        let told = failed_in(&other.path().join(words[0].replace(' ', "-")), &scene);
+        assert!(
+            told.contains("model.json") && words.iter().all(|word| told.contains(word)),
+            "{told}"
+        );
+    };
+    with("epsilon = 0.01", "epsilon = 0.02", &["a model of ε = 0.02", "0.01"]);
+    with("flow_time = 0.5", "flow_time = 0.25", &["a model of flow time 0.25", "0.5"]);
+    let stored = load_model(&path).expect("a model");
+    let in_units = Units::new(vec![0.0; 4], vec![2.0; 4]).expect("units");
+    save_model(&path, &StoredModel { units: Some(in_units), ..stored }).expect("written");
+    with("iterations = 20", "iterations = 21", &["units of its own"]);
+}
+
+/// A relative path of a network is from the folder of the scene's file.
+#[test]
+fn networks_are_found_beside_their_scene() {
+    let folder = temporary();
+    let text = FILE.replace("kind = \"file\"", "kind = \"file\", path = \"model.json\"");
+    let scene = parse("file", &text).and_then(|s| s.with_files_from(folder.path())).expect("one");
+    let told = scene.check_networks().expect_err("not there yet").to_string();
+    assert!(told.contains("models.published") && told.contains("model.json"), "{told}");
+    let alone = FILE.replace("[[models]]\nname = \"published\"\nnetwork = { kind = \"file\" }\nweights = { kind = \"glorot\" }\n", "");
+    run_in(&folder.path().join("run"), &parse("alone", &alone).expect("a scene"));
+    std::fs::copy(folder.path().join("run/model.json"), folder.path().join("model.json"))
+        .expect("copied");
+    scene.check_networks().expect("beside it");
+    std::fs::write(folder.path().join("model.json"), "{}").expect("written");
+    assert!(scene.check_networks().is_err());
 }
 
 /// The learnt invariant along both orbits, by the definition.

@@ -62,8 +62,8 @@ pub struct Run {
     #[arg(long)]
     pub quick: bool,
     /// Weights trained elsewhere, for scenes with a network that takes its own from a
-    /// file, such as published-weights.
-    #[arg(long, value_name = "FILE.safetensors|FILE.npz|FILE.index")]
+    /// file, such as published-weights, or a model.
+    #[arg(long, value_name = "FILE.safetensors|FILE.npz|FILE.index|FILE.json")]
     pub weights: Option<PathBuf>,
     #[command(flatten)]
     pub common: Common,

@@ -50,7 +50,7 @@ pub fn read_scene(name: &str) -> Result<Scene, Error> {
     if path.extension().is_some_and(|e| e == "toml") {
         let text = std::fs::read_to_string(path).map_err(|reason| Error::read(path, reason))?;
         let scene = parse(name, &text)?;
-        scene.with_data_from(path.parent().unwrap_or(Path::new("")))
+        scene.with_files_from(path.parent().unwrap_or(Path::new("")))
     } else {
         find(name)?.scene()
     }
@@ -90,9 +90,8 @@ fn run_scene(arguments: &Run) -> Result<Status, Error> {
             let expected = "a scene with a network of kind \"file\"";
             return Err(Error::invalid("--weights", &scene.name, expected));
         }
-        // Before anything is computed.
-        read_tensors(file)?;
     }
+    scene.check_networks()?;
     let (with_files, lacking) = scene.without_parts_that_lack_files();
     scene = with_files;
     for part in lacking {

@@ -1,5 +1,6 @@
 //! A scene: a set-up, studies of it, or parts.
 
+use super::learning::check_network;
 use super::setup::{NetworkSpec, Setup, check_name};
 use super::study::{AnyStudy, SceneFile, Study};
 use crate::error::Error;
@@ -112,22 +113,39 @@ impl Scene {
         Ok(())
     }
 
-    /// The scene with the relative paths of its data taken from a folder, in all its parts, and
+    /// The scene with the relative paths of its data and networks taken from a folder, in all its parts, and
     /// absolute, so that it can be run from anywhere.
     ///
     /// # Errors
     /// [`Error::Read`] when the current folder is not known.
-    pub fn with_data_from(mut self, folder: &Path) -> Result<Self, Error> {
-        if let Some(data) = &mut self.setup.data {
-            for path in [&mut data.pairs, &mut data.trajectories].into_iter().flatten() {
-                let joined = folder.join(&*path);
-                *path =
-                    std::path::absolute(&joined).map_err(|reason| Error::read(&joined, reason))?;
-            }
+    pub fn with_files_from(mut self, folder: &Path) -> Result<Self, Error> {
+        let Setup { data, models, .. } = &mut self.setup;
+        let of_data = data.iter_mut().flat_map(|data| [&mut data.pairs, &mut data.trajectories]);
+        let of_networks = models.iter_mut().filter_map(|model| match &mut model.network {
+            NetworkSpec::File { path } => Some(path),
+            _ => None,
+        });
+        for path in of_data.chain(of_networks).flatten() {
+            let joined = folder.join(&*path);
+            *path = std::path::absolute(&joined).map_err(|reason| Error::read(&joined, reason))?;
         }
-        let parts = self.parts.into_iter().map(|part| part.with_data_from(folder));
+        let parts = self.parts.into_iter().map(|part| part.with_files_from(folder));
         self.parts = parts.collect::<Result<_, _>>()?;
         Ok(self)
+    }
+
+    /// Fails where a file of a network, of its own or of a part, cannot be read: before anything is
+    /// computed.
+    ///
+    /// # Errors
+    /// Those of [`load_model`](crate::io::load_model) and [`read_tensors`](crate::io::read_tensors).
+    pub fn check_networks(&self) -> Result<(), Error> {
+        for model in &self.setup.models {
+            if let NetworkSpec::File { path: Some(path) } = &model.network {
+                check_network(path).map_err(|e| e.at(format!("models.{}", model.name)))?;
+            }
+        }
+        self.parts.iter().try_for_each(Self::check_networks)
     }
 
     /// The scene with another seed, in all its parts.

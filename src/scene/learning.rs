@@ -6,15 +6,15 @@ use super::run::Event;
 use super::setup::{Attempt, ModelSpec, NetworkSpec};
 use crate::error::Error;
 use crate::io::{
-    Provenance, StoredModel, file_digest, import_weights, load_checkpoint, save_checkpoint,
-    save_model,
+    Provenance, StoredModel, file_digest, import_weights, load_checkpoint, load_model,
+    read_tensors, save_checkpoint, save_model,
 };
-use crate::network::Model;
+use crate::network::{Architecture, Model};
 use crate::train::{
     Checkpoint, Control, Leg, LegResult, Loss, Objective, Outcome, Place, Progress, Rung,
     Scheduled, Starts, Stop, TrainingOptions, TrainingRecord, Watch, train_schedule,
 };
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// A network before and after training.
@@ -222,8 +222,7 @@ fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Tr
         let (place, key) = (format!("scene {}", scene.name), "models.network.path");
         return Err(Error::Missing { place, key, needed_by: spec.name }.into());
     };
-    let subject = context.subject()?;
-    let model = import_weights(path, subject.circle_action(), subject.epsilon())?;
+    let model = read_network(context, path)?;
     let objective = Objective::new(&scene.setup.training_of(&spec).loss, &data.training)?;
     let held_out = data.held_out.as_ref();
     let validation = held_out.map(|pairs| Objective::new(&Loss::MeanSquaredError, pairs));
@@ -253,4 +252,48 @@ fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Tr
         stop: Stop::NotTrained,
     };
     Ok(Trained { network: spec.name.clone(), spec, initial: model, legs: Vec::new(), outcome })
+}
+
+fn is_of_model(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == "json")
+}
+
+/// Fails where a file of a network cannot be read.
+///
+/// # Errors
+/// Those of [`load_model`] and [`read_tensors`].
+pub(super) fn check_network(path: &Path) -> Result<(), Error> {
+    if is_of_model(path) { load_model(path).map(drop) } else { read_tensors(path).map(drop) }
+}
+
+/// The network of a model's file, or of weights of a gyroceptron.
+fn read_network(context: &Context<'_>, path: &Path) -> Result<Model, Error> {
+    let (subject, time) = (context.subject()?, context.flow_time()?);
+    if !is_of_model(path) {
+        return import_weights(path, subject.circle_action(), subject.epsilon());
+    }
+    let StoredModel { model, units, provenance } = load_model(path)?;
+    let place = path.display().to_string();
+    let of_another = |expected: String, found: String| Error::content(&place, expected, found);
+    let architecture = model.architecture();
+    if architecture.dof() != subject.dof() {
+        let expected = format!("a model of {} degrees of freedom", subject.dof());
+        return Err(of_another(expected, architecture.dof().to_string()));
+    }
+    let has_circle =
+        !matches!(architecture, Architecture::HenonNet { .. } | Architecture::SympNet { .. });
+    if has_circle && architecture.epsilon() != subject.epsilon() {
+        let expected = format!("a model of ε = {}", subject.epsilon());
+        return Err(of_another(expected, architecture.epsilon().to_string()));
+    }
+    if let Some(own) = provenance.flow_time
+        && own != time
+    {
+        return Err(of_another(format!("a model of flow time {time}"), own.to_string()));
+    }
+    if units.is_some() {
+        let expected = "a model in the coordinates of the system".to_owned();
+        return Err(of_another(expected, "one with units of its own".into()));
+    }
+    Ok(model)
 }

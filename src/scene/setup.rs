@@ -220,10 +220,11 @@ pub enum NetworkSpec {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         circle_action: Option<CircleAction>,
     },
-    /// A gyroceptron with the weights of a file, `.safetensors` or `.npz`, as
+    /// Any network of a file `.json`, as `train` and scenes write them, for the same ε and flow time; or a gyroceptron
+    /// with the weights of a `.safetensors`, `.npz` or `.index`, as
     /// [`import_weights`](crate::io::import_weights) takes them: it is not trained.
     File {
-        /// The file.
+        /// The file. A relative path is from the folder of the scene's file.
         path: Option<PathBuf>,
     },
     /// An LA-SympNet.
