@@ -1,17 +1,19 @@
 //! Studies of scenes, as a caller of the library runs them.
 
 use gyroceptron::flow::{Pairs, ReferenceTrajectories, Window, sample_of};
-use gyroceptron::io::{StoredModel, export_weights, load_model, save_model};
+use gyroceptron::io::{Provenance, StoredModel, export_weights, load_model, save_model};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
     AdiabaticOrbit, drift_exponent, near_identity_rms, settling_iterations,
 };
-use gyroceptron::network::{Architecture, Gyroceptron, GyroceptronShape, InitialWeights, Model};
+use gyroceptron::network::{
+    Architecture, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights, Model,
+};
 use gyroceptron::phase::{Map, Units};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{Event, Folder, Observer, Report, Scene, find, parse, render, run};
-use gyroceptron::system::{FieldLines, FullOrbit, NearlyPeriodic, ParticleField};
+use gyroceptron::system::{FieldLines, FullOrbit, Hamiltonian, NearlyPeriodic, ParticleField};
 use gyroceptron::{Error, flow};
 use serde_json::Value;
 use std::path::Path;
@@ -392,6 +394,7 @@ fn weights_of_a_file_stand_beside_trained_ones() {
     let model = load_model(&first.path().join("model.json")).expect("a model").model;
     let weights = first.path().join("weights.npz");
     export_weights(&weights, &model, None).expect("written");
+    let gone = scene.clone().with_weights(Path::new("gone.npz")).0;
     let (scene, any) = scene.with_weights(&weights);
     assert!(any);
     let report = run_in(second.path(), &scene);
@@ -409,53 +412,97 @@ fn weights_of_a_file_stand_beside_trained_ones() {
     assert_eq!(models[0]["own_adiabatic"], models[1]["own_adiabatic"]);
     let text = std::fs::read_to_string(second.path().join("report.md")).expect("a report");
     assert!(text.contains("The invariant 𝔍₀∘ψ⁻¹ of `published` moves by up to"));
-    let gone = scene.clone().with_weights(Path::new("gone.npz")).0;
     assert!(gone.complete().is_ok());
-    assert!(gone.check_networks().expect_err("no file").to_string().contains("gone.npz"));
+    let told = gone.check_networks(second.path()).expect_err("no file").to_string();
+    assert!(told.contains("models.published") && told.contains("gone.npz"), "{told}");
 
-    // A model of a scene or of `train`, of any architecture, as it is.
-    let path = first.path().join("model.json");
-    let third = temporary();
-    let (scene, _) = scene.with_weights(&path);
-    scene.check_networks().expect("it is there");
-    let again = run_in(third.path(), &scene);
-    assert_eq!(best(&again, 1), best(&trained, 0));
-    let kept = load_model(&third.path().join("model-published.json")).expect("a model").model;
-    assert_eq!(kept.composition().parameters(), model.composition().parameters());
-    let other = temporary();
+    // A second file is for none.
+    assert!(!scene.with_weights(Path::new("gone.npz")).1);
+}
+
+/// Models of any architecture are studied as they are, where they stand for the scene's map.
+#[test]
+fn models_of_files_are_studied_as_they_are() {
+    let made = temporary();
+    let others = r#"
+[[models]]
+name = "normal"
+network = { kind = "normal-form", kicks = { count = 1, width = 2 }, twists = { count = 1, width = 2 } }
+weights = { kind = "normal", scale = 0.15 }
+
+[[models]]
+name = "henon"
+network = { kind = "henon-net", layers = { count = 1, width = 2 } }
+weights = { kind = "normal", scale = 0.15 }
+"#;
+    let published = "[[models]]\nname = \"published\"\nnetwork = { kind = \"file\" }\nweights = { kind = \"glorot\" }\n";
+    let alone = FILE.replace(published, others);
+    assert!(alone != FILE);
+    let trained = run_in(made.path(), &parse("alone", &alone).expect("a scene"));
+    let kept = temporary();
+    for name in ["ours", "normal", "henon"] {
+        let file = made.path().join(format!("model-{name}.json"));
+        std::fs::copy(file, kept.path().join(format!("{name}.json"))).expect("copied");
+    }
+    // Of weights that are not drawn, nothing need be said.
+    let of_file = |name: &str| {
+        let network = format!("{{ kind = \"file\", path = \"{name}.json\" }}");
+        format!("[[models]]\nname = \"{name}\"\nnetwork = {network}\n")
+    };
+    let (head, _) = FILE.split_once("[[models]]").expect("a set-up");
+    let (_, tail) = FILE.split_once("[training]").expect("a training");
+    let models: String = ["ours", "normal", "henon"].map(of_file).concat();
+    let text = format!("{head}{models}[training]{tail}");
+    let scene =
+        parse("again", &text).and_then(|s| s.with_files_from(kept.path())).expect("a scene");
+    let out = temporary();
+    let again = run_in(out.path(), &scene);
+    let models = |report: &Report, study: &str| {
+        report.study(study).expect("a study").results.data["models"].clone()
+    };
+    for k in 0..3 {
+        let best = |report: &Report| models(report, "training")[k]["best"]["validation"].clone();
+        assert!(best(&again).is_f64());
+        assert_eq!(best(&again), best(&trained));
+    }
+    assert_eq!(models(&again, "rollout"), models(&trained, "rollout"));
+    let model = |path: &Path| load_model(path).expect("a model");
+    for name in ["ours", "normal", "henon"] {
+        let copy = model(&out.path().join(format!("model-{name}.json")));
+        let own = model(&kept.path().join(format!("{name}.json")));
+        assert_eq!(copy.model.composition().parameters(), own.model.composition().parameters());
+        // What is known of it stays known.
+        assert_eq!(copy.provenance, own.provenance);
+        assert!(own.provenance.region.is_some());
+    }
+
+    // Where it is not what the scene is of, before anything is computed.
     let with = |from: &str, to: &str, words: &[&str]| {
-        let text = FILE.replace(from, to);
-        assert!(text != FILE);
-        let (scene, _) = parse("file", &text).expect("a scene").with_weights(&path);
-        let told = failed_in(&other.path().join(words[0].replace(' ', "-")), &scene);
-        assert!(
-            told.contains("model.json") && words.iter().all(|word| told.contains(word)),
-            "{told}"
-        );
+        let other = text.replace(from, to);
+        assert!(text != other);
+        let scene = parse("other", &other).and_then(|s| s.with_files_from(kept.path()));
+        let told = failed_in(temporary().path(), &scene.expect("a scene"));
+        assert!(told.contains("models.") && told.contains(".json"), "{told}");
+        assert!(words.iter().all(|word| told.contains(word)), "{told}");
     };
     with("epsilon = 0.01", "epsilon = 0.02", &["a model of ε = 0.02", "0.01"]);
     with("flow_time = 0.5", "flow_time = 0.25", &["a model of flow time 0.25", "0.5"]);
-    let stored = load_model(&path).expect("a model");
+    with("ours.json", "none.json", &["none.json"]);
+    let path = kept.path().join("henon.json");
     let in_units = Units::new(vec![0.0; 4], vec![2.0; 4]).expect("units");
-    save_model(&path, &StoredModel { units: Some(in_units), ..stored }).expect("written");
-    with("iterations = 20", "iterations = 21", &["units of its own"]);
-}
-
-/// A relative path of a network is from the folder of the scene's file.
-#[test]
-fn networks_are_found_beside_their_scene() {
-    let folder = temporary();
-    let text = FILE.replace("kind = \"file\"", "kind = \"file\", path = \"model.json\"");
-    let scene = parse("file", &text).and_then(|s| s.with_files_from(folder.path())).expect("one");
-    let told = scene.check_networks().expect_err("not there yet").to_string();
-    assert!(told.contains("models.published") && told.contains("model.json"), "{told}");
-    let alone = FILE.replace("[[models]]\nname = \"published\"\nnetwork = { kind = \"file\" }\nweights = { kind = \"glorot\" }\n", "");
-    run_in(&folder.path().join("run"), &parse("alone", &alone).expect("a scene"));
-    std::fs::copy(folder.path().join("run/model.json"), folder.path().join("model.json"))
-        .expect("copied");
-    scene.check_networks().expect("beside it");
-    std::fs::write(folder.path().join("model.json"), "{}").expect("written");
-    assert!(scene.check_networks().is_err());
+    let in_units = StoredModel { units: Some(in_units), ..model(&path) };
+    save_model(&path, &in_units).expect("written");
+    with("normal.json", "ours.json", &["units of its own"]);
+    let shape = HenonShape::uniform(3, 1, 2);
+    let weights = vec![0.1; shape.parameter_count()];
+    let wide = Model::HenonNet(HenonNet::new(shape, weights).expect("a network"));
+    let provenance = Provenance::of("by hand");
+    save_model(&path, &StoredModel { model: wide, units: None, provenance }).expect("written");
+    with("normal.json", "ours.json", &["a model of 2 degrees of freedom", "3"]);
+    // A run there would remove or replace it.
+    let told = failed_in(kept.path(), &scene);
+    assert!(told.contains("a file outside of"), "{told}");
+    assert!(!kept.path().join("as-run.toml").exists());
 }
 
 /// The learnt invariant along both orbits, by the definition.
@@ -887,6 +934,28 @@ fn pairs_are_along_orbits() {
     unordered.sort_by(|a, b| a[0].total_cmp(&b[0]));
     assert_ne!(found["digest"], digest(&unordered));
 
+    // Orbits that leave the torus make way for others.
+    let strong = FieldLines::new(0.05);
+    let edge = [Window { low: vec![-0.3, -1.16], high: vec![0.3, -1.0], samples: 40 }];
+    let start = sample_of(&strong, &edge, &mut Stream::new(3, "data/training")).expect("points");
+    let all =
+        ReferenceTrajectories::of_flow(&strong, &start, turn, 20).expect("orbits").trajectories;
+    let leaves = |m: usize| all.of(m).any(|state| strong.check_point(state).is_err());
+    let left = (0..40).filter(|m| leaves(*m)).count();
+    assert!((1..30).contains(&left), "{left}");
+    let of_strong = scene
+        .replace("epsilon = 4e-3", "epsilon = 0.05")
+        .replace(
+            "low = [-1.04, -1.16], high = [1.04, 0.82]",
+            "low = [-0.3, -1.16], high = [0.3, -1.0]",
+        )
+        .replace("samples = 12", "samples = 40")
+        .replace("orbit = 5", "orbit = 20")
+        .replace("[0.2, 0.48]", "[0.2]");
+    let folder = temporary();
+    let report = run_in(folder.path(), &parse("strong", &of_strong).expect("a scene"));
+    assert_eq!(render::json(&report)["studies"]["pairs"]["training"], 800);
+
     // Without orbits, nothing of it, as with other keys at their defaults.
     let spelt_out = scene.replace("[data]", "[data]\nrelative = false\nepsilons = []");
     assert_eq!(
@@ -902,9 +971,12 @@ fn pairs_are_along_orbits() {
         ("orbit = 0", &["data.orbit"][..]),
         ("orbit = 100000000", &["data.windows.samples", "at most 1"]),
         ("orbit = 5\npairs = \"p.npz\"", &["data"]),
+        ("orbit = 5\nepsilons = [4e-3, 2e-3]", &["data.orbit", "several maps"]),
     ] {
         refused(&scene.replace("orbit = 5", orbit), words);
     }
+    let few = scene.replace("validation = 0.25", "validation = 0.01");
+    refused(&few, &["data.validation", "holds out an orbit"]);
     let (set_up, _) = scene.split_once("[surfaces]").expect("a set-up");
     let (_, models) = scene.split_once("[[models]]").expect("a model");
     let trained = format!("{}[[models]]{models}", set_up.replace("plots = [\"section\"]", ""));

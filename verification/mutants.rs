@@ -746,7 +746,9 @@ fn rows_of(fault: Fault) -> Vec<Row> {
         }
         Fault::EpsilonIgnored | Fault::ConjugatedOnce | Fault::AngleSlips => {
             let mut rows = map_rows(fault);
-            rows.extend(nearly_integrable::rows_of_mutant(fault));
+            if fault == Fault::EpsilonIgnored {
+                rows.extend(nearly_integrable::rows_of_mutant(fault));
+            }
             rows.extend(coupling::rows_of_mutant(fault));
             rows
         }

@@ -88,7 +88,7 @@ fn holds() {
 /// ε opens what the map at ε = 0 has not: the kicks are of order ε, neither less nor more, and the
 /// actions of every network move with them.
 #[test]
-fn the_perturbation_is_of_order_one_in_epsilon() {
+fn the_perturbation_is_of_first_order_in_epsilon() {
     const EPSILONS: [f64; 3] = [1e-3, 1e-4, 1e-5];
     for number in 0..10 * suite::times() as u64 {
         let case = mild(suite::seed() + number);

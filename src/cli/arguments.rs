@@ -61,8 +61,8 @@ pub struct Run {
     /// A short form of the scene: fewer iterations, pairs and seeds.
     #[arg(long)]
     pub quick: bool,
-    /// Weights trained elsewhere, for scenes with a network that takes its own from a
-    /// file, such as published-weights, or a model.
+    /// Weights or a model trained elsewhere, for scenes with a network that takes its own
+    /// from a file, such as published-weights.
     #[arg(long, value_name = "FILE.safetensors|FILE.npz|FILE.index|FILE.json")]
     pub weights: Option<PathBuf>,
     #[command(flatten)]

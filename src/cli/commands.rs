@@ -84,14 +84,14 @@ fn run_scene(arguments: &Run) -> Result<Status, Error> {
         scene = scene.quick();
     }
     if let Some(file) = &arguments.weights {
-        let (with, any) = scene.with_weights(file);
+        let file = std::path::absolute(file).map_err(|reason| Error::read(file, reason))?;
+        let (with, any) = scene.with_weights(&file);
         scene = with;
         if !any {
-            let expected = "a scene with a network of kind \"file\"";
+            let expected = "a scene with a network of kind \"file\" that names none";
             return Err(Error::invalid("--weights", &scene.name, expected));
         }
     }
-    scene.check_networks()?;
     let (with_files, lacking) = scene.without_parts_that_lack_files();
     scene = with_files;
     for part in lacking {
@@ -100,6 +100,7 @@ fn run_scene(arguments: &Run) -> Result<Status, Error> {
     scene.complete()?;
     let path =
         arguments.out.clone().unwrap_or_else(|| Path::new("gyroceptron-out").join(&scene.name));
+    scene.check_networks(&path)?;
     let folder = Folder::open(&path, arguments.resume, arguments.overwrite)?;
     let mut progress = Progress::new();
     let result = run(&scene, &folder, &mut progress);

@@ -415,7 +415,9 @@ pub fn nearly_integrable(
     samples: &Samples,
 ) -> Vec<Tally> {
     let whole = normal_form(map, samples.points()).stating("P = χ∘K_εΦ_θT∘χ⁻¹, bitwise");
-    let at_zero = integrable(at_zero, samples).into_iter().map(|tally| tally.where_("ε = 0"));
+    // ε does not scale T.
+    let of_order_one = |tally: Tally| tally.where_("ε = 0").restating("T_ε", "T");
+    let at_zero = integrable(at_zero, samples).into_iter().map(of_order_one);
     std::iter::once(whole).chain(at_zero).collect()
 }
 

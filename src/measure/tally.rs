@@ -147,6 +147,12 @@ impl Tally {
         Self { equation: equation.into(), ..self }
     }
 
+    /// The same law in another notation.
+    #[must_use]
+    pub(super) fn restating(self, from: &str, to: &str) -> Self {
+        Self { equation: self.equation.replace(from, to), ..self }
+    }
+
     fn new(law: impl Into<String>, equation: impl Into<String>, limit: f64) -> Self {
         Self {
             law: law.into(),

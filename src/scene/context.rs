@@ -46,6 +46,8 @@ pub(super) struct Context<'a> {
     training_times: Vec<TrainingTimes>,
     /// Those of the run that is gone on with.
     earlier_times: Vec<TrainingTimes>,
+    /// Training and held-out points of the windows and their orbits.
+    points: Option<Rc<[Vec<f64>; 2]>>,
     data: Option<Rc<DataSets>>,
     /// At other ε and flow times.
     data_elsewhere: Vec<(f64, f64, Rc<DataSets>)>,
@@ -85,6 +87,7 @@ impl<'a> Context<'a> {
             log: Log::new(),
             training_times: Vec::new(),
             earlier_times: earlier_times(folder).unwrap_or_default(),
+            points: None,
             data: None,
             data_elsewhere: Vec::new(),
             models: None,
@@ -158,11 +161,11 @@ impl<'a> Context<'a> {
         }
         let system = self.system()?;
         let made = self.stage("reference flow of the training and held-out points", |context| {
+            let points = context.points(declared)?;
             let (counted, mut others) = (Counted::new(system), 0);
-            let points = DataSets::points(declared, &counted, time, seed)?;
             let made = match declared.is_family() {
-                true => DataSets::of_family(declared, &counted, points, time, &mut others),
-                false => DataSets::of_flow(declared, &counted, points, time),
+                true => DataSets::of_family(declared, &counted, &points, time, &mut others),
+                false => DataSets::of_flow(declared, &counted, &points, time),
             };
             context.log.vector_fields(counted.vector_fields() + others);
             made
@@ -181,12 +184,12 @@ impl<'a> Context<'a> {
             return Ok(Rc::clone(made));
         }
         let declared = self.scene.setup.data.as_ref().ok_or_else(|| self.missing(Need::Data))?;
-        let (system, seed) = (self.system()?.clone().with_epsilon(epsilon), self.scene.seed);
+        let system = self.system()?.clone().with_epsilon(epsilon);
         let name = format!("reference flow for ε = {epsilon} and time {time}");
         let made = self.stage(&name, |context| {
+            let points = context.points(declared)?;
             let counted = Counted::new(&system);
-            let points = DataSets::points(declared, &counted, context.flow_time()?, seed)?;
-            let made = DataSets::of_flow(declared, &counted, points, time);
+            let made = DataSets::of_flow(declared, &counted, &points, time);
             context.log.vector_fields(counted.vector_fields());
             made
         })?;
@@ -195,18 +198,45 @@ impl<'a> Context<'a> {
         Ok(made)
     }
 
+    /// Training and held-out points: of the windows, and of the orbits from there under the map of the
+    /// scene.
+    fn points(&mut self, declared: &Data) -> Result<Rc<[Vec<f64>; 2]>, Error> {
+        if let Some(points) = &self.points {
+            return Ok(Rc::clone(points));
+        }
+        let (system, time, seed) = (self.system()?, self.flow_time()?, self.scene.seed);
+        let counted = Counted::new(system);
+        let points = |windows: &[Window], name: &str| {
+            let mut stream = Stream::new(seed, name);
+            let points = sample_of(system, windows, &mut stream)?;
+            if declared.orbit == 1 || points.is_empty() {
+                return Ok(points);
+            }
+            let orbits = orbits(declared, &counted, time, windows, points, &mut stream)?;
+            let mut rows: Vec<&[f64]> = orbits.chunks_exact(2 * system.dof()).collect();
+            // In any order, so that each part of the pairs is of all orbits.
+            Stream::new(seed, &format!("{name}/orbits")).shuffle(&mut rows);
+            Ok::<_, Error>(rows.concat())
+        };
+        let held_out = declared.held_out_windows();
+        let both =
+            [points(&declared.windows, "data/training")?, points(&held_out, "data/held-out")?];
+        self.log.vector_fields(counted.vector_fields());
+        Ok(Rc::clone(self.points.insert(Rc::new(both))))
+    }
+
     /// The held-out pairs of the same points at another ε and flow time, and the mean
     /// squared error of the limiting rotation on them.
     pub(super) fn judge_at(&mut self, epsilon: f64, time: f64) -> Result<(Pairs, f64), Halt> {
         let declared = self.scene.setup.data.as_ref().ok_or_else(|| self.missing(Need::Data))?;
-        let (system, seed) = (self.system()?.clone().with_epsilon(epsilon), self.scene.seed);
+        let system = self.system()?.clone().with_epsilon(epsilon);
         let name = format!("reference flow for ε = {epsilon} and time {time}");
         self.stage(&name, |context| {
-            let counted = Counted::new(&system);
-            let of_scene = context.flow_time()?;
-            let [training, held_out] = DataSets::points(declared, &counted, of_scene, seed)?;
+            let points = context.points(declared)?;
+            let [training, held_out] = &*points;
             let points = if held_out.is_empty() { training } else { held_out };
-            let (pairs, _) = FlowBy::pairs(declared.flow, &counted, points, time)?;
+            let counted = Counted::new(&system);
+            let (pairs, _) = FlowBy::pairs(declared.flow, &counted, points.clone(), time)?;
             context.log.vector_fields(counted.vector_fields());
             let rotation = limiting_flow_error(&system, &pairs, time);
             Ok((pairs, rotation))
@@ -339,6 +369,56 @@ impl<'a> Context<'a> {
     }
 }
 
+/// The orbits from these points of the windows, one after another. Another point of the same
+/// window is drawn in place of each whose orbit leaves what the system is defined on.
+fn orbits(
+    data: &Data,
+    system: &Counted<'_, System>,
+    time: f64,
+    windows: &[Window],
+    mut starts: Vec<f64>,
+    stream: &mut Stream,
+) -> Result<Vec<f64>, Error> {
+    /// Draws in a row for an orbit: a window that has so few is in the wrong place.
+    const MOST: usize = 100;
+    let dim = 2 * system.dof();
+    let of_window: Vec<&Window> =
+        windows.iter().flat_map(|window| std::iter::repeat_n(window, window.samples)).collect();
+    let mut out = vec![0.0; starts.len() * data.orbit];
+    let mut drawn: Vec<usize> = (0..of_window.len()).collect();
+    for draw in 1.. {
+        let found =
+            FlowBy::trajectories(data.flow, system, &starts, time, data.orbit)?.trajectories;
+        let (mut left, mut reason) = (Vec::new(), None);
+        for (m, &orbit) in drawn.iter().enumerate() {
+            match found.of(m).try_for_each(|state| system.check_point(state)) {
+                Ok(()) => {
+                    let states = found.of(m).flatten().copied();
+                    let place = &mut out[orbit * data.orbit * dim..][..data.orbit * dim];
+                    place.iter_mut().zip(states).for_each(|(to, from)| *to = from);
+                }
+                Err(error) => {
+                    left.push(orbit);
+                    reason = Some(error);
+                }
+            }
+        }
+        match reason {
+            None => break,
+            Some(reason) if draw == MOST => return Err(reason.at("data.orbit")),
+            Some(_) => {
+                starts.clear();
+                for &orbit in &left {
+                    let window = [Window { samples: 1, ..of_window[orbit].clone() }];
+                    starts.extend(sample_of(system, &window, stream)?);
+                }
+                drawn = left;
+            }
+        }
+    }
+    Ok(out)
+}
+
 /// The pairs of a flow map, for training and held out.
 pub(super) struct DataSets {
     pub(super) training: Pairs,
@@ -357,38 +437,13 @@ pub(super) struct DataSets {
 }
 
 impl DataSets {
-    /// Training and held-out points: of the windows, and of the orbits from there under the map
-    /// of this time.
-    fn points(
-        data: &Data,
-        system: &Counted<'_, System>,
-        time: f64,
-        seed: u64,
-    ) -> Result<[Vec<f64>; 2], Error> {
-        let points = |windows: &[Window], stream: &str| {
-            let points = sample_of(system.inner(), windows, &mut Stream::new(seed, stream))?;
-            if data.orbit == 1 || points.is_empty() {
-                return Ok(points);
-            }
-            let orbits = FlowBy::trajectories(data.flow, system, &points, time, data.orbit)?;
-            let states = orbits.trajectories;
-            let all = (0..states.count()).flat_map(|m| states.of(m));
-            // In any order, so that each part of the pairs is of all orbits.
-            let mut rows: Vec<&[f64]> = all.collect();
-            Stream::new(seed, &format!("{stream}/orbits")).shuffle(&mut rows);
-            Ok(rows.concat())
-        };
-        let held_out = data.held_out_windows();
-        Ok([points(&data.windows, "data/training")?, points(&held_out, "data/held-out")?])
-    }
-
     fn of_flow(
         data: &Data,
         system: &Counted<'_, System>,
-        [training_points, held_out_points]: [Vec<f64>; 2],
+        [training_points, held_out_points]: &[Vec<f64>; 2],
         time: f64,
     ) -> Result<Self, Error> {
-        let flow = |points| FlowBy::pairs(data.flow, system, points, time);
+        let flow = |points: &[f64]| FlowBy::pairs(data.flow, system, points.to_vec(), time);
         let (training, mut reference_error) = flow(training_points)?;
         let held_out = if held_out_points.is_empty() {
             None
@@ -436,7 +491,7 @@ impl DataSets {
     fn of_family(
         data: &Data,
         system: &Counted<'_, System>,
-        [training_points, held_out_points]: [Vec<f64>; 2],
+        [training_points, held_out_points]: &[Vec<f64>; 2],
         time: f64,
         fields: &mut u64,
     ) -> Result<Self, Error> {
@@ -465,7 +520,7 @@ impl DataSets {
             let family = Pairs::of_family(sets)?;
             if data.relative { family.relative() } else { Ok(family) }
         };
-        let (training, validation) = (family(&training_points)?, Some(family(&held_out_points)?));
+        let (training, validation) = (family(training_points)?, Some(family(held_out_points)?));
         let mut squares = 0.0;
         for (condition, input, output) in validation.iter().flat_map(Pairs::runs) {
             let condition = condition.expect("a set for each map");

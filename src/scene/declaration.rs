@@ -1,6 +1,6 @@
 //! A scene: a set-up, studies of it, or parts.
 
-use super::learning::check_network;
+use super::learning::read_network;
 use super::setup::{NetworkSpec, Setup, check_name};
 use super::study::{AnyStudy, SceneFile, Study};
 use crate::error::Error;
@@ -134,18 +134,28 @@ impl Scene {
         Ok(self)
     }
 
-    /// Fails where a file of a network, of its own or of a part, cannot be read: before anything is
+    /// Fails where a file of a network, of its own or of a part, cannot be read, is not of the scene's subject
+    /// and flow time, or is in the folder that the run writes to and may clear: before anything is
     /// computed.
     ///
     /// # Errors
-    /// Those of [`load_model`](crate::io::load_model) and [`read_tensors`](crate::io::read_tensors).
-    pub fn check_networks(&self) -> Result<(), Error> {
+    /// With the network's name and the file.
+    pub fn check_networks(&self, folder: &Path) -> Result<(), Error> {
+        let true_path = |path: &Path| path.canonicalize().or_else(|_| std::path::absolute(path));
         for model in &self.setup.models {
-            if let NetworkSpec::File { path: Some(path) } = &model.network {
-                check_network(path).map_err(|e| e.at(format!("models.{}", model.name)))?;
+            let NetworkSpec::File { path: Some(path) } = &model.network else { continue };
+            let place = |error: Error| error.at(format!("models.{}", model.name));
+            if let (Some(subject), Some(time)) = (self.setup.subject(), self.setup.flow_time) {
+                read_network(path, subject, time).map_err(place)?;
+            }
+            if let (Ok(file), Ok(folder)) = (true_path(path), true_path(folder))
+                && file.starts_with(&folder)
+            {
+                let expected = format!("a file outside of {}, which is written", folder.display());
+                return Err(place(Error::invalid("network.path", path.display(), expected)));
             }
         }
-        self.parts.iter().try_for_each(Self::check_networks)
+        self.parts.iter().try_for_each(|part| part.check_networks(folder))
     }
 
     /// The scene with another seed, in all its parts.
@@ -171,7 +181,7 @@ impl Scene {
     }
 
     /// A short form of the scene, to see all of it: a quarter of the iterations of
-    /// training and of the pairs, one start, one draw of twists and one seed for each network,
+    /// training and of the pairs, or of the length of orbits, one start, one draw of twists and one seed for each network,
     /// orbits of random networks of a tenth of the length and the longest of a thousandth.
     pub fn quick(mut self) -> Self {
         let fewer = |training: &mut TrainingOptions| {
@@ -195,7 +205,7 @@ impl Scene {
         if let Some(data) = &mut self.setup.data {
             match data.orbit {
                 1 => data.windows.iter_mut().for_each(|w| w.samples = w.samples.div_ceil(4)),
-                _ => data.orbit = data.orbit.div_ceil(4),
+                _ => data.orbit = data.orbit.div_ceil(4).max(2),
             }
         }
         self.studies.iter_mut().for_each(AnyStudy::shorten);
@@ -214,12 +224,12 @@ impl Scene {
         (self, lacking.into_iter().map(|part| part.name).collect())
     }
 
-    /// The scene with this file of weights for the networks that take theirs from a file;
-    /// whether there is one, in the scene or a part.
+    /// The scene with this file of weights for the networks that take theirs from a file and name
+    /// none; whether there is one, in the scene or a part.
     pub fn with_weights(mut self, file: &Path) -> (Self, bool) {
         let mut any = false;
         for model in &mut self.setup.models {
-            if let NetworkSpec::File { path } = &mut model.network {
+            if let NetworkSpec::File { path: path @ None } = &mut model.network {
                 *path = Some(file.to_owned());
                 any = true;
             }

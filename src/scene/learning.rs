@@ -4,10 +4,11 @@ use super::context::{Context, DataSets, Halt};
 use super::log::TrainingTimes;
 use super::run::Event;
 use super::setup::{Attempt, ModelSpec, NetworkSpec};
+use super::subject::Subject;
 use crate::error::Error;
 use crate::io::{
     Provenance, StoredModel, file_digest, import_weights, load_checkpoint, load_model,
-    read_tensors, save_checkpoint, save_model,
+    save_checkpoint, save_model,
 };
 use crate::network::{Architecture, Model};
 use crate::train::{
@@ -215,17 +216,17 @@ impl Watch for SceneWatch<'_, '_> {
     }
 }
 
-/// A network that was trained elsewhere, judged by the pairs.
+/// A network that was trained elsewhere, judged by the pairs that choose among the models of a training.
 fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Trained, Halt> {
     let (scene, folder) = (context.scene, context.folder);
     let NetworkSpec::File { path: Some(path) } = &spec.network else {
         let (place, key) = (format!("scene {}", scene.name), "models.network.path");
         return Err(Error::Missing { place, key, needed_by: spec.name }.into());
     };
-    let model = read_network(context, path)?;
+    let mut stored = read_network(path, context.subject()?, context.flow_time()?)?;
+    let model = stored.model.clone();
     let objective = Objective::new(&scene.setup.training_of(&spec).loss, &data.training)?;
-    let held_out = data.held_out.as_ref();
-    let validation = held_out.map(|pairs| Objective::new(&Loss::MeanSquaredError, pairs));
+    let validation = data.validation().map(|pairs| Objective::new(&Loss::MeanSquaredError, pairs));
     let record = TrainingRecord {
         iteration: 0,
         evaluations: 0,
@@ -234,14 +235,7 @@ fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Tr
         gradient: f64::NAN,
         validation: validation.transpose()?.map(|held_out| held_out.value(model.composition())),
     };
-    let digest = Some(file_digest(path)?);
-    let provenance = Provenance {
-        data: digest,
-        flow_time: Some(context.flow_time()?),
-        validation: record.validation,
-        ..Provenance::of(&scene.name)
-    };
-    let stored = StoredModel { model: model.clone(), units: None, provenance };
+    stored.provenance.validation = record.validation;
     save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
     let outcome = Outcome {
         model: model.clone(),
@@ -254,46 +248,56 @@ fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Tr
     Ok(Trained { network: spec.name.clone(), spec, initial: model, legs: Vec::new(), outcome })
 }
 
-fn is_of_model(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending == "json")
-}
-
-/// Fails where a file of a network cannot be read.
+/// The network of a model's file, or of weights of a gyroceptron, which is to stand for a map of this
+/// time of the subject.
 ///
 /// # Errors
-/// Those of [`load_model`] and [`read_tensors`].
-pub(super) fn check_network(path: &Path) -> Result<(), Error> {
-    if is_of_model(path) { load_model(path).map(drop) } else { read_tensors(path).map(drop) }
-}
-
-/// The network of a model's file, or of weights of a gyroceptron.
-fn read_network(context: &Context<'_>, path: &Path) -> Result<Model, Error> {
-    let (subject, time) = (context.subject()?, context.flow_time()?);
-    if !is_of_model(path) {
-        return import_weights(path, subject.circle_action(), subject.epsilon());
+/// Those of [`load_model`] and [`import_weights`]; when the model is of other degrees of freedom,
+/// another ε, flow time or action, or of units of its own.
+pub(super) fn read_network(
+    path: &Path,
+    subject: Subject<'_>,
+    time: f64,
+) -> Result<StoredModel, Error> {
+    if path.extension().is_none_or(|ending| ending != "json") {
+        let model = import_weights(path, subject.circle_action(), subject.epsilon())?;
+        let (data, flow_time) = (Some(file_digest(path)?), Some(time));
+        let provenance = Provenance { data, flow_time, ..Provenance::of("import") };
+        return Ok(StoredModel { model, units: None, provenance });
     }
-    let StoredModel { model, units, provenance } = load_model(path)?;
+    let stored = load_model(path)?;
     let place = path.display().to_string();
-    let of_another = |expected: String, found: String| Error::content(&place, expected, found);
-    let architecture = model.architecture();
+    let of_another = |expected: String, found: String| Err(Error::content(&place, expected, found));
+    let architecture = stored.model.architecture();
     if architecture.dof() != subject.dof() {
         let expected = format!("a model of {} degrees of freedom", subject.dof());
-        return Err(of_another(expected, architecture.dof().to_string()));
+        return of_another(expected, architecture.dof().to_string());
     }
-    let has_circle =
+    let own_time = match &architecture {
+        Architecture::NormalForm { shape, .. } => {
+            if !subject.is_turned_by(&shape.action) {
+                let expected = "circles that turn the planes as those of the system do together";
+                return of_another(expected.into(), format!("{:?}", shape.action.circles()));
+            }
+            Some(shape.flow_time)
+        }
+        Architecture::CouplingGyroceptron { shape, .. } => Some(shape.flow_time),
+        _ => None,
+    };
+    let has_epsilon =
         !matches!(architecture, Architecture::HenonNet { .. } | Architecture::SympNet { .. });
-    if has_circle && architecture.epsilon() != subject.epsilon() {
+    if has_epsilon && architecture.epsilon() != subject.epsilon() {
         let expected = format!("a model of ε = {}", subject.epsilon());
-        return Err(of_another(expected, architecture.epsilon().to_string()));
+        return of_another(expected, architecture.epsilon().to_string());
     }
-    if let Some(own) = provenance.flow_time
-        && own != time
-    {
-        return Err(of_another(format!("a model of flow time {time}"), own.to_string()));
+    for own in own_time.into_iter().chain(stored.provenance.flow_time) {
+        if own != time {
+            return of_another(format!("a model of flow time {time}"), own.to_string());
+        }
     }
-    if units.is_some() {
-        let expected = "a model in the coordinates of the system".to_owned();
-        return Err(of_another(expected, "one with units of its own".into()));
+    if stored.units.is_some() {
+        let expected = "a model in the coordinates of the system";
+        return of_another(expected.into(), "one with units of its own".into());
     }
-    Ok(model)
+    Ok(stored)
 }

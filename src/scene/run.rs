@@ -68,6 +68,7 @@ pub fn run(
     observer: &mut dyn Observer,
 ) -> Result<Option<Report>, Error> {
     scene.complete()?;
+    scene.check_networks(&folder.file(""))?;
     folder.check_resumed(scene)?;
     folder.check_parts(scene)?;
     match run_complete(scene, folder, observer) {

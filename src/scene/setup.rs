@@ -32,10 +32,10 @@ pub struct Setup {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Data {
-    /// Boxes with their numbers of training points.
+    /// Boxes with their numbers of training points, or of orbits.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub windows: Vec<Window>,
-    /// Held-out points, as a share of each window's training points; of a file, as a share of
+    /// Held-out points, or orbits, as a share of each window's training points; of a file, as a share of
     /// its pairs.
     pub validation: f64,
     /// How many pairs of the orbit of each point: the scene's flow map takes it so far, and each pair
@@ -131,7 +131,8 @@ pub struct ModelSpec {
     pub name: String,
     /// Which network.
     pub network: NetworkSpec,
-    /// How its weights are drawn.
+    /// How its weights are drawn: after Glorot, unless given. Those of a file are not.
+    #[serde(default = "glorot")]
     pub weights: InitialWeights,
     /// How it is trained, where it is not as the others are.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -503,6 +504,10 @@ impl Setup {
     }
 }
 
+fn glorot() -> InitialWeights {
+    InitialWeights::Glorot
+}
+
 fn one() -> usize {
     1
 }
@@ -620,6 +625,14 @@ impl Data {
             return Err(Error::invalid("data.relative", true, expected));
         }
         let held_out = self.pairs_of(&self.held_out_windows());
+        if self.orbit > 1 && self.is_family() {
+            let expected = "1 beside several maps: an orbit is of one";
+            return Err(Error::invalid("data.orbit", self.orbit, expected));
+        }
+        if self.orbit > 1 && self.validation > 0.0 && held_out == 0 {
+            let expected = "0, or a share that holds out an orbit";
+            return Err(Error::invalid("data.validation", self.validation, expected));
+        }
         if self.is_family() && held_out < maps {
             let expected = format!("a share that leaves a held-out point for each of {maps} maps");
             return Err(Error::invalid("data.validation", self.validation, expected));
