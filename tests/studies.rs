@@ -1024,10 +1024,10 @@ fn learnt_invariants_are_of_second_order() {
     assert!(largest > 7.0 * least, "{largest} {least}");
     let order = (at_largest / at_least).ln() / (largest / least).ln();
     println!("order {order:.2}");
-    assert!(order >= 1.8, "{order}");
+    assert!(order >= 2.0, "{order}");
     let [_, leading, learnt] =
         *changes.iter().find(|[epsilon, ..]| *epsilon == 0.01).expect("ε = 0.01");
-    assert!(leading >= 10.0 * learnt, "{leading} {learnt}");
+    assert!(leading >= 50.0 * learnt, "{leading} {learnt}");
 }
 
 /// Seven minutes in a release build: `GYROCEPTRON_EXTENSIVE=1 cargo test --release --test studies
@@ -1038,8 +1038,8 @@ fn long_flow_times_are_learnt() {
         return;
     }
     for (name, time, limit) in [
-        ("oscillators", 50.0, 1e-8),
-        ("oscillators-1e-2", 200.0, 1e-6),
+        ("oscillators", 50.0, 6e-9),
+        ("oscillators-1e-2", 200.0, 4.5e-7),
         ("oscillators-1e-3", 2000.0, 1.5e-6),
         ("oscillators-1e-4", 20_000.0, 1e-6),
     ] {

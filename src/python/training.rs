@@ -103,7 +103,8 @@ impl Watch for Calling<'_> {
 /// near_identity_penalty: the loss gets so many times the mean square of I_epsilon(z) - z.
 /// patience, target: stop when the held-out error has not improved for so many evaluations, one
 /// in ten iterations, or is at most the target; 0 never stops.
-/// epsilon, flow_time: those of the pairs; only their product matters to a normal form.
+/// epsilon, flow_time: those of the pairs; the chart of a normal form is told epsilon, its twists
+/// the product of both.
 /// theta, theta_fixed, theta_penalty: the angle to start from, the nearest rotation's unless given,
 /// whether it stays, and what its squared distance from there adds to the loss.
 /// units: "fitted", in which pairs are of order one and turn in circles, or those of the "data".
