@@ -263,13 +263,12 @@ impl Row {
         let (errors, worst) = over_seeds(part, "gyroceptron");
         let (henon, _) = over_seeds(part, "henon-net");
         let (symp, _) = over_seeds(part, "symp-net");
-        // One set of initial weights is better or worse than another by more than one network
-        // than another.
-        let middle = |name| Spread::of(errors(part, name)).map_or(f64::NAN, |spread| spread.median);
         let rms = |name| rollout(part, name).map_or(f64::NAN, |r| number(&r["rms_error"]));
         let (own, of_data) = own_invariant(part, "gyroceptron")?;
+        // One set of initial weights is better or worse than another by more than one network
+        // than another.
         let [gyroceptron, henon_net, symp_net] =
-            ["gyroceptron", "henon-net", "symp-net"].map(middle);
+            ["gyroceptron", "henon-net", "symp-net"].map(|name| median_error(part, name));
         let ranked = gyroceptron < henon_net && henon_net < symp_net;
         let order = judged(ranked, REPRODUCED, "not");
         let map = judged(worst < 1e-5, "reproduced (MSE below 1e-5)", "not (MSE above 1e-5)");
@@ -454,6 +453,11 @@ impl Row {
             verdict: "beyond the paper".into(),
         })
     }
+}
+
+/// The median over initial weights of the held-out error of a network.
+fn median_error(part: &Report, network: &str) -> f64 {
+    Spread::of(errors(part, network)).map_or(f64::NAN, |spread| spread.median)
 }
 
 /// The held-out error of a network from its first initial weights.
