@@ -969,6 +969,11 @@ fn trajectories_that_leave_the_training_points_are_told() {
     outside[3] = 2.0 * region.high[3];
     let points = [&inside[..], &outside, &inside].concat();
     write_points(&path.join("far.npy"), &[3, 4], &points).expect("written");
+    // One step of none is no roll-out; what lies beside an output stays.
+    let fewer = ["predict", "--model", "model.json", "--input", "far.npy", "--steps", "4"];
+    let fewer = [&fewer[..], &["--every", "5", "--output", "t.npy"]].concat();
+    refuses(path, &fewer, &["--every", "at most 4"]);
+    std::fs::write(path.join("t.npy.probe"), "mine").expect("written");
     let predict = |output: &str, more: &[&str]| {
         let mut arguments = vec!["predict", "--model", "model.json", "--input", "far.npy"];
         arguments.extend(["--steps", "4", "--every", "2", "--output", output]);
@@ -976,6 +981,7 @@ fn trajectories_that_leave_the_training_points_are_told() {
         call(path, &arguments)
     };
     let output = predict("t.npy", &["--json", "--invariant", "mu.npy"]);
+    assert_eq!(std::fs::read(path.join("t.npy.probe")).expect("kept"), b"mine");
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let told = text(&output.stderr);
     for words in ["of 9 kept states", "1 trajectories", "row 1", "after 0 steps", "p2 = "] {
@@ -1058,11 +1064,87 @@ fn training_is_reproducible_and_resumes() {
     assert!(folder.path().join("e.json.checkpoint-start-1").exists());
     train("d.json", "60", &["--overwrite"]);
     assert!(!kept.exists());
-    refuses(
-        folder.path(),
-        &["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "c.json"],
-        &["c.json"],
-    );
+    let again = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "c.json"];
+    refuses(folder.path(), &again, &["c.json"]);
+    let far = [&again[..], &["--overwrite", "--seed", "10000000000000000000"]].concat();
+    refuses(folder.path(), &far, &["seed", "at most"]);
+}
+
+/// Ctrl-C in training writes a checkpoint, from which it goes on, whoever chose the circle action.
+#[cfg(unix)]
+#[test]
+fn ctrl_c_leaves_a_checkpoint() {
+    use std::io::{BufRead, BufReader};
+    for action in ["1,0", "auto"] {
+        let folder = folder();
+        let path = folder.path();
+        write_data(path);
+        let train =
+            ["train", "--data", "pairs.npz", "--circle-action", action, "--output", "m.json"];
+        let endless = [&train[..], &["--iterations", "1000000000"]].concat();
+        let mut child = command(path, &endless)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("starts");
+        let checkpoint = path.join("m.json.checkpoint");
+        while !checkpoint.exists() {
+            assert!(child.try_wait().expect("a child").is_none(), "it goes on");
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        let signal = std::process::Command::new("kill")
+            .args(["-INT", &child.id().to_string()])
+            .status()
+            .expect("sent");
+        assert!(signal.success());
+        let told = BufReader::new(child.stderr.take().expect("piped"))
+            .lines()
+            .map_while(Result::ok)
+            .last()
+            .unwrap_or_default();
+        assert_eq!(child.wait().expect("ends").code(), Some(130), "{action}: {told}");
+        assert!(told.contains("--resume goes on from m.json.checkpoint"), "{action}: {told}");
+        let load = || gyroceptron::io::load_checkpoint(&checkpoint).expect("a checkpoint");
+        let reached = load().last().iteration;
+        let more = (reached + 3).to_string();
+        succeeds(path, &[&train[..], &["--iterations", &more, "--resume"]].concat());
+        assert_eq!(load().last().iteration, reached + 3);
+    }
+}
+
+/// What an earlier training left is no checkpoint of a new one, even where the new one ends before it writes
+/// its own.
+#[test]
+fn checkpoints_of_replaced_trainings_are_removed() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let train = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "m.json"];
+    succeeds(path, &[&train[..], &["--iterations", "5"]].concat());
+    let checkpoint = path.join("m.json.checkpoint");
+    let load = gyroceptron::io::earlier_checkpoint;
+    assert_eq!(load(&checkpoint, true).expect("read").expect("there").last().iteration, 5);
+    assert!(checkpoint.exists());
+    assert!(load(&checkpoint, false).expect("removed").is_none() && !checkpoint.exists());
+    assert!(load(&checkpoint, true).expect("none").is_none());
+    std::fs::write(&checkpoint, "{").expect("written");
+    assert!(load(&checkpoint, true).is_err() && checkpoint.exists());
+}
+
+/// Names of networks with what is added for a leg or a flow time are names of files.
+#[test]
+fn no_two_legs_share_a_checkpoint() {
+    let second = r#"
+[[models]]
+name = "gyroceptron-start-1"
+network = { kind = "henon-net", layers = { count = 4, width = 4 } }
+weights = { kind = "glorot" }
+
+[training]
+starts = { count = 2, iterations = 3 }
+"#;
+    let folder = with_scene("two.toml", &SCENE.replacen("[training]\n", second, 1));
+    refuses(folder.path(), &["two.toml", "--out", "o"], &["models", "`gyroceptron-start-1` twice"]);
 }
 
 #[test]
@@ -1074,6 +1156,7 @@ fn random_networks_are_certified() {
     assert_eq!(json["certificate"]["rows"][0]["samples"], 20);
     let again = succeeds(folder.path(), &["verify", "--random", "2", "--samples", "10", "--json"]);
     assert_eq!(output.stdout, again.stdout);
+    refuses(folder.path(), &["verify", "--random", "1000000000000"], &["--random", "at most"]);
 }
 
 /// An invariant that drifts is told, with the resonance that it is next to; one that stays
@@ -1667,7 +1750,7 @@ fn pairs_of_one_time_train_a_normal_form() {
         ];
         let points = sample(&windows, 2, &mut Stream::new(1, "x")).expect("points");
         let system = Oscillators { epsilon: 0.01 };
-        for (time, limit) in [(5.0, 1e-8), (50.0, 1e-5)] {
+        for (time, limit) in [(5.0, 3e-9), (50.0, 3e-7)] {
             let (pairs, _) = Pairs::of_flow(&system, points.clone(), time).expect("converges");
             let [data, model] = ["npz", "json"].map(|end| format!("time-{time}.{end}"));
             write_pairs(&folder.path().join(&data), &pairs).expect("written");

@@ -25,7 +25,7 @@ use gyroceptron::scene::{
 };
 use rayon::prelude::*;
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 pub fn dispatch(arguments: Arguments) -> Result<Status, Error> {
     match arguments.command.unwrap_or(Command::Run(arguments.run)) {
@@ -145,6 +145,9 @@ fn scenes(as_json: bool, show: Option<&str>) -> Result<Status, Error> {
     Ok(Status::Done)
 }
 
+/// More random networks than these, all held at once, are a slip of the pen.
+const MOST_RANDOM: usize = 100_000;
+
 /// The network of `verify --random` and of `train` without a scene: that of
 /// the paper's time-5 map.
 fn default_architecture(circle_action: CircleAction, epsilon: f64) -> Architecture {
@@ -200,6 +203,10 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
         }
         None => {
             let count = positive("--random", arguments.random.unwrap_or(10))?;
+            if count > MOST_RANDOM {
+                let expected = format!("at most {MOST_RANDOM}");
+                return Err(Error::invalid("--random", count, expected));
+            }
             let mut angles = Stream::new(arguments.seed, "verify/theta");
             let models: Vec<Model> = (0..count as u64)
                 .map(|k| {
@@ -270,12 +277,11 @@ pub fn check_ending(option: &str, path: &Path, ending: &str) -> Result<(), Error
 }
 
 fn probe_writable(path: &Path) -> Result<(), Error> {
-    let mut probe = path.as_os_str().to_owned();
-    probe.push(".probe");
-    let probe = PathBuf::from(probe);
-    let fail = |reason: std::io::Error| Error::write(path, reason);
-    std::fs::write(&probe, []).map_err(fail)?;
-    std::fs::remove_file(&probe).map_err(fail)
+    let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    let probe = tempfile::Builder::new()
+        .prefix(".gyroceptron-")
+        .tempfile_in(folder.unwrap_or(Path::new(".")));
+    probe.map(drop).map_err(|reason| Error::write(path, reason))
 }
 
 fn predict(arguments: &Predict) -> Result<Status, Error> {
@@ -284,6 +290,10 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
         steps: positive("--steps", arguments.steps)?,
         every: positive("--every", arguments.every)?,
     };
+    if request.every > request.steps {
+        let expected = format!("at most {} steps, so that one is taken", request.steps);
+        return Err(Error::invalid("--every", request.every, expected));
+    }
     let inputs = [arguments.model.as_path(), arguments.input.as_path()];
     check_ending("--output", &arguments.output, "npy")?;
     if let Some(invariant) = &arguments.invariant {

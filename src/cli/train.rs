@@ -7,11 +7,12 @@ use super::arguments::{
 };
 use super::commands::{check_ending, guard_output, read_scene, use_threads};
 use super::output::{json, out};
-use super::progress::Progress;
+use super::progress::{Progress, line};
 use gyroceptron::Error;
 use gyroceptron::flow::{Condition, Pairs};
 use gyroceptron::io::{
-    PairsFile, Provenance, StoredModel, load_checkpoint, read_pairs, save_checkpoint, save_model,
+    PairsFile, Provenance, StoredModel, earlier_checkpoint, load_checkpoint, read_pairs,
+    save_checkpoint, save_model,
 };
 use gyroceptron::measure::rotation_errors;
 use gyroceptron::network::Architecture;
@@ -240,11 +241,7 @@ fn remove_checkpoints(checkpoint: &Path) -> Result<(), Error> {
 
 impl Watch for Training<'_> {
     fn earlier(&mut self, leg: Leg) -> Result<Option<Checkpoint>, Error> {
-        let file = of_leg(&self.checkpoint, leg);
-        match self.resume && file.exists() {
-            true => load_checkpoint(&file).map(Some),
-            false => Ok(None),
-        }
+        earlier_checkpoint(&of_leg(&self.checkpoint, leg), self.resume)
     }
 
     fn observe(&mut self, leg: Leg, told: TrainingProgress<'_>) -> Result<Control, Error> {
@@ -314,7 +311,7 @@ fn found_action(arguments: &Train) -> Result<String, Error> {
         let expected = "weights, or pairs of another flow time";
         return Err(Error::invalid("--circle-action", found, expected));
     }
-    Progress::new().note(&format!("{}: {}", arguments.data.display(), fit.told()));
+    line(&format!("{}: {}", arguments.data.display(), fit.told()));
     let weights: Vec<String> = fit.action().weights().iter().map(i32::to_string).collect();
     Ok(weights.join(","))
 }
@@ -457,7 +454,8 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         written: None,
     };
     if arguments.overwrite {
-        // Those of the training that is replaced are of no use to this one.
+        // Those of the training that is replaced are of no use to this one, which may have other
+        // legs.
         remove_checkpoints(&checkpoint_file)?;
     }
     if arguments.resume && !checkpoints.iter().any(|path| path.exists()) {

@@ -329,6 +329,23 @@ pub fn save_checkpoint(path: &Path, checkpoint: &Checkpoint) -> Result<(), Error
     write_atomically(path, |out| Ok(serde_json::to_writer(out, &file)?))
 }
 
+/// The checkpoint of a training that is gone on with, if it has one. Of a new one that an earlier
+/// training left is removed: a training that ends before it writes its own would seem to go on
+/// from it.
+///
+/// # Errors
+/// Those of [`load_checkpoint`]; [`Error::Write`] when it cannot be removed.
+pub fn earlier_checkpoint(path: &Path, resume: bool) -> Result<Option<Checkpoint>, Error> {
+    match (path.exists(), resume) {
+        (false, _) => Ok(None),
+        (true, true) => load_checkpoint(path).map(Some),
+        (true, false) => {
+            std::fs::remove_file(path).map_err(|reason| Error::write(path, reason))?;
+            Ok(None)
+        }
+    }
+}
+
 /// Reads a checkpoint.
 ///
 /// # Errors

@@ -14,8 +14,8 @@ pub use arrays::{
     write_pairs, write_points, write_trajectories,
 };
 pub use json::{
-    Provenance, StoredModel, load_checkpoint, load_model, model_text, parse_model, save_checkpoint,
-    save_model,
+    Provenance, StoredModel, earlier_checkpoint, load_checkpoint, load_model, model_text,
+    parse_model, save_checkpoint, save_model,
 };
 pub use weights::{
     Tensor, WeightsFormat, assemble_couplings, assemble_normal_form, assemble_weights,

@@ -23,19 +23,23 @@ pub fn distances_to_set(points: &[f64], set: &[f64], dim: usize) -> Vec<f64> {
         .collect()
 }
 
-/// The mean growth of an angle from one state of a trajectory to the next, in turns, for each trajectory;
-/// each growth is taken to be at least 0 and less than a turn.
-pub fn winding_numbers(orbits: &Trajectories, angle: impl Fn(&[f64]) -> f64 + Sync) -> Vec<f64> {
+/// The mean growth of an angle from one state of a trajectory to the next, in turns, for each trajectory:
+/// of the growths that whole turns tell apart, those within half a turn of `near`.
+pub fn winding_numbers(
+    orbits: &Trajectories,
+    near: f64,
+    angle: impl Fn(&[f64]) -> f64 + Sync,
+) -> Vec<f64> {
     let of = |m: usize| {
         let mut before = None;
         let mut total = 0.0;
         for z in orbits.of(m) {
             let now = angle(z);
             if let Some(before) = before.replace(now) {
-                total += libm::fmod(libm::fmod(now - before, TAU) + TAU, TAU);
+                total += libm::remainder(now - before - near * TAU, TAU);
             }
         }
-        total / (TAU * (orbits.states() - 1).max(1) as f64)
+        near + total / (TAU * (orbits.states() - 1).max(1) as f64)
     };
     (0..orbits.count()).into_par_iter().map(of).collect()
 }
@@ -105,7 +109,7 @@ mod tests {
 
     #[test]
     fn a_rotation_winds_as_it_turns() {
-        let turns = [0.3, 0.71];
+        let turns = [0.3, 0.71, -0.1, 1.02];
         let states: Vec<f64> = (0..101)
             .flat_map(|t| {
                 turns.map(|turn| [t as f64 * turn * TAU].map(|a| [libm::sin(a), libm::cos(a)]))
@@ -113,10 +117,13 @@ mod tests {
             .flatten()
             .flatten()
             .collect();
-        let orbits = Trajectories::new(states, 2, 2).expect("whole");
-        let found = winding_numbers(&orbits, |z| libm::atan2(z[0], z[1]));
-        for (found, turn) in found.iter().zip(turns) {
-            assert!((found - turn).abs() < 1e-12, "{found} for {turn}");
+        let orbits = Trajectories::new(states, 2, turns.len()).expect("whole");
+        for whole in [-1.0, 0.0, 3.0] {
+            let found = winding_numbers(&orbits, 0.45 + whole, |z| libm::atan2(z[0], z[1]));
+            for (found, turn) in found.iter().zip([0.3, 0.71, 0.9, 0.02]) {
+                let expected = turn + whole;
+                assert!((found - expected).abs() < 1e-12, "{found} for {expected}");
+            }
         }
     }
 

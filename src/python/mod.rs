@@ -178,7 +178,7 @@ impl Model {
         outside: &str,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         Error::check_count_range("steps", steps, 1, usize::MAX)?;
-        Error::check_count_range("every", every, 1, usize::MAX)?;
+        Error::check_count_range("every", every, 1, steps)?;
         if !["warn", "stop", "ignore"].contains(&outside) {
             return Err(Error::invalid("outside", outside, "warn, stop or ignore").into());
         }

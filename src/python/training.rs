@@ -57,6 +57,8 @@ struct Calling<'a> {
     callback: Option<&'a Py<PyAny>>,
     /// What the callback raised.
     raised: Option<PyErr>,
+    /// It is not called again: training ends at the first iteration that does not end by itself.
+    stopped: bool,
     times: TrainingTimes,
     start: Instant,
 }
@@ -71,6 +73,9 @@ impl Watch for Calling<'_> {
         if leg == Leg::Last {
             self.times.points.push((record.iteration, self.start.elapsed().as_secs_f64()));
         }
+        if self.stopped {
+            return Ok(Control::Interrupt);
+        }
         let name = if leg == Leg::Last { "training".to_owned() } else { leg.name() };
         let told = (name, record.iteration, record.loss, record.validation);
         let goes_on = Python::attach(|py| -> PyResult<bool> {
@@ -80,13 +85,12 @@ impl Watch for Calling<'_> {
             Ok(answer.is_none() || answer.is_truthy()?)
         });
         match goes_on {
-            Ok(true) => Ok(Control::Continue),
-            Ok(false) => Ok(Control::Interrupt),
-            Err(raised) => {
-                self.raised = Some(raised);
-                Ok(Control::Interrupt)
-            }
+            Ok(true) => return Ok(Control::Continue),
+            Ok(false) => {}
+            Err(raised) => self.raised = Some(raised),
         }
+        self.stopped = true;
+        Ok(Control::Interrupt)
     }
 }
 
@@ -210,7 +214,8 @@ pub(super) fn train(
     let training = Training { preparation, network, options, pairs, report };
     let start = Instant::now();
     let times = TrainingTimes { model: "train".into(), ..TrainingTimes::default() };
-    let mut watch = Calling { callback: callback.as_ref(), raised: None, times, start };
+    let callback = callback.as_ref();
+    let mut watch = Calling { callback, raised: None, stopped: false, times, start };
     let stored = py.detach(|| training.run(&mut watch));
     match watch.raised {
         Some(raised) => Err(raised),

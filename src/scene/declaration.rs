@@ -1,11 +1,12 @@
 //! A scene: a set-up, studies of it, or parts.
 
 use super::learning::read_network;
-use super::setup::{NetworkSpec, Setup, check_name};
+use super::setup::{Attempt, NetworkSpec, Setup, check_name};
 use super::study::{AnyStudy, SceneFile, Study};
 use crate::error::Error;
-use crate::train::TrainingOptions;
+use crate::train::{Leg, TrainingOptions};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// A declared experiment.
@@ -48,6 +49,7 @@ impl Scene {
             return Err(Error::invalid("seed", self.seed, format!("at most {}", i64::MAX)));
         }
         self.setup.check()?;
+        self.check_files()?;
         for study in self.all_studies() {
             study.check(self).map_err(|e| e.at(study.name()))?;
             let dissipating = self.setup.system.as_ref().filter(|system| system.dissipates());
@@ -77,6 +79,21 @@ impl Scene {
             if self.parts[..index].iter().any(|other| other.name == part.name) {
                 let found = format!("`{}` twice", part.name);
                 return Err(Error::invalid("parts", found, "a name for each"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Fails unless each leg of each training has a checkpoint of its own.
+    fn check_files(&self) -> Result<(), Error> {
+        let mut names = BTreeSet::new();
+        for Attempt { spec, .. } in self.attempts() {
+            for leg in Leg::all(self.setup.training_of(&spec)) {
+                let name = format!("{}{}", spec.name, leg.suffix());
+                if !names.insert(name.clone()) {
+                    let expected = "a name for each, also with what is added for a start, a rung, twists or a flow time";
+                    return Err(Error::invalid("models", format!("`{name}` twice"), expected));
+                }
             }
         }
         Ok(())

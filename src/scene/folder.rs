@@ -4,7 +4,7 @@ use super::declaration::Scene;
 use super::figure::{data_file_of, file_of};
 use super::parse::parse;
 use super::setup::ModelSpec;
-use super::study::HORIZON_CHECKPOINT;
+use super::study::CHECKPOINTS;
 use crate::error::Error;
 use crate::io::write_atomically;
 use crate::train::Leg;
@@ -93,7 +93,7 @@ impl Folder {
     /// nothing else.
     fn clear(&self) -> Result<(), Error> {
         let mut names: Vec<String> = MARKS.iter().map(|mark| (*mark).to_owned()).collect();
-        names.extend([TIMINGS, HORIZON_CHECKPOINT].map(String::from));
+        names.extend(CHECKPOINTS.iter().chain([&TIMINGS]).map(|name| (*name).to_owned()));
         if let Ok(text) = std::fs::read_to_string(self.file(AS_RUN))
             && let Ok(earlier) = parse(AS_RUN, &text)
         {

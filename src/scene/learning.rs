@@ -7,7 +7,7 @@ use super::setup::{Attempt, ModelSpec, NetworkSpec};
 use super::subject::Subject;
 use crate::error::Error;
 use crate::io::{
-    Provenance, StoredModel, file_digest, import_weights, load_checkpoint, load_model,
+    Provenance, StoredModel, earlier_checkpoint, file_digest, import_weights, load_model,
     save_checkpoint, save_model,
 };
 use crate::network::{Architecture, Model};
@@ -163,10 +163,7 @@ impl<'w, 'a> SceneWatch<'w, 'a> {
 impl Watch for SceneWatch<'_, '_> {
     fn earlier(&mut self, leg: Leg) -> Result<Option<Checkpoint>, Error> {
         let file = self.file(leg);
-        let found = match self.context.folder.resumes() && file.exists() {
-            true => Some(load_checkpoint(&file)?),
-            false => None,
-        };
+        let found = earlier_checkpoint(&file, self.context.folder.resumes())?;
         let before = self.times.before();
         let resumed_at = found.as_ref().map_or(0, |checkpoint| checkpoint.last().iteration);
         let of_leg = match leg {

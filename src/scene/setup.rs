@@ -362,6 +362,21 @@ impl Setup {
         }
     }
 
+    /// Fails where the equations of motion change with time: the flow of a fraction of a period is none
+    /// that can be repeated.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the system.
+    pub(super) fn check_autonomous(&self) -> Result<(), Error> {
+        match &self.system {
+            Some(system) if system.period().is_some() => {
+                let expected = "one whose equations of motion are the same at all times";
+                Err(Error::invalid("system", system.kind(), expected))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Whether a need is met.
     pub fn has(&self, need: Need) -> bool {
         match need {
@@ -399,7 +414,7 @@ impl Setup {
         {
             return Err(Error::invalid("flow_time", time, "a positive number"));
         }
-        for (index, model) in self.models.iter().enumerate() {
+        for model in &self.models {
             check_name(&model.name).map_err(|e| e.at("models"))?;
             let place = || format!("models.{}.network", model.name);
             model.network.check_counts().map_err(|e| e.at(place()))?;
@@ -414,12 +429,6 @@ impl Setup {
             {
                 let expected = "neither seeds nor training for a network of a file";
                 return Err(Error::invalid("models", &model.name, expected));
-            }
-            let earlier = || self.models[..index].iter().flat_map(ModelSpec::attempts);
-            let same = |a: &Attempt| earlier().any(|b| b.spec.name == a.spec.name);
-            if let Some(twice) = model.attempts().find(same) {
-                let found = format!("`{}` twice", twice.spec.name);
-                return Err(Error::invalid("models", found, "a name for each"));
             }
         }
         self.training.check()?;

@@ -45,6 +45,12 @@ impl ActionFit {
     /// What is so many times as far is not.
     const FACTOR: f64 = 3.0;
 
+    /// Fails where there are too many planes.
+    pub(crate) fn check_planes(dof: usize) -> Result<(), Error> {
+        let name = "planes of an action that is to be found";
+        Error::check_count_range(name, dof, 1, Self::MOST_PLANES)
+    }
+
     /// That of these pairs; of several flow times, of those of the shortest.
     ///
     /// # Errors
@@ -52,12 +58,7 @@ impl ActionFit {
     /// columns, or all in a plane.
     pub fn of(pairs: &Pairs) -> Result<Self, Error> {
         let dof = pairs.dof();
-        Error::check_count_range(
-            "planes of an action that is to be found",
-            dof,
-            1,
-            Self::MOST_PLANES,
-        )?;
+        Self::check_planes(dof)?;
         let angles = plane_angles(&shortest(pairs).thinned(Self::PAIRS))?;
         let mut candidates: Vec<(CircleAction, f64)> = weights(dof)
             .into_iter()

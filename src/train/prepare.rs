@@ -57,13 +57,18 @@ impl Preparation<'_> {
     /// # Errors
     /// [`Error::Invalid`] when the action and the pairs differ in their degrees of freedom, two
     /// circles share a plane and no angle is known, the share is not of [0, 1), or the flow time is
-    /// no positive number. At ε = 0 a flow time that is not known is infinite.
+    /// no positive number, or the seed one that no scene holds. At ε = 0 a flow time that is not
+    /// known is infinite.
     pub fn prepare(&self, pairs: Pairs) -> Result<Prepared, Error> {
         let Self { place, action, epsilon, validation, .. } = *self;
         if pairs.dof() != action.dof() {
             let found = format!("{} weights", action.dof());
             let expected = format!("{} weights, one for each plane of {place}", pairs.dof());
             return Err(Error::invalid("circle action", found, expected));
+        }
+        // A report repeats it by a scene, and TOML has no larger integers.
+        if i64::try_from(self.seed).is_err() {
+            return Err(Error::invalid("seed", self.seed, format!("at most {}", i64::MAX)));
         }
         if !(0.0..1.0).contains(&validation) {
             let expected = "a share of at least 0 and less than 1";

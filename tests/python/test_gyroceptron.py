@@ -157,6 +157,16 @@ def test_a_callback_follows_stops_and_raises(tmp_path, pairs):
     stopped = gyroceptron.train(*pairs, [1, 0], iterations=1000, callback=lambda *told: told[1] < 5)
     assert stopped.validation > 0 and len(stopped.parameters) == len(model.parameters)
 
+    # Also where it says so at the end of a leg, and only once.
+    told = []
+
+    def stops_a_start(leg, iteration, *_):
+        told.append((leg, iteration))
+        return iteration < 40
+
+    gyroceptron.train(*pairs, [1, 0], iterations=1000, starts=3, callback=stops_a_start)
+    assert [iteration for _, iteration in told] == list(range(1, 41))
+
     def fails(*_):
         raise ZeroDivisionError("mine")
 

@@ -48,6 +48,8 @@ impl Study for DissipationOptions {
 
     fn check(&self, scene: &Scene) -> Result<(), Error> {
         Error::check_count_range("points", self.points, 1, MOST)?;
+        // Its rate is followed within a flow time.
+        scene.setup.check_autonomous()?;
         check_along(scene, self.steps, self.every, &self.initial)
     }
 

@@ -69,6 +69,10 @@ impl Study for FamilyOptions {
             let expected = format!("at most {MOST} steps of a map");
             return Err(Error::invalid("slow_time", format!("{steps:e} steps"), expected));
         }
+        for epsilon in &self.epsilons {
+            let interval = self.slow_time / epsilon / (self.states - 1) as f64;
+            scene.setup.check_repeated(interval).map_err(|e| e.at("slow_time"))?;
+        }
         match &scene.setup.system {
             Some(system) if system.torus().1.len() > 1 => {
                 let expected = "a system whose limit turns along circles, for averages over them";

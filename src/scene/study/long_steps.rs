@@ -25,6 +25,9 @@ use std::rc::Rc;
 
 const FIGURE: &str = "long-steps";
 
+/// States along which an exact invariant is looked at.
+const KEPT: usize = 100;
+
 /// Maps of several flow times beside integrators.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -97,7 +100,11 @@ impl Study for LongStepsOptions {
         Error::check_count_range("flow_times", self.flow_times.len(), 1, MOST)?;
         Error::check_count_range("points", self.points, 1, MOST)?;
         Error::check_count_range("rounds", self.rounds, 1, MOST_ROUNDS)?;
-        Error::check_count_range("invariant_steps", self.invariant_steps, 1, MOST)?;
+        Error::check_count_range("invariant_steps", self.invariant_steps, KEPT, MOST)?;
+        if !self.invariant_steps.is_multiple_of(KEPT) {
+            let expected = format!("a multiple of {KEPT}");
+            return Err(Error::invalid("invariant_steps", self.invariant_steps, expected));
+        }
         for time in &self.flow_times {
             Error::check_range("flow_times", *time, Error::LEAST_POSITIVE, f64::MAX)?;
             whole_steps("interval", self.interval, *time)?;
@@ -272,12 +279,11 @@ impl LongStepsOptions {
     /// The largest change of the invariant of a network that owns an exact one, along its own
     /// trajectories.
     fn drift(&self, model: &Model) -> Result<Option<f64>, Error> {
-        const KEPT: usize = 100;
         let integrable = model.normal_form().is_some_and(|net| net.shape().is_integrable());
         let (true, Some(own)) = (integrable, model.invariant()) else {
             return Ok(None);
         };
-        let every = self.invariant_steps.div_ceil(KEPT);
+        let every = self.invariant_steps / KEPT;
         let request = Rollout { steps: every * KEPT, every };
         let dim = 2 * model.composition().dof();
         let states = model.rollout(&self.initial.concat(), request)?;

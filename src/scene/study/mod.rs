@@ -25,7 +25,8 @@ mod trust;
 pub mod which_action;
 pub mod work_precision;
 
-pub(super) use adiabatic_horizon::CHECKPOINT as HORIZON_CHECKPOINT;
+/// The files that studies go on from.
+pub(super) const CHECKPOINTS: [&str; 2] = [adiabatic_horizon::CHECKPOINT, which_action::CHECKPOINT];
 
 use super::context::{Context, Halt};
 use super::declaration::Scene;

@@ -116,13 +116,12 @@ impl Study for SurfacesOptions {
         let request = Rollout { steps: self.steps, every: 1 };
         // What may fail, before anything is trained.
         let reference = context.reference(any, &initial, interval, request.kept())?;
-        let models = context.models()?;
-        let rolled = context.rollouts(&initial, request)?;
         let judge = Judge { options: self, interval, system, reference: &reference.trajectories };
-
         let by_reference = |points: &[f64], steps: usize| repeated(system, points, interval, steps);
         let island =
             context.stage("the island of the reference", |_| judge.island(&by_reference))?;
+        let models = context.models()?;
+        let rolled = context.rollouts(&initial, request)?;
         let mut found = Vec::new();
         for (trained, orbits) in models.iter().zip(rolled.iter()) {
             let model = trained.model();
@@ -141,11 +140,17 @@ impl Study for SurfacesOptions {
                     Trajectories::new([points, &moved].concat(), 2, points.len() / 2)
                 };
                 let stage = format!("surfaces of {name}, {steps} steps");
-                let one = context.stage(&stage, |_| -> Result<_, Halt> {
+                let one = context.stage(&stage, |_| {
                     let orbits = by(&initial.concat(), self.steps)?;
                     Ok(judge.of(&name, Some(steps), &orbits, judge.island(&by)?))
-                })?;
-                found.push(one);
+                });
+                found.push(match one {
+                    // Steps that are too long for it say as much of a method as large errors do.
+                    Err(Error::Diverged { .. } | Error::NoConvergence { .. }) => {
+                        judge.lost(&name, steps)
+                    }
+                    other => other?,
+                });
                 if context.interrupted() {
                     return Err(Halt::Interrupted);
                 }
@@ -262,6 +267,20 @@ impl Judge<'_> {
         Found { name: name.to_owned(), steps, early, early_of_lines, surfaces, oscillation, island }
     }
 
+    /// What has no orbits.
+    fn lost(&self, name: &str, steps: usize) -> Found {
+        let lines = self.reference.count();
+        Found {
+            name: name.to_owned(),
+            steps: Some(steps),
+            early: f64::NAN,
+            early_of_lines: vec![f64::NAN; lines],
+            surfaces: vec![[f64::NAN; 2]; lines],
+            oscillation: vec![f64::NAN; lines],
+            island: None,
+        }
+    }
+
     fn early(&self, states: &[f64], orbits: &Trajectories) -> f64 {
         let row = 2 * orbits.count();
         let early = row..row * (self.options.early + 1);
@@ -313,13 +332,9 @@ impl Judge<'_> {
                 let points: Vec<f64> =
                     radii.iter().flat_map(|radius| self.system.at(*radius, theta)).collect();
                 let orbits = map(&points, steps)?;
-                let found = winding_numbers(&orbits, |z| self.system.polar(z).1);
-                // Within an island of |m| parts the angle stays in one of them; whole turns in a map
-                // are not seen.
-                let locked = |w: &f64| {
-                    let off = w - winding;
-                    (off - off.round()).abs() * (steps as f64) < 1.0 / parts
-                };
+                let found = winding_numbers(&orbits, winding, |z| self.system.polar(z).1);
+                // Within an island of |m| parts the angle stays in one of them.
+                let locked = |w: &f64| (w - winding).abs() * (steps as f64) < 1.0 / parts;
                 Ok(found.iter().map(locked).collect())
             };
             // Within the torus.

@@ -53,6 +53,7 @@ impl Study for TrajectoriesOptions {
             return Err(Error::invalid("epsilons", bad, "finite numbers"));
         }
         Error::check_count_range("steps", self.steps, 1, MOST)?;
+        scene.setup.flow_time.map_or(Ok(()), |time| scene.setup.check_repeated(time))?;
         match &scene.setup.system {
             Some(system) => check_points("initial", &self.initial, system.dof()),
             None => Ok(()),

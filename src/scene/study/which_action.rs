@@ -20,6 +20,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 const FIGURE: &str = "which-action";
+/// The tries that are over.
+pub(in crate::scene) const CHECKPOINT: &str = "which-action.checkpoint";
 
 /// An ensemble of circle actions, each given to a network that is trained for a short while, several
 /// times over with pairs and weights of their own; and what the linear map nearest to the same
@@ -93,6 +95,11 @@ impl Study for WhichActionOptions {
                 return Err(Error::invalid(&name(), action, expected));
             }
         }
+        if let Some(system) = &scene.setup.system {
+            ActionFit::check_planes(system.dof())?;
+            // The linear map nearest to the pairs has a column more than they.
+            Error::check_count_range("pairs", self.pairs, 2 * system.dof() + 1, MOST)?;
+        }
         match &scene.setup.system {
             Some(system) if system.torus().1.len() > 1 => {
                 let expected = "a system whose limit turns along circles";
@@ -120,11 +127,15 @@ impl Study for WhichActionOptions {
         };
         let wanted = self.tries.saturating_mul(self.pairs);
         Error::check_count_range("pairs for all tries", all.len(), wanted, usize::MAX)?;
-        let mut tries = Vec::new();
-        for number in 0..self.tries {
+        let mut tries: Vec<Attempted> = context.folder.earlier(CHECKPOINT)?.unwrap_or_default();
+        for number in tries.len()..self.tries {
             // From all windows alike.
-            let pairs = all.rows((0..self.pairs).map(|k| k * self.tries + number));
+            let at = |k: usize| {
+                ((k * self.tries + number) as u128 * all.len() as u128 / wanted as u128) as usize
+            };
+            let pairs = all.rows((0..self.pairs).map(at));
             tries.push(self.attempt(context, number, &pairs, held_out)?);
+            context.folder.save(CHECKPOINT, &tries)?;
         }
         let right = self.right(&action).unwrap_or(0);
         let found = Results { options: self, right, tries };
@@ -168,7 +179,7 @@ const CLEAR: f64 = 3.0;
 const MOST_WEIGHT: f64 = 100.0;
 
 /// One try of all actions.
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct Attempted {
     /// The held-out error of the network of each action; None where it could not be trained.
     errors: Vec<Option<f64>>,
@@ -194,7 +205,8 @@ impl WhichActionOptions {
     /// A study of fewer tries, of fewer pairs, in half of the iterations.
     pub(super) fn shorten(&mut self) {
         self.tries = self.tries.min(2);
-        self.pairs = (self.pairs / 4).max(1);
+        // No fewer than the linear map of any system wants.
+        self.pairs = (self.pairs / 4).max(self.pairs.min(11));
         let half = self.training.iterations.div_ceil(2);
         self.training.iterations = half.max(20).min(self.training.iterations);
     }
