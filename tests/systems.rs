@@ -758,6 +758,20 @@ fn stroboscopic_averaging_follows_the_slow_motion() {
     });
     let slope = log_slope(&[0.04, 0.02, 0.01], &errors);
     assert!((slope - 4.0).abs() < 0.6, "{slope}, {errors:?}");
+    // Of fewer differences, and of the forward one.
+    for (differences, order) in [(0, 1.0), (1, 2.0)] {
+        let errors = [0.004, 0.002, 0.001].map(|epsilon| {
+            let (system, time) = (System::Oscillators(Oscillators { epsilon }), 0.5 / epsilon);
+            let by = |differences, micro| {
+                Integrator::Stroboscopic { micro, differences }
+                    .trajectories(&system, &z, time, 60, 1)
+                    .expect("integrates")
+            };
+            distance(&by(differences, 24), &by(3, 24))
+        });
+        let slope = log_slope(&[0.004, 0.002, 0.001], &errors);
+        assert!((slope - order).abs() < 0.1 * order, "{slope}, {errors:?}");
+    }
     let torus = System::ThreeOscillators(ThreeOscillators::new(0.01));
     let lines = System::FieldLines(FieldLines::new(1e-3));
     for (system, word) in [(torus, "no period"), (lines, "no parts with exact flows")] {

@@ -43,7 +43,7 @@ pub enum Integrator {
     Stroboscopic {
         /// Steps of ABA(10,6,4) in a period.
         micro: usize,
-        /// m, the central differences: errors are O(ε²ᵐ).
+        /// m, the central differences: errors are O(ε²ᵐ), and O(ε) of the forward difference, 0.
         #[serde(default = "two")]
         differences: usize,
     },
@@ -62,7 +62,7 @@ impl Integrator {
             Self::Boris => "Boris".into(),
             Self::VelocitySplitting => "splitting of ½v_x², ½v_y² and φ".into(),
             Self::Stroboscopic { micro, differences } => {
-                let order = 2 * differences;
+                let order = (2 * differences).max(1);
                 format!("stroboscopic averaging of order {order}, {micro} steps a period")
             }
             Self::GaussLegendre { stages: 1 } => "Gauss–Legendre, 1 stage".into(),
@@ -99,7 +99,7 @@ impl Integrator {
             Self::Stroboscopic { micro, differences } => {
                 Error::check_count_range("micro", micro, 1, 1000)?;
                 let most = Stroboscopic::MOST_DIFFERENCES;
-                Error::check_count_range("differences", differences, 1, most)
+                Error::check_count_range("differences", differences, 0, most)
             }
             _ => Ok(()),
         }
