@@ -526,6 +526,9 @@ fn parts_run_one_after_another_and_resume() {
     std::fs::create_dir_all(path.join("other/second")).expect("made");
     std::fs::write(path.join("other/second/model.json"), "mine").expect("written");
     refuses(path, &["both.toml", "--out", "other"], &["other/second", "--overwrite"]);
+    let over = ["both.toml", "--out", "other", "--overwrite"];
+    refuses(path, &over, &["other/second", "model.json alone"]);
+    assert!(!path.join("other/first").exists());
     // Another seed is another run of both; what is replaced is replaced whole.
     succeeds(path, &["both.toml", "--out", "killed", "--overwrite", "--seed", "8"]);
     for part in ["first", "second"] {
@@ -984,7 +987,8 @@ fn trajectories_that_leave_the_training_points_are_told() {
     assert_eq!(std::fs::read(path.join("t.npy.probe")).expect("kept"), b"mine");
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let told = text(&output.stderr);
-    for words in ["of 9 kept states", "1 trajectories", "row 1", "after 0 steps", "p2 = "] {
+    for words in ["of 9 kept states", "1 trajectory", "rows 1,", "row 1", "after 0 steps", "p2 = "]
+    {
         assert!(told.contains(words), "{words}: {told}");
     }
     let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
@@ -1003,6 +1007,13 @@ fn trajectories_that_leave_the_training_points_are_told() {
     let output = predict("s.npy", &["--outside", "stop"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stderr).contains("nothing is written") && !path.join("s.npy").exists());
+    let output = predict("s.npy", &["--outside", "stop", "--json"]);
+    let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        json["output"].is_null() && json["outside"]["rows"] == serde_json::json!([1]),
+        "{json}"
+    );
     let output = predict("i.npy", &["--outside", "ignore", "--json"]);
     assert!(output.status.success() && output.stderr.is_empty(), "{}", text(&output.stderr));
     let refused = |arguments: &[&str], words: &[&str]| {
@@ -1022,7 +1033,7 @@ fn trajectories_that_leave_the_training_points_are_told() {
     };
     refused(&["--invariant", "n.npy"], &["--invariant", "another file"]);
     refused(&["--invariant", "./n.npy"], &["--invariant", "another file"]);
-    refused(&["--invariant", "far.npy", "--overwrite"], &["far.npy"]);
+    refused(&["--invariant", "far.npy", "--overwrite"], &["--invariant", "far.npy"]);
     refused(&["--outside", "perhaps"], &["--outside"]);
 }
 
@@ -1430,6 +1441,11 @@ fn output_folders_are_not_overwritten_unless_told_so() {
     succeeds(path, &["small.toml", "--out", "o", "--overwrite"]);
     assert!(path.join("o/notes.svg").exists() && path.join("o/model-mine.json").exists());
     refuses(path, &["small.toml", "--out", "/proc/nowhere"], &["/proc/nowhere"]);
+    // A model that is of no run is not in the way of one.
+    std::fs::create_dir(path.join("theirs")).expect("made");
+    std::fs::write(path.join("theirs/model.json"), "theirs").expect("written");
+    refuses(path, &["small.toml", "--out", "theirs", "--overwrite"], &["theirs", "model.json"]);
+    assert_eq!(std::fs::read(path.join("theirs/model.json")).expect("kept"), b"theirs");
 }
 
 #[test]
@@ -1557,6 +1573,9 @@ fn training_offers_networks_and_optimisers_and_reports() {
         (&["--architecture", "henon-net", "--epsilon", "0.3"], &["--epsilon"]),
         (&["--architecture", "sympnet", "--theta", "1"], &["--theta"]),
         (&["--report", "."], &["--report"]),
+        // Known before it is due.
+        (&["--report", "pairs.npz"], &["pairs.npz"]),
+        (&["--report", "pairs.npz/below"], &["pairs.npz"]),
         (&["--optimiser", "sgd"], &["sgd", "l-bfgs"]),
         (
             &["--architecture", "henon-net", "--layers", "2x2", "--near-identity-penalty", "1"],
@@ -1565,7 +1584,28 @@ fn training_offers_networks_and_optimisers_and_reports() {
     ] {
         let arguments = with(&[more, &["--output", "bad.json"]].concat());
         refuses(path, &arguments.iter().map(String::as_str).collect::<Vec<_>>(), words);
+        assert!(!path.join("bad.json").exists());
     }
+    // A report is put beside a model of somebody else's, and takes the place of its like, not of a run.
+    std::fs::create_dir(path.join("theirs")).expect("made");
+    std::fs::write(path.join("theirs/model.json"), "theirs").expect("written");
+    let beside = |output: &str, more: &[&str]| {
+        with(&[&["--output", output, "--report", "theirs"], more].concat())
+    };
+    let refused = |arguments: &[String], words: &[&str]| {
+        refuses(path, &arguments.iter().map(String::as_str).collect::<Vec<_>>(), words);
+    };
+    refused(&beside("one.json", &[]), &["theirs"]);
+    call(beside("one.json", &["--overwrite"]));
+    let kept = || std::fs::read(path.join("theirs/model.json")).expect("kept");
+    assert!(kept() == b"theirs" && path.join("theirs/report.md").exists());
+    refused(&beside("two.json", &["--overwrite"]), &["theirs", "model.json"]);
+    assert!(kept() == b"theirs" && path.join("theirs/report.md").exists());
+    let again =
+        |output: &str| call(with(&["--output", output, "--report", "again", "--overwrite"]));
+    again("one.json");
+    again("two.json");
+    assert!(path.join("again/report.md").exists());
 }
 
 #[test]

@@ -982,6 +982,9 @@ fn pairs_are_along_orbits() {
     }
     let few = scene.replace("validation = 0.25", "validation = 0.01");
     refused(&few, &["data.validation", "holds out an orbit"]);
+    // A roll-out from where r(p_θ, θ) has no solution is refused before anything is trained.
+    let rollout = "[rollout]\nsteps = 4\nevery = 1\ninitial = [[0.1, 0.2], [0.1, 3.0]]\n[surfaces]";
+    refused(&scene.replace("[surfaces]", rollout), &["initial", "[0.1, 3.0]"]);
     let (set_up, _) = scene.split_once("[surfaces]").expect("a set-up");
     let (_, models) = scene.split_once("[[models]]").expect("a model");
     let trained = format!("{}[[models]]{models}", set_up.replace("plots = [\"section\"]", ""));
@@ -1086,6 +1089,24 @@ fn families_that_do_not_fit_are_refused() {
     with("states = 200", "states = 1", &["states"]);
     with("epsilons = [0.02, 0.01]", "relative = true\nepsilons = [0.0, 0.01]", &["relative"]);
     with("[0.5, 0.6, 0.0, 0.0]", "[0.5]", &["initial"]);
+    // B vanishes somewhere at ε = ½, also of a member.
+    let gyrating = FAMILY.replace("\"oscillators\"", "\"full-orbit\"");
+    refused(&gyrating.replace("epsilon = 0.02", "epsilon = -0.5"), &["system.epsilon", "-0.5"]);
+    let member = gyrating.replace("epsilons = [0.02, 0.01]", "epsilons = [0.02, 0.6]");
+    refused(&member, &["data.epsilons", "0.6"]);
+    let member = gyrating.replace("epsilons = [0.02, 0.015, 0.01]", "epsilons = [0.5]");
+    refused(&member, &["epsilons", "0.5"]);
+    // Each surface has a frequency of its own: there is no average over one.
+    let lines = FAMILY
+        .replace("\"oscillators\"", "\"field-lines\"")
+        .replace(
+            "low = [-1.0, -1.0, -1.0, -1.0], high = [1.0, 1.0, 1.0, 1.0]",
+            "low = [0.1, 0.1], high = [0.3, 0.3]",
+        )
+        .replace("slow_time = 2.0", "slow_time = 6.283185307179586")
+        .replace("states = 200", "states = 2")
+        .replace("epsilons = [0.02, 0.015, 0.01]", "epsilons = [0.01]");
+    refused(&lines, &["field-lines", "one frequency"]);
 }
 
 const SURFACES: &str = r#"
@@ -1455,6 +1476,17 @@ fn both_actions_of_a_torus_are_learnt() {
     refused(&ACTIONS.replace("0.0, 0.3, 0.0]", "0.0]"), &["initial"]);
     let unsound = ACTIONS.replace("epsilon = 0.01", "epsilon = 0.01\nfrequency = 0.0");
     refused(&unsound, &["system.frequency"]);
+    // The action of one circle is that of planes that are bent: it stays to order ε.
+    let bent = ACTIONS
+        .replace("three-oscillators\"\nepsilon = 0.01", "particle-field\"\nepsilon = 1e-4\nprofiles = [{ kind = \"sine\", amplitude = 0.5, wavenumber = 2.0 }, { kind = \"zero\" }]")
+        .replace("iterations = 40", "iterations = 1");
+    let (torus, circle) = bent.split_once("[[models]]\nname = \"torus\"").expect("a network");
+    let (_, circle) = circle.split_once("[[models]]").expect("another");
+    let alone = parse("actions", &format!("{torus}[[models]]{circle}")).expect("a scene");
+    let report = render::json(&run_in(temporary().path(), &alone));
+    let limit = &report["studies"]["actions"]["actions"][0];
+    assert!(number(&limit["reference"]) < 1e-2 * number(&limit["size"]), "{limit}");
+
     let family = "[family]\nepsilons = [0.01]\nflow_times = [5.0]\nslow_time = 1.0\nstates = 9\n";
     let averaged = ACTIONS
         .replace("plots = [\"actions\"]", "")

@@ -565,6 +565,42 @@ fn a_hamiltonian_is_enough() {
 }
 
 /// q̇ = p: no stage changes a slope, so that every step converges.
+/// A spring whose stiffness changes with time.
+struct Driven {
+    period: Option<f64>,
+}
+
+impl Hamiltonian for Driven {
+    fn dof(&self) -> usize {
+        1
+    }
+    fn energy<S: Elementary>(&self, z: &[S], time: f64) -> S {
+        let stiffness = S::from_f64(0.1f64.mul_add(time.sin(), 1.0));
+        S::from_f64(0.5) * (z[1] * z[1] + stiffness * z[0] * z[0])
+    }
+    fn period(&self) -> Option<f64> {
+        self.period
+    }
+}
+
+/// Intervals that begin anew at time 0 are of whole periods, whether the system tells its period or not.
+#[test]
+fn a_flow_that_changes_with_time_is_repeated_by_whole_periods_only() {
+    for period in [None, Some(TAU)] {
+        let system = Driven { period };
+        let along = |interval: f64, states: usize| {
+            ReferenceTrajectories::of_flow(&system, &[0.0, 0.0, 1.0, 0.3], interval, states)
+        };
+        let told = along(0.5, 101).expect_err("refused").to_string();
+        assert!(told.contains("interval") && told.contains("period"), "{told}");
+        // One interval is of any length.
+        assert!(along(0.5, 2).is_ok());
+        let whole = along(TAU, 3).expect("moves").trajectories;
+        let once = along(2.0 * TAU, 2).expect("moves").trajectories;
+        assert!(distance(whole.state(2, 1), once.state(1, 1)) < 1e-12);
+    }
+}
+
 struct Free;
 
 impl Hamiltonian for Free {
@@ -780,7 +816,18 @@ fn stroboscopic_averaging_follows_the_slow_motion() {
     }
     assert!(Integrator::Stroboscopic { micro: 0, differences: 2 }.check().is_err());
     assert!(Integrator::Stroboscopic { micro: 8, differences: 4 }.check().is_err());
-    // What is told as its error is no less than it is, of steps that are short too.
+    // What is told as its error is no less than it is, of the highest order too, ...
+    let coarse = System::Oscillators(Oscillators { epsilon: 0.05 });
+    let highest = Integrator::Stroboscopic { micro: 24, differences: 3 };
+    let (found, told) =
+        Pairs::of_integrator(&coarse, point(2, 5), 200.0, highest, 800).expect("moves");
+    let exact = Pairs::of_flow(&coarse, point(2, 5), 200.0).expect("moves").0;
+    let error = distance(found.output(), exact.output());
+    assert!(error > 1e-6 && told > 0.5 * error, "{told:e} for {error:e}");
+    // ... with the most steps of a period ...
+    let finest = Integrator::Stroboscopic { micro: 1000, differences: 3 };
+    assert!(Pairs::of_integrator(&coarse, point(2, 5), 20.0, finest, 1).is_ok());
+    // ... and of steps that are short.
     let system = System::FullOrbit(FullOrbit::new(0.01));
     for (time, steps) in [(400.0, 128), (5.0, 1)] {
         let method = Integrator::Stroboscopic { micro: 8, differences: 2 };

@@ -241,7 +241,7 @@ pub struct Train {
     /// Go on from FILE.checkpoint.
     #[arg(long, conflicts_with = "overwrite")]
     pub resume: bool,
-    /// Replace an existing model file.
+    /// Replace an existing model file, and its report.
     #[arg(long)]
     pub overwrite: bool,
     #[command(flatten)]

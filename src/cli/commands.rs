@@ -251,11 +251,16 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
 
 /// Refuses an output that would replace an input, an existing file unless told
 /// so, or anything that is no ordinary file; and one that cannot be written.
-pub fn guard_output(output: &Path, overwrite: bool, inputs: &[&Path]) -> Result<(), Error> {
+pub fn guard_output(
+    option: &str,
+    output: &Path,
+    overwrite: bool,
+    inputs: &[&Path],
+) -> Result<(), Error> {
     let real = |path: &Path| std::fs::canonicalize(path).ok();
     if let Some(input) = inputs.iter().find(|i| real(i).is_some() && real(i) == real(output)) {
         let expected = "another file than the input";
-        return Err(Error::invalid("--output", input.display(), expected));
+        return Err(Error::invalid(option, input.display(), expected));
     }
     if let Ok(metadata) = std::fs::symlink_metadata(output) {
         if !metadata.is_file() {
@@ -300,14 +305,14 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
         check_ending("--invariant", invariant, "npy")?;
     }
     let stored = load_model(&arguments.model)?.member(arguments.epsilon, arguments.flow_time)?;
-    guard_output(&arguments.output, arguments.overwrite, &inputs)?;
+    guard_output("--output", &arguments.output, arguments.overwrite, &inputs)?;
     if let Some(invariant) = &arguments.invariant {
         if stored.invariant().is_none() {
             let expected = "an option of symplectic gyroceptrons: other networks own no invariant";
             return Err(Error::invalid("--invariant", invariant.display(), expected));
         }
         let taken = [inputs[0], inputs[1], &arguments.output];
-        guard_output(invariant, arguments.overwrite, &taken)?;
+        guard_output("--invariant", invariant, arguments.overwrite, &taken)?;
         // Neither may exist yet.
         let place = |path: &Path| {
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
@@ -338,6 +343,9 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
         line(&format!("note: {}", left.told(region)));
         if arguments.outside == Outside::Stop {
             line("nothing is written");
+            if arguments.common.json {
+                json(&json!({ "output": null, "outside": left }))?;
+            }
             return Ok(Status::CheckFailed);
         }
     }
@@ -429,7 +437,7 @@ fn import(arguments: &Import) -> Result<Status, Error> {
         }
         (false, None) => assemble_weights(&place, tensors, only_circle(&action)?.clone(), epsilon)?,
     };
-    guard_output(&arguments.output, arguments.overwrite, &[&arguments.weights])?;
+    guard_output("--output", &arguments.output, arguments.overwrite, &[&arguments.weights])?;
     let provenance = Provenance {
         data: Some(file_digest(&arguments.weights)?),
         flow_time: arguments.flow_time,
@@ -441,7 +449,7 @@ fn import(arguments: &Import) -> Result<Status, Error> {
 
 fn export(arguments: &Export) -> Result<Status, Error> {
     let stored = load_model(&arguments.model)?;
-    guard_output(&arguments.output, arguments.overwrite, &[&arguments.model])?;
+    guard_output("--output", &arguments.output, arguments.overwrite, &[&arguments.model])?;
     export_weights(&arguments.output, &stored.model, stored.units.as_ref())?;
     describe(&stored.model, &arguments.output, arguments.json)
 }

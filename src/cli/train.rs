@@ -174,7 +174,7 @@ fn beside(model: &Path, addition: &str, ending: bool) -> PathBuf {
     name.into()
 }
 
-/// The command that does a training again, but for its scene.
+/// What does a training again: its command, scene and pairs.
 fn command(
     arguments: &Train,
     architecture: &Architecture,
@@ -206,7 +206,9 @@ fn command(
     if arguments.units == UnitsOf::Data {
         out.push_str(" --units data");
     }
-    out + " --output MODEL.json"
+    format!(
+        "`{out} --output MODEL.json --scene as-run.toml` with the file of that name beside this report, the same pairs"
+    )
 }
 
 /// Saves checkpoints beside the model, and tells how it goes.
@@ -367,16 +369,16 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let replace = arguments.overwrite || arguments.resume;
     let legs = Leg::all(&training).into_iter().map(|leg| of_leg(&checkpoint_file, leg));
     let checkpoints: Vec<PathBuf> = legs.collect();
-    for path in checkpoints.iter().chain([&arguments.output]) {
-        guard_output(path, replace, &[&arguments.data])?;
+    guard_output("--output", &arguments.output, replace, &[&arguments.data])?;
+    for path in &checkpoints {
+        guard_output("the checkpoint of --output", path, replace, &[&arguments.data])?;
     }
 
     let report_folder =
         arguments.report.clone().unwrap_or_else(|| beside(&arguments.output, "-report", false));
     // A report of another training is not replaced by one that goes on.
-    if !(arguments.overwrite || arguments.resume && arguments.report.is_none()) {
-        Folder::refuse_run(&report_folder)?;
-    }
+    let replaced = arguments.overwrite || arguments.resume && arguments.report.is_none();
+    Folder::check_report(&report_folder, replaced)?;
     let real = |path: &Path| std::fs::canonicalize(path).ok();
     let beside_model = arguments.output.parent().filter(|p| !p.as_os_str().is_empty());
     let of_model = real(beside_model.unwrap_or(Path::new(".")));
@@ -505,7 +507,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         times,
         command,
     }
-    .report(&Folder::open(&report_folder, false, true)?)?;
+    .report(&Folder::open_report(&report_folder, true)?)?;
     if arguments.common.json {
         json(&json!({
             "model": arguments.output.display().to_string(),

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::error::Error;
 use crate::network::{TOGETHER, load_groups};
-use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
+use crate::scalar::{Kernel, Pack, WIDTH, max_or_nan, on_lanes};
 use crate::system::{FullOrbit, Hamiltonian, NearlyPeriodic, Splittable, System, each_system};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -109,10 +109,9 @@ impl Integrator {
     /// and one more difference, whose errors the steps do not know.
     pub(super) fn finer(self) -> Self {
         match self {
-            Self::Stroboscopic { micro, differences } => Self::Stroboscopic {
-                micro: 2 * micro,
-                differences: (differences + 1).min(Stroboscopic::MOST_DIFFERENCES),
-            },
+            Self::Stroboscopic { micro, differences } => {
+                Self::Stroboscopic { micro: 2 * micro, differences: differences + 1 }
+            }
             other => other,
         }
     }
@@ -147,10 +146,22 @@ impl Integrator {
         steps: usize,
         kept: usize,
     ) -> Result<Vec<f64>, Error> {
-        let request = Request { interval, steps, kept };
         self.check_for(system)?;
-        if let (Some(period), true) = (system.period(), kept > 1) {
-            whole_periods(interval, period)?;
+        self.checked_trajectories(system, initial, interval, steps, kept)
+    }
+
+    /// [`Integrator::trajectories`] by an integrator that is sound, or [`Integrator::finer`] than one.
+    pub(super) fn checked_trajectories(
+        self,
+        system: &System,
+        initial: &[f64],
+        interval: f64,
+        steps: usize,
+        kept: usize,
+    ) -> Result<Vec<f64>, Error> {
+        let request = Request { interval, steps, kept };
+        if kept > 1 {
+            check_repeated(system, initial, interval)?;
         }
         match (self, system) {
             (Self::Boris, System::FullOrbit(system)) => request.step(&Boris, system, initial),
@@ -246,6 +257,39 @@ pub(crate) fn whole_periods(interval: f64, period: f64) -> Result<(), Error> {
         return Ok(());
     }
     Err(Error::invalid("interval", interval, format!("a multiple of the period {period}")))
+}
+
+/// Fails unless the flow of an interval that begins at time 0 is that of the next ones too: unless the interval is of
+/// whole periods of the system, or, where it tells none, its vector field is the same an interval later.
+pub(super) fn check_repeated(
+    system: &impl Hamiltonian,
+    initial: &[f64],
+    interval: f64,
+) -> Result<(), Error> {
+    if let Some(period) = system.period() {
+        return whole_periods(interval, period);
+    }
+    // Of no symmetry of a period.
+    const SHARES: [f64; 2] = [0.127, 0.618];
+    let dim = 2 * system.dof();
+    let (mut now, mut later) = (vec![0.0; dim], vec![0.0; dim]);
+    for z in initial.chunks_exact(dim) {
+        for time in SHARES.map(|share| share * interval) {
+            system.vector_field(z, time, &mut now);
+            system.vector_field(z, time + interval, &mut later);
+            let size = now.iter().chain(&later).map(|v| v.abs()).fold(0.0, max_or_nan);
+            let change = now.iter().zip(&later).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+            if change > 1e-9 * size {
+                let expected = format!(
+                    "a multiple of the period of H in time: the vector field at {z:?} changes by \
+                     {change:.1e} from time {time} to {}",
+                    time + interval
+                );
+                return Err(Error::invalid("interval", interval, expected));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Trajectories of one task, at most.

@@ -17,6 +17,7 @@ pub(crate) use data::check_finite;
 pub use data::{Condition, Pairs, Window, sample, sample_of};
 pub use gauss::{GaussLegendre, Reference, ReferenceValue};
 pub use integrator::Integrator;
+#[cfg(feature = "scenes")]
 pub(crate) use integrator::whole_periods;
 pub use region::{Left, Region};
 pub use runge_kutta::runge_kutta_4;

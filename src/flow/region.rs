@@ -84,23 +84,24 @@ impl Region {
             leaving[row] = true;
             let (step, value) = (index / points * every, z[coordinate]);
             let of = values.len() / dim;
-            let first = Left { trajectories: 0, states: 0, of, row, step, coordinate, value };
-            out.get_or_insert(first).states += 1;
+            let first = || Left { rows: vec![], states: 0, of, row, step, coordinate, value };
+            out.get_or_insert_with(first).states += 1;
         }
-        out.map(|out| Left { trajectories: leaving.iter().filter(|left| **left).count(), ..out })
+        let rows = (0..points).filter(|row| leaving[*row]).collect();
+        out.map(|out| Left { rows, ..out })
     }
 }
 
 /// What left the box of the training points.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Left {
-    /// Trajectories with a state outside.
-    pub trajectories: usize,
+    /// The rows of the initial points whose trajectories have a state outside.
+    pub rows: Vec<usize>,
     /// Kept states outside.
     pub states: usize,
     /// Of all kept ones.
     pub of: usize,
-    /// The first of them: a row of the initial points, …
+    /// The first state of them: of which row of the initial points, …
     pub row: usize,
     /// … and after how many steps.
     pub step: usize,
@@ -113,14 +114,20 @@ pub struct Left {
 impl Left {
     /// What is to be told of it.
     pub fn told(&self, region: &Region) -> String {
-        let Self { trajectories, states, of, row, step, coordinate, value } = *self;
+        /// Rows that are named.
+        const NAMED: usize = 20;
+        let Self { ref rows, states, of, row, step, coordinate, value } = *self;
+        let named: Vec<String> = rows.iter().take(NAMED).map(usize::to_string).collect();
+        let more = if rows.len() > NAMED { ", …" } else { "" };
+        let (trajectories, named) = (rows.len(), named.join(", "));
+        let plural = if trajectories == 1 { "y" } else { "ies" };
         let dof = region.low.len() / 2;
         let half = if coordinate < dof { "q" } else { "p" };
         let (low, high) = (region.low[coordinate], region.high[coordinate]);
         format!(
-            "{states} of {of} kept states, of {trajectories} trajectories, are outside the box \
-             of the training points, where nothing is known of the model; the first from row {row} \
-             of the input after {step} steps: {half}{} = {value:.3e}, not from {low:.3e} to \
+            "{states} of {of} kept states, of {trajectories} trajector{plural}, are outside the box \
+             of the training points, where nothing is known of the model: of the input's rows {named}{more}, the first \
+             from row {row} after {step} steps: {half}{} = {value:.3e}, not from {low:.3e} to \
              {high:.3e}",
             coordinate % dof + 1
         )

@@ -33,14 +33,14 @@ pub struct Stroboscopic {
 }
 
 impl Stroboscopic {
-    /// The most central differences.
+    /// The most central differences of an integrator; by one more its error is told.
     pub const MOST_DIFFERENCES: usize = 3;
 
     /// Over `time`, with `micro` steps of the splitting in a period and so many central differences, or with the
     /// forward difference where they are none.
     ///
     /// # Panics
-    /// When `micro` is 0, or there are more than 3 differences.
+    /// When `micro` is 0, or there are more than 4 differences.
     pub fn new(system: &impl Splittable, time: f64, micro: usize, differences: usize) -> Self {
         assert!(micro > 0);
         let weights: &[f64] = match differences {
@@ -48,6 +48,7 @@ impl Stroboscopic {
             1 => &[1.0 / 2.0],
             2 => &[8.0 / 12.0, -1.0 / 12.0],
             3 => &[45.0 / 60.0, -9.0 / 60.0, 1.0 / 60.0],
+            4 => &[672.0 / 840.0, -168.0 / 840.0, 32.0 / 840.0, -3.0 / 840.0],
             _ => panic!("{differences} differences"),
         };
         let period = std::f64::consts::TAU / system.limiting_frequency();

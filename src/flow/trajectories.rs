@@ -1,6 +1,7 @@
 //! Several trajectories, and those of the reference flow.
 
-use super::{Integrator, Reference, whole_periods};
+use super::integrator::check_repeated;
+use super::{Integrator, Reference};
 use crate::error::Error;
 use crate::scalar::max_or_nan;
 use crate::system::{Hamiltonian, System};
@@ -111,8 +112,8 @@ impl ReferenceTrajectories {
         interval: f64,
         states: usize,
     ) -> Result<Self, Error> {
-        if let (Some(period), true) = (system.period(), states > 2) {
-            whole_periods(interval, period)?;
+        if states > 2 {
+            check_repeated(system, initial, interval)?;
         }
         let reference = Reference::calibrated(system, initial, interval)?;
         let dim = 2 * system.dof();
@@ -144,7 +145,8 @@ impl ReferenceTrajectories {
         let (dim, kept) = (2 * system.dof(), states.saturating_sub(1));
         let coarse = integrator.trajectories(system, initial, interval, steps, kept)?;
         let twice = steps.saturating_mul(2);
-        let fine = integrator.finer().trajectories(system, initial, interval, twice, kept)?;
+        let fine =
+            integrator.finer().checked_trajectories(system, initial, interval, twice, kept)?;
         let distances =
             fine.chunks_exact(dim).zip(coarse.chunks_exact(dim)).rev().take(initial.len() / dim);
         let error = distances.map(|(a, b)| distance(a, b)).fold(0.0, max_or_nan);

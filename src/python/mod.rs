@@ -182,6 +182,10 @@ impl Model {
         if !["warn", "stop", "ignore"].contains(&outside) {
             return Err(Error::invalid("outside", outside, "warn, stop or ignore").into());
         }
+        if outside == "stop" && self.stored.provenance.region.is_none() {
+            let expected = "a model that knows the box of its training points";
+            return Err(Error::invalid("outside", outside, expected).into());
+        }
         let initial = self.rows("points", &points)?;
         let request = Rollout { steps, every };
         let states = py.detach(|| self.stored.rollout(&initial, request))?;

@@ -49,6 +49,9 @@ fn layers(shape: (usize, usize)) -> Layers {
     Layers { count: shape.0, width: shape.1 }
 }
 
+/// Unless it is given.
+const EPSILON: f64 = 0.01;
+
 /// More starts are a slip of the pen.
 const MOST_STARTS: usize = 1000;
 
@@ -107,8 +110,8 @@ impl Watch for Calling<'_> {
 /// near_identity_penalty: the loss gets so many times the mean square of I_epsilon(z) - z.
 /// patience, target: stop when the held-out error has not improved for so many evaluations, one
 /// in ten iterations, or is at most the target; 0 never stops.
-/// epsilon, flow_time: those of the pairs; the chart of a normal form is told epsilon, its twists
-/// the product of both.
+/// epsilon, flow_time: those of the pairs, 0.01 and what they tell unless given: epsilon of networks with a circle
+/// action, the flow time of normal forms and of couplings, whose generators are told both.
 /// theta, theta_fixed, theta_penalty: the angle to start from, the nearest rotation's unless given,
 /// whether it stays, and what its squared distance from there adds to the loss.
 /// units: "fitted", in which pairs are of order one and turn in circles, or those of the "data".
@@ -120,7 +123,7 @@ impl Watch for Calling<'_> {
 #[pyo3(signature = (
     input, output, circle_action, *, architecture="gyroceptron", psi=None, near_identity=None,
     kicks=None, twists=None, perturbation=None, layers=None, optimiser="l-bfgs", iterations=None, starts=1,
-    near_identity_penalty=0.0, patience=0, target=0.0, epsilon=0.01, flow_time=None, theta=None,
+    near_identity_penalty=0.0, patience=0, target=0.0, epsilon=None, flow_time=None, theta=None,
     theta_fixed=false, theta_penalty=0.0, units="fitted", validation=0.1, seed=0, report=None, callback=None
 ))]
 #[allow(clippy::too_many_arguments)]
@@ -142,7 +145,7 @@ pub(super) fn train(
     near_identity_penalty: f64,
     patience: u64,
     target: f64,
-    epsilon: f64,
+    epsilon: Option<f64>,
     flow_time: Option<f64>,
     theta: Option<f64>,
     theta_fixed: bool,
@@ -159,9 +162,18 @@ pub(super) fn train(
     let pairs = Pairs::new("pairs", dof, input, output)?;
     let shapes = Shapes { psi, near_identity, kicks, twists, perturbation, layers };
     let network = shapes.network(architecture, &action)?;
-    if let (Some(theta), false) = (theta, network.has_circle()) {
-        return Err(Error::invalid("theta", theta, "none: only a gyroceptron has it").into());
+    let of_gyroceptron = "none: only a gyroceptron has it";
+    let of_generators = "none: only a normal form and couplings have it";
+    for (name, value, fits, expected) in [
+        ("theta", theta, network.has_circle(), of_gyroceptron),
+        ("epsilon", epsilon, network.has_circle(), of_gyroceptron),
+        ("flow_time", flow_time, network.has_flow_time(), of_generators),
+    ] {
+        if let (Some(value), false) = (value, fits) {
+            return Err(Error::invalid(name, value, expected).into());
+        }
     }
+    let epsilon = epsilon.unwrap_or(EPSILON);
     if let Some(theta) = theta {
         Error::check_finite("theta", theta)?;
     }
@@ -194,6 +206,9 @@ pub(super) fn train(
         ..defaults
     };
     options.check()?;
+    // Of any flow time: before pairs are gone through for each harmonic of the circle action.
+    let any = network.architecture(&action.circles()[0], epsilon, 1.0);
+    any.map_or(Ok(()), |any| any.check().and_then(|()| options.check_for(&any)))?;
     let preparation = Preparation {
         place: "pairs",
         action: &action,
@@ -210,7 +225,7 @@ pub(super) fn train(
         seed,
     };
     // Before anything is computed.
-    let report = report.map(|path| Folder::open(&path, false, false)).transpose()?;
+    let report = report.map(|path| Folder::open_report(&path, false)).transpose()?;
     let training = Training { preparation, network, options, pairs, report };
     let start = Instant::now();
     let times = TrainingTimes { model: "train".into(), ..TrainingTimes::default() };
@@ -367,7 +382,7 @@ impl Training<'_> {
                 held_out: held,
                 units: stored.units.as_ref(),
                 times: std::mem::take(&mut watch.times),
-                command: "the same call of gyroceptron.train".into(),
+                command: "The same call of `gyroceptron.train` with the same pairs".into(),
             };
             report.report(&folder)?;
         }

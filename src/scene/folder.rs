@@ -25,11 +25,38 @@ pub struct Folder {
 const AS_RUN: &str = "as-run.toml";
 /// What depends on the machine.
 const TIMINGS: &str = "timings.json";
-/// The files that mark a folder as one of a run.
-const MARKS: [&str; 5] = ["report.json", "report.md", AS_RUN, "checkpoint", "model.json"];
+/// The files that every report has.
+const REPORT: [&str; 3] = ["report.json", "report.md", AS_RUN];
+/// Files of a run that are of other use too.
+const KEPT: [&str; 2] = ["checkpoint", "model.json"];
+
+fn holds_report(path: &Path) -> bool {
+    REPORT.iter().any(|mark| path.join(mark).exists())
+}
 
 fn holds_run(path: &Path) -> bool {
-    MARKS.iter().any(|mark| path.join(mark).exists())
+    holds_report(path) || KEPT.iter().any(|name| path.join(name).exists())
+}
+
+/// Fails where files that have the names of a run's are of none: nobody has asked to replace them.
+fn check_replaced(path: &Path) -> Result<(), Error> {
+    if holds_report(path) || !holds_run(path) {
+        return Ok(());
+    }
+    let found = KEPT.iter().find(|name| path.join(name).exists()).unwrap_or(&"");
+    let expected = "a run to replace, with its report";
+    Err(Error::content(path.display(), expected, format!("{found} alone")))
+}
+
+/// The nearest folder that is there already, tried by a file.
+fn probe(path: &Path) -> Result<(), Error> {
+    let mut there = path;
+    while !there.as_os_str().is_empty() && std::fs::symlink_metadata(there).is_err() {
+        there = there.parent().unwrap_or(Path::new(""));
+    }
+    let there = if there.as_os_str().is_empty() { Path::new(".") } else { there };
+    let file = tempfile::Builder::new().prefix(".gyroceptron-").tempfile_in(there);
+    file.map(drop).map_err(|reason| Error::write(path, reason))
 }
 
 impl Folder {
@@ -50,27 +77,47 @@ impl Folder {
                 "none",
             ));
         }
+        if !resume {
+            check_replaced(path)?;
+        }
         std::fs::create_dir_all(path).map_err(|reason| Error::write(path, reason))?;
         let folder = Self { path: path.to_owned(), resume, overwrite };
-        tempfile::Builder::new()
-            .prefix(".gyroceptron-")
-            .tempfile_in(path)
-            .map_err(|reason| Error::write(path, reason))?;
+        probe(path)?;
         if holds_run && !resume {
             folder.clear()?;
         }
         Ok(folder)
     }
 
-    /// Fails when the folder holds a run.
+    /// Makes the folder of a report without networks, whose figures take the place of those of an earlier one.
     ///
     /// # Errors
-    /// [`Error::OutputExists`].
-    pub fn refuse_run(path: &Path) -> Result<(), Error> {
-        match holds_run(path) {
-            true => Err(Error::OutputExists { path: path.to_owned() }),
-            false => Ok(()),
+    /// Those of [`Folder::check_report`].
+    pub fn open_report(path: &Path, overwrite: bool) -> Result<Self, Error> {
+        Self::check_report(path, overwrite)?;
+        std::fs::create_dir_all(path).map_err(|reason| Error::write(path, reason))?;
+        let folder = Self { path: path.to_owned(), resume: false, overwrite };
+        folder.remove(&folder.names_of_report(folder.earlier_scene().as_ref()))?;
+        Ok(folder)
+    }
+
+    /// Fails unless a report can be written to this folder, which need not be there: before it is due.
+    ///
+    /// # Errors
+    /// [`Error::OutputExists`] when the folder holds a report that is not overwritten; [`Error::Content`] when it is of
+    /// a run with networks; [`Error::Write`] when it cannot be written.
+    pub fn check_report(path: &Path, overwrite: bool) -> Result<(), Error> {
+        if holds_run(path) && !overwrite {
+            return Err(Error::OutputExists { path: path.to_owned() });
         }
+        let of_run = |name: &str| name.starts_with("model") || name.starts_with("checkpoint");
+        let mut names = std::fs::read_dir(path).into_iter().flatten().flatten();
+        let found = names.find(|entry| entry.file_name().to_str().is_some_and(of_run));
+        if let (true, Some(found)) = (holds_report(path), found) {
+            let expected = "a report without networks, or another folder";
+            return Err(Error::content(path.display(), expected, found.file_name().display()));
+        }
+        probe(path)
     }
 
     /// Fails unless a run that is gone on with is of this scene: but for when it stops
@@ -92,13 +139,10 @@ impl Folder {
     /// Removes the files of the run that the folder holds, by their names, and
     /// nothing else.
     fn clear(&self) -> Result<(), Error> {
-        let mut names: Vec<String> = MARKS.iter().map(|mark| (*mark).to_owned()).collect();
-        names.extend(CHECKPOINTS.iter().chain([&TIMINGS]).map(|name| (*name).to_owned()));
-        if let Ok(text) = std::fs::read_to_string(self.file(AS_RUN))
-            && let Ok(earlier) = parse(AS_RUN, &text)
-        {
-            names.extend(earlier.plots.iter().map(|plot| file_of(plot)));
-            names.extend(earlier.plots.iter().map(|plot| data_file_of(plot)));
+        let earlier = self.earlier_scene();
+        let mut names = self.names_of_report(earlier.as_ref());
+        names.extend(KEPT.iter().chain(&CHECKPOINTS).map(|name| (*name).to_owned()));
+        if let Some(earlier) = earlier {
             for attempt in earlier.attempts() {
                 for leg in Leg::all(earlier.setup.training_of(&attempt.spec)) {
                     let suffix = leg.suffix();
@@ -114,8 +158,25 @@ impl Folder {
                 }
             }
         }
+        self.remove(&names)
+    }
+
+    /// The scene of the run or the report that the folder holds, if it can be read.
+    fn earlier_scene(&self) -> Option<Scene> {
+        let text = std::fs::read_to_string(self.file(AS_RUN)).ok()?;
+        parse(AS_RUN, &text).ok()
+    }
+
+    /// The files of a report and its figures.
+    fn names_of_report(&self, scene: Option<&Scene>) -> Vec<String> {
+        let fixed = REPORT.iter().chain([&TIMINGS]).map(|name| (*name).to_owned());
+        let plots = scene.into_iter().flat_map(|scene| &scene.plots);
+        fixed.chain(plots.flat_map(|plot| [file_of(plot), data_file_of(plot)])).collect()
+    }
+
+    fn remove(&self, names: &[String]) -> Result<(), Error> {
         for name in names {
-            let path = self.file(&name);
+            let path = self.file(name);
             if path.is_file() {
                 std::fs::remove_file(&path).map_err(|reason| Error::write(&path, reason))?;
             }
@@ -142,9 +203,13 @@ impl Folder {
     pub(super) fn check_parts(&self, scene: &Scene) -> Result<(), Error> {
         for part in &scene.parts {
             let path = self.file(&part.name);
-            if holds_run(&path) && !self.resumes_part(&part.name) && !self.overwrite {
+            if self.resumes_part(&part.name) {
+                continue;
+            }
+            if holds_run(&path) && !self.overwrite {
                 return Err(Error::OutputExists { path });
             }
+            check_replaced(&path)?;
         }
         Ok(())
     }

@@ -309,8 +309,13 @@ pub(super) fn check_name(name: &str) -> Result<(), Error> {
     Ok(())
 }
 
-/// Fails unless points are of 2n finite numbers, and there is one.
-pub(super) fn check_points(name: &str, points: &[Vec<f64>], dof: usize) -> Result<(), Error> {
+/// Fails unless points are of 2n finite numbers at which the system is defined, and there is one.
+pub(super) fn check_points(
+    name: &str,
+    points: &[Vec<f64>],
+    system: &impl Hamiltonian,
+) -> Result<(), Error> {
+    let dof = system.dof();
     let expected = format!("points of {} finite numbers", 2 * dof);
     if points.is_empty() {
         return Err(Error::invalid(name, "none", expected));
@@ -318,7 +323,7 @@ pub(super) fn check_points(name: &str, points: &[Vec<f64>], dof: usize) -> Resul
     let sound = |point: &&Vec<f64>| point.len() == 2 * dof && point.iter().all(|v| v.is_finite());
     match points.iter().find(|point| !sound(point)) {
         Some(bad) => Err(Error::invalid(name, format!("{bad:?}"), expected)),
-        None => Ok(()),
+        None => points.iter().try_for_each(|z| system.check_point(z).map_err(|e| e.at(name))),
     }
 }
 
@@ -447,6 +452,9 @@ impl Setup {
         }
         if let Some(system) = &self.system {
             system.check()?;
+            if let Some(data) = &self.data {
+                system.check_with(&data.epsilons).map_err(|e| e.at("data.epsilons"))?;
+            }
             if let Some(flow) = self.data.as_ref().and_then(|data| data.flow) {
                 flow.integrator.check_for(system).map_err(|e| e.at("data.flow"))?;
             }

@@ -99,11 +99,15 @@ impl FullOrbit {
         S::from_f64(0.5) * (vx * vx + vy * vy) / (S::from_f64(1.0) + cx + cy)
     }
 
-    /// Fails unless k is positive and f is finite.
+    /// Fails unless k is positive, f is finite and |ε| < ½: from there on B vanishes somewhere, and nothing gyrates.
     ///
     /// # Errors
     /// With the value.
     pub fn check(&self) -> Result<(), Error> {
+        if !(self.epsilon.abs() < 0.5) {
+            let expected = "between -0.5 and 0.5: B = 1 + ε(cos kx + cos ky) vanishes nowhere then";
+            return Err(Error::invalid("system.epsilon", self.epsilon, expected));
+        }
         Error::check_range("system.wavenumber", self.wavenumber, Error::LEAST_POSITIVE, f64::MAX)?;
         Error::check_finite("system.potential", self.potential)
     }

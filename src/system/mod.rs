@@ -142,7 +142,7 @@ pub trait NearlyPeriodic: Hamiltonian {
     fn limiting_frequency(&self) -> f64;
 
     /// The commuting circles that the limit turns, with the frequency of each: the circle action, unless the
-    /// limit goes round a torus, along which no single circle leads.
+    /// limit goes round a torus, along which no single circle leads. Those of a torus turn the coordinate planes.
     fn torus(&self) -> (TorusAction, Vec<f64>) {
         (self.circle_action().into(), vec![self.limiting_frequency()])
     }
@@ -253,6 +253,14 @@ impl System {
             Self::VanDerPol(system) => system.epsilon = epsilon,
         }
         self
+    }
+
+    /// Fails unless the system is sound with each of these ε.
+    ///
+    /// # Errors
+    /// Those of [`System::check`].
+    pub fn check_with(&self, epsilons: &[f64]) -> Result<(), Error> {
+        epsilons.iter().try_for_each(|epsilon| self.clone().with_epsilon(*epsilon).check())
     }
 
     /// Fails unless ε is finite and the system is sound.

@@ -61,7 +61,7 @@ fn nearest(runs: &[(Option<Condition>, &[f64], &[f64])], action: &CircleAction) 
     };
     let harmonics = action.weights().iter().map(|w| w.unsigned_abs()).max().unwrap_or(1).max(1);
     let period = TAU / divisor(action.weights());
-    let theta = least_angle(misfit, period, 64 * harmonics);
+    let theta = least_angle(misfit, period, harmonics.saturating_mul(64));
     if theta > 0.5 * period { theta - period } else { theta }
 }
 

@@ -197,8 +197,9 @@ def test_what_leaves_the_box_is_told(pairs, model):
     far = np.array([[0.1, 0.1, 0.1, 9.0]])
     with pytest.warns(UserWarning, match="p2 = 9.000e0"):
         model.predict(far)
-    with pytest.raises(gyroceptron.Error, match="outside the box"):
+    with pytest.raises(gyroceptron.Error, match="outside the box") as told:
         model.predict(far, outside="stop")
+    assert "rows 0," in str(told.value)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         model.predict(far, outside="ignore")
@@ -232,7 +233,11 @@ def test_bad_input_is_named(tmp_path, pairs, model):
     refuses("layers", train, *pairs, [1, 0], psi=(0, 8))
     refuses("parameters", train, *pairs, [1, 0], psi=(2, 2**50))
     refuses("starts", train, *pairs, [1, 0], starts=0)
-    refuses("flow time", train, *pairs, [1, 0], flow_time=-5.0)
+    refuses("flow time", train, *pairs, [1, 0], architecture="normal-form", flow_time=-5.0)
+    refuses("flow_time", train, *pairs, [1, 0], flow_time=5.0)
+    refuses("epsilon", train, *pairs, [1, 0], architecture="henon-net", epsilon=0.3)
+    # Before the pairs are gone through for each harmonic.
+    refuses("2000000000", train, *pairs, [1, 2_000_000_000])
     refuses("theta", train, *pairs, [1, 0], architecture="henon-net", theta=0.5)
     refuses("theta_fixed", train, *pairs, [1, 0], architecture="sympnet", theta_fixed=True)
     refuses("theta_penalty", train, *pairs, [1, 0], theta_penalty=-1.0)

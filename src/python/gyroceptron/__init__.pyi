@@ -73,7 +73,7 @@ def train(
     near_identity_penalty: float = 0.0,
     patience: int = 0,
     target: float = 0.0,
-    epsilon: float = 0.01,
+    epsilon: float | None = None,
     flow_time: float | None = None,
     theta: float | None = None,
     theta_fixed: bool = False,

@@ -66,12 +66,11 @@ fn write_report(out: &mut String, report: &Report) -> Result {
             write_blocks(out, appendix)?;
         }
     }
-    if let Some(command) = &report.repeat {
+    if let Some(what) = &report.repeat {
         return writeln!(
             out,
-            "\n## To repeat it\n\n`{command} --scene as-run.toml` with the file of that name beside \
-             this report, the same pairs and gyroceptron {version}: every number above but the \
-             timings comes out the same, bit for bit."
+            "\n## To repeat it\n\n{what} and gyroceptron {version}: every number above but the timings \
+             comes out the same, bit for bit."
         );
     }
     writeln!(

@@ -61,13 +61,14 @@ impl Study for ActionsOptions {
         let rolled = context.rollouts(&self.initial, request)?;
         let (torus, _) = system.torus();
         let mut all = Vec::new();
-        for circle in torus.circles() {
-            all.push(Action::new("the limit", circle, along, None, &|z| circle.invariant(z)));
-        }
+        // Those of a torus are of its planes; the planes of one circle may be bent.
         if torus.circles().len() > 1 {
-            let circle = system.circle_action();
-            all.push(Action::new("the limit", &circle, along, None, &|z| circle.invariant(z)));
+            for circle in torus.circles() {
+                all.push(Action::new("the limit", circle, along, None, &|z| circle.invariant(z)));
+            }
         }
+        let (circle, action) = (system.circle_action(), |z: &[f64]| system.adiabatic_invariant(z));
+        all.push(Action::new("the limit", &circle, along, None, &action));
         let mut distances = Vec::new();
         for (trained, own) in models.iter().zip(rolled.iter()) {
             let name = format!("`{}`", trained.spec.name);

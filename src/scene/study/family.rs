@@ -78,7 +78,15 @@ impl Study for FamilyOptions {
                 let expected = "a system whose limit turns along circles, for averages over them";
                 Err(Error::invalid("system", system.kind(), expected))
             }
-            Some(system) => check_points("initial", &self.initial, system.dof()),
+            // Each of its surfaces turns at a frequency of its own.
+            Some(system @ System::FieldLines(_)) => {
+                let expected = "a system whose limit turns at one frequency, for averages over it";
+                Err(Error::invalid("system", system.kind(), expected))
+            }
+            Some(system) => {
+                system.check_with(&self.epsilons).map_err(|e| e.at("epsilons"))?;
+                check_points("initial", &self.initial, system)
+            }
             None => Ok(()),
         }
     }

@@ -17,7 +17,7 @@ use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::learning::{Trained, learn_at};
 use crate::scene::setup::{Attempt, MOST, ModelSpec, Need, NetworkSpec, check_points};
 use crate::scene::subject::Subject;
-use crate::system::{Hamiltonian, NearlyPeriodic};
+use crate::system::NearlyPeriodic;
 use crate::train::LegResult;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -133,7 +133,7 @@ impl Study for LongStepsOptions {
             }
         }
         match &scene.setup.system {
-            Some(system) => check_points("initial", &self.initial, system.dof()),
+            Some(system) => check_points("initial", &self.initial, system),
             None => Ok(()),
         }
     }

@@ -34,7 +34,7 @@ use super::findings::Findings;
 use super::setup::{Attempt, Data, MOST, ModelSpec, Need, Setup, check_points};
 use crate::error::Error;
 use crate::measure::CertificateOptions;
-use crate::system::{Hamiltonian, System};
+use crate::system::System;
 use crate::train::TrainingOptions;
 use serde::{Deserialize, Serialize};
 
@@ -100,7 +100,7 @@ fn check_along(
     if let Some(time) = scene.setup.flow_time {
         scene.setup.check_repeated(time)?;
     }
-    check_points("initial", initial, system.dof())
+    check_points("initial", initial, system)
 }
 
 /// A number for a table; none where it is not one.

@@ -17,7 +17,7 @@ use crate::scene::learning::Trained;
 use crate::scene::setup::{Need, check_points};
 use crate::scene::subject::Subject;
 use crate::scene::words::{coordinate, initial_names};
-use crate::system::{Hamiltonian, NearlyPeriodic, Oscillators, System};
+use crate::system::{NearlyPeriodic, Oscillators, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::rc::Rc;
@@ -97,7 +97,7 @@ impl Study for RolloutOptions {
             Error::check_count_range("plane", plane, 1, subject.dof())?;
         }
         match subject {
-            Subject::System(system) => check_points("initial", &self.initial, system.dof()),
+            Subject::System(system) => check_points("initial", &self.initial, system),
             Subject::File(file) => {
                 if !self.initial.is_empty() {
                     let expected = "none: those of data.trajectories are taken";

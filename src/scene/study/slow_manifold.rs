@@ -14,7 +14,7 @@ use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{Need, check_points};
 use crate::scene::words::initial_names;
-use crate::system::{Hamiltonian, NearlyPeriodic, ParticleField, System};
+use crate::system::{NearlyPeriodic, ParticleField, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -50,7 +50,7 @@ impl Study for SlowManifoldOptions {
         Error::check_count_range("on", self.on.len(), 1, 100)?;
         self.on.iter().flatten().try_for_each(|v| Error::check_finite("on", *v))?;
         match &scene.setup.system {
-            Some(System::ParticleField(system)) => check_points("off", &self.off, system.dof()),
+            Some(System::ParticleField(system)) => check_points("off", &self.off, system),
             Some(other) => Err(Error::invalid("system", other.kind(), "particle-field")),
             None => Ok(()),
         }

@@ -55,7 +55,10 @@ impl Study for TrajectoriesOptions {
         Error::check_count_range("steps", self.steps, 1, MOST)?;
         scene.setup.flow_time.map_or(Ok(()), |time| scene.setup.check_repeated(time))?;
         match &scene.setup.system {
-            Some(system) => check_points("initial", &self.initial, system.dof()),
+            Some(system) => {
+                system.check_with(&self.epsilons).map_err(|e| e.at("epsilons"))?;
+                check_points("initial", &self.initial, system)
+            }
             None => Ok(()),
         }
     }
