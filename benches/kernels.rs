@@ -7,8 +7,8 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::network::{
-    Architecture, GyroceptronShape, InitialWeights, Model, Rollout, map_jacobians,
-    map_jacobians_by_duals, map_points, rollout,
+    GyroceptronShape, InitialWeights, Model, Rollout, map_jacobians, map_jacobians_by_duals,
+    map_points, rollout,
 };
 use gyroceptron::phase::Direction;
 use gyroceptron::random::Stream;
@@ -21,7 +21,8 @@ mod peak;
 fn model(action: &[i32], psi: Vec<usize>, near_identity: Vec<usize>) -> Model {
     let circle_action = CircleAction::new(action);
     let shape = GyroceptronShape { circle_action, psi, near_identity };
-    Architecture::Gyroceptron { shape, epsilon: 0.01 }
+    shape
+        .architecture(0.01)
         .initialise(InitialWeights::Normal { scale: 0.15 }, 0.7, 1)
         .expect("a valid architecture")
 }

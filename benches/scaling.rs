@@ -9,7 +9,7 @@ use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{Spread, log_line};
 use gyroceptron::network::{
-    Architecture, GyroceptronShape, InitialWeights, Model, Rollout, map_jacobians_by_duals, rollout,
+    GyroceptronShape, InitialWeights, Model, Rollout, map_jacobians_by_duals, rollout,
 };
 use gyroceptron::random::Stream;
 use gyroceptron::train::{Loss, Objective};
@@ -57,7 +57,8 @@ fn model(dof: usize, layers: usize, width: usize) -> Model {
         psi: vec![width; layers / 2],
         near_identity: vec![width; layers - layers / 2],
     };
-    Architecture::Gyroceptron { shape, epsilon: 0.01 }
+    shape
+        .architecture(0.01)
         .initialise(InitialWeights::Normal { scale: 0.15 }, 5.0, 1)
         .expect("a valid architecture")
 }

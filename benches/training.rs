@@ -21,7 +21,7 @@
 use criterion::{Criterion, Throughput, criterion_group};
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
-use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model, map_points};
+use gyroceptron::network::{GyroceptronShape, InitialWeights, Model, map_points};
 use gyroceptron::phase::Direction;
 use gyroceptron::random::Stream;
 use gyroceptron::train::{
@@ -53,7 +53,8 @@ fn with_weights((action, psi, near_identity): Shape, seed: u64) -> Model {
         psi: vec![psi[1]; psi[0]],
         near_identity: vec![near_identity[1]; near_identity[0]],
     };
-    Architecture::Gyroceptron { shape, epsilon: 0.01 }
+    shape
+        .architecture(0.01)
         .initialise(InitialWeights::Normal { scale: 0.15 }, 5.0, seed)
         .expect("a valid architecture")
 }

@@ -10,8 +10,7 @@ use gyroceptron::io::{
 use gyroceptron::layer::{CircleAction, HenonLayer, TorusAction, layer_parameter_count};
 use gyroceptron::measure::{Measurable, differing_components, fuzz};
 use gyroceptron::network::{
-    Architecture, CouplingGyroceptronShape, GyroceptronShape, HenonNet, HenonShape, Model,
-    NormalFormShape,
+    CouplingGyroceptronShape, GyroceptronShape, HenonShape, Model, NormalFormShape,
 };
 use gyroceptron::phase::Units;
 use gyroceptron::scalar::max_or_nan;
@@ -100,8 +99,8 @@ fn net(u: &mut Unstructured<'_>, epsilon: f64) -> Result<Outcome, String> {
     let widths: Vec<usize> = (0..small(u, 4)).map(|_| small(u, 6)).collect();
     let shape = HenonShape { dof, widths: widths.clone() };
     let z = numbers(u, 2 * dof);
-    let weights = numbers(u, shape.parameter_count());
-    let architecture = Architecture::HenonNet { shape: shape.clone(), epsilon };
+    let weights = numbers(u, shape.architecture(0.0).parameter_count());
+    let architecture = shape.architecture(epsilon);
     let finite = weights.iter().chain([&epsilon]).all(|v| v.is_finite());
     let model = match Model::new(architecture, weights.clone()) {
         Ok(model) if finite => model,
@@ -114,10 +113,7 @@ fn net(u: &mut Unstructured<'_>, epsilon: f64) -> Result<Outcome, String> {
     let outcome = inverts(&model, &z, range)?;
     // At ε = 0 nothing moves, whatever the weights.
     for zero in [0.0, -0.0] {
-        let Ok(at_zero) = HenonNet::near_identity(shape.clone(), zero, weights.clone()) else {
-            return Err("refused at ε = 0".into());
-        };
-        if differing_components(&at_zero, &z) > 0 {
+        if differing_components(&model.with_epsilon(zero), &z) > 0 {
             return Err(format!("moved at ε = {zero:?}: {z:?}"));
         }
     }
@@ -166,10 +162,10 @@ pub fn gyroceptron(data: &[u8]) -> Result<Outcome, String> {
     let shape =
         GyroceptronShape { circle_action: CircleAction::new(action.clone()), psi, near_identity };
     let z = numbers(u, 2 * dof);
-    let weights = numbers(u, shape.parameter_count());
+    let weights = numbers(u, shape.architecture(0.0).parameter_count());
     let finite = weights.iter().chain([&epsilon]).all(|v| v.is_finite());
     let acts = action.iter().any(|m| *m != 0);
-    let model = match Model::new(Architecture::Gyroceptron { shape, epsilon }, weights.clone()) {
+    let model = match Model::new(shape.architecture(epsilon), weights.clone()) {
         Ok(model) if finite && acts => model,
         Ok(_) => return Err("a model that should have been refused".into()),
         Err(_) if !(finite && acts) => return Ok(Outcome::Refused),
@@ -177,8 +173,7 @@ pub fn gyroceptron(data: &[u8]) -> Result<Outcome, String> {
     };
     let range = in_range(widest, kicks, epsilon, &weights, &z);
     let outcome = inverts(&model, &z, range)?;
-    let near_identity = model.gyroceptron().ok_or("not a gyroceptron")?.near_identity();
-    if differing_components(&near_identity.composition().with_epsilon(0.0), &z) > 0 {
+    if differing_components(&model.near_identity().with_epsilon(0.0), &z) > 0 {
         return Err(format!("moved at ε = 0: {z:?}"));
     }
     Ok(outcome)
@@ -217,9 +212,9 @@ pub fn normal_form(data: &[u8]) -> Result<Outcome, String> {
     let sound =
         (1..=turned.count()).contains(&action.circles().len()) && action.circles().iter().all(acts);
     let shape = NormalFormShape { action, psi, kicks, twists, flow_time, perturbation };
-    let weights = numbers(u, shape.parameter_count());
+    let weights = numbers(u, shape.architecture(0.0).parameter_count());
     let finite = weights.iter().chain([&epsilon, &flow_time]).all(|v| v.is_finite());
-    let model = match Model::new(Architecture::NormalForm { shape, epsilon }, weights.clone()) {
+    let model = match Model::new(shape.architecture(epsilon), weights.clone()) {
         Ok(model) if finite && sound => model,
         Ok(_) => return Err("a model that should have been refused".into()),
         Err(_) if !(finite && sound) => return Ok(Outcome::Refused),
@@ -260,10 +255,10 @@ pub fn coupling_gyroceptron(data: &[u8]) -> Result<Outcome, String> {
         near_identity,
         flow_time,
     };
-    let weights = numbers(u, shape.parameter_count());
+    let weights = numbers(u, shape.architecture(0.0).parameter_count());
     let finite = weights.iter().chain([&epsilon, &flow_time]).all(|v| v.is_finite());
     let sound = finite && acts && flow_time != 0.0;
-    let architecture = Architecture::CouplingGyroceptron { shape, epsilon };
+    let architecture = shape.architecture(epsilon);
     let model = match Model::new(architecture, weights.clone()) {
         Ok(model) if sound => model,
         Ok(_) => return Err("a model that should have been refused".into()),
@@ -294,8 +289,8 @@ pub fn model(data: &[u8]) -> Result<Outcome, String> {
         };
     }
     let shape = HenonShape { dof: small(u, 3), widths: vec![small(u, 4); small(u, 3)] };
-    let weights = numbers(u, shape.parameter_count());
-    let architecture = Architecture::HenonNet { shape, epsilon: number(u) };
+    let weights = numbers(u, shape.architecture(0.0).parameter_count());
+    let architecture = shape.architecture(number(u));
     let Ok(model) = Model::new(architecture, weights) else { return Ok(Outcome::Refused) };
     let dim = 2 * model.composition().dof();
     let factors = vec![number(u); dim];
@@ -382,7 +377,7 @@ fn tensors(format: WeightsFormat, data: &[u8]) -> Result<Outcome, String> {
             return Err(format!("{name}: {:?} of {}", tensor.shape, tensor.values.len()));
         }
     }
-    match assemble_weights("weights", tensors, CircleAction::new([1, 0]), 0.01) {
+    match assemble_weights("weights", tensors, &CircleAction::new([1, 0]).into(), 0.01, None) {
         Err(_) => Ok(Outcome::Refused),
         Ok(model) if bits(&model).len() == model.architecture().parameter_count() => {
             Ok(Outcome::Accepted)

@@ -18,7 +18,7 @@
 //! use gyroceptron::flow::{Pairs, Window, sample};
 //! use gyroceptron::layer::CircleAction;
 //! use gyroceptron::measure::{CertificateOptions, certify};
-//! use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights};
+//! use gyroceptron::network::{GyroceptronShape, InitialWeights};
 //! use gyroceptron::random::Stream;
 //! use gyroceptron::phase::Map;
 //! use gyroceptron::system::Oscillators;
@@ -35,7 +35,7 @@
 //!     psi: vec![4; 2],
 //!     near_identity: vec![4; 2],
 //! };
-//! let model = Architecture::Gyroceptron { shape, epsilon: 0.01 }
+//! let model = shape.architecture(0.01)
 //!     .initialise(InitialWeights::Normal { scale: 0.15 }, 0.5, 1)?;
 //! let options = TrainingOptions { iterations: 50, ..Default::default() };
 //! let trained = train(&model, &pairs, None, &options, None, &mut |_| Ok(Control::Continue))?;
@@ -59,8 +59,8 @@
 //!   [`Map`](phase::Map).
 //! - [`random`]: seeded streams.
 //! - [`layer`]: the kinds of step, each a shear bound to its parameters.
-//! - [`network`]: HénonNets, gyroceptrons, also in normal form and of couplings, and SympNets over one
-//!   flat parameter vector.
+//! - [`network`]: a network as a list of blocks, the architectures that have a name, and a model: a
+//!   network with its parameters.
 //! - [`system`]: the Hamiltonian systems, and one that dissipates.
 //! - [`flow`]: their flows, and data sets of flow maps.
 //! - [`train`]: loss, an optimiser each, schedules, checkpoints.

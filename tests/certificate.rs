@@ -7,9 +7,7 @@ use gyroceptron::measure::{
     Certificate, CertificateOptions, Conditioned, Measurable, OneStep, Verdict, Walk, certify,
     certify_all, certify_map, inversion_ratio, jacobian, symplecticity_defect, symplecticity_ratio,
 };
-use gyroceptron::network::{
-    Architecture, GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape,
-};
+use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape};
 use gyroceptron::phase::{Direction, Half, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Elementary, max_or_nan};
@@ -17,14 +15,12 @@ use gyroceptron::scalar::{Elementary, max_or_nan};
 const LIMIT: f64 = 10.0;
 
 fn gyroceptron(action: &[i32], weights: InitialWeights, seed: u64) -> Model {
-    Architecture::Gyroceptron {
-        shape: GyroceptronShape {
-            circle_action: CircleAction::new(action),
-            psi: vec![5; 4],
-            near_identity: vec![4; 4],
-        },
-        epsilon: 0.01,
+    GyroceptronShape {
+        circle_action: CircleAction::new(action),
+        psi: vec![5; 4],
+        near_identity: vec![4; 4],
     }
+    .architecture(0.01)
     .initialise(weights, 2.0, seed)
     .expect("valid")
 }
@@ -66,10 +62,10 @@ fn random_networks_hold_with_headroom() {
 #[test]
 fn the_parts_of_a_network_are_certified_alone() {
     let model = gyroceptron(&[1, 0], InitialWeights::Glorot, 2);
-    let network = model.gyroceptron().expect("a gyroceptron");
+    let network = model;
     for map in [
-        network.psi().composition().clone(),
-        network.near_identity().composition().clone(),
+        network.psi().clone(),
+        network.near_identity().clone(),
         network.conjugated_circle_action(1.0),
     ] {
         let certificate = certify_map(&map, small(3));
@@ -102,7 +98,7 @@ fn an_order_that_hides_under_rounding_is_not_said_to_hold() {
 
 #[test]
 fn henon_nets_have_a_certificate_too() {
-    let architecture = Architecture::HenonNet { shape: HenonShape::uniform(2, 6, 5), epsilon: 1.0 };
+    let architecture = HenonShape::uniform(2, 6, 5).architecture(1.0);
     let model =
         architecture.initialise(InitialWeights::Normal { scale: 0.4 }, 0.0, 1).expect("valid");
     let certificate = certify(&model, small(2));
@@ -122,7 +118,7 @@ fn long_twists_are_judged_by_bounds_of_their_size() {
         flow_time: 50.0,
         perturbation: None,
     };
-    let architecture = Architecture::NormalForm { shape, epsilon: 0.01 };
+    let architecture = shape.architecture(0.01);
     let weights = InitialWeights::Normal { scale: 1.0 };
     let model = architecture.initialise(weights, 50.0, 1).expect("valid");
     let certificate = certify(&model, small(3));
@@ -163,7 +159,7 @@ fn the_certificate_is_the_same_bits_again() {
 /// rounded, and the test of symplecticity cannot fail.
 #[test]
 fn a_check_that_cannot_fail_says_so() {
-    let architecture = Architecture::HenonNet { shape: HenonShape::uniform(2, 2, 3), epsilon: 1.0 };
+    let architecture = HenonShape::uniform(2, 2, 3).architecture(1.0);
     let count = architecture.parameter_count();
     let model = Model::new(architecture, vec![0.0; count]).expect("finite");
     let certificate = certify(&model, small(0));
@@ -184,8 +180,7 @@ fn a_check_that_cannot_fail_says_so() {
 
 #[test]
 fn where_no_digit_is_left_the_certificate_says_so() {
-    let architecture =
-        Architecture::HenonNet { shape: HenonShape::uniform(2, 24, 8), epsilon: 1.0 };
+    let architecture = HenonShape::uniform(2, 24, 8).architecture(1.0);
     let model =
         architecture.initialise(InitialWeights::Normal { scale: 1.5 }, 0.0, 1).expect("valid");
     let certificate = certify(&model, small(0));
@@ -195,7 +190,7 @@ fn where_no_digit_is_left_the_certificate_says_so() {
 
 #[test]
 fn numbers_out_of_range_violate() {
-    let architecture = Architecture::HenonNet { shape: HenonShape::uniform(2, 2, 2), epsilon: 1.0 };
+    let architecture = HenonShape::uniform(2, 2, 2).architecture(1.0);
     let parameters = [[0.1; 6].as_slice(), &[1e307; 2], &[0.0; 2]].concat().repeat(2);
     let model = Model::new(architecture, parameters).expect("finite");
     let certificate = certify(&model, small(0));

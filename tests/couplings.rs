@@ -5,34 +5,23 @@ use gyroceptron::measure::{
     CertificateOptions, MeasuredSteps, OneStep, TrackedStep, Verdict, Walk, certify, certify_map,
     certify_nearly_periodic, fuzz, jacobian,
 };
-use gyroceptron::network::{
-    Architecture, CouplingGyroceptron, CouplingGyroceptronShape, InitialWeights, Model,
-};
+use gyroceptron::network::{Architecture, CouplingGyroceptronShape, InitialWeights, Model};
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Dual, max_or_nan};
 
 fn architecture(action: &[i32], epsilon: f64) -> Architecture {
-    Architecture::CouplingGyroceptron {
-        shape: CouplingGyroceptronShape {
-            circle_action: CircleAction::new(action),
-            psi: vec![5, 3],
-            near_identity: vec![4, 6, 1],
-            flow_time: 2.0,
-        },
-        epsilon,
+    CouplingGyroceptronShape {
+        circle_action: CircleAction::new(action),
+        psi: vec![5, 3],
+        near_identity: vec![4, 6, 1],
+        flow_time: 2.0,
     }
+    .architecture(epsilon)
 }
 
 fn network(action: &[i32], epsilon: f64, weights: InitialWeights, seed: u64) -> Model {
     architecture(action, epsilon).initialise(weights, 2.4, seed).expect("valid")
-}
-
-fn couplings(model: &Model) -> &CouplingGyroceptron<f64> {
-    match model {
-        Model::CouplingGyroceptron(network) => network,
-        other => panic!("{other:?}"),
-    }
 }
 
 const OPTIONS: CertificateOptions = CertificateOptions { samples: 25, radius: 1.6, seed: 4 };
@@ -52,7 +41,7 @@ fn they_are_invertible_and_nearly_periodic_and_symplecticity_is_refused() {
             assert_eq!(row.verdict, Verdict::Reported);
             assert!(row.median.expect("finite") > 1e6, "{row:?}");
             assert!(certificate.rows.len() >= 18, "{certificate}");
-            let claimed = certify_map(couplings(&model), OPTIONS);
+            let claimed = certify_map(&model, OPTIONS);
             let refused: Vec<_> =
                 claimed.rows.iter().filter(|row| row.verdict == Verdict::Violated).collect();
             assert_eq!(refused.len(), 1, "{claimed}");
@@ -65,7 +54,7 @@ fn they_are_invertible_and_nearly_periodic_and_symplecticity_is_refused() {
 fn one_certificate_is_the_other() {
     let model = network(&[1, 0], 0.05, InitialWeights::Glorot, 3);
     let text = |c: gyroceptron::measure::Certificate| format!("{c}");
-    let own = certify_nearly_periodic(couplings(&model), OPTIONS);
+    let own = certify_nearly_periodic(&model, OPTIONS);
     assert_eq!(text(certify(&model, OPTIONS)), text(own));
 }
 
@@ -134,7 +123,7 @@ fn a_coupling_is_its_definition() {
 #[test]
 fn the_generator_of_the_near_identity_part_is_the_sum_of_its_couplings() {
     let model = network(&[1, 0], 0.0, InitialWeights::Normal { scale: 0.8 }, 5);
-    let network = couplings(&model);
+    let network = &model;
     let (n, widths) = (2, [4, 6, 1]);
     let all = network.near_identity();
     let steps = all.steps();
@@ -293,7 +282,7 @@ fn large_weights_are_undone_too() {
 #[test]
 fn shapes_without_neurons_are_refused() {
     let bad = |shape: CouplingGyroceptronShape| {
-        let found = Architecture::CouplingGyroceptron { shape, epsilon: 0.1 }.check();
+        let found = shape.architecture(0.1).check();
         found.expect_err("accepted").to_string()
     };
     let shape = |action: &[i32], psi: &[usize]| CouplingGyroceptronShape {

@@ -3,9 +3,7 @@
 use gyroceptron::flow::{Pairs, ReferenceTrajectories, Window, sample};
 use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::measure::{averaged_invariant, drifts};
-use gyroceptron::network::{
-    Architecture, GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape,
-};
+use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
 use gyroceptron::system::{NearlyPeriodic, Oscillators, ParticleField};
@@ -38,25 +36,23 @@ fn sets() -> Vec<(f64, f64, Pairs)> {
 
 fn models() -> Vec<Model> {
     let circles = [CircleAction::new([1, 0]), CircleAction::new([0, 1])];
-    let normal_form = |action: TorusAction| Architecture::NormalForm {
-        shape: NormalFormShape {
+    let normal_form = |action: TorusAction| {
+        NormalFormShape {
             action,
             psi: vec![2],
             kicks: vec![3, 2],
             twists: vec![3, 2, 0],
             flow_time: TIME,
             perturbation: None,
-        },
-        epsilon: 0.05,
+        }
+        .architecture(0.05)
     };
-    let gyroceptron = Architecture::Gyroceptron {
-        shape: GyroceptronShape {
-            circle_action: CircleAction::new([1, 0]),
-            psi: vec![3; 2],
-            near_identity: vec![3; 2],
-        },
-        epsilon: 0.05,
-    };
+    let gyroceptron = GyroceptronShape {
+        circle_action: CircleAction::new([1, 0]),
+        psi: vec![3; 2],
+        near_identity: vec![3; 2],
+    }
+    .architecture(0.05);
     let all = [
         normal_form(CircleAction::new([1, 0]).into()),
         normal_form(TorusAction::new(circles).expect("two circles")),
@@ -186,7 +182,7 @@ fn gradient_and_curvature_of_a_family_are_those_of_differences() {
 #[test]
 fn a_map_without_circles_is_of_no_family() {
     let shape = HenonShape { dof: 2, widths: vec![3, 2] };
-    let net = Architecture::HenonNet { shape, epsilon: 1.0 };
+    let net = shape.architecture(1.0);
     let net = net.initialise(InitialWeights::Glorot, 0.0, 1).expect("valid");
     let family = Pairs::of_family(sets()).expect("sets");
     let (input, output) = (family.input().to_vec(), family.output().to_vec());
@@ -261,7 +257,7 @@ fn a_normal_form_learns_a_family() {
         flow_time: TIME,
         perturbation: None,
     };
-    let architecture = Architecture::NormalForm { shape, epsilon: 0.05 };
+    let architecture = shape.architecture(0.05);
     let weights = InitialWeights::Normal { scale: 0.15 };
     let model = architecture.initialise(weights, TIME, 3).expect("valid");
     for (optimiser, iterations, share) in optimisers {

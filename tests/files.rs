@@ -4,14 +4,14 @@
 use gyroceptron::Error;
 use gyroceptron::flow::{Pairs, Region};
 use gyroceptron::io::{
-    Provenance, StoredModel, Tensor, assemble_normal_form, export_weights, import_weights,
-    is_normal_form, load_checkpoint, load_model, read_pairs, read_points, read_tensors,
-    save_checkpoint, save_model, write_pairs, write_points,
+    Provenance, StoredModel, Tensor, assemble_weights, export_weights, import_weights,
+    load_checkpoint, load_model, read_pairs, read_points, read_tensors, save_checkpoint,
+    save_model, write_pairs, write_points,
 };
 use gyroceptron::layer::{Activation, CircleAction, TorusAction};
 use gyroceptron::network::{
-    Architecture, CouplingGyroceptronShape, GyroceptronShape, HenonShape, InitialWeights, Model,
-    NormalFormShape, SympNetShape,
+    CouplingGyroceptronShape, GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape,
+    Part, SympNetShape,
 };
 use gyroceptron::train::{Control, TrainingOptions, train};
 use std::io::Write;
@@ -24,14 +24,12 @@ fn folder() -> tempfile::TempDir {
 }
 
 fn model() -> Model {
-    Architecture::Gyroceptron {
-        shape: GyroceptronShape {
-            circle_action: CircleAction::new([1, 0]),
-            psi: vec![3, 4],
-            near_identity: vec![2],
-        },
-        epsilon: 0.01,
+    GyroceptronShape {
+        circle_action: CircleAction::new([1, 0]),
+        psi: vec![3, 4],
+        near_identity: vec![2],
     }
+    .architecture(0.01)
     .initialise(InitialWeights::Glorot, 0.123_456_789_012_345_67, 5)
     .expect("valid")
 }
@@ -87,23 +85,20 @@ fn names<T>(result: Result<T, Error>, words: &[&str]) {
 
 fn symp_net(plain: bool) -> Model {
     let activation = Activation::Sigmoid;
-    Architecture::SympNet {
-        shape: SympNetShape { dof: 2, modules: 3, shears: 2, activation, plain },
-    }
-    .initialise(InitialWeights::Glorot, 0.0, 1)
-    .expect("valid")
+    SympNetShape { dof: 2, modules: 3, shears: 2, activation, plain }
+        .architecture()
+        .initialise(InitialWeights::Glorot, 0.0, 1)
+        .expect("valid")
 }
 
 fn couplings() -> Model {
-    Architecture::CouplingGyroceptron {
-        shape: CouplingGyroceptronShape {
-            circle_action: CircleAction::new([1, 0]),
-            psi: vec![3, 4],
-            near_identity: vec![2],
-            flow_time: 2.0,
-        },
-        epsilon: 0.01,
+    CouplingGyroceptronShape {
+        circle_action: CircleAction::new([1, 0]),
+        psi: vec![3, 4],
+        near_identity: vec![2],
+        flow_time: 2.0,
     }
+    .architecture(0.01)
     .initialise(InitialWeights::Glorot, 0.4, 1)
     .expect("valid")
 }
@@ -114,7 +109,8 @@ fn models_keep_their_bits() {
     let path = folder.path().join("model.json");
     for model in [
         model(),
-        Architecture::HenonNet { shape: HenonShape::uniform(3, 2, 4), epsilon: 1.0 }
+        HenonShape::uniform(3, 2, 4)
+            .architecture(1.0)
             .initialise(InitialWeights::Normal { scale: 1e-17 }, 0.0, 1)
             .expect("valid"),
         symp_net(false),
@@ -170,7 +166,7 @@ fn broken_models_are_refused() {
         std::fs::write(&path, whole.replacen(from, to, 1)).expect("written");
         load_model(&path)
     };
-    names(with("\"version\": 1", "\"version\": 3"), &["model.json", "3", "2", "newer"]);
+    names(with("\"version\": 3", "\"version\": 4"), &["model.json", "4", "3", "newer"]);
     names(with("gyroceptron-model", "gyroceptron-checkpoint"), &["model.json", "checkpoint"]);
     names(with("\"epsilon\": 0.01", "\"epsilon\": null"), &["model.json"]);
     names(with("\"epsilon\": 0.01", "\"epsilon\": 1e999"), &["model.json"]);
@@ -330,7 +326,7 @@ fn exported(ending: &str) -> (tempfile::TempDir, PathBuf) {
 }
 
 fn import(path: &Path) -> Result<Model, Error> {
-    import_weights(path, CircleAction::new([1, 0]), 0.01)
+    import_weights(path, &CircleAction::new([1, 0]).into(), 0.01, None)
 }
 
 #[test]
@@ -387,8 +383,11 @@ fn broken_weights_are_refused() {
     });
     names(import(&path), &["psi.1.w_in", "row 1", "column 2"]);
     write(&|n, s, v| Some((n.into(), array(&s, &v))));
-    names(import_weights(&path, CircleAction::new([1, 0, 2]), 0.01), &["w_in", "3"]);
-    names(import_weights(&path, CircleAction::new([1, 0]), f64::NAN), &["epsilon", "NaN"]);
+    names(import_weights(&path, &CircleAction::new([1, 0, 2]).into(), 0.01, None), &["w_in", "3"]);
+    names(
+        import_weights(&path, &CircleAction::new([1, 0]).into(), f64::NAN, None),
+        &["epsilon", "NaN"],
+    );
 
     // One tensor too many, in the other format.
     let (_folder, path) = exported("safetensors");
@@ -454,12 +453,11 @@ fn nothing_is_left_of_a_file_that_could_not_be_written() {
 #[test]
 fn tensorflow_checkpoints_are_read() {
     let index = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/checkpoint/small.ckpt.index");
-    let model = import_weights(&index, CircleAction::new([1, 0]), 0.01).expect("a model");
-    let shape = match model.architecture() {
-        Architecture::Gyroceptron { shape, .. } => shape,
-        other => panic!("{other:?}"),
-    };
-    assert_eq!((shape.psi, shape.near_identity), (vec![3; 11], vec![2]));
+    let action = TorusAction::from(CircleAction::new([1, 0]));
+    let model = import_weights(&index, &action, 0.01, None).expect("a model");
+    let widths = |part| model.architecture().widths(part);
+    assert_eq!(widths(Part::Conjugation), vec![3; 11]);
+    assert_eq!(widths(Part::NearIdentity), vec![2]);
     // Each layer was filled as W, w, b, η; the parameters are W, b, w, η.
     let mut expected = Vec::new();
     let mut next = 0;
@@ -477,8 +475,7 @@ fn tensorflow_checkpoints_are_read() {
     let folder = folder();
     let alone = folder.path().join("small.ckpt.index");
     std::fs::copy(&index, &alone).expect("copied");
-    let other = CircleAction::new([1, 0]);
-    names(import_weights(&alone, other, 0.01), &["small.ckpt.data-00000-of-00001"]);
+    names(import_weights(&alone, &action, 0.01, None), &["small.ckpt.data-00000-of-00001"]);
 }
 
 fn normal_form() -> Model {
@@ -491,7 +488,7 @@ fn normal_form() -> Model {
         flow_time: 7.5,
         perturbation: None,
     };
-    let architecture = Architecture::NormalForm { shape, epsilon: 0.02 };
+    let architecture = shape.architecture(0.02);
     let model = architecture.initialise(InitialWeights::Glorot, 0.3, 5).expect("a model");
     model.with_angles(&[0.25, -1.5]).expect("two angles")
 }
@@ -526,13 +523,8 @@ fn a_normal_form_comes_back() {
             tensors["kick.0.angles"].values,
             model.composition().parameters()[offset..][..3]
         );
-        let action = TorusAction::new(match model.architecture() {
-            Architecture::NormalForm { shape, .. } => shape.action.circles().to_vec(),
-            _ => unreachable!("a normal form"),
-        });
-        let action = action.expect("two circles");
-        assert!(is_normal_form(&tensors));
-        let read = |tensors| assemble_normal_form("w", tensors, action.clone(), 0.02, 7.5);
+        let action = model.architecture().action().expect("two circles");
+        let read = |tensors| assemble_weights("w", tensors, &action, 0.02, Some(7.5));
         let back = read(tensors.clone()).expect("read");
         assert_eq!(back.architecture(), model.architecture());
         assert_eq!(back.composition().parameters(), model.composition().parameters());
@@ -572,14 +564,14 @@ fn a_perturbed_normal_form_comes_back() {
             flow_time: 7.5,
             perturbation: Some(kicks.clone()),
         };
-        let architecture = Architecture::NormalForm { shape, epsilon: 0.02 };
+        let architecture = shape.architecture(0.02);
         let model = architecture.initialise(InitialWeights::Glorot, 0.3, 5).expect("a model");
         for ending in ["safetensors", "npz"] {
             let folder = folder();
             let path = folder.path().join(format!("w.{ending}"));
             export_weights(&path, &model, None).expect("written");
             let tensors = read_tensors(&path).expect("read");
-            let read = |tensors| assemble_normal_form("w", tensors, action.clone(), 0.02, 7.5);
+            let read = |tensors| assemble_weights("w", tensors, &action, 0.02, Some(7.5));
             let back = read(tensors.clone()).expect("read");
             assert_eq!(back.architecture(), model.architecture());
             assert_eq!(back.composition().parameters(), model.composition().parameters());

@@ -7,9 +7,7 @@ use faer::linalg::solvers::Solve;
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::log_slope;
-use gyroceptron::network::{
-    Architecture, Composition, GyroceptronShape, InitialWeights, Model, NormalFormShape,
-};
+use gyroceptron::network::{Composition, GyroceptronShape, InitialWeights, NormalFormShape};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::Elementary;
 use gyroceptron::system::Hamiltonian;
@@ -105,12 +103,9 @@ fn henon_layers(layers: usize) -> Composition<f64> {
         psi: vec![],
         near_identity: vec![8; layers],
     };
-    let architecture = Architecture::Gyroceptron { shape, epsilon: 1.0 };
+    let architecture = shape.architecture(1.0);
     let weights = InitialWeights::Normal { scale: 0.4 };
-    match architecture.initialise(weights, 0.0, 1).expect("valid") {
-        Model::Gyroceptron(network) => network.near_identity().composition().clone(),
-        _ => unreachable!("asked for a gyroceptron"),
-    }
+    architecture.initialise(weights, 0.0, 1).expect("valid").near_identity()
 }
 
 fn turned_kicks(kicks: usize) -> Composition<f64> {
@@ -122,10 +117,10 @@ fn turned_kicks(kicks: usize) -> Composition<f64> {
         flow_time: 1.0,
         perturbation: None,
     };
-    let architecture = Architecture::NormalForm { shape, epsilon: 1.0 };
+    let architecture = shape.architecture(1.0);
     let weights = InitialWeights::Normal { scale: 0.4 };
     let model = architecture.initialise(weights, 0.0, 1).expect("valid");
-    let [chart, _] = model.normal_form().expect("a normal form").chart_and_inner_map();
+    let [chart, _] = model.chart_and_inner_map();
     chart
 }
 

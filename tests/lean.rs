@@ -6,7 +6,7 @@
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
 use gyroceptron::network::{
-    Architecture, GyroceptronShape, InitialWeights, Rollout, map_jacobians_by_duals, rollout,
+    GyroceptronShape, InitialWeights, Rollout, map_jacobians_by_duals, rollout,
 };
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::dual_variables_made;
@@ -43,7 +43,8 @@ fn memory() {
         psi: vec![8; 10],
         near_identity: vec![8; 10],
     };
-    let model = Architecture::Gyroceptron { shape, epsilon: 0.01 }
+    let model = shape
+        .architecture(0.01)
         .initialise(InitialWeights::Normal { scale: 0.15 }, 5.0, 1)
         .expect("valid");
     let map = model.composition();

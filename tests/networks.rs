@@ -4,9 +4,9 @@ use gyroceptron::flow::Pairs;
 use gyroceptron::layer::{Activation, CircleAction, TorusAction};
 use gyroceptron::measure::{Verdict, jacobian, jacobians_by_differences, laws};
 use gyroceptron::network::{
-    Architecture, Composition, CouplingGyroceptron, CouplingGyroceptronShape, Gyroceptron,
-    GyroceptronShape, HenonNet, HenonShape, InitialWeights, Model, NormalForm, NormalFormShape,
-    Rollout, SympNet, SympNetShape, map_jacobians, map_jacobians_by_duals, map_points, rollout,
+    Composition, CouplingGyroceptronShape, GyroceptronShape, HenonShape, InitialWeights, Model,
+    NormalFormShape, Part, Rollout, SympNetShape, map_jacobians, map_jacobians_by_duals,
+    map_points, rollout,
 };
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
@@ -19,13 +19,10 @@ fn shape(action: &[i32], psi: Vec<usize>, near_identity: Vec<usize>) -> Gyrocept
     GyroceptronShape { circle_action: CircleAction::new(action), psi, near_identity }
 }
 
-fn gyroceptron(shape: GyroceptronShape, scale: f64, seed: u64) -> Gyroceptron<f64> {
-    let architecture = Architecture::Gyroceptron { shape, epsilon: 0.01 };
+fn gyroceptron(shape: GyroceptronShape, scale: f64, seed: u64) -> Model {
+    let architecture = shape.architecture(0.01);
     let weights = InitialWeights::Normal { scale };
-    match architecture.initialise(weights, 0.7, seed).expect("a valid architecture") {
-        Model::Gyroceptron(network) => network,
-        _ => unreachable!("asked for a gyroceptron"),
-    }
+    architecture.initialise(weights, 0.7, seed).expect("a valid architecture")
 }
 
 fn point(dim: usize, seed: u64) -> Vec<f64> {
@@ -35,21 +32,22 @@ fn point(dim: usize, seed: u64) -> Vec<f64> {
 
 #[test]
 fn parameter_counts_are_the_papers() {
-    assert_eq!(shape(&[1, 0], vec![8; 10], vec![6; 8]).parameter_count(), 549);
-    assert_eq!(shape(&[1, 0], vec![8; 10], vec![8; 10]).parameter_count(), 681);
-    assert_eq!(shape(&[0, 1, 2], vec![8; 12], vec![8; 12]).parameter_count(), 1033);
+    let count = |shape: GyroceptronShape| shape.architecture(0.01).parameter_count();
+    assert_eq!(count(shape(&[1, 0], vec![8; 10], vec![6; 8])), 549);
+    assert_eq!(count(shape(&[1, 0], vec![8; 10], vec![8; 10])), 681);
+    assert_eq!(count(shape(&[0, 1, 2], vec![8; 12], vec![8; 12])), 1033);
     assert_eq!(HenonShape::uniform(2, 16, 10).parameter_count(), 672);
 }
 
 #[test]
 fn a_wrong_number_of_parameters_is_an_error() {
     let shape = shape(&[1, 0], vec![8; 2], vec![6; 2]);
-    let error = Gyroceptron::new(shape, 0.01, vec![0.0; 7]).unwrap_err().to_string();
+    let error = Model::over(shape.architecture(0.01), 0.01, vec![0.0; 7]).unwrap_err().to_string();
     assert!(error.contains("121") && error.contains('7'), "{error}");
 }
 
 /// The derivative of c·P(z) in all parameters and in z, forward by duals.
-fn by_duals<R>(network: &Gyroceptron<f64>, z: &[f64], c: &[f64]) -> (Vec<R>, Vec<R>)
+fn by_duals<R>(network: &Model, z: &[f64], c: &[f64]) -> (Vec<R>, Vec<R>)
 where
     R: Real,
 {
@@ -62,7 +60,8 @@ where
         };
         let lifted = parameters.iter().enumerate().map(|(i, &p)| lift(i, p)).collect();
         let epsilon = Dual::constant(R::from_f64(network.epsilon()));
-        let dual = Gyroceptron::new(network.shape().clone(), epsilon, lifted).expect("same shape");
+        let dual =
+            Model::over(network.architecture().clone(), epsilon, lifted).expect("same shape");
         let mut w: Vec<_> =
             z.iter().enumerate().map(|(i, &v)| lift(parameters.len() + i, v)).collect();
         dual.forward(&mut w);
@@ -149,16 +148,16 @@ fn the_gyroceptron_is_the_composition_of_its_parts() {
     let z = point(4, 3);
     let mut by_parts = z.clone();
     network.psi().inverse(&mut by_parts);
-    network.shape().circle_action.at(network.theta()).apply(&mut by_parts, false);
+    network.architecture().circles[0].at(network.angles()[0]).apply(&mut by_parts, false);
     network.psi().forward(&mut by_parts);
     network.near_identity().forward(&mut by_parts);
     let mut whole = z.clone();
     network.forward(&mut whole);
     assert_eq!(whole, by_parts);
     // Layer by layer too.
-    let psi: HenonNet<f64> = network.psi();
+    let psi = network.psi();
     let (mut by_layers, mut by_net) = (z.clone(), z);
-    for layer in psi.layers() {
+    for layer in network.henon_layers(Part::Conjugation) {
         layer.forward(&mut by_layers);
     }
     psi.forward(&mut by_net);
@@ -220,7 +219,7 @@ fn same_bits(a: &[f64], b: &[f64]) -> bool {
 }
 
 /// The first plane fast, and of three and more a second circle.
-fn normal_form(dof: usize) -> NormalForm<f64> {
+fn normal_form(dof: usize) -> Model {
     let circle = |plane: usize, m: i32| {
         CircleAction::new(Vec::from_iter((0..dof).map(|j| if j == plane { m } else { 0 })))
     };
@@ -238,8 +237,8 @@ fn normal_form(dof: usize) -> NormalForm<f64> {
         flow_time: 7.0,
         perturbation: None,
     };
-    let count = shape.parameter_count();
-    NormalForm::new(shape, 0.1, point(count, 8)).expect("valid")
+    let count = shape.architecture(0.0).parameter_count();
+    Model::over(shape.architecture(0.1), 0.1, point(count, 8)).expect("valid")
 }
 
 /// Compositions of all kinds of step, in one to five degrees of freedom.
@@ -247,7 +246,7 @@ fn compositions() -> Vec<Composition<f64>> {
     let mut out = Vec::new();
     for dof in 1..=5 {
         let shape = HenonShape { dof, widths: vec![8, 7, 2, 1] };
-        let net = Architecture::HenonNet { shape, epsilon: 1.0 };
+        let net = shape.architecture(1.0);
         let net = net.initialise(InitialWeights::Glorot, 0.0, 3).expect("valid");
         let torus = TorusAction::of_planes(dof);
         let turn = Composition::of_turn(&torus, point(dof, 2)).expect("an angle a plane");
@@ -259,14 +258,14 @@ fn compositions() -> Vec<Composition<f64>> {
             near_identity: vec![4, 7],
             flow_time: 2.0,
         };
-        let parameters = point(shape.parameter_count(), 6);
-        let net = CouplingGyroceptron::new(shape, 0.3, parameters).expect("valid");
+        let parameters = point(shape.architecture(0.0).parameter_count(), 6);
+        let net = Model::over(shape.architecture(0.3), 0.3, parameters).expect("valid");
         out.push(net.composition().clone());
         for plain in [false, true] {
             let activation = Activation::Sigmoid;
             let shape = SympNetShape { dof, modules: 2, shears: 2, activation, plain };
-            let count = shape.parameter_count();
-            out.push(SympNet::new(shape, point(count, 1)).expect("valid").composition().clone());
+            let net = Model::new(shape.architecture(), point(shape.parameter_count(), 1));
+            out.push(net.expect("valid").composition().clone());
         }
     }
     out
@@ -298,7 +297,7 @@ fn batches_are_single_points_bit_for_bit_on_all_instruction_sets() {
     assert!(map_points(network.composition(), Direction::Forward, &mut [0.0; 5]).is_err());
 
     let one = HenonShape { dof: 1, widths: vec![8, 3, 17] };
-    let wide = Architecture::HenonNet { shape: one, epsilon: 1.0 };
+    let wide = one.architecture(1.0);
     let wide = wide.initialise(InitialWeights::Glorot, 0.0, 3).expect("valid");
     for z in [[0.3, -0.7], [1e8, -1e-8], [f64::NAN, 0.0], [f64::INFINITY, 1.0]] {
         let mut single = z;
@@ -373,7 +372,7 @@ fn batches_are_single_points_bit_for_bit_on_all_instruction_sets() {
     // Jacobians, in as many directions as go at once and in more.
     for dof in [1, 2, 3, 5] {
         let shape = HenonShape { dof, widths: vec![6, 5] };
-        let architecture = Architecture::HenonNet { shape, epsilon: 1.0 };
+        let architecture = shape.architecture(1.0);
         let net = architecture.initialise(InitialWeights::Glorot, 0.0, 3).expect("valid");
         let dim = 2 * dof;
         let points = point(dim * 11, 5);
@@ -455,7 +454,7 @@ fn the_generator_of_the_near_identity_network_is_the_known_one() {
 
     type D = Dual<f64, 1>;
     let lifted = parameters.iter().map(|&p| D::constant(p)).collect();
-    let net = HenonNet::near_identity(shape.clone(), D::variable(0.0, 0), lifted).expect("fits");
+    let net = Model::over(shape.architecture(0.0), D::variable(0.0, 0), lifted).expect("fits");
     let mut moved: Vec<D> = z.iter().map(|&v| D::constant(v)).collect();
     net.forward(&mut moved);
 
@@ -496,8 +495,7 @@ fn the_generator_of_the_near_identity_network_is_the_known_one() {
 
 #[test]
 fn initial_weights_depend_on_the_seed_alone() {
-    let architecture =
-        Architecture::Gyroceptron { shape: shape(&[1, 0], vec![4; 2], vec![3; 2]), epsilon: 0.01 };
+    let architecture = shape(&[1, 0], vec![4; 2], vec![3; 2]).architecture(0.01);
     for weights in [InitialWeights::Glorot, InitialWeights::Normal { scale: 0.15 }] {
         let draw = |seed| {
             let model = architecture.initialise(weights, 0.05, seed).expect("valid");
@@ -507,10 +505,7 @@ fn initial_weights_depend_on_the_seed_alone() {
         assert_ne!(draw(1), draw(2));
         assert_eq!(*draw(1).last().expect("θ"), 0.05);
         // A wider ψ changes no weight of I_ε: streams have names.
-        let wider = Architecture::Gyroceptron {
-            shape: shape(&[1, 0], vec![9; 2], vec![3; 2]),
-            epsilon: 0.01,
-        };
+        let wider = shape(&[1, 0], vec![9; 2], vec![3; 2]).architecture(0.01);
         let wide = wider.initialise(weights, 0.05, 1).expect("valid");
         let tail = draw(1).split_off(36);
         assert!(wide.composition().parameters().ends_with(&tail));
@@ -532,9 +527,9 @@ fn impossible_architectures_are_refused() {
         (shape(&[0, 0], vec![3], vec![3]), 0.01),
         (shape(&[1, 0], vec![0], vec![3]), 0.01),
     ] {
-        assert!(Architecture::Gyroceptron { shape, epsilon }.check().is_err());
+        assert!(shape.architecture(epsilon).check().is_err());
     }
-    let architecture = Architecture::Gyroceptron { shape: ok, epsilon: 0.01 };
+    let architecture = ok.architecture(0.01);
     let mut parameters = vec![0.0; architecture.parameter_count()];
     parameters[4] = f64::NAN;
     assert!(Model::new(architecture, parameters).is_err());
@@ -585,7 +580,7 @@ fn compositions_are_put_together() {
     let shape = shape(&[1, 0, 2], vec![4; 2], vec![3; 2]);
     let last = gyroceptron(shape, 0.4, 3);
     let widths = HenonShape::uniform(3, 2, 5);
-    let architecture = Architecture::HenonNet { shape: widths, epsilon: 1.0 };
+    let architecture = widths.architecture(1.0);
     let first = architecture
         .initialise(InitialWeights::Normal { scale: 0.4 }, 0.0, 2)
         .expect("a valid architecture");

@@ -4,9 +4,7 @@ use gyroceptron::layer::{
     CircleAction, FastPlanes, Shear, TanhPotential, TorusAction, TurnedKick, Twist, TwistShears,
 };
 use gyroceptron::measure::{CertificateOptions, certify, certify_normal_form, log_slope};
-use gyroceptron::network::{
-    Architecture, InitialWeights, Model, NormalForm, NormalFormShape, Rollout,
-};
+use gyroceptron::network::{Architecture, InitialWeights, Model, NormalFormShape, Part, Rollout};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Over, Real, Scalar, Tracked, max_or_nan};
@@ -329,11 +327,23 @@ fn a_turned_kick_moves_along_the_gradient_in_turned_coordinates() {
     }
 }
 
-fn normal_form<P: Real>(
-    number: usize,
-    epsilon: P,
-    lift: impl Fn(usize, f64) -> P,
-) -> NormalForm<P> {
+/// What a normal form was made from.
+fn shape_of(map: &Model) -> NormalFormShape {
+    let of = map.architecture();
+    NormalFormShape {
+        action: of.action().expect("circles"),
+        psi: of.widths(Part::Conjugation),
+        kicks: of.widths(Part::Chart),
+        twists: of.widths(Part::SlowMap),
+        flow_time: of.flow_time,
+        perturbation: of
+            .part(Part::Perturbation)
+            .next()
+            .map(|block| block.layers.widths().to_vec()),
+    }
+}
+
+fn normal_form<P: Real>(number: usize, epsilon: P, lift: impl Fn(usize, f64) -> P) -> Model<P> {
     let action = actions()[number].clone();
     let (psi, kicks) = (vec![3], vec![4, 2]);
     let shape = NormalFormShape {
@@ -345,9 +355,9 @@ fn normal_form<P: Real>(
         perturbation: None,
     };
     let mut stream = Stream::new(number as u64, "normal form");
-    let count = shape.parameter_count();
+    let count = shape.architecture(0.0).parameter_count();
     let parameters = (0..count).map(|index| lift(index, stream.uniform(-0.7, 0.7))).collect();
-    NormalForm::new(shape, epsilon, parameters).expect("valid")
+    Model::over(shape.architecture(0.0), epsilon, parameters).expect("valid")
 }
 
 /// A normal form, or one with a perturbation.
@@ -356,7 +366,7 @@ fn either<P: Real>(
     number: usize,
     epsilon: P,
     lift: impl Fn(usize, f64) -> P,
-) -> NormalForm<P> {
+) -> Model<P> {
     match perturbed {
         true => nearly_integrable(number, epsilon, lift),
         false => normal_form(number, epsilon, lift),
@@ -373,7 +383,7 @@ fn the_pullback_of_a_normal_form_is_that_of_duals_for_every_parameter() {
     let all = (0..actions().len()).flat_map(|number| [(number, false), (number, true)]);
     for (number, perturbed) in all {
         let map = either(perturbed, number, 0.1, |_, v| v);
-        let (dim, count) = (2 * map.shape().dof(), map.composition().parameters().len());
+        let (dim, count) = (2 * map.architecture().dof, map.composition().parameters().len());
         let z = start(dim);
         let mut recording = map.composition().recording();
         map.composition().forward_recording(&mut z.clone(), &mut recording);
@@ -407,11 +417,11 @@ fn a_normal_form_keeps_its_actions_and_its_inverse() {
         for epsilon in [0.0, 0.01, 1.0] {
             let map = normal_form(number, epsilon, |_, v| v);
             let [chart, inner] = map.chart_and_inner_map();
-            let z = start(2 * map.shape().dof());
+            let z = start(2 * map.architecture().dof);
             let actions_of = |z: &[f64]| -> Vec<f64> {
                 let mut w = z.to_vec();
                 chart.inverse(&mut w);
-                map.shape().action.circles().iter().map(|circle| circle.invariant(&w)).collect()
+                map.architecture().circles.iter().map(|circle| circle.invariant(&w)).collect()
             };
             let (mut moved, mut within) = (z.clone(), z.clone());
             chart.inverse(&mut within);
@@ -439,16 +449,17 @@ fn a_normal_form_is_iterated() {
     for number in 0..actions().len() {
         for epsilon in [0.0, 0.05, 1.0] {
             let map = normal_form(number, epsilon, |_, v| v);
-            let shape = NormalFormShape { twists: vec![3, 2, 0, 4], ..map.shape().clone() };
+            let shape = NormalFormShape { twists: vec![3, 2, 0, 4], ..shape_of(&map) };
             let mut stream = Stream::new(7, "iterated");
-            let parameters =
-                (0..shape.parameter_count()).map(|_| stream.uniform(-0.7, 0.7)).collect();
-            let map = NormalForm::new(shape, epsilon, parameters).expect("valid");
+            let parameters = (0..shape.architecture(0.0).parameter_count())
+                .map(|_| stream.uniform(-0.7, 0.7))
+                .collect();
+            let map = Model::over(shape.architecture(0.0), epsilon, parameters).expect("valid");
             for m in [1, 2, 3, 8] {
                 let iterated = map.iterated(m).expect("an even number of shears");
-                assert_eq!(iterated.shape().twists, [3, 2, 0, 4].repeat(m));
-                assert_eq!(iterated.shape().flow_time, 5.0 * m as f64);
-                let mut once = start(2 * map.shape().dof());
+                assert_eq!(iterated.architecture().widths(Part::SlowMap), [3, 2, 0, 4].repeat(m));
+                assert_eq!(iterated.architecture().flow_time, 5.0 * m as f64);
+                let mut once = start(2 * map.architecture().dof);
                 let mut stepwise = once.clone();
                 iterated.forward(&mut once);
                 (0..m).for_each(|_| map.forward(&mut stepwise));
@@ -487,11 +498,11 @@ fn a_normal_form_of_the_wrong_size_is_refused() {
     let map = normal_form(1, 0.1, |_, v| v);
     let parameters = map.composition().parameters();
     let fewer = parameters[1..].to_vec();
-    assert!(NormalForm::new(map.shape().clone(), 0.1, fewer).is_err());
-    let shape = NormalFormShape { flow_time: f64::NAN, ..map.shape().clone() };
-    assert!(NormalForm::new(shape, 0.1, parameters.to_vec()).is_err());
+    assert!(Model::new(map.architecture().clone(), fewer).is_err());
+    let shape = NormalFormShape { flow_time: f64::NAN, ..shape_of(&map) };
+    assert!(Model::over(shape.architecture(0.1), 0.1, parameters.to_vec()).is_err());
     let still = TorusAction::from(CircleAction::new([0, 0]));
-    assert!(NormalFormShape { action: still, ..map.shape().clone() }.check().is_err());
+    assert!(NormalFormShape { action: still, ..shape_of(&map) }.architecture(0.1).check().is_err());
 }
 
 /// Of a shear without neurons the quadratic form is all there is to it.
@@ -505,10 +516,10 @@ fn shears_without_neurons_are_of_momenta_only_and_begin_somewhere() {
         flow_time: 1.0,
         perturbation: None,
     };
-    assert!(shape(&[0, 3]).check().is_ok());
-    assert!(shape(&[3, 0]).check().is_err());
+    assert!(shape(&[0, 3]).architecture(0.1).check().is_ok());
+    assert!(shape(&[3, 0]).architecture(0.1).check().is_err());
     for weights in [InitialWeights::Glorot, InitialWeights::Normal { scale: 0.2 }] {
-        let architecture = Architecture::NormalForm { shape: shape(&[0, 3]), epsilon: 0.1 };
+        let architecture = shape(&[0, 3]).architecture(0.1);
         let model = architecture.initialise(weights, 1.0, 3).expect("a model");
         let form = &model.composition().parameters()[..3];
         assert!(
@@ -523,7 +534,7 @@ fn nearly_integrable<P: Real>(
     number: usize,
     epsilon: P,
     lift: impl Fn(usize, f64) -> P,
-) -> NormalForm<P> {
+) -> Model<P> {
     let shape = NormalFormShape {
         action: actions()[number].clone(),
         psi: vec![3],
@@ -533,9 +544,9 @@ fn nearly_integrable<P: Real>(
         perturbation: Some(vec![3, 5]),
     };
     let mut stream = Stream::new(number as u64, "nearly integrable");
-    let count = shape.parameter_count();
+    let count = shape.architecture(0.0).parameter_count();
     let parameters = (0..count).map(|index| lift(index, stream.uniform(-0.7, 0.7))).collect();
-    NormalForm::new(shape, epsilon, parameters).expect("valid")
+    Model::over(shape.architecture(0.0), epsilon, parameters).expect("valid")
 }
 
 /// At ε = 0 the actions stay, whatever the weights; beside it they move by O(ε), and the map
@@ -544,15 +555,15 @@ fn nearly_integrable<P: Real>(
 fn a_perturbation_moves_the_actions_by_epsilon() {
     for number in 0..actions().len() {
         let map = nearly_integrable(number, 0.0, |_, v| v);
-        let z = start(2 * map.shape().dof());
+        let z = start(2 * map.architecture().dof);
         let moved_by = |epsilon: f64| {
-            let map = map.at_epsilon(epsilon);
+            let map = map.with_epsilon(epsilon);
             let [chart, inner] = map.chart_and_inner_map();
             assert_eq!([chart.epsilon(), inner.epsilon()], [epsilon; 2]);
             let mut w = z.clone();
             chart.inverse(&mut w);
             let actions = |w: &[f64]| -> Vec<f64> {
-                map.shape().action.circles().iter().map(|circle| circle.invariant(w)).collect()
+                map.architecture().circles.iter().map(|circle| circle.invariant(w)).collect()
             };
             let before = actions(&w);
             inner.forward(&mut w);
@@ -573,16 +584,17 @@ fn a_perturbation_moves_the_actions_by_epsilon() {
         chart.forward(&mut charted);
         assert!(largest_difference(&charted, &z) > 0.02, "{number}: χ is of order one");
 
-        let shape = NormalFormShape { perturbation: Some(Vec::new()), ..map.shape().clone() };
-        assert!(shape.is_integrable() && !map.shape().is_integrable());
+        let shape = NormalFormShape { perturbation: Some(Vec::new()), ..shape_of(&map) };
+        assert!(shape.architecture(0.3).keeps_actions() && !map.architecture().keeps_actions());
         let mut parameters = map.composition().parameters().to_vec();
-        parameters.drain(shape.theta()..map.shape().theta());
-        let plain = NormalForm::new(shape, 0.3, parameters).expect("valid");
+        let theta = |of: &Architecture| of.angles().start;
+        parameters.drain(theta(&shape.architecture(0.3))..theta(map.architecture()));
+        let plain = Model::over(shape.architecture(0.3), 0.3, parameters).expect("valid");
         let mut by_plain = z.clone();
         plain.composition().forward(&mut by_plain);
         assert_eq!(by_plain, unperturbed);
         // The kicks of the perturbation alone are near the identity.
-        let near = map.at_epsilon(0.1).composition().near_identity_part();
+        let near = map.with_epsilon(0.1).composition().near_identity_part();
         assert_eq!(near.steps().len(), 2);
         let told = map.iterated(2).expect_err("other powers").to_string();
         assert!(told.contains("perturbation"), "{told}");
@@ -595,7 +607,7 @@ fn nearly_integrable_maps_hold_their_laws() {
     for number in 0..actions().len() {
         let map = nearly_integrable(number, 0.05, |_, v| v);
         let options = CertificateOptions { samples: 60, ..Default::default() };
-        let certificate = certify(&Model::NormalForm(map.clone()), options);
+        let certificate = certify(&map, options);
         certificate.assert_holds();
         let at_zero: Vec<_> =
             certificate.rows.iter().filter(|row| row.law.ends_with("ε = 0")).collect();
@@ -611,11 +623,11 @@ fn nearly_integrable_maps_hold_their_laws() {
 #[test]
 fn a_nearly_integrable_model_is_kept_whole() {
     let map = nearly_integrable(0, 0.05, |_, v| v);
-    let model = Model::NormalForm(map.clone());
-    let text = serde_json::to_string(&model.architecture()).expect("plain");
-    assert!(text.contains("\"perturbation\":[3,5]"), "{text}");
+    let model = map.clone();
+    let text = serde_json::to_string(model.architecture()).expect("plain");
+    assert!(text.contains("\"widths\":[3,5]"), "{text}");
     let back: Architecture = serde_json::from_str(&text).expect("the same");
-    assert_eq!(back, model.architecture());
+    assert_eq!(&back, model.architecture());
     let names: Vec<String> = back
         .tensors()
         .into_iter()
@@ -632,13 +644,13 @@ fn a_nearly_integrable_model_is_kept_whole() {
     // ε of other signs and sizes; the angle and the twist grow with the time, the kicks do not.
     let other = model.at(-0.1, 2.0).expect("a member");
     let by_hand = {
-        let shape = NormalFormShape { flow_time: 1.4, ..map.shape().clone() };
+        let shape = NormalFormShape { flow_time: 1.4, ..shape_of(&map) };
         let mut parameters = map.composition().parameters().to_vec();
-        let theta = shape.theta();
+        let theta = map.architecture().angles().start;
         parameters[theta..].iter_mut().for_each(|angle| *angle *= 2.0);
-        NormalForm::new(shape, -0.1, parameters).expect("valid")
+        Model::over(shape.architecture(-0.1), -0.1, parameters).expect("valid")
     };
-    let (mut a, mut b) = (start(2 * map.shape().dof()), start(2 * map.shape().dof()));
+    let (mut a, mut b) = (start(2 * map.architecture().dof), start(2 * map.architecture().dof));
     other.forward(&mut a);
     by_hand.composition().forward(&mut b);
     assert_eq!(a, b);

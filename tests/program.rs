@@ -5,7 +5,7 @@ use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::io::{
     StoredModel, load_model, read_pairs, read_points, save_model, write_pairs, write_points,
 };
-use gyroceptron::network::{Architecture, Rollout, rollout};
+use gyroceptron::network::{Architecture, Part, Rollout, rollout};
 use gyroceptron::random::Stream;
 use gyroceptron::system::Oscillators;
 use serde_json::Value;
@@ -783,11 +783,11 @@ fn a_nearly_integrable_map_is_trained() {
     let train = |output: &str, perturbation: &str| {
         let form = ["--architecture", "normal-form", "--perturbation", perturbation];
         succeeds(path, &[&start[..], &form, &["--output", output]].concat());
-        load_model(&path.join(output)).expect("a model").model.architecture()
+        load_model(&path.join(output)).expect("a model").model.architecture().clone()
     };
-    let widths = |of: Architecture| match of {
-        Architecture::NormalForm { shape, .. } => shape.perturbation,
-        other => panic!("{other:?}"),
+    let widths = |of: Architecture| {
+        let block = of.part(Part::Perturbation).next();
+        block.map(|block| block.layers.widths().to_vec())
     };
     assert_eq!(widths(train("near.json", "2x3")), Some(vec![3, 3]));
     assert_eq!(widths(train("none.json", "0x3")), Some(vec![]));
@@ -796,26 +796,22 @@ fn a_nearly_integrable_map_is_trained() {
     let import = ["import", "--weights", "w.npz", "--circle-action", "1,0", "--epsilon", "0.01"];
     let back = [&import[..], &["--flow-time", "1", "--output", "back.json"]].concat();
     let told = text(&succeeds(path, &back).stdout);
-    assert!(told.contains("2 turned kicks of the perturbation"), "{told}");
-    let back = load_model(&path.join("back.json")).expect("a model").model.architecture();
-    assert_eq!(widths(back), Some(vec![3, 3]));
+    assert!(told.contains("perturbation 2 turned kicks"), "{told}");
+    let back = load_model(&path.join("back.json")).expect("a model").model;
+    assert_eq!(widths(back.architecture().clone()), Some(vec![3, 3]));
     // An integrable map of order one is not taken for one that ε scales.
     succeeds(path, &["export", "--model", "none.json", "--output", "none.npz"]);
     let import = ["import", "--weights", "none.npz", "--circle-action", "1,0", "--epsilon", "0.01"];
     succeeds(path, &[&import[..], &["--flow-time", "1", "--output", "none-back.json"]].concat());
     let [before, after] = ["none.json", "none-back.json"]
         .map(|file| load_model(&path.join(file)).expect("a model").model);
-    assert_eq!(widths(after.architecture()), Some(vec![]));
+    assert_eq!(widths(after.architecture().clone()), Some(vec![]));
     assert_eq!(before.composition().parameters(), after.composition().parameters());
     // Of an unknown flow time the unit is a step, at ε = 0 too.
     let form = ["--architecture", "normal-form", "--perturbation", "2x3", "--epsilon", "0"];
     succeeds(path, &[&start[..], &form, &["--output", "zero.json"]].concat());
-    match load_model(&path.join("zero.json")).expect("a model").model.architecture() {
-        Architecture::NormalForm { shape, epsilon } => {
-            assert_eq!((shape.flow_time, epsilon), (1.0, 0.0));
-        }
-        other => panic!("{other:?}"),
-    }
+    let zero = load_model(&path.join("zero.json")).expect("a model").model;
+    assert_eq!((zero.architecture().flow_time, zero.epsilon()), (1.0, 0.0));
     let net = [&start[..], &["--perturbation", "2x3", "--output", "x.json"]].concat();
     refuses(path, &net, &["--perturbation", "normal form"]);
     let form = ["--architecture", "normal-form", "--perturbation", "2", "--output", "x.json"];
@@ -833,7 +829,7 @@ fn a_circle_action_is_chosen() {
     let told = text(&output.stderr);
     assert!(told.contains("circle action 1,0 is as near as"), "{told}");
     let model = load_model(&path.join("model.json")).expect("a model").model;
-    assert_eq!(model.architecture().circles()[0].weights(), [1, 0]);
+    assert_eq!(model.architecture().circles[0].weights(), [1, 0]);
     let report = std::fs::read_to_string(path.join("model-report/report.md")).expect("a report");
     assert!(report.contains("--circle-action 1,0"), "what was chosen is what is repeated");
     // Pairs that stand still turn by no action.
@@ -1258,17 +1254,18 @@ fn the_parameter_counts_of_the_built_in_scenes_are_the_papers() {
     let count = |name: &str, model: usize| {
         let scene = gyroceptron::scene::find(name).and_then(|e| e.scene()).expect("a scene");
         use gyroceptron::system::NearlyPeriodic;
-        let action = scene.setup.system.expect("a system").circle_action();
+        let action = scene.setup.system.expect("a system").circle_action().into();
         scene.setup.models[model]
             .network
             .architecture(&action, 0.01, 5.0)
-            .map(|a| a.parameter_count())
+            .expect("a network to train")
+            .parameter_count()
     };
-    assert_eq!(count("oscillators-short", 0), Some(549));
-    assert_eq!(count("oscillators-long", 0), Some(681));
-    assert_eq!(count("oscillators-long", 1), Some(672));
-    assert_eq!(count("oscillators-long", 2), Some(652));
-    assert_eq!(count("particle-field", 0), Some(1033));
+    assert_eq!(count("oscillators-short", 0), 549);
+    assert_eq!(count("oscillators-long", 0), 681);
+    assert_eq!(count("oscillators-long", 1), 672);
+    assert_eq!(count("oscillators-long", 2), 652);
+    assert_eq!(count("particle-field", 0), 1033);
 }
 
 #[test]
@@ -1666,8 +1663,8 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
     assert!(error < 5e-4, "{error:e}");
     assert_eq!(json["angles"].as_array().map(Vec::len), Some(1));
     let stored = load_model(&path.join("m.json")).expect("a model");
-    let network = stored.model.normal_form().expect("a normal form");
-    let time = network.shape().flow_time;
+    let network = &stored.model;
+    let time = network.architecture().flow_time;
     assert!((2.0..60.0).contains(&time), "{time}");
 
     let output = succeeds(path, &["verify", "--model", "m.json", "--samples", "20", "--json"]);
@@ -1746,7 +1743,7 @@ fn a_family_is_trained_and_asked_for_another_member() {
     let theta = json["theta"].as_f64().expect("a number");
     assert!((theta / 10.0 - 1.0).abs() < 0.02, "{theta}");
     let stored = load_model(&path.join("m.json")).expect("a model");
-    assert_eq!(stored.model.architecture().epsilon(), 0.02);
+    assert_eq!(stored.model.architecture().epsilon, 0.02);
     assert_eq!(stored.provenance.flow_time, Some(10.0));
 
     let judge = set(0.015, 5.0, 2);
@@ -1833,10 +1830,8 @@ fn couplings_are_trained_on_pairs_with_friction() {
     assert!(error < 1e-8, "{error:e}");
     let stored = load_model(&path.join("m.json")).expect("a model");
     assert_eq!(stored.provenance.flow_time, Some(3.3));
-    let Architecture::CouplingGyroceptron { shape, epsilon } = stored.model.architecture() else {
-        panic!("{:?}", stored.model.architecture());
-    };
-    assert_eq!((shape.flow_time, epsilon), (3.3, 0.05));
+    let architecture = stored.model.architecture();
+    assert_eq!((architecture.flow_time, architecture.epsilon), (3.3, 0.05));
     // What is symplectic cannot learn that volumes shrink by a fifth.
     let symplectic = ["--output", "s.json", "--optimiser", "lm", "--json", "--iterations", "60"];
     let symplectic =

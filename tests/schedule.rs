@@ -3,7 +3,7 @@
 use gyroceptron::Error;
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::layer::CircleAction;
-use gyroceptron::network::{Architecture, HenonShape, InitialWeights, Model, NormalFormShape};
+use gyroceptron::network::{HenonShape, InitialWeights, Layers, Model, NormalFormShape, Part};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
 use gyroceptron::system::Oscillators;
@@ -49,7 +49,7 @@ fn start_of(twists: &[usize], number: u64) -> Result<Model, Error> {
         flow_time: TIME,
         perturbation: None,
     };
-    let architecture = Architecture::NormalForm { shape, epsilon: EPSILON };
+    let architecture = shape.architecture(EPSILON);
     architecture.initialise(InitialWeights::Normal { scale: 0.3 }, TIME, 7 + number)
 }
 
@@ -185,8 +185,7 @@ fn a_ramp_is_its_rungs_one_after_another() {
             model = model.with_parameters(weights).expect("finite");
         }
     }
-    let shape = result.outcome.model.normal_form().expect("a normal form").shape();
-    assert_eq!(shape.flow_time, TIME);
+    assert_eq!(result.outcome.model.architecture().flow_time, TIME);
     // It begins far below where it would without.
     let without = run(&self::options(0), &mut Store::default());
     let first = |result: &Scheduled| result.outcome.history[0].validation.expect("held out");
@@ -209,11 +208,10 @@ fn the_twists_of_a_part_of_the_time_are_repeated() {
     let options = TrainingOptions { ramp: vec![rung(5.0), rung(20.0)], ..options(0) };
     let result = run_from(&mut { four }, &options, &mut Store::default());
     let part = |time: f64| {
-        let Architecture::NormalForm { mut shape, epsilon } = rest.architecture() else {
-            panic!("a normal form")
-        };
-        (shape.twists, shape.flow_time) = (vec![2, 3], time);
-        Architecture::NormalForm { shape, epsilon }
+        let mut architecture = rest.architecture().clone().of_time(time);
+        let slow = architecture.blocks.iter_mut().find(|block| block.part == Part::SlowMap);
+        slow.expect("twists").layers = Layers::Twist(vec![2, 3]);
+        architecture
     };
     let mut first = weights[..CHART + PAIR].to_vec();
     first.push(5.0);
@@ -265,7 +263,7 @@ fn repeats_that_do_not_divide_are_refused() {
             flow_time: TIME,
             perturbation: None,
         };
-        let architecture = Architecture::NormalForm { shape, epsilon: EPSILON };
+        let architecture = shape.architecture(EPSILON);
         let found = options.check().and_then(|()| options.check_for(&architecture));
         found.map_err(|error| error.to_string())
     };
@@ -281,7 +279,7 @@ fn repeats_that_do_not_divide_are_refused() {
     let rung = Rung { flow_time: None, epsilon: None, repeats: Some(2), iterations: 8 };
     let options = TrainingOptions { ramp: vec![rung], ..options(0) };
     let shape = HenonShape { dof: 2, widths: vec![3; 4] };
-    let error = options.check_for(&Architecture::HenonNet { shape, epsilon: EPSILON });
+    let error = options.check_for(&shape.architecture(EPSILON));
     assert!(error.expect_err("no twists").to_string().contains("repeats"));
 }
 
@@ -307,7 +305,7 @@ fn twists_are_trained_alone_in_the_chart_of_the_ramp() {
     let outcome = plain(&model, [&pairs(1.0, EPSILON, 1), &pairs(1.0, EPSILON, 2)], 8);
     let there = start(0).expect("a start");
     let model = there.with_weights_of(&outcome.model, TIME).expect("of its shape");
-    let network = model.normal_form().expect("a normal form");
+    let network = &model;
     let [chart, _] = network.chart_and_inner_map();
     let sets = [pairs(TIME, EPSILON, 1), pairs(TIME, EPSILON, 2)];
     let seen = sets.each_ref().map(|pairs| {
@@ -319,7 +317,10 @@ fn twists_are_trained_alone_in_the_chart_of_the_ramp() {
         Pairs::new("seen", 2, input, output).expect("finite")
     });
     let carried = model.composition().parameters();
-    let shape = NormalFormShape { kicks: vec![], ..network.shape().clone() };
+    let mut architecture = network.architecture().clone();
+    for block in architecture.blocks.iter_mut().filter(|block| block.part == Part::Chart) {
+        block.layers = Layers::TurnedKick(Vec::new());
+    }
     let alone: Vec<Outcome> = (0..7)
         .map(|number| {
             let mut weights = carried[CHART..].to_vec();
@@ -329,8 +330,7 @@ fn twists_are_trained_alone_in_the_chart_of_the_ramp() {
                 let (_, twists) = weights.split_last_mut().expect("θ");
                 twists.copy_from_slice(&fresh.composition().parameters()[CHART..][..twists.len()]);
             }
-            let architecture = Architecture::NormalForm { shape: shape.clone(), epsilon: EPSILON };
-            let twists = Model::new(architecture, weights).expect("finite");
+            let twists = Model::new(architecture.clone(), weights).expect("finite");
             plain(&twists, seen.each_ref(), 12)
         })
         .collect();
@@ -444,7 +444,7 @@ fn twists_of_a_family_are_trained_in_its_charts() {
     let mut rows = held_out.input().chunks_exact(4).zip(held_out.output().chunks_exact(4));
     for condition in held_out.conditions() {
         let at = model.at(condition.epsilon, condition.time).expect("finite");
-        let [chart, inner] = at.normal_form().expect("a normal form").chart_and_inner_map();
+        let [chart, inner] = at.chart_and_inner_map();
         for (input, output) in rows.by_ref().take(condition.pairs) {
             let (mut there, mut expected) = (input.to_vec(), output.to_vec());
             chart.inverse(&mut there);
@@ -553,7 +553,7 @@ fn bad_schedules_are_refused() {
     refused(twists(2, 0), "fresh_twists.iterations");
     refused(TrainingOptions { ramp: vec![], ..twists(2, 5) }, "without a ramp");
     let shape = HenonShape { dof: 2, widths: vec![3] };
-    let error = twists(2, 5).check_for(&Architecture::HenonNet { shape, epsilon: EPSILON });
+    let error = twists(2, 5).check_for(&shape.architecture(EPSILON));
     assert!(error.expect_err("no twists").to_string().contains("fresh_twists"));
     // One leg alone does not pass over what it was asked for.
     for options in [starts(2, 5), rung(None, None, 5)] {

@@ -6,9 +6,7 @@ use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
     AdiabaticOrbit, drift_exponent, near_identity_rms, settling_iterations,
 };
-use gyroceptron::network::{
-    Architecture, Gyroceptron, GyroceptronShape, HenonNet, HenonShape, InitialWeights, Model,
-};
+use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model};
 use gyroceptron::phase::{Map, Units};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::max_or_nan;
@@ -50,14 +48,11 @@ fn refused(text: &str, words: &[&str]) {
     }
 }
 
-fn network(epsilon: f64) -> Gyroceptron<f64> {
+fn network(epsilon: f64) -> Model {
     let circle_action = CircleAction::new([1]);
     let shape = GyroceptronShape { circle_action, psi: vec![4; 2], near_identity: vec![3; 2] };
     let weights = InitialWeights::Normal { scale: 0.8 };
-    match (Architecture::Gyroceptron { shape, epsilon }).initialise(weights, 2.4, 5) {
-        Ok(Model::Gyroceptron(network)) => network,
-        other => panic!("{other:?}"),
-    }
+    shape.architecture(epsilon).initialise(weights, 2.4, 5).expect("valid")
 }
 
 const START: [f64; 2] = [0.9, 0.4];
@@ -69,7 +64,7 @@ fn orbits_of_the_invariant_are_their_definition() {
     for epsilon in [0.2, 0.05, 1e-3] {
         let network = network(epsilon);
         let map = network.in_conjugated_coordinates();
-        let action = &network.shape().circle_action;
+        let action = &network.architecture().circles[0];
         let mut orbit = AdiabaticOrbit::new(&network, &START, &factors).expect("valid");
         orbit.advance(&map, action, 2500);
         let (psi, mut z) = (network.psi(), START);
@@ -205,7 +200,7 @@ fn an_interrupted_horizon_goes_on_to_the_same_numbers() {
     // Orbits that leave the numbers are stored too.
     let mut lost = AdiabaticOrbit::new(&network(1e-3), &[1e200, 0.0], &[1.1]).expect("finite");
     let map = network(1e-3).in_conjugated_coordinates();
-    lost.advance(&map, &network(1e-3).shape().circle_action, 20);
+    lost.advance(&map, &network(1e-3).architecture().circles[0], 20);
     let text = serde_json::to_string(&lost).expect("serialises");
     let read: AdiabaticOrbit = serde_json::from_str(&text).expect("reads back");
     assert_eq!((read.steps(), read.largest().to_bits()), (20, lost.largest().to_bits()));
@@ -495,7 +490,7 @@ weights = { kind = "normal", scale = 0.15 }
     with("normal.json", "ours.json", &["units of its own"]);
     let shape = HenonShape::uniform(3, 1, 2);
     let weights = vec![0.1; shape.parameter_count()];
-    let wide = Model::HenonNet(HenonNet::new(shape, weights).expect("a network"));
+    let wide = Model::new(shape.architecture(1.0), weights).expect("a network");
     let provenance = Provenance::of("by hand");
     save_model(&path, &StoredModel { model: wide, units: None, provenance }).expect("written");
     with("normal.json", "ours.json", &["a model of 2 degrees of freedom", "3"]);
@@ -512,7 +507,7 @@ fn the_learnt_invariant_is_followed_along_both_orbits() {
     let folder = temporary();
     let report = run_in(folder.path(), &parse("alone", &alone).expect("a scene"));
     let model = load_model(&folder.path().join("model.json")).expect("a model").model;
-    let network = model.gyroceptron().expect("one");
+    let network = &model;
     let own = &report.study("rollout").expect("a study").results.data["models"][0]["own_adiabatic"];
     let number = |v: &Value| v.as_f64().expect("a number");
     let mut z: [f64; 4] = [1.5, 0.15, 0.0, 0.0];
@@ -660,9 +655,9 @@ fn maps_of_several_flow_times_are_set_beside_integrators() {
     // The weights of a flow time start the next, but for that of the scene.
     let model = |name: &str| load_model(&folder.path().join(name)).expect("a model").model;
     let first = model("model-normal-form-at-5.json");
-    assert_eq!(first.normal_form().expect("a normal form").shape().flow_time, 5.0);
+    assert_eq!(first.architecture().flow_time, 5.0);
     let last = model("model-normal-form-at-20.json");
-    assert_eq!(last.normal_form().expect("a normal form").shape().flow_time, 20.0);
+    assert_eq!(last.architecture().flow_time, 20.0);
     let middle = model("model-normal-form.json");
     let kicks = |model: &Model| model.composition().parameters()[..3].to_vec();
     let apart = |a: &[f64], b: &[f64]| -> f64 {

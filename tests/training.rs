@@ -2,9 +2,7 @@
 
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::layer::{Activation, CircleAction};
-use gyroceptron::network::{
-    Architecture, Gyroceptron, GyroceptronShape, HenonShape, InitialWeights, Model, SympNetShape,
-};
+use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, SympNetShape};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Dual, max_or_nan};
@@ -21,14 +19,12 @@ fn pairs(count: usize, time: f64, seed: u64) -> Pairs {
 }
 
 fn model(seed: u64) -> Model {
-    Architecture::Gyroceptron {
-        shape: GyroceptronShape {
-            circle_action: CircleAction::new([1, 0]),
-            psi: vec![4; 3],
-            near_identity: vec![3; 3],
-        },
-        epsilon: 0.01,
+    GyroceptronShape {
+        circle_action: CircleAction::new([1, 0]),
+        psi: vec![4; 3],
+        near_identity: vec![3; 3],
     }
+    .architecture(0.01)
     .initialise(InitialWeights::Normal { scale: 0.2 }, 0.5, seed)
     .expect("valid")
 }
@@ -112,7 +108,7 @@ fn gradient_and_curvature_are_those_of_duals() {
     let mut gradient = vec![0.0; count];
     objective.value_and_gradient(model.composition(), &mut gradient);
     let curvature = objective.curvature_diagonal(model.composition());
-    let network = model.gyroceptron().expect("a gyroceptron");
+    let network = &model;
     type D = Dual<f64, 1>;
     for index in 0..count {
         let lifted = model
@@ -123,7 +119,8 @@ fn gradient_and_curvature_are_those_of_duals() {
             .map(|(i, &p)| D::variable(p, if i == index { 0 } else { 1 }))
             .collect();
         let epsilon = D::constant(0.01);
-        let dual = Gyroceptron::new(network.shape().clone(), epsilon, lifted).expect("same shape");
+        let dual =
+            Model::over(network.architecture().clone(), epsilon, lifted).expect("same shape");
         let (mut slope, mut square) = (0.0, 0.0);
         for (z, target) in pairs.input().chunks_exact(4).zip(pairs.output().chunks_exact(4)) {
             let mut w: Vec<D> = z.iter().map(|&v| D::constant(v)).collect();
@@ -174,7 +171,8 @@ fn scaled_variables_get_further_than_plain_ones() {
         psi: vec![6; 6],
         near_identity: vec![6; 6],
     };
-    let model = Architecture::Gyroceptron { shape, epsilon: 0.01 }
+    let model = shape
+        .architecture(0.01)
         .initialise(InitialWeights::Normal { scale: 0.15 }, 0.05, 1)
         .expect("valid");
     let end = |scaling| {
@@ -337,7 +335,7 @@ fn threads_do_not_change_the_bits() {
 #[test]
 fn normal_equations_are_those_of_duals() {
     let model = model(2);
-    let network = model.gyroceptron().expect("a gyroceptron");
+    let network = &model;
     let parameters = model.composition().parameters();
     let count = parameters.len();
     let (weights, penalty): ([f64; 4], f64) = ([0.3, 1.0, 0.3, 1.0], 0.7);
@@ -352,7 +350,7 @@ fn normal_equations_are_those_of_duals() {
         for index in 0..count {
             let variable = |(i, &p): (usize, &f64)| D::variable(p, usize::from(i != index));
             let lifted: Vec<D> = parameters.iter().enumerate().map(variable).collect();
-            let dual = Gyroceptron::new(network.shape().clone(), D::constant(0.01), lifted);
+            let dual = Model::over(network.architecture().clone(), D::constant(0.01), lifted);
             let dual = dual.expect("same shape");
             for (k, (z, target)) in
                 pairs.input().chunks_exact(4).zip(pairs.output().chunks_exact(4)).enumerate()
@@ -404,7 +402,8 @@ fn normal_equations_are_those_of_duals() {
 #[test]
 fn normal_equations_are_summed_alike_on_any_number_of_threads() {
     let shape = HenonShape::uniform(3, 5, 8);
-    let model = Architecture::HenonNet { shape, epsilon: 1.0 }
+    let model = shape
+        .architecture(1.0)
         .initialise(InitialWeights::Normal { scale: 0.2 }, 0.0, 1)
         .expect("valid");
     let map = model.composition();
@@ -539,7 +538,7 @@ fn a_step_of_levenberg_marquardt_is_bent_as_the_residuals_are() {
         let at = |part: f64, z: &[f64]| -> Vec<f64> {
             let moved = start.iter().zip(&straight).map(|(p, d)| p + part * d).collect();
             let moved = model.with_parameters(moved).expect("finite");
-            let gyroceptron = moved.gyroceptron().expect("a gyroceptron");
+            let gyroceptron = &moved;
             let (mut all, mut near) = (z.to_vec(), z.to_vec());
             moved.forward(&mut all);
             gyroceptron.near_identity().forward(&mut near);
@@ -549,7 +548,7 @@ fn a_step_of_levenberg_marquardt_is_bent_as_the_residuals_are() {
         let (h, mut right) = (1e-3, vec![0.0; count]);
         let loss_towards = |parameters: &[f64], towards: &[Vec<f64>]| -> f64 {
             let moved = model.with_parameters(parameters.to_vec()).expect("finite");
-            let gyroceptron = moved.gyroceptron().expect("a gyroceptron");
+            let gyroceptron = &moved;
             let mut total = 0.0;
             for (z, bend) in pairs.input().chunks_exact(4).zip(towards) {
                 let (mut all, mut near) = (z.to_vec(), z.to_vec());
@@ -594,7 +593,7 @@ fn singular_matrices_and_losses_that_overflow_are_survived() {
     let options = TrainingOptions { optimiser: marquardt, ..options(20) };
     // The outer weights of the second layer are zero: no derivative in its others.
     let shape = HenonShape::uniform(2, 2, 3);
-    let architecture = Architecture::HenonNet { shape, epsilon: 1.0 };
+    let architecture = shape.architecture(1.0);
     let live = architecture.initialise(InitialWeights::Normal { scale: 0.2 }, 0.0, 1);
     let mut parameters = live.expect("valid").composition().parameters().to_vec();
     parameters[14 + 9..14 + 12].fill(0.0);
@@ -609,7 +608,8 @@ fn singular_matrices_and_losses_that_overflow_are_survived() {
     // rejected, more damped ones are not.
     let shape =
         SympNetShape { dof: 2, modules: 3, shears: 12, activation: Activation::Tanh, plain: false };
-    let deep = Architecture::SympNet { shape }
+    let deep = shape
+        .architecture()
         .initialise(InitialWeights::Normal { scale: 1e-6 }, 0.0, 1)
         .expect("valid");
     let input: Vec<f64> = data.input().iter().map(|v| 1e40 * v).collect();
@@ -792,7 +792,7 @@ fn the_penalty_keeps_the_map_near_the_identity() {
             let mut square = 0.0;
             for z in pairs.input().chunks_exact(4) {
                 let mut near = z.to_vec();
-                network.gyroceptron().expect("one").near_identity().forward(&mut near);
+                network.near_identity().forward(&mut near);
                 square += near.iter().zip(z).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
             }
             square
@@ -801,7 +801,8 @@ fn the_penalty_keeps_the_map_near_the_identity() {
         assert!(penalised < 0.05 * free, "{}: {penalised:e} {free:e}", optimiser.name());
     }
     let shape = HenonShape::uniform(2, 1, 2);
-    let net = Architecture::HenonNet { shape, epsilon: 1.0 }
+    let net = shape
+        .architecture(1.0)
         .initialise(InitialWeights::Normal { scale: 0.2 }, 0.0, 1)
         .expect("valid");
     let options = TrainingOptions { near_identity_penalty: 1.0, ..options(5) };
@@ -836,7 +837,7 @@ fn training_stops_for_the_reason_asked_for() {
 #[test]
 fn plain_lbfgs_is_not_restarted() {
     let pairs = pairs(8, 0.5, 5);
-    let architecture = Architecture::HenonNet { shape: HenonShape::uniform(2, 1, 2), epsilon: 1.0 };
+    let architecture = HenonShape::uniform(2, 1, 2).architecture(1.0);
     let model =
         architecture.initialise(InitialWeights::Normal { scale: 0.2 }, 0.0, 1).expect("valid");
     let options = TrainingOptions {
@@ -881,7 +882,7 @@ fn a_perfect_start_stalls_at_once() {
 
 #[test]
 fn henon_nets_train_too() {
-    let architecture = Architecture::HenonNet { shape: HenonShape::uniform(2, 4, 4), epsilon: 1.0 };
+    let architecture = HenonShape::uniform(2, 4, 4).architecture(1.0);
     let model =
         architecture.initialise(InitialWeights::Normal { scale: 0.2 }, 0.0, 1).expect("valid");
     let pairs = pairs(300, 0.5, 5);
@@ -937,7 +938,7 @@ fn bad_options_and_shapes_are_refused() {
 
 #[test]
 fn a_diverging_start_is_an_error() {
-    let architecture = Architecture::HenonNet { shape: HenonShape::uniform(2, 1, 2), epsilon: 1.0 };
+    let architecture = HenonShape::uniform(2, 1, 2).architecture(1.0);
     // [W (2 × 2), b, w, η]: increments whose squares overflow.
     let parameters = [[0.1; 6].as_slice(), &[1e300; 2], &[0.0; 2]].concat();
     let model = Model::new(architecture, parameters).expect("finite");
@@ -1020,9 +1021,7 @@ fn a_fixed_angle_stays() {
         assert!(moved > count / 2 && with.loss < values[0], "{name}: {moved} of {count}");
     }
     let shape = HenonShape::uniform(2, 2, 3);
-    let net = Architecture::HenonNet { shape, epsilon: 1.0 }
-        .initialise(InitialWeights::Glorot, 0.0, 1)
-        .expect("valid");
+    let net = shape.architecture(1.0).initialise(InitialWeights::Glorot, 0.0, 1).expect("valid");
     let options = TrainingOptions { theta_fixed: true, ..options(2) };
     let told = train(&net, &pairs, None, &options, None, &mut quiet).expect_err("no θ");
     assert!(told.to_string().contains("theta_fixed"), "{told}");
@@ -1079,9 +1078,7 @@ fn a_penalised_angle_stays_near() {
         assert!(told.to_string().contains("theta_penalty"), "{told}");
     }
     let shape = HenonShape::uniform(2, 2, 3);
-    let net = Architecture::HenonNet { shape, epsilon: 1.0 }
-        .initialise(InitialWeights::Glorot, 0.0, 1)
-        .expect("valid");
+    let net = shape.architecture(1.0).initialise(InitialWeights::Glorot, 0.0, 1).expect("valid");
     let options = TrainingOptions { theta_penalty: 1.0, ..options(2) };
     let told = train(&net, &pairs, None, &options, None, &mut quiet).expect_err("no θ");
     assert!(told.to_string().contains("theta_penalty"), "{told}");

@@ -6,7 +6,7 @@ use gyroceptron::measure::{
     Milestone, component_errors, departures, distances_along, drift_exponent, drifts, level_set,
     milestones,
 };
-use gyroceptron::network::{Architecture, InitialWeights, NormalFormShape};
+use gyroceptron::network::{InitialWeights, NormalFormShape};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::max_or_nan;
@@ -197,9 +197,7 @@ fn errors_of_components_are_their_definition() {
         flow_time: 1.0,
         perturbation: None,
     };
-    let model = Architecture::NormalForm { shape, epsilon: 0.1 }
-        .initialise(InitialWeights::Glorot, 0.7, 1)
-        .expect("valid");
+    let model = shape.architecture(0.1).initialise(InitialWeights::Glorot, 0.7, 1).expect("valid");
     let mut stream = Stream::new(1, "pairs");
     let mut uniform =
         |count: usize| -> Vec<f64> { (0..count).map(|_| stream.uniform(-1.0, 1.0)).collect() };

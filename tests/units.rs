@@ -10,9 +10,7 @@ use gyroceptron::measure::{
     CertificateOptions, Coordinate, OneStep, Within, certify_map, distance, root_mean_square,
     rotation_error,
 };
-use gyroceptron::network::{
-    Architecture, GyroceptronShape, HenonShape, InitialWeights, Model, Rollout,
-};
+use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, Rollout};
 use gyroceptron::phase::{Direction, InUnits, Map, Units};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Scalar, constant};
@@ -50,9 +48,7 @@ fn model() -> Model {
         psi: vec![6; 3],
         near_identity: vec![6; 3],
     };
-    Architecture::Gyroceptron { shape, epsilon: 0.01 }
-        .initialise(InitialWeights::Glorot, 0.7, 5)
-        .expect("valid")
+    shape.architecture(0.01).initialise(InitialWeights::Glorot, 0.7, 5).expect("valid")
 }
 
 #[test]
@@ -211,9 +207,7 @@ where
 fn a_network_in_units_is_symplectic() {
     // A single layer: rounding bounds of a whole network as one step hide what is to be seen.
     let shape = HenonShape::uniform(2, 1, 6);
-    let model = Architecture::HenonNet { shape, epsilon: 1.0 }
-        .initialise(InitialWeights::Glorot, 0.0, 5)
-        .expect("valid");
+    let model = shape.architecture(1.0).initialise(InitialWeights::Glorot, 0.0, 5).expect("valid");
     let options = CertificateOptions { samples: 40, ..Default::default() };
     let units = all_units([0.3, 700.0, 0.0, -2.0], [30.0, 400.0, 1.0 / 3.0, 0.025]);
     let map = InUnits { map: &model, units: &units };
@@ -246,7 +240,7 @@ fn a_model_acts_in_the_units_of_its_data() {
     assert_eq!(of_data(&times(&start[..4])), 64.0 * 64.0 * own(&start[..4]));
     let member = scaled.at(0.02, 2.0).expect("a member");
     assert_eq!(member.units, scaled.units);
-    assert_eq!(member.model.architecture().epsilon(), 0.02);
+    assert_eq!(member.model.architecture().epsilon, 0.02);
     // One step and back, and its derivatives against differences.
     let units = all_units([0.25, 3.0, 0.0, 0.0], [30.0, 400.0, 1.0 / 3.0, 0.025]);
     let long = stored(Some(units.clone()));

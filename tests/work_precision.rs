@@ -7,7 +7,7 @@ use gyroceptron::measure::{
     jacobians_by_differences, most_accurate, precise_jacobians, relative_difference,
     root_mean_square_distance, tanh_errors, work_precision, work_precision_by,
 };
-use gyroceptron::network::{Architecture, HenonShape, InitialWeights, map_jacobians_by_duals};
+use gyroceptron::network::{HenonShape, InitialWeights, map_jacobians_by_duals};
 use gyroceptron::scalar::tanh_sech2_of_all;
 use gyroceptron::system::{Oscillators, System};
 use std::sync::Mutex;
@@ -202,9 +202,7 @@ fn more_steps_err_less() {
 #[test]
 fn precise_jacobians_tell_duals_from_differences() {
     let shape = HenonShape { dof: 2, widths: vec![6, 5, 4] };
-    let net = Architecture::HenonNet { shape, epsilon: 1.0 }
-        .initialise(InitialWeights::Glorot, 0.0, 3)
-        .expect("valid");
+    let net = shape.architecture(1.0).initialise(InitialWeights::Glorot, 0.0, 3).expect("valid");
     let map = net.composition();
     let points: Vec<f64> = (0..24).map(|k| f64::from(k * 31 % 17) / 9.0 - 0.9).collect();
     let exact = precise_jacobians(map, &points);

@@ -9,7 +9,7 @@ use gyroceptron::measure::{
     Conditioned, Line, NearlyPeriodic, Row, Tally, invariant_drift, leading_invariant, log_line,
     log_slope,
 };
-use gyroceptron::network::{Architecture, Gyroceptron, GyroceptronShape, InitialWeights};
+use gyroceptron::network::{GyroceptronShape, InitialWeights, Model};
 use gyroceptron::phase::Map;
 use gyroceptron::scalar::max_or_nan;
 use rayon::prelude::*;
@@ -41,23 +41,22 @@ const EPSILON_4: f64 = 5e-4;
 const START: [f64; 2] = [0.6, 0.2];
 
 /// The network of the paper's study: three layers of eight neurons each.
-fn network(seed: u64, epsilon: f64) -> Gyroceptron<f64> {
+fn network(seed: u64, epsilon: f64) -> Model {
     let shape = GyroceptronShape {
         circle_action: CircleAction::new([1]),
         psi: vec![8; 3],
         near_identity: vec![8; 3],
     };
-    Architecture::Gyroceptron { shape, epsilon }
+    shape
+        .architecture(epsilon)
         .initialise(InitialWeights::Glorot, GOLDEN, seed)
         .expect("a sound architecture")
-        .gyroceptron()
-        .expect("a gyroceptron")
         .clone()
 }
 
 /// The network followed by p ← (1 − cε)p: of the order of ε, as all that I_ε
 /// does, and not symplectic.
-struct Control<'a>(&'a Gyroceptron<f64>);
+struct Control<'a>(&'a Model);
 
 impl Control<'_> {
     fn kept(&self) -> f64 {
@@ -79,9 +78,9 @@ impl Map<f64> for Control<'_> {
     }
 }
 
-fn drifts(map: &impl Map<f64>, network: &Gyroceptron<f64>, horizons: &[usize]) -> Vec<f64> {
+fn drifts(map: &impl Map<f64>, network: &Model, horizons: &[usize]) -> Vec<f64> {
     let psi = network.psi();
-    let invariant = leading_invariant(&psi, network.shape().circle_action.weights());
+    let invariant = leading_invariant(&psi, network.architecture().circles[0].weights());
     invariant_drift(map, &invariant, &START, horizons)
 }
 
@@ -158,12 +157,13 @@ fn exponents_in_four_dimensions() -> &'static [f64] {
                 psi: vec![8; 3],
                 near_identity: vec![8; 3],
             };
-            let model = Architecture::Gyroceptron { shape, epsilon: EPSILON_4 }
+            let model = shape
+                .architecture(EPSILON_4)
                 .initialise(InitialWeights::Glorot, GOLDEN, seed)
                 .expect("a sound architecture");
-            let network = model.gyroceptron().expect("a gyroceptron");
+            let network = &model;
             let psi = network.psi();
-            let invariant = leading_invariant(&psi, network.shape().circle_action.weights());
+            let invariant = leading_invariant(&psi, network.architecture().circles[0].weights());
             let start = [0.6, 0.3, 0.2, -0.1];
             let drifts = invariant_drift(network, &invariant, &start, &FOUR_DIMENSIONS);
             log_slope(&FOUR_DIMENSIONS.map(|n| n as f64), &drifts)
@@ -246,7 +246,7 @@ pub fn rows_of_mutant(fault: Fault) -> Vec<Row> {
     let drift = |epsilon: f64, horizons: &[usize]| {
         let map = broken.map_at(epsilon);
         let psi = broken.conjugation();
-        let invariant = leading_invariant(&*psi, broken.action_weights());
+        let invariant = leading_invariant(&*psi, &broken.action_weights());
         invariant_drift(&*map, &invariant, &start, horizons)
     };
     let horizons = [200, 400, 800, 1600];

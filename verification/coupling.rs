@@ -10,9 +10,7 @@ use gyroceptron::measure::{
     Layers, Measurable, MeasuredSteps, NearlyPeriodic, RATIO_LIMIT, Row, Tally, Verdict, laws,
     merged,
 };
-use gyroceptron::network::{
-    Architecture, Composition, CouplingGyroceptron, CouplingGyroceptronShape, InitialWeights, Model,
-};
+use gyroceptron::network::{Composition, CouplingGyroceptronShape, InitialWeights, Model};
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::max_or_nan;
@@ -37,19 +35,16 @@ struct Case {
 }
 
 impl Case {
-    fn network(&self) -> CouplingGyroceptron<f64> {
+    fn network(&self) -> Model {
         let shape = CouplingGyroceptronShape {
             circle_action: CircleAction::new(self.action.clone()),
             psi: self.psi.clone(),
             near_identity: self.near_identity.clone(),
             flow_time: 2.0,
         };
-        let architecture = Architecture::CouplingGyroceptron { shape, epsilon: self.epsilon };
+        let architecture = shape.architecture(self.epsilon);
         let weights = InitialWeights::Normal { scale: self.scale };
-        match architecture.initialise(weights, 0.7 + self.scale, self.seed) {
-            Ok(Model::CouplingGyroceptron(network)) => network,
-            other => panic!("{other:?}"),
-        }
+        architecture.initialise(weights, 0.7 + self.scale, self.seed).expect("a sound architecture")
     }
 
     fn points(&self, count: usize) -> Vec<f64> {
@@ -189,7 +184,7 @@ fn the_ladder_is_that_of_rounding() {
 /// A gyroceptron of couplings with a fault in one of its parts.
 struct BrokenFamily {
     fault: Fault,
-    clean: CouplingGyroceptron<f64>,
+    clean: Model,
 }
 
 impl Map<f64> for BrokenFamily {
@@ -225,7 +220,7 @@ impl NearlyPeriodic for BrokenFamily {
     fn conjugation(&self) -> Box<dyn Measurable + '_> {
         self.clean.conjugation()
     }
-    fn action_weights(&self) -> &[i32] {
+    fn action_weights(&self) -> Vec<i32> {
         self.clean.action_weights()
     }
     fn turn(&self, theta: f64, z: &mut [f64]) {
@@ -237,12 +232,12 @@ impl NearlyPeriodic for BrokenFamily {
         if self.fault != Fault::ConjugatedOnce {
             return self.clean.conjugated_action_at(theta);
         }
-        let action = self.clean.shape().circle_action.clone();
+        let action = self.clean.architecture().circles[0].clone();
         let turn = Composition::of_turn(&action.into(), vec![theta]).expect("an angle");
         Box::new(turn.followed_by(&self.clean.psi(), Direction::Forward).expect("of one size"))
     }
     fn angle(&self) -> f64 {
-        self.clean.theta()
+        self.clean.angles()[0]
     }
     fn epsilon(&self) -> f64 {
         self.clean.epsilon()

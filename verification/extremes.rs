@@ -10,7 +10,7 @@ use gyroceptron::measure::{
     disturbing_resonance, inversion_ratio, laws, nearest_resonance, settling_iterations,
     symplecticity_defect, symplecticity_ratio,
 };
-use gyroceptron::network::{Architecture, GyroceptronShape, HenonShape, InitialWeights, Model};
+use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model};
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Real, Scalar, max_or_nan, tanh_sech2};
@@ -115,10 +115,10 @@ fn small_shape() -> GyroceptronShape {
 #[test]
 fn numbers_that_are_none_are_refused_at_the_border() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        let architecture = Architecture::Gyroceptron { shape: small_shape(), epsilon: bad };
+        let architecture = small_shape().architecture(bad);
         let reason = architecture.initialise(InitialWeights::Glorot, 1.0, 0).expect_err("refused");
         assert!(reason.to_string().contains("epsilon"), "{reason}");
-        let architecture = Architecture::Gyroceptron { shape: small_shape(), epsilon: 0.01 };
+        let architecture = small_shape().architecture(0.01);
         let mut parameters = vec![0.1; architecture.parameter_count()];
         parameters[7] = bad;
         let reason = Model::new(architecture.clone(), parameters).expect_err("refused");
@@ -246,9 +246,7 @@ fn the_field_profile_vanishes_far_out() {
 
 fn deep(layers: usize, scale: f64) -> (Model, Vec<f64>) {
     let shape = HenonShape::uniform(2, layers, 8);
-    let model = Architecture::HenonNet { shape, epsilon: 1.0 }
-        .initialise(weights(scale), 0.0, 1)
-        .expect("sound");
+    let model = shape.architecture(1.0).initialise(weights(scale), 0.0, 1).expect("sound");
     let mut stream = Stream::new(5, "deep");
     (model, (0..400).map(|_| stream.uniform(-1.6, 1.6)).collect())
 }
@@ -311,9 +309,7 @@ fn where_the_composition_has_no_digit_the_report_says_so() {
 #[test]
 fn three_thousand_layers_come_back() {
     let shape = HenonShape::uniform(2, 3000, 4);
-    let model = Architecture::HenonNet { shape, epsilon: 1.0 }
-        .initialise(weights(0.1), 0.0, 2)
-        .expect("sound");
+    let model = shape.architecture(1.0).initialise(weights(0.1), 0.0, 2).expect("sound");
     let z = [0.3, -0.8, 1.1, 0.4];
     let mut w = z;
     model.forward(&mut w);

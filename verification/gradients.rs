@@ -4,11 +4,11 @@
 use crate::mutants;
 use crate::samples::{Case, mild};
 use crate::{suite, tolerances};
-use gyroceptron::layer::CircleAction;
+use gyroceptron::layer::{CircleAction, layer_parameter_count};
 use gyroceptron::measure::{
     Adjoint, Conditioned, ILL_CONDITIONED, Measurable, Row, Tally, Walk, laws,
 };
-use gyroceptron::network::{Gyroceptron, HenonShape, Model};
+use gyroceptron::network::{Model, Part};
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::scalar::{Dual, Elementary, Scalar, Tracked, max_or_nan};
 use std::ops::{Add, Mul, Neg, Sub};
@@ -85,15 +85,13 @@ struct Layer<'a> {
     eta: &'a [f64],
 }
 
-fn layers<'a>(shape: &HenonShape, mut parameters: &'a [f64]) -> Vec<Layer<'a>> {
-    let n = shape.dof;
+fn layers<'a>(n: usize, widths: &[usize], mut parameters: &'a [f64]) -> Vec<Layer<'a>> {
     let mut take = |count: usize| {
         let (layer, rest) = parameters.split_at(count);
         parameters = rest;
         layer
     };
-    shape
-        .widths
+    widths
         .iter()
         .map(|&h| Layer { w_in: take(n * h), b_in: take(h), w_out: take(h), eta: take(n) })
         .collect()
@@ -140,18 +138,19 @@ fn henon<T: Literal>(layer: &Layer<'_>, epsilon: f64, inverse: bool, z: &mut [T]
 }
 
 /// I_ε∘ψ∘Φ_θ∘ψ⁻¹ with the rotation as a matrix.
-fn literal<T: Literal>(network: &Gyroceptron<f64>, z: &mut [T]) {
-    let shape = network.shape();
-    let parameters = network.composition().parameters();
-    let (psi, rest) = parameters.split_at(shape.psi_shape().parameter_count());
-    let psi = layers(&shape.psi_shape(), psi);
-    let near_identity = layers(&shape.near_identity_shape(), rest);
+fn literal<T: Literal>(network: &Model, z: &mut [T]) {
+    let (of, parameters) = (network.architecture(), network.parameters());
+    let [psi, near_identity] = [Part::Conjugation, Part::NearIdentity].map(|part| of.widths(part));
+    let count: usize = psi.iter().map(|&h| layer_parameter_count(of.dof, h)).sum();
+    let (own, rest) = parameters.split_at(count);
+    let psi = layers(of.dof, &psi, own);
+    let near_identity = layers(of.dof, &near_identity, rest);
     for layer in psi.iter().rev() {
         henon(layer, 1.0, true, z);
     }
     let n = z.len() / 2;
-    for (j, &weight) in shape.circle_action.weights().iter().enumerate() {
-        let angle = f64::from(weight) * network.theta();
+    for (j, &weight) in of.circles[0].weights().iter().enumerate() {
+        let angle = f64::from(weight) * network.angles()[0];
         let (s, c) = libm::sincos(angle);
         // m·θ, its sine and its cosine are rounded; the shears of the map are
         // three products more.
@@ -169,7 +168,7 @@ fn literal<T: Literal>(network: &Gyroceptron<f64>, z: &mut [T]) {
 }
 
 /// The formulas with bounds of their rounding: value and derivative along e_k.
-fn bounded(network: &Gyroceptron<f64>, z: &[f64], direction: usize) -> Vec<Bounded> {
+fn bounded(network: &Model, z: &[f64], direction: usize) -> Vec<Bounded> {
     let mut w: Vec<Bounded> = z
         .iter()
         .enumerate()
@@ -203,7 +202,7 @@ fn worst_of(entries: impl Iterator<Item = (f64, f64, f64)>) -> Conditioned {
 /// The map against the formulas: |P(z) − literal(z)| over the sum of both
 /// bounds.
 pub fn literal_formula(model: &Model, map: &dyn Measurable, points: &[f64]) -> Tally {
-    let network = model.gyroceptron().expect("a gyroceptron");
+    let network = model;
     let u = f64::unit_roundoff();
     let steps = map.measured_steps(Direction::Forward);
     let results = points.chunks_exact(2 * map.dof()).map(|z| {
@@ -222,7 +221,7 @@ pub fn literal_formula(model: &Model, map: &dyn Measurable, points: &[f64]) -> T
 
 /// The Jacobian by our duals against the formulas over two other dual numbers.
 pub fn other_derivatives(model: &Model, map: &dyn Measurable, points: &[f64]) -> Tally {
-    let network = model.gyroceptron().expect("a gyroceptron");
+    let network = model;
     let steps = map.measured_steps(Direction::Forward);
     let mut tally = Tally::of_ratios("gradient", "J = dual_num's = num-dual's");
     for z in points.chunks_exact(2 * map.dof()) {
@@ -255,7 +254,7 @@ struct WrongSign(Model);
 
 impl Adjoint for WrongSign {
     fn parameters(&self) -> Vec<f64> {
-        self.0.parameters()
+        Adjoint::parameters(&self.0)
     }
     fn tangent(&self, parameters: &[Bounded], z: &mut [Bounded]) {
         self.0.tangent(parameters, z);

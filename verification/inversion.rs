@@ -6,6 +6,7 @@ use crate::suite;
 use crate::watched::{Watched, watched};
 use gyroceptron::layer::HenonMap;
 use gyroceptron::measure::{Measurable, Row, Tally, laws};
+use gyroceptron::network::Part;
 use gyroceptron::phase::Direction;
 use std::sync::OnceLock;
 
@@ -35,7 +36,8 @@ fn measure(case: &Case) -> Vec<Tally> {
         alone(&near_identity, "inversion of I_ε", "I_ε⁻¹∘I_ε = Id"),
     ];
     out.extend(laws::layers(&seen(&model), points));
-    for layer in psi.layers().take(2).chain(near_identity.layers().take(2)) {
+    let of = |part| model.henon_layers(part).take(2);
+    for layer in of(Part::Conjugation).chain(of(Part::NearIdentity)) {
         let map: HenonMap<'_, f64> = layer.map();
         out.push(alone(&map, "inversion of H", "H⁻¹∘H = Id"));
         out.push(laws::symplecticity_of("symplecticity of H", &seen(&map), points));

@@ -14,7 +14,7 @@ use gyroceptron::measure::{
     MeasuredSteps, NearlyPeriodic, Numbers, OneStep, Relation, Row, ThereAndBack, TrackedStep,
     Verdict, certify_family, laws, near_identity_generator, turn_steps,
 };
-use gyroceptron::network::{Architecture, Gyroceptron, GyroceptronShape, InitialWeights, Model};
+use gyroceptron::network::{GyroceptronShape, InitialWeights, Model, Part};
 use gyroceptron::phase::{Direction, Half, Map};
 use gyroceptron::scalar::{Dual, Over, Scalar, max_or_nan};
 use std::collections::BTreeMap;
@@ -365,7 +365,7 @@ fn one_step<'a, M: Numbers + 'a>(map: M, direction: Direction) -> Box<dyn Measur
 #[derive(Clone, Debug)]
 pub struct Mutant {
     pub fault: Fault,
-    clean: Gyroceptron<f64>,
+    clean: Model,
     /// The parameters that the inverse uses.
     inverse: Vec<f64>,
     epsilon: f64,
@@ -379,12 +379,12 @@ enum Factor {
 }
 
 impl Mutant {
-    fn new(fault: Fault, clean: Gyroceptron<f64>) -> Self {
+    fn new(fault: Fault, clean: Model) -> Self {
         let mut inverse = clean.composition().parameters().to_vec();
-        let shape = clean.shape();
-        let widths = shape.psi.iter().chain(&shape.near_identity);
+        let widths =
+            [Part::Conjugation, Part::NearIdentity].map(|p| clean.architecture().widths(p));
         let mut rest = &mut inverse[..];
-        for &width in widths {
+        for width in widths.concat() {
             let (layer, others) = rest.split_at_mut(layer_parameter_count(DOF, width));
             rest = others;
             let (w_in, layer) = layer.split_at_mut(DOF * width);
@@ -406,15 +406,14 @@ impl Mutant {
     }
 
     fn layers(&self, factor: Factor, inverse: bool) -> Vec<(usize, &[f64])> {
-        let shape = self.clean.shape();
+        let of = self.clean.architecture();
         let parameters =
             if inverse { &self.inverse[..] } else { self.clean.composition().parameters() };
         let mut rest = parameters;
         let mut out = Vec::new();
-        let tagged = shape.psi.iter().map(|w| (Factor::Psi, *w));
-        for (of, width) in
-            tagged.chain(shape.near_identity.iter().map(|w| (Factor::NearIdentity, *w)))
-        {
+        let tagged = |part, factor| of.widths(part).into_iter().map(move |w| (factor, w));
+        let psi = tagged(Part::Conjugation, Factor::Psi);
+        for (of, width) in psi.chain(tagged(Part::NearIdentity, Factor::NearIdentity)) {
             let (layer, others) = rest.split_at(layer_parameter_count(DOF, width));
             rest = others;
             if of == factor {
@@ -522,7 +521,7 @@ impl Mutant {
     fn rotation(&self, theta: f64, direction: Direction) -> MeasuredSteps<'_> {
         match self.matrix(theta) {
             Some(matrix) => vec![one_step(matrix, direction)],
-            None => turn_steps(&self.clean.shape().circle_action.at(theta), direction),
+            None => turn_steps(&self.clean.architecture().circles[0].at(theta), direction),
         }
     }
 
@@ -534,7 +533,7 @@ impl Mutant {
     }
 
     fn whole_map(&self, epsilon: f64, direction: Direction) -> MeasuredSteps<'_> {
-        let theta = self.clean.theta();
+        let theta = self.clean.angles()[0];
         let once = self.fault == Fault::ConjugatedOnce;
         let near = self.steps_of(Factor::NearIdentity, epsilon, direction);
         let mut steps = MeasuredSteps::new();
@@ -638,7 +637,7 @@ impl Measurable for Mutant {
         for (direction, _) in &mut out {
             *direction = Direction::Inverse;
         }
-        let theta = self.clean.theta();
+        let theta = self.clean.angles()[0];
         let turn = Piece(Box::new(move |direction| self.rotation(theta, direction)));
         out.push((Direction::Forward, Box::new(turn)));
         out.extend(both(Factor::Psi, 1.0));
@@ -659,8 +658,8 @@ impl NearlyPeriodic for Mutant {
     fn conjugation(&self) -> Box<dyn Measurable + '_> {
         Box::new(Piece(Box::new(|direction| self.steps_of(Factor::Psi, 1.0, direction))))
     }
-    fn action_weights(&self) -> &[i32] {
-        self.clean.shape().circle_action.weights()
+    fn action_weights(&self) -> Vec<i32> {
+        self.clean.architecture().circles[0].weights().to_vec()
     }
     fn turn(&self, theta: f64, z: &mut [f64]) {
         run(&self.rotation(theta, Direction::Forward), z);
@@ -669,7 +668,7 @@ impl NearlyPeriodic for Mutant {
         Box::new(Piece(Box::new(move |direction| self.conjugated(theta, direction))))
     }
     fn angle(&self) -> f64 {
-        self.clean.theta()
+        self.clean.angles()[0]
     }
     fn epsilon(&self) -> f64 {
         self.epsilon
@@ -678,20 +677,18 @@ impl NearlyPeriodic for Mutant {
 
 /// The clean network that all mutants are made from.
 pub fn clean() -> Model {
-    Architecture::Gyroceptron {
-        shape: GyroceptronShape {
-            circle_action: CircleAction::new([1, 2]),
-            psi: vec![5; 3],
-            near_identity: vec![4; 2],
-        },
-        epsilon: 0.01,
+    GyroceptronShape {
+        circle_action: CircleAction::new([1, 2]),
+        psi: vec![5; 3],
+        near_identity: vec![4; 2],
     }
+    .architecture(0.01)
     .initialise(InitialWeights::Normal { scale: 0.6 }, 2.0, 1)
     .expect("a sound architecture")
 }
 
 pub fn mutant(fault: Fault, model: &Model) -> Mutant {
-    Mutant::new(fault, model.gyroceptron().expect("a gyroceptron").clone())
+    Mutant::new(fault, model.clone())
 }
 
 const SAMPLES: CertificateOptions = CertificateOptions { samples: 100, radius: 1.6, seed: 1 };
@@ -712,13 +709,12 @@ fn map_rows(fault: Fault) -> Vec<Row> {
             laws::exact_relation(relation.equation(), &broken, &other, &transform, points).row(),
         );
     }
-    let near_identity = broken.clean.near_identity();
-    let field = |z: &[f64], out: &mut [f64]| near_identity_generator(&near_identity, z, out);
+    let field = |z: &[f64], out: &mut [f64]| near_identity_generator(&broken.clean, z, out);
     rows.push(laws::generator(&broken, &field, points).row());
     rows.push(gradients::literal_formula(&model, &broken, points).row());
     rows.push(gradients::other_derivatives(&model, &broken, points).row());
-    let (_, layer) = Mutant::layers(&broken, Factor::Psi, false)[0];
-    let map = HenonLayer::new(DOF, broken.clean.shape().psi[0], 1.0, layer).map();
+    let (width, layer) = Mutant::layers(&broken, Factor::Psi, false)[0];
+    let map = HenonLayer::new(DOF, width, 1.0, layer).map();
     let single = OneStep(LiteralMap { map, plus_x: fault == Fault::PlusX });
     let forward = Direction::Forward;
     rows.push(laws::inversion("inversion of H", "H⁻¹∘H = Id", &single, forward, points).row());

@@ -11,7 +11,7 @@ use gyroceptron::measure::{
     Conditioned, Measurable, MeasuredSteps, NormalFormed, Row, Samples, Tally, Verdict,
     differing_components, laws, log_slope, merged, near_identity_size,
 };
-use gyroceptron::network::{Composition, NormalForm};
+use gyroceptron::network::{Composition, Model};
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::scalar::max_or_nan;
 use proptest::prelude::*;
@@ -28,7 +28,7 @@ struct Case {
 }
 
 impl Case {
-    fn network(&self) -> NormalForm<f64> {
+    fn network(&self) -> Model {
         self.integrable.network_with(Some(self.widths.clone()))
     }
 
@@ -64,12 +64,12 @@ fn measure(case: &Case) -> Vec<Tally> {
     let network = case.network();
     let map = watched("nearly_integrable", &network);
     let points = case.points(11);
-    let dof = network.shape().dof();
+    let dof = network.architecture().dof;
     let two = &points[..4 * dof];
     let mut out = vec![laws::symplecticity_of("symplecticity", &map, two)];
     let seed = case.integrable.seed;
     out.extend(measure_any(&map, network.composition(), &points, dof, seed));
-    let at_zero = network.at_epsilon(0.0);
+    let at_zero = network.with_epsilon(0.0);
     let kicks = at_zero.composition().near_identity_part();
     out.extend(integrable_at_zero(&network, &at_zero, &kicks, &points));
     out
@@ -95,14 +95,14 @@ fn the_perturbation_is_of_first_order_in_epsilon() {
         let (network, points) = (case.network(), case.points(20));
         let moved = |epsilon: f64| {
             near_identity_size(
-                &network.at_epsilon(epsilon).composition().near_identity_part(),
+                &network.with_epsilon(epsilon).composition().near_identity_part(),
                 &points,
             )
         };
         let slope = log_slope(&EPSILONS, &EPSILONS.map(moved));
         let shortfall = (slope - 1.0).abs();
         assert!(shortfall <= tolerances::ORDER, "{number}: {slope}");
-        let perturbed = laws::actions(&network.at_epsilon(EPSILONS[0]), &points);
+        let perturbed = laws::actions(&network.with_epsilon(EPSILONS[0]), &points);
         for row in perturbed.iter().map(Tally::row) {
             assert_eq!(row.verdict, Verdict::Violated, "{number}: {row:?}");
         }
@@ -119,14 +119,14 @@ fn mild(seed: u64) -> Case {
 
 /// A network that says of itself that it has another chart.
 struct OtherChart {
-    network: NormalForm<f64>,
-    other: NormalForm<f64>,
+    network: Model,
+    other: Model,
 }
 
 impl OtherChart {
-    fn new(network: NormalForm<f64>) -> Self {
+    fn new(network: Model) -> Self {
         let weights = network.composition().parameters().iter().map(|w| w * (1.0 + 1e-9)).collect();
-        let other = NormalForm::new(network.shape().clone(), network.epsilon(), weights);
+        let other = network.with_parameters(weights);
         Self { other: other.expect("as many"), network }
     }
 }
@@ -156,7 +156,7 @@ impl NormalFormed for OtherChart {
     fn inner_map(&self) -> Box<dyn Measurable + '_> {
         self.network.inner_map()
     }
-    fn action(&self) -> &TorusAction {
+    fn action(&self) -> TorusAction {
         self.network.action()
     }
 }
@@ -170,7 +170,7 @@ pub fn rows_of_mutant(fault: Fault) -> Vec<Row> {
         let mut out = vec![laws::symplecticity_of("symplecticity", &broken, &points[..8])];
         out.extend(measure_any(&broken, &broken, &points, 2, seed));
         let epsilon = if fault == Fault::EpsilonIgnored { network.epsilon() } else { 0.0 };
-        let at_zero = network.at_epsilon(epsilon);
+        let at_zero = network.with_epsilon(epsilon);
         let kicks = at_zero.composition().near_identity_part();
         let tallies = if fault == Fault::OtherChart {
             let [network, at_zero] = [network, at_zero].map(OtherChart::new);

@@ -10,7 +10,7 @@ use gyroceptron::measure::{
     Adjoint, Conditioned, Measurable, MeasuredSteps, NormalFormed, OneStep, Row, Samples, Tally,
     Verdict, laws, log_slope, merged, turn_steps,
 };
-use gyroceptron::network::{NormalForm, NormalFormShape, Rollout, rollout};
+use gyroceptron::network::{Model, NormalFormShape, Rollout, rollout};
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Elementary, max_or_nan};
@@ -41,12 +41,12 @@ pub struct Case {
 }
 
 impl Case {
-    fn network(&self) -> NormalForm<f64> {
+    fn network(&self) -> Model {
         self.network_with(None)
     }
 
     /// With such a perturbation.
-    pub fn network_with(&self, perturbation: Option<Vec<usize>>) -> NormalForm<f64> {
+    pub fn network_with(&self, perturbation: Option<Vec<usize>>) -> Model {
         let circle = |fast: &Vec<i32>| {
             let mut weights = vec![0; self.slow];
             weights.extend(fast);
@@ -62,7 +62,7 @@ impl Case {
             perturbation,
         };
         let mut stream = Stream::new(self.seed, "weights");
-        let count = shape.parameter_count();
+        let count = shape.architecture(0.0).parameter_count();
         let angles = shape.action.circles().len();
         let parameters = (0..count)
             .map(|i| match i < count - angles {
@@ -70,7 +70,8 @@ impl Case {
                 false => stream.uniform(-PI, PI),
             })
             .collect();
-        NormalForm::new(shape, self.epsilon, parameters).expect("a sound shape")
+        Model::over(shape.architecture(self.epsilon), self.epsilon, parameters)
+            .expect("a sound shape")
     }
 
     pub fn dof(&self) -> usize {
@@ -190,7 +191,7 @@ fn study() -> Vec<Tally> {
             let request = Rollout { steps, every: steps };
             rollout(&inner, point, request).expect("whole points").split_off(point.len())
         };
-        drifts(&network.shape().action, &points(seed, radius, case.dof(), 8), advance)
+        drifts(&network.action(), &points(seed, radius, case.dof(), 8), advance)
     };
     drift_rows(&of, &EPSILONS)
 }
@@ -309,9 +310,9 @@ impl<S: Elementary> Map<S> for LiteralTwist {
 /// The literal twist between the chart of a network and its inverse.
 struct Literal {
     fault: Fault,
-    sound: NormalForm<f64>,
+    sound: Model,
     /// Of the broken chart.
-    other: NormalForm<f64>,
+    other: Model,
     inner: OneStep<LiteralTwist>,
 }
 
@@ -321,11 +322,11 @@ impl Literal {
         let case = Case { slow, circles, epsilon, scale, psi: true, radius: 1.6, seed: 1 };
         let sound = case.network();
         // The fast plane comes first here.
-        let action = CircleAction::new([1, 0]).into();
-        let shape = NormalFormShape { action, ..sound.shape().clone() };
+        let action: TorusAction = CircleAction::new([1, 0]).into();
+        let architecture = sound.architecture().clone().on_torus(&action);
         let of = |factor: f64| {
             let weights = sound.composition().parameters().iter().map(|w| factor * w).collect();
-            NormalForm::new(shape.clone(), epsilon, weights).expect("as many")
+            Model::new(architecture.clone(), weights).expect("as many")
         };
         let inner = OneStep(LiteralTwist { fault, epsilon: 0.3, theta: 0.9 });
         Self { fault, other: of(1.0 + 1e-9), sound: of(1.0), inner }
@@ -365,7 +366,7 @@ impl Measurable for Literal {
 }
 
 /// How many of the measured steps of a network are χ⁻¹, and how many χ.
-fn chart_steps(network: &NormalForm<f64>) -> usize {
+fn chart_steps(network: &Model) -> usize {
     let [chart, _] = network.chart_and_inner_map();
     chart.measured_steps(Direction::Forward).len()
 }
@@ -377,8 +378,8 @@ impl NormalFormed for Literal {
     fn inner_map(&self) -> Box<dyn Measurable + '_> {
         Box::new(self.inner)
     }
-    fn action(&self) -> &TorusAction {
-        &self.sound.shape().action
+    fn action(&self) -> TorusAction {
+        self.sound.action()
     }
 }
 
@@ -399,7 +400,7 @@ pub fn rows_of_mutant(fault: Fault) -> Vec<Row> {
             }
             out
         };
-        drifts(literal.action(), &points(seed, 1.6, 2, 1), advance)
+        drifts(&literal.action(), &points(seed, 1.6, 2, 1), advance)
     };
     tallies.extend(drift_rows(&of, &[1.0]));
     named(merged(tallies).iter().map(Tally::row).collect(), NAME)

@@ -6,7 +6,7 @@ use crate::{suite, tolerances};
 use faer::Mat;
 use gyroceptron::measure::{Conditioned, Measurable, Row, Tally, Walk};
 use gyroceptron::measure::{symplecticity_defect, symplecticity_scale};
-use gyroceptron::network::{Composition, HenonNet, HenonShape, InitialWeights};
+use gyroceptron::network::{Composition, HenonShape, InitialWeights, Model};
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Over, Real, Scalar, max_or_nan};
@@ -38,13 +38,13 @@ pub fn single(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     values.into_iter().map(|v| f64::from(v as f32)).collect()
 }
 
-fn network(seed: u64) -> HenonNet<f64> {
+fn network(seed: u64) -> Model {
     let shape = HenonShape::uniform(DOF, 3, 6);
     let mut stream = Stream::new(seed, "ladder weights");
     let weights = InitialWeights::Normal { scale: 0.6 };
     let parameters =
         shape.widths.iter().flat_map(|&h| weights.layer(DOF, h, &mut stream)).collect::<Vec<_>>();
-    HenonNet::new(shape, single(parameters)).expect("as many parameters")
+    Model::over(shape.architecture(1.0), 1.0, single(parameters)).expect("as many parameters")
 }
 
 fn points(seed: u64) -> Vec<f64> {
@@ -205,11 +205,11 @@ fn wrong_by(error: f64) -> [f64; 3] {
     let exact: Vec<DoubleDouble> =
         map.parameters().iter().map(|&v| DoubleDouble::from_f64(v) * factor).collect();
     let rounded = |values: &[DoubleDouble]| values.iter().map(|v| v.value()).collect::<Vec<_>>();
-    let shape = network.shape();
-    let double = HenonNet::new(shape.clone(), rounded(&exact)).expect("as many parameters");
+    let double = network.with_parameters(rounded(&exact)).expect("as many parameters");
     let back = double.composition();
     let u = ROUNDOFFS();
-    let long = HenonNet::new(shape.clone(), exact).expect("as many parameters");
+    let long = Model::over(network.architecture().clone(), DoubleDouble::from_f64(1.0), exact)
+        .expect("as many parameters");
     let mut steps = map.measured_steps(Direction::Forward);
     steps.extend(map.measured_steps(Direction::Inverse));
     let residual = |z: &[f64]| {

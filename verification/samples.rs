@@ -2,9 +2,7 @@
 
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::Samples;
-use gyroceptron::network::{
-    Architecture, Gyroceptron, GyroceptronShape, HenonShape, InitialWeights, Model,
-};
+use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model};
 use gyroceptron::random::Stream;
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -44,7 +42,8 @@ impl Case {
     /// A HénonNet of `layers` layers.
     pub fn henon_net(&self) -> Model {
         let shape = HenonShape::uniform(self.dof, self.layers, self.width);
-        Architecture::HenonNet { shape, epsilon: 1.0 }
+        shape
+            .architecture(1.0)
             .initialise(weights(self.scale), 0.0, self.seed)
             .expect("a sound architecture")
     }
@@ -57,13 +56,14 @@ impl Case {
             psi: part.clone(),
             near_identity: part,
         };
-        Architecture::Gyroceptron { shape, epsilon: self.epsilon }
+        shape
+            .architecture(self.epsilon)
             .initialise(weights(self.scale), self.theta, self.seed)
             .expect("a sound architecture")
     }
 
-    pub fn gyroceptron(&self) -> Gyroceptron<f64> {
-        self.model().gyroceptron().expect("a gyroceptron").clone()
+    pub fn gyroceptron(&self) -> Model {
+        self.model()
     }
 
     pub fn points(&self, count: usize) -> Vec<f64> {

@@ -6,9 +6,7 @@ use gyroceptron::measure::{
     CertificateOptions, Layers, Measurable, MeasuredStep, MeasuredSteps, NearlyPeriodic, Verdict,
     certify_family,
 };
-use gyroceptron::network::{
-    CouplingGyroceptron, CouplingGyroceptronShape, Model, SympNet, SympNetShape,
-};
+use gyroceptron::network::{CouplingGyroceptronShape, Model, SympNetShape};
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Dual, Scalar, max_or_nan};
@@ -116,7 +114,7 @@ impl<F: NearlyPeriodic> NearlyPeriodic for Family<'_, F> {
     fn conjugation(&self) -> Box<dyn Measurable + '_> {
         self.excused(self.0.conjugation())
     }
-    fn action_weights(&self) -> &[i32] {
+    fn action_weights(&self) -> Vec<i32> {
         self.0.action_weights()
     }
     fn turn(&self, theta: f64, z: &mut [f64]) {
@@ -145,7 +143,7 @@ const BOUNDED: [&str; 6] = [
 
 /// Rows of the clean network with bounds so many times too large.
 fn rows(factor: f64) -> Vec<gyroceptron::measure::Row> {
-    let Model::Gyroceptron(network) = mutants::clean() else { panic!("a gyroceptron") };
+    let network = mutants::clean();
     let options = CertificateOptions { samples: 100, radius: 1.6, seed: 1 };
     let bounded = |law: &str| BOUNDED.iter().any(|name| law.starts_with(name));
     let mut rows = certify_family(&Family(&network, factor), options).rows;
@@ -223,7 +221,7 @@ fn the_bend_of_a_step_is_covered() {
         let mut stream = Stream::new(1, "bend");
         let count = shape.parameter_count();
         let parameters = (0..count).map(|_| stream.normal()).collect();
-        let network = SympNet::new(shape, parameters).expect("as many parameters");
+        let network = Model::new(shape.architecture(), parameters).expect("as many parameters");
         (format!("{activation:?}"), Box::new(network))
     });
     // The last saturate within the spread.
@@ -235,9 +233,9 @@ fn the_bend_of_a_step_is_covered() {
             flow_time: 2.0,
         };
         let mut stream = Stream::new(2, "bend");
-        let count = shape.parameter_count();
+        let count = shape.architecture(0.0).parameter_count();
         let parameters = (0..count).map(|_| scale * stream.normal()).collect();
-        let network = CouplingGyroceptron::new(shape, 0.4, parameters).expect("as many");
+        let network = Model::over(shape.architecture(0.4), 0.4, parameters).expect("as many");
         (format!("couplings of {scale}"), Box::new(network))
     });
     let mut rejected_without = 0;

@@ -4,7 +4,7 @@
 use crate::{suite, tolerances};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{Measurable, Samples, Tally, laws};
-use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model};
+use gyroceptron::network::{GyroceptronShape, InitialWeights, Model};
 use gyroceptron::phase::Direction;
 use gyroceptron::random::Stream;
 use rayon::prelude::*;
@@ -39,7 +39,8 @@ fn network(index: usize) -> (Model, Samples) {
     };
     let epsilon = [0.01, 0.1, 1e-4][pick(3)];
     let theta = stream.uniform(-TAU, TAU);
-    let model = Architecture::Gyroceptron { shape, epsilon }
+    let model = shape
+        .architecture(epsilon)
         .initialise(weights, theta, suite::seed().wrapping_add(index as u64))
         .expect("a sound architecture");
     let points = (0..2 * dof).map(|_| stream.uniform(-1.6, 1.6)).collect();
@@ -51,7 +52,7 @@ fn network(index: usize) -> (Model, Samples) {
 /// many points and have no one sample.
 fn laws_on(index: usize) -> Vec<Tally> {
     let (model, samples) = network(index);
-    let network = model.gyroceptron().expect("a gyroceptron");
+    let network = &model;
     let points = samples.points();
     let (psi, near_identity) = (network.psi(), network.near_identity());
     let inversion = |law: &str, equation: &str, map: &dyn Measurable, first: Direction| {

@@ -7,7 +7,7 @@ use crate::watched::watched;
 use crate::{precision, suite, tolerances};
 use gyroceptron::layer::Activation;
 use gyroceptron::measure::{Row, Tally, Verdict, merged};
-use gyroceptron::network::{SympNet, SympNetShape};
+use gyroceptron::network::{Model, SympNetShape};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::max_or_nan;
 use proptest::prelude::*;
@@ -27,11 +27,11 @@ pub struct Case {
 }
 
 impl Case {
-    pub fn network(&self) -> SympNet<f64> {
+    pub fn network(&self) -> Model {
         let mut stream = Stream::new(self.seed, "weights");
         let count = self.shape.parameter_count();
         let parameters = (0..count).map(|_| self.scale * stream.normal()).collect();
-        SympNet::new(self.shape.clone(), parameters).expect("as many parameters")
+        Model::new(self.shape.architecture(), parameters).expect("as many parameters")
     }
 
     fn points(&self, count: usize) -> Vec<f64> {
@@ -91,7 +91,7 @@ fn the_ladder_is_that_of_rounding() {
             let mut stream = Stream::new(seed, "ladder weights");
             let count = shape.parameter_count();
             let weights = precision::single((0..count).map(|_| 0.4 * stream.normal()));
-            let network = SympNet::new(shape.clone(), weights).expect("as many parameters");
+            let network = Model::new(shape.architecture(), weights).expect("as many parameters");
             for defect in precision::defects(network.composition(), seed) {
                 worst = max_or_nan(worst, defect);
             }

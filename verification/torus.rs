@@ -7,7 +7,7 @@ use crate::suite;
 use crate::watched::watched;
 use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::measure::{Row, Tally, Verdict, merged};
-use gyroceptron::network::{Composition, HenonNet, HenonShape, InitialWeights};
+use gyroceptron::network::{Composition, HenonShape, InitialWeights, Model};
 use gyroceptron::phase::Direction;
 use gyroceptron::random::Stream;
 use proptest::prelude::*;
@@ -45,7 +45,8 @@ impl Case {
         let weights = InitialWeights::Normal { scale: 0.4 };
         let layers = shape.widths.iter();
         let parameters = layers.flat_map(|&h| weights.layer(self.dof, h, &mut stream)).collect();
-        let network = HenonNet::new(shape, parameters).expect("as many parameters");
+        let network =
+            Model::over(shape.architecture(1.0), 1.0, parameters).expect("as many parameters");
         turn.followed_by(network.composition(), Direction::Forward).expect("of one size")
     }
 

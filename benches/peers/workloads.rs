@@ -7,7 +7,7 @@
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
 use gyroceptron::network::{
-    Architecture, Composition, GyroceptronShape, InitialWeights, Model, Rollout, map_jacobians,
+    Composition, GyroceptronShape, InitialWeights, Model, Part, Rollout, map_jacobians,
     map_jacobians_by_duals, rollout,
 };
 use gyroceptron::random::Stream;
@@ -56,7 +56,8 @@ fn workload(
         near_identity: vec![near_width; near],
     };
     let dim = 2 * action.len();
-    let model = Architecture::Gyroceptron { shape, epsilon: 0.01 }
+    let model = shape
+        .architecture(0.01)
         .initialise(InitialWeights::Normal { scale: 0.15 }, 0.7, 1)
         .expect("a valid architecture");
     let mut stream = Stream::new(1, name);
@@ -119,14 +120,13 @@ impl Workload {
             let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
             std::fs::write(folder.join(format!("{part}.f64")), bytes)
         };
-        let Architecture::Gyroceptron { shape, epsilon } = self.model.architecture() else {
-            return Err("not a gyroceptron".into());
-        };
+        let architecture = self.model.architecture();
+        let [circle] = &architecture.circles[..] else { return Err("not a gyroceptron".into()) };
         let mut meta = serde_json::json!({
-            "circle_action": shape.circle_action.weights(),
-            "psi": shape.psi,
-            "near_identity": shape.near_identity,
-            "epsilon": epsilon,
+            "circle_action": circle.weights(),
+            "psi": architecture.widths(Part::Conjugation),
+            "near_identity": architecture.widths(Part::NearIdentity),
+            "epsilon": architecture.epsilon,
             "threads": self.threads,
         });
         let mut result = self.run();

@@ -1,9 +1,10 @@
 //! The command line.
 
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use gyroceptron::Error;
 use gyroceptron::layer::{CircleAction, TorusAction};
-use gyroceptron::scene::{ByTurns, Layers, TwistLayers};
+use gyroceptron::network::NamedArchitecture;
 use std::path::PathBuf;
 
 /// Symplectic gyroceptrons: train, certify and roll out nearly-periodic
@@ -106,21 +107,12 @@ pub struct Verify {
     pub common: Common,
 }
 
-/// The kinds of network.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum ArchitectureName {
-    /// I_ε ∘ ψ ∘ Φ_θ ∘ ψ⁻¹.
-    Gyroceptron,
-    /// χ ∘ Φ_θ ∘ T_ε ∘ χ⁻¹: its actions are exact invariants, but for a
-    /// perturbation.
-    NormalForm,
-    /// I_ε ∘ ψ ∘ Φ_θ ∘ ψ⁻¹ of affine couplings: not symplectic, for flows with friction.
-    CouplingGyroceptron,
-    /// Hénon layers.
-    HenonNet,
-    /// Linear and activation modules.
-    #[value(name = "sympnet", alias = "symp-net")]
-    SympNet,
+/// The names of architectures, each with what it is.
+fn architectures() -> PossibleValuesParser {
+    let value = |named: &NamedArchitecture| {
+        PossibleValue::new(named.name).aliases(named.aliases).help(named.summary)
+    };
+    PossibleValuesParser::new(NamedArchitecture::ALL.iter().map(value))
 }
 
 /// The optimisers.
@@ -162,8 +154,8 @@ pub struct Train {
     #[arg(long, value_name = "FILE.toml")]
     pub scene: Option<String>,
     /// The kind of network [default: the scene's, or a gyroceptron].
-    #[arg(long, value_enum)]
-    pub architecture: Option<ArchitectureName>,
+    #[arg(long, value_parser = architectures())]
+    pub architecture: Option<String>,
     /// Turned kicks of ψ_ε and their neurons, of a gyroceptron in normal form, such as 12x8.
     #[arg(long, value_name = "LAYERSxWIDTH")]
     pub kicks: Option<String>,
@@ -246,6 +238,26 @@ pub struct Train {
     pub overwrite: bool,
     #[command(flatten)]
     pub common: Common,
+}
+
+impl Train {
+    /// The sizes of parts that are given, with the key of each.
+    pub fn sizes(&self) -> impl Iterator<Item = (&'static str, &str)> {
+        let given = [
+            ("psi", &self.psi),
+            ("near_identity", &self.near_identity),
+            ("kicks", &self.kicks),
+            ("twists", &self.twists),
+            ("perturbation", &self.perturbation),
+            ("layers", &self.layers),
+        ];
+        given.into_iter().filter_map(|(key, text)| Some((key, text.as_deref()?)))
+    }
+}
+
+/// The option of a key: `--near-identity` of `near_identity`.
+pub fn option_of(key: &str) -> String {
+    format!("--{}", key.replace('_', "-"))
 }
 
 /// What to do with trajectories that leave the box of the training points.
@@ -351,53 +363,6 @@ pub fn circle_action(text: &str) -> Result<TorusAction, Error> {
         Error::invalid("--circle-action", text, "integers with commas, such as 1,0")
     })?;
     TorusAction::new(circles).map_err(|e| e.at("--circle-action"))
-}
-
-/// The only circle of an action.
-pub fn only_circle(action: &TorusAction) -> Result<&CircleAction, Error> {
-    match action.circles() {
-        [circle] => Ok(circle),
-        several => {
-            let expected = "one circle, but for a gyroceptron in normal form";
-            Err(Error::invalid("--circle-action", format!("{} circles", several.len()), expected))
-        }
-    }
-}
-
-/// `10x8` as layers and neurons.
-pub fn layers(name: &str, text: &str) -> Result<Layers, Error> {
-    let parse = || {
-        let (count, width) = text.split_once('x')?;
-        Some(Layers { count: count.trim().parse().ok()?, width: width.trim().parse().ok()? })
-    };
-    // Of a perturbation there may be none.
-    let least = usize::from(name != "--perturbation");
-    let sound = |layers: &Layers| (least..=100_000).contains(&layers.count) && layers.width > 0;
-    parse()
-        .filter(sound)
-        .ok_or_else(|| Error::invalid(name, text, "layers and neurons, such as 10x8"))
-}
-
-/// `16x8`, or `20x2,10` for two widths by turns, as twist shears.
-pub fn twists(name: &str, text: &str) -> Result<TwistLayers, Error> {
-    let parse = || {
-        let (count, width) = text.split_once('x')?;
-        let width = match width.split_once(',') {
-            None => ByTurns::Same(width.trim().parse().ok()?),
-            Some((first, second)) => {
-                ByTurns::Two([first.trim().parse().ok()?, second.trim().parse().ok()?])
-            }
-        };
-        Some(TwistLayers { count: count.trim().parse().ok()?, width })
-    };
-    let sound = |layers: &TwistLayers| (1..=100_000).contains(&layers.count) && layers.two()[1] > 0;
-    parse().filter(sound).ok_or_else(|| {
-        Error::invalid(
-            name,
-            text,
-            "shears and neurons, such as 16x8, or 20x2,10 for two widths by turns",
-        )
-    })
 }
 
 /// A count that must be at least 1.

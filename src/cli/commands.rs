@@ -2,7 +2,7 @@
 
 use super::arguments::{
     Arguments, Command, Common, Export, Import, Outside, Predict, Run, Verify, circle_action,
-    only_circle, positive,
+    positive,
 };
 use super::output::{json, out, status_of};
 use super::progress::{Progress, line};
@@ -11,9 +11,8 @@ use super::{Status, cite};
 use gyroceptron::Error;
 use gyroceptron::flow::Region;
 use gyroceptron::io::{
-    Provenance, StoredModel, assemble_couplings, assemble_normal_form, assemble_weights,
-    export_weights, file_digest, is_normal_form, is_of_couplings, load_model, read_points,
-    read_tensors, save_model, take_units, write_points,
+    Provenance, StoredModel, assemble_architecture, assemble_weights, export_weights, file_digest,
+    load_model, read_architecture, read_points, read_tensors, save_model, take_units, write_points,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{CertificateOptions, OwnInvariance, certify, certify_all};
@@ -151,10 +150,8 @@ const MOST_RANDOM: usize = 100_000;
 /// The network of `verify --random` and of `train` without a scene: that of
 /// the paper's time-5 map.
 fn default_architecture(circle_action: CircleAction, epsilon: f64) -> Architecture {
-    Architecture::Gyroceptron {
-        shape: GyroceptronShape { circle_action, psi: vec![8; 10], near_identity: vec![8; 10] },
-        epsilon,
-    }
+    let (psi, near_identity) = (vec![8; 10], vec![8; 10]);
+    GyroceptronShape { circle_action, psi, near_identity }.architecture(epsilon)
 }
 
 /// Points of the box that a model was trained in, or else of that of the samples, halfway to
@@ -383,25 +380,14 @@ fn describe(model: &Model, path: &Path, as_json: bool) -> Result<Status, Error> 
             "angles": model.angles(),
         }))?;
     } else {
-        let mut layers = model
-            .architecture()
-            .parts()
-            .iter()
-            .filter(|(_, shape)| !shape.widths.is_empty())
-            .map(|(part, shape)| format!("{part} {} layers", shape.widths.len()))
-            .collect::<Vec<_>>();
-        if let Some(network) = model.normal_form() {
-            let shape = network.shape();
-            layers.push(format!("{} turned kicks", shape.kicks.len()));
-            layers.push(format!("{} twist shears", shape.twists.len()));
-            if let Some(perturbation) = &shape.perturbation {
-                layers.push(format!("{} turned kicks of the perturbation", perturbation.len()));
-            }
-        }
-        if let Architecture::CouplingGyroceptron { shape, .. } = model.architecture() {
-            layers.push(format!("psi {} couplings", shape.psi.len()));
-            layers.push(format!("near_identity {} couplings", shape.near_identity.len()));
-        }
+        let blocks = model.architecture().blocks.iter();
+        let blocks = blocks.filter(|block| block.layers.count() > 0);
+        let layers: Vec<String> = blocks
+            .map(|block| {
+                let (count, words) = (block.layers.count(), block.layers.words());
+                format!("{} {count} {words}", block.name).trim_start().to_owned()
+            })
+            .collect();
         out(&format!("{}: {count} parameters, {}\n", path.display(), layers.join(", ")))?;
     }
     Ok(Status::Done)
@@ -414,33 +400,26 @@ fn import(arguments: &Import) -> Result<Status, Error> {
     if tensors.values().any(|tensor| tensor.single_precision) {
         line(&format!("{place}: float32 numbers, taken as they are"));
     }
-    let (place, epsilon) = (place.to_string(), arguments.epsilon);
-    if let Some(time) = arguments.flow_time.filter(|time| !(*time > 0.0 && time.is_finite())) {
-        return Err(Error::invalid("--flow-time", time, "a positive number"));
-    }
+    let (place, epsilon, time) = (place.to_string(), arguments.epsilon, arguments.flow_time);
     let units = take_units(&place, &mut tensors, action.dof())?;
-    let of_couplings = is_of_couplings(&tensors);
-    let model = match (is_normal_form(&tensors) || of_couplings, arguments.flow_time) {
-        (true, Some(time)) if of_couplings => {
-            let circle = only_circle(&action)?.clone();
-            assemble_couplings(&place, tensors, circle, epsilon, time)?
+    let model = match read_architecture(&arguments.weights)? {
+        // A list of blocks of its own has no other description.
+        Some(own) if own.circles == action.circles() => {
+            if let (Some(time), false) = (time, own.has_flow_time()) {
+                let expected = "none: no block of this network has a flow time";
+                return Err(Error::invalid("--flow-time", time, expected));
+            }
+            let time = time.unwrap_or(own.flow_time);
+            assemble_architecture(&place, tensors, own.at_epsilon(epsilon).of_time(time))?
         }
-        (true, Some(time)) => assemble_normal_form(&place, tensors, action, epsilon, time)?,
-        (true, None) => {
-            let of = if of_couplings { "of couplings" } else { "in normal form" };
-            let (key, needed_by) = ("--flow-time", format!("a gyroceptron {of}"));
-            return Err(Error::Missing { place, key, needed_by });
-        }
-        (false, Some(time)) => {
-            let expected = "an option of gyroceptrons in normal form and of couplings";
-            return Err(Error::invalid("--flow-time", time, expected));
-        }
-        (false, None) => assemble_weights(&place, tensors, only_circle(&action)?.clone(), epsilon)?,
+        _ => assemble_weights(&place, tensors, &action, epsilon, time)?,
     };
+    let architecture = model.architecture();
+    let flow_time = architecture.has_flow_time().then_some(architecture.flow_time);
     guard_output("--output", &arguments.output, arguments.overwrite, &[&arguments.weights])?;
     let provenance = Provenance {
         data: Some(file_digest(&arguments.weights)?),
-        flow_time: arguments.flow_time,
+        flow_time: flow_time.or(arguments.flow_time),
         ..Provenance::of("import")
     };
     save_model(&arguments.output, &StoredModel { model: model.clone(), units, provenance })?;

@@ -1,10 +1,7 @@
 //! Training on pairs of one's own.
 
 use super::Status;
-use super::arguments::{
-    ArchitectureName, OptimiserName, Train, UnitsOf, circle_action, layers, only_circle, positive,
-    twists,
-};
+use super::arguments::{OptimiserName, Train, UnitsOf, circle_action, option_of, positive};
 use super::commands::{check_ending, guard_output, read_scene, use_threads};
 use super::output::{json, out};
 use super::progress::{Progress, line};
@@ -14,12 +11,12 @@ use gyroceptron::io::{
     PairsFile, Provenance, StoredModel, earlier_checkpoint, load_checkpoint, read_pairs,
     save_checkpoint, save_model,
 };
+use gyroceptron::layer::TorusAction;
 use gyroceptron::measure::rotation_errors;
-use gyroceptron::network::Architecture;
+use gyroceptron::network::{Architecture, Circles, LayerSizes, NetworkSpec};
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
-    Folder, Layers, ModelSpec, NetworkSpec, Observer, OwnTraining, Reading, TrainingTimes,
-    units_told,
+    Folder, ModelSpec, Observer, OwnTraining, Reading, TrainingTimes, units_told,
 };
 use gyroceptron::train::{
     ActionFit, AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions,
@@ -36,7 +33,7 @@ const EPSILON: f64 = 0.01;
 fn of_scene(scene: Option<&str>) -> Result<(ModelSpec, TrainingOptions), Error> {
     let default = |name: &str| ModelSpec {
         name: name.into(),
-        network: NetworkSpec::default_gyroceptron(),
+        network: NetworkSpec::named("gyroceptron").expect("it has this name"),
         weights: ModelSpec::OWN_WEIGHTS,
         training: None,
         training_only: false,
@@ -59,75 +56,26 @@ fn of_scene(scene: Option<&str>) -> Result<(ModelSpec, TrainingOptions), Error> 
 }
 
 /// The network that the options ask for, or that of the scene.
-fn network(arguments: &Train, of_scene: NetworkSpec) -> Result<NetworkSpec, Error> {
-    let given = |name: &str, text: &Option<String>| {
-        text.as_deref().map(|text| layers(name, text)).transpose()
-    };
-    let psi = given("--psi", &arguments.psi)?;
-    let near_identity = given("--near-identity", &arguments.near_identity)?;
-    let plain = given("--layers", &arguments.layers)?;
-    let own_kicks = given("--kicks", &arguments.kicks)?;
-    let perturbation = given("--perturbation", &arguments.perturbation)?;
-    let own_twists =
-        arguments.twists.as_deref().map(|text| twists("--twists", text)).transpose()?;
-    let mut network = match arguments.architecture {
+fn network(
+    arguments: &Train,
+    action: &TorusAction,
+    of_scene: NetworkSpec,
+) -> Result<NetworkSpec, Error> {
+    let mut network = match &arguments.architecture {
         None => of_scene,
-        Some(ArchitectureName::Gyroceptron) => NetworkSpec::default_gyroceptron(),
-        Some(ArchitectureName::NormalForm) => NetworkSpec::default_normal_form(),
-        Some(ArchitectureName::CouplingGyroceptron) => NetworkSpec::default_coupling_gyroceptron(),
-        Some(ArchitectureName::HenonNet) => NetworkSpec::default_henon_net(),
-        Some(ArchitectureName::SympNet) => NetworkSpec::default_symp_net(),
+        Some(name) => NetworkSpec::named(name)?,
     };
-    let unfit = |name: &str, value: &Option<String>, of: &str| {
-        let found = value.clone().unwrap_or_default();
-        Err(Error::invalid(name, found, format!("an option of {of}")))
-    };
-    if !matches!(network, NetworkSpec::NormalForm { .. }) {
-        for (name, value) in [
-            ("--kicks", &arguments.kicks),
-            ("--twists", &arguments.twists),
-            ("--perturbation", &arguments.perturbation),
-        ] {
-            if value.is_some() {
-                return unfit(name, value, "gyroceptrons in normal form");
-            }
-        }
+    if network.is_of_file() {
+        return Err(Error::invalid("--scene", "a network of a file", "one to train"));
     }
-    match &mut network {
-        NetworkSpec::NormalForm { psi: own, kicks, twists, action, perturbation: of } => {
-            if plain.is_some() {
-                return unfit("--layers", &arguments.layers, "HénonNets and SympNets");
-            }
-            if near_identity.is_some() {
-                return unfit("--near-identity", &arguments.near_identity, "gyroceptrons");
-            }
-            *own = psi.or(*own);
-            *kicks = own_kicks.unwrap_or(*kicks);
-            *twists = own_twists.unwrap_or(*twists);
-            *of = perturbation.or(*of);
-            *action = Some(circle_action(&arguments.circle_action)?);
-        }
-        NetworkSpec::Gyroceptron { psi: own, near_identity: near, circle_action }
-        | NetworkSpec::CouplingGyroceptron { psi: own, near_identity: near, circle_action } => {
-            if plain.is_some() {
-                return unfit("--layers", &arguments.layers, "HénonNets and SympNets");
-            }
-            *own = psi.unwrap_or(*own);
-            *near = near_identity.unwrap_or(*near);
-            *circle_action = None;
-        }
-        _ if psi.is_some() => return unfit("--psi", &arguments.psi, "gyroceptrons"),
-        _ if near_identity.is_some() => {
-            return unfit("--near-identity", &arguments.near_identity, "gyroceptrons");
-        }
-        NetworkSpec::HenonNet { layers } => *layers = plain.unwrap_or(*layers),
-        NetworkSpec::SympNet { modules, shears, .. } => {
-            let layers = plain.unwrap_or(Layers { count: *modules, width: *shears });
-            (*modules, *shears) = (layers.count, layers.width);
-        }
-        NetworkSpec::File { .. } => {
-            return Err(Error::invalid("--scene", "a network of a file", "one to train"));
-        }
+    for (key, text) in arguments.sizes() {
+        let option = option_of(key);
+        let size = LayerSizes::parse(&option, text)?;
+        network = network.with_size(key, size).map_err(|e| e.at(option))?;
+    }
+    (network.circle_action, network.action) = (None, None);
+    if network.circles() == Circles::Several {
+        network.action = Some(action.clone());
     }
     Ok(network)
 }
@@ -188,8 +136,8 @@ fn command(
         arguments.validation,
         arguments.seed
     );
-    if !architecture.circles().is_empty() {
-        out.push_str(&format!(" --epsilon {}", architecture.epsilon()));
+    if architecture.has_circle() {
+        out.push_str(&format!(" --epsilon {}", architecture.epsilon));
     }
     if let Some(time) = flow_time {
         out.push_str(&format!(" --flow-time {time}"));
@@ -331,7 +279,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     check_ending("--output", &arguments.output, "json")?;
     let action = circle_action(&arguments.circle_action)?;
     let (spec, training) = of_scene(arguments.scene.as_deref())?;
-    let network = network(arguments, spec.network.clone())?;
+    let network = network(arguments, &action, spec.network.clone())?;
     let spec = ModelSpec { network, ..spec };
     let training = options(arguments, training)?;
     if !(0.0..1.0).contains(&arguments.validation) {
@@ -341,8 +289,13 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if let Some(theta) = arguments.theta.filter(|t| !t.is_finite()) {
         return Err(Error::invalid("--theta", theta, "a finite number"));
     }
-    let is_normal_form = matches!(spec.network, NetworkSpec::NormalForm { .. });
-    let (has_circle, has_time) = (spec.network.has_circle(), spec.network.has_flow_time());
+    let architecture =
+        |epsilon: f64, flow_time: f64| spec.network.architecture(&action, epsilon, flow_time);
+    // Before any file is read: of any ε and flow time.
+    let any = architecture(arguments.epsilon.unwrap_or(EPSILON), 1.0)
+        .map_err(|e| e.at("--circle-action"))?;
+    let (has_circle, has_time) = (any.has_circle(), any.has_flow_time());
+    let of_order_one = any.is_of_order_one();
     for (name, value, fits, of) in [
         ("--epsilon", arguments.epsilon, has_circle, "gyroceptrons"),
         ("--theta", arguments.theta, has_circle, "gyroceptrons"),
@@ -354,15 +307,6 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if let Some(time) = arguments.flow_time.filter(|t| !(t.is_finite() && *t > 0.0)) {
         return Err(Error::invalid("--flow-time", time, "a positive number"));
     }
-    if !is_normal_form {
-        only_circle(&action)?;
-    }
-    let architecture = |epsilon: f64, flow_time: f64| {
-        let architecture = spec.network.architecture(&action.circles()[0], epsilon, flow_time);
-        architecture.expect("a network of a file is refused")
-    };
-    // Before any file is read: of any ε and flow time.
-    let any = architecture(arguments.epsilon.unwrap_or(EPSILON), 1.0);
     any.check()?;
     training.check_for(&any)?;
     let checkpoint_file = beside(&arguments.output, ".checkpoint", true);
@@ -404,7 +348,6 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     }
     let epsilon = family.epsilon;
     let pairs = file.pairs.with_conditions(|condition| family.place(condition));
-    let of_order_one = spec.network.is_nearly_integrable();
     if has_time && !of_order_one && epsilon == 0.0 && family.time.is_none() {
         return Err(Error::invalid("--epsilon", 0, "another number, or --flow-time"));
     }
@@ -428,7 +371,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if let Some(units) = &units {
         progress.note(&format!("{place}: {}", units_told(units)));
     }
-    let architecture = architecture(epsilon, time);
+    let architecture = architecture(epsilon, time)?;
     progress.note(&format!(
         "training {} parameters on {} pairs, {} held out, θ from {angles:.6?}",
         architecture.parameter_count(),

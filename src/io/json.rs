@@ -1,5 +1,6 @@
 //! Models and checkpoints as JSON.
 
+use super::legacy::Named;
 use super::{read_bytes, write_atomically};
 use crate::digest;
 use crate::error::Error;
@@ -11,10 +12,10 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The newest model format that this version reads, and the one it writes of a model with
-/// units; without them it is 1, which earlier versions read.
-const MODEL_VERSION: u64 = 2;
-const MODEL_VERSION_WITHOUT_UNITS: u64 = 1;
+/// The newest model format that this version reads, and the one it writes: an architecture is a
+/// list of blocks, and the digest covers it. In formats 1 and 2 (with units) it has a name, and the
+/// digest covers parameters and units alone.
+const MODEL_VERSION: u64 = 3;
 /// The newest checkpoint format that this version reads, and the one it writes.
 const CHECKPOINT_VERSION: u64 = 1;
 
@@ -86,7 +87,7 @@ impl StoredModel {
             return Ok(self);
         }
         for (name, value) in [("epsilon", epsilon), ("flow_time", flow_time)] {
-            if let (Some(value), true) = (value, architecture.circles().is_empty()) {
+            if let (Some(value), false) = (value, architecture.has_circle()) {
                 return Err(Error::invalid(name, value, "none: it is of gyroceptrons only"));
             }
         }
@@ -101,7 +102,8 @@ impl StoredModel {
                 return Err(Error::invalid("flow_time", time, expected));
             }
         };
-        self.at(epsilon.unwrap_or(architecture.epsilon()), time)
+        let epsilon = epsilon.unwrap_or(architecture.epsilon);
+        self.at(epsilon, time)
     }
 
     /// [`Model::rollout`] of points of the data.
@@ -180,24 +182,47 @@ impl StoredModel {
     }
 }
 
+/// A model file, whose architecture is a list of blocks or, in earlier formats, a named one.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct ModelFile {
+struct ModelFile<A = Architecture> {
     format: String,
     version: u64,
-    architecture: Architecture,
+    architecture: A,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     units: Option<Units>,
     provenance: Provenance,
-    /// SHA-256 of the bits of the parameters and of the units: a flipped digit is another model.
+    /// SHA-256 of the architecture, the bits of the parameters and of the units: a flipped digit is
+    /// another model.
     digest: String,
     parameters: Vec<f64>,
 }
 
 /// See `digest` of a model file.
-fn digest_of(parameters: &[f64], units: Option<&Units>) -> String {
+fn digest_of(
+    architecture: &Architecture,
+    parameters: &[f64],
+    units: Option<&Units>,
+) -> Result<String, Error> {
+    let text = serde_json::to_string(architecture)
+        .map_err(|reason| Error::invalid("architecture", reason, "numbers that JSON can hold"))?;
+    let numbers = digest_of_numbers(parameters, units);
+    Ok(digest::of_bytes(format!("{text}\n{numbers}").as_bytes()))
+}
+
+/// The `digest` of earlier formats.
+fn digest_of_numbers(parameters: &[f64], units: Option<&Units>) -> String {
     let of_units = units.iter().flat_map(|units| units.centre().iter().chain(units.factors()));
     digest::of_numbers(parameters.iter().chain(of_units))
+}
+
+impl ModelFile<Named> {
+    /// The same with its list of blocks.
+    fn into_blocks(self) -> ModelFile {
+        let Self { format, version, architecture, units, provenance, digest, parameters } = self;
+        let architecture = architecture.into();
+        ModelFile { format, version, architecture, units, provenance, digest, parameters }
+    }
 }
 
 const MODEL_FORMAT: &str = "gyroceptron-model";
@@ -211,6 +236,17 @@ fn parse_document<T: DeserializeOwned>(
     format: &str,
     supported: u64,
 ) -> Result<T, Error> {
+    let (_, value) = parse_header(place, bytes, format, supported)?;
+    parse_content(place, value, format)
+}
+
+/// A document and its version.
+fn parse_header(
+    place: &str,
+    bytes: &[u8],
+    format: &str,
+    supported: u64,
+) -> Result<(u64, serde_json::Value), Error> {
     let expected = format!("a {format} file");
     let value: serde_json::Value = serde_json::from_slice(bytes)
         .map_err(|reason| Error::content(place, &expected, format!("corrupt JSON: {reason}")))?;
@@ -226,6 +262,15 @@ fn parse_document<T: DeserializeOwned>(
     if version > supported {
         return Err(Error::NewerFormat { path: place.into(), found: version, supported });
     }
+    Ok((version, value))
+}
+
+fn parse_content<T: DeserializeOwned>(
+    place: &str,
+    value: serde_json::Value,
+    format: &str,
+) -> Result<T, Error> {
+    let expected = format!("a {format} file");
     serde_json::from_value(value).map_err(|reason| Error::content(place, &expected, reason))
 }
 
@@ -235,17 +280,15 @@ fn parse_document<T: DeserializeOwned>(
 /// # Errors
 /// When a number is not finite, which JSON cannot hold.
 pub fn model_text(stored: &StoredModel) -> Result<String, Error> {
+    let (architecture, parameters) = (stored.model.architecture(), stored.model.parameters());
     let file = ModelFile {
         format: MODEL_FORMAT.into(),
-        version: match stored.units {
-            Some(_) => MODEL_VERSION,
-            None => MODEL_VERSION_WITHOUT_UNITS,
-        },
-        architecture: stored.model.architecture(),
+        version: MODEL_VERSION,
+        architecture: architecture.clone(),
         units: stored.units.clone(),
         provenance: stored.provenance.clone(),
-        digest: digest_of(stored.model.composition().parameters(), stored.units.as_ref()),
-        parameters: stored.model.composition().parameters().to_vec(),
+        digest: digest_of(architecture, parameters, stored.units.as_ref())?,
+        parameters: parameters.to_vec(),
     };
     let text = serde_json::to_string_pretty(&file)
         .map_err(|reason| Error::invalid("model", reason, "numbers that JSON can hold"))?;
@@ -274,7 +317,12 @@ pub fn load_model(path: &Path) -> Result<StoredModel, Error> {
 /// # Errors
 /// Those of [`load_model`].
 pub fn parse_model(place: &str, bytes: &[u8]) -> Result<StoredModel, Error> {
-    let file: ModelFile = parse_document(place, bytes, MODEL_FORMAT, MODEL_VERSION)?;
+    let (version, value) = parse_header(place, bytes, MODEL_FORMAT, MODEL_VERSION)?;
+    let of_names = version < MODEL_VERSION;
+    let file = match of_names {
+        false => parse_content(place, value, MODEL_FORMAT)?,
+        true => parse_content::<ModelFile<Named>>(place, value, MODEL_FORMAT)?.into_blocks(),
+    };
     file.architecture.check().map_err(|e| Error::content(place, "a valid model", e))?;
     let expected = file.architecture.parameter_count();
     if file.parameters.len() != expected {
@@ -284,10 +332,18 @@ pub fn parse_model(place: &str, bytes: &[u8]) -> Result<StoredModel, Error> {
             file.parameters.len(),
         ));
     }
-    if digest_of(&file.parameters, file.units.as_ref()) != file.digest {
+    let digest = match of_names {
+        true => digest_of_numbers(&file.parameters, file.units.as_ref()),
+        false => digest_of(&file.architecture, &file.parameters, file.units.as_ref())?,
+    };
+    if digest != file.digest {
+        let [name, expected] = match of_names {
+            true => ["parameters", "numbers that match their digest"],
+            false => ["digest", "that of the architecture, the units and the parameters"],
+        };
         return Err(Error::content(
-            format!("{place}: parameters"),
-            "numbers that match their digest",
+            format!("{place}: {name}"),
+            expected,
             "others: the file is corrupt or was edited",
         ));
     }

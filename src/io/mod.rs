@@ -5,6 +5,7 @@
 
 mod arrays;
 mod json;
+mod legacy;
 mod npy;
 mod tensor_bundle;
 mod weights;
@@ -18,9 +19,8 @@ pub use json::{
     parse_model, save_checkpoint, save_model,
 };
 pub use weights::{
-    Tensor, WeightsFormat, assemble_couplings, assemble_normal_form, assemble_weights,
-    export_weights, import_weights, is_normal_form, is_of_couplings, parse_tensors, read_tensors,
-    take_units,
+    Tensor, WeightsFormat, assemble_architecture, assemble_weights, export_weights, import_weights,
+    parse_tensors, read_architecture, read_tensors, take_units,
 };
 
 use crate::error::Error;

@@ -19,12 +19,12 @@ use super::{read_bytes, tensor_bundle, write_atomically};
 use crate::error::Error;
 use crate::layer::{CircleAction, TorusAction};
 use crate::network::{
-    Architecture, CouplingGyroceptronShape, GyroceptronShape, Model, NormalFormShape,
+    Architecture, CouplingGyroceptronShape, GyroceptronShape, Model, NormalFormShape, Part,
 };
 use crate::phase::Units;
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 /// A named array of numbers.
@@ -135,35 +135,22 @@ fn from_npz(place: &str, bytes: Vec<u8>) -> Result<BTreeMap<String, Tensor>, Err
     Ok(tensors)
 }
 
-/// The widths of a part's layers, read off the tensors `{part}.{i}.w_in`.
+/// The widths of a block's layers, read off the tensors `{block}.{i}.w_in`; none where there is no
+/// such block.
 fn widths(
     place: &str,
     tensors: &BTreeMap<String, Tensor>,
-    part: &str,
-    dof: usize,
-) -> Result<Vec<usize>, Error> {
-    let out = widths_if_any(place, tensors, part, dof)?;
-    if out.is_empty() {
-        return Err(Error::content(format!("{place}: {part}.0.w_in"), "a tensor", "none"));
-    }
-    Ok(out)
-}
-
-/// See [`widths`]; none where there is no such part.
-fn widths_if_any(
-    place: &str,
-    tensors: &BTreeMap<String, Tensor>,
-    part: &str,
-    dof: usize,
+    block: &str,
+    arguments: usize,
 ) -> Result<Vec<usize>, Error> {
     let mut out = Vec::new();
-    while let Some(tensor) = tensors.get(&format!("{part}.{}.w_in", out.len())) {
+    while let Some(tensor) = tensors.get(&format!("{block}.{}.w_in", out.len())) {
         match tensor.shape[..] {
-            [rows, width] if rows == dof => out.push(width),
+            [rows, width] if rows == arguments => out.push(width),
             _ => {
                 return Err(Error::content(
-                    format!("{place}: {part}.{}.w_in", out.len()),
-                    format!("shape ({dof}, h)"),
+                    format!("{place}: {block}.{}.w_in", out.len()),
+                    format!("shape ({arguments}, h)"),
                     format!("shape {:?}", tensor.shape),
                 ));
             }
@@ -172,125 +159,174 @@ fn widths_if_any(
     Ok(out)
 }
 
-/// Reads the weights of a gyroceptron with this circle action at ε.
+/// Reads the weights of a gyroceptron with these circles at ε: see [`assemble_weights`].
 ///
 /// # Errors
 /// When a tensor is missing, superfluous or of another shape, or the file
 /// cannot be read.
 pub fn import_weights(
     path: &Path,
-    circle_action: CircleAction,
+    action: &TorusAction,
     epsilon: f64,
+    flow_time: Option<f64>,
 ) -> Result<Model, Error> {
-    assemble_weights(&path.display().to_string(), read_tensors(path)?, circle_action, epsilon)
+    assemble_weights(&path.display().to_string(), read_tensors(path)?, action, epsilon, flow_time)
 }
 
-/// Whether tensors are those of a gyroceptron in normal form.
-pub fn is_normal_form(tensors: &BTreeMap<String, Tensor>) -> bool {
-    let is_of_one =
-        |name: &String| ["kick.", "twist.", PERTURBATION].iter().any(|part| name.starts_with(part));
-    tensors.keys().any(is_of_one)
-}
-
-/// Whether tensors are those of a gyroceptron of couplings.
-pub fn is_of_couplings(tensors: &BTreeMap<String, Tensor>) -> bool {
-    tensors.keys().any(|name| name.ends_with(".w_scale"))
-}
-
-/// Makes a gyroceptron of couplings, with this action at ε and this flow time, of tensors in
-/// memory; `place` names them in errors.
+/// The architecture that [`export_weights`] has written into a `.safetensors` file, if it has one.
 ///
 /// # Errors
-/// When a tensor is missing, superfluous or of another shape.
-pub fn assemble_couplings(
-    place: &str,
-    tensors: BTreeMap<String, Tensor>,
-    circle_action: CircleAction,
-    epsilon: f64,
-    flow_time: f64,
-) -> Result<Model, Error> {
-    let dof = circle_action.dof();
-    let shape = CouplingGyroceptronShape {
-        psi: widths_if_any(place, &tensors, "psi", dof)?,
-        near_identity: widths_if_any(place, &tensors, "near_identity", dof)?,
-        circle_action,
-        flow_time,
-    };
-    assemble(place, tensors, Architecture::CouplingGyroceptron { shape, epsilon })
-}
-
-/// Makes a gyroceptron in normal form, with this action at ε and this flow time, of
-/// tensors in memory; `place` names them in errors.
-///
-/// # Errors
-/// When a tensor is missing, superfluous or of another shape.
-pub fn assemble_normal_form(
-    place: &str,
-    mut tensors: BTreeMap<String, Tensor>,
-    action: TorusAction,
-    epsilon: f64,
-    flow_time: f64,
-) -> Result<Model, Error> {
-    let dof = action.dof();
-    let mut shape = NormalFormShape {
-        action,
-        psi: widths_if_any(place, &tensors, "psi", dof)?,
-        kicks: widths_if_any(place, &tensors, "kick", dof)?,
-        twists: Vec::new(),
-        flow_time,
-        perturbation: None,
-    };
-    let perturbation = widths_if_any(place, &tensors, "perturbation", dof)?;
-    if let Some(count) = tensors.remove(PERTURBATION) {
-        let place = format!("{place}: {PERTURBATION}");
-        if count.values != [perturbation.len() as f64] {
-            let found = format!("{:?}", count.values);
-            return Err(Error::content(place, format!("[{}]", perturbation.len()), found));
-        }
-        shape.perturbation = Some(perturbation);
-    } else if !perturbation.is_empty() {
-        return Err(Error::content(
-            format!("{place}: {PERTURBATION}"),
-            "a tensor of that name",
-            "none",
-        ));
+/// When the file cannot be read, or its architecture is none.
+pub fn read_architecture(path: &Path) -> Result<Option<Architecture>, Error> {
+    if path.extension().is_none_or(|ending| ending != "safetensors") {
+        return Ok(None);
     }
-    shape.twists = widths_if_any(place, &tensors, "twist", shape.arguments())?;
-    assemble(place, tensors, Architecture::NormalForm { shape, epsilon })
+    let (place, bytes) = (path.display().to_string(), read_bytes(path)?);
+    let (_, metadata) = SafeTensors::read_metadata(&bytes)
+        .map_err(|reason| Error::content(&place, "a .safetensors file", reason))?;
+    let text = metadata.metadata().as_ref().and_then(|of| of.get(ARCHITECTURE));
+    let parse = |text: &String| -> Result<Architecture, Error> {
+        let place = format!("{place}: {ARCHITECTURE}");
+        let architecture: Architecture = serde_json::from_str(text)
+            .map_err(|reason| Error::content(&place, "an architecture", reason))?;
+        architecture.check().map_err(|e| e.at(&place))?;
+        Ok(architecture)
+    };
+    text.map(parse).transpose()
 }
 
-/// Makes a gyroceptron of tensors in memory; `place` names them in errors.
+/// The key of the architecture among the metadata of a `.safetensors` file.
+const ARCHITECTURE: &str = "architecture";
+
+/// Which named gyroceptron tensors are of, by their names.
+enum Recognised {
+    Gyroceptron,
+    NormalForm,
+    Couplings,
+}
+
+impl Recognised {
+    fn of(tensors: &BTreeMap<String, Tensor>) -> Self {
+        let is_of_one = |name: &String| {
+            ["kick.", "twist.", PERTURBATION].iter().any(|part| name.starts_with(part))
+        };
+        if tensors.keys().any(|name| name.ends_with(".w_scale")) {
+            Self::Couplings
+        } else if tensors.keys().any(is_of_one) {
+            Self::NormalForm
+        } else {
+            Self::Gyroceptron
+        }
+    }
+
+    fn words(&self) -> &'static str {
+        match self {
+            Self::Gyroceptron => "a gyroceptron",
+            Self::NormalForm => "a gyroceptron in normal form",
+            Self::Couplings => "a gyroceptron of couplings",
+        }
+    }
+}
+
+/// Makes a gyroceptron with these circles at ε of tensors in memory; `place` names them in errors.
+/// One in normal form, which has tensors `kick.…` or `twist.…`, and one of couplings, which has
+/// `….w_scale`, need their flow time; others have none.
 ///
 /// # Errors
-/// Those of [`import_weights`].
+/// When a tensor is missing, superfluous or of another shape; when the flow time is missing,
+/// superfluous, or not positive; when there are several circles and it is not in normal form.
 pub fn assemble_weights(
     place: &str,
-    tensors: BTreeMap<String, Tensor>,
-    circle_action: CircleAction,
+    mut tensors: BTreeMap<String, Tensor>,
+    action: &TorusAction,
     epsilon: f64,
+    flow_time: Option<f64>,
 ) -> Result<Model, Error> {
-    let dof = circle_action.dof();
-    let architecture = Architecture::Gyroceptron {
-        shape: GyroceptronShape {
-            psi: widths(place, &tensors, "psi", dof)?,
-            near_identity: widths(place, &tensors, "near_identity", dof)?,
-            circle_action,
-        },
-        epsilon,
+    let (dof, kind) = (action.dof(), Recognised::of(&tensors));
+    let time = match (flow_time, &kind) {
+        (Some(time), Recognised::Gyroceptron) => {
+            let expected = "none: gyroceptrons in normal form and of couplings have one";
+            return Err(Error::invalid("flow_time", time, expected));
+        }
+        (None, Recognised::Gyroceptron) => 1.0,
+        (Some(time), _) if !(time > 0.0 && time.is_finite()) => {
+            return Err(Error::invalid("flow_time", time, "a positive number"));
+        }
+        (Some(time), _) => time,
+        (None, _) => {
+            let (place, needed_by) = (place.into(), kind.words().into());
+            return Err(Error::Missing { place, key: "flow_time", needed_by });
+        }
     };
-    assemble(place, tensors, architecture)
+    let circle = || match action.circles() {
+        [circle] => Ok(circle.clone()),
+        circles => {
+            let expected = format!("one circle, of {}", kind.words());
+            Err(Error::invalid("circle action", format!("{} circles", circles.len()), expected))
+        }
+    };
+    let parts =
+        [widths(place, &tensors, "psi", dof)?, widths(place, &tensors, "near_identity", dof)?];
+    let [psi, near_identity] = parts;
+    let architecture = match kind {
+        Recognised::Gyroceptron => {
+            for (block, widths) in [("psi", &psi), ("near_identity", &near_identity)] {
+                if widths.is_empty() {
+                    let place = format!("{place}: {block}.0.w_in");
+                    return Err(Error::content(place, "a tensor", "none"));
+                }
+            }
+            GyroceptronShape { circle_action: circle()?, psi, near_identity }.architecture(epsilon)
+        }
+        Recognised::Couplings => {
+            let (circle_action, flow_time) = (circle()?, time);
+            CouplingGyroceptronShape { circle_action, psi, near_identity, flow_time }
+                .architecture(epsilon)
+        }
+        Recognised::NormalForm => {
+            let kicks = widths(place, &tensors, "kick", dof)?;
+            let perturbation = widths(place, &tensors, PERTURBATION, dof)?;
+            let perturbation = match tensors.remove(PERTURBATION) {
+                Some(count) if count.values != [perturbation.len() as f64] => {
+                    let place = format!("{place}: {PERTURBATION}");
+                    let found = format!("{:?}", count.values);
+                    return Err(Error::content(place, format!("[{}]", perturbation.len()), found));
+                }
+                Some(_) => Some(perturbation),
+                None if perturbation.is_empty() => None,
+                None => {
+                    let place = format!("{place}: {PERTURBATION}");
+                    return Err(Error::content(place, "a tensor of that name", "none"));
+                }
+            };
+            let of = |circle: &CircleAction, j: usize| circle.weights()[j] == 0;
+            let slow = |j: &usize| action.circles().iter().all(|circle| of(circle, *j));
+            let arguments = action.circles().len() + (0..dof).filter(slow).count();
+            let twists = widths(place, &tensors, "twist", arguments)?;
+            let (action, flow_time) = (action.clone(), time);
+            NormalFormShape { action, psi, kicks, twists, flow_time, perturbation }
+                .architecture(epsilon)
+        }
+    };
+    assemble_architecture(place, tensors, architecture)
 }
 
 /// The network of this architecture with these tensors and no others.
-fn assemble(
+///
+/// # Errors
+/// When a tensor is missing, superfluous or of another shape, or the architecture cannot be.
+pub fn assemble_architecture(
     place: &str,
     mut tensors: BTreeMap<String, Tensor>,
     architecture: Architecture,
 ) -> Result<Model, Error> {
     // Before anything of its size is allocated.
     architecture.check().map_err(|e| e.at(place))?;
+    if architecture.part(Part::Perturbation).next().is_some() {
+        tensors.remove(PERTURBATION);
+    }
     let mut parameters = Vec::with_capacity(architecture.parameter_count());
-    let angles = architecture.circles().len();
+    let angles = architecture.circles.len();
     let mut take = |name: &str, shape: Option<[usize; 2]>| -> Result<(), Error> {
         let place = format!("{place}: {name}");
         let tensor = tensors
@@ -327,7 +363,7 @@ fn assemble(
     Model::new(architecture, parameters)
 }
 
-/// The name of the tensor that tells a map which is nearly integrable: how many turned kicks its
+/// The name of the block of turned kicks of a map which is nearly integrable, and of the tensor that tells of it: how many turned kicks its
 /// perturbation has.
 const PERTURBATION: &str = "perturbation";
 
@@ -396,9 +432,11 @@ pub fn export_weights(path: &Path, model: &Model, units: Option<&Units>) -> Resu
         let shape = if name == "theta" { vec![shape[1]] } else { shape.to_vec() };
         tensors.push((name, shape, values));
     }
-    let perturbation = model.normal_form().and_then(|net| net.shape().perturbation.as_ref());
-    let kicks = perturbation.map(|widths| [widths.len() as f64]);
-    if let Some(kicks) = &kicks {
+    let perturbation = architecture.part(Part::Perturbation).next();
+    let kicks = perturbation.map(|block| [block.layers.count() as f64]);
+    if let Some(kicks) = &kicks
+        && perturbation.is_some_and(|block| block.name == PERTURBATION)
+    {
         tensors.push((PERTURBATION.to_owned(), vec![1], kicks));
     }
     if let Some(units) = units {
@@ -408,6 +446,9 @@ pub fn export_weights(path: &Path, model: &Model, units: Option<&Units>) -> Resu
     }
     match format {
         WeightsFormat::Safetensors => {
+            let text =
+                serde_json::to_string(architecture).map_err(|reason| Error::write(path, reason))?;
+            let metadata = HashMap::from([(ARCHITECTURE.to_owned(), text)]);
             let bytes: Vec<Vec<u8>> = tensors
                 .iter()
                 .map(|(_, _, values)| values.iter().flat_map(|v| v.to_le_bytes()).collect())
@@ -420,7 +461,7 @@ pub fn export_weights(path: &Path, model: &Model, units: Option<&Units>) -> Resu
                 })
                 .collect();
             let file = views
-                .and_then(|views| serialize(views, None))
+                .and_then(|views| serialize(views, Some(metadata)))
                 .map_err(|reason: safetensors::SafeTensorError| Error::write(path, reason))?;
             write_atomically(path, |out| out.write_all(&file))
         }

@@ -39,5 +39,5 @@ pub use potential::{Potential, TanhPotential};
 pub use shear::Shear;
 pub use turn::{CircleAction, PlaneTurn, TorusAction, Turn, TurnStep, quarter_turns};
 pub use turned::{OfMomenta, Turned, TurnedCoupling, TurnedKick};
+pub(crate) use twist::form_len;
 pub use twist::{FastPlanes, Twist, TwistShears};
-pub(crate) use twist::{form_len, shear_len};

@@ -122,7 +122,7 @@ pub(crate) fn form_len(number: usize, arguments: usize) -> usize {
 }
 
 /// The parameters of a shear of so many neurons. Saturates instead of overflowing.
-pub(crate) fn shear_len(number: usize, width: usize, arguments: usize) -> usize {
+fn shear_len(number: usize, width: usize, arguments: usize) -> usize {
     let neurons = width.saturating_mul(arguments.saturating_add(2));
     neurons.saturating_add(form_len(number, arguments))
 }

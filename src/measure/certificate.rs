@@ -4,7 +4,7 @@ use super::laws::{self, NO_INVERSE, Samples};
 use super::tally::{COUNT_LIMIT, RATIO_LIMIT, Row, Tally, Verdict, merged};
 use super::{Coordinate, Measurable, NearlyPeriodic, NormalFormed};
 use crate::error::Error;
-use crate::network::Model;
+use crate::network::{Block, Layers, Model, Part, Structure};
 use crate::phase::Direction;
 use crate::scalar::max_or_nan;
 use serde::{Deserialize, Serialize};
@@ -246,14 +246,19 @@ impl CertificateOptions {
     }
 }
 
-/// Measures the laws that `model` is built to obey.
+/// Measures the laws that `model` is built to obey, by the [structure](Structure) that its list of
+/// blocks has.
 ///
-/// A HénonNet or SympNet: those of [`certify_map`]. A gyroceptron: those of
-/// [`certify_family`] and [`laws::formula_of_generator`]; one of couplings: those of
-/// [`certify_nearly_periodic`]. One in normal form: those of
-/// [`certify_normal_form`]; with a perturbation, those of [`certify_map`], and at ε = 0 those of a normal
-/// form. HénonNets and gyroceptrons:
-/// [`laws::exact_relations`]. Cost: some 200 evaluations over dual numbers a
+/// | structure | laws |
+/// |---|---|
+/// | plain | those of [`certify_map`] |
+/// | nearly periodic | those of [`certify_family`], and [`laws::formula_of_generator`] where I_ε is of Hénon layers |
+/// | normal form | those of [`certify_normal_form`] |
+/// | nearly integrable | those of [`certify_map`], and at ε = 0 those of a normal form |
+/// | mixed | those of [`certify_map`], I₀ = Id, P₀ = ψ∘Φ_θ∘ψ⁻¹ and the axioms of the circle action |
+///
+/// Networks of Hénon layers alone: [`laws::exact_relations`] too. Where a layer is not symplectic,
+/// symplecticity is reported and not claimed. Cost: some 200 evaluations over dual numbers a
 /// sample.
 pub fn certify(model: &Model, options: CertificateOptions) -> Certificate {
     certify_all(std::slice::from_ref(model), options)
@@ -263,27 +268,37 @@ pub fn certify(model: &Model, options: CertificateOptions) -> Certificate {
 pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate {
     let tallies = models.iter().enumerate().flat_map(|(index, model)| {
         let samples = Samples::draw(model.composition().dof(), index, options);
-        let mut out = match model {
-            Model::HenonNet(network) => of_map(network, &samples),
-            Model::SympNet(network) => of_map(network, &samples),
-            Model::NormalForm(network) if network.shape().is_integrable() => {
-                of_normal_form(network, &samples)
-            }
-            Model::NormalForm(network) => {
-                let mut out = of_map_resolved_by_steps(network, &samples);
-                let at_zero = network.at_epsilon(0.0);
-                out.extend(laws::nearly_integrable(network, &at_zero, &samples));
+        let architecture = model.architecture();
+        let symplectic = architecture.is_symplectic();
+        let points = samples.points();
+        let mut out = match architecture.structure() {
+            Structure::Plain if symplectic => of_map(model, &samples),
+            Structure::Plain => of_any_map(model, &samples),
+            Structure::NearlyPeriodic if symplectic => of_family(model, &samples),
+            Structure::NearlyPeriodic => of_any_family(model, &samples),
+            Structure::Mixed => of_mixed(model, symplectic, &samples),
+            Structure::NormalForm if symplectic => of_normal_form(model, &samples),
+            Structure::NearlyIntegrable if symplectic => {
+                let mut out = of_map_resolved_by_steps(model, &samples);
+                let at_zero = model.with_epsilon(0.0);
+                out.extend(laws::nearly_integrable(model, &at_zero, &samples));
                 out
             }
-            Model::CouplingGyroceptron(network) => of_any_family(network, &samples),
-            Model::Gyroceptron(network) => {
-                let mut out = of_family(network, &samples);
-                out.push(laws::formula_of_generator(network, samples.points()));
+            structure => {
+                let mut out = of_any_map(model, &samples);
+                out.extend(match structure {
+                    Structure::NormalForm => laws::integrable(model, &samples),
+                    _ => laws::nearly_integrable(model, &model.with_epsilon(0.0), &samples),
+                });
                 out
             }
         };
-        if matches!(model, Model::HenonNet(_) | Model::Gyroceptron(_)) {
-            out.extend(laws::exact_relations(model, samples.points()));
+        if structure_has_generator(model) {
+            out.push(laws::formula_of_generator(model, points));
+        }
+        // Circles over chart and slow map have no such relation: their twists are of actions.
+        if architecture.is_of_henon_layers() {
+            out.extend(laws::exact_relations(model, points));
         }
         out
     });
@@ -398,14 +413,48 @@ fn of_family(family: &dyn NearlyPeriodic, samples: &Samples) -> Vec<Tally> {
 }
 
 fn of_any_family(family: &dyn NearlyPeriodic, samples: &Samples) -> Vec<Tally> {
-    let symplecticity = laws::symplecticity_of("symplecticity of P", family, samples.points());
-    let symplecticity = symplecticity.stating("JᵀΩJ = Ω, not claimed").reported();
-    let mut out = of_family_with(symplecticity, family, samples);
+    let symplecticity = symplecticity_not_claimed(family, samples.points());
+    volumes_not_claimed(of_family_with(symplecticity, family, samples))
+}
+
+/// The laws of an invertible map that is not symplectic.
+fn of_any_map(map: &dyn Measurable, samples: &Samples) -> Vec<Tally> {
+    let symplecticity = symplecticity_not_claimed(map, samples.points());
+    volumes_not_claimed(of_map_with(symplecticity, map, samples))
+}
+
+fn symplecticity_not_claimed(map: &dyn Measurable, points: &[f64]) -> Tally {
+    let symplecticity = laws::symplecticity_of("symplecticity of P", map, points);
+    symplecticity.stating("JᵀΩJ = Ω, not claimed").reported()
+}
+
+fn volumes_not_claimed(mut tallies: Vec<Tally>) -> Vec<Tally> {
     let of_volumes = |tally: &&mut Tally| tally.law() == "determinant";
-    if let Some(tally) = out.iter_mut().find(of_volumes) {
+    if let Some(tally) = tallies.iter_mut().find(of_volumes) {
         *tally = tally.clone().stating("det J = 1, not claimed");
     }
+    tallies
+}
+
+/// The laws of I_ε∘χ∘Φ_θ∘T_ε∘χ⁻¹: those of the map, and that it is nearly periodic.
+fn of_mixed(model: &Model, symplectic: bool, samples: &Samples) -> Vec<Tally> {
+    let mut out = match symplectic {
+        true => of_map_resolved_by_steps(model, samples),
+        false => of_any_map(model, samples),
+    };
+    out.extend(laws::identity_at_zero(model, samples.points()));
+    out.push(laws::near_periodicity(model, samples.points()));
+    out.extend(laws::circle_action(model, samples));
+    out.extend(laws::conjugated_circle_action(model, samples));
     out
+}
+
+/// Whether all that its I_ε is made of are Hénon layers, whose generator is known.
+fn structure_has_generator(model: &Model) -> bool {
+    let architecture = model.architecture();
+    let of_henon = |block: &Block| matches!(block.layers, Layers::Henon(_));
+    architecture.structure() == Structure::NearlyPeriodic
+        && architecture.part(Part::NearIdentity).all(of_henon)
 }
 
 fn of_family_with(

@@ -3,32 +3,34 @@
 use super::inversion::ILL_CONDITIONED;
 use super::{Conditioned, Measurable, MeasuredSteps, Walk, turn_steps};
 use crate::layer::{CircleAction, TorusAction, Turn};
-use crate::network::NormalForm;
+use crate::network::Model;
 use crate::phase::Direction;
 use crate::scalar::{Scalar, max_or_nan};
 
 /// A map P = χ∘R∘χ⁻¹ whose inner map R claims to commute with a torus action.
-/// [`NormalForm`] is one; so is whatever claims to be built this way.
+/// A [`Model`] of that structure is one; so is whatever claims to be built this way.
 pub trait NormalFormed: Measurable {
     /// χ, from the coordinates of the normal form.
     fn chart(&self) -> Box<dyn Measurable + '_>;
     /// R, in these coordinates.
     fn inner_map(&self) -> Box<dyn Measurable + '_>;
     /// The action that R commutes with.
-    fn action(&self) -> &TorusAction;
+    fn action(&self) -> TorusAction;
 }
 
-impl NormalFormed for NormalForm<f64> {
+/// Seen as χ∘(K_ε∘Φ_θ∘T_ε)∘χ⁻¹ with the parts of a network. The laws find out whether it is one.
+impl NormalFormed for Model {
     fn chart(&self) -> Box<dyn Measurable + '_> {
-        let [chart, _] = self.chart_and_inner_map();
-        Box::new(chart)
+        Box::new(Model::chart(self))
     }
     fn inner_map(&self) -> Box<dyn Measurable + '_> {
         let [_, inner] = self.chart_and_inner_map();
         Box::new(inner)
     }
-    fn action(&self) -> &TorusAction {
-        &self.shape().action
+    fn action(&self) -> TorusAction {
+        self.architecture()
+            .action()
+            .unwrap_or_else(|| TorusAction::of_planes(self.architecture().dof))
     }
 }
 

@@ -3,7 +3,7 @@
 use super::adiabatic::settling_iterations;
 use crate::error::Error;
 use crate::layer::CircleAction;
-use crate::network::{Composition, Gyroceptron, NEURONS};
+use crate::network::{Composition, Model, NEURONS};
 use crate::phase::{Direction, Map};
 use crate::scalar::{Kernel, Pack, max_or_nan, on_lanes};
 use crate::work;
@@ -80,8 +80,8 @@ impl AdiabaticOrbit {
     ///
     /// # Errors
     /// Unless 0 ≤ ε < ∞ and z is of 2n numbers.
-    pub fn new(network: &Gyroceptron<f64>, z: &[f64], factors: &[f64]) -> Result<Self, Error> {
-        let dof = network.shape().dof();
+    pub fn new(network: &Model, z: &[f64], factors: &[f64]) -> Result<Self, Error> {
+        let dof = network.architecture().dof;
         Error::check_count("numbers of the initial point", 2 * dof, z.len())?;
         let epsilon = network.epsilon();
         let (settling, factors) = match epsilon {
@@ -90,7 +90,13 @@ impl AdiabaticOrbit {
         };
         let mut w = z.to_vec();
         network.psi().inverse(&mut w);
-        let initial = network.shape().circle_action.invariant(&w);
+        let initial = match &network.architecture().circles[..] {
+            [circle] => circle.invariant(&w),
+            circles => {
+                let found = format!("{} circles", circles.len());
+                return Err(Error::invalid("network", found, "one circle, whose orbit it is"));
+            }
+        };
         Ok(Self {
             w,
             initial,
@@ -105,7 +111,7 @@ impl AdiabaticOrbit {
     }
 
     /// Goes on to this number of steps; `map` is
-    /// [`Gyroceptron::in_conjugated_coordinates`].
+    /// [`Model::in_conjugated_coordinates`].
     pub fn advance(&mut self, map: &Composition<f64>, action: &CircleAction, steps: u64) {
         let more = steps.saturating_sub(self.steps);
         work::count(work::Kind::Evaluation, usize::try_from(more).unwrap_or(usize::MAX));

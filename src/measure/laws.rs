@@ -18,7 +18,7 @@ use super::{
     CertificateOptions, Coordinate, Measurable, NearlyPeriodic, NormalFormed, Walk, action_ratio,
     equivariance_ratio, symplecticity_ratio,
 };
-use crate::network::{Gyroceptron, Model};
+use crate::network::Model;
 use crate::phase::{Direction, Map};
 use crate::random::Stream;
 use crate::scalar::{Scalar, max_or_nan};
@@ -407,7 +407,7 @@ pub fn integrable(map: &dyn NormalFormed, samples: &Samples) -> Vec<Tally> {
     out
 }
 
-/// What a [perturbed](crate::network::NormalFormShape::perturbation) map has of a normal form: that it is
+/// What a [perturbed](crate::network::Part::Perturbation) map has of a normal form: that it is
 /// its composition, and at ε = 0, as `at_zero`, all that is [`integrable`].
 pub fn nearly_integrable(
     map: &dyn NormalFormed,
@@ -440,7 +440,8 @@ pub fn equivariance(map: &dyn NormalFormed, samples: &Samples) -> Tally {
 /// normal form, by [`action_ratio`].
 pub fn actions(map: &dyn NormalFormed, points: &[f64]) -> Vec<Tally> {
     const ITERATIONS: usize = 1024;
-    let (chart, inner, circles) = (map.chart(), map.inner_map(), map.action().circles());
+    let (chart, inner, action) = (map.chart(), map.inner_map(), map.action());
+    let circles = action.circles();
     let each = [("𝔍∘Φ_θT_ε = 𝔍", 1), ("𝔍∘(Φ_θT_ε)ᴺ = 𝔍, N ≤ 1024", ITERATIONS)];
     let dim = 2 * map.dof();
     let of = |(equation, iterations): (&'static str, usize)| {
@@ -469,7 +470,7 @@ pub fn circle_action(family: &dyn NearlyPeriodic, samples: &Samples) -> Vec<Tall
     let each = AXIOMS.iter().map(|(name, equation, form)| {
         let ratios = samples.with_angles(weights.len()).map(|(z, a)| {
             let turn = |angle: f64, z: &mut [f64]| family.turn(angle, z);
-            Conditioned::Ratio(turning_axiom_ratio(weights, turn, form(a), z))
+            Conditioned::Ratio(turning_axiom_ratio(&weights, turn, form(a), z))
         });
         Tally::of_ratios(format!("circle action: {name}"), *equation).extend(ratios)
     });
@@ -513,9 +514,8 @@ pub fn exact_relations(model: &Model, points: &[f64]) -> Vec<Tally> {
 }
 
 /// The generator of a gyroceptron's near-identity part, from its formula.
-pub fn formula_of_generator(network: &Gyroceptron<f64>, points: &[f64]) -> Tally {
-    let near_identity = network.near_identity();
-    let field = |z: &[f64], out: &mut [f64]| near_identity_generator(&near_identity, z, out);
+pub fn formula_of_generator(network: &Model, points: &[f64]) -> Tally {
+    let field = |z: &[f64], out: &mut [f64]| near_identity_generator(network, z, out);
     generator(network, &field, points)
 }
 
@@ -531,7 +531,7 @@ pub fn adiabatic_invariance(family: &dyn NearlyPeriodic, points: &[f64]) -> Tall
     let tally = Tally::with_limit("adiabatic invariant", "|μ₀ − μ₀(0)| ∝ N⁰", EXPONENT).reported();
     let Some(start) = points.get(..2 * family.dof()) else { return tally };
     let psi = family.conjugation();
-    let invariant = leading_invariant(&*psi, family.action_weights());
+    let invariant = leading_invariant(&*psi, &family.action_weights());
     let drifts = invariant_drift(family, &invariant, start, &HORIZONS);
     let exponent = log_slope(&HORIZONS.map(|n| n as f64), &drifts);
     tally.extend([Conditioned::Ratio(exponent.abs())])

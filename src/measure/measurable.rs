@@ -5,9 +5,7 @@ use super::measured_step::{
 };
 use crate::error::Error;
 use crate::layer::{HenonLayer, HenonMap, Kick, Turn};
-use crate::network::{
-    Composition, CouplingGyroceptron, Gyroceptron, HenonNet, Model, NormalForm, SympNet, map_points,
-};
+use crate::network::{Block, Composition, Layers as BlockLayers, Model, Part, map_points};
 use crate::phase::{Direction, Map};
 use crate::scalar::{Dual, Tracked};
 use serde::{Deserialize, Serialize};
@@ -107,7 +105,7 @@ fn forward_layers<'a, M: Measurable + 'a>(layers: impl Iterator<Item = M>) -> La
 }
 
 /// A family of nearly-periodic maps P_ε = I_ε∘ψ∘Φ_θ∘ψ⁻¹, seen through its
-/// parts. [`Gyroceptron`] is one; so is whatever claims to be built this way.
+/// parts. A [`Model`] of that structure is one; so is whatever claims to be built this way.
 pub trait NearlyPeriodic: Measurable {
     /// P_ε at another ε.
     fn map_at(&self, epsilon: f64) -> Box<dyn Measurable + '_>;
@@ -116,7 +114,7 @@ pub trait NearlyPeriodic: Measurable {
     /// ψ.
     fn conjugation(&self) -> Box<dyn Measurable + '_>;
     /// How often each plane (q_j, p_j) turns while θ goes round once.
-    fn action_weights(&self) -> &[i32];
+    fn action_weights(&self) -> Vec<i32>;
     /// z ← Φ_θ(z).
     fn turn(&self, theta: f64, z: &mut [f64]);
     /// ψ∘Φ_θ∘ψ⁻¹.
@@ -159,107 +157,79 @@ impl Measurable for Turn<f64> {
     }
 }
 
-/// What a network that is its composition has of [`Measurable`].
-macro_rules! measured_by_composition {
-    () => {
-        fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
-            self.composition().measured_steps(direction)
-        }
-        fn move_points(&self, direction: Direction, points: &mut [f64]) {
-            self.composition().move_points(direction, points);
-        }
-    };
-}
-
-impl Measurable for HenonNet<f64> {
-    measured_by_composition!();
-    fn layers(&self) -> Layers<'_> {
-        forward_layers(HenonNet::layers(self))
+impl Measurable for Model {
+    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
+        self.composition().measured_steps(direction)
     }
-}
+    fn move_points(&self, direction: Direction, points: &mut [f64]) {
+        self.composition().move_points(direction, points);
+    }
 
-impl Measurable for Gyroceptron<f64> {
-    measured_by_composition!();
+    /// The name of its architecture, if it has one.
+    fn type_name(&self) -> &'static str {
+        self.architecture().name().unwrap_or("blocks")
+    }
+
+    /// Those of a network of Hénon layers alone, and the steps of one of couplings alone. Twists
+    /// and modules are not measured apart.
     fn layers(&self) -> Layers<'_> {
-        let psi = self.shape().psi.len();
-        let mut out: Layers<'_> = forward_layers(Gyroceptron::layers(self).take(psi));
+        let architecture = self.architecture();
+        let of_couplings = |block: &Block| matches!(block.layers, BlockLayers::TurnedCoupling(_));
+        if architecture.blocks.iter().all(of_couplings) {
+            return forward_layers(self.composition().step_by_step());
+        }
+        if !architecture.is_of_henon_layers() {
+            return Vec::new();
+        }
+        let forward = |part| forward_layers(self.henon_layers(part));
+        let mut out = forward(Part::Chart);
+        out.extend(forward(Part::Conjugation));
         out.reverse();
         for (direction, _) in &mut out {
             *direction = Direction::Inverse;
         }
-        let rotation = self.shape().circle_action.at(self.theta());
-        out.push((Direction::Forward, Box::new(rotation)));
-        out.extend(forward_layers(Gyroceptron::layers(self)));
+        if let Some(action) = architecture.action() {
+            out.push((Direction::Forward, Box::new(action.at(self.angles()))));
+        }
+        let rest = [Part::Perturbation, Part::Chart, Part::Conjugation];
+        for part in rest.into_iter().chain([Part::NearIdentity, Part::None]) {
+            out.extend(forward(part));
+        }
         out
     }
 }
 
-impl Measurable for SympNet<f64> {
-    measured_by_composition!();
-}
-
-impl Measurable for NormalForm<f64> {
-    measured_by_composition!();
-}
-
-impl Measurable for CouplingGyroceptron<f64> {
-    measured_by_composition!();
-    fn layers(&self) -> Layers<'_> {
-        forward_layers(self.composition().step_by_step())
+/// Seen as I_ε∘ψ∘Φ_θ∘ψ⁻¹ with the parts of a network: its near-identity blocks and its conjugation.
+/// The laws find out whether it is one.
+impl NearlyPeriodic for Model {
+    fn map_at(&self, epsilon: f64) -> Box<dyn Measurable + '_> {
+        Box::new(self.with_epsilon(epsilon))
     }
-}
-
-impl Measurable for Model {
-    measured_by_composition!();
-    fn layers(&self) -> Layers<'_> {
-        match self {
-            Self::HenonNet(net) => Measurable::layers(net),
-            Self::Gyroceptron(net) => Measurable::layers(net),
-            Self::NormalForm(net) => Measurable::layers(net),
-            Self::CouplingGyroceptron(net) => Measurable::layers(net),
-            Self::SympNet(net) => Measurable::layers(net),
+    fn near_identity_at(&self, epsilon: f64) -> Box<dyn Measurable + '_> {
+        Box::new(self.near_identity().with_epsilon(epsilon))
+    }
+    fn conjugation(&self) -> Box<dyn Measurable + '_> {
+        Box::new(self.psi())
+    }
+    fn action_weights(&self) -> Vec<i32> {
+        let still = || vec![0; self.architecture().dof];
+        self.architecture().circles.first().map_or_else(still, |circle| circle.weights().to_vec())
+    }
+    fn turn(&self, theta: f64, z: &mut [f64]) {
+        if let Some(circle) = self.architecture().circles.first() {
+            circle.at(theta).apply(z, false);
         }
     }
+    fn conjugated_action_at(&self, theta: f64) -> Box<dyn Measurable + '_> {
+        Box::new(self.conjugated_circle_action(theta))
+    }
+    fn angle(&self) -> f64 {
+        self.angles().first().copied().unwrap_or(0.0)
+    }
+    fn epsilon(&self) -> f64 {
+        self.composition().epsilon()
+    }
 }
-
-/// What gyroceptrons have of [`NearlyPeriodic`], whatever their ψ and I_ε are made of.
-macro_rules! nearly_periodic {
-    ($network:ident, $near_identity:expr) => {
-        impl NearlyPeriodic for $network<f64> {
-            fn map_at(&self, epsilon: f64) -> Box<dyn Measurable + '_> {
-                Box::new(self.with_epsilon(epsilon))
-            }
-            fn near_identity_at(&self, epsilon: f64) -> Box<dyn Measurable + '_> {
-                let of: fn(&Self, f64) -> Composition<f64> = $near_identity;
-                Box::new(of(self, epsilon))
-            }
-            fn conjugation(&self) -> Box<dyn Measurable + '_> {
-                Box::new(self.psi())
-            }
-            fn action_weights(&self) -> &[i32] {
-                self.shape().circle_action.weights()
-            }
-            fn turn(&self, theta: f64, z: &mut [f64]) {
-                self.shape().circle_action.at(theta).apply(z, false);
-            }
-            fn conjugated_action_at(&self, theta: f64) -> Box<dyn Measurable + '_> {
-                Box::new(self.conjugated_circle_action(theta))
-            }
-            fn angle(&self) -> f64 {
-                self.theta()
-            }
-            fn epsilon(&self) -> f64 {
-                $network::epsilon(self)
-            }
-        }
-    };
-}
-
-nearly_periodic!(Gyroceptron, |net, epsilon| net
-    .near_identity()
-    .composition()
-    .with_epsilon(epsilon));
-nearly_periodic!(CouplingGyroceptron, |net, epsilon| net.near_identity().with_epsilon(epsilon));
 
 /// Any map that is written over the number type, as one step.
 ///

@@ -1,6 +1,6 @@
 //! I₀ = Id, and how I_ε leaves it.
 
-use crate::network::HenonNet;
+use crate::network::{Layers, Model};
 use crate::phase::Map;
 use crate::scalar::{Dual, Scalar, max_or_nan};
 
@@ -53,29 +53,32 @@ fn largest_change(points: &[f64], dim: usize, f: impl Fn(&mut [f64])) -> f64 {
 }
 
 /// `out` ← X_{G₁}(z) = Ω∇G₁, the derivative of I_ε in ε at 0, from the formula
-/// G₁ = −Σ_layers [V(y) + V(−y−η) + V(−x) + V(x−η)] with (x, y) = (q, p).
+/// G₁ = −Σ_layers [V(y) + V(−y−η) + V(−x) + V(x−η)] with (x, y) = (q, p), of all Hénon layers
+/// that ε scales.
 ///
 /// G₁ is formed as a number, with V(y) = w·tanh(Wᵀy + b) read off the flat
 /// parameters, and differentiated by duals: nothing of the kicks' own gradient
 /// enters. Cost: 2n evaluations of G₁.
-pub fn near_identity_generator(network: &HenonNet<f64>, z: &[f64], out: &mut [f64]) {
+pub fn near_identity_generator(network: &Model, z: &[f64], out: &mut [f64]) {
     type Number = Dual<f64, 1>;
-    let n = network.shape().dof;
+    let n = network.architecture().dof;
+    let scaled =
+        network.architecture().layers().into_iter().filter_map(|(block, number, range)| {
+            let Layers::Henon(widths) = &block.layers else { return None };
+            block.scale.has_epsilon().then(|| (widths[number], &network.parameters()[range]))
+        });
+    let layers: Vec<(usize, &[f64])> = scaled.collect();
     let slope = |direction: usize| {
         let w: Vec<Number> = z
             .iter()
             .enumerate()
             .map(|(i, &v)| if i == direction { Dual::variable(v, 0) } else { Dual::constant(v) })
             .collect();
-        let mut parameters = network.composition().parameters();
-        let mut take = |count: usize| {
-            let (layer, rest) = parameters.split_at(count);
-            parameters = rest;
-            layer
-        };
         let mut total = Number::zero();
-        for &h in &network.shape().widths {
-            let (w_in, b_in, w_out, eta) = (take(n * h), take(h), take(h), take(n));
+        for &(h, parameters) in &layers {
+            let (w_in, rest) = parameters.split_at(n * h);
+            let (b_in, rest) = rest.split_at(h);
+            let (w_out, eta) = rest.split_at(h);
             let potential = |at: &dyn Fn(usize) -> Number| {
                 let mut value = Number::zero();
                 for j in 0..h {

@@ -1,7 +1,7 @@
 //! What the invariant that a network owns is worth, along its own orbits.
 
 use super::{disturbing_resonance, invariant_drift, log_slope, near_identity_rms};
-use crate::network::Model;
+use crate::network::{Model, Structure};
 use crate::scalar::max_or_nan;
 
 /// The change of a network's own invariant μ along its own orbits: medians over orbits.
@@ -52,14 +52,14 @@ impl OwnInvariance {
             let still = along.iter().all(|drift| *drift == 0.0);
             exponents.push(if still { 0.0 } else { slope });
         }
-        let gyroceptron = model.gyroceptron();
-        let moved = gyroceptron.map(|net| {
-            let near_identity = net.near_identity();
-            near_identity_rms(&near_identity, starts) / net.epsilon().abs()
-        });
-        let resonance = gyroceptron.and_then(|net| {
-            disturbing_resonance(&net.shape().circle_action, net.theta(), net.epsilon())
-                .filter(|resonance| resonance.distance <= NEAR * net.epsilon().abs())
+        let (structure, epsilon) = (model.architecture().structure(), model.epsilon());
+        let adiabatic = structure == Structure::NearlyPeriodic;
+        let moved =
+            adiabatic.then(|| near_identity_rms(&model.near_identity(), starts) / epsilon.abs());
+        let circles = model.architecture().circles.iter().zip(model.angles());
+        let resonance = circles.filter(|_| adiabatic).find_map(|(circle, theta)| {
+            disturbing_resonance(circle, *theta, epsilon)
+                .filter(|resonance| resonance.distance <= NEAR * epsilon.abs())
         });
         (!drifts.is_empty()).then(|| Self {
             iterations,

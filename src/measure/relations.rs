@@ -73,31 +73,29 @@ impl Relation {
     ///
     /// # Errors
     /// When a scaled parameter leaves the finite numbers, or loses digits below
-    /// the normal ones: then it is no exact relation. When the model is not of tanh
-    /// potentials.
+    /// the normal ones: then it is no exact relation. When the model is not of Hénon
+    /// layers alone.
     pub fn transform_model(self, model: &Model) -> Result<Model, Error> {
-        if let Model::SympNet(_) | Model::CouplingGyroceptron(_) = model {
-            let found = "a network of modules or couplings";
-            return Err(Error::invalid("model", found, "a network of tanh potentials"));
+        if !model.architecture().is_of_henon_layers() {
+            let found = "a network of other layers";
+            return Err(Error::invalid("model", found, "a network of Hénon layers"));
         }
-        let mut parameters = model.composition().parameters().to_vec();
-        let mut rest = &mut parameters[..];
-        for (_, shape) in model.architecture().parts() {
-            for &width in &shape.widths {
-                let count = crate::layer::layer_parameter_count(shape.dof, width);
-                let (layer, others) = rest.split_at_mut(count);
-                let before = layer.to_vec();
-                self.transform_layer(shape.dof, width, layer);
-                let mut back = layer.to_vec();
-                self.undone().transform_layer(shape.dof, width, &mut back);
-                if let Some(k) = (0..count).find(|&k| back[k].to_bits() != before[k].to_bits()) {
-                    return Err(Error::invalid(
-                        "scaled parameter",
-                        before[k],
-                        "a normal number, also when scaled",
-                    ));
-                }
-                rest = others;
+        let dof = model.architecture().dof;
+        let mut parameters = model.parameters().to_vec();
+        for (block, number, range) in model.architecture().layers() {
+            let width = block.layers.widths()[number];
+            let layer = &mut parameters[range];
+            let before = layer.to_vec();
+            self.transform_layer(dof, width, layer);
+            let mut back = layer.to_vec();
+            self.undone().transform_layer(dof, width, &mut back);
+            let changed = |k: &usize| back[*k].to_bits() != before[*k].to_bits();
+            if let Some(k) = (0..before.len()).find(changed) {
+                return Err(Error::invalid(
+                    "scaled parameter",
+                    before[k],
+                    "a normal number, also when scaled",
+                ));
             }
         }
         model.with_parameters(parameters)

@@ -291,7 +291,8 @@ mod tests {
                 let all = 0..parameters.len();
                 let mut map = Composition::new(1, parameters, 1.0);
                 let kind = Kind::Kick { width, form };
-                map.push(Step { kind, parameters: all, inverse: false, near_identity: false });
+                let (parameters, inverse, near_identity, time) = (all, false, false, None);
+                map.push(Step { kind, parameters, inverse, near_identity, time });
                 let mut single = [-0.0, -0.0];
                 let mut alone = single;
                 map.forward(&mut single);

@@ -182,6 +182,7 @@ impl<P: Scalar> Composition<P> {
                 parameters: step.parameters.start + offset..step.parameters.end + offset,
                 inverse: step.inverse != undo,
                 near_identity: step.near_identity,
+                time: step.time,
             }
         });
         if undo { self.steps.extend(moved.rev()) } else { self.steps.extend(moved) }
@@ -287,14 +288,8 @@ impl<P: Scalar> Composition<P> {
         }
         let parameters = self.parameters_at(time);
         let mut out = self.with_parameters(parameters, epsilon).expect("as many parameters");
-        for step in &mut out.steps {
-            match &mut step.kind {
-                Kind::Twist { factor, .. } => *factor *= time.value(),
-                Kind::TurnedCoupling { factor, .. } if step.near_identity => {
-                    *factor *= time.value();
-                }
-                _ => {}
-            }
+        for of_step in out.steps.iter_mut().filter_map(|step| step.time.as_mut()) {
+            *of_step *= time.value();
         }
         out
     }
@@ -494,33 +489,8 @@ impl<P: Real> Composition<P> {
         Ok(out)
     }
 
-    /// Appends a turned kick with these parameters.
-    pub(super) fn push_turned_kick(
-        &mut self,
-        width: usize,
-        parameters: Range<usize>,
-        near_identity: bool,
-    ) {
-        let prepared = self.prepare(&parameters);
-        let kind = Kind::TurnedKick { width, prepared };
-        self.push(Step { kind, parameters, inverse: false, near_identity });
-    }
-
-    /// Appends a turned coupling with these parameters, c being 1, or ε times this factor.
-    pub(super) fn push_turned_coupling(
-        &mut self,
-        width: usize,
-        parameters: Range<usize>,
-        near_identity: Option<f64>,
-    ) {
-        let prepared = self.prepare(&parameters);
-        let kind = Kind::TurnedCoupling { width, prepared, factor: near_identity.unwrap_or(1.0) };
-        let near_identity = near_identity.is_some();
-        self.push(Step { kind, parameters, inverse: false, near_identity });
-    }
-
     /// Prepares the turn of each plane by its angle, the first of these parameters.
-    fn prepare(&mut self, parameters: &Range<usize>) -> usize {
+    pub(super) fn prepare(&mut self, parameters: &Range<usize>) -> usize {
         let angles = &self.parameters[parameters.clone()][..self.dof];
         self.turns.push(Turn::by_angles(angles));
         self.turns.len() - 1
@@ -532,7 +502,8 @@ impl<P: Real> Composition<P> {
         let prepared = self.turns.len();
         self.turns.push(action.at(&self.parameters[angles.clone()]));
         let kind = Kind::Turn { prepared };
-        self.steps.push(Step { kind, parameters: angles, inverse: false, near_identity: false });
+        let (parameters, inverse, near_identity, time) = (angles, false, false, None);
+        self.steps.push(Step { kind, parameters, inverse, near_identity, time });
     }
 }
 

@@ -1,252 +1,26 @@
-//! A network in double precision with its architecture: what files hold.
+//! A network: its architecture, and the map that its parameters make of it.
 
+use super::architecture::{Architecture, Structure};
 use super::batch::{Rollout, map_points, rollout};
-use super::{
-    Composition, CouplingGyroceptron, CouplingGyroceptronShape, Gyroceptron, GyroceptronShape,
-    HenonNet, HenonShape, InitialWeights, NormalForm, NormalFormShape, SympNet, SympNetShape,
-};
+use super::block::{Layers, Part};
+use super::composition::Composition;
 use crate::error::Error;
-use crate::layer::CircleAction;
+use crate::layer::{CircleAction, HenonLayer};
 use crate::phase::{Direction, Map};
-use crate::random::Stream;
-use crate::scalar::Over;
-use serde::{Deserialize, Serialize};
-
-/// More is a mistake in a file: 8 GB of weights.
-const MOST_PARAMETERS: usize = 1_000_000_000;
-/// The largest |m| of a circle action: mθ keeps its digits.
-const LARGEST_WEIGHT: u32 = 1_000_000;
-
-/// Which network, without its parameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case")]
-pub enum Architecture {
-    /// A HénonNet; near the identity unless ε = 1.
-    HenonNet {
-        /// Degrees of freedom and widths.
-        #[serde(flatten)]
-        shape: HenonShape,
-        /// ε.
-        epsilon: f64,
-    },
-    /// A symplectic gyroceptron.
-    Gyroceptron {
-        /// Circle action and widths.
-        #[serde(flatten)]
-        shape: GyroceptronShape,
-        /// ε.
-        epsilon: f64,
-    },
-    /// A gyroceptron in normal form.
-    NormalForm {
-        /// Action, widths and flow time.
-        #[serde(flatten)]
-        shape: NormalFormShape,
-        /// ε.
-        epsilon: f64,
-    },
-    /// A gyroceptron of affine couplings: not symplectic.
-    CouplingGyroceptron {
-        /// Circle action and widths.
-        #[serde(flatten)]
-        shape: CouplingGyroceptronShape,
-        /// ε.
-        epsilon: f64,
-    },
-    /// An LA-SympNet.
-    SympNet {
-        /// Modules, shears and activation.
-        #[serde(flatten)]
-        shape: SympNetShape,
-    },
-}
-
-impl Architecture {
-    /// n.
-    pub fn dof(&self) -> usize {
-        match self {
-            Self::HenonNet { shape, .. } => shape.dof,
-            Self::Gyroceptron { shape, .. } => shape.dof(),
-            Self::NormalForm { shape, .. } => shape.dof(),
-            Self::CouplingGyroceptron { shape, .. } => shape.dof(),
-            Self::SympNet { shape } => shape.dof,
-        }
-    }
-
-    /// ε; 1 of networks without it.
-    pub fn epsilon(&self) -> f64 {
-        match self {
-            Self::HenonNet { epsilon, .. }
-            | Self::Gyroceptron { epsilon, .. }
-            | Self::NormalForm { epsilon, .. }
-            | Self::CouplingGyroceptron { epsilon, .. } => *epsilon,
-            Self::SympNet { .. } => 1.0,
-        }
-    }
-
-    /// The number of parameters.
-    pub fn parameter_count(&self) -> usize {
-        match self {
-            Self::HenonNet { shape, .. } => shape.parameter_count(),
-            Self::Gyroceptron { shape, .. } => shape.parameter_count(),
-            Self::NormalForm { shape, .. } => shape.parameter_count(),
-            Self::CouplingGyroceptron { shape, .. } => shape.parameter_count(),
-            Self::SympNet { shape } => shape.parameter_count(),
-        }
-    }
-
-    /// The HénonNets of the architecture with the tensor prefix of each.
-    pub fn parts(&self) -> Vec<(&'static str, HenonShape)> {
-        match self {
-            Self::HenonNet { shape, .. } => vec![("henon", shape.clone())],
-            Self::Gyroceptron { shape, .. } => {
-                vec![("psi", shape.psi_shape()), ("near_identity", shape.near_identity_shape())]
-            }
-            Self::NormalForm { shape, .. } => vec![("psi", shape.psi_shape())],
-            Self::SympNet { .. } | Self::CouplingGyroceptron { .. } => Vec::new(),
-        }
-    }
-
-    /// The tensors of the parameters by the names that files give them, with their
-    /// shapes, in the order of the parameters.
-    pub fn tensors(&self) -> Vec<(String, [usize; 2])> {
-        let mut out = Vec::new();
-        for (part, HenonShape { dof, widths }) in self.parts() {
-            for (layer, &width) in widths.iter().enumerate() {
-                let name = |tensor: &str| format!("{part}.{layer}.{tensor}");
-                out.extend([
-                    (name("w_in"), [dof, width]),
-                    (name("b_in"), [1, width]),
-                    (name("w_out"), [width, 1]),
-                    (name("eta"), [1, dof]),
-                ]);
-            }
-        }
-        match self {
-            Self::HenonNet { .. } => {}
-            Self::Gyroceptron { .. } => out.push(("theta".into(), [1, 1])),
-            Self::NormalForm { shape, .. } => out.extend(shape.tensors()),
-            Self::SympNet { shape } => out.extend(shape.tensors()),
-            Self::CouplingGyroceptron { shape, .. } => out.extend(shape.tensors()),
-        }
-        out
-    }
-
-    /// The circle actions that the network is built on, one for each of its angles θ.
-    pub fn circles(&self) -> &[CircleAction] {
-        match self {
-            Self::HenonNet { .. } | Self::SympNet { .. } => &[],
-            Self::Gyroceptron { shape, .. } => std::slice::from_ref(&shape.circle_action),
-            Self::NormalForm { shape, .. } => shape.action.circles(),
-            Self::CouplingGyroceptron { shape, .. } => std::slice::from_ref(&shape.circle_action),
-        }
-    }
-
-    /// Whether maps of the architecture are symplectic, whatever their weights.
-    pub fn is_symplectic(&self) -> bool {
-        !matches!(self, Self::CouplingGyroceptron { .. })
-    }
-
-    /// Fails unless ε is finite, there is a degree of freedom, and no layer is
-    /// without parameters.
-    ///
-    /// # Errors
-    /// [`Error::OutOfRange`], [`Error::CountOutOfRange`] and [`Error::Invalid`] with the
-    /// value.
-    pub fn check(&self) -> Result<(), Error> {
-        Error::check_finite("epsilon", self.epsilon())?;
-        Error::check_count_range("degrees of freedom", self.dof(), 1, usize::MAX)?;
-        let count = self.parameter_count();
-        Error::check_count_range("parameters of the architecture", count, 0, MOST_PARAMETERS)?;
-        for (part, shape) in self.parts() {
-            if shape.widths.contains(&0) {
-                return Err(Error::invalid(part, "a layer of width 0", "at least one neuron"));
-            }
-        }
-        if let Self::SympNet { shape } = self {
-            Error::check_count_range("linear modules", shape.modules, 1, usize::MAX)?;
-            Error::check_count_range("shears of a linear module", shape.shears, 1, usize::MAX)?;
-        }
-        match self {
-            Self::NormalForm { shape, .. } => shape.check()?,
-            Self::CouplingGyroceptron { shape, .. } => shape.check()?,
-            Self::HenonNet { .. } | Self::Gyroceptron { .. } | Self::SympNet { .. } => {}
-        }
-        for circle in self.circles() {
-            let too_large = |weight: &&i32| weight.unsigned_abs() > LARGEST_WEIGHT;
-            if let Some(weight) = circle.weights().iter().find(too_large) {
-                let expected = format!("weights of at most {LARGEST_WEIGHT}");
-                return Err(Error::invalid("circle action", weight, expected));
-            }
-            if circle.weights().iter().all(|weight| *weight == 0) {
-                let expected = "at least one weight other than 0";
-                return Err(Error::invalid("circle action", "all weights 0", expected));
-            }
-        }
-        Ok(())
-    }
-
-    /// A model with seeded random weights and all θ = `theta` (the frequency times
-    /// the flow time, in training).
-    ///
-    /// # Errors
-    /// Those of [`Architecture::check`].
-    pub fn initialise(
-        &self,
-        weights: InitialWeights,
-        theta: f64,
-        seed: u64,
-    ) -> Result<Model, Error> {
-        self.check()?;
-        let mut parameters = Vec::with_capacity(self.parameter_count());
-        for (part, shape) in self.parts() {
-            let mut stream = Stream::new(seed, &format!("weights/{part}"));
-            for &width in &shape.widths {
-                parameters.extend(weights.layer(shape.dof, width, &mut stream));
-            }
-        }
-        match self {
-            Self::HenonNet { .. } => {}
-            Self::Gyroceptron { .. } => parameters.push(theta),
-            Self::NormalForm { shape, .. } => {
-                let mut stream = Stream::new(seed, "weights/normal-form");
-                parameters.extend(weights.normal_form(shape, &mut stream));
-                parameters.extend(shape.action.circles().iter().map(|_| theta));
-            }
-            Self::SympNet { shape } => {
-                let mut stream = Stream::new(seed, "weights/symp-net");
-                parameters.extend(weights.modules(shape, &mut stream));
-            }
-            Self::CouplingGyroceptron { shape, .. } => {
-                for (part, widths) in shape.parts() {
-                    let mut stream = Stream::new(seed, &format!("weights/couplings/{part}"));
-                    for &width in widths {
-                        parameters.extend(weights.turned_coupling(shape.dof(), width, &mut stream));
-                    }
-                }
-                parameters.push(theta);
-            }
-        }
-        Model::new(self.clone(), parameters)
-    }
-}
+use crate::scalar::{Over, Real, Scalar};
 
 /// A function of a point that a network keeps or nearly keeps.
 pub type Invariant<'a> = Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>;
 
-/// A network in double precision.
+/// A network: an [`Architecture`] and its parameters, in double precision unless another number
+/// type is named.
+///
+/// It is the [`Composition`] of its steps, which is what is evaluated, inverted, differentiated
+/// and measured.
 #[derive(Clone, Debug)]
-pub enum Model {
-    /// A HénonNet.
-    HenonNet(HenonNet<f64>),
-    /// A symplectic gyroceptron.
-    Gyroceptron(Gyroceptron<f64>),
-    /// A gyroceptron in normal form.
-    NormalForm(NormalForm<f64>),
-    /// A gyroceptron of affine couplings.
-    CouplingGyroceptron(CouplingGyroceptron<f64>),
-    /// An LA-SympNet.
-    SympNet(SympNet<f64>),
+pub struct Model<P = f64> {
+    architecture: Architecture,
+    composition: Composition<P>,
 }
 
 impl Model {
@@ -256,57 +30,18 @@ impl Model {
     /// When the count is wrong, a number is not finite, or the architecture
     /// does not pass [`Architecture::check`].
     pub fn new(architecture: Architecture, parameters: Vec<f64>) -> Result<Self, Error> {
-        architecture.check()?;
         if let Some(index) = parameters.iter().position(|v| !v.is_finite()) {
             Error::check_finite(&format!("parameter {index}"), parameters[index])?;
         }
-        Ok(match architecture {
-            Architecture::HenonNet { shape, epsilon } => {
-                Self::HenonNet(HenonNet::near_identity(shape, epsilon, parameters)?)
-            }
-            Architecture::Gyroceptron { shape, epsilon } => {
-                Self::Gyroceptron(Gyroceptron::new(shape, epsilon, parameters)?)
-            }
-            Architecture::NormalForm { shape, epsilon } => {
-                Self::NormalForm(NormalForm::new(shape, epsilon, parameters)?)
-            }
-            Architecture::CouplingGyroceptron { shape, epsilon } => {
-                Self::CouplingGyroceptron(CouplingGyroceptron::new(shape, epsilon, parameters)?)
-            }
-            Architecture::SympNet { shape } => Self::SympNet(SympNet::new(shape, parameters)?),
-        })
+        let epsilon = architecture.epsilon;
+        Self::over(architecture, epsilon, parameters)
     }
 
-    /// Its architecture.
-    pub fn architecture(&self) -> Architecture {
-        match self {
-            Self::HenonNet(net) => Architecture::HenonNet {
-                shape: net.shape().clone(),
-                epsilon: net.composition().epsilon(),
-            },
-            Self::Gyroceptron(net) => {
-                Architecture::Gyroceptron { shape: net.shape().clone(), epsilon: net.epsilon() }
-            }
-            Self::NormalForm(net) => {
-                Architecture::NormalForm { shape: net.shape().clone(), epsilon: net.epsilon() }
-            }
-            Self::CouplingGyroceptron(net) => Architecture::CouplingGyroceptron {
-                shape: net.shape().clone(),
-                epsilon: net.epsilon(),
-            },
-            Self::SympNet(net) => Architecture::SympNet { shape: net.shape().clone() },
-        }
-    }
-
-    /// Its steps and parameters.
-    pub fn composition(&self) -> &Composition<f64> {
-        match self {
-            Self::HenonNet(net) => net.composition(),
-            Self::Gyroceptron(net) => net.composition(),
-            Self::NormalForm(net) => net.composition(),
-            Self::CouplingGyroceptron(net) => net.composition(),
-            Self::SympNet(net) => net.composition(),
-        }
+    /// This network over another number type.
+    pub fn lift<P: Real>(&self) -> Model<P> {
+        let parameters = self.parameters().iter().map(|&v| P::from_f64(v)).collect();
+        let (architecture, epsilon) = (self.architecture.clone(), P::from_f64(self.epsilon()));
+        Model::over(architecture, epsilon, parameters).expect("as it was")
     }
 
     /// A model of this architecture with other parameters.
@@ -314,7 +49,7 @@ impl Model {
     /// # Errors
     /// Those of [`Model::new`].
     pub fn with_parameters(&self, parameters: Vec<f64>) -> Result<Self, Error> {
-        Self::new(self.architecture(), parameters)
+        Self::new(self.architecture.clone(), parameters)
     }
 
     /// A model of this architecture with other angles of its circles.
@@ -322,8 +57,8 @@ impl Model {
     /// # Errors
     /// When it is built on circles and there are more or fewer angles; those of [`Model::new`].
     pub fn with_angles(&self, angles: &[f64]) -> Result<Self, Error> {
-        let mut parameters = self.composition().parameters().to_vec();
-        let own = &mut parameters[self.composition().angles()];
+        let mut parameters = self.parameters().to_vec();
+        let own = &mut parameters[self.architecture.angles()];
         if !own.is_empty() {
             Error::check_count("angles", own.len(), angles.len())?;
             own.copy_from_slice(angles);
@@ -332,122 +67,44 @@ impl Model {
     }
 
     /// This network at another ε and at `time` times its flow time: the angles of its
-    /// circles and the factor h of a normal form or of couplings grow with it. HénonNets and SympNets are
+    /// circles and the factor h of its blocks grow with it. Networks without circles are
     /// of no family, and stay what they are.
     ///
     /// # Errors
     /// Those of [`Model::new`].
     pub fn at(&self, epsilon: f64, time: f64) -> Result<Self, Error> {
-        let mut architecture = self.architecture();
-        match &mut architecture {
-            Architecture::HenonNet { .. } | Architecture::SympNet { .. } => {}
-            Architecture::Gyroceptron { epsilon: own, .. } => *own = epsilon,
-            Architecture::CouplingGyroceptron { epsilon: own, shape } => {
-                *own = epsilon;
-                shape.flow_time *= time;
-            }
-            Architecture::NormalForm { epsilon: own, shape } => {
-                *own = epsilon;
-                shape.flow_time *= time;
-            }
+        if !self.architecture.has_circle() {
+            return Ok(self.clone());
         }
-        Self::new(architecture, self.composition().parameters_at(time))
+        let mut architecture = self.architecture.clone().at_epsilon(epsilon);
+        if architecture.has_flow_time() {
+            architecture.flow_time *= time;
+        }
+        Self::new(architecture, self.composition.parameters_at(time))
     }
 
-    /// This network with the weights of another one of its shape, whose angles are taken
+    /// This network with the weights of another one of its architecture, whose angles are taken
     /// `time` times: those of a flow map of another time as a start for this one's.
     ///
     /// # Errors
     /// When it has more or fewer parameters; those of [`Model::new`].
     pub fn with_weights_of(&self, other: &Self, time: f64) -> Result<Self, Error> {
-        self.with_parameters(other.composition().parameters_at(time))
-    }
-
-    /// Φ_θ∘T_ε of a normal form, as one whose chart is the identity; of any other network,
-    /// itself.
-    ///
-    /// # Errors
-    /// Those of [`Model::new`].
-    pub(crate) fn without_chart(&self) -> Result<Self, Error> {
-        let Some(network) = self.normal_form() else { return Ok(self.clone()) };
-        let parameters = network.inner_parameters().to_vec();
-        let shape = network.shape().without_chart();
-        Self::new(Architecture::NormalForm { shape, epsilon: network.epsilon() }, parameters)
-    }
-
-    /// This normal form with T_ε and the angles of another one, whose chart may differ; any
-    /// other network stays what it is.
-    ///
-    /// # Errors
-    /// When they have more or fewer parameters; those of [`Model::new`].
-    pub(crate) fn with_twists_of(&self, other: &Self) -> Result<Self, Error> {
-        let (Some(own), Some(other)) = (self.normal_form(), other.normal_form()) else {
-            return Ok(self.clone());
-        };
-        let mut parameters = self.composition().parameters().to_vec();
-        let (inner, others) = (own.inner_parameters().len(), other.inner_parameters());
-        Error::check_count("parameters of twists and angles", inner, others.len())?;
-        let chart = parameters.len() - inner;
-        parameters[chart..].copy_from_slice(others);
-        self.with_parameters(parameters)
-    }
-
-    /// Pᵐ of a normal form ([`NormalForm::iterated`]).
-    ///
-    /// # Errors
-    /// Those of [`NormalForm::iterated`]; when it is another network and m is not 1.
-    pub(crate) fn iterated(&self, m: usize) -> Result<Self, Error> {
-        match (self, m) {
-            (_, 1) => Ok(self.clone()),
-            (Self::NormalForm(net), _) => net.iterated(m).map(Self::NormalForm),
-            _ => Err(Error::invalid("repeats of a map", m, "1 of a network without twists")),
-        }
-    }
-
-    /// A normal form with one in `parts` of its twist shears, the first ones.
-    ///
-    /// # Errors
-    /// When they are no multiple of `parts`; when it is another network and `parts` is not 1.
-    pub(crate) fn with_part_of_twists(&self, parts: usize) -> Result<Self, Error> {
-        Error::check_count_range("parts", parts, 1, usize::MAX)?;
-        match (self, parts) {
-            (_, 1) => Ok(self.clone()),
-            (Self::NormalForm(net), _) if net.shape().twists.len().is_multiple_of(parts) => {
-                let count = net.shape().twists.len() / parts;
-                net.with_first_twists(count).map(Self::NormalForm)
-            }
-            _ => Err(Error::invalid("parts", parts, "a divisor of the number of twist shears")),
-        }
-    }
-
-    /// The gyroceptron, if it is one.
-    pub fn gyroceptron(&self) -> Option<&Gyroceptron<f64>> {
-        match self {
-            Self::Gyroceptron(net) => Some(net),
-            _ => None,
-        }
-    }
-
-    /// The gyroceptron in normal form, if it is one.
-    pub fn normal_form(&self) -> Option<&NormalForm<f64>> {
-        match self {
-            Self::NormalForm(net) => Some(net),
-            _ => None,
-        }
+        self.with_parameters(other.composition.parameters_at(time))
     }
 
     /// The trajectories from each of the points in `initial`, as [`rollout`] gives them. A
-    /// gyroceptron in normal form goes to its coordinates once, makes all steps there, and comes
-    /// back for each state that is kept: its actions do not move by more than the
-    /// rounding of the steps between.
+    /// network in a chart, without I_ε, goes to its coordinates once, makes all steps there, and
+    /// comes back for each state that is kept: the actions of a normal form do not move by more
+    /// than the rounding of the steps between.
     ///
     /// # Errors
     /// Those of [`rollout`].
     pub fn rollout(&self, initial: &[f64], request: Rollout) -> Result<Vec<f64>, Error> {
-        let Self::NormalForm(net) = self else {
-            return rollout(self.composition(), initial, request);
+        let (Structure::NormalForm | Structure::NearlyIntegrable) = self.architecture.structure()
+        else {
+            return rollout(&self.composition, initial, request);
         };
-        let [chart, inner] = net.chart_and_inner_map();
+        let [chart, inner] = self.chart_and_inner_map();
         let mut start = initial.to_vec();
         map_points(&chart, Direction::Inverse, &mut start)?;
         let mut states = rollout(&inner, &start, request)?;
@@ -456,47 +113,32 @@ impl Model {
         Ok(states)
     }
 
-    /// The invariant of the network as a function of a point: μ₀ = 𝔍₀∘ψ⁻¹ of a gyroceptron,
-    /// which is adiabatic; the sum of the actions 𝔍∘χ⁻¹ of one in normal form, which is
-    /// exact, but for a perturbation. None of networks that are built on no circle, or are not
-    /// symplectic.
+    /// The invariant of the network as a function of a point: the sum of 𝔍∘χ⁻¹ over its circles,
+    /// which is exact for one in normal form, and adiabatic for one that is nearly periodic and
+    /// symplectic, χ being ψ then. None of other networks.
     pub fn invariant(&self) -> Option<Invariant<'_>> {
-        Some(match self {
-            Self::HenonNet(_) | Self::SympNet(_) | Self::CouplingGyroceptron(_) => return None,
-            Self::Gyroceptron(net) => {
-                let psi = net.psi();
-                Box::new(move |z| net.shape().circle_action.conjugated_invariant(&psi, z))
-            }
-            Self::NormalForm(_) => {
-                let all = self.invariants();
-                Box::new(move |z| all.iter().map(|(_, invariant)| invariant(z)).sum())
-            }
-        })
-    }
-
-    /// The invariant of each of its circles, with the circle: of one in normal form the
-    /// actions 𝔍_a∘χ⁻¹, whose sum is [`Model::invariant`].
-    pub fn invariants(&self) -> Vec<(CircleAction, Invariant<'_>)> {
-        match self {
-            Self::HenonNet(_) | Self::SympNet(_) | Self::CouplingGyroceptron(_) => Vec::new(),
-            Self::Gyroceptron(net) => {
-                let circle = net.shape().circle_action.clone();
-                self.invariant().map(|invariant| (circle, invariant)).into_iter().collect()
-            }
-            Self::NormalForm(net) => {
-                let of = |circle: &CircleAction| -> (CircleAction, Invariant<'_>) {
-                    let [chart, _] = net.chart_and_inner_map();
-                    let own = circle.clone();
-                    (circle.clone(), Box::new(move |z| own.conjugated_invariant(&chart, z)))
-                };
-                net.shape().action.circles().iter().map(of).collect()
-            }
+        let mut all = self.invariants();
+        match all.len() {
+            0 => None,
+            1 => all.pop().map(|(_, invariant)| invariant),
+            _ => Some(Box::new(move |z| all.iter().map(|(_, invariant)| invariant(z)).sum())),
         }
     }
 
-    /// The angles of its circles, in radians.
-    pub fn angles(&self) -> &[f64] {
-        &self.composition().parameters()[self.composition().angles()]
+    /// The invariant 𝔍_a∘χ⁻¹ of each of its circles, with the circle; their sum is
+    /// [`Model::invariant`].
+    pub fn invariants(&self) -> Vec<(CircleAction, Invariant<'_>)> {
+        let structure = self.architecture.structure();
+        let exact = matches!(structure, Structure::NormalForm | Structure::NearlyIntegrable);
+        if structure == Structure::Plain || !(exact || self.architecture.is_symplectic()) {
+            return Vec::new();
+        }
+        let of = |circle: &CircleAction| -> (CircleAction, Invariant<'_>) {
+            let [chart, _] = self.chart_and_inner_map();
+            let own = circle.clone();
+            (circle.clone(), Box::new(move |z| own.conjugated_invariant(&chart, z)))
+        };
+        self.architecture.circles.iter().map(of).collect()
     }
 
     /// θ, where the network is built on one circle.
@@ -508,6 +150,136 @@ impl Model {
     }
 }
 
-impl<S: Over<f64>> Map<S> for Model {
-    map_of_composition!(S);
+impl<P: Real> Model<P> {
+    /// The network of this architecture at ε over any numbers.
+    ///
+    /// # Errors
+    /// When the count of parameters is wrong, or the architecture does not pass
+    /// [`Architecture::check`].
+    pub fn over(architecture: Architecture, epsilon: P, parameters: Vec<P>) -> Result<Self, Error> {
+        architecture.check()?;
+        Error::check_count("parameters", architecture.parameter_count(), parameters.len())?;
+        let composition = architecture.composition(epsilon, parameters);
+        Ok(Self { architecture: architecture.at_epsilon(epsilon.value()), composition })
+    }
+
+    /// A part of the map, over all its parameters; the identity where it has none.
+    pub fn part(&self, part: Part) -> Composition<P> {
+        let composition = &self.composition;
+        self.architecture.composition_of_part(part, composition.epsilon(), composition.parameters())
+    }
+
+    /// ψ, the conjugation.
+    pub fn psi(&self) -> Composition<P> {
+        self.part(Part::Conjugation)
+    }
+
+    /// I_ε, the near-identity map.
+    pub fn near_identity(&self) -> Composition<P> {
+        self.part(Part::NearIdentity)
+    }
+
+    /// χ, from the coordinates of the normal form to those of the data, and K_ε∘Φ_θ∘T_ε, the
+    /// map in the former: N steps are χ∘(K_εΦ_θT_ε)^N∘χ⁻¹, but for I_ε.
+    pub fn chart_and_inner_map(&self) -> [Composition<P>; 2] {
+        let composition = &self.composition;
+        self.architecture.chart_and_inner_map(composition.epsilon(), composition.parameters())
+    }
+
+    /// The map in the coordinates w = χ⁻¹z, where the invariants 𝔍 cost nothing:
+    /// χ⁻¹∘I_ε∘χ∘K_ε∘Φ_θ∘T_ε.
+    pub fn in_conjugated_coordinates(&self) -> Composition<P> {
+        let [chart, mut out] = self.chart_and_inner_map();
+        let near_identity = self.near_identity();
+        if !near_identity.steps().is_empty() {
+            out.push_all(&chart, 0, Direction::Forward);
+            out.push_all(&near_identity, 0, Direction::Forward);
+            out.push_all(&chart, 0, Direction::Inverse);
+        }
+        out
+    }
+
+    /// The conjugated circle action ψ∘Φ_θ∘ψ⁻¹ at another angle of all its circles.
+    pub fn conjugated_circle_action(&self, theta: P) -> Composition<P> {
+        let mut parameters = self.composition.parameters().to_vec();
+        parameters[self.architecture.angles()].fill(theta);
+        let psi = self.psi();
+        let mut out = Composition::new(self.architecture.dof, parameters, self.epsilon());
+        out.push_all(&psi, 0, Direction::Inverse);
+        if let Some(action) = self.architecture.action() {
+            out.push_turn(&action, self.architecture.angles());
+        }
+        out.push_all(&psi, 0, Direction::Forward);
+        out
+    }
+}
+
+impl<P: Scalar> Model<P> {
+    /// Its architecture.
+    pub fn architecture(&self) -> &Architecture {
+        &self.architecture
+    }
+
+    /// Its steps and parameters.
+    pub fn composition(&self) -> &Composition<P> {
+        &self.composition
+    }
+
+    /// All parameters: see [`Architecture`] for their order.
+    pub fn parameters(&self) -> &[P] {
+        self.composition.parameters()
+    }
+
+    /// ε.
+    pub fn epsilon(&self) -> P {
+        self.composition.epsilon()
+    }
+
+    /// The angles of its circles, in radians.
+    pub fn angles(&self) -> &[P] {
+        &self.composition.parameters()[self.architecture.angles()]
+    }
+
+    /// The Hénon layers of a part, in the order of application.
+    pub fn henon_layers(&self, part: Part) -> impl DoubleEndedIterator<Item = HenonLayer<'_, P>> {
+        let of = |(block, number, range): (&super::Block, usize, std::ops::Range<usize>)| {
+            let Layers::Henon(widths) = &block.layers else { return None };
+            let scale = if block.scale.has_epsilon() { self.epsilon() } else { P::from_f64(1.0) };
+            let layer = &self.composition.parameters()[range];
+            let layer = HenonLayer::new(self.architecture.dof, widths[number], scale, layer);
+            (block.part == part).then_some(layer)
+        };
+        self.architecture.layers().into_iter().filter_map(of).collect::<Vec<_>>().into_iter()
+    }
+}
+
+impl<P: Real> Model<P> {
+    /// This network at another ε.
+    pub fn with_epsilon(&self, epsilon: P) -> Self {
+        Self {
+            architecture: self.architecture.clone().at_epsilon(epsilon.value()),
+            composition: self.composition.with_epsilon(epsilon),
+        }
+    }
+
+    /// 𝔍∘χ⁻¹ of its first circle at each of the points of `z` (2n numbers each): μ₀ of a
+    /// gyroceptron.
+    pub fn adiabatic_invariant<S: Over<P>>(&self, z: &[S]) -> Vec<S> {
+        let [chart, _] = self.chart_and_inner_map();
+        let Some(circle) = self.architecture.circles.first() else { return Vec::new() };
+        let points = z.chunks_exact(2 * self.architecture.dof);
+        points.map(|z| circle.conjugated_invariant(&chart, z)).collect()
+    }
+}
+
+impl<P: Scalar, S: Over<P>> Map<S> for Model<P> {
+    fn dof(&self) -> usize {
+        self.composition.dof()
+    }
+    fn forward(&self, z: &mut [S]) {
+        self.composition.forward(z);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        self.composition.inverse(z);
+    }
 }

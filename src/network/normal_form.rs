@@ -32,23 +32,39 @@
 //! 12 turned kicks of 8 err by 0.002 at every ε
 //! (`cargo test --release --test generators -- --nocapture`).
 
-use super::HenonShape;
+use super::architecture::Architecture;
+use super::block::{Block, Layers, Part, Scale};
 use super::composition::Composition;
-use super::step::{Kind, Step};
+use super::model::Model;
 use crate::error::Error;
-use crate::layer::{FastPlanes, TorusAction, TwistShears, form_len, shear_len};
-use crate::phase::{Direction, Map};
-use crate::scalar::{Over, Real, Scalar};
+use crate::layer::TorusAction;
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
 
-/// The shape of a normal-form gyroceptron.
+/// What the normal-form gyroceptron and the nearly-integrable map are made from.
+///
+/// P_ε = χ∘Φ_θ∘T_ε∘χ⁻¹, χ = ψ∘ψ_ε, with a HénonNet ψ, [turned kicks](crate::layer::TurnedKick)
+/// ψ_ε scaled by ε, and a [twist](crate::layer::Twist) T_ε scaled by εh.
+///
+/// Or, with a perturbation, P = χ∘K_ε∘Φ_θ∘T∘χ⁻¹ with χ of order one, T scaled by h, and turned kicks
+/// K_ε: any map near an integrable one, whose surfaces turn at frequencies of their own, with the
+/// resonances and islands that ε opens. 𝔍∘χ⁻¹ is then an invariant at ε = 0.
+///
+/// Without a perturbation it is a gyroceptron: near the identity times ψ∘Φ_θ∘ψ⁻¹. T_ε commutes with Φ, so that
+/// P commutes with the action conjugated by χ, and 𝔍∘χ⁻¹, the actions in the coordinates
+/// of the normal form, are invariants of P, exactly, for all weights and all time.
+///
+/// With one fast plane, or a circle for each, nearly-periodic Hamiltonian flows are such
+/// maps to all orders in ε (Kruskal, <https://doi.org/10.1063/1.1724285>), with a T_ε that is any
+/// map which commutes with Φ. One circle over
+/// several fast planes leaves more generators invariant than functions of 𝔍 and y, such as
+/// q₁q₂ + p₁p₂ for weights (1, 1): these are left out, and the ratios of the planes'
+/// frequencies are those of the weights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NormalFormShape {
     /// Φ, a circle or torus action.
     pub action: TorusAction,
-    /// The widths of ψ's layers; none where the action is Φ itself to leading order.
+    /// The widths of ψ's Hénon layers; none where the action is Φ itself to leading order.
     pub psi: Vec<usize>,
     /// The widths of the turned kicks of ψ_ε.
     pub kicks: Vec<usize>,
@@ -63,251 +79,72 @@ pub struct NormalFormShape {
     pub perturbation: Option<Vec<usize>>,
 }
 
-/// More repetitions of a twist are a slip of the pen.
+impl NormalFormShape {
+    /// The network of this shape at ε: blocks `psi`, `kick`, `twist` and `perturbation`.
+    pub fn architecture(&self, epsilon: f64) -> Architecture {
+        let of_order_one = self.perturbation.is_some();
+        let [chart, slow] = match of_order_one {
+            true => [Scale::None, Scale::Time],
+            false => [Scale::Epsilon, Scale::EpsilonTime],
+        };
+        let block = |part, layers, name: &str| Block::new(part, layers).named(name);
+        let kicks = block(Part::Chart, Layers::TurnedKick(self.kicks.clone()), "kick");
+        let twists = block(Part::SlowMap, Layers::Twist(self.twists.clone()), "twist");
+        let architecture = Architecture::new(self.action.dof())
+            .on_torus(&self.action)
+            .at_epsilon(epsilon)
+            .of_time(self.flow_time)
+            .with(block(Part::Conjugation, Layers::Henon(self.psi.clone()), "psi"))
+            .with(kicks.scaled(chart))
+            .with(twists.scaled(slow));
+        match &self.perturbation {
+            Some(widths) => architecture.with(block(
+                Part::Perturbation,
+                Layers::TurnedKick(widths.clone()),
+                "perturbation",
+            )),
+            None => architecture,
+        }
+    }
+}
+
+/// More repetitions of a twist are a mistake.
 pub(crate) const MOST_REPEATS: usize = 100_000;
 
-impl NormalFormShape {
-    /// n.
-    pub fn dof(&self) -> usize {
-        self.action.dof()
-    }
-
-    /// The shape of ψ.
-    pub fn psi_shape(&self) -> HenonShape {
-        HenonShape { dof: self.dof(), widths: self.psi.clone() }
-    }
-
-    /// h(n + 2) + n: the angles and the potential of a turned kick of width h.
-    fn kick_len(&self, width: usize) -> usize {
-        width.saturating_mul(self.dof().saturating_add(2)).saturating_add(self.dof())
-    }
-
-    /// d, the numbers that a twist shear's function is of: the actions and half the slow
-    /// coordinates.
-    pub fn arguments(&self) -> usize {
-        let circles = self.action.circles();
-        let is_slow = |j: &usize| circles.iter().all(|circle| circle.weights()[*j] == 0);
-        circles.len() + (0..self.dof()).filter(is_slow).count()
-    }
-
-    fn twist_len(&self) -> usize {
-        let of = |(number, &width)| shear_len(number, width, self.arguments());
-        self.twists.iter().enumerate().map(of).fold(0, usize::saturating_add)
-    }
-
-    fn perturbation_len(&self) -> usize {
-        let widths = self.perturbation.iter().flatten();
-        widths.map(|&width| self.kick_len(width)).fold(0, usize::saturating_add)
-    }
-
-    /// Whether the actions are invariants at any ε: whether there is no K_ε.
-    pub fn is_integrable(&self) -> bool {
-        self.perturbation.iter().flatten().next().is_none()
-    }
-
-    /// The number of parameters of the chart, which come first.
-    fn chart_len(&self) -> usize {
-        let kicks = self.kicks.iter().map(|&width| self.kick_len(width));
-        kicks.fold(self.psi_shape().parameter_count(), usize::saturating_add)
-    }
-
-    /// The shape with the identity for a chart.
-    pub(super) fn without_chart(&self) -> Self {
-        Self { psi: Vec::new(), kicks: Vec::new(), ..self.clone() }
-    }
-
-    /// The index of the first angle of the circles among the parameters.
-    pub fn theta(&self) -> usize {
-        self.chart_len().saturating_add(self.twist_len()).saturating_add(self.perturbation_len())
-    }
-
-    /// The number of parameters: those of ψ, of the turned kicks, of the twist shears, of K_ε,
-    /// and an angle for each circle.
-    pub fn parameter_count(&self) -> usize {
-        self.theta().saturating_add(self.action.circles().len())
-    }
-
-    /// The tensors of turned kicks and twists by the names that files give them, with
-    /// their shapes, in the order of the parameters.
-    pub(super) fn tensors(&self) -> Vec<(String, [usize; 2])> {
-        let (dof, arguments, mut out) = (self.dof(), self.arguments(), Vec::new());
-        let potential = |name: &str, arguments: usize, width: usize| {
-            [
-                (format!("{name}.w_in"), [arguments, width]),
-                (format!("{name}.b_in"), [1, width]),
-                (format!("{name}.w_out"), [width, 1]),
-            ]
-        };
-        let kick = |name: String, width: usize| {
-            let angles = [(format!("{name}.angles"), [1, dof])];
-            angles.into_iter().chain(potential(&name, dof, width))
-        };
-        for (number, &width) in self.kicks.iter().enumerate() {
-            out.extend(kick(format!("kick.{number}"), width));
+/// What is done with the slow map of a network.
+impl Model {
+    /// The index of its slow map among the blocks, and where its parameters are.
+    fn slow_map(&self) -> Option<(usize, std::ops::Range<usize>)> {
+        let architecture = self.architecture();
+        let mut all = (0..architecture.blocks.len())
+            .filter(|&index| architecture.blocks[index].part == Part::SlowMap);
+        match (all.next(), all.next()) {
+            (Some(index), None) => Some((index, architecture.block_ranges()[index].clone())),
+            _ => None,
         }
-        for (number, &width) in self.twists.iter().enumerate() {
-            out.extend(potential(&format!("twist.{number}"), arguments, width));
-            let form = form_len(number, arguments);
-            if form > 0 {
-                out.push((format!("twist.{number}.quadratic"), [1, form]));
-            }
-        }
-        for (number, &width) in self.perturbation.iter().flatten().enumerate() {
-            out.extend(kick(format!("perturbation.{number}"), width));
-        }
-        out.push(("theta".into(), [1, self.action.circles().len()]));
-        out
     }
 
-    /// Fails unless the action is one that [`FastPlanes`] are of, the flow time is
-    /// finite, and no part is of width 0, but for twist shears with a quadratic form.
-    ///
-    /// # Errors
-    /// With the value.
-    pub fn check(&self) -> Result<(), Error> {
-        // A table of all planes is kept for each kick.
-        const MOST_PLANES: usize = 1000;
-        FastPlanes::new(&self.action)?;
-        Error::check_count_range("planes of a normal form", self.dof(), 1, MOST_PLANES)?;
-        Error::check_finite("flow_time", self.flow_time)?;
-        let of = |(number, &width)| shear_len(number, width, self.arguments());
-        let mut kicks = self.kicks.iter().chain(self.perturbation.iter().flatten());
-        if kicks.any(|width| *width == 0)
-            || self.twists.iter().enumerate().map(of).any(|len| len == 0)
-        {
-            let expected = "at least one neuron";
-            return Err(Error::invalid("normal form", "a layer of width 0", expected));
-        }
-        Ok(())
-    }
-}
-
-/// P = χ∘Φ_θ∘T_ε∘χ⁻¹, χ = ψ∘ψ_ε, with a HénonNet ψ, [turned kicks](crate::layer::TurnedKick)
-/// ψ_ε scaled by ε, and a [twist](crate::layer::Twist) T_ε scaled by εh.
-///
-/// Or, with a [perturbation](NormalFormShape::perturbation), P = χ∘K_ε∘Φ_θ∘T∘χ⁻¹ with χ and T
-/// of order one and turned kicks K_ε: any map near an integrable one, whose surfaces
-/// turn at frequencies of their own, with the resonances and islands that ε opens. 𝔍∘χ⁻¹ is then
-/// an invariant at ε = 0.
-///
-/// Without a perturbation it is a gyroceptron: near the identity times ψ∘Φ_θ∘ψ⁻¹. T_ε commutes with Φ, so that
-/// P commutes with the action conjugated by χ, and 𝔍∘χ⁻¹, the actions in the coordinates
-/// of the normal form, are invariants of P, exactly, for all weights and all time.
-///
-/// With one fast plane, or a circle for each, nearly-periodic Hamiltonian flows are such
-/// maps to all orders in ε (Kruskal, <https://doi.org/10.1063/1.1724285>). One circle over
-/// several fast planes leaves more generators invariant than functions of 𝔍 and y, such as
-/// q₁q₂ + p₁p₂ for weights (1, 1): these are left out, and the ratios of the planes'
-/// frequencies are those of the weights.
-#[derive(Clone, Debug)]
-pub struct NormalForm<P> {
-    shape: NormalFormShape,
-    composition: Composition<P>,
-}
-
-/// The parts of a normal-form gyroceptron, over its parameters.
-struct Parts<P> {
-    /// χ.
-    chart: Composition<P>,
-    /// Φ_θ∘T_ε, and K_ε after it where there is one.
-    inner: Composition<P>,
-}
-
-impl<P: Real> Parts<P> {
-    fn new(shape: &NormalFormShape, epsilon: P, parameters: &[P]) -> Result<Self, Error> {
-        let planes = FastPlanes::new(&shape.action)?;
-        let empty = || Composition::new(shape.dof(), parameters.to_vec(), epsilon);
-        let psi = shape.psi_shape();
-        let mut end = psi.parameter_count();
-        let psi = psi.composition(parameters[..end].to_vec(), epsilon, false);
-        let near_periodic = shape.perturbation.is_none();
-        let mut chart = empty();
-        for &width in &shape.kicks {
-            let start = end;
-            end += shape.kick_len(width);
-            chart.push_turned_kick(width, start..end, near_periodic);
-        }
-        chart.push_all(&psi, 0, Direction::Forward);
-        let mut inner = empty();
-        let start = end;
-        end += shape.twist_len();
-        let shears = Arc::new(TwistShears::new(planes, &shape.twists));
-        let kind = Kind::Twist { shears, factor: shape.flow_time };
-        let (parameters, near_identity) = (start..end, near_periodic);
-        inner.push(Step { kind, parameters, inverse: false, near_identity });
-        inner.push_turn(&shape.action, shape.theta()..shape.parameter_count());
-        for &width in shape.perturbation.iter().flatten() {
-            let start = end;
-            end += shape.kick_len(width);
-            inner.push_turned_kick(width, start..end, true);
-        }
-        Ok(Self { chart, inner })
-    }
-}
-
-impl<P: Real> NormalForm<P> {
-    /// The map of this shape at ε with these parameters.
-    ///
-    /// # Errors
-    /// When `parameters` is not of the length that `shape` asks for, or its action is
-    /// not one that [`FastPlanes`] are of.
-    pub fn new(shape: NormalFormShape, epsilon: P, parameters: Vec<P>) -> Result<Self, Error> {
-        shape.check()?;
-        Error::check_count("parameters", shape.parameter_count(), parameters.len())?;
-        let Parts { chart, inner } = Parts::new(&shape, epsilon, &parameters)?;
-        let mut composition = Composition::new(shape.dof(), parameters, epsilon);
-        composition.push_all(&chart, 0, Direction::Inverse);
-        composition.push_all(&inner, 0, Direction::Forward);
-        composition.push_all(&chart, 0, Direction::Forward);
-        Ok(Self { shape, composition })
+    /// With a slow map of other widths, and its parameters.
+    fn with_slow_map(
+        &self,
+        flow_time: f64,
+        widths: Vec<usize>,
+        own: &[f64],
+        angles: &[f64],
+    ) -> Result<Self, Error> {
+        let (index, range) = self.slow_map().ok_or_else(|| {
+            Error::invalid("slow map", "none, or several blocks of it", "one block")
+        })?;
+        let mut architecture = self.architecture().clone();
+        architecture.flow_time = flow_time;
+        let layers = architecture.blocks[index].layers.with_widths(widths);
+        architecture.blocks[index].layers = layers;
+        let all = self.parameters();
+        let end = self.architecture().angles().start;
+        let parameters = [&all[..range.start], own, &all[range.end..end], angles].concat();
+        Self::new(architecture, parameters)
     }
 
-    /// χ, from the coordinates of the normal form to those of the data, and Φ_θ∘T_ε, or K_ε∘Φ_θ∘T, the
-    /// map in the former: N steps are χ∘(Φ_θT_ε)^N∘χ⁻¹.
-    pub fn chart_and_inner_map(&self) -> [Composition<P>; 2] {
-        let (epsilon, parameters) = (self.composition.epsilon(), self.composition.parameters());
-        let Parts { chart, inner } =
-            Parts::new(&self.shape, epsilon, parameters).expect("as when it was made");
-        [chart, inner]
-    }
-}
-
-impl<P: Scalar> NormalForm<P> {
-    /// An angle for each circle, in radians.
-    pub fn theta(&self) -> &[P] {
-        &self.composition.parameters()[self.shape.theta()..]
-    }
-
-    /// The parameters of χ, of T_ε, of K_ε, and the angles.
-    fn blocks(&self) -> [&[P]; 4] {
-        let (chart, rest) = self.composition.parameters().split_at(self.shape.chart_len());
-        let (twists, rest) = rest.split_at(self.shape.twist_len());
-        let (perturbation, angles) = rest.split_at(self.shape.perturbation_len());
-        [chart, twists, perturbation, angles]
-    }
-
-    /// The parameters of the map in the coordinates of the normal form.
-    pub(super) fn inner_parameters(&self) -> &[P] {
-        &self.composition.parameters()[self.shape.chart_len()..]
-    }
-
-    /// ε.
-    pub fn epsilon(&self) -> P {
-        self.composition.epsilon()
-    }
-
-    /// Action and widths.
-    pub fn shape(&self) -> &NormalFormShape {
-        &self.shape
-    }
-
-    /// The steps and parameters: the map.
-    pub fn composition(&self) -> &Composition<P> {
-        &self.composition
-    }
-}
-
-impl NormalForm<f64> {
     /// Pᵐ as one map of m times the flow time: χ∘Φ_{mθ}∘T_εᵐ∘χ⁻¹, with m times as many twist
     /// shears, of functions G/m in place of G, the factor h being m times as large. Exact, but for the
     /// rounding of G/m and of the sum of the angles.
@@ -317,61 +154,142 @@ impl NormalForm<f64> {
     /// Its step takes as long as m of the map, but for the charts between them.
     ///
     /// # Errors
-    /// When the number of twist shears is odd and m is not 1: those of positions and of momenta come
+    /// When m is not 1 and the network is not in normal form, its slow map is not one block, or its
+    /// number of twist shears is odd: those of positions and of momenta come
     /// by turns. When m is 0, the shears are too many, or the flow time is not finite.
     pub fn iterated(&self, m: usize) -> Result<Self, Error> {
         Error::check_count_range("repeats of a map", m, 1, MOST_REPEATS)?;
-        let shears = m.saturating_mul(self.shape.twists.len());
-        Error::check_count_range("twist shears", shears, 0, MOST_REPEATS)?;
-        if m > 1 && !self.shape.twists.len().is_multiple_of(2) {
-            let expected = "an even number, to be repeated";
-            return Err(Error::invalid("twist shears", self.shape.twists.len(), expected));
+        if m == 1 {
+            return Ok(self.clone());
         }
-        if m > 1 && !self.shape.is_integrable() {
-            let expected = "1 of a map with a perturbation, whose powers have other ones";
+        let architecture = self.architecture();
+        let shears = architecture.twist_shears();
+        let all = m.saturating_mul(shears);
+        Error::check_count_range("twist shears", all, 0, MOST_REPEATS)?;
+        if !architecture.keeps_actions() {
+            let expected = "1 of a map that is not in normal form, such as one with a perturbation: its powers are \
+                 of another kind";
             return Err(Error::invalid("repeats of a map", m, expected));
         }
-        let ([chart, twists, perturbation, angles], times) = (self.blocks(), m as f64);
-        let mut repeated = twists.to_vec();
-        let mut begin = 0;
-        for (number, &width) in self.shape.twists.iter().enumerate() {
-            let end = begin + shear_len(number, width, self.shape.arguments());
-            let inner = width * (self.shape.arguments() + 1);
-            repeated[begin + inner..end].iter_mut().for_each(|weight| *weight /= times);
-            begin = end;
+        if !shears.is_multiple_of(2) {
+            let expected = "an even number, to be repeated";
+            return Err(Error::invalid("twist shears", shears, expected));
         }
-        let mut parameters = chart.to_vec();
-        parameters.extend(repeated.repeat(m));
-        parameters.extend(perturbation);
-        parameters.extend(angles.iter().map(|angle| angle * times));
-        let shape = NormalFormShape {
-            twists: self.shape.twists.repeat(m),
-            flow_time: self.shape.flow_time * times,
-            ..self.shape.clone()
+        let Some((index, range)) = self.slow_map() else {
+            let expected = "1 of a network whose slow map is not one block";
+            return Err(Error::invalid("repeats of a map", m, expected));
         };
-        Self::new(shape, self.epsilon(), parameters)
+        let (block, times) = (&architecture.blocks[index], m as f64);
+        let mut repeated = self.parameters()[range].to_vec();
+        let mut rest = &mut repeated[..];
+        // G is linear in w and in the quadratic form.
+        for (tensor, len) in architecture.tensors_of_block(index) {
+            let (values, others) = rest.split_at_mut(len);
+            if matches!(tensor, "w_out" | "quadratic") {
+                values.iter_mut().for_each(|weight| *weight /= times);
+            }
+            rest = others;
+        }
+        let widths = block.layers.widths().repeat(m);
+        let angles: Vec<f64> = self.angles().iter().map(|angle| angle * times).collect();
+        let flow_time = architecture.flow_time * times;
+        self.with_slow_map(flow_time, widths, &repeated.repeat(m), &angles)
     }
 
-    /// The map at another ε.
-    pub fn at_epsilon(&self, epsilon: f64) -> Self {
-        let composition = self.composition.with_epsilon(epsilon);
-        Self { composition, shape: self.shape.clone() }
-    }
-
-    /// With the first so many of its twist shears alone.
+    /// A network with one in `parts` of its twist shears, the first ones.
     ///
     /// # Errors
-    /// When there are fewer.
-    pub(super) fn with_first_twists(&self, count: usize) -> Result<Self, Error> {
-        Error::check_count_range("twist shears", count, 0, self.shape.twists.len())?;
-        let shape =
-            NormalFormShape { twists: self.shape.twists[..count].to_vec(), ..self.shape.clone() };
-        let [chart, twists, perturbation, angles] = self.blocks();
-        let parameters = [chart, &twists[..shape.twist_len()], perturbation, angles].concat();
-        Self::new(shape, self.epsilon(), parameters)
+    /// When they are no multiple of `parts`; when it has no slow map and `parts` is not 1.
+    pub(crate) fn with_part_of_twists(&self, parts: usize) -> Result<Self, Error> {
+        Error::check_count_range("parts", parts, 1, usize::MAX)?;
+        let shears = self.architecture().twist_shears();
+        match self.slow_map() {
+            _ if parts == 1 => Ok(self.clone()),
+            Some((index, range)) if shears.is_multiple_of(parts) => {
+                let architecture = self.architecture();
+                let widths = architecture.blocks[index].layers.widths()[..shears / parts].to_vec();
+                let mut fewer = architecture.clone();
+                fewer.blocks[index].layers = fewer.blocks[index].layers.with_widths(widths.clone());
+                let own = &self.parameters()[range][..fewer.block_ranges()[index].len()];
+                self.with_slow_map(architecture.flow_time, widths, own, self.angles())
+            }
+            _ => Err(Error::invalid("parts", parts, "a divisor of the number of twist shears")),
+        }
     }
-}
 
-impl<P: Scalar, S: Over<P>> Map<S> for NormalForm<P> {
-    map_of_composition!(S);
+    /// The blocks of its chart, if it is built on a circle and has a slow map.
+    fn is_of_chart(&self, index: usize) -> bool {
+        matches!(self.architecture().blocks[index].part, Part::Conjugation | Part::Chart)
+    }
+
+    /// K_ε∘Φ_θ∘T_ε of a network with a slow map, as one whose chart is the identity; of any other
+    /// network, itself.
+    ///
+    /// # Errors
+    /// Those of [`Model::new`].
+    pub(crate) fn without_chart(&self) -> Result<Self, Error> {
+        if self.architecture().twist_shears() == 0 {
+            return Ok(self.clone());
+        }
+        let mut architecture = self.architecture().clone();
+        let mut parameters = Vec::new();
+        for (index, range) in self.architecture().block_ranges().into_iter().enumerate() {
+            match self.is_of_chart(index) {
+                true => {
+                    let layers = architecture.blocks[index].layers.with_widths(Vec::new());
+                    architecture.blocks[index].layers = layers;
+                }
+                false => parameters.extend_from_slice(&self.parameters()[range]),
+            }
+        }
+        architecture.blocks.retain(|block| !matches!(block.layers, Layers::SympNet(_)));
+        parameters.extend_from_slice(self.angles());
+        Self::new(architecture, parameters)
+    }
+
+    /// This network with all but the chart of another one, whose chart may differ; a network
+    /// without a slow map stays what it is.
+    ///
+    /// # Errors
+    /// When they have more or fewer parameters; those of [`Model::new`].
+    pub(crate) fn with_twists_of(&self, other: &Self) -> Result<Self, Error> {
+        if self.architecture().twist_shears() == 0 || other.architecture().twist_shears() == 0 {
+            return Ok(self.clone());
+        }
+        let mut rest = Vec::new();
+        for (index, range) in other.architecture().block_ranges().into_iter().enumerate() {
+            if !other.is_of_chart(index) {
+                rest.extend_from_slice(&other.parameters()[range]);
+            }
+        }
+        rest.extend_from_slice(other.angles());
+        let mut parameters = Vec::new();
+        let mut others = &rest[..];
+        let mut take = |len: usize| -> Result<&[f64], Error> {
+            let (own, after) = others.split_at_checked(len).ok_or_else(|| {
+                Error::invalid("parameters of twists and angles", rest.len(), "as many as here")
+            })?;
+            others = after;
+            Ok(own)
+        };
+        for (index, range) in self.architecture().block_ranges().into_iter().enumerate() {
+            match self.is_of_chart(index) {
+                true => parameters.extend_from_slice(&self.parameters()[range]),
+                false => parameters.extend_from_slice(take(range.len())?),
+            }
+        }
+        parameters.extend_from_slice(take(self.angles().len())?);
+        Error::check_count(
+            "parameters of twists and angles",
+            rest.len() - others.len(),
+            rest.len(),
+        )?;
+        self.with_parameters(parameters)
+    }
+
+    /// χ of a network with a slow map.
+    pub(crate) fn chart(&self) -> Composition<f64> {
+        let [chart, _] = self.chart_and_inner_map();
+        chart
+    }
 }

@@ -21,6 +21,8 @@ pub struct Step {
     pub inverse: bool,
     /// Scaled by the composition's ε; else by 1.
     pub near_identity: bool,
+    /// A factor beside ε: the flow time, where it scales the step.
+    pub time: Option<f64>,
 }
 
 /// The kinds of step. A new one is a [`Shear`] in a file of `layer/`, a variant
@@ -52,15 +54,11 @@ pub enum Kind {
         width: usize,
         /// Which of the composition's prepared turns.
         prepared: usize,
-        /// A factor of c beside ε.
-        factor: f64,
     },
     /// The flow of functions of the actions and of half the slow coordinates.
     Twist {
         /// Its shears.
         shears: Arc<TwistShears>,
-        /// A factor of its time beside ε.
-        factor: f64,
     },
     /// A linear module of a SympNet.
     Linear {
@@ -148,6 +146,7 @@ impl<P: Scalar> Composition<P> {
         let inverse = step.inverse != undo;
         let parameters = &self.parameters()[step.parameters.clone()];
         let scale = if step.near_identity { self.epsilon() } else { P::from_f64(1.0) };
+        let scale = step.time.map_or(scale, |time| scale * P::from_f64(time));
         match step.kind {
             Kind::Kick { width, form } => {
                 let (potential, eta) = parameters.split_at(width * (self.dof() + 2));
@@ -183,8 +182,7 @@ impl<P: Scalar> Composition<P> {
                     _ => visit!(0),
                 }
             }
-            Kind::TurnedCoupling { width, prepared, factor } => {
-                let scale = scale * P::from_f64(factor);
+            Kind::TurnedCoupling { width, prepared } => {
                 let (turn, parameters) = (self.turn(prepared), &parameters[self.dof()..]);
                 macro_rules! visit {
                     ($D:literal) => {{
@@ -199,8 +197,7 @@ impl<P: Scalar> Composition<P> {
                     _ => visit!(0),
                 }
             }
-            Kind::Twist { ref shears, factor } => {
-                let scale = scale * P::from_f64(factor);
+            Kind::Twist { ref shears } => {
                 macro_rules! visit {
                     ($D:literal) => {
                         visitor.visit_twist(Twist::<P, $D> { shears, scale, parameters, inverse })

@@ -91,7 +91,7 @@ struct Model {
 }
 
 impl Model {
-    fn architecture(&self) -> Architecture {
+    fn architecture(&self) -> &Architecture {
         self.stored.model.architecture()
     }
 
@@ -102,16 +102,26 @@ impl Model {
 
 #[pymethods]
 impl Model {
-    /// "gyroceptron", "normal-form", "coupling-gyroceptron", "henon-net" or "sympnet".
+    /// What its blocks make of it: "plain", "nearly-periodic", "normal-form", "nearly-integrable" or
+    /// "mixed".
+    #[getter]
+    fn structure(&self) -> &'static str {
+        self.architecture().structure().name()
+    }
+
+    /// Its blocks, a dictionary each: layer, widths, part, scale and name, as `train` takes them.
+    #[getter]
+    fn blocks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let text = serde_json::to_string(&self.architecture().blocks)
+            .map_err(|reason| exception::Error::new_err(reason.to_string()))?;
+        py.import("json")?.call_method1("loads", (text,))
+    }
+
+    /// The name of its architecture, if it has one: "gyroceptron", "normal-form",
+    /// "coupling-gyroceptron", "henon-net" or "symp-net"; else "blocks".
     #[getter]
     fn kind(&self) -> &'static str {
-        match self.architecture() {
-            Architecture::Gyroceptron { .. } => "gyroceptron",
-            Architecture::NormalForm { .. } => "normal-form",
-            Architecture::CouplingGyroceptron { .. } => "coupling-gyroceptron",
-            Architecture::HenonNet { .. } => "henon-net",
-            Architecture::SympNet { .. } => "sympnet",
-        }
+        self.architecture().name().unwrap_or("blocks")
     }
 
     /// The degrees of freedom n: points have 2n numbers.
@@ -123,7 +133,7 @@ impl Model {
     /// ε of its near-identity part.
     #[getter]
     fn epsilon(&self) -> f64 {
-        self.architecture().epsilon()
+        self.architecture().epsilon
     }
 
     /// The time of the flow map that it stands for, where it is known.

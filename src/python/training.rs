@@ -6,9 +6,8 @@ use crate::flow::Pairs;
 use crate::io::{Provenance, StoredModel};
 use crate::layer::{CircleAction, TorusAction};
 use crate::measure::rotation_errors;
-use crate::scene::{
-    ByTurns, Folder, Layers, ModelSpec, NetworkSpec, OwnTraining, TrainingTimes, TwistLayers,
-};
+use crate::network::{self, Alternating, Block, LayerSizes, NetworkSpec};
+use crate::scene::{Folder, ModelSpec, OwnTraining, TrainingTimes};
 use crate::train::{
     AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions, Optimiser,
     Place, Preparation, Prepared, Progress, Starts, TrainingOptions, Watch, train_schedule,
@@ -45,8 +44,8 @@ pub(super) enum Widths {
 /// (layers, neurons).
 type Shape = Option<(usize, usize)>;
 
-fn layers(shape: (usize, usize)) -> Layers {
-    Layers { count: shape.0, width: shape.1 }
+fn layers((count, width): (usize, usize)) -> LayerSizes {
+    LayerSizes::uniform(count, width)
 }
 
 /// Unless it is given.
@@ -54,6 +53,14 @@ const EPSILON: f64 = 0.01;
 
 /// More starts are a slip of the pen.
 const MOST_STARTS: usize = 1000;
+
+/// Blocks of Python's dictionaries, as JSON has them.
+fn blocks_of(py: Python<'_>, blocks: Bound<'_, PyAny>) -> PyResult<Vec<Block>> {
+    let text: String = py.import("json")?.call_method1("dumps", (blocks,))?.extract()?;
+    let blocks = serde_json::from_str(&text)
+        .map_err(|reason| Error::invalid("blocks", reason, "a list of blocks"))?;
+    Ok(blocks)
+}
 
 /// Calls back at each iteration.
 struct Calling<'a> {
@@ -104,6 +111,10 @@ impl Watch for Calling<'_> {
 /// architecture: "gyroceptron", "normal-form", "coupling-gyroceptron", "henon-net" or "sympnet".
 /// psi, near_identity, kicks, twists, perturbation, layers: (layers, neurons) of the parts that it
 /// has; a normal form with a perturbation is nearly integrable, of order one without it.
+/// blocks: a network of your own in place of a named architecture: a list of dictionaries with layer
+/// ("henon", "turned-kick", "twist", "turned-coupling", "symp-net"), widths, part ("conjugation",
+/// "chart", "slow-map", "perturbation", "near-identity", "none"), and scale and name where they are
+/// not the usual ones of the part.
 /// optimiser: "l-bfgs", "lm" (Levenberg-Marquardt, which gets furthest) or "adam".
 /// iterations: at most so many, 1000 unless given.
 /// starts: so many sets of initial weights, 40 iterations each, of which the best goes on.
@@ -122,7 +133,7 @@ impl Watch for Calling<'_> {
 #[pyfunction]
 #[pyo3(signature = (
     input, output, circle_action, *, architecture="gyroceptron", psi=None, near_identity=None,
-    kicks=None, twists=None, perturbation=None, layers=None, optimiser="l-bfgs", iterations=None, starts=1,
+    kicks=None, twists=None, perturbation=None, layers=None, blocks=None, optimiser="l-bfgs", iterations=None, starts=1,
     near_identity_penalty=0.0, patience=0, target=0.0, epsilon=None, flow_time=None, theta=None,
     theta_fixed=false, theta_penalty=0.0, units="fitted", validation=0.1, seed=0, report=None, callback=None
 ))]
@@ -139,6 +150,7 @@ pub(super) fn train(
     twists: Option<(usize, Widths)>,
     perturbation: Shape,
     layers: Shape,
+    blocks: Option<Bound<'_, PyAny>>,
     optimiser: &str,
     iterations: Option<u64>,
     starts: u64,
@@ -161,13 +173,17 @@ pub(super) fn train(
     let (input, output) = (rows_of("input", &input, dof)?, rows_of("output", &output, dof)?);
     let pairs = Pairs::new("pairs", dof, input, output)?;
     let shapes = Shapes { psi, near_identity, kicks, twists, perturbation, layers };
-    let network = shapes.network(architecture, &action)?;
+    let blocks = blocks.map(|blocks| blocks_of(py, blocks)).transpose()?.unwrap_or_default();
+    let network = shapes.network(architecture, &action, blocks)?;
+    // Of any flow time: before pairs are gone through for each harmonic of the circle action.
+    let any = network.architecture(&action, epsilon.unwrap_or(EPSILON), 1.0)?;
+    any.check()?;
     let of_gyroceptron = "none: only a gyroceptron has it";
     let of_generators = "none: only a normal form and couplings have it";
     for (name, value, fits, expected) in [
-        ("theta", theta, network.has_circle(), of_gyroceptron),
-        ("epsilon", epsilon, network.has_circle(), of_gyroceptron),
-        ("flow_time", flow_time, network.has_flow_time(), of_generators),
+        ("theta", theta, any.has_circle(), of_gyroceptron),
+        ("epsilon", epsilon, any.has_circle(), of_gyroceptron),
+        ("flow_time", flow_time, any.has_flow_time(), of_generators),
     ] {
         if let (Some(value), false) = (value, fits) {
             return Err(Error::invalid(name, value, expected).into());
@@ -177,8 +193,8 @@ pub(super) fn train(
     if let Some(theta) = theta {
         Error::check_finite("theta", theta)?;
     }
-    let of_order_one = network.is_nearly_integrable();
-    let scaled = network.has_flow_time() && !of_order_one;
+    let of_order_one = any.is_of_order_one();
+    let scaled = any.has_flow_time() && !of_order_one;
     if scaled && epsilon == 0.0 && flow_time.is_none() {
         return Err(Error::invalid("epsilon", 0, "another number, or a flow_time").into());
     }
@@ -206,9 +222,7 @@ pub(super) fn train(
         ..defaults
     };
     options.check()?;
-    // Of any flow time: before pairs are gone through for each harmonic of the circle action.
-    let any = network.architecture(&action.circles()[0], epsilon, 1.0);
-    any.map_or(Ok(()), |any| any.check().and_then(|()| options.check_for(&any)))?;
+    options.check_for(&any)?;
     let preparation = Preparation {
         place: "pairs",
         action: &action,
@@ -249,79 +263,43 @@ struct Shapes {
 }
 
 impl Shapes {
-    fn network(self, architecture: &str, action: &TorusAction) -> Result<NetworkSpec, Error> {
-        let mut network = match architecture {
-            "gyroceptron" => NetworkSpec::default_gyroceptron(),
-            "normal-form" => NetworkSpec::default_normal_form(),
-            "coupling-gyroceptron" => NetworkSpec::default_coupling_gyroceptron(),
-            "henon-net" => NetworkSpec::default_henon_net(),
-            "sympnet" => NetworkSpec::default_symp_net(),
-            _ => {
-                let expected =
-                    "gyroceptron, normal-form, coupling-gyroceptron, henon-net or sympnet";
-                return Err(Error::invalid("architecture", architecture, expected));
-            }
+    fn network(
+        self,
+        architecture: &str,
+        action: &TorusAction,
+        blocks: Vec<Block>,
+    ) -> Result<NetworkSpec, Error> {
+        let mut network = match blocks.is_empty() {
+            true => NetworkSpec::named(architecture)?,
+            false => NetworkSpec::of_blocks(blocks),
         };
-        let Self {
-            mut psi,
-            mut near_identity,
-            mut kicks,
-            mut twists,
-            mut perturbation,
-            layers: mut plain,
-        } = self;
-        match &mut network {
-            NetworkSpec::Gyroceptron { psi: own, near_identity: near, .. }
-            | NetworkSpec::CouplingGyroceptron { psi: own, near_identity: near, .. } => {
-                *own = psi.take().map_or(*own, layers);
-                *near = near_identity.take().map_or(*near, layers);
-            }
-            NetworkSpec::NormalForm {
-                psi: own,
-                kicks: of,
-                twists: shears,
-                action: circles,
-                perturbation: beside,
-            } => {
-                *beside = perturbation.take().map(layers).or(*beside);
-                *own = psi.take().map(layers);
-                *of = kicks.take().map_or(*of, layers);
-                if let Some((count, widths)) = twists.take() {
-                    let width = match widths {
-                        Widths::Same(width) => ByTurns::Same(width),
-                        Widths::Two(widths) => ByTurns::Two(widths),
-                    };
-                    *shears = TwistLayers { count, width };
-                }
-                *circles = Some(action.clone());
-            }
-            NetworkSpec::HenonNet { layers: own } => *own = plain.take().map_or(*own, layers),
-            NetworkSpec::SympNet { modules, shears, .. } => {
-                (*modules, *shears) = plain.take().unwrap_or((*modules, *shears));
-            }
-            NetworkSpec::File { .. } => {}
-        }
-        // What no part has taken.
-        for (name, left) in [
-            ("psi", psi.is_some()),
-            ("near_identity", near_identity.is_some()),
-            ("kicks", kicks.is_some()),
-            ("twists", twists.is_some()),
-            ("perturbation", perturbation.is_some()),
-            ("layers", plain.is_some()),
-        ] {
-            if left {
-                return Err(Error::invalid(name, architecture, "an architecture that has it"));
+        let sizes = [
+            ("psi", self.psi.map(layers)),
+            ("near_identity", self.near_identity.map(layers)),
+            ("kicks", self.kicks.map(layers)),
+            ("twists", self.twists.map(twists)),
+            ("perturbation", self.perturbation.map(layers)),
+            ("layers", self.layers.map(layers)),
+        ];
+        for (key, size) in sizes {
+            if let Some(size) = size {
+                network = network.with_size(key, size)?;
             }
         }
-        if !matches!(network, NetworkSpec::NormalForm { .. }) && action.circles().len() > 1 {
-            let found = format!("{} circles", action.circles().len());
-            let expected = "one circle, but for a gyroceptron in normal form";
-            return Err(Error::invalid("circle_action", found, expected));
+        if network.circles() == network::Circles::Several {
+            network.action = Some(action.clone());
         }
-        network.check_counts()?;
+        network.check()?;
         Ok(network)
     }
+}
+
+fn twists((count, width): (usize, Widths)) -> LayerSizes {
+    let width = match width {
+        Widths::Same(width) => Alternating::Same(width),
+        Widths::Two(widths) => Alternating::Two(widths),
+    };
+    LayerSizes { count, width }
 }
 
 /// A training that has been checked.
@@ -340,10 +318,7 @@ impl Training<'_> {
         let digest = pairs.digest();
         let Prepared { pairs, held_out, units, region, nearest, angles, flow_time } =
             preparation.prepare(pairs)?;
-        let Some(architecture) = network.architecture(&action.circles()[0], epsilon, flow_time)
-        else {
-            return Err(Error::invalid("architecture", "file", "a network to train").into());
-        };
+        let architecture = network.architecture(action, epsilon, flow_time)?;
         architecture.check()?;
         options.check_for(&architecture)?;
         let mut start = |number: u64| {

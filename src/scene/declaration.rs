@@ -1,7 +1,7 @@
 //! A scene: a set-up, studies of it, or parts.
 
 use super::learning::read_network;
-use super::setup::{Attempt, NetworkSpec, Setup, check_name};
+use super::setup::{Attempt, Setup, check_name};
 use super::study::{AnyStudy, SceneFile, Study};
 use crate::error::Error;
 use crate::train::{Leg, TrainingOptions};
@@ -118,7 +118,7 @@ impl Scene {
             }
         }
         for model in &self.setup.models {
-            if let NetworkSpec::File { path: None } = model.network {
+            if model.network.is_of_file() && model.network.path.is_none() {
                 let needed_by = format!("the network {} (--weights FILE)", model.name);
                 return Err(Error::Missing { place, key: "models.network.path", needed_by });
             }
@@ -138,10 +138,7 @@ impl Scene {
     pub fn with_files_from(mut self, folder: &Path) -> Result<Self, Error> {
         let Setup { data, models, .. } = &mut self.setup;
         let of_data = data.iter_mut().flat_map(|data| [&mut data.pairs, &mut data.trajectories]);
-        let of_networks = models.iter_mut().filter_map(|model| match &mut model.network {
-            NetworkSpec::File { path } => Some(path),
-            _ => None,
-        });
+        let of_networks = models.iter_mut().map(|model| &mut model.network.path);
         for path in of_data.chain(of_networks).flatten() {
             let joined = folder.join(&*path);
             *path = std::path::absolute(&joined).map_err(|reason| Error::read(&joined, reason))?;
@@ -160,7 +157,7 @@ impl Scene {
     pub fn check_networks(&self, folder: &Path) -> Result<(), Error> {
         let true_path = |path: &Path| path.canonicalize().or_else(|_| std::path::absolute(path));
         for model in &self.setup.models {
-            let NetworkSpec::File { path: Some(path) } = &model.network else { continue };
+            let Some(path) = &model.network.path else { continue };
             let place = |error: Error| error.at(format!("models.{}", model.name));
             if let (Some(subject), Some(time)) = (self.setup.subject(), self.setup.flow_time) {
                 read_network(path, subject, time).map_err(place)?;
@@ -234,7 +231,7 @@ impl Scene {
     pub fn without_parts_that_lack_files(mut self) -> (Self, Vec<String>) {
         let lacks = |part: &Self| {
             let mut models = part.setup.models.iter();
-            models.any(|model| matches!(model.network, NetworkSpec::File { path: None }))
+            models.any(|model| model.network.is_of_file() && model.network.path.is_none())
         };
         let (lacking, parts) = self.parts.into_iter().partition::<Vec<_>, _>(lacks);
         self.parts = parts;
@@ -246,8 +243,8 @@ impl Scene {
     pub fn with_weights(mut self, file: &Path) -> (Self, bool) {
         let mut any = false;
         for model in &mut self.setup.models {
-            if let NetworkSpec::File { path: path @ None } = &mut model.network {
-                *path = Some(file.to_owned());
+            if model.network.is_of_file() && model.network.path.is_none() {
+                model.network.path = Some(file.to_owned());
                 any = true;
             }
         }

@@ -3,14 +3,14 @@
 use super::context::{Context, DataSets, Halt};
 use super::log::TrainingTimes;
 use super::run::Event;
-use super::setup::{Attempt, ModelSpec, NetworkSpec};
+use super::setup::{Attempt, ModelSpec};
 use super::subject::Subject;
 use crate::error::Error;
 use crate::io::{
     Provenance, StoredModel, earlier_checkpoint, file_digest, import_weights, load_model,
     save_checkpoint, save_model,
 };
-use crate::network::{Architecture, Model};
+use crate::network::Model;
 use crate::train::{
     Checkpoint, Control, Leg, LegResult, Loss, Objective, Outcome, Place, Progress, Rung,
     Scheduled, Starts, Stop, TrainingOptions, TrainingRecord, Watch, train_schedule,
@@ -72,9 +72,10 @@ pub(super) fn learn_at(
     let options = &options;
     let seed = scene.seed.wrapping_add(number);
     let (action, epsilon) = (subject.circle_action(), subject.epsilon());
-    let Some(architecture) = spec.network.architecture(&action, epsilon, time) else {
+    if spec.network.is_of_file() {
         return of_file(context, data, spec);
-    };
+    }
+    let architecture = spec.network.architecture(&action.into(), epsilon, time)?;
     let theta = subject.angle(time, &data.training);
     // The check of the set-up has found them.
     let angles = subject.angles(&architecture, theta, &data.training);
@@ -216,7 +217,7 @@ impl Watch for SceneWatch<'_, '_> {
 /// A network that was trained elsewhere, judged by the pairs that choose among the models of a training.
 fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Trained, Halt> {
     let (scene, folder) = (context.scene, context.folder);
-    let NetworkSpec::File { path: Some(path) } = &spec.network else {
+    let Some(path) = &spec.network.path else {
         let (place, key) = (format!("scene {}", scene.name), "models.network.path");
         return Err(Error::Missing { place, key, needed_by: spec.name }.into());
     };
@@ -257,7 +258,8 @@ pub(super) fn read_network(
     time: f64,
 ) -> Result<StoredModel, Error> {
     if path.extension().is_none_or(|ending| ending != "json") {
-        let model = import_weights(path, subject.circle_action(), subject.epsilon())?;
+        let action = subject.circle_action().into();
+        let model = import_weights(path, &action, subject.epsilon(), None)?;
         let (data, flow_time) = (Some(file_digest(path)?), Some(time));
         let provenance = Provenance { data, flow_time, ..Provenance::of("import") };
         return Ok(StoredModel { model, units: None, provenance });
@@ -266,26 +268,21 @@ pub(super) fn read_network(
     let place = path.display().to_string();
     let of_another = |expected: String, found: String| Err(Error::content(&place, expected, found));
     let architecture = stored.model.architecture();
-    if architecture.dof() != subject.dof() {
+    if architecture.dof != subject.dof() {
         let expected = format!("a model of {} degrees of freedom", subject.dof());
-        return of_another(expected, architecture.dof().to_string());
+        return of_another(expected, architecture.dof.to_string());
     }
-    let own_time = match &architecture {
-        Architecture::NormalForm { shape, .. } => {
-            if !subject.is_turned_by(&shape.action) {
-                let expected = "circles that turn the planes as those of the system do together";
-                return of_another(expected.into(), format!("{:?}", shape.action.circles()));
-            }
-            Some(shape.flow_time)
-        }
-        Architecture::CouplingGyroceptron { shape, .. } => Some(shape.flow_time),
-        _ => None,
-    };
-    let has_epsilon =
-        !matches!(architecture, Architecture::HenonNet { .. } | Architecture::SympNet { .. });
-    if has_epsilon && architecture.epsilon() != subject.epsilon() {
+    if let Some(action) = architecture.action()
+        && architecture.keeps_its_planes()
+        && !subject.is_turned_by(&action)
+    {
+        let expected = "circles that turn the planes as those of the system do together";
+        return of_another(expected.into(), format!("{:?}", action.circles()));
+    }
+    let own_time = architecture.has_flow_time().then_some(architecture.flow_time);
+    if architecture.has_circle() && architecture.epsilon != subject.epsilon() {
         let expected = format!("a model of ε = {}", subject.epsilon());
-        return of_another(expected, architecture.epsilon().to_string());
+        return of_another(expected, architecture.epsilon.to_string());
     }
     for own in own_time.into_iter().chain(stored.provenance.flow_time) {
         if own != time {

@@ -49,7 +49,7 @@ pub use parse::parse;
 pub use reading::Reading;
 pub use report::{Report, StudyFindings};
 pub use run::{Event, Observer, run};
-pub use setup::{ByTurns, Data, FlowBy, Layers, ModelSpec, NetworkSpec, Setup, TwistLayers};
+pub use setup::{Data, FlowBy, ModelSpec, Setup};
 pub use study::AnyStudy;
 pub use study::certificate::{CERTIFICATE_HEADINGS, certificate_cells, certificate_table};
 pub use study::training::stop_words;

@@ -2,11 +2,8 @@
 
 use crate::error::Error;
 use crate::flow::{Integrator, Pairs, ReferenceTrajectories, Window, whole_periods};
-use crate::layer::{Activation, CircleAction, TorusAction};
-use crate::network::{
-    Architecture, CouplingGyroceptronShape, GyroceptronShape, HenonShape, InitialWeights,
-    NormalFormShape, SympNetShape,
-};
+use crate::layer::CircleAction;
+use crate::network::{InitialWeights, NetworkSpec};
 use crate::scene::subject::{FileData, Subject};
 use crate::system::{Counted, Hamiltonian, System};
 use crate::train::TrainingOptions;
@@ -175,128 +172,8 @@ impl ModelSpec {
     }
 }
 
-/// Which network, the degrees of freedom and ε being the system's.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum NetworkSpec {
-    /// A symplectic gyroceptron.
-    Gyroceptron {
-        /// ψ.
-        psi: Layers,
-        /// I_ε.
-        near_identity: Layers,
-        /// Φ; the system's, unless given.
-        circle_action: Option<CircleAction>,
-    },
-    /// A HénonNet.
-    HenonNet {
-        /// Its layers.
-        layers: Layers,
-    },
-    /// A gyroceptron in normal form, of the scene's flow time.
-    NormalForm {
-        /// ψ; none, unless given.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        psi: Option<Layers>,
-        /// The turned kicks of ψ_ε.
-        kicks: Layers,
-        /// The twist shears of T_ε.
-        twists: TwistLayers,
-        /// Φ; the system's, unless given.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        action: Option<TorusAction>,
-        /// The turned kicks of K_ε, of a map that is nearly integrable: see
-        /// [`NormalFormShape::perturbation`]. Of 0 layers, an integrable one.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        perturbation: Option<Layers>,
-    },
-    /// A gyroceptron of affine couplings, which is not symplectic, with the circle action of the
-    /// system.
-    CouplingGyroceptron {
-        /// The couplings of ψ.
-        psi: Layers,
-        /// The couplings of I_ε.
-        near_identity: Layers,
-        /// Φ; the system's, unless given.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        circle_action: Option<CircleAction>,
-    },
-    /// Any network of a file `.json`, as `train` and scenes write them, for the same ε and flow time; or a gyroceptron
-    /// with the weights of a `.safetensors`, `.npz` or `.index`, as
-    /// [`import_weights`](crate::io::import_weights) takes them: it is not trained.
-    File {
-        /// The file. A relative path is from the folder of the scene's file.
-        path: Option<PathBuf>,
-    },
-    /// An LA-SympNet.
-    SympNet {
-        /// The number of linear modules, and the shears of each.
-        modules: usize,
-        /// See `modules`.
-        shears: usize,
-        /// σ.
-        activation: Activation,
-        /// See [`SympNetShape::plain`].
-        #[serde(default)]
-        plain: bool,
-    },
-}
-
-/// So many layers of the same width.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Layers {
-    /// The number of layers.
-    pub count: usize,
-    /// The neurons of each.
-    pub width: usize,
-}
-
-impl Layers {
-    fn widths(self) -> Vec<usize> {
-        vec![self.width; self.count]
-    }
-}
-
-/// So many twist shears.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TwistLayers {
-    /// Their number.
-    pub count: usize,
-    /// The neurons of each: a number, or two by turns, the first of the shears that change the
-    /// positions, which have a quadratic form beside them.
-    pub width: ByTurns,
-}
-
-/// One number for all, or two by turns.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "a number of neurons, or two by turns")]
-pub enum ByTurns {
-    /// The same for all.
-    Same(usize),
-    /// Of the first, the third and so on, and of the others.
-    Two([usize; 2]),
-}
-
-impl TwistLayers {
-    /// The neurons of the first and the second.
-    pub fn two(self) -> [usize; 2] {
-        match self.width {
-            ByTurns::Same(width) => [width; 2],
-            ByTurns::Two(widths) => widths,
-        }
-    }
-
-    fn widths(self) -> Vec<usize> {
-        self.two().into_iter().cycle().take(self.count).collect()
-    }
-}
-
-/// More seeds, like more layers, are a slip of the pen.
+/// More seeds are a mistake.
 const MOST_SEEDS: u64 = 1000;
-/// See [`MOST_SEEDS`].
-const MOST_LAYERS: usize = 100_000;
 /// More samples, steps and the like are one too.
 pub(super) const MOST: usize = 100_000_000;
 
@@ -422,16 +299,14 @@ impl Setup {
         for model in &self.models {
             check_name(&model.name).map_err(|e| e.at("models"))?;
             let place = || format!("models.{}.network", model.name);
-            model.network.check_counts().map_err(|e| e.at(place()))?;
+            model.network.check().map_err(|e| e.at(place()))?;
             if let Some(seeds) = model.seeds {
                 let most = MOST_SEEDS as usize;
                 let found = usize::try_from(seeds).unwrap_or(usize::MAX);
                 Error::check_count_range("seeds", found, 1, most)
                     .map_err(|e| e.at(format!("models.{}", model.name)))?;
             }
-            if let NetworkSpec::File { .. } = model.network
-                && (model.seeds.is_some() || model.training.is_some())
-            {
+            if model.network.is_of_file() && (model.seeds.is_some() || model.training.is_some()) {
                 let expected = "neither seeds nor training for a network of a file";
                 return Err(Error::invalid("models", &model.name, expected));
             }
@@ -463,7 +338,7 @@ impl Setup {
             self.check_against(subject)?;
         }
         let of_file = self.data.as_ref().and_then(Data::file).is_some();
-        let foreign = |model: &&ModelSpec| matches!(model.network, NetworkSpec::File { .. });
+        let foreign = |model: &&ModelSpec| model.network.is_of_file();
         if let (true, Some(model)) = (of_file, self.models.iter().find(foreign)) {
             let expected = "networks to train, beside pairs of a file";
             return Err(Error::invalid("models", &model.name, expected));
@@ -489,21 +364,21 @@ impl Setup {
         for model in &self.models {
             let key = format!("models.{}", model.name);
             let (epsilon, time) = (subject.epsilon(), self.flow_time.unwrap_or(1.0));
-            let Some(architecture) = model.network.architecture(&action, epsilon, time) else {
+            if model.network.is_of_file() {
                 continue;
-            };
+            }
+            let architecture = model.network.architecture(&action.clone().into(), epsilon, time);
+            let architecture = architecture.map_err(|e| e.at(&key))?;
             architecture.check().map_err(|e| e.at(&key))?;
             self.training_of(model).check_for(&architecture).map_err(|e| e.at(&key))?;
-            if architecture.dof() != subject.dof() {
-                let (found, expected) = (architecture.dof(), format!("{} weights", subject.dof()));
+            if architecture.dof != subject.dof() {
+                let (found, expected) = (architecture.dof, format!("{} weights", subject.dof()));
                 return Err(Error::invalid("circle_action", found, expected).at(key));
             }
         }
         for model in &self.models {
-            let NetworkSpec::NormalForm { action: Some(own), .. } = &model.network else {
-                continue;
-            };
-            if !subject.is_turned_by(own) {
+            let Some(own) = model.network.action.clone() else { continue };
+            if !subject.is_turned_by(&own) {
                 let found = format!("{:?}", own.circles());
                 let expected = format!("circles that turn the planes as {action:?} does together");
                 let key = format!("models.{}", model.name);
@@ -655,148 +530,5 @@ impl Data {
             return Err(Error::invalid("data.validation", self.validation, expected));
         }
         Ok(())
-    }
-}
-
-/// Networks for pairs of one's own.
-impl NetworkSpec {
-    /// ψ and I_ε of the paper's time-5 map.
-    pub fn default_gyroceptron() -> Self {
-        let layers = Layers { count: 10, width: 8 };
-        Self::Gyroceptron { psi: layers, near_identity: layers, circle_action: None }
-    }
-
-    /// ψ and I_ε of about as many parameters.
-    pub fn default_coupling_gyroceptron() -> Self {
-        let (psi, near_identity) = (Layers { count: 4, width: 8 }, Layers { count: 12, width: 8 });
-        Self::CouplingGyroceptron { psi, near_identity, circle_action: None }
-    }
-
-    /// ψ_ε and T_ε that learn pairs of times up to 50.
-    pub fn default_normal_form() -> Self {
-        let twists = TwistLayers { count: 16, width: ByTurns::Same(8) };
-        let kicks = Layers { count: 12, width: 8 };
-        Self::NormalForm { psi: None, kicks, twists, action: None, perturbation: None }
-    }
-
-    /// The paper's HénonNet.
-    pub fn default_henon_net() -> Self {
-        Self::HenonNet { layers: Layers { count: 16, width: 10 } }
-    }
-
-    /// A SympNet of about as many parameters.
-    pub fn default_symp_net() -> Self {
-        Self::SympNet { modules: 41, shears: 4, activation: Activation::Sigmoid, plain: false }
-    }
-
-    /// Whether it is a normal form of order one, which ε does not scale.
-    pub fn is_nearly_integrable(&self) -> bool {
-        matches!(self, Self::NormalForm { perturbation: Some(_), .. })
-    }
-
-    /// Whether it is built on a circle action: it has an ε and angles, and is of a family of maps.
-    pub fn has_circle(&self) -> bool {
-        match self {
-            Self::Gyroceptron { .. }
-            | Self::NormalForm { .. }
-            | Self::CouplingGyroceptron { .. } => true,
-            Self::HenonNet { .. } | Self::SympNet { .. } | Self::File { .. } => false,
-        }
-    }
-
-    /// Whether ε scales parts of it by its flow time too.
-    pub fn has_flow_time(&self) -> bool {
-        matches!(self, Self::NormalForm { .. } | Self::CouplingGyroceptron { .. })
-    }
-
-    /// Fails unless each of its parts has a sane number of layers.
-    ///
-    /// # Errors
-    /// [`Error::CountOutOfRange`].
-    pub fn check_counts(&self) -> Result<(), Error> {
-        self.check_counts_from(1)
-    }
-
-    /// [`NetworkSpec::check_counts`] with at least so many layers, which may be none.
-    pub(super) fn check_counts_from(&self, least: usize) -> Result<(), Error> {
-        let check = |count| Error::check_count_range("layers", count, least, MOST_LAYERS);
-        self.counts().into_iter().try_for_each(check)
-    }
-
-    /// How many layers each of its parts has.
-    fn counts(&self) -> Vec<usize> {
-        match self {
-            Self::Gyroceptron { psi, near_identity, .. }
-            | Self::CouplingGyroceptron { psi, near_identity, .. } => {
-                vec![psi.count, near_identity.count]
-            }
-            Self::HenonNet { layers } => vec![layers.count],
-            Self::NormalForm { psi, kicks, twists, perturbation, .. } => {
-                let few = [kicks.count, twists.count];
-                // There may be none of a perturbation.
-                let many = perturbation.iter().map(|perturbation| perturbation.count.max(1));
-                psi.iter().map(|psi| psi.count).chain(few).chain(many).collect()
-            }
-            Self::File { .. } => Vec::new(),
-            Self::SympNet { modules, .. } => vec![*modules],
-        }
-    }
-
-    /// The architecture for this circle action, ε and flow time; None where a file has
-    /// it.
-    pub fn architecture(
-        &self,
-        action: &CircleAction,
-        epsilon: f64,
-        flow_time: f64,
-    ) -> Option<Architecture> {
-        Some(match self {
-            Self::File { .. } => return None,
-            Self::Gyroceptron { psi, near_identity, circle_action } => Architecture::Gyroceptron {
-                shape: GyroceptronShape {
-                    circle_action: circle_action.as_ref().unwrap_or(action).clone(),
-                    psi: psi.widths(),
-                    near_identity: near_identity.widths(),
-                },
-                epsilon,
-            },
-            Self::CouplingGyroceptron { psi, near_identity, circle_action } => {
-                Architecture::CouplingGyroceptron {
-                    shape: CouplingGyroceptronShape {
-                        circle_action: circle_action.as_ref().unwrap_or(action).clone(),
-                        psi: psi.widths(),
-                        near_identity: near_identity.widths(),
-                        flow_time,
-                    },
-                    epsilon,
-                }
-            }
-            Self::NormalForm { psi, kicks, twists, action: own, perturbation } => {
-                Architecture::NormalForm {
-                    shape: NormalFormShape {
-                        action: own.clone().unwrap_or_else(|| action.clone().into()),
-                        psi: psi.map_or_else(Vec::new, Layers::widths),
-                        kicks: kicks.widths(),
-                        twists: twists.widths(),
-                        flow_time,
-                        perturbation: perturbation.map(Layers::widths),
-                    },
-                    epsilon,
-                }
-            }
-            Self::HenonNet { layers } => Architecture::HenonNet {
-                shape: HenonShape { dof: action.dof(), widths: layers.widths() },
-                epsilon: 1.0,
-            },
-            Self::SympNet { modules, shears, activation, plain } => Architecture::SympNet {
-                shape: SympNetShape {
-                    dof: action.dof(),
-                    modules: *modules,
-                    shears: *shears,
-                    activation: *activation,
-                    plain: *plain,
-                },
-            },
-        })
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::flow::Pairs;
 use crate::layer::{CircleAction, TorusAction};
-use crate::network::Architecture;
+use crate::network::{Architecture, Structure};
 use crate::system::{Hamiltonian, NearlyPeriodic, System};
 use crate::train::fit_rotation;
 use std::path::Path;
@@ -79,15 +79,17 @@ impl<'a> Subject<'a> {
     /// Angles for the circles of a network to start from, where they are others than
     /// [`Subject::angle`] for its only one.
     pub(super) fn angles(self, of: &Architecture, theta: f64, pairs: &Pairs) -> Option<Vec<f64>> {
-        let Architecture::NormalForm { shape, .. } = of else { return None };
+        // A gyroceptron starts from the frequency of the limit itself.
+        let adiabatic = of.structure() == Structure::NearlyPeriodic && of.circles.len() == 1;
+        let action = of.action().filter(|_| !adiabatic)?;
         match self {
             Self::System(system) => {
-                let mut angles = multiples(system, &shape.action)?;
+                let mut angles = multiples(system, &action)?;
                 angles.iter_mut().for_each(|angle| *angle *= theta);
                 Some(angles)
             }
             Self::File(_) => {
-                let circles = shape.action.circles().iter();
+                let circles = action.circles().iter();
                 Some(circles.map(|circle| fit_rotation(pairs, circle)).collect())
             }
         }

@@ -183,7 +183,7 @@ pub(super) fn trust(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::network::{Architecture, HenonShape, InitialWeights};
+    use crate::network::{HenonShape, InitialWeights};
 
     #[test]
     fn what_limits_is_told_from_the_losses() {
@@ -207,7 +207,9 @@ mod tests {
         let region = Region { low: vec![-1.0; 2], high: vec![1.0; 2] };
         let shape = HenonShape::uniform(1, 2, 4);
         let network = |scale: f64| {
-            Architecture::HenonNet { shape: shape.clone(), epsilon: 1.0 }
+            shape
+                .clone()
+                .architecture(1.0)
                 .initialise(InitialWeights::Normal { scale }, 0.0, 1)
                 .expect("valid")
         };

@@ -37,7 +37,7 @@ impl RunIdentity {
             ..options.clone()
         };
         Self {
-            architecture: model.architecture(),
+            architecture: model.architecture().clone(),
             initial_parameters: digest::of_numbers(model.composition().parameters()),
             pairs: pairs.digest(),
             validation: validation.map(Pairs::digest),

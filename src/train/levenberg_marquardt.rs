@@ -371,14 +371,15 @@ impl Minimise for LevenbergMarquardt<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::network::{Architecture, HenonShape, InitialWeights};
+    use crate::network::{HenonShape, InitialWeights};
 
     /// Pairs are asked for as residuals a parameter, and come back as they were.
     #[test]
     fn as_many_pairs_as_before_are_begun_with() {
         for (dof, width) in [(1, 1), (2, 7), (3, 11)] {
             let shape = HenonShape { dof, widths: vec![width; 5] };
-            let model = Architecture::HenonNet { shape, epsilon: 1.0 }
+            let model = shape
+                .architecture(1.0)
                 .initialise(InitialWeights::Glorot, 0.0, 1)
                 .expect("a model");
             for pairs in 1..5000 {

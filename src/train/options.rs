@@ -5,7 +5,7 @@ use super::{
     AdamOptions, FreshTwists, LbfgsOptions, LevenbergMarquardtOptions, Loss, Rung, Starts,
 };
 use crate::error::Error;
-use crate::network::{Architecture, Model};
+use crate::network::{Architecture, Model, Part};
 use serde::{Deserialize, Serialize};
 
 /// What lowers the loss, with its options.
@@ -143,15 +143,13 @@ impl TrainingOptions {
     /// # Errors
     /// [`Error::Invalid`] with the option and its value.
     pub fn check_for(&self, architecture: &Architecture) -> Result<(), Error> {
-        let has_near_identity = matches!(
-            architecture,
-            Architecture::Gyroceptron { .. } | Architecture::CouplingGyroceptron { .. }
-        );
+        let has = |part: Part| architecture.part(part).next().is_some();
+        let has_near_identity = architecture.has_circle() && has(Part::NearIdentity);
         if self.near_identity_penalty > 0.0 && !has_near_identity {
             let (name, found) = ("training.near_identity_penalty", self.near_identity_penalty);
             return Err(Error::invalid(name, found, "0: only a gyroceptron has I_ε"));
         }
-        if architecture.circles().is_empty() {
+        if !architecture.has_circle() {
             let expected = ": only a gyroceptron has an angle θ";
             if self.theta_fixed {
                 let expected = format!("false{expected}");
@@ -162,21 +160,17 @@ impl TrainingOptions {
                 return Err(Error::invalid(name, self.theta_penalty, &expected));
             }
         }
-        if let Architecture::NormalForm { shape, .. } = architecture
-            && let Some(rung) = self.ramp.iter().find(|rung| rung.repeats.unwrap_or(1) > 1)
-            && !shape.is_integrable()
+        if let Some(rung) = self.ramp.iter().find(|rung| rung.repeats.unwrap_or(1) > 1)
+            && has(Part::SlowMap)
+            && !architecture.keeps_actions()
         {
             let (name, found) = ("training.ramp.repeats", rung.repeats.unwrap_or(1));
             return Err(Error::invalid(name, found, "none: powers of a perturbed map are others"));
         }
-        let twists = match architecture {
-            Architecture::NormalForm { shape, .. } => Some(shape.twists.len()),
-            _ => None,
-        };
-        if let Some(fresh) = self.fresh_twists.filter(|_| twists.is_none()) {
+        if let Some(fresh) = self.fresh_twists.filter(|_| !has(Part::SlowMap)) {
             return Err(not_a_normal_form(fresh.count));
         }
-        Rung::check_repeats(&self.ramp, twists.unwrap_or(0))
+        Rung::check_repeats(&self.ramp, architecture.twist_shears())
     }
 
     /// Fails unless every option is in its range.

@@ -6,7 +6,7 @@ use super::options::{Stop, TrainingOptions, TrainingRecord, at_least_one};
 use super::run::{Control, Outcome, Progress, train};
 use crate::error::Error;
 use crate::flow::Pairs;
-use crate::network::{MOST_REPEATS, Model, NormalForm, map_points};
+use crate::network::{MOST_REPEATS, Model, map_points};
 use crate::phase::Direction;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
@@ -35,7 +35,7 @@ pub struct Rung {
     pub epsilon: Option<f64>,
     /// Of a normal form: only one in so many of its twist shears, the first ones, are trained. What
     /// comes after the ramp begins with them so many times over
-    /// ([`NormalForm::iterated`]), so that its flow time is best as many times as long. All of
+    /// ([`Model::iterated`]), so that its flow time is best as many times as long. All of
     /// them, unless given; those of a rung divide those of the one before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub repeats: Option<usize>,
@@ -349,9 +349,11 @@ fn train_twists(
     legs: &mut Vec<LegResult>,
     watch: &mut dyn Watch,
 ) -> Result<ControlFlow<Outcome, Model>, Error> {
-    let network = model.normal_form().ok_or_else(|| not_a_normal_form(fresh.count))?;
-    let pairs = in_chart(network, place.pairs)?;
-    let held_out = place.held_out.map(|pairs| in_chart(network, pairs)).transpose()?;
+    if model.architecture().twist_shears() == 0 {
+        return Err(not_a_normal_form(fresh.count));
+    }
+    let pairs = in_chart(model, place.pairs)?;
+    let held_out = place.held_out.map(|pairs| in_chart(model, pairs)).transpose()?;
     let place = &Place { pairs: &pairs, held_out: held_out.as_ref(), ..*place };
     let mut best: Option<(f64, usize, Model)> = None;
     for number in 0..=fresh.count {
@@ -372,9 +374,9 @@ fn train_twists(
     model.with_twists_of(&twists).map(ControlFlow::Continue)
 }
 
-/// Pairs in the coordinates of a normal form's chart.
-fn in_chart(network: &NormalForm<f64>, pairs: &Pairs) -> Result<Pairs, Error> {
-    let [chart, _] = network.chart_and_inner_map();
+/// Pairs in the coordinates of a network's chart.
+fn in_chart(network: &Model, pairs: &Pairs) -> Result<Pairs, Error> {
+    let chart = network.chart();
     pairs.transformed("pairs in the chart of the ramp", |condition, points| {
         let epsilon = condition.map_or(network.epsilon(), |condition| condition.epsilon);
         map_points(&chart.with_epsilon(epsilon), Direction::Inverse, points)

@@ -5,7 +5,7 @@ use super::random_network::RandomNetwork;
 use super::rollout::epsilon_name;
 use crate::error::Error;
 use crate::measure::{AdiabaticOrbit, Spread, log_slope};
-use crate::network::{Composition, Gyroceptron};
+use crate::network::{Composition, Model};
 use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
@@ -154,7 +154,7 @@ impl AdiabaticHorizonOptions {
     }
 
     /// At ε and for one of the weights.
-    fn network(&self, context: &Context<'_>, run: &Run) -> Result<Gyroceptron<f64>, Error> {
+    fn network(&self, context: &Context<'_>, run: &Run) -> Result<Model, Error> {
         self.network.at(run.epsilon, context.scene.seed.wrapping_add(run.number))
     }
 
@@ -191,7 +191,7 @@ impl AdiabaticHorizonOptions {
             .iter()
             .map(|run| {
                 let network = self.network(context, run)?;
-                let action = network.shape().circle_action.clone();
+                let action = network.architecture().circles[0].clone();
                 Ok((network.in_conjugated_coordinates(), action))
             })
             .collect::<Result<_, Error>>()?;

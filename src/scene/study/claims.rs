@@ -9,7 +9,7 @@ use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::report::Report;
-use crate::scene::setup::{Need, NetworkSpec};
+use crate::scene::setup::Need;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -79,10 +79,7 @@ fn command(part: &Scene) -> String {
     let Ok(built_in) = find(&part.name).and_then(|entry| entry.scene()) else {
         return changed();
     };
-    let file = part.setup.models.iter().find_map(|model| match &model.network {
-        NetworkSpec::File { path } => path.clone(),
-        _ => None,
-    });
+    let file = part.setup.models.iter().find_map(|model| model.network.path.clone());
     let mut words = format!("gyroceptron run {}", part.name);
     if part.seed != built_in.seed {
         words.push_str(&format!(" --seed {}", part.seed));

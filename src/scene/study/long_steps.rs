@@ -15,7 +15,7 @@ use crate::scene::declaration::Scene;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::learning::{Trained, learn_at};
-use crate::scene::setup::{Attempt, MOST, ModelSpec, Need, NetworkSpec, check_points};
+use crate::scene::setup::{Attempt, MOST, ModelSpec, Need, check_points};
 use crate::scene::subject::Subject;
 use crate::system::NearlyPeriodic;
 use crate::train::LegResult;
@@ -115,7 +115,7 @@ impl Study for LongStepsOptions {
             return Err(Error::invalid("flow_times", found, "ascending ones"));
         }
         whole_steps("duration", self.duration, self.interval)?;
-        let of_file = |model: &&ModelSpec| matches!(model.network, NetworkSpec::File { .. });
+        let of_file = |model: &&ModelSpec| model.network.is_of_file();
         if let Some(model) = scene.setup.models.iter().find(of_file) {
             let expected = "networks to train: one of a file has one flow time";
             return Err(Error::invalid("models", &model.name, expected));
@@ -279,7 +279,7 @@ impl LongStepsOptions {
     /// The largest change of the invariant of a network that owns an exact one, along its own
     /// trajectories.
     fn drift(&self, model: &Model) -> Result<Option<f64>, Error> {
-        let integrable = model.normal_form().is_some_and(|net| net.shape().is_integrable());
+        let integrable = model.architecture().keeps_actions();
         let (true, Some(own)) = (integrable, model.invariant()) else {
             return Ok(None);
         };

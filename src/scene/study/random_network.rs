@@ -2,8 +2,7 @@
 
 use crate::error::Error;
 use crate::layer::CircleAction;
-use crate::network::{Architecture, Gyroceptron, GyroceptronShape, InitialWeights, Model};
-use crate::scene::setup::Layers;
+use crate::network::{Architecture, GyroceptronShape, InitialWeights, LayerSizes, Model};
 use serde::{Deserialize, Serialize};
 
 /// A gyroceptron of one degree of freedom with random weights, and where its orbits
@@ -12,9 +11,9 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct RandomNetwork {
     /// ψ.
-    pub psi: Layers,
+    pub psi: LayerSizes,
     /// I_ε.
-    pub near_identity: Layers,
+    pub near_identity: LayerSizes,
     /// θ.
     pub theta: f64,
     /// How its weights are drawn.
@@ -34,20 +33,17 @@ impl RandomNetwork {
     }
 
     fn architecture(&self, epsilon: f64) -> Architecture {
-        let layers = |layers: Layers| vec![layers.width; layers.count];
         let shape = GyroceptronShape {
             circle_action: CircleAction::new([1]),
-            psi: layers(self.psi),
-            near_identity: layers(self.near_identity),
+            psi: self.psi.widths(),
+            near_identity: self.near_identity.widths(),
         };
-        Architecture::Gyroceptron { shape, epsilon }
+        shape.architecture(epsilon)
     }
 
     /// With the weights of this seed.
-    pub(super) fn at(&self, epsilon: f64, seed: u64) -> Result<Gyroceptron<f64>, Error> {
-        let model = self.architecture(epsilon).initialise(self.weights, self.theta, seed)?;
-        let Model::Gyroceptron(network) = model else { unreachable!("asked for a gyroceptron") };
-        Ok(network)
+    pub(super) fn at(&self, epsilon: f64, seed: u64) -> Result<Model, Error> {
+        self.architecture(epsilon).initialise(self.weights, self.theta, seed)
     }
 
     /// In words.
@@ -55,9 +51,9 @@ impl RandomNetwork {
         format!(
             "ψ: {} layers of {}; I_ε: {} layers of {}; θ = {}; from (q, p) = {:?}; weights {}",
             self.psi.count,
-            self.psi.width,
+            self.psi.width.two()[0],
             self.near_identity.count,
-            self.near_identity.width,
+            self.near_identity.width.two()[0],
             self.theta,
             self.initial,
             serde_json::to_string(&self.weights).unwrap_or_default()

@@ -6,7 +6,7 @@ use crate::flow::{ReferenceTrajectories, Trajectories};
 use crate::measure::{
     Departure, Drift, departures, distance, drift_exponent, drifts, level_set, near_identity_rms,
 };
-use crate::network::Rollout;
+use crate::network::{Rollout, Structure};
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
 use crate::scene::context::{Context, Halt};
@@ -297,9 +297,10 @@ impl<'a> Network<'a> {
     ) -> Self {
         let model = trained.model();
         let learnt = model.invariant().map(|own| {
-            let near_identity = model.gyroceptron().map(|network| {
-                let moved = near_identity_rms(&network.near_identity(), reference.values());
-                (moved, network.epsilon())
+            let adiabatic = model.architecture().structure() == Structure::NearlyPeriodic;
+            let near_identity = adiabatic.then(|| {
+                let moved = near_identity_rms(&model.near_identity(), reference.values());
+                (moved, model.epsilon())
             });
             Learnt {
                 along_own: Change::of(orbits, &own),

@@ -5,7 +5,7 @@ use super::rollout::{envelope, orbit_color};
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::measure::drifts;
-use crate::network::Rollout;
+use crate::network::{Rollout, Structure};
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
 use crate::scene::context::{Context, Halt};
@@ -85,7 +85,11 @@ impl Study for SlowManifoldOptions {
             .iter()
             .zip(beside.iter())
             .filter_map(|(trained, orbits)| {
-                let network = trained.model().gyroceptron()?;
+                let network = trained.model();
+                let adiabatic = network.architecture().structure() == Structure::NearlyPeriodic;
+                if !adiabatic || !network.architecture().is_symplectic() {
+                    return None;
+                }
                 let own = |z: &[f64]| network.adiabatic_invariant(z)[0];
                 let system = |z: &[f64]| system.adiabatic_invariant(z);
                 Some(Off {

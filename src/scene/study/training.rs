@@ -1,8 +1,9 @@
 //! The training of each network: where it ended, how it went, how long it took.
 
 use super::Study;
+use crate::layer::TorusAction;
 use crate::measure::{Spread, component_errors, milestones};
-use crate::network::Architecture;
+use crate::network::{Architecture, Layers};
 use crate::scene::bibliography::{ADAM, COUPLINGS, HENON_NET, LBFGS, MARQUARDT, SYMP_NET};
 use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
@@ -10,7 +11,7 @@ use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::learning::Trained;
 use crate::scene::log::TrainingTimes;
-use crate::scene::setup::{Need, NetworkSpec};
+use crate::scene::setup::Need;
 use crate::train::{Leg, LegResult, Optimiser, Stop, TrainingOptions, TrainingRecord};
 use serde::Serialize;
 use serde_json::json;
@@ -37,13 +38,17 @@ impl Study for TrainingStudy {
         let setup = &scene.setup;
         let mut out = vec![HENON_NET];
         for model in &setup.models {
-            match model.network {
-                NetworkSpec::File { .. } => continue,
-                NetworkSpec::SympNet { .. } => out.push(SYMP_NET),
-                NetworkSpec::CouplingGyroceptron { .. } => out.push(COUPLINGS),
-                NetworkSpec::Gyroceptron { .. }
-                | NetworkSpec::NormalForm { .. }
-                | NetworkSpec::HenonNet { .. } => {}
+            if model.network.is_of_file() {
+                continue;
+            }
+            let action = model.network.own_action().unwrap_or(TorusAction::of_planes(1));
+            let blocks = model.network.architecture(&action, 0.0, 1.0).map(|of| of.blocks);
+            for block in blocks.into_iter().flatten() {
+                match block.layers {
+                    Layers::SympNet(_) => out.push(SYMP_NET),
+                    Layers::TurnedCoupling(_) => out.push(COUPLINGS),
+                    Layers::Henon(_) | Layers::TurnedKick(_) | Layers::Twist(_) => {}
+                }
             }
             out.push(match setup.training_of(model).optimiser {
                 Optimiser::Lbfgs(_) => LBFGS,
@@ -155,7 +160,7 @@ impl TrainingResult {
         Self {
             name: trained.spec.name.clone(),
             network: trained.network.clone(),
-            architecture: model.architecture(),
+            architecture: model.architecture().clone(),
             parameters: model.composition().parameters().len(),
             optimiser: match outcome.stop {
                 Stop::NotTrained => "trained elsewhere",

@@ -5,13 +5,13 @@ use crate::error::Error;
 use crate::flow::Pairs;
 use crate::layer::CircleAction;
 use crate::measure::Spread;
-use crate::network::InitialWeights;
+use crate::network::{Circles, InitialWeights, NetworkSpec};
 use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::run::Event;
-use crate::scene::setup::{Data, MOST, Need, NetworkSpec};
+use crate::scene::setup::{Data, MOST, Need};
 use crate::system::{Hamiltonian, NearlyPeriodic};
 use crate::train::{
     ActionFit, Control, Stop, TrainingOptions, TrainingRecord, fit_rotation, train,
@@ -59,11 +59,11 @@ impl Study for WhichActionOptions {
         Error::check_count_range("pairs", self.pairs, 1, MOST)?;
         self.training.check()?;
         self.training.check_single()?;
-        if !matches!(*self.network, NetworkSpec::Gyroceptron { circle_action: None, .. }) {
+        if self.network.circles() != Circles::One || self.network.own_action().is_some() {
             let expected = "a gyroceptron without a circle action of its own";
-            return Err(Error::invalid("network", "another", expected));
+            return Err(Error::invalid("network", &self.network.kind, expected));
         }
-        self.network.check_counts_from(0).map_err(|e| e.at("network"))?;
+        self.network.check_from(0).map_err(|e| e.at("network"))?;
         let family = scene.setup.data.as_ref().is_some_and(Data::is_family);
         if family {
             let expected = "pairs of one map: which action they have is asked of one";
@@ -79,7 +79,7 @@ impl Study for WhichActionOptions {
                     "weights, not all 0, without a common factor: it changes the angle alone";
                 return Err(Error::invalid(&name(), action, expected));
             }
-            let Some(architecture) = self.network.architecture(action, 1.0, 1.0) else { continue };
+            let architecture = self.network.architecture(&action.clone().into(), 1.0, 1.0)?;
             architecture.check().map_err(|e| e.at("network"))?;
             self.training.check_for(&architecture)?;
             if let Some(system) = &scene.setup.system {
@@ -252,7 +252,8 @@ impl WhichActionOptions {
     ) -> Result<Vec<(u64, f64)>, Halt> {
         let (epsilon, time) = (context.system()?.epsilon(), context.flow_time()?);
         let seed = context.scene.seed.wrapping_add(number as u64);
-        let Some(architecture) = self.network.architecture(action, epsilon, time) else {
+        let Ok(architecture) = self.network.architecture(&action.clone().into(), epsilon, time)
+        else {
             return Err(Error::invalid("network", "a file", "one to train").into());
         };
         let model = architecture.initialise(self.weights, fit_rotation(pairs, action), seed)?;

@@ -1,0 +1,63 @@
+//! Architectures as model files of format 1 and 2 have them.
+
+use crate::network::{
+    Architecture, CouplingGyroceptronShape, GyroceptronShape, HenonShape, NormalFormShape,
+    SympNetShape,
+};
+use serde::Deserialize;
+
+/// A named architecture as model files of format 1 and 2 have it.
+#[derive(Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub(super) enum Named {
+    /// A HénonNet; near the identity unless ε = 1.
+    HenonNet {
+        /// Degrees of freedom and widths.
+        #[serde(flatten)]
+        shape: HenonShape,
+        /// ε.
+        epsilon: f64,
+    },
+    /// A symplectic gyroceptron.
+    Gyroceptron {
+        /// Circle action and widths.
+        #[serde(flatten)]
+        shape: GyroceptronShape,
+        /// ε.
+        epsilon: f64,
+    },
+    /// A gyroceptron in normal form.
+    NormalForm {
+        /// Action, widths and flow time.
+        #[serde(flatten)]
+        shape: NormalFormShape,
+        /// ε.
+        epsilon: f64,
+    },
+    /// A gyroceptron of affine couplings: not symplectic.
+    CouplingGyroceptron {
+        /// Circle action and widths.
+        #[serde(flatten)]
+        shape: CouplingGyroceptronShape,
+        /// ε.
+        epsilon: f64,
+    },
+    /// An LA-SympNet.
+    SympNet {
+        /// Modules, shears and activation.
+        #[serde(flatten)]
+        shape: SympNetShape,
+    },
+}
+
+impl From<Named> for Architecture {
+    fn from(named: Named) -> Self {
+        match named {
+            Named::HenonNet { shape, epsilon } => shape.architecture(epsilon),
+            Named::Gyroceptron { shape, epsilon } => shape.architecture(epsilon),
+            Named::NormalForm { shape, epsilon } => shape.architecture(epsilon),
+            Named::CouplingGyroceptron { shape, epsilon } => shape.architecture(epsilon),
+            Named::SympNet { shape } => shape.architecture(),
+        }
+    }
+}

@@ -1,0 +1,440 @@
+//! What a network is made of, without its parameters.
+
+use super::block::{Block, Layers, Part, Surroundings};
+use super::composition::Composition;
+use super::{InitialWeights, Model};
+use crate::error::Error;
+use crate::layer::{CircleAction, FastPlanes, TorusAction};
+use crate::phase::Direction;
+use crate::random::Stream;
+use crate::scalar::Real;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// More is a mistake in a file: 8 GB of weights.
+const MOST_PARAMETERS: usize = 1_000_000_000;
+/// The largest |m| of a circle action: mθ keeps its digits.
+const LARGEST_WEIGHT: u32 = 1_000_000;
+/// A table of all planes is kept for each turned layer.
+const MOST_PLANES: usize = 1000;
+
+/// What a network is made of, as data: its circles, ε, flow time and blocks.
+///
+/// The map is
+///
+/// P = R∘I_ε∘χ∘K_ε∘Φ_θ∘T_ε∘χ⁻¹, χ = ψ∘ψ_ε,
+///
+/// with the [parts](Part) that its blocks play; several blocks of a part are applied in the order
+/// of the list. Without circles it is R∘I_ε. From the list follow the [`Model`], the number and the
+/// order of the parameters (those of the blocks, each the layers in the order of application, then
+/// θ), the names of its tensors, its initial weights, what is invariant, and which laws
+/// [`certify`](crate::measure::certify) asks for.
+///
+/// [Named architectures](super::named) are made by constructors; lists of your own by
+/// [`Architecture::new`] and [`Architecture::with`]:
+///
+/// ```
+/// use gyroceptron::layer::{Activation, CircleAction};
+/// use gyroceptron::network::{Architecture, Block, InitialWeights, Layers, Modules, Part};
+///
+/// // A gyroceptron whose ψ is of SympNet modules.
+/// let modules = Modules { modules: 5, shears: 3, activation: Activation::Tanh, plain: false };
+/// let architecture = Architecture::new(2)
+///     .on_circle(CircleAction::new([1, 0]))
+///     .at_epsilon(0.01)
+///     .with(Block::new(Part::Conjugation, Layers::SympNet(modules)))
+///     .with(Block::new(Part::NearIdentity, Layers::Henon(vec![8; 4])));
+/// let model = architecture.initialise(InitialWeights::Glorot, 1.1, 7)?;
+/// assert!(model.invariant().is_some());
+/// # Ok::<(), gyroceptron::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Architecture {
+    /// n, the degrees of freedom.
+    pub dof: usize,
+    /// The circle actions Φ, each with an angle θ; none of a network that is built on no circle.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub circles: Vec<CircleAction>,
+    /// ε; 1 where no block is scaled by it.
+    #[serde(default = "one")]
+    pub epsilon: f64,
+    /// h, the flow time; 1 where no block is scaled by it.
+    #[serde(default = "one")]
+    pub flow_time: f64,
+    /// The blocks.
+    pub blocks: Vec<Block>,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// What a list of blocks makes of a map: which laws it obeys for all weights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Structure {
+    /// A map of no circle action: symplectic, if its layers are, and invertible.
+    Plain,
+    /// P_ε = I_ε∘ψ∘Φ_θ∘ψ⁻¹: nearly periodic, with an adiabatic invariant if it is symplectic.
+    NearlyPeriodic,
+    /// P_ε = χ∘Φ_θ∘T_ε∘χ⁻¹: it commutes with the conjugated action, whose invariants it keeps
+    /// exactly.
+    NormalForm,
+    /// P_ε = χ∘K_ε∘Φ_θ∘T∘χ⁻¹: in normal form at ε = 0.
+    NearlyIntegrable,
+    /// P_ε = I_ε∘χ∘Φ_θ∘T_ε∘χ⁻¹, whose χ is ψ and T the identity at ε = 0: nearly periodic.
+    Mixed,
+}
+
+impl Structure {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Plain => "plain",
+            Self::NearlyPeriodic => "nearly-periodic",
+            Self::NormalForm => "normal-form",
+            Self::NearlyIntegrable => "nearly-integrable",
+            Self::Mixed => "mixed",
+        }
+    }
+}
+
+impl Architecture {
+    /// A network of n degrees of freedom without blocks, the identity.
+    pub fn new(dof: usize) -> Self {
+        Self { dof, circles: Vec::new(), epsilon: 1.0, flow_time: 1.0, blocks: Vec::new() }
+    }
+
+    /// On a circle action, or on another circle beside those that it has.
+    pub fn on_circle(mut self, circle: CircleAction) -> Self {
+        self.circles.push(circle);
+        self
+    }
+
+    /// On the circles of a torus action.
+    pub fn on_torus(self, action: &TorusAction) -> Self {
+        Self { circles: action.circles().to_vec(), ..self }
+    }
+
+    /// At another ε.
+    pub fn at_epsilon(self, epsilon: f64) -> Self {
+        Self { epsilon, ..self }
+    }
+
+    /// For another flow time.
+    pub fn of_time(self, flow_time: f64) -> Self {
+        Self { flow_time, ..self }
+    }
+
+    /// With another block.
+    pub fn with(mut self, block: Block) -> Self {
+        self.blocks.push(block);
+        self
+    }
+
+    /// What the blocks make of it.
+    pub fn structure(&self) -> Structure {
+        let has = |part: Part| self.part(part).next().is_some();
+        if self.circles.is_empty() || has(Part::None) {
+            return Structure::Plain;
+        }
+        match (has(Part::NearIdentity), has(Part::Chart) || has(Part::SlowMap)) {
+            (true, false) => Structure::NearlyPeriodic,
+            (true, true) => Structure::Mixed,
+            (false, _) if self.is_perturbed() => Structure::NearlyIntegrable,
+            (false, _) => Structure::NormalForm,
+        }
+    }
+
+    /// The blocks of a part, in the order of application.
+    pub fn part(&self, part: Part) -> impl DoubleEndedIterator<Item = &Block> {
+        self.blocks.iter().filter(move |block| block.part == part)
+    }
+
+    /// The widths of all layers of a part, in the order of application.
+    pub fn widths(&self, part: Part) -> Vec<usize> {
+        self.part(part).flat_map(|block| block.layers.widths()).copied().collect()
+    }
+
+    /// Whether its perturbation K_ε has layers.
+    fn is_perturbed(&self) -> bool {
+        self.part(Part::Perturbation).any(|block| block.layers.count() > 0)
+    }
+
+    /// Whether it keeps the actions of its circles, in its chart, exactly.
+    pub fn keeps_actions(&self) -> bool {
+        self.structure() == Structure::NormalForm
+    }
+
+    /// Whether maps of the architecture are symplectic, whatever their weights.
+    pub fn is_symplectic(&self) -> bool {
+        self.blocks.iter().all(|block| block.layers.is_symplectic())
+    }
+
+    /// Whether all of its layers are Hénon layers.
+    pub fn is_of_henon_layers(&self) -> bool {
+        self.blocks.iter().all(|block| matches!(block.layers, Layers::Henon(_)))
+    }
+
+    /// Whether it has an ε and angles of its own, and so is of a family of maps.
+    pub fn has_circle(&self) -> bool {
+        !self.circles.is_empty()
+    }
+
+    /// Whether the flow time scales one of its blocks.
+    pub fn has_flow_time(&self) -> bool {
+        self.blocks.iter().any(|block| block.scale.has_time())
+    }
+
+    /// Whether ε scales its slow map: it is of order one in a map that is nearly integrable.
+    pub fn is_of_order_one(&self) -> bool {
+        let mut own = self.part(Part::Chart).chain(self.part(Part::SlowMap)).peekable();
+        own.peek().is_some() && own.all(|block| !block.scale.has_epsilon())
+    }
+
+    /// Whether its circles turn the planes of the data, to leading order: it has twists, which are of
+    /// these planes.
+    pub fn keeps_its_planes(&self) -> bool {
+        self.blocks.iter().any(|block| block.layers.needs_circles())
+    }
+
+    /// The shears of its slow map.
+    pub fn twist_shears(&self) -> usize {
+        self.part(Part::SlowMap).map(|block| block.layers.count()).sum()
+    }
+
+    /// The circles as one action; None of a network without.
+    pub fn action(&self) -> Option<TorusAction> {
+        TorusAction::new(self.circles.clone()).ok()
+    }
+
+    /// d, the numbers that the functions of twists are of: the actions and half the slow
+    /// coordinates.
+    fn arguments(&self) -> usize {
+        let still = |j: &usize| self.circles.iter().all(|c| c.weights().get(*j) == Some(&0));
+        self.circles.len() + (0..self.dof.min(MOST_PLANES)).filter(still).count()
+    }
+
+    fn surroundings(&self) -> Surroundings {
+        Surroundings { dof: self.dof, arguments: self.arguments() }
+    }
+
+    /// The number of parameters: those of the blocks and an angle for each circle.
+    pub fn parameter_count(&self) -> usize {
+        let of = self.surroundings();
+        let blocks = self.blocks.iter().map(|block| block.parameter_count(of));
+        blocks.fold(self.circles.len(), usize::saturating_add)
+    }
+
+    /// Where the angles of the circles are among the parameters: at the end.
+    pub fn angles(&self) -> Range<usize> {
+        let end = self.parameter_count();
+        end - self.circles.len()..end
+    }
+
+    /// Where the parameters of each block are.
+    pub fn block_ranges(&self) -> Vec<Range<usize>> {
+        let (of, mut end) = (self.surroundings(), 0);
+        let range = |block: &Block| {
+            let start = end;
+            end += block.parameter_count(of);
+            start..end
+        };
+        self.blocks.iter().map(range).collect()
+    }
+
+    /// Each layer: its block, its number in it, and where its parameters are.
+    pub fn layers(&self) -> Vec<(&Block, usize, Range<usize>)> {
+        let of = self.surroundings();
+        let ranges = self.block_ranges();
+        let all = self.blocks.iter().zip(&ranges).flat_map(|(block, range)| {
+            let layers = block.layer_ranges(range.start, of).into_iter().enumerate();
+            layers.map(move |(number, range)| (block, number, range))
+        });
+        all.collect()
+    }
+
+    /// The tensors of the parameters by the names that files give them, with their
+    /// shapes, in the order of the parameters.
+    pub fn tensors(&self) -> Vec<(String, [usize; 2])> {
+        let of = self.surroundings();
+        let blocks = self.blocks.iter().flat_map(|block| block.tensors(of));
+        let mut out: Vec<_> = blocks.map(|(name, tensor)| (name, tensor.shape)).collect();
+        if self.has_circle() {
+            out.push((Self::THETA.into(), [1, self.circles.len()]));
+        }
+        out
+    }
+
+    /// The kinds of tensor of a block, with their sizes, in the order of the parameters.
+    pub(super) fn tensors_of_block(&self, index: usize) -> Vec<(&'static str, usize)> {
+        let tensors = self.blocks[index].tensors(self.surroundings());
+        tensors.into_iter().map(|(_, tensor)| (tensor.name, tensor.len())).collect()
+    }
+
+    /// The name of the tensor of the angles.
+    pub(crate) const THETA: &str = "theta";
+
+    /// Fails unless the list can be: ε and the flow time are finite, there is a degree of freedom,
+    /// circles are of as many, names differ, and each block can play its part.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`], [`Error::CountOutOfRange`], [`Error::WrongCount`] and
+    /// [`Error::Invalid`] with the name of the block and the value.
+    pub fn check(&self) -> Result<(), Error> {
+        Error::check_finite("epsilon", self.epsilon)?;
+        Error::check_finite("flow_time", self.flow_time)?;
+        Error::check_count_range("degrees of freedom", self.dof, 1, usize::MAX)?;
+        for circle in &self.circles {
+            Error::check_count("weights of a circle action", self.dof, circle.dof())?;
+            let too_large = |weight: &&i32| weight.unsigned_abs() > LARGEST_WEIGHT;
+            if let Some(weight) = circle.weights().iter().find(too_large) {
+                let expected = format!("weights of at most {LARGEST_WEIGHT}");
+                return Err(Error::invalid("circle action", weight, expected));
+            }
+            if circle.weights().iter().all(|weight| *weight == 0) {
+                let expected = "at least one weight other than 0";
+                return Err(Error::invalid("circle action", "all weights 0", expected));
+            }
+        }
+        let of_planes = |block: &Block| block.layers.is_of_planes();
+        if let Some(block) = self.blocks.iter().find(|block| of_planes(block)) {
+            let name = format!("planes of {}", block.layers.words());
+            Error::check_count_range(&name, self.dof, 1, MOST_PLANES)?;
+        }
+        if self.has_circle() && self.blocks.iter().any(|block| block.layers.needs_circles()) {
+            FastPlanes::new(&TorusAction::new(self.circles.clone())?)?;
+        }
+        let count = self.parameter_count();
+        Error::check_count_range("parameters of the architecture", count, 0, MOST_PARAMETERS)?;
+        let of = self.surroundings();
+        for (number, block) in self.blocks.iter().enumerate() {
+            block.check(of, self.has_circle()).map_err(|e| match self.blocks.len() {
+                1 => e,
+                _ => e.at(format!("block {number}")),
+            })?;
+            if self.blocks[..number].iter().any(|other| other.name == block.name) {
+                let found = format!("`{}` twice (block {number})", block.name);
+                return Err(Error::invalid("names of blocks", found, "a name for each"));
+            }
+            if block.name.is_empty() && self.blocks.len() > 1 {
+                let found = format!("block {number} of {} without one", self.blocks.len());
+                return Err(Error::invalid("names of blocks", found, "a name for each"));
+            }
+        }
+        let mut near_identity = self.part(Part::NearIdentity);
+        if self.flow_time == 0.0 && near_identity.any(|block| block.scale.has_time()) {
+            let expected = "another number: I_ε would be the identity";
+            return Err(Error::invalid("flow_time", 0, expected));
+        }
+        self.check_parts()
+    }
+
+    /// Fails where parts do not go together.
+    fn check_parts(&self) -> Result<(), Error> {
+        let first = |part: Part| self.part(part).next();
+        let (Some(near_identity), perturbation) =
+            (first(Part::NearIdentity), first(Part::Perturbation))
+        else {
+            return Ok(());
+        };
+        if let Some(perturbation) = perturbation {
+            let found = format!("`{}` beside `{}`", near_identity.name, perturbation.name);
+            let expected = "one of both: I_ε of a nearly-periodic map, or K_ε in its chart";
+            return Err(Error::invalid("blocks", found, expected));
+        }
+        let mut own = self.part(Part::Chart).chain(self.part(Part::SlowMap));
+        match own.find(|block| !block.scale.has_epsilon()) {
+            Some(block) => {
+                let found =
+                    format!("`{}`, of order one, beside `{}`", block.name, near_identity.name);
+                let expected = "chart and slow map scaled by ε beside I_ε";
+                Err(Error::invalid("blocks", found, expected))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// The steps of these blocks of a part, over all parameters of the network.
+    fn steps_of<P: Real>(&self, part: Part, of: &Composition<P>) -> Composition<P> {
+        let planes = self.action().and_then(|action| FastPlanes::new(&action).ok());
+        let mut out = Composition::new(self.dof, of.parameters().to_vec(), of.epsilon());
+        for (block, range) in self.blocks.iter().zip(self.block_ranges()) {
+            if block.part == part {
+                let (start, of) = (range.start, self.surroundings());
+                block.push(&mut out, planes.as_ref(), start, of, self.flow_time);
+            }
+        }
+        out
+    }
+
+    /// A part alone, over all parameters.
+    pub(super) fn composition_of_part<P: Real>(
+        &self,
+        part: Part,
+        epsilon: P,
+        parameters: &[P],
+    ) -> Composition<P> {
+        let over = Composition::new(self.dof, parameters.to_vec(), epsilon);
+        self.steps_of(part, &over)
+    }
+
+    /// χ = ψ∘ψ_ε, and K_ε∘Φ_θ∘T_ε.
+    pub(super) fn chart_and_inner_map<P: Real>(
+        &self,
+        epsilon: P,
+        parameters: &[P],
+    ) -> [Composition<P>; 2] {
+        let over = Composition::new(self.dof, parameters.to_vec(), epsilon);
+        let of = |part| self.steps_of(part, &over);
+        let (mut chart, mut inner) = (over.clone(), over.clone());
+        chart.push_all(&of(Part::Chart), 0, Direction::Forward);
+        chart.push_all(&of(Part::Conjugation), 0, Direction::Forward);
+        inner.push_all(&of(Part::SlowMap), 0, Direction::Forward);
+        if let Some(action) = self.action() {
+            inner.push_turn(&action, self.angles());
+        }
+        inner.push_all(&of(Part::Perturbation), 0, Direction::Forward);
+        [chart, inner]
+    }
+
+    /// The whole map.
+    pub(super) fn composition<P: Real>(&self, epsilon: P, parameters: Vec<P>) -> Composition<P> {
+        let [chart, inner] = self.chart_and_inner_map(epsilon, &parameters);
+        let mut out = Composition::new(self.dof, parameters, epsilon);
+        out.push_all(&chart, 0, Direction::Inverse);
+        out.push_all(&inner, 0, Direction::Forward);
+        out.push_all(&chart, 0, Direction::Forward);
+        for part in [Part::NearIdentity, Part::None] {
+            let steps = self.steps_of(part, &out);
+            out.push_all(&steps, 0, Direction::Forward);
+        }
+        out
+    }
+
+    /// A model with seeded random weights and all θ = `theta` (the frequency times
+    /// the flow time, in training).
+    ///
+    /// # Errors
+    /// Those of [`Architecture::check`].
+    pub fn initialise(
+        &self,
+        weights: InitialWeights,
+        theta: f64,
+        seed: u64,
+    ) -> Result<Model, Error> {
+        self.check()?;
+        let mut parameters = Vec::with_capacity(self.parameter_count());
+        let mut streams = BTreeMap::new();
+        for block in &self.blocks {
+            let name = block.stream();
+            let stream = streams.entry(name.clone()).or_insert_with(|| Stream::new(seed, &name));
+            for (_, tensor) in block.tensors(self.surroundings()) {
+                parameters.extend((0..tensor.len()).map(|_| weights.draw(tensor.law, stream)));
+            }
+        }
+        parameters.extend(self.circles.iter().map(|_| theta));
+        Model::new(self.clone(), parameters)
+    }
+}

@@ -1,0 +1,475 @@
+//! Networks as scenes, options and keywords declare them: by a name and sizes, or by blocks.
+
+use super::architecture::Architecture;
+use super::block::{Alternating, Block, MOST_LAYERS};
+use super::named::{CouplingGyroceptronShape, GyroceptronShape, HenonShape, SympNetShape};
+use super::normal_form::NormalFormShape;
+use crate::error::Error;
+use crate::layer::{Activation, CircleAction, TorusAction};
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// So many layers, all of the same width or of two by turns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LayerSizes {
+    /// The number of layers.
+    pub count: usize,
+    /// The neurons of each: a number, or two by turns.
+    pub width: Alternating,
+}
+
+impl LayerSizes {
+    /// So many layers of the same width.
+    pub fn uniform(count: usize, width: usize) -> Self {
+        Self { count, width: Alternating::Same(width) }
+    }
+
+    /// The width of each layer.
+    pub fn widths(self) -> Vec<usize> {
+        self.width.widths(self.count)
+    }
+
+    /// `10x8`, or `20x2,10` for two widths by turns.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the text.
+    pub fn parse(name: &str, text: &str) -> Result<Self, Error> {
+        let parse = || {
+            let (count, width) = text.split_once('x')?;
+            let number = |text: &str| text.trim().parse().ok();
+            let width = match width.split_once(',') {
+                None => Alternating::Same(number(width)?),
+                Some((first, second)) => Alternating::Two([number(first)?, number(second)?]),
+            };
+            Some(Self { count: number(count)?, width })
+        };
+        let expected = "layers and neurons, such as 10x8, or 20x2,10 for two widths by turns";
+        parse().ok_or_else(|| Error::invalid(name, text, expected))
+    }
+}
+
+impl std::fmt::Display for LayerSizes {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.width {
+            Alternating::Same(width) => write!(f, "{}x{width}", self.count),
+            Alternating::Two([a, b]) => write!(f, "{}x{a},{b}", self.count),
+        }
+    }
+}
+
+/// Which circles a network is built on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Circles {
+    /// None: it has no ε and no angle.
+    None,
+    /// One.
+    One,
+    /// One or several, an angle for each.
+    Several,
+}
+
+/// An architecture that has a name.
+///
+/// A new one is a constructor, its line in [`NamedArchitecture::ALL`], and a test.
+#[derive(Debug)]
+pub struct NamedArchitecture {
+    /// Its name in files, options and keywords.
+    pub name: &'static str,
+    /// Other names that are understood.
+    pub aliases: &'static [&'static str],
+    /// What it is, in a line.
+    pub summary: &'static str,
+    /// The sizes that it is made from, with their defaults; those without one are left out unless
+    /// they are given.
+    pub sizes: &'static [(&'static str, Option<(usize, usize)>)],
+    /// Its circles.
+    pub circles: Circles,
+    make: fn(&NetworkSpec, &Placed<'_>) -> Architecture,
+}
+
+/// What surrounds a network.
+struct Placed<'a> {
+    action: &'a TorusAction,
+    epsilon: f64,
+    flow_time: f64,
+}
+
+impl Placed<'_> {
+    fn circle(&self) -> CircleAction {
+        self.action.circles()[0].clone()
+    }
+}
+
+impl NamedArchitecture {
+    /// All of them.
+    pub const ALL: &[Self] = &[
+        Self {
+            name: "gyroceptron",
+            aliases: &[],
+            summary: "I_ε∘ψ∘Φ_θ∘ψ⁻¹ of Hénon layers, the paper's: an adiabatic invariant",
+            sizes: &[("psi", Some((10, 8))), ("near_identity", Some((10, 8)))],
+            circles: Circles::One,
+            make: |spec, of| {
+                let [psi, near_identity] = ["psi", "near_identity"].map(|key| spec.widths(key));
+                GyroceptronShape { circle_action: of.circle(), psi, near_identity }
+                    .architecture(of.epsilon)
+            },
+        },
+        Self {
+            name: "normal-form",
+            aliases: &[],
+            summary: "χ∘Φ_θ∘T_ε∘χ⁻¹: its actions are exact invariants, but for a perturbation",
+            sizes: &[
+                ("psi", None),
+                ("kicks", Some((12, 8))),
+                ("twists", Some((16, 8))),
+                ("perturbation", None),
+            ],
+            circles: Circles::Several,
+            make: |spec, of| {
+                let [psi, kicks, twists] = ["psi", "kicks", "twists"].map(|key| spec.widths(key));
+                let perturbation = spec.perturbation.map(LayerSizes::widths);
+                let (action, flow_time) = (of.action.clone(), of.flow_time);
+                NormalFormShape { action, psi, kicks, twists, flow_time, perturbation }
+                    .architecture(of.epsilon)
+            },
+        },
+        Self {
+            name: "coupling-gyroceptron",
+            aliases: &[],
+            summary: "I_ε∘ψ∘Φ_θ∘ψ⁻¹ of affine couplings: not symplectic, for flows with friction",
+            sizes: &[("psi", Some((4, 8))), ("near_identity", Some((12, 8)))],
+            circles: Circles::One,
+            make: |spec, of| {
+                let [psi, near_identity] = ["psi", "near_identity"].map(|key| spec.widths(key));
+                let (circle_action, flow_time) = (of.circle(), of.flow_time);
+                CouplingGyroceptronShape { circle_action, psi, near_identity, flow_time }
+                    .architecture(of.epsilon)
+            },
+        },
+        Self {
+            name: "henon-net",
+            aliases: &[],
+            summary: "Hénon layers: symplectic, without a circle",
+            sizes: &[("layers", Some((16, 10)))],
+            circles: Circles::None,
+            make: |spec, of| {
+                HenonShape { dof: of.action.dof(), widths: spec.widths("layers") }.architecture(1.0)
+            },
+        },
+        Self {
+            name: "symp-net",
+            aliases: &["sympnet"],
+            summary: "linear and activation modules in turn: symplectic, without a circle",
+            sizes: &[("layers", Some((41, 4)))],
+            circles: Circles::None,
+            make: |spec, of| {
+                let LayerSizes { count, width } = spec.size("layers").expect("it has a default");
+                SympNetShape {
+                    dof: of.action.dof(),
+                    modules: count,
+                    shears: width.two()[0],
+                    activation: spec.activation.unwrap_or(Activation::Sigmoid),
+                    plain: spec.plain.unwrap_or(false),
+                }
+                .architecture()
+            },
+        },
+    ];
+
+    /// The architecture of this name.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the name and all that there are.
+    pub fn find(name: &str) -> Result<&'static Self, Error> {
+        let is_it = |of: &&Self| of.name == name || of.aliases.contains(&name);
+        Self::ALL.iter().find(is_it).ok_or_else(|| {
+            let names: Vec<&str> = Self::ALL.iter().map(|of| of.name).collect();
+            Error::invalid("architecture", name, names.join(", "))
+        })
+    }
+
+    fn keys(&self) -> String {
+        let keys: Vec<&str> = self.sizes.iter().map(|(key, _)| *key).collect();
+        keys.join(", ")
+    }
+}
+
+/// A network as scene files, options of the program and keywords of Python declare it: a
+/// [named architecture](NamedArchitecture) with the sizes of its parts, or a list of blocks, or the
+/// file of a trained model. Its degrees of freedom, circles, ε and flow time are those of what it
+/// stands for.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NetworkSpec {
+    /// The name of an architecture; `blocks`; or `file`: any network of a file `.json`, as `train`
+    /// and scenes write them, for the same ε and flow time, or a gyroceptron with the weights of a
+    /// `.safetensors`, `.npz` or `.index`, as [`import_weights`](crate::io::import_weights) takes
+    /// them, which is not trained.
+    pub kind: String,
+    /// The layers of ψ.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psi: Option<LayerSizes>,
+    /// The layers of I_ε.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub near_identity: Option<LayerSizes>,
+    /// The turned kicks of ψ_ε.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kicks: Option<LayerSizes>,
+    /// The twist shears of T_ε: the width of two by turns is first that of the shears which change
+    /// the positions, and have a quadratic form beside them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub twists: Option<LayerSizes>,
+    /// The turned kicks of K_ε, of a map that is nearly integrable; of 0 layers, an integrable one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub perturbation: Option<LayerSizes>,
+    /// The Hénon layers of a HénonNet; the linear modules of a SympNet and their shears.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub layers: Option<LayerSizes>,
+    /// The linear modules of a SympNet.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub modules: Option<usize>,
+    /// The shears of each of its linear modules.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shears: Option<usize>,
+    /// σ of a SympNet.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub activation: Option<Activation>,
+    /// See [`SympNetShape::plain`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plain: Option<bool>,
+    /// Φ; the system's, unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub circle_action: Option<CircleAction>,
+    /// Φ of several circles; the system's only one, unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub action: Option<TorusAction>,
+    /// The blocks, of kind `blocks`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub blocks: Vec<Block>,
+    /// The file, of kind `file`. A relative path is from the folder of the scene's file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub path: Option<PathBuf>,
+}
+
+impl NetworkSpec {
+    /// The kind whose network is that of a file.
+    pub const FILE: &str = "file";
+    /// The kind whose network is a list of blocks.
+    pub const BLOCKS: &str = "blocks";
+
+    /// A named architecture with its default sizes.
+    ///
+    /// # Errors
+    /// Those of [`NamedArchitecture::find`].
+    pub fn named(name: &str) -> Result<Self, Error> {
+        let named = NamedArchitecture::find(name)?;
+        Ok(Self { kind: named.name.into(), ..Self::default() })
+    }
+
+    /// A list of blocks.
+    pub fn of_blocks(blocks: impl Into<Vec<Block>>) -> Self {
+        Self { kind: Self::BLOCKS.into(), blocks: blocks.into(), ..Self::default() }
+    }
+
+    /// Whether its network is that of a file.
+    pub fn is_of_file(&self) -> bool {
+        self.kind == Self::FILE
+    }
+
+    /// The keys of sizes that any architecture has.
+    pub const SIZES: [&str; 6] =
+        ["psi", "near_identity", "kicks", "twists", "perturbation", "layers"];
+
+    fn given(&self, key: &str) -> Option<LayerSizes> {
+        match key {
+            "psi" => self.psi,
+            "near_identity" => self.near_identity,
+            "kicks" => self.kicks,
+            "twists" => self.twists,
+            "perturbation" => self.perturbation,
+            "layers" => match (self.modules, self.shears) {
+                (None, None) => self.layers,
+                (modules, shears) => {
+                    let default = LayerSizes::uniform(41, 4);
+                    let of = self.layers.unwrap_or(default);
+                    let shears = shears.unwrap_or(of.width.two()[0]);
+                    Some(LayerSizes::uniform(modules.unwrap_or(of.count), shears))
+                }
+            },
+            _ => None,
+        }
+    }
+
+    /// With a size of one of its parts.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when its architecture has no such part.
+    pub fn with_size(mut self, key: &str, size: LayerSizes) -> Result<Self, Error> {
+        let own = match key {
+            "psi" => &mut self.psi,
+            "near_identity" => &mut self.near_identity,
+            "kicks" => &mut self.kicks,
+            "twists" => &mut self.twists,
+            "perturbation" => &mut self.perturbation,
+            _ => &mut self.layers,
+        };
+        *own = Some(size);
+        if key == "layers" {
+            (self.modules, self.shears) = (None, None);
+        }
+        self.check()?;
+        Ok(self)
+    }
+
+    /// The size of a part: what is given, or the default.
+    pub fn size(&self, key: &str) -> Option<LayerSizes> {
+        self.given(key).or_else(|| {
+            let named = NamedArchitecture::find(&self.kind).ok()?;
+            let (_, default) = named.sizes.iter().find(|(own, _)| *own == key)?;
+            default.map(|(count, width)| LayerSizes::uniform(count, width))
+        })
+    }
+
+    fn widths(&self, key: &str) -> Vec<usize> {
+        self.size(key).map_or_else(Vec::new, LayerSizes::widths)
+    }
+
+    /// Fails unless its kind exists, and what is given belongs to it.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] and [`Error::CountOutOfRange`] with the key and the value.
+    pub fn check(&self) -> Result<(), Error> {
+        self.check_from(1)
+    }
+
+    /// [`NetworkSpec::check`] with at least so many layers of each part, which may be none.
+    pub fn check_from(&self, least: usize) -> Result<(), Error> {
+        let named = match &self.kind[..] {
+            Self::FILE | Self::BLOCKS => None,
+            name => Some(NamedArchitecture::find(name)?),
+        };
+        for key in Self::SIZES {
+            let Some(size) = self.given(key) else { continue };
+            let fits = named.is_some_and(|of| of.sizes.iter().any(|(own, _)| *own == key));
+            if !fits {
+                let of = named.map_or("it has none".into(), NamedArchitecture::keys);
+                let expected = format!("a size of {}: {of}", self.kind);
+                return Err(Error::invalid(key, size, expected));
+            }
+            // Of a perturbation there may be none.
+            let least = if key == "perturbation" { 0 } else { least };
+            Error::check_count_range(&format!("{key}: layers"), size.count, least, MOST_LAYERS)?;
+        }
+        let is_symp_net = named.is_some_and(|of| of.name == "symp-net");
+        let of_modules = self.activation.is_some() || self.plain.is_some();
+        if !is_symp_net && (of_modules || self.modules.is_some() || self.shears.is_some()) {
+            let found = "modules, shears, activation or plain";
+            return Err(Error::invalid("network", found, format!("none of them of {}", self.kind)));
+        }
+        let needs_blocks = self.kind == Self::BLOCKS;
+        if needs_blocks == self.blocks.is_empty() {
+            let found = format!("{} blocks of kind {}", self.blocks.len(), self.kind);
+            return Err(Error::invalid("network", found, "blocks of kind `blocks`, and no others"));
+        }
+        if self.path.is_some() && !self.is_of_file() {
+            let found = format!("a path of kind {}", self.kind);
+            return Err(Error::invalid("network", found, "a path of kind `file` only"));
+        }
+        if self.circle_action.is_some() && self.action.is_some() {
+            let expected = "one of them";
+            return Err(Error::invalid("network", "circle_action and action", expected));
+        }
+        Ok(())
+    }
+
+    /// Which circles its network is built on; of blocks, those that they need.
+    pub fn circles(&self) -> Circles {
+        match NamedArchitecture::find(&self.kind) {
+            Ok(named) => named.circles,
+            Err(_) if self.blocks.iter().any(Block::is_of_circles) => Circles::Several,
+            Err(_) => Circles::None,
+        }
+    }
+
+    /// Whether it is built on a circle action: it has an ε and angles, and is of a family of maps.
+    pub fn has_circle(&self) -> bool {
+        self.circles() != Circles::None
+    }
+
+    /// Its circles, where it names them.
+    pub fn own_action(&self) -> Option<TorusAction> {
+        let circle = || self.circle_action.clone().map(TorusAction::from);
+        self.action.clone().or_else(circle)
+    }
+
+    /// The architecture for this circle action, ε and flow time.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when it is that of a file, its kind does not exist, or it is of one circle
+    /// and the action of several.
+    pub fn architecture(
+        &self,
+        action: &TorusAction,
+        epsilon: f64,
+        flow_time: f64,
+    ) -> Result<Architecture, Error> {
+        let own = self.own_action();
+        let placed = Placed { action: own.as_ref().unwrap_or(action), epsilon, flow_time };
+        if self.is_of_file() {
+            return Err(Error::invalid("network", "one of a file", "one to train"));
+        }
+        if self.kind == Self::BLOCKS {
+            let mut out = Architecture::new(placed.action.dof());
+            if self.has_circle() {
+                out = out.on_torus(placed.action).at_epsilon(epsilon);
+            }
+            out.blocks = self.blocks.clone();
+            out.flow_time = if out.has_flow_time() { flow_time } else { 1.0 };
+            return Ok(out);
+        }
+        let named = NamedArchitecture::find(&self.kind)?;
+        let circles = placed.action.circles().len();
+        if named.circles == Circles::One && circles > 1 {
+            let (found, expected) =
+                (format!("{circles} circles"), format!("one of a {}", named.name));
+            return Err(Error::invalid("circle action", found, expected));
+        }
+        Ok((named.make)(self, &placed))
+    }
+}
+
+impl Architecture {
+    /// The name of the named architecture whose blocks these are, but for their widths.
+    pub fn name(&self) -> Option<&'static str> {
+        let action = self.action().unwrap_or_else(|| TorusAction::of_planes(self.dof.max(1)));
+        let is_it = |named: &&NamedArchitecture| {
+            // With all its parts, and without those that are left out unless they are given.
+            [true, false].into_iter().any(|all| {
+                let mut spec = NetworkSpec { kind: named.name.into(), ..NetworkSpec::default() };
+                for (key, default) in named.sizes.iter().filter(|_| all) {
+                    let (count, width) = default.unwrap_or((1, 1));
+                    match spec.clone().with_size(key, LayerSizes::uniform(count, width)) {
+                        Ok(with) => spec = with,
+                        Err(_) => return false,
+                    }
+                }
+                spec.architecture(&action, self.epsilon, self.flow_time)
+                    .is_ok_and(|of| of.is_of_the_kind_of(self))
+            })
+        };
+        NamedArchitecture::ALL.iter().find(is_it).map(|named| named.name)
+    }
+
+    /// Whether the blocks are the same but for their widths.
+    fn is_of_the_kind_of(&self, other: &Self) -> bool {
+        let alike = |(a, b): (&Block, &Block)| {
+            (&a.name, a.part, a.scale) == (&b.name, b.part, b.scale)
+                && a.layers.name() == b.layers.name()
+        };
+        self.circles == other.circles
+            && self.blocks.len() == other.blocks.len()
+            && self.blocks.iter().zip(&other.blocks).all(alike)
+    }
+}
