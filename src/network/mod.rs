@@ -42,10 +42,11 @@ mod init;
 mod jacobians;
 mod model;
 mod normal_form;
+mod pace;
 mod step;
 mod symp_net;
 
-pub use batch::{Rollout, map_points, rollout};
+pub use batch::{Rollout, map_points, map_points_at_pace, rollout, rollout_at_pace};
 pub use composition::{Composition, Recording};
 pub use coupling_gyroceptron::{CouplingGyroceptron, CouplingGyroceptronShape};
 pub use gyroceptron::{Gyroceptron, GyroceptronShape};
@@ -54,6 +55,7 @@ pub use init::InitialWeights;
 pub use jacobians::{map_jacobians, map_jacobians_by_duals};
 pub use model::{Architecture, Invariant, Model};
 pub use normal_form::{NormalForm, NormalFormShape};
+pub use pace::Pace;
 pub use step::{Kind, Step, Visitor};
 pub use symp_net::{SympNet, SympNetShape};
 

@@ -1,9 +1,9 @@
 //! A network in double precision with its architecture: what files hold.
 
-use super::batch::{Rollout, map_points, rollout};
+use super::batch::{Rollout, map_points, map_points_at_pace, rollout_at_pace};
 use super::{
     Composition, CouplingGyroceptron, CouplingGyroceptronShape, Gyroceptron, GyroceptronShape,
-    HenonNet, HenonShape, InitialWeights, NormalForm, NormalFormShape, SympNet, SympNetShape,
+    HenonNet, HenonShape, InitialWeights, NormalForm, NormalFormShape, Pace, SympNet, SympNetShape,
 };
 use crate::error::Error;
 use crate::layer::CircleAction;
@@ -436,23 +436,37 @@ impl Model {
         }
     }
 
-    /// The trajectories from each of the points in `initial`, as [`rollout`] gives them. A
+    /// The trajectories from each of the points in `initial`, as [`rollout`](super::rollout) gives them. A
     /// gyroceptron in normal form goes to its coordinates once, makes all steps there, and comes
     /// back for each state that is kept: its actions do not move by more than the
     /// rounding of the steps between.
     ///
     /// # Errors
-    /// Those of [`rollout`].
+    /// Those of [`rollout`](super::rollout).
     pub fn rollout(&self, initial: &[f64], request: Rollout) -> Result<Vec<f64>, Error> {
+        self.rollout_at_pace(initial, request, &mut Pace::unbroken())
+    }
+
+    /// [`Model::rollout`] in parts, which ask the pace whether to go on: the same bits.
+    ///
+    /// # Errors
+    /// Those of [`Model::rollout`]; [`Error::Stopped`].
+    pub fn rollout_at_pace(
+        &self,
+        initial: &[f64],
+        request: Rollout,
+        pace: &mut Pace<'_>,
+    ) -> Result<Vec<f64>, Error> {
         let Self::NormalForm(net) = self else {
-            return rollout(self.composition(), initial, request);
+            return rollout_at_pace(self.composition(), initial, request, pace);
         };
         let [chart, inner] = net.chart_and_inner_map();
         let mut start = initial.to_vec();
         map_points(&chart, Direction::Inverse, &mut start)?;
-        let mut states = rollout(&inner, &start, request)?;
+        let mut states = rollout_at_pace(&inner, &start, request, pace)?;
         states[..initial.len()].copy_from_slice(initial);
-        map_points(&chart, Direction::Forward, &mut states[initial.len()..])?;
+        let kept = &mut states[initial.len()..];
+        map_points_at_pace(&chart, Direction::Forward, kept, pace)?;
         Ok(states)
     }
 
