@@ -18,8 +18,7 @@ use gyroceptron::measure::rotation_errors;
 use gyroceptron::network::Architecture;
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
-    Folder, Layers, ModelSpec, NetworkSpec, Observer, OwnTraining, Reading, TrainingTimes,
-    units_told,
+    Folder, Layers, ModelSpec, NetworkSpec, Note, Observer, OwnTraining, Reading, TrainingTimes,
 };
 use gyroceptron::train::{
     ActionFit, AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions,
@@ -313,7 +312,7 @@ fn found_action(arguments: &Train) -> Result<String, Error> {
         let expected = "weights, or pairs of another flow time";
         return Err(Error::invalid("--circle-action", found, expected));
     }
-    line(&format!("{}: {}", arguments.data.display(), fit.told()));
+    line(&format!("{}: {}", arguments.data.display(), Note::Action(&fit)));
     let weights: Vec<String> = fit.action().weights().iter().map(i32::to_string).collect();
     Ok(weights.join(","))
 }
@@ -390,11 +389,10 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let mut progress = Progress::new();
     let file = read_pairs(&arguments.data)?;
     if file.single_precision {
-        progress.note(&format!("{}: float32 numbers, taken as they are", arguments.data.display()));
+        progress.note(&format!("{}: {}", arguments.data.display(), Note::SinglePrecision));
     }
     if !file.unused.is_empty() {
-        let (place, names) = (arguments.data.display(), file.unused.join(", "));
-        progress.note(&format!("{place}: not used: {names}"));
+        progress.note(&format!("{}: {}", arguments.data.display(), Note::Unused(&file.unused)));
     }
     let digest = file.pairs.digest();
     let family = Family::of(arguments, &file, has_time)?;
@@ -409,7 +407,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         return Err(Error::invalid("--epsilon", 0, "another number, or --flow-time"));
     }
     if let Some(reading) = Reading::better(&pairs, &action) {
-        progress.note(&format!("{}: {}", arguments.data.display(), reading.told()));
+        progress.note(&format!("{}: {}", arguments.data.display(), Note::Reading(&reading)));
     }
     let place = arguments.data.display().to_string();
     let preparation = Preparation {
@@ -426,7 +424,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let Prepared { pairs, held_out, units, region, nearest, angles, flow_time: time } =
         preparation.prepare(pairs)?;
     if let Some(units) = &units {
-        progress.note(&format!("{place}: {}", units_told(units)));
+        progress.note(&format!("{place}: {}", Note::Units(units)));
     }
     let architecture = architecture(epsilon, time);
     progress.note(&format!(

@@ -27,6 +27,7 @@ mod folder;
 mod learning;
 mod log;
 mod machine;
+mod notes;
 mod own_pairs;
 mod parse;
 mod reading;
@@ -37,6 +38,7 @@ mod setup;
 pub mod study;
 mod subject;
 mod trust;
+mod verdict;
 mod words;
 
 pub use catalogue::{CatalogueEntry, catalogue, default_scene, find};
@@ -44,6 +46,7 @@ pub use declaration::Scene;
 pub use folder::Folder;
 pub use log::{Stage, TrainingTimes};
 pub use machine::Machine;
+pub use notes::{Note, own_invariance_fault};
 pub use own_pairs::{OwnTraining, units_told};
 pub use parse::parse;
 pub use reading::Reading;
@@ -53,3 +56,4 @@ pub use setup::{ByTurns, Data, FlowBy, Layers, ModelSpec, NetworkSpec, Setup, Tw
 pub use study::AnyStudy;
 pub use study::certificate::{CERTIFICATE_HEADINGS, certificate_cells, certificate_table};
 pub use study::training::stop_words;
+pub use verdict::Trust;
