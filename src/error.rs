@@ -143,17 +143,23 @@ pub enum Error {
     },
     /// An output folder that holds a run already.
     #[error(
-        "{}: holds an earlier run; give --resume to go on with it, --overwrite to replace it, or another --out", path.display()
+        "{}: holds an earlier run, which is not replaced: give another folder", path.display()
     )]
     OutputExists {
         /// The folder.
         path: PathBuf,
     },
     /// A file that is there already.
-    #[error("{}: exists already; give --overwrite to replace it, or another name", path.display())]
+    #[error("{}: exists already, and is not replaced: give another name", path.display())]
     FileExists {
         /// The file.
         path: PathBuf,
+    },
+    /// A computation that its caller stopped.
+    #[error("{what}: told to stop before its end")]
+    Stopped {
+        /// Which computation.
+        what: String,
     },
     /// A computation that left the finite numbers.
     #[error("{what}: the numbers ran out of range at {place}")]

@@ -9,18 +9,18 @@ use super::progress::{Progress, line};
 use super::train::train_pairs;
 use super::{Status, cite};
 use gyroceptron::Error;
-use gyroceptron::flow::Region;
 use gyroceptron::io::{
     Provenance, StoredModel, assemble_architecture, assemble_weights, export_weights, file_digest,
     load_model, read_architecture, read_points, read_tensors, save_model, take_units, write_points,
 };
 use gyroceptron::layer::CircleAction;
-use gyroceptron::measure::{CertificateOptions, OwnInvariance, certify, certify_all};
+use gyroceptron::measure::{CertificateOptions, certify, certify_all};
 use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model, Rollout};
 use gyroceptron::random::Stream;
 use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{
-    Folder, Scene, catalogue, certificate_table, default_scene, find, parse, run,
+    Folder, Note, Scene, catalogue, certificate_table, default_scene, find, own_invariance_fault,
+    parse, run,
 };
 use rayon::prelude::*;
 use serde_json::json;
@@ -154,28 +154,6 @@ fn default_architecture(circle_action: CircleAction, epsilon: f64) -> Architectu
     GyroceptronShape { circle_action, psi, near_identity }.architecture(epsilon)
 }
 
-/// Points of the box that a model was trained in, or else of that of the samples, halfway to
-/// its ends at most, in the coordinates of the network.
-fn starts(stored: &StoredModel, options: &CertificateOptions) -> Vec<f64> {
-    let dim = 2 * stored.model.composition().dof();
-    let box_of_samples =
-        Region { low: vec![-options.radius; dim], high: vec![options.radius; dim] };
-    let region = stored.provenance.region.as_ref().unwrap_or(&box_of_samples);
-    let mut stream = Stream::new(options.seed, "verify/orbits");
-    let corners = || region.low.iter().zip(&region.high);
-    let mut points: Vec<f64> = (0..OwnInvariance::ORBITS)
-        .flat_map(|_| corners())
-        .map(|(low, high)| {
-            let (centre, half) = (0.5 * (low + high), 0.25 * (high - low));
-            stream.uniform(centre - half, centre + half)
-        })
-        .collect();
-    if let (Some(units), Some(_)) = (&stored.units, &stored.provenance.region) {
-        units.to_network(&mut points);
-    }
-    points
-}
-
 fn verify(arguments: &Verify) -> Result<Status, Error> {
     use_threads(&arguments.common)?;
     let options = CertificateOptions {
@@ -189,11 +167,7 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
         Some(path) => {
             let stored = load_model(path)?;
             own_units.clone_from(&stored.units);
-            let starts = starts(&stored, &options);
-            if let Some(fault) =
-                OwnInvariance::of(&stored.model, &starts, OwnInvariance::ITERATIONS)
-                    .and_then(|own| own.fault())
-            {
+            if let Some(fault) = own_invariance_fault(&stored, &options) {
                 line(&format!("note: {fault}"));
             }
             (path.display().to_string(), certify(&stored.model, options))
@@ -329,7 +303,7 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     let dim = 2 * dof;
     let file = read_points(&arguments.input, dof)?;
     if file.single_precision {
-        line(&format!("{}: float32 numbers, taken as they are", arguments.input.display()));
+        line(&format!("{}: {}", arguments.input.display(), Note::SinglePrecision));
     }
     let initial = file.points;
     let points = initial.len() / dim;
@@ -398,7 +372,7 @@ fn import(arguments: &Import) -> Result<Status, Error> {
     let action = circle_action(&arguments.circle_action)?;
     let (mut tensors, place) = (read_tensors(&arguments.weights)?, arguments.weights.display());
     if tensors.values().any(|tensor| tensor.single_precision) {
-        line(&format!("{place}: float32 numbers, taken as they are"));
+        line(&format!("{place}: {}", Note::SinglePrecision));
     }
     let (place, epsilon, time) = (place.to_string(), arguments.epsilon, arguments.flow_time);
     let units = take_units(&place, &mut tensors, action.dof())?;

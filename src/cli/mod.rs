@@ -44,7 +44,20 @@ pub fn main() -> ExitCode {
 /// One line on standard error.
 fn report(error: &Error) {
     let line = error.to_string().replace(['\n', '\r'], " ");
-    let _ = writeln!(std::io::stderr(), "gyroceptron: {line}");
+    let _ = writeln!(std::io::stderr(), "gyroceptron: {line}{}", options_for(error));
+}
+
+/// The options that an error of the library, which knows of none, asks for.
+fn options_for(error: &Error) -> &'static str {
+    match error {
+        Error::At { reason, .. } => options_for(reason),
+        Error::OutputExists { .. } => {
+            " (--resume goes on with it, --overwrite replaces it, --out is another folder)"
+        }
+        Error::FileExists { .. } => " (--overwrite replaces it)",
+        Error::Missing { key: "models.network.path", .. } => " (--weights FILE)",
+        _ => "",
+    }
 }
 
 fn usage(error: &clap::Error) -> ExitCode {

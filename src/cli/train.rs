@@ -15,9 +15,7 @@ use gyroceptron::layer::TorusAction;
 use gyroceptron::measure::rotation_errors;
 use gyroceptron::network::{Architecture, Circles, LayerSizes, NetworkSpec};
 use gyroceptron::scene::render::terminal;
-use gyroceptron::scene::{
-    Folder, ModelSpec, Observer, OwnTraining, Reading, TrainingTimes, units_told,
-};
+use gyroceptron::scene::{Folder, ModelSpec, Note, Observer, OwnTraining, Reading, TrainingTimes};
 use gyroceptron::train::{
     ActionFit, AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions,
     Optimiser, Place, Preparation, Prepared, Progress as TrainingProgress, Starts, Stop,
@@ -261,7 +259,7 @@ fn found_action(arguments: &Train) -> Result<String, Error> {
         let expected = "weights, or pairs of another flow time";
         return Err(Error::invalid("--circle-action", found, expected));
     }
-    line(&format!("{}: {}", arguments.data.display(), fit.told()));
+    line(&format!("{}: {}", arguments.data.display(), Note::Action(&fit)));
     let weights: Vec<String> = fit.action().weights().iter().map(i32::to_string).collect();
     Ok(weights.join(","))
 }
@@ -334,11 +332,10 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let mut progress = Progress::new();
     let file = read_pairs(&arguments.data)?;
     if file.single_precision {
-        progress.note(&format!("{}: float32 numbers, taken as they are", arguments.data.display()));
+        progress.note(&format!("{}: {}", arguments.data.display(), Note::SinglePrecision));
     }
     if !file.unused.is_empty() {
-        let (place, names) = (arguments.data.display(), file.unused.join(", "));
-        progress.note(&format!("{place}: not used: {names}"));
+        progress.note(&format!("{}: {}", arguments.data.display(), Note::Unused(&file.unused)));
     }
     let digest = file.pairs.digest();
     let family = Family::of(arguments, &file, has_time)?;
@@ -352,7 +349,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         return Err(Error::invalid("--epsilon", 0, "another number, or --flow-time"));
     }
     if let Some(reading) = Reading::better(&pairs, &action) {
-        progress.note(&format!("{}: {}", arguments.data.display(), reading.told()));
+        progress.note(&format!("{}: {}", arguments.data.display(), Note::Reading(&reading)));
     }
     let place = arguments.data.display().to_string();
     let preparation = Preparation {
@@ -369,7 +366,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let Prepared { pairs, held_out, units, region, nearest, angles, flow_time: time } =
         preparation.prepare(pairs)?;
     if let Some(units) = &units {
-        progress.note(&format!("{place}: {}", units_told(units)));
+        progress.note(&format!("{place}: {}", Note::Units(units)));
     }
     let architecture = architecture(epsilon, time)?;
     progress.note(&format!(

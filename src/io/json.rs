@@ -5,7 +5,7 @@ use super::{read_bytes, write_atomically};
 use crate::digest;
 use crate::error::Error;
 use crate::flow::Region;
-use crate::network::{Architecture, Invariant, Model, Rollout, map_jacobians, map_points};
+use crate::network::{Architecture, Invariant, Model, Pace, Rollout, map_jacobians, map_points};
 use crate::phase::{Direction, Units};
 use crate::train::Checkpoint;
 use serde::de::DeserializeOwned;
@@ -111,12 +111,25 @@ impl StoredModel {
     /// # Errors
     /// Those of [`Model::rollout`]; [`Error::Diverged`] when a state is not of finite numbers.
     pub fn rollout(&self, initial: &[f64], request: Rollout) -> Result<Vec<f64>, Error> {
+        self.rollout_at_pace(initial, request, &mut Pace::unbroken())
+    }
+
+    /// [`StoredModel::rollout`] in parts, which ask the pace whether to go on: the same bits.
+    ///
+    /// # Errors
+    /// Those of [`StoredModel::rollout`]; [`Error::Stopped`].
+    pub fn rollout_at_pace(
+        &self,
+        initial: &[f64],
+        request: Rollout,
+        pace: &mut Pace<'_>,
+    ) -> Result<Vec<f64>, Error> {
         let states = match &self.units {
-            None => self.model.rollout(initial, request)?,
+            None => self.model.rollout_at_pace(initial, request, pace)?,
             Some(units) => {
                 let mut start = initial.to_vec();
                 units.to_network(&mut start);
-                let mut states = self.model.rollout(&start, request)?;
+                let mut states = self.model.rollout_at_pace(&start, request, pace)?;
                 units.to_data(&mut states);
                 states[..initial.len()].copy_from_slice(initial);
                 states

@@ -1,6 +1,7 @@
 //! The structure certificate of a model: all laws on seeded samples.
 
 use super::laws::{self, NO_INVERSE, Samples};
+use super::stopping::unless_stopped;
 use super::tally::{COUNT_LIMIT, RATIO_LIMIT, Row, Tally, Verdict, merged};
 use super::{Coordinate, Measurable, NearlyPeriodic, NormalFormed};
 use crate::error::Error;
@@ -262,6 +263,16 @@ impl CertificateOptions {
 /// sample.
 pub fn certify(model: &Model, options: CertificateOptions) -> Certificate {
     certify_all(std::slice::from_ref(model), options)
+}
+
+/// [`certify`], which asks `go_on` between samples, some times a second; None when the answer
+/// is no.
+pub fn certify_unless_stopped(
+    model: &Model,
+    options: CertificateOptions,
+    go_on: impl FnMut() -> bool + 'static,
+) -> Option<Certificate> {
+    unless_stopped(go_on, || certify(model, options))
 }
 
 /// One certificate for several models, each on samples of its own.

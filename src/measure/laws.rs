@@ -12,6 +12,7 @@ use super::near_identity::{
     differing_components, near_identity_generator, near_identity_size, near_identity_undoing,
 };
 use super::relations::Relation;
+use super::stopping::until_stopped;
 use super::symplecticity::symplecticity_resolution;
 use super::tally::{RESOLUTION, Tally};
 use super::{
@@ -26,6 +27,9 @@ use std::f64::consts::TAU;
 
 /// Why a law is not tested.
 pub(super) const NO_INVERSE: &str = "no inverse is given";
+
+/// Points that are moved together.
+const BATCH: usize = 1 << 12;
 
 /// Slopes are taken from values so many times above rounding.
 const ABOVE_ROUNDING: f64 = 1e3;
@@ -75,8 +79,13 @@ impl Samples {
     }
 
     fn with_angles(&self, dof: usize) -> impl Iterator<Item = (&[f64], &[f64; 2])> {
-        self.points.chunks_exact(2 * dof).zip(&self.angles)
+        each_point(&self.points, 2 * dof).zip(&self.angles)
     }
+}
+
+/// The points, 2n numbers each, until the measurement is to end.
+fn each_point(points: &[f64], dim: usize) -> impl Iterator<Item = &[f64]> {
+    until_stopped(points.chunks_exact(dim))
 }
 
 /// The number of components that differ in their bits or are not finite.
@@ -102,8 +111,7 @@ pub fn symplecticity(map: &dyn Measurable, points: &[f64]) -> Tally {
 pub fn symplecticity_of(law: &str, map: &dyn Measurable, points: &[f64]) -> Tally {
     let steps = map.measured_steps(Direction::Forward);
     let dim = 2 * map.dof();
-    let results = points
-        .chunks_exact(dim)
+    let results = each_point(points, dim)
         .map(|z| Conditioned::Ratio(symplecticity_ratio(&Walk::new(&steps, z))));
     Tally::of_ratios(law, "JᵀΩJ = Ω").extend_at(points, dim, results)
 }
@@ -112,8 +120,7 @@ pub fn symplecticity_of(law: &str, map: &dyn Measurable, points: &[f64]) -> Tall
 /// its operations are few or exact, small bounds do as well.
 pub fn symplecticity_of_any(map: &dyn Measurable, points: &[f64]) -> Tally {
     let steps = map.measured_steps(Direction::Forward);
-    let mut resolutions: Vec<f64> = points
-        .chunks_exact(2 * map.dof())
+    let mut resolutions: Vec<f64> = each_point(points, 2 * map.dof())
         .map(|z| symplecticity_resolution(&Walk::new(&steps, z)))
         .collect();
     resolutions.sort_by(f64::total_cmp);
@@ -136,7 +143,7 @@ pub fn inversion(
     let both = ThereAndBack::new(map.measured_steps(first), map.measured_steps(other(first)))
         .within(map.domain());
     let dim = 2 * map.dof();
-    let results = points.chunks_exact(dim).map(|z| both.ratio(z));
+    let results = each_point(points, dim).map(|z| both.ratio(z));
     Tally::of_ratios(law, equation).extend_at(points, dim, results)
 }
 
@@ -158,7 +165,7 @@ pub fn layers(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
         let there = layer.measured_steps(*direction);
         let both = ThereAndBack::new(there, layer.measured_steps(other(*direction)))
             .within(layer.domain());
-        for z in reached.chunks_exact_mut(2 * map.dof()) {
+        for z in until_stopped(reached.chunks_exact_mut(2 * map.dof())) {
             tally.push_at(both.ratio(z), z);
             z.copy_from_slice(&moved(&**layer, *direction, z));
         }
@@ -176,9 +183,11 @@ pub fn evaluation(map: &dyn Measurable, points: &[f64]) -> Tally {
     let ways = if map.has_inverse() { &ways[..] } else { &ways[..1] };
     for &direction in ways {
         let mut batch = points.to_vec();
-        map.move_points(direction, &mut batch);
+        for batch in until_stopped(batch.chunks_mut(BATCH * dim)) {
+            map.move_points(direction, batch);
+        }
         let steps = map.measured_steps(direction);
-        for (index, z) in points.chunks_exact(dim).enumerate() {
+        for (index, z) in each_point(points, dim).enumerate() {
             let mut walked = z.to_vec();
             for step in &steps {
                 step.apply(&mut walked);
@@ -187,7 +196,7 @@ pub fn evaluation(map: &dyn Measurable, points: &[f64]) -> Tally {
                 + differing(&walked, &batch[index * dim..(index + 1) * dim]);
         }
     }
-    let results = counts.into_iter().map(|count| Conditioned::Ratio(count as f64));
+    let results = until_stopped(counts).map(|count| Conditioned::Ratio(count as f64));
     tally.extend_at(points, dim, results)
 }
 
@@ -223,7 +232,7 @@ pub fn periodicity(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
         Conditioned::Ratio(largest)
     };
     (!angles.is_empty()).then(|| {
-        let results = points.chunks_exact(dim).map(ratio);
+        let results = each_point(points, dim).map(ratio);
         Tally::of_ratios("periodicity", "P(z + L) = P(z), of angles")
             .of_worst_case()
             .extend_at(points, dim, results)
@@ -236,7 +245,7 @@ pub fn periodicity(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
 pub fn determinant(map: &dyn Measurable, points: &[f64]) -> Tally {
     let steps = map.measured_steps(Direction::Forward);
     let results =
-        points.chunks_exact(2 * map.dof()).map(|z| determinant_ratio(&Walk::new(&steps, z)));
+        each_point(points, 2 * map.dof()).map(|z| determinant_ratio(&Walk::new(&steps, z)));
     Tally::of_ratios("determinant", "det J = 1").reported().extend(results)
 }
 
@@ -245,8 +254,7 @@ pub fn identity_at_zero(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<Tall
     let dim = 2 * family.dof();
     let bitwise = |equation: &str, epsilon: f64| {
         let map = family.near_identity_at(epsilon);
-        let counts = points
-            .chunks_exact(dim)
+        let counts = each_point(points, dim)
             .map(|z| Conditioned::Ratio(differing_components(&*map, z) as f64));
         Tally::of_counts("near identity", equation).extend_at(points, dim, counts)
     };
@@ -278,7 +286,7 @@ pub fn generator(
         let (plus, minus) = (family.near_identity_at(e), family.near_identity_at(-e));
         let mut largest = 0.0;
         let mut expected = vec![0.0; dim];
-        for z in points.chunks_exact(dim) {
+        for z in each_point(points, dim) {
             field(z, &mut expected);
             let a = moved(&*plus, Direction::Forward, z);
             let b = moved(&*minus, Direction::Forward, z);
@@ -316,7 +324,7 @@ fn largest_epsilons(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<f64> {
 fn largest_step(map: &dyn Measurable, points: &[f64]) -> f64 {
     let steps = map.measured_steps(Direction::Forward);
     let mut largest = 0.0;
-    for point in points.chunks_exact(2 * map.dof()) {
+    for point in each_point(points, 2 * map.dof()) {
         let mut z = point.to_vec();
         for step in &steps {
             let before = z.clone();
@@ -367,7 +375,7 @@ pub fn near_periodicity(family: &dyn NearlyPeriodic, points: &[f64]) -> Tally {
     let rotation = family.conjugated_action_at(family.angle());
     let psi = family.conjugation();
     let dim = 2 * family.dof();
-    let counts = points.chunks_exact(dim).map(|z| {
+    let counts = each_point(points, dim).map(|z| {
         let mut parts = moved(&*psi, Direction::Inverse, z);
         family.turn(family.angle(), &mut parts);
         psi.forward(&mut parts);
@@ -387,7 +395,7 @@ pub fn near_periodicity(family: &dyn NearlyPeriodic, points: &[f64]) -> Tally {
 pub fn normal_form(map: &dyn NormalFormed, points: &[f64]) -> Tally {
     let (chart, inner) = (map.chart(), map.inner_map());
     let dim = 2 * map.dof();
-    let counts = points.chunks_exact(dim).map(|z| {
+    let counts = each_point(points, dim).map(|z| {
         let mut count = 0;
         for direction in [Direction::Forward, Direction::Inverse] {
             let mut parts = moved(&*chart, Direction::Inverse, z);
@@ -445,7 +453,7 @@ pub fn actions(map: &dyn NormalFormed, points: &[f64]) -> Vec<Tally> {
     let each = [("𝔍∘Φ_θT_ε = 𝔍", 1), ("𝔍∘(Φ_θT_ε)ᴺ = 𝔍, N ≤ 1024", ITERATIONS)];
     let dim = 2 * map.dof();
     let of = |(equation, iterations): (&'static str, usize)| {
-        let results = points.chunks_exact(dim).map(|z| {
+        let results = each_point(points, dim).map(|z| {
             let w = moved(&*chart, Direction::Inverse, z);
             Conditioned::Ratio(action_ratio(&*inner, circles, iterations, &w))
         });
@@ -495,8 +503,7 @@ pub fn pullback(map: &dyn Adjoint, points: &[f64], dof: usize, seed: u64) -> Tal
     let mut stream = Stream::new(seed, "certificate/directions");
     let count = 2 * dof + map.parameters().len();
     let mut draw = |count| (0..count).map(|_| stream.uniform(-1.0, 1.0)).collect::<Vec<_>>();
-    let results = points
-        .chunks_exact(2 * dof)
+    let results = each_point(points, 2 * dof)
         .map(|z| adjoint_ratio(map, z, &draw(count), &draw(2 * dof)))
         .collect::<Vec<_>>();
     Tally::of_ratios("gradient", "⟨c, DP·d⟩ = ⟨DPᵀ·c, d⟩").of_worst_case().extend(results)
@@ -529,7 +536,7 @@ pub fn adiabatic_invariance(family: &dyn NearlyPeriodic, points: &[f64]) -> Tall
     const EXPONENT: f64 = 0.2;
     const HORIZONS: [usize; 5] = [256, 512, 1024, 2048, 4096];
     let tally = Tally::with_limit("adiabatic invariant", "|μ₀ − μ₀(0)| ∝ N⁰", EXPONENT).reported();
-    let Some(start) = points.get(..2 * family.dof()) else { return tally };
+    let Some(start) = each_point(points, 2 * family.dof()).next() else { return tally };
     let psi = family.conjugation();
     let invariant = leading_invariant(&*psi, &family.action_weights());
     let drifts = invariant_drift(family, &invariant, start, &HORIZONS);
@@ -550,7 +557,7 @@ pub fn exact_relation(
     points: &[f64],
 ) -> Tally {
     let mut tally = Tally::of_counts("exact relation", equation);
-    for z in points.chunks_exact(2 * map.dof()) {
+    for z in each_point(points, 2 * map.dof()) {
         let mut count = 0;
         for direction in [Direction::Forward, Direction::Inverse] {
             let mut left = moved(map, direction, z);

@@ -27,6 +27,7 @@ mod near_identity;
 mod own_invariance;
 mod relations;
 mod rounding;
+mod stopping;
 mod surfaces;
 mod symplecticity;
 mod tally;
@@ -45,7 +46,7 @@ pub use adjoint::{Adjoint, RESOLVED, adjoint_ratio};
 pub use averaging::averaged_invariant;
 pub use certificate::{
     Certificate, CertificateOptions, certify, certify_all, certify_family, certify_map,
-    certify_nearly_periodic, certify_normal_form,
+    certify_nearly_periodic, certify_normal_form, certify_unless_stopped,
 };
 pub use circle_axioms::{
     CircleAxiom, circle_axiom_ratio, conjugated_axiom_ratio, turning_axiom_ratio,

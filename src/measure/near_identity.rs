@@ -1,5 +1,6 @@
 //! I₀ = Id, and how I_ε leaves it.
 
+use super::stopping::until_stopped;
 use crate::network::{Layers, Model};
 use crate::phase::Map;
 use crate::scalar::{Dual, Scalar, max_or_nan};
@@ -42,7 +43,7 @@ pub fn near_identity_undoing(
 
 fn largest_change(points: &[f64], dim: usize, f: impl Fn(&mut [f64])) -> f64 {
     let mut largest = 0.0;
-    for point in points.chunks_exact(dim) {
+    for point in until_stopped(points.chunks_exact(dim)) {
         let mut moved = point.to_vec();
         f(&mut moved);
         for (a, b) in moved.iter().zip(point) {

@@ -1,6 +1,6 @@
 //! Many points at once: lanes, threads, and kernels chosen at run time.
 
-use super::Composition;
+use super::{Composition, Pace};
 use crate::error::Error;
 use crate::phase::Direction;
 use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
@@ -175,6 +175,29 @@ pub fn map_points(
     Ok(())
 }
 
+/// [`map_points`] in parts, which ask the pace whether to go on.
+///
+/// # Errors
+/// Those of [`map_points`]; [`Error::Stopped`], after which some of the points are moved.
+pub fn map_points_at_pace(
+    map: &Composition<f64>,
+    direction: Direction,
+    points: &mut [f64],
+    pace: &mut Pace<'_>,
+) -> Result<(), Error> {
+    let dim = 2 * map.dof();
+    check_points(points, dim)?;
+    let mut rest = points;
+    while !rest.is_empty() {
+        let count = pace.part(1).min(rest.len() / dim);
+        let (part, after) = rest.split_at_mut(count * dim);
+        map_points(map, direction, part)?;
+        pace.pause("map of points", count)?;
+        rest = after;
+    }
+    Ok(())
+}
+
 pub(super) fn check_points(points: &[f64], dim: usize) -> Result<(), Error> {
     Error::check_rows("points", points.len(), dim)
 }
@@ -217,6 +240,22 @@ pub fn rollout(
     initial: &[f64],
     request: Rollout,
 ) -> Result<Vec<f64>, Error> {
+    rollout_at_pace(map, initial, request, &mut Pace::unbroken())
+}
+
+/// [`rollout`] in parts, which ask the pace whether to go on: the same bits.
+///
+/// A part is of some steps of all points, or of one step of some. Between parts the
+/// states are stored and loaded again, which changes nothing.
+///
+/// # Errors
+/// Those of [`rollout`]; [`Error::Stopped`].
+pub fn rollout_at_pace(
+    map: &Composition<f64>,
+    initial: &[f64],
+    request: Rollout,
+    pace: &mut Pace<'_>,
+) -> Result<Vec<f64>, Error> {
     check_points(initial, 2 * map.dof())?;
     Error::check_count_range("every", request.every, 1, usize::MAX)?;
     let kept = request.kept();
@@ -231,8 +270,7 @@ pub fn rollout(
     let mut state = initial.to_vec();
     let dim = 2 * map.dof();
     let block = block_size(initial.len() / dim) * dim;
-    let every = request.every;
-    let run = |points: &mut [f64], kept: &mut [f64]| {
+    let run = |points: &mut [f64], every: usize, kept: &mut [f64]| {
         work::count(work::Kind::Evaluation, kept.len() / dim * every);
         if points.len() == dim {
             let direction = Direction::Forward;
@@ -246,7 +284,11 @@ pub fn rollout(
         return Ok(out);
     }
     if initial.len() <= block {
-        run(&mut state, kept);
+        let size = initial.len();
+        in_parts(pace, request.every, kept.len() / size, size / dim, |part, pace| {
+            run(&mut state, part.steps, &mut kept[part.states(size)]);
+            pace.pause(ROLLOUT, part.evaluations(size / dim))
+        })?;
         return Ok(out);
     }
     // Each block keeps its states for a while, then all are put in place.
@@ -254,8 +296,25 @@ pub fn rollout(
     let mut by_block = vec![0.0; slab * initial.len()];
     for kept in kept.chunks_mut(slab * initial.len()) {
         let times = kept.len() / initial.len();
-        let blocks = state.par_chunks_mut(block).zip(by_block.par_chunks_mut(slab * block));
-        blocks.for_each(|(points, kept)| run(points, &mut kept[..times * points.len()]));
+        in_parts(pace, request.every, times, initial.len() / dim, |part, pace| {
+            // Where one step of all points takes long, those of some blocks after another.
+            let (mut points, mut kept) = (&mut state[..], &mut by_block[..]);
+            while !points.is_empty() {
+                let blocks = pace.part(part.evaluations(block / dim));
+                let blocks = blocks.max(rayon::current_num_threads());
+                let blocks = blocks.min(points.len().div_ceil(block));
+                let (now, later) = points.split_at_mut((blocks * block).min(points.len()));
+                let (now_kept, later_kept) = kept.split_at_mut(slab * now.len());
+                let each = now.par_chunks_mut(block).zip(now_kept.par_chunks_mut(slab * block));
+                each.for_each(|(points, kept)| {
+                    let states = part.states(points.len());
+                    run(points, part.steps, &mut kept[states]);
+                });
+                pace.pause(ROLLOUT, part.evaluations(now.len() / dim))?;
+                (points, kept) = (later, later_kept);
+            }
+            Ok(())
+        })?;
         for (number, together) in by_block.chunks(slab * block).enumerate() {
             let first = number * block;
             let size = block.min(initial.len() - first);
@@ -269,12 +328,109 @@ pub fn rollout(
     Ok(out)
 }
 
+/// What a roll-out is called where it is stopped.
+const ROLLOUT: &str = "roll-out";
+
+/// Some of the steps of a roll-out: `count` kept states from number `first`, one in `steps`
+/// steps.
+struct Part {
+    first: usize,
+    count: usize,
+    steps: usize,
+}
+
+impl Part {
+    /// Where the kept states are, of so many numbers each.
+    fn states(&self, size: usize) -> std::ops::Range<usize> {
+        self.first * size..(self.first + self.count) * size
+    }
+
+    /// Of so many points.
+    fn evaluations(&self, points: usize) -> usize {
+        self.steps.saturating_mul(self.count).saturating_mul(points)
+    }
+}
+
+/// Calls `run`, which pauses, for parts of a roll-out of so many points, of which one state in `every`
+/// steps is kept, `states` in all. A part keeps some states, or it makes some of the steps to
+/// the next kept one, and keeps the state between in its place.
+fn in_parts(
+    pace: &mut Pace<'_>,
+    every: usize,
+    states: usize,
+    points: usize,
+    mut run: impl FnMut(Part, &mut Pace<'_>) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let (mut first, mut made) = (0, 0);
+    while first < states {
+        let steps = pace.part(points);
+        let part = if made == 0 && steps >= every {
+            Part { first, count: (steps / every).min(states - first), steps: every }
+        } else {
+            Part { first, count: 1, steps: steps.min(every - made) }
+        };
+        made += part.steps;
+        let whole = made >= every;
+        let count = part.count;
+        run(part, pace)?;
+        if whole {
+            (first, made) = (first + count, 0);
+        }
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::step::{Kind, Step};
     use super::*;
     use crate::layer::KickForm;
     use crate::phase::Map;
+
+    /// Parts of steps, of points and of states that are kept.
+    #[test]
+    fn a_roll_out_in_parts_has_the_same_bits_and_stops() {
+        let width = 3;
+        let parameters: Vec<f64> = (0..10).map(|k| 0.3 * libm::sin(f64::from(k))).collect();
+        let mut map = Composition::new(1, parameters, 0.1);
+        for form in KickForm::LAYER {
+            let kind = Kind::Kick { width, form };
+            map.push(Step {
+                kind,
+                parameters: 0..10,
+                inverse: false,
+                near_identity: false,
+                time: None,
+            });
+        }
+        for (points, steps, every) in
+            [(1, 5000, 1), (1, 9000, 4000), (3, 3000, 2000), (600, 50, 7), (20_000, 5, 2)]
+        {
+            let initial: Vec<f64> =
+                (0..2 * points).map(|k| libm::sin(f64::from(k as u32))).collect();
+            let request = Rollout { steps, every };
+            let whole = rollout(&map, &initial, request).expect("a roll-out");
+            let mut asked = 0;
+            let mut go_on = || {
+                asked += 1;
+                true
+            };
+            let parts = rollout_at_pace(&map, &initial, request, &mut Pace::asking(&mut go_on));
+            let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+            assert_eq!(bits(&parts.expect("a roll-out")), bits(&whole), "{points} {every}");
+            assert!(asked > 1, "{points} points: {asked}");
+            let mut stops = || false;
+            let stopped = rollout_at_pace(&map, &initial, request, &mut Pace::asking(&mut stops));
+            assert!(matches!(stopped, Err(Error::Stopped { .. })), "{stopped:?}");
+            let mut moved = initial.clone();
+            map_points(&map, Direction::Inverse, &mut moved).expect("points");
+            let mut go_on = || true;
+            let mut in_parts = initial;
+            let pace = &mut Pace::asking(&mut go_on);
+            map_points_at_pace(&map, Direction::Inverse, &mut in_parts, pace).expect("points");
+            assert_eq!(bits(&in_parts), bits(&moved));
+        }
+    }
 
     /// A kick whose increment is −0, where products underflow: the other kicks of a
     /// layer would hide the sign.

@@ -27,11 +27,12 @@ mod jacobians;
 mod model;
 pub mod named;
 mod normal_form;
+mod pace;
 mod spec;
 mod step;
 
 pub use architecture::{Architecture, Structure};
-pub use batch::{Rollout, map_points, rollout};
+pub use batch::{Rollout, map_points, map_points_at_pace, rollout, rollout_at_pace};
 pub use block::{Alternating, Block, Layers, Modules, Part, Scale};
 pub use composition::{Composition, Recording};
 pub use init::InitialWeights;
@@ -39,6 +40,7 @@ pub use jacobians::{map_jacobians, map_jacobians_by_duals};
 pub use model::{Invariant, Model};
 pub use named::{CouplingGyroceptronShape, GyroceptronShape, HenonShape, SympNetShape};
 pub use normal_form::NormalFormShape;
+pub use pace::Pace;
 pub use spec::{Circles, LayerSizes, NamedArchitecture, NetworkSpec};
 pub use step::{Kind, Step, Visitor};
 

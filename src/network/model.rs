@@ -1,9 +1,10 @@
 //! A network: its architecture, and the map that its parameters make of it.
 
 use super::architecture::{Architecture, Structure};
-use super::batch::{Rollout, map_points, rollout};
+use super::batch::{Rollout, map_points, map_points_at_pace, rollout_at_pace};
 use super::block::{Layers, Part};
 use super::composition::Composition;
+use super::pace::Pace;
 use crate::error::Error;
 use crate::layer::{CircleAction, HenonLayer};
 use crate::phase::{Direction, Map};
@@ -92,24 +93,38 @@ impl Model {
         self.with_parameters(other.composition.parameters_at(time))
     }
 
-    /// The trajectories from each of the points in `initial`, as [`rollout`] gives them. A
-    /// network in a chart, without I_ε, goes to its coordinates once, makes all steps there, and
-    /// comes back for each state that is kept: the actions of a normal form do not move by more
+    /// The trajectories from each of the points in `initial`, as [`rollout`](super::rollout) gives
+    /// them. A network in a chart, without I_ε, goes to its coordinates once, makes all steps there,
+    /// and comes back for each state that is kept: the actions of a normal form do not move by more
     /// than the rounding of the steps between.
     ///
     /// # Errors
-    /// Those of [`rollout`].
+    /// Those of [`rollout`](super::rollout).
     pub fn rollout(&self, initial: &[f64], request: Rollout) -> Result<Vec<f64>, Error> {
+        self.rollout_at_pace(initial, request, &mut Pace::unbroken())
+    }
+
+    /// [`Model::rollout`] in parts, which ask the pace whether to go on: the same bits.
+    ///
+    /// # Errors
+    /// Those of [`Model::rollout`]; [`Error::Stopped`].
+    pub fn rollout_at_pace(
+        &self,
+        initial: &[f64],
+        request: Rollout,
+        pace: &mut Pace<'_>,
+    ) -> Result<Vec<f64>, Error> {
         let (Structure::NormalForm | Structure::NearlyIntegrable) = self.architecture.structure()
         else {
-            return rollout(&self.composition, initial, request);
+            return rollout_at_pace(&self.composition, initial, request, pace);
         };
         let [chart, inner] = self.chart_and_inner_map();
         let mut start = initial.to_vec();
         map_points(&chart, Direction::Inverse, &mut start)?;
-        let mut states = rollout(&inner, &start, request)?;
+        let mut states = rollout_at_pace(&inner, &start, request, pace)?;
         states[..initial.len()].copy_from_slice(initial);
-        map_points(&chart, Direction::Forward, &mut states[initial.len()..])?;
+        let kept = &mut states[initial.len()..];
+        map_points_at_pace(&chart, Direction::Forward, kept, pace)?;
         Ok(states)
     }
 

@@ -1,21 +1,26 @@
 //! Python: models, their use and their training. Glue only.
 
+mod arrays;
+mod circles;
+mod trained;
 mod training;
 
 use crate::error::Error;
 use crate::flow::Region;
-use crate::io::{StoredModel, load_model, save_model};
-use crate::measure::{CertificateOptions, certify};
-use crate::network::{Architecture, Rollout};
+use crate::io::{StoredModel, load_model, model_text, parse_model, save_model};
+use crate::measure::{CertificateOptions, certify_unless_stopped};
+use crate::network::{Architecture, Pace, Rollout};
 use crate::phase::Direction;
-use numpy::{
-    AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayLike2, PyArrayMethods,
-    PyUntypedArrayMethods,
-};
-use pyo3::exceptions::PyUserWarning;
+use crate::scene::own_invariance_fault;
+use arrays::{Points, Rows, array, points_of};
+use numpy::{PyArray1, PyArrayDyn};
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
 use rayon::prelude::*;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+use trained::{Trained, TrainedParts, warn};
 
 /// The exception, by the name that it has in Python.
 mod exception {
@@ -29,21 +34,57 @@ mod exception {
 
 impl From<Error> for PyErr {
     fn from(error: Error) -> Self {
-        exception::Error::new_err(error.to_string())
+        exception::Error::new_err(format!("{error}{}", argument_for(&error)))
     }
 }
 
-/// An array of two dimensions, or what NumPy makes one of.
-type Rows<'py> = PyArrayLike2<'py, f64, AllowTypeChange>;
+/// The argument that an error of the library, which knows of none, asks for.
+fn argument_for(error: &Error) -> &'static str {
+    match error {
+        Error::At { reason, .. } => argument_for(reason),
+        Error::FileExists { .. } => " (overwrite=True replaces it)",
+        _ => "",
+    }
+}
 
-/// The numbers of rows of 2n, row by row.
-fn rows_of(name: &str, rows: &Rows<'_>, dof: usize) -> Result<Vec<f64>, Error> {
-    let [count, columns] = [rows.shape()[0], rows.shape()[1]];
-    Error::check_count(&format!("{name}: columns"), 2 * dof, columns)?;
-    Error::check_count_range(&format!("{name}: rows"), count, 1, usize::MAX)?;
-    let values: Vec<f64> = rows.as_array().iter().copied().collect();
-    crate::flow::check_finite(name, &values, columns)?;
-    Ok(values)
+/// Runs something without the lock of the interpreter, at a pace that lets Ctrl-C take effect.
+fn interruptible<T: Send>(
+    py: Python<'_>,
+    run: impl FnOnce(&mut Pace<'_>) -> Result<T, Error> + Send,
+) -> PyResult<T> {
+    let mut raised = None;
+    let result = py.detach(|| {
+        let mut go_on = || {
+            raised = Python::attach(|py| py.check_signals()).err();
+            raised.is_none()
+        };
+        run(&mut Pace::asking(&mut go_on))
+    });
+    match raised {
+        Some(raised) => Err(raised),
+        None => Ok(result?),
+    }
+}
+
+/// What `of` makes of points, `size` numbers each, of some of them after another.
+fn by_parts<T: Send>(
+    py: Python<'_>,
+    what: &str,
+    size: usize,
+    points: &[f64],
+    of: impl Fn(&[f64]) -> Result<Vec<T>, Error> + Sync,
+) -> PyResult<Vec<T>> {
+    interruptible(py, |pace| {
+        let (mut out, mut rest) = (Vec::new(), points);
+        while !rest.is_empty() {
+            let count = pace.part(1).min(rest.len() / size);
+            let (part, after) = rest.split_at(count * size);
+            out.extend(of(part)?);
+            pace.pause(what, count)?;
+            rest = after;
+        }
+        Ok(out)
+    })
 }
 
 /// The measured structure of a model: of each law the largest ratio of an error to its rounding
@@ -51,6 +92,8 @@ fn rows_of(name: &str, rows: &Rows<'_>, dof: usize) -> Result<Vec<f64>, Error> {
 #[pyclass(frozen, module = "gyroceptron", name = "Certificate")]
 struct PyCertificate {
     inner: crate::measure::Certificate,
+    /// On the model, beside the laws.
+    notes: Vec<String>,
 }
 
 #[pymethods]
@@ -75,6 +118,13 @@ impl PyCertificate {
         py.import("json")?.call_method1("loads", (text,))
     }
 
+    /// What the program notes beside the laws: that the own invariant of the network changes much, or
+    /// drifts.
+    #[getter]
+    fn notes(&self) -> Vec<String> {
+        self.notes.clone()
+    }
+
     fn __str__(&self) -> String {
         self.inner.to_string()
     }
@@ -84,10 +134,14 @@ impl PyCertificate {
     }
 }
 
-/// A network with the units and the box of its training points.
+/// A network with the units and the box of its training points. It never changes: models are equal
+/// when they are the same map, of one architecture with the same bits of parameters and units.
+/// They can be copied and pickled.
 #[pyclass(frozen, module = "gyroceptron")]
 struct Model {
     stored: StoredModel,
+    /// Of a model that was trained here.
+    trained: Option<Arc<Trained>>,
 }
 
 impl Model {
@@ -95,8 +149,16 @@ impl Model {
         self.stored.model.architecture()
     }
 
-    fn rows(&self, name: &str, points: &Rows<'_>) -> Result<Vec<f64>, Error> {
-        rows_of(name, points, self.stored.model.composition().dof())
+    fn points(&self, points: &Rows<'_>) -> PyResult<Points> {
+        points_of("points", points, self.stored.model.composition().dof())
+    }
+
+    /// What equal models have in common.
+    fn bits(&self) -> impl Iterator<Item = u64> {
+        let units = self.stored.units.iter();
+        let of_units = units.flat_map(|units| units.centre().iter().chain(units.factors()));
+        let parameters = self.stored.model.composition().parameters();
+        parameters.iter().chain(of_units).map(|number| number.to_bits())
     }
 }
 
@@ -148,10 +210,48 @@ impl Model {
         self.stored.model.angles().to_vec()
     }
 
-    /// All parameters, in the order of its file.
+    /// All parameters, (P,), in the order of its file: a copy that cannot be written to, since it would
+    /// not change the model.
     #[getter]
-    fn parameters<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.stored.model.composition().parameters())
+    fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let out = PyArray1::from_slice(py, self.stored.model.composition().parameters());
+        out.call_method1("setflags", (false,))?;
+        Ok(out)
+    }
+
+    /// Whether to trust it: {"verdict": ..., "reasons": [...]}, as the report of its training says. None of a model
+    /// that was loaded.
+    #[getter]
+    fn trust<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(trained) = &self.trained else { return Ok(None) };
+        let out = PyDict::new(py);
+        out.set_item("verdict", &trained.trust.verdict)?;
+        out.set_item("reasons", &trained.trust.reasons)?;
+        Ok(Some(out))
+    }
+
+    /// The records of its training, of the last leg: a list of {"iteration": ..., "loss": ..., "held_out": ...},
+    /// mean squared errors in units of the network, "held_out" None where it was not evaluated. None of a
+    /// model that was loaded.
+    #[getter]
+    fn history<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyList>>> {
+        let Some(trained) = &self.trained else { return Ok(None) };
+        let out = PyList::empty(py);
+        for (iteration, loss, held_out) in &trained.history {
+            let record = PyDict::new(py);
+            record.set_item("iteration", iteration)?;
+            record.set_item("loss", loss)?;
+            record.set_item("held_out", held_out)?;
+            out.append(record)?;
+        }
+        Ok(Some(out))
+    }
+
+    /// What the program notes of its training: the circle action that "auto" found, the units that
+    /// were fitted. Empty of a model that was loaded.
+    #[getter]
+    fn notes(&self) -> Vec<String> {
+        self.trained.as_ref().map(|trained| trained.notes.clone()).unwrap_or_default()
     }
 
     /// The held-out mean squared error of its training, in units of the network.
@@ -175,9 +275,13 @@ impl Model {
         units.map(|units| (units.centre().to_vec(), units.factors().to_vec()))
     }
 
-    /// Trajectories from the rows of `points`, (M, 2n): an array (steps // every + 1, M, 2n), the
-    /// points themselves first. `outside` says what to do when one leaves the box of the
-    /// training points by more than a hundredth of its width: "warn", "stop" (an Error) or "ignore".
+    /// Trajectories from `points`, (..., 2n), in units of the data: an array (steps // every + 1, ...,
+    /// 2n), the points themselves first. `outside` says what to do when one leaves the box of the
+    /// training points by more than a hundredth of its width: "warn" (UserWarning), "stop" (an Error)
+    /// or "ignore".
+    ///
+    /// Raises Error when points are no real, finite numbers, have a mask or another last dimension, or a
+    /// state leaves the finite numbers. Ctrl-C stops it within a second, as the other methods.
     #[pyo3(signature = (points, steps=1, every=1, outside="warn"))]
     fn predict<'py>(
         &self,
@@ -186,7 +290,7 @@ impl Model {
         steps: usize,
         every: usize,
         outside: &str,
-    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         Error::check_count_range("steps", steps, 1, usize::MAX)?;
         Error::check_count_range("every", every, 1, steps)?;
         if !["warn", "stop", "ignore"].contains(&outside) {
@@ -196,69 +300,77 @@ impl Model {
             let expected = "a model that knows the box of its training points";
             return Err(Error::invalid("outside", outside, expected).into());
         }
-        let initial = self.rows("points", &points)?;
+        let points = self.points(&points)?;
+        let initial = &points.values;
         let request = Rollout { steps, every };
-        let states = py.detach(|| self.stored.rollout(&initial, request))?;
+        let states = interruptible(py, |pace| self.stored.rollout_at_pace(initial, request, pace))?;
         let (dim, region) = (2 * self.dof(), self.stored.provenance.region.as_ref());
         let count = initial.len() / dim;
         if let (Some(region), true) = (region, outside != "ignore")
-            && let Some(left) = region.left_by(&states, count, every)
+            && let Some(left) = py.detach(|| region.left_by(&states, count, every))
         {
             let told = left.told(region);
             if outside == "stop" {
                 return Err(exception::Error::new_err(told));
             }
-            let message = std::ffi::CString::new(told)?;
-            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &message, 1)?;
+            warn(py, &told)?;
         }
-        states.into_pyarray(py).reshape([request.kept(), count, dim])
+        array(py, states, points.shape(&[request.kept()], &[dim]))
     }
 
-    /// The points that go to the rows of `points` in one step, (M, 2n).
+    /// The points that go to `points`, (..., 2n), in one step: an array of the same shape, in units of the
+    /// data. Raises Error as `predict`.
     fn inverse<'py>(
         &self,
         py: Python<'py>,
         points: Rows<'py>,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let mut values = self.rows("points", &points)?;
-        py.detach(|| self.stored.map_points(Direction::Inverse, &mut values))?;
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let points = self.points(&points)?;
         let dim = 2 * self.dof();
-        let count = values.len() / dim;
-        values.into_pyarray(py).reshape([count, dim])
+        let values = by_parts(py, "inverse", dim, &points.values, |part| {
+            let mut part = part.to_vec();
+            self.stored.map_points(Direction::Inverse, &mut part)?;
+            Ok(part)
+        })?;
+        array(py, values, points.shape(&[], &[dim]))
     }
 
-    /// The derivatives of one step at the rows of `points`, by the chain rule: (M, 2n, 2n),
-    /// [m, i, k] that of coordinate i by coordinate k.
+    /// The derivatives of one step at `points`, (..., 2n), by the chain rule, in units of the data:
+    /// (..., 2n, 2n), [..., i, k] that of coordinate i by coordinate k. Raises Error as `predict`.
     fn jacobian<'py>(
         &self,
         py: Python<'py>,
         points: Rows<'py>,
-    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let values = self.rows("points", &points)?;
-        let jacobians = py.detach(|| self.stored.jacobians(&values))?;
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let points = self.points(&points)?;
         let dim = 2 * self.dof();
-        jacobians.into_pyarray(py).reshape([values.len() / dim, dim, dim])
+        let of = |part: &[f64]| self.stored.jacobians(part);
+        let values = by_parts(py, "Jacobians", dim, &points.values, of)?;
+        array(py, values, points.shape(&[], &[dim, dim]))
     }
 
-    /// The invariant of the network at the rows of `points`, (M,): that which is adiabatic of a
-    /// gyroceptron, the sum of the actions of one in normal form.
+    /// The invariant of the network at `points`, (..., 2n), in units of an action of the data: (...), that
+    /// which is adiabatic of a gyroceptron, the sum of the actions of one in normal form. Raises Error as
+    /// `predict`, and of networks that own no invariant.
     fn invariant<'py>(
         &self,
         py: Python<'py>,
         points: Rows<'py>,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let values = self.rows("points", &points)?;
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let points = self.points(&points)?;
         let Some(invariant) = self.stored.invariant() else {
             let expected = "a symplectic gyroceptron, which has an invariant";
             return Err(Error::invalid("invariant", self.kind(), expected).into());
         };
         let dim = 2 * self.dof();
-        let along: Vec<f64> = py.detach(|| values.par_chunks_exact(dim).map(&invariant).collect());
-        Ok(along.into_pyarray(py))
+        let values = by_parts(py, "invariant", dim, &points.values, |part| {
+            Ok(part.par_chunks_exact(dim).map(&invariant).collect())
+        })?;
+        array(py, values, points.shape(&[], &[]))
     }
 
     /// Measures the structure of the network at seeded points, uniform in |z_i| <= radius in its
-    /// own units.
+    /// own units. Raises Error when there are no samples or the radius is not positive.
     #[pyo3(signature = (samples=200, radius=1.6, seed=0))]
     fn verify(
         &self,
@@ -269,22 +381,75 @@ impl Model {
     ) -> PyResult<PyCertificate> {
         let options = CertificateOptions { samples, radius, seed };
         options.check()?;
-        Ok(PyCertificate { inner: py.detach(|| certify(&self.stored.model, options)) })
+        let raised = Arc::new(Mutex::new(None));
+        let asked = Arc::clone(&raised);
+        let go_on = move || match Python::attach(|py| py.check_signals()) {
+            Ok(()) => true,
+            Err(signal) => {
+                asked.lock().unwrap_or_else(|held| held.into_inner()).replace(signal);
+                false
+            }
+        };
+        let made = py.detach(|| {
+            let inner = certify_unless_stopped(&self.stored.model, options, go_on)?;
+            let fault = own_invariance_fault(&self.stored, &options);
+            Some(PyCertificate { inner, notes: fault.into_iter().collect() })
+        });
+        let raised = raised.lock().unwrap_or_else(|held| held.into_inner()).take();
+        match (raised, made) {
+            (None, Some(certificate)) => Ok(certificate),
+            (Some(raised), _) => Err(raised),
+            (None, None) => Err(Error::Stopped { what: "verify".into() }.into()),
+        }
     }
 
-    /// The same weights at another epsilon or flow time, of a model that has learnt several.
+    /// The same weights at another epsilon or flow time, of a model that has learnt several; its trust,
+    /// history and held-out error are not known. Raises Error of networks without a circle action, and for a
+    /// flow time where that of the model is not known.
     #[pyo3(signature = (epsilon=None, flow_time=None))]
     fn at(&self, epsilon: Option<f64>, flow_time: Option<f64>) -> PyResult<Self> {
-        Ok(Self { stored: self.stored.clone().member(epsilon, flow_time)? })
+        let trained = match (epsilon, flow_time) {
+            (None, None) => self.trained.clone(),
+            _ => None,
+        };
+        Ok(Self { stored: self.stored.clone().member(epsilon, flow_time)?, trained })
     }
 
-    /// Writes the model file, which the program and `load` read.
+    /// Writes the model file, which the program and `load` read. Raises Error when there is a file of that
+    /// name, unless `overwrite`, or it cannot be written.
     #[pyo3(signature = (path, overwrite=false))]
     fn save(&self, path: PathBuf, overwrite: bool) -> PyResult<()> {
         if path.exists() && !overwrite {
             return Err(Error::FileExists { path }.into());
         }
         Ok(save_model(&path, &self.stored)?)
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.architecture() == other.architecture()
+            && self.stored.units.is_some() == other.stored.units.is_some()
+            && self.bits().eq(other.bits())
+    }
+
+    fn __hash__(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        self.bits().for_each(|bits| bits.hash(&mut hasher));
+        hasher.finish()
+    }
+
+    fn __copy__(&self) -> Self {
+        Self { stored: self.stored.clone(), trained: self.trained.clone() }
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.__copy__()
+    }
+
+    /// What makes it again: the text of its file, and what the file does not hold.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Pickled)> {
+        let restore = py.import("gyroceptron._native")?.getattr("_restore")?;
+        let trained = self.trained.as_ref().map(|trained| trained.parts());
+        Ok((restore, (model_text(&self.stored)?, trained)))
     }
 
     fn __repr__(&self) -> String {
@@ -294,10 +459,21 @@ impl Model {
     }
 }
 
-/// Reads a model file.
+/// The text of a model file, and what it does not hold.
+type Pickled = (String, Option<TrainedParts>);
+
+/// Reads a model file, as `Model.save` or the program writes it. Raises Error when it is missing,
+/// corrupt, or of a newer format.
 #[pyfunction]
 fn load(py: Python<'_>, path: PathBuf) -> PyResult<Model> {
-    Ok(Model { stored: py.detach(|| load_model(&path))? })
+    Ok(Model { stored: py.detach(|| load_model(&path))?, trained: None })
+}
+
+/// A model from its pickled parts.
+#[pyfunction]
+fn _restore(text: &str, trained: Option<TrainedParts>) -> PyResult<Model> {
+    let stored = parse_model("pickled model", text.as_bytes())?;
+    Ok(Model { stored, trained: trained.map(Trained::from_parts).map(Arc::new) })
 }
 
 /// The module `gyroceptron._native`.
@@ -306,7 +482,7 @@ mod _native {
     #[pymodule_export]
     use super::training::train;
     #[pymodule_export]
-    use super::{Model, PyCertificate, load};
+    use super::{_restore, Model, PyCertificate, load};
     use pyo3::prelude::*;
 
     #[pymodule_init]

@@ -1,10 +1,13 @@
 //! Training from Python: what `gyroceptron train` does, to the same bits.
 
-use super::{Model, Rows, rows_of};
+use super::Model;
+use super::arrays::{Rows, rows_of};
+use super::circles::Circles;
+use super::trained::{Trained, note_of_units, warn_of_reading};
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::io::{Provenance, StoredModel};
-use crate::layer::{CircleAction, TorusAction};
+use crate::layer::TorusAction;
 use crate::measure::rotation_errors;
 use crate::network::{self, Alternating, Block, LayerSizes, NetworkSpec};
 use crate::scene::{Folder, ModelSpec, OwnTraining, TrainingTimes};
@@ -14,25 +17,8 @@ use crate::train::{
 };
 use pyo3::prelude::*;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
-
-/// One circle, or several.
-#[derive(FromPyObject)]
-pub(super) enum Circles {
-    One(Vec<i32>),
-    Several(Vec<Vec<i32>>),
-}
-
-impl Circles {
-    fn action(self) -> Result<TorusAction, Error> {
-        let circles = match self {
-            Self::One(weights) => vec![weights],
-            Self::Several(circles) => circles,
-        };
-        let circles: Vec<_> = circles.into_iter().map(CircleAction::new).collect();
-        TorusAction::new(circles).map_err(|e| e.at("circle_action"))
-    }
-}
 
 /// Neurons of each shear, or two numbers by turns.
 #[derive(FromPyObject)]
@@ -104,10 +90,11 @@ impl Watch for Calling<'_> {
     }
 }
 
-/// Trains a network on pairs, the rows of `input` and `output`, (N, 2n) each, as the program's
-/// `train` does, to the same bits.
+/// Trains a network on pairs, the rows of `input` and `output`, (N, 2n) each, in any units, as the
+/// program's `train` does, to the same bits. Returns a Model.
 ///
-/// circle_action: the weight of each plane, such as [1, 0], or those of several circles.
+/// circle_action: the weight of each plane, whole numbers such as [1, 0], or those of several circles; a
+/// number for one plane; "auto" finds the weights from the pairs.
 /// architecture: "gyroceptron", "normal-form", "coupling-gyroceptron", "henon-net" or "sympnet".
 /// psi, near_identity, kicks, twists, perturbation, layers: (layers, neurons) of the parts that it
 /// has; a normal form with a perturbation is nearly integrable, of order one without it.
@@ -130,6 +117,11 @@ impl Watch for Calling<'_> {
 /// report: a folder for a report with plots, which says whether to trust the model.
 /// callback: called with (leg, iteration, loss, held-out error or None) at each iteration; False
 /// stops the training, and the best model of the leg that is stopped is returned.
+///
+/// Warns (UserWarning) when the pairs fit far better in another order of columns or with another
+/// circle action. Raises Error when an argument is wrong, an array has a mask or numbers that are
+/// complex, NaN or infinite, "auto" is not sure, or the report would replace another. Ctrl-C takes effect at
+/// the end of an iteration.
 #[pyfunction]
 #[pyo3(signature = (
     input, output, circle_action, *, architecture="gyroceptron", psi=None, near_identity=None,
@@ -168,7 +160,7 @@ pub(super) fn train(
     report: Option<PathBuf>,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<Model> {
-    let action = circle_action.action()?;
+    let (action, found) = circle_action.action(py, &input, &output)?;
     let dof = action.dof();
     let (input, output) = (rows_of("input", &input, dof)?, rows_of("output", &output, dof)?);
     let pairs = Pairs::new("pairs", dof, input, output)?;
@@ -238,17 +230,19 @@ pub(super) fn train(
         validation,
         seed,
     };
+    warn_of_reading(py, &pairs, &action)?;
     // Before anything is computed.
     let report = report.map(|path| Folder::open_report(&path, false)).transpose()?;
-    let training = Training { preparation, network, options, pairs, report };
+    let notes = found.into_iter().collect();
+    let training = Training { preparation, network, options, pairs, report, notes };
     let start = Instant::now();
     let times = TrainingTimes { model: "train".into(), ..TrainingTimes::default() };
     let callback = callback.as_ref();
     let mut watch = Calling { callback, raised: None, stopped: false, times, start };
-    let stored = py.detach(|| training.run(&mut watch));
+    let made = py.detach(|| training.run(&mut watch));
     match watch.raised {
         Some(raised) => Err(raised),
-        None => Ok(Model { stored: stored? }),
+        None => made.map(|(stored, trained)| Model { stored, trained: Some(Arc::new(trained)) }),
     }
 }
 
@@ -309,11 +303,13 @@ struct Training<'a> {
     options: TrainingOptions,
     pairs: Pairs,
     report: Option<Folder>,
+    /// On the pairs.
+    notes: Vec<String>,
 }
 
 impl Training<'_> {
-    fn run(self, watch: &mut Calling<'_>) -> Result<StoredModel, PyErr> {
-        let Self { preparation, network, options, pairs, report } = self;
+    fn run(self, watch: &mut Calling<'_>) -> Result<(StoredModel, Trained), PyErr> {
+        let Self { preparation, network, options, pairs, report, mut notes } = self;
         let Preparation { action, epsilon, seed, flow_time: known, .. } = preparation;
         let digest = pairs.digest();
         let Prepared { pairs, held_out, units, region, nearest, angles, flow_time } =
@@ -328,6 +324,9 @@ impl Training<'_> {
         let (iterations, held) = (options.iterations, held_out.as_ref());
         let place = Place { epsilon, time: 1.0, pairs: &pairs, held_out: held, iterations };
         let training = train_schedule(&mut start, &[place], &options, watch)?;
+        if let Some(raised) = watch.raised.take() {
+            return Err(raised);
+        }
         let outcome = &training.outcome;
         let provenance = Provenance {
             seed: Some(seed),
@@ -338,7 +337,10 @@ impl Training<'_> {
             ..Provenance::of("train")
         };
         let stored = StoredModel { model: outcome.model.clone(), units, provenance };
-        if let (Some(folder), None) = (report, &watch.raised) {
+        let rotation_errors = rotation_errors(action, &nearest, held.unwrap_or(&pairs));
+        notes.extend(note_of_units(stored.units.as_ref()));
+        let trained = Trained::of(outcome, &pairs, held, &rotation_errors, notes)?;
+        if let Some(folder) = report {
             let spec = ModelSpec {
                 name: "train".into(),
                 network,
@@ -351,7 +353,7 @@ impl Training<'_> {
                 spec,
                 options: &options,
                 seed,
-                rotation_errors: rotation_errors(action, &nearest, held.unwrap_or(&pairs)),
+                rotation_errors,
                 training,
                 pairs: &pairs,
                 held_out: held,
@@ -361,6 +363,6 @@ impl Training<'_> {
             };
             report.report(&folder)?;
         }
-        Ok(stored)
+        Ok((stored, trained))
     }
 }

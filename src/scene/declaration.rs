@@ -119,7 +119,8 @@ impl Scene {
         }
         for model in &self.setup.models {
             if model.network.is_of_file() && model.network.path.is_none() {
-                let needed_by = format!("the network {} (--weights FILE)", model.name);
+                let needed_by =
+                    format!("the network {}, which is of a file of weights", model.name);
                 return Err(Error::Missing { place, key: "models.network.path", needed_by });
             }
         }

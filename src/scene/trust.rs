@@ -49,7 +49,7 @@ impl Limit {
             Self::Iterations => "the iterations: the loss was still falling",
             Self::Network => {
                 "the network or its optimiser: the loss is at rest, and held-out pairs fit as well; \
-                 a wider network, other weights to begin with (`--starts`), `--optimiser lm`"
+                 a wider network, the best of several starts, the optimiser Levenberg–Marquardt"
             }
         }
     }

@@ -1,6 +1,6 @@
 from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import Any, Literal
+from typing import Any, Literal, SupportsFloat, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,54 +9,114 @@ __all__ = ["Certificate", "Error", "Model", "__version__", "load", "train"]
 
 __version__: str
 
-class Error(ValueError): ...
+class Error(ValueError):
+    """What can go wrong: the message has the values that explain it."""
+
+class _Trust(TypedDict):
+    verdict: str
+    reasons: list[str]
+
+class _Record(TypedDict):
+    iteration: int
+    loss: float
+    held_out: float | None
 
 class Certificate:
+    """The measured structure of a model, `Model.verify`."""
+
     @property
-    def holds(self) -> bool: ...
+    def holds(self) -> bool:
+        """No law is violated or vacuous."""
     @property
-    def summary(self) -> str: ...
+    def summary(self) -> str:
+        """One line: how many laws hold, by what headroom, or which do not."""
     @property
-    def rows(self) -> list[dict[str, Any]]: ...
+    def rows(self) -> list[dict[str, Any]]:
+        """A dictionary for each law."""
+    @property
+    def notes(self) -> list[str]:
+        """What is to be known beside the laws; empty where nothing is."""
 
 class Model:
+    """A trained or loaded network. Points are (..., 2n), q1 ... qn, p1 ... pn, in units of the data.
+
+    It never changes; equal models are the same map, bit for bit. It can be copied and pickled.
+    """
+
     @property
-    def kind(self) -> str: ...
+    def kind(
+        self,
+    ) -> Literal["gyroceptron", "normal-form", "coupling-gyroceptron", "henon-net", "sympnet"]:
+        """Its architecture."""
     @property
-    def dof(self) -> int: ...
+    def dof(self) -> int:
+        """The degrees of freedom n: points have 2n numbers."""
     @property
-    def epsilon(self) -> float: ...
+    def epsilon(self) -> float:
+        """Epsilon of its near-identity part."""
     @property
-    def flow_time(self) -> float | None: ...
+    def flow_time(self) -> float | None:
+        """The time of the flow map that it stands for, where it is known."""
     @property
-    def angles(self) -> list[float]: ...
+    def angles(self) -> list[float]:
+        """The angles of its circles, in radians."""
     @property
-    def parameters(self) -> NDArray[np.float64]: ...
+    def parameters(self) -> NDArray[np.float64]:
+        """All parameters, (P,): a copy that cannot be written to."""
     @property
-    def validation(self) -> float | None: ...
+    def validation(self) -> float | None:
+        """The held-out mean squared error of its training, in units of the network."""
     @property
-    def region(self) -> tuple[list[float], list[float]] | None: ...
+    def region(self) -> tuple[list[float], list[float]] | None:
+        """The corners (low, high) of the box of its training points, 2n numbers each."""
     @property
-    def units(self) -> tuple[list[float], list[float]] | None: ...
+    def units(self) -> tuple[list[float], list[float]] | None:
+        """(centre, factors), 2n numbers each, where the data has other units than the network."""
+    @property
+    def trust(self) -> _Trust | None:
+        """Whether to trust it and why not; None of a model that was loaded."""
+    @property
+    def history(self) -> list[_Record] | None:
+        """The records of its training; None of a model that was loaded."""
+    @property
+    def notes(self) -> list[str]:
+        """Notes of its training: units, and the circle action that was found."""
     def predict(
         self,
         points: ArrayLike,
         steps: int = 1,
         every: int = 1,
         outside: Literal["warn", "stop", "ignore"] = "warn",
-    ) -> NDArray[np.float64]: ...
-    def inverse(self, points: ArrayLike) -> NDArray[np.float64]: ...
-    def jacobian(self, points: ArrayLike) -> NDArray[np.float64]: ...
-    def invariant(self, points: ArrayLike) -> NDArray[np.float64]: ...
-    def verify(self, samples: int = 200, radius: float = 1.6, seed: int = 0) -> Certificate: ...
-    def at(self, epsilon: float | None = None, flow_time: float | None = None) -> Model: ...
-    def save(self, path: str | PathLike[str], overwrite: bool = False) -> None: ...
+    ) -> NDArray[np.float64]:
+        """Trajectories from points (..., 2n): (steps // every + 1, ..., 2n)."""
+    def inverse(self, points: ArrayLike) -> NDArray[np.float64]:
+        """The points that go to points (..., 2n) in one step: (..., 2n)."""
+    def jacobian(self, points: ArrayLike) -> NDArray[np.float64]:
+        """The derivatives of one step at points (..., 2n): (..., 2n, 2n)."""
+    def invariant(self, points: ArrayLike) -> NDArray[np.float64]:
+        """The invariant of the network at points (..., 2n): (...)."""
+    def verify(self, samples: int = 200, radius: float = 1.6, seed: int = 0) -> Certificate:
+        """Measures the structure of the network at seeded points."""
+    def at(self, epsilon: float | None = None, flow_time: float | None = None) -> Model:
+        """The same weights at another epsilon or flow time."""
+    def save(self, path: str | PathLike[str], overwrite: bool = False) -> None:
+        """Writes the model file."""
+    def __eq__(self, other: object) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __copy__(self) -> Model: ...
+    def __deepcopy__(self, _memo: dict[int, Any]) -> Model: ...
 
-def load(path: str | PathLike[str]) -> Model: ...
+def load(path: str | PathLike[str]) -> Model:
+    """Reads a model file."""
+
 def train(
     input: ArrayLike,
     output: ArrayLike,
-    circle_action: Sequence[int] | Sequence[Sequence[int]],
+    circle_action: Literal["auto"]
+    | SupportsFloat
+    | Sequence[SupportsFloat]
+    | Sequence[Sequence[SupportsFloat]]
+    | NDArray[Any],
     *,
     architecture: Literal[
         "gyroceptron", "normal-form", "coupling-gyroceptron", "henon-net", "sympnet"
@@ -83,4 +143,5 @@ def train(
     seed: int = 0,
     report: str | PathLike[str] | None = None,
     callback: Callable[[str, int, float, float | None], bool | None] | None = None,
-) -> Model: ...
+) -> Model:
+    """Trains a network on pairs, the rows of input and output, (N, 2n) each."""

@@ -1,0 +1,93 @@
+//! Ending a measurement before it is done.
+
+use std::cell::RefCell;
+use std::time::{Duration, Instant};
+
+/// What is asked whether to go on, by the thread that measures.
+struct Asking {
+    go_on: Box<dyn FnMut() -> bool>,
+    last: Instant,
+    stopped: bool,
+}
+
+thread_local! {
+    static ASKING: RefCell<Option<Asking>> = const { RefCell::new(None) };
+}
+
+/// It is asked at most so often.
+const PAUSE: Duration = Duration::from_millis(50);
+
+/// Whether the measurement of this thread is to end: what it comes to is thrown away then.
+fn is_stopped() -> bool {
+    let due = ASKING.with_borrow_mut(|asking| match asking {
+        None => Err(false),
+        Some(asking) if asking.stopped => Err(true),
+        Some(asking) if asking.last.elapsed() < PAUSE => Err(false),
+        // It is out of its place while it is called: it may measure too.
+        Some(_) => Ok(asking.take()),
+    });
+    let mut asking = match due {
+        Err(stopped) => return stopped,
+        Ok(None) => return false,
+        Ok(Some(asking)) => asking,
+    };
+    asking.stopped = !(asking.go_on)();
+    asking.last = Instant::now();
+    let stopped = asking.stopped;
+    ASKING.set(Some(asking));
+    stopped
+}
+
+/// These samples, or as many of them as come before the measurement is to end.
+pub(super) fn until_stopped<I: IntoIterator>(samples: I) -> impl Iterator<Item = I::Item> {
+    samples.into_iter().take_while(|_| !is_stopped())
+}
+
+/// Puts back what was asked before, also where a measurement panics.
+struct Restored(Option<Asking>);
+
+impl Drop for Restored {
+    fn drop(&mut self) {
+        ASKING.set(self.0.take());
+    }
+}
+
+/// What `measure` comes to; None where `go_on`, which is called now and then between samples,
+/// answers false.
+pub(super) fn unless_stopped<T>(
+    go_on: impl FnMut() -> bool + 'static,
+    measure: impl FnOnce() -> T,
+) -> Option<T> {
+    let asking = Asking { go_on: Box::new(go_on), last: Instant::now(), stopped: false };
+    let _earlier = Restored(ASKING.replace(Some(asking)));
+    let out = measure();
+    let stopped = ASKING.with_borrow(|asking| asking.as_ref().is_some_and(|own| own.stopped));
+    (!stopped).then_some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{unless_stopped, until_stopped};
+    use std::time::Duration;
+
+    fn slow_count() -> usize {
+        let wait = |_| std::thread::sleep(Duration::from_millis(2));
+        until_stopped(0..100).map(wait).count()
+    }
+
+    #[test]
+    fn a_measurement_ends_where_it_is_told_so_and_others_go_on() {
+        assert_eq!(unless_stopped(|| true, slow_count), Some(100));
+        let counted = unless_stopped(
+            || false,
+            || {
+                // One inside has an answer of its own.
+                assert_eq!(unless_stopped(|| true, slow_count), Some(100));
+                let count = slow_count();
+                assert!(count < 100, "{count}");
+            },
+        );
+        assert_eq!(counted, None);
+        assert_eq!(slow_count(), 100);
+    }
+}

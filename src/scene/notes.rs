@@ -1,0 +1,71 @@
+//! What is said of pairs and models beside the results: the program writes notes, the module for
+//! Python warns or keeps them with the model.
+
+use super::own_pairs::units_told;
+use super::reading::Reading;
+use crate::flow::Region;
+use crate::io::StoredModel;
+use crate::measure::{CertificateOptions, OwnInvariance};
+use crate::phase::Units;
+use crate::random::Stream;
+use crate::train::ActionFit;
+use std::fmt;
+
+/// A note on pairs or points. Its text names no place and no option: the caller does.
+#[derive(Clone, Copy, Debug)]
+pub enum Note<'a> {
+    /// Numbers are float32.
+    SinglePrecision,
+    /// Arrays of a file of these names are not used.
+    Unused(&'a [String]),
+    /// Pairs fit far better in another order of columns or with another circle action.
+    Reading(&'a Reading),
+    /// The network has units of its own.
+    Units(&'a Units),
+    /// The circle action was found from the pairs.
+    Action(&'a ActionFit),
+}
+
+impl fmt::Display for Note<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::SinglePrecision => f.write_str("float32 numbers, taken as they are"),
+            Self::Unused(names) => write!(f, "not used: {}", names.join(", ")),
+            Self::Reading(reading) => f.write_str(&reading.told()),
+            Self::Units(units) => f.write_str(&units_told(units)),
+            Self::Action(fit) => f.write_str(&fit.told()),
+        }
+    }
+}
+
+/// Initial points of orbits: of the box that a model was trained in, or else of that of the samples, halfway to
+/// its ends at most, in the coordinates of the network.
+fn starts_of_orbits(stored: &StoredModel, options: &CertificateOptions) -> Vec<f64> {
+    let dim = 2 * stored.model.composition().dof();
+    let box_of_samples =
+        Region { low: vec![-options.radius; dim], high: vec![options.radius; dim] };
+    let region = stored.provenance.region.as_ref().unwrap_or(&box_of_samples);
+    let mut stream = Stream::new(options.seed, "verify/orbits");
+    let corners = || region.low.iter().zip(&region.high);
+    let mut points: Vec<f64> = (0..OwnInvariance::ORBITS)
+        .flat_map(|_| corners())
+        .map(|(low, high)| {
+            let (centre, half) = (0.5 * (low + high), 0.25 * (high - low));
+            stream.uniform(centre - half, centre + half)
+        })
+        .collect();
+    if let (Some(units), Some(_)) = (&stored.units, &stored.provenance.region) {
+        units.to_network(&mut points);
+    }
+    points
+}
+
+/// What is wrong with the invariant that a network owns, along its own orbits: it changes much, or drifts. None of a network
+/// without one, and where nothing is wrong.
+///
+/// Orbits start from seeded points of the box of the training points, or of |z_i| ≤ the radius of the options where the
+/// model knows none.
+pub fn own_invariance_fault(stored: &StoredModel, options: &CertificateOptions) -> Option<String> {
+    let starts = starts_of_orbits(stored, options);
+    OwnInvariance::of(&stored.model, &starts, OwnInvariance::ITERATIONS).and_then(|own| own.fault())
+}

@@ -1,0 +1,40 @@
+//! The verdict on a trained network, in words.
+
+use super::trust::trust;
+use crate::error::Error;
+use crate::flow::Pairs;
+use crate::train::Outcome;
+
+/// Whether to trust a network that was trained on pairs, and why not.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trust {
+    /// The verdict: yes or no, and within which limits.
+    pub verdict: String,
+    /// What speaks against it; nothing where it is a plain yes.
+    pub reasons: Vec<String>,
+}
+
+impl Trust {
+    /// The verdict of a report, without one. `rotation_errors` are the mean squared error of each
+    /// component of the rotation nearest to the pairs.
+    ///
+    /// # Errors
+    /// Those of [`Model::rollout`](crate::network::Model::rollout) along orbits from held-out points.
+    pub fn of(
+        outcome: &Outcome,
+        pairs: &Pairs,
+        held_out: Option<&Pairs>,
+        rotation_errors: &[f64],
+    ) -> Result<Self, Error> {
+        let rotation_error = rotation_errors.iter().sum::<f64>() / rotation_errors.len() as f64;
+        let data = trust(outcome, pairs, held_out, rotation_error)?.results.data;
+        let texts = |key: &str| -> Vec<String> {
+            let list = data[key].as_array().into_iter().flatten();
+            list.filter_map(|text| text.as_str().map(ToOwned::to_owned)).collect()
+        };
+        Ok(Self {
+            verdict: data["trust"].as_str().unwrap_or_default().to_owned(),
+            reasons: ["no", "no_long_orbits", "care"].into_iter().flat_map(texts).collect(),
+        })
+    }
+}

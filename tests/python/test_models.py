@@ -1,0 +1,87 @@
+"""Models as values: copies, pickles, equality, what they know of their training."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+import gyroceptron
+
+
+def small(pairs, **options):
+    options = {"epsilon": 0.05, "iterations": 30, "psi": (1, 2), "near_identity": (1, 2), **options}
+    return gyroceptron.train(*pairs, [1, 0], **options)
+
+
+def test_models_are_copied_and_pickled(tmp_path, pairs, model):
+    large = small([128 * half for half in pairs])
+    assert large.units is not None
+    path = tmp_path / "model.json"
+    large.save(path)
+    for own in (model, large, gyroceptron.load(path)):
+        copies = [copy.copy(own), copy.deepcopy(own), copy.deepcopy([own, own])[0]]
+        copies += [pickle.loads(pickle.dumps(own, protocol)) for protocol in range(6)]
+        points = np.array(own.region[1]) * [[0.3], [-0.2]]
+        for other in copies:
+            assert other == own and hash(other) == hash(own)
+            assert other.parameters.tobytes() == own.parameters.tobytes()
+            assert other.predict(points, 5).tobytes() == own.predict(points, 5).tobytes()
+            for name in ("kind", "region", "units", "validation", "trust", "history", "notes"):
+                assert getattr(other, name) == getattr(own, name), name
+            other.save(tmp_path / "again.json", overwrite=True)
+            own.save(tmp_path / "own.json", overwrite=True)
+            assert (tmp_path / "again.json").read_bytes() == (tmp_path / "own.json").read_bytes()
+    broken = pickle.dumps(model).replace(b'"seed": 4', b'"seed": "')
+    with pytest.raises(gyroceptron.Error, match="pickled model"):
+        pickle.loads(broken)
+
+
+def test_equal_models_are_the_same_map(tmp_path, pairs, model):
+    path = tmp_path / "model.json"
+    model.save(path)
+    loaded = gyroceptron.load(path)
+    assert loaded == model and not loaded != model and hash(loaded) == hash(model)
+    others = [small(pairs), small(pairs, seed=1), small([2 * half for half in pairs], units="data")]
+    others += [small([128 * half for half in pairs]), model.at(epsilon=0.04)]
+    for k, one in enumerate(others):
+        assert one != model
+        assert [one == other for other in others] == [k == j for j in range(len(others))]
+    assert len({model, loaded, *others}) == 1 + len(others)
+    assert model != "a model" and (model == 1) is False and model is not None
+
+
+def test_parameters_cannot_be_written_to(model):
+    parameters = model.parameters
+    assert parameters.dtype == np.float64 and parameters.ndim == 1
+    with pytest.raises(ValueError, match="read-only"):
+        parameters[0] = 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        parameters *= 2
+    changed = parameters.copy()
+    changed[0] += 1.0
+    assert not np.array_equal(changed, model.parameters)
+
+
+def test_what_a_training_tells_stays_with_its_model(tmp_path, pairs, model):
+    told = []
+    report = tmp_path / "report"
+    own = small(pairs, report=report, callback=lambda *record: told.append(record[1:]))
+    assert [tuple(record.values()) for record in own.history][-len(told):] == told
+    assert list(own.history[0]) == ["iteration", "loss", "held_out"]
+    assert own.history[0]["iteration"] == 0 and own.history[-1]["iteration"] == 30
+    assert min(r["held_out"] for r in own.history if r["held_out"] is not None) >= own.validation
+    # The words of the report.
+    text = (report / "report.md").read_text()
+    assert f"**{own.trust['verdict']}**" in text
+    assert all(reason in text for reason in own.trust["reasons"])
+    short = small(pairs, iterations=1)
+    assert short.trust["verdict"] == "no" and short.trust["reasons"]
+    assert model.trust["verdict"] != "no"
+
+    path = tmp_path / "model.json"
+    own.save(path)
+    loaded = gyroceptron.load(path)
+    assert loaded.trust is None and loaded.history is None and loaded.notes == []
+    other = own.at(epsilon=0.04)
+    assert other.trust is None and other.history is None
