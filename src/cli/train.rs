@@ -14,7 +14,6 @@ use gyroceptron::io::{
     PairsFile, Provenance, StoredModel, earlier_checkpoint, load_checkpoint, read_pairs,
     save_checkpoint, save_model,
 };
-use gyroceptron::measure::rotation_errors;
 use gyroceptron::network::Architecture;
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
@@ -23,7 +22,7 @@ use gyroceptron::scene::{
 };
 use gyroceptron::train::{
     ActionFit, AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions,
-    Optimiser, Place, Preparation, Prepared, Progress as TrainingProgress, Starts, Stop,
+    Loss, Optimiser, Place, Preparation, Prepared, Progress as TrainingProgress, Starts, Stop,
     TrainingOptions, Watch, train_schedule,
 };
 use serde_json::json;
@@ -43,7 +42,8 @@ fn of_scene(scene: Option<&str>) -> Result<(ModelSpec, TrainingOptions), Error> 
         seeds: None,
     };
     let Some(name) = scene else {
-        return Ok((default("train"), TrainingOptions::default()));
+        let loss = Loss::ByPlane { weights: None };
+        return Ok((default("train"), TrainingOptions { loss, ..TrainingOptions::default() }));
     };
     let scene = read_scene(name)?;
     let mut spec = match &scene.setup.models[..] {
@@ -132,6 +132,22 @@ fn network(arguments: &Train, of_scene: NetworkSpec) -> Result<NetworkSpec, Erro
     Ok(network)
 }
 
+/// What weights of the loss ask for.
+fn loss_of(text: &str) -> Result<Loss, Error> {
+    match text {
+        "none" => Ok(Loss::MeanSquaredError),
+        AUTO => Ok(Loss::ByPlane { weights: None }),
+        _ => {
+            let expected = "auto, none, or positive numbers such as 1,100";
+            let number = |word: &str| {
+                word.trim().parse().map_err(|_| Error::invalid("--loss-weights", text, expected))
+            };
+            let weights = text.split(',').map(number).collect::<Result<_, _>>()?;
+            Ok(Loss::ByPlane { weights: Some(weights) })
+        }
+    }
+}
+
 /// The training options of the command line over those of the scene.
 fn options(arguments: &Train, mut training: TrainingOptions) -> Result<TrainingOptions, Error> {
     if let Some(iterations) = arguments.iterations {
@@ -153,6 +169,9 @@ fn options(arguments: &Train, mut training: TrainingOptions) -> Result<TrainingO
         let count = positive("--starts", count)? as u64;
         // Whatever the iterations are: more of them may be asked for later.
         training.starts = (count > 1).then_some(Starts { count, iterations: Starts::TRIAL });
+    }
+    if let Some(text) = &arguments.loss_weights {
+        training.loss = loss_of(text)?;
     }
     if !training.ramp.is_empty() {
         let expected = "no ramp: pairs are of one flow time and one ε";
@@ -365,6 +384,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let any = architecture(arguments.epsilon.unwrap_or(EPSILON), 1.0);
     any.check()?;
     training.check_for(&any)?;
+    training.loss.check(action.dof()).map_err(|e| e.at("--loss-weights"))?;
     let checkpoint_file = beside(&arguments.output, ".checkpoint", true);
     let replace = arguments.overwrite || arguments.resume;
     let legs = Leg::all(&training).into_iter().map(|leg| of_leg(&checkpoint_file, leg));
@@ -425,6 +445,8 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     };
     let Prepared { pairs, held_out, units, region, nearest, angles, flow_time: time } =
         preparation.prepare(pairs)?;
+    let loss = training.loss.for_pairs(&action, &nearest, &pairs)?;
+    let training = TrainingOptions { loss, ..training };
     if let Some(units) = &units {
         progress.note(&format!("{place}: {}", units_told(units)));
     }
@@ -494,12 +516,11 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let command = command(arguments, &architecture, family.time, theta);
     let (stop, best) = (outcome.stop, outcome.best);
     let angles = outcome.model.angles().to_vec();
-    let judge = held_out.as_ref().unwrap_or(&pairs);
     let report = OwnTraining {
         spec,
         options: &training,
         seed: arguments.seed,
-        rotation_errors: rotation_errors(&action, &nearest, judge),
+        nearest: (&action, &nearest),
         training: result,
         pairs: &pairs,
         held_out: held_out.as_ref(),

@@ -144,7 +144,8 @@ impl Model {
         PyArray1::from_slice(py, self.stored.model.composition().parameters())
     }
 
-    /// The held-out mean squared error of its training, in units of the network.
+    /// The held-out mean squared error of its training, in units of the network, with the weights
+    /// of its loss.
     #[getter]
     fn validation(&self) -> Option<f64> {
         self.stored.provenance.validation
