@@ -74,7 +74,7 @@ impl Loss {
     }
 
     /// Whether held-out errors are mean squared errors without weights.
-    pub(crate) fn is_plain_on_held_out(&self) -> bool {
+    pub fn is_plain_on_held_out(&self) -> bool {
         !matches!(self, Self::ByPlane { .. })
     }
 
