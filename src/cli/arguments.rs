@@ -191,6 +191,12 @@ pub struct Train {
     /// What is added to the loss: so many times the mean square of I_ε(z) − z.
     #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
     pub near_identity_penalty: Option<f64>,
+    /// Weights of the planes in the loss and in the held-out error that chooses the model, scaled
+    /// to mean 1: `auto` weighs each plane by its own motion beside the rotation, the inverse of
+    /// its mean square; or n or 2n positive numbers, for the planes or for q1 … qn, p1 … pn;
+    /// or `none` [default: those of the scene, or auto].
+    #[arg(long, value_name = "WEIGHTS", allow_hyphen_values = true)]
+    pub loss_weights: Option<String>,
     /// Stop when the held-out error has not improved for so many evaluations of it, one
     /// in ten iterations; 0 never stops.
     #[arg(long, value_name = "N")]

@@ -12,13 +12,12 @@ use gyroceptron::io::{
     save_checkpoint, save_model,
 };
 use gyroceptron::layer::TorusAction;
-use gyroceptron::measure::rotation_errors;
 use gyroceptron::network::{Architecture, Circles, LayerSizes, NetworkSpec};
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{Folder, ModelSpec, Note, Observer, OwnTraining, Reading, TrainingTimes};
 use gyroceptron::train::{
     ActionFit, AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions,
-    Optimiser, Place, Preparation, Prepared, Progress as TrainingProgress, Starts, Stop,
+    Loss, Optimiser, Place, Preparation, Prepared, Progress as TrainingProgress, Starts, Stop,
     TrainingOptions, Watch, train_schedule,
 };
 use serde_json::json;
@@ -38,7 +37,8 @@ fn of_scene(scene: Option<&str>) -> Result<(ModelSpec, TrainingOptions), Error> 
         seeds: None,
     };
     let Some(name) = scene else {
-        return Ok((default("train"), TrainingOptions::default()));
+        let loss = Loss::ByPlane { weights: None };
+        return Ok((default("train"), TrainingOptions { loss, ..TrainingOptions::default() }));
     };
     let scene = read_scene(name)?;
     let mut spec = match &scene.setup.models[..] {
@@ -78,6 +78,22 @@ fn network(
     Ok(network)
 }
 
+/// What weights of the loss ask for.
+fn loss_of(text: &str) -> Result<Loss, Error> {
+    match text {
+        "none" => Ok(Loss::MeanSquaredError),
+        AUTO => Ok(Loss::ByPlane { weights: None }),
+        _ => {
+            let expected = "auto, none, or positive numbers such as 1,100";
+            let number = |word: &str| {
+                word.trim().parse().map_err(|_| Error::invalid("--loss-weights", text, expected))
+            };
+            let weights = text.split(',').map(number).collect::<Result<_, _>>()?;
+            Ok(Loss::ByPlane { weights: Some(weights) })
+        }
+    }
+}
+
 /// The training options of the command line over those of the scene.
 fn options(arguments: &Train, mut training: TrainingOptions) -> Result<TrainingOptions, Error> {
     if let Some(iterations) = arguments.iterations {
@@ -99,6 +115,9 @@ fn options(arguments: &Train, mut training: TrainingOptions) -> Result<TrainingO
         let count = positive("--starts", count)? as u64;
         // Whatever the iterations are: more of them may be asked for later.
         training.starts = (count > 1).then_some(Starts { count, iterations: Starts::TRIAL });
+    }
+    if let Some(text) = &arguments.loss_weights {
+        training.loss = loss_of(text)?;
     }
     if !training.ramp.is_empty() {
         let expected = "no ramp: pairs are of one flow time and one ε";
@@ -307,6 +326,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     }
     any.check()?;
     training.check_for(&any)?;
+    training.loss.check(action.dof()).map_err(|e| e.at("--loss-weights"))?;
     let checkpoint_file = beside(&arguments.output, ".checkpoint", true);
     let replace = arguments.overwrite || arguments.resume;
     let legs = Leg::all(&training).into_iter().map(|leg| of_leg(&checkpoint_file, leg));
@@ -365,6 +385,8 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     };
     let Prepared { pairs, held_out, units, region, nearest, angles, flow_time: time } =
         preparation.prepare(pairs)?;
+    let loss = training.loss.for_pairs(&action, &nearest, &pairs)?;
+    let training = TrainingOptions { loss, ..training };
     if let Some(units) = &units {
         progress.note(&format!("{place}: {}", Note::Units(units)));
     }
@@ -434,12 +456,11 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let command = command(arguments, &architecture, family.time, theta);
     let (stop, best) = (outcome.stop, outcome.best);
     let angles = outcome.model.angles().to_vec();
-    let judge = held_out.as_ref().unwrap_or(&pairs);
     let report = OwnTraining {
         spec,
         options: &training,
         seed: arguments.seed,
-        rotation_errors: rotation_errors(&action, &nearest, judge),
+        nearest: (&action, &nearest),
         training: result,
         pairs: &pairs,
         held_out: held_out.as_ref(),

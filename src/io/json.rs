@@ -31,7 +31,8 @@ pub struct Provenance {
     pub data: Option<String>,
     /// The time of the flow map that it stands for.
     pub flow_time: Option<f64>,
-    /// The held-out mean squared error, in the network's units.
+    /// The held-out mean squared error, in the network's units; with the weights of the loss where
+    /// it is [by plane](crate::train::Loss::ByPlane).
     pub validation: Option<f64>,
     /// The box around its pairs, training and held out, as the data has them: beyond it nothing
     /// has been shown.

@@ -180,6 +180,49 @@ pub fn rotation_errors(action: &TorusAction, angles: &[f64], pairs: &Pairs) -> V
     squares.iter().map(|sum| sum / pairs.len() as f64).collect()
 }
 
+/// How far pairs move in a plane (q_j, p_j), beside a rotation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlaneMotion {
+    /// What errors in the plane are compared with: the root mean square over q and p of what the
+    /// rotation leaves. Where that is nothing but rounding, the root mean square of the outputs
+    /// in the plane; where these are 0 too, that of the outputs in all planes, and at last 1.
+    pub scale: f64,
+    /// Whether the rotation leaves nothing but rounding: less than [`PlaneMotion::ROUNDING`]
+    /// of the outputs.
+    pub explained: bool,
+}
+
+impl PlaneMotion {
+    /// What is less, as a share of the outputs of the plane, is taken for rounding: of the
+    /// pairs, which an integrator made, or of the angle of the rotation.
+    pub const ROUNDING: f64 = 1e-8;
+}
+
+/// How far pairs move in each plane, beside the action at these angles.
+///
+/// # Panics
+/// When the action and the pairs differ in their degrees of freedom.
+pub fn plane_motions(action: &TorusAction, angles: &[f64], pairs: &Pairs) -> Vec<PlaneMotion> {
+    let dof = pairs.dof();
+    let left = rotation_errors(action, angles, pairs);
+    let size = |j: usize| {
+        let rows = pairs.output().chunks_exact(2 * dof);
+        let values: Vec<f64> = rows.flat_map(|z| [z[j], z[dof + j]]).collect();
+        root_mean_square(&values)
+    };
+    let of_plane = |j: usize| {
+        let (motion, size) = ((0.5 * (left[j] + left[dof + j])).sqrt(), size(j));
+        let explained = motion <= PlaneMotion::ROUNDING * size;
+        let scale = match explained {
+            false => motion,
+            true if size > 0.0 => size,
+            true => Some(root_mean_square(pairs.output())).filter(|all| *all > 0.0).unwrap_or(1.0),
+        };
+        PlaneMotion { scale, explained }
+    };
+    (0..dof).map(of_plane).collect()
+}
+
 /// The mean squared error of what `step` does to the inputs.
 fn error_of(pairs: &Pairs, step: impl Fn(&mut [f64])) -> f64 {
     let squares = squares_of(pairs.input(), pairs.output(), 2 * pairs.dof(), step);

@@ -25,6 +25,7 @@ mod measured_step;
 mod measured_twist;
 mod near_identity;
 mod own_invariance;
+mod plane_actions;
 mod relations;
 mod rounding;
 mod stopping;
@@ -34,9 +35,9 @@ mod tally;
 mod work_precision;
 
 pub use accuracy::{
-    Departure, Drift, Milestone, component_errors, departures, distance, distances_along, drift,
-    drift_exponent, drifts, limiting_flow_error, milestones, root_mean_square, rotation_error,
-    rotation_errors,
+    Departure, Drift, Milestone, PlaneMotion, component_errors, departures, distance,
+    distances_along, drift, drift_exponent, drifts, limiting_flow_error, milestones, plane_motions,
+    root_mean_square, rotation_error, rotation_errors,
 };
 pub use adiabatic::{
     Line, Resonance, disturbing_resonance, invariant_drift, invariant_horizon, leading_invariant,
@@ -70,6 +71,7 @@ pub use near_identity::{
     near_identity_undoing,
 };
 pub use own_invariance::OwnInvariance;
+pub use plane_actions::PlaneSwing;
 pub use relations::Relation;
 pub use rounding::Walk;
 pub use surfaces::{Locked, distances_to_set, locked_interval, winding_numbers};

@@ -18,6 +18,9 @@ pub struct OwnInvariance {
     pub moved: Option<f64>,
     /// The resonance next to its angle, where there is one within 2ε.
     pub resonance: Option<String>,
+    /// Whether μ is an invariant at ε = 0 only, as that of a nearly integrable map, whose
+    /// perturbation moves it: no fault of the map.
+    pub unperturbed: bool,
 }
 
 /// In units of ε: a wider strip would hold most angles.
@@ -61,7 +64,9 @@ impl OwnInvariance {
             disturbing_resonance(circle, *theta, epsilon)
                 .filter(|resonance| resonance.distance <= NEAR * epsilon.abs())
         });
+        let unperturbed = structure == Structure::NearlyIntegrable;
         (!drifts.is_empty()).then(|| Self {
+            unperturbed,
             iterations,
             drift: median(drifts),
             exponent: median(exponents),
@@ -70,7 +75,7 @@ impl OwnInvariance {
         })
     }
 
-    /// What is wrong with it, if something is.
+    /// What is wrong with it, if something is; nothing of a μ that is an invariant at ε = 0 only.
     pub fn fault(&self) -> Option<String> {
         let Self { drift, exponent, iterations, .. } = *self;
         let useless = !(drift <= Self::USELESS);
@@ -78,7 +83,7 @@ impl OwnInvariance {
         let moved = self.moved.map(|moved| format!("; I_ε moves points by {moved:.1} ε (rms)"));
         let resonance = self.resonance.as_ref().map(|near| format!("; θ is next to {near}"));
         let rest = moved.unwrap_or_default() + &resonance.unwrap_or_default();
-        (useless || drifts).then(|| {
+        (!self.unperturbed && (useless || drifts)).then(|| {
             format!(
                 "its own invariant changes by {:.0} % over {iterations} steps (median), as the \
                  power {exponent:.2} of their number{rest}",
@@ -89,7 +94,7 @@ impl OwnInvariance {
 }
 
 /// The upper median; NaN if a number is.
-fn median(mut values: Vec<f64>) -> f64 {
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
     let largest = values.iter().copied().fold(0.0, max_or_nan);
     values.sort_by(f64::total_cmp);
     if largest.is_nan() { largest } else { values[values.len() / 2] }

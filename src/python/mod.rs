@@ -254,7 +254,8 @@ impl Model {
         self.trained.as_ref().map(|trained| trained.notes.clone()).unwrap_or_default()
     }
 
-    /// The held-out mean squared error of its training, in units of the network.
+    /// The held-out mean squared error of its training, in units of the network, with the weights
+    /// of its loss.
     #[getter]
     fn validation(&self) -> Option<f64> {
         self.stored.provenance.validation

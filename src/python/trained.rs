@@ -29,12 +29,12 @@ impl Trained {
         outcome: &Outcome,
         pairs: &Pairs,
         held_out: Option<&Pairs>,
-        rotation_errors: &[f64],
+        nearest: (&TorusAction, &[f64]),
         notes: Vec<String>,
     ) -> Result<Self, Error> {
         let record = |r: &crate::train::TrainingRecord| (r.iteration, r.loss, r.validation);
         Ok(Self {
-            trust: Trust::of(outcome, pairs, held_out, rotation_errors)?,
+            trust: Trust::of(outcome, pairs, held_out, nearest)?,
             history: outcome.history.iter().map(record).collect(),
             notes,
         })

@@ -8,12 +8,12 @@ use crate::error::Error;
 use crate::flow::Pairs;
 use crate::io::{Provenance, StoredModel};
 use crate::layer::TorusAction;
-use crate::measure::rotation_errors;
 use crate::network::{self, Alternating, Block, LayerSizes, NetworkSpec};
 use crate::scene::{Folder, ModelSpec, OwnTraining, TrainingTimes};
 use crate::train::{
-    AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions, Optimiser,
-    Place, Preparation, Prepared, Progress, Starts, TrainingOptions, Watch, train_schedule,
+    AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions, Loss,
+    Optimiser, Place, Preparation, Prepared, Progress, Starts, TrainingOptions, Watch,
+    train_schedule,
 };
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -25,6 +25,26 @@ use std::time::Instant;
 pub(super) enum Widths {
     Same(usize),
     Two([usize; 2]),
+}
+
+/// Weights of the planes in the loss.
+#[derive(FromPyObject)]
+pub(super) enum LossWeights {
+    Named(String),
+    Given(Vec<f64>),
+}
+
+impl LossWeights {
+    fn loss(self) -> Result<Loss, Error> {
+        match self {
+            Self::Given(weights) => Ok(Loss::ByPlane { weights: Some(weights) }),
+            Self::Named(name) => match name.as_str() {
+                "auto" => Ok(Loss::ByPlane { weights: None }),
+                "none" => Ok(Loss::MeanSquaredError),
+                _ => Err(Error::invalid("loss_weights", name, "auto, none or positive numbers")),
+            },
+        }
+    }
 }
 
 /// (layers, neurons).
@@ -110,6 +130,8 @@ impl Watch for Calling<'_> {
 /// in ten iterations, or is at most the target; 0 never stops.
 /// epsilon, flow_time: those of the pairs, 0.01 and what they tell unless given: epsilon of networks with a circle
 /// action, the flow time of normal forms and of couplings, whose generators are told both.
+/// loss_weights: "auto", by the motion of each plane beside the rotation, "none", or n or 2n positive
+/// numbers: of the planes in the loss and in the held-out error that chooses the model.
 /// theta, theta_fixed, theta_penalty: the angle to start from, the nearest rotation's unless given,
 /// whether it stays, and what its squared distance from there adds to the loss.
 /// units: "fitted", in which pairs are of order one and turn in circles, or those of the "data".
@@ -126,7 +148,7 @@ impl Watch for Calling<'_> {
 #[pyo3(signature = (
     input, output, circle_action, *, architecture="gyroceptron", psi=None, near_identity=None,
     kicks=None, twists=None, perturbation=None, layers=None, blocks=None, optimiser="l-bfgs", iterations=None, starts=1,
-    near_identity_penalty=0.0, patience=0, target=0.0, epsilon=None, flow_time=None, theta=None,
+    near_identity_penalty=0.0, loss_weights=LossWeights::Named("auto".into()), patience=0, target=0.0, epsilon=None, flow_time=None, theta=None,
     theta_fixed=false, theta_penalty=0.0, units="fitted", validation=0.1, seed=0, report=None, callback=None
 ))]
 #[allow(clippy::too_many_arguments)]
@@ -147,6 +169,7 @@ pub(super) fn train(
     iterations: Option<u64>,
     starts: u64,
     near_identity_penalty: f64,
+    loss_weights: LossWeights,
     patience: u64,
     target: f64,
     epsilon: Option<f64>,
@@ -206,6 +229,7 @@ pub(super) fn train(
         },
         iterations: iterations.unwrap_or(defaults.iterations),
         starts: (starts > 1).then_some(Starts { count: starts, iterations: Starts::TRIAL }),
+        loss: loss_weights.loss()?,
         near_identity_penalty,
         theta_fixed,
         theta_penalty,
@@ -214,6 +238,7 @@ pub(super) fn train(
         ..defaults
     };
     options.check()?;
+    options.loss.check(dof).map_err(|e| e.at("loss_weights"))?;
     options.check_for(&any)?;
     let preparation = Preparation {
         place: "pairs",
@@ -317,6 +342,8 @@ impl Training<'_> {
         let architecture = network.architecture(action, epsilon, flow_time)?;
         architecture.check()?;
         options.check_for(&architecture)?;
+        let loss = options.loss.for_pairs(action, &nearest, &pairs)?;
+        let options = TrainingOptions { loss, ..options };
         let mut start = |number: u64| {
             let seed = Starts::seed(seed, number);
             architecture.initialise(ModelSpec::OWN_WEIGHTS, 0.0, seed)?.with_angles(&angles)
@@ -337,9 +364,8 @@ impl Training<'_> {
             ..Provenance::of("train")
         };
         let stored = StoredModel { model: outcome.model.clone(), units, provenance };
-        let rotation_errors = rotation_errors(action, &nearest, held.unwrap_or(&pairs));
         notes.extend(note_of_units(stored.units.as_ref()));
-        let trained = Trained::of(outcome, &pairs, held, &rotation_errors, notes)?;
+        let trained = Trained::of(outcome, &pairs, held, (action, &nearest), notes)?;
         if let Some(folder) = report {
             let spec = ModelSpec {
                 name: "train".into(),
@@ -353,7 +379,7 @@ impl Training<'_> {
                 spec,
                 options: &options,
                 seed,
-                rotation_errors,
+                nearest: (action, &nearest),
                 training,
                 pairs: &pairs,
                 held_out: held,

@@ -11,6 +11,7 @@ use super::subject::{FileData, Subject};
 use crate::error::Error;
 use crate::flow::{Pairs, ReferenceTrajectories, Region, Trajectories, Window, sample_of};
 use crate::io::{read_pairs, read_trajectories};
+use crate::layer::TorusAction;
 use crate::measure::{limiting_flow_error, root_mean_square, rotation_error};
 use crate::network::Rollout;
 use crate::phase::Units;
@@ -434,6 +435,8 @@ pub(super) struct DataSets {
     /// The mean squared error of the exact limiting rotation alone, on the pairs that choose
     /// among the models of a training.
     pub(super) rotation_error: Option<f64>,
+    /// The rotation nearest to the pairs of a file, by its angle.
+    pub(super) nearest: Option<(TorusAction, Vec<f64>)>,
 }
 
 impl DataSets {
@@ -454,8 +457,8 @@ impl DataSets {
         };
         let rotation_error =
             held_out.as_ref().map(|held_out| limiting_flow_error(system, held_out, time));
-        let (validation, units) = (None, None);
-        Ok(Self { training, held_out, validation, reference_error, units, rotation_error })
+        let (validation, units, nearest) = (None, None, None);
+        Ok(Self { training, held_out, validation, reference_error, units, rotation_error, nearest })
     }
 
     /// The pairs of a file, made ready as by `gyroceptron train`.
@@ -466,7 +469,7 @@ impl DataSets {
             let found = "epsilon or flow_time of each pair";
             return Err(Error::content(place, "pairs of one map", found));
         }
-        let action = file.circle_action.clone().into();
+        let action = TorusAction::from(file.circle_action.clone());
         let preparation = Preparation {
             place: &place,
             action: &action,
@@ -483,7 +486,8 @@ impl DataSets {
         let judge = held_out.as_ref().unwrap_or(&training);
         let rotation_error = Some(rotation_error(&action, &nearest, judge));
         let (validation, reference_error) = (None, f64::NAN);
-        Ok(Self { training, held_out, validation, reference_error, units, rotation_error })
+        let nearest = Some((action, nearest));
+        Ok(Self { training, held_out, validation, reference_error, units, rotation_error, nearest })
     }
 
     /// The pairs of a family of maps: of each ε and flow time a share of the points. What is held
@@ -532,8 +536,8 @@ impl DataSets {
         let rotation_error =
             validation.as_ref().map(|validation| squares / validation.len() as f64);
         let held_out = Some(held_out);
-        let units = None;
-        Ok(Self { training, held_out, validation, reference_error, units, rotation_error })
+        let (units, nearest) = (None, None);
+        Ok(Self { training, held_out, validation, reference_error, units, rotation_error, nearest })
     }
 
     /// The box around the pairs, training and held out, in units of the data.

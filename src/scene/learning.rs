@@ -6,6 +6,7 @@ use super::run::Event;
 use super::setup::{Attempt, ModelSpec};
 use super::subject::Subject;
 use crate::error::Error;
+use crate::flow::Pairs;
 use crate::io::{
     Provenance, StoredModel, earlier_checkpoint, file_digest, import_weights, load_model,
     save_checkpoint, save_model,
@@ -13,7 +14,7 @@ use crate::io::{
 use crate::network::Model;
 use crate::train::{
     Checkpoint, Control, Leg, LegResult, Loss, Objective, Outcome, Place, Progress, Rung,
-    Scheduled, Starts, Stop, TrainingOptions, TrainingRecord, Watch, train_schedule,
+    Scheduled, Starts, Stop, TrainingOptions, TrainingRecord, Watch, fit_rotation, train_schedule,
 };
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -27,6 +28,23 @@ pub(super) struct Trained {
     /// What led to the last leg of its training.
     pub(super) legs: Vec<LegResult>,
     pub(super) outcome: Outcome,
+    /// The mean squared error on the held-out pairs, whatever the weights of the loss.
+    pub(super) held_out_error: Option<f64>,
+}
+
+/// The mean squared error of what a training has kept on the held-out pairs.
+pub(super) fn held_out_error(
+    outcome: &Outcome,
+    loss: &Loss,
+    held_out: Option<&Pairs>,
+) -> Result<Option<f64>, Error> {
+    match held_out {
+        Some(held_out) if !loss.is_plain_on_held_out() => {
+            let objective = Objective::new(&Loss::MeanSquaredError, held_out)?;
+            Ok(Some(objective.value(outcome.model.composition())))
+        }
+        _ => Ok(outcome.best.validation),
+    }
 }
 
 impl Trained {
@@ -60,6 +78,7 @@ pub(super) fn learn_at(
     let (scene, folder) = (context.scene, context.folder);
     let subject = context.subject()?;
     let mut options = scene.setup.training_of(&spec).clone();
+    options.loss = loss_of(&options.loss, subject, data)?;
     // A ramp is up to the flow time that is wanted; weights of an earlier one come from there.
     let leads_up = |rung: &Rung| {
         let other_epsilon = rung.epsilon.is_some_and(|epsilon| epsilon != subject.epsilon());
@@ -129,7 +148,15 @@ pub(super) fn learn_at(
     let stored =
         StoredModel { model: outcome.model.clone(), units: data.units.clone(), provenance };
     save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
-    Ok(Trained { spec, network, initial, legs, outcome })
+    let held_out_error = held_out_error(&outcome, &options.loss, data.validation())?;
+    Ok(Trained { spec, network, initial, legs, outcome, held_out_error })
+}
+
+/// The loss of a scene on its training pairs.
+pub(super) fn loss_of(loss: &Loss, subject: Subject<'_>, data: &DataSets) -> Result<Loss, Error> {
+    let action = subject.circle_action();
+    let angle = fit_rotation(&data.training, &action);
+    loss.for_pairs(&action.into(), &[angle], &data.training)
 }
 
 /// Saves checkpoints, takes times, and tells how it goes.
@@ -223,8 +250,10 @@ fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Tr
     };
     let mut stored = read_network(path, context.subject()?, context.flow_time()?)?;
     let model = stored.model.clone();
-    let objective = Objective::new(&scene.setup.training_of(&spec).loss, &data.training)?;
-    let validation = data.validation().map(|pairs| Objective::new(&Loss::MeanSquaredError, pairs));
+    let loss = loss_of(&scene.setup.training_of(&spec).loss, context.subject()?, data)?;
+    let objective = Objective::new(&loss, &data.training)?;
+    let of_held_out = loss.of_held_out();
+    let validation = data.validation().map(|pairs| Objective::new(&of_held_out, pairs));
     let record = TrainingRecord {
         iteration: 0,
         evaluations: 0,
@@ -243,7 +272,9 @@ fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Tr
         curvatures: 0,
         stop: Stop::NotTrained,
     };
-    Ok(Trained { network: spec.name.clone(), spec, initial: model, legs: Vec::new(), outcome })
+    let held_out_error = held_out_error(&outcome, &loss, data.validation())?;
+    let (network, legs) = (spec.name.clone(), Vec::new());
+    Ok(Trained { network, spec, initial: model, legs, outcome, held_out_error })
 }
 
 /// The network of a model's file, or of weights of a gyroceptron, which is to stand for a map of this

@@ -3,7 +3,7 @@
 use super::declaration::Scene;
 use super::findings::Block;
 use super::folder::Folder;
-use super::learning::Trained;
+use super::learning::{Trained, held_out_error};
 use super::log::TrainingTimes;
 use super::machine::Machine;
 use super::report::{Report, StudyFindings};
@@ -13,7 +13,10 @@ use super::study::training::{Baseline, LOSS, TrainingResult, findings};
 use super::trust::trust;
 use crate::error::Error;
 use crate::flow::Pairs;
-use crate::measure::{component_errors, root_mean_square};
+use crate::layer::TorusAction;
+use crate::measure::{
+    PlaneMotion, component_errors, plane_motions, root_mean_square, rotation_errors,
+};
 use crate::phase::Units;
 use crate::train::{Scheduled, TrainingOptions};
 use serde_json::json;
@@ -49,9 +52,9 @@ pub struct OwnTraining<'a> {
     pub pairs: &'a Pairs,
     /// The held-out pairs.
     pub held_out: Option<&'a Pairs>,
-    /// The mean squared error of each component, on the pairs to judge by, of the rotation
-    /// nearest to the data: what the network has to improve upon.
-    pub rotation_errors: Vec<f64>,
+    /// The action and the angles of the rotation nearest to the pairs: what it leaves of them
+    /// the network has to improve upon.
+    pub nearest: (&'a TorusAction, &'a [f64]),
     /// The units of the data, where they are not those of the pairs here and of the network.
     pub units: Option<&'a Units>,
     /// The seconds of training.
@@ -66,23 +69,32 @@ impl OwnTraining<'_> {
     /// # Errors
     /// When a file cannot be written.
     pub fn report(self, folder: &Folder) -> Result<Report, Error> {
-        let output = self.held_out.unwrap_or(self.pairs).output();
-        let rotation_error =
-            self.rotation_errors.iter().sum::<f64>() / self.rotation_errors.len() as f64;
-        let baseline =
-            Baseline { rotation_error: Some(rotation_error), size: root_mean_square(output) };
-        let mut errors = match self.held_out {
+        let judge = self.held_out.unwrap_or(self.pairs);
+        let (action, angles) = self.nearest;
+        let left = rotation_errors(action, angles, judge);
+        let rotation_error = left.iter().sum::<f64>() / left.len() as f64;
+        let size = root_mean_square(judge.output());
+        let motions = plane_motions(action, angles, judge);
+        // Of components that the rotation explains to rounding, what those of their plane are
+        // compared with.
+        let scale = |(c, left): (usize, &f64)| {
+            let (motion, own) = (&motions[c % motions.len()], left.sqrt());
+            if own <= PlaneMotion::ROUNDING * motion.scale { motion.scale } else { own }
+        };
+        let scales: Vec<f64> = left.iter().enumerate().map(scale).collect();
+        let moves = motions.iter().any(|motion| !motion.explained);
+        let baseline = Baseline { rotation_error: moves.then_some(rotation_error), size };
+        let errors = match self.held_out {
             Some(held_out) => {
                 component_errors(self.training.outcome.model.composition(), held_out)?
             }
             None => Vec::new(),
         };
         let network = self.spec.name.clone();
-        let mut trust = trust(&self.training.outcome, self.pairs, self.held_out, rotation_error)?;
+        let mut trust = trust(&self.training.outcome, self.pairs, self.held_out, self.nearest)?;
         let shares: Vec<f64> =
-            errors.iter().zip(&self.rotation_errors).map(|(a, b)| a / b.sqrt()).collect();
+            errors.iter().zip(&scales).map(|(error, scale)| error / scale).collect();
         if let Some(units) = self.units {
-            errors.iter_mut().zip(units.factors()).for_each(|(error, factor)| *error *= factor);
             trust.results.details.push(Block::Text(format!(
                 "- {}. Errors of each component are in units of the data, all others in those of \
                  the network.\n",
@@ -91,8 +103,13 @@ impl OwnTraining<'_> {
             trust.results.data["units"] = json!(units);
         }
         let Scheduled { initial, legs, outcome } = self.training;
-        let trained = Trained { spec: self.spec.clone(), network, initial, legs, outcome };
-        let result = TrainingResult::new(&trained, errors, self.options).with_shares(shares);
+        let held_out_error = held_out_error(&outcome, &self.options.loss, self.held_out)?;
+        let spec = self.spec.clone();
+        let trained = Trained { spec, network, initial, legs, outcome, held_out_error };
+        let mut result = TrainingResult::new(&trained, errors, self.options).with_shares(shares);
+        if let Some(units) = self.units {
+            result = result.in_units(units.factors());
+        }
         let training_times = vec![self.times];
         let findings = findings(&[result], baseline, &training_times, true);
         let title = format!(

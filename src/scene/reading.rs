@@ -3,7 +3,7 @@
 use crate::flow::Pairs;
 use crate::layer::{CircleAction, TorusAction};
 use crate::measure::{root_mean_square, rotation_error};
-use crate::train::{fit_rotation, fit_units};
+use crate::train::{ActionFit, fit_rotation, fit_units};
 
 /// Another order of columns or other weights of the circle action, which the pairs fit far
 /// better: a mean squared error of the rotation alone of a tenth at most, in units that fit each.
@@ -30,6 +30,9 @@ impl Reading {
     /// if there is one: interleaved columns, and weights 0 to 2 of up to four planes.
     ///
     /// Momenta before positions turn the other way, and are as good.
+    ///
+    /// A rotation of the slow plane fits better too where the fast one comes round by whole turns
+    /// from inputs to outputs. Another action is told of only where [`ActionFit`] is sure of it.
     pub fn better(pairs: &Pairs, action: &TorusAction) -> Option<Self> {
         let dof = pairs.dof();
         if action.dof() != dof {
@@ -62,7 +65,12 @@ impl Reading {
         }
         let mut best: Option<Self> = None;
         for (columns, pairs) in &readings {
-            for action in &actions {
+            let fit = ActionFit::of(pairs).ok().filter(ActionFit::is_sure);
+            let may_be = |other: &TorusAction| {
+                let sure = fit.as_ref().map(ActionFit::action);
+                other == action || sure.is_some_and(|sure| other.circles() == [sure.clone()])
+            };
+            for action in actions.iter().filter(|action| may_be(action)) {
                 let error = error(pairs, action);
                 if error < best.as_ref().map_or(as_given / Self::FACTOR, |best| best.error) {
                     let weights = action.circles().iter().flat_map(CircleAction::weights);
@@ -79,11 +87,12 @@ impl Reading {
         let weights: Vec<String> = self.weights.iter().map(i32::to_string).collect();
         format!(
             "the pairs fit columns {} with circle action {} better: the nearest rotation errs by \
-             {:.1} % (rms), by {:.1} % as they were said to be",
+             {:.1} % (rms), by {:.1} % as they were said to be; {}",
             self.columns,
             weights.join(","),
             100.0 * self.error.sqrt(),
-            100.0 * self.as_given.sqrt()
+            100.0 * self.as_given.sqrt(),
+            ActionFit::WHOLE_TURNS
         )
     }
 }

@@ -389,8 +389,7 @@ impl Setup {
             window.check(&format!("data.windows[{index}]"), subject.dof())?;
         }
         for training in self.models.iter().map(|m| self.training_of(m)).chain([&self.training]) {
-            let weights = training.loss.component_weights(subject.dof());
-            weights.map_err(|e| e.at("training.loss"))?;
+            training.loss.check(subject.dof()).map_err(|e| e.at("training.loss"))?;
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 use super::trust::trust;
 use crate::error::Error;
 use crate::flow::Pairs;
+use crate::layer::TorusAction;
 use crate::train::Outcome;
 
 /// Whether to trust a network that was trained on pairs, and why not.
@@ -15,8 +16,8 @@ pub struct Trust {
 }
 
 impl Trust {
-    /// The verdict of a report, without one. `rotation_errors` are the mean squared error of each
-    /// component of the rotation nearest to the pairs.
+    /// The verdict of a report, without one. `nearest` is the action whose rotation by these angles
+    /// is nearest to the pairs.
     ///
     /// # Errors
     /// Those of [`Model::rollout`](crate::network::Model::rollout) along orbits from held-out points.
@@ -24,10 +25,9 @@ impl Trust {
         outcome: &Outcome,
         pairs: &Pairs,
         held_out: Option<&Pairs>,
-        rotation_errors: &[f64],
+        nearest: (&TorusAction, &[f64]),
     ) -> Result<Self, Error> {
-        let rotation_error = rotation_errors.iter().sum::<f64>() / rotation_errors.len() as f64;
-        let data = trust(outcome, pairs, held_out, rotation_error)?.results.data;
+        let data = trust(outcome, pairs, held_out, nearest)?.results.data;
         let texts = |key: &str| -> Vec<String> {
             let list = data[key].as_array().into_iter().flatten();
             list.filter_map(|text| text.as_str().map(ToOwned::to_owned)).collect()

@@ -38,6 +38,11 @@ impl ActionFit {
     const MOST_PLANES: usize = 5;
     /// So many pairs tell.
     const PAIRS: usize = 4000;
+    /// What pairs of one flow time leave open. By 0.9 of it a plane that goes round k times more
+    /// turns by 0.2πk less, which is another angle for each k of ten.
+    pub(crate) const WHOLE_TURNS: &str = "angles are known up to whole turns: pairs of 0.9 times \
+         this flow time beside these tell up to four turns apart, and times below half a turn of the \
+         fastest plane leave none";
     /// What is nearer, as a share of how far the planes turn, may be meant: ε moves them too.
     const NEAR: f64 = 0.15;
     /// So far may ε turn planes.
@@ -115,10 +120,12 @@ impl ActionFit {
             .next()
             .map_or_else(String::new, |(action, distance)| format!(", {action} as {distance:.2}"));
         format!(
-            "the planes turn by {} from inputs to outputs; circle action {} is as near as {:.2}{next}",
+            "the planes turn by {} from inputs to outputs; circle action {} is as near as \
+             {:.2}{next}; {}",
             angles.join(", "),
             self.action(),
-            self.candidates[0].1
+            self.candidates[0].1,
+            Self::WHOLE_TURNS
         )
     }
 }

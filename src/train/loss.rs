@@ -3,6 +3,8 @@
 use super::kernels::{BendGradient, Blocks, Curvature, Gradient, Value};
 use crate::error::Error;
 use crate::flow::{Condition, Pairs};
+use crate::layer::TorusAction;
+use crate::measure::plane_motions;
 use crate::network::Composition;
 use crate::scalar::{WIDTH, max_or_nan, on_lanes};
 use crate::work;
@@ -24,14 +26,74 @@ pub enum Loss {
         /// One for each degree of freedom.
         weights: Vec<f64>,
     },
+    /// The mean squared error with weights of mean 1: weight_c = w_c / Σ w. Held-out pairs are
+    /// measured in the same way, so that the model that is kept is the best in all planes.
+    ByPlane {
+        /// One for each plane or for each of the 2n components. Where there are none, those of
+        /// [`Loss::for_pairs`].
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        weights: Option<Vec<f64>>,
+    },
 }
 
 impl Loss {
+    /// This loss on these pairs: [`Loss::ByPlane`] without weights gets the inverse mean square,
+    /// plane by plane, of what the rotation by these angles leaves of the pairs. Of a plane of
+    /// which it leaves nothing, see [`PlaneMotion`](crate::measure::PlaneMotion).
+    ///
+    /// # Errors
+    /// When no weight is a number: the pairs move too little or too much.
+    ///
+    /// # Panics
+    /// When the action and the pairs differ in their degrees of freedom.
+    pub fn for_pairs(
+        &self,
+        action: &TorusAction,
+        angles: &[f64],
+        pairs: &Pairs,
+    ) -> Result<Self, Error> {
+        let Self::ByPlane { weights: None } = self else { return Ok(self.clone()) };
+        let motions: Vec<f64> =
+            plane_motions(action, angles, pairs).iter().map(|motion| motion.scale).collect();
+        // Over the least of them, which has the largest weight: no square of a small number.
+        let least = motions.iter().copied().fold(f64::INFINITY, |a, b| if b < a { b } else { a });
+        let relative: Vec<f64> = motions.iter().map(|motion| (least / motion).powi(2)).collect();
+        let mean = relative.iter().sum::<f64>() / relative.len() as f64;
+        let weights: Vec<f64> = relative.iter().map(|weight| weight / mean).collect();
+        let this = Self::ByPlane { weights: Some(weights) };
+        this.component_weights(pairs.dof())?;
+        Ok(this)
+    }
+
+    /// What held-out pairs are measured with.
+    pub fn of_held_out(&self) -> Self {
+        match self {
+            Self::ByPlane { .. } => self.clone(),
+            Self::MeanSquaredError | Self::Weighted { .. } => Self::MeanSquaredError,
+        }
+    }
+
+    /// Whether held-out errors are mean squared errors without weights.
+    pub fn is_plain_on_held_out(&self) -> bool {
+        !matches!(self, Self::ByPlane { .. })
+    }
+
+    /// Fails unless the weights that are given fit a map of so many degrees of freedom.
+    ///
+    /// # Errors
+    /// Those of [`Loss::component_weights`].
+    pub fn check(&self, dof: usize) -> Result<(), Error> {
+        match self {
+            Self::ByPlane { weights: None } => Ok(()),
+            _ => self.component_weights(dof).map(|_| ()),
+        }
+    }
+
     /// The weight of each of the 2n components.
     ///
     /// # Errors
     /// When there is not one finite, non-negative weight for each degree of
-    /// freedom.
+    /// freedom; of [`Loss::ByPlane`], one positive weight for each degree of freedom or each component.
     pub fn component_weights(&self, dof: usize) -> Result<Vec<f64>, Error> {
         match self {
             Self::MeanSquaredError => Ok(vec![1.0 / (2 * dof) as f64; 2 * dof]),
@@ -41,6 +103,24 @@ impl Loss {
                     return Err(Error::invalid("loss weight", bad, "a finite number ≥ 0"));
                 }
                 Ok(weights.iter().chain(weights).copied().collect())
+            }
+            Self::ByPlane { weights: None } => {
+                let expected = "weights, or pairs to find them from";
+                Err(Error::invalid("loss weights", "none", expected))
+            }
+            Self::ByPlane { weights: Some(weights) } => {
+                if weights.len() != 2 * dof {
+                    Error::check_count("loss weights", dof, weights.len())?;
+                }
+                let largest = weights.iter().copied().fold(0.0, max_or_nan);
+                let positive = |w: &&f64| w.is_finite() && **w > 0.0;
+                if let Some(bad) = weights.iter().find(|w| !positive(w)) {
+                    return Err(Error::invalid("loss weight", bad, "a finite number > 0"));
+                }
+                let times = 2 * dof / weights.len();
+                let sum = times as f64 * weights.iter().map(|w| w / largest).sum::<f64>();
+                let of_all = (0..times).flat_map(|_| weights);
+                Ok(of_all.map(|w| w / largest / sum).collect())
             }
         }
     }

@@ -234,7 +234,8 @@ pub struct TrainingRecord {
     /// The largest entry of its gradient in the parameters; of Adam, the mean of the
     /// batches' largest entries.
     pub gradient: f64,
-    /// The mean squared error on the held-out pairs, where it was evaluated.
+    /// The mean squared error on the held-out pairs, where it was evaluated; of
+    /// [`Loss::ByPlane`], with its weights.
     pub validation: Option<f64>,
 }
 

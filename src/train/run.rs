@@ -1,11 +1,11 @@
 //! Training by any optimiser: records, held-out pairs, stopping, checkpoints.
 
+use super::Objective;
 use super::adam::Adam;
 use super::checkpoint::{Checkpoint, OptimiserState, RunIdentity};
 use super::lbfgs::Lbfgs;
 use super::levenberg_marquardt::LevenbergMarquardt;
 use super::options::{Optimiser, Stop, TrainingOptions, TrainingRecord};
-use super::{Loss, Objective};
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::network::Model;
@@ -163,7 +163,7 @@ pub fn train(
         .with_fixed_angles(options.theta_fixed)
         .with_angle_penalty(options.theta_penalty, model.angles())?;
     let held_out =
-        validation.map(|set| Objective::new(&Loss::MeanSquaredError, set)).transpose()?;
+        validation.map(|set| Objective::new(&options.loss.of_held_out(), set)).transpose()?;
     let run = RunIdentity::of(model, pairs, validation, options);
     let mut state = match resume {
         Some(checkpoint) => {

@@ -131,6 +131,19 @@ def test_units_of_the_data_are_undone(pairs, model):
     assert 0.2 < np.median(large.invariant(points) / action) < 5
 
 
+def test_planes_are_weighed(pairs):
+    def parameters(**more):
+        return gyroceptron.train(*pairs, [1, 0], iterations=2, **more).parameters
+
+    auto, none = parameters(loss_weights="auto"), parameters(loss_weights="none")
+    assert np.array_equal(auto, parameters()) and not np.array_equal(auto, none)
+    assert np.array_equal(parameters(loss_weights=[1, 3]), parameters(loss_weights=[2, 6, 2, 6]))
+    assert np.array_equal(none, parameters(loss_weights=[5, 5]))
+    for bad in ("all", [1, 2, 3], [1, 0], [1, float("nan")]):
+        with pytest.raises(gyroceptron.Error, match="loss.weight"):
+            parameters(loss_weights=bad)
+
+
 def test_a_callback_follows_stops_and_raises(tmp_path, pairs):
     told = []
     report = tmp_path / "report"

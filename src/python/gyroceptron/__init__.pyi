@@ -131,6 +131,7 @@ def train(
     iterations: int | None = None,
     starts: int = 1,
     near_identity_penalty: float = 0.0,
+    loss_weights: Literal["auto", "none"] | Sequence[float] = "auto",
     patience: int = 0,
     target: float = 0.0,
     epsilon: float | None = None,

@@ -357,7 +357,7 @@ impl AtTime {
             OfNetwork {
                 name: one.network.clone(),
                 parameters: one.model().composition().parameters().len(),
-                error: one.outcome.best.validation,
+                error: one.held_out_error,
                 iterations: one.outcome.history.last().map_or(0, |record| record.iteration),
                 legs: one.legs.clone(),
                 seconds: times.and_then(|times| Some(times.points.last()?.1)),

@@ -100,7 +100,8 @@ fn rows(part: &Report) -> Vec<Value> {
         let along = rollout["models"].as_array().into_iter().flatten();
         let along = along.into_iter().find(|found| found["name"] == *name).unwrap_or(&none);
         let own = &along["own_adiabatic"];
-        let held_out = network["best"]["validation"].as_f64();
+        let plain = network["held_out_error"].as_f64();
+        let held_out = plain.or(network["best"]["validation"].as_f64());
         let rotation = pairs["rotation_error"].as_f64();
         let share = || Some((held_out? / rotation?).sqrt());
         let moved = || Some(own["near_identity_rms"].as_f64()? / epsilon?.abs());

@@ -312,7 +312,7 @@ impl<'a> Network<'a> {
             orbits.values().iter().zip(reference.values()).map(|(a, b)| (a - b) * (a - b)).sum();
         Self {
             name: &trained.spec.name,
-            one_step: trained.outcome.best.validation,
+            one_step: trained.held_out_error,
             departures: departures(orbits, reference),
             rms: (squares / (orbits.values().len() / orbits.dim()) as f64).sqrt(),
             of_system: system.map(|system| Change::of(orbits, |z| system.adiabatic_invariant(z))),

@@ -9,7 +9,7 @@ use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::learning::Trained;
+use crate::scene::learning::{Trained, loss_of};
 use crate::scene::log::TrainingTimes;
 use crate::scene::setup::Need;
 use crate::train::{Leg, LegResult, Optimiser, Stop, TrainingOptions, TrainingRecord};
@@ -70,7 +70,9 @@ impl Study for TrainingStudy {
                 })?,
             };
             let options = context.scene.setup.training_of(&trained.spec);
-            results.push(TrainingResult::new(trained, errors, options));
+            let loss = loss_of(&options.loss, context.subject()?, &data)?;
+            let options = TrainingOptions { loss, ..options.clone() };
+            results.push(TrainingResult::new(trained, errors, &options));
         }
         let baseline = Baseline { rotation_error: data.rotation_error, size: data.size() };
         let draws = context.draws(LOSS);
@@ -135,6 +137,17 @@ pub(in crate::scene) struct TrainingResult {
     history: Vec<TrainingRecord>,
     /// The root-mean-square error of each component on the held-out pairs.
     component_errors: Vec<f64>,
+    /// The mean squared error on the held-out pairs: that which chose the model, but for one
+    /// with weights.
+    #[serde(skip)]
+    held_out_error: Option<f64>,
+    /// The same, where it is not that which chose the model.
+    #[serde(rename = "held_out_error", skip_serializing_if = "Option::is_none")]
+    plain_error: Option<f64>,
+    /// The weights of the components in the loss and in what chose the model, of mean 1, where
+    /// they are not all the same.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    loss_weights: Vec<f64>,
     /// The same over what the nearest rotation leaves of the component.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     component_shares: Vec<f64>,
@@ -153,6 +166,14 @@ impl TrainingResult {
     ) -> Self {
         let (outcome, model) = (&trained.outcome, trained.model());
         let held_out = !component_errors.is_empty();
+        let dof = model.composition().dof();
+        let loss_weights: Vec<f64> = match options.loss.is_plain_on_held_out() {
+            true => Vec::new(),
+            false => {
+                let weights = options.loss.component_weights(dof).unwrap_or_default();
+                weights.iter().map(|weight| 2.0 * dof as f64 * weight).collect()
+            }
+        };
         let told = |r: &TrainingRecord| {
             r.validation.is_some()
                 || (!held_out && r.iteration.is_multiple_of(options.validate_every))
@@ -172,6 +193,9 @@ impl TrainingResult {
             best: outcome.best,
             history: outcome.history.iter().copied().filter(told).collect(),
             component_errors,
+            held_out_error: trained.held_out_error,
+            plain_error: trained.held_out_error.filter(|_| !loss_weights.is_empty()),
+            loss_weights,
             component_shares: Vec::new(),
             legs: trained.legs.clone(),
             initial_theta: trained.initial.angle(),
@@ -184,6 +208,13 @@ impl TrainingResult {
         Self { component_shares, ..self }
     }
 
+    /// With the errors of the components in other units.
+    pub(in crate::scene) fn in_units(mut self, factors: &[f64]) -> Self {
+        let errors = self.component_errors.iter_mut().zip(factors);
+        errors.for_each(|(error, factor)| *error *= factor);
+        self
+    }
+
     /// Whether it is of the first of its network's initial weights.
     fn is_first(&self) -> bool {
         self.name == self.network
@@ -191,7 +222,7 @@ impl TrainingResult {
 
     /// The held-out error over that of the limiting rotation, as roots.
     fn share(&self, rotation_error: Option<f64>) -> Option<f64> {
-        Some((self.best.validation? / rotation_error?).sqrt())
+        Some((self.held_out_error? / rotation_error?).sqrt())
     }
 
     fn facts(&self, rotation_error: Option<f64>) -> Table {
@@ -229,7 +260,14 @@ impl TrainingResult {
         }
         let (iteration, loss) = (self.best.iteration, self.loss);
         facts.fact("kept", format!("iteration {iteration}, loss {loss:.3e}"));
-        if let Some(validation) = self.best.validation {
+        if !self.loss_weights.is_empty() {
+            let weights: Vec<_> = self.loss_weights.iter().map(|w| format!("{w:.2e}")).collect();
+            facts.fact("weights of the components in the loss", weights.join(", "));
+            if let Some(validation) = self.best.validation {
+                facts.fact("held-out loss, which chose the model", format!("{validation:.3e}"));
+            }
+        }
+        if let Some(validation) = self.held_out_error {
             let share = self.share(rotation_error).map(|share| {
                 let share = Format::Percent.number(share);
                 format!(", {share} of the motion beyond the rotation")
@@ -275,7 +313,7 @@ fn overview(results: &[TrainingResult], baseline: Baseline) -> Table {
         ("share of the motion beyond the rotation", Format::Percent),
     ]);
     for result in results.iter().filter(|result| result.is_first()) {
-        let validation = result.best.validation;
+        let validation = result.held_out_error;
         table.push([
             format!("`{}`", result.name).into(),
             result.parameters.into(),
@@ -304,7 +342,7 @@ fn over_seeds(results: &[TrainingResult], baseline: Baseline) -> Table {
     ]);
     for first in results.iter().filter(|result| result.is_first()) {
         let of_network = results.iter().filter(|result| result.network == first.network);
-        let mut errors: Vec<f64> = of_network.filter_map(|r| r.best.validation).collect();
+        let mut errors: Vec<f64> = of_network.filter_map(|r| r.held_out_error).collect();
         if errors.len() < 2 {
             continue;
         }
@@ -370,6 +408,10 @@ fn loss(results: &[TrainingResult], times: &[TrainingTimes]) -> Figure {
         against_iterations.push(Series { name: name.clone(), color, style, points });
         against_seconds.push(Series { name, color, style, points: timed });
     }
+    let weights = match results.iter().any(|result| !result.loss_weights.is_empty()) {
+        true => " with the weights of the loss",
+        false => "",
+    };
     let panel = |x_label: &str, series| Panel {
         title: "Training".into(),
         x_label: x_label.into(),
@@ -380,8 +422,10 @@ fn loss(results: &[TrainingResult], times: &[TrainingTimes]) -> Figure {
     };
     Figure::in_a_row(
         LOSS,
-        "The held-out mean squared error (the loss, where nothing is held out) against iterations \
-         and against seconds of training on this machine. Pale: other initial weights.",
+        &format!(
+            "The held-out mean squared error{weights} (the loss, where nothing is held out) against \
+             iterations and against seconds of training on this machine. Pale: other initial weights."
+        ),
         vec![panel("iterations", against_iterations), panel("seconds", against_seconds)],
     )
 }

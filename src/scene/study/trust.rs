@@ -20,14 +20,14 @@ impl Study for TrustStudy {
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
         let (data, models) = (context.data()?, context.models()?);
-        // Of the nearest rotation: pairs of a file have one.
-        let rotation_error = data.rotation_error.unwrap_or(f64::NAN);
+        // Pairs of a file have one, and this study is of no others.
+        let Some((action, angles)) = &data.nearest else { return Ok(Findings::default()) };
         let (mut summary, mut details, mut values) = (Vec::new(), Vec::new(), Vec::new());
         for trained in models.iter() {
             let name = &trained.spec.name;
             let held_out = data.held_out.as_ref();
             let mut found = context.stage(&format!("orbits of {name}"), |_| {
-                trust(&trained.outcome, &data.training, held_out, rotation_error)
+                trust(&trained.outcome, &data.training, held_out, (action, angles))
             })?;
             let heading = || Block::Heading(format!("`{name}`"));
             summary.push(heading());

@@ -14,7 +14,7 @@ use crate::scene::run::Event;
 use crate::scene::setup::{Data, MOST, Need};
 use crate::system::{Hamiltonian, NearlyPeriodic};
 use crate::train::{
-    ActionFit, Control, Stop, TrainingOptions, TrainingRecord, fit_rotation, train,
+    ActionFit, Control, Loss, Stop, TrainingOptions, TrainingRecord, fit_rotation, train,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -94,6 +94,10 @@ impl Study for WhichActionOptions {
                 );
                 return Err(Error::invalid(&name(), action, expected));
             }
+        }
+        if self.training.loss == (Loss::ByPlane { weights: None }) {
+            let expected = "weights: those of the planes' motion are other ones for each action";
+            return Err(Error::invalid("training.loss", "by-plane", expected));
         }
         if let Some(system) = &scene.setup.system {
             ActionFit::check_planes(system.dof())?;
