@@ -34,8 +34,8 @@ mod work_precision;
 
 pub use accuracy::{
     Departure, Drift, Milestone, component_errors, departures, distance, distances_along, drift,
-    drift_exponent, drifts, limiting_flow_error, milestones, root_mean_square, rotation_error,
-    rotation_errors,
+    drift_exponent, drifts, limiting_flow_error, milestones, predictions, root_mean_square,
+    rotation_error, rotation_errors,
 };
 pub use adiabatic::{
     Line, Resonance, disturbing_resonance, invariant_drift, invariant_horizon, leading_invariant,

@@ -7,11 +7,12 @@ use crate::io::{Provenance, StoredModel};
 use crate::layer::{CircleAction, TorusAction};
 use crate::measure::rotation_errors;
 use crate::scene::{
-    ByTurns, Folder, Layers, ModelSpec, NetworkSpec, OwnTraining, TrainingTimes, TwistLayers,
+    ByTurns, Folder, Layers, ModelSpec, NetworkSpec, NextStep, OwnTraining, TrainingTimes,
+    TwistLayers,
 };
 use crate::train::{
     AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions, Optimiser,
-    Place, Preparation, Prepared, Progress, Starts, TrainingOptions, Watch, train_schedule,
+    Place, Plateau, Preparation, Prepared, Progress, Starts, TrainingOptions, Watch, train_schedule,
 };
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -110,6 +111,8 @@ impl Watch for Calling<'_> {
 /// near_identity_penalty: the loss gets so many times the mean square of I_epsilon(z) - z.
 /// patience, target: stop when the held-out error has not improved for so many evaluations, one
 /// in ten iterations, or is at most the target; 0 never stops.
+/// plateau: stop when the held-out error has fallen by less than a tenth in so many iterations, 50
+/// with "lm" unless given; 0 never stops.
 /// epsilon, flow_time: those of the pairs, 0.01 and what they tell unless given: epsilon of networks with a circle
 /// action, the flow time of normal forms and of couplings, whose generators are told both.
 /// theta, theta_fixed, theta_penalty: the angle to start from, the nearest rotation's unless given,
@@ -123,7 +126,7 @@ impl Watch for Calling<'_> {
 #[pyo3(signature = (
     input, output, circle_action, *, architecture="gyroceptron", psi=None, near_identity=None,
     kicks=None, twists=None, perturbation=None, layers=None, optimiser="l-bfgs", iterations=None, starts=1,
-    near_identity_penalty=0.0, patience=0, target=0.0, epsilon=None, flow_time=None, theta=None,
+    near_identity_penalty=0.0, patience=0, target=0.0, plateau=None, epsilon=None, flow_time=None, theta=None,
     theta_fixed=false, theta_penalty=0.0, units="fitted", validation=0.1, seed=0, report=None, callback=None
 ))]
 #[allow(clippy::too_many_arguments)]
@@ -145,6 +148,7 @@ pub(super) fn train(
     near_identity_penalty: f64,
     patience: u64,
     target: f64,
+    plateau: Option<u64>,
     epsilon: Option<f64>,
     flow_time: Option<f64>,
     theta: Option<f64>,
@@ -203,6 +207,10 @@ pub(super) fn train(
         theta_penalty,
         patience,
         target,
+        plateau: match plateau {
+            Some(iterations) => Plateau::over(iterations),
+            None => (optimiser == "lm").then(Plateau::default),
+        },
         ..defaults
     };
     options.check()?;
@@ -324,6 +332,19 @@ impl Shapes {
     }
 }
 
+/// A next step as a call.
+fn next_call(step: NextStep) -> String {
+    let with = |more: &str| format!("gyroceptron.train(…, {more})");
+    match step {
+        NextStep::Predict => "model.predict(points, steps)".into(),
+        NextStep::NormalForm => with("architecture=\"normal-form\", optimiser=\"lm\""),
+        NextStep::Iterations(iterations) => with(&format!("iterations={iterations}")),
+        NextStep::Pairs(_) => "gyroceptron.train(more_input, more_output, …)".into(),
+        NextStep::Marquardt => with("optimiser=\"lm\""),
+        NextStep::Starts(starts) => with(&format!("starts={starts}")),
+    }
+}
+
 /// A training that has been checked.
 struct Training<'a> {
     preparation: Preparation<'a>,
@@ -383,6 +404,7 @@ impl Training<'_> {
                 units: stored.units.as_ref(),
                 times: std::mem::take(&mut watch.times),
                 command: "The same call of `gyroceptron.train` with the same pairs".into(),
+                next: &next_call,
             };
             report.report(&folder)?;
         }

@@ -10,8 +10,8 @@ use super::setup::{Data, FlowBy, Need};
 use super::subject::{FileData, Subject};
 use crate::error::Error;
 use crate::flow::{Pairs, ReferenceTrajectories, Region, Trajectories, Window, sample_of};
-use crate::io::{read_pairs, read_trajectories};
-use crate::measure::{limiting_flow_error, root_mean_square, rotation_error};
+use crate::io::read_pairs;
+use crate::measure::{limiting_flow_error, root_mean_square, rotation_error, rotation_errors};
 use crate::network::Rollout;
 use crate::phase::Units;
 use crate::random::Stream;
@@ -279,11 +279,7 @@ impl<'a> Context<'a> {
             Error::Missing { place, key, needed_by: "rollout".into() }
         })?;
         let data = self.data()?;
-        let mut values = read_trajectories(path, file.circle_action.dof())?;
-        let found = values.states();
-        let place = format!("{}: states of each trajectory", path.display());
-        Error::check_count_range(&place, found, states, usize::MAX)?;
-        values = values.first(states);
+        let mut values = file.read_trajectories(path, states)?;
         if let Some(units) = &data.units {
             values = values.moved(|points| units.to_network(points));
         }
@@ -434,6 +430,8 @@ pub(super) struct DataSets {
     /// The mean squared error of the exact limiting rotation alone, on the pairs that choose
     /// among the models of a training.
     pub(super) rotation_error: Option<f64>,
+    /// The same of each component, of pairs of a file.
+    pub(super) rotation_errors: Vec<f64>,
 }
 
 impl DataSets {
@@ -454,8 +452,16 @@ impl DataSets {
         };
         let rotation_error =
             held_out.as_ref().map(|held_out| limiting_flow_error(system, held_out, time));
-        let (validation, units) = (None, None);
-        Ok(Self { training, held_out, validation, reference_error, units, rotation_error })
+        let (validation, units, rotation_errors) = (None, None, Vec::new());
+        Ok(Self {
+            training,
+            held_out,
+            validation,
+            reference_error,
+            units,
+            rotation_error,
+            rotation_errors,
+        })
     }
 
     /// The pairs of a file, made ready as by `gyroceptron train`.
@@ -482,8 +488,17 @@ impl DataSets {
             preparation.prepare(pairs)?;
         let judge = held_out.as_ref().unwrap_or(&training);
         let rotation_error = Some(rotation_error(&action, &nearest, judge));
+        let rotation_errors = rotation_errors(&action, &nearest, judge);
         let (validation, reference_error) = (None, f64::NAN);
-        Ok(Self { training, held_out, validation, reference_error, units, rotation_error })
+        Ok(Self {
+            training,
+            held_out,
+            validation,
+            reference_error,
+            units,
+            rotation_error,
+            rotation_errors,
+        })
     }
 
     /// The pairs of a family of maps: of each ε and flow time a share of the points. What is held
@@ -532,8 +547,16 @@ impl DataSets {
         let rotation_error =
             validation.as_ref().map(|validation| squares / validation.len() as f64);
         let held_out = Some(held_out);
-        let units = None;
-        Ok(Self { training, held_out, validation, reference_error, units, rotation_error })
+        let (units, rotation_errors) = (None, Vec::new());
+        Ok(Self {
+            training,
+            held_out,
+            validation,
+            reference_error,
+            units,
+            rotation_error,
+            rotation_errors,
+        })
     }
 
     /// The box around the pairs, training and held out, in units of the data.

@@ -151,13 +151,30 @@ impl Scene {
         Ok(self)
     }
 
-    /// Fails where a file of a network, of its own or of a part, cannot be read, is not of the scene's subject
+    /// Fails where the trajectories of a file are not those that the roll-out compares with: before
+    /// anything is trained.
+    fn check_trajectories(&self) -> Result<(), Error> {
+        let file = self.setup.data.as_ref().and_then(|data| data.file());
+        let rollout = self.studies.iter().find_map(|study| match study {
+            AnyStudy::Rollout(options) => Some(options),
+            _ => None,
+        });
+        if let (Some(file), Some(rollout)) = (file, rollout)
+            && let Some(path) = file.trajectories
+        {
+            file.read_trajectories(path, rollout.request().kept())?;
+        }
+        Ok(())
+    }
+
+    /// Fails where trajectories of a file are not what a roll-out needs, or where a file of a network, of its own or of a part, cannot be read, is not of the scene's subject
     /// and flow time, or is in the folder that the run writes to and may clear: before anything is
     /// computed.
     ///
     /// # Errors
     /// With the network's name and the file.
     pub fn check_networks(&self, folder: &Path) -> Result<(), Error> {
+        self.check_trajectories()?;
         let true_path = |path: &Path| path.canonicalize().or_else(|_| std::path::absolute(path));
         for model in &self.setup.models {
             let NetworkSpec::File { path: Some(path) } = &model.network else { continue };
@@ -186,8 +203,10 @@ impl Scene {
     /// may differ when a run is gone on with.
     pub(super) fn without_ends(mut self) -> Self {
         let reset = |training: &mut TrainingOptions| {
-            let TrainingOptions { iterations, target, patience, checkpoint_every, .. } = training;
+            let TrainingOptions { iterations, target, patience, plateau, checkpoint_every, .. } =
+                training;
             (*iterations, *target, *patience, *checkpoint_every) = (0, 0.0, 0, 1);
+            *plateau = None;
         };
         reset(&mut self.setup.training);
         for model in &mut self.setup.models {

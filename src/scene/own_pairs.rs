@@ -1,21 +1,23 @@
 //! The report of a training on pairs of one's own.
 
 use super::declaration::Scene;
-use super::findings::Block;
+use super::findings::{Block, Format};
 use super::folder::Folder;
 use super::learning::Trained;
 use super::log::TrainingTimes;
 use super::machine::Machine;
+use super::predictions::{ByComponent, Judged, ORBITS, PREDICTION};
 use super::report::{Report, StudyFindings};
 use super::run::write;
-use super::setup::{ModelSpec, Setup};
+use super::setup::{ModelSpec, NetworkSpec, Setup};
 use super::study::training::{Baseline, LOSS, TrainingResult, findings};
 use super::trust::trust;
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::measure::{component_errors, root_mean_square};
 use crate::phase::Units;
-use crate::train::{Scheduled, TrainingOptions};
+use crate::train::{Optimiser, Scheduled, Stop, TrainingOptions};
+use serde::Serialize;
 use serde_json::json;
 
 /// What is said of units that are not the data's.
@@ -33,6 +35,104 @@ pub fn units_told(units: &Units) -> String {
          widest plane of the pairs is of order one",
         numbers(units.factors())
     )
+}
+
+/// What is said of pairs with an ε below 0; None where there are none.
+pub fn negative_epsilons(pairs: &Pairs) -> Option<String> {
+    let below = pairs.conditions().iter().filter(|condition| condition.epsilon < 0.0);
+    let count: usize = below.map(|condition| condition.pairs).sum();
+    (count > 0).then(|| {
+        format!(
+            "{count} of {} pairs have ε below 0. ε keeps its sign: it multiplies what the network \
+             adds to the rotation, and a prediction for these pairs needs the same sign",
+            pairs.len()
+        )
+    })
+}
+
+/// What to try after a training.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NextStep {
+    /// Use the model.
+    Predict,
+    /// A gyroceptron in normal form in place of the network.
+    NormalForm,
+    /// Go on, up to so many iterations.
+    Iterations(u64),
+    /// More pairs than so many.
+    Pairs(usize),
+    /// Levenberg–Marquardt in place of the optimiser.
+    Marquardt,
+    /// So many initial weights.
+    Starts(u64),
+}
+
+impl NextStep {
+    /// Of a rotation that leaves more than this share of the data, the planes are not those that turn.
+    const TURNS: f64 = 0.5;
+    /// Fewer iterations tell nothing of a network.
+    const FEW: u64 = 100;
+
+    /// What to try after a training: `data` are those of its trust, `rotation` the root mean square
+    /// of what the nearest rotation leaves over that of the data.
+    fn after(training: &OwnTraining<'_>, data: &serde_json::Value, rotation: f64) -> Self {
+        let (outcome, options) = (&training.training.outcome, training.options);
+        let limit = data["limit"].as_str().unwrap_or_default();
+        let trusted = data["trust"].as_str().is_some_and(|word| word.starts_with("yes"));
+        let marquardt = matches!(options.optimiser, Optimiser::LevenbergMarquardt(_));
+        if trusted {
+            return Self::Predict;
+        }
+        if limit == "data" {
+            return Self::Pairs(training.pairs.len());
+        }
+        let falling = limit == "iterations" && outcome.stop == Stop::Iterations;
+        let more = Self::Iterations(options.iterations.saturating_mul(2));
+        if falling && options.iterations < Self::FEW {
+            return more;
+        }
+        let circles = outcome.model.architecture().circles().to_vec();
+        let normal_form = circles
+            .first()
+            .and_then(|circle| NetworkSpec::default_normal_form().architecture(circle, 0.01, 1.0));
+        let is_gyroceptron = matches!(training.spec.network, NetworkSpec::Gyroceptron { .. });
+        if is_gyroceptron
+            && rotation < Self::TURNS
+            && normal_form.is_some_and(|architecture| architecture.check().is_ok())
+        {
+            return Self::NormalForm;
+        }
+        if falling {
+            return more;
+        }
+        match (marquardt, options.starts) {
+            (false, _) => Self::Marquardt,
+            (true, None) => Self::Starts(4),
+            (true, Some(starts)) => Self::Starts(starts.count.saturating_mul(2)),
+        }
+    }
+
+    /// Why.
+    fn reason(self) -> String {
+        match self {
+            Self::Predict => "the model can be used within the box of the pairs".into(),
+            Self::NormalForm => {
+                "the circle action turns the planes of the data, where a normal form learns more \
+                 and keeps its invariant exactly"
+                    .into()
+            }
+            Self::Iterations(_) => {
+                "the loss was still falling when the iterations were done".into()
+            }
+            Self::Pairs(count) => format!(
+                "{count} training pairs are too few: the network knows them by heart; four times as \
+                 many tell whether it is the data"
+            ),
+            Self::Marquardt => "Levenberg–Marquardt gets further than other optimisers".into(),
+            Self::Starts(_) => "other initial weights may end lower".into(),
+        }
+    }
 }
 
 /// A training on pairs of one's own.
@@ -58,6 +158,8 @@ pub struct OwnTraining<'a> {
     pub times: TrainingTimes,
     /// The command that does it again, but for the file of the scene.
     pub command: String,
+    /// How a next step is asked for: a command, or a call.
+    pub next: &'a dyn Fn(NextStep) -> String,
 }
 
 impl OwnTraining<'_> {
@@ -71,18 +173,30 @@ impl OwnTraining<'_> {
             self.rotation_errors.iter().sum::<f64>() / self.rotation_errors.len() as f64;
         let baseline =
             Baseline { rotation_error: Some(rotation_error), size: root_mean_square(output) };
-        let mut errors = match self.held_out {
-            Some(held_out) => {
-                component_errors(self.training.outcome.model.composition(), held_out)?
-            }
-            None => Vec::new(),
-        };
+        let judge = self.held_out.unwrap_or(self.pairs);
+        let found = component_errors(self.training.outcome.model.composition(), judge)?;
+        let of = ByComponent::new(found, &self.rotation_errors, judge, self.units);
         let network = self.spec.name.clone();
         let mut trust = trust(&self.training.outcome, self.pairs, self.held_out, rotation_error)?;
-        let shares: Vec<f64> =
-            errors.iter().zip(&self.rotation_errors).map(|(a, b)| a / b.sqrt()).collect();
+        let next =
+            NextStep::after(&self, &trust.results.data, rotation_error.sqrt() / baseline.size);
+        let error = self.training.outcome.best.validation.unwrap_or(self.training.outcome.loss);
+        trust.results.summary.push(Block::Text(format!(
+            "**Error**: {} of the motion beyond the nearest rotation; {}.",
+            Format::Percent.number((error / rotation_error).sqrt()),
+            of.told()
+        )));
+        trust.results.summary.push(Block::Text(format!(
+            "**Next**: `{}`: {}.",
+            (self.next)(next),
+            next.reason()
+        )));
+        trust.results.data["next"] = json!(next);
+        trust.results.data["worst_plane"] = json!(of.worst_plane().map(|plane| plane + 1));
+        if let Some(told) = negative_epsilons(self.pairs) {
+            trust.results.details.push(Block::Text(format!("- {told}.\n")));
+        }
         if let Some(units) = self.units {
-            errors.iter_mut().zip(units.factors()).for_each(|(error, factor)| *error *= factor);
             trust.results.details.push(Block::Text(format!(
                 "- {}. Errors of each component are in units of the data, all others in those of \
                  the network.\n",
@@ -90,11 +204,31 @@ impl OwnTraining<'_> {
             )));
             trust.results.data["units"] = json!(units);
         }
+        let judged = Judged {
+            models: vec![(&network, &self.training.outcome.model)],
+            training: self.pairs,
+            held_out: self.held_out,
+            units: self.units,
+        };
+        let figures = [judged.prediction()?, judged.orbits()?];
         let Scheduled { initial, legs, outcome } = self.training;
         let trained = Trained { spec: self.spec.clone(), network, initial, legs, outcome };
-        let result = TrainingResult::new(&trained, errors, self.options).with_shares(shares);
+        // Those of pairs that it was trained on are no held-out errors.
+        let held_out = |values: &[f64]| match self.held_out {
+            Some(_) => values.to_vec(),
+            None => Vec::new(),
+        };
+        let result = TrainingResult::new(&trained, held_out(&of.errors), self.options)
+            .with_shares(held_out(&of.shares));
         let training_times = vec![self.times];
-        let findings = findings(&[result], baseline, &training_times, true);
+        let mut findings = findings(&[result], baseline, &training_times, true);
+        findings.results.details.push(Block::Heading("Errors by component".into()));
+        findings.results.details.push(Block::Text(format!(
+            "Of {} pairs, in units of the data.",
+            if self.held_out.is_some() { "the held-out" } else { "the training" }
+        )));
+        findings.results.details.push(Block::Table(of.table()));
+        findings.figures.extend(figures);
         let title = format!(
             "A network trained on {} pairs, {} held out",
             self.pairs.len(),
@@ -108,7 +242,7 @@ impl OwnTraining<'_> {
             seed: self.seed,
             setup,
             studies: Vec::new(),
-            plots: vec![LOSS.into()],
+            plots: [LOSS, PREDICTION, ORBITS].map(str::to_owned).into(),
             parts: Vec::new(),
         };
         let studies = vec![

@@ -73,6 +73,7 @@ def train(
     near_identity_penalty: float = 0.0,
     patience: int = 0,
     target: float = 0.0,
+    plateau: int | None = None,
     epsilon: float | None = None,
     flow_time: float | None = None,
     theta: float | None = None,

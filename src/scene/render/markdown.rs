@@ -33,7 +33,10 @@ fn write_report(out: &mut String, report: &Report) -> Result {
     if let Some(time) = scene.setup.flow_time {
         facts.fact("flow time", time.to_string());
     }
-    write_table(out, &facts)?;
+    // A report that says itself how to repeat it begins with what it found.
+    if report.repeat.is_none() {
+        write_table(out, &facts)?;
+    }
     for study in &report.studies {
         let Findings { title, verdict, results, figures, .. } = &study.findings;
         let verdict = match verdict {
@@ -67,9 +70,11 @@ fn write_report(out: &mut String, report: &Report) -> Result {
         }
     }
     if let Some(what) = &report.repeat {
+        writeln!(out, "\n## To repeat it\n")?;
+        write_table(out, &facts)?;
         return writeln!(
             out,
-            "\n## To repeat it\n\n{what} and gyroceptron {version}: every number above but the timings \
+            "\n{what} and gyroceptron {version}: every number above but the timings \
              comes out the same, bit for bit."
         );
     }

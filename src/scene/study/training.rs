@@ -10,6 +10,7 @@ use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::learning::Trained;
 use crate::scene::log::TrainingTimes;
+use crate::scene::predictions::{ByComponent, Judged, ORBITS, PREDICTION};
 use crate::scene::setup::{Need, NetworkSpec};
 use crate::train::{Leg, LegResult, Optimiser, Stop, TrainingOptions, TrainingRecord};
 use serde::Serialize;
@@ -30,7 +31,7 @@ impl Study for TrainingStudy {
     }
 
     fn figures(&self, _: &Scene) -> Vec<&'static str> {
-        vec![LOSS]
+        vec![LOSS, PREDICTION, ORBITS]
     }
 
     fn cites(&self, scene: &Scene) -> Vec<&'static str> {
@@ -56,20 +57,45 @@ impl Study for TrainingStudy {
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
         let (data, models) = (context.data()?, context.all_models()?);
-        let mut results = Vec::new();
+        let (mut results, mut by_component) = (Vec::new(), Vec::new());
         for trained in models.iter() {
-            let errors = match data.validation() {
+            let mut errors = match data.validation() {
                 None => Vec::new(),
                 Some(held_out) => context.stage("held-out errors of each component", |_| {
                     component_errors(trained.model().composition(), held_out)
                 })?,
             };
             let options = context.scene.setup.training_of(&trained.spec);
-            results.push(TrainingResult::new(trained, errors, options));
+            let mut shares = Vec::new();
+            if let (false, Some(held_out)) = (data.rotation_errors.is_empty(), data.validation()) {
+                let rotation = &data.rotation_errors;
+                let of = ByComponent::new(errors, rotation, held_out, data.units.as_ref());
+                (errors, shares) = (of.errors.clone(), of.shares.clone());
+                by_component.push(Block::Heading(format!("Errors of `{}`", trained.spec.name)));
+                by_component
+                    .push(Block::Text("Of the held-out pairs, in units of the data.".into()));
+                by_component.push(Block::Table(of.table()));
+            }
+            results.push(TrainingResult::new(trained, errors, options).with_shares(shares));
         }
         let baseline = Baseline { rotation_error: data.rotation_error, size: data.size() };
         let draws = context.draws(LOSS);
-        Ok(findings(&results, baseline, context.training_times(), draws))
+        let mut found = findings(&results, baseline, context.training_times(), draws);
+        found.results.details.append(&mut by_component);
+        let studied: Vec<_> = models.iter().filter(|trained| !trained.spec.training_only).collect();
+        let judged = Judged {
+            models: studied.iter().map(|t| (&t.spec.name[..], t.model())).collect(),
+            training: &data.training,
+            held_out: data.held_out.as_ref(),
+            units: data.units.as_ref(),
+        };
+        if context.draws(PREDICTION) {
+            found.figures.push(context.stage("predictions", |_| judged.prediction())?);
+        }
+        if context.draws(ORBITS) {
+            found.figures.push(context.stage("orbits of the networks", |_| judged.orbits())?);
+        }
+        Ok(found)
     }
 }
 
@@ -387,6 +413,7 @@ pub fn stop_words(stop: Stop) -> &'static str {
         Stop::Iterations => "the iterations asked for were done",
         Stop::Target => "the target was reached",
         Stop::Patience => "the held-out error improved no more",
+        Stop::Plateau => "the error was at rest: a plateau",
         Stop::Gradient => "the gradient reached its tolerance",
         Stop::Stalled => "no step lowered the loss any more",
         Stop::Diverged => "the loss left the finite numbers",
