@@ -199,7 +199,7 @@ fn scenes_on_files_that_cannot_be_are_refused() {
     let integrators =
         "rounds = 1\nintegrators = [{ integrator = { kind = \"strang\" }, one_step = [1] }]";
     let ramp = "iterations = 150\nramp = [{ flow_time = 0.1, iterations = 5 }]";
-    for (from, to, words) in [
+    for (number, (from, to, words)) in [
         (pairs, "pairs = \"none.npz\"", &["none.npz"][..]),
         (pairs, &format!("{pairs}\n{window}"), &["data.windows"]),
         (pairs, window, &["data.trajectories"]),
@@ -222,15 +222,20 @@ fn scenes_on_files_that_cannot_be_are_refused() {
         ("flow_time = 0.5\n", "", &["flow_time"]),
         ("validation = 0.2", "validation = 1.0", &["data.validation"]),
         (gyroceptron, "network = { kind = \"file\", path = \"w.npz\" }", &["networks to train"]),
-    ] {
+    ]
+    .into_iter()
+    .enumerate()
+    {
         let scene = SCENE.replacen(from, to, 1);
         assert!(scene != SCENE, "{from}");
         std::fs::write(path.join("bad.toml"), scene).expect("written");
-        let output = run(path, "bad.toml", "o");
+        let out = format!("o{number}");
+        let output = run(path, "bad.toml", &out);
         let told = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{from}: {told}");
         // Before anything is trained, and before a folder is made.
-        assert!(!told.contains("training"), "{from}: {told}");
+        assert!(!told.contains("training gyroceptron"), "{from}: {told}");
+        assert!(!words[0].ends_with(".npy") || !path.join(&out).exists(), "{from}");
         for word in words {
             assert!(told.contains(word), "{from} does not name {word}: {told}");
         }

@@ -12,7 +12,8 @@ use crate::scene::{
 };
 use crate::train::{
     AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions, Optimiser,
-    Place, Plateau, Preparation, Prepared, Progress, Starts, TrainingOptions, Watch, train_schedule,
+    Place, Plateau, Preparation, Prepared, Progress, Starts, TrainingOptions, Watch,
+    train_schedule,
 };
 use pyo3::prelude::*;
 use std::path::PathBuf;

@@ -162,13 +162,16 @@ impl Scene {
         if let (Some(file), Some(rollout)) = (file, rollout)
             && let Some(path) = file.trajectories
         {
-            file.read_trajectories(path, rollout.request().kept())?;
+            let found = file.read_trajectories(path, rollout.request().kept());
+            // Pairs that are not of the action either are told with those.
+            let error = found.err().filter(|_| file.fits_pairs());
+            return error.map_or(Ok(()), Err);
         }
         Ok(())
     }
 
-    /// Fails where trajectories of a file are not what a roll-out needs, or where a file of a network, of its own or of a part, cannot be read, is not of the scene's subject
-    /// and flow time, or is in the folder that the run writes to and may clear: before anything is
+    /// Fails where trajectories of a file are not what a roll-out needs, or where a file of a network, of its
+    /// own or of a part, cannot be read, is not of the scene's subject and flow time, or is in the folder that the run writes to and may clear: before anything is
     /// computed.
     ///
     /// # Errors

@@ -72,7 +72,7 @@ impl NextStep {
     /// Of a rotation that leaves more than this share of the data, the planes are not those that turn.
     const TURNS: f64 = 0.5;
     /// Fewer iterations tell nothing of a network.
-    const FEW: u64 = 100;
+    const FEW: u64 = 50;
 
     /// What to try after a training: `data` are those of its trust, `rotation` the root mean square
     /// of what the nearest rotation leaves over that of the data.
@@ -89,7 +89,7 @@ impl NextStep {
         }
         let falling = limit == "iterations" && outcome.stop == Stop::Iterations;
         let more = Self::Iterations(options.iterations.saturating_mul(2));
-        if falling && options.iterations < Self::FEW {
+        if outcome.stop == Stop::Iterations && options.iterations < Self::FEW {
             return more;
         }
         let circles = outcome.model.architecture().circles().to_vec();
@@ -122,9 +122,7 @@ impl NextStep {
                  and keeps its invariant exactly"
                     .into()
             }
-            Self::Iterations(_) => {
-                "the loss was still falling when the iterations were done".into()
-            }
+            Self::Iterations(_) => "the iterations were done before the loss was at rest".into(),
             Self::Pairs(count) => format!(
                 "{count} training pairs are too few: the network knows them by heart; four times as \
                  many tell whether it is the data"

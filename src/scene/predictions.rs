@@ -19,6 +19,8 @@ pub(super) const ORBITS: &str = "orbits";
 const POINTS: usize = 500;
 const STARTS: usize = 8;
 const STEPS: usize = OwnInvariance::ITERATIONS;
+/// One state in so many is drawn.
+const EVERY: usize = 4;
 /// Beyond the box of the pairs by such a share of its width, an orbit is drawn no further.
 const ASTRAY: f64 = 0.5;
 /// The colour of what is beside the numbers of a network.
@@ -93,7 +95,9 @@ impl Judged<'_> {
         }
         let caption = format!(
             "Predictions of one step against the truth, of {} {} pairs: each plane has a row, its q \
-             on the left and its p on the right, in units of the data.",
+             on the left and its p on the right, in units of the data. Where the rotation is most of \
+             the motion, points lie near the line whatever is learnt beyond it: the errors by \
+             component say how much that is.",
             pairs.len(),
             self.words()
         );
@@ -114,7 +118,8 @@ impl Judged<'_> {
         let count = starts.len() / dim;
         let mut panels = Vec::new();
         for (name, model) in &self.models {
-            let states = self.to_data(model.rollout(starts, Rollout { steps: STEPS, every: 1 })?);
+            let states =
+                self.to_data(model.rollout(starts, Rollout { steps: STEPS, every: EVERY })?);
             let orbits = Trajectories::new(states, dim, count)?;
             let around = region.as_ref().map(|region| region.widened(ASTRAY));
             let inside =
@@ -149,8 +154,8 @@ impl Judged<'_> {
             }
         }
         let caption = format!(
-            "Phase portraits of each plane: {count} orbits of {STEPS} steps of the network, from \
-             {} points, in units of the data. An orbit is drawn until it leaves the box of the \
+            "Phase portraits of each plane: {count} orbits of {STEPS} steps of the network, one in \
+             {EVERY} drawn, from {} points, in units of the data. An orbit is drawn until it leaves the box of the \
              pairs by more than half its width.",
             self.words()
         );

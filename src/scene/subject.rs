@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::flow::{Pairs, Trajectories};
-use crate::io::read_trajectories;
+use crate::io::{read_pairs, read_trajectories};
 use crate::layer::{CircleAction, TorusAction};
 use crate::network::Architecture;
 use crate::system::{Hamiltonian, NearlyPeriodic, System};
@@ -32,6 +32,11 @@ pub(super) struct FileData<'a> {
 }
 
 impl FileData<'_> {
+    /// Whether the pairs can be read and are of the degrees of freedom of the action.
+    pub(super) fn fits_pairs(&self) -> bool {
+        read_pairs(self.pairs).is_ok_and(|file| file.pairs.dof() == self.circle_action.dof())
+    }
+
     /// The first states of the trajectories of a file, in its units.
     ///
     /// # Errors

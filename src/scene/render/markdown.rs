@@ -17,7 +17,7 @@ pub fn report(report: &Report) -> String {
 fn write_report(out: &mut String, report: &Report) -> Result {
     let scene = &report.scene;
     let version = env!("CARGO_PKG_VERSION");
-    writeln!(out, "# {}\n\n{}\n", scene.name, scene.title)?;
+    writeln!(out, "# {}\n\n{}", scene.name, scene.title)?;
     let mut facts = Table::of_facts();
     facts.fact("scene", format!("`{}`, seed {}", scene.name, scene.seed));
     facts.fact("gyroceptron", version);
@@ -35,6 +35,7 @@ fn write_report(out: &mut String, report: &Report) -> Result {
     }
     // A report that says itself how to repeat it begins with what it found.
     if report.repeat.is_none() {
+        writeln!(out)?;
         write_table(out, &facts)?;
     }
     for study in &report.studies {
