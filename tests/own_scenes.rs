@@ -18,7 +18,7 @@ name = "own"
 title = "Pairs of a file"
 seed = 3
 flow_time = 0.5
-plots = ["loss", "portrait", "adiabatic-invariant", "rollout-error", "error-against-time"]
+plots = ["loss", "prediction", "orbits", "portrait", "adiabatic-invariant", "rollout-error", "error-against-time"]
 
 [data]
 pairs = "pairs.npz"
@@ -142,6 +142,35 @@ fn a_scene_on_files_runs_to_a_report() {
     let large = folder.path().join("large");
     let (text, of_large) = report(&large);
     assert!(text.contains("in units of 1.2800e2"), "{text}");
+    // Errors of components, portraits and orbits are in units of the data.
+    let components = |data: &Value, of: &dyn Fn(&Value) -> Value| -> Vec<f64> {
+        let values = of(&data["studies"]);
+        let values = values.as_array().expect("numbers").iter();
+        values.map(|value| value.as_f64().expect("a number")).collect()
+    };
+    let ofs: [&dyn Fn(&Value) -> Value; 2] =
+        [&|studies| studies["training"]["models"][0]["component_errors"].clone(), &|studies| {
+            studies["rollout"]["component_errors"][1]["rms"].clone()
+        }];
+    for of in ofs {
+        let (small, large) = (components(&data, of), components(&of_large, of));
+        let times: Vec<f64> = small.iter().map(|error| 128.0 * error).collect();
+        assert!(small.len() == 4 && small.iter().all(|error| *error > 0.0));
+        assert_eq!(times, large);
+    }
+    assert!(
+        text.contains("Errors of `gyroceptron`") && text.contains("| q₁ (plane 1) |"),
+        "{text}"
+    );
+    for name in ["portrait.csv", "prediction.csv", "orbits.csv"] {
+        let widest = |folder: &Path| -> f64 {
+            let text = std::fs::read_to_string(folder.join(name)).expect("numbers");
+            let numbers = text.lines().skip(1).map(|line| line.rsplit(',').next().expect("y"));
+            numbers.map(|y| y.parse::<f64>().expect("a number").abs()).fold(0.0, f64::max)
+        };
+        let ratio = widest(&large) / widest(&out);
+        assert!((ratio / 128.0 - 1.0).abs() < 1e-12, "{name}: {ratio}");
+    }
     assert_eq!(of_large["studies"]["rollout"]["models"], studies["rollout"]["models"]);
     let region = |folder: &Path| {
         let stored = load_model(&folder.join("model-gyroceptron.json")).expect("a model");
@@ -170,7 +199,7 @@ fn scenes_on_files_that_cannot_be_are_refused() {
     let integrators =
         "rounds = 1\nintegrators = [{ integrator = { kind = \"strang\" }, one_step = [1] }]";
     let ramp = "iterations = 150\nramp = [{ flow_time = 0.1, iterations = 5 }]";
-    for (from, to, words) in [
+    for (number, (from, to, words)) in [
         (pairs, "pairs = \"none.npz\"", &["none.npz"][..]),
         (pairs, &format!("{pairs}\n{window}"), &["data.windows"]),
         (pairs, window, &["data.trajectories"]),
@@ -193,13 +222,20 @@ fn scenes_on_files_that_cannot_be_are_refused() {
         ("flow_time = 0.5\n", "", &["flow_time"]),
         ("validation = 0.2", "validation = 1.0", &["data.validation"]),
         (gyroceptron, "network = { kind = \"file\", path = \"w.npz\" }", &["networks to train"]),
-    ] {
+    ]
+    .into_iter()
+    .enumerate()
+    {
         let scene = SCENE.replacen(from, to, 1);
         assert!(scene != SCENE, "{from}");
         std::fs::write(path.join("bad.toml"), scene).expect("written");
-        let output = run(path, "bad.toml", "o");
+        let out = format!("o{number}");
+        let output = run(path, "bad.toml", &out);
         let told = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{from}: {told}");
+        // Before anything is trained, and before a folder is made.
+        assert!(!told.contains("training gyroceptron"), "{from}: {told}");
+        assert!(!words[0].ends_with(".npy") || !path.join(&out).exists(), "{from}");
         for word in words {
             assert!(told.contains(word), "{from} does not name {word}: {told}");
         }

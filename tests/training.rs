@@ -9,7 +9,8 @@ use gyroceptron::scalar::{Dual, max_or_nan};
 use gyroceptron::system::Oscillators;
 use gyroceptron::train::{
     AdamOptions, Checkpoint, Control, LbfgsOptions, LevenbergMarquardtOptions, Loss, Objective,
-    Optimiser, Outcome, Progress, Scaling, Stop, TrainingOptions, fit_rotation, train,
+    Optimiser, Outcome, Plateau, Progress, Scaling, Stop, TrainingOptions, TrainingRecord,
+    fit_rotation, train,
 };
 
 fn pairs(count: usize, time: f64, seed: u64) -> Pairs {
@@ -823,6 +824,52 @@ fn training_stops_for_the_reason_asked_for() {
     assert_eq!(gradient.stop, Stop::Gradient);
     let last = gradient.history.last().expect("a record");
     assert!(last.gradient <= 1e-4 && last.iteration < 500);
+    // The error at rest: a tenth a window, with held-out pairs and without, whoever lowers it, and
+    // after a pause.
+    for optimiser in optimisers() {
+        for held_out in [Some(&held_out), None] {
+            let plateau = Plateau { iterations: 14, improvement: 0.1 };
+            let plain = TrainingOptions { optimiser: optimiser.clone(), ..options(600) };
+            let at_rest = TrainingOptions { plateau: Some(plateau), ..plain.clone() };
+            let mut kept = None;
+            let mut watch = |progress: Progress<'_>| {
+                kept = progress.checkpoint.cloned().or(kept.take());
+                let pause = progress.record.iteration == 9;
+                Ok(if pause { Control::Interrupt } else { Control::Continue })
+            };
+            let run = |resume, watch: &mut dyn FnMut(Progress<'_>) -> _| {
+                train(&model(3), &pairs, held_out, &at_rest, resume, watch).expect("runs")
+            };
+            let outcome = run(None, &mut quiet);
+            assert_eq!(outcome.stop, Stop::Plateau, "{}", optimiser.name());
+            let last = outcome.history.last().expect("a record");
+            assert!(last.iteration.is_multiple_of(14) && last.iteration < 600);
+            let windows = if last.pairs < pairs.len() { 2 } else { 1 };
+            let score = |until: u64| {
+                let records = outcome.history.iter().filter(|r| r.iteration <= until);
+                let of = |r: &TrainingRecord| match held_out {
+                    Some(_) => r.validation,
+                    None => (r.pairs == last.pairs).then_some(r.loss),
+                };
+                records.filter_map(of).fold(f64::INFINITY, f64::min)
+            };
+            let (now, before) = (score(last.iteration), score(last.iteration - 14 * windows));
+            assert!(now >= 0.9 * before, "{now:e} {before:e}");
+            // Its path is that of a training that goes on.
+            let on = train(&model(3), &pairs, held_out, &plain, None, &mut quiet).expect("runs");
+            assert_eq!(on.history[..9], outcome.history[..9]);
+            assert!(on.history.len() > outcome.history.len() || on.stop == Stop::Stalled);
+            let paused = run(None, &mut watch);
+            assert!(paused.stop == Stop::Interrupted || paused.stop == Stop::Plateau);
+            let resumed = run(kept, &mut quiet);
+            assert_eq!(resumed.stop, Stop::Plateau);
+            assert_eq!(resumed.history, outcome.history);
+            assert_eq!(
+                resumed.model.composition().parameters(),
+                outcome.model.composition().parameters()
+            );
+        }
+    }
     // A handful of pairs is overfitted: the held-out error turns.
     let few = pairs_of_three();
     let patience = TrainingOptions { patience: 3, validate_every: 1, ..options(3000) };
@@ -902,6 +949,10 @@ fn bad_options_and_shapes_are_refused() {
     fails(TrainingOptions { checkpoint_every: 0, ..options(5) });
     fails(TrainingOptions { target: f64::NAN, ..options(5) });
     fails(TrainingOptions { gradient_tolerance: -1.0, ..options(5) });
+    for (iterations, improvement) in [(0, 0.1), (5, -0.1), (5, 1.1), (5, f64::NAN)] {
+        let plateau = Some(Plateau { iterations, improvement });
+        fails(TrainingOptions { plateau, ..options(5) });
+    }
     fails(of(lbfgs(30, Scaling::GaussNewton { renew: 0 })));
     let marquardt = LevenbergMarquardtOptions::default();
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {

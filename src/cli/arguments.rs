@@ -201,13 +201,18 @@ pub struct Train {
     /// in ten iterations; 0 never stops.
     #[arg(long, value_name = "N")]
     pub patience: Option<u64>,
+    /// Stop when the held-out error has fallen by less than a tenth in so many iterations
+    /// [default with --optimiser lm: 50]; 0 never stops.
+    #[arg(long, value_name = "N")]
+    pub plateau: Option<u64>,
     /// Stop when the held-out error is at most this.
     #[arg(long, value_name = "MSE", allow_negative_numbers = true)]
     pub target: Option<f64>,
     /// The folder of the report [default: the model's name and -report, beside it].
     #[arg(long, value_name = "DIR")]
     pub report: Option<PathBuf>,
-    /// The model file to write; FILE.checkpoint beside it while training.
+    /// The model file to write; FILE.checkpoint beside it while training, and afterwards where
+    /// the iterations were done and --resume can go on.
     #[arg(long, value_name = "FILE.json")]
     pub output: PathBuf,
     /// ε of the near-identity part [default: the largest of the pairs, or 0.01].

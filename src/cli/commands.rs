@@ -4,7 +4,7 @@ use super::arguments::{
     Arguments, Command, Common, Export, Import, Outside, Predict, Run, Verify, circle_action,
     positive,
 };
-use super::output::{json, out, status_of};
+use super::output::{json, out, status_of, width};
 use super::progress::{Progress, line};
 use super::train::train_pairs;
 use super::{Status, cite};
@@ -114,7 +114,7 @@ fn run_scene(arguments: &Run) -> Result<Status, Error> {
     if arguments.common.json {
         json(&render::json(&report))?;
     } else {
-        out(&terminal::summary(&report))?;
+        out(&terminal::summary(&report, width()))?;
         out(&format!("report: {}\n", path.join("report.md").display()))?;
     }
     if !report.holds() {
@@ -211,7 +211,7 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
             options.radius,
             options.seed,
             if own_units.is_some() { ", z in the units of the network" } else { "" },
-            terminal::table(&certificate_table(&result.rows)),
+            terminal::table(&certificate_table(&result.rows), width()),
         ))?;
         for line in result.advice() {
             out(&format!("- {line}\n"))?;

@@ -3,13 +3,15 @@
 mod arguments;
 mod cite;
 mod commands;
+mod next;
 mod output;
 mod progress;
 mod train;
 
-use clap::Parser;
 use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser};
 use gyroceptron::Error;
+use gyroceptron::scene::catalogue;
 use std::io::Write;
 use std::process::ExitCode;
 
@@ -27,8 +29,11 @@ const BAD_INPUT: u8 = 2;
 pub fn main() -> ExitCode {
     let parsed = match arguments::Arguments::try_parse() {
         Ok(parsed) => parsed,
-        Err(error) => return usage(&error),
+        Err(error) => return misspelt().map_or_else(|| usage(&error), |word| refused(&word)),
     };
+    if let Some(word) = misspelt() {
+        return refused(&word);
+    }
     match commands::dispatch(parsed) {
         Ok(Status::Done) => ExitCode::SUCCESS,
         Ok(Status::CheckFailed) => ExitCode::from(1),
@@ -43,21 +48,54 @@ pub fn main() -> ExitCode {
 
 /// One line on standard error.
 fn report(error: &Error) {
-    let line = error.to_string().replace(['\n', '\r'], " ");
-    let _ = writeln!(std::io::stderr(), "gyroceptron: {line}{}", options_for(error));
+    let line = told(error).replace(['\n', '\r'], " ");
+    let _ = writeln!(std::io::stderr(), "gyroceptron: {line}");
 }
 
-/// The options that an error of the library, which knows of none, asks for.
-fn options_for(error: &Error) -> &'static str {
+/// An error with the options that answer it.
+fn told(error: &Error) -> String {
     match error {
-        Error::At { reason, .. } => options_for(reason),
-        Error::OutputExists { .. } => {
-            " (--resume goes on with it, --overwrite replaces it, --out is another folder)"
+        Error::OutputExists { path } => format!(
+            "{}: holds an earlier run; give --resume to go on with it, --overwrite to replace it, \
+             or another --out",
+            path.display()
+        ),
+        Error::FileExists { path } => format!(
+            "{}: exists already; give --overwrite to replace it, or another name",
+            path.display()
+        ),
+        Error::Missing { key: "models.network.path", .. } => {
+            format!("{error}; give --weights FILE")
         }
-        Error::FileExists { .. } => " (--overwrite replaces it)",
-        Error::Missing { key: "models.network.path", .. } => " (--weights FILE)",
-        _ => "",
+        Error::At { place, reason } => format!("{place}: {}", told(reason)),
+        other => other.to_string(),
     }
+}
+
+/// A first word that is neither a command nor a scene, where it is like one: without a command,
+/// the program takes any word for a scene.
+fn misspelt() -> Option<String> {
+    const NEAR: f64 = 0.8;
+    let word = std::env::args_os().nth(1)?.into_string().ok()?;
+    if word.starts_with('-') || word.ends_with(".toml") {
+        return None;
+    }
+    let program = arguments::Arguments::command();
+    let commands = program.get_subcommands().map(clap::Command::get_name).chain(["help"]);
+    let known: Vec<&str> = commands.chain(catalogue().iter().map(|entry| entry.name)).collect();
+    if known.contains(&&word[..]) {
+        return None;
+    }
+    let likeness = known.iter().map(|name| (strsim::jaro_winkler(&word, name), name));
+    let (_, nearest) =
+        likeness.filter(|(near, _)| *near >= NEAR).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some(format!("`{word}` is neither a command nor a scene: did you mean `{nearest}`?"))
+}
+
+/// Bad usage, in a line.
+fn refused(message: &str) -> ExitCode {
+    let _ = writeln!(std::io::stderr(), "gyroceptron: {message} (see gyroceptron --help)");
+    ExitCode::from(BAD_INPUT)
 }
 
 fn usage(error: &clap::Error) -> ExitCode {
@@ -73,6 +111,5 @@ fn usage(error: &clap::Error) -> ExitCode {
         .filter(|line| !line.is_empty())
         .collect::<Vec<_>>()
         .join("; ");
-    let _ = writeln!(std::io::stderr(), "gyroceptron: {message} (see gyroceptron --help)");
-    ExitCode::from(BAD_INPUT)
+    refused(&message)
 }

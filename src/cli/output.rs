@@ -3,7 +3,7 @@
 use super::Status;
 use gyroceptron::Error;
 use serde::Serialize;
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::path::Path;
 
 /// Writes to standard output. A reader that closed the pipe is no error.
@@ -15,6 +15,18 @@ pub fn out(text: &str) -> Result<(), Error> {
         }
         _ => Ok(()),
     }
+}
+
+/// The letters of a line: of the terminal, or as `COLUMNS` says, or 100.
+pub fn width() -> usize {
+    const USUAL: usize = 100;
+    let of_terminal = || {
+        let terminal = std::io::stdout().is_terminal();
+        let size = terminal.then(|| console::Term::stdout().size_checked()).flatten();
+        size.map(|(_, columns)| usize::from(columns)).filter(|columns| *columns > 0)
+    };
+    let told = || std::env::var("COLUMNS").ok()?.trim().parse().ok().filter(|n| *n > 0);
+    of_terminal().or_else(told).unwrap_or(USUAL)
 }
 
 /// One JSON document.

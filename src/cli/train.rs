@@ -3,22 +3,25 @@
 use super::Status;
 use super::arguments::{OptimiserName, Train, UnitsOf, circle_action, option_of, positive};
 use super::commands::{check_ending, guard_output, read_scene, use_threads};
-use super::output::{json, out};
+use super::next;
+use super::output::{json, out, width};
 use super::progress::{Progress, line};
 use gyroceptron::Error;
 use gyroceptron::flow::{Condition, Pairs};
 use gyroceptron::io::{
-    PairsFile, Provenance, StoredModel, earlier_checkpoint, load_checkpoint, read_pairs,
-    save_checkpoint, save_model,
+    PairsFile, Provenance, StoredModel, earlier_checkpoint, load_checkpoint, load_model,
+    read_pairs, save_checkpoint, save_model,
 };
 use gyroceptron::layer::TorusAction;
 use gyroceptron::network::{Architecture, Circles, LayerSizes, NetworkSpec};
 use gyroceptron::scene::render::terminal;
-use gyroceptron::scene::{Folder, ModelSpec, Note, Observer, OwnTraining, Reading, TrainingTimes};
+use gyroceptron::scene::{
+    Folder, ModelSpec, Note, Observer, OwnTraining, Reading, TrainingTimes, negative_epsilons,
+};
 use gyroceptron::train::{
     ActionFit, AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions,
-    Loss, Optimiser, Place, Preparation, Prepared, Progress as TrainingProgress, Starts, Stop,
-    TrainingOptions, Watch, train_schedule,
+    Loss, Optimiser, Place, Plateau, Preparation, Prepared, Progress as TrainingProgress, Starts,
+    Stop, TrainingOptions, Watch, train_schedule,
 };
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -107,6 +110,12 @@ fn options(arguments: &Train, mut training: TrainingOptions) -> Result<TrainingO
             OptimiserName::Lbfgs => Optimiser::Lbfgs(LbfgsOptions::default()),
             OptimiserName::Adam => Optimiser::Adam(AdamOptions::default()),
         };
+        if name == OptimiserName::Lm {
+            training.plateau = training.plateau.or(Some(Plateau::default()));
+        }
+    }
+    if let Some(iterations) = arguments.plateau {
+        training.plateau = Plateau::over(iterations);
     }
     if let Some(penalty) = arguments.near_identity_penalty {
         training.near_identity_penalty = penalty;
@@ -226,6 +235,35 @@ impl Watch for Training<'_> {
         self.progress.iteration(&name, told.record, iterations);
         Ok(if self.progress.interrupted() { Control::Interrupt } else { Control::Continue })
     }
+}
+
+/// Whether the model is of this training, which has ended by itself and left no checkpoint.
+fn is_finished(arguments: &Train, architecture: &Architecture, digest: &str) -> bool {
+    load_model(&arguments.output).is_ok_and(|stored| {
+        let Provenance { seed, data, .. } = &stored.provenance;
+        *seed == Some(arguments.seed)
+            && data.as_deref() == Some(digest)
+            && stored.model.architecture() == architecture
+    })
+}
+
+/// The model and the report of a training that is not gone on with stay as they are.
+fn tell_finished(arguments: &Train, report_folder: &Path) -> Result<Status, Error> {
+    let model = arguments.output.display();
+    line(&format!(
+        "{model}: this training has ended by itself and is not gone on with; --overwrite begins anew"
+    ));
+    let report = report_folder.join("report.md");
+    if arguments.common.json {
+        json(&json!({
+            "model": model.to_string(),
+            "report": report_folder.display().to_string(),
+            "finished": true,
+        }))?;
+    } else {
+        out(&format!("model: {model}\nreport: {}\n", report.display()))?;
+    }
+    Ok(Status::Done)
 }
 
 /// Where the network stands in the family that pairs may be of.
@@ -365,6 +403,12 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     }
     let epsilon = family.epsilon;
     let pairs = file.pairs.with_conditions(|condition| family.place(condition));
+    if let Some(told) = negative_epsilons(&pairs) {
+        progress.note(&format!(
+            "{}: {told}; the network's own is {epsilon}, and --epsilon of predict takes the sign",
+            arguments.data.display()
+        ));
+    }
     if has_time && !of_order_one && epsilon == 0.0 && family.time.is_none() {
         return Err(Error::invalid("--epsilon", 0, "another number, or --flow-time"));
     }
@@ -423,6 +467,9 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         remove_checkpoints(&checkpoint_file)?;
     }
     if arguments.resume && !checkpoints.iter().any(|path| path.exists()) {
+        if is_finished(arguments, &architecture, &digest) {
+            return tell_finished(arguments, &report_folder);
+        }
         load_checkpoint(&checkpoint_file)?;
     }
     let result = train_schedule(&mut start, &[place], &training, &mut watch);
@@ -467,8 +514,16 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         units: units.as_ref(),
         times,
         command,
+        next: &|step| {
+            let typed: Vec<String> = std::env::args().skip(1).collect();
+            next::command(&typed, step, &arguments.output)
+        },
     }
     .report(&Folder::open_report(&report_folder, true)?)?;
+    // Where the iterations were done, more of them may be asked for.
+    if stop != Stop::Iterations {
+        remove_checkpoints(&checkpoint_file)?;
+    }
     if arguments.common.json {
         json(&json!({
             "model": arguments.output.display().to_string(),
@@ -484,7 +539,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
             "units": units,
         }))?;
     } else {
-        out(&terminal::summary(&report))?;
+        out(&terminal::summary(&report, width()))?;
         let report = report_folder.join("report.md");
         out(&format!("model: {}\nreport: {}\n", arguments.output.display(), report.display()))?;
     }

@@ -253,13 +253,7 @@ pub fn root_mean_square(values: &[f64]) -> f64 {
 /// Those of [`map_points`].
 pub fn component_errors(map: &Composition<f64>, pairs: &Pairs) -> Result<Vec<f64>, Error> {
     let dim = 2 * pairs.dof();
-    let mut moved = Vec::with_capacity(pairs.input().len());
-    for (condition, input, _) in pairs.runs() {
-        let first = moved.len();
-        moved.extend_from_slice(input);
-        let at = condition.map(|condition| map.at(condition.epsilon, condition.time));
-        map_points(at.as_ref().unwrap_or(map), Direction::Forward, &mut moved[first..])?;
-    }
+    let moved = predictions(map, pairs)?;
     let mut squares = vec![0.0; dim];
     for (found, target) in moved.chunks_exact(dim).zip(pairs.output().chunks_exact(dim)) {
         for c in 0..dim {
@@ -267,4 +261,20 @@ pub fn component_errors(map: &Composition<f64>, pairs: &Pairs) -> Result<Vec<f64
         }
     }
     Ok(squares.into_iter().map(|s| (s / pairs.len() as f64).sqrt()).collect())
+}
+
+/// What a map makes of the inputs, in rows of 2n numbers; of pairs under several conditions, the
+/// map of each.
+///
+/// # Errors
+/// Those of [`map_points`].
+pub fn predictions(map: &Composition<f64>, pairs: &Pairs) -> Result<Vec<f64>, Error> {
+    let mut moved = Vec::with_capacity(pairs.input().len());
+    for (condition, input, _) in pairs.runs() {
+        let first = moved.len();
+        moved.extend_from_slice(input);
+        let at = condition.map(|condition| map.at(condition.epsilon, condition.time));
+        map_points(at.as_ref().unwrap_or(map), Direction::Forward, &mut moved[first..])?;
+    }
+    Ok(moved)
 }

@@ -37,7 +37,7 @@ mod work_precision;
 pub use accuracy::{
     Departure, Drift, Milestone, PlaneMotion, component_errors, departures, distance,
     distances_along, drift, drift_exponent, drifts, limiting_flow_error, milestones, plane_motions,
-    root_mean_square, rotation_error, rotation_errors,
+    predictions, root_mean_square, rotation_error, rotation_errors,
 };
 pub use adiabatic::{
     Line, Resonance, disturbing_resonance, invariant_drift, invariant_horizon, leading_invariant,

@@ -9,10 +9,10 @@ use crate::flow::Pairs;
 use crate::io::{Provenance, StoredModel};
 use crate::layer::TorusAction;
 use crate::network::{self, Alternating, Block, LayerSizes, NetworkSpec};
-use crate::scene::{Folder, ModelSpec, OwnTraining, TrainingTimes};
+use crate::scene::{Folder, ModelSpec, NextStep, OwnTraining, TrainingTimes};
 use crate::train::{
     AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions, Loss,
-    Optimiser, Place, Preparation, Prepared, Progress, Starts, TrainingOptions, Watch,
+    Optimiser, Place, Plateau, Preparation, Prepared, Progress, Starts, TrainingOptions, Watch,
     train_schedule,
 };
 use pyo3::prelude::*;
@@ -128,6 +128,8 @@ impl Watch for Calling<'_> {
 /// near_identity_penalty: the loss gets so many times the mean square of I_epsilon(z) - z.
 /// patience, target: stop when the held-out error has not improved for so many evaluations, one
 /// in ten iterations, or is at most the target; 0 never stops.
+/// plateau: stop when the held-out error has fallen by less than a tenth in so many iterations, 50
+/// with "lm" unless given; 0 never stops.
 /// epsilon, flow_time: those of the pairs, 0.01 and what they tell unless given: epsilon of networks with a circle
 /// action, the flow time of normal forms and of couplings, whose generators are told both.
 /// loss_weights: "auto", by the motion of each plane beside the rotation, "none", or n or 2n positive
@@ -148,7 +150,7 @@ impl Watch for Calling<'_> {
 #[pyo3(signature = (
     input, output, circle_action, *, architecture="gyroceptron", psi=None, near_identity=None,
     kicks=None, twists=None, perturbation=None, layers=None, blocks=None, optimiser="l-bfgs", iterations=None, starts=1,
-    near_identity_penalty=0.0, loss_weights=LossWeights::Named("auto".into()), patience=0, target=0.0, epsilon=None, flow_time=None, theta=None,
+    near_identity_penalty=0.0, loss_weights=LossWeights::Named("auto".into()), patience=0, target=0.0, plateau=None, epsilon=None, flow_time=None, theta=None,
     theta_fixed=false, theta_penalty=0.0, units="fitted", validation=0.1, seed=0, report=None, callback=None
 ))]
 #[allow(clippy::too_many_arguments)]
@@ -172,6 +174,7 @@ pub(super) fn train(
     loss_weights: LossWeights,
     patience: u64,
     target: f64,
+    plateau: Option<u64>,
     epsilon: Option<f64>,
     flow_time: Option<f64>,
     theta: Option<f64>,
@@ -235,6 +238,10 @@ pub(super) fn train(
         theta_penalty,
         patience,
         target,
+        plateau: match plateau {
+            Some(iterations) => Plateau::over(iterations),
+            None => (optimiser == "lm").then(Plateau::default),
+        },
         ..defaults
     };
     options.check()?;
@@ -321,6 +328,19 @@ fn twists((count, width): (usize, Widths)) -> LayerSizes {
     LayerSizes { count, width }
 }
 
+/// A next step as a call.
+fn next_call(step: NextStep) -> String {
+    let with = |more: &str| format!("gyroceptron.train(…, {more})");
+    match step {
+        NextStep::Predict => "model.predict(points, steps)".into(),
+        NextStep::NormalForm => with("architecture=\"normal-form\", optimiser=\"lm\""),
+        NextStep::Iterations(iterations) => with(&format!("iterations={iterations}")),
+        NextStep::Pairs(_) => "gyroceptron.train(more_input, more_output, …)".into(),
+        NextStep::Marquardt => with("optimiser=\"lm\""),
+        NextStep::Starts(starts) => with(&format!("starts={starts}")),
+    }
+}
+
 /// A training that has been checked.
 struct Training<'a> {
     preparation: Preparation<'a>,
@@ -386,6 +406,7 @@ impl Training<'_> {
                 units: stored.units.as_ref(),
                 times: std::mem::take(&mut watch.times),
                 command: "The same call of `gyroceptron.train` with the same pairs".into(),
+                next: &next_call,
             };
             report.report(&folder)?;
         }

@@ -1,7 +1,7 @@
 //! The built-in scenes: embedded files of the same format as a user's.
 
 use super::declaration::Scene;
-use super::parse::parse;
+use super::parse::{nearest, parse};
 use crate::error::Error;
 
 /// A built-in scene.
@@ -66,10 +66,14 @@ pub fn default_scene() -> &'static CatalogueEntry {
 /// The built-in scene of this name.
 ///
 /// # Errors
-/// [`Error::Invalid`] with the names there are.
+/// [`Error::Invalid`] with the names there are, and the one that is nearest.
 pub fn find(name: &str) -> Result<&'static CatalogueEntry, Error> {
     catalogue().iter().find(|entry| entry.name == name).ok_or_else(|| {
         let names: Vec<_> = catalogue().iter().map(|entry| entry.name).collect();
-        Error::invalid("scene", name, format!("one of {} or a .toml file", names.join(", ")))
+        let found = match nearest(name, names.iter().copied()) {
+            Some(nearest) => format!("`{name}`: did you mean `{nearest}`?"),
+            None => format!("`{name}`"),
+        };
+        Error::invalid("scene", found, format!("one of {} or a .toml file", names.join(", ")))
     })
 }

@@ -10,7 +10,7 @@ use super::setup::{Data, FlowBy, Need};
 use super::subject::{FileData, Subject};
 use crate::error::Error;
 use crate::flow::{Pairs, ReferenceTrajectories, Region, Trajectories, Window, sample_of};
-use crate::io::{read_pairs, read_trajectories};
+use crate::io::read_pairs;
 use crate::layer::TorusAction;
 use crate::measure::{limiting_flow_error, root_mean_square, rotation_error};
 use crate::network::Rollout;
@@ -280,11 +280,7 @@ impl<'a> Context<'a> {
             Error::Missing { place, key, needed_by: "rollout".into() }
         })?;
         let data = self.data()?;
-        let mut values = read_trajectories(path, file.circle_action.dof())?;
-        let found = values.states();
-        let place = format!("{}: states of each trajectory", path.display());
-        Error::check_count_range(&place, found, states, usize::MAX)?;
-        values = values.first(states);
+        let mut values = file.read_trajectories(path, states)?;
         if let Some(units) = &data.units {
             values = values.moved(|points| units.to_network(points));
         }

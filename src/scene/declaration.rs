@@ -149,13 +149,33 @@ impl Scene {
         Ok(self)
     }
 
-    /// Fails where a file of a network, of its own or of a part, cannot be read, is not of the scene's subject
-    /// and flow time, or is in the folder that the run writes to and may clear: before anything is
+    /// Fails where the trajectories of a file are not those that the roll-out compares with: before
+    /// anything is trained.
+    fn check_trajectories(&self) -> Result<(), Error> {
+        let file = self.setup.data.as_ref().and_then(|data| data.file());
+        let rollout = self.studies.iter().find_map(|study| match study {
+            AnyStudy::Rollout(options) => Some(options),
+            _ => None,
+        });
+        if let (Some(file), Some(rollout)) = (file, rollout)
+            && let Some(path) = file.trajectories
+        {
+            let found = file.read_trajectories(path, rollout.request().kept());
+            // Pairs that are not of the action either are told with those.
+            let error = found.err().filter(|_| file.fits_pairs());
+            return error.map_or(Ok(()), Err);
+        }
+        Ok(())
+    }
+
+    /// Fails where trajectories of a file are not what a roll-out needs, or where a file of a network, of its
+    /// own or of a part, cannot be read, is not of the scene's subject and flow time, or is in the folder that the run writes to and may clear: before anything is
     /// computed.
     ///
     /// # Errors
     /// With the network's name and the file.
     pub fn check_networks(&self, folder: &Path) -> Result<(), Error> {
+        self.check_trajectories()?;
         let true_path = |path: &Path| path.canonicalize().or_else(|_| std::path::absolute(path));
         for model in &self.setup.models {
             let Some(path) = &model.network.path else { continue };
@@ -184,8 +204,10 @@ impl Scene {
     /// may differ when a run is gone on with.
     pub(super) fn without_ends(mut self) -> Self {
         let reset = |training: &mut TrainingOptions| {
-            let TrainingOptions { iterations, target, patience, checkpoint_every, .. } = training;
+            let TrainingOptions { iterations, target, patience, plateau, checkpoint_every, .. } =
+                training;
             (*iterations, *target, *patience, *checkpoint_every) = (0, 0.0, 0, 1);
+            *plateau = None;
         };
         reset(&mut self.setup.training);
         for model in &mut self.setup.models {

@@ -83,7 +83,6 @@ fn stray_key(given: &toml::Value, written: &toml::Value) -> Option<(String, Vec<
 /// [`Error::UnknownKey`] with the line where the key stands and the nearest of
 /// the known ones, if one is near.
 fn unknown<'a>(place: &str, text: &str, key: &str, known: impl Iterator<Item = &'a str>) -> Error {
-    const NEAR: f64 = 0.7;
     let line = text.lines().position(|line| {
         line.match_indices(key).any(|(at, _)| {
             let before = line[..at].chars().next_back();
@@ -92,13 +91,19 @@ fn unknown<'a>(place: &str, text: &str, key: &str, known: impl Iterator<Item = &
                 && (after.starts_with('=') || after.starts_with(']') || after.starts_with('.'))
         })
     });
-    let nearest = known
-        .map(|name| (strsim::jaro_winkler(key, name), name))
-        .filter(|(likeness, _)| *likeness >= NEAR)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, name)| name.to_owned());
+    let nearest = nearest(key, known).map(str::to_owned);
     let place = line.map_or(place.to_owned(), |line| format!("{place}:{}", line + 1));
     Error::UnknownKey { place, key: key.to_owned(), nearest }
+}
+
+/// The known word that a word is most like, if one is near.
+pub(super) fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    const NEAR: f64 = 0.7;
+    known
+        .map(|name| (strsim::jaro_winkler(word, name), name))
+        .filter(|(likeness, _)| *likeness >= NEAR)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, name)| name)
 }
 
 /// Reads "unknown field `key`, expected one of `a`, `b`" back into an error

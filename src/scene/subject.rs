@@ -1,6 +1,8 @@
 //! What the networks of a scene stand for: a system of the crate, or pairs of a file.
 
-use crate::flow::Pairs;
+use crate::error::Error;
+use crate::flow::{Pairs, Trajectories};
+use crate::io::{read_pairs, read_trajectories};
 use crate::layer::{CircleAction, TorusAction};
 use crate::network::{Architecture, Structure};
 use crate::system::{Hamiltonian, NearlyPeriodic, System};
@@ -27,6 +29,28 @@ pub(super) struct FileData<'a> {
     pub(super) circle_action: &'a CircleAction,
     /// Their ε.
     pub(super) epsilon: f64,
+}
+
+impl FileData<'_> {
+    /// Whether the pairs can be read and are of the degrees of freedom of the action.
+    pub(super) fn fits_pairs(&self) -> bool {
+        read_pairs(self.pairs).is_ok_and(|file| file.pairs.dof() == self.circle_action.dof())
+    }
+
+    /// The first states of the trajectories of a file, in its units.
+    ///
+    /// # Errors
+    /// Those of [`read_trajectories`]; when it has fewer states.
+    pub(super) fn read_trajectories(
+        &self,
+        path: &Path,
+        states: usize,
+    ) -> Result<Trajectories, Error> {
+        let values = read_trajectories(path, self.circle_action.dof())?;
+        let place = format!("{}: states of each trajectory", path.display());
+        Error::check_count_range(&place, values.states(), states, usize::MAX)?;
+        Ok(values.first(states))
+    }
 }
 
 impl<'a> Subject<'a> {

@@ -3,7 +3,7 @@
 use super::adam::AdamState;
 use super::lbfgs::LbfgsState;
 use super::levenberg_marquardt::LevenbergMarquardtState;
-use super::options::{Stop, TrainingOptions, TrainingRecord};
+use super::options::{Plateau, Stop, TrainingOptions, TrainingRecord};
 use crate::digest;
 use crate::error::Error;
 use crate::flow::Pairs;
@@ -34,6 +34,7 @@ impl RunIdentity {
             checkpoint_every: 1,
             target: 0.0,
             patience: 0,
+            plateau: None,
             ..options.clone()
         };
         Self {
@@ -135,6 +136,34 @@ impl Checkpoint {
         }
     }
 
+    /// Whether the error has hardly fallen in the window that ends here; `pairs` is the number of
+    /// all training pairs. It is told from the records alone, so that a run that goes on ends
+    /// where it would have ended.
+    fn is_at_rest(&self, plateau: Plateau, pairs: usize) -> bool {
+        let last = self.last();
+        let windows = if last.pairs < pairs { 2 } else { 1 };
+        let window = plateau.iterations.saturating_mul(windows);
+        if !last.iteration.is_multiple_of(plateau.iterations) || last.iteration < window {
+            return false;
+        }
+        let since = last.iteration - window;
+        let mut in_window = self.history.iter().rev().take_while(|r| r.iteration >= since);
+        if !in_window.all(|record| record.pairs == last.pairs) {
+            return false;
+        }
+        let held_out = self.history.iter().any(|record| record.validation.is_some());
+        let score = |record: &TrainingRecord| match held_out {
+            true => record.validation,
+            // Losses on more pairs and on fewer cannot be compared.
+            false => (record.pairs == last.pairs).then_some(record.loss),
+        };
+        let lowest = |until: u64| {
+            let records = self.history.iter().take_while(|record| record.iteration <= until);
+            records.filter_map(score).fold(f64::INFINITY, f64::min)
+        };
+        !(lowest(last.iteration) < (1.0 - plateau.improvement) * lowest(since))
+    }
+
     /// Why training is over; `pairs` is the number of all training pairs.
     pub(super) fn finished(&self, options: &TrainingOptions, pairs: usize) -> Option<Stop> {
         let last = self.last();
@@ -144,6 +173,8 @@ impl Checkpoint {
             Some(Stop::Gradient)
         } else if options.patience > 0 && self.unimproved >= options.patience {
             Some(Stop::Patience)
+        } else if options.plateau.is_some_and(|plateau| self.is_at_rest(plateau, pairs)) {
+            Some(Stop::Plateau)
         } else if self.last().iteration >= options.iterations {
             Some(Stop::Iterations)
         } else {

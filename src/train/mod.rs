@@ -30,7 +30,7 @@ pub use lbfgs::{LbfgsOptions, Scaling};
 pub use levenberg_marquardt::LevenbergMarquardtOptions;
 pub use loss::{Loss, Objective};
 pub use normal_equations::NormalEquations;
-pub use options::{Optimiser, Stop, TrainingOptions, TrainingRecord};
+pub use options::{Optimiser, Plateau, Stop, TrainingOptions, TrainingRecord};
 pub use prepare::{Preparation, Prepared};
 pub use rotation_fit::{fit_rotation, slow_time};
 pub use run::{Control, Outcome, Progress, train};

@@ -58,6 +58,43 @@ impl Optimiser {
     }
 }
 
+/// When a training is at rest, so that going on is not worth its time.
+///
+/// After each full window of iterations the lowest held-out error so far (the lowest loss, without
+/// held-out pairs) is compared with the lowest one before the window. Training ends where it has
+/// fallen by less than the share that is wanted. While Levenberg–Marquardt uses a part of the
+/// pairs, two windows are compared, and none in which it took more of them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plateau {
+    /// Iterations of a window.
+    pub iterations: u64,
+    /// The share by which the error has to fall in a window, 0 to 1.
+    pub improvement: f64,
+}
+
+impl Plateau {
+    /// The window of [`Plateau::default`].
+    pub const ITERATIONS: u64 = 50;
+
+    /// Windows of so many iterations, in each of which the error has to fall by a tenth; 0 is none.
+    pub fn over(iterations: u64) -> Option<Self> {
+        (iterations > 0).then(|| Self { iterations, ..Self::default() })
+    }
+
+    fn check(self) -> Result<(), Error> {
+        at_least_one("training.plateau.iterations", self.iterations)?;
+        Error::check_range("training.plateau.improvement", self.improvement, 0.0, 1.0)
+    }
+}
+
+impl Default for Plateau {
+    /// A tenth in 50 iterations.
+    fn default() -> Self {
+        Self { iterations: Self::ITERATIONS, improvement: 0.1 }
+    }
+}
+
 /// How to train.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -86,6 +123,10 @@ pub struct TrainingOptions {
     /// Stop when the held-out error has not improved for so many evaluations
     /// of it; 0 never stops.
     pub patience: u64,
+    /// Stop when the error is at rest; never, unless given. What leads to the last leg of a
+    /// [schedule](super::train_schedule) is not stopped by it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plateau: Option<Plateau>,
     /// Stop when the largest entry of the gradient is at most this.
     pub gradient_tolerance: f64,
     /// Iterations between checkpoints.
@@ -116,6 +157,7 @@ impl Default for TrainingOptions {
             validate_every: 10,
             target: 0.0,
             patience: 0,
+            plateau: None,
             gradient_tolerance: 0.0,
             checkpoint_every: 100,
             starts: None,
@@ -189,6 +231,7 @@ impl TrainingOptions {
         ] {
             Error::check_range(name, value, 0.0, f64::MAX)?;
         }
+        self.plateau.map_or(Ok(()), Plateau::check)?;
         self.starts.map_or(Ok(()), Starts::check)?;
         self.ramp.iter().try_for_each(|rung| rung.check())?;
         self.fresh_twists.map_or(Ok(()), FreshTwists::check)?;
@@ -249,6 +292,8 @@ pub enum Stop {
     Target,
     /// The held-out error did not improve for the given patience.
     Patience,
+    /// The error was [at rest](TrainingOptions::plateau).
+    Plateau,
     /// The gradient fell below its tolerance.
     Gradient,
     /// No step lowers the loss any more: with a fresh scaling either, or however much a

@@ -450,7 +450,7 @@ impl Run<'_> {
         let mut options = options.of_leg(iterations);
         if leg != Leg::Last {
             // What ends the training as a whole does not end what leads to it.
-            (options.target, options.patience) = (0.0, 0);
+            (options.target, options.patience, options.plateau) = (0.0, 0, None);
         }
         let mut newest = watch.earlier(leg)?.or(trial);
         let resume = newest.clone();

@@ -134,6 +134,7 @@ def train(
     loss_weights: Literal["auto", "none"] | Sequence[float] = "auto",
     patience: int = 0,
     target: float = 0.0,
+    plateau: int | None = None,
     epsilon: float | None = None,
     flow_time: float | None = None,
     theta: float | None = None,

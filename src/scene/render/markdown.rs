@@ -17,7 +17,7 @@ pub fn report(report: &Report) -> String {
 fn write_report(out: &mut String, report: &Report) -> Result {
     let scene = &report.scene;
     let version = env!("CARGO_PKG_VERSION");
-    writeln!(out, "# {}\n\n{}\n", scene.name, scene.title)?;
+    writeln!(out, "# {}\n\n{}", scene.name, scene.title)?;
     let mut facts = Table::of_facts();
     facts.fact("scene", format!("`{}`, seed {}", scene.name, scene.seed));
     facts.fact("gyroceptron", version);
@@ -33,7 +33,11 @@ fn write_report(out: &mut String, report: &Report) -> Result {
     if let Some(time) = scene.setup.flow_time {
         facts.fact("flow time", time.to_string());
     }
-    write_table(out, &facts)?;
+    // A report that says itself how to repeat it begins with what it found.
+    if report.repeat.is_none() {
+        writeln!(out)?;
+        write_table(out, &facts)?;
+    }
     for study in &report.studies {
         let Findings { title, verdict, results, figures, .. } = &study.findings;
         let verdict = match verdict {
@@ -67,9 +71,11 @@ fn write_report(out: &mut String, report: &Report) -> Result {
         }
     }
     if let Some(what) = &report.repeat {
+        writeln!(out, "\n## To repeat it\n")?;
+        write_table(out, &facts)?;
         return writeln!(
             out,
-            "\n## To repeat it\n\n{what} and gyroceptron {version}: every number above but the timings \
+            "\n{what} and gyroceptron {version}: every number above but the timings \
              comes out the same, bit for bit."
         );
     }

@@ -84,7 +84,7 @@ impl Study for PairsStudy {
             facts.fact(name, text);
         }
         if let Some(units) = &data.units {
-            facts.fact("units", format!("{}; all errors are in these", units_told(units)));
+            facts.fact("units", format!("{}; errors of each component are in units of the data, mean squared errors and distances in these", units_told(units)));
         }
         let results = Section {
             details: vec![Block::Table(facts)],

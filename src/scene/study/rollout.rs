@@ -7,6 +7,7 @@ use crate::measure::{
     Departure, Drift, departures, distance, drift_exponent, drifts, level_set, near_identity_rms,
 };
 use crate::network::{Rollout, Structure};
+use crate::phase::Units;
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
 use crate::scene::context::{Context, Halt};
@@ -53,7 +54,7 @@ impl RolloutOptions {
         })
     }
 
-    pub(super) fn request(&self) -> Rollout {
+    pub(in crate::scene) fn request(&self) -> Rollout {
         Rollout { steps: self.steps, every: self.every }
     }
 
@@ -135,6 +136,10 @@ impl Study for RolloutOptions {
             models = context.models()?;
             moved = context.rollouts(&initial, self.request())?;
         }
+        let data = match subject {
+            Subject::System(_) => None,
+            Subject::File(_) => Some(context.data()?),
+        };
         let of_reference =
             system.map(|system| Change::of(reference, |z| system.adiabatic_invariant(z)));
         let networks: Vec<Network<'_>> = models
@@ -155,6 +160,7 @@ impl Study for RolloutOptions {
             },
             reference,
             of_reference,
+            units: data.as_ref().and_then(|data| data.units.as_ref()),
         };
 
         let text = format!(
@@ -172,8 +178,9 @@ impl Study for RolloutOptions {
             },
             match subject {
                 Subject::File(_) => {
-                    "The initial points are those of the file; where units were fitted to the \
-                     pairs, all numbers are in these"
+                    "The initial points are those of the file; portraits and the errors of each \
+                     component are in units of the data, and where units were fitted to the pairs, \
+                     distances and invariants in these"
                         .to_owned()
                 }
                 Subject::System(_) => {
@@ -193,6 +200,14 @@ impl Study for RolloutOptions {
             details.push(Block::Heading(format!("`{}`", network.name)));
             details.push(Block::Table(orbits.table(Some(network))));
         }
+        let of_components = match subject {
+            Subject::System(_) => Vec::new(),
+            Subject::File(_) => orbits.component_errors(&networks),
+        };
+        if !of_components.is_empty() {
+            details.push(Block::Heading("Errors by component, in units of the data".into()));
+            details.push(Block::Table(orbits.component_table(&of_components)));
+        }
         let mut figures = Vec::new();
         if context.draws(PORTRAIT) {
             figures.push(orbits.portrait(&initial, &networks));
@@ -210,11 +225,15 @@ impl Study for RolloutOptions {
                 Block::Text(orbits.sentences(&networks)),
             ],
         };
-        let data = json!({
+        let mut data = json!({
             "reference_error": found.error,
             "reference_adiabatic": orbits.of_reference.as_ref().map(Change::data),
             "models": networks.iter().map(Network::data).collect::<Vec<_>>(),
         });
+        if !of_components.is_empty() {
+            let named = |(name, errors): &(&str, Vec<f64>)| json!({ "name": name, "rms": errors });
+            data["component_errors"] = of_components.iter().map(named).collect();
+        }
         Ok(Findings {
             title: "Roll-out".into(),
             results: Section { summary, details, data },
@@ -348,6 +367,8 @@ struct Orbits<'a> {
     reference: &'a Trajectories,
     /// μ₀ of the system along the reference.
     of_reference: Option<Change>,
+    /// The units of the data, where they are not those of the states here.
+    units: Option<&'a Units>,
 }
 
 /// How much more an invariant that is learnt may move than that of the data.
@@ -382,6 +403,39 @@ impl Orbits<'_> {
                 network.of_system.as_ref().map(|change| change.exponent).into(),
                 self.of_reference.as_ref().map(Change::largest).into(),
             ]);
+        }
+        table
+    }
+
+    /// The root-mean-square error of each component over all states but the first, in units of
+    /// the data, of each network.
+    fn component_errors<'n>(&self, networks: &[Network<'n>]) -> Vec<(&'n str, Vec<f64>)> {
+        let dim = self.reference.dim();
+        let of = |network: &Network<'n>| {
+            let states = |of: &'_ Trajectories| of.values()[dim * of.count()..].to_vec();
+            let (found, truth) = (states(network.orbits), states(self.reference));
+            let mut squares = vec![0.0; dim];
+            for (a, b) in found.chunks_exact(dim).zip(truth.chunks_exact(dim)) {
+                for k in 0..dim {
+                    squares[k] += (a[k] - b[k]) * (a[k] - b[k]);
+                }
+            }
+            let count = (truth.len() / dim) as f64;
+            let factor = |k: usize| self.units.map_or(1.0, |units| units.factors()[k]);
+            let errors = (0..dim).map(|k| factor(k) * (squares[k] / count).sqrt()).collect();
+            (network.name, errors)
+        };
+        networks.iter().map(of).collect()
+    }
+
+    fn component_table(&self, errors: &[(&str, Vec<f64>)]) -> Table {
+        let dim = self.reference.dim();
+        let components = (0..dim).map(|k| (coordinate(k, dim), Format::Exponent(2)));
+        let network = [("network".to_owned(), Format::Exact)];
+        let mut table = Table::new(network.into_iter().chain(components));
+        for (name, errors) in errors {
+            let name = [format!("`{name}`").into()];
+            table.push(name.into_iter().chain(errors.iter().map(|error| (*error).into())));
         }
         table
     }
@@ -462,6 +516,11 @@ impl Orbits<'_> {
         [j, action.dof() + j]
     }
 
+    /// A coordinate of a state, in units of the data.
+    fn in_data(&self, z: &[f64], k: usize) -> f64 {
+        self.units.map_or(z[k], |units| z[k].mul_add(units.factors()[k], units.centre()[k]))
+    }
+
     fn plane_labels(&self) -> [String; 2] {
         self.plane().map(|k| coordinate(k, self.reference.dim()))
     }
@@ -476,7 +535,8 @@ impl Orbits<'_> {
             let levels = if has_levels { initial } else { &[] };
             let mut series: Vec<_> = levels.iter().filter_map(|z| averaged(z)).collect();
             for (m, name) in self.names.iter().enumerate() {
-                let points = orbits.of(m).map(|z| (z[i], z[k])).collect();
+                let points =
+                    orbits.of(m).map(|z| (self.in_data(z, i), self.in_data(z, k))).collect();
                 let (name, color) = (name.clone(), orbit_color(m));
                 series.push(Series { name, color, style: Style::Dots, points });
             }
@@ -573,7 +633,10 @@ impl Orbits<'_> {
             Panel {
                 title: network.name.to_owned(),
                 x_label: "time".into(),
-                y_label: format!("distance of ({q}, {p}) from the reference"),
+                y_label: match self.units {
+                    None => format!("distance of ({q}, {p}) from the reference"),
+                    Some(_) => format!("distance of ({q}, {p}) in the network's units"),
+                },
                 y: Axis::Log,
                 series: self.names.iter().enumerate().map(along).collect(),
                 ..Panel::default()

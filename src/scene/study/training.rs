@@ -11,6 +11,7 @@ use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::learning::{Trained, loss_of};
 use crate::scene::log::TrainingTimes;
+use crate::scene::predictions::{ByComponent, Judged, ORBITS, PREDICTION};
 use crate::scene::setup::Need;
 use crate::train::{Leg, LegResult, Optimiser, Stop, TrainingOptions, TrainingRecord};
 use serde::Serialize;
@@ -31,7 +32,7 @@ impl Study for TrainingStudy {
     }
 
     fn figures(&self, _: &Scene) -> Vec<&'static str> {
-        vec![LOSS]
+        vec![LOSS, PREDICTION, ORBITS]
     }
 
     fn cites(&self, scene: &Scene) -> Vec<&'static str> {
@@ -61,9 +62,9 @@ impl Study for TrainingStudy {
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
         let (data, models) = (context.data()?, context.all_models()?);
-        let mut results = Vec::new();
+        let (mut results, mut by_component) = (Vec::new(), Vec::new());
         for trained in models.iter() {
-            let errors = match data.validation() {
+            let mut errors = match data.validation() {
                 None => Vec::new(),
                 Some(held_out) => context.stage("held-out errors of each component", |_| {
                     component_errors(trained.model().composition(), held_out)
@@ -72,11 +73,35 @@ impl Study for TrainingStudy {
             let options = context.scene.setup.training_of(&trained.spec);
             let loss = loss_of(&options.loss, context.subject()?, &data)?;
             let options = TrainingOptions { loss, ..options.clone() };
-            results.push(TrainingResult::new(trained, errors, &options));
+            let mut shares = Vec::new();
+            if let (Some((action, angles)), Some(held_out)) = (&data.nearest, data.validation()) {
+                let of = ByComponent::new(errors, (action, angles), held_out, data.units.as_ref());
+                (errors, shares) = (of.errors.clone(), of.shares.clone());
+                by_component.push(Block::Heading(format!("Errors of `{}`", trained.spec.name)));
+                by_component
+                    .push(Block::Text("Of the held-out pairs, in units of the data.".into()));
+                by_component.push(Block::Table(of.table()));
+            }
+            results.push(TrainingResult::new(trained, errors, &options).with_shares(shares));
         }
         let baseline = Baseline { rotation_error: data.rotation_error, size: data.size() };
         let draws = context.draws(LOSS);
-        Ok(findings(&results, baseline, context.training_times(), draws))
+        let mut found = findings(&results, baseline, context.training_times(), draws);
+        found.results.details.append(&mut by_component);
+        let studied: Vec<_> = models.iter().filter(|trained| !trained.spec.training_only).collect();
+        let judged = Judged {
+            models: studied.iter().map(|t| (&t.spec.name[..], t.model())).collect(),
+            training: &data.training,
+            held_out: data.held_out.as_ref(),
+            units: data.units.as_ref(),
+        };
+        if context.draws(PREDICTION) {
+            found.figures.push(context.stage("predictions", |_| judged.prediction())?);
+        }
+        if context.draws(ORBITS) {
+            found.figures.push(context.stage("orbits of the networks", |_| judged.orbits())?);
+        }
+        Ok(found)
     }
 }
 
@@ -206,13 +231,6 @@ impl TrainingResult {
     /// With the errors of the components over what the nearest rotation leaves of each.
     pub(in crate::scene) fn with_shares(self, component_shares: Vec<f64>) -> Self {
         Self { component_shares, ..self }
-    }
-
-    /// With the errors of the components in other units.
-    pub(in crate::scene) fn in_units(mut self, factors: &[f64]) -> Self {
-        let errors = self.component_errors.iter_mut().zip(factors);
-        errors.for_each(|(error, factor)| *error *= factor);
-        self
     }
 
     /// Whether it is of the first of its network's initial weights.
@@ -436,6 +454,7 @@ pub fn stop_words(stop: Stop) -> &'static str {
         Stop::Iterations => "the iterations asked for were done",
         Stop::Target => "the target was reached",
         Stop::Patience => "the held-out error improved no more",
+        Stop::Plateau => "the error was at rest: a plateau",
         Stop::Gradient => "the gradient reached its tolerance",
         Stop::Stalled => "no step lowered the loss any more",
         Stop::Diverged => "the loss left the finite numbers",

@@ -1,0 +1,91 @@
+//! What to try after a training, as a command: the one that was typed, with other options.
+
+use gyroceptron::scene::NextStep;
+use std::path::Path;
+
+/// The command of a step, from the arguments of the program without its name.
+pub fn command(typed: &[String], step: NextStep, model: &Path) -> String {
+    let with = |removed: &[&str], added: &[&str]| {
+        let flags = ["--resume", "--overwrite"];
+        let mut kept = without(typed, removed, &flags);
+        kept.extend(added.iter().map(|word| (*word).to_owned()));
+        kept
+    };
+    let words = match step {
+        NextStep::Predict => {
+            let model = model.display().to_string();
+            let words = ["predict", "--model", &model, "--input", "POINTS.npy", "--steps", "1000"];
+            let words = [&words[..], &["--output", "TRAJECTORIES.npy"]].concat();
+            words.into_iter().map(str::to_owned).collect()
+        }
+        NextStep::NormalForm => {
+            let of_others =
+                ["--architecture", "--psi", "--near-identity", "--layers", "--optimiser"];
+            let penalty = ["--near-identity-penalty"];
+            let added = ["--architecture", "normal-form", "--optimiser", "lm", "--overwrite"];
+            with(&[&of_others[..], &penalty].concat(), &added)
+        }
+        NextStep::Iterations(iterations) => {
+            with(&["--iterations"], &["--iterations", &iterations.to_string(), "--resume"])
+        }
+        NextStep::Pairs(_) => with(&["--data"], &["--data", "MORE-PAIRS.npz", "--overwrite"]),
+        NextStep::Marquardt => with(&["--optimiser"], &["--optimiser", "lm", "--overwrite"]),
+        NextStep::Starts(starts) => {
+            with(&["--starts"], &["--starts", &starts.to_string(), "--overwrite"])
+        }
+    };
+    let words: Vec<String> = words.iter().map(|word| quoted(word)).collect();
+    format!("gyroceptron {}", words.join(" "))
+}
+
+/// The arguments without these options and their values, and without these flags.
+fn without(typed: &[String], options: &[&str], flags: &[&str]) -> Vec<String> {
+    let mut kept = Vec::new();
+    let mut words = typed.iter();
+    while let Some(word) = words.next() {
+        let name = word.split('=').next().unwrap_or_default();
+        if options.contains(&name) {
+            if !word.contains('=') {
+                words.next();
+            }
+        } else if !flags.contains(&&word[..]) {
+            kept.push(word.clone());
+        }
+    }
+    kept
+}
+
+/// A word as a shell takes it for one.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "-_=./,:+%@".contains(c);
+    match !word.is_empty() && word.chars().all(plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_are_replaced_and_words_quoted() {
+        let typed = "train --data a.npz --psi=3x4 --iterations 60 --optimiser lm --resume --output";
+        let mut typed: Vec<String> = typed.split(' ').map(str::to_owned).collect();
+        typed.push("my model.json".into());
+        let of = |step| command(&typed, step, Path::new("my model.json"));
+        assert_eq!(
+            of(NextStep::NormalForm),
+            "gyroceptron train --data a.npz --iterations 60 --output 'my model.json' \
+             --architecture normal-form --optimiser lm --overwrite"
+        );
+        assert_eq!(
+            of(NextStep::Iterations(120)),
+            "gyroceptron train --data a.npz --psi=3x4 --optimiser lm --output 'my model.json' \
+             --iterations 120 --resume"
+        );
+        assert!(of(NextStep::Predict).starts_with("gyroceptron predict --model 'my model.json'"));
+        assert!(of(NextStep::Starts(4)).ends_with("--starts 4 --overwrite"));
+        assert!(!of(NextStep::Pairs(3)).contains("a.npz"));
+    }
+}
