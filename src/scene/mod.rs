@@ -29,6 +29,7 @@ mod log;
 mod machine;
 mod own_pairs;
 mod parse;
+mod reader;
 mod reading;
 pub mod render;
 mod report;

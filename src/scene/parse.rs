@@ -2,7 +2,9 @@
 
 use super::catalogue::find;
 use super::declaration::Scene;
+use super::reader::Node;
 use crate::error::Error;
+use serde::Deserialize;
 use std::borrow::Cow;
 use toml::de::DeTable;
 
@@ -14,16 +16,17 @@ use toml::de::DeTable;
 pub fn parse(place: &str, text: &str) -> Result<Scene, Error> {
     let (text, named) = without_named_scenes(place, text)?;
     let text = text.as_ref();
-    let mut scene: Scene = toml::from_str(text).map_err(|error| {
-        let line = error.span().map(|span| text[..span.start].matches('\n').count() + 1);
-        unknown_key(place, text, error.message()).unwrap_or_else(|| {
+    let mut scene = Node::parse(text).and_then(Scene::deserialize).map_err(|misfit| {
+        let line = misfit.span.map(|span| text[..span.start].matches('\n').count() + 1);
+        unknown_key(place, text, &misfit.message).unwrap_or_else(|| {
             let place = line.map_or(place.to_owned(), |line| format!("{place}:{line}"));
-            Error::content(place, "a scene", error.message().replace('\n', " "))
+            Error::content(place, "a scene", misfit.message.replace('\n', " "))
         })
     })?;
     // Variants without fields let any key pass: what does not come back beside a
     // kind when the scene is written again was not understood.
-    let written = toml::Value::try_from(&scene).ok();
+    let written = toml::to_string_pretty(&scene).ok();
+    let written = written.and_then(|text| toml::from_str::<toml::Value>(&text).ok());
     let given = toml::from_str::<toml::Value>(text).ok();
     if let (Some(written), Some(given)) = (written, given)
         && let Some((key, known)) = stray_key(&given, &written)
