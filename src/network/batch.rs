@@ -268,38 +268,3 @@ pub fn rollout(
     }
     Ok(out)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::super::step::{Kind, Step};
-    use super::*;
-    use crate::layer::KickForm;
-    use crate::phase::Map;
-
-    /// A kick whose increment is −0, where products underflow: the other kicks of a
-    /// layer would hide the sign.
-    #[test]
-    fn a_zero_keeps_its_sign_where_a_point_goes_alone() {
-        let mut negative = 0;
-        for width in 1..=9 {
-            for (form, sign) in
-                KickForm::LAYER.into_iter().flat_map(|f| [(f, 1e-200), (f, -1e-200)])
-            {
-                // W, b, w and η.
-                let parts = [(sign, width), (0.0, width), (-sign, width), (0.0, 1)];
-                let parameters = parts.map(|(value, count)| vec![value; count]).concat();
-                let all = 0..parameters.len();
-                let mut map = Composition::new(1, parameters, 1.0);
-                let kind = Kind::Kick { width, form };
-                map.push(Step { kind, parameters: all, inverse: false, near_identity: false });
-                let mut single = [-0.0, -0.0];
-                let mut alone = single;
-                map.forward(&mut single);
-                map_points(&map, Direction::Forward, &mut alone).expect("a point");
-                assert_eq!(alone.map(f64::to_bits), single.map(f64::to_bits), "{width} {form:?}");
-                negative += usize::from(single.iter().all(|z| z.is_sign_negative()));
-            }
-        }
-        assert!(negative > 0);
-    }
-}

@@ -54,3 +54,11 @@ pub use setup::{ByTurns, Data, FlowBy, Layers, ModelSpec, NetworkSpec, Setup, Tw
 pub use study::AnyStudy;
 pub use study::certificate::{CERTIFICATE_HEADINGS, certificate_cells, certificate_table};
 pub use study::training::stop_words;
+
+/// What the tests of this crate reach behind the public API: not a part of it.
+#[doc(hidden)]
+pub mod internals {
+    pub use super::study::claims::{REPRODUCED, as_good, change, command, verdict};
+    pub use super::study::dissipation::{period, simpson};
+    pub use super::trust::{Limit, Orbits, STEPS, limit, orbits};
+}

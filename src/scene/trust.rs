@@ -10,11 +10,12 @@ use serde_json::json;
 
 /// Orbits that are looked at, from held-out points, and their length.
 const ORBITS: usize = OwnInvariance::ORBITS;
-const STEPS: usize = OwnInvariance::ITERATIONS;
+/// Applications of the network in each orbit.
+pub const STEPS: usize = OwnInvariance::ITERATIONS;
 
 /// What limits the error of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Limit {
+pub enum Limit {
     /// The held-out error is far above the loss.
     Data,
     /// The loss was still falling.
@@ -28,7 +29,8 @@ const AT_REST: f64 = 0.9;
 /// The held-out error over the loss from which pairs are learnt by heart.
 const BY_HEART: f64 = 2.0;
 
-fn limit(loss: f64, validation: Option<f64>, history: &[TrainingRecord]) -> Limit {
+/// What limits a training, from its losses on training and held-out pairs.
+pub fn limit(loss: f64, validation: Option<f64>, history: &[TrainingRecord]) -> Limit {
     let Some(last) = history.last() else { return Limit::Network };
     let earlier = history.iter().rev().find(|r| r.iteration * 10 <= last.iteration * 9);
     if validation.is_some_and(|validation| validation > BY_HEART * loss) {
@@ -56,15 +58,18 @@ impl Limit {
 }
 
 /// Orbits of a network from some points.
-struct Orbits {
-    count: usize,
+pub struct Orbits {
+    /// How many.
+    pub count: usize,
     /// Those that went astray: out of the box by more than half of its width, or out of
-    /// the finite numbers; the first of them, its row and step.
-    astray: usize,
-    first: Option<(usize, usize)>,
+    /// the finite numbers.
+    pub astray: usize,
+    /// The first of them, its row and step.
+    pub first: Option<(usize, usize)>,
 }
 
-fn orbits(model: &Model, starts: &[f64], region: &Region) -> Result<Orbits, Error> {
+/// Follows the orbits of a network and counts those that leave the box.
+pub fn orbits(model: &Model, starts: &[f64], region: &Region) -> Result<Orbits, Error> {
     let dim = 2 * model.composition().dof();
     let count = starts.len() / dim;
     let around = region.widened(0.5);
@@ -178,47 +183,4 @@ pub(super) fn trust(
         },
         ..Findings::default()
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::network::{Architecture, HenonShape, InitialWeights};
-
-    #[test]
-    fn what_limits_is_told_from_the_losses() {
-        let record = |iteration, loss| TrainingRecord {
-            iteration,
-            evaluations: 0,
-            loss,
-            pairs: 1,
-            gradient: 0.0,
-            validation: None,
-        };
-        let history = |last| [record(0, 1.0), record(90, 1e-3), record(100, last)];
-        assert_eq!(limit(1e-3, Some(1e-3), &history(0.99e-3)), Limit::Network);
-        assert_eq!(limit(1e-3, Some(1e-3), &history(0.8e-3)), Limit::Iterations);
-        assert_eq!(limit(1e-3, Some(2.1e-3), &history(0.8e-3)), Limit::Data);
-        assert_eq!(limit(1e-3, None, &[]), Limit::Network);
-    }
-
-    #[test]
-    fn orbits_that_go_astray_are_counted() {
-        let region = Region { low: vec![-1.0; 2], high: vec![1.0; 2] };
-        let shape = HenonShape::uniform(1, 2, 4);
-        let network = |scale: f64| {
-            Architecture::HenonNet { shape: shape.clone(), epsilon: 1.0 }
-                .initialise(InitialWeights::Normal { scale }, 0.0, 1)
-                .expect("valid")
-        };
-        let starts = [0.1, 0.2, -0.3, 0.4, 1.0, 1.0];
-        let of = |scale| orbits(&network(scale), &starts, &region).expect("orbits");
-        let (wild, still) = (of(1.5), of(1e-6));
-        let first = wild.first.map(|(_, step)| step);
-        assert!(wild.astray > 0 && first < Some(STEPS), "{} of 3, {first:?}", wild.astray);
-        assert_eq!((still.count, still.astray, still.first), (3, 0, None));
-        // Not a number is nowhere in the box.
-        let lost = orbits(&network(1e-6), &[f64::NAN, 0.0], &region).expect("orbits");
-        assert_eq!((lost.astray, lost.first), (1, Some((0, 0))));
-    }
 }

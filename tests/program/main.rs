@@ -1,0 +1,10 @@
+//! The program, as its users call it.
+
+mod architectures;
+mod helpers;
+#[path = "../own_scenes.rs"]
+mod own_scenes;
+mod refusals;
+mod resuming;
+mod scenes;
+mod training;
