@@ -3,6 +3,7 @@
 
 use gyroceptron::Error;
 use gyroceptron::flow::{Pairs, Region};
+use gyroceptron::io::internals::{crc32c, parse, read_array, write_array};
 use gyroceptron::io::{
     Provenance, StoredModel, Tensor, assemble_weights, export_weights, import_weights,
     load_checkpoint, load_model, read_pairs, read_points, read_tensors, save_checkpoint,
@@ -14,6 +15,7 @@ use gyroceptron::network::{
     Part, SympNetShape,
 };
 use gyroceptron::train::{Control, TrainingOptions, train};
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use zip::write::SimpleFileOptions;
@@ -630,4 +632,112 @@ fn pairs_of_a_family_come_back() {
     assert!(slip.pairs.conditions().is_empty());
     names(of(&[("epsilon", column(&[0.2, f64::NAN, 0.1]))]), &["epsilon", "NaN"]);
     names(of(&[("flow_time", column(&[0.2, 0.0, 0.1]))]), &["flow_time", "0"]);
+}
+
+const INDEX: &[u8] = include_bytes!("checkpoint/small.ckpt.index");
+const NUMBERS: &[u8] = include_bytes!("checkpoint/small.ckpt.data-00000-of-00001");
+
+fn read_bundle(index: &[u8], data: &[u8]) -> Result<BTreeMap<String, Tensor>, Error> {
+    parse("index", index, "data", data)
+}
+
+#[test]
+fn the_checksum_is_the_known_one() {
+    assert_eq!(crc32c(b"123456789"), 0xe306_9283);
+}
+
+/// Whatever is cut off or changed is an error or other numbers, and no panic; a
+/// changed number is an error.
+#[test]
+fn broken_checkpoints_are_refused() {
+    let whole = read_bundle(INDEX, NUMBERS).expect("sound");
+    assert_eq!(whole.len(), 12 * 4 + 1);
+    for cut in 0..INDEX.len() {
+        assert!(read_bundle(&INDEX[..cut], NUMBERS).is_err(), "{cut}");
+    }
+    for place in 0..INDEX.len() {
+        for flip in [1, 0x80, 0xff] {
+            let mut index = INDEX.to_vec();
+            index[place] ^= flip;
+            let _ = read_bundle(&index, NUMBERS);
+        }
+    }
+    let used: usize = whole.values().map(|t| 4 * t.values.len()).sum();
+    for place in 0..used {
+        let mut data = NUMBERS.to_vec();
+        // Strings may stand between the numbers.
+        data[place] ^= 0x10;
+        if let Ok(read) = read_bundle(INDEX, &data) {
+            assert_eq!(read, whole, "{place}");
+        }
+    }
+    assert!(read_bundle(INDEX, &NUMBERS[..100]).is_err());
+    assert!(read_bundle(b"", b"").is_err());
+}
+
+/// An array of zeros in the NPY format, with this text as its header.
+fn with_header(text: &str, numbers: usize) -> Vec<u8> {
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend(u16::try_from(text.len()).expect("a short text").to_le_bytes());
+    bytes.extend(text.as_bytes());
+    bytes.resize(bytes.len() + numbers, 0);
+    bytes
+}
+
+#[test]
+fn headers_of_plain_arrays_are_read_and_no_others() {
+    let read = |text: &str| {
+        let bytes = with_header(text, 8 * 12);
+        let array = read_array("z", &mut &bytes[..], bytes.len() as u64).ok()?;
+        Some((array.single, array.shape))
+    };
+    let double = |shape: &[usize]| Some((false, shape.to_vec()));
+    for (text, expected) in [
+        ("{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), }   \n", double(&[3, 4])),
+        ("{\"shape\":(12,),'fortran_order':False,'descr':'>f4'}", Some((true, vec![12]))),
+        ("{'descr': '<f8', 'fortran_order': False, 'shape': ()}", double(&[])),
+        ("{'descr': '<f8', 'fortran_order': False, 'shape': (3L, 4L)}", double(&[3, 4])),
+        ("", None),
+        ("{}", None),
+        ("{'descr': '<f8', 'fortran_order': False}", None),
+        ("{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), 'x': 1}", None),
+        ("{'descr': '<f8', 'descr': '<f8', 'fortran_order': False, 'shape': (3,)}", None),
+        ("{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4)} 1", None),
+        ("{'descr': '<f8', 'fortran_order': False, 'shape': (-3, 4)}", None),
+        ("{'descr': '<f8', 'fortran_order': False, 'shape': (3 4)}", None),
+        ("{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4", None),
+        ("{'descr': '<f8', 'fortran_order': 0, 'shape': (3, 4)}", None),
+        ("{'descr': '<f8, 'fortran_order': False, 'shape': (3, 4)}", None),
+        ("{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999999999999,)}", None),
+        ("{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (3,)}", None),
+    ] {
+        assert_eq!(read(text), expected, "{text}");
+    }
+    // What takes a parser of all literals exponential time is refused at once.
+    assert_eq!(read(&format!("{{'descr': {}", "[(".repeat(1000))), None);
+    assert_eq!(read(&"(".repeat(4096)), None);
+}
+
+#[test]
+fn sizes_beyond_the_file_are_refused_before_memory_is_asked_for() {
+    let mut bytes = Vec::new();
+    write_array(&mut bytes, &[3, 2], &[0.5; 6]).expect("written");
+    let numbers = bytes.len() - 48;
+    assert_eq!(numbers % 64, 0);
+    let read = |bytes: &[u8], size: usize| read_array("z", &mut &bytes[..], size as u64);
+    assert_eq!(read(&bytes, bytes.len()).expect("read").values, [0.5; 6]);
+    let text = String::from_utf8_lossy(&bytes[10..numbers]).into_owned();
+    for shape in ["(3, 3)", "(4000000000, 4000000000)", "(18446744073709551615, 1)"] {
+        let changed = text.replacen("(3, 2)", shape, 1);
+        let mut vast = bytes[..8].to_vec();
+        vast.extend((changed.len() as u16).to_le_bytes());
+        vast.extend(changed.as_bytes());
+        vast.extend(&bytes[numbers..]);
+        assert!(read(&vast, vast.len()).is_err(), "{shape}");
+        // A source that holds less than it says.
+        assert!(read(&vast, usize::MAX).is_err(), "{shape}");
+    }
+    for cut in 0..bytes.len() {
+        assert!(read(&bytes[..cut], bytes.len()).is_err(), "cut at {cut}");
+    }
 }

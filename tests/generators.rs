@@ -124,7 +124,7 @@ fn turned_kicks(kicks: usize) -> Composition<f64> {
     chart
 }
 
-/// `cargo test --release --test generators -- --nocapture` prints the errors.
+/// `cargo test --release --test maps generators -- --nocapture` prints the errors.
 #[test]
 fn mixed_generators_are_out_of_reach_of_henon_layers_and_not_of_turned_kicks() {
     println!("error over motion at ε = {FURTHER:?}");

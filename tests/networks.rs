@@ -619,3 +619,30 @@ fn compositions_are_put_together() {
     assert!(all.followed_by(&narrow, Direction::Forward).is_err());
     assert!(Composition::of_turn(&action, vec![0.1]).is_err());
 }
+
+/// Kicks whose increment is −0, where products underflow, each alone: the others of its
+/// layer would hide the sign.
+#[test]
+fn a_zero_keeps_its_sign_where_a_point_goes_alone() {
+    let mut negative = 0;
+    for width in 1..=9 {
+        for sign in [1e-200, -1e-200] {
+            // W, b, w and η.
+            let parts = [(sign, width), (0.0, width), (-sign, width), (0.0, 1)];
+            let parameters = parts.map(|(value, count)| vec![value; count]).concat();
+            let shape = HenonShape { dof: 1, widths: vec![width] };
+            let net = Model::new(shape.architecture(1.0), parameters).expect("a network");
+            let kicks: Vec<_> = net.composition().step_by_step().collect();
+            assert_eq!(kicks.len(), 4);
+            for (form, map) in kicks.iter().enumerate() {
+                let mut single = [-0.0, -0.0];
+                let mut alone = single;
+                map.forward(&mut single);
+                map_points(map, Direction::Forward, &mut alone).expect("a point");
+                assert_eq!(alone.map(f64::to_bits), single.map(f64::to_bits), "{width} {form}");
+                negative += usize::from(single.iter().all(|z| z.is_sign_negative()));
+            }
+        }
+    }
+    assert!(negative > 0);
+}

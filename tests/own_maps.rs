@@ -1,10 +1,7 @@
 //! Six maps that the crate does not know, certified: each holds, and each that goes wrong
 //! by a billionth or a trillionth is told from it. `wrong` is 0 in the right ones.
 
-// The target for `cargo fuzz`, which is no dependency of the suite, as a function.
-extern crate self as libfuzzer_sys;
-
-/// What `libfuzzer_sys` makes of a target.
+/// The target for `cargo fuzz`, which is no dependency of the suite, as a function: what `libfuzzer_sys` makes of it.
 #[macro_export]
 macro_rules! fuzz_target {
     (|$data:ident: &[u8]| $body:block) => {

@@ -1134,3 +1134,22 @@ fn a_penalised_angle_stays_near() {
     let told = train(&net, &pairs, None, &options, None, &mut quiet).expect_err("no θ");
     assert!(told.to_string().contains("theta_penalty"), "{told}");
 }
+
+/// Pairs are asked for as residuals a parameter, and come back as they were.
+#[test]
+fn as_many_pairs_as_before_are_begun_with() {
+    for (dof, width) in [(1, 1), (2, 7), (3, 11)] {
+        let shape = HenonShape { dof, widths: vec![width; 5] };
+        let model =
+            shape.architecture(1.0).initialise(InitialWeights::Glorot, 0.0, 1).expect("a model");
+        for pairs in 1..5000 {
+            let mut options = LevenbergMarquardtOptions { residuals: 1e-9, ..Default::default() };
+            options.begin_with(pairs, &model);
+            assert_eq!(options.pairs(&model, 5000), pairs);
+            assert_eq!(options.pairs(&model, pairs), pairs);
+        }
+        let mut options = LevenbergMarquardtOptions::default();
+        options.begin_with(1, &model);
+        assert_eq!(options, LevenbergMarquardtOptions::default());
+    }
+}

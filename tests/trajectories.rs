@@ -3,8 +3,8 @@
 use gyroceptron::flow::{Integrator, Pairs, ReferenceTrajectories, Trajectories};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
-    Milestone, component_errors, departures, distances_along, drift_exponent, drifts, level_set,
-    milestones,
+    Milestone, component_errors, departures, distances_along, distances_to_set, drift_exponent,
+    drifts, level_set, locked_interval, milestones, winding_numbers,
 };
 use gyroceptron::network::{InitialWeights, NormalFormShape};
 use gyroceptron::phase::Map;
@@ -13,6 +13,7 @@ use gyroceptron::scalar::max_or_nan;
 use gyroceptron::system::{
     AveragedOscillator, Counted, Hamiltonian, NearlyPeriodic, Oscillators, ParticleField, System,
 };
+use std::f64::consts::TAU;
 
 /// Three states of two trajectories in a plane.
 fn example(changed: Option<(usize, f64)>) -> Trajectories {
@@ -228,4 +229,46 @@ fn errors_of_components_are_their_definition() {
             assert!((found - expected).abs() < 1e-13 * expected, "{found} {expected}");
         }
     }
+}
+
+#[test]
+fn distances_are_to_the_nearest() {
+    let set = [0.0, 0.0, 3.0, 4.0];
+    assert_eq!(distances_to_set(&[0.0, 1.0, 3.0, 4.5], &set, 2), [1.0, 0.5]);
+    assert!(distances_to_set(&[f64::NAN, 1.0], &set, 2)[0].is_nan());
+    let hole = [1.0, 1.0, f64::NAN, 0.0, 30.0, 40.0];
+    assert!(distances_to_set(&[1.0, 1.0], &hole, 2)[0].is_nan());
+    assert_eq!(distances_to_set(&[1.0, 1.0], &[], 2), [f64::INFINITY]);
+}
+
+#[test]
+fn a_rotation_winds_as_it_turns() {
+    let turns = [0.3, 0.71, -0.1, 1.02];
+    let states: Vec<f64> = (0..101)
+        .flat_map(|t| {
+            turns.map(|turn| [t as f64 * turn * TAU].map(|a| [libm::sin(a), libm::cos(a)]))
+        })
+        .flatten()
+        .flatten()
+        .collect();
+    let orbits = Trajectories::new(states, 2, turns.len()).expect("whole");
+    for whole in [-1.0, 0.0, 3.0] {
+        let found = winding_numbers(&orbits, 0.45 + whole, |z| libm::atan2(z[0], z[1]));
+        for (found, turn) in found.iter().zip([0.3, 0.71, 0.9, 0.02]) {
+            let expected = turn + whole;
+            assert!((found - expected).abs() < 1e-12, "{found} for {expected}");
+        }
+    }
+}
+
+#[test]
+fn an_interval_is_found_by_its_ends() {
+    let judge = |places: &[f64]| -> Result<Vec<bool>, ()> {
+        Ok(places.iter().map(|x| (0.47..0.58).contains(x)).collect())
+    };
+    let found = locked_interval(0.5, 0.2, judge).expect("judged").expect("locked");
+    assert!((found.low - 0.47).abs() < 1e-5 && (found.high - 0.58).abs() < 1e-5, "{found:?}");
+    assert!((found.width() - 0.11).abs() < 2e-5);
+    assert!(locked_interval(0.3, 0.2, judge).expect("judged").is_none());
+    assert!(locked_interval(0.5, 0.05, judge).expect("judged").is_none(), "cut off");
 }

@@ -3,8 +3,8 @@
 //!
 //! One file a law; `mutants` shows that each of them can fail, `tolerances`
 //! holds the thresholds, `coverage` that nothing is left out, `report` the
-//! tables that can be cited. `GYROCEPTRON_EXTENSIVE=1` runs ten times the
-//! samples and all 360 configurations; `GYROCEPTRON_SEED=n` other ones.
+//! tables that can be cited. `cargo test --test verification -- --ignored` runs ten
+//! times the samples and all 360 configurations; `GYROCEPTRON_SEED=n` other ones.
 
 mod adiabatic;
 mod circle_action;

@@ -22,7 +22,8 @@ pub fn seed() -> u64 {
     }
 }
 
-/// Ten times the samples and all configurations.
+/// Whether this run is the one that [`the_suite_holds_on_ten_times_the_samples`] starts: of ten
+/// times the samples and all configurations.
 pub fn extensive() -> bool {
     std::env::var("GYROCEPTRON_EXTENSIVE").is_ok_and(|value| value == "1")
 }
@@ -122,4 +123,12 @@ fn a_law_with_too_few_samples_fails() {
     assert_holds(&row(), 0);
     assert!(std::panic::catch_unwind(|| assert_holds(&row(), 2)).is_err());
     assert!(std::panic::catch_unwind(|| assert_holds(&[], 0)).is_err());
+}
+
+#[test]
+#[ignore = "takes five to eight minutes in a release build: run it with --ignored"]
+fn the_suite_holds_on_ten_times_the_samples() {
+    let suite = std::env::current_exe().expect("this program");
+    let run = std::process::Command::new(suite).env("GYROCEPTRON_EXTENSIVE", "1").status();
+    assert!(run.expect("it starts").success(), "see above");
 }

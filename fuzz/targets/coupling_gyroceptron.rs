@@ -1,5 +1,6 @@
 #![no_main]
-#[path = "../properties.rs"]
-mod properties;
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| properties::check(properties::coupling_gyroceptron, data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| properties::check(
+    properties::coupling_gyroceptron,
+    data
+));

@@ -356,6 +356,10 @@ enum Parts {
     Averaged(usize, usize),
 }
 
+/// All states of some trajectories from their initial points.
+type Each<'a> = &'a (dyn Fn(&[f64], &mut [f64]) -> Result<(), Error> + Sync);
+type States = Result<Vec<f64>, Error>;
+
 /// Equal intervals of time, each of equal steps, as many as there are states to keep.
 #[derive(Clone, Copy)]
 pub(super) struct Request {
@@ -391,7 +395,7 @@ impl Request {
         system: &H,
         initial: &[f64],
     ) -> Result<Vec<f64>, Error> {
-        self.run(system, initial, self.in_lanes(method, system))
+        self.run(system, initial, &self.in_lanes(method, system))
     }
 
     /// By Gauss–Legendre.
@@ -401,7 +405,7 @@ impl Request {
         system: &(impl Hamiltonian + Sync),
         initial: &[f64],
     ) -> Result<Vec<f64>, Error> {
-        self.run(system, initial, |initial, states| {
+        self.run(system, initial, &|initial, states| {
             method.move_block(system, &mut initial.to_vec(), *self, states)
         })
     }
@@ -419,21 +423,21 @@ impl Request {
     }
 
     /// `each` gives all states of one trajectory after another, of a block of points.
-    fn run(
-        &self,
-        system: &impl Hamiltonian,
-        initial: &[f64],
-        each: impl Fn(&[f64], &mut [f64]) -> Result<(), Error> + Sync,
-    ) -> Result<Vec<f64>, Error> {
-        let Self { interval, steps, kept } = *self;
+    fn run(&self, system: &impl Hamiltonian, initial: &[f64], each: Each<'_>) -> States {
         let dim = 2 * system.dof();
-        Error::check_count_range("steps", steps, 1, usize::MAX)?;
+        Error::check_count_range("steps", self.steps, 1, usize::MAX)?;
         Error::check_rows("initial points", initial.len(), dim)?;
-        Error::check_finite("interval", interval)?;
-        if initial.is_empty() || kept == 0 {
+        Error::check_finite("interval", self.interval)?;
+        if initial.is_empty() || self.kept == 0 {
             return Ok(Vec::new());
         }
         initial.chunks_exact(dim).try_for_each(|z| system.check_point(z))?;
+        self.run_blocks(dim, initial, each)
+    }
+
+    /// [`Request::run`] on points that were checked, 2n = `dim` numbers each: compiled once.
+    fn run_blocks(&self, dim: usize, initial: &[f64], each: Each<'_>) -> States {
+        let kept = self.kept;
         let points = initial.len() / dim;
         let block = points.div_ceil(rayon::current_num_threads());
         let block = block.next_multiple_of(WIDTH).clamp(WIDTH, BLOCK) * dim;

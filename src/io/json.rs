@@ -436,7 +436,10 @@ pub fn load_checkpoint(path: &Path) -> Result<Checkpoint, Error> {
     if digest::of_bytes(file.state.as_bytes()) != file.digest {
         return Err(Error::content(place, "an intact checkpoint", "a corrupt one (digest)"));
     }
-    let checkpoint: Checkpoint = serde_json::from_str(&file.state)
+    // By way of a value, as all that is read here: types are compiled for one reader.
+    let state = serde_json::from_str::<serde_json::Value>(&file.state);
+    let checkpoint: Checkpoint = state
+        .and_then(serde_json::from_value)
         .map_err(|reason| Error::content(place, "the state of a run", reason))?;
     Ok(checkpoint.from_file(place.as_str()))
 }

@@ -23,6 +23,13 @@ pub use weights::{
     parse_tensors, read_architecture, read_tensors, take_units,
 };
 
+/// What the tests of this crate reach behind the public API: not a part of it.
+#[doc(hidden)]
+pub mod internals {
+    pub use super::npy::{Array, read_array, write_array};
+    pub use super::tensor_bundle::{crc32c, parse};
+}
+
 use crate::error::Error;
 use std::io::Write;
 use std::path::Path;

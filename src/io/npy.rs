@@ -16,11 +16,14 @@ const LONGEST: usize = 4096;
 const CHUNK: usize = 1 << 14;
 
 /// An array read from a file, row by row whatever its memory order.
-pub(super) struct Array {
-    pub(super) shape: Vec<usize>,
-    pub(super) values: Vec<f64>,
+#[derive(Debug)]
+pub struct Array {
+    /// Its sizes, the slowest index first.
+    pub shape: Vec<usize>,
+    /// Its numbers.
+    pub values: Vec<f64>,
     /// The file held single precision.
-    pub(super) single: bool,
+    pub single: bool,
 }
 
 impl Array {
@@ -44,7 +47,7 @@ type Decode = fn(&[u8], &mut Vec<f64>);
 /// `size` bytes; `place` names it in errors. What follows the array is left unread.
 ///
 /// Memory is that of the numbers which the source holds, whatever it says of itself.
-pub(super) fn read_array(place: &str, source: &mut impl Read, size: u64) -> Result<Array, Error> {
+pub fn read_array(place: &str, source: &mut impl Read, size: u64) -> Result<Array, Error> {
     let malformed = |reason: String| Error::content(place, "an array in the NPY format", reason);
     let text = header_text(source).map_err(malformed)?;
     let header = Header::parse(&text).map_err(malformed)?;
@@ -96,7 +99,7 @@ pub(super) fn read_array(place: &str, source: &mut impl Read, size: u64) -> Resu
 }
 
 /// Writes an array in the order of its rows.
-pub(super) fn write_array(
+pub fn write_array(
     out: &mut (impl Write + ?Sized),
     shape: &[u64],
     values: &[f64],
@@ -251,71 +254,5 @@ impl<'a> Literal<'a> {
             }
         }
         Ok(sizes)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn header(descr: &str, shape: &[usize]) -> Option<Header<'static>> {
-        let descr = String::leak(descr.to_owned());
-        Some(Header { descr, fortran_order: false, shape: shape.to_vec() })
-    }
-
-    #[test]
-    fn headers_of_plain_arrays_are_read_and_no_others() {
-        for (text, expected) in [
-            (
-                "{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), }   \n",
-                header("<f8", &[3, 4]),
-            ),
-            ("{\"shape\":(12,),'fortran_order':False,'descr':'>f4'}", header(">f4", &[12])),
-            ("{'descr': '<f8', 'fortran_order': False, 'shape': ()}", header("<f8", &[])),
-            ("{'descr': '<f8', 'fortran_order': False, 'shape': (3L, 4L)}", header("<f8", &[3, 4])),
-            ("", None),
-            ("{}", None),
-            ("{'descr': '<f8', 'fortran_order': False}", None),
-            ("{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), 'x': 1}", None),
-            ("{'descr': '<f8', 'descr': '<f8', 'fortran_order': False, 'shape': (3,)}", None),
-            ("{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4)} 1", None),
-            ("{'descr': '<f8', 'fortran_order': False, 'shape': (-3, 4)}", None),
-            ("{'descr': '<f8', 'fortran_order': False, 'shape': (3 4)}", None),
-            ("{'descr': '<f8', 'fortran_order': False, 'shape': (3, 4", None),
-            ("{'descr': '<f8', 'fortran_order': 0, 'shape': (3, 4)}", None),
-            ("{'descr': '<f8, 'fortran_order': False, 'shape': (3, 4)}", None),
-            ("{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999999999999,)}", None),
-            ("{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (3,)}", None),
-        ] {
-            let found = Header::parse(text);
-            assert_eq!(found.as_ref().ok(), expected.as_ref(), "{text}: {found:?}");
-        }
-        // What takes a parser of all literals exponential time is refused at once.
-        assert!(Header::parse(&format!("{{'descr': {}", "[(".repeat(1000))).is_err());
-        assert!(Header::parse(&"(".repeat(LONGEST)).is_err());
-    }
-
-    #[test]
-    fn sizes_beyond_the_file_are_refused_before_memory_is_asked_for() {
-        let mut bytes = Vec::new();
-        write_array(&mut bytes, &[3, 2], &[0.5; 6]).expect("written");
-        let numbers = bytes.len() - 48;
-        assert_eq!(numbers % 64, 0);
-        let read = |bytes: &[u8], size: usize| read_array("z", &mut &bytes[..], size as u64);
-        assert_eq!(read(&bytes, bytes.len()).expect("read").values, [0.5; 6]);
-        let text = String::from_utf8_lossy(&bytes[10..numbers]).into_owned();
-        for shape in ["(3, 3)", "(4000000000, 4000000000)", "(18446744073709551615, 1)"] {
-            let changed = text.replacen("(3, 2)", shape, 1);
-            let mut vast = bytes[..8].to_vec();
-            vast.extend((changed.len() as u16).to_le_bytes());
-            vast.extend(changed.as_bytes());
-            vast.extend(&bytes[numbers..]);
-            assert!(read(&vast, vast.len()).is_err(), "{shape}");
-            // A source that holds less than it says.
-            assert!(read(&vast, usize::MAX).is_err(), "{shape}");
-        }
-        for cut in 0..bytes.len() {
-            assert!(read(&bytes[..cut], bytes.len()).is_err(), "cut at {cut}");
-        }
     }
 }

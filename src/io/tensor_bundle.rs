@@ -43,7 +43,7 @@ pub(super) fn read(index: &Path) -> Result<BTreeMap<String, Tensor>, Error> {
 ///
 /// # Errors
 /// Those of [`read`].
-pub(super) fn parse(
+pub fn parse(
     place: &str,
     index: &[u8],
     data_place: &str,
@@ -234,7 +234,7 @@ impl Entry {
 }
 
 /// The checksum of Castagnoli, bit by bit.
-fn crc32c(bytes: &[u8]) -> u32 {
+pub fn crc32c(bytes: &[u8]) -> u32 {
     const POLYNOMIAL: u32 = 0x82f6_3b78;
     let mut crc = !0_u32;
     for &byte in bytes {
@@ -248,50 +248,4 @@ fn crc32c(bytes: &[u8]) -> u32 {
 
 fn masked(crc: u32) -> u32 {
     crc.rotate_right(15).wrapping_add(0xa282_ead8)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const INDEX: &[u8] = include_bytes!("../../tests/checkpoint/small.ckpt.index");
-    const NUMBERS: &[u8] = include_bytes!("../../tests/checkpoint/small.ckpt.data-00000-of-00001");
-
-    fn read(index: &[u8], data: &[u8]) -> Result<BTreeMap<String, Tensor>, Error> {
-        parse("index", index, "data", data)
-    }
-
-    #[test]
-    fn the_checksum_is_the_known_one() {
-        assert_eq!(crc32c(b"123456789"), 0xe306_9283);
-    }
-
-    /// Whatever is cut off or changed is an error or other numbers, and no panic; a
-    /// changed number is an error.
-    #[test]
-    fn broken_files_are_refused() {
-        let whole = read(INDEX, NUMBERS).expect("sound");
-        assert_eq!(whole.len(), 12 * 4 + 1);
-        for cut in 0..INDEX.len() {
-            assert!(read(&INDEX[..cut], NUMBERS).is_err(), "{cut}");
-        }
-        for place in 0..INDEX.len() {
-            for flip in [1, 0x80, 0xff] {
-                let mut index = INDEX.to_vec();
-                index[place] ^= flip;
-                let _ = read(&index, NUMBERS);
-            }
-        }
-        let used: usize = whole.values().map(|t| 4 * t.values.len()).sum();
-        for place in 0..used {
-            let mut data = NUMBERS.to_vec();
-            // Strings may stand between the numbers.
-            data[place] ^= 0x10;
-            if let Ok(read) = read(INDEX, &data) {
-                assert_eq!(read, whole, "{place}");
-            }
-        }
-        assert!(read(INDEX, &NUMBERS[..100]).is_err());
-        assert!(read(b"", b"").is_err());
-    }
 }

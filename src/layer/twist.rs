@@ -41,7 +41,8 @@ impl FastPlanes {
     }
 
     /// Half the numbers of a point with the actions and angles of the circles.
-    pub(crate) fn extended_dof(&self) -> usize {
+    #[doc(hidden)]
+    pub fn extended_dof(&self) -> usize {
         self.dof + self.circles
     }
 
@@ -345,7 +346,8 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
     }
 
     /// How many parts [`Twist::apply_part`] has.
-    pub(crate) fn parts(&self) -> usize {
+    #[doc(hidden)]
+    pub fn parts(&self) -> usize {
         if self.is_identity() { 0 } else { self.shears.count() + 2 }
     }
 
@@ -353,7 +355,8 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
     /// circles, 2·[`FastPlanes::extended_dof`] numbers, the last of them 0 in the beginning: the
     /// actions, then a shear after another, then the turn. All of them, one after another, leave
     /// the image of the point: the same operations, for those who want to look between them.
-    pub(crate) fn apply_part<S: Over<P>>(&self, part: usize, x: &mut [S]) {
+    #[doc(hidden)]
+    pub fn apply_part<S: Over<P>>(&self, part: usize, x: &mut [S]) {
         let circles = self.planes().circles;
         let (z, rest) = x.split_at_mut(2 * self.planes().dof);
         let (actions, angles) = rest.split_at_mut(circles);

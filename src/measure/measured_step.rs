@@ -593,11 +593,17 @@ impl<S: Over<f64>, T: Shear<f64>> Map<S> for ShearMap<T> {
         self.0.dof()
     }
     fn forward(&self, z: &mut [S]) {
-        self.0.apply(z, &mut vec![S::zero(); z.len()]);
+        apply_outlined(self.0, z);
     }
     fn inverse(&self, z: &mut [S]) {
-        self.0.undo(z, &mut vec![S::zero(); z.len()]);
+        apply_outlined(self.0.inverse(), z);
     }
+}
+
+/// z ← the step of z: compiled once for both directions.
+#[inline(never)]
+fn apply_outlined<S: Over<f64>>(shear: impl Shear<f64>, z: &mut [S]) {
+    shear.apply(z, &mut vec![S::zero(); z.len()]);
 }
 
 /// The steps of a composition, as measures see them.

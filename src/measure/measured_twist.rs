@@ -149,36 +149,3 @@ impl<const D: usize> MeasuredStep for TwistStep<'_, D> {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::layer::{CircleAction, FastPlanes, Shear, TorusAction, TwistShears};
-    use crate::random::Stream;
-
-    /// Measures look between the parts: they are those of the map, to the last bit.
-    #[test]
-    fn the_parts_of_a_twist_make_it() {
-        let one = TorusAction::from(CircleAction::new([1, 0, 2]));
-        let two = [CircleAction::new([1, 0, 0]), CircleAction::new([0, 0, 2])];
-        let mut stream = Stream::new(5, "twist");
-        for action in [one, TorusAction::new(two.to_vec()).expect("two circles")] {
-            let planes = FastPlanes::new(&action).expect("planes that turn");
-            let shears = &TwistShears::new(planes.clone(), &[3, 1, 0, 4, 2]);
-            let count = shears.parameter_count();
-            let parameters: &Vec<f64> = &(0..count).map(|_| stream.normal()).collect();
-            for (inverse, scale) in [(false, 0.3), (true, 0.3), (true, 0.0)] {
-                let twist: Twist<'_, f64> = Twist { shears, scale, parameters, inverse };
-                let mut point: Vec<f64> = (0..6).map(|_| stream.normal()).collect();
-                let mut extended = point.clone();
-                extended.resize(2 * planes.extended_dof(), 0.0);
-                for part in 0..twist.parts() {
-                    twist.apply_part(part, &mut extended);
-                }
-                twist.apply(&mut point, &mut [0.0; 6]);
-                let bits = |z: &[f64]| z.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-                assert_eq!(bits(&point), bits(&extended[..6]), "{inverse} {scale}");
-            }
-        }
-    }
-}

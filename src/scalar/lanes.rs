@@ -18,7 +18,8 @@ pub const WIDTH: usize = 8;
 ///
 /// On x86-64 these lanes are for processors without AVX2, which have no fused
 /// multiply-add: there it is a call for each lane, and all kernels are compiled
-/// around calls, small rather than fast.
+/// around calls, small rather than fast. Operations are calls too: unrolled, they
+/// took more of the build than the kernels on registers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub struct Lanes<const L: usize = WIDTH>(pub [f64; L]);
@@ -47,7 +48,8 @@ macro_rules! lanewise {
     ($trait:ident, $method:ident) => {
         impl<const L: usize> $trait for Lanes<L> {
             type Output = Self;
-            #[inline(always)]
+            #[cfg_attr(target_arch = "x86_64", inline(never))]
+            #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
             fn $method(self, other: Self) -> Self {
                 self.zip(other, other, |a, b, _| a.$method(b))
             }
@@ -61,7 +63,8 @@ lanewise!(Div, div);
 
 impl<const L: usize> Neg for Lanes<L> {
     type Output = Self;
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn neg(self) -> Self {
         self.each(|x| -x)
     }
@@ -78,12 +81,14 @@ impl<const L: usize> Scalar for Lanes<L> {
     fn mul_add(self, a: Self, b: Self) -> Self {
         fused(self, a, b)
     }
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn tanh_sech2(self) -> (Self, Self) {
         let ([t], [s]) = Self::tanh_sech2_each([self]);
         (t, s)
     }
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
         if !CALLS {
             return tanh_sech2_in_step(x);
@@ -101,26 +106,31 @@ impl<const L: usize> Scalar for Lanes<L> {
     fn unit_roundoff() -> f64 {
         f64::unit_roundoff()
     }
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn abs(self) -> Self {
         self.each(f64::abs)
     }
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn is_zero(self) -> bool {
         self.0.iter().all(|value| *value == 0.0)
     }
 }
 
 impl<const L: usize> Elementary for Lanes<L> {
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn sin_cos(self) -> (Self, Self) {
         if CALLS { self.one_by_one(simd::sin_cos) } else { super::sin_cos::sin_cos(self) }
     }
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn exp(self) -> Self {
         if CALLS { self.each(simd::exp) } else { super::exp::exp(self) }
     }
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn zero_with(self, factor: Self) -> Self {
         zero_lanes_with(self, factor)
     }
@@ -150,11 +160,13 @@ assigning!([const L: usize] Lanes<L>);
 over_parameters!([const L: usize] Lanes<L>);
 
 impl<const L: usize> Lanewise for Lanes<L> {
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn negative_mul_add(self, a: Self, b: Self) -> Self {
         self.zip(a, b, Lanewise::negative_mul_add)
     }
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn at_most(self, most: f64) -> Self {
         self.each(|x| x.at_most(most))
     }
@@ -166,11 +178,13 @@ impl<const L: usize> Lanewise for Lanes<L> {
     fn bit_as_sign<const BIT: u32>(self) -> Self {
         self.each(Lanewise::bit_as_sign::<BIT>)
     }
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn select_above(self, limit: f64, above: Self, otherwise: Self) -> Self {
         self.zip(above, otherwise, |x, above, otherwise| x.select_above(limit, above, otherwise))
     }
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn select_negative(self, negative: Self, otherwise: Self) -> Self {
         self.zip(negative, otherwise, Lanewise::select_negative)
     }
@@ -190,11 +204,13 @@ impl<const L: usize> Lanewise for Lanes<L> {
     fn pair_by_pair(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
         self.zip(other, other, |a, b, _| f(a, b))
     }
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn with_sign_of(self, sign: Self) -> Self {
         self.zip(sign, sign, |x, sign, _| x.with_sign_of(sign))
     }
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn negated_where(self, sign: Self) -> Self {
         self.zip(sign, sign, |x, sign, _| x.negated_where(sign))
     }

@@ -89,9 +89,10 @@ pub trait Scalar:
         (t, s)
     }
 
-    /// Does a task on such numbers: for vector registers as a
-    /// function of its own, in which the compiler gives all registers to the task.
-    #[inline(always)]
+    /// Does a task on such numbers as a function of its own: on vector registers the
+    /// compiler gives all of them to the task, and a composition on duals is no single
+    /// function of all kinds of step, which takes minutes to compile.
+    #[inline(never)]
     fn outlined(task: impl Task) {
         task.run();
     }

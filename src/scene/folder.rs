@@ -234,7 +234,7 @@ impl Folder {
             return Ok(None);
         }
         let bytes = std::fs::read(&path).map_err(|reason| Error::read(&path, reason))?;
-        let read = serde_json::from_slice(&bytes);
+        let read = serde_json::from_slice::<Value>(&bytes).and_then(serde_json::from_value);
         read.map(Some).map_err(|reason| Error::content(path.display(), "a checkpoint", reason))
     }
 

@@ -58,3 +58,11 @@ pub use study::AnyStudy;
 pub use study::certificate::{CERTIFICATE_HEADINGS, certificate_cells, certificate_table};
 pub use study::training::stop_words;
 pub use verdict::Trust;
+
+/// What the tests of this crate reach behind the public API: not a part of it.
+#[doc(hidden)]
+pub mod internals {
+    pub use super::study::claims::{REPRODUCED, as_good, change, command, verdict};
+    pub use super::study::dissipation::{period, simpson};
+    pub use super::trust::{Limit, Orbits, PlaneError, STEPS, limit, orbits, plane_errors, worst};
+}

@@ -15,7 +15,8 @@ use serde_json::json;
 
 /// Orbits that are looked at, from held-out points, and their length.
 const ORBITS: usize = OwnInvariance::ORBITS;
-const STEPS: usize = OwnInvariance::ITERATIONS;
+/// Applications of the network in each orbit.
+pub const STEPS: usize = OwnInvariance::ITERATIONS;
 
 /// The fewest held-out pairs that a verdict is given on. With a probability of 95 % the worst of
 /// them errs by more than nine tenths of all points do: 0.9³⁰ = 4 % is less than a twentieth.
@@ -23,7 +24,7 @@ const FEWEST: usize = 30;
 
 /// What limits the error of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Limit {
+pub enum Limit {
     /// The held-out error is far above the loss.
     Data,
     /// The loss was still falling.
@@ -37,7 +38,8 @@ const AT_REST: f64 = 0.9;
 /// The held-out error over the loss from which pairs are learnt by heart.
 const BY_HEART: f64 = 2.0;
 
-fn limit(loss: f64, validation: Option<f64>, history: &[TrainingRecord]) -> Limit {
+/// What limits a training, from its losses on training and held-out pairs.
+pub fn limit(loss: f64, validation: Option<f64>, history: &[TrainingRecord]) -> Limit {
     let Some(last) = history.last() else { return Limit::Network };
     let earlier = history.iter().rev().find(|r| r.iteration * 10 <= last.iteration * 9);
     if validation.is_some_and(|validation| validation > BY_HEART * loss) {
@@ -65,16 +67,18 @@ impl Limit {
 }
 
 /// Orbits of a network from some points.
-struct Orbits {
-    count: usize,
+pub struct Orbits {
+    /// How many.
+    pub count: usize,
     /// Those that went astray: out of the box by more than half of its width, or out of
-    /// the finite numbers; the first of them, its row and step.
-    astray: usize,
-    first: Option<(usize, usize)>,
+    /// the finite numbers.
+    pub astray: usize,
+    /// The first of them, its row and step.
+    pub first: Option<(usize, usize)>,
 }
 
-/// Of so many orbits, the states of which are in turn, from the first of each on.
-fn orbits(states: &[f64], count: usize, region: &Region) -> Orbits {
+/// Counts the orbits that leave the box, of the states of so many in turn, from the first of each on.
+pub fn orbits(states: &[f64], count: usize, region: &Region) -> Orbits {
     let around = region.widened(0.5);
     let mut lost = vec![false; count];
     let mut first = None;
@@ -89,17 +93,18 @@ fn orbits(states: &[f64], count: usize, region: &Region) -> Orbits {
 
 /// What the error of a plane is compared with.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct PlaneError {
+pub struct PlaneError {
     /// Its root mean square over q and p.
-    error: f64,
+    pub error: f64,
     /// The same over what the nearest rotation leaves of the plane, or over the size of a plane
     /// that it explains.
-    share: f64,
-    explained: bool,
+    pub share: f64,
+    /// The rotation explains the plane to rounding.
+    pub explained: bool,
 }
 
 /// The errors of the planes of a model, of which those of its components are known.
-fn plane_errors(errors: &[f64], motions: &[PlaneMotion]) -> Vec<PlaneError> {
+pub fn plane_errors(errors: &[f64], motions: &[PlaneMotion]) -> Vec<PlaneError> {
     let dof = motions.len();
     let of_plane = |(j, motion): (usize, &PlaneMotion)| {
         let error = root_mean_square(&[errors[j], errors[dof + j]]);
@@ -109,7 +114,7 @@ fn plane_errors(errors: &[f64], motions: &[PlaneMotion]) -> Vec<PlaneError> {
 }
 
 /// The plane that decides: the first of those with the largest share, a NaN before all.
-fn worst(planes: &[PlaneError]) -> usize {
+pub fn worst(planes: &[PlaneError]) -> usize {
     let share = |j: usize| planes[j].share;
     (1..planes.len()).fold(0, |worst, j| {
         let larger = !(share(j) <= share(worst));
@@ -327,71 +332,4 @@ pub(super) fn trust(
         },
         ..Findings::default()
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::network::{HenonShape, InitialWeights, Model};
-
-    #[test]
-    fn what_limits_is_told_from_the_losses() {
-        let record = |iteration, loss| TrainingRecord {
-            iteration,
-            evaluations: 0,
-            loss,
-            pairs: 1,
-            gradient: 0.0,
-            validation: None,
-        };
-        let history = |last| [record(0, 1.0), record(90, 1e-3), record(100, last)];
-        assert_eq!(limit(1e-3, Some(1e-3), &history(0.99e-3)), Limit::Network);
-        assert_eq!(limit(1e-3, Some(1e-3), &history(0.8e-3)), Limit::Iterations);
-        assert_eq!(limit(1e-3, Some(2.1e-3), &history(0.8e-3)), Limit::Data);
-        assert_eq!(limit(1e-3, None, &[]), Limit::Network);
-    }
-
-    #[test]
-    fn orbits_that_go_astray_are_counted() {
-        let region = Region { low: vec![-1.0; 2], high: vec![1.0; 2] };
-        let shape = HenonShape::uniform(1, 2, 4);
-        let network = |scale: f64| {
-            shape
-                .clone()
-                .architecture(1.0)
-                .initialise(InitialWeights::Normal { scale }, 0.0, 1)
-                .expect("valid")
-        };
-        let orbits = |model: &Model, starts: &[f64], region: &Region| {
-            let states = model.rollout(starts, Rollout { steps: STEPS, every: 1 })?;
-            Ok::<_, Error>(orbits(&states, starts.len() / 2, region))
-        };
-        let starts = [0.1, 0.2, -0.3, 0.4, 1.0, 1.0];
-        let of = |scale| orbits(&network(scale), &starts, &region).expect("orbits");
-        let (wild, still) = (of(1.5), of(1e-6));
-        let first = wild.first.map(|(_, step)| step);
-        assert!(wild.astray > 0 && first < Some(STEPS), "{} of 3, {first:?}", wild.astray);
-        assert_eq!((still.count, still.astray, still.first), (3, 0, None));
-        // Not a number is nowhere in the box.
-        let lost = orbits(&network(1e-6), &[f64::NAN, 0.0], &region).expect("orbits");
-        assert_eq!((lost.astray, lost.first), (1, Some((0, 0))));
-    }
-
-    /// A wide plane that is learnt does not hide a narrow one that is not; a plane that the
-    /// rotation explains to rounding is compared with its size.
-    #[test]
-    fn the_worst_plane_decides() {
-        let motion = |scale, explained| PlaneMotion { scale, explained };
-        let motions = [motion(0.1, false), motion(1e-4, false), motion(1.0, true)];
-        let planes = plane_errors(&[1e-5, 3e-5, 1e-9, 1e-5, 3e-5, 1e-9], &motions);
-        let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
-        assert!(near(planes[0].share, 1e-4) && near(planes[1].share, 0.3), "{planes:?}");
-        assert!(near(planes[2].share, 1e-9) && planes[2].explained, "{planes:?}");
-        assert_eq!(worst(&planes), 1);
-        // A NaN decides wherever it is.
-        let nan = plane_errors(&[f64::NAN, 3e-5, 1e-9, 1e-5, 3e-5, 1e-9], &motions);
-        assert_eq!(worst(&nan), 0);
-        let nan = plane_errors(&[1e-5, 3e-5, f64::NAN, 1e-5, 3e-5, 1e-9], &motions);
-        assert_eq!(worst(&nan), 2);
-    }
 }

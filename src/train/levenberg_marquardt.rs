@@ -70,14 +70,16 @@ impl LevenbergMarquardtOptions {
     }
 
     /// The pairs to begin with, of so many.
-    fn pairs(&self, model: &Model, all: usize) -> usize {
+    #[doc(hidden)]
+    pub fn pairs(&self, model: &Model, all: usize) -> usize {
         let wanted = (self.residuals * Self::parameters_a_residual(model)).ceil();
         let part = self.residuals > 0.0 && wanted < all as f64;
         if part { wanted as usize } else { all }
     }
 
     /// Begins with at least so many pairs.
-    pub(super) fn begin_with(&mut self, pairs: usize, model: &Model) {
+    #[doc(hidden)]
+    pub fn begin_with(&mut self, pairs: usize, model: &Model) {
         if self.residuals > 0.0 {
             // Half a pair less, which rounding up gives back, and not one more.
             let residuals = (pairs as f64 - 0.5) / Self::parameters_a_residual(model);
@@ -365,33 +367,5 @@ impl Minimise for LevenbergMarquardt<'_> {
 
     fn state(&self) -> OptimiserState {
         OptimiserState::LevenbergMarquardt(self.state.clone())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::network::{HenonShape, InitialWeights};
-
-    /// Pairs are asked for as residuals a parameter, and come back as they were.
-    #[test]
-    fn as_many_pairs_as_before_are_begun_with() {
-        for (dof, width) in [(1, 1), (2, 7), (3, 11)] {
-            let shape = HenonShape { dof, widths: vec![width; 5] };
-            let model = shape
-                .architecture(1.0)
-                .initialise(InitialWeights::Glorot, 0.0, 1)
-                .expect("a model");
-            for pairs in 1..5000 {
-                let mut options =
-                    LevenbergMarquardtOptions { residuals: 1e-9, ..Default::default() };
-                options.begin_with(pairs, &model);
-                assert_eq!(options.pairs(&model, 5000), pairs);
-                assert_eq!(options.pairs(&model, pairs), pairs);
-            }
-            let mut options = LevenbergMarquardtOptions::default();
-            options.begin_with(1, &model);
-            assert_eq!(options, LevenbergMarquardtOptions::default());
-        }
     }
 }

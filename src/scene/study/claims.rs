@@ -72,9 +72,16 @@ struct Row {
     verdict: String,
 }
 
+/// The verdict of a part that is an experiment of the paper.
+#[doc(hidden)]
+pub fn verdict(part: &Report) -> Option<String> {
+    Row::of(part).map(|row| row.verdict)
+}
+
 /// The command that runs a part as it was run, where it is a built-in scene or its short
 /// form.
-fn command(part: &Scene) -> String {
+#[doc(hidden)]
+pub fn command(part: &Scene) -> String {
     let changed = || "`as-run.toml` in its folder: not the built-in scene".to_owned();
     let Ok(built_in) = find(&part.name).and_then(|entry| entry.scene()) else {
         return changed();
@@ -150,7 +157,8 @@ fn rollout<'a>(part: &'a Report, network: &str) -> Option<&'a Value> {
 }
 
 /// The largest relative change of an invariant, as the roll-out has it.
-fn change(of: &Value) -> f64 {
+#[doc(hidden)]
+pub fn change(of: &Value) -> f64 {
     number(&of["largest_change"])
 }
 
@@ -164,13 +172,15 @@ fn own_invariant(part: &Report, network: &str) -> Option<(f64, f64)> {
     Some((own, change(&data(part, "rollout")?["reference_adiabatic"])))
 }
 
-const REPRODUCED: &str = "reproduced";
+#[doc(hidden)]
+pub const REPRODUCED: &str = "reproduced";
 
 /// A roll-out whose rms distance from the reference is less is close to it.
 const CLOSE: f64 = 0.1;
 
 /// Whether a learnt invariant changes by no more than three times that of the data.
-fn as_good(own: f64, of_data: f64) -> String {
+#[doc(hidden)]
+pub fn as_good(own: f64, of_data: f64) -> String {
     judged(
         own <= 3.0 * of_data,
         "reproduced (changes by less than three times the system's)",
@@ -492,83 +502,4 @@ fn run_times(part: &Report) -> Option<Block> {
         ]);
     }
     (!table.is_empty()).then_some(Block::Table(table))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::Machine;
-    use crate::scene::findings::Section;
-    use crate::scene::report::StudyFindings;
-
-    /// A part of this name whose study found this.
-    fn part(name: &'static str, study: &'static str, data: Value) -> Report {
-        let scene = find(name).and_then(|entry| entry.scene()).expect("built in");
-        let findings =
-            Findings { results: Section { data, ..Section::default() }, ..Findings::default() };
-        let studies = vec![StudyFindings { name: study, findings }];
-        Report {
-            scene,
-            studies,
-            training_times: Vec::new(),
-            stages: Vec::new(),
-            machine: Machine::this(),
-            repeat: None,
-            parts: Vec::new(),
-        }
-    }
-
-    fn verdict(part: &Report) -> String {
-        Row::of(part).expect("a row").verdict
-    }
-
-    #[test]
-    fn verdicts_come_out_negative_too() {
-        let profiles = |drifts: [f64; 3]| {
-            let each = [1e-1, 1e-2, 1e-3].iter().zip(drifts);
-            let data = each.map(|(e, d)| json!({ "epsilon": e, "drift": { "largest": d } }));
-            verdict(&part("adiabatic-profiles", "adiabatic_profiles", data.collect()))
-        };
-        assert!(profiles([1e-2, 1e-3, 1e-4]).starts_with(REPRODUCED));
-        assert!(profiles([0.1, 0.1, 0.1]).starts_with("not"));
-        assert!(profiles([1e-2, 9e-3, 8e-3]).starts_with("not"));
-        assert!(profiles([1e-2, f64::NAN, 1e-4]).starts_with("not"));
-
-        let trajectories = |still: f64, far: f64| {
-            let of = |excursion: f64| json!({ "epsilon": 0.1, "excursions": [[1.0, excursion]], "adiabatic": [{ "largest": 0.2 }] });
-            verdict(&part("trajectories", "trajectories", json!([of(still), of(far)])))
-        };
-        assert!(trajectories(0.0, 1.0).starts_with(REPRODUCED));
-        assert!(trajectories(1e-9, 1.0).starts_with("not"));
-        assert!(trajectories(0.0, f64::NAN).starts_with("not"));
-
-        let horizon = |large: Value, small: Value| {
-            let orbit = |epsilon: f64, n: Value| json!({ "epsilon": epsilon, "iterations": 1000, "horizons": [n] });
-            let orbits = [orbit(0.1, large), orbit(1e-3, small)];
-            let data = json!({ "factors": [1.1], "orbits": orbits });
-            verdict(&part("adiabatic-horizon", "adiabatic_horizon", data))
-        };
-        assert!(horizon(json!(20), json!(null)).starts_with(REPRODUCED));
-        assert!(horizon(json!(20), json!(30)).starts_with("not"));
-        assert!(horizon(json!(null), json!(20)).starts_with("not"));
-
-        assert!(as_good(0.02, 0.01).starts_with(REPRODUCED));
-        assert!(as_good(0.04, 0.01).starts_with("not"));
-        assert!(as_good(f64::NAN, 0.01).starts_with("not"));
-        // Without orbits nothing is known.
-        assert!(change(&Value::Null).is_nan());
-    }
-
-    #[test]
-    fn the_command_is_the_one_that_was_run() {
-        let scene = find("oscillators-short").and_then(|entry| entry.scene()).expect("built in");
-        assert_eq!(command(&scene), "`gyroceptron run oscillators-short`");
-        let seeded = scene.clone().with_seed(7);
-        assert_eq!(command(&seeded), "`gyroceptron run oscillators-short --seed 7`");
-        let quick = scene.clone().quick();
-        assert_eq!(command(&quick), "`gyroceptron run oscillators-short --quick`");
-        let mut changed = scene;
-        changed.setup.training.iterations += 1;
-        assert!(command(&changed).contains("as-run.toml"));
-    }
 }

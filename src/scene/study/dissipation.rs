@@ -217,7 +217,8 @@ impl DissipationOptions {
 }
 
 /// ∫ of an odd number of values, equally far apart.
-fn simpson(values: &[f64], interval: f64) -> f64 {
+#[doc(hidden)]
+pub fn simpson(values: &[f64], interval: f64) -> f64 {
     let last = values.len() - 1;
     let weight = |k: usize| match k {
         0 => 1.0,
@@ -332,7 +333,8 @@ impl Along {
 }
 
 /// The mean time between two rises of a sampled quantity through its mean; none where it does not swing.
-fn period(values: &[f64], interval: f64) -> Option<f64> {
+#[doc(hidden)]
+pub fn period(values: &[f64], interval: f64) -> Option<f64> {
     /// Less is a ripple.
     const LEAST_SWING: f64 = 0.05;
     let mean = values.iter().sum::<f64>() / values.len() as f64;
@@ -421,27 +423,5 @@ impl Results {
             ]);
         }
         table
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_period_is_that_between_rises() {
-        let wave = |k: usize| 2.0 + (0.37 * k as f64 + 0.4).sin();
-        let values: Vec<f64> = (0..400).map(wave).collect();
-        let found = period(&values, 0.5).expect("it swings");
-        assert!((found - 0.5 * std::f64::consts::TAU / 0.37).abs() < 1e-2, "{found}");
-        assert_eq!(period(&[2.0, 2.01, 1.99, 2.01, 1.99, 2.01], 1.0), None);
-        assert_eq!(period(&[1.0, 2.0, 3.0], 1.0), None);
-        assert_eq!(period(&[1.0, f64::NAN, 3.0, 0.0, 5.0], 1.0), None);
-    }
-
-    #[test]
-    fn simpsons_rule_is_exact_for_cubes() {
-        let values: Vec<f64> = (0..9).map(|k| f64::from(k * k * k) / 512.0).collect();
-        assert!((simpson(&values, 0.125) - 0.25).abs() < 1e-15);
     }
 }

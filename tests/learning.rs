@@ -1,0 +1,7 @@
+//! From pairs to trained models, and the files of both.
+
+mod blocks;
+mod family;
+mod files;
+mod schedule;
+mod training;

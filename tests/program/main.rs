@@ -1,0 +1,12 @@
+//! The program, as its users call it.
+
+mod architectures;
+mod helpers;
+#[path = "../judgement.rs"]
+mod judgement;
+#[path = "../own_scenes.rs"]
+mod own_scenes;
+mod refusals;
+mod resuming;
+mod scenes;
+mod training;

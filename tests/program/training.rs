@@ -1,0 +1,525 @@
+//! From pairs to a model and what is done with it.
+
+use crate::helpers::{call, folder, last_numbers, refuses, succeeds, text, with_model, write_data};
+use gyroceptron::flow::{Pairs, Window, sample};
+use gyroceptron::io::{
+    StoredModel, load_model, read_pairs, read_points, write_pairs, write_points,
+};
+use gyroceptron::network::{Architecture, Rollout, rollout};
+use gyroceptron::random::Stream;
+use gyroceptron::system::Oscillators;
+use serde_json::Value;
+
+#[test]
+fn train_verify_predict_export_and_import() {
+    let folder = with_model();
+    let path = folder.path();
+    let output = succeeds(path, &["verify", "--model", "model.json", "--json"]);
+    let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
+    assert_eq!(json["holds"], true);
+
+    succeeds(
+        path,
+        &[
+            "predict",
+            "--model",
+            "model.json",
+            "--input",
+            "z.npy",
+            "--steps",
+            "20",
+            "--every",
+            "5",
+            "--output",
+            "t.npy",
+        ],
+    );
+    let stored = load_model(&path.join("model.json")).expect("a model");
+    let start = read_points(&path.join("z.npy"), 2).expect("points").points;
+    let expected = rollout(stored.model.composition(), &start, Rollout { steps: 20, every: 5 })
+        .expect("valid");
+    let file = std::fs::read(path.join("t.npy")).expect("trajectories");
+    let header = String::from_utf8_lossy(&file[..128]);
+    assert!(header.contains("(5, 3, 4)") || header.contains("(5, 3, 4, )"), "{header}");
+    let values: Vec<f64> = file[file.len() - expected.len() * 8..]
+        .chunks_exact(8)
+        .map(|b| f64::from_le_bytes(b.try_into().expect("eight bytes")))
+        .collect();
+    assert_eq!(values, expected);
+
+    for weights in ["w.safetensors", "w.npz"] {
+        succeeds(path, &["export", "--model", "model.json", "--output", weights]);
+        succeeds(
+            path,
+            &[
+                "import",
+                "--weights",
+                weights,
+                "--circle-action",
+                "1,0",
+                "--epsilon",
+                "0.01",
+                "--output",
+                "back.json",
+            ],
+        );
+        let back = load_model(&path.join("back.json")).expect("a model");
+        assert_eq!(back.model.composition().parameters(), stored.model.composition().parameters());
+        std::fs::remove_file(path.join("back.json")).expect("removed");
+    }
+}
+
+/// Interleaved columns, and a circle action of the wrong plane, are told from the rotation.
+#[test]
+fn columns_and_actions_that_do_not_fit_are_told() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let train = |data: &str, action: &str| {
+        let mut arguments = vec!["train", "--data", data, "--circle-action", action];
+        arguments.extend(["--iterations", "1", "--output", "m.json", "--overwrite"]);
+        text(&succeeds(path, &arguments).stderr)
+    };
+    assert!(!train("pairs.npz", "1,0").contains("better"));
+    let told = train("pairs.npz", "0,1");
+    assert!(told.contains("q1 q2 p1 p2") && told.contains("1,0"), "{told}");
+    let pairs = read_pairs(&path.join("pairs.npz")).expect("pairs").pairs;
+    // q₁ p₁ q₂ p₂.
+    let interleaved = pairs.with_columns(&[0, 2, 1, 3]);
+    write_pairs(&path.join("interleaved.npz"), &interleaved).expect("written");
+    let told = train("interleaved.npz", "1,0");
+    assert!(told.contains("q1 p1 q2 p2") && told.contains("1,0"), "{told}");
+    assert_eq!(interleaved.with_columns(&[0, 2, 1, 3]).input(), pairs.input());
+    // Momenta first turn the other way, and are as good.
+    write_pairs(&path.join("p-first.npz"), &pairs.with_columns(&[2, 3, 0, 1])).expect("written");
+    assert!(!train("p-first.npz", "1,0").contains("better"));
+}
+
+/// Of 128 times the data the network is trained to the same bits, and every command undoes the
+/// units; with the units of the data nothing is learnt.
+#[test]
+fn units_are_fitted_and_undone() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let pairs = read_pairs(&path.join("pairs.npz")).expect("pairs").pairs;
+    let times = |values: &[f64]| values.iter().map(|v| 128.0 * v).collect::<Vec<f64>>();
+    let large = Pairs::new("large", 2, times(pairs.input()), times(pairs.output()));
+    write_pairs(&path.join("large.npz"), &large.expect("finite")).expect("written");
+    let train = |data: &str, output: &str, more: &[&str]| {
+        let mut arguments = vec!["train", "--data", data, "--circle-action", "1,0"];
+        arguments.extend(["--iterations", "60", "--output", output]);
+        arguments.extend(more);
+        text(&succeeds(path, &arguments).stderr)
+    };
+    assert!(!train("pairs.npz", "plain.json", &[]).contains("units"));
+    let told = train("large.npz", "large.json", &[]);
+    assert!(told.contains("1.2800e2, 1.2800e2, 1.2800e2, 1.2800e2"), "{told}");
+    assert!(!train("large.npz", "raw.json", &["--units", "data"]).contains("units"));
+    let [plain, scaled, raw] = ["plain.json", "large.json", "raw.json"]
+        .map(|name| load_model(&path.join(name)).expect("a model"));
+    let bits = |stored: &StoredModel| stored.model.composition().parameters().to_vec();
+    assert_eq!(bits(&scaled), bits(&plain));
+    assert_eq!(scaled.provenance.validation, plain.provenance.validation);
+    assert!(raw.units.is_none() && bits(&raw) != bits(&plain));
+    let report = |name: &str| -> Value {
+        let file = path.join(format!("{name}-report/report.json"));
+        serde_json::from_slice(&std::fs::read(file).expect("data")).expect("one JSON document")
+    };
+    let [of_plain, of_scaled] = ["plain", "large"].map(report);
+    assert_eq!(of_scaled["studies"]["trust"]["units"]["factors"][0], 128.0);
+    let component = |report: &Value| {
+        report["studies"]["training"]["models"][0]["component_errors"][2]
+            .as_f64()
+            .expect("a number")
+    };
+    assert_eq!(component(&of_scaled), 128.0 * component(&of_plain));
+    let share = |report: &Value| report["studies"]["trust"]["share_beyond_rotation"].clone();
+    assert_eq!(share(&of_scaled), share(&of_plain));
+
+    let start = [0.3, 0.2, -0.1, 0.4];
+    write_points(&path.join("z.npy"), &[1, 4], &start).expect("written");
+    write_points(&path.join("large.npy"), &[1, 4], &times(&start)).expect("written");
+    let predict = |model: &str, input: &str, output: &str| {
+        let mut arguments = vec!["predict", "--model", model, "--input", input, "--output", output];
+        arguments.extend(["--steps", "10", "--invariant", "mu.npy", "--overwrite"]);
+        let told = text(&succeeds(path, &arguments).stderr);
+        assert!(!told.contains("outside"), "{told}");
+        let numbers = |file: &str, count: usize| last_numbers(&path.join(file), count);
+        (numbers(output, 44), numbers("mu.npy", 11))
+    };
+    let (states, along) = predict("plain.json", "z.npy", "t.npy");
+    let (of_large, along_large) = predict("large.json", "large.npy", "large-t.npy");
+    assert_eq!(of_large, times(&states));
+    assert_eq!(along_large, times(&times(&along)));
+
+    let output = succeeds(path, &["verify", "--model", "large.json", "--samples", "20"]);
+    assert!(text(&output.stdout).contains("units"));
+    succeeds(path, &["export", "--model", "large.json", "--output", "w.npz"]);
+    let import = ["import", "--weights", "w.npz", "--circle-action", "1,0", "--epsilon", "0.01"];
+    succeeds(path, &[&import[..], &["--output", "back.json"]].concat());
+    let back = load_model(&path.join("back.json")).expect("a model");
+    assert_eq!((&back.units, bits(&back)), (&scaled.units, bits(&scaled)));
+}
+
+/// θ is left as it is where it is known.
+#[test]
+fn a_known_angle_is_left() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let train = |output: &str, more: &[&str]| {
+        let mut arguments = vec!["train", "--data", "pairs.npz", "--circle-action", "1,0"];
+        arguments.extend(["--iterations", "20", "--theta", "0.5", "--output", output]);
+        arguments.extend(more);
+        succeeds(path, &arguments);
+        load_model(&path.join(output)).expect("a model").model.angles().to_vec()
+    };
+    assert_eq!(train("fixed.json", &["--theta-fixed"]), [0.5]);
+    assert_ne!(train("free.json", &[]), [0.5]);
+    let held = train("held.json", &["--theta-penalty", "1e6"])[0];
+    assert!(held != 0.5 && (held - 0.5).abs() < 1e-4, "{held}");
+    let form = ["--theta-fixed", "--architecture", "normal-form", "--optimiser", "lm"];
+    assert_eq!(train("form.json", &form), [0.5]);
+    let net = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "n.json"];
+    let net = [&net[..], &["--architecture", "henon-net", "--theta-fixed"]].concat();
+    refuses(path, &net, &["theta_fixed"]);
+    let net =
+        net.iter().map(|&word| if word == "--theta-fixed" { "--theta-penalty=1" } else { word });
+    refuses(path, &net.collect::<Vec<_>>(), &["theta_penalty"]);
+}
+
+/// A normal form of order one, with a perturbation beside it or none.
+#[test]
+fn a_nearly_integrable_map_is_trained() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let start = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--iterations", "5"];
+    let train = |output: &str, perturbation: &str| {
+        let form = ["--architecture", "normal-form", "--perturbation", perturbation];
+        succeeds(path, &[&start[..], &form, &["--output", output]].concat());
+        load_model(&path.join(output)).expect("a model").model.architecture()
+    };
+    let widths = |of: Architecture| match of {
+        Architecture::NormalForm { shape, .. } => shape.perturbation,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(widths(train("near.json", "2x3")), Some(vec![3, 3]));
+    assert_eq!(widths(train("none.json", "0x3")), Some(vec![]));
+    let weights = ["export", "--model", "near.json", "--output", "w.npz"];
+    succeeds(path, &weights);
+    let import = ["import", "--weights", "w.npz", "--circle-action", "1,0", "--epsilon", "0.01"];
+    let back = [&import[..], &["--flow-time", "1", "--output", "back.json"]].concat();
+    let told = text(&succeeds(path, &back).stdout);
+    assert!(told.contains("2 turned kicks"), "{told}");
+    let back = load_model(&path.join("back.json")).expect("a model").model.architecture();
+    assert_eq!(widths(back), Some(vec![3, 3]));
+    // An integrable map of order one is not taken for one that ε scales.
+    succeeds(path, &["export", "--model", "none.json", "--output", "none.npz"]);
+    let import = ["import", "--weights", "none.npz", "--circle-action", "1,0", "--epsilon", "0.01"];
+    succeeds(path, &[&import[..], &["--flow-time", "1", "--output", "none-back.json"]].concat());
+    let [before, after] = ["none.json", "none-back.json"]
+        .map(|file| load_model(&path.join(file)).expect("a model").model);
+    assert_eq!(widths(after.architecture()), Some(vec![]));
+    assert_eq!(before.composition().parameters(), after.composition().parameters());
+    // Of an unknown flow time the unit is a step, at ε = 0 too.
+    let form = ["--architecture", "normal-form", "--perturbation", "2x3", "--epsilon", "0"];
+    succeeds(path, &[&start[..], &form, &["--output", "zero.json"]].concat());
+    match load_model(&path.join("zero.json")).expect("a model").model.architecture() {
+        Architecture::NormalForm { shape, epsilon } => {
+            assert_eq!((shape.flow_time, epsilon), (1.0, 0.0));
+        }
+        other => panic!("{other:?}"),
+    }
+    let net = [&start[..], &["--perturbation", "2x3", "--output", "x.json"]].concat();
+    refuses(path, &net, &["--perturbation", "normal form"]);
+    let form = ["--architecture", "normal-form", "--perturbation", "2", "--output", "x.json"];
+    refuses(path, &[&start[..], &form].concat(), &["--perturbation"]);
+}
+
+/// A circle action that nobody told.
+#[test]
+fn a_circle_action_is_chosen() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let auto = ["train", "--data", "pairs.npz", "--circle-action", "auto", "--iterations", "3"];
+    let output = succeeds(path, &[&auto[..], &["--output", "model.json"]].concat());
+    let told = text(&output.stderr);
+    assert!(told.contains("circle action 1,0"), "{told}");
+    let model = load_model(&path.join("model.json")).expect("a model").model;
+    assert_eq!(model.architecture().circles()[0].weights(), [1, 0]);
+    let report = std::fs::read_to_string(path.join("model-report/report.md")).expect("a report");
+    assert!(report.contains("--circle-action 1,0"), "what was chosen is what is repeated");
+    // Pairs that stand still turn by no action.
+    let mut stream = Stream::new(1, "still");
+    let points: Vec<f64> = (0..80).map(|_| stream.uniform(-1.0, 1.0)).collect();
+    let still = Pairs::new("still", 2, points.clone(), points).expect("whole");
+    write_pairs(&path.join("still.npz"), &still).expect("written");
+    let auto = ["train", "--data", "still.npz", "--circle-action", "auto", "--output", "x.json"];
+    refuses(path, &auto, &["--circle-action", "not sure", "the planes turn by"]);
+}
+
+/// The report says in its first lines whether to trust the model, and why not.
+#[test]
+fn a_report_says_whether_to_trust_the_model() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let train = |output: &str, more: &[&str]| {
+        let mut arguments = vec!["train", "--data", "pairs.npz", "--circle-action", "1,0"];
+        arguments.extend(["--output", output]);
+        arguments.extend(more);
+        let told = text(&succeeds(path, &arguments).stdout);
+        let folder = path.join(output.replace(".json", "-report"));
+        let report = std::fs::read_to_string(folder.join("report.md")).expect("a report");
+        let data = std::fs::read(folder.join("report.json")).expect("data");
+        let data: Value = serde_json::from_slice(&data).expect("one JSON document");
+        let first = report.split("## ").nth(1).expect("a section").to_owned();
+        assert!(first.starts_with("Whether to trust it"), "{report}");
+        assert!(told.contains("Whether to trust it"), "{told}");
+        (first, data["studies"]["trust"].clone())
+    };
+    let (text, data) = train("none.json", &["--iterations", "1"]);
+    assert!(text.contains("**no**") && text.contains("little is learnt"), "{text}");
+    assert!(data["share_beyond_rotation"].as_f64().expect("a number") > 0.5);
+    let report = std::fs::read(path.join("none-report/report.json")).expect("data");
+    let report: Value = serde_json::from_slice(&report).expect("one JSON document");
+    let model = &report["studies"]["training"]["models"][0];
+    let numbers = |key: &str| -> Vec<f64> {
+        let values = model[key].as_array().expect("numbers").iter();
+        values.map(|value| value.as_f64().expect("a number")).collect()
+    };
+    // Squares of what the rotation leaves, weighed by the shares, are the error of all.
+    let (errors, shares) = (numbers("component_errors"), numbers("component_shares"));
+    let left: f64 = errors.iter().zip(&shares).map(|(error, share)| (error / share).powi(2)).sum();
+    let all: f64 = errors.iter().map(|error| error * error).sum();
+    let share = data["share_beyond_rotation"].as_f64().expect("a number");
+    assert!(((all / left).sqrt() / share - 1.0).abs() < 1e-12, "{shares:?}, {share}");
+    let more = ["--optimiser", "lm", "--iterations", "60", "--architecture", "normal-form"];
+    let (text, data) = train("astray.json", &more);
+    // As many parameters as numbers: learnt by heart.
+    assert!(text.contains("with care") && text.contains("box"), "{text}");
+    assert!(data["astray"].as_u64() > Some(0) && data["limit"] == "data");
+    let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: 1500 };
+    let points = sample(&[window], 2, &mut Stream::new(3, "points")).expect("points");
+    let (pairs, _) = Pairs::of_flow(&Oscillators { epsilon: 0.01 }, points, 5.0).expect("a flow");
+    write_pairs(&path.join("pairs.npz"), &pairs).expect("written");
+    let (text, data) = train("good.json", &more);
+    assert!(!text.contains("**no**") && data["no"] == serde_json::json!([]), "{text}");
+    assert!(data["astray"].as_u64() <= Some(1), "{data}");
+    assert!(data["own_invariant_drift"].as_f64().expect("a number") < 1e-10);
+    let (text, _) = train("all.json", &["--iterations", "30", "--validation", "0"]);
+    assert!(text.contains("held out"), "{text}");
+}
+
+/// A model knows where it was trained: what leaves that box is told, or stops the command.
+#[test]
+fn trajectories_that_leave_the_training_points_are_told() {
+    let folder = with_model();
+    let path = folder.path();
+    let stored = load_model(&path.join("model.json")).expect("a model");
+    let region = stored.provenance.region.as_ref().expect("a box");
+    assert!(region.low.len() == 4 && region.low.iter().zip(&region.high).all(|(a, b)| a < b));
+    let inside: Vec<f64> =
+        region.low.iter().zip(&region.high).map(|(a, b)| (a + b) / 2.0).collect();
+    let mut outside = inside.clone();
+    outside[3] = 2.0 * region.high[3];
+    let points = [&inside[..], &outside, &inside].concat();
+    write_points(&path.join("far.npy"), &[3, 4], &points).expect("written");
+    // One step of none is no roll-out; what lies beside an output stays.
+    let fewer = ["predict", "--model", "model.json", "--input", "far.npy", "--steps", "4"];
+    let fewer = [&fewer[..], &["--every", "5", "--output", "t.npy"]].concat();
+    refuses(path, &fewer, &["--every", "at most 4"]);
+    std::fs::write(path.join("t.npy.probe"), "mine").expect("written");
+    let predict = |output: &str, more: &[&str]| {
+        let mut arguments = vec!["predict", "--model", "model.json", "--input", "far.npy"];
+        arguments.extend(["--steps", "4", "--every", "2", "--output", output]);
+        arguments.extend(more);
+        call(path, &arguments)
+    };
+    let output = predict("t.npy", &["--json", "--invariant", "mu.npy"]);
+    assert_eq!(std::fs::read(path.join("t.npy.probe")).expect("kept"), b"mine");
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let told = text(&output.stderr);
+    for words in ["of 9 kept states", "1 trajectory", "rows 1,", "row 1", "after 0 steps", "p2 = "]
+    {
+        assert!(told.contains(words), "{words}: {told}");
+    }
+    let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
+    assert_eq!(
+        (json["outside"]["row"].as_u64(), json["outside"]["coordinate"].as_u64()),
+        (Some(1), Some(3))
+    );
+    // The invariant of the network along them.
+    let numbers = |file: &str, count: usize| last_numbers(&path.join(file), count);
+    let (states, along) = (numbers("t.npy", 36), numbers("mu.npy", 9));
+    let own = stored.model.invariant().expect("a gyroceptron");
+    for (z, value) in states.chunks_exact(4).zip(&along) {
+        assert_eq!(own(z).to_bits(), value.to_bits());
+    }
+    // Nothing is written where it is to stop, and nothing said where it is to be ignored.
+    let output = predict("s.npy", &["--outside", "stop"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("nothing is written") && !path.join("s.npy").exists());
+    let output = predict("s.npy", &["--outside", "stop", "--json"]);
+    let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        json["output"].is_null() && json["outside"]["rows"] == serde_json::json!([1]),
+        "{json}"
+    );
+    let output = predict("i.npy", &["--outside", "ignore", "--json"]);
+    assert!(output.status.success() && output.stderr.is_empty(), "{}", text(&output.stderr));
+    let refused = |arguments: &[&str], words: &[&str]| {
+        let mut all = vec![
+            "predict",
+            "--model",
+            "model.json",
+            "--input",
+            "far.npy",
+            "--steps",
+            "4",
+            "--output",
+            "n.npy",
+        ];
+        all.extend(arguments);
+        refuses(path, &all, words);
+    };
+    refused(&["--invariant", "n.npy"], &["--invariant", "another file"]);
+    refused(&["--invariant", "./n.npy"], &["--invariant", "another file"]);
+    refused(&["--invariant", "far.npy", "--overwrite"], &["--invariant", "far.npy"]);
+    refused(&["--outside", "perhaps"], &["--outside"]);
+}
+
+/// Each kind of network by each optimiser, with a report beside the model, which says how
+/// to do it again, to the same bits.
+#[test]
+fn training_offers_networks_and_optimisers_and_reports() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let base = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--iterations", "6"];
+    let with = |more: &[&str]| -> Vec<String> {
+        [&base[..], more].concat().iter().map(|s| s.to_string()).collect()
+    };
+    let call = |arguments: Vec<String>| {
+        succeeds(path, &arguments.iter().map(String::as_str).collect::<Vec<_>>())
+    };
+    for (number, (more, kind, parameters)) in [
+        (
+            &[
+                "--optimiser",
+                "lm",
+                "--psi",
+                "2x3",
+                "--near-identity",
+                "3x4",
+                "--epsilon",
+                "0.03",
+                "--theta",
+                "0.4",
+                "--validation",
+                "0.3",
+                "--seed",
+                "5",
+            ][..],
+            "gyroceptron",
+            83,
+        ),
+        (
+            &["--architecture", "henon-net", "--optimiser", "adam", "--layers", "3x4"],
+            "henon-net",
+            54,
+        ),
+        (
+            &["--architecture", "sympnet", "--optimiser", "l-bfgs", "--layers", "3x2"],
+            "symp-net",
+            34,
+        ),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let file = format!("m{number}.json");
+        let output = call(with(&[more, &["--output", &file]].concat()));
+        let words = text(&output.stdout);
+        assert!(words.contains(&format!("m{number}-report/report.md")), "{words}");
+        let model: Value =
+            serde_json::from_slice(&std::fs::read(path.join(&file)).expect("a model"))
+                .expect("JSON");
+        assert_eq!(model["architecture"]["kind"], kind);
+        assert_eq!(model["parameters"].as_array().expect("numbers").len(), parameters, "{kind}");
+        let report = path.join(format!("m{number}-report"));
+        for name in ["report.md", "report.json", "loss.svg", "loss.csv", "as-run.toml"] {
+            assert!(report.join(name).exists(), "{name}");
+        }
+        let told = std::fs::read_to_string(report.join("report.md")).expect("a report");
+        // The command that it tells does the same again.
+        let line = told.lines().find(|line| line.starts_with("`gyroceptron train")).expect("told");
+        let line = line.split('`').nth(1).expect("a command");
+        let again = format!("again{number}.json");
+        let line = line
+            .replace("MODEL.json", &again)
+            .replace("as-run.toml", &format!("m{number}-report/as-run.toml"));
+        call(line.split(' ').skip(1).map(str::to_owned).collect());
+        let again: Value =
+            serde_json::from_slice(&std::fs::read(path.join(&again)).expect("a model"))
+                .expect("JSON");
+        assert_eq!(again["parameters"], model["parameters"], "{kind}");
+        // Nothing is replaced unless told so.
+        let second = with(
+            &[more, &["--output", "other.json", "--report", &format!("m{number}-report")]].concat(),
+        );
+        refuses(path, &second.iter().map(String::as_str).collect::<Vec<_>>(), &["report"]);
+    }
+    let sizes = ["--optimiser", "lm", "--psi", "2x3", "--near-identity", "2x3"];
+    let target = ["--target", "1", "--output", "target.json", "--json"];
+    let stopped = call(with(&[&sizes[..], &target].concat()));
+    let stopped: Value = serde_json::from_slice(&stopped.stdout).expect("JSON");
+    assert_eq!(stopped["stop"], "target");
+    for (more, words) in [
+        (&["--psi", "2"][..], &["--psi", "10x8"][..]),
+        (&["--psi", "0x8"], &["--psi"]),
+        (&["--architecture", "henon-net", "--psi", "2x2"], &["--psi", "gyroceptrons"]),
+        (&["--layers", "2x2"], &["--layers", "HénonNets"]),
+        (&["--near-identity-penalty", "-1"], &["near_identity_penalty"]),
+        (&["--target", "nan"], &["target"]),
+        (&["--architecture", "henon-net", "--epsilon", "0.3"], &["--epsilon"]),
+        (&["--architecture", "sympnet", "--theta", "1"], &["--theta"]),
+        (&["--report", "."], &["--report"]),
+        // Known before it is due.
+        (&["--report", "pairs.npz"], &["pairs.npz"]),
+        (&["--report", "pairs.npz/below"], &["pairs.npz"]),
+        (&["--optimiser", "sgd"], &["sgd", "l-bfgs"]),
+        (
+            &["--architecture", "henon-net", "--layers", "2x2", "--near-identity-penalty", "1"],
+            &["near_identity_penalty"],
+        ),
+    ] {
+        let arguments = with(&[more, &["--output", "bad.json"]].concat());
+        refuses(path, &arguments.iter().map(String::as_str).collect::<Vec<_>>(), words);
+        assert!(!path.join("bad.json").exists());
+    }
+    // A report is put beside a model of somebody else's, and takes the place of its like, not of a run.
+    std::fs::create_dir(path.join("theirs")).expect("made");
+    std::fs::write(path.join("theirs/model.json"), "theirs").expect("written");
+    let beside = |output: &str, more: &[&str]| {
+        with(&[&["--output", output, "--report", "theirs"], more].concat())
+    };
+    let refused = |arguments: &[String], words: &[&str]| {
+        refuses(path, &arguments.iter().map(String::as_str).collect::<Vec<_>>(), words);
+    };
+    refused(&beside("one.json", &[]), &["theirs"]);
+    call(beside("one.json", &["--overwrite"]));
+    let kept = || std::fs::read(path.join("theirs/model.json")).expect("kept");
+    assert!(kept() == b"theirs" && path.join("theirs/report.md").exists());
+    refused(&beside("two.json", &["--overwrite"]), &["theirs", "model.json"]);
+    assert!(kept() == b"theirs" && path.join("theirs/report.md").exists());
+    let again =
+        |output: &str| call(with(&["--output", output, "--report", "again", "--overwrite"]));
+    again("one.json");
+    again("two.json");
+    assert!(path.join("again/report.md").exists());
+}

@@ -1,0 +1,262 @@
+//! Maps of long flow times.
+
+use crate::helpers::{Quiet, part, refused, run_in, temporary};
+use gyroceptron::io::load_model;
+use gyroceptron::network::Model;
+use gyroceptron::scalar::max_or_nan;
+use gyroceptron::scene::{Folder, parse, render, run};
+use serde_json::Value;
+
+const LONG_STEPS: &str = r#"
+name = "long"
+seed = 2
+flow_time = 10.0
+plots = ["long-steps"]
+models = [
+    { name = "normal-form", network = { kind = "normal-form", kicks = { count = 3, width = 4 }, twists = { count = 4, width = 4 } }, weights = { kind = "normal", scale = 0.15 } },
+    { name = "gyroceptron", network = { kind = "gyroceptron", psi = { count = 1, width = 4 }, near_identity = { count = 2, width = 4 } }, weights = { kind = "normal", scale = 0.15 } },
+]
+
+[system]
+kind = "oscillators"
+epsilon = 0.01
+
+[data]
+validation = 0.5
+windows = [{ low = [-1.0, -1.0, -1.0, -1.0], high = [1.0, 1.0, 1.0, 1.0], samples = 200 }]
+
+[training]
+iterations = 20
+optimiser = { kind = "levenberg-marquardt" }
+
+[long_steps]
+flow_times = [5.0, 10.0, 20.0]
+ramp = true
+duration = 200.0
+interval = 100.0
+points = 50
+rounds = 3
+invariant_steps = 20000
+initial = [[0.7, 0.1, 0.0, 0.2], [0.2, 0.6, 0.0, 0.0]]
+integrators = [
+    { integrator = { kind = "strang" }, steps = [25.0, 5.0, 1.0] },
+    { integrator = { kind = "aba-1064" }, steps = [5.0, 2.5] },
+]
+"#;
+
+#[test]
+fn maps_of_several_flow_times_are_set_beside_integrators() {
+    let folder = temporary();
+    let scene = parse("long", LONG_STEPS).expect("a scene");
+    let report = run_in(folder.path(), &scene);
+    let data = render::json(&report);
+    let times = data["studies"]["long_steps"].as_array().expect("flow times");
+    assert_eq!(times.len(), 3);
+    let number = |value: &Value| value.as_f64().expect("a number");
+    for (at, time) in times.iter().zip([5.0, 10.0, 20.0]) {
+        assert_eq!(number(&at["flow_time"]), time);
+        let networks = at["networks"].as_array().expect("networks");
+        assert_eq!(networks.len(), 2);
+        assert!(number(&networks[0]["drift"]) < 1e-13, "{}", networks[0]["drift"]);
+        assert!(networks[1]["drift"].is_null());
+        let rotation = number(&at["rotation_error"]);
+        for network in networks {
+            assert!(number(&network["error"]) < 0.5 * rotation, "{network}");
+            let legs = network["legs"].as_array().expect("legs");
+            assert!(legs.is_empty());
+        }
+        // The steps nearest to those asked for, each number once.
+        let settings = |comparison: &str, name: &str| -> Vec<f64> {
+            let methods = at[comparison]["methods"].as_array().expect("methods").iter();
+            let named = methods.filter(|m| m["name"].as_str().is_some_and(|n| n.starts_with(name)));
+            named.filter_map(|method| method["setting"].as_f64()).collect()
+        };
+        let nearest = |time: f64| match time {
+            5.0 => vec![1.0, 5.0],
+            10.0 => vec![1.0, 2.0, 10.0],
+            _ => vec![1.0, 4.0, 20.0],
+        };
+        assert_eq!(settings("one_step", "Strang"), nearest(time), "{at}");
+        assert_eq!(settings("trajectories", "Strang"), [4.0, 20.0, 100.0]);
+        // The error of a step is the root of 2n times that of a component.
+        let methods = at["one_step"]["methods"].as_array().expect("methods");
+        let step = number(&methods[0]["error"]);
+        let component = number(&networks[0]["error"]).sqrt();
+        assert!((step / (2.0 * component)).ln().abs() < 0.4, "{step} {component}");
+    }
+    // The weights of a flow time start the next, but for that of the scene.
+    let model = |name: &str| load_model(&folder.path().join(name)).expect("a model").model;
+    let first = model("model-normal-form-at-5.json");
+    assert_eq!(first.normal_form().expect("a normal form").shape().flow_time, 5.0);
+    let last = model("model-normal-form-at-20.json");
+    assert_eq!(last.normal_form().expect("a normal form").shape().flow_time, 20.0);
+    let middle = model("model-normal-form.json");
+    let kicks = |model: &Model| model.composition().parameters()[..3].to_vec();
+    let apart = |a: &[f64], b: &[f64]| -> f64 {
+        a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
+    };
+    let (near, far) =
+        (apart(&kicks(&last), &kicks(&middle)), apart(&kicks(&first), &kicks(&middle)));
+    assert!(near < far, "{near} {far}");
+    // What depends on the machine stands apart, in words too.
+    let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    for words in ["| `normal-form` |", "the network is faster by", "- `gyroceptron` "] {
+        assert!(text.contains(words), "{words}");
+    }
+    assert!(!data.to_string().contains("lower"), "quartiles of seconds");
+    let drawn = std::fs::read_to_string(folder.path().join("long-steps.csv")).expect("numbers");
+    assert!(drawn.contains("\"error of a step\",\"normal-form\",2e1,"), "{drawn}");
+    // A run over it leaves none of its files behind.
+    let again = parse("long", &LONG_STEPS.replace("20.0]", "25.0]")).expect("a scene");
+    let open = Folder::open(folder.path(), false, true).expect("a folder");
+    run(&again, &open, &mut Quiet).expect("runs").expect("not interrupted");
+    assert!(!folder.path().join("model-normal-form-at-20.json").exists());
+    assert!(folder.path().join("model-normal-form-at-25.json").exists());
+}
+
+/// An integrator in place of the reference flow moves pairs and trajectories, and says how well.
+#[test]
+fn pairs_and_trajectories_are_those_of_the_flow_that_is_declared() {
+    let alone = LONG_STEPS.replace("[5.0, 10.0, 20.0]", "[10.0]").replace("ramp = true\n", "");
+    let by = |step: &str| {
+        let flow = format!("flow = {{ integrator = {{ kind = \"strang\" }}, step = {step} }}\n");
+        alone.replace("validation = 0.5\n", &format!("validation = 0.5\n{flow}"))
+    };
+    let studies = |scene: &str| {
+        let folder = temporary();
+        let report = run_in(folder.path(), &parse("long", scene).expect("a scene"));
+        let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+        (render::json(&report)["studies"].clone(), text)
+    };
+    let number = |value: &Value| value.as_f64().expect("a number");
+    let errors = |studies: &Value| {
+        let long = &studies["long_steps"][0]["trajectories"]["reference_error"];
+        [number(&studies["pairs"]["reference_error"]), number(long)]
+    };
+    let (exact, text) = studies(&alone);
+    assert!(errors(&exact).iter().all(|error| *error < 1e-10), "{exact}");
+    assert!(text.contains("Gauss–Legendre, 12 stages; largest difference of two resolutions"));
+    let (coarse, text) = studies(&by("0.5"));
+    let (fine, _) = studies(&by("0.125"));
+    assert_ne!(coarse["pairs"]["digest"], exact["pairs"]["digest"]);
+    assert!(text.contains("| reference flow | Strang, steps of 5e-1 at most;"), "{text}");
+    for (coarse, fine) in errors(&coarse).iter().zip(errors(&fine)) {
+        assert!((12.0..20.0).contains(&(coarse / fine)), "{coarse} {fine}");
+    }
+    // What is held out is of the same map: steps of 2.5 are far from the flow, and are learnt.
+    let of = |studies: &Value| number(&studies["long_steps"][0]["networks"][0]["error"]);
+    let (far, _) = studies(&by("2.5"));
+    let from_flow = errors(&far)[0].powi(2);
+    assert!(of(&far) < 0.1 * from_flow, "{} {from_flow} {}", of(&far), of(&exact));
+    let with = |to: &str, words: &[&str]| {
+        let scene = by("0.5").replace("kind = \"strang\" }, step = 0.5", to);
+        assert!(scene != by("0.5"));
+        refused(&scene, words);
+    };
+    with("kind = \"strang\" }, step = 0.0", &["data.flow.step"]);
+    with("kind = \"strang\" }, step = nan", &["data.flow.step"]);
+    with("kind = \"gauss-legendre\", stages = 0 }, step = 0.5", &["data.flow", "stages"]);
+    with("kind = \"leap\" }, step = 0.5", &["leap"]);
+    with("kind = \"strang\" }, step = 1e-9", &["data.flow.step", "in 10", "found 10000000000"]);
+}
+
+/// Only flow times to which the ramp leads up have twists that are trained alone.
+#[test]
+fn flow_times_beyond_the_ramp_have_fresh_twists() {
+    let training = "[training]\nramp = [{ flow_time = 5.0, iterations = 10 }]\n\
+                    fresh_twists = { count = 1, iterations = 10 }\n";
+    let normal_form = LONG_STEPS.lines().filter(|line| !line.contains("\"gyroceptron\""));
+    let scene = normal_form.collect::<Vec<_>>().join("\n");
+    assert!(scene.contains("[training]\n") && scene.contains("ramp = true\n"));
+    let scene = scene.replace("[training]\n", training).replace("ramp = true\n", "");
+    let folder = temporary();
+    let report = run_in(folder.path(), &parse("long", &scene).expect("a scene"));
+    let data = render::json(&report);
+    let times = data["studies"]["long_steps"].as_array().expect("flow times");
+    let kinds = |at: &Value| -> Vec<String> {
+        let legs = at["networks"][0]["legs"].as_array().expect("legs").iter();
+        legs.map(|leg| leg["leg"]["kind"].as_str().expect("a kind").to_owned()).collect()
+    };
+    assert!(kinds(&times[0]).is_empty());
+    assert_eq!(kinds(&times[1]), ["rung", "twists", "twists"]);
+    assert_eq!(kinds(&times[2]), ["rung", "twists", "twists"]);
+    // A run over it leaves none of its files behind.
+    let left = |name: &str| folder.path().join(name).exists();
+    assert!(left("checkpoint-normal-form-at-20-fresh-twists-1"));
+    let again = parse("long", &scene.replace("20.0]", "25.0]")).expect("a scene");
+    let open = Folder::open(folder.path(), false, true).expect("a folder");
+    run(&again, &open, &mut Quiet).expect("runs").expect("not interrupted");
+    assert!(!left("checkpoint-normal-form-at-20-fresh-twists-1"));
+    assert!(left("checkpoint-normal-form-at-25-fresh-twists-1"));
+    // Rungs of the time that is wanted are of another ε, or are none.
+    let rungs = "ramp = [{ flow_time = 10.0, epsilon = 0.02, iterations = 10 }, \
+                 { flow_time = 10.0, iterations = 10 }, { flow_time = 20.0, iterations = 10 }]";
+    let scene = scene.replace("ramp = [{ flow_time = 5.0, iterations = 10 }]", rungs);
+    let other = temporary();
+    let report = run_in(other.path(), &parse("long", &scene).expect("a scene"));
+    let data = render::json(&report);
+    let times = data["studies"]["long_steps"].as_array().expect("flow times");
+    let legs = |at: &Value| kinds(at).iter().filter(|kind| *kind == "rung").count();
+    assert_eq!(times.iter().map(legs).collect::<Vec<_>>(), [0, 1, 2]);
+    // A short form has one draw of them, and fewer iterations.
+    let training = scene.replace("count = 1, iterations = 10 }", "count = 3, iterations = 100 }");
+    let quick = parse("long", &training).expect("a scene").quick();
+    let fresh = quick.setup.training.fresh_twists.expect("as in the scene");
+    assert_eq!((fresh.count, fresh.iterations), (1, 25));
+}
+
+#[test]
+fn flow_times_that_do_not_fit_are_refused() {
+    let with = |from: &str, to: &str, words: &[&str]| {
+        assert!(LONG_STEPS.contains(from), "{from}");
+        refused(&LONG_STEPS.replace(from, to), words);
+    };
+    with("[5.0, 10.0, 20.0]", "[]", &["long_steps", "flow_times"]);
+    with("[5.0, 10.0, 20.0]", "[5.0, 20.0, 10.0]", &["10 after 20", "ascending"]);
+    with("[5.0, 10.0, 20.0]", "[5.0, 30.0]", &["interval", "steps of 30"]);
+    with("duration = 200.0", "duration = 250.0", &["duration", "steps of 100"]);
+    with("steps = [5.0, 2.5]", "steps = [-1.0]", &["integrators.steps", "-1"]);
+    with("[0.2, 0.6, 0.0, 0.0]", "[0.2, 0.6]", &["initial", "4 finite numbers"]);
+    with("points = 50", "points = 0", &["points"]);
+    with("rounds = 3", "rounds = 0", &["rounds"]);
+    with("steps = [5.0, 2.5]", "steps = [1e-300]", &["integrators.steps", "e-300"]);
+    let of_file = "network = { kind = \"file\" } }";
+    let trained = "network = { kind = \"gyroceptron\", psi = { count = 1, width = 4 }, near_identity = { count = 2, width = 4 } }, weights = { kind = \"normal\", scale = 0.15 } }";
+    with(
+        trained,
+        &format!("{}, weights = {{ kind = \"glorot\" }} }}", &of_file[..of_file.len() - 2]),
+        &["models", "one flow time"],
+    );
+    with("invariant_steps = 20000", "invariant_steps = 0", &["invariant_steps"]);
+    with(
+        "invariant_steps = 20000",
+        "invariant_steps = 150",
+        &["invariant_steps", "multiple of 100"],
+    );
+}
+
+/// Seven minutes in a release build: `cargo test --release --test studies long_flow_times --
+/// --ignored --nocapture` prints the errors.
+#[test]
+#[ignore = "takes minutes: run it with --ignored"]
+fn long_flow_times_are_learnt() {
+    for (name, time, limit) in [
+        ("oscillators", 50.0, 6e-9),
+        ("oscillators-1e-2", 200.0, 4.5e-7),
+        ("oscillators-1e-3", 2000.0, 1.5e-6),
+        ("oscillators-1e-4", 20_000.0, 1e-6),
+    ] {
+        let mut scene = part("long-steps", name);
+        scene.setup.models.retain(|model| model.name == "normal-form");
+        scene.setup.models[0].seeds = None;
+        scene.plots = Vec::new();
+        scene.studies.clear();
+        scene.setup.flow_time = Some(time);
+        let folder = temporary();
+        let report = run_in(folder.path(), &scene);
+        let training = &render::json(&report)["studies"]["training"];
+        let error = training["models"][0]["best"]["validation"].as_f64().expect("a number");
+        println!("{name}, time {time}: held-out mean squared error {error:.2e}");
+        assert!(error <= limit, "{error:e}");
+    }
+}

@@ -1,0 +1,13 @@
+//! Studies of scenes, as a caller of the library runs them.
+
+mod actions;
+mod claims;
+mod dissipation;
+mod family;
+mod helpers;
+mod invariants;
+mod long_steps;
+mod models;
+mod slow_manifold;
+mod surfaces;
+mod trust;

@@ -1,0 +1,183 @@
+//! Surfaces of section.
+
+use crate::helpers::{refused, run_in, temporary};
+use gyroceptron::scene::{parse, render};
+use serde_json::Value;
+
+pub(crate) const SURFACES: &str = r#"
+name = "lines"
+seed = 1
+flow_time = 6.283185307179586
+plots = ["section"]
+
+[system]
+kind = "field-lines"
+epsilon = 4e-3
+
+[data]
+validation = 0.25
+windows = [{ low = [-1.04, -1.16], high = [1.04, 0.82], samples = 200 }]
+
+[training]
+iterations = 3
+
+[surfaces]
+radii = [0.2, 0.48]
+theta = 0.0
+steps = 200
+early = 5
+last = 100
+island = 50
+rounds = 1
+
+[[surfaces.integrators]]
+integrator = { kind = "runge-kutta-4" }
+steps = [8]
+
+[[surfaces.integrators]]
+integrator = { kind = "gauss-legendre", stages = 1 }
+steps = [10, 20]
+
+[[surfaces.integrators]]
+integrator = { kind = "gauss-legendre", stages = 6 }
+steps = [10, 1]
+
+[[models]]
+name = "integrable"
+network = { kind = "normal-form", kicks = { count = 2, width = 2 }, twists = { count = 1, width = 2 }, perturbation = { count = 0, width = 2 } }
+weights = { kind = "normal", scale = 0.1 }
+"#;
+
+/// An integrator of small errors lies on the surfaces and has the island of the reference, others
+/// are off by what they are; a map that is integrable has none.
+#[test]
+fn surfaces_tell_methods_apart() {
+    let folder = temporary();
+    let scene = parse("lines", SURFACES).expect("a scene");
+    assert!(scene.citations().iter().any(|entry| entry.contains("RathEtAl2021")));
+    let report = run_in(folder.path(), &scene);
+    let data = render::json(&report);
+    let found = &data["studies"]["surfaces"];
+    let number = |value: &Value| value.as_f64().expect("a number");
+    let ends = |value: &Value| [number(&value[0]), number(&value[1])];
+    let island = ends(&found["island"]);
+    // A pendulum in the action r²/2: 4√(εf/|dω/dJ|) wide, to first order.
+    let (iota, square): (f64, f64) = (2.0 / 5_f64.sqrt(), 1.0 - 5_f64.sqrt() / 3.0);
+    let f = iota * (square / 2.0 - square * square / 4.0);
+    let action = (island[1].powi(2) - island[0].powi(2)) / 2.0;
+    let expected = 4.0 * (4e-3 * f / (2.0 * iota)).sqrt();
+    assert!((action / expected - 1.0).abs() < 0.2, "{action} for {expected}");
+    let of = |name: &str, steps: Option<u64>| {
+        let methods = found["methods"].as_array().expect("methods");
+        let fits = |m: &&Value| m["name"] == name && m["steps"].as_u64() == steps;
+        let method = methods.iter().find(fits).expect(name).clone();
+        // The innermost line, far from resonances.
+        let largest = number(&method["surfaces"][0][1]);
+        (method, largest)
+    };
+    // All lines together err by the mean square of what each does.
+    let methods = found["methods"].as_array().expect("methods").iter();
+    for method in methods.filter(|method| !method["early"].is_null()) {
+        let lines = method["early_of_lines"].as_array().expect("lines");
+        let squares: f64 = lines.iter().map(|early| number(early).powi(2)).sum();
+        let all = number(&method["early"]);
+        assert!(lines.len() == 2 && (squares / 2.0 / (all * all) - 1.0).abs() < 1e-9, "{method}");
+    }
+    let (exact, on) = of("Gauss–Legendre, 6 stages", Some(10));
+    assert!(on < 1e-9 && number(&exact["early"]) < 1e-10, "{exact}");
+    assert_eq!(ends(&exact["island"]), island);
+    let (coarse, off) = of("Gauss–Legendre, 1 stage", Some(10));
+    let (fine, less) = of("Gauss–Legendre, 1 stage", Some(20));
+    // Second order; on the surfaces the points of the reference are not dense.
+    let ratio = number(&coarse["early"]) / number(&fine["early"]);
+    assert!((ratio - 4.0).abs() < 0.8 && off > 1e-3 && less > 1e-4, "{coarse} {fine}");
+    let [low, high] = ends(&fine["island"]);
+    let width = (high - low) / (island[1] - island[0]);
+    assert!((width - 1.0).abs() < 0.1 && low != island[0], "{width}");
+    let (lost, far) = of("RK4", Some(8));
+    assert!(far > 10.0 * less, "{lost}");
+    // Steps that it has no solution for are no reason to lose all others.
+    let unsolved = |m: &&Value| m["name"] == exact["name"] && m["steps"] == 1;
+    let methods = found["methods"].as_array().expect("methods");
+    let unsolved = methods.iter().find(unsolved).expect("a row");
+    assert!(unsolved["early"].is_null() && unsolved["island"].is_null(), "{unsolved}");
+    let (integrable, _) = of("integrable", None);
+    assert!(integrable["island"].is_null() && number(&integrable["early"]) > 1e-2);
+    let svg = std::fs::read_to_string(folder.path().join("section.svg")).expect("drawn");
+    assert!(svg.contains("reference") && svg.contains("integrable"));
+
+    refused(&SURFACES.replace("0.48]", "1.48]"), &["radii[1]"]);
+    refused(&SURFACES.replace("runge-kutta-4", "strang"), &["no parts with exact flows"]);
+    refused(&SURFACES.replace("last = 100", "last = 1000"), &["last"]);
+    refused(&SURFACES.replace("steps = [8]", "steps = [0]"), &["steps"]);
+    let half = SURFACES.replace("flow_time = 6.283185307179586", "flow_time = 1.5");
+    refused(&half, &["flow_time", "a multiple of the period"]);
+    refused(&SURFACES.replace("island = 50", "island = 8"), &["island"]);
+    refused(&SURFACES.replace("radii = [0.2, 0.48]", "radii = [0.2, -0.48]"), &["radii[1]"]);
+    // Where a flow time is repeated, and where something is split, in other studies too.
+    let without = SURFACES.split("[surfaces]").next().expect("a set-up").to_owned()
+        + "[[models]]"
+        + SURFACES.split("[[models]]").nth(1).expect("a model");
+    let without = without.replace("plots = [\"section\"]", "");
+    let rolled = format!("{without}\n[rollout]\nsteps = 2\nevery = 2\ninitial = [[0.1, 0.3]]\n");
+    assert!(parse("rolled", &rolled).is_ok());
+    let quarter = rolled.replace("flow_time = 6.283185307179586", "flow_time = 1.5707963267948966");
+    refused(&quarter, &["flow_time", "a multiple of the period"]);
+    let split = "[data]\nflow = { integrator = { kind = \"strang\" }, step = 0.1 }";
+    refused(&rolled.replace("[data]", split), &["data.flow", "no parts with exact flows"]);
+    let ramp = "iterations = 3\nramp = [{ flow_time = 3.0, iterations = 2, repeats = 2 }]";
+    let perturbed = rolled
+        .replace("count = 0, width = 2", "count = 1, width = 2")
+        .replace("twists = { count = 1", "twists = { count = 2")
+        .replace("iterations = 3", ramp);
+    refused(&perturbed, &["training.ramp.repeats", "powers of a perturbed map"]);
+    let far = "epsilon = 4e-3\ntoroidal = -1000";
+    refused(&SURFACES.replace("epsilon = 4e-3", far), &["system.toroidal"]);
+    let far = "epsilon = 4e-3\npoloidal = 1000";
+    refused(&SURFACES.replace("epsilon = 4e-3", far), &["system.poloidal"]);
+    // What asks for states within a period, or between whole flow times, has no such flow.
+    let of_lines = |study: &str| without.clone() + study;
+    let trajectories = "\n[trajectories]\nepsilons = [1e-3]\nsteps = 3\ninitial = [[0.1, 0.3]]\n";
+    assert!(parse("lines", &of_lines(trajectories)).is_ok());
+    let quarter = of_lines(trajectories)
+        .replace("flow_time = 6.283185307179586", "flow_time = 1.5707963267948966");
+    refused(&quarter, &["trajectories", "flow_time", "a multiple of the period"]);
+    let dissipation = "\n[dissipation]\npoints = 3\nsteps = 4\nevery = 1\ninitial = [[0.1, 0.3]]\n";
+    refused(&of_lines(dissipation), &["dissipation", "field-lines", "at all times"]);
+    let family = "\n[family]\nepsilons = [1e-3]\nflow_times = [6.283185307179586]\n\
+                  slow_time = 1.0\nstates = 100\ninitial = [[0.1, 0.3]]\n";
+    refused(&of_lines(family), &["family", "slow_time", "a multiple of the period"]);
+}
+
+/// An island in which lines come round as often as the torus is gone around is found as others are, and so
+/// in maps of several turns in which they come round a whole number of times.
+#[test]
+fn islands_of_whole_turns_are_seen() {
+    let whole = "epsilon = 4e-3\niota = 1.2\npoloidal = -1\ntoroidal = 1";
+    let one = SURFACES.replace("epsilon = 4e-3", whole).replace("plots = [\"section\"]", "");
+    let one = one.replace("island = 50", "island = 150");
+    let three = SURFACES
+        .replace("flow_time = 6.283185307179586", "flow_time = 18.84955592153876")
+        .replace("plots = [\"section\"]", "")
+        .replace("steps = 200", "steps = 100");
+    let island = |scene: &str| -> f64 {
+        let scene = scene.replace("steps = [8]", "steps = [24]");
+        let scene = scene.replace("steps = [10, 20]", "steps = [30]");
+        let scene = scene.replace("steps = [10, 1]", "steps = [30]");
+        let report = run_in(temporary().path(), &parse("lines", &scene).expect("a scene"));
+        let ends = &render::json(&report)["studies"]["surfaces"]["island"];
+        let [low, high] = [0, 1].map(|k| ends[k].as_f64().unwrap_or_else(|| panic!("{ends}")));
+        0.5 * (high * high - low * low)
+    };
+    // A pendulum in the action r²/2, as above.
+    let width = |iota0: f64, iota: f64| {
+        let square = 1.0 - iota / iota0;
+        let f = iota0 * (square / 2.0 - square * square / 4.0);
+        4.0 * (4e-3 * f / (2.0 * iota0)).sqrt()
+    };
+    let of_three = width(2.0 / 5_f64.sqrt(), 2.0 / 3.0);
+    for (scene, expected) in [(one, width(1.2, 1.0)), (three, of_three)] {
+        let action = island(&scene);
+        assert!((action / expected - 1.0).abs() < 0.25, "{action} for {expected}");
+    }
+}
