@@ -96,6 +96,7 @@ pub mod layer;
 pub mod measure;
 pub mod network;
 pub mod phase;
+pub mod prelude;
 #[cfg(feature = "python")]
 mod python;
 pub mod random;

@@ -272,9 +272,9 @@ fn whole_turns_recommend_no_action() {
     let output = input.chunks_exact(4).flat_map(turned).collect();
     let pairs = Pairs::new("pairs", 2, input, output).expect("finite");
     write_pairs(&folder.path().join("pairs.npz"), &pairs).expect("written");
-    let fit = ActionFit::of(&pairs).expect("a fit");
-    assert!(!fit.is_sure() && fit.told().contains("whole turns"), "{}", fit.told());
-    assert!(fit.told().contains("0.9 times this flow time"), "{}", fit.told());
+    let fit = ActionFit::fit(&pairs).expect("a fit");
+    assert!(!fit.is_sure() && fit.describe().contains("whole turns"), "{}", fit.describe());
+    assert!(fit.describe().contains("0.9 times this flow time"), "{}", fit.describe());
     let (_, _, told) = train(folder.path(), "pairs.npz", "1,0", &["--iterations", "1"]);
     assert!(!told.contains("better"), "{told}");
 }

@@ -8,8 +8,9 @@ use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
 use gyroceptron::system::Oscillators;
 use gyroceptron::train::{
-    Checkpoint, Control, FreshTwists, Leg, LevenbergMarquardtOptions, Optimiser, Outcome, Place,
-    Progress, Rung, Scheduled, Starts, Stop, TrainingOptions, Watch, train, train_schedule,
+    Checkpoint, Control, FreshTwists, LevenbergMarquardtOptions, Optimiser, Outcome, Progress,
+    RampStage, Scheduled, StageData, Starts, Stop, TrainingObserver, TrainingOptions,
+    TrainingStage, train, train_schedule,
 };
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -70,15 +71,15 @@ struct Store {
     checkpoints: BTreeMap<String, Checkpoint>,
     iterations: usize,
     most: Option<usize>,
-    legs: Vec<Leg>,
+    legs: Vec<TrainingStage>,
 }
 
-impl Watch for Store {
-    fn earlier(&mut self, leg: Leg) -> Result<Option<Checkpoint>, Error> {
+impl TrainingObserver for Store {
+    fn earlier(&mut self, leg: TrainingStage) -> Result<Option<Checkpoint>, Error> {
         self.legs.push(leg);
         Ok(self.checkpoints.get(&leg.suffix()).cloned())
     }
-    fn observe(&mut self, leg: Leg, progress: Progress<'_>) -> Result<Control, Error> {
+    fn observe(&mut self, leg: TrainingStage, progress: Progress<'_>) -> Result<Control, Error> {
         if let Some(checkpoint) = progress.checkpoint {
             // As a file has it.
             let text = serde_json::to_string(checkpoint).expect("finite");
@@ -112,10 +113,10 @@ fn run_from(
         .map(|(e, t)| (e, t, [pairs(t, e, 1), pairs(t, e, 2)]))
         .collect();
     let iterations = options.ramp.iter().map(|rung| rung.iterations).chain([options.iterations]);
-    let places: Vec<Place<'_>> = sets
+    let places: Vec<StageData<'_>> = sets
         .iter()
         .zip(iterations)
-        .map(|((epsilon, time, [pairs, held_out]), iterations)| Place {
+        .map(|((epsilon, time, [pairs, held_out]), iterations)| StageData {
             epsilon: *epsilon,
             time: time / TIME,
             pairs,
@@ -126,9 +127,13 @@ fn run_from(
     train_schedule(start, &places, options, store).expect("trains")
 }
 
-fn ramp() -> Vec<Rung> {
-    let rung =
-        |time: f64, epsilon| Rung { flow_time: Some(time), epsilon, repeats: None, iterations: 8 };
+fn ramp() -> Vec<RampStage> {
+    let rung = |time: f64, epsilon| RampStage {
+        flow_time: Some(time),
+        epsilon,
+        repeats: None,
+        iterations: 8,
+    };
     vec![rung(10.0, Some(0.025)), rung(20.0, None)]
 }
 
@@ -203,8 +208,12 @@ fn the_twists_of_a_part_of_the_time_are_repeated() {
     let [begun, rest]: [Model; 2] = [four(0).expect("a start"), four(0).expect("a start")];
     let weights = begun.composition().parameters();
     assert_eq!(weights.len(), CHART + 2 * PAIR + 1);
-    let rung =
-        |time: f64| Rung { flow_time: Some(time), epsilon: None, repeats: Some(2), iterations: 8 };
+    let rung = |time: f64| RampStage {
+        flow_time: Some(time),
+        epsilon: None,
+        repeats: Some(2),
+        iterations: 8,
+    };
     let options = TrainingOptions { ramp: vec![rung(5.0), rung(20.0)], ..options(0) };
     let result = run_from(&mut { four }, &options, &mut Store::default());
     let part = |time: f64| {
@@ -247,7 +256,7 @@ fn the_twists_of_a_part_of_the_time_are_repeated() {
 #[test]
 fn repeats_that_do_not_divide_are_refused() {
     let refused = |repeats: &[usize], twists: usize| {
-        let rung = |&repeats| Rung {
+        let rung = |&repeats| RampStage {
             flow_time: Some(1.0),
             epsilon: None,
             repeats: Some(repeats),
@@ -276,7 +285,7 @@ fn repeats_that_do_not_divide_are_refused() {
         let error = refused(repeats, twists).expect_err("refused");
         assert!(error.contains("training.ramp.repeats"), "{error}");
     }
-    let rung = Rung { flow_time: None, epsilon: None, repeats: Some(2), iterations: 8 };
+    let rung = RampStage { flow_time: None, epsilon: None, repeats: Some(2), iterations: 8 };
     let options = TrainingOptions { ramp: vec![rung], ..options(0) };
     let shape = HenonShape { dof: 2, widths: vec![3; 4] };
     let error = options.check_for(&shape.architecture(EPSILON));
@@ -298,7 +307,8 @@ fn plain(model: &Model, [pairs, held_out]: [&Pairs; 2], iterations: u64) -> Outc
 /// them goes on with that chart.
 #[test]
 fn twists_are_trained_alone_in_the_chart_of_the_ramp() {
-    let ramp = vec![Rung { flow_time: Some(1.0), epsilon: None, repeats: None, iterations: 8 }];
+    let ramp =
+        vec![RampStage { flow_time: Some(1.0), epsilon: None, repeats: None, iterations: 8 }];
     let options = TrainingOptions { ramp, fresh_twists: fresh(6, 12), ..options(0) };
     let result = run(&options, &mut Store::default());
     let model = start(0).expect("a start").at(EPSILON, 1.0 / TIME).expect("finite");
@@ -337,7 +347,7 @@ fn twists_are_trained_alone_in_the_chart_of_the_ramp() {
     let legs = &result.legs[1..];
     assert_eq!(legs.len(), 7);
     for (number, (leg, outcome)) in legs.iter().zip(&alone).enumerate() {
-        assert_eq!((leg.leg, leg.best), (Leg::Twists(number as u64), outcome.best));
+        assert_eq!((leg.leg, leg.best), (TrainingStage::Twists(number as u64), outcome.best));
     }
     let error = |number: &usize| alone[*number].best.validation.expect("held out");
     let lowest = (0..7).min_by(|a, b| error(a).total_cmp(&error(b))).expect("seven");
@@ -423,18 +433,19 @@ fn twists_of_a_family_are_trained_in_its_charts() {
     };
     let (family, held_out) = (sets(1), sets(2));
     let near = [pairs(1.0, EPSILON, 1), pairs(1.0, EPSILON, 2)];
-    let ramp = vec![Rung { flow_time: Some(1.0), epsilon: None, repeats: None, iterations: 8 }];
+    let ramp =
+        vec![RampStage { flow_time: Some(1.0), epsilon: None, repeats: None, iterations: 8 }];
     let options = TrainingOptions { ramp, fresh_twists: fresh(1, 7), ..options(0) };
     let epsilon = EPSILON;
     let places = [
-        Place {
+        StageData {
             epsilon,
             time: 1.0 / TIME,
             pairs: &near[0],
             held_out: Some(&near[1]),
             iterations: 8,
         },
-        Place { epsilon, time: 1.0, pairs: &family, held_out: Some(&held_out), iterations: 0 },
+        StageData { epsilon, time: 1.0, pairs: &family, held_out: Some(&held_out), iterations: 0 },
     ];
     let result = train_schedule(&mut start, &places, &options, &mut Store::default());
     let result = result.expect("trains");
@@ -504,8 +515,13 @@ fn stopped_and_gone_on_with(
 fn a_start_without_a_loss_is_not_chosen() {
     let (pairs, held_out) = (pairs(TIME, EPSILON, 1), pairs(TIME, EPSILON, 2));
     let iterations = 14;
-    let place =
-        Place { epsilon: EPSILON, time: 1.0, pairs: &pairs, held_out: Some(&held_out), iterations };
+    let place = StageData {
+        epsilon: EPSILON,
+        time: 1.0,
+        pairs: &pairs,
+        held_out: Some(&held_out),
+        iterations,
+    };
     let broken = |number: u64| {
         let model = start(number)?;
         let mut weights = model.composition().parameters().to_vec();
@@ -538,7 +554,7 @@ fn bad_schedules_are_refused() {
     refused(starts(0, 5), "starts.count");
     refused(starts(2, 0), "starts.iterations");
     let rung = |flow_time, epsilon, iterations| TrainingOptions {
-        ramp: vec![Rung { flow_time, epsilon, repeats: None, iterations }],
+        ramp: vec![RampStage { flow_time, epsilon, repeats: None, iterations }],
         ..options(0)
     };
     refused(rung(Some(0.0), None, 5), "ramp.flow_time");
@@ -565,7 +581,7 @@ fn bad_schedules_are_refused() {
     // Pairs for each rung.
     let set = pairs(TIME, EPSILON, 1);
     let (epsilon, time, iterations, held_out) = (EPSILON, 1.0, 3, None);
-    let place = Place { epsilon, time, pairs: &set, held_out, iterations };
+    let place = StageData { epsilon, time, pairs: &set, held_out, iterations };
     let options = rung(None, None, 5);
     assert!(train_schedule(&mut start, &[place], &options, &mut Store::default()).is_err());
     assert!(train_schedule(&mut start, &[], &options, &mut Store::default()).is_err());

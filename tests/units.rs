@@ -364,34 +364,34 @@ fn a_circle_action_is_found() {
     ] {
         let angles: Vec<f64> = weights.iter().map(|m| f64::from(*m) * theta).collect();
         for (seed, beside) in [(1, 0.0), (2, 0.02)] {
-            let fit = ActionFit::of(&turning(&angles, beside, seed)).expect("a linear map");
+            let fit = ActionFit::fit(&turning(&angles, beside, seed)).expect("a linear map");
             let found = fit.action().weights();
             let turned: Vec<i32> = weights.iter().map(|m| -m).collect();
-            assert!(found == weights || found == turned, "{weights:?}: {}", fit.told());
-            assert!(fit.is_sure(), "{weights:?}: {}", fit.told());
+            assert!(found == weights || found == turned, "{weights:?}: {}", fit.describe());
+            assert!(fit.is_sure(), "{weights:?}: {}", fit.describe());
             for (found, angle) in fit.angles.iter().zip(&angles) {
                 let chord = 2.0 * (0.5 * (found - angle)).sin().abs();
-                assert!(chord < if beside > 0.0 { 0.05 } else { 1e-6 }, "{}", fit.told());
+                assert!(chord < if beside > 0.0 { 0.05 } else { 1e-6 }, "{}", fit.describe());
             }
         }
     }
     // Several turn these planes about alike, and nobody can tell which is meant.
     let third = std::f64::consts::TAU / 3.0;
     for angles in [vec![third, -third], vec![0.8, 1.294], vec![1.1, 1.65], vec![0.0, 0.0]] {
-        let fit = ActionFit::of(&turning(&angles, 0.0, 3)).expect("a linear map");
-        assert!(!fit.is_sure(), "{angles:?}: {}", fit.told());
+        let fit = ActionFit::fit(&turning(&angles, 0.0, 3)).expect("a linear map");
+        assert!(!fit.is_sure(), "{angles:?}: {}", fit.describe());
     }
     // Far from the origin, where the columns differ by little.
     let near = turning(&[0.9, 1.8], 0.0, 1);
     let moved = |values: &[f64]| values.iter().map(|v| v + 1e9).collect::<Vec<_>>();
     let far = Pairs::new("far", 2, moved(near.input()), moved(near.output())).expect("whole");
-    let [near, far] = [&near, &far].map(|pairs| ActionFit::of(pairs).expect("a linear map"));
+    let [near, far] = [&near, &far].map(|pairs| ActionFit::fit(pairs).expect("a linear map"));
     assert!(far.angles.iter().zip(&near.angles).all(|(a, b)| (a - b).abs() < 1e-2), "{far:?}");
     let few = turning(&[0.3, 0.0], 0.0, 1).thinned(4);
-    assert!(ActionFit::of(&few).expect_err("too few").to_string().contains("4 pairs"));
+    assert!(ActionFit::fit(&few).expect_err("too few").to_string().contains("4 pairs"));
     let flat = Pairs::new("flat", 1, vec![1.0, 0.0, 2.0, 0.0, 3.0, 0.0, 4.0, 0.0], vec![1.0; 8]);
-    assert!(ActionFit::of(&flat.expect("whole")).is_err());
-    assert!(ActionFit::of(&turning(&[0.1; 6], 0.0, 1)).is_err());
+    assert!(ActionFit::fit(&flat.expect("whole")).is_err());
+    assert!(ActionFit::fit(&turning(&[0.1; 6], 0.0, 1)).is_err());
 }
 
 /// Of the flow maps of two systems, at ten flow times, ε and seeds each.
@@ -419,7 +419,7 @@ fn circle_actions_of_flow_maps_are_found() {
             Pairs::of_integrator(&system, points, time, Integrator::Aba864, 100)
         });
         for (k, (pairs, weights)) in pairs.into_iter().zip([&[1, 0][..], &[0, 1, 2]]).enumerate() {
-            let fit = ActionFit::of(&pairs.expect("finite").0).expect("a linear map");
+            let fit = ActionFit::fit(&pairs.expect("finite").0).expect("a linear map");
             let is_right = fit.action().weights() == weights;
             right[k] += usize::from(is_right);
             sure_and_wrong += usize::from(fit.is_sure() && !is_right);

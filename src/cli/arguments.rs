@@ -5,6 +5,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use gyroceptron::Error;
 use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::network::NamedArchitecture;
+use gyroceptron::train::RampStage;
 use std::path::PathBuf;
 
 /// Symplectic gyroceptrons: train, certify and roll out nearly-periodic
@@ -115,6 +116,15 @@ fn architectures() -> PossibleValuesParser {
     PossibleValuesParser::new(NamedArchitecture::ALL.iter().map(value))
 }
 
+/// What `train` does where nothing else is said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Recipe {
+    /// What we recommend.
+    Recommended,
+    /// That of the paper.
+    Paper,
+}
+
 /// The optimisers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum OptimiserName {
@@ -145,15 +155,20 @@ pub struct Train {
     #[arg(long, value_name = "FILE.npz")]
     pub data: PathBuf,
     /// The integer weight of each plane (q_j, p_j), such as 1,0. Of several circles, each with
-    /// an angle of its own, for a gyroceptron in normal form: such as 0,1,0/0,0,2. Or auto: those that
-    /// the linear map nearest to the pairs tells, where it does.
+    /// an angle of its own, for a gyroceptron in normal form: such as 0,1,0/0,0,2. Or auto, found from
+    /// the pairs where they are sure of it [default: auto].
     #[arg(long, value_name = "WEIGHTS", allow_hyphen_values = true)]
-    pub circle_action: String,
+    pub circle_action: Option<String>,
+    /// Network and training where no other option says so: recommended, a normal form by
+    /// Levenberg–Marquardt from three initial weights until it is at rest, or that of the paper, its
+    /// gyroceptron by L-BFGS [default: recommended].
+    #[arg(long, value_enum, conflicts_with = "scene")]
+    pub recipe: Option<Recipe>,
     /// Network and training options are taken from this scene; the options below come
     /// before it.
     #[arg(long, value_name = "FILE.toml")]
     pub scene: Option<String>,
-    /// The kind of network [default: the scene's, or a gyroceptron].
+    /// The kind of network [default: the scene's, or that of the recipe].
     #[arg(long, value_parser = architectures())]
     pub architecture: Option<String>,
     /// Turned kicks of ψ_ε and their neurons, of a gyroceptron in normal form, such as 12x8.
@@ -181,13 +196,17 @@ pub struct Train {
     /// Layers and neurons of a HénonNet; linear modules and their shears of a SympNet.
     #[arg(long, value_name = "LAYERSxWIDTH")]
     pub layers: Option<String>,
-    /// What minimises the loss [default: the scene's, or l-bfgs].
+    /// What minimises the loss [default: the scene's, or that of the recipe].
     #[arg(long, value_enum)]
     pub optimiser: Option<OptimiserName>,
     /// Initial weights to begin from, 40 iterations each, of which the best goes on
-    /// [default: the scene's, or 1].
+    /// [default: the scene's, or that of the recipe].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub starts: Option<i64>,
+    /// Stages before the training, of pairs with flow times of their own: the flow time and the
+    /// iterations of each, such as 5x100,20x100.
+    #[arg(long, value_name = "TIMExITERATIONS,…")]
+    pub ramp: Option<String>,
     /// What is added to the loss: so many times the mean square of I_ε(z) − z.
     #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
     pub near_identity_penalty: Option<f64>,
@@ -374,6 +393,23 @@ pub fn circle_action(text: &str) -> Result<TorusAction, Error> {
         Error::invalid("--circle-action", text, "integers with commas, such as 1,0")
     })?;
     TorusAction::new(circles).map_err(|e| e.at("--circle-action"))
+}
+
+/// `5x100,20x100` as stages of a ramp.
+pub fn ramp(name: &str, text: &str) -> Result<Vec<RampStage>, Error> {
+    let stage = |text: &str| {
+        let (time, iterations) = text.split_once('x')?;
+        Some(RampStage {
+            flow_time: Some(time.trim().parse().ok()?),
+            epsilon: None,
+            repeats: None,
+            iterations: iterations.trim().parse().ok()?,
+        })
+    };
+    let expected = "flow times and iterations, such as 5x100,20x100";
+    text.split(',')
+        .map(|text| stage(text).ok_or_else(|| Error::invalid(name, text, expected)))
+        .collect()
 }
 
 /// A count that must be at least 1.

@@ -311,7 +311,7 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     let region = stored.provenance.region.as_ref().filter(|_| arguments.outside != Outside::Ignore);
     let left = region.and_then(|region| region.left_by(&values, points, request.every));
     if let (Some(left), Some(region)) = (&left, region) {
-        line(&format!("note: {}", left.told(region)));
+        line(&format!("note: {}", left.describe(region)));
         if arguments.outside == Outside::Stop {
             line("nothing is written");
             if arguments.common.json {

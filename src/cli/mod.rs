@@ -48,12 +48,12 @@ pub fn main() -> ExitCode {
 
 /// One line on standard error.
 fn report(error: &Error) {
-    let line = told(error).replace(['\n', '\r'], " ");
+    let line = describe(error).replace(['\n', '\r'], " ");
     let _ = writeln!(std::io::stderr(), "gyroceptron: {line}");
 }
 
 /// An error with the options that answer it.
-fn told(error: &Error) -> String {
+fn describe(error: &Error) -> String {
     match error {
         Error::OutputExists { path } => format!(
             "{}: holds an earlier run; give --resume to go on with it, --overwrite to replace it, \
@@ -67,9 +67,31 @@ fn told(error: &Error) -> String {
         Error::Missing { key: "models.network.path", .. } => {
             format!("{error}; give --weights FILE")
         }
-        Error::At { place, reason } => format!("{place}: {}", told(reason)),
-        other => other.to_string(),
+        Error::At { place, reason } => format!("{place}: {}", describe(reason)),
+        other => match option_named(other) {
+            Some(option) => format!("{other} ({option})"),
+            None => other.to_string(),
+        },
     }
+}
+
+/// The option of the command that an error of the library is about: `--flow-time` of `flow_time`.
+fn option_named(error: &Error) -> Option<String> {
+    let name = match error {
+        Error::Invalid { name, .. }
+        | Error::OutOfRange { name, .. }
+        | Error::CountOutOfRange { name, .. }
+        | Error::WrongCount { name, .. } => name.as_str(),
+        Error::Missing { key, .. } => key,
+        _ => return None,
+    };
+    let name = name.trim_start_matches("training.").split([':', '.']).next()?;
+    let option = name.replace(['_', ' '], "-");
+    let command = std::env::args().nth(1)?;
+    let program = arguments::Arguments::command();
+    let own = program.find_subcommand(command)?;
+    let is_there = own.get_arguments().any(|argument| argument.get_long() == Some(&option));
+    is_there.then(|| format!("--{option}"))
 }
 
 /// A first word that is neither a command nor a scene, where it is like one: without a command,

@@ -298,6 +298,20 @@ impl Pairs {
         Ok((Self::new("flow map", system.dof(), points, output)?, error))
     }
 
+    /// The time-`time` flow map of `system` at points drawn in windows with this seed.
+    ///
+    /// # Errors
+    /// Those of [`sample_of`] and [`Pairs::of_flow`].
+    pub fn of_windows(
+        system: &(impl Hamiltonian + Sync),
+        windows: &[Window],
+        time: f64,
+        seed: u64,
+    ) -> Result<Self, Error> {
+        let points = sample_of(system, windows, &mut Stream::new(seed, "data/training"))?;
+        Ok(Self::of_flow(system, points, time)?.0)
+    }
+
     /// The map of `steps` steps of an integrator over `time` at these points, with the largest
     /// difference of a component from that of twice as many steps (of stroboscopic averaging, of a finer
     /// map of a period and one more difference too), at no more than 256 of them,

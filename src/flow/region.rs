@@ -113,7 +113,7 @@ pub struct Left {
 
 impl Left {
     /// What is to be told of it.
-    pub fn told(&self, region: &Region) -> String {
+    pub fn describe(&self, region: &Region) -> String {
         /// Rows that are named.
         const NAMED: usize = 20;
         let Self { ref rows, states, of, row, step, coordinate, value } = *self;

@@ -4,6 +4,7 @@ use super::npy::{Array, read_array, write_array};
 use super::{read_bytes, write_atomically};
 use crate::error::Error;
 use crate::flow::{Condition, Pairs, Trajectories, check_finite};
+use crate::train::FamilyPairs;
 use std::io::Cursor;
 use std::path::Path;
 use zip::write::SimpleFileOptions;
@@ -89,6 +90,13 @@ pub struct PairsFile {
     pub unused: Vec<String>,
     /// An array held single precision.
     pub single_precision: bool,
+}
+
+impl From<PairsFile> for FamilyPairs {
+    fn from(file: PairsFile) -> Self {
+        let PairsFile { pairs, has_epsilons, has_times, .. } = file;
+        Self { pairs, has_epsilons, has_times }
+    }
 }
 
 /// Reads `input` and `output`, both (N, 2n), from an `.npz` file; and `epsilon` and

@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::flow::Region;
 use crate::network::{Architecture, Invariant, Model, Pace, Rollout, map_jacobians, map_points};
 use crate::phase::{Direction, Units};
-use crate::train::Checkpoint;
+use crate::train::{Checkpoint, Fitted};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -65,6 +65,20 @@ pub struct StoredModel {
 }
 
 impl StoredModel {
+    /// What a fit has made, with its units and where it comes from; `name` says what trained it.
+    pub fn of_fit(fitted: &Fitted, name: &str) -> Self {
+        let Fitted { problem, training } = fitted;
+        let provenance = Provenance {
+            seed: Some(problem.seed),
+            data: Some(problem.digest.clone()),
+            flow_time: problem.flow_time,
+            validation: training.outcome.best.validation,
+            region: problem.region.clone(),
+            ..Provenance::of(name)
+        };
+        Self { model: fitted.model().clone(), units: problem.units.clone(), provenance }
+    }
+
     /// [`Model::at`], in the same units; its held-out error is not known.
     ///
     /// # Errors

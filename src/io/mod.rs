@@ -4,6 +4,7 @@
 //! that a reader, or a killed run, never sees half of one.
 
 mod arrays;
+mod checkpoints;
 mod json;
 mod legacy;
 mod npy;
@@ -14,6 +15,7 @@ pub use arrays::{
     PairsFile, PointsFile, parse_pairs, parse_points, read_pairs, read_points, read_trajectories,
     write_pairs, write_points, write_trajectories,
 };
+pub use checkpoints::Checkpoints;
 pub use json::{
     Provenance, StoredModel, earlier_checkpoint, load_checkpoint, load_model, model_text,
     parse_model, save_checkpoint, save_model,

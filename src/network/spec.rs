@@ -268,6 +268,25 @@ impl NetworkSpec {
         Ok(Self { kind: named.name.into(), ..Self::default() })
     }
 
+    /// The named architecture that has parts of all these keys, the recommended one first.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the keys, where none has.
+    pub fn with_parts(keys: &[&str]) -> Result<Self, Error> {
+        let recommended = NamedArchitecture::find("normal-form")?;
+        let has = |of: &&NamedArchitecture| {
+            keys.iter().all(|key| of.sizes.iter().any(|(own, _)| own == key))
+        };
+        let all = std::iter::once(recommended).chain(NamedArchitecture::ALL);
+        match { all }.find(has) {
+            Some(named) => Self::named(named.name),
+            None => {
+                let expected = "sizes of parts that one architecture has";
+                Err(Error::invalid("sizes", keys.join(", "), expected))
+            }
+        }
+    }
+
     /// A list of blocks.
     pub fn of_blocks(blocks: impl Into<Vec<Block>>) -> Self {
         Self { kind: Self::BLOCKS.into(), blocks: blocks.into(), ..Self::default() }

@@ -31,6 +31,23 @@ impl Units {
         Ok(out)
     }
 
+    /// In words.
+    pub fn describe(&self) -> String {
+        let numbers = |values: &[f64]| {
+            let texts: Vec<String> = values.iter().map(|value| format!("{value:.4e}")).collect();
+            texts.join(", ")
+        };
+        let centre = match self.centre.iter().any(|c| *c != 0.0) {
+            true => format!(" about {}", numbers(&self.centre)),
+            false => String::new(),
+        };
+        format!(
+            "The network is trained in units of {}{centre} (q1 … qn, p1 … pn), in which the \
+             widest plane of the pairs is of order one",
+            numbers(&self.factors)
+        )
+    }
+
     /// Fails as [`Units::new`], naming it so, or when it is of other degrees of freedom.
     ///
     /// # Errors

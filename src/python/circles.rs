@@ -1,11 +1,7 @@
 //! The circle action, as it is given in Python.
 
-use super::arrays::{Rows, dof_of, rows_of};
 use crate::error::Error;
-use crate::flow::Pairs;
 use crate::layer::{CircleAction, TorusAction};
-use crate::scene::Note;
-use crate::train::ActionFit;
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 
@@ -89,31 +85,10 @@ impl<'py> FromPyObject<'_, 'py> for Circles {
 }
 
 impl Circles {
-    /// The action, and the note on it where it is found from the pairs.
-    pub(super) fn action(
-        self,
-        py: Python<'_>,
-        input: &Rows<'_>,
-        output: &Rows<'_>,
-    ) -> PyResult<(TorusAction, Option<String>)> {
-        let circles = match self {
-            Self::Weights(circles) => circles,
-            Self::Auto => {
-                let dof = dof_of("input", input)?;
-                let pairs = [rows_of("input", input, dof)?, rows_of("output", output, dof)?];
-                let fit = py.detach(|| {
-                    let [input, output] = pairs;
-                    ActionFit::of(&Pairs::new("pairs", dof, input, output)?)
-                })?;
-                if !fit.is_sure() {
-                    let found = format!("\"{AUTO}\", which is not sure: {}", fit.told());
-                    let expected = "weights, or pairs of another flow time";
-                    return Err(Error::invalid(NAME, found, expected).into());
-                }
-                return Ok((fit.action().clone().into(), Some(Note::Action(&fit).to_string())));
-            }
-        };
+    /// The action; None where it is to be found from the pairs.
+    pub(super) fn given(self) -> Result<Option<TorusAction>, Error> {
+        let Self::Weights(circles) = self else { return Ok(None) };
         let circles: Vec<_> = circles.into_iter().map(CircleAction::new).collect();
-        Ok((TorusAction::new(circles).map_err(|e| e.at(NAME))?, None))
+        TorusAction::new(circles).map(Some).map_err(|e| e.at(NAME))
     }
 }

@@ -310,7 +310,7 @@ impl Model {
         if let (Some(region), true) = (region, outside != "ignore")
             && let Some(left) = py.detach(|| region.left_by(&states, count, every))
         {
-            let told = left.told(region);
+            let told = left.describe(region);
             if outside == "stop" {
                 return Err(exception::Error::new_err(told));
             }

@@ -1,11 +1,8 @@
 //! What a model keeps of the training that made it, beside what its file holds.
 
 use crate::error::Error;
-use crate::flow::Pairs;
-use crate::layer::TorusAction;
-use crate::phase::Units;
-use crate::scene::{Note, Reading, Trust};
-use crate::train::Outcome;
+use crate::scene::Trust;
+use crate::train::Fitted;
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use std::ffi::CString;
@@ -25,17 +22,11 @@ pub(super) struct Trained {
 pub(super) type TrainedParts = (String, Vec<String>, Vec<Record>, Vec<String>);
 
 impl Trained {
-    pub(super) fn of(
-        outcome: &Outcome,
-        pairs: &Pairs,
-        held_out: Option<&Pairs>,
-        nearest: (&TorusAction, &[f64]),
-        notes: Vec<String>,
-    ) -> Result<Self, Error> {
+    pub(super) fn of(fitted: &Fitted, notes: Vec<String>) -> Result<Self, Error> {
         let record = |r: &crate::train::TrainingRecord| (r.iteration, r.loss, r.validation);
         Ok(Self {
-            trust: Trust::of(outcome, pairs, held_out, nearest)?,
-            history: outcome.history.iter().map(record).collect(),
+            trust: Trust::of(fitted)?,
+            history: fitted.outcome().history.iter().map(record).collect(),
             notes,
         })
     }
@@ -50,21 +41,8 @@ impl Trained {
     }
 }
 
-/// The note on units that a training has fitted.
-pub(super) fn note_of_units(units: Option<&Units>) -> Option<String> {
-    units.map(|units| Note::Units(units).to_string())
-}
-
 /// A UserWarning.
 pub(super) fn warn(py: Python<'_>, text: &str) -> PyResult<()> {
     let message = CString::new(text)?;
     PyErr::warn(py, &py.get_type::<PyUserWarning>(), &message, 1)
-}
-
-/// Warns of pairs that fit far better in another reading.
-pub(super) fn warn_of_reading(py: Python<'_>, pairs: &Pairs, action: &TorusAction) -> PyResult<()> {
-    match py.detach(|| Reading::better(pairs, action)) {
-        Some(reading) => warn(py, &Note::Reading(&reading).to_string()),
-        None => Ok(()),
-    }
 }

@@ -1,19 +1,18 @@
 //! Training from Python: what `gyroceptron train` does, to the same bits.
 
 use super::Model;
-use super::arrays::{Rows, rows_of};
+use super::arrays::{Rows, dof_of, rows_of};
 use super::circles::Circles;
-use super::trained::{Trained, note_of_units, warn_of_reading};
+use super::trained::{Trained, warn};
 use crate::error::Error;
 use crate::flow::Pairs;
-use crate::io::{Provenance, StoredModel};
-use crate::layer::TorusAction;
-use crate::network::{self, Alternating, Block, LayerSizes, NetworkSpec};
-use crate::scene::{Folder, ModelSpec, NextStep, OwnTraining, TrainingTimes};
+use crate::io::{Checkpoints, StoredModel};
+use crate::network::{Alternating, Block, LayerSizes, NetworkSpec};
+use crate::scene::{Folder, NextStep, OwnTraining, TrainingTimes};
 use crate::train::{
-    AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions, Loss,
-    Optimiser, Place, Plateau, Preparation, Prepared, Progress, Starts, TrainingOptions, Watch,
-    train_schedule,
+    AdamOptions, Checkpoint, Control, FamilyPairs, Fit, FitNote, LbfgsOptions,
+    LevenbergMarquardtOptions, Loss, Optimiser, Plateau, Progress, RampStage, Starts, Stop,
+    TrainingObserver, TrainingOptions, TrainingStage,
 };
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -54,10 +53,7 @@ fn layers((count, width): (usize, usize)) -> LayerSizes {
     LayerSizes::uniform(count, width)
 }
 
-/// Unless it is given.
-const EPSILON: f64 = 0.01;
-
-/// More starts are a slip of the pen.
+/// More starts are a mistake.
 const MOST_STARTS: usize = 1000;
 
 /// Blocks of Python's dictionaries, as JSON has them.
@@ -77,22 +73,28 @@ struct Calling<'a> {
     stopped: bool,
     times: TrainingTimes,
     start: Instant,
+    /// Where it keeps checkpoints.
+    checkpoints: Option<Checkpoints>,
 }
 
-impl Watch for Calling<'_> {
-    fn earlier(&mut self, _: Leg) -> Result<Option<Checkpoint>, Error> {
-        Ok(None)
+impl TrainingObserver for Calling<'_> {
+    fn earlier(&mut self, stage: TrainingStage) -> Result<Option<Checkpoint>, Error> {
+        self.checkpoints.as_ref().map_or(Ok(None), |checkpoints| checkpoints.earlier(stage))
     }
 
-    fn observe(&mut self, leg: Leg, progress: Progress<'_>) -> Result<Control, Error> {
+    fn observe(&mut self, leg: TrainingStage, progress: Progress<'_>) -> Result<Control, Error> {
         let record = progress.record;
-        if leg == Leg::Last {
+        if leg == TrainingStage::Last {
             self.times.points.push((record.iteration, self.start.elapsed().as_secs_f64()));
+        }
+        if let (Some(checkpoints), Some(checkpoint)) = (&mut self.checkpoints, progress.checkpoint)
+        {
+            checkpoints.save(leg, checkpoint)?;
         }
         if self.stopped {
             return Ok(Control::Interrupt);
         }
-        let name = if leg == Leg::Last { "training".to_owned() } else { leg.name() };
+        let name = if leg == TrainingStage::Last { "training".to_owned() } else { leg.name() };
         let told = (name, record.iteration, record.loss, record.validation);
         let goes_on = Python::attach(|py| -> PyResult<bool> {
             py.check_signals()?;
@@ -110,28 +112,50 @@ impl Watch for Calling<'_> {
     }
 }
 
+/// A number for all pairs, or one for each of them.
+#[derive(FromPyObject)]
+pub(super) enum Condition {
+    All(f64),
+    Each(Vec<f64>),
+}
+
+/// The number for all pairs, and those of each.
+fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
+    match of {
+        None => (None, None),
+        Some(Condition::All(number)) => (Some(number), None),
+        Some(Condition::Each(numbers)) => (None, Some(numbers)),
+    }
+}
+
 /// Trains a network on pairs, the rows of `input` and `output`, (N, 2n) each, in any units, as the
-/// program's `train` does, to the same bits. Returns a Model.
+/// program's `train` does, to the same bits. Returns a Model, whose `notes` say what was found and
+/// chosen.
 ///
 /// circle_action: the weight of each plane, whole numbers such as [1, 0], or those of several circles; a
-/// number for one plane; "auto" finds the weights from the pairs.
-/// architecture: "gyroceptron", "normal-form", "coupling-gyroceptron", "henon-net" or "sympnet".
+/// number for one plane; "auto" finds the weights from the pairs, where they are sure of them.
+/// recipe: network and training where nothing else is said: "recommended", a normal form by
+/// Levenberg-Marquardt from three initial weights until it is at rest, or "paper", its gyroceptron by
+/// L-BFGS.
+/// architecture: "gyroceptron", "normal-form", "coupling-gyroceptron", "henon-net" or "symp-net".
 /// psi, near_identity, kicks, twists, perturbation, layers: (layers, neurons) of the parts that it
 /// has; a normal form with a perturbation is nearly integrable, of order one without it.
 /// blocks: a network of your own in place of a named architecture: a list of dictionaries with layer
 /// ("henon", "turned-kick", "twist", "turned-coupling", "symp-net"), widths, part ("conjugation",
 /// "chart", "slow-map", "perturbation", "near-identity", "none"), and scale and name where they are
 /// not the usual ones of the part.
-/// optimiser: "l-bfgs", "lm" (Levenberg-Marquardt, which gets furthest) or "adam".
+/// optimiser: "lm" (Levenberg-Marquardt, which gets furthest), "l-bfgs" or "adam".
 /// iterations: at most so many, 1000 unless given.
 /// starts: so many sets of initial weights, 40 iterations each, of which the best goes on.
+/// ramp: stages before the training, of pairs with flow times of their own: a list of (flow time,
+/// iterations).
 /// near_identity_penalty: the loss gets so many times the mean square of I_epsilon(z) - z.
 /// patience, target: stop when the held-out error has not improved for so many evaluations, one
 /// in ten iterations, or is at most the target; 0 never stops.
 /// plateau: stop when the held-out error has fallen by less than a tenth in so many iterations, 50
 /// with "lm" unless given; 0 never stops.
-/// epsilon, flow_time: those of the pairs, 0.01 and what they tell unless given: epsilon of networks with a circle
-/// action, the flow time of normal forms and of couplings, whose generators are told both.
+/// epsilon, flow_time: those of the pairs, a number or an array (N,) of those of each pair: 0.01 and what
+/// they tell unless given.
 /// loss_weights: "auto", by the motion of each plane beside the rotation, "none", or n or 2n positive
 /// numbers: of the planes in the loss and in the held-out error that chooses the model.
 /// theta, theta_fixed, theta_penalty: the angle to start from, the nearest rotation's unless given,
@@ -139,8 +163,10 @@ impl Watch for Calling<'_> {
 /// units: "fitted", in which pairs are of order one and turn in circles, or those of the "data".
 /// validation: the share that is held out. seed: of the weights and of that choice.
 /// report: a folder for a report with plots, which says whether to trust the model.
-/// callback: called with (leg, iteration, loss, held-out error or None) at each iteration; False
-/// stops the training, and the best model of the leg that is stopped is returned.
+/// checkpoint, resume: a file that the training keeps its state in, and whether it goes on from there, to
+/// the same bits.
+/// callback: called with (stage, iteration, loss, held-out error or None) at each iteration; False
+/// stops the training, and the best model of the stage that is stopped is returned.
 ///
 /// Warns (UserWarning) when the pairs fit far better in another order of columns or with another
 /// circle action. Raises Error when an argument is wrong, an array has a mask or numbers that are
@@ -148,10 +174,11 @@ impl Watch for Calling<'_> {
 /// the end of an iteration.
 #[pyfunction]
 #[pyo3(signature = (
-    input, output, circle_action, *, architecture="gyroceptron", psi=None, near_identity=None,
-    kicks=None, twists=None, perturbation=None, layers=None, blocks=None, optimiser="l-bfgs", iterations=None, starts=1,
-    near_identity_penalty=0.0, loss_weights=LossWeights::Named("auto".into()), patience=0, target=0.0, plateau=None, epsilon=None, flow_time=None, theta=None,
-    theta_fixed=false, theta_penalty=0.0, units="fitted", validation=0.1, seed=0, report=None, callback=None
+    input, output, circle_action=Circles::Auto, *, recipe=None, architecture=None, psi=None, near_identity=None,
+    kicks=None, twists=None, perturbation=None, layers=None, blocks=None, optimiser=None, iterations=None,
+    starts=None, ramp=None, near_identity_penalty=0.0, loss_weights=None, patience=0, target=0.0, plateau=None,
+    epsilon=None, flow_time=None, theta=None, theta_fixed=false, theta_penalty=0.0, units="fitted",
+    validation=0.1, seed=0, report=None, checkpoint=None, resume=false, callback=None
 ))]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn train(
@@ -159,7 +186,8 @@ pub(super) fn train(
     input: Rows<'_>,
     output: Rows<'_>,
     circle_action: Circles,
-    architecture: &str,
+    recipe: Option<&str>,
+    architecture: Option<&str>,
     psi: Shape,
     near_identity: Shape,
     kicks: Shape,
@@ -167,16 +195,17 @@ pub(super) fn train(
     perturbation: Shape,
     layers: Shape,
     blocks: Option<Bound<'_, PyAny>>,
-    optimiser: &str,
+    optimiser: Option<&str>,
     iterations: Option<u64>,
-    starts: u64,
+    starts: Option<u64>,
+    ramp: Option<Vec<(f64, u64)>>,
     near_identity_penalty: f64,
-    loss_weights: LossWeights,
+    loss_weights: Option<LossWeights>,
     patience: u64,
     target: f64,
     plateau: Option<u64>,
-    epsilon: Option<f64>,
-    flow_time: Option<f64>,
+    epsilon: Option<Condition>,
+    flow_time: Option<Condition>,
     theta: Option<f64>,
     theta_fixed: bool,
     theta_penalty: f64,
@@ -184,76 +213,69 @@ pub(super) fn train(
     validation: f64,
     seed: u64,
     report: Option<PathBuf>,
+    checkpoint: Option<PathBuf>,
+    resume: bool,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<Model> {
-    let (action, found) = circle_action.action(py, &input, &output)?;
-    let dof = action.dof();
+    let base = match recipe {
+        None | Some("recommended") => Fit::default(),
+        Some("paper") => Fit::paper(),
+        Some(other) => {
+            return Err(Error::invalid("recipe", other, "recommended or paper").into());
+        }
+    };
+    let action = circle_action.given()?;
+    let dof = action.as_ref().map_or_else(|| dof_of("input", &input), |action| Ok(action.dof()))?;
     let (input, output) = (rows_of("input", &input, dof)?, rows_of("output", &output, dof)?);
     let pairs = Pairs::new("pairs", dof, input, output)?;
+    let ((epsilon, epsilons), (flow_time, times)) = (condition(epsilon), condition(flow_time));
+    let data = FamilyPairs::under(pairs, epsilons.as_deref(), times.as_deref())?;
     let shapes = Shapes { psi, near_identity, kicks, twists, perturbation, layers };
     let blocks = blocks.map(|blocks| blocks_of(py, blocks)).transpose()?.unwrap_or_default();
-    let network = shapes.network(architecture, &action, blocks)?;
-    // Of any flow time: before pairs are gone through for each harmonic of the circle action.
-    let any = network.architecture(&action, epsilon.unwrap_or(EPSILON), 1.0)?;
-    any.check()?;
-    let of_gyroceptron = "none: only a gyroceptron has it";
-    let of_generators = "none: only a normal form and couplings have it";
-    for (name, value, fits, expected) in [
-        ("theta", theta, any.has_circle(), of_gyroceptron),
-        ("epsilon", epsilon, any.has_circle(), of_gyroceptron),
-        ("flow_time", flow_time, any.has_flow_time(), of_generators),
-    ] {
-        if let (Some(value), false) = (value, fits) {
-            return Err(Error::invalid(name, value, expected).into());
-        }
-    }
-    let epsilon = epsilon.unwrap_or(EPSILON);
-    if let Some(theta) = theta {
-        Error::check_finite("theta", theta)?;
-    }
-    let of_order_one = any.is_of_order_one();
-    let scaled = any.has_flow_time() && !of_order_one;
-    if scaled && epsilon == 0.0 && flow_time.is_none() {
-        return Err(Error::invalid("epsilon", 0, "another number, or a flow_time").into());
-    }
-    Error::check_count_range(
-        "starts",
-        usize::try_from(starts).unwrap_or(usize::MAX),
-        1,
-        MOST_STARTS,
-    )?;
-    let defaults = TrainingOptions::default();
-    let options = TrainingOptions {
-        optimiser: match optimiser {
+    let network = shapes.network(architecture, base.network.clone(), blocks)?;
+    let mut training = base.training.clone();
+    if let Some(name) = optimiser {
+        training.optimiser = match name {
             "l-bfgs" => Optimiser::Lbfgs(LbfgsOptions::default()),
             "lm" => Optimiser::LevenbergMarquardt(LevenbergMarquardtOptions::default()),
             "adam" => Optimiser::Adam(AdamOptions::default()),
-            _ => return Err(Error::invalid("optimiser", optimiser, "l-bfgs, lm or adam").into()),
-        },
-        iterations: iterations.unwrap_or(defaults.iterations),
-        starts: (starts > 1).then_some(Starts { count: starts, iterations: Starts::TRIAL }),
-        loss: loss_weights.loss()?,
-        near_identity_penalty,
-        theta_fixed,
-        theta_penalty,
-        patience,
-        target,
-        plateau: match plateau {
-            Some(iterations) => Plateau::over(iterations),
-            None => (optimiser == "lm").then(Plateau::default),
-        },
-        ..defaults
+            _ => return Err(Error::invalid("optimiser", name, "l-bfgs, lm or adam").into()),
+        };
+        training.plateau = (name == "lm").then(Plateau::default);
+    }
+    if let Some(iterations) = plateau {
+        training.plateau = Plateau::over(iterations);
+    }
+    if let Some(count) = starts {
+        let name = usize::try_from(count).unwrap_or(usize::MAX);
+        Error::check_count_range("starts", name, 1, MOST_STARTS)?;
+        training.starts = (count > 1).then_some(Starts { count, iterations: Starts::TRIAL });
+    }
+    if let Some(weights) = loss_weights {
+        training.loss = weights.loss()?;
+    }
+    let stage = |(time, iterations)| RampStage {
+        flow_time: Some(time),
+        epsilon: None,
+        repeats: None,
+        iterations,
     };
-    options.check()?;
-    options.loss.check(dof).map_err(|e| e.at("loss_weights"))?;
-    options.check_for(&any)?;
-    let preparation = Preparation {
-        place: "pairs",
-        action: &action,
+    let fit = Fit {
+        action,
+        network,
         epsilon,
         flow_time,
-        of_order_one,
         theta,
+        training: TrainingOptions {
+            iterations: iterations.unwrap_or(training.iterations),
+            ramp: ramp.into_iter().flatten().map(stage).collect(),
+            near_identity_penalty,
+            theta_fixed,
+            theta_penalty,
+            patience,
+            target,
+            ..training
+        },
         units: match units {
             "fitted" => true,
             "data" => false,
@@ -261,21 +283,47 @@ pub(super) fn train(
         },
         validation,
         seed,
+        ..base
     };
-    warn_of_reading(py, &pairs, &action)?;
+    fit.check()?;
     // Before anything is computed.
     let report = report.map(|path| Folder::open_report(&path, false)).transpose()?;
-    let notes = found.into_iter().collect();
-    let training = Training { preparation, network, options, pairs, report, notes };
+    let problem = py.detach(|| fit.prepare(data))?;
+    let mut notes = Vec::new();
+    for note in &problem.notes {
+        match note {
+            FitNote::Reading(_) => warn(py, &note.to_string())?,
+            _ => notes.push(note.to_string()),
+        }
+    }
+    let checkpoints = checkpoint.map(|path| Checkpoints::new(path, resume));
+    if let Some(checkpoints) = &checkpoints {
+        checkpoints.check(&problem.training)?;
+    }
     let start = Instant::now();
     let times = TrainingTimes { model: "train".into(), ..TrainingTimes::default() };
     let callback = callback.as_ref();
-    let mut watch = Calling { callback, raised: None, stopped: false, times, start };
-    let made = py.detach(|| training.run(&mut watch));
-    match watch.raised {
-        Some(raised) => Err(raised),
-        None => made.map(|(stored, trained)| Model { stored, trained: Some(Arc::new(trained)) }),
+    let mut watch = Calling { callback, raised: None, stopped: false, times, start, checkpoints };
+    let fitted = py.detach(|| problem.train(&mut watch));
+    let Calling { raised, times, checkpoints, .. } = watch;
+    if let Some(raised) = raised {
+        return Err(raised);
     }
+    let fitted = fitted?;
+    let ends = fitted.outcome().stop;
+    if let (Some(checkpoints), false) =
+        (&checkpoints, matches!(ends, Stop::Iterations | Stop::Interrupted))
+    {
+        checkpoints.remove()?;
+    }
+    let stored = StoredModel::of_fit(&fitted, "train");
+    let trained = py.detach(|| Trained::of(&fitted, notes))?;
+    if let Some(folder) = report {
+        let (name, next) = ("train".into(), &next_call);
+        let command = "The same call of `gyroceptron.train` with the same pairs".into();
+        py.detach(|| OwnTraining { name, fitted, times, command, next }.report(&folder))?;
+    }
+    Ok(Model { stored, trained: Some(Arc::new(trained)) })
 }
 
 /// Those of the parts that were asked for.
@@ -289,16 +337,13 @@ struct Shapes {
 }
 
 impl Shapes {
+    /// The network that is asked for; None where nothing is.
     fn network(
         self,
-        architecture: &str,
-        action: &TorusAction,
+        architecture: Option<&str>,
+        before: Option<NetworkSpec>,
         blocks: Vec<Block>,
-    ) -> Result<NetworkSpec, Error> {
-        let mut network = match blocks.is_empty() {
-            true => NetworkSpec::named(architecture)?,
-            false => NetworkSpec::of_blocks(blocks),
-        };
+    ) -> Result<Option<NetworkSpec>, Error> {
         let sizes = [
             ("psi", self.psi.map(layers)),
             ("near_identity", self.near_identity.map(layers)),
@@ -307,16 +352,19 @@ impl Shapes {
             ("perturbation", self.perturbation.map(layers)),
             ("layers", self.layers.map(layers)),
         ];
-        for (key, size) in sizes {
-            if let Some(size) = size {
-                network = network.with_size(key, size)?;
-            }
-        }
-        if network.circles() == network::Circles::Several {
-            network.action = Some(action.clone());
-        }
-        network.check()?;
-        Ok(network)
+        let sizes: Vec<_> =
+            sizes.into_iter().filter_map(|(key, size)| Some((key, size?))).collect();
+        let keys: Vec<&str> = sizes.iter().map(|(key, _)| *key).collect();
+        let network = match (architecture, before) {
+            _ if !blocks.is_empty() => NetworkSpec::of_blocks(blocks),
+            (Some(name), _) => NetworkSpec::named(name)?,
+            (None, Some(network)) => network,
+            (None, None) if keys.is_empty() => return Ok(None),
+            (None, None) => NetworkSpec::with_parts(&keys)?,
+        };
+        let with =
+            |network: NetworkSpec, (key, size): (&str, LayerSizes)| network.with_size(key, size);
+        sizes.into_iter().try_fold(network, with).map(Some)
     }
 }
 
@@ -338,78 +386,5 @@ fn next_call(step: NextStep) -> String {
         NextStep::Pairs(_) => "gyroceptron.train(more_input, more_output, …)".into(),
         NextStep::Marquardt => with("optimiser=\"lm\""),
         NextStep::Starts(starts) => with(&format!("starts={starts}")),
-    }
-}
-
-/// A training that has been checked.
-struct Training<'a> {
-    preparation: Preparation<'a>,
-    network: NetworkSpec,
-    options: TrainingOptions,
-    pairs: Pairs,
-    report: Option<Folder>,
-    /// On the pairs.
-    notes: Vec<String>,
-}
-
-impl Training<'_> {
-    fn run(self, watch: &mut Calling<'_>) -> Result<(StoredModel, Trained), PyErr> {
-        let Self { preparation, network, options, pairs, report, mut notes } = self;
-        let Preparation { action, epsilon, seed, flow_time: known, .. } = preparation;
-        let digest = pairs.digest();
-        let Prepared { pairs, held_out, units, region, nearest, angles, flow_time } =
-            preparation.prepare(pairs)?;
-        let architecture = network.architecture(action, epsilon, flow_time)?;
-        architecture.check()?;
-        options.check_for(&architecture)?;
-        let loss = options.loss.for_pairs(action, &nearest, &pairs)?;
-        let options = TrainingOptions { loss, ..options };
-        let mut start = |number: u64| {
-            let seed = Starts::seed(seed, number);
-            architecture.initialise(ModelSpec::OWN_WEIGHTS, 0.0, seed)?.with_angles(&angles)
-        };
-        let (iterations, held) = (options.iterations, held_out.as_ref());
-        let place = Place { epsilon, time: 1.0, pairs: &pairs, held_out: held, iterations };
-        let training = train_schedule(&mut start, &[place], &options, watch)?;
-        if let Some(raised) = watch.raised.take() {
-            return Err(raised);
-        }
-        let outcome = &training.outcome;
-        let provenance = Provenance {
-            seed: Some(seed),
-            data: Some(digest),
-            flow_time: known,
-            validation: outcome.best.validation,
-            region,
-            ..Provenance::of("train")
-        };
-        let stored = StoredModel { model: outcome.model.clone(), units, provenance };
-        notes.extend(note_of_units(stored.units.as_ref()));
-        let trained = Trained::of(outcome, &pairs, held, (action, &nearest), notes)?;
-        if let Some(folder) = report {
-            let spec = ModelSpec {
-                name: "train".into(),
-                network,
-                weights: ModelSpec::OWN_WEIGHTS,
-                training: None,
-                training_only: false,
-                seeds: None,
-            };
-            let report = OwnTraining {
-                spec,
-                options: &options,
-                seed,
-                nearest: (action, &nearest),
-                training,
-                pairs: &pairs,
-                held_out: held,
-                units: stored.units.as_ref(),
-                times: std::mem::take(&mut watch.times),
-                command: "The same call of `gyroceptron.train` with the same pairs".into(),
-                next: &next_call,
-            };
-            report.report(&folder)?;
-        }
-        Ok((stored, trained))
     }
 }

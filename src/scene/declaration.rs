@@ -4,7 +4,7 @@ use super::learning::read_network;
 use super::setup::{Attempt, Setup, check_name};
 use super::study::{AnyStudy, SceneFile, Study};
 use crate::error::Error;
-use crate::train::{Leg, TrainingOptions};
+use crate::train::{TrainingOptions, TrainingStage};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -88,7 +88,7 @@ impl Scene {
     fn check_files(&self) -> Result<(), Error> {
         let mut names = BTreeSet::new();
         for Attempt { spec, .. } in self.attempts() {
-            for leg in Leg::all(self.setup.training_of(&spec)) {
+            for leg in TrainingStage::all(self.setup.training_of(&spec)) {
                 let name = format!("{}{}", spec.name, leg.suffix());
                 if !names.insert(name.clone()) {
                     let expected = "a name for each, also with what is added for a start, a rung, twists or a flow time";

@@ -7,7 +7,7 @@ use super::setup::ModelSpec;
 use super::study::CHECKPOINTS;
 use crate::error::Error;
 use crate::io::write_atomically;
-use crate::train::Leg;
+use crate::train::TrainingStage;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -144,7 +144,7 @@ impl Folder {
         names.extend(KEPT.iter().chain(&CHECKPOINTS).map(|name| (*name).to_owned()));
         if let Some(earlier) = earlier {
             for attempt in earlier.attempts() {
-                for leg in Leg::all(earlier.setup.training_of(&attempt.spec)) {
+                for leg in TrainingStage::all(earlier.setup.training_of(&attempt.spec)) {
                     let suffix = leg.suffix();
                     names.push(format!("checkpoint{suffix}"));
                     names.push(format!("checkpoint-{}{suffix}", attempt.spec.name));

@@ -13,8 +13,9 @@ use crate::io::{
 };
 use crate::network::Model;
 use crate::train::{
-    Checkpoint, Control, Leg, LegResult, Loss, Objective, Outcome, Place, Progress, Rung,
-    Scheduled, Starts, Stop, TrainingOptions, TrainingRecord, Watch, fit_rotation, train_schedule,
+    Checkpoint, Control, InitialModels, Loss, Objective, Outcome, Progress, RampStage, Scheduled,
+    StageData, StageResult, Stop, TrainingObserver, TrainingOptions, TrainingRecord, TrainingStage,
+    fit_rotation, train_schedule,
 };
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -26,7 +27,7 @@ pub(super) struct Trained {
     pub(super) network: String,
     pub(super) initial: Model,
     /// What led to the last leg of its training.
-    pub(super) legs: Vec<LegResult>,
+    pub(super) legs: Vec<StageResult>,
     pub(super) outcome: Outcome,
     /// The mean squared error on the held-out pairs, whatever the weights of the loss.
     pub(super) held_out_error: Option<f64>,
@@ -80,7 +81,7 @@ pub(super) fn learn_at(
     let mut options = scene.setup.training_of(&spec).clone();
     options.loss = loss_of(&options.loss, subject, data)?;
     // A ramp is up to the flow time that is wanted; weights of an earlier one come from there.
-    let leads_up = |rung: &Rung| {
+    let leads_up = |rung: &RampStage| {
         let other_epsilon = rung.epsilon.is_some_and(|epsilon| epsilon != subject.epsilon());
         rung.flow_time.is_none_or(|rung| rung < time || rung == time && other_epsilon)
     };
@@ -98,16 +99,13 @@ pub(super) fn learn_at(
     let theta = subject.angle(time, &data.training);
     // The check of the set-up has found them.
     let angles = subject.angles(&architecture, theta, &data.training);
-    let mut start = |number: u64| {
-        let seed = Starts::seed(seed, number);
-        let mut model = architecture.initialise(spec.weights, theta, seed)?;
-        if let Some(angles) = &angles {
-            model = model.with_angles(angles)?;
-        }
-        match from {
-            Some((from, earlier)) if number == 0 => model.with_weights_of(from, time / earlier),
-            _ => Ok(model),
-        }
+    let angles = angles.unwrap_or_else(|| vec![theta; architecture.circles.len()]);
+    let initial = InitialModels {
+        architecture: &architecture,
+        weights: spec.weights,
+        angles: &angles,
+        seed,
+        from: from.map(|(model, earlier)| (model, time / earlier)),
     };
     let mut rungs = Vec::new();
     for rung in &options.ramp {
@@ -115,9 +113,9 @@ pub(super) fn learn_at(
         let rung_time = rung.flow_time.unwrap_or(time);
         rungs.push((rung, rung_epsilon, rung_time, context.data_at(rung_epsilon, rung_time)?));
     }
-    let mut places: Vec<Place<'_>> = rungs
+    let mut places: Vec<StageData<'_>> = rungs
         .iter()
-        .map(|(rung, epsilon, rung_time, data)| Place {
+        .map(|(rung, epsilon, rung_time, data)| StageData {
             epsilon: *epsilon,
             time: rung_time / time,
             pairs: &data.training,
@@ -126,9 +124,9 @@ pub(super) fn learn_at(
         })
         .collect();
     let (pairs, held_out, iterations) = (&data.training, data.validation(), options.iterations);
-    places.push(Place { epsilon, time: 1.0, pairs, held_out, iterations });
+    places.push(StageData { epsilon, time: 1.0, pairs, held_out, iterations });
     let mut watch = SceneWatch::new(context, &spec, options);
-    let result = train_schedule(&mut start, &places, options, &mut watch);
+    let result = train_schedule(&mut |number| initial.model(number), &places, options, &mut watch);
     let times = watch.times;
     context.add_training_times(times);
     let Scheduled { initial, legs, outcome } = result?;
@@ -167,7 +165,7 @@ struct SceneWatch<'w, 'a> {
     times: TrainingTimes,
     /// The leg under way, when it began, and the seconds before: of other legs, and of its own in
     /// the run that is gone on with.
-    under_way: Option<(Leg, Instant, f64, f64)>,
+    under_way: Option<(TrainingStage, Instant, f64, f64)>,
     earlier: TrainingTimes,
 }
 
@@ -182,20 +180,20 @@ impl<'w, 'a> SceneWatch<'w, 'a> {
         Self { context, spec, options, times, under_way: None, earlier }
     }
 
-    fn file(&self, leg: Leg) -> PathBuf {
+    fn file(&self, leg: TrainingStage) -> PathBuf {
         let (scene, folder) = (self.context.scene, self.context.folder);
         folder.file_of_model(scene, "checkpoint", self.spec, &leg.suffix())
     }
 }
 
-impl Watch for SceneWatch<'_, '_> {
-    fn earlier(&mut self, leg: Leg) -> Result<Option<Checkpoint>, Error> {
+impl TrainingObserver for SceneWatch<'_, '_> {
+    fn earlier(&mut self, leg: TrainingStage) -> Result<Option<Checkpoint>, Error> {
         let file = self.file(leg);
         let found = earlier_checkpoint(&file, self.context.folder.resumes())?;
         let before = self.times.before();
         let resumed_at = found.as_ref().map_or(0, |checkpoint| checkpoint.last().iteration);
         let of_leg = match leg {
-            Leg::Last => {
+            TrainingStage::Last => {
                 self.times.points = std::mem::take(&mut self.earlier.points);
                 self.times.points.retain(|(iteration, _)| *iteration <= resumed_at);
                 self.times.points.last().map_or(0.0, |(_, seconds)| seconds - before)
@@ -215,15 +213,17 @@ impl Watch for SceneWatch<'_, '_> {
         Ok(found)
     }
 
-    fn observe(&mut self, leg: Leg, progress: Progress<'_>) -> Result<Control, Error> {
+    fn observe(&mut self, leg: TrainingStage, progress: Progress<'_>) -> Result<Control, Error> {
         let record = progress.record;
         if let Some((_, start, before, of_leg)) = &self.under_way {
             let seconds = of_leg + start.elapsed().as_secs_f64();
             match leg {
-                Leg::Last if record.validation.is_some() || progress.checkpoint.is_some() => {
+                TrainingStage::Last
+                    if record.validation.is_some() || progress.checkpoint.is_some() =>
+                {
                     self.times.points.push((record.iteration, before + seconds));
                 }
-                Leg::Last => {}
+                TrainingStage::Last => {}
                 _ => self.times.legs.last_mut().into_iter().for_each(|last| last.1 = seconds),
             }
         }
@@ -233,7 +233,7 @@ impl Watch for SceneWatch<'_, '_> {
         }
         let iterations = leg.iterations(self.options);
         let model = match leg {
-            Leg::Last => self.spec.name.clone(),
+            TrainingStage::Last => self.spec.name.clone(),
             _ => format!("{}, {}", self.spec.name, leg.name()),
         };
         self.context.tell(Event::Iteration { model: &model, record, iterations });

@@ -1,29 +1,19 @@
 //! What is said of pairs and models beside the results: the program writes notes, the module for
 //! Python warns or keeps them with the model.
 
-use super::own_pairs::units_told;
-use super::reading::Reading;
 use crate::flow::Region;
 use crate::io::StoredModel;
 use crate::measure::{CertificateOptions, OwnInvariance};
-use crate::phase::Units;
 use crate::random::Stream;
-use crate::train::ActionFit;
 use std::fmt;
 
-/// A note on pairs or points. Its text names no place and no option: the caller does.
+/// A note on the numbers of a file. Its text names no place and no option: the caller does.
 #[derive(Clone, Copy, Debug)]
 pub enum Note<'a> {
     /// Numbers are float32.
     SinglePrecision,
     /// Arrays of a file of these names are not used.
     Unused(&'a [String]),
-    /// Pairs fit far better in another order of columns or with another circle action.
-    Reading(&'a Reading),
-    /// The network has units of its own.
-    Units(&'a Units),
-    /// The circle action was found from the pairs.
-    Action(&'a ActionFit),
 }
 
 impl fmt::Display for Note<'_> {
@@ -31,9 +21,6 @@ impl fmt::Display for Note<'_> {
         match self {
             Self::SinglePrecision => f.write_str("float32 numbers, taken as they are"),
             Self::Unused(names) => write!(f, "not used: {}", names.join(", ")),
-            Self::Reading(reading) => f.write_str(&reading.told()),
-            Self::Units(units) => f.write_str(&units_told(units)),
-            Self::Action(fit) => f.write_str(&fit.told()),
         }
     }
 }

@@ -229,7 +229,7 @@ impl ByComponent {
     }
 
     /// Which plane errs most, and by how much.
-    pub(super) fn told(&self) -> String {
+    pub(super) fn describe(&self) -> String {
         let Some(worst) = self.worst_plane() else { return String::new() };
         let (dim, dof) = (self.errors.len(), self.planes.len());
         let of = |k: usize| format!("{:.2e} in {}", self.errors[k], coordinate(k, dim));

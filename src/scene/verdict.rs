@@ -2,9 +2,7 @@
 
 use super::trust::trust;
 use crate::error::Error;
-use crate::flow::Pairs;
-use crate::layer::TorusAction;
-use crate::train::Outcome;
+use crate::train::Fitted;
 
 /// Whether to trust a network that was trained on pairs, and why not.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,18 +14,14 @@ pub struct Trust {
 }
 
 impl Trust {
-    /// The verdict of a report, without one. `nearest` is the action whose rotation by these angles
-    /// is nearest to the pairs.
+    /// The verdict of a report, without one.
     ///
     /// # Errors
     /// Those of [`Model::rollout`](crate::network::Model::rollout) along orbits from held-out points.
-    pub fn of(
-        outcome: &Outcome,
-        pairs: &Pairs,
-        held_out: Option<&Pairs>,
-        nearest: (&TorusAction, &[f64]),
-    ) -> Result<Self, Error> {
-        let data = trust(outcome, pairs, held_out, nearest)?.results.data;
+    pub fn of(fitted: &Fitted) -> Result<Self, Error> {
+        let problem = &fitted.problem;
+        let (pairs, held_out) = (&problem.pairs, problem.held_out.as_ref());
+        let data = trust(fitted.outcome(), pairs, held_out, fitted.nearest())?.results.data;
         let texts = |key: &str| -> Vec<String> {
             let list = data[key].as_array().into_iter().flatten();
             list.filter_map(|text| text.as_str().map(ToOwned::to_owned)).collect()

@@ -61,7 +61,7 @@ impl ActionFit {
     /// # Errors
     /// When there are more than five planes, or no linear map fits best: fewer pairs than it has
     /// columns, or all in a plane.
-    pub fn of(pairs: &Pairs) -> Result<Self, Error> {
+    pub fn fit(pairs: &Pairs) -> Result<Self, Error> {
         let dof = pairs.dof();
         Self::check_planes(dof)?;
         let angles = plane_angles(&shortest(pairs).thinned(Self::PAIRS))?;
@@ -114,7 +114,7 @@ impl ActionFit {
     }
 
     /// What is to be told.
-    pub fn told(&self) -> String {
+    pub fn describe(&self) -> String {
         let angles: Vec<String> = self.angles.iter().map(|angle| format!("{angle:.3}")).collect();
         let next = self
             .next()

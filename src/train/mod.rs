@@ -11,6 +11,7 @@
 mod action_fit;
 mod adam;
 mod checkpoint;
+mod fit;
 mod kernels;
 mod lbfgs;
 mod levenberg_marquardt;
@@ -18,6 +19,7 @@ mod loss;
 mod normal_equations;
 mod options;
 mod prepare;
+mod reading;
 mod rotation_fit;
 mod run;
 mod schedule;
@@ -26,15 +28,18 @@ mod units_fit;
 pub use action_fit::ActionFit;
 pub use adam::AdamOptions;
 pub use checkpoint::Checkpoint;
+pub use fit::{FamilyPairs, Fit, FitNote, Fitted, InitialModels, Problem};
 pub use lbfgs::{LbfgsOptions, Scaling};
 pub use levenberg_marquardt::LevenbergMarquardtOptions;
 pub use loss::{Loss, Objective};
 pub use normal_equations::NormalEquations;
 pub use options::{Optimiser, Plateau, Stop, TrainingOptions, TrainingRecord};
 pub use prepare::{Preparation, Prepared};
+pub use reading::Reading;
 pub use rotation_fit::{fit_rotation, slow_time};
 pub use run::{Control, Outcome, Progress, train};
 pub use schedule::{
-    FreshTwists, Leg, LegResult, Place, Rung, Scheduled, Starts, Watch, train_schedule,
+    FreshTwists, RampStage, Scheduled, StageData, StageResult, Starts, TrainingObserver,
+    TrainingStage, train_schedule,
 };
 pub use units_fit::fit_units;

@@ -2,7 +2,7 @@
 
 use super::schedule::not_a_normal_form;
 use super::{
-    AdamOptions, FreshTwists, LbfgsOptions, LevenbergMarquardtOptions, Loss, Rung, Starts,
+    AdamOptions, FreshTwists, LbfgsOptions, LevenbergMarquardtOptions, Loss, RampStage, Starts,
 };
 use crate::error::Error;
 use crate::network::{Architecture, Model, Part};
@@ -138,7 +138,7 @@ pub struct TrainingOptions {
     /// Problems of other flow times or ε, one after another, whose weights start the next, and
     /// the last of them the training that is wanted.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub ramp: Vec<Rung>,
+    pub ramp: Vec<RampStage>,
     /// After the ramp, of a normal form: its twists trained alone, in the coordinates of the
     /// chart that the ramp has found.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -212,7 +212,7 @@ impl TrainingOptions {
         if let Some(fresh) = self.fresh_twists.filter(|_| !has(Part::SlowMap)) {
             return Err(not_a_normal_form(fresh.count));
         }
-        Rung::check_repeats(&self.ramp, architecture.twist_shears())
+        RampStage::check_repeats(&self.ramp, architecture.twist_shears())
     }
 
     /// Fails unless every option is in its range.

@@ -25,7 +25,7 @@ pub struct Starts {
 /// A problem near the one that is wanted, whose weights start the next.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Rung {
+pub struct RampStage {
     /// Its flow time; the scene's, unless given. A scene leaves out rungs of longer times than the
     /// one that is wanted, and of the same where their ε is the same too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -89,7 +89,7 @@ impl FreshTwists {
     }
 }
 
-impl Rung {
+impl RampStage {
     fn times(&self) -> usize {
         self.repeats.unwrap_or(1)
     }
@@ -103,7 +103,7 @@ impl Rung {
         self.epsilon.map_or(Ok(()), |epsilon| Error::check_finite("training.ramp.epsilon", epsilon))
     }
 
-    /// Fails unless the [repeats](Rung::repeats) of a ramp divide, each those before it, and leave
+    /// Fails unless the [repeats](RampStage::repeats) of a ramp divide, each those before it, and leave
     /// the first of its rungs twist shears of both kinds.
     pub(super) fn check_repeats(ramp: &[Self], twists: usize) -> Result<(), Error> {
         let mut before = None;
@@ -128,9 +128,9 @@ impl Rung {
     }
 }
 
-/// A rung with its pairs; the last one of a schedule is what is wanted.
+/// A stage with its pairs; the last one of a schedule is what is wanted.
 #[derive(Clone, Copy, Debug)]
-pub struct Place<'a> {
+pub struct StageData<'a> {
     /// Its ε.
     pub epsilon: f64,
     /// Its flow time over that of the last place.
@@ -146,23 +146,24 @@ pub struct Place<'a> {
 /// Which leg of a schedule, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "kind", content = "number", rename_all = "kebab-case")]
-pub enum Leg {
+pub enum TrainingStage {
     /// A start.
     Start(u64),
-    /// A rung of the ramp.
-    Rung(usize),
+    /// A stage of the ramp.
+    #[serde(rename = "rung")]
+    Ramp(usize),
     /// Twists alone: those of the ramp, 0, and fresh ones.
     Twists(u64),
     /// What is wanted.
     Last,
 }
 
-impl Leg {
+impl TrainingStage {
     /// What is appended to the name of its checkpoint.
     pub fn suffix(self) -> String {
         match self {
             Self::Start(number) => format!("-start-{}", number + 1),
-            Self::Rung(number) => format!("-rung-{}", number + 1),
+            Self::Ramp(number) => format!("-rung-{}", number + 1),
             Self::Twists(0) => "-twists".to_owned(),
             Self::Twists(number) => format!("-fresh-twists-{number}"),
             Self::Last => String::new(),
@@ -173,7 +174,7 @@ impl Leg {
     pub fn name(self) -> String {
         match self {
             Self::Start(number) => format!("start {}", number + 1),
-            Self::Rung(number) => format!("rung {}", number + 1),
+            Self::Ramp(number) => format!("rung {}", number + 1),
             Self::Twists(0) => "twists of the ramp".to_owned(),
             Self::Twists(number) => format!("fresh twists {number}"),
             Self::Last => String::new(),
@@ -183,7 +184,7 @@ impl Leg {
     /// All legs of a training with these options, in their order.
     pub fn all(options: &TrainingOptions) -> Vec<Self> {
         let starts = options.starts.map_or(0, |starts| starts.count);
-        let rungs = (0..options.ramp.len()).map(Self::Rung);
+        let rungs = (0..options.ramp.len()).map(Self::Ramp);
         let twists = options.fresh_twists.map_or(0, |fresh| fresh.count + 1);
         let twists = (0..twists).map(Self::Twists);
         (0..starts).map(Self::Start).chain(rungs).chain(twists).chain([Self::Last]).collect()
@@ -193,7 +194,7 @@ impl Leg {
     pub fn iterations(self, options: &TrainingOptions) -> u64 {
         match self {
             Self::Start(_) => options.starts.map_or(0, |starts| starts.iterations),
-            Self::Rung(number) => options.ramp.get(number).map_or(0, |rung| rung.iterations),
+            Self::Ramp(number) => options.ramp.get(number).map_or(0, |rung| rung.iterations),
             Self::Twists(_) => options.fresh_twists.map_or(0, |fresh| fresh.iterations),
             Self::Last => options.iterations,
         }
@@ -202,9 +203,9 @@ impl Leg {
 
 /// What became of a leg before the last.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct LegResult {
+pub struct StageResult {
     /// Which.
-    pub leg: Leg,
+    pub leg: TrainingStage,
     /// ε of its pairs.
     pub epsilon: f64,
     /// The flow time of its pairs over the one that is wanted.
@@ -221,24 +222,24 @@ pub struct Scheduled {
     /// The chosen start, before any training, with all its twists.
     pub initial: Model,
     /// The legs before the last.
-    pub legs: Vec<LegResult>,
+    pub legs: Vec<StageResult>,
     /// The last leg; or that which was interrupted, twists alone being without a chart.
     pub outcome: Outcome,
 }
 
 /// What a schedule tells, and what it asks for.
-pub trait Watch {
+pub trait TrainingObserver {
     /// A checkpoint of this leg to go on from, if there is one.
     ///
     /// # Errors
     /// When it cannot be read.
-    fn earlier(&mut self, leg: Leg) -> Result<Option<Checkpoint>, Error>;
+    fn earlier(&mut self, leg: TrainingStage) -> Result<Option<Checkpoint>, Error>;
 
     /// An iteration of the leg is done: see [`train`].
     ///
     /// # Errors
     /// When a checkpoint cannot be written.
-    fn observe(&mut self, leg: Leg, progress: Progress<'_>) -> Result<Control, Error>;
+    fn observe(&mut self, leg: TrainingStage, progress: Progress<'_>) -> Result<Control, Error>;
 }
 
 /// Trains from several starts and along a ramp, as the options have them.
@@ -246,7 +247,7 @@ pub trait Watch {
 /// `start` makes a start, of the last place; `places` are the ramp's and then the one
 /// that is wanted. Weights go from a place to the next as they are, the angles of the
 /// circles in proportion to the flow time, and the twists of a normal form as many times over as
-/// the [repeats](Rung::repeats) of the next place go into those of the one before; at the last place
+/// the [repeats](RampStage::repeats) of the next place go into those of the one before; at the last place
 /// twists may be [trained alone](FreshTwists) before all weights are. Each leg has checkpoints of its own, and
 /// goes on from them to the same bits.
 ///
@@ -255,9 +256,9 @@ pub trait Watch {
 /// the finite numbers in which twists are to be trained.
 pub fn train_schedule(
     start: &mut dyn FnMut(u64) -> Result<Model, Error>,
-    places: &[Place<'_>],
+    places: &[StageData<'_>],
     options: &TrainingOptions,
-    watch: &mut dyn Watch,
+    watch: &mut dyn TrainingObserver,
 ) -> Result<Scheduled, Error> {
     let [ramp @ .., last] = places else {
         return Err(Error::invalid("places", "none", "at least the one that is wanted"));
@@ -268,7 +269,7 @@ pub fn train_schedule(
     let mut legs = Vec::new();
     let mut initial = start(0)?;
     options.check_for(&initial.architecture())?;
-    let repeats = |place: usize| options.ramp.get(place).map_or(1, Rung::times);
+    let repeats = |place: usize| options.ramp.get(place).map_or(1, RampStage::times);
     let mut trial: Option<Checkpoint> = None;
     if let Some(starts) = options.starts {
         let mut best: Option<(f64, u64, Model, Option<Checkpoint>)> = None;
@@ -276,7 +277,7 @@ pub fn train_schedule(
             let begun = start(number)?;
             let model = begun.with_part_of_twists(repeats(0))?.at(first.epsilon, first.time)?;
             let iterations = starts.iterations;
-            let run = Run { leg: Leg::Start(number), place: first, iterations, options };
+            let run = Run { leg: TrainingStage::Start(number), place: first, iterations, options };
             let Some((outcome, checkpoint)) = run.attempt(&model, watch, &mut legs)? else {
                 continue;
             };
@@ -296,7 +297,7 @@ pub fn train_schedule(
     }
     let mut model = initial.with_part_of_twists(repeats(0))?.at(first.epsilon, first.time)?;
     for (number, place) in ramp.iter().enumerate() {
-        let (leg, iterations) = (Leg::Rung(number), place.iterations);
+        let (leg, iterations) = (TrainingStage::Ramp(number), place.iterations);
         let run = Run { leg, place, iterations, options };
         let (outcome, _) = run.go(&model, trial.take(), watch)?;
         if outcome.stop == Stop::Interrupted {
@@ -308,7 +309,7 @@ pub fn train_schedule(
         let times = repeats(number) / repeats(number + 1);
         let time = next.time / (place.time * times as f64);
         model = there.with_weights_of(&outcome.model.iterated(times)?, time)?;
-        legs.push(LegResult { chosen: true, ..LegResult::of(leg, place, &outcome) });
+        legs.push(StageResult { chosen: true, ..StageResult::of(leg, place, &outcome) });
     }
     let mut options = options.clone();
     if let Some(fresh) = options.fresh_twists {
@@ -322,13 +323,18 @@ pub fn train_schedule(
             ControlFlow::Break(outcome) => return Ok(Scheduled { initial, legs, outcome }),
         }
         // On fewer they would forget what they have learnt of the others.
-        let learnt = |leg: &&LegResult| {
-            leg.chosen && matches!(leg.leg, Leg::Twists(_)) && leg.best.iteration > 0
+        let learnt = |leg: &&StageResult| {
+            leg.chosen && matches!(leg.leg, TrainingStage::Twists(_)) && leg.best.iteration > 0
         };
         let pairs = legs.iter().find(learnt).map_or(0, |leg| leg.best.pairs);
         options.optimiser.begin_with(pairs, &model);
     }
-    let run = Run { leg: Leg::Last, place: last, iterations: last.iterations, options: &options };
+    let run = Run {
+        leg: TrainingStage::Last,
+        place: last,
+        iterations: last.iterations,
+        options: &options,
+    };
     let (outcome, _) = run.go(&model, trial, watch)?;
     Ok(Scheduled { initial, legs, outcome })
 }
@@ -344,21 +350,21 @@ fn train_twists(
     model: &Model,
     draw: &mut dyn FnMut(u64) -> Result<Model, Error>,
     fresh: FreshTwists,
-    place: &Place<'_>,
+    place: &StageData<'_>,
     options: &TrainingOptions,
-    legs: &mut Vec<LegResult>,
-    watch: &mut dyn Watch,
+    legs: &mut Vec<StageResult>,
+    watch: &mut dyn TrainingObserver,
 ) -> Result<ControlFlow<Outcome, Model>, Error> {
     if model.architecture().twist_shears() == 0 {
         return Err(not_a_normal_form(fresh.count));
     }
     let pairs = in_chart(model, place.pairs)?;
     let held_out = place.held_out.map(|pairs| in_chart(model, pairs)).transpose()?;
-    let place = &Place { pairs: &pairs, held_out: held_out.as_ref(), ..*place };
+    let place = &StageData { pairs: &pairs, held_out: held_out.as_ref(), ..*place };
     let mut best: Option<(f64, usize, Model)> = None;
     for number in 0..=fresh.count {
         let twists = draw(number)?.without_chart()?;
-        let (leg, iterations) = (Leg::Twists(number), fresh.iterations);
+        let (leg, iterations) = (TrainingStage::Twists(number), fresh.iterations);
         let run = Run { leg, place, iterations, options };
         let Some((outcome, _)) = run.attempt(&twists, watch, legs)? else { continue };
         if outcome.stop == Stop::Interrupted {
@@ -389,26 +395,26 @@ pub(super) fn not_a_normal_form(found: u64) -> Error {
     Error::invalid("training.fresh_twists", found, expected)
 }
 
-impl LegResult {
+impl StageResult {
     /// A leg without a loss.
-    fn failed(leg: Leg, place: &Place<'_>) -> Self {
-        let Place { epsilon, time, .. } = *place;
+    fn failed(leg: TrainingStage, place: &StageData<'_>) -> Self {
+        let StageData { epsilon, time, .. } = *place;
         let (iteration, evaluations, pairs) = (0, 1, place.pairs.len());
         let (loss, gradient, validation) = (f64::INFINITY, f64::INFINITY, None);
         let best = TrainingRecord { iteration, evaluations, loss, pairs, gradient, validation };
         Self { leg, epsilon, time, best, chosen: false }
     }
 
-    fn of(leg: Leg, place: &Place<'_>, outcome: &Outcome) -> Self {
-        let Place { epsilon, time, .. } = *place;
+    fn of(leg: TrainingStage, place: &StageData<'_>, outcome: &Outcome) -> Self {
+        let StageData { epsilon, time, .. } = *place;
         Self { leg, epsilon, time, best: outcome.best, chosen: false }
     }
 }
 
 /// A leg about to be run.
 struct Run<'a> {
-    leg: Leg,
-    place: &'a Place<'a>,
+    leg: TrainingStage,
+    place: &'a StageData<'a>,
     iterations: u64,
     options: &'a TrainingOptions,
 }
@@ -419,19 +425,19 @@ impl Run<'_> {
     fn attempt(
         self,
         model: &Model,
-        watch: &mut dyn Watch,
-        legs: &mut Vec<LegResult>,
+        watch: &mut dyn TrainingObserver,
+        legs: &mut Vec<StageResult>,
     ) -> Result<Option<(Outcome, Option<Checkpoint>)>, Error> {
         let (leg, place) = (self.leg, self.place);
         match self.go(model, None, watch) {
             Ok((outcome, checkpoint)) => {
                 if outcome.stop != Stop::Interrupted {
-                    legs.push(LegResult::of(leg, place, &outcome));
+                    legs.push(StageResult::of(leg, place, &outcome));
                 }
                 Ok(Some((outcome, checkpoint)))
             }
             Err(Error::Diverged { .. }) => {
-                legs.push(LegResult::failed(leg, place));
+                legs.push(StageResult::failed(leg, place));
                 Ok(None)
             }
             Err(error) => Err(error),
@@ -444,18 +450,18 @@ impl Run<'_> {
         self,
         model: &Model,
         trial: Option<Checkpoint>,
-        watch: &mut dyn Watch,
+        watch: &mut dyn TrainingObserver,
     ) -> Result<(Outcome, Option<Checkpoint>), Error> {
         let Self { leg, place, iterations, options } = self;
         let mut options = options.of_leg(iterations);
-        if leg != Leg::Last {
+        if leg != TrainingStage::Last {
             // What ends the training as a whole does not end what leads to it.
             (options.target, options.patience, options.plateau) = (0.0, 0, None);
         }
         let mut newest = watch.earlier(leg)?.or(trial);
         let resume = newest.clone();
         let mut observe = |progress: Progress<'_>| {
-            if let (Some(checkpoint), Leg::Start(_)) = (progress.checkpoint, leg) {
+            if let (Some(checkpoint), TrainingStage::Start(_)) = (progress.checkpoint, leg) {
                 newest = Some(checkpoint.clone());
             }
             watch.observe(leg, progress)

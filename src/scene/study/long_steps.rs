@@ -18,7 +18,7 @@ use crate::scene::learning::{Trained, learn_at};
 use crate::scene::setup::{Attempt, MOST, ModelSpec, Need, check_points};
 use crate::scene::subject::Subject;
 use crate::system::NearlyPeriodic;
-use crate::train::LegResult;
+use crate::train::StageResult;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::rc::Rc;
@@ -337,7 +337,7 @@ struct OfNetwork {
     /// The held-out mean squared error.
     error: Option<f64>,
     iterations: u64,
-    legs: Vec<LegResult>,
+    legs: Vec<StageResult>,
     seconds: Option<f64>,
     drift: Option<f64>,
 }

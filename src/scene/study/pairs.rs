@@ -7,7 +7,6 @@ use crate::flow::{Condition, Integrator, Pairs};
 use crate::scene::context::{Context, Halt};
 use crate::scene::declaration::Scene;
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::own_pairs::units_told;
 use crate::scene::setup::{Data, FlowBy, Need};
 use serde_json::json;
 
@@ -84,7 +83,7 @@ impl Study for PairsStudy {
             facts.fact(name, text);
         }
         if let Some(units) = &data.units {
-            facts.fact("units", format!("{}; errors of each component are in units of the data, mean squared errors and distances in these", units_told(units)));
+            facts.fact("units", format!("{}; errors of each component are in units of the data, mean squared errors and distances in these", units.describe()));
         }
         let results = Section {
             details: vec![Block::Table(facts)],

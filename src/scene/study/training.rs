@@ -13,7 +13,7 @@ use crate::scene::learning::{Trained, loss_of};
 use crate::scene::log::TrainingTimes;
 use crate::scene::predictions::{ByComponent, Judged, ORBITS, PREDICTION};
 use crate::scene::setup::Need;
-use crate::train::{Leg, LegResult, Optimiser, Stop, TrainingOptions, TrainingRecord};
+use crate::train::{Optimiser, StageResult, Stop, TrainingOptions, TrainingRecord, TrainingStage};
 use serde::Serialize;
 use serde_json::json;
 
@@ -178,7 +178,7 @@ pub(in crate::scene) struct TrainingResult {
     component_shares: Vec<f64>,
     /// What led to the last leg of its training.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    legs: Vec<LegResult>,
+    legs: Vec<StageResult>,
     initial_theta: Option<f64>,
     theta: Option<f64>,
 }
@@ -263,12 +263,14 @@ impl TrainingResult {
             let iteration = leg.best.iteration;
             let time = Format::Magnitude.number(leg.time);
             let place = match leg.leg {
-                Leg::Rung(_) => format!(" at ε = {} and {time} of the flow time", leg.epsilon),
-                Leg::Twists(_) => " alone, in the coordinates of the chart".to_owned(),
-                Leg::Start(_) | Leg::Last => String::new(),
+                TrainingStage::Ramp(_) => {
+                    format!(" at ε = {} and {time} of the flow time", leg.epsilon)
+                }
+                TrainingStage::Twists(_) => " alone, in the coordinates of the chart".to_owned(),
+                TrainingStage::Start(_) | TrainingStage::Last => String::new(),
             };
             let went_on = match (leg.leg, leg.chosen) {
-                (Leg::Start(_) | Leg::Twists(_), true) => ", which went on",
+                (TrainingStage::Start(_) | TrainingStage::Twists(_), true) => ", which went on",
                 _ => "",
             };
             facts.fact(

@@ -227,7 +227,7 @@ impl WhichActionOptions {
         pairs: &Pairs,
         held_out: &Pairs,
     ) -> Result<Attempted, Halt> {
-        let fit = ActionFit::of(pairs)?;
+        let fit = ActionFit::fit(pairs)?;
         let (mut errors, mut history) = (Vec::new(), Vec::new());
         for action in &self.actions {
             let name = format!("try {}, action {}", number + 1, action);

@@ -1,9 +1,9 @@
 //! How pairs of one's own are to be read: which columns are a plane, which planes turn.
 
+use super::{ActionFit, fit_rotation, fit_units};
 use crate::flow::Pairs;
 use crate::layer::{CircleAction, TorusAction};
 use crate::measure::{root_mean_square, rotation_error};
-use crate::train::{ActionFit, fit_rotation, fit_units};
 
 /// Another order of columns or other weights of the circle action, which the pairs fit far
 /// better: a mean squared error of the rotation alone of a tenth at most, in units that fit each.
@@ -65,7 +65,7 @@ impl Reading {
         }
         let mut best: Option<Self> = None;
         for (columns, pairs) in &readings {
-            let fit = ActionFit::of(pairs).ok().filter(ActionFit::is_sure);
+            let fit = ActionFit::fit(pairs).ok().filter(ActionFit::is_sure);
             let may_be = |other: &TorusAction| {
                 let sure = fit.as_ref().map(ActionFit::action);
                 other == action || sure.is_some_and(|sure| other.circles() == [sure.clone()])
@@ -83,7 +83,7 @@ impl Reading {
     }
 
     /// What is to be told.
-    pub fn told(&self) -> String {
+    pub fn describe(&self) -> String {
         let weights: Vec<String> = self.weights.iter().map(i32::to_string).collect();
         format!(
             "the pairs fit columns {} with circle action {} better: the nearest rotation errs by \

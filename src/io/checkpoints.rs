@@ -1,0 +1,101 @@
+//! The checkpoints of a training in a file, one for each of its stages.
+
+use super::{earlier_checkpoint, load_checkpoint, save_checkpoint};
+use crate::error::Error;
+use crate::train::{Checkpoint, TrainingOptions, TrainingStage};
+use std::path::{Path, PathBuf};
+
+/// Where the checkpoints of a training are, and whether it goes on from them.
+///
+/// A stage before the last has a file of its own, whose name is that of the last with an addition.
+#[derive(Clone, Debug)]
+pub struct Checkpoints {
+    file: PathBuf,
+    resume: bool,
+    newest: Option<PathBuf>,
+}
+
+impl Checkpoints {
+    /// In this file, from which the training goes on where it resumes.
+    pub fn new(file: impl Into<PathBuf>, resume: bool) -> Self {
+        Self { file: file.into(), resume, newest: None }
+    }
+
+    /// The file of the last stage.
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// The file of the newest checkpoint of this run; that of the last stage before any.
+    pub fn newest(&self) -> &Path {
+        self.newest.as_deref().unwrap_or(&self.file)
+    }
+
+    fn of(&self, stage: TrainingStage) -> PathBuf {
+        let mut name = self.file.as_os_str().to_owned();
+        name.push(stage.suffix());
+        name.into()
+    }
+
+    /// The files that a training with these options may write.
+    pub fn files(&self, options: &TrainingOptions) -> Vec<PathBuf> {
+        TrainingStage::all(options).into_iter().map(|stage| self.of(stage)).collect()
+    }
+
+    /// The checkpoint of a stage, to go on from.
+    ///
+    /// # Errors
+    /// Those of [`earlier_checkpoint`].
+    pub fn earlier(&self, stage: TrainingStage) -> Result<Option<Checkpoint>, Error> {
+        earlier_checkpoint(&self.of(stage), self.resume)
+    }
+
+    /// Writes the checkpoint of a stage.
+    ///
+    /// # Errors
+    /// Those of [`save_checkpoint`].
+    pub fn save(&mut self, stage: TrainingStage, checkpoint: &Checkpoint) -> Result<(), Error> {
+        let file = self.of(stage);
+        save_checkpoint(&file, checkpoint)?;
+        self.newest = Some(file);
+        Ok(())
+    }
+
+    /// Whether a training with these options has one.
+    pub fn exist(&self, options: &TrainingOptions) -> bool {
+        self.files(options).iter().any(|file| file.exists())
+    }
+
+    /// Fails where the training is to go on and has none; why, if it is there and cannot be read.
+    ///
+    /// # Errors
+    /// Those of [`load_checkpoint`].
+    pub fn check(&self, options: &TrainingOptions) -> Result<(), Error> {
+        match self.resume && !self.exist(options) {
+            true => load_checkpoint(&self.file).map(|_| ()),
+            false => Ok(()),
+        }
+    }
+
+    /// Removes those of all stages, however many a training had.
+    ///
+    /// # Errors
+    /// [`Error::Write`] with the file.
+    pub fn remove(&self) -> Result<(), Error> {
+        let remove =
+            |path: &Path| std::fs::remove_file(path).map_err(|reason| Error::write(path, reason));
+        if self.file.exists() {
+            remove(&self.file)?;
+        }
+        let numbered: [fn(u64) -> TrainingStage; 3] = [
+            TrainingStage::Start,
+            |number| TrainingStage::Ramp(usize::try_from(number).unwrap_or(usize::MAX)),
+            TrainingStage::Twists,
+        ];
+        for stage in numbered {
+            let files = (0..).map(|number| self.of(stage(number)));
+            files.take_while(|path| path.exists()).try_for_each(|path| remove(&path))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,618 @@
+//! From pairs to a model: the one way of the program, of Python and of library users.
+
+use super::{
+    ActionFit, Control, LevenbergMarquardtOptions, Loss, Optimiser, Outcome, Plateau, Preparation,
+    Prepared, Progress, RampStage, Reading, Scheduled, StageData, Starts, TrainingObserver,
+    TrainingOptions, TrainingStage, train_schedule,
+};
+use crate::error::Error;
+use crate::flow::{Condition, Pairs, Region};
+use crate::layer::TorusAction;
+use crate::measure::{root_mean_square, rotation_error};
+use crate::network::{Architecture, InitialWeights, Model, NetworkSpec};
+use crate::phase::Units;
+use std::fmt;
+
+/// A fit of a network to pairs (z, P(z)): what is known of them, and how to train.
+///
+/// What is not given is found or recommended, and [`Problem::notes`] say so: the circle action that
+/// the pairs are sure of, a normal form, Levenberg–Marquardt from several initial weights until it
+/// is at rest, a loss that weighs each plane by its own motion, a tenth of the pairs held out.
+///
+/// ```
+/// use gyroceptron::prelude::*;
+///
+/// let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: 300 };
+/// let pairs = Pairs::of_windows(&Oscillators { epsilon: 0.01 }, &[window], 0.5, 1)?;
+/// let fit = Fit { epsilon: Some(0.01), flow_time: Some(0.5), ..Fit::default() };
+/// let fitted = fit.with_iterations(20).run(pairs)?;
+/// certify(fitted.model(), CertificateOptions { samples: 20, ..Default::default() }).assert_holds();
+/// # Ok::<(), Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    /// What the pairs are called in errors.
+    pub place: String,
+    /// The circles of their limit. None: found from the pairs, where they are sure of them.
+    pub action: Option<TorusAction>,
+    /// The network. None: a normal form, with a ψ where the limit does not turn the planes.
+    pub network: Option<NetworkSpec>,
+    /// How its weights are drawn.
+    pub weights: InitialWeights,
+    /// ε of the network; the largest of the pairs, or 0.01, unless given.
+    pub epsilon: Option<f64>,
+    /// The flow time of the network; the longest of the pairs, or how far the slow coordinates
+    /// move over ε, unless given.
+    pub flow_time: Option<f64>,
+    /// The angle of all circles to start from, in radians; that of the rotation nearest to the
+    /// pairs, unless given.
+    pub theta: Option<f64>,
+    /// How to train. A ramp takes its stages from pairs of several ε or flow times.
+    pub training: TrainingOptions,
+    /// Whether units are fitted to the pairs, in which they are of order one and turn in circles.
+    pub units: bool,
+    /// The share that is held out, at least 0 and less than 1.
+    pub validation: f64,
+    /// The seed of the weights and of the held-out choice.
+    pub seed: u64,
+}
+
+impl Default for Fit {
+    fn default() -> Self {
+        let count = Self::STARTS;
+        let training = TrainingOptions {
+            loss: Loss::ByPlane { weights: None },
+            optimiser: Optimiser::LevenbergMarquardt(LevenbergMarquardtOptions::default()),
+            starts: Some(Starts { count, iterations: Starts::TRIAL }),
+            plateau: Some(Plateau::default()),
+            ..TrainingOptions::default()
+        };
+        Self {
+            place: "pairs".into(),
+            action: None,
+            network: None,
+            weights: Self::WEIGHTS,
+            epsilon: None,
+            flow_time: None,
+            theta: None,
+            training,
+            units: true,
+            validation: 0.1,
+            seed: 0,
+        }
+    }
+}
+
+/// Pairs and what is known of the maps that they are of.
+#[derive(Clone, Debug)]
+pub struct FamilyPairs {
+    /// The pairs; of several maps, under the ε and the flow time of each.
+    pub pairs: Pairs,
+    /// Their conditions name ε.
+    pub has_epsilons: bool,
+    /// Their conditions name flow times.
+    pub has_times: bool,
+}
+
+impl FamilyPairs {
+    /// Pairs under the ε and the flow time of each of them, where these are given.
+    ///
+    /// # Errors
+    /// Those of [`Pairs::under`].
+    pub fn under(
+        pairs: Pairs,
+        epsilons: Option<&[f64]>,
+        times: Option<&[f64]>,
+    ) -> Result<Self, Error> {
+        let (has_epsilons, has_times) = (epsilons.is_some(), times.is_some());
+        if !(has_epsilons || has_times) {
+            return Ok(pairs.into());
+        }
+        let ones = vec![1.0; pairs.len()];
+        let pairs = pairs.under(epsilons.unwrap_or(&ones), times.unwrap_or(&ones))?;
+        Ok(Self { pairs, has_epsilons, has_times })
+    }
+}
+
+impl From<Pairs> for FamilyPairs {
+    fn from(pairs: Pairs) -> Self {
+        let known = !pairs.conditions().is_empty();
+        Self { pairs, has_epsilons: known, has_times: known }
+    }
+}
+
+/// What was found or chosen of a fit, in words.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FitNote {
+    /// The circle action was found from the pairs.
+    Action(ActionFit),
+    /// The pairs fit far better in another order of columns or with another circle action.
+    Reading(Reading),
+    /// The network has units of its own.
+    Units(Units),
+    /// So many of so many pairs have ε below 0.
+    NegativeEpsilons(usize, usize),
+    /// What is recommended, where nothing else was asked for.
+    Recommended(String),
+}
+
+impl fmt::Display for FitNote {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Action(fit) => f.write_str(&fit.describe()),
+            Self::Reading(reading) => f.write_str(&reading.describe()),
+            Self::Units(units) => f.write_str(&units.describe()),
+            Self::NegativeEpsilons(count, all) => write!(
+                f,
+                "{count} of {all} pairs have ε below 0. ε keeps its sign: it multiplies what the \
+                 network adds to the rotation, and a prediction for these pairs needs the same sign"
+            ),
+            Self::Recommended(text) => f.write_str(text),
+        }
+    }
+}
+
+impl FitNote {
+    /// The note on ε below 0, where there are some.
+    pub fn of_negative_epsilons(pairs: &Pairs) -> Option<Self> {
+        let below = pairs.conditions().iter().filter(|condition| condition.epsilon < 0.0);
+        let count = below.map(|condition| condition.pairs).sum();
+        (count > 0).then(|| Self::NegativeEpsilons(count, pairs.len()))
+    }
+}
+
+/// ε unless it is given.
+const EPSILON: f64 = 0.01;
+
+impl Fit {
+    /// The weights that a network begins with.
+    pub const WEIGHTS: InitialWeights = InitialWeights::Normal { scale: 0.15 };
+    /// The initial weights that are tried.
+    pub const STARTS: u64 = 3;
+    /// Of a rotation that leaves more than this share of the data, the planes are not those that
+    /// turn, and a normal form needs a ψ.
+    pub const TURNS: f64 = 0.5;
+
+    /// The paper's recipe: its gyroceptron of the time-5 map, L-BFGS from one set of weights, a
+    /// plain mean squared error.
+    pub fn paper() -> Self {
+        let network = NetworkSpec::named("gyroceptron").ok();
+        Self { network, training: TrainingOptions::default(), ..Self::default() }
+    }
+
+    /// With at most so many iterations.
+    pub fn with_iterations(mut self, iterations: u64) -> Self {
+        self.training.iterations = iterations;
+        self
+    }
+
+    /// Fails where something is wrong whatever the pairs are; before they are read.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] and the like with the option.
+    pub fn check(&self) -> Result<(), Error> {
+        if !(0.0..1.0).contains(&self.validation) {
+            let expected = "a share of at least 0 and less than 1";
+            return Err(Error::invalid("validation", self.validation, expected));
+        }
+        for (name, value) in [("epsilon", self.epsilon), ("theta", self.theta)] {
+            value.map_or(Ok(()), |value| Error::check_finite(name, value))?;
+        }
+        if let Some(time) = self.flow_time.filter(|time| !(time.is_finite() && *time > 0.0)) {
+            return Err(Error::invalid("flow_time", time, "a positive number"));
+        }
+        self.training.check()?;
+        if let Some(network) = &self.network {
+            network.check()?;
+        }
+        match (&self.action, &self.network) {
+            (Some(action), Some(network)) => self.check_network(network, action),
+            (Some(action), None) => self.check_network(&Self::recommended(true)?, action),
+            _ => Ok(()),
+        }
+    }
+
+    /// Fails unless a network of these circles can be trained so, at any ε and flow time.
+    fn check_network(&self, network: &NetworkSpec, action: &TorusAction) -> Result<(), Error> {
+        let any = network.architecture(action, self.epsilon.unwrap_or(EPSILON), 1.0)?;
+        let none = "none: only a gyroceptron, which is built on a circle action, has it";
+        for (name, value) in [("epsilon", self.epsilon), ("theta", self.theta)] {
+            if let (Some(value), false) = (value, any.has_circle()) {
+                return Err(Error::invalid(name, value, none));
+            }
+        }
+        any.check()?;
+        self.training.check_for(&any)?;
+        self.training.loss.check(action.dof()).map_err(|e| e.at("loss weights"))
+    }
+
+    /// The network that is recommended.
+    fn recommended(turns: bool) -> Result<NetworkSpec, Error> {
+        let network = NetworkSpec::named("normal-form")?;
+        let psi = crate::network::LayerSizes::uniform(10, 8);
+        if turns { Ok(network) } else { network.with_size("psi", psi) }
+    }
+
+    /// The circles of the pairs.
+    fn circles(&self, pairs: &Pairs, notes: &mut Vec<FitNote>) -> Result<TorusAction, Error> {
+        if let Some(action) = &self.action {
+            return Ok(action.clone());
+        }
+        let fit = ActionFit::fit(pairs)?;
+        if !fit.is_sure() {
+            let found = format!("auto, which is not sure: {}", fit.describe());
+            let expected = "weights, or pairs of another flow time";
+            return Err(Error::invalid("circle action", found, expected));
+        }
+        let action = fit.action().clone().into();
+        notes.push(FitNote::Action(fit));
+        Ok(action)
+    }
+
+    /// The pairs in the coordinates of the network, the network, and what it starts from.
+    ///
+    /// # Errors
+    /// Those of [`Fit::check`] and [`Preparation::prepare`]; when the circle action is to be found
+    /// and the pairs are not sure; when pairs of several maps meet a network that is of no family,
+    /// or a stage of the ramp has no pairs.
+    pub fn prepare(&self, data: impl Into<FamilyPairs>) -> Result<Problem, Error> {
+        self.check()?;
+        let data = data.into();
+        let mut notes = Vec::new();
+        let digest = data.pairs.digest();
+        let action = self.circles(&data.pairs, &mut notes)?;
+        let family = Family::new(self, &data);
+        let epsilon = family.epsilon;
+        let pairs = data.pairs.with_conditions(|condition| family.place(condition));
+        notes.extend(FitNote::of_negative_epsilons(&pairs));
+        notes.extend(Reading::better(&pairs, &action).map(FitNote::Reading));
+        let network = match &self.network {
+            Some(network) => network.clone(),
+            None => self.choose(&pairs, &action, &mut notes)?,
+        };
+        self.check_network(&network, &action)?;
+        let any = network.architecture(&action, epsilon, 1.0)?;
+        if !pairs.conditions().is_empty() && !any.has_circle() {
+            let found = format!("epsilon or flow_time in {}", self.place);
+            return Err(Error::invalid("architecture", found, "a gyroceptron to learn a family"));
+        }
+        if let (Some(time), false) = (self.flow_time, any.has_flow_time() || data.has_times) {
+            let expected = "none: the network has none, and neither have the pairs";
+            // A gyroceptron keeps it as what its map stands for.
+            if !any.has_circle() {
+                return Err(Error::invalid("flow_time", time, expected));
+            }
+        }
+        let of_order_one = any.is_of_order_one();
+        if any.has_flow_time() && !of_order_one && epsilon == 0.0 && family.time.is_none() {
+            return Err(Error::invalid("epsilon", 0, "another number, or a flow_time"));
+        }
+        let preparation = Preparation {
+            place: &self.place,
+            action: &action,
+            epsilon,
+            flow_time: family.time,
+            of_order_one,
+            theta: self.theta,
+            units: self.units,
+            validation: self.validation,
+            seed: self.seed,
+        };
+        let Prepared { pairs, held_out, units, region, nearest, angles, flow_time: time } =
+            preparation.prepare(pairs)?;
+        notes.extend(units.clone().map(FitNote::Units));
+        let loss = self.training.loss.for_pairs(&action, &nearest, &pairs)?;
+        let training = TrainingOptions { loss, ..self.training.clone() };
+        let architecture = network.architecture(&action, epsilon, time)?;
+        architecture.check()?;
+        let ramp = training.ramp.iter();
+        let stages = ramp
+            .map(|stage| family.stage(stage, time, &pairs, held_out.as_ref()))
+            .collect::<Result<_, _>>()?;
+        Ok(Problem {
+            network,
+            architecture,
+            weights: self.weights,
+            training,
+            action,
+            nearest,
+            angles,
+            pairs,
+            held_out,
+            units,
+            region,
+            flow_time: family.time,
+            digest,
+            seed: self.seed,
+            notes,
+            stages,
+        })
+    }
+
+    /// The recommended network for these pairs, and why.
+    fn choose(
+        &self,
+        pairs: &Pairs,
+        action: &TorusAction,
+        notes: &mut Vec<FitNote>,
+    ) -> Result<NetworkSpec, Error> {
+        let units = super::fit_units(pairs, action);
+        let scaled = units.and_then(|units| pairs.to_network(&self.place, &units).ok());
+        let pairs = scaled.as_ref().unwrap_or(pairs);
+        let circles = action.circles().iter();
+        let angles: Vec<f64> = circles.map(|circle| super::fit_rotation(pairs, circle)).collect();
+        let left = rotation_error(action, &angles, pairs).sqrt() / root_mean_square(pairs.output());
+        let turns = left < Self::TURNS;
+        let psi = if turns { "without ψ" } else { "with a ψ" };
+        let trials = match self.training.starts {
+            Some(Starts { count, .. }) => format!("the best of {count} initial weights"),
+            None => "one set of initial weights".into(),
+        };
+        notes.push(FitNote::Recommended(format!(
+            "a normal form {psi}, since the rotation by {action} leaves {:.1} % of the data; {}, {trials}",
+            100.0 * left,
+            self.training.optimiser.name(),
+            action = Displayed(action),
+        )));
+        let mut network = Self::recommended(turns)?;
+        network.action = Some(action.clone());
+        Ok(network)
+    }
+
+    /// The fitted network.
+    ///
+    /// # Errors
+    /// Those of [`Fit::prepare`] and [`Problem::train`].
+    pub fn run(&self, data: impl Into<FamilyPairs>) -> Result<Fitted, Error> {
+        self.prepare(data)?.train(&mut Unobserved)
+    }
+
+    /// [`Fit::run`] with an observer, which may keep checkpoints, go on from one, or stop it.
+    ///
+    /// # Errors
+    /// Those of [`Fit::run`] and of the observer.
+    pub fn run_observed(
+        &self,
+        data: impl Into<FamilyPairs>,
+        observer: &mut dyn TrainingObserver,
+    ) -> Result<Fitted, Error> {
+        self.prepare(data)?.train(observer)
+    }
+}
+
+/// `1,0`, or `0,1,0/0,0,2`, as options have actions.
+struct Displayed<'a>(&'a TorusAction);
+
+impl fmt::Display for Displayed<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let circles: Vec<String> = self.0.circles().iter().map(ToString::to_string).collect();
+        f.write_str(&circles.join("/"))
+    }
+}
+
+/// An observer that lets a training run to its end.
+struct Unobserved;
+
+impl TrainingObserver for Unobserved {
+    fn earlier(&mut self, _: TrainingStage) -> Result<Option<super::Checkpoint>, Error> {
+        Ok(None)
+    }
+    fn observe(&mut self, _: TrainingStage, _: Progress<'_>) -> Result<Control, Error> {
+        Ok(Control::Continue)
+    }
+}
+
+/// Where the network stands in the family that pairs may be of.
+struct Family {
+    epsilon: f64,
+    /// Its flow time, where that is known.
+    time: Option<f64>,
+    has_epsilons: bool,
+    has_times: bool,
+}
+
+impl Family {
+    fn new(fit: &Fit, data: &FamilyPairs) -> Self {
+        let &FamilyPairs { has_epsilons, has_times, ref pairs } = data;
+        let largest = |of: fn(&Condition) -> f64| {
+            pairs.conditions().iter().map(of).max_by(|a, b| a.abs().total_cmp(&b.abs()))
+        };
+        let epsilon = largest(|condition| condition.epsilon).filter(|_| has_epsilons);
+        let time = largest(|condition| condition.time).filter(|_| has_times);
+        Self {
+            epsilon: fit.epsilon.or(epsilon).unwrap_or(EPSILON),
+            time: fit.flow_time.or(time),
+            has_epsilons,
+            has_times,
+        }
+    }
+
+    /// ε of a condition and its time over the network's.
+    fn place(&self, condition: Condition) -> (f64, f64) {
+        let epsilon = if self.has_epsilons { condition.epsilon } else { self.epsilon };
+        let time = match self.time {
+            Some(own) if self.has_times => condition.time / own,
+            _ => 1.0,
+        };
+        (epsilon, time)
+    }
+
+    /// The pairs of a stage of a ramp: those of its ε and flow time.
+    fn stage(
+        &self,
+        stage: &RampStage,
+        time: f64,
+        pairs: &Pairs,
+        held_out: Option<&Pairs>,
+    ) -> Result<RampPairs, Error> {
+        let (epsilon, own) =
+            (stage.epsilon.unwrap_or(self.epsilon), stage.flow_time.unwrap_or(time));
+        let share = own / time;
+        let is_of = |condition: &Condition| {
+            let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * b.abs();
+            (stage.epsilon.is_none() || near(condition.epsilon, epsilon))
+                && (stage.flow_time.is_none() || near(condition.time, share))
+        };
+        let of = |pairs: &Pairs| -> Option<Pairs> {
+            let mut first = 0;
+            let mut rows = Vec::new();
+            for condition in pairs.conditions() {
+                let run = first..first + condition.pairs;
+                first = run.end;
+                if is_of(condition) {
+                    rows.extend(run);
+                }
+            }
+            (!rows.is_empty()).then(|| pairs.rows(rows))
+        };
+        let expected = "an ε and a flow time that some pairs have";
+        let training = of(pairs).ok_or_else(|| {
+            let found = format!("a stage of ε = {epsilon} and flow time {own}");
+            Error::invalid("training.ramp", found, expected)
+        })?;
+        let held_out = held_out.and_then(of);
+        Ok(RampPairs { epsilon, time: share, training, held_out, iterations: stage.iterations })
+    }
+}
+
+/// The pairs of a stage of a ramp.
+#[derive(Clone, Debug)]
+struct RampPairs {
+    epsilon: f64,
+    time: f64,
+    training: Pairs,
+    held_out: Option<Pairs>,
+    iterations: u64,
+}
+
+/// Initial models of one architecture.
+#[derive(Clone, Copy, Debug)]
+pub struct InitialModels<'a> {
+    /// The architecture.
+    pub architecture: &'a Architecture,
+    /// How weights are drawn.
+    pub weights: InitialWeights,
+    /// The angles of the circles; of networks without circles, none.
+    pub angles: &'a [f64],
+    /// The seed of the training.
+    pub seed: u64,
+    /// The weights of the first are those of this model, whose flow time is so many times as long.
+    pub from: Option<(&'a Model, f64)>,
+}
+
+impl InitialModels<'_> {
+    /// The model of a start, from 0.
+    ///
+    /// # Errors
+    /// Those of [`Architecture::initialise`] and [`Model::with_angles`].
+    pub fn model(&self, number: u64) -> Result<Model, Error> {
+        let seed = Starts::seed(self.seed, number);
+        let model =
+            self.architecture.initialise(self.weights, 0.0, seed)?.with_angles(self.angles)?;
+        match self.from {
+            Some((from, time)) if number == 0 => model.with_weights_of(from, time),
+            _ => Ok(model),
+        }
+    }
+}
+
+/// Pairs in the coordinates of a network, the network, and what it starts from.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    /// The network, as it was asked for or chosen.
+    pub network: NetworkSpec,
+    /// Its architecture.
+    pub architecture: Architecture,
+    /// How its weights are drawn.
+    pub weights: InitialWeights,
+    /// How it is trained, with the weights of the loss that the pairs ask for.
+    pub training: TrainingOptions,
+    /// The circles of the limit.
+    pub action: TorusAction,
+    /// The angles of the rotation nearest to the pairs, one for each circle.
+    pub nearest: Vec<f64>,
+    /// The angles to start from.
+    pub angles: Vec<f64>,
+    /// The training pairs, in units of the network.
+    pub pairs: Pairs,
+    /// The held-out pairs.
+    pub held_out: Option<Pairs>,
+    /// The units of the data, where they are not those of the pairs here.
+    pub units: Option<Units>,
+    /// The box around all pairs, in units of the data.
+    pub region: Option<Region>,
+    /// The flow time of the pairs, where it is known.
+    pub flow_time: Option<f64>,
+    /// SHA-256 of the pairs, as they were given.
+    pub digest: String,
+    /// The seed.
+    pub seed: u64,
+    /// What was found or chosen.
+    pub notes: Vec<FitNote>,
+    stages: Vec<RampPairs>,
+}
+
+impl Problem {
+    /// Trains the network, observed.
+    ///
+    /// # Errors
+    /// Those of [`train_schedule`].
+    pub fn train(self, observer: &mut dyn TrainingObserver) -> Result<Fitted, Error> {
+        let has_circle = self.architecture.has_circle();
+        let initial = InitialModels {
+            architecture: &self.architecture,
+            weights: self.weights,
+            angles: if has_circle { &self.angles } else { &[] },
+            seed: self.seed,
+            from: None,
+        };
+        let mut data: Vec<StageData<'_>> = self
+            .stages
+            .iter()
+            .map(|stage| StageData {
+                epsilon: stage.epsilon,
+                time: stage.time,
+                pairs: &stage.training,
+                held_out: stage.held_out.as_ref(),
+                iterations: stage.iterations,
+            })
+            .collect();
+        data.push(StageData {
+            epsilon: self.architecture.epsilon,
+            time: 1.0,
+            pairs: &self.pairs,
+            held_out: self.held_out.as_ref(),
+            iterations: self.training.iterations,
+        });
+        let start = &mut |number| initial.model(number);
+        let training = train_schedule(start, &data, &self.training, observer)?;
+        Ok(Fitted { problem: self, training })
+    }
+}
+
+/// A trained network and what it was trained on.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// What it was trained on, and how.
+    pub problem: Problem,
+    /// What came of it.
+    pub training: Scheduled,
+}
+
+impl Fitted {
+    /// The network, in its own [units](Problem::units).
+    pub fn model(&self) -> &Model {
+        &self.training.outcome.model
+    }
+
+    /// The last stage of its training.
+    pub fn outcome(&self) -> &Outcome {
+        &self.training.outcome
+    }
+
+    /// The action and the angles of the rotation nearest to the pairs: what it leaves of them the
+    /// network has to improve upon.
+    pub fn nearest(&self) -> (&TorusAction, &[f64]) {
+        (&self.problem.action, &self.problem.nearest)
+    }
+}
