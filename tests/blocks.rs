@@ -11,10 +11,11 @@ use gyroceptron::layer::{Activation, CircleAction};
 use gyroceptron::measure::{CertificateOptions, certify};
 use gyroceptron::network::{
     Architecture, Block, InitialWeights, Layers, Model, Modules, NamedArchitecture, NetworkSpec,
-    Part, Rollout, Scale, Structure,
+    Part, Rollout, Scale, Structure, map_jacobians, map_jacobians_by_duals, map_points,
 };
-use gyroceptron::phase::Map;
+use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
+use gyroceptron::scalar::Dual;
 use gyroceptron::system::Oscillators;
 use gyroceptron::train::{Control, Optimiser, TrainingOptions, train};
 use std::path::Path;
@@ -58,6 +59,24 @@ fn arrangements() -> Vec<(&'static str, Architecture, Structure)> {
                 .with(Block::new(Part::Chart, kicks(&[4])).named("kicks"))
                 .with(Block::new(Part::SlowMap, twist(&[2, 3])))
                 .with(Block::new(Part::SlowMap, twist(&[1, 2])).named("second")),
+            Structure::NormalForm,
+        ),
+        (
+            "a slow map of turned twists",
+            on_circle()
+                .of_time(3.0)
+                .with(Block::new(Part::Chart, kicks(&[3])))
+                .with(Block::new(Part::SlowMap, Layers::TurnedTwist(vec![3, 2, 4]))),
+            Structure::NormalForm,
+        ),
+        (
+            "turned twists of two circles and two slow planes",
+            Architecture::new(4)
+                .on_circle(CircleAction::new([0, 1, 0, 0]))
+                .on_circle(CircleAction::new([0, 0, 0, 2]))
+                .at_epsilon(0.02)
+                .with(Block::new(Part::SlowMap, Layers::TurnedTwist(vec![3, 2])))
+                .with(Block::new(Part::Chart, kicks(&[3]))),
             Structure::NormalForm,
         ),
         (
@@ -106,8 +125,9 @@ fn model(architecture: &Architecture) -> Model {
     architecture.initialise(weights, 1.1, 5).expect("a sound architecture")
 }
 
-fn start() -> [f64; 4] {
-    [0.7, -0.4, 0.3, 0.9]
+/// A point of these degrees of freedom.
+fn start(dof: usize) -> Vec<f64> {
+    [0.7, -0.4, 0.3, 0.9, -0.6, 0.2, 0.5, -0.8][..2 * dof].to_vec()
 }
 
 /// All of them hold the laws that their lists say, and own the invariants.
@@ -133,11 +153,14 @@ fn arrangements_are_certified() {
         assert_eq!(model.invariant().is_some(), owns, "{name}");
         if exact {
             let invariant = model.invariant().expect("it owns one");
-            let mut z = start();
+            let mut z = start(architecture.dof);
             let before = invariant(&z);
             (0..200).for_each(|_| model.forward(&mut z));
             assert!((invariant(&z) - before).abs() < 1e-12, "{name}");
-            assert!((z[1] - start()[1]).abs() > 1e-3, "{name} stands still");
+            // The slow planes are not the circles'.
+            let slow = |j: &usize| architecture.circles.iter().all(|c| c.weights()[*j] == 0);
+            let moved = (0..architecture.dof).filter(slow).map(|j| (z[j] - start(4)[j]).abs());
+            assert!(architecture.dof == 4 || moved.fold(0.0, f64::max) > 1e-3, "{name} stands still");
         }
     }
 }
@@ -169,24 +192,25 @@ fn a_model_is_its_parts() {
         let model = model(&architecture);
         let count: usize = architecture.tensors().iter().map(|(_, [r, c])| r * c).sum();
         assert_eq!(model.parameters().len(), count, "{name}");
-        let mut by_parts = start();
+        let start = start(architecture.dof);
+        let mut by_parts = start.clone();
         let [chart, inner] = model.chart_and_inner_map();
         chart.inverse(&mut by_parts);
         inner.forward(&mut by_parts);
         chart.forward(&mut by_parts);
         model.near_identity().forward(&mut by_parts);
         model.part(Part::None).forward(&mut by_parts);
-        let mut whole = start();
+        let mut whole = start.clone();
         model.forward(&mut whole);
         assert_eq!(whole, by_parts, "{name}");
-        assert_ne!(whole, start(), "{name}");
+        assert_ne!(whole, start, "{name}");
         model.inverse(&mut whole);
-        let back = whole.iter().zip(start()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let back = whole.iter().zip(&start).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(back < 1e-12, "{name}: {back:e}");
         if structure != Structure::Plain {
-            assert_eq!(model.angles(), [1.1], "{name}");
-            let angles = architecture.angles();
-            assert_eq!(model.parameters()[angles], [1.1], "{name}");
+            let angles = vec![1.1; architecture.circles.len()];
+            assert_eq!(model.angles(), angles, "{name}");
+            assert_eq!(model.parameters()[architecture.angles()], angles, "{name}");
         }
         // Streams of one name go on: no two blocks have the same weights.
         let ranges = architecture.block_ranges();
@@ -228,7 +252,7 @@ fn arrangements_are_trained() {
     let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: 120 };
     let points = sample(&[window], 2, &mut Stream::new(1, "points")).expect("points");
     let (pairs, _) = Pairs::of_flow(&Oscillators { epsilon: 0.02 }, points, 0.5).expect("a flow");
-    for (name, architecture, _) in arrangements() {
+    for (name, architecture, _) in arrangements().into_iter().filter(|(_, of, _)| of.dof == 2) {
         let weights = InitialWeights::Normal { scale: 0.1 };
         let model = architecture.initialise(weights, 0.5, 3).expect("sound");
         for optimiser in [Optimiser::default(), Optimiser::LevenbergMarquardt(Default::default())] {
@@ -246,16 +270,65 @@ fn arrangements_are_trained() {
 fn rollouts_of_arrangements_are_their_steps() {
     for (name, architecture, _) in arrangements() {
         let model = model(&architecture);
-        let states = model.rollout(&start(), Rollout { steps: 6, every: 2 }).expect("finite");
-        let mut z = start();
+        let (mut z, dim) = (start(architecture.dof), 2 * architecture.dof);
+        let states = model.rollout(&z, Rollout { steps: 6, every: 2 }).expect("finite");
         for step in 1..=6 {
             model.forward(&mut z);
             if step % 2 == 0 {
-                let kept = &states[step / 2 * 4..][..4];
+                let kept = &states[step / 2 * dim..][..dim];
                 let apart = z.iter().zip(kept).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
                 assert!(apart < 1e-12, "{name}: {apart:e}");
             }
         }
+    }
+}
+
+/// The pullback of every arrangement is what duals give, for every parameter and coordinate; and so
+/// are its derivatives along directions, on lanes.
+#[test]
+fn derivatives_of_arrangements_are_those_of_duals() {
+    type D = Dual<f64, 1>;
+    for (name, architecture, _) in arrangements() {
+        let model = model(&architecture);
+        let (z, map) = (start(architecture.dof), model.composition());
+        let dim = z.len();
+        let cotangent: Vec<f64> = (0..dim).map(|i| 1.0 - 0.2 * i as f64).collect();
+        let mut recording = map.recording();
+        map.forward_recording(&mut z.clone(), &mut recording);
+        let (mut z_bar, mut bar) = (cotangent.clone(), vec![0.0; model.parameters().len()]);
+        map.pullback(&mut recording, &mut z_bar, &mut bar);
+        let mut sizes = 0.0;
+        for index in 0..bar.len() + dim {
+            let lift = |k: usize, v: f64| D::variable(v, if k == index { 0 } else { 1 });
+            let parameters = model.parameters().iter().enumerate();
+            let parameters = parameters.map(|(k, &v)| lift(k, v)).collect();
+            let epsilon = D::constant(architecture.epsilon);
+            let lifted = Model::over(architecture.clone(), epsilon, parameters).expect("as it was");
+            let mut w: Vec<D> = z.iter().enumerate().map(|(k, &v)| lift(bar.len() + k, v)).collect();
+            lifted.forward(&mut w);
+            let expected: f64 = w.iter().zip(&cotangent).map(|(w, c)| w.eps[0] * c).sum();
+            let found = if index < bar.len() { bar[index] } else { z_bar[index - bar.len()] };
+            assert!((found - expected).abs() < 1e-11, "{name}, {index}: {found} {expected}");
+            sizes += f64::from(u8::from(expected != 0.0));
+        }
+        assert!(sizes > 0.8 * bar.len() as f64, "{name}: most parameters matter");
+        let mut by_rule = vec![0.0; dim * dim];
+        let mut by_duals = by_rule.clone();
+        map_jacobians(map, &z, &mut by_rule).expect("a point");
+        map_jacobians_by_duals(map, &z, &mut by_duals).expect("a point");
+        for (a, b) in by_rule.iter().zip(&by_duals) {
+            assert!((a - b).abs() < 1e-12, "{name}: {a} {b}");
+        }
+        // One point alone, with neurons in the lanes, and many.
+        let mut alone = z.clone();
+        model.forward(&mut alone);
+        let mut many = z.repeat(19);
+        map_points(map, Direction::Forward, &mut many).expect("points");
+        let bits = |z: &[f64]| z.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&many), bits(&alone).repeat(19), "{name}");
+        let mut single = z.clone();
+        map_points(map, Direction::Forward, &mut single).expect("a point");
+        assert_eq!(bits(&single), bits(&alone), "{name}");
     }
 }
 

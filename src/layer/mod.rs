@@ -12,6 +12,7 @@
 //! - [`Turned`]: a kick or a coupling in coordinates turned by angles of its own.
 //! - [`Twist`]: the flow of functions of the actions and of half the slow coordinates,
 //!   which commutes with the torus action.
+//! - [`TurnedTwist`]: a twist in coordinates of the slow planes turned by angles of its own.
 //! - [`LinearModule`], [`ActivationModule`]: the modules of SympNets.
 //!
 //! [`HenonMap`], [`HenonLayer`] are the paper's H\[V, η\] and its fourth iterate,
@@ -27,6 +28,7 @@ mod quadratic_form;
 mod shear;
 mod turn;
 mod turned;
+mod turned_twist;
 mod twist;
 mod unrolled;
 
@@ -39,5 +41,6 @@ pub use potential::{Potential, TanhPotential};
 pub use shear::Shear;
 pub use turn::{CircleAction, PlaneTurn, TorusAction, Turn, TurnStep, quarter_turns};
 pub use turned::{OfMomenta, Turned, TurnedCoupling, TurnedKick};
+pub use turned_twist::TurnedTwist;
 pub(crate) use twist::form_len;
 pub use twist::{FastPlanes, Twist, TwistShears};

@@ -286,7 +286,8 @@ pub struct Turn<P> {
 }
 
 impl<P: Real> Turn<P> {
-    fn new(dof: usize, weights: &[&[i32]], angles: &[P]) -> Self {
+    /// By weights of each circle, and an angle for each.
+    pub(super) fn new(dof: usize, weights: &[&[i32]], angles: &[P]) -> Self {
         assert!(weights.len() == angles.len(), "an angle for each circle");
         let of_plane = |j: usize| weights.iter().map(move |circle| circle[j]);
         let turned: Vec<usize> = (0..dof).filter(|&j| of_plane(j).any(|m| m != 0)).collect();

@@ -1,10 +1,10 @@
 //! Twists: flows of functions of the actions and of one half of the slow coordinates.
 
 use super::quadratic_form::{QuadraticForm, symmetric_len};
-use super::{Potential, Shear, TanhPotential, TorusAction};
+use super::{Potential, Shear, TanhPotential, TorusAction, Turn};
 use crate::error::Error;
 use crate::phase::Half;
-use crate::scalar::{Over, Pack, Scalar};
+use crate::scalar::{Over, Pack, Real, Scalar};
 use std::ops::Range;
 
 /// The planes that a torus action turns, the fast ones, and those that it leaves
@@ -44,6 +44,19 @@ impl FastPlanes {
     #[doc(hidden)]
     pub fn extended_dof(&self) -> usize {
         self.dof + self.circles
+    }
+
+    /// The turn of each slow plane by its own angle, the fast ones staying.
+    pub fn slow_turn<P: Real>(&self, angles: &[P]) -> Turn<P> {
+        let circle = |plane: &usize| Vec::from_iter((0..self.dof).map(|j| i32::from(j == *plane)));
+        let circles: Vec<Vec<i32>> = self.slow.iter().map(circle).collect();
+        let circles: Vec<&[i32]> = circles.iter().map(Vec::as_slice).collect();
+        Turn::new(self.dof, &circles, angles)
+    }
+
+    /// The planes that stay.
+    pub fn slow(&self) -> &[usize] {
+        &self.slow
     }
 
     /// The numbers that G depends on: the actions, and one half of the slow coordinates.
@@ -107,10 +120,12 @@ impl<S: Scalar> StateTurn<S> {
 }
 
 /// The shears of a twist: the planes that it turns, and the neurons of each shear. The first, the
-/// third and so on change slow positions, the others momenta.
+/// third and so on change slow positions, the others momenta; or all of them momenta.
 #[derive(Clone, Debug)]
 pub struct TwistShears {
     planes: FastPlanes,
+    /// All shears change momenta, and none has a quadratic form.
+    of_momenta: bool,
     /// The neurons and the parameters of all shears before each, and of all.
     neurons: Vec<usize>,
     begins: Vec<usize>,
@@ -137,7 +152,13 @@ impl TwistShears {
             neurons.push(neurons[number].saturating_add(width));
             begins.push(begins[number].saturating_add(len));
         }
-        Self { planes, neurons, begins }
+        Self { planes, of_momenta: false, neurons, begins }
+    }
+
+    /// One shear of so many neurons that changes the slow momenta, without a quadratic form.
+    pub fn of_momenta(planes: FastPlanes, width: usize) -> Self {
+        let len = width.saturating_mul(planes.arguments().saturating_add(2));
+        Self { planes, of_momenta: true, neurons: vec![0, width], begins: vec![0, len] }
     }
 
     /// The planes that are turned.
@@ -159,7 +180,8 @@ impl TwistShears {
     /// The half that a shear changes.
     #[inline(always)]
     fn target(&self, number: usize) -> Half {
-        if number.is_multiple_of(2) { Half::Position } else { Half::Momentum }
+        let of_positions = number.is_multiple_of(2) && !self.of_momenta;
+        if of_positions { Half::Position } else { Half::Momentum }
     }
 
     #[inline(always)]

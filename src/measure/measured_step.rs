@@ -8,7 +8,7 @@ use super::Numbers;
 use super::measured_coupling::CouplingStep;
 use super::measured_twist::TwistStep;
 use crate::layer::{
-    HenonMap, Kick, Potential, Shear, TanhPotential, Turn, TurnStep, TurnedCoupling, Twist,
+    HenonMap, Kick, Potential, Shear, TanhPotential, Turn, TurnStep, TurnedCoupling, TurnedTwist, Twist,
     quarter_turns,
 };
 use crate::network::Visitor;
@@ -626,6 +626,20 @@ impl<'a> Visitor<'a, f64> for AsMeasured {
 
     fn visit_twist<const D: usize>(self, twist: Twist<'a, f64, D>) -> MeasuredSteps<'a> {
         vec![Box::new(TwistStep(twist))]
+    }
+
+    fn visit_turned_twist<const D: usize>(
+        self,
+        turned: TurnedTwist<'a, f64, D>,
+    ) -> MeasuredSteps<'a> {
+        if turned.is_identity() {
+            return Vec::new();
+        }
+        let (turn, twist) = turned.parts();
+        let mut steps = turn_steps(turn, Direction::Forward);
+        steps.push(Box::new(TwistStep(twist)));
+        steps.extend(turn_steps(turn, Direction::Inverse));
+        steps
     }
 
     fn visit_coupling<const D: usize>(

@@ -209,15 +209,11 @@ impl Architecture {
         TorusAction::new(self.circles.clone()).ok()
     }
 
-    /// d, the numbers that the functions of twists are of: the actions and half the slow
-    /// coordinates.
-    fn arguments(&self) -> usize {
-        let still = |j: &usize| self.circles.iter().all(|c| c.weights().get(*j) == Some(&0));
-        self.circles.len() + (0..self.dof.min(MOST_PLANES)).filter(still).count()
-    }
-
+    /// What the layers have to know. Slow planes are those that no circle turns.
     fn surroundings(&self) -> Surroundings {
-        Surroundings { dof: self.dof, arguments: self.arguments() }
+        let still = |j: &usize| self.circles.iter().all(|c| c.weights().get(*j) == Some(&0));
+        let slow = (0..self.dof.min(MOST_PLANES)).filter(still).count();
+        Surroundings { dof: self.dof, arguments: self.circles.len() + slow, slow }
     }
 
     /// The number of parameters: those of the blocks and an angle for each circle.

@@ -123,6 +123,8 @@ pub enum Layers {
     /// The shears of one [twist](crate::layer::Twist): the first, the third and so on change the
     /// positions and have a quadratic form beside their neurons, of which they need few or none.
     Twist(Vec<usize>),
+    /// [Twists in turned coordinates of the slow planes](crate::layer::TurnedTwist).
+    TurnedTwist(Vec<usize>),
     /// [Affine couplings in turned coordinates](crate::layer::TurnedCoupling), which are not
     /// symplectic.
     TurnedCoupling(Vec<usize>),
@@ -152,6 +154,8 @@ pub(super) struct Surroundings {
     /// d, the numbers that the functions of twists are of: the actions and half the slow
     /// coordinates.
     pub(super) arguments: usize,
+    /// The planes that no circle turns.
+    pub(super) slow: usize,
 }
 
 /// A tensor of a layer, and the law of its numbers before training.
@@ -209,6 +213,7 @@ impl Layers {
             Self::Henon(widths)
             | Self::TurnedKick(widths)
             | Self::Twist(widths)
+            | Self::TurnedTwist(widths)
             | Self::TurnedCoupling(widths) => widths.len(),
             Self::SympNet(modules) => modules.modules.saturating_mul(2).saturating_sub(1),
         }
@@ -220,6 +225,7 @@ impl Layers {
             Self::Henon(widths)
             | Self::TurnedKick(widths)
             | Self::Twist(widths)
+            | Self::TurnedTwist(widths)
             | Self::TurnedCoupling(widths) => widths,
             Self::SympNet(_) => &[],
         }
@@ -231,6 +237,7 @@ impl Layers {
             Self::Henon(_) => Self::Henon(widths),
             Self::TurnedKick(_) => Self::TurnedKick(widths),
             Self::Twist(_) => Self::Twist(widths),
+            Self::TurnedTwist(_) => Self::TurnedTwist(widths),
             Self::TurnedCoupling(_) => Self::TurnedCoupling(widths),
             Self::SympNet(modules) => Self::SympNet(*modules),
         }
@@ -242,6 +249,7 @@ impl Layers {
             Self::Henon(_) => "henon",
             Self::TurnedKick(_) => "turned-kick",
             Self::Twist(_) => "twist",
+            Self::TurnedTwist(_) => "turned-twist",
             Self::TurnedCoupling(_) => "turned-coupling",
             Self::SympNet(_) => "symp-net",
         }
@@ -253,6 +261,7 @@ impl Layers {
             Self::Henon(_) => "Hénon layers",
             Self::TurnedKick(_) => "turned kicks",
             Self::Twist(_) => "twist shears",
+            Self::TurnedTwist(_) => "turned twists",
             Self::TurnedCoupling(_) => "couplings",
             Self::SympNet(_) => "SympNet modules",
         }
@@ -265,17 +274,17 @@ impl Layers {
 
     /// Whether they commute with the circle action for all weights, and so can be a slow map.
     pub fn commutes_with_circles(&self) -> bool {
-        matches!(self, Self::Twist(_))
+        matches!(self, Self::Twist(_) | Self::TurnedTwist(_))
     }
 
     /// Whether they turn planes.
     pub(super) fn is_of_planes(&self) -> bool {
-        matches!(self, Self::TurnedKick(_) | Self::Twist(_) | Self::TurnedCoupling(_))
+        !matches!(self, Self::Henon(_) | Self::SympNet(_))
     }
 
     /// Whether they are made of the circle action's planes.
     pub fn needs_circles(&self) -> bool {
-        matches!(self, Self::Twist(_))
+        self.commutes_with_circles()
     }
 
     /// What stands before a layer's number in the names of its tensors, beside the block's name.
@@ -289,7 +298,7 @@ impl Layers {
 
     /// The tensors of the layer of this number.
     fn tensors_of(&self, layer: usize, of: Surroundings) -> Vec<Tensor> {
-        let Surroundings { dof: n, arguments: d } = of;
+        let Surroundings { dof: n, arguments: d, slow } = of;
         match self {
             Self::Henon(widths) => {
                 let eta = Law::Uniform(inner_bound(n, widths[layer]));
@@ -309,6 +318,11 @@ impl Layers {
                     let law = Law::Curvature { arguments: d, width: widths[layer] };
                     out.push(Tensor::new("quadratic", [1, form], law));
                 }
+                out
+            }
+            Self::TurnedTwist(widths) => {
+                let mut out = vec![Tensor::new("angles", [1, slow], Law::Angle)];
+                out.extend(potential(d, widths[layer]));
                 out
             }
             Self::TurnedCoupling(widths) => {
@@ -382,6 +396,14 @@ impl Layers {
                 let end = ranges.last().map_or(start, |last| last.end);
                 out.push(step(Kind::Twist { shears }, start..end));
             }
+            Self::TurnedTwist(_) => {
+                let planes = planes.expect("a twist without planes is refused");
+                for (width, range) in widths {
+                    let prepared = out.prepare_slow(planes, &range);
+                    let shears = Arc::new(TwistShears::of_momenta(planes.clone(), width));
+                    out.push(step(Kind::TurnedTwist { shears, prepared }, range));
+                }
+            }
             Self::SympNet(of) => {
                 for (layer, range) in ranges.iter().cloned().enumerate() {
                     let module = layer / 2;
@@ -416,8 +438,8 @@ struct Scaled {
 
 /// Layers of one kind, the part that they play together, and what scales them.
 ///
-/// In TOML and JSON it is one table: `layer` (`henon`, `turned-kick`, `twist`, `turned-coupling`,
-/// `symp-net`), `widths` (a list, or `{ count, width }`, the width of twists being a number or two
+/// In TOML and JSON it is one table: `layer` (`henon`, `turned-kick`, `twist`, `turned-twist`,
+/// `turned-coupling`, `symp-net`), `widths` (a list, or `{ count, width }`, the width of twists being a number or two
 /// by turns), or for `symp-net` `modules`, `shears`, `activation`, `plain`; `part` (`conjugation`,
 /// `chart`, `slow-map`, `perturbation`, `near-identity` or `none`); `scale` (`none`, `epsilon`,
 /// `time`, `epsilon-time`; usual for the part unless given); `name`, which begins the names of its
@@ -457,7 +479,9 @@ impl Block {
     pub(super) fn stream(&self) -> String {
         match &self.layers {
             Layers::Henon(_) => format!("weights/{}", self.name),
-            Layers::TurnedKick(_) | Layers::Twist(_) => "weights/normal-form".into(),
+            Layers::TurnedKick(_) | Layers::Twist(_) | Layers::TurnedTwist(_) => {
+                "weights/normal-form".into()
+            }
             Layers::TurnedCoupling(_) => format!("weights/couplings/{}", self.name),
             Layers::SympNet(_) => "weights/symp-net".into(),
         }
@@ -644,6 +668,7 @@ enum LayerName {
     Henon,
     TurnedKick,
     Twist,
+    TurnedTwist,
     TurnedCoupling,
     SympNet,
 }
@@ -716,6 +741,7 @@ impl TryFrom<BlockTable> for Block {
                 LayerName::Henon => Layers::Henon(widths),
                 LayerName::TurnedKick => Layers::TurnedKick(widths),
                 LayerName::Twist => Layers::Twist(widths),
+                LayerName::TurnedTwist => Layers::TurnedTwist(widths),
                 LayerName::TurnedCoupling | LayerName::SympNet => Layers::TurnedCoupling(widths),
             }
         };
@@ -741,6 +767,7 @@ impl From<Block> for BlockTable {
             Layers::Henon(widths) => (LayerName::Henon, widths),
             Layers::TurnedKick(widths) => (LayerName::TurnedKick, widths),
             Layers::Twist(widths) => (LayerName::Twist, widths),
+            Layers::TurnedTwist(widths) => (LayerName::TurnedTwist, widths),
             Layers::TurnedCoupling(widths) => (LayerName::TurnedCoupling, widths),
             Layers::SympNet(Modules { modules, shears, activation, plain }) => {
                 table.modules = Some(modules);
@@ -757,7 +784,7 @@ impl From<Block> for BlockTable {
 impl InitialWeights {
     /// The parameters of one Hénon layer, `[W (n × h, row by row), b (h), w (h), η (n)]`.
     pub fn layer(self, dof: usize, width: usize, stream: &mut Stream) -> Vec<f64> {
-        let tensors = Layers::Henon(vec![width]).tensors_of(0, Surroundings { dof, arguments: 0 });
+        let tensors = Layers::Henon(vec![width]).tensors_of(0, Surroundings { dof, arguments: 0, slow: 0 });
         let of = |tensor: Tensor| vec![tensor.law; tensor.len()];
         let laws: Vec<Law> = tensors.into_iter().flat_map(of).collect();
         laws.into_iter().map(|law| self.draw(law, stream)).collect()

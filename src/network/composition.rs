@@ -2,7 +2,7 @@
 
 use super::step::{Kind, Step, Visitor};
 use crate::error::Error;
-use crate::layer::{Shear, TorusAction, Turn};
+use crate::layer::{FastPlanes, Shear, TorusAction, Turn};
 use crate::phase::{Direction, Map};
 use crate::scalar::{Over, Pack, Real, Scalar, Task};
 use std::marker::PhantomData;
@@ -487,6 +487,13 @@ impl<P: Real> Composition<P> {
         let mut out = Self::new(action.dof(), angles, P::from_f64(1.0));
         out.push_turn(action, 0..count);
         Ok(out)
+    }
+
+    /// Prepares the turn of each slow plane by its angle, the first of these parameters.
+    pub(super) fn prepare_slow(&mut self, planes: &FastPlanes, parameters: &Range<usize>) -> usize {
+        let angles = &self.parameters[parameters.clone()][..planes.slow().len()];
+        self.turns.push(planes.slow_turn(angles));
+        self.turns.len() - 1
     }
 
     /// Prepares the turn of each plane by its angle, the first of these parameters.

@@ -3,7 +3,7 @@
 use super::Composition;
 use crate::layer::{
     Activation, ActivationModule, AffineCoupling, Kick, KickForm, LinearModule, Shear,
-    TanhPotential, TurnStep, TurnedCoupling, TurnedKick, Twist, TwistShears,
+    TanhPotential, TurnStep, TurnedCoupling, TurnedKick, TurnedTwist, Twist, TwistShears,
 };
 use crate::phase::Half;
 use crate::scalar::Scalar;
@@ -60,6 +60,13 @@ pub enum Kind {
         /// Its shears.
         shears: Arc<TwistShears>,
     },
+    /// A twist in turned coordinates of the slow planes; its first parameters are their angles.
+    TurnedTwist {
+        /// Its shear, of the momenta.
+        shears: Arc<TwistShears>,
+        /// Which of the composition's prepared turns.
+        prepared: usize,
+    },
     /// A linear module of a SympNet.
     Linear {
         /// The half that its first shear changes.
@@ -82,6 +89,7 @@ impl Kind {
         match self {
             Self::Turn { prepared }
             | Self::TurnedKick { prepared, .. }
+            | Self::TurnedTwist { prepared, .. }
             | Self::TurnedCoupling { prepared, .. } => Some(prepared),
             Self::Kick { .. }
             | Self::Twist { .. }
@@ -118,6 +126,12 @@ pub trait Visitor<'a, P: Scalar>: Sized {
     /// Takes a twist.
     #[inline(always)]
     fn visit_twist<const D: usize>(self, twist: Twist<'a, P, D>) -> Self::Output {
+        self.visit(twist)
+    }
+
+    /// Takes a twist in turned coordinates.
+    #[inline(always)]
+    fn visit_turned_twist<const D: usize>(self, twist: TurnedTwist<'a, P, D>) -> Self::Output {
         self.visit(twist)
     }
 
@@ -202,6 +216,20 @@ impl<P: Scalar> Composition<P> {
                     ($D:literal) => {
                         visitor.visit_twist(Twist::<P, $D> { shears, scale, parameters, inverse })
                     };
+                }
+                match shears.planes().arguments() {
+                    2 if T::SPECIALISED => visit!(2),
+                    _ => visit!(0),
+                }
+            }
+            Kind::TurnedTwist { ref shears, prepared } => {
+                let turn = self.turn(prepared);
+                let parameters = &parameters[turn.angle_count()..];
+                macro_rules! visit {
+                    ($D:literal) => {{
+                        let twist = Twist::<P, $D> { shears, scale, parameters, inverse };
+                        visitor.visit_turned_twist(TurnedTwist::new(turn, twist))
+                    }};
                 }
                 match shears.planes().arguments() {
                     2 if T::SPECIALISED => visit!(2),

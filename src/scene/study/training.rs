@@ -48,7 +48,7 @@ impl Study for TrainingStudy {
                 match block.layers {
                     Layers::SympNet(_) => out.push(SYMP_NET),
                     Layers::TurnedCoupling(_) => out.push(COUPLINGS),
-                    Layers::Henon(_) | Layers::TurnedKick(_) | Layers::Twist(_) => {}
+                    _ => {}
                 }
             }
             out.push(match setup.training_of(model).optimiser {
