@@ -38,7 +38,9 @@ pub use composition::{Composition, Recording};
 pub use init::InitialWeights;
 pub use jacobians::{map_jacobians, map_jacobians_by_duals};
 pub use model::{Invariant, Model};
-pub use named::{CouplingGyroceptronShape, GyroceptronShape, HenonShape, SympNetShape};
+pub use named::{
+    CouplingGyroceptronShape, GyroceptronShape, HenonShape, KickedGyroceptronShape, SympNetShape,
+};
 pub use normal_form::NormalFormShape;
 pub use pace::Pace;
 pub use spec::{Circles, LayerSizes, NamedArchitecture, NetworkSpec};

@@ -74,6 +74,36 @@ impl GyroceptronShape {
     }
 }
 
+/// What a gyroceptron of turned kicks is made from:
+///
+/// P_ε = I_ε ∘ ψ ∘ Φ_θ ∘ ψ⁻¹, ψ a HénonNet and I_ε of [turned kicks](crate::layer::TurnedKick).
+///
+/// It has what a symplectic gyroceptron has. Its I_ε comes near every near-identity map to first order
+/// in ε with weights of order one, where one of Hénon layers has generators A(q) + B(p) only.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KickedGyroceptronShape {
+    /// Φ_θ; its length is the number of degrees of freedom.
+    pub circle_action: CircleAction,
+    /// The widths of ψ's layers.
+    pub psi: Vec<usize>,
+    /// The widths of I_ε's turned kicks.
+    pub kicks: Vec<usize>,
+}
+
+impl KickedGyroceptronShape {
+    /// The network of this shape at ε: blocks `psi` and `near_identity`.
+    pub fn architecture(&self, epsilon: f64) -> Architecture {
+        let psi = Block::new(Part::Conjugation, Layers::Henon(self.psi.clone()));
+        let near = Block::new(Part::NearIdentity, Layers::TurnedKick(self.kicks.clone()));
+        Architecture::new(self.circle_action.dof())
+            .on_circle(self.circle_action.clone())
+            .at_epsilon(epsilon)
+            .with(psi.named("psi"))
+            .with(near.named("near_identity"))
+    }
+}
+
 /// What a gyroceptron of couplings is made from:
 ///
 /// P_ε = I_ε ∘ ψ ∘ Φ_θ ∘ ψ⁻¹, ψ and I_ε compositions of [affine

@@ -2,7 +2,9 @@
 
 use super::architecture::Architecture;
 use super::block::{Alternating, Block, MOST_LAYERS};
-use super::named::{CouplingGyroceptronShape, GyroceptronShape, HenonShape, SympNetShape};
+use super::named::{
+    CouplingGyroceptronShape, GyroceptronShape, HenonShape, KickedGyroceptronShape, SympNetShape,
+};
 use super::normal_form::NormalFormShape;
 use crate::error::Error;
 use crate::layer::{Activation, CircleAction, TorusAction};
@@ -145,6 +147,18 @@ impl NamedArchitecture {
                 let [psi, near_identity] = ["psi", "near_identity"].map(|key| spec.widths(key));
                 let (circle_action, flow_time) = (of.circle(), of.flow_time);
                 CouplingGyroceptronShape { circle_action, psi, near_identity, flow_time }
+                    .architecture(of.epsilon)
+            },
+        },
+        Self {
+            name: "kicked-gyroceptron",
+            aliases: &[],
+            summary: "I_ε∘ψ∘Φ_θ∘ψ⁻¹ with an I_ε of turned kicks: an adiabatic invariant",
+            sizes: &[("psi", Some((10, 8))), ("kicks", Some((24, 8)))],
+            circles: Circles::One,
+            make: |spec, of| {
+                let [psi, kicks] = ["psi", "kicks"].map(|key| spec.widths(key));
+                KickedGyroceptronShape { circle_action: of.circle(), psi, kicks }
                     .architecture(of.epsilon)
             },
         },
