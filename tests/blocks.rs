@@ -45,9 +45,9 @@ fn arrangements() -> Vec<(&'static str, Architecture, Structure)> {
             Structure::NearlyPeriodic,
         ),
         (
-            "I_ε of turned kicks",
+            "ψ and I_ε of turned kicks",
             on_circle()
-                .with(Block::new(Part::Conjugation, henon(&[3])))
+                .with(Block::new(Part::Conjugation, kicks(&[3])))
                 .with(Block::new(Part::NearIdentity, kicks(&[4, 2]))),
             Structure::NearlyPeriodic,
         ),
@@ -160,7 +160,10 @@ fn arrangements_are_certified() {
             // The slow planes are not the circles'.
             let slow = |j: &usize| architecture.circles.iter().all(|c| c.weights()[*j] == 0);
             let moved = (0..architecture.dof).filter(slow).map(|j| (z[j] - start(4)[j]).abs());
-            assert!(architecture.dof == 4 || moved.fold(0.0, f64::max) > 1e-3, "{name} stands still");
+            assert!(
+                architecture.dof == 4 || moved.fold(0.0, f64::max) > 1e-3,
+                "{name} stands still"
+            );
         }
     }
 }
@@ -304,7 +307,8 @@ fn derivatives_of_arrangements_are_those_of_duals() {
             let parameters = parameters.map(|(k, &v)| lift(k, v)).collect();
             let epsilon = D::constant(architecture.epsilon);
             let lifted = Model::over(architecture.clone(), epsilon, parameters).expect("as it was");
-            let mut w: Vec<D> = z.iter().enumerate().map(|(k, &v)| lift(bar.len() + k, v)).collect();
+            let mut w: Vec<D> =
+                z.iter().enumerate().map(|(k, &v)| lift(bar.len() + k, v)).collect();
             lifted.forward(&mut w);
             let expected: f64 = w.iter().zip(&cotangent).map(|(w, c)| w.eps[0] * c).sum();
             let found = if index < bar.len() { bar[index] } else { z_bar[index - bar.len()] };
@@ -449,6 +453,14 @@ fn named_architectures_know_their_names() {
         let architecture = spec.architecture(&circle, 0.01, 5.0).expect("sound");
         architecture.check().expect("sound");
         assert_eq!(architecture.name(), Some(named.name));
+        // What it is made of small, it holds its laws.
+        let small = named.sizes.iter().try_fold(spec.clone(), |spec, (key, _)| {
+            spec.with_size(key, gyroceptron::network::LayerSizes::uniform(2, 3))
+        });
+        let small = small.and_then(|spec| spec.architecture(&circle, 0.01, 5.0));
+        let model = model(&small.expect("it has these parts"));
+        let options = CertificateOptions { samples: 20, ..Default::default() };
+        assert!(certify(&model, options).holds(), "{}", named.name);
         // Of other widths too.
         for (key, _) in named.sizes {
             let size = gyroceptron::network::LayerSizes::uniform(2, 3);

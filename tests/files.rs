@@ -176,8 +176,8 @@ fn broken_models_are_refused() {
     names(with("0.123456789", "0.123456788"), &["model.json", "digest"]);
     names(with("\"digest\"", "\"digets\""), &["model.json", "digets"]);
     // Counts that would wrap around.
-    let wrap = "\"psi\": [\n      4611686018427387904,";
-    names(with("\"psi\": [\n      3,", wrap), &["model.json", "parameters"]);
+    let wrap = "\"widths\": [\n          4611686018427387904,";
+    names(with("\"widths\": [\n          3,", wrap), &["model.json", "parameters"]);
     for cut in [0, 1, 100, whole.len() / 2, whole.len() - 3] {
         std::fs::write(&path, &whole[..cut]).expect("written");
         names(load_model(&path), &["model.json"]);

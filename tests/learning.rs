@@ -3,5 +3,6 @@
 mod blocks;
 mod family;
 mod files;
+mod fit;
 mod schedule;
 mod training;

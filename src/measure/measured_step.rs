@@ -8,8 +8,8 @@ use super::Numbers;
 use super::measured_coupling::CouplingStep;
 use super::measured_twist::TwistStep;
 use crate::layer::{
-    HenonMap, Kick, Potential, Shear, TanhPotential, Turn, TurnStep, TurnedCoupling, TurnedTwist, Twist,
-    quarter_turns,
+    HenonMap, Kick, Potential, Shear, TanhPotential, Turn, TurnStep, TurnedCoupling, TurnedTwist,
+    Twist, quarter_turns,
 };
 use crate::network::Visitor;
 use crate::phase::{Direction, Half, Map};

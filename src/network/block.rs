@@ -784,7 +784,8 @@ impl From<Block> for BlockTable {
 impl InitialWeights {
     /// The parameters of one Hénon layer, `[W (n × h, row by row), b (h), w (h), η (n)]`.
     pub fn layer(self, dof: usize, width: usize, stream: &mut Stream) -> Vec<f64> {
-        let tensors = Layers::Henon(vec![width]).tensors_of(0, Surroundings { dof, arguments: 0, slow: 0 });
+        let tensors =
+            Layers::Henon(vec![width]).tensors_of(0, Surroundings { dof, arguments: 0, slow: 0 });
         let of = |tensor: Tensor| vec![tensor.law; tensor.len()];
         let laws: Vec<Law> = tensors.into_iter().flat_map(of).collect();
         laws.into_iter().map(|law| self.draw(law, stream)).collect()

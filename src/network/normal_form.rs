@@ -171,9 +171,8 @@ impl Model {
                  of another kind";
             return Err(Error::invalid("repeats of a map", m, expected));
         }
-        let alternates = architecture
-            .part(Part::SlowMap)
-            .any(|block| matches!(block.layers, Layers::Twist(_)));
+        let alternates =
+            architecture.part(Part::SlowMap).any(|block| matches!(block.layers, Layers::Twist(_)));
         if alternates && !shears.is_multiple_of(2) {
             let expected = "an even number, to be repeated";
             return Err(Error::invalid("twist shears", shears, expected));

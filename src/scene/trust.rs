@@ -38,6 +38,10 @@ const AT_REST: f64 = 0.9;
 /// The held-out error over the loss from which pairs are learnt by heart.
 const BY_HEART: f64 = 2.0;
 
+/// A held-out error that is so small a share of the motion needs no care, however far above the loss
+/// it is.
+const LITTLE: f64 = 0.01;
+
 /// What limits a training, from its losses on training and held-out pairs.
 pub fn limit(loss: f64, validation: Option<f64>, history: &[TrainingRecord]) -> Limit {
     let Some(last) = history.last() else { return Limit::Network };
@@ -217,7 +221,7 @@ pub(super) fn trust(
             ));
         }
     }
-    if held_out.is_some() && limit == Limit::Data {
+    if held_out.is_some() && limit == Limit::Data && !(share <= LITTLE) {
         let validation = outcome.best.validation.unwrap_or(f64::NAN);
         let ratio = Format::Factor.number(validation / outcome.loss);
         care.push(format!("the held-out error is {ratio} the loss"));

@@ -1,0 +1,213 @@
+//! From pairs to a model by the library: what is found, what is recommended, what is asked for.
+
+use gyroceptron::flow::sample;
+use gyroceptron::io::Checkpoints;
+use gyroceptron::prelude::*;
+use gyroceptron::random::Stream;
+use gyroceptron::train::{
+    Checkpoint, Control, FamilyPairs, FitNote, Loss, Optimiser, Progress, RampStage, Starts, Stop,
+    TrainingObserver, TrainingStage,
+};
+
+const EPSILON: f64 = 0.02;
+
+fn pairs(count: usize, time: f64, seed: u64) -> Pairs {
+    let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: count };
+    Pairs::of_windows(&Oscillators { epsilon: EPSILON }, &[window], time, seed).expect("a flow")
+}
+
+fn small() -> NetworkSpec {
+    let size = gyroceptron::network::LayerSizes::uniform(2, 3);
+    let network = NetworkSpec::named("normal-form").expect("it has this name");
+    network.with_size("kicks", size).and_then(|of| of.with_size("twists", size)).expect("parts")
+}
+
+/// A short one.
+fn fit() -> Fit {
+    let starts = Some(Starts { count: 2, iterations: 3 });
+    let training = TrainingOptions { starts, iterations: 8, ..Fit::default().training };
+    Fit { network: Some(small()), training, epsilon: Some(EPSILON), ..Fit::default() }
+}
+
+/// Stops at an iteration of the last stage, and keeps checkpoints.
+struct Until {
+    iteration: u64,
+    checkpoints: Option<Checkpoints>,
+    stages: Vec<TrainingStage>,
+}
+
+impl TrainingObserver for Until {
+    fn earlier(&mut self, stage: TrainingStage) -> Result<Option<Checkpoint>, Error> {
+        self.stages.push(stage);
+        self.checkpoints.as_ref().map_or(Ok(None), |checkpoints| checkpoints.earlier(stage))
+    }
+    fn observe(&mut self, stage: TrainingStage, progress: Progress<'_>) -> Result<Control, Error> {
+        if let (Some(checkpoints), Some(checkpoint)) = (&mut self.checkpoints, progress.checkpoint)
+        {
+            checkpoints.save(stage, checkpoint)?;
+        }
+        let stops = stage == TrainingStage::Last && progress.record.iteration >= self.iteration;
+        Ok(if stops { Control::Interrupt } else { Control::Continue })
+    }
+}
+
+/// With nothing said the circle action is found, a normal form is taken, and the notes say so.
+#[test]
+fn what_is_not_said_is_found_or_recommended() {
+    let (fit, pairs) = (Fit::default().with_iterations(5), pairs(150, 0.9, 1));
+    let problem = fit.prepare(pairs.clone()).expect("sure of the action");
+    assert_eq!(problem.action, CircleAction::new([1, 0]).into());
+    assert_eq!(problem.architecture.name(), Some("normal-form"));
+    assert!(problem.architecture.widths(Part::Conjugation).is_empty());
+    assert!(matches!(problem.training.optimiser, Optimiser::LevenbergMarquardt(_)));
+    assert!(problem.training.starts.is_some() && problem.training.plateau.is_some());
+    // The loss weighs planes: it has found weights.
+    assert!(matches!(&problem.training.loss, Loss::ByPlane { weights: Some(w) } if w.len() == 2));
+    let texts: Vec<String> = problem.notes.iter().map(ToString::to_string).collect();
+    for words in ["circle action 1,0", "a normal form without ψ", "best of 3"] {
+        assert!(texts.iter().any(|text| text.contains(words)), "{words}: {texts:?}");
+    }
+    // In coordinates in which the limit turns no plane, it gets a ψ.
+    let bend = |points: &[f64]| {
+        let mut points = points.to_vec();
+        points.chunks_exact_mut(4).for_each(|z| z[2] += 3.0 * f64::sin(2.5 * z[0]));
+        points
+    };
+    let bent = Pairs::new("bent", 2, bend(pairs.input()), bend(pairs.output()));
+    let fit = Fit { action: Some(CircleAction::new([1, 0]).into()), ..fit };
+    let problem = fit.prepare(bent.expect("finite")).expect("a given action");
+    assert!(!problem.architecture.widths(Part::Conjugation).is_empty());
+    let with_psi =
+        |note: &FitNote| matches!(note, FitNote::Recommended(t) if t.contains("with a ψ"));
+    assert!(problem.notes.iter().any(with_psi), "{:?}", problem.notes);
+}
+
+/// The paper's recipe is its network and optimiser.
+#[test]
+fn the_recipe_of_the_paper_is_there() {
+    let problem = Fit::paper().prepare(pairs(150, 0.9, 1)).expect("sure of the action");
+    assert_eq!(problem.architecture.name(), Some("gyroceptron"));
+    assert_eq!(problem.architecture.parameter_count(), 681);
+    assert!(matches!(problem.training.optimiser, Optimiser::Lbfgs(_)));
+    assert!(problem.training.starts.is_none());
+    assert_eq!(problem.training.loss, Loss::MeanSquaredError);
+}
+
+/// From a fit to a certified model in the units of the data, kept in a file.
+#[test]
+fn a_fit_is_a_model() {
+    let fitted = fit().run(pairs(150, 0.9, 1)).expect("trains");
+    let error = |fitted: &Fitted| fitted.outcome().best.validation.expect("held out");
+    assert!(error(&fitted) < 1e-3, "{:e}", error(&fitted));
+    certify(fitted.model(), CertificateOptions { samples: 20, ..Default::default() })
+        .assert_holds();
+    let stored = StoredModel::of_fit(&fitted, "test");
+    assert_eq!(stored.provenance.data, Some(pairs(150, 0.9, 1).digest()));
+    let orbit = stored.rollout(&[0.3, 0.2, 0.1, 0.0], Rollout { steps: 3, every: 1 });
+    assert_eq!(orbit.expect("finite").len(), 16);
+    // The same again.
+    let again = fit().run(pairs(150, 0.9, 1)).expect("trains");
+    assert_eq!(again.model().parameters(), fitted.model().parameters());
+}
+
+/// Killed at any iteration and gone on with, it comes to the same bits.
+#[test]
+fn a_fit_that_was_stopped_goes_on_to_the_same_bits() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut fit = fit();
+    fit.training.checkpoint_every = 2;
+    let whole = fit.run(pairs(150, 0.9, 1)).expect("trains");
+    let until = |iteration, resume| {
+        let checkpoints = Some(Checkpoints::new(folder.path().join("c"), resume));
+        let mut observer = Until { iteration, checkpoints, stages: Vec::new() };
+        let fitted = fit.run_observed(pairs(150, 0.9, 1), &mut observer).expect("trains");
+        (fitted, observer.stages)
+    };
+    let (stopped, stages) = until(4, false);
+    assert_eq!(stopped.outcome().stop, Stop::Interrupted);
+    assert_eq!(stages.len(), 3, "two starts and the training");
+    let (resumed, _) = until(u64::MAX, true);
+    assert_eq!(resumed.model().parameters(), whole.model().parameters());
+    assert_ne!(stopped.model().parameters(), whole.model().parameters());
+    let checkpoints = Checkpoints::new(folder.path().join("c"), true);
+    assert!(checkpoints.exist(&fit.training));
+    checkpoints.remove().expect("removed");
+    assert!(!checkpoints.exist(&fit.training));
+    assert!(checkpoints.check(&fit.training).is_err());
+}
+
+/// Pairs of several flow times are a family, and stages of a ramp take theirs from it.
+#[test]
+fn a_ramp_takes_its_stages_from_the_pairs() {
+    let [short, long] = [(0.5, 1), (1.0, 2)].map(|(time, seed)| pairs(80, time, seed));
+    let family = Pairs::of_family(vec![(EPSILON, 0.5, short), (EPSILON, 1.0, long)]);
+    let data: FamilyPairs = family.expect("a family").into();
+    let stage =
+        |time| RampStage { flow_time: Some(time), epsilon: None, repeats: None, iterations: 4 };
+    let mut fit = Fit { epsilon: None, ..fit() };
+    fit.training.starts = None;
+    fit.training.ramp = vec![stage(0.5)];
+    let fitted = fit.run(data.clone()).expect("trains");
+    assert_eq!(fitted.training.legs.len(), 1);
+    assert_eq!(fitted.training.legs[0].time, 0.5);
+    assert_eq!(fitted.problem.architecture.flow_time, 1.0);
+    assert_eq!(fitted.problem.architecture.epsilon, EPSILON);
+    // It starts the training: without it another model comes of it.
+    fit.training.ramp = Vec::new();
+    let without = fit.run(data.clone()).expect("trains");
+    assert_ne!(without.model().parameters(), fitted.model().parameters());
+    fit.training.ramp = vec![stage(0.7)];
+    let error = fit.run(data).expect_err("no such pairs").to_string();
+    assert!(error.contains("ramp") && error.contains("0.7"), "{error}");
+}
+
+/// Penalties and a fixed angle reach the training.
+#[test]
+fn penalties_and_a_fixed_angle_are_kept() {
+    let mut fit = Fit { theta: Some(0.93), ..fit() };
+    fit.training.theta_fixed = true;
+    let fitted = fit.run(pairs(150, 0.9, 1)).expect("trains");
+    assert_eq!(fitted.model().angles(), [0.93]);
+    fit.training.theta_fixed = false;
+    let free = fit.run(pairs(150, 0.9, 1)).expect("trains").model().angles()[0];
+    fit.training.theta_penalty = 1e6;
+    let held = fit.run(pairs(150, 0.9, 1)).expect("trains").model().angles()[0];
+    assert!((held - 0.93).abs() < 0.1 * (free - 0.93).abs(), "{held} {free}");
+}
+
+/// What is wrong is refused, most of it before any pair is looked at.
+#[test]
+fn what_cannot_be_is_refused() {
+    let refuses = |fit: Fit, word: &str| {
+        let error = fit.check().expect_err("wrong").to_string();
+        assert!(error.contains(word), "{error}: {word}");
+        assert!(!error.contains("--"), "{error}");
+        assert!(fit.run(pairs(40, 0.9, 1)).is_err());
+    };
+    let action = Some(TorusAction::from(CircleAction::new([1, 0])));
+    refuses(Fit { validation: 1.0, ..fit() }, "validation");
+    refuses(Fit { epsilon: Some(f64::NAN), ..fit() }, "epsilon");
+    refuses(Fit { theta: Some(f64::INFINITY), ..fit() }, "theta");
+    refuses(Fit { flow_time: Some(-1.0), ..fit() }, "flow_time");
+    let henon = NetworkSpec::named("henon-net").ok();
+    refuses(Fit { network: henon.clone(), action: action.clone(), ..fit() }, "epsilon");
+    let two = TorusAction::of_planes(2);
+    let paper = Fit { epsilon: None, ..Fit::paper() };
+    refuses(Fit { action: Some(two), ..paper }, "2 circles");
+    let mut loss = Fit { action, ..fit() };
+    loss.training.loss = Loss::ByPlane { weights: Some(vec![1.0, -1.0]) };
+    refuses(loss, "loss weight");
+    // Pairs that are not sure of an action are asked for one.
+    let mut stream = Stream::new(3, "points");
+    let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: 60 };
+    let points = sample(&[window], 2, &mut stream).expect("points");
+    let still = Pairs::new("still", 2, points.clone(), points).expect("finite");
+    let error = fit().run(still).expect_err("nothing turns").to_string();
+    assert!(error.contains("circle action") && error.contains("not sure"), "{error}");
+    // A family needs a network of one.
+    let family =
+        Pairs::of_family(vec![(0.1, 1.0, pairs(20, 0.9, 1)), (0.2, 1.0, pairs(20, 0.9, 2))]);
+    let fit = Fit { network: henon, epsilon: None, ..fit() };
+    let error = fit.run(family.expect("a family")).expect_err("no family").to_string();
+    assert!(error.contains("a gyroceptron to learn a family"), "{error}");
+}
