@@ -11,43 +11,22 @@
 //!
 //! # Example
 //!
-//! Train a small surrogate of the coupled oscillators' flow and look at what it
-//! is, whatever the training made of it:
+//! Fit a network to pairs of the coupled oscillators' flow, and certify what comes of it:
 //!
 //! ```
-//! use gyroceptron::flow::{Pairs, Window, sample};
-//! use gyroceptron::layer::CircleAction;
-//! use gyroceptron::measure::{CertificateOptions, certify};
-//! use gyroceptron::network::{GyroceptronShape, InitialWeights};
-//! use gyroceptron::random::Stream;
-//! use gyroceptron::phase::Map;
-//! use gyroceptron::system::Oscillators;
-//! use gyroceptron::train::{Control, TrainingOptions, train};
+//! use gyroceptron::prelude::*;
 //!
-//! # fn main() -> Result<(), gyroceptron::Error> {
-//! let system = Oscillators { epsilon: 0.01 };
-//! let window = Window { low: vec![-1.6; 4], high: vec![1.6; 4], samples: 200 };
-//! let points = sample(&[window], 2, &mut Stream::new(1, "points"))?;
-//! let (pairs, _) = Pairs::of_flow(&system, points, 0.5)?;
-//!
-//! let shape = GyroceptronShape {
-//!     circle_action: CircleAction::new([1, 0]),
-//!     psi: vec![4; 2],
-//!     near_identity: vec![4; 2],
-//! };
-//! let model = shape.architecture(0.01)
-//!     .initialise(InitialWeights::Normal { scale: 0.15 }, 0.5, 1)?;
-//! let options = TrainingOptions { iterations: 50, ..Default::default() };
-//! let trained = train(&model, &pairs, None, &options, None, &mut |_| Ok(Control::Continue))?;
-//!
-//! let mut z: [f64; 4] = [1.5, 0.3, 0.0, 0.0]; // q₁, q₂, p₁, p₂
-//! trained.model.forward(&mut z);
-//! trained.model.inverse(&mut z);
-//! assert!((z[0] - 1.5).abs() < 1e-14);
+//! let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: 200 };
+//! let pairs = Pairs::of_windows(&Oscillators { epsilon: 0.01 }, &[window], 0.5, 1)?;
+//! let fit = Fit { epsilon: Some(0.01), flow_time: Some(0.5), ..Fit::default() };
+//! let fitted = fit.with_iterations(20).run(pairs)?;
+//! let mut z: [f64; 4] = [0.8, 0.3, 0.0, 0.0]; // q₁, q₂, p₁, p₂
+//! fitted.model().forward(&mut z);
+//! fitted.model().inverse(&mut z);
+//! assert!((z[0] - 0.8).abs() < 1e-14);
 //! let options = CertificateOptions { samples: 20, ..Default::default() };
-//! assert!(certify(&trained.model, options).holds());
-//! # Ok(())
-//! # }
+//! certify(fitted.model(), options).assert_holds();
+//! # Ok::<(), Error>(())
 //! ```
 //!
 //! # Where things are
@@ -63,9 +42,10 @@
 //!   network with its parameters.
 //! - [`system`]: the Hamiltonian systems, and one that dissipates.
 //! - [`flow`]: their flows, and data sets of flow maps.
-//! - [`train`]: loss, an optimiser each, schedules, checkpoints.
 //! - [`measure`]: from a map and points to numbers; the laws, generic over the
 //!   map; the structure certificate; error against run time.
+//! - [`train`]: [`Fit`](train::Fit), the one way from pairs to a model; loss, an optimiser each,
+//!   schedules, checkpoints.
 //! - `io` (feature `files`): models, data sets, weights of others.
 //! - `scene` (feature `scenes`): declared experiments and their reports.
 //! - [`work`]: how much was computed.

@@ -11,4 +11,5 @@ mod layers;
 mod networks;
 mod normal_form;
 mod own_maps;
+mod rooms;
 mod units;

@@ -1,9 +1,9 @@
 //! The commands.
 
 use super::arguments::{
-    Arguments, Command, Common, Export, Import, Outside, Predict, Run, Verify, circle_action,
-    positive,
+    Arguments, Command, Export, Import, Outside, Predict, Run, Verify, circle_action, positive,
 };
+use super::guards::{check_ending, guard_output, read_scene, use_threads};
 use super::output::{json, out, status_of, width};
 use super::progress::{Progress, line};
 use super::train::train_pairs;
@@ -19,8 +19,7 @@ use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model
 use gyroceptron::random::Stream;
 use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{
-    Folder, Note, Scene, catalogue, certificate_table, default_scene, find, own_invariance_fault,
-    parse, run,
+    Folder, Note, catalogue, certificate_table, default_scene, find, own_invariance_fault, run,
 };
 use rayon::prelude::*;
 use serde_json::json;
@@ -41,33 +40,6 @@ pub fn dispatch(arguments: Arguments) -> Result<Status, Error> {
             Ok(Status::Done)
         }
     }
-}
-
-/// A built-in scene by name, any other from its file.
-pub fn read_scene(name: &str) -> Result<Scene, Error> {
-    let path = Path::new(name);
-    if path.extension().is_some_and(|e| e == "toml") {
-        let text = std::fs::read_to_string(path).map_err(|reason| Error::read(path, reason))?;
-        let scene = parse(name, &text)?;
-        scene.with_files_from(path.parent().unwrap_or(Path::new("")))
-    } else {
-        find(name)?.scene()
-    }
-}
-
-pub fn use_threads(common: &Common) -> Result<(), Error> {
-    if let Some(threads) = common.threads {
-        const MOST: usize = 1024;
-        if threads == 0 || threads > MOST {
-            let name = "--threads".to_owned();
-            return Err(Error::CountOutOfRange { name, found: threads, least: 1, most: MOST });
-        }
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build_global()
-            .map_err(|reason| Error::invalid("--threads", threads, reason))?;
-    }
-    Ok(())
 }
 
 fn run_scene(arguments: &Run) -> Result<Status, Error> {
@@ -218,46 +190,6 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
         }
     }
     Ok(status_of(result.holds()))
-}
-
-/// Refuses an output that would replace an input, an existing file unless told
-/// so, or anything that is no ordinary file; and one that cannot be written.
-pub fn guard_output(
-    option: &str,
-    output: &Path,
-    overwrite: bool,
-    inputs: &[&Path],
-) -> Result<(), Error> {
-    let real = |path: &Path| std::fs::canonicalize(path).ok();
-    if let Some(input) = inputs.iter().find(|i| real(i).is_some() && real(i) == real(output)) {
-        let expected = "another file than the input";
-        return Err(Error::invalid(option, input.display(), expected));
-    }
-    if let Ok(metadata) = std::fs::symlink_metadata(output) {
-        if !metadata.is_file() {
-            return Err(Error::write(output, "it is no ordinary file"));
-        }
-        if !overwrite {
-            return Err(Error::FileExists { path: output.to_owned() });
-        }
-    }
-    probe_writable(output)
-}
-
-/// Refuses a name that says another format than what is written to it.
-pub fn check_ending(option: &str, path: &Path, ending: &str) -> Result<(), Error> {
-    if path.extension().is_some_and(|found| found == ending) {
-        return Ok(());
-    }
-    Err(Error::invalid(option, path.display(), format!("a name that ends in .{ending}")))
-}
-
-fn probe_writable(path: &Path) -> Result<(), Error> {
-    let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-    let probe = tempfile::Builder::new()
-        .prefix(".gyroceptron-")
-        .tempfile_in(folder.unwrap_or(Path::new(".")));
-    probe.map(drop).map_err(|reason| Error::write(path, reason))
 }
 
 fn predict(arguments: &Predict) -> Result<Status, Error> {

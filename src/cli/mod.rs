@@ -3,6 +3,7 @@
 mod arguments;
 mod cite;
 mod commands;
+mod guards;
 mod next;
 mod output;
 mod progress;

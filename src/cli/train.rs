@@ -4,7 +4,7 @@ use super::Status;
 use super::arguments::{
     OptimiserName, Recipe, Train, UnitsOf, circle_action, option_of, positive, ramp,
 };
-use super::commands::{check_ending, guard_output, read_scene, use_threads};
+use super::guards::{check_ending, guard_output, read_scene, use_threads};
 use super::next;
 use super::output::{json, out, width};
 use super::progress::{Progress, line};

@@ -8,6 +8,7 @@ mod checkpoints;
 mod json;
 mod legacy;
 mod npy;
+mod tensor;
 mod tensor_bundle;
 mod weights;
 
@@ -20,8 +21,9 @@ pub use json::{
     Provenance, StoredModel, earlier_checkpoint, load_checkpoint, load_model, model_text,
     parse_model, save_checkpoint, save_model,
 };
+pub use tensor::Tensor;
 pub use weights::{
-    Tensor, WeightsFormat, assemble_architecture, assemble_weights, export_weights, import_weights,
+    WeightsFormat, assemble_architecture, assemble_weights, export_weights, import_weights,
     parse_tensors, read_architecture, read_tensors, take_units,
 };
 

@@ -8,7 +8,7 @@
 //! like become `psi.{i}.w_in`.
 
 use super::read_bytes;
-use super::weights::Tensor;
+use super::tensor::Tensor;
 use crate::error::Error;
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -15,6 +15,7 @@
 //! are numbered from 0 in the order of application; numbers are float32 or float64.
 
 use super::arrays::{Archive, write_archive};
+use super::tensor::Tensor;
 use super::{read_bytes, tensor_bundle, write_atomically};
 use crate::error::Error;
 use crate::layer::{CircleAction, TorusAction};
@@ -26,17 +27,6 @@ use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
-
-/// A named array of numbers.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Tensor {
-    /// Its shape.
-    pub shape: Vec<usize>,
-    /// Its numbers, row by row.
-    pub values: Vec<f64>,
-    /// The file held single precision.
-    pub single_precision: bool,
-}
 
 /// The file formats of weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

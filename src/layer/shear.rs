@@ -87,3 +87,10 @@ pub trait Shear<P: Scalar>: Copy {
         self.apply(z, scratch);
     }
 }
+
+/// A shear that moves the momenta alone. What it keeps for its pullback begins with the
+/// positions.
+pub trait OfMomenta<P: Scalar>: Shear<P> {
+    /// Whether it moves nothing, whatever the point.
+    fn is_identity(&self) -> bool;
+}

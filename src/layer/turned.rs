@@ -1,15 +1,8 @@
 //! Shears in coordinates turned by angles of their own.
 
-use super::{AffineCoupling, Kick, Shear, TanhPotential, Turn};
+use super::{AffineCoupling, Kick, OfMomenta, Shear, TanhPotential, Turn};
 use crate::phase::Half;
 use crate::scalar::{Over, Pack, Scalar};
-
-/// A shear that moves the momenta alone. What it keeps for its pullback begins with the
-/// positions.
-pub trait OfMomenta<P: Scalar>: Shear<P> {
-    /// Whether it moves nothing, whatever the point.
-    fn is_identity(&self) -> bool;
-}
 
 /// R(−φ)∘K∘R(φ): each plane turned clockwise by its angle φ_j, a shear K of the momenta, turned
 /// back.

@@ -28,6 +28,7 @@ mod own_invariance;
 mod plane_actions;
 mod relations;
 mod rounding;
+mod samples;
 mod stopping;
 mod surfaces;
 mod symplecticity;
@@ -46,8 +47,8 @@ pub use adiabatic::{
 pub use adjoint::{Adjoint, RESOLVED, adjoint_ratio};
 pub use averaging::averaged_invariant;
 pub use certificate::{
-    Certificate, CertificateOptions, certify, certify_all, certify_family, certify_map,
-    certify_nearly_periodic, certify_normal_form, certify_unless_stopped,
+    Certificate, certify, certify_all, certify_family, certify_map, certify_nearly_periodic,
+    certify_normal_form, certify_unless_stopped,
 };
 pub use circle_axioms::{
     CircleAxiom, circle_axiom_ratio, conjugated_axiom_ratio, turning_axiom_ratio,
@@ -74,6 +75,7 @@ pub use own_invariance::OwnInvariance;
 pub use plane_actions::PlaneSwing;
 pub use relations::Relation;
 pub use rounding::Walk;
+pub use samples::CertificateOptions;
 pub use surfaces::{Locked, distances_to_set, locked_interval, winding_numbers};
 pub use symplecticity::{symplecticity_defect, symplecticity_ratio, symplecticity_scale};
 pub use tally::{

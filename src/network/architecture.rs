@@ -2,14 +2,11 @@
 
 use super::block::{Block, Layers, Part, Surroundings};
 use super::composition::Composition;
-use super::{InitialWeights, Model};
 use crate::error::Error;
 use crate::layer::{CircleAction, FastPlanes, TorusAction};
 use crate::phase::Direction;
-use crate::random::Stream;
 use crate::scalar::Real;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// More is a mistake in a file: 8 GB of weights.
@@ -210,7 +207,7 @@ impl Architecture {
     }
 
     /// What the layers have to know. Slow planes are those that no circle turns.
-    fn surroundings(&self) -> Surroundings {
+    pub(super) fn surroundings(&self) -> Surroundings {
         let still = |j: &usize| self.circles.iter().all(|c| c.weights().get(*j) == Some(&0));
         let slow = (0..self.dof.min(MOST_PLANES)).filter(still).count();
         Surroundings { dof: self.dof, arguments: self.circles.len() + slow, slow }
@@ -407,30 +404,5 @@ impl Architecture {
             out.push_all(&steps, 0, Direction::Forward);
         }
         out
-    }
-
-    /// A model with seeded random weights and all θ = `theta` (the frequency times
-    /// the flow time, in training).
-    ///
-    /// # Errors
-    /// Those of [`Architecture::check`].
-    pub fn initialise(
-        &self,
-        weights: InitialWeights,
-        theta: f64,
-        seed: u64,
-    ) -> Result<Model, Error> {
-        self.check()?;
-        let mut parameters = Vec::with_capacity(self.parameter_count());
-        let mut streams = BTreeMap::new();
-        for block in &self.blocks {
-            let name = block.stream();
-            let stream = streams.entry(name.clone()).or_insert_with(|| Stream::new(seed, &name));
-            for (_, tensor) in block.tensors(self.surroundings()) {
-                parameters.extend((0..tensor.len()).map(|_| weights.draw(tensor.law, stream)));
-            }
-        }
-        parameters.extend(self.circles.iter().map(|_| theta));
-        Model::new(self.clone(), parameters)
     }
 }

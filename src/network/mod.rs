@@ -20,6 +20,7 @@
 
 mod architecture;
 mod batch;
+mod bind;
 mod block;
 mod composition;
 mod init;

@@ -2,13 +2,16 @@
 
 use super::architecture::{Architecture, Structure};
 use super::batch::{Rollout, map_points, map_points_at_pace, rollout_at_pace};
-use super::block::{Layers, Part};
+use super::block::{Block, Layers, Part};
 use super::composition::Composition;
+use super::init::InitialWeights;
 use super::pace::Pace;
 use crate::error::Error;
 use crate::layer::{CircleAction, HenonLayer};
 use crate::phase::{Direction, Map};
+use crate::random::Stream;
 use crate::scalar::{Over, Real, Scalar};
+use std::collections::BTreeMap;
 
 /// A function of a point that a network keeps or nearly keeps.
 pub type Invariant<'a> = Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>;
@@ -257,7 +260,7 @@ impl<P: Scalar> Model<P> {
 
     /// The Hénon layers of a part, in the order of application.
     pub fn henon_layers(&self, part: Part) -> impl DoubleEndedIterator<Item = HenonLayer<'_, P>> {
-        let of = |(block, number, range): (&super::Block, usize, std::ops::Range<usize>)| {
+        let of = |(block, number, range): (&Block, usize, std::ops::Range<usize>)| {
             let Layers::Henon(widths) = &block.layers else { return None };
             let scale = if block.scale.has_epsilon() { self.epsilon() } else { P::from_f64(1.0) };
             let layer = &self.composition.parameters()[range];
@@ -296,5 +299,32 @@ impl<P: Scalar, S: Over<P>> Map<S> for Model<P> {
     }
     fn inverse(&self, z: &mut [S]) {
         self.composition.inverse(z);
+    }
+}
+
+impl Architecture {
+    /// A model with seeded random weights and all θ = `theta` (the frequency times
+    /// the flow time, in training).
+    ///
+    /// # Errors
+    /// Those of [`Architecture::check`].
+    pub fn initialise(
+        &self,
+        weights: InitialWeights,
+        theta: f64,
+        seed: u64,
+    ) -> Result<Model, Error> {
+        self.check()?;
+        let mut parameters = Vec::with_capacity(self.parameter_count());
+        let mut streams = BTreeMap::new();
+        for block in &self.blocks {
+            let name = block.stream();
+            let stream = streams.entry(name.clone()).or_insert_with(|| Stream::new(seed, &name));
+            for (_, tensor) in block.tensors(self.surroundings()) {
+                parameters.extend((0..tensor.len()).map(|_| weights.draw(tensor.law, stream)));
+            }
+        }
+        parameters.extend(self.circles.iter().map(|_| theta));
+        Model::new(self.clone(), parameters)
     }
 }

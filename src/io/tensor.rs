@@ -1,0 +1,12 @@
+//! Named arrays of weights.
+
+/// A named array of numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tensor {
+    /// Its shape.
+    pub shape: Vec<usize>,
+    /// Its numbers, row by row.
+    pub values: Vec<f64>,
+    /// The file held single precision.
+    pub single_precision: bool,
+}

@@ -1,0 +1,112 @@
+//! The one place where a step is bound to its parameters.
+
+use super::composition::Composition;
+use super::step::{Kind, Step, Visitor};
+use crate::layer::{
+    ActivationModule, AffineCoupling, LinearModule, Shear, TanhPotential, TurnStep, TurnedCoupling,
+    TurnedKick, TurnedTwist, Twist,
+};
+use crate::scalar::Scalar;
+
+impl<P: Scalar> Composition<P> {
+    /// Hands the shear that a step is, or its inverse when `undo`, to the visitor.
+    #[inline(always)]
+    pub(super) fn bind<'a, T: Visitor<'a, P>>(
+        &'a self,
+        step: &'a Step,
+        undo: bool,
+        visitor: T,
+    ) -> T::Output {
+        let inverse = step.inverse != undo;
+        let parameters = &self.parameters()[step.parameters.clone()];
+        let scale = if step.near_identity { self.epsilon() } else { P::from_f64(1.0) };
+        let scale = step.time.map_or(scale, |time| scale * P::from_f64(time));
+        match step.kind {
+            Kind::Kick { width, form } => {
+                let (potential, eta) = parameters.split_at(width * (self.dof() + 2));
+                macro_rules! visit {
+                    ($D:literal) => {{
+                        let potential = TanhPotential::<P, $D>::new(self.dof(), width, potential);
+                        let kick = form.kick(potential, eta, scale);
+                        visitor.visit_kick(if inverse { kick.inverse() } else { kick })
+                    }};
+                }
+                match self.dof() {
+                    1 if T::SPECIALISED => visit!(1),
+                    2 if T::SPECIALISED => visit!(2),
+                    3 if T::SPECIALISED => visit!(3),
+                    _ => visit!(0),
+                }
+            }
+            Kind::Turn { prepared } => {
+                visitor.visit_turn(TurnStep { turn: self.turn(prepared), inverse })
+            }
+            Kind::TurnedKick { width, prepared } => {
+                let (turn, potential) = (self.turn(prepared), &parameters[self.dof()..]);
+                macro_rules! visit {
+                    ($D:literal) => {{
+                        let potential = TanhPotential::<P, $D>::new(self.dof(), width, potential);
+                        let kick = TurnedKick::new(turn, potential, scale);
+                        visitor.visit(if inverse { kick.inverse() } else { kick })
+                    }};
+                }
+                match self.dof() {
+                    2 if T::SPECIALISED => visit!(2),
+                    3 if T::SPECIALISED => visit!(3),
+                    _ => visit!(0),
+                }
+            }
+            Kind::TurnedCoupling { width, prepared } => {
+                let (turn, parameters) = (self.turn(prepared), &parameters[self.dof()..]);
+                macro_rules! visit {
+                    ($D:literal) => {{
+                        let shear =
+                            AffineCoupling::<P, $D>::new(self.dof(), width, scale, parameters);
+                        let coupling = TurnedCoupling::new(turn, shear);
+                        visitor.visit_coupling(if inverse { coupling.inverse() } else { coupling })
+                    }};
+                }
+                match self.dof() {
+                    2 if T::SPECIALISED => visit!(2),
+                    _ => visit!(0),
+                }
+            }
+            Kind::Twist { ref shears } => {
+                macro_rules! visit {
+                    ($D:literal) => {
+                        visitor.visit_twist(Twist::<P, $D> { shears, scale, parameters, inverse })
+                    };
+                }
+                match shears.planes().arguments() {
+                    2 if T::SPECIALISED => visit!(2),
+                    _ => visit!(0),
+                }
+            }
+            Kind::TurnedTwist { ref shears, prepared } => {
+                let turn = self.turn(prepared);
+                let parameters = &parameters[turn.angle_count()..];
+                macro_rules! visit {
+                    ($D:literal) => {{
+                        let twist = Twist::<P, $D> { shears, scale, parameters, inverse };
+                        visitor.visit_turned_twist(TurnedTwist::new(turn, twist))
+                    }};
+                }
+                match shears.planes().arguments() {
+                    2 if T::SPECIALISED => visit!(2),
+                    _ => visit!(0),
+                }
+            }
+            Kind::Linear { first, translated } => {
+                let (dof, plain) = (self.dof(), LinearModule::without_translation);
+                let module = if translated { LinearModule::new } else { plain };
+                let module = module(dof, first, scale, parameters);
+                visitor.visit(if inverse { module.inverse() } else { module })
+            }
+            Kind::Activation { activation, target } => {
+                let (dof, factors) = (self.dof(), parameters);
+                let module = ActivationModule { dof, activation, factors, scale, target };
+                visitor.visit(if inverse { module.inverse() } else { module })
+            }
+        }
+    }
+}
