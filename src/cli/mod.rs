@@ -67,6 +67,7 @@ fn told(error: &Error) -> String {
         Error::Missing { key: "models.network.path", .. } => {
             format!("{error}; give --weights FILE")
         }
+        Error::Missing { key: "flow_time", .. } => format!("{error}; give --flow-time H"),
         Error::At { place, reason } => format!("{place}: {}", told(reason)),
         other => other.to_string(),
     }
