@@ -3,7 +3,6 @@
 mod arguments;
 mod cite;
 mod commands;
-mod next;
 mod output;
 mod progress;
 mod train;

@@ -3,7 +3,6 @@
 use super::Status;
 use super::arguments::{OptimiserName, Train, UnitsOf, circle_action, option_of, positive};
 use super::commands::{check_ending, guard_output, read_scene, use_threads};
-use super::next;
 use super::output::{json, out, width};
 use super::progress::{Progress, line};
 use gyroceptron::Error;
@@ -17,6 +16,7 @@ use gyroceptron::network::{Architecture, Circles, LayerSizes, NetworkSpec};
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
     Folder, ModelSpec, Note, Observer, OwnTraining, Reading, TrainingTimes, negative_epsilons,
+    next_command,
 };
 use gyroceptron::train::{
     ActionFit, AdamOptions, Checkpoint, Control, LbfgsOptions, Leg, LevenbergMarquardtOptions,
@@ -516,7 +516,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         command,
         next: &|step| {
             let typed: Vec<String> = std::env::args().skip(1).collect();
-            next::command(&typed, step, &arguments.output)
+            next_command(&typed, step, &arguments.output)
         },
     }
     .report(&Folder::open_report(&report_folder, true)?)?;
