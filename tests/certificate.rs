@@ -3,6 +3,7 @@
 
 use faer::mat;
 use gyroceptron::layer::{CircleAction, HenonLayer};
+use gyroceptron::measure::internals::{unless_stopped, until_stopped};
 use gyroceptron::measure::{
     Certificate, CertificateOptions, Conditioned, Measurable, OneStep, Verdict, Walk, certify,
     certify_all, certify_map, inversion_ratio, jacobian, symplecticity_defect, symplecticity_ratio,
@@ -11,6 +12,7 @@ use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, 
 use gyroceptron::phase::{Direction, Half, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Elementary, max_or_nan};
+use std::time::Duration;
 
 const LIMIT: f64 = 10.0;
 
@@ -281,4 +283,25 @@ fn a_map_of_ones_own_is_certified_in_a_few_lines() {
     assert_eq!(verdicts(1.0 - 1e-12, 0.0), [Violated, Holds, Holds, Holds, Reported]);
     // Undone with another K.
     assert_eq!(verdicts(1.0, 1e-12), [Holds, Violated, Violated, Holds, Reported]);
+}
+
+fn slow_count() -> usize {
+    let wait = |_| std::thread::sleep(Duration::from_millis(2));
+    until_stopped(0..100).map(wait).count()
+}
+
+#[test]
+fn a_measurement_ends_where_it_is_told_so_and_others_go_on() {
+    assert_eq!(unless_stopped(|| true, slow_count), Some(100));
+    let counted = unless_stopped(
+        || false,
+        || {
+            // One inside has an answer of its own.
+            assert_eq!(unless_stopped(|| true, slow_count), Some(100));
+            let count = slow_count();
+            assert!(count < 100, "{count}");
+        },
+    );
+    assert_eq!(counted, None);
+    assert_eq!(slow_count(), 100);
 }

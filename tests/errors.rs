@@ -3,7 +3,7 @@
 use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
 use gyroceptron::measure::{Coordinate, OneStep, Within};
-use gyroceptron::network::{Architecture, HenonShape, InitialWeights, Rollout, map_points};
+use gyroceptron::network::{HenonShape, InitialWeights, Rollout, map_points};
 use gyroceptron::phase::{Direction, Map};
 
 #[test]

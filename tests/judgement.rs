@@ -5,6 +5,7 @@
 use gyroceptron::flow::{Pairs, Trajectories};
 use gyroceptron::io::{load_model, read_pairs, read_trajectories, write_pairs};
 use gyroceptron::layer::{CircleAction, TorusAction};
+use gyroceptron::measure::internals::{monomials, power, powers};
 use gyroceptron::measure::{OwnInvariance, PlaneSwing, plane_motions};
 use gyroceptron::network::{HenonShape, InitialWeights, Rollout};
 use gyroceptron::random::Stream;
@@ -334,4 +335,15 @@ fn swings_of_actions_are_compared_with_steps() {
         drifting[5] = f64::NAN;
         assert!(of(&drifting)[1].beyond > 0);
     }
+}
+
+/// The polynomials to which the slow part of an action is fitted.
+#[test]
+fn monomials_are_counted() {
+    for (variables, degree) in [(1, 4), (3, 2), (4, 4)] {
+        let values = vec![1.0; variables];
+        assert_eq!(powers(&values, degree).len(), monomials(variables, degree));
+    }
+    assert_eq!(powers(&[2.0, 3.0], 2), [1.0, 2.0, 3.0, 4.0, 6.0, 9.0]);
+    assert_eq!(power(1.0, 2.0, 3), (-11.0, -2.0));
 }

@@ -1,12 +1,13 @@
 //! Networks: counts, inverses, pullbacks, batches.
 
+use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::{Activation, CircleAction, TorusAction};
 use gyroceptron::measure::{Verdict, jacobian, jacobians_by_differences, laws};
 use gyroceptron::network::{
     Composition, CouplingGyroceptronShape, GyroceptronShape, HenonShape, InitialWeights, Model,
-    NormalFormShape, Part, Rollout, SympNetShape, map_jacobians, map_jacobians_by_duals,
-    map_points, rollout,
+    NormalFormShape, Pace, Part, Rollout, SympNetShape, map_jacobians, map_jacobians_by_duals,
+    map_points, map_points_at_pace, rollout, rollout_at_pace,
 };
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
@@ -14,6 +15,7 @@ use gyroceptron::scalar::{
     Dual, Real, Scalar, Simd, Tracked, max_or_nan, tanh_sech2, tanh_sech2_of_all,
 };
 use gyroceptron::train::{Loss, Objective};
+use std::time::Duration;
 
 fn shape(action: &[i32], psi: Vec<usize>, near_identity: Vec<usize>) -> GyroceptronShape {
     GyroceptronShape { circle_action: CircleAction::new(action), psi, near_identity }
@@ -645,4 +647,56 @@ fn a_zero_keeps_its_sign_where_a_point_goes_alone() {
         }
     }
     assert!(negative > 0);
+}
+
+/// Parts of steps, of points and of states that are kept.
+#[test]
+fn a_roll_out_in_parts_has_the_same_bits_and_stops() {
+    let parameters: Vec<f64> = (0..10).map(|k| 0.3 * libm::sin(f64::from(k))).collect();
+    let shape = HenonShape { dof: 1, widths: vec![3] };
+    let net = Model::new(shape.architecture(1.0), parameters).expect("a network");
+    let map = net.composition();
+    for (points, steps, every) in
+        [(1, 5000, 1), (1, 9000, 4000), (3, 3000, 2000), (600, 50, 7), (20_000, 5, 2)]
+    {
+        let initial: Vec<f64> = (0..2 * points).map(|k| libm::sin(f64::from(k as u32))).collect();
+        let request = Rollout { steps, every };
+        let whole = rollout(map, &initial, request).expect("a roll-out");
+        let mut asked = 0;
+        let mut go_on = || {
+            asked += 1;
+            true
+        };
+        let parts = rollout_at_pace(map, &initial, request, &mut Pace::asking(&mut go_on));
+        let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&parts.expect("a roll-out")), bits(&whole), "{points} {every}");
+        assert!(asked > 1, "{points} points: {asked}");
+        let mut stops = || false;
+        let stopped = rollout_at_pace(map, &initial, request, &mut Pace::asking(&mut stops));
+        assert!(matches!(stopped, Err(Error::Stopped { .. })), "{stopped:?}");
+        let mut moved = initial.clone();
+        map_points(map, Direction::Inverse, &mut moved).expect("points");
+        let mut go_on = || true;
+        let mut in_parts = initial;
+        let pace = &mut Pace::asking(&mut go_on);
+        map_points_at_pace(map, Direction::Inverse, &mut in_parts, pace).expect("points");
+        assert_eq!(bits(&in_parts), bits(&moved));
+    }
+}
+
+#[test]
+fn parts_grow_only_as_long_as_they_are_quick_and_whole() {
+    let mut go_on = || true;
+    let mut pace = Pace::asking(&mut go_on);
+    assert_eq!((pace.part(1), pace.part(100), pace.part(5000)), (1024, 10, 1));
+    for _ in 0..100 {
+        pace.pause("a sum", 10).expect("goes on");
+    }
+    assert_eq!(pace.part(1), 1024);
+    pace.pause("a sum", 1000).expect("goes on");
+    assert_eq!(pace.part(1), 2048);
+    std::thread::sleep(Duration::from_millis(320));
+    pace.pause("a sum", 2048).expect("goes on");
+    assert_eq!(pace.part(1), 1024);
+    assert_eq!(Pace::unbroken().part(1), usize::MAX);
 }

@@ -307,6 +307,9 @@ fn import(arguments: &Import) -> Result<Status, Error> {
         line(&format!("{place}: {}", Note::SinglePrecision));
     }
     let (place, epsilon, time) = (place.to_string(), arguments.epsilon, arguments.flow_time);
+    if let Some(time) = time.filter(|time| !(time.is_finite() && *time > 0.0)) {
+        return Err(Error::invalid("--flow-time", time, "a positive number"));
+    }
     let units = take_units(&place, &mut tensors, action.dof())?;
     let model = match read_architecture(&arguments.weights)? {
         // A list of blocks of its own has no other description.
@@ -318,7 +321,10 @@ fn import(arguments: &Import) -> Result<Status, Error> {
             let time = time.unwrap_or(own.flow_time);
             assemble_architecture(&place, tensors, own.at_epsilon(epsilon).of_time(time))?
         }
-        _ => assemble_weights(&place, tensors, &action, epsilon, time)?,
+        _ => assemble_weights(&place, tensors, &action, epsilon, time).map_err(|e| match e {
+            Error::Invalid { ref name, .. } if name == "flow_time" => e.at("--flow-time"),
+            other => other,
+        })?,
     };
     let architecture = model.architecture();
     let flow_time = architecture.has_flow_time().then_some(architecture.flow_time);

@@ -4,7 +4,6 @@ mod arguments;
 mod cite;
 mod commands;
 mod guards;
-mod next;
 mod output;
 mod progress;
 mod train;

@@ -5,7 +5,6 @@ use super::arguments::{
     OptimiserName, Recipe, Train, UnitsOf, circle_action, option_of, positive, ramp,
 };
 use super::guards::{check_ending, guard_output, read_scene, use_threads};
-use super::next;
 use super::output::{json, out, width};
 use super::progress::{Progress, line};
 use gyroceptron::Error;
@@ -14,7 +13,7 @@ use gyroceptron::io::{Checkpoints, StoredModel, load_model, read_pairs, save_mod
 use gyroceptron::layer::TorusAction;
 use gyroceptron::network::{LayerSizes, NetworkSpec};
 use gyroceptron::scene::render::terminal;
-use gyroceptron::scene::{Folder, Note, Observer, OwnTraining, TrainingTimes};
+use gyroceptron::scene::{Folder, Note, Observer, OwnTraining, TrainingTimes, next_command};
 use gyroceptron::train::{
     AdamOptions, Checkpoint, Control, Fit, FitNote, LbfgsOptions, LevenbergMarquardtOptions, Loss,
     Optimiser, Plateau, Problem, Progress as TrainingProgress, Starts, Stop, TrainingObserver,
@@ -384,7 +383,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let units = fitted.problem.units.clone();
     let next = &|step| {
         let typed: Vec<String> = std::env::args().skip(1).collect();
-        next::command(&typed, step, &arguments.output)
+        next_command(&typed, step, &arguments.output)
     };
     let report = OwnTraining { name, fitted, times, command, next }
         .report(&Folder::open_report(&report_folder, true)?)?;

@@ -87,3 +87,10 @@ pub use work_precision::{
     most_accurate, precise_jacobians, relative_difference, root_mean_square_distance, tanh_errors,
     work_precision, work_precision_by,
 };
+
+/// What the tests of this crate reach behind the public API: not a part of it.
+#[doc(hidden)]
+pub mod internals {
+    pub use super::plane_actions::{monomials, power, powers};
+    pub use super::stopping::{unless_stopped, until_stopped};
+}

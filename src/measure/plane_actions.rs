@@ -207,17 +207,17 @@ fn slow_functions(z: &[f64], action: &TorusAction) -> Vec<f64> {
 }
 
 /// (x + iy)^k for k ≥ 1.
-fn power(x: f64, y: f64, k: i32) -> (f64, f64) {
+pub fn power(x: f64, y: f64, k: i32) -> (f64, f64) {
     (1..k).fold((x, y), |(u, v), _| (u * x - v * y, u * y + v * x))
 }
 
 /// The number of monomials of so many variables up to a degree.
-fn monomials(variables: usize, degree: usize) -> usize {
+pub fn monomials(variables: usize, degree: usize) -> usize {
     (1..=degree).fold(1, |count, k| count * (variables + k) / k)
 }
 
 /// All monomials of some variables up to a degree, 1 the first.
-fn powers(variables: &[f64], degree: usize) -> Vec<f64> {
+pub fn powers(variables: &[f64], degree: usize) -> Vec<f64> {
     let mut out = vec![1.0];
     // Of each of the last degree, the first variable that may follow.
     let mut last = vec![(1.0, 0)];
@@ -229,19 +229,4 @@ fn powers(variables: &[f64], degree: usize) -> Vec<f64> {
         out.extend(last.iter().map(|(value, _)| *value));
     }
     out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn monomials_are_counted() {
-        for (variables, degree) in [(1, 4), (3, 2), (4, 4)] {
-            let values = vec![1.0; variables];
-            assert_eq!(powers(&values, degree).len(), monomials(variables, degree));
-        }
-        assert_eq!(powers(&[2.0, 3.0], 2), [1.0, 2.0, 3.0, 4.0, 6.0, 9.0]);
-        assert_eq!(power(1.0, 2.0, 3), (-11.0, -2.0));
-    }
 }

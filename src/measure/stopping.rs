@@ -39,7 +39,7 @@ fn is_stopped() -> bool {
 }
 
 /// These samples, or as many of them as come before the measurement is to end.
-pub(super) fn until_stopped<I: IntoIterator>(samples: I) -> impl Iterator<Item = I::Item> {
+pub fn until_stopped<I: IntoIterator>(samples: I) -> impl Iterator<Item = I::Item> {
     samples.into_iter().take_while(|_| !is_stopped())
 }
 
@@ -54,7 +54,7 @@ impl Drop for Restored {
 
 /// What `measure` comes to; None where `go_on`, which is called now and then between samples,
 /// answers false.
-pub(super) fn unless_stopped<T>(
+pub fn unless_stopped<T>(
     go_on: impl FnMut() -> bool + 'static,
     measure: impl FnOnce() -> T,
 ) -> Option<T> {
@@ -63,31 +63,4 @@ pub(super) fn unless_stopped<T>(
     let out = measure();
     let stopped = ASKING.with_borrow(|asking| asking.as_ref().is_some_and(|own| own.stopped));
     (!stopped).then_some(out)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{unless_stopped, until_stopped};
-    use std::time::Duration;
-
-    fn slow_count() -> usize {
-        let wait = |_| std::thread::sleep(Duration::from_millis(2));
-        until_stopped(0..100).map(wait).count()
-    }
-
-    #[test]
-    fn a_measurement_ends_where_it_is_told_so_and_others_go_on() {
-        assert_eq!(unless_stopped(|| true, slow_count), Some(100));
-        let counted = unless_stopped(
-            || false,
-            || {
-                // One inside has an answer of its own.
-                assert_eq!(unless_stopped(|| true, slow_count), Some(100));
-                let count = slow_count();
-                assert!(count < 100, "{count}");
-            },
-        );
-        assert_eq!(counted, None);
-        assert_eq!(slow_count(), 100);
-    }
 }

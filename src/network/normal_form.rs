@@ -30,7 +30,7 @@
 //! ε = 0.08, 0.04, 0.02 and 0.01 together: 4 Hénon layers of 8 err by 0.44, 0.27, 0.63 and
 //! 0.81 of the motion, 8 of them by 0.22, 0.32, 0.24 and 0.57, and both by all of it below ε = 1e-3;
 //! 12 turned kicks of 8 err by 0.002 at every ε
-//! (`cargo test --release --test generators -- --nocapture`).
+//! (`cargo test --release --test maps generators -- --nocapture`).
 
 use super::architecture::Architecture;
 use super::block::{Block, Layers, Part, Scale};

@@ -76,25 +76,3 @@ impl<'a> Pace<'a> {
         Ok(())
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::Pace;
-
-    #[test]
-    fn parts_grow_only_as_long_as_they_are_quick_and_whole() {
-        let mut go_on = || true;
-        let mut pace = Pace::asking(&mut go_on);
-        assert_eq!((pace.part(1), pace.part(100), pace.part(5000)), (1024, 10, 1));
-        for _ in 0..100 {
-            pace.pause("a sum", 10).expect("goes on");
-        }
-        assert_eq!(pace.part(1), 1024);
-        pace.pause("a sum", 1000).expect("goes on");
-        assert_eq!(pace.part(1), 2048);
-        std::thread::sleep(2 * Pace::LONG);
-        pace.pause("a sum", 2048).expect("goes on");
-        assert_eq!(pace.part(1), 1024);
-        assert_eq!(Pace::unbroken().part(1), usize::MAX);
-    }
-}

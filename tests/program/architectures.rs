@@ -3,7 +3,7 @@
 use crate::helpers::{folder, last_numbers, refuses, succeeds, text};
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::io::{load_model, write_pairs, write_points};
-use gyroceptron::network::{Architecture, Rollout, rollout};
+use gyroceptron::network::{Rollout, rollout};
 use gyroceptron::random::Stream;
 use gyroceptron::system::Oscillators;
 use serde_json::Value;
@@ -52,8 +52,8 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
     assert!(error < 5e-4, "{error:e}");
     assert_eq!(json["angles"].as_array().map(Vec::len), Some(1));
     let stored = load_model(&path.join("m.json")).expect("a model");
-    let network = stored.model.normal_form().expect("a normal form");
-    let time = network.shape().flow_time;
+    let network = &stored.model;
+    let time = network.architecture().flow_time;
     assert!((2.0..60.0).contains(&time), "{time}");
 
     let output = succeeds(path, &["verify", "--model", "m.json", "--samples", "20", "--json"]);
@@ -93,11 +93,16 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
         succeeds(path, &["export", "--model", "m.json", "--output", weights]);
         let import = ["import", "--weights", weights, "--circle-action", "1,0"];
         let import = [&import[..], &["--epsilon", "0.01", "--output", "back.json"]].concat();
-        refuses(path, &import, &["--flow-time", weights]);
-        let time = time.to_string();
         let none = [&import[..], &["--flow-time", "0"]].concat();
         refuses(path, &none, &["--flow-time", "positive"]);
-        succeeds(path, &[&import[..], &["--flow-time", &time]].concat());
+        let time = time.to_string();
+        if weights == "w.npz" {
+            // It does not carry its architecture.
+            refuses(path, &import, &["--flow-time", weights]);
+            succeeds(path, &[&import[..], &["--flow-time", &time]].concat());
+        } else {
+            succeeds(path, &import);
+        }
         let back = load_model(&path.join("back.json")).expect("a model").model;
         assert_eq!(back.architecture(), stored.model.architecture());
         assert_eq!(back.composition().parameters(), stored.model.composition().parameters());
@@ -132,7 +137,7 @@ fn a_family_is_trained_and_asked_for_another_member() {
     let theta = json["theta"].as_f64().expect("a number");
     assert!((theta / 10.0 - 1.0).abs() < 0.02, "{theta}");
     let stored = load_model(&path.join("m.json")).expect("a model");
-    assert_eq!(stored.model.architecture().epsilon(), 0.02);
+    assert_eq!(stored.model.architecture().epsilon, 0.02);
     assert_eq!(stored.provenance.flow_time, Some(10.0));
 
     let judge = set(0.015, 5.0, 2);
@@ -218,10 +223,8 @@ fn couplings_are_trained_on_pairs_with_friction() {
     assert!(error < 1e-8, "{error:e}");
     let stored = load_model(&path.join("m.json")).expect("a model");
     assert_eq!(stored.provenance.flow_time, Some(3.3));
-    let Architecture::CouplingGyroceptron { shape, epsilon } = stored.model.architecture() else {
-        panic!("{:?}", stored.model.architecture());
-    };
-    assert_eq!((shape.flow_time, epsilon), (3.3, 0.05));
+    let architecture = stored.model.architecture();
+    assert_eq!((architecture.flow_time, architecture.epsilon), (3.3, 0.05));
     // What is symplectic cannot learn that volumes shrink by a fifth.
     let symplectic = ["--output", "s.json", "--optimiser", "lm", "--json", "--iterations", "60"];
     let symplectic =
@@ -250,8 +253,12 @@ fn couplings_are_trained_on_pairs_with_friction() {
         assert!(told.contains("near_identity 4 couplings"), "{told}");
         let import = ["import", "--weights", weights, "--circle-action", "1", "--epsilon", "0.05"];
         let import = [&import[..], &["--output", "back.json"]].concat();
-        refuses(path, &import, &["--flow-time", "couplings"]);
-        succeeds(path, &[&import[..], &["--flow-time", "3.3"]].concat());
+        if weights == "w.npz" {
+            refuses(path, &import, &["--flow-time", "couplings"]);
+            succeeds(path, &[&import[..], &["--flow-time", "3.3"]].concat());
+        } else {
+            succeeds(path, &import);
+        }
         let back = load_model(&path.join("back.json")).expect("a model").model;
         assert_eq!(back.architecture(), stored.model.architecture());
         assert_eq!(back.composition().parameters(), stored.model.composition().parameters());
@@ -259,7 +266,7 @@ fn couplings_are_trained_on_pairs_with_friction() {
     }
 
     let report = std::fs::read_to_string(path.join("m-report/report.md")).expect("a report");
-    let command = report.lines().find_map(|line| line.split("`gyroceptron ").nth(1));
+    let command = report.lines().find_map(|line| line.strip_prefix("`gyroceptron "));
     let command = command.and_then(|rest| rest.split('`').next()).expect("a command");
     let scene = |word| if word == "as-run.toml" { "m-report/as-run.toml" } else { word };
     succeeds(path, &command.split(' ').map(scene).collect::<Vec<_>>());

@@ -7,6 +7,7 @@ mod judgement;
 #[path = "../own_scenes.rs"]
 mod own_scenes;
 mod refusals;
+mod reports;
 mod resuming;
 mod scenes;
 mod training;

@@ -252,3 +252,26 @@ fn weights_are_asked_for_where_a_scene_needs_them() {
     let scene = std::fs::read_to_string(path.join("gyroceptron-out/small/as-run.toml"));
     assert!(scene.expect("a scene").contains("iterations = 20"));
 }
+
+/// Commands, scenes and options that are misspelt are named with the nearest one.
+#[test]
+fn misspelt_words_are_answered_with_the_nearest_one() {
+    let folder = folder();
+    for (arguments, word) in [
+        (&["quikstart"][..], "`quickstart`"),
+        (&["trian"], "`train`"),
+        (&["trian", "--data", "pairs.npz"], "`train`"),
+        (&["verfy", "--model", "m.json"], "`verify`"),
+        (&["run", "fieldlines"], "`field-lines`"),
+        (&["fieldlines"], "`field-lines`"),
+        (&["cite", "quikstart"], "`quickstart`"),
+        (&["scenes", "--show", "stif"], "`stiff`"),
+        (&["train", "--dat", "x"], "--data"),
+        (&["run", "--resme"], "--resume"),
+    ] {
+        refuses(folder.path(), arguments, &[word]);
+    }
+    refuses(folder.path(), &["run", "fieldlines"], &["did you mean"]);
+    let output = call(folder.path(), &["xyzzy"]);
+    assert!(!text(&output.stderr).contains("did you mean"));
+}

@@ -1,7 +1,8 @@
 //! Killed and interrupted runs, and folders that already hold one.
 
 use crate::helpers::{
-    SCENE, command, folder, refuses, succeeds, text, two_parts, with_scene, write_data,
+    SCENE, call, command, folder, listing, refuses, succeeds, text, two_parts, with_scene,
+    write_data,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -303,4 +304,51 @@ fn a_resumed_run_must_be_the_same_run() {
     let flipped = text(&whole).replacen("0.", "1.", 1);
     std::fs::write(&checkpoint, flipped).expect("written");
     refuses(path, &["small.toml", "--out", "o", "--resume"], &["checkpoint"]);
+}
+
+/// Levenberg–Marquardt ends where its error is at rest, goes on over a pause to the same bits, and
+/// leaves no checkpoint then; what it made is not made again.
+#[test]
+fn a_training_at_rest_ends_and_leaves_no_checkpoint() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let of = |output: &'static str, more: &[&'static str]| {
+        let base = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", output];
+        let small = ["--psi", "1x2", "--near-identity", "1x2", "--optimiser", "lm", "--json"];
+        [&base[..], &small, more].concat()
+    };
+    let stop = |arguments: &[&str]| -> Value {
+        serde_json::from_slice(&succeeds(path, arguments).stdout).expect("one JSON document")
+    };
+    assert_eq!(stop(&of("a.json", &[]))["stop"], "plateau");
+    let read = |file: &str| std::fs::read(path.join(file)).expect("a file");
+    let report = String::from_utf8(read("a-report/report.md")).expect("text");
+    assert!(report.contains("at rest: a plateau"), "{report}");
+    let report: Value = serde_json::from_slice(&read("a-report/report.json")).expect("JSON");
+    let last = report["studies"]["training"]["models"][0]["last"]["iteration"].as_u64();
+    assert!(last >= Some(50) && last < Some(1000), "{last:?}");
+    assert!(!path.join("a.json.checkpoint").exists());
+    // Again: nothing is trained, nothing changes.
+    let before = listing(path);
+    let again = stop(&of("a.json", &["--resume"]));
+    assert_eq!(again["finished"], true);
+    assert_eq!(listing(path), before);
+    // Of another training there is none to go on with.
+    let other = call(path, &of("a.json", &["--resume", "--seed", "1"]));
+    assert_eq!(other.status.code(), Some(2));
+    assert!(text(&other.stderr).contains("a.json.checkpoint: cannot be read"));
+    assert_eq!(listing(path), before);
+    // In two parts.
+    assert_eq!(stop(&of("b.json", &["--iterations", "30"]))["stop"], "iterations");
+    assert!(path.join("b.json.checkpoint").exists());
+    assert_eq!(stop(&of("b.json", &["--resume"]))["stop"], "plateau");
+    assert!(!path.join("b.json.checkpoint").exists());
+    assert!(read("a.json") == read("b.json"));
+    // It is an option.
+    let more = ["--iterations", "220", "--plateau", "0"];
+    assert_eq!(stop(&of("c.json", &more))["stop"], "iterations");
+    let scene = |name: &str| String::from_utf8(read(name)).expect("text");
+    assert!(scene("a-report/as-run.toml").contains("[training.plateau]"));
+    assert!(!scene("c-report/as-run.toml").contains("plateau"));
 }

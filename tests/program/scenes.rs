@@ -386,15 +386,16 @@ fn the_parameter_counts_of_the_built_in_scenes_are_the_papers() {
     let count = |name: &str, model: usize| {
         let scene = gyroceptron::scene::find(name).and_then(|e| e.scene()).expect("a scene");
         use gyroceptron::system::NearlyPeriodic;
-        let action = scene.setup.system.expect("a system").circle_action();
+        let action = scene.setup.system.expect("a system").circle_action().into();
         scene.setup.models[model]
             .network
             .architecture(&action, 0.01, 5.0)
-            .map(|a| a.parameter_count())
+            .expect("a network to train")
+            .parameter_count()
     };
-    assert_eq!(count("oscillators-short", 0), Some(549));
-    assert_eq!(count("oscillators-long", 0), Some(681));
-    assert_eq!(count("oscillators-long", 1), Some(672));
-    assert_eq!(count("oscillators-long", 2), Some(652));
-    assert_eq!(count("particle-field", 0), Some(1033));
+    assert_eq!(count("oscillators-short", 0), 549);
+    assert_eq!(count("oscillators-long", 0), 681);
+    assert_eq!(count("oscillators-long", 1), 672);
+    assert_eq!(count("oscillators-long", 2), 652);
+    assert_eq!(count("particle-field", 0), 1033);
 }

@@ -5,7 +5,7 @@ use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::io::{
     StoredModel, load_model, read_pairs, read_points, write_pairs, write_points,
 };
-use gyroceptron::network::{Architecture, Rollout, rollout};
+use gyroceptron::network::{Architecture, Part, Rollout, rollout};
 use gyroceptron::random::Stream;
 use gyroceptron::system::Oscillators;
 use serde_json::Value;
@@ -199,11 +199,11 @@ fn a_nearly_integrable_map_is_trained() {
     let train = |output: &str, perturbation: &str| {
         let form = ["--architecture", "normal-form", "--perturbation", perturbation];
         succeeds(path, &[&start[..], &form, &["--output", output]].concat());
-        load_model(&path.join(output)).expect("a model").model.architecture()
+        load_model(&path.join(output)).expect("a model").model.architecture().clone()
     };
-    let widths = |of: Architecture| match of {
-        Architecture::NormalForm { shape, .. } => shape.perturbation,
-        other => panic!("{other:?}"),
+    let widths = |of: Architecture| {
+        let block = of.part(Part::Perturbation).next();
+        block.map(|block| block.layers.widths().to_vec())
     };
     assert_eq!(widths(train("near.json", "2x3")), Some(vec![3, 3]));
     assert_eq!(widths(train("none.json", "0x3")), Some(vec![]));
@@ -212,26 +212,22 @@ fn a_nearly_integrable_map_is_trained() {
     let import = ["import", "--weights", "w.npz", "--circle-action", "1,0", "--epsilon", "0.01"];
     let back = [&import[..], &["--flow-time", "1", "--output", "back.json"]].concat();
     let told = text(&succeeds(path, &back).stdout);
-    assert!(told.contains("2 turned kicks"), "{told}");
-    let back = load_model(&path.join("back.json")).expect("a model").model.architecture();
-    assert_eq!(widths(back), Some(vec![3, 3]));
+    assert!(told.contains("perturbation 2 turned kicks"), "{told}");
+    let back = load_model(&path.join("back.json")).expect("a model").model;
+    assert_eq!(widths(back.architecture().clone()), Some(vec![3, 3]));
     // An integrable map of order one is not taken for one that ε scales.
     succeeds(path, &["export", "--model", "none.json", "--output", "none.npz"]);
     let import = ["import", "--weights", "none.npz", "--circle-action", "1,0", "--epsilon", "0.01"];
     succeeds(path, &[&import[..], &["--flow-time", "1", "--output", "none-back.json"]].concat());
     let [before, after] = ["none.json", "none-back.json"]
         .map(|file| load_model(&path.join(file)).expect("a model").model);
-    assert_eq!(widths(after.architecture()), Some(vec![]));
+    assert_eq!(widths(after.architecture().clone()), Some(vec![]));
     assert_eq!(before.composition().parameters(), after.composition().parameters());
     // Of an unknown flow time the unit is a step, at ε = 0 too.
     let form = ["--architecture", "normal-form", "--perturbation", "2x3", "--epsilon", "0"];
     succeeds(path, &[&start[..], &form, &["--output", "zero.json"]].concat());
-    match load_model(&path.join("zero.json")).expect("a model").model.architecture() {
-        Architecture::NormalForm { shape, epsilon } => {
-            assert_eq!((shape.flow_time, epsilon), (1.0, 0.0));
-        }
-        other => panic!("{other:?}"),
-    }
+    let zero = load_model(&path.join("zero.json")).expect("a model").model;
+    assert_eq!((zero.architecture().flow_time, zero.epsilon()), (1.0, 0.0));
     let net = [&start[..], &["--perturbation", "2x3", "--output", "x.json"]].concat();
     refuses(path, &net, &["--perturbation", "normal form"]);
     let form = ["--architecture", "normal-form", "--perturbation", "2", "--output", "x.json"];
@@ -249,7 +245,7 @@ fn a_circle_action_is_chosen() {
     let told = text(&output.stderr);
     assert!(told.contains("circle action 1,0"), "{told}");
     let model = load_model(&path.join("model.json")).expect("a model").model;
-    assert_eq!(model.architecture().circles()[0].weights(), [1, 0]);
+    assert_eq!(model.architecture().circles[0].weights(), [1, 0]);
     let report = std::fs::read_to_string(path.join("model-report/report.md")).expect("a report");
     assert!(report.contains("--circle-action 1,0"), "what was chosen is what is repeated");
     // Pairs that stand still turn by no action.

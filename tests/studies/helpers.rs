@@ -1,7 +1,7 @@
 //! Running scenes in a folder.
 
 use gyroceptron::layer::CircleAction;
-use gyroceptron::network::{Architecture, Gyroceptron, GyroceptronShape, InitialWeights, Model};
+use gyroceptron::network::{GyroceptronShape, InitialWeights, Model};
 use gyroceptron::scene::{Event, Folder, Observer, Report, Scene, find, parse, run};
 use std::path::Path;
 
@@ -37,14 +37,11 @@ pub fn refused(text: &str, words: &[&str]) {
     }
 }
 
-pub fn network(epsilon: f64) -> Gyroceptron<f64> {
+pub fn network(epsilon: f64) -> Model {
     let circle_action = CircleAction::new([1]);
     let shape = GyroceptronShape { circle_action, psi: vec![4; 2], near_identity: vec![3; 2] };
     let weights = InitialWeights::Normal { scale: 0.8 };
-    match (Architecture::Gyroceptron { shape, epsilon }).initialise(weights, 2.4, 5) {
-        Ok(Model::Gyroceptron(network)) => network,
-        other => panic!("{other:?}"),
-    }
+    shape.architecture(epsilon).initialise(weights, 2.4, 5).expect("valid")
 }
 
 /// A part of a built-in scene.

@@ -19,7 +19,7 @@ fn orbits_of_the_invariant_are_their_definition() {
     for epsilon in [0.2, 0.05, 1e-3] {
         let network = network(epsilon);
         let map = network.in_conjugated_coordinates();
-        let action = &network.shape().circle_action;
+        let action = &network.architecture().circles[0];
         let mut orbit = AdiabaticOrbit::new(&network, &START, &factors).expect("valid");
         orbit.advance(&map, action, 2500);
         let (psi, mut z) = (network.psi(), START);
@@ -155,7 +155,7 @@ fn an_interrupted_horizon_goes_on_to_the_same_numbers() {
     // Orbits that leave the numbers are stored too.
     let mut lost = AdiabaticOrbit::new(&network(1e-3), &[1e200, 0.0], &[1.1]).expect("finite");
     let map = network(1e-3).in_conjugated_coordinates();
-    lost.advance(&map, &network(1e-3).shape().circle_action, 20);
+    lost.advance(&map, &network(1e-3).architecture().circles[0], 20);
     let text = serde_json::to_string(&lost).expect("serialises");
     let read: AdiabaticOrbit = serde_json::from_str(&text).expect("reads back");
     assert_eq!((read.steps(), read.largest().to_bits()), (20, lost.largest().to_bits()));

@@ -87,9 +87,9 @@ fn maps_of_several_flow_times_are_set_beside_integrators() {
     // The weights of a flow time start the next, but for that of the scene.
     let model = |name: &str| load_model(&folder.path().join(name)).expect("a model").model;
     let first = model("model-normal-form-at-5.json");
-    assert_eq!(first.normal_form().expect("a normal form").shape().flow_time, 5.0);
+    assert_eq!(first.architecture().flow_time, 5.0);
     let last = model("model-normal-form-at-20.json");
-    assert_eq!(last.normal_form().expect("a normal form").shape().flow_time, 20.0);
+    assert_eq!(last.architecture().flow_time, 20.0);
     let middle = model("model-normal-form.json");
     let kicks = |model: &Model| model.composition().parameters()[..3].to_vec();
     let apart = |a: &[f64], b: &[f64]| -> f64 {

@@ -5,7 +5,7 @@ use crate::invariants::PROFILES;
 use crate::surfaces::SURFACES;
 use gyroceptron::flow::{Pairs, ReferenceTrajectories, Window, sample_of};
 use gyroceptron::io::{Provenance, StoredModel, export_weights, load_model, save_model};
-use gyroceptron::network::{HenonNet, HenonShape, Model};
+use gyroceptron::network::{HenonShape, Model};
 use gyroceptron::phase::{Map, Units};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::max_or_nan;
@@ -160,7 +160,7 @@ weights = { kind = "normal", scale = 0.15 }
     with("normal.json", "ours.json", &["units of its own"]);
     let shape = HenonShape::uniform(3, 1, 2);
     let weights = vec![0.1; shape.parameter_count()];
-    let wide = Model::HenonNet(HenonNet::new(shape, weights).expect("a network"));
+    let wide = Model::new(shape.architecture(1.0), weights).expect("a network");
     let provenance = Provenance::of("by hand");
     save_model(&path, &StoredModel { model: wide, units: None, provenance }).expect("written");
     with("normal.json", "ours.json", &["a model of 2 degrees of freedom", "3"]);
@@ -177,7 +177,7 @@ fn the_learnt_invariant_is_followed_along_both_orbits() {
     let folder = temporary();
     let report = run_in(folder.path(), &parse("alone", &alone).expect("a scene"));
     let model = load_model(&folder.path().join("model.json")).expect("a model").model;
-    let network = model.gyroceptron().expect("one");
+    let network = &model;
     let own = &report.study("rollout").expect("a study").results.data["models"][0]["own_adiabatic"];
     let number = |v: &Value| v.as_f64().expect("a number");
     let mut z: [f64; 4] = [1.5, 0.15, 0.0, 0.0];

@@ -1,10 +1,10 @@
 //! What to try after a training, as a command: the one that was typed, with other options.
 
-use gyroceptron::scene::NextStep;
+use super::own_pairs::NextStep;
 use std::path::Path;
 
 /// The command of a step, from the arguments of the program without its name.
-pub fn command(typed: &[String], step: NextStep, model: &Path) -> String {
+pub fn next_command(typed: &[String], step: NextStep, model: &Path) -> String {
     let with = |removed: &[&str], added: &[&str]| {
         let flags = ["--resume", "--overwrite"];
         let mut kept = without(typed, removed, &flags);
@@ -61,31 +61,5 @@ fn quoted(word: &str) -> String {
     match !word.is_empty() && word.chars().all(plain) {
         true => word.to_owned(),
         false => format!("'{}'", word.replace('\'', "'\\''")),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn options_are_replaced_and_words_quoted() {
-        let typed = "train --data a.npz --psi=3x4 --iterations 60 --optimiser lm --resume --output";
-        let mut typed: Vec<String> = typed.split(' ').map(str::to_owned).collect();
-        typed.push("my model.json".into());
-        let of = |step| command(&typed, step, Path::new("my model.json"));
-        assert_eq!(
-            of(NextStep::NormalForm),
-            "gyroceptron train --data a.npz --iterations 60 --output 'my model.json' \
-             --architecture normal-form --optimiser lm --overwrite"
-        );
-        assert_eq!(
-            of(NextStep::Iterations(120)),
-            "gyroceptron train --data a.npz --psi=3x4 --optimiser lm --output 'my model.json' \
-             --iterations 120 --resume"
-        );
-        assert!(of(NextStep::Predict).starts_with("gyroceptron predict --model 'my model.json'"));
-        assert!(of(NextStep::Starts(4)).ends_with("--starts 4 --overwrite"));
-        assert!(!of(NextStep::Pairs(3)).contains("a.npz"));
     }
 }
