@@ -197,6 +197,12 @@ fn what_cannot_be_is_refused() {
     let mut loss = Fit { action, ..fit() };
     loss.training.loss = Loss::ByPlane { weights: Some(vec![1.0, -1.0]) };
     refuses(loss, "loss weight");
+    // An action of other planes, whether the network is recommended or told.
+    let three = || Some(TorusAction::from(CircleAction::new([1, 0, 0])));
+    for network in [None, Some(small())] {
+        let error = Fit { network, action: three(), ..fit() }.run(pairs(40, 0.9, 1));
+        assert!(error.expect_err("three planes").to_string().contains("3 weights"));
+    }
     // Pairs that are not sure of an action are asked for one.
     let mut stream = Stream::new(3, "points");
     let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: 60 };

@@ -236,6 +236,7 @@ impl Fit {
     /// The circles of the pairs.
     fn circles(&self, pairs: &Pairs, notes: &mut Vec<FitNote>) -> Result<TorusAction, Error> {
         if let Some(action) = &self.action {
+            super::prepare::check_planes(&self.place, action, pairs)?;
             return Ok(action.clone());
         }
         let fit = ActionFit::fit(pairs)?;

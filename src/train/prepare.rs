@@ -51,6 +51,16 @@ pub struct Prepared {
     pub flow_time: f64,
 }
 
+/// Fails where an action and pairs differ in their degrees of freedom.
+pub(super) fn check_planes(place: &str, action: &TorusAction, pairs: &Pairs) -> Result<(), Error> {
+    if pairs.dof() == action.dof() {
+        return Ok(());
+    }
+    let found = format!("{} weights", action.dof());
+    let expected = format!("{} weights, one for each plane of {place}", pairs.dof());
+    Err(Error::invalid("circle action", found, expected))
+}
+
 impl Preparation<'_> {
     /// Fits units and angles to pairs, and chooses which are held out.
     ///
@@ -61,11 +71,7 @@ impl Preparation<'_> {
     /// known is infinite.
     pub fn prepare(&self, pairs: Pairs) -> Result<Prepared, Error> {
         let Self { place, action, epsilon, validation, .. } = *self;
-        if pairs.dof() != action.dof() {
-            let found = format!("{} weights", action.dof());
-            let expected = format!("{} weights, one for each plane of {place}", pairs.dof());
-            return Err(Error::invalid("circle action", found, expected));
-        }
+        check_planes(place, action, &pairs)?;
         // A report repeats it by a scene, and TOML has no larger integers.
         if i64::try_from(self.seed).is_err() {
             return Err(Error::invalid("seed", self.seed, format!("at most {}", i64::MAX)));

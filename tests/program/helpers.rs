@@ -138,6 +138,8 @@ pub fn with_model() -> tempfile::TempDir {
             "1,0",
             "--output",
             "model.json",
+            "--recipe",
+            "paper",
             "--iterations",
             "12",
         ],

@@ -145,7 +145,6 @@ fn bad_arguments_are_named() {
     train(&["--circle-action", "1,0", "--validation", "1.5"], &["--validation", "1.5"]);
     train(&["--circle-action", "1,0", "--theta", "nan"], &["--theta"]);
     train(&["--circle-action", "1,0", "--threads", "0"], &["--threads"]);
-    train(&[], &["--circle-action"]);
     refuses(
         path,
         &["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "model.json"],

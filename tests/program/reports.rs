@@ -18,7 +18,7 @@ fn a_report_begins_with_verdict_error_and_next_command() {
     write_data(path);
     let train = |output: &str, more: &[&str]| {
         let mut arguments = vec!["train", "--data", "pairs.npz", "--circle-action", "1,0"];
-        arguments.extend(["--output", output]);
+        arguments.extend(["--recipe", "paper", "--output", output]);
         arguments.extend(more);
         let told = text(&succeeds(path, &arguments).stdout);
         let folder = path.join(output.replace(".json", "-report"));

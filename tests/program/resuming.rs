@@ -146,6 +146,8 @@ fn training_is_reproducible_and_resumes() {
             "pairs.npz",
             "--circle-action",
             "1,0",
+            "--recipe",
+            "paper",
             "--output",
             output,
             "--iterations",
@@ -229,7 +231,7 @@ fn checkpoints_of_replaced_trainings_are_removed() {
     let folder = folder();
     let path = folder.path();
     write_data(path);
-    let train = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "m.json"];
+    let train = ["train", "--data", "pairs.npz", "--recipe", "paper", "--output", "m.json"];
     succeeds(path, &[&train[..], &["--iterations", "5"]].concat());
     let checkpoint = path.join("m.json.checkpoint");
     let load = gyroceptron::io::earlier_checkpoint;
@@ -316,7 +318,7 @@ fn a_training_at_rest_ends_and_leaves_no_checkpoint() {
     let of = |output: &'static str, more: &[&'static str]| {
         let base = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", output];
         let small = ["--psi", "1x2", "--near-identity", "1x2", "--optimiser", "lm", "--json"];
-        [&base[..], &small, more].concat()
+        [&base[..], &["--recipe", "paper"], &small, more].concat()
     };
     let stop = |arguments: &[&str]| -> Value {
         serde_json::from_slice(&succeeds(path, arguments).stdout).expect("one JSON document")
