@@ -6,7 +6,7 @@ use gyroceptron::io::{
 };
 use gyroceptron::network::Rollout;
 use gyroceptron::random::Stream;
-use gyroceptron::scalar::{Elementary, constant};
+use gyroceptron::scalar::{Elementary, constant, max_or_nan};
 use gyroceptron::system::{Hamiltonian, Oscillators};
 use serde_json::Value;
 use std::path::Path;
@@ -165,7 +165,7 @@ fn a_scene_on_files_runs_to_a_report() {
         let widest = |folder: &Path| -> f64 {
             let text = std::fs::read_to_string(folder.join(name)).expect("numbers");
             let numbers = text.lines().skip(1).map(|line| line.rsplit(',').next().expect("y"));
-            numbers.map(|y| y.parse::<f64>().expect("a number").abs()).fold(0.0, f64::max)
+            numbers.map(|y| y.parse::<f64>().expect("a number").abs()).fold(0.0, max_or_nan)
         };
         let ratio = widest(&large) / widest(&out);
         assert!((ratio / 128.0 - 1.0).abs() < 1e-12, "{name}: {ratio}");

@@ -851,6 +851,7 @@ fn training_stops_for_the_reason_asked_for() {
                     Some(_) => r.validation,
                     None => (r.pairs == last.pairs).then_some(r.loss),
                 };
+                // no NaN: a score that is no number is not the lowest
                 records.filter_map(of).fold(f64::INFINITY, f64::min)
             };
             let (now, before) = (score(last.iteration), score(last.iteration - 14 * windows));
