@@ -73,9 +73,7 @@ fn network(arguments: &Train, before: Option<NetworkSpec>) -> Result<Option<Netw
     if network.is_of_file() {
         return Err(Error::invalid("--scene", "a network of a file", "one to train"));
     }
-    let with = |network: NetworkSpec, (key, size): (&str, LayerSizes)| {
-        network.with_size(key, size).map_err(|e| e.at(option_of(key)))
-    };
+    let with = |network: NetworkSpec, (key, size)| network.with_size(key, size);
     sizes.into_iter().try_fold(network, with).map(Some)
 }
 

@@ -27,13 +27,16 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
     for twists in ["4x2,0", "4x2,", "4x2,4,2", "4x0", "x2"] {
         refuses(path, &train(&[&form[..], &["--twists", twists]].concat()), &["twist"]);
     }
-    refuses(path, &train(&["--circle-action", "1,0", "--kicks", "3x4"]), &["--kicks", "3x4"]);
-    refuses(path, &train(&["--circle-action", "1,0", "--flow-time", "5"]), &["--flow-time"]);
-    refuses(path, &train(&["--circle-action", "1,0/0,1"]), &["2 circles"]);
+    let paper = ["--circle-action", "1,0", "--recipe", "paper"];
+    refuses(path, &train(&[&paper[..], &["--kicks", "3x4"]].concat()), &["--kicks", "3x4"]);
+    let net = ["--circle-action", "1,0", "--architecture", "henon-net", "--flow-time", "5"];
+    refuses(path, &train(&net), &["--flow-time"]);
+    let two = ["--circle-action", "1,0/0,1", "--recipe", "paper"];
+    refuses(path, &train(&two), &["2 circles"]);
     let shared = ["--circle-action", "1,0/1,3", "--architecture", "normal-form"];
     refuses(path, &train(&shared), &["plane 1", "an angle θ"]);
     let still = ["--epsilon", "0"];
-    refuses(path, &train(&[&form[..], &still].concat()), &["--epsilon", "--flow-time"]);
+    refuses(path, &train(&[&form[..], &still].concat()), &["--epsilon", "flow_time"]);
     refuses(path, &train(&["--circle-action", "1,0/0,a"]), &["1,0/0,a"]);
     let none = ["--circle-action", "0,0", "--architecture", "normal-form"];
     refuses(path, &train(&none), &["planes"]);
@@ -272,7 +275,7 @@ fn couplings_are_trained_on_pairs_with_friction() {
     let zero = [&train[..5], &of, &["--output", "x.json", "--epsilon", "0"]].concat();
     refuses(path, &zero, &["--epsilon", "flow_time"]);
     let kicks = [&train[..5], &of, &["--output", "x.json", "--kicks", "2x2"]].concat();
-    refuses(path, &kicks, &["--kicks", "normal form"]);
+    refuses(path, &kicks, &["--kicks", "psi, near_identity"]);
     let layers = [&train[..5], &of, &["--output", "x.json", "--layers", "2x2"]].concat();
     refuses(path, &layers, &["--layers"]);
 }
