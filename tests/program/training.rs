@@ -229,7 +229,7 @@ fn a_nearly_integrable_map_is_trained() {
     let zero = load_model(&path.join("zero.json")).expect("a model").model;
     assert_eq!((zero.architecture().flow_time, zero.epsilon()), (1.0, 0.0));
     let net = [&start[..], &["--perturbation", "2x3", "--output", "x.json"]].concat();
-    refuses(path, &net, &["--perturbation", "normal form"]);
+    refuses(path, &net, &["--perturbation", "gyroceptron"]);
     let form = ["--architecture", "normal-form", "--perturbation", "2", "--output", "x.json"];
     refuses(path, &[&start[..], &form].concat(), &["--perturbation"]);
 }
@@ -479,8 +479,8 @@ fn training_offers_networks_and_optimisers_and_reports() {
     for (more, words) in [
         (&["--psi", "2"][..], &["--psi", "10x8"][..]),
         (&["--psi", "0x8"], &["--psi"]),
-        (&["--architecture", "henon-net", "--psi", "2x2"], &["--psi", "gyroceptrons"]),
-        (&["--layers", "2x2"], &["--layers", "HénonNets"]),
+        (&["--architecture", "henon-net", "--psi", "2x2"], &["--psi", "henon-net"]),
+        (&["--layers", "2x2"], &["--layers", "gyroceptron"]),
         (&["--near-identity-penalty", "-1"], &["near_identity_penalty"]),
         (&["--target", "nan"], &["target"]),
         (&["--architecture", "henon-net", "--epsilon", "0.3"], &["--epsilon"]),
