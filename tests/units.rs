@@ -280,10 +280,9 @@ fn files_keep_units() {
     let text = model_text(&with).expect("text");
     let back = parse_model("m.json", text.as_bytes()).expect("a model");
     assert_eq!(back.units.as_ref(), Some(&units));
-    assert!(text.contains("\"version\": 2"));
-    // Those who know nothing of units read what has none.
+    assert!(text.contains("\"version\": 3"));
     let without = model_text(&stored(None)).expect("text");
-    assert!(without.contains("\"version\": 1") && !without.contains("units"));
+    assert!(without.contains("\"version\": 3") && !without.contains("units"));
     for (from, to, word) in [
         ("30.0", "31.0", "digest"),
         ("0.25", "0.5", "digest"),

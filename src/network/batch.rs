@@ -300,9 +300,8 @@ pub fn rollout_at_pace(
             // Where one step of all points takes long, those of some blocks after another.
             let (mut points, mut kept) = (&mut state[..], &mut by_block[..]);
             while !points.is_empty() {
-                let blocks = pace.part(part.evaluations(block / dim));
-                let blocks = blocks.max(rayon::current_num_threads());
-                let blocks = blocks.min(points.len().div_ceil(block));
+                let (enough, all) = (rayon::current_num_threads(), points.len().div_ceil(block));
+                let blocks = pace.part(part.evaluations(block / dim)).max(enough).min(all);
                 let (now, later) = points.split_at_mut((blocks * block).min(points.len()));
                 let (now_kept, later_kept) = kept.split_at_mut(slab * now.len());
                 let each = now.par_chunks_mut(block).zip(now_kept.par_chunks_mut(slab * block));

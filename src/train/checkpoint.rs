@@ -159,6 +159,7 @@ impl Checkpoint {
         };
         let lowest = |until: u64| {
             let records = self.history.iter().take_while(|record| record.iteration <= until);
+            // no NaN: a score that is no number is not the lowest
             records.filter_map(score).fold(f64::INFINITY, f64::min)
         };
         !(lowest(last.iteration) < (1.0 - plateau.improvement) * lowest(since))
