@@ -37,6 +37,7 @@
 //! - [`phase`]: points, their order in arrays, the sign of Ω, and
 //!   [`Map`](phase::Map).
 //! - [`random`]: seeded streams.
+//! - [`work`]: how much was computed.
 //! - [`layer`]: the kinds of step, each a shear bound to its parameters.
 //! - [`network`]: a network as a list of blocks, the architectures that have a name, and a model: a
 //!   network with its parameters.
@@ -48,7 +49,6 @@
 //!   schedules, checkpoints.
 //! - `io` (feature `files`): models, data sets, weights of others.
 //! - `scene` (feature `scenes`): declared experiments and their reports.
-//! - [`work`]: how much was computed.
 //!
 //! Each definition of the paper, with its item and its law, is on the page
 //! [`conformance`].

@@ -139,6 +139,7 @@ fn the_conformance_page_names_what_there_is() {
         assert!(root.join(&path).exists(), "{path}");
     }
     let unnamed = [
+        "blocks",
         "determinant",
         "evaluation",
         "exact_relations",

@@ -7,6 +7,7 @@
 //! times the samples and all 360 configurations; `GYROCEPTRON_SEED=n` other ones.
 
 mod adiabatic;
+mod blocks;
 mod circle_action;
 mod compositions;
 mod coupling;

@@ -2,8 +2,8 @@
 //! law has to reject one.
 
 use crate::{
-    adiabatic, coupling, gradients, nearly_integrable, normal_form, precision, suite, symp_net,
-    tanh, tolerances, torus,
+    adiabatic, blocks, coupling, gradients, nearly_integrable, normal_form, precision, suite,
+    symp_net, tanh, tolerances, torus,
 };
 use gyroceptron::layer::{
     CircleAction, HenonLayer, HenonMap, Kick, KickForm, Potential, TanhPotential,
@@ -737,6 +737,7 @@ fn rows_of(fault: Fault) -> Vec<Row> {
             rows.extend(torus::rows_of_mutant(fault));
             rows.extend(normal_form::rows_of_mutant(fault));
             rows.extend(nearly_integrable::rows_of_mutant(fault));
+            rows.extend(blocks::rows_of_mutant(fault));
             rows.extend(coupling::rows_of_mutant(fault));
             rows
         }
@@ -744,6 +745,7 @@ fn rows_of(fault: Fault) -> Vec<Row> {
             let mut rows = map_rows(fault);
             if fault == Fault::EpsilonIgnored {
                 rows.extend(nearly_integrable::rows_of_mutant(fault));
+                rows.extend(blocks::rows_of_mutant(fault));
             }
             rows.extend(coupling::rows_of_mutant(fault));
             rows

@@ -1,9 +1,9 @@
 //! The table of all laws: the snapshot, and its copy in `README.md` beside.
 
 use crate::{
-    adiabatic, circle_action, coupling, determinant, evaluation, exact_relations, gradients,
-    inversion, near_identity, near_periodicity, nearly_integrable, normal_form, precision, suite,
-    symp_net, symplecticity, tanh, tolerances, torus,
+    adiabatic, blocks, circle_action, coupling, determinant, evaluation, exact_relations,
+    gradients, inversion, near_identity, near_periodicity, nearly_integrable, normal_form,
+    precision, suite, symp_net, symplecticity, tanh, tolerances, torus,
 };
 use gyroceptron::measure::{Row, Verdict};
 use gyroceptron::scene::{CERTIFICATE_HEADINGS, certificate_cells};
@@ -16,7 +16,7 @@ pub struct Law {
     pub stated: usize,
 }
 
-pub const LAWS: [Law; 17] = [
+pub const LAWS: [Law; 18] = [
     Law { file: "symplecticity", rows: symplecticity::rows, stated: symplecticity::STATED },
     Law { file: "inversion", rows: inversion::rows, stated: inversion::STATED },
     Law { file: "near_identity", rows: near_identity::rows, stated: near_identity::STATED },
@@ -39,6 +39,7 @@ pub const LAWS: [Law; 17] = [
         rows: nearly_integrable::rows,
         stated: nearly_integrable::STATED,
     },
+    Law { file: "blocks", rows: blocks::rows, stated: blocks::STATED },
     Law { file: "coupling", rows: coupling::rows, stated: coupling::STATED },
     Law { file: "tanh", rows: tanh::rows, stated: tanh::STATED },
     Law { file: "precision", rows: precision::rows, stated: precision::STATED },

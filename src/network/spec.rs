@@ -394,6 +394,9 @@ impl NetworkSpec {
             // Of a perturbation there may be none.
             let least = if key == "perturbation" { 0 } else { least };
             Error::check_count_range(&format!("{key}: layers"), size.count, least, MOST_LAYERS)?;
+            if size.widths().contains(&0) {
+                return Err(Error::invalid(key, size, "at least one neuron in each layer"));
+            }
         }
         let is_symp_net = named.is_some_and(|of| of.name == "symp-net");
         let of_modules = self.activation.is_some() || self.plain.is_some();
