@@ -157,7 +157,7 @@ pub fn train(
             Error::check_count(&format!("degrees of freedom of the {name} pairs"), dof, set.dof())?;
         }
     }
-    options.check_for(&model.architecture())?;
+    options.check_for(model.architecture())?;
     let objective = Objective::new(&options.loss, pairs)?
         .with_near_identity_penalty(options.near_identity_penalty)?
         .with_fixed_angles(options.theta_fixed)

@@ -268,7 +268,7 @@ pub fn train_schedule(
     let first = &places[0];
     let mut legs = Vec::new();
     let mut initial = start(0)?;
-    options.check_for(&initial.architecture())?;
+    options.check_for(initial.architecture())?;
     let repeats = |place: usize| options.ramp.get(place).map_or(1, RampStage::times);
     let mut trial: Option<Checkpoint> = None;
     if let Some(starts) = options.starts {
