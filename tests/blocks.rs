@@ -161,7 +161,7 @@ fn arrangements_are_certified() {
             let slow = |j: &usize| architecture.circles.iter().all(|c| c.weights()[*j] == 0);
             let moved = (0..architecture.dof).filter(slow).map(|j| (z[j] - start(4)[j]).abs());
             assert!(
-                architecture.dof == 4 || moved.fold(0.0, f64::max) > 1e-3,
+                architecture.dof == 4 || moved.fold(0.0, max_or_nan) > 1e-3,
                 "{name} stands still"
             );
         }

@@ -42,7 +42,7 @@ pub(super) fn read(index: &Path) -> Result<BTreeMap<String, Tensor>, Error> {
 /// Reads the tensors in the bytes of both files; their places name them in errors.
 ///
 /// # Errors
-/// Those of [`read`].
+/// When they are corrupt, or a tensor is not float32 or float64.
 pub fn parse(
     place: &str,
     index: &[u8],

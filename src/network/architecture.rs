@@ -23,7 +23,7 @@ const MOST_PLANES: usize = 1000;
 /// P = R∘I_ε∘χ∘K_ε∘Φ_θ∘T_ε∘χ⁻¹, χ = ψ∘ψ_ε,
 ///
 /// with the [parts](Part) that its blocks play; several blocks of a part are applied in the order
-/// of the list. Without circles it is R∘I_ε. From the list follow the [`Model`], the number and the
+/// of the list. Without circles it is R∘I_ε. From the list follow the [`Model`](super::Model), the number and the
 /// order of the parameters (those of the blocks, each the layers in the order of application, then
 /// θ), the names of its tensors, its initial weights, what is invariant, and which laws
 /// [`certify`](crate::measure::certify) asks for.
