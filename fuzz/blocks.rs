@@ -11,8 +11,10 @@ use gyroceptron::phase::Map;
 use gyroceptron::scalar::max_or_nan;
 
 const SCALES: [Scale; 4] = [Scale::None, Scale::Epsilon, Scale::Time, Scale::EpsilonTime];
-/// More parameters are not drawn, and points of more degrees of freedom neither.
+/// More parameters are not drawn.
 const MOST: usize = 4096;
+/// Points of more degrees of freedom take too long.
+const MOST_DOF: usize = 8;
 /// What the checks allow: parameters, planes that are turned, and weights of a circle.
 const MOST_PARAMETERS: u128 = 1_000_000_000;
 const MOST_PLANES: usize = 1000;
@@ -65,7 +67,7 @@ pub fn blocks(data: &[u8]) -> Result<Outcome, String> {
         (Ok(()), Err(reason), true) => return Err(format!("refused without a cause: {reason}")),
         (Ok(()), Ok(model), true) => model,
     };
-    if architecture.dof > MOST_PLANES {
+    if architecture.dof > MOST_DOF {
         return Ok(Outcome::Accepted);
     }
     let size = |shape: [usize; 2]| shape[0] * shape[1];
