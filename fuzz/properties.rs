@@ -2,6 +2,10 @@
 //! in `seeds/` through the same functions.
 #![allow(dead_code)]
 
+mod blocks;
+
+pub use blocks::blocks;
+
 use arbitrary::Unstructured;
 use gyroceptron::io::{
     Provenance, StoredModel, WeightsFormat, assemble_weights, model_text, parse_model, parse_pairs,
@@ -10,7 +14,7 @@ use gyroceptron::io::{
 use gyroceptron::layer::{CircleAction, HenonLayer, TorusAction, layer_parameter_count};
 use gyroceptron::measure::{Measurable, differing_components, fuzz};
 use gyroceptron::network::{
-    CouplingGyroceptronShape, GyroceptronShape, HenonShape, Model, NormalFormShape,
+    Architecture, CouplingGyroceptronShape, GyroceptronShape, HenonShape, Model, NormalFormShape,
 };
 use gyroceptron::phase::Units;
 use gyroceptron::scalar::max_or_nan;
@@ -292,6 +296,12 @@ pub fn model(data: &[u8]) -> Result<Outcome, String> {
     let weights = numbers(u, shape.architecture(0.0).parameter_count());
     let architecture = shape.architecture(number(u));
     let Ok(model) = Model::new(architecture, weights) else { return Ok(Outcome::Refused) };
+    file_of(u, model)
+}
+
+/// The file of a model, in drawn units: read again to the same, and with one byte changed to none,
+/// or to the same but for its provenance.
+fn file_of(u: &mut Unstructured<'_>, model: Model) -> Result<Outcome, String> {
     let dim = 2 * model.composition().dof();
     let factors = vec![number(u); dim];
     let units = match u.arbitrary() {
@@ -304,10 +314,8 @@ pub fn model(data: &[u8]) -> Result<Outcome, String> {
     let at = u.arbitrary::<u32>().unwrap_or(0) as usize % bytes.len();
     bytes[at] = u.arbitrary().unwrap_or(b'9');
     if let Ok(changed) = parse_model("model.json", &bytes) {
-        // Then only the provenance, the spacing or ε can be another.
-        if bits(&changed.model) != bits(&stored.model) {
-            return Err(format!("byte {at}: other parameters, and no word"));
-        }
+        // Then only the provenance and the spacing can be others.
+        is_same(&stored, &changed).map_err(|what| format!("byte {at}: {what}, and no word"))?;
     }
     Ok(outcome)
 }
@@ -320,10 +328,27 @@ fn same_again(stored: &StoredModel) -> Result<Outcome, String> {
     let text = model_text(stored).map_err(|e| format!("a model that cannot be written: {e}"))?;
     let back =
         parse_model("model.json", text.as_bytes()).map_err(|e| format!("its own file: {e}"))?;
-    let same = bits(&back.model) == bits(&stored.model)
-        && back.model.architecture() == stored.model.architecture()
-        && (&back.units, &back.provenance) == (&stored.units, &stored.provenance);
-    if same { Ok(Outcome::Accepted) } else { Err("another model came back".into()) }
+    is_same(stored, &back).map_err(|what| format!("{what} came back"))?;
+    if back.provenance != stored.provenance {
+        return Err("another provenance came back".into());
+    }
+    Ok(Outcome::Accepted)
+}
+
+/// Whether two are the same to the bit, but for where they come from.
+fn is_same(one: &StoredModel, other: &StoredModel) -> Result<(), String> {
+    let of_units = |stored: &StoredModel| -> Option<Vec<u64>> {
+        let units = stored.units.as_ref()?;
+        Some(units.centre().iter().chain(units.factors()).map(|v| v.to_bits()).collect())
+    };
+    let numbers = |of: &Architecture| [of.epsilon.to_bits(), of.flow_time.to_bits()];
+    let (a, b) = (one.model.architecture(), other.model.architecture());
+    match () {
+        () if a != b || numbers(a) != numbers(b) => Err("another architecture".into()),
+        () if bits(&one.model) != bits(&other.model) => Err("other parameters".into()),
+        () if of_units(one) != of_units(other) => Err("other units".into()),
+        () => Ok(()),
+    }
 }
 
 pub fn scene(data: &[u8]) -> Result<Outcome, String> {
@@ -387,7 +412,7 @@ fn tensors(format: WeightsFormat, data: &[u8]) -> Result<Outcome, String> {
 }
 
 /// The targets by name.
-pub const TARGETS: [(&str, Property); 11] = [
+pub const TARGETS: [(&str, Property); 12] = [
     ("henon_layer", henon_layer),
     ("henon_net", henon_net),
     ("near_identity", near_identity),
@@ -395,6 +420,7 @@ pub const TARGETS: [(&str, Property); 11] = [
     ("gyroceptron", gyroceptron),
     ("normal_form", normal_form),
     ("coupling_gyroceptron", coupling_gyroceptron),
+    ("blocks", blocks),
     ("model", model),
     ("scene", scene),
     ("npz", npz),

@@ -4,9 +4,7 @@ use super::composition::Composition;
 use super::init::{InitialWeights, Law, inner_bound, outer_bound};
 use super::step::{Kind, Step};
 use crate::error::Error;
-use crate::layer::{
-    Activation, FastPlanes, KickForm, TwistShears, form_len, linear_module_parameter_count,
-};
+use crate::layer::{Activation, FastPlanes, KickForm, TwistShears, form_len};
 use crate::phase::Half;
 use crate::random::Stream;
 use crate::scalar::Real;
@@ -194,14 +192,16 @@ impl Modules {
 
     /// The numbers of one symmetric matrix.
     fn entries(dof: usize) -> usize {
-        linear_module_parameter_count(dof, 1).saturating_sub(dof.saturating_mul(2))
+        form_len(0, dof)
     }
 
     fn parameter_count(&self, dof: usize) -> usize {
         let Some(last) = self.modules.checked_sub(1) else { return 0 };
-        let linear = linear_module_parameter_count(dof, self.shears);
+        // Nothing is taken from what may be saturated.
+        let matrices = self.shears.saturating_mul(Self::entries(dof));
+        let linear = matrices.saturating_add(dof.saturating_mul(2));
         let activation = if self.plain { 0 } else { dof };
-        let end = if self.plain { linear.saturating_sub(dof.saturating_mul(2)) } else { linear };
+        let end = if self.plain { matrices } else { linear };
         last.saturating_mul(linear.saturating_add(activation)).saturating_add(end)
     }
 }
