@@ -108,7 +108,7 @@ fn pick<T: Clone>(u: &mut Unstructured<'_>, of: &[T]) -> T {
 }
 
 fn layers(u: &mut Unstructured<'_>) -> Layers {
-    let kind = u.arbitrary::<u8>().unwrap_or(0) % 5;
+    let kind = u.arbitrary::<u8>().unwrap_or(0) % 6;
     if kind == 4 {
         let (modules, shears) = (count(u), count(u));
         let activation = pick(u, &Activation::ALL);
@@ -124,7 +124,8 @@ fn layers(u: &mut Unstructured<'_>) -> Layers {
         0 => Layers::Henon(widths),
         1 => Layers::TurnedKick(widths),
         2 => Layers::Twist(widths),
-        _ => Layers::TurnedCoupling(widths),
+        3 => Layers::TurnedCoupling(widths),
+        _ => Layers::TurnedTwist(widths),
     }
 }
 
@@ -194,8 +195,11 @@ fn mended(mut drawn: Architecture) -> Architecture {
         let mut widths: Vec<usize> = block.layers.widths().iter().copied().map(few).collect();
         let twist = matches!(block.layers, Layers::Twist(_));
         block.layers = match &block.layers {
+            layers if drawn.circles.is_empty() && layers.commutes_with_circles() => {
+                Layers::Henon(widths.clone())
+            }
+            Layers::TurnedTwist(_) => Layers::TurnedTwist(widths.clone()),
             _ if block.part == Part::SlowMap => Layers::Twist(widths.clone()),
-            Layers::Twist(_) if drawn.circles.is_empty() => Layers::Henon(widths.clone()),
             Layers::Henon(_) => Layers::Henon(widths.clone()),
             Layers::TurnedKick(_) => Layers::TurnedKick(widths.clone()),
             Layers::Twist(_) => Layers::Twist(widths.clone()),
@@ -221,7 +225,7 @@ fn mended(mut drawn: Architecture) -> Architecture {
         }
         block.name = format!("block-{number}");
     }
-    if drawn.blocks.iter().any(|block| matches!(block.layers, Layers::Twist(_))) {
+    if drawn.blocks.iter().any(|block| block.layers.commutes_with_circles()) {
         let turned = |j: &usize| drawn.circles.iter().any(|c| c.weights()[*j] != 0);
         let fast = (0..dof).filter(turned).count();
         if drawn.circles.len() > fast {
@@ -231,13 +235,17 @@ fn mended(mut drawn: Architecture) -> Architecture {
     drawn
 }
 
-/// d, the numbers that the functions of twists are of.
-fn arguments(architecture: &Architecture) -> u128 {
+/// The planes that no circle turns.
+fn slow_planes(architecture: &Architecture) -> u128 {
     let still = |j: &usize| {
         architecture.circles.iter().all(|c| c.weights().get(*j).is_some_and(|m| *m == 0))
     };
-    let slow = (0..architecture.dof.min(MOST_PLANES)).filter(still).count();
-    (architecture.circles.len() + slow) as u128
+    (0..architecture.dof.min(MOST_PLANES)).filter(still).count() as u128
+}
+
+/// d, the numbers that the functions of twists are of.
+fn arguments(architecture: &Architecture) -> u128 {
+    architecture.circles.len() as u128 + slow_planes(architecture)
 }
 
 fn times(factors: &[u128]) -> u128 {
@@ -267,6 +275,9 @@ fn parameter_counts(architecture: &Architecture) -> Vec<u128> {
             Layers::Twist(_) => each(&|layer, h| {
                 plus(&[times(&[h, d + 2]), if layer % 2 == 0 { triangle(d) } else { 0 }])
             }),
+            Layers::TurnedTwist(_) => {
+                each(&|_, h| plus(&[slow_planes(architecture), times(&[h, d + 2])]))
+            }
             Layers::TurnedCoupling(_) => each(&|_, h| plus(&[3 * n, times(&[3, n, h]), h])),
             Layers::SympNet(of) => {
                 let (modules, shears) = (of.modules as u128, of.shears as u128);
@@ -305,7 +316,7 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
         }
         fault(weights.iter().all(|m| *m == 0), &[&"circle action", &"all weights 0"]);
     }
-    let is_twist = |block: &Block| matches!(block.layers, Layers::Twist(_));
+    let is_twist = |block: &Block| block.layers.commutes_with_circles();
     for Block { layers, .. } in blocks {
         let of_planes = !matches!(layers, Layers::Henon(_) | Layers::SympNet(_));
         fault(of_planes && *dof > MOST_PLANES, &[&"planes of", &layers.words(), dof]);
@@ -327,7 +338,8 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
             fault(of.shears == 0, &[&place, name, &"shears of a linear module"]);
         }
         for (layer, width) in layers.widths().iter().enumerate() {
-            let empty = *width == 0 && !(is_twist(block) && layer % 2 == 0 && *dof > 0);
+            let of_form = matches!(layers, Layers::Twist(_));
+            let empty = *width == 0 && !(of_form && layer % 2 == 0 && *dof > 0);
             fault(empty, &[&place, name, &format!("width 0 (number {layer})")]);
         }
         let of_circles = !matches!(part, Part::None | Part::NearIdentity);
@@ -471,6 +483,10 @@ fn in_range(architecture: &Architecture, weights: &[f64], z: &[f64]) -> bool {
             let gain = s * w * w * (*width as f64 + 1.0);
             reach = match layers {
                 Layers::Twist(_) => 2.0 * reach + m * (gain + s * d * w * (actions + reach)),
+                // Between two turns, which lengthen by 2.
+                Layers::TurnedTwist(_) => {
+                    8.0 * reach + 8.0 * m * (gain + s * d * w * (actions + reach))
+                }
                 // One lengthens by 3 and its shift, the turns around it by 2.
                 Layers::TurnedCoupling(_) => 12.0 * (reach + gain),
                 _ => 4.0 * reach + 8.0 * (gain + w),
