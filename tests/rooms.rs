@@ -31,6 +31,7 @@ fn code(path: &Path) -> String {
 fn reading_order() -> Vec<String> {
     let page = std::fs::read_to_string(source("lib.rs")).expect("the page");
     let list = page.split("# Where things are").nth(1).expect("the list");
+    let list = list.split("//! # ").next().expect("up to the next heading");
     let items = list.lines().filter_map(|line| line.strip_prefix("//! - "));
     let name = |item: &str| {
         let start = item.find('`')? + 1;

@@ -394,8 +394,12 @@ impl NetworkSpec {
             // Of a perturbation there may be none.
             let least = if key == "perturbation" { 0 } else { least };
             Error::check_count_range(&format!("{key}: layers"), size.count, least, MOST_LAYERS)?;
-            if size.widths().contains(&0) {
-                return Err(Error::invalid(key, size, "at least one neuron in each layer"));
+            // A twist of the momenta may be its quadratic form alone.
+            let may_be_empty = |layer: usize| key == "twists" && layer.is_multiple_of(2);
+            let mut widths = size.widths().into_iter().enumerate();
+            if widths.any(|(layer, width)| width == 0 && !may_be_empty(layer)) {
+                let found = format!("{size}: a layer of width 0");
+                return Err(Error::invalid(key, found, "at least one neuron"));
             }
         }
         let is_symp_net = named.is_some_and(|of| of.name == "symp-net");

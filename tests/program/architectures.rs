@@ -39,7 +39,7 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
     refuses(path, &train(&[&form[..], &still].concat()), &["--epsilon", "flow_time"]);
     refuses(path, &train(&["--circle-action", "1,0/0,a"]), &["1,0/0,a"]);
     let none = ["--circle-action", "0,0", "--architecture", "normal-form"];
-    refuses(path, &train(&none), &["planes"]);
+    refuses(path, &train(&none), &["circle action", "other than 0"]);
     refuses(path, &train(&[&form[..], &["--near-identity", "2x2"]].concat()), &["2x2"]);
     refuses(path, &train(&[&form[..], &["--flow-time", "-1"]].concat()), &["--flow-time", "-1"]);
     refuses(path, &train(&[&form[..], &["--near-identity-penalty", "1"]].concat()), &["penalty"]);
