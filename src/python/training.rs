@@ -137,11 +137,12 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// recipe: network and training where nothing else is said: "recommended", a normal form by
 /// Levenberg-Marquardt from three initial weights until it is at rest, or "paper", its gyroceptron by
 /// L-BFGS.
-/// architecture: "gyroceptron", "normal-form", "coupling-gyroceptron", "henon-net" or "symp-net".
+/// architecture: "gyroceptron", "normal-form", "coupling-gyroceptron",
+/// "kicked-gyroceptron", "henon-net" or "symp-net".
 /// psi, near_identity, kicks, twists, perturbation, layers: (layers, neurons) of the parts that it
 /// has; a normal form with a perturbation is nearly integrable, of order one without it.
 /// blocks: a network of your own in place of a named architecture: a list of dictionaries with layer
-/// ("henon", "turned-kick", "twist", "turned-coupling", "symp-net"), widths, part ("conjugation",
+/// ("henon", "turned-kick", "twist", "turned-twist", "turned-coupling", "symp-net"), widths, part ("conjugation",
 /// "chart", "slow-map", "perturbation", "near-identity", "none"), and scale and name where they are
 /// not the usual ones of the part.
 /// optimiser: "lm" (Levenberg-Marquardt, which gets furthest), "l-bfgs" or "adam".

@@ -36,7 +36,7 @@ def pairs():
 
 @pytest.fixture(scope="session")
 def model(pairs):
-    return gyroceptron.train(*pairs, [1, 0], epsilon=0.05, optimiser="lm", iterations=60, seed=4)
+    return gyroceptron.train(*pairs, [1, 0], recipe="paper", epsilon=0.05, optimiser="lm", iterations=60, seed=4)
 
 
 @pytest.fixture(scope="session")

@@ -51,7 +51,7 @@ def test_jacobians_are_symplectic_and_derivatives(pairs, model):
 def test_the_invariant_of_a_normal_form_stays(pairs):
     shape = {"kicks": (4, 4), "twists": (4, (2, 4))}
     model = gyroceptron.train(
-        *pairs, [[1, 0]], architecture="normal-form", epsilon=0.05, iterations=20, **shape
+        *pairs, [[1, 0]], recipe="paper", architecture="normal-form", epsilon=0.05, iterations=20, **shape
     )
     assert model.kind == "normal-form"
     states = model.predict(pairs[0][:3], steps=10_000, every=1000, outside="ignore")
@@ -77,7 +77,7 @@ def test_couplings_are_invertible_and_not_symplectic(pairs):
         model.invariant(z)
     with pytest.raises(gyroceptron.Error, match="epsilon"):
         gyroceptron.train(
-            *pairs, [1, 0], architecture="coupling-gyroceptron", epsilon=0.0, iterations=1
+            *pairs, [1, 0], recipe="paper", architecture="coupling-gyroceptron", epsilon=0.0, iterations=1
         )
 
 
@@ -107,16 +107,16 @@ def test_files_and_the_program_give_the_same_bits(tmp_path, pairs, model, progra
     along = np.load(tmp_path / "mu.npy")
     assert np.array_equal(along.ravel(), model.invariant(states.reshape(-1, 4)))
     program("train", "--data", tmp_path / "pairs.npz", "--circle-action", "1,0", "--epsilon", 0.05,
-            "--optimiser", "lm", "--iterations", 60, "--seed", 4, "--output", tmp_path / "own.json")
+            "--recipe", "paper", "--optimiser", "lm", "--iterations", 60, "--seed", 4, "--output", tmp_path / "own.json")
     assert (tmp_path / "own.json").read_bytes() == path.read_bytes()
 
 
 def test_units_of_the_data_are_undone(pairs, model):
     large = gyroceptron.train(
-        128 * pairs[0], 128 * pairs[1], [1, 0], epsilon=0.05, optimiser="lm", iterations=60, seed=4
+        128 * pairs[0], 128 * pairs[1], [1, 0], recipe="paper", epsilon=0.05, optimiser="lm", iterations=60, seed=4
     )
     plain = gyroceptron.train(
-        *pairs, [1, 0], epsilon=0.05, optimiser="lm", iterations=60, seed=4, units="data"
+        *pairs, [1, 0], recipe="paper", epsilon=0.05, optimiser="lm", iterations=60, seed=4, units="data"
     )
     factors = np.array(large.units[1])
     assert model.units == plain.units and (factors >= 32).all()
@@ -133,10 +133,14 @@ def test_units_of_the_data_are_undone(pairs, model):
 
 def test_planes_are_weighed(pairs):
     def parameters(**more):
-        return gyroceptron.train(*pairs, [1, 0], iterations=2, **more).parameters
+        options = {"recipe": "paper", "iterations": 2, **more}
+        return gyroceptron.train(*pairs, [1, 0], **options).parameters
 
     auto, none = parameters(loss_weights="auto"), parameters(loss_weights="none")
-    assert np.array_equal(auto, parameters()) and not np.array_equal(auto, none)
+    assert np.array_equal(none, parameters()) and not np.array_equal(auto, none)
+    short = {"recipe": "recommended", "starts": 1, "kicks": (2, 2), "twists": (2, (2, 2))}
+    recommended = [parameters(**short, loss_weights=weights) for weights in (None, "auto", "none")]
+    assert np.array_equal(*recommended[:2]) and not np.array_equal(*recommended[1:])
     assert np.array_equal(parameters(loss_weights=[1, 3]), parameters(loss_weights=[2, 6, 2, 6]))
     assert np.array_equal(none, parameters(loss_weights=[5, 5]))
     for bad in ("all", [1, 2, 3], [1, 0], [1, float("nan")]):
@@ -148,7 +152,7 @@ def test_a_callback_follows_stops_and_raises(tmp_path, pairs):
     told = []
     report = tmp_path / "report"
     model = gyroceptron.train(
-        *pairs, [1, 0], iterations=30, seed=1, report=report,
+        *pairs, [1, 0], recipe="paper", iterations=30, seed=1, report=report,
         callback=lambda leg, iteration, loss, held_out: told.append((leg, iteration, loss, held_out)),
     )
     iterations = [iteration for _, iteration, _, _ in told]
@@ -163,11 +167,11 @@ def test_a_callback_follows_stops_and_raises(tmp_path, pairs):
         calls = []
         with pytest.raises(gyroceptron.Error, match=taken.name):
             gyroceptron.train(
-                *pairs, [1, 0], iterations=1, report=taken, callback=lambda *told: calls.append(told)
+                *pairs, [1, 0], recipe="paper", iterations=1, report=taken, callback=lambda *told: calls.append(told)
             )
         assert not calls
 
-    stopped = gyroceptron.train(*pairs, [1, 0], iterations=1000, callback=lambda *told: told[1] < 5)
+    stopped = gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=1000, callback=lambda *told: told[1] < 5)
     assert stopped.validation > 0 and len(stopped.parameters) == len(model.parameters)
 
     # Also where it says so at the end of a leg, and only once.
@@ -177,14 +181,14 @@ def test_a_callback_follows_stops_and_raises(tmp_path, pairs):
         told.append((leg, iteration))
         return iteration < 40
 
-    gyroceptron.train(*pairs, [1, 0], iterations=1000, starts=3, callback=stops_a_start)
+    gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=1000, starts=3, callback=stops_a_start)
     assert [iteration for _, iteration in told] == list(range(1, 41))
 
     def fails(*_):
         raise ZeroDivisionError("mine")
 
     with pytest.raises(ZeroDivisionError, match="mine"):
-        gyroceptron.train(*pairs, [1, 0], iterations=10, callback=fails)
+        gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=10, callback=fails)
 
 
 def test_other_threads_go_on_meanwhile(pairs, model):
@@ -235,31 +239,31 @@ def test_bad_input_is_named(tmp_path, pairs, model):
     refuses("flow_time", model.at, flow_time=3.0)
     train = gyroceptron.train
     refuses("columns: expected 6, found 4", train, *pairs, [1, 0, 0])
-    refuses("architecture", train, *pairs, [1, 0], architecture="mlp")
-    refuses("kicks", train, *pairs, [1, 0], kicks=(2, 2))
-    refuses("optimiser", train, *pairs, [1, 0], optimiser="sgd")
-    refuses("units", train, *pairs, [1, 0], units="mine")
-    refuses("validation", train, *pairs, [1, 0], validation=1.5)
+    refuses("architecture", train, *pairs, [1, 0], recipe="paper", architecture="mlp")
+    refuses("kicks", train, *pairs, [1, 0], recipe="paper", kicks=(2, 2))
+    refuses("optimiser", train, *pairs, [1, 0], recipe="paper", optimiser="sgd")
+    refuses("units", train, *pairs, [1, 0], recipe="paper", units="mine")
+    refuses("validation", train, *pairs, [1, 0], recipe="paper", validation=1.5)
     refuses("rows of output", train, pairs[0], pairs[1][:5], [1, 0])
-    refuses("circles", train, *pairs, [[1, 0], [0, 1]])
-    refuses("layers", train, *pairs, [1, 0], psi=(10**12, 8))
-    refuses("layers", train, *pairs, [1, 0], psi=(0, 8))
-    refuses("parameters", train, *pairs, [1, 0], psi=(2, 2**50))
-    refuses("starts", train, *pairs, [1, 0], starts=0)
-    refuses("flow time", train, *pairs, [1, 0], architecture="normal-form", flow_time=-5.0)
-    refuses("flow_time", train, *pairs, [1, 0], flow_time=5.0)
-    refuses("epsilon", train, *pairs, [1, 0], architecture="henon-net", epsilon=0.3)
+    refuses("circles", train, *pairs, [[1, 0], [0, 1]], recipe="paper")
+    refuses("layers", train, *pairs, [1, 0], recipe="paper", psi=(10**12, 8))
+    refuses("layers", train, *pairs, [1, 0], recipe="paper", psi=(0, 8))
+    refuses("parameters", train, *pairs, [1, 0], recipe="paper", psi=(2, 2**50))
+    refuses("starts", train, *pairs, [1, 0], recipe="paper", starts=0)
+    refuses("flow time", train, *pairs, [1, 0], recipe="paper", architecture="normal-form", flow_time=-5.0)
+    refuses("flow_time", train, *pairs, [1, 0], architecture="henon-net", flow_time=5.0)
+    refuses("epsilon", train, *pairs, [1, 0], recipe="paper", architecture="henon-net", epsilon=0.3)
     # Before the pairs are gone through for each harmonic.
     refuses("2000000000", train, *pairs, [1, 2_000_000_000])
-    refuses("theta", train, *pairs, [1, 0], architecture="henon-net", theta=0.5)
-    refuses("theta_fixed", train, *pairs, [1, 0], architecture="sympnet", theta_fixed=True)
-    refuses("theta_penalty", train, *pairs, [1, 0], theta_penalty=-1.0)
-    refuses("epsilon", train, *pairs, [1, 0], architecture="normal-form", epsilon=0.0)
+    refuses("theta", train, *pairs, [1, 0], recipe="paper", architecture="henon-net", theta=0.5)
+    refuses("theta_fixed", train, *pairs, [1, 0], recipe="paper", architecture="sympnet", theta_fixed=True)
+    refuses("theta_penalty", train, *pairs, [1, 0], recipe="paper", theta_penalty=-1.0)
+    refuses("epsilon", train, *pairs, [1, 0], recipe="paper", architecture="normal-form", epsilon=0.0)
     refuses("columns: expected 4, found 3", train, pairs[0][:, :3], pairs[1], [1, 0])
     with pytest.raises(gyroceptron.Error) as raised:
         model.predict(np.zeros((2, 3)))
     assert type(pickle.loads(pickle.dumps(raised.value))) is gyroceptron.Error
-    net = train(*pairs, [1, 0], architecture="henon-net", layers=(2, 3), iterations=2)
+    net = train(*pairs, [1, 0], recipe="paper", architecture="henon-net", layers=(2, 3), iterations=2)
     refuses("invariant", net.invariant, pairs[0])
     assert net.kind == "henon-net" and net.angles == []
 

@@ -16,7 +16,7 @@ HUGE = 2**40
 def normal_form(pairs):
     shape = {"kicks": (2, 2), "twists": (2, (2, 2))}
     return gyroceptron.train(
-        *pairs, [1, 0], architecture="normal-form", epsilon=0.05, iterations=3, **shape
+        *pairs, [1, 0], recipe="paper", architecture="normal-form", epsilon=0.05, iterations=3, **shape
     )
 
 
@@ -71,7 +71,7 @@ def test_verify(request, which):
 
 
 def test_train(pairs):
-    assert interrupted_after(0.5, lambda: gyroceptron.train(*pairs, [1, 0], iterations=10**6)) < 1.0
+    assert interrupted_after(0.5, lambda: gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=10**6)) < 1.0
 
 
 def test_the_bits_are_those_of_single_steps(pairs, model):

@@ -32,7 +32,7 @@ def test_the_reader_agrees_with_the_network(tmp_path, pairs, program, scale):
     names = {}
     exec(reader, names)
     model = gyroceptron.train(
-        scale * pairs[0], scale * pairs[1], [1, 0], epsilon=0.05, iterations=40
+        scale * pairs[0], scale * pairs[1], [1, 0], recipe="paper", epsilon=0.05, iterations=40
     )
     assert (model.units is None) == (scale == 1.0)
     model.save(tmp_path / "model.json")

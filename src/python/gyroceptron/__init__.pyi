@@ -1,4 +1,4 @@
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import Any, Literal, SupportsFloat, TypedDict
 
@@ -116,27 +116,37 @@ def train(
     | SupportsFloat
     | Sequence[SupportsFloat]
     | Sequence[Sequence[SupportsFloat]]
-    | NDArray[Any],
+    | NDArray[Any] = "auto",
     *,
+    recipe: Literal["recommended", "paper"] | None = None,
     architecture: Literal[
-        "gyroceptron", "normal-form", "coupling-gyroceptron", "henon-net", "sympnet"
-    ] = "gyroceptron",
+        "gyroceptron",
+        "normal-form",
+        "coupling-gyroceptron",
+        "kicked-gyroceptron",
+        "henon-net",
+        "symp-net",
+        "sympnet",
+    ]
+    | None = None,
     psi: tuple[int, int] | None = None,
     near_identity: tuple[int, int] | None = None,
     kicks: tuple[int, int] | None = None,
     twists: tuple[int, int] | tuple[int, tuple[int, int]] | None = None,
     perturbation: tuple[int, int] | None = None,
     layers: tuple[int, int] | None = None,
-    optimiser: Literal["l-bfgs", "lm", "adam"] = "l-bfgs",
+    blocks: Sequence[Mapping[str, Any]] | None = None,
+    optimiser: Literal["l-bfgs", "lm", "adam"] | None = None,
     iterations: int | None = None,
-    starts: int = 1,
+    starts: int | None = None,
+    ramp: Sequence[tuple[float, int]] | None = None,
     near_identity_penalty: float = 0.0,
-    loss_weights: Literal["auto", "none"] | Sequence[float] = "auto",
+    loss_weights: Literal["auto", "none"] | Sequence[float] | None = None,
     patience: int = 0,
     target: float = 0.0,
     plateau: int | None = None,
-    epsilon: float | None = None,
-    flow_time: float | None = None,
+    epsilon: float | NDArray[Any] | None = None,
+    flow_time: float | NDArray[Any] | None = None,
     theta: float | None = None,
     theta_fixed: bool = False,
     theta_penalty: float = 0.0,
@@ -144,6 +154,8 @@ def train(
     validation: float = 0.1,
     seed: int = 0,
     report: str | PathLike[str] | None = None,
+    checkpoint: str | PathLike[str] | None = None,
+    resume: bool = False,
     callback: Callable[[str, int, float, float | None], bool | None] | None = None,
 ) -> Model:
     """Trains a network on pairs, the rows of input and output, (N, 2n) each."""
