@@ -180,7 +180,7 @@ impl Model {
     }
 
     /// The name of its architecture, if it has one: "gyroceptron", "normal-form",
-    /// "coupling-gyroceptron", "henon-net" or "symp-net"; else "blocks".
+    /// "coupling-gyroceptron", "kicked-gyroceptron", "henon-net" or "symp-net"; else "blocks".
     #[getter]
     fn kind(&self) -> &'static str {
         self.architecture().name().unwrap_or("blocks")

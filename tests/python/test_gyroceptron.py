@@ -250,7 +250,7 @@ def test_bad_input_is_named(tmp_path, pairs, model):
     refuses("layers", train, *pairs, [1, 0], recipe="paper", psi=(0, 8))
     refuses("parameters", train, *pairs, [1, 0], recipe="paper", psi=(2, 2**50))
     refuses("starts", train, *pairs, [1, 0], recipe="paper", starts=0)
-    refuses("flow time", train, *pairs, [1, 0], recipe="paper", architecture="normal-form", flow_time=-5.0)
+    refuses("flow_time", train, *pairs, [1, 0], architecture="normal-form", flow_time=-5.0)
     refuses("flow_time", train, *pairs, [1, 0], architecture="henon-net", flow_time=5.0)
     refuses("epsilon", train, *pairs, [1, 0], recipe="paper", architecture="henon-net", epsilon=0.3)
     # Before the pairs are gone through for each harmonic.

@@ -12,6 +12,14 @@ import gyroceptron
 HUGE = 2**40
 
 
+@pytest.fixture(autouse=True)
+def heard():
+    """Also where a shell in the background has the signal ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture(scope="module")
 def normal_form(pairs):
     shape = {"kicks": (2, 2), "twists": (2, (2, 2))}

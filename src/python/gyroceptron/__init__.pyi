@@ -46,8 +46,24 @@ class Model:
     @property
     def kind(
         self,
-    ) -> Literal["gyroceptron", "normal-form", "coupling-gyroceptron", "henon-net", "sympnet"]:
-        """Its architecture."""
+    ) -> Literal[
+        "gyroceptron",
+        "normal-form",
+        "coupling-gyroceptron",
+        "kicked-gyroceptron",
+        "henon-net",
+        "symp-net",
+        "blocks",
+    ]:
+        """The name of its architecture, if it has one."""
+    @property
+    def structure(
+        self,
+    ) -> Literal["plain", "nearly-periodic", "normal-form", "nearly-integrable", "mixed"]:
+        """What its blocks make of it."""
+    @property
+    def blocks(self) -> list[dict[str, Any]]:
+        """Its blocks, as train takes them."""
     @property
     def dof(self) -> int:
         """The degrees of freedom n: points have 2n numbers."""
