@@ -40,7 +40,7 @@ pub fn blocks(data: &[u8]) -> Result<Outcome, String> {
     }
     // Of a list with faults, the count may be any.
     let count = (count as usize).min(MOST);
-    let steady = u.arbitrary::<u8>().unwrap_or(0) % 4 != 0;
+    let steady = !u.arbitrary::<u8>().unwrap_or(0).is_multiple_of(4);
     let mut weights = numbers(u, count);
     if steady {
         weights.iter_mut().filter(|v| !v.is_finite()).for_each(|v| *v = 0.25);
@@ -144,7 +144,7 @@ fn block(u: &mut Unstructured<'_>) -> Block {
 }
 
 fn architecture(u: &mut Unstructured<'_>) -> Architecture {
-    let sound = u.arbitrary::<u8>().unwrap_or(0) % 4 != 0;
+    let sound = !u.arbitrary::<u8>().unwrap_or(0).is_multiple_of(4);
     let dof = count(u);
     let own = if sound { dof.clamp(1, 3) } else { dof.min(MOST_PLANES + 2) };
     let weight = |u: &mut Unstructured<'_>| match u.arbitrary::<u8>().unwrap_or(0) % 8 {
@@ -155,8 +155,11 @@ fn architecture(u: &mut Unstructured<'_>) -> Architecture {
     };
     let circles: Vec<CircleAction> = (0..small(u, 6) - 1)
         .map(|_| {
-            let dof =
-                if u.arbitrary::<u8>().unwrap_or(1) % 16 == 0 { count(u).min(9) } else { own };
+            let dof = if u.arbitrary::<u8>().unwrap_or(1).is_multiple_of(16) {
+                count(u).min(9)
+            } else {
+                own
+            };
             CircleAction::new((0..dof).map(|_| weight(u)).collect::<Vec<_>>())
         })
         .collect();
@@ -464,7 +467,7 @@ fn in_range(architecture: &Architecture, weights: &[f64], z: &[f64]) -> bool {
     let (w, n) = (size(weights).max(1.0), architecture.dof as f64);
     let d = arguments(architecture) as f64;
     let of_circles = architecture.circles.iter().flat_map(CircleAction::weights);
-    let m = of_circles.map(|m| f64::from(*m).abs()).fold(1.0, f64::max);
+    let m = of_circles.map(|m| f64::from(*m).abs()).fold(1.0, max_or_nan);
     let order = order(architecture);
     let there_and_back = order.iter().chain(order.iter().rev()).chain(&order);
     let mut reach = max_or_nan(size(z), 1.0);
