@@ -1,5 +1,5 @@
-//! Networks as lists of blocks: arrangements of one's own, the lists that cannot be, and the files
-//! of earlier formats.
+//! Networks as lists of blocks: arrangements without a name, lists that are refused, and files of
+//! earlier formats.
 
 use gyroceptron::Error;
 use gyroceptron::flow::{Pairs, Window, sample};

@@ -114,7 +114,7 @@ fn real_systems_are_judged_by_their_worst_plane() {
             assert!(first.contains(&named), "{name}: {first}");
             let yes = first.contains("**yes");
             assert!(!(yes && truth[worst].0 > 0.05), "{name}: {first}");
-            // A swing that is not the system's is told, and no other is.
+            // The report names a swing that the system does not have, and no other.
             for (j, (_, swing)) in truth.iter().enumerate() {
                 let named = format!("the action of plane {} ", j + 1);
                 if *swing > 8.0 {
@@ -201,7 +201,7 @@ fn weights_of_the_loss_are_options() {
     let (auto, of_auto, _) = trained(&[]);
     assert!(auto.len() == 4 && auto[0] != auto[1] && auto[0] == auto[2], "{auto:?}");
     assert!((auto.iter().sum::<f64>() / 4.0 - 1.0).abs() < 1e-14, "{auto:?}");
-    // The mean squared error that is told beside what chose the model is of no weights.
+    // The reported mean squared error is unweighted; the one that chose the model is weighted.
     let (weights_of_data, _, report) = trained(&["--units", "data"]);
     let model = &report["studies"]["training"]["models"][0];
     let errors = model["component_errors"].as_array().expect("errors").iter();

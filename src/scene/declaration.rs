@@ -161,7 +161,7 @@ impl Scene {
             && let Some(path) = file.trajectories
         {
             let found = file.read_trajectories(path, rollout.request().kept());
-            // Pairs that are not of the action either are told with those.
+            // Where the pairs do not fit either, their error is the one reported.
             let error = found.err().filter(|_| file.fits_pairs());
             return error.map_or(Ok(()), Err);
         }

@@ -137,7 +137,7 @@ impl Checkpoint {
     }
 
     /// Whether the error has hardly fallen in the window that ends here; `pairs` is the number of
-    /// all training pairs. It is told from the records alone, so that a run that goes on ends
+    /// all training pairs. The records alone decide, so that a run that goes on ends
     /// where it would have ended.
     fn is_at_rest(&self, plateau: Plateau, pairs: usize) -> bool {
         let last = self.last();

@@ -32,7 +32,7 @@ impl Reading {
     /// Momenta before positions turn the other way, and are as good.
     ///
     /// A rotation of the slow plane fits better too where the fast one comes round by whole turns
-    /// from inputs to outputs. Another action is told of only where [`ActionFit`] is sure of it.
+    /// from inputs to outputs. Another action is named only where [`ActionFit`] is sure of it.
     pub fn better(pairs: &Pairs, action: &TorusAction) -> Option<Self> {
         let dof = pairs.dof();
         if action.dof() != dof {
