@@ -24,6 +24,9 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("UTF-8")
 }
 
+/// One start of a small normal form: enough where what is told does not hang on the fit.
+const SMALL: [&str; 6] = ["--starts", "1", "--kicks", "2x3", "--twists", "2x3"];
+
 /// A training: the first section of its report, its data, and standard error.
 fn train(folder: &Path, data: &str, action: &str, more: &[&str]) -> (String, Value, String) {
     let first = ["train", "--data", data, "--circle-action", action, "--output", "m.json"];
@@ -198,11 +201,12 @@ fn weights_of_the_loss_are_options() {
         let model = load_model(&path.join("m.json")).expect("a model");
         (weights(&report), model.model.composition().parameters().to_vec(), report)
     };
-    let (auto, of_auto, _) = trained(&[]);
+    let small = |more: &[&str]| trained(&[&SMALL[..], more].concat());
+    let (auto, of_auto, _) = small(&[]);
     assert!(auto.len() == 4 && auto[0] != auto[1] && auto[0] == auto[2], "{auto:?}");
     assert!((auto.iter().sum::<f64>() / 4.0 - 1.0).abs() < 1e-14, "{auto:?}");
     // The reported mean squared error is unweighted; the one that chose the model is weighted.
-    let (weights_of_data, _, report) = trained(&["--units", "data"]);
+    let (weights_of_data, _, report) = small(&["--units", "data"]);
     let model = &report["studies"]["training"]["models"][0];
     let errors = model["component_errors"].as_array().expect("errors").iter();
     let squares: Vec<f64> = errors.map(|e| e.as_f64().expect("a number").powi(2)).collect();
@@ -213,9 +217,9 @@ fn weights_of_the_loss_are_options() {
     ] {
         assert!((told.as_f64().expect("a number") / found - 1.0).abs() < 1e-10, "{model}");
     }
-    let (none, of_none, _) = trained(&["--loss-weights", "none"]);
+    let (none, of_none, _) = small(&["--loss-weights", "none"]);
     assert!(none.is_empty() && of_none != of_auto);
-    let (list, ..) = trained(&["--loss-weights", "1,3"]);
+    let (list, ..) = small(&["--loss-weights", "1,3"]);
     assert_eq!(list, [0.5, 1.5, 0.5, 1.5]);
     // A scene keeps its loss, and may say so.
     let scene = |text: &str| std::fs::write(path.join("s.toml"), text).expect("written");
@@ -242,7 +246,7 @@ fn a_verdict_takes_held_out_pairs() {
     let folder = tempfile::tempdir().expect("a folder");
     let data = real("spring-pendulum.npz").display().to_string();
     let verdict = |share: &str| {
-        let more = ["--iterations", "1", "--validation", share];
+        let more = [&SMALL[..], &["--iterations", "1", "--validation", share]].concat();
         let (first, report, _) = train(folder.path(), &data, "1,0", &more);
         (first.lines().nth(2).expect("a verdict").to_owned(), report["studies"]["trust"].clone())
     };
@@ -278,7 +282,8 @@ fn whole_turns_recommend_no_action() {
     let fit = ActionFit::fit(&pairs).expect("a fit");
     assert!(!fit.is_sure() && fit.describe().contains("whole turns"), "{}", fit.describe());
     assert!(fit.describe().contains("0.9 times this flow time"), "{}", fit.describe());
-    let (_, _, told) = train(folder.path(), "pairs.npz", "1,0", &["--iterations", "1"]);
+    let (_, _, told) =
+        train(folder.path(), "pairs.npz", "1,0", &[&SMALL[..], &["--iterations", "1"]].concat());
     assert!(!told.contains("better"), "{told}");
 }
 

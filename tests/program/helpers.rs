@@ -97,6 +97,9 @@ every = 10
 initial = [[1.5, 0.15, 0.0, 0.0], [1.5, 1.0, 0.0, 0.0]]
 "#;
 
+/// One start of a small normal form: enough where what is told does not hang on the fit.
+pub const SMALL: [&str; 6] = ["--starts", "1", "--kicks", "2x3", "--twists", "2x3"];
+
 pub fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }

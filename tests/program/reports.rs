@@ -1,6 +1,8 @@
 //! What the report of a training and the terminal show.
 
-use crate::helpers::{SCENE, command, folder, succeeds, text, with_model, with_scene, write_data};
+use crate::helpers::{
+    SCENE, SMALL, command, folder, succeeds, text, with_model, with_scene, write_data,
+};
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::io::{read_pairs, write_pairs};
 use gyroceptron::random::Stream;
@@ -45,11 +47,11 @@ fn a_report_begins_with_verdict_error_and_next_command() {
     assert!(next.ends_with(&["--iterations", "40", "--resume"].map(str::to_owned)), "{next:?}");
     run(&next);
     // As many parameters as numbers: pairs are known by heart.
-    let form = ["--architecture", "normal-form", "--optimiser", "lm", "--iterations", "60"];
+    let form = ["--architecture", "normal-form", "--optimiser", "lm", "--iterations", "30"];
     let (_, next) = train("heart.json", &form);
     assert!(next.contains(&"MORE-PAIRS.npz".to_owned()), "{next:?}");
     // A gyroceptron where the planes turn.
-    let shape = ["--psi", "1x2", "--near-identity", "1x2", "--iterations", "150"];
+    let shape = ["--psi", "1x2", "--near-identity", "1x2", "--iterations", "80"];
     let (_, next) = train("default.json", &shape);
     let expected = ["--architecture", "normal-form", "--optimiser", "lm", "--overwrite"];
     assert!(next.ends_with(&expected.map(str::to_owned)), "{next:?}");
@@ -71,7 +73,7 @@ fn a_report_shows_predictions_orbits_and_errors_by_component() {
     for data in ["pairs", "large"] {
         let (file, model) = (format!("{data}.npz"), format!("{data}.json"));
         let files = ["train", "--data", &file, "--circle-action", "1,0", "--output", &model];
-        succeeds(path, &[&files[..], &["--iterations", "60"]].concat());
+        succeeds(path, &[&files[..], &SMALL, &["--iterations", "60"]].concat());
         let report = path.join(format!("{data}-report"));
         let text = std::fs::read_to_string(report.join("report.md")).expect("a report");
         for name in ["prediction", "orbits"] {
@@ -142,7 +144,8 @@ fn negative_epsilons_are_told() {
         write_pairs(&path.join("pairs.npz"), &pairs).expect("written");
         let files =
             ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "m.json"];
-        let output = succeeds(path, &[&files[..], &["--iterations", "2", "--overwrite"]].concat());
+        let output =
+            succeeds(path, &[&files[..], &SMALL, &["--iterations", "2", "--overwrite"]].concat());
         let report = std::fs::read_to_string(path.join("m-report/report.md")).expect("a report");
         (text(&output.stderr), report)
     };
@@ -161,7 +164,7 @@ fn tables_fit_the_width_of_the_terminal() {
     let path = folder.path();
     let letters = |line: &str| line.chars().count();
     let files = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "w.json"];
-    let train = [&files[..], &["--iterations", "3", "--overwrite"]].concat();
+    let train = [&files[..], &SMALL, &["--iterations", "3", "--overwrite"]].concat();
     let verify = ["verify", "--model", "model.json", "--samples", "5"];
     let small = with_scene("small.toml", SCENE);
     let run = ["run", "small.toml", "--quick", "--overwrite"];

@@ -192,6 +192,8 @@ fn ctrl_c_leaves_a_checkpoint() {
         write_data(path);
         let train =
             ["train", "--data", "pairs.npz", "--circle-action", action, "--output", "m.json"];
+        let sizes = ["--starts", "1", "--kicks", "4x6", "--twists", "4x6", "--plateau", "0"];
+        let train = [&train[..], &sizes].concat();
         let endless = [&train[..], &["--iterations", "1000000000"]].concat();
         let mut child = command(path, &endless)
             .stdout(Stdio::null())

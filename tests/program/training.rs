@@ -1,6 +1,8 @@
 //! From pairs to a model and what is done with it.
 
-use crate::helpers::{call, folder, last_numbers, refuses, succeeds, text, with_model, write_data};
+use crate::helpers::{
+    SMALL, call, folder, last_numbers, refuses, succeeds, text, with_model, write_data,
+};
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::io::{
     StoredModel, load_model, read_pairs, read_points, write_pairs, write_points,
@@ -207,7 +209,7 @@ fn a_nearly_integrable_map_is_trained() {
     let start = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--iterations", "5"];
     let train = |output: &str, perturbation: &str| {
         let form = ["--architecture", "normal-form", "--perturbation", perturbation];
-        succeeds(path, &[&start[..], &form, &["--output", output]].concat());
+        succeeds(path, &[&start[..], &SMALL, &form, &["--output", output]].concat());
         load_model(&path.join(output)).expect("a model").model.architecture().clone()
     };
     let widths = |of: Architecture| {
@@ -234,7 +236,7 @@ fn a_nearly_integrable_map_is_trained() {
     assert_eq!(before.composition().parameters(), after.composition().parameters());
     // Of an unknown flow time the unit is a step, at ε = 0 too.
     let form = ["--architecture", "normal-form", "--perturbation", "2x3", "--epsilon", "0"];
-    succeeds(path, &[&start[..], &form, &["--output", "zero.json"]].concat());
+    succeeds(path, &[&start[..], &SMALL, &form, &["--output", "zero.json"]].concat());
     let zero = load_model(&path.join("zero.json")).expect("a model").model;
     assert_eq!((zero.architecture().flow_time, zero.epsilon()), (1.0, 0.0));
     let net = [&start[..], &["--recipe", "paper", "--perturbation", "2x3", "--output", "x.json"]]
@@ -251,7 +253,7 @@ fn a_circle_action_is_chosen() {
     let path = folder.path();
     write_data(path);
     let auto = ["train", "--data", "pairs.npz", "--circle-action", "auto", "--iterations", "3"];
-    let output = succeeds(path, &[&auto[..], &["--output", "model.json"]].concat());
+    let output = succeeds(path, &[&auto[..], &SMALL, &["--output", "model.json"]].concat());
     let told = text(&output.stderr);
     assert!(told.contains("circle action 1,0"), "{told}");
     let model = load_model(&path.join("model.json")).expect("a model").model;
@@ -303,8 +305,8 @@ fn a_report_says_whether_to_trust_the_model() {
     let all: f64 = errors.iter().map(|error| error * error).sum();
     let share = data["share_beyond_rotation"].as_f64().expect("a number");
     assert!(((all / left).sqrt() / share - 1.0).abs() < 1e-12, "{shares:?}, {share}");
-    let more = ["--starts", "1", "--iterations", "60", "--architecture", "normal-form"];
-    let (text, data) = train("astray.json", &more);
+    let more = ["--starts", "1", "--architecture", "normal-form", "--iterations"];
+    let (text, data) = train("astray.json", &[&more[..], &["30"]].concat());
     // As many parameters as numbers: learnt by heart.
     assert!(text.contains("with care") && text.contains("box"), "{text}");
     assert!(data["astray"].as_u64() > Some(0) && data["limit"] == "data");
@@ -312,7 +314,8 @@ fn a_report_says_whether_to_trust_the_model() {
     let points = sample(&[window], 2, &mut Stream::new(3, "points")).expect("points");
     let (pairs, _) = Pairs::of_flow(&Oscillators { epsilon: 0.01 }, points, 5.0).expect("a flow");
     write_pairs(&path.join("pairs.npz"), &pairs).expect("written");
-    let (text, data) = train("good.json", &more);
+    let sizes = ["60", "--kicks", "4x8", "--twists", "6x8"];
+    let (text, data) = train("good.json", &[&more[..], &sizes].concat());
     assert!(!text.contains("**no**") && data["no"] == serde_json::json!([]), "{text}");
     assert!(data["astray"].as_u64() <= Some(1), "{data}");
     assert!(data["own_invariant_drift"].as_f64().expect("a number") < 1e-10);
