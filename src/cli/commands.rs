@@ -3,7 +3,7 @@
 use super::arguments::{
     Arguments, Command, Export, Import, Outside, Predict, Run, Verify, circle_action, positive,
 };
-use super::guards::{check_ending, guard_output, read_scene, use_threads};
+use super::guards::{check_ending, guard_output, use_threads};
 use super::output::{json, out, status_of, width};
 use super::progress::{Progress, line};
 use super::train::train_pairs;
@@ -19,7 +19,8 @@ use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model
 use gyroceptron::random::Stream;
 use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{
-    Folder, Note, catalogue, certificate_table, default_scene, find, own_invariance_fault, run,
+    Folder, Note, Scene, catalogue, certificate_table, default_scene, find, own_invariance_fault,
+    run,
 };
 use rayon::prelude::*;
 use serde_json::json;
@@ -35,7 +36,7 @@ pub fn dispatch(arguments: Arguments) -> Result<Status, Error> {
         Command::Import(arguments) => import(&arguments),
         Command::Export(arguments) => export(&arguments),
         Command::Cite { scene } => {
-            let scene = scene.as_deref().map(read_scene).transpose()?;
+            let scene = scene.as_deref().map(Scene::read).transpose()?;
             out(&cite::bibtex(scene.as_ref()))?;
             Ok(Status::Done)
         }
@@ -45,7 +46,7 @@ pub fn dispatch(arguments: Arguments) -> Result<Status, Error> {
 fn run_scene(arguments: &Run) -> Result<Status, Error> {
     use_threads(&arguments.common)?;
     let mut scene = match &arguments.scene {
-        Some(name) => read_scene(name)?,
+        Some(name) => Scene::read(name)?,
         None => default_scene().scene()?,
     };
     if let Some(seed) = arguments.seed {

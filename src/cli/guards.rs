@@ -1,21 +1,8 @@
-//! What commands share: scenes by their names, threads, files that may be written.
+//! What commands share: threads, files that may be written.
 
 use super::arguments::Common;
 use gyroceptron::Error;
-use gyroceptron::scene::{Scene, find, parse};
 use std::path::Path;
-
-/// A built-in scene by name, any other from its file.
-pub fn read_scene(name: &str) -> Result<Scene, Error> {
-    let path = Path::new(name);
-    if path.extension().is_some_and(|e| e == "toml") {
-        let text = std::fs::read_to_string(path).map_err(|reason| Error::read(path, reason))?;
-        let scene = parse(name, &text)?;
-        scene.with_files_from(path.parent().unwrap_or(Path::new("")))
-    } else {
-        find(name)?.scene()
-    }
-}
 
 pub fn use_threads(common: &Common) -> Result<(), Error> {
     if let Some(threads) = common.threads {

@@ -4,7 +4,7 @@ use super::Status;
 use super::arguments::{
     OptimiserName, Recipe, Train, UnitsOf, circle_action, option_of, positive, ramp,
 };
-use super::guards::{check_ending, guard_output, read_scene, use_threads};
+use super::guards::{check_ending, guard_output, use_threads};
 use super::output::{json, out, width};
 use super::progress::{Progress, line};
 use gyroceptron::Error;
@@ -13,7 +13,7 @@ use gyroceptron::io::{Checkpoints, StoredModel, load_model, read_pairs, save_mod
 use gyroceptron::layer::TorusAction;
 use gyroceptron::network::{LayerSizes, NetworkSpec};
 use gyroceptron::scene::render::terminal;
-use gyroceptron::scene::{Folder, Note, Observer, OwnTraining, TrainingTimes, next_command};
+use gyroceptron::scene::{Folder, Note, Observer, OwnTraining, Scene, TrainingTimes, next_command};
 use gyroceptron::train::{
     AdamOptions, Checkpoint, Control, Fit, FitNote, LbfgsOptions, LevenbergMarquardtOptions, Loss,
     Optimiser, Plateau, Problem, Progress as TrainingProgress, Starts, Stop, TrainingObserver,
@@ -32,25 +32,8 @@ fn of_scene(arguments: &Train) -> Result<(String, Fit), Error> {
         };
         return Ok(("train".into(), fit));
     };
-    let scene = read_scene(name)?;
-    let spec = match &scene.setup.models[..] {
-        [] => None,
-        [spec] => Some(spec.clone()),
-        several => {
-            let place = format!("{name}: models");
-            return Err(Error::content(place, "one network to train", several.len()));
-        }
-    };
-    let training = spec.as_ref().and_then(|spec| spec.training.clone());
-    let fit = Fit {
-        weights: spec.as_ref().map_or(Fit::WEIGHTS, |spec| spec.weights),
-        network: match spec {
-            Some(spec) => Some(spec.network),
-            None => Some(NetworkSpec::named("gyroceptron")?),
-        },
-        training: training.unwrap_or(scene.setup.training),
-        ..Fit::default()
-    };
+    let scene = Scene::read(name)?;
+    let fit = scene.fit().map_err(|e| e.at(name))?;
     Ok((scene.name, fit))
 }
 
@@ -147,11 +130,7 @@ fn fit_of(arguments: &Train) -> Result<(String, Fit), Error> {
         None | Some(AUTO) => None,
         Some(text) => Some(circle_action(text)?),
     };
-    let mut network = network(arguments, base.network.clone())?;
-    // Those of the command, or of the pairs, are those of the network.
-    if let Some(network) = &mut network {
-        (network.circle_action, network.action) = (None, None);
-    }
+    let network = network(arguments, base.network.clone())?;
     let fit = Fit {
         place: arguments.data.display().to_string(),
         action,

@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::flow::Pairs;
 use crate::io::{Checkpoints, StoredModel};
 use crate::network::{Alternating, Block, LayerSizes, NetworkSpec};
-use crate::scene::{Folder, NextStep, OwnTraining, TrainingTimes};
+use crate::scene::{Folder, NextStep, OwnTraining, Scene, TrainingTimes};
 use crate::train::{
     AdamOptions, Checkpoint, Control, FamilyPairs, Fit, FitNote, LbfgsOptions,
     LevenbergMarquardtOptions, Loss, Optimiser, Plateau, Progress, RampStage, Starts, Stop,
@@ -47,14 +47,7 @@ impl LossWeights {
 }
 
 /// (layers, neurons).
-type Shape = Option<(usize, usize)>;
-
-fn layers((count, width): (usize, usize)) -> LayerSizes {
-    LayerSizes::uniform(count, width)
-}
-
-/// More starts are a mistake.
-const MOST_STARTS: usize = 1000;
+type Shape = Option<(usize, Widths)>;
 
 /// Blocks of Python's dictionaries, as JSON has them.
 fn blocks_of(py: Python<'_>, blocks: Bound<'_, PyAny>) -> PyResult<Vec<Block>> {
@@ -112,18 +105,20 @@ impl TrainingObserver for Calling<'_> {
     }
 }
 
-/// A number for all pairs, or one for each of them.
+/// A number for all pairs, one for each of them, or that of the network and one for each of them.
 #[derive(FromPyObject)]
 pub(super) enum Condition {
     All(f64),
+    Family((f64, Vec<f64>)),
     Each(Vec<f64>),
 }
 
-/// The number for all pairs, and those of each.
+/// The number of the network, and those of each pair.
 fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
     match of {
         None => (None, None),
         Some(Condition::All(number)) => (Some(number), None),
+        Some(Condition::Family((number, numbers))) => (Some(number), Some(numbers)),
         Some(Condition::Each(numbers)) => (None, Some(numbers)),
     }
 }
@@ -137,10 +132,12 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// recipe: network and training where nothing else is said: "recommended", a normal form by
 /// Levenberg-Marquardt from three initial weights until it is at rest, or "paper", its gyroceptron by
 /// L-BFGS.
+/// scene: network and training options are taken from this scene, a built-in one or a .toml file; what is
+/// said beside it comes before it.
 /// architecture: "gyroceptron", "normal-form", "coupling-gyroceptron",
 /// "kicked-gyroceptron", "henon-net" or "symp-net".
 /// psi, near_identity, kicks, twists, perturbation, layers: (layers, neurons) of the parts that it
-/// has; a normal form with a perturbation is nearly integrable, of order one without it.
+/// has, or (layers, (neurons, neurons)) of two widths by turns; a normal form with a perturbation is nearly integrable, of order one without it.
 /// blocks: a network of your own in place of a named architecture: a list of dictionaries with layer
 /// ("henon", "turned-kick", "twist", "turned-twist", "turned-coupling", "symp-net"), widths, part ("conjugation",
 /// "chart", "slow-map", "perturbation", "near-identity", "none"), and scale and name where they are
@@ -156,7 +153,7 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// plateau: stop when the held-out error has fallen by less than a tenth in so many iterations, 50
 /// with "lm" unless given; 0 never stops.
 /// epsilon, flow_time: those of the pairs, a number or an array (N,) of those of each pair: 0.01 and what
-/// they tell unless given.
+/// they tell unless given. The network's own are the largest of an array, or that of a tuple (own, array).
 /// loss_weights: "auto", by the motion of each plane beside the rotation, "none", or n or 2n positive
 /// numbers: of the planes in the loss and in the held-out error that chooses the model.
 /// theta, theta_fixed, theta_penalty: the angle to start from, the nearest rotation's unless given,
@@ -175,11 +172,12 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// the end of an iteration.
 #[pyfunction]
 #[pyo3(signature = (
-    input, output, circle_action=Circles::Auto, *, recipe=None, architecture=None, psi=None, near_identity=None,
-    kicks=None, twists=None, perturbation=None, layers=None, blocks=None, optimiser=None, iterations=None,
-    starts=None, ramp=None, near_identity_penalty=0.0, loss_weights=None, patience=0, target=0.0, plateau=None,
-    epsilon=None, flow_time=None, theta=None, theta_fixed=false, theta_penalty=0.0, units="fitted",
-    validation=0.1, seed=0, report=None, checkpoint=None, resume=false, callback=None
+    input, output, circle_action=Circles::Auto, *, recipe=None, scene=None, architecture=None, psi=None,
+    near_identity=None, kicks=None, twists=None, perturbation=None, layers=None, blocks=None, optimiser=None,
+    iterations=None, starts=None, ramp=None, near_identity_penalty=None, loss_weights=None, patience=None,
+    target=None, plateau=None, epsilon=None, flow_time=None, theta=None, theta_fixed=false,
+    theta_penalty=None, units="fitted", validation=0.1, seed=0, report=None, checkpoint=None,
+    resume=false, callback=None
 ))]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn train(
@@ -188,11 +186,12 @@ pub(super) fn train(
     output: Rows<'_>,
     circle_action: Circles,
     recipe: Option<&str>,
+    scene: Option<PathBuf>,
     architecture: Option<&str>,
     psi: Shape,
     near_identity: Shape,
     kicks: Shape,
-    twists: Option<(usize, Widths)>,
+    twists: Shape,
     perturbation: Shape,
     layers: Shape,
     blocks: Option<Bound<'_, PyAny>>,
@@ -200,16 +199,16 @@ pub(super) fn train(
     iterations: Option<u64>,
     starts: Option<u64>,
     ramp: Option<Vec<(f64, u64)>>,
-    near_identity_penalty: f64,
+    near_identity_penalty: Option<f64>,
     loss_weights: Option<LossWeights>,
-    patience: u64,
-    target: f64,
+    patience: Option<u64>,
+    target: Option<f64>,
     plateau: Option<u64>,
     epsilon: Option<Condition>,
     flow_time: Option<Condition>,
     theta: Option<f64>,
     theta_fixed: bool,
-    theta_penalty: f64,
+    theta_penalty: Option<f64>,
     units: &str,
     validation: f64,
     seed: u64,
@@ -218,13 +217,8 @@ pub(super) fn train(
     resume: bool,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<Model> {
-    let base = match recipe {
-        None | Some("recommended") => Fit::default(),
-        Some("paper") => Fit::paper(),
-        Some(other) => {
-            return Err(Error::invalid("recipe", other, "recommended or paper").into());
-        }
-    };
+    let is_of_scene = scene.is_some();
+    let (name, base) = base(recipe, scene)?;
     let action = circle_action.given()?;
     let dof = action.as_ref().map_or_else(|| dof_of("input", &input), |action| Ok(action.dof()))?;
     let (input, output) = (rows_of("input", &input, dof)?, rows_of("output", &output, dof)?);
@@ -242,14 +236,16 @@ pub(super) fn train(
             "adam" => Optimiser::Adam(AdamOptions::default()),
             _ => return Err(Error::invalid("optimiser", name, "l-bfgs, lm or adam").into()),
         };
-        training.plateau = (name == "lm").then(Plateau::default);
+        let at_rest = || (name == "lm").then(Plateau::default);
+        // That of a scene stays; that of the recipe is one of its optimiser.
+        training.plateau = if is_of_scene { training.plateau.or_else(at_rest) } else { at_rest() };
     }
     if let Some(iterations) = plateau {
         training.plateau = Plateau::over(iterations);
     }
     if let Some(count) = starts {
-        let name = usize::try_from(count).unwrap_or(usize::MAX);
-        Error::check_count_range("starts", name, 1, MOST_STARTS)?;
+        let found = usize::try_from(count).unwrap_or(usize::MAX);
+        Error::check_count_range("starts", found, 1, usize::MAX)?;
         training.starts = (count > 1).then_some(Starts { count, iterations: Starts::TRIAL });
     }
     if let Some(weights) = loss_weights {
@@ -269,12 +265,12 @@ pub(super) fn train(
         theta,
         training: TrainingOptions {
             iterations: iterations.unwrap_or(training.iterations),
-            ramp: ramp.into_iter().flatten().map(stage).collect(),
-            near_identity_penalty,
-            theta_fixed,
-            theta_penalty,
-            patience,
-            target,
+            ramp: ramp.map_or(training.ramp, |stages| stages.into_iter().map(stage).collect()),
+            near_identity_penalty: near_identity_penalty.unwrap_or(training.near_identity_penalty),
+            theta_fixed: theta_fixed || training.theta_fixed,
+            theta_penalty: theta_penalty.unwrap_or(training.theta_penalty),
+            patience: patience.unwrap_or(training.patience),
+            target: target.unwrap_or(training.target),
             ..training
         },
         units: match units {
@@ -302,7 +298,7 @@ pub(super) fn train(
         checkpoints.check(&problem.training)?;
     }
     let start = Instant::now();
-    let times = TrainingTimes { model: "train".into(), ..TrainingTimes::default() };
+    let times = TrainingTimes { model: name.clone(), ..TrainingTimes::default() };
     let callback = callback.as_ref();
     let mut watch = Calling { callback, raised: None, stopped: false, times, start, checkpoints };
     let fitted = py.detach(|| problem.train(&mut watch));
@@ -317,14 +313,35 @@ pub(super) fn train(
     {
         checkpoints.remove()?;
     }
-    let stored = StoredModel::of_fit(&fitted, "train");
+    let stored = StoredModel::of_fit(&fitted, &name);
     let trained = py.detach(|| Trained::of(&fitted, notes))?;
     if let Some(folder) = report {
-        let (name, next) = ("train".into(), &next_call);
+        let next = &next_call;
         let command = "The same call of `gyroceptron.train` with the same pairs".into();
         py.detach(|| OwnTraining { name, fitted, times, command, next }.report(&folder))?;
     }
     Ok(Model { stored, trained: Some(Arc::new(trained)) })
+}
+
+/// The name of the fit, and its network and training, as the scene or the recipe has them.
+fn base(recipe: Option<&str>, scene: Option<PathBuf>) -> Result<(String, Fit), Error> {
+    let fit = match (recipe, scene) {
+        (Some(recipe), Some(_)) => {
+            return Err(Error::invalid("recipe", recipe, "none beside a scene"));
+        }
+        (None, Some(name)) => {
+            let name = name.display().to_string();
+            let scene = Scene::read(&name)?;
+            let fit = scene.fit().map_err(|e| e.at(name))?;
+            return Ok((scene.name, fit));
+        }
+        (None | Some("recommended"), None) => Fit::default(),
+        (Some("paper"), None) => Fit::paper(),
+        (Some(other), None) => {
+            return Err(Error::invalid("recipe", other, "recommended or paper"));
+        }
+    };
+    Ok(("train".into(), fit))
 }
 
 /// Those of the parts that were asked for.
@@ -332,7 +349,7 @@ struct Shapes {
     psi: Shape,
     near_identity: Shape,
     kicks: Shape,
-    twists: Option<(usize, Widths)>,
+    twists: Shape,
     perturbation: Shape,
     layers: Shape,
 }
@@ -345,16 +362,19 @@ impl Shapes {
         before: Option<NetworkSpec>,
         blocks: Vec<Block>,
     ) -> Result<Option<NetworkSpec>, Error> {
+        if let (Some(name), false) = (architecture, blocks.is_empty()) {
+            return Err(Error::invalid("architecture", name, "none beside blocks"));
+        }
         let sizes = [
-            ("psi", self.psi.map(layers)),
-            ("near_identity", self.near_identity.map(layers)),
-            ("kicks", self.kicks.map(layers)),
-            ("twists", self.twists.map(twists)),
-            ("perturbation", self.perturbation.map(layers)),
-            ("layers", self.layers.map(layers)),
+            ("psi", self.psi),
+            ("near_identity", self.near_identity),
+            ("kicks", self.kicks),
+            ("twists", self.twists),
+            ("perturbation", self.perturbation),
+            ("layers", self.layers),
         ];
         let sizes: Vec<_> =
-            sizes.into_iter().filter_map(|(key, size)| Some((key, size?))).collect();
+            sizes.into_iter().filter_map(|(key, size)| Some((key, layers(size?)))).collect();
         let keys: Vec<&str> = sizes.iter().map(|(key, _)| *key).collect();
         let network = match (architecture, before) {
             _ if !blocks.is_empty() => NetworkSpec::of_blocks(blocks),
@@ -369,7 +389,7 @@ impl Shapes {
     }
 }
 
-fn twists((count, width): (usize, Widths)) -> LayerSizes {
+fn layers((count, width): (usize, Widths)) -> LayerSizes {
     let width = match width {
         Widths::Same(width) => Alternating::Same(width),
         Widths::Two(widths) => Alternating::Two(widths),

@@ -29,6 +29,7 @@ mod log;
 mod machine;
 mod next_command;
 mod notes;
+mod own_fit;
 mod own_pairs;
 mod parse;
 mod predictions;

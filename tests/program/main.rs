@@ -1,5 +1,6 @@
 //! The program, as its users call it.
 
+mod abilities;
 mod architectures;
 mod helpers;
 #[path = "../judgement.rs"]

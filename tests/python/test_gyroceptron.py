@@ -250,6 +250,13 @@ def test_bad_input_is_named(tmp_path, pairs, model):
     refuses("layers", train, *pairs, [1, 0], recipe="paper", psi=(0, 8))
     refuses("parameters", train, *pairs, [1, 0], recipe="paper", psi=(2, 2**50))
     refuses("starts", train, *pairs, [1, 0], recipe="paper", starts=0)
+    refuses("starts", train, *pairs, [1, 0], recipe="paper", starts=10_001)
+    refuses("recipe: .*beside a scene", train, *pairs, [1, 0], recipe="paper", scene="quickstart")
+    refuses("did you mean `quickstart`", train, *pairs, [1, 0], scene="quickstar")
+    refuses("none.toml", train, *pairs, [1, 0], scene=tmp_path / "none.toml")
+    refuses("oscillators-long: models: .*one network", train, *pairs, [1, 0], scene="oscillators-long")
+    blocks = [{"part": "none", "layer": "henon", "widths": [2]}]
+    refuses("architecture: .*beside blocks", train, *pairs, [1, 0], architecture="henon-net", blocks=blocks)
     refuses("flow_time", train, *pairs, [1, 0], architecture="normal-form", flow_time=-5.0)
     refuses("flow_time", train, *pairs, [1, 0], architecture="henon-net", flow_time=5.0)
     refuses("epsilon", train, *pairs, [1, 0], recipe="paper", architecture="henon-net", epsilon=0.3)

@@ -9,6 +9,8 @@ __all__ = ["Certificate", "Error", "Model", "__version__", "load", "train"]
 
 __version__: str
 
+_Layers = tuple[int, int] | tuple[int, tuple[int, int]]
+
 class Error(ValueError):
     """What can go wrong: the message has the values that explain it."""
 
@@ -135,6 +137,7 @@ def train(
     | NDArray[Any] = "auto",
     *,
     recipe: Literal["recommended", "paper"] | None = None,
+    scene: str | PathLike[str] | None = None,
     architecture: Literal[
         "gyroceptron",
         "normal-form",
@@ -145,27 +148,27 @@ def train(
         "sympnet",
     ]
     | None = None,
-    psi: tuple[int, int] | None = None,
-    near_identity: tuple[int, int] | None = None,
-    kicks: tuple[int, int] | None = None,
-    twists: tuple[int, int] | tuple[int, tuple[int, int]] | None = None,
-    perturbation: tuple[int, int] | None = None,
-    layers: tuple[int, int] | None = None,
+    psi: _Layers | None = None,
+    near_identity: _Layers | None = None,
+    kicks: _Layers | None = None,
+    twists: _Layers | None = None,
+    perturbation: _Layers | None = None,
+    layers: _Layers | None = None,
     blocks: Sequence[Mapping[str, Any]] | None = None,
     optimiser: Literal["l-bfgs", "lm", "adam"] | None = None,
     iterations: int | None = None,
     starts: int | None = None,
     ramp: Sequence[tuple[float, int]] | None = None,
-    near_identity_penalty: float = 0.0,
+    near_identity_penalty: float | None = None,
     loss_weights: Literal["auto", "none"] | Sequence[float] | None = None,
-    patience: int = 0,
-    target: float = 0.0,
+    patience: int | None = None,
+    target: float | None = None,
     plateau: int | None = None,
-    epsilon: float | NDArray[Any] | None = None,
-    flow_time: float | NDArray[Any] | None = None,
+    epsilon: float | NDArray[Any] | tuple[float, NDArray[Any]] | None = None,
+    flow_time: float | NDArray[Any] | tuple[float, NDArray[Any]] | None = None,
     theta: float | None = None,
     theta_fixed: bool = False,
-    theta_penalty: float = 0.0,
+    theta_penalty: float | None = None,
     units: Literal["fitted", "data"] = "fitted",
     validation: float = 0.1,
     seed: int = 0,

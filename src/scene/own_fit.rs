@@ -1,0 +1,44 @@
+//! What a scene says of a training, for pairs of one's own.
+
+use super::catalogue::find;
+use super::declaration::Scene;
+use super::parse::parse;
+use crate::error::Error;
+use crate::network::NetworkSpec;
+use crate::train::Fit;
+use std::path::Path;
+
+impl Scene {
+    /// A built-in scene by its name, any other from its file, whose name ends in `.toml`.
+    ///
+    /// # Errors
+    /// When there is no such scene, or its file cannot be read or is no scene.
+    pub fn read(name: &str) -> Result<Self, Error> {
+        let path = Path::new(name);
+        if path.extension().is_some_and(|ending| ending == "toml") {
+            let text = std::fs::read_to_string(path).map_err(|reason| Error::read(path, reason))?;
+            parse(name, &text)?.with_files_from(path.parent().unwrap_or(Path::new("")))
+        } else {
+            find(name)?.scene()
+        }
+    }
+
+    /// A fit of the scene's only network, trained as the scene says, to pairs of one's own. Circles,
+    /// ε and flow time are not the scene's. A scene without networks has the gyroceptron of the paper.
+    ///
+    /// # Errors
+    /// [`Error::Content`] when the scene has several networks.
+    pub fn fit(&self) -> Result<Fit, Error> {
+        let setup = &self.setup;
+        let (mut network, weights, training) = match &setup.models[..] {
+            [] => (NetworkSpec::named("gyroceptron")?, Fit::WEIGHTS, &setup.training),
+            [spec] => {
+                let training = spec.training.as_ref().unwrap_or(&setup.training);
+                (spec.network.clone(), spec.weights, training)
+            }
+            several => return Err(Error::content("models", "one network to train", several.len())),
+        };
+        (network.circle_action, network.action) = (None, None);
+        Ok(Fit { network: Some(network), weights, training: training.clone(), ..Fit::default() })
+    }
+}
