@@ -63,6 +63,5 @@ pub use verdict::Trust;
 #[doc(hidden)]
 pub mod internals {
     pub use super::study::claims::{REPRODUCED, as_good, change, command, verdict};
-    pub use super::study::dissipation::{period, simpson};
     pub use super::trust::{Limit, Orbits, PlaneError, STEPS, limit, orbits, plane_errors, worst};
 }
