@@ -14,12 +14,15 @@ mod checkpoint;
 mod fit;
 mod kernels;
 mod lbfgs;
+mod legs;
 mod levenberg_marquardt;
 mod loss;
+mod minimise;
 mod normal_equations;
 mod options;
 mod prepare;
 mod reading;
+mod record;
 mod rotation_fit;
 mod run;
 mod schedule;
@@ -30,16 +33,17 @@ pub use adam::AdamOptions;
 pub use checkpoint::Checkpoint;
 pub use fit::{FamilyPairs, Fit, FitNote, Fitted, InitialModels, Problem};
 pub use lbfgs::{LbfgsOptions, Scaling};
+pub use legs::{FreshTwists, RampStage, Starts};
 pub use levenberg_marquardt::LevenbergMarquardtOptions;
 pub use loss::{Loss, Objective};
 pub use normal_equations::NormalEquations;
-pub use options::{Optimiser, Plateau, Stop, TrainingOptions, TrainingRecord};
+pub use options::{Optimiser, Plateau, TrainingOptions};
 pub use prepare::{Preparation, Prepared};
 pub use reading::Reading;
+pub use record::{Stop, TrainingRecord};
 pub use rotation_fit::{fit_rotation, slow_time};
 pub use run::{Control, Outcome, Progress, train};
 pub use schedule::{
-    FreshTwists, RampStage, Scheduled, StageData, StageResult, Starts, TrainingObserver,
-    TrainingStage, train_schedule,
+    Scheduled, StageData, StageResult, TrainingObserver, TrainingStage, train_schedule,
 };
 pub use units_fit::fit_units;
