@@ -39,7 +39,6 @@ mod setup;
 pub mod study;
 mod subject;
 mod trust;
-mod verdict;
 mod words;
 
 pub use catalogue::{CatalogueEntry, catalogue, default_scene, find};
@@ -57,11 +56,9 @@ pub use setup::{Data, FlowBy, ModelSpec, Setup};
 pub use study::AnyStudy;
 pub use study::certificate::{CERTIFICATE_HEADINGS, certificate_cells, certificate_table};
 pub use study::training::stop_words;
-pub use verdict::Trust;
 
 /// What the tests of this crate reach behind the public API: not a part of it.
 #[doc(hidden)]
 pub mod internals {
     pub use super::study::claims::{REPRODUCED, as_good, change, command, verdict};
-    pub use super::trust::{Limit, Orbits, PlaneError, STEPS, limit, orbits, plane_errors, worst};
 }

@@ -205,8 +205,8 @@ impl DissipationOptions {
             }
             panels.push(Panel {
                 title: "all trajectories, second half".into(),
-                x_label: format!("q{}", crate::scene::words::subscript(plane + 1)),
-                y_label: format!("p{}", crate::scene::words::subscript(plane + 1)),
+                x_label: format!("q{}", crate::words::subscript(plane + 1)),
+                y_label: format!("p{}", crate::words::subscript(plane + 1)),
                 series,
                 ..Panel::default()
             });
