@@ -24,6 +24,15 @@ pub struct Findings {
     pub appendix: Vec<Block>,
 }
 
+/// The findings of a study, with its name.
+#[derive(Clone, Debug)]
+pub struct StudyFindings {
+    /// Its key in the scene.
+    pub name: &'static str,
+    /// What it found.
+    pub findings: Findings,
+}
+
 /// A part of the findings.
 #[derive(Clone, Debug, Default)]
 pub struct Section {

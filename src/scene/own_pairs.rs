@@ -1,16 +1,16 @@
 //! The report of a training on pairs of one's own.
 
-use super::declaration::Scene;
-use super::findings::{Block, Format};
+use super::findings::{Block, Format, StudyFindings};
 use super::folder::Folder;
-use super::learning::{Trained, held_out_error};
 use super::log::TrainingTimes;
 use super::machine::Machine;
 use super::predictions::{ByComponent, Judged, ORBITS, PREDICTION};
-use super::report::{Report, StudyFindings};
+use super::registry::Scene;
+use super::report::Report;
 use super::run::write;
 use super::setup::{ModelSpec, Setup};
 use super::study::training::{Baseline, LOSS, TrainingResult, findings};
+use super::trained::{Trained, held_out_error};
 use super::trust::trust;
 use crate::error::Error;
 use crate::flow::Pairs;

@@ -1,6 +1,6 @@
 //! Networks of a flow that is not Hamiltonian: volumes, and where trajectories come to.
 
-use super::{Study, check_along, finite};
+use super::shared::{Study, check_along, finite};
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::measure::{
@@ -9,7 +9,7 @@ use crate::measure::{
 use crate::network::{Composition, Rollout, map_jacobians};
 use crate::scalar::max_or_nan;
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{MOST, Need};
@@ -48,14 +48,14 @@ impl Study for DissipationOptions {
         &[Need::System, Need::FlowTime, Need::Data, Need::Models]
     }
 
-    fn check(&self, scene: &Scene) -> Result<(), Error> {
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
         Error::check_count_range("points", self.points, 1, MOST)?;
         // Its rate is followed within a flow time.
         scene.setup.check_autonomous()?;
         check_along(scene, self.steps, self.every, &self.initial)
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![FIGURE]
     }
 

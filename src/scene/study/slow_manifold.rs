@@ -1,7 +1,7 @@
 //! The slow manifold μ₀ = 0 of the charged particle, and the learnt invariant off it.
 
-use super::Study;
 use super::rollout::{envelope, orbit_color};
+use super::shared::Study;
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::measure::drifts;
@@ -9,7 +9,7 @@ use crate::network::{Rollout, Structure};
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{Need, check_points};
@@ -44,7 +44,7 @@ impl Study for SlowManifoldOptions {
         &[Need::System, Need::FlowTime, Need::Data, Need::Models]
     }
 
-    fn check(&self, scene: &Scene) -> Result<(), Error> {
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
         Error::check_count_range("steps", self.steps, 1, usize::MAX)?;
         Error::check_count_range("every", self.every, 1, self.steps)?;
         Error::check_count_range("on", self.on.len(), 1, 100)?;
@@ -56,11 +56,11 @@ impl Study for SlowManifoldOptions {
         }
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![SLOW, OFF]
     }
 
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
+    fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![GAUSS_LEGENDRE]
     }
 

@@ -1,6 +1,6 @@
 //! Whether to trust the networks that were trained on pairs of one's own.
 
-use super::Study;
+use super::shared::Study;
 use crate::scene::context::{Context, Halt};
 use crate::scene::findings::{Block, Findings, Section};
 use crate::scene::setup::Need;
@@ -8,7 +8,7 @@ use crate::scene::trust::trust;
 use crate::train::Judgement;
 
 /// In every scene of pairs of a file.
-pub(super) struct TrustStudy;
+pub(in crate::scene) struct TrustStudy;
 
 impl Study for TrustStudy {
     fn name(&self) -> &'static str {
