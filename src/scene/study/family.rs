@@ -79,7 +79,7 @@ impl Study for FamilyOptions {
                 Err(Error::invalid("system", system.kind(), expected))
             }
             // Each of its surfaces turns at a frequency of its own.
-            Some(system @ System::FieldLines(_)) => {
+            Some(system) if !system.turns_at_one_frequency() => {
                 let expected = "a system whose limit turns at one frequency, for averages over it";
                 Err(Error::invalid("system", system.kind(), expected))
             }

@@ -18,7 +18,7 @@ use crate::scene::setup::{Need, Setup, check_points};
 use crate::scene::subject::Subject;
 use crate::scene::trained::Trained;
 use crate::scene::words::{coordinate, initial_names};
-use crate::system::{NearlyPeriodic, Oscillators, System};
+use crate::system::{AveragedOscillator, NearlyPeriodic, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::rc::Rc;
@@ -125,7 +125,7 @@ impl Study for RolloutOptions {
     /// The portrait is of the slow plane, or of the one that is asked for.
     fn figures(&self, scene: &Declared<'_>) -> Vec<&'static str> {
         match (&scene.setup.system, self.plane) {
-            (Some(System::ParticleField(_)), None) => vec![INVARIANT, ERROR],
+            (Some(system), None) if !system.has_slow_portrait() => vec![INVARIANT, ERROR],
             _ => vec![PORTRAIT, INVARIANT, ERROR],
         }
     }
@@ -538,12 +538,11 @@ impl Orbits<'_> {
     fn portrait(&self, initial: &[Vec<f64>], networks: &[Network<'_>]) -> Figure {
         let [i, k] = self.plane();
         let [x_label, y_label] = self.plane_labels();
-        // Of the slow plane of the oscillators.
-        let oscillators = matches!(self.subject.system(), Some(System::Oscillators(_)));
-        let has_levels = oscillators && i == 1;
+        let averaged = |z: &Vec<f64>| self.subject.system()?.averaged(i, z);
+        let has_levels = initial.iter().any(|z| averaged(z).is_some());
         let panel = |title: &str, orbits: &Trajectories| {
-            let levels = if has_levels { initial } else { &[] };
-            let mut series: Vec<_> = levels.iter().filter_map(|z| averaged(z)).collect();
+            let levels = initial.iter().filter_map(|z| level_through(averaged(z)?));
+            let mut series: Vec<_> = levels.collect();
             for (m, name) in self.names.iter().enumerate() {
                 let points =
                     orbits.of(m).map(|z| (self.in_data(z, i), self.in_data(z, k))).collect();
@@ -673,10 +672,9 @@ pub(super) fn columns(panels: usize) -> usize {
 }
 
 /// The level set of the averaged Hamiltonian through an initial point, once around.
-fn averaged(z: &[f64]) -> Option<Series> {
+fn level_through((averaged, start): (AveragedOscillator, [f64; 2])) -> Option<Series> {
     const STEPS: usize = 600;
     const INTERVAL: f64 = 0.02;
-    let (averaged, start) = Oscillators::averaged(z.try_into().ok()?);
     let points = level_set(&averaged, start, INTERVAL, STEPS).ok()?;
     let name = "averaged Hamiltonian".into();
     Some(Series { name, color: GREY, style: Style::Faint, points })

@@ -194,10 +194,7 @@ impl Study for SurfacesOptions {
 
 /// The field lines of a scene.
 fn lines(system: &System) -> Result<&FieldLines, Error> {
-    match system {
-        System::FieldLines(system) => Ok(system),
-        other => Err(Error::invalid("system", other.kind(), "field-lines")),
-    }
+    system.field_lines().ok_or_else(|| Error::invalid("system", system.kind(), "field-lines"))
 }
 
 fn of_model(model: &Model, points: &[f64], steps: usize) -> Result<Trajectories, Error> {
