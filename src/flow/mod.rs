@@ -5,6 +5,7 @@ mod collocation;
 mod data;
 mod gauss;
 mod integrator;
+mod orbits;
 mod reference;
 mod region;
 mod request;
@@ -21,6 +22,7 @@ pub use gauss::GaussLegendre;
 pub use integrator::Integrator;
 #[cfg(feature = "scenes")]
 pub(crate) use integrator::whole_periods;
+pub use orbits::orbits_of;
 pub use reference::{Reference, ReferenceValue};
 pub use region::{Left, Region};
 pub use runge_kutta::runge_kutta_4;

@@ -1,6 +1,6 @@
 //! What the studies of a scene share: made on first use, and once. Networks are `learning`'s.
 
-use super::data_sets::{DataSets, orbits};
+use super::data_sets::DataSets;
 use super::declared::Declared;
 use super::event::{Event, Observer};
 use super::folder::Folder;
@@ -10,7 +10,7 @@ use super::setup::{Data, FlowBy, Need};
 use super::subject::Subject;
 use super::trained::Trained;
 use crate::error::Error;
-use crate::flow::{Pairs, ReferenceTrajectories, Trajectories, Window, sample_of};
+use crate::flow::{Pairs, ReferenceTrajectories, Trajectories, Window, orbits_of, sample_of};
 use crate::measure::limiting_flow_error;
 use crate::network::Rollout;
 use crate::random::Stream;
@@ -211,7 +211,13 @@ impl<'a> Context<'a> {
             if declared.orbit == 1 || points.is_empty() {
                 return Ok(points);
             }
-            let orbits = orbits(declared, &counted, time, windows, points, &mut stream)?;
+            let (states, flow) = (declared.orbit, declared.flow);
+            let follow = |starts: &[f64]| {
+                let found = FlowBy::trajectories(flow, &counted, starts, time, states);
+                found.map(|found| found.trajectories)
+            };
+            let place = "data.orbit";
+            let orbits = orbits_of(place, system, windows, points, states, &mut stream, &follow)?;
             let mut rows: Vec<&[f64]> = orbits.chunks_exact(2 * system.dof()).collect();
             // In any order, so that each part of the pairs is of all orbits.
             Stream::new(seed, &format!("{name}/orbits")).shuffle(&mut rows);

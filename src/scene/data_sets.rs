@@ -3,65 +3,14 @@
 use super::setup::{Data, FlowBy};
 use super::subject::FileData;
 use crate::error::Error;
-use crate::flow::{Pairs, Region, Window, sample_of};
+use crate::flow::{Pairs, Region};
 use crate::io::read_pairs;
 use crate::layer::TorusAction;
 use crate::measure::{limiting_flow_error, root_mean_square, rotation_error};
 use crate::phase::Units;
-use crate::random::Stream;
 use crate::scalar::max_or_nan;
 use crate::system::{Counted, Hamiltonian, NearlyPeriodic, System};
 use crate::train::{Preparation, Prepared};
-
-/// The orbits from these points of the windows, one after another. Another point of the same
-/// window is drawn in place of each whose orbit leaves what the system is defined on.
-pub(super) fn orbits(
-    data: &Data,
-    system: &Counted<'_, System>,
-    time: f64,
-    windows: &[Window],
-    mut starts: Vec<f64>,
-    stream: &mut Stream,
-) -> Result<Vec<f64>, Error> {
-    /// Draws in a row for an orbit: a window that has so few is in the wrong place.
-    const MOST: usize = 100;
-    let dim = 2 * system.dof();
-    let of_window: Vec<&Window> =
-        windows.iter().flat_map(|window| std::iter::repeat_n(window, window.samples)).collect();
-    let mut out = vec![0.0; starts.len() * data.orbit];
-    let mut drawn: Vec<usize> = (0..of_window.len()).collect();
-    for draw in 1.. {
-        let found =
-            FlowBy::trajectories(data.flow, system, &starts, time, data.orbit)?.trajectories;
-        let (mut left, mut reason) = (Vec::new(), None);
-        for (m, &orbit) in drawn.iter().enumerate() {
-            match found.of(m).try_for_each(|state| system.check_point(state)) {
-                Ok(()) => {
-                    let states = found.of(m).flatten().copied();
-                    let place = &mut out[orbit * data.orbit * dim..][..data.orbit * dim];
-                    place.iter_mut().zip(states).for_each(|(to, from)| *to = from);
-                }
-                Err(error) => {
-                    left.push(orbit);
-                    reason = Some(error);
-                }
-            }
-        }
-        match reason {
-            None => break,
-            Some(reason) if draw == MOST => return Err(reason.at("data.orbit")),
-            Some(_) => {
-                starts.clear();
-                for &orbit in &left {
-                    let window = [Window { samples: 1, ..of_window[orbit].clone() }];
-                    starts.extend(sample_of(system, &window, stream)?);
-                }
-                drawn = left;
-            }
-        }
-    }
-    Ok(out)
-}
 
 /// The pairs of a flow map, for training and held out.
 pub(super) struct DataSets {

@@ -21,6 +21,7 @@ pub struct Folder {
 pub(super) const AS_RUN: &str = "as-run.toml";
 /// What depends on the machine.
 pub(super) const TIMINGS: &str = "timings.json";
+
 impl Folder {
     pub(super) fn remove(&self, names: &[String]) -> Result<(), Error> {
         for name in names {

@@ -36,7 +36,7 @@ pub(super) fn finite_or_rejected(value: f64) -> f64 {
 
 /// Where an iteration ended.
 pub(super) struct Step {
-    /// See [`TrainingRecord`].
+    /// See [`TrainingRecord`](super::TrainingRecord).
     pub(super) loss: f64,
     pub(super) gradient: f64,
     pub(super) pairs: usize,
