@@ -85,6 +85,7 @@ pub mod scalar;
 pub mod scene;
 pub mod system;
 pub mod train;
+mod words;
 pub mod work;
 
 pub use error::Error;

@@ -2,7 +2,7 @@
 
 use super::GaussLegendre;
 use super::gauss::MAXIMUM;
-use super::integrator::Request;
+use super::request::{Request, store_states};
 use crate::error::Error;
 use crate::network::load_groups;
 use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
@@ -10,6 +10,18 @@ use crate::system::Hamiltonian;
 use rayon::prelude::*;
 
 impl GaussLegendre {
+    /// The states of trajectories from each of the points in `initial`, as a request asks for them.
+    pub(super) fn trajectories(
+        &self,
+        system: &(impl Hamiltonian + Sync),
+        initial: &[f64],
+        request: Request,
+    ) -> Result<Vec<f64>, Error> {
+        request.run(system, initial, &|initial, states| {
+            self.move_block(system, &mut initial.to_vec(), request, states)
+        })
+    }
+
     /// `points`, 2n numbers each, ← where the flow takes them over the intervals of a request, on all threads: the
     /// bits of [`GaussLegendre::integrate`], interval by interval.
     pub(super) fn move_all(
@@ -89,19 +101,6 @@ impl<H: Hamiltonian> Kernel for Collocation<'_, H> {
             }
         }
         Ok(())
-    }
-}
-
-/// State `number` of as many trajectories as there is room for ← the lanes.
-#[inline(always)]
-pub(super) fn store_states<V: Pack>(z: &[V], states: &mut [f64], number: usize, kept: usize) {
-    let dim = z.len();
-    let mut column = [0.0; WIDTH];
-    for (component, lanes) in z.iter().enumerate() {
-        lanes.store(&mut column[..V::LANES]);
-        for (states, value) in states.chunks_exact_mut(kept * dim).zip(column) {
-            states[number * dim + component] = value;
-        }
     }
 }
 

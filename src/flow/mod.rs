@@ -5,7 +5,10 @@ mod collocation;
 mod data;
 mod gauss;
 mod integrator;
+mod orbits;
+mod reference;
 mod region;
+mod request;
 mod runge_kutta;
 mod splitting;
 mod stroboscopic;
@@ -15,10 +18,12 @@ pub use charged::{boris, velocity_splitting};
 #[cfg(feature = "files")]
 pub(crate) use data::check_finite;
 pub use data::{Condition, Pairs, Window, sample, sample_of};
-pub use gauss::{GaussLegendre, Reference, ReferenceValue};
+pub use gauss::GaussLegendre;
 pub use integrator::Integrator;
 #[cfg(feature = "scenes")]
 pub(crate) use integrator::whole_periods;
+pub use orbits::orbits_of;
+pub use reference::{Reference, ReferenceValue};
 pub use region::{Left, Region};
 pub use runge_kutta::runge_kutta_4;
 pub use splitting::{Splitting, SplittingSteps};

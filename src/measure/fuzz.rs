@@ -29,8 +29,8 @@
 //! target(b"any bytes that a fuzzer comes up with");
 //! ```
 
+use super::coordinate::coordinate;
 use super::inversion::{Conditioned, ThereAndBack};
-use super::measurable::coordinate;
 use super::{Measurable, RATIO_LIMIT, Walk, symplecticity_ratio};
 use crate::phase::Direction;
 

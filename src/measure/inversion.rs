@@ -1,6 +1,6 @@
 //! P⁻¹∘P = Id, measured in units of its rounding bound.
 
-use super::measurable::coordinate;
+use super::coordinate::coordinate;
 use super::{Coordinate, MeasuredSteps, Walk};
 use crate::scalar::{Scalar, max_or_nan};
 

@@ -5,9 +5,9 @@
 use super::adiabatic::{invariant_drift, leading_invariant, log_slope};
 use super::adjoint::{Adjoint, adjoint_ratio};
 use super::circle_axioms::{CircleAxiom, conjugated_axiom_ratio, turning_axiom_ratio};
+use super::coordinate::coordinate;
 use super::determinant::determinant_ratio;
 use super::inversion::{Conditioned, ThereAndBack};
-use super::measurable::coordinate;
 use super::near_identity::{
     differing_components, near_identity_generator, near_identity_size, near_identity_undoing,
 };

@@ -1,14 +1,14 @@
 //! What a map must tell of itself to be measured.
 
+use super::Coordinate;
+use super::measured_network::AsMeasured;
 use super::measured_step::{
-    AsMeasured, MeasuredPotential, MeasuredStep, MeasuredSteps, TrackedStep, turn_steps,
+    MeasuredPotential, MeasuredStep, MeasuredSteps, Numbers, TrackedStep, turn_steps,
 };
 use crate::error::Error;
 use crate::layer::{HenonLayer, HenonMap, Kick, Turn};
 use crate::network::{Block, Composition, Layers as BlockLayers, Model, Part, map_points};
 use crate::phase::{Direction, Map};
-use crate::scalar::{Dual, Tracked};
-use serde::{Deserialize, Serialize};
 
 /// A map that the laws can be measured on.
 ///
@@ -43,56 +43,6 @@ pub trait Measurable: Map<f64> {
     fn type_name(&self) -> &'static str {
         std::any::type_name::<Self>()
     }
-}
-
-/// Where a coordinate lives.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Coordinate {
-    /// In the box of the samples.
-    Any,
-    /// Between two numbers.
-    Between(f64, f64),
-    /// On a circle of this circumference: numbers that differ by it are the same point.
-    Angle(f64),
-}
-
-impl Coordinate {
-    /// The range that samples are drawn from.
-    pub fn range(self, radius: f64) -> (f64, f64) {
-        match self {
-            Self::Any => (-radius, radius),
-            Self::Between(low, high) => (low, high),
-            Self::Angle(period) => (0.0, period),
-        }
-    }
-
-    fn check(self, name: &str) -> Result<(), Error> {
-        match self {
-            Self::Any => Ok(()),
-            Self::Between(low, high) => {
-                Error::check_finite(name, low)?;
-                Error::check_finite(name, high)?;
-                Error::check_range(name, low, f64::MIN, high.next_down())
-            }
-            Self::Angle(period) => {
-                Error::check_range(name, period, Error::LEAST_POSITIVE, f64::MAX)
-            }
-        }
-    }
-
-    /// A difference of two such coordinates, the shortest on a circle.
-    pub fn difference(self, difference: f64) -> f64 {
-        match self {
-            Self::Angle(period) => (-libm::round(difference / period)).mul_add(period, difference),
-            _ => difference,
-        }
-    }
-}
-
-/// The coordinate `i` of a [domain](Measurable::domain).
-pub(super) fn coordinate(domain: &[Coordinate], i: usize) -> Coordinate {
-    domain.get(i).copied().unwrap_or(Coordinate::Any)
 }
 
 /// Layers, each to be measured alone.
@@ -254,11 +204,6 @@ impl<S, M: Map<S>> Map<S> for OneStep<M> {
         self.0.has_inverse()
     }
 }
-
-/// What the laws evaluate a map on.
-pub trait Numbers: Map<f64> + Map<Dual<f64, 8>> + Map<Dual<Tracked, 8>> {}
-
-impl<M> Numbers for M where M: Map<f64> + Map<Dual<f64, 8>> + Map<Dual<Tracked, 8>> {}
 
 impl<M: Numbers> Measurable for OneStep<M> {
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {

@@ -4,14 +4,7 @@
 //! other step are found by running it on [`Tracked`] numbers ([`TrackedStep`]), of twists
 //! part by part: a new kind of step needs nothing here, unless it saturates, as couplings do.
 
-use super::Numbers;
-use super::measured_coupling::CouplingStep;
-use super::measured_twist::TwistStep;
-use crate::layer::{
-    HenonMap, Kick, Potential, Shear, TanhPotential, Turn, TurnStep, TurnedCoupling, TurnedTwist,
-    Twist, quarter_turns,
-};
-use crate::network::Visitor;
+use crate::layer::{HenonMap, Kick, Potential, Shear, TanhPotential, Turn, quarter_turns};
 use crate::phase::{Direction, Half, Map};
 use crate::scalar::{Dual, Elementary, Over, Scalar, Tracked, max_or_nan};
 
@@ -478,6 +471,11 @@ pub fn turn_steps<'a>(turn: &Turn<f64>, direction: Direction) -> MeasuredSteps<'
     steps
 }
 
+/// What the laws evaluate a map on.
+pub trait Numbers: Map<f64> + Map<Dual<f64, 8>> + Map<Dual<Tracked, 8>> {}
+
+impl<M> Numbers for M where M: Map<f64> + Map<Dual<f64, 8>> + Map<Dual<Tracked, 8>> {}
+
 /// A map as one step. Its scales are found by running it on [`Tracked`] numbers:
 /// nothing has to be derived by hand, and nothing is taken on trust.
 #[derive(Clone, Copy, Debug)]
@@ -604,53 +602,4 @@ impl<S: Over<f64>, T: Shear<f64>> Map<S> for ShearMap<T> {
 #[inline(never)]
 fn apply_outlined<S: Over<f64>>(shear: impl Shear<f64>, z: &mut [S]) {
     shear.apply(z, &mut vec![S::zero(); z.len()]);
-}
-
-/// The steps of a composition, as measures see them.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct AsMeasured;
-
-impl<'a> Visitor<'a, f64> for AsMeasured {
-    type Output = MeasuredSteps<'a>;
-
-    fn visit(self, shear: impl Shear<f64> + 'a) -> MeasuredSteps<'a> {
-        vec![Box::new(TrackedStep { map: ShearMap(shear), direction: Direction::Forward })]
-    }
-
-    fn visit_kick<const D: usize>(
-        self,
-        kick: Kick<'a, f64, TanhPotential<'a, f64, D>>,
-    ) -> MeasuredSteps<'a> {
-        vec![TanhPotential::measured_kick(kick)]
-    }
-
-    fn visit_twist<const D: usize>(self, twist: Twist<'a, f64, D>) -> MeasuredSteps<'a> {
-        vec![Box::new(TwistStep(twist))]
-    }
-
-    fn visit_turned_twist<const D: usize>(
-        self,
-        turned: TurnedTwist<'a, f64, D>,
-    ) -> MeasuredSteps<'a> {
-        if turned.is_identity() {
-            return Vec::new();
-        }
-        let (turn, twist) = turned.parts();
-        let mut steps = turn_steps(turn, Direction::Forward);
-        steps.push(Box::new(TwistStep(twist)));
-        steps.extend(turn_steps(turn, Direction::Inverse));
-        steps
-    }
-
-    fn visit_coupling<const D: usize>(
-        self,
-        coupling: TurnedCoupling<'a, f64, D>,
-    ) -> MeasuredSteps<'a> {
-        vec![Box::new(CouplingStep::new(coupling))]
-    }
-
-    fn visit_turn(self, turn: TurnStep<'a, f64>) -> MeasuredSteps<'a> {
-        let direction = if turn.inverse { Direction::Inverse } else { Direction::Forward };
-        turn_steps(turn.turn, direction)
-    }
 }

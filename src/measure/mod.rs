@@ -10,6 +10,8 @@ mod adjoint;
 mod averaging;
 mod certificate;
 mod circle_axioms;
+mod coordinate;
+mod defect;
 mod determinant;
 mod equivariance;
 pub mod fuzz;
@@ -21,6 +23,7 @@ pub mod laws;
 mod level_set;
 mod measurable;
 mod measured_coupling;
+mod measured_network;
 mod measured_step;
 mod measured_twist;
 mod near_identity;
@@ -28,6 +31,7 @@ mod own_invariance;
 mod plane_actions;
 mod relations;
 mod rounding;
+mod sampled;
 mod samples;
 mod stopping;
 mod surfaces;
@@ -53,6 +57,8 @@ pub use certificate::{
 pub use circle_axioms::{
     CircleAxiom, circle_axiom_ratio, conjugated_axiom_ratio, turning_axiom_ratio,
 };
+pub use coordinate::Coordinate;
+pub use defect::symplecticity_defect;
 pub use determinant::determinant_ratio;
 pub use equivariance::{NormalFormed, action_ratio, equivariance_ratio};
 pub use horizon::AdiabaticOrbit;
@@ -61,11 +67,10 @@ pub use inversion::{Conditioned, ILL_CONDITIONED, ThereAndBack, inversion_ratio}
 pub use jacobian::{Differentiable, jacobian, jacobians_by_differences};
 pub use laws::Samples;
 pub use level_set::level_set;
-pub use measurable::{
-    Coordinate, Layers, Measurable, NearlyPeriodic, Numbers, OneStep, Steps, Within,
-};
+pub use measurable::{Layers, Measurable, NearlyPeriodic, OneStep, Steps, Within};
 pub use measured_step::{
-    KickStep, Magnitudes, MeasuredPotential, MeasuredStep, MeasuredSteps, TrackedStep, turn_steps,
+    KickStep, Magnitudes, MeasuredPotential, MeasuredStep, MeasuredSteps, Numbers, TrackedStep,
+    turn_steps,
 };
 pub use near_identity::{
     differing_components, near_identity_generator, near_identity_rms, near_identity_size,
@@ -75,9 +80,10 @@ pub use own_invariance::OwnInvariance;
 pub use plane_actions::PlaneSwing;
 pub use relations::Relation;
 pub use rounding::Walk;
+pub use sampled::{mean_period, simpson};
 pub use samples::CertificateOptions;
 pub use surfaces::{Locked, distances_to_set, locked_interval, winding_numbers};
-pub use symplecticity::{symplecticity_defect, symplecticity_ratio, symplecticity_scale};
+pub use symplecticity::{symplecticity_ratio, symplecticity_scale};
 pub use tally::{
     COUNT_LIMIT, RATIO_LIMIT, RESOLUTION, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_DEVIATION,
     SOUND_MEDIAN, TESTABLE, Tally, Verdict, merged,

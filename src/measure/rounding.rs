@@ -1,6 +1,6 @@
 //! Rounding errors followed through a map, shear by shear.
 
-use super::measurable::coordinate;
+use super::coordinate::coordinate;
 use super::{Coordinate, MeasuredStep, symplecticity_defect};
 use crate::random::Stream;
 use crate::scalar::{Dual, Scalar, max_or_nan};

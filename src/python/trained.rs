@@ -1,8 +1,7 @@
 //! What a model keeps of the training that made it, beside what its file holds.
 
 use crate::error::Error;
-use crate::scene::Trust;
-use crate::train::Fitted;
+use crate::train::{Fitted, Trust};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use std::ffi::CString;
@@ -25,7 +24,7 @@ impl Trained {
     pub(super) fn of(fitted: &Fitted, notes: Vec<String>) -> Result<Self, Error> {
         let record = |r: &crate::train::TrainingRecord| (r.iteration, r.loss, r.validation);
         Ok(Self {
-            trust: Trust::of(fitted)?,
+            trust: fitted.judgement()?.trust(),
             history: fitted.outcome().history.iter().map(record).collect(),
             notes,
         })

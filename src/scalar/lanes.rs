@@ -2,14 +2,8 @@
 
 use super::lanewise::{Lanewise, functions_of_lanes, zero_lanes_with};
 use super::tanh::tanh_sech2_in_step;
-use super::{Elementary, Pack, Scalar, Task, assigning, over_parameters, simd};
+use super::{Elementary, Pack, Scalar, Task, WIDTH, assigning, over_parameters, simd};
 use std::ops::{Add, Div, Mul, Neg, Sub};
-
-/// The number of lanes that the batch kernels work on, on every processor.
-///
-/// It is fixed, so that sums over samples are taken in the same order
-/// everywhere; a processor with narrower registers uses several of them.
-pub const WIDTH: usize = 8;
 
 /// `L` numbers that go through the same arithmetic.
 ///

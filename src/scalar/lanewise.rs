@@ -2,6 +2,12 @@
 
 use super::Elementary;
 
+/// The number of lanes that the batch kernels work on, on every processor.
+///
+/// It is fixed, so that sums over samples are taken in the same order
+/// everywhere; a processor with narrower registers uses several of them.
+pub const WIDTH: usize = 8;
+
 /// A number every lane of which is an `f64`, whose bits the elementary functions
 /// work on: they are written once, for `f64` and for all registers.
 pub trait Lanewise: Elementary {

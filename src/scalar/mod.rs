@@ -19,6 +19,7 @@ mod exp;
 mod float;
 mod lanes;
 mod lanewise;
+mod on_lanes;
 #[allow(unsafe_code)]
 mod simd;
 mod sin_cos;
@@ -27,9 +28,12 @@ mod tracked;
 
 pub use double_double::DoubleDouble;
 pub use dual::{Dual, dual_variables_made};
-pub use lanes::{Lanes, WIDTH};
-pub(crate) use simd::{Kernel, Pack, on_lanes};
-pub use simd::{Simd, tanh_sech2, tanh_sech2_of_all};
+pub use lanes::Lanes;
+pub use lanewise::WIDTH;
+pub(crate) use on_lanes::on_lanes;
+pub use on_lanes::tanh_sech2_of_all;
+pub(crate) use simd::{Kernel, Pack};
+pub use simd::{Simd, tanh_sech2};
 pub use tracked::Tracked;
 
 use std::fmt::Debug;

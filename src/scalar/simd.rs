@@ -12,7 +12,7 @@
 
 use super::lanewise::{Lanewise, functions_of_lanes, zero_lanes_with};
 use super::tanh::tanh_sech2_in_step;
-use super::{Elementary, Lanes, Over, Scalar, Task, WIDTH, assigning, over_parameters};
+use super::{Elementary, Over, Scalar, Task, WIDTH, assigning, over_parameters};
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -137,11 +137,13 @@ impl Simd {
     }
 }
 
-/// Runs a kernel on eight lanes (`L` = 8) or on four.
-pub(crate) fn on_lanes<const L: usize, K: Kernel>(kernel: K) -> K::Output {
+/// Runs a kernel on registers of eight lanes (`L` = 8) or of four, or on `F` where the processor has none
+/// that may be used.
+#[inline(always)]
+pub(super) fn on_registers<const L: usize, F: Pack, K: Kernel>(kernel: K) -> K::Output {
     const { assert!(L == 4 || L == 8) };
     match Simd::current() {
-        Simd::Portable => kernel.run::<Lanes<L>>(),
+        Simd::Portable => kernel.run::<F>(),
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `current` gives what the processor has.
         Simd::Avx2 => unsafe { x86::on_avx2::<L, K>(kernel) },
@@ -149,7 +151,7 @@ pub(crate) fn on_lanes<const L: usize, K: Kernel>(kernel: K) -> K::Output {
         // SAFETY: as above.
         Simd::Avx512 => unsafe { x86::on_avx512::<L, K>(kernel) },
         #[cfg(not(target_arch = "x86_64"))]
-        _ => kernel.run::<Lanes<L>>(),
+        _ => kernel.run::<F>(),
     }
 }
 
@@ -194,53 +196,6 @@ pub(super) fn sin_cos(x: f64) -> (f64, f64) {
 
 pub(super) fn exp(x: f64) -> f64 {
     on_one!(exp, x)
-}
-
-/// `tanh[i]`, `sech2[i]` ← [`tanh_sech2`]`(x[i])`, the same bits, on the widest vector registers there are.
-///
-/// # Panics
-/// When the three are not of one length.
-pub fn tanh_sech2_of_all(x: &[f64], tanh: &mut [f64], sech2: &mut [f64]) {
-    assert!(x.len() == tanh.len() && x.len() == sech2.len());
-    on_lanes::<WIDTH, _>(TanhSech2 { x, tanh, sech2 });
-}
-
-struct TanhSech2<'a> {
-    x: &'a [f64],
-    tanh: &'a mut [f64],
-    sech2: &'a mut [f64],
-}
-
-impl Kernel for TanhSech2<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<V: Pack>(self) {
-        /// Registers that go in step.
-        const K: usize = 4;
-        let Self { x, tanh, sech2 } = self;
-        let size = K * V::LANES;
-        let outputs = tanh.chunks_exact_mut(size).zip(sech2.chunks_exact_mut(size));
-        for (x, (tanh, sech2)) in x.chunks_exact(size).zip(outputs) {
-            let mut lanes = [V::zero(); K];
-            for (k, lane) in lanes.iter_mut().enumerate() {
-                *lane = V::load(&x[k * V::LANES..(k + 1) * V::LANES]);
-            }
-            let (t, s) = V::tanh_sech2_each(lanes);
-            for k in 0..K {
-                let range = k * V::LANES..(k + 1) * V::LANES;
-                t[k].store(&mut tanh[range.clone()]);
-                s[k].store(&mut sech2[range]);
-            }
-        }
-        let whole = x.len() / size * size;
-        for first in (whole..x.len()).step_by(V::LANES) {
-            let part = first..x.len().min(first + V::LANES);
-            let (t, s) = V::load_part(&x[part.clone()]).tanh_sech2();
-            t.store_part(&mut tanh[part.clone()]);
-            s.store_part(&mut sech2[part]);
-        }
-    }
 }
 
 #[cfg(target_arch = "x86_64")]

@@ -1,7 +1,6 @@
 //! The built-in scenes: embedded files of the same format as a user's.
 
-use super::declaration::Scene;
-use super::parse::{nearest, parse};
+use super::nearest::nearest;
 use crate::error::Error;
 
 /// A built-in scene.
@@ -46,16 +45,6 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "published-weights",
         "adiabatic-horizon",
     ]
-}
-
-impl CatalogueEntry {
-    /// The scene.
-    ///
-    /// # Errors
-    /// Those of [`parse`]; a test reads them all.
-    pub fn scene(&self) -> Result<Scene, Error> {
-        parse(&format!("built-in scene {}", self.name), self.text)
-    }
 }
 
 /// The scene that a run without arguments runs.

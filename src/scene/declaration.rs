@@ -1,34 +1,18 @@
-//! A scene: a set-up, studies of it, or parts.
+//! What a scene can be asked, and its other forms.
 
-use super::learning::read_network;
+use super::declared::Declared;
+use super::network_file::read_network;
+use super::registry::{AnyStudy, Scene};
 use super::setup::{Attempt, Setup, check_name};
-use super::study::{AnyStudy, SceneFile, Study};
+use super::study::pairs::PairsStudy;
+use super::study::shared::Study;
+use super::study::training::TrainingStudy;
+use super::study::trust::TrustStudy;
 use crate::error::Error;
 use crate::train::{TrainingOptions, TrainingStage};
-use serde::{Deserialize, Serialize};
+use std::any::Any;
 use std::collections::BTreeSet;
 use std::path::Path;
-
-/// A declared experiment.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(from = "SceneFile", into = "SceneFile")]
-pub struct Scene {
-    /// Its name: the default folder of a run.
-    pub name: String,
-    /// One line that says what it shows.
-    pub title: String,
-    /// The seed of all its random streams.
-    pub seed: u64,
-    /// What its studies share.
-    pub setup: Setup,
-    /// What is measured, beside the pairs and the training that the set-up names.
-    pub studies: Vec<AnyStudy>,
-    /// The figures to draw, by name.
-    pub plots: Vec<String>,
-    /// Scenes that this one consists of, in place of a set-up of its own: each is
-    /// run in a folder of its name, and one report sums them up.
-    pub parts: Vec<Scene>,
-}
 
 impl Scene {
     /// Fails unless what is named is in range and fits together. `place` names the
@@ -50,15 +34,17 @@ impl Scene {
         }
         self.setup.check()?;
         self.check_files()?;
+        let declared = self.declared();
         for study in self.all_studies() {
-            study.check(self).map_err(|e| e.at(study.name()))?;
+            study.check(&declared).map_err(|e| e.at(study.name()))?;
             let dissipating = self.setup.system.as_ref().filter(|system| system.dissipates());
             if let (true, Some(system)) = (study.is_of_invariants(), dissipating) {
                 let expected = "a system without dissipation: it is of what Hamiltonian flows keep";
                 return Err(Error::invalid(study.name(), system.kind(), expected));
             }
         }
-        let figures: Vec<_> = self.all_studies().iter().flat_map(|s| s.figures(self)).collect();
+        let figures: Vec<_> =
+            self.all_studies().iter().flat_map(|s| s.figures(&declared)).collect();
         if let Some(plot) = self.plots.iter().find(|plot| !figures.contains(&&plot[..])) {
             let expected = match &figures[..] {
                 [] => "none: the scene computes nothing that is drawn".to_owned(),
@@ -149,25 +135,6 @@ impl Scene {
         Ok(self)
     }
 
-    /// Fails where the trajectories of a file are not those that the roll-out compares with: before
-    /// anything is trained.
-    fn check_trajectories(&self) -> Result<(), Error> {
-        let file = self.setup.data.as_ref().and_then(|data| data.file());
-        let rollout = self.studies.iter().find_map(|study| match study {
-            AnyStudy::Rollout(options) => Some(options),
-            _ => None,
-        });
-        if let (Some(file), Some(rollout)) = (file, rollout)
-            && let Some(path) = file.trajectories
-        {
-            let found = file.read_trajectories(path, rollout.request().kept());
-            // Where the pairs do not fit either, their error is the one reported.
-            let error = found.err().filter(|_| file.fits_pairs());
-            return error.map_or(Ok(()), Err);
-        }
-        Ok(())
-    }
-
     /// Fails where trajectories of a file are not what a roll-out needs, or where a file of a network, of its
     /// own or of a part, cannot be read, is not of the scene's subject and flow time, or is in the folder that the run writes to and may clear: before anything is
     /// computed.
@@ -175,7 +142,7 @@ impl Scene {
     /// # Errors
     /// With the network's name and the file.
     pub fn check_networks(&self, folder: &Path) -> Result<(), Error> {
-        self.check_trajectories()?;
+        self.studies.iter().try_for_each(|any| any.study().check_files(&self.setup))?;
         let true_path = |path: &Path| path.canonicalize().or_else(|_| std::path::absolute(path));
         for model in &self.setup.models {
             let Some(path) = &model.network.path else { continue };
@@ -245,7 +212,7 @@ impl Scene {
                 _ => data.orbit = data.orbit.div_ceil(4).max(2),
             }
         }
-        self.studies.iter_mut().for_each(AnyStudy::shorten);
+        self.studies.iter_mut().for_each(|any| any.study_mut().shorten());
         self.parts = self.parts.into_iter().map(Self::quick).collect();
         self
     }
@@ -282,13 +249,52 @@ impl Scene {
 
     /// BibTeX entries of what the studies use, each once.
     pub fn citations(&self) -> Vec<&'static str> {
-        let mut out = Vec::new();
-        let studies = self.all_studies().into_iter().flat_map(|study| study.cites(self));
+        let (mut out, declared) = (Vec::new(), self.declared());
+        let studies = self.all_studies().into_iter().flat_map(|study| study.cites(&declared));
         for entry in studies.chain(self.parts.iter().flat_map(Self::citations)) {
             if !out.contains(&entry) {
                 out.push(entry);
             }
         }
         out
+    }
+
+    /// All trainings: of the set-up, and of studies that train networks of their own.
+    pub(super) fn attempts(&self) -> Vec<Attempt> {
+        let mut out: Vec<Attempt> = self.setup.attempts().collect();
+        let studies = self.studies.iter().map(AnyStudy::study);
+        out.extend(studies.flat_map(|study| study.trainings(&self.setup)));
+        out
+    }
+
+    /// The studies in the order in which they run: of the pairs and of the training
+    /// where the set-up names them, then those that the scene names.
+    pub(super) fn all_studies(&self) -> Vec<&dyn Study> {
+        let mut out: Vec<&dyn Study> = Vec::new();
+        let of_file = self.setup.data.as_ref().is_some_and(|data| data.pairs.is_some());
+        if of_file && !self.setup.models.is_empty() {
+            out.push(&TrustStudy);
+        }
+        if self.setup.data.is_some() {
+            out.push(&PairsStudy);
+        }
+        if !self.setup.models.is_empty() {
+            out.push(&TrainingStudy);
+        }
+        out.extend(self.studies.iter().map(AnyStudy::study));
+        out
+    }
+
+    /// The scene as its studies see it.
+    pub(super) fn declared(&self) -> Declared<'_> {
+        Declared {
+            name: &self.name,
+            seed: self.seed,
+            setup: &self.setup,
+            plots: &self.plots,
+            has_parts: !self.parts.is_empty(),
+            trainings: self.attempts().len(),
+            options: self.studies.iter().map(|any| any.study() as &dyn Any).collect(),
+        }
     }
 }

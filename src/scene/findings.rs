@@ -4,6 +4,7 @@
 
 use super::figure::Figure;
 use crate::measure::Spread;
+use crate::words::{factor, magnitude, percent};
 use serde_json::Value;
 
 /// The findings of a study.
@@ -21,6 +22,15 @@ pub struct Findings {
     pub figures: Vec<Figure>,
     /// What is told at the end of the report.
     pub appendix: Vec<Block>,
+}
+
+/// The findings of a study, with its name.
+#[derive(Clone, Debug)]
+pub struct StudyFindings {
+    /// Its key in the scene.
+    pub name: &'static str,
+    /// What it found.
+    pub findings: Findings,
 }
 
 /// A part of the findings.
@@ -144,27 +154,13 @@ impl Format {
             Self::Exact => value.to_string(),
             Self::Fixed(digits) => format!("{value:.digits$}"),
             Self::Exponent(digits) => format!("{value:.digits$e}"),
-            Self::Magnitude if value == 0.0 => "0".into(),
-            Self::Magnitude if (1e-3..1e4).contains(&value.abs()) => format!("{value:.3}"),
-            Self::Magnitude => format!("{value:.2e}"),
+            Self::Magnitude => magnitude(value),
             Self::Setting if value >= 1.0 => value.to_string(),
             Self::Setting => format!("{value:e}"),
             Self::Below if value < 1e-3 => format!("< {value:e}"),
             Self::Below => format!("< {value}"),
-            Self::Factor => format!("{value:.1} ×"),
-            Self::Percent => {
-                let percent = 100.0 * value;
-                let places = 1.0 - libm::floor(libm::log10(percent.abs()));
-                // Infinite at 0, NaN and ∞.
-                match places {
-                    // Noughts are no digits.
-                    places if places > 6.0 && places.is_finite() => format!("{percent:.1e} %"),
-                    places if places.is_finite() => {
-                        format!("{percent:.0$} %", places.max(0.0) as usize)
-                    }
-                    _ => format!("{percent:.0} %"),
-                }
-            }
+            Self::Factor => factor(value),
+            Self::Percent => percent(value),
         }
     }
 

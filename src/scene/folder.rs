@@ -1,180 +1,29 @@
 //! The folder of a run.
 
-use super::declaration::Scene;
-use super::figure::{data_file_of, file_of};
-use super::parse::parse;
+use super::declared::Declared;
 use super::setup::ModelSpec;
-use super::study::CHECKPOINTS;
 use crate::error::Error;
 use crate::io::write_atomically;
-use crate::train::TrainingStage;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// The folder of a run.
 #[derive(Clone, Debug)]
 pub struct Folder {
-    path: PathBuf,
-    resume: bool,
-    overwrite: bool,
+    pub(super) path: PathBuf,
+    pub(super) resume: bool,
+    pub(super) overwrite: bool,
 }
 
 /// The scene as it was run: what a folder is resumed and repeated from.
-const AS_RUN: &str = "as-run.toml";
+pub(super) const AS_RUN: &str = "as-run.toml";
 /// What depends on the machine.
-const TIMINGS: &str = "timings.json";
-/// The files that every report has.
-const REPORT: [&str; 3] = ["report.json", "report.md", AS_RUN];
-/// Files of a run that are of other use too.
-const KEPT: [&str; 2] = ["checkpoint", "model.json"];
-
-fn holds_report(path: &Path) -> bool {
-    REPORT.iter().any(|mark| path.join(mark).exists())
-}
-
-fn holds_run(path: &Path) -> bool {
-    holds_report(path) || KEPT.iter().any(|name| path.join(name).exists())
-}
-
-/// Fails where files that have the names of a run's are of none: nobody has asked to replace them.
-fn check_replaced(path: &Path) -> Result<(), Error> {
-    if holds_report(path) || !holds_run(path) {
-        return Ok(());
-    }
-    let found = KEPT.iter().find(|name| path.join(name).exists()).unwrap_or(&"");
-    let expected = "a run to replace, with its report";
-    Err(Error::content(path.display(), expected, format!("{found} alone")))
-}
-
-/// The nearest folder that is there already, tried by a file.
-fn probe(path: &Path) -> Result<(), Error> {
-    let mut there = path;
-    while !there.as_os_str().is_empty() && std::fs::symlink_metadata(there).is_err() {
-        there = there.parent().unwrap_or(Path::new(""));
-    }
-    let there = if there.as_os_str().is_empty() { Path::new(".") } else { there };
-    let file = tempfile::Builder::new().prefix(".gyroceptron-").tempfile_in(there);
-    file.map(drop).map_err(|reason| Error::write(path, reason))
-}
+pub(super) const TIMINGS: &str = "timings.json";
 
 impl Folder {
-    /// Makes the folder and tests that it can be written.
-    ///
-    /// # Errors
-    /// [`Error::OutputExists`] when it holds a run that is neither resumed nor
-    /// overwritten; [`Error::Write`] when it cannot be written.
-    pub fn open(path: &Path, resume: bool, overwrite: bool) -> Result<Self, Error> {
-        let holds_run = holds_run(path);
-        if holds_run && !resume && !overwrite {
-            return Err(Error::OutputExists { path: path.to_owned() });
-        }
-        if resume && !path.join(AS_RUN).exists() {
-            return Err(Error::content(
-                path.display(),
-                format!("an earlier run to resume, with its {AS_RUN}"),
-                "none",
-            ));
-        }
-        if !resume {
-            check_replaced(path)?;
-        }
-        std::fs::create_dir_all(path).map_err(|reason| Error::write(path, reason))?;
-        let folder = Self { path: path.to_owned(), resume, overwrite };
-        probe(path)?;
-        if holds_run && !resume {
-            folder.clear()?;
-        }
-        Ok(folder)
-    }
-
-    /// Makes the folder of a report without networks, whose figures take the place of those of an earlier one.
-    ///
-    /// # Errors
-    /// Those of [`Folder::check_report`].
-    pub fn open_report(path: &Path, overwrite: bool) -> Result<Self, Error> {
-        Self::check_report(path, overwrite)?;
-        std::fs::create_dir_all(path).map_err(|reason| Error::write(path, reason))?;
-        let folder = Self { path: path.to_owned(), resume: false, overwrite };
-        folder.remove(&folder.names_of_report(folder.earlier_scene().as_ref()))?;
-        Ok(folder)
-    }
-
-    /// Fails unless a report can be written to this folder, which need not be there: before it is due.
-    ///
-    /// # Errors
-    /// [`Error::OutputExists`] when the folder holds a report that is not overwritten; [`Error::Content`] when it is of
-    /// a run with networks; [`Error::Write`] when it cannot be written.
-    pub fn check_report(path: &Path, overwrite: bool) -> Result<(), Error> {
-        if holds_run(path) && !overwrite {
-            return Err(Error::OutputExists { path: path.to_owned() });
-        }
-        let of_run = |name: &str| name.starts_with("model") || name.starts_with("checkpoint");
-        let mut names = std::fs::read_dir(path).into_iter().flatten().flatten();
-        let found = names.find(|entry| entry.file_name().to_str().is_some_and(of_run));
-        if let (true, Some(found)) = (holds_report(path), found) {
-            let expected = "a report without networks, or another folder";
-            return Err(Error::content(path.display(), expected, found.file_name().display()));
-        }
-        probe(path)
-    }
-
-    /// Fails unless a run that is gone on with is of this scene: but for when it stops
-    /// and how often it saves.
-    pub(super) fn check_resumed(&self, scene: &Scene) -> Result<(), Error> {
-        if !self.resume {
-            return Ok(());
-        }
-        let path = self.file(AS_RUN);
-        let text = std::fs::read_to_string(&path).map_err(|reason| Error::read(&path, reason))?;
-        let earlier = parse(AS_RUN, &text)?;
-        if earlier.without_ends() == scene.clone().without_ends() {
-            return Ok(());
-        }
-        let (expected, found) = ("the scene that is run", "another");
-        Err(Error::content(path.display(), expected, found))
-    }
-
-    /// Removes the files of the run that the folder holds, by their names, and
-    /// nothing else.
-    fn clear(&self) -> Result<(), Error> {
-        let earlier = self.earlier_scene();
-        let mut names = self.names_of_report(earlier.as_ref());
-        names.extend(KEPT.iter().chain(&CHECKPOINTS).map(|name| (*name).to_owned()));
-        if let Some(earlier) = earlier {
-            for attempt in earlier.attempts() {
-                for leg in TrainingStage::all(earlier.setup.training_of(&attempt.spec)) {
-                    let suffix = leg.suffix();
-                    names.push(format!("checkpoint{suffix}"));
-                    names.push(format!("checkpoint-{}{suffix}", attempt.spec.name));
-                }
-                names.push(format!("model-{}.json", attempt.spec.name));
-            }
-            for part in &earlier.parts {
-                let part = Self { path: self.file(&part.name), ..self.clone() };
-                if part.path.is_dir() {
-                    part.clear()?;
-                }
-            }
-        }
-        self.remove(&names)
-    }
-
-    /// The scene of the run or the report that the folder holds, if it can be read.
-    fn earlier_scene(&self) -> Option<Scene> {
-        let text = std::fs::read_to_string(self.file(AS_RUN)).ok()?;
-        parse(AS_RUN, &text).ok()
-    }
-
-    /// The files of a report and its figures.
-    fn names_of_report(&self, scene: Option<&Scene>) -> Vec<String> {
-        let fixed = REPORT.iter().chain([&TIMINGS]).map(|name| (*name).to_owned());
-        let plots = scene.into_iter().flat_map(|scene| &scene.plots);
-        fixed.chain(plots.flat_map(|plot| [file_of(plot), data_file_of(plot)])).collect()
-    }
-
-    fn remove(&self, names: &[String]) -> Result<(), Error> {
+    pub(super) fn remove(&self, names: &[String]) -> Result<(), Error> {
         for name in names {
             let path = self.file(name);
             if path.is_file() {
@@ -187,31 +36,6 @@ impl Folder {
     /// A file in the folder.
     pub fn file(&self, name: &str) -> PathBuf {
         self.path.join(name)
-    }
-
-    /// The folder of a part, which need not have been begun.
-    pub(super) fn part(&self, name: &str) -> Result<Self, Error> {
-        let path = self.file(name);
-        Self::open(&path, self.resumes_part(name), self.overwrite)
-    }
-
-    fn resumes_part(&self, name: &str) -> bool {
-        self.resume && self.file(name).join(AS_RUN).exists()
-    }
-
-    /// Fails when the folder of a part holds a run that is not to be touched.
-    pub(super) fn check_parts(&self, scene: &Scene) -> Result<(), Error> {
-        for part in &scene.parts {
-            let path = self.file(&part.name);
-            if self.resumes_part(&part.name) {
-                continue;
-            }
-            if holds_run(&path) && !self.overwrite {
-                return Err(Error::OutputExists { path });
-            }
-            check_replaced(&path)?;
-        }
-        Ok(())
     }
 
     /// Whether a run goes on with what is there.
@@ -258,22 +82,15 @@ impl Folder {
         write_atomically(&self.file(name), |out| out.write_all(text.as_bytes()))
     }
 
-    /// The scene as it is run.
-    pub(super) fn save_scene(&self, scene: &Scene) -> Result<(), Error> {
-        let text = toml::to_string_pretty(scene)
-            .map_err(|reason| Error::write(&self.file(AS_RUN), reason))?;
-        self.save_text(AS_RUN, &text)
-    }
-
     /// `model.json`, or `model-NAME.json` where a scene has several.
     pub(super) fn file_of_model(
         &self,
-        scene: &Scene,
+        scene: &Declared<'_>,
         stem: &str,
         spec: &ModelSpec,
         ending: &str,
     ) -> PathBuf {
-        if scene.attempts().len() == 1 {
+        if scene.trainings == 1 {
             self.file(&format!("{stem}{ending}"))
         } else {
             self.file(&format!("{stem}-{}{ending}", spec.name))

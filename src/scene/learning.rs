@@ -1,67 +1,75 @@
 //! Training the networks of a scene, with checkpoints.
 
-use super::context::{Context, DataSets, Halt};
+use super::context::{Context, Halt, RolloutRequest};
+use super::data_sets::DataSets;
+use super::event::Event;
 use super::log::TrainingTimes;
-use super::run::Event;
+use super::network_file::read_network;
 use super::setup::{Attempt, ModelSpec};
-use super::subject::Subject;
+use super::trained::{Trained, held_out_error, loss_of};
 use crate::error::Error;
-use crate::flow::Pairs;
-use crate::io::{
-    Provenance, StoredModel, earlier_checkpoint, file_digest, import_weights, load_model,
-    save_checkpoint, save_model,
-};
-use crate::network::Model;
+use crate::flow::Trajectories;
+use crate::io::{Provenance, StoredModel, earlier_checkpoint, save_checkpoint, save_model};
+use crate::network::{Model, Rollout};
 use crate::train::{
-    Checkpoint, Control, InitialModels, Loss, Objective, Outcome, Progress, RampStage, Scheduled,
-    StageData, StageResult, Stop, TrainingObserver, TrainingOptions, TrainingRecord, TrainingStage,
-    fit_rotation, train_schedule,
+    Checkpoint, Control, InitialModels, Objective, Outcome, Progress, RampStage, Scheduled,
+    StageData, Stop, TrainingObserver, TrainingOptions, TrainingRecord, TrainingStage,
+    train_schedule,
 };
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use std::rc::Rc;
 use std::time::Instant;
 
-/// A network before and after training.
-pub(super) struct Trained {
-    pub(super) spec: ModelSpec,
-    /// The name that the scene gives the network, for any of its seeds.
-    pub(super) network: String,
-    pub(super) initial: Model,
-    /// What led to the last leg of its training.
-    pub(super) legs: Vec<StageResult>,
-    pub(super) outcome: Outcome,
-    /// The mean squared error on the held-out pairs, whatever the weights of the loss.
-    pub(super) held_out_error: Option<f64>,
-}
-
-/// The mean squared error of what a training has kept on the held-out pairs.
-pub(super) fn held_out_error(
-    outcome: &Outcome,
-    loss: &Loss,
-    held_out: Option<&Pairs>,
-) -> Result<Option<f64>, Error> {
-    match held_out {
-        Some(held_out) if !loss.is_plain_on_held_out() => {
-            let objective = Objective::new(&Loss::MeanSquaredError, held_out)?;
-            Ok(Some(objective.value(outcome.model.composition())))
-        }
-        _ => Ok(outcome.best.validation),
+impl Context<'_> {
+    /// The networks that are to be studied, trained.
+    pub(super) fn models(&mut self) -> Result<Vec<Rc<Trained>>, Halt> {
+        let all = self.all_models()?;
+        Ok(all.into_iter().filter(|trained| !trained.spec.training_only).collect())
     }
-}
 
-impl Trained {
-    /// After training.
-    pub(super) fn model(&self) -> &Model {
-        &self.outcome.model
+    /// The networks, trained, with those that are here for their training only: from
+    /// their checkpoints where the run goes on with one.
+    pub(super) fn all_models(&mut self) -> Result<Vec<Rc<Trained>>, Halt> {
+        if let Some(models) = &self.models {
+            return Ok(models.clone());
+        }
+        let mut trained = Vec::new();
+        for attempt in self.scene.setup.attempts() {
+            let data = self.data()?;
+            let name = format!("training {}", attempt.spec.name);
+            let one = self.stage(&name, |context| learn(context, &data, attempt))?;
+            trained.push(Rc::new(one));
+        }
+        Ok(self.models.insert(trained).clone())
+    }
+
+    /// Trajectories of each network.
+    pub(super) fn rollouts(
+        &mut self,
+        initial: &[Vec<f64>],
+        request: Rollout,
+    ) -> Result<Rc<Vec<Trajectories>>, Halt> {
+        let wanted = RolloutRequest { initial: initial.to_vec(), request };
+        if let Some((_, made)) = self.rollouts.iter().find(|(earlier, _)| *earlier == wanted) {
+            return Ok(Rc::clone(made));
+        }
+        let mut made = Vec::new();
+        for trained in self.models()?.iter() {
+            let states = self.stage(&format!("roll-out of {}", trained.spec.name), |_| {
+                trained.model().rollout(&initial.concat(), request)
+            })?;
+            let dim = 2 * trained.model().composition().dof();
+            made.push(Trajectories::new(states, dim, initial.len())?);
+        }
+        let made = Rc::new(made);
+        self.rollouts.push((wanted, Rc::clone(&made)));
+        Ok(made)
     }
 }
 
 /// Trains a network, from its checkpoint where the run goes on with one, and writes
 /// its file.
-pub(super) fn learn(
-    context: &mut Context<'_>,
-    data: &DataSets,
-    attempt: Attempt,
-) -> Result<Trained, Halt> {
+fn learn(context: &mut Context<'_>, data: &DataSets, attempt: Attempt) -> Result<Trained, Halt> {
     let time = context.flow_time()?;
     learn_at(context, data, attempt, time, None)
 }
@@ -141,20 +149,13 @@ pub(super) fn learn_at(
         flow_time: Some(time),
         validation: best.validation,
         region: data.region(),
-        ..Provenance::of(&scene.name)
+        ..Provenance::of(scene.name)
     };
     let stored =
         StoredModel { model: outcome.model.clone(), units: data.units.clone(), provenance };
     save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
     let held_out_error = held_out_error(&outcome, &options.loss, data.validation())?;
     Ok(Trained { spec, network, initial, legs, outcome, held_out_error })
-}
-
-/// The loss of a scene on its training pairs.
-pub(super) fn loss_of(loss: &Loss, subject: Subject<'_>, data: &DataSets) -> Result<Loss, Error> {
-    let action = subject.circle_action();
-    let angle = fit_rotation(&data.training, &action);
-    loss.for_pairs(&action.into(), &[angle], &data.training)
 }
 
 /// Saves checkpoints, takes times, and tells how it goes.
@@ -275,54 +276,4 @@ fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Tr
     let held_out_error = held_out_error(&outcome, &loss, data.validation())?;
     let (network, legs) = (spec.name.clone(), Vec::new());
     Ok(Trained { network, spec, initial: model, legs, outcome, held_out_error })
-}
-
-/// The network of a model's file, or of weights of a gyroceptron, which is to stand for a map of this
-/// time of the subject.
-///
-/// # Errors
-/// Those of [`load_model`] and [`import_weights`]; when the model is of other degrees of freedom,
-/// another ε, flow time or action, or of units of its own.
-pub(super) fn read_network(
-    path: &Path,
-    subject: Subject<'_>,
-    time: f64,
-) -> Result<StoredModel, Error> {
-    if path.extension().is_none_or(|ending| ending != "json") {
-        let action = subject.circle_action().into();
-        let model = import_weights(path, &action, subject.epsilon(), None)?;
-        let (data, flow_time) = (Some(file_digest(path)?), Some(time));
-        let provenance = Provenance { data, flow_time, ..Provenance::of("import") };
-        return Ok(StoredModel { model, units: None, provenance });
-    }
-    let stored = load_model(path)?;
-    let place = path.display().to_string();
-    let of_another = |expected: String, found: String| Err(Error::content(&place, expected, found));
-    let architecture = stored.model.architecture();
-    if architecture.dof != subject.dof() {
-        let expected = format!("a model of {} degrees of freedom", subject.dof());
-        return of_another(expected, architecture.dof.to_string());
-    }
-    if let Some(action) = architecture.action()
-        && architecture.keeps_its_planes()
-        && !subject.is_turned_by(&action)
-    {
-        let expected = "circles that turn the planes as those of the system do together";
-        return of_another(expected.into(), format!("{:?}", action.circles()));
-    }
-    let own_time = architecture.has_flow_time().then_some(architecture.flow_time);
-    if architecture.has_circle() && architecture.epsilon != subject.epsilon() {
-        let expected = format!("a model of ε = {}", subject.epsilon());
-        return of_another(expected, architecture.epsilon.to_string());
-    }
-    for own in own_time.into_iter().chain(stored.provenance.flow_time) {
-        if own != time {
-            return of_another(format!("a model of flow time {time}"), own.to_string());
-        }
-    }
-    if stored.units.is_some() {
-        let expected = "a model in the coordinates of the system";
-        return of_another(expected.into(), "one with units of its own".into());
-    }
-    Ok(stored)
 }

@@ -4,47 +4,61 @@
 //! and studies of it, or consists of parts, which are scenes. What it does not name is
 //! not computed.
 //!
-//! - `declaration`, [`Setup`], `parse`, `catalogue`: the scene as its file declares it.
+//! - [`Setup`], `subject`, `declared`: what studies know of their scene.
+//! - [`findings`], [`figure`], `part`: tables, figures, a verdict, data: what a study gives back.
+//! - `event`, `folder`, `log`: who listens to a run, its files, how much was computed and how
+//!   long it took.
+//! - `context`, `data_sets`, `learning`, `trained`: what studies share, made on first use and
+//!   once.
 //! - [`study`]: one file a study, with its options, its check, its run, what it finds and
 //!   what it cites.
-//! - `context`, `learning`, `log`: what studies share, made on first use and once, and
-//!   how much was computed and how long it took.
-//! - [`findings`], [`figure`]: tables, figures, a verdict, data: what a study gives back.
+//! - `registry`, `declaration`, `catalogue`, `parse`: the studies, and the scene as its file
+//!   declares it.
 //! - [`render`]: the report as Markdown, as JSON and on a terminal, figures as SVG; it
 //!   knows no study.
-//! - `run`, `folder`, `report`: running it all into a folder.
+//! - `run`, `earlier_run`, `report`: running it all into a folder.
 //!
-//! A new study is its file in `study`, its line in the registry there, and a scene in
-//! the catalogue that names it.
+//! A new study is its file in `study`, its line in `registry`, and a scene in the catalogue
+//! that names it.
 
 mod bibliography;
 mod catalogue;
+mod command;
 mod context;
+mod data_sets;
 mod declaration;
+mod declared;
+mod earlier_run;
+mod event;
 pub mod figure;
 pub mod findings;
 mod folder;
 mod learning;
 mod log;
 mod machine;
+mod nearest;
+mod network_file;
 mod next_command;
 mod notes;
 mod own_fit;
 mod own_pairs;
 mod parse;
+mod part;
 mod predictions;
+mod registry;
 pub mod render;
 mod report;
 mod run;
 mod setup;
 pub mod study;
 mod subject;
+mod trained;
 mod trust;
-mod verdict;
 mod words;
 
 pub use catalogue::{CatalogueEntry, catalogue, default_scene, find};
-pub use declaration::Scene;
+pub use event::{Event, Observer};
+pub use findings::StudyFindings;
 pub use folder::Folder;
 pub use log::{Stage, TrainingTimes};
 pub use machine::Machine;
@@ -52,18 +66,16 @@ pub use next_command::next_command;
 pub use notes::{Note, own_invariance_fault};
 pub use own_pairs::{NextStep, OwnTraining};
 pub use parse::parse;
-pub use report::{Report, StudyFindings};
-pub use run::{Event, Observer, run};
+pub use registry::{AnyStudy, Scene};
+pub use report::Report;
+pub use run::run;
 pub use setup::{Data, FlowBy, ModelSpec, Setup};
-pub use study::AnyStudy;
 pub use study::certificate::{CERTIFICATE_HEADINGS, certificate_cells, certificate_table};
 pub use study::training::stop_words;
-pub use verdict::Trust;
 
 /// What the tests of this crate reach behind the public API: not a part of it.
 #[doc(hidden)]
 pub mod internals {
-    pub use super::study::claims::{REPRODUCED, as_good, change, command, verdict};
-    pub use super::study::dissipation::{period, simpson};
-    pub use super::trust::{Limit, Orbits, PlaneError, STEPS, limit, orbits, plane_errors, worst};
+    pub use super::command::{command, verdict};
+    pub use super::study::claims::{REPRODUCED, as_good, change};
 }

@@ -1,22 +1,24 @@
 //! The report of a training on pairs of one's own.
 
-use super::declaration::Scene;
-use super::findings::{Block, Format};
+use super::findings::{Block, Format, StudyFindings};
 use super::folder::Folder;
-use super::learning::{Trained, held_out_error};
 use super::log::TrainingTimes;
 use super::machine::Machine;
 use super::predictions::{ByComponent, Judged, ORBITS, PREDICTION};
-use super::report::{Report, StudyFindings};
+use super::registry::Scene;
+use super::report::Report;
 use super::run::write;
 use super::setup::{ModelSpec, Setup};
 use super::study::training::{Baseline, LOSS, TrainingResult, findings};
+use super::trained::{Trained, held_out_error};
 use super::trust::trust;
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::measure::{component_errors, plane_motions, root_mean_square, rotation_errors};
 use crate::network::NetworkSpec;
-use crate::train::{Fit, FitNote, Fitted, Optimiser, Outcome, Problem, Scheduled, Stop};
+use crate::train::{
+    Fit, FitNote, Fitted, Judgement, Limit, Optimiser, Outcome, Problem, Scheduled, Stop,
+};
 use serde::Serialize;
 use serde_json::json;
 
@@ -42,25 +44,18 @@ impl NextStep {
     /// Fewer iterations tell nothing of a network.
     const FEW: u64 = 50;
 
-    /// What to try after a training: `data` are those of its trust, `rotation` the root mean square
-    /// of what the nearest rotation leaves over that of the data.
-    fn after(
-        problem: &Problem,
-        outcome: &Outcome,
-        data: &serde_json::Value,
-        rotation: f64,
-    ) -> Self {
+    /// What to try after a training: `rotation` is the root mean square of what the nearest
+    /// rotation leaves over that of the data.
+    fn after(problem: &Problem, outcome: &Outcome, judgement: &Judgement, rotation: f64) -> Self {
         let options = &problem.training;
-        let limit = data["limit"].as_str().unwrap_or_default();
-        let trusted = data["trust"].as_str().is_some_and(|word| word.starts_with("yes"));
         let marquardt = matches!(options.optimiser, Optimiser::LevenbergMarquardt(_));
-        if trusted {
+        if judgement.is_yes() {
             return Self::Predict;
         }
-        if limit == "data" {
+        if judgement.limit == Limit::Data {
             return Self::Pairs(problem.pairs.len());
         }
-        let falling = limit == "iterations" && outcome.stop == Stop::Iterations;
+        let falling = judgement.limit == Limit::Iterations && outcome.stop == Stop::Iterations;
         let more = Self::Iterations(options.iterations.saturating_mul(2));
         if outcome.stop == Stop::Iterations && options.iterations < Self::FEW {
             return more;
@@ -142,9 +137,10 @@ impl OwnTraining<'_> {
         let error = root_mean_square(&found);
         let of = ByComponent::new(found, nearest, judge, units);
         let network = name.clone();
-        let mut trust = trust(&training.outcome, pairs, held_out, nearest)?;
+        let judgement = Judgement::of(&training.outcome, pairs, held_out, nearest)?;
+        let mut trust = trust(&judgement);
         let rotation = rotation_error.sqrt() / baseline.size;
-        let next = NextStep::after(&problem, &training.outcome, &trust.results.data, rotation);
+        let next = NextStep::after(&problem, &training.outcome, &judgement, rotation);
         let share = match baseline.rotation_error {
             Some(left) => {
                 let share = Format::Percent.number(error / left.sqrt());

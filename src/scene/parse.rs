@@ -1,7 +1,8 @@
 //! Reading a scene file.
 
-use super::catalogue::find;
-use super::declaration::Scene;
+use super::catalogue::{CatalogueEntry, find};
+use super::nearest::nearest;
+use super::registry::Scene;
 use crate::error::Error;
 use std::borrow::Cow;
 use toml::de::DeTable;
@@ -96,20 +97,20 @@ fn unknown<'a>(place: &str, text: &str, key: &str, known: impl Iterator<Item = &
     Error::UnknownKey { place, key: key.to_owned(), nearest }
 }
 
-/// The known word that a word is most like, if one is near.
-pub(super) fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    const NEAR: f64 = 0.7;
-    known
-        .map(|name| (strsim::jaro_winkler(word, name), name))
-        .filter(|(likeness, _)| *likeness >= NEAR)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, name)| name)
-}
-
 /// Reads "unknown field `key`, expected one of `a`, `b`" back into an error
 /// that names the nearest key.
 fn unknown_key(place: &str, text: &str, message: &str) -> Option<Error> {
     let rest = message.strip_prefix("unknown field `")?;
     let (key, expected) = rest.split_once('`')?;
     Some(unknown(place, text, key, expected.split('`').skip(1).step_by(2)))
+}
+
+impl CatalogueEntry {
+    /// The scene.
+    ///
+    /// # Errors
+    /// Those of [`parse`]; a test reads them all.
+    pub fn scene(&self) -> Result<Scene, Error> {
+        parse(&format!("built-in scene {}", self.name), self.text)
+    }
 }

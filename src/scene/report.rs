@@ -1,9 +1,9 @@
 //! What a run found.
 
-use super::declaration::Scene;
-use super::findings::Findings;
+use super::findings::{Findings, StudyFindings};
 use super::log::{Stage, TrainingTimes};
 use super::machine::Machine;
+use super::registry::Scene;
 
 /// What a run found.
 #[derive(Clone, Debug)]
@@ -24,25 +24,11 @@ pub struct Report {
     pub parts: Vec<Report>,
 }
 
-/// The findings of a study, with its name.
-#[derive(Clone, Debug)]
-pub struct StudyFindings {
-    /// Its key in the scene.
-    pub name: &'static str,
-    /// What it found.
-    pub findings: Findings,
-}
-
 impl Report {
     /// No verdict of the run, or of a part, is that something does not hold.
     pub fn holds(&self) -> bool {
         let fails = |study: &StudyFindings| study.findings.verdict == Some(false);
         !self.studies.iter().any(fails) && self.parts.iter().all(Self::holds)
-    }
-
-    /// ε of what it is of, as data.
-    pub(super) fn scene_epsilon(&self) -> Option<serde_json::Value> {
-        self.scene.setup.subject().map(|subject| subject.epsilon().into())
     }
 
     /// The findings of the study of this name.

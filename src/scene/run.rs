@@ -1,59 +1,16 @@
-//! Running a scene into a folder, and telling how it goes.
+//! Running a scene into a folder.
 
+use super::command::as_part;
 use super::context::{Context, Halt};
-use super::declaration::Scene;
+use super::event::{Event, Observer};
 use super::figure::data_file_of;
+use super::findings::StudyFindings;
 use super::folder::Folder;
 use super::machine::Machine;
+use super::registry::Scene;
 use super::render::{json, markdown, svg};
-use super::report::{Report, StudyFindings};
+use super::report::Report;
 use crate::error::Error;
-use crate::train::{Stop, TrainingRecord};
-
-/// What a run tells while it goes on.
-#[derive(Debug)]
-pub enum Event<'a> {
-    /// A stage begins.
-    Stage(&'a str),
-    /// An iteration of training is done.
-    Iteration {
-        /// The network's name.
-        model: &'a str,
-        /// Its newest record.
-        record: TrainingRecord,
-        /// The most iterations there will be.
-        iterations: u64,
-    },
-    /// A part of something that takes long is done.
-    Progress {
-        /// What is counted.
-        what: &'a str,
-        /// How many are done.
-        done: u64,
-        /// How many there are to do.
-        total: u64,
-    },
-    /// A network is trained.
-    Trained {
-        /// The network's name.
-        model: &'a str,
-        /// Why training ended.
-        stop: Stop,
-        /// The record of the model that was kept.
-        best: TrainingRecord,
-    },
-}
-
-/// Listens to a run, and may stop it.
-pub trait Observer {
-    /// Something happened.
-    fn event(&mut self, event: Event<'_>);
-
-    /// True when the run should stop at the next iteration, with a checkpoint.
-    fn interrupted(&self) -> bool {
-        false
-    }
-}
 
 /// Runs a scene into a folder; None when the observer interrupted it, in which
 /// case a checkpoint is there to resume from. The parts of a scene run one after
@@ -92,7 +49,9 @@ fn run_complete(
         observer.event(Event::Stage(&format!("part {}", part.name)));
         parts.push(run_complete(part, &folder.part(&part.name)?, observer)?);
     }
-    let mut context = Context::new(scene, folder, &parts, observer);
+    let declared = scene.declared();
+    let findings_of_parts: Vec<_> = parts.iter().map(as_part).collect();
+    let mut context = Context::new(&declared, folder, &findings_of_parts, observer);
     let mut studies = Vec::new();
     for study in scene.all_studies() {
         let findings = study.run(&mut context)?;

@@ -1,11 +1,6 @@
 //! Names of coordinates and initial points.
 
-/// `₁₂` of 12.
-pub(super) fn subscript(number: usize) -> String {
-    const ZERO: u32 = '₀' as u32;
-    let digits = number.to_string();
-    digits.bytes().filter_map(|digit| char::from_u32(ZERO + u32::from(digit - b'0'))).collect()
-}
+use crate::words::subscript;
 
 /// `q₂` or `p₁`: the coordinate of this number in a point of 2n.
 pub(super) fn coordinate(index: usize, dim: usize) -> String {

@@ -280,6 +280,47 @@ impl System {
     }
 }
 
+/// What is particular to a system, as studies ask for it: a new system answers here.
+impl System {
+    /// Whether its limit turns at one frequency everywhere: not where each surface turns at a
+    /// frequency of its own.
+    pub fn turns_at_one_frequency(&self) -> bool {
+        !matches!(self, Self::FieldLines(_))
+    }
+
+    /// Whether the first plane that the limit leaves alone is worth a portrait: that of a particle
+    /// in its own field moves on a straight line.
+    pub fn has_slow_portrait(&self) -> bool {
+        !matches!(self, Self::ParticleField(_))
+    }
+
+    /// The Hamiltonian of the plane (q_j, p_j), j from 0, averaged over the fast motion, and the
+    /// point of the plane at z; none where it is not known.
+    pub fn averaged(&self, plane: usize, z: &[f64]) -> Option<(AveragedOscillator, [f64; 2])> {
+        match (self, plane) {
+            (Self::Oscillators(_), 1) => Some(Oscillators::averaged(z.try_into().ok()?)),
+            _ => None,
+        }
+    }
+
+    /// The point of the slow manifold, to order ε, over (q, p) of the slow plane; none where it is
+    /// not known. Along it, to order ε, q = q(0) + εp(0)t and p = p(0).
+    pub fn on_slow_manifold(&self, q: f64, p: f64) -> Option<Vec<f64>> {
+        match self {
+            Self::ParticleField(system) => Some(system.on_slow_manifold(q, p)),
+            _ => None,
+        }
+    }
+
+    /// The field lines, where it is of such: with the surfaces that they lie on.
+    pub fn field_lines(&self) -> Option<&FieldLines> {
+        match self {
+            Self::FieldLines(system) => Some(system),
+            _ => None,
+        }
+    }
+}
+
 impl Hamiltonian for System {
     fn dof(&self) -> usize {
         each_system!(self, s => s.dof())

@@ -1,8 +1,7 @@
 //! Adam on batches: the recipe of the paper's published code, to compare with.
 
-use super::checkpoint::OptimiserState;
-use super::options::{Stop, at_least_one};
-use super::run::{Minimise, Problem, Step, largest};
+use super::minimise::{Minimise, OptimiserState, Problem, Resumed, Step, largest};
+use super::record::{Stop, at_least_one};
 use crate::error::Error;
 use crate::random::Stream;
 use serde::{Deserialize, Serialize};
@@ -42,6 +41,8 @@ impl Default for AdamOptions {
     }
 }
 
+/// Of its state in a checkpoint.
+const KIND: &str = "adam";
 const MOMENTUM: f64 = 0.9;
 const SQUARES: f64 = 0.999;
 const SMALL: f64 = 1e-7;
@@ -61,7 +62,7 @@ impl AdamOptions {
 
 /// Where it is, between two epochs.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct AdamState {
+struct AdamState {
     /// The moving mean of the gradient and of its squares.
     mean: Vec<f64>,
     squares: Vec<f64>,
@@ -75,7 +76,7 @@ pub(super) struct AdamState {
 
 impl AdamState {
     /// Fails unless it is of so many parameters, after so many epochs.
-    pub(super) fn check(&self, place: &str, count: usize, epochs: u64) -> Result<(), Error> {
+    fn check(&self, place: &str, count: usize, epochs: u64) -> Result<(), Error> {
         let name = format!("{place}: optimiser: rate");
         Error::check_range(&name, self.rate, 0.0, f64::MAX)?;
         if self.epochs != epochs || self.steps < epochs {
@@ -111,10 +112,21 @@ impl<'a> Adam<'a> {
             lowest: None,
             waited: 0,
         };
-        Self::resume(problem, options, state)
+        Self::at(problem, options, state)
     }
 
-    pub(super) fn resume(problem: Problem<'a>, options: &AdamOptions, state: AdamState) -> Self {
+    pub(super) fn resume(
+        problem: Problem<'a>,
+        options: &AdamOptions,
+        from: &Resumed,
+    ) -> Result<Self, Error> {
+        let state: AdamState = from.read(KIND)?;
+        let count = problem.model.composition().parameters().len();
+        state.check(&from.place, count, from.iteration)?;
+        Ok(Self::at(problem, options, state))
+    }
+
+    fn at(problem: Problem<'a>, options: &AdamOptions, state: AdamState) -> Self {
         let mut start = 0;
         let mut range = |[rows, columns]: [usize; 2]| {
             let range = start..start + rows * columns;
@@ -217,6 +229,6 @@ impl Minimise for Adam<'_> {
     }
 
     fn state(&self) -> OptimiserState {
-        OptimiserState::Adam(self.state.clone())
+        OptimiserState::of(KIND, &self.state)
     }
 }

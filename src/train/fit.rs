@@ -1,9 +1,9 @@
 //! From pairs to a model: the one way of the program, of Python and of library users.
 
 use super::{
-    ActionFit, Control, LevenbergMarquardtOptions, Loss, Optimiser, Outcome, Plateau, Preparation,
-    Prepared, Progress, RampStage, Reading, Scheduled, StageData, Starts, TrainingObserver,
-    TrainingOptions, TrainingStage, train_schedule,
+    ActionFit, Control, Judgement, LevenbergMarquardtOptions, Loss, Optimiser, Outcome, Plateau,
+    Preparation, Prepared, Progress, RampStage, Reading, Scheduled, StageData, Starts,
+    TrainingObserver, TrainingOptions, TrainingStage, train_schedule,
 };
 use crate::error::Error;
 use crate::flow::{Condition, Pairs, Region};
@@ -615,5 +615,14 @@ impl Fitted {
     /// network has to improve upon.
     pub fn nearest(&self) -> (&TorusAction, &[f64]) {
         (&self.problem.action, &self.problem.nearest)
+    }
+
+    /// Whether to trust the network, why not, and what limits it: judged by the held-out pairs.
+    ///
+    /// # Errors
+    /// Those of [`Judgement::of`].
+    pub fn judgement(&self) -> Result<Judgement, Error> {
+        let (pairs, held_out) = (&self.problem.pairs, self.problem.held_out.as_ref());
+        Judgement::of(self.outcome(), pairs, held_out, self.nearest())
     }
 }

@@ -6,9 +6,8 @@
 //! L-BFGS gets further for the same work. D is renewed as training goes, at the
 //! price of one Jacobian pass; each renewal starts a new memory.
 
-use super::checkpoint::OptimiserState;
-use super::options::{Stop, at_least_one};
-use super::run::{Minimise, Problem, Step, finite_or_rejected};
+use super::minimise::{Minimise, OptimiserState, Problem, Resumed, Step, finite_or_rejected};
+use super::record::{Stop, at_least_one};
 use crate::error::Error;
 use crate::network::{Composition, Model};
 use crate::scalar::max_or_nan;
@@ -65,6 +64,9 @@ impl LbfgsOptions {
         }
     }
 }
+
+/// Of its state in a checkpoint.
+const KIND: &str = "lbfgs";
 
 type Solver = basin::Lbfgs<Vec<f64>, f64, Unbounded, MoreThuente<f64>>;
 type SolverState = FirstOrderState<Vec<f64>>;
@@ -204,14 +206,14 @@ impl<'a> Segment<'a> {
 
 /// The memory inside a segment, between two iterations.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct SegmentState {
+struct SegmentState {
     scale: Vec<f64>,
     optimiser: serde_json::Value,
 }
 
 /// Where L-BFGS is, between two iterations.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct LbfgsState {
+struct LbfgsState {
     /// Evaluations in the segments that are closed.
     earlier_evaluations: u64,
     segment_iterations: u64,
@@ -222,7 +224,7 @@ pub(super) struct LbfgsState {
 
 impl LbfgsState {
     /// Fails unless it is of so many parameters.
-    pub(super) fn check(&self, place: &str, count: usize) -> Result<(), Error> {
+    fn check(&self, place: &str, count: usize) -> Result<(), Error> {
         match &self.segment {
             Some(segment) if segment.scale.len() != count => {
                 Err(Error::content(format!("{place}: scale"), count, segment.scale.len()))
@@ -249,8 +251,10 @@ impl<'a> Lbfgs<'a> {
     pub(super) fn resume(
         problem: Problem<'a>,
         options: &LbfgsOptions,
-        mut state: LbfgsState,
+        from: &Resumed,
     ) -> Result<Self, Error> {
+        let mut state: LbfgsState = from.read(KIND)?;
+        state.check(&from.place, problem.model.composition().parameters().len())?;
         let mut segment = None;
         if let Some(SegmentState { scale, optimiser }) = state.segment.take() {
             let restored: ExactCheckpoint<Solver, SolverState> = serde_json::from_value(optimiser)
@@ -326,6 +330,6 @@ impl Minimise for Lbfgs<'_> {
 
     fn state(&self) -> OptimiserState {
         let segment = self.segment.as_ref().map(Segment::snapshot);
-        OptimiserState::Lbfgs(LbfgsState { segment, ..self.state.clone() })
+        OptimiserState::of(KIND, &LbfgsState { segment, ..self.state.clone() })
     }
 }

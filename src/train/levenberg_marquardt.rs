@@ -16,9 +16,8 @@
 //! ([`Objective::normal_equations`](super::Objective::normal_equations)) and goes on
 //! from a checkpoint to the same bits.
 
-use super::checkpoint::OptimiserState;
-use super::options::Stop;
-use super::run::{Minimise, Problem, Step, largest};
+use super::minimise::{Minimise, OptimiserState, Problem, Resumed, Step, largest};
+use super::record::Stop;
 use super::{NormalEquations, Objective};
 use crate::error::Error;
 use crate::network::Model;
@@ -88,6 +87,8 @@ impl LevenbergMarquardtOptions {
     }
 }
 
+/// Of its state in a checkpoint.
+const KIND: &str = "levenberg-marquardt";
 /// Damping below the rounding of A has no effect.
 const LEAST_DAMPING: f64 = 1e-16;
 /// Steps of such a damping move no digit of a parameter of size one.
@@ -102,7 +103,7 @@ const BESIDE: f64 = 0.1;
 
 /// Where it is, between two iterations.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct LevenbergMarquardtState {
+struct LevenbergMarquardtState {
     /// λ.
     damping: f64,
     /// What λ is multiplied with when a step fails.
@@ -120,7 +121,7 @@ pub(super) struct LevenbergMarquardtState {
 
 impl LevenbergMarquardtState {
     /// Fails unless it is a state after so many iterations.
-    pub(super) fn check(&self, place: &str, iteration: u64) -> Result<(), Error> {
+    fn check(&self, place: &str, iteration: u64) -> Result<(), Error> {
         let place = format!("{place}: optimiser");
         let name = |what: &str| format!("{place}: {what}");
         Error::check_range(&name("damping"), self.damping, LEAST_DAMPING, f64::MAX)?;
@@ -167,10 +168,20 @@ impl<'a> LevenbergMarquardt<'a> {
             evaluations: 0,
             curvatures: 0,
         };
-        Self::resume(problem, options, state)
+        Self::at(problem, options, state)
     }
 
     pub(super) fn resume(
+        problem: Problem<'a>,
+        options: &LevenbergMarquardtOptions,
+        from: &Resumed,
+    ) -> Result<Self, Error> {
+        let state: LevenbergMarquardtState = from.read(KIND)?;
+        state.check(&from.place, from.iteration)?;
+        Self::at(problem, options, state)
+    }
+
+    fn at(
         problem: Problem<'a>,
         options: &LevenbergMarquardtOptions,
         state: LevenbergMarquardtState,
@@ -366,6 +377,6 @@ impl Minimise for LevenbergMarquardt<'_> {
     }
 
     fn state(&self) -> OptimiserState {
-        OptimiserState::LevenbergMarquardt(self.state.clone())
+        OptimiserState::of(KIND, &self.state)
     }
 }

@@ -2,24 +2,31 @@
 //!
 //! - `loss`, `kernels`, `normal_equations`: the loss of a network on pairs, its
 //!   gradient, the Gauss–Newton matrix.
-//! - `lbfgs`, `levenberg_marquardt`, `adam`: an optimiser each, with its options.
-//! - `options`, `run`, `checkpoint`: what they share: validation, stopping, resuming.
+//! - `record`, `minimise`: records and why a training ends; what optimisers share.
+//! - `lbfgs`, `levenberg_marquardt`, `adam`: an optimiser each, with its options and its state.
+//! - `legs`, `options`, `checkpoint`, `run`: a training as it is asked for, and one leg of it:
+//!   validation, stopping, resuming.
 //! - `schedule`: several starts, a ramp of other flow times or ε, twists alone.
-//! - `prepare`, `action_fit`, `rotation_fit`, `units_fit`: circle action, θ and units for data of which
+//! - `judgement`: whether to trust what was trained, and what limits it.
+//! - `prepare`, `reading`, `action_fit`, `rotation_fit`, `units_fit`: circle action, θ and units for data of which
 //!   nobody told them.
 
 mod action_fit;
 mod adam;
 mod checkpoint;
 mod fit;
+mod judgement;
 mod kernels;
 mod lbfgs;
+mod legs;
 mod levenberg_marquardt;
 mod loss;
+mod minimise;
 mod normal_equations;
 mod options;
 mod prepare;
 mod reading;
+mod record;
 mod rotation_fit;
 mod run;
 mod schedule;
@@ -29,17 +36,25 @@ pub use action_fit::ActionFit;
 pub use adam::AdamOptions;
 pub use checkpoint::Checkpoint;
 pub use fit::{FamilyPairs, Fit, FitNote, Fitted, InitialModels, Problem};
+pub use judgement::{Judgement, Limit, Orbits, PlaneError, Trust};
 pub use lbfgs::{LbfgsOptions, Scaling};
+pub use legs::{FreshTwists, RampStage, Starts};
 pub use levenberg_marquardt::LevenbergMarquardtOptions;
 pub use loss::{Loss, Objective};
 pub use normal_equations::NormalEquations;
-pub use options::{Optimiser, Plateau, Stop, TrainingOptions, TrainingRecord};
+pub use options::{Optimiser, Plateau, TrainingOptions};
 pub use prepare::{Preparation, Prepared};
 pub use reading::Reading;
+pub use record::{Stop, TrainingRecord};
 pub use rotation_fit::{fit_rotation, slow_time};
 pub use run::{Control, Outcome, Progress, train};
 pub use schedule::{
-    FreshTwists, RampStage, Scheduled, StageData, StageResult, Starts, TrainingObserver,
-    TrainingStage, train_schedule,
+    Scheduled, StageData, StageResult, TrainingObserver, TrainingStage, train_schedule,
 };
 pub use units_fit::fit_units;
+
+/// What the tests of this crate reach behind the public API: not a part of it.
+#[doc(hidden)]
+pub mod internals {
+    pub use super::judgement::{STEPS, limit, orbits, plane_errors, worst};
+}

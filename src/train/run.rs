@@ -2,14 +2,15 @@
 
 use super::Objective;
 use super::adam::Adam;
-use super::checkpoint::{Checkpoint, OptimiserState, RunIdentity};
+use super::checkpoint::{Checkpoint, RunIdentity};
 use super::lbfgs::Lbfgs;
 use super::levenberg_marquardt::LevenbergMarquardt;
-use super::options::{Optimiser, Stop, TrainingOptions, TrainingRecord};
+use super::minimise::{Minimise, Problem, Resumed, largest};
+use super::options::{Optimiser, TrainingOptions};
+use super::record::{Stop, TrainingRecord};
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::network::Model;
-use crate::scalar::max_or_nan;
 use std::ops::ControlFlow;
 
 /// What the caller is told after each iteration.
@@ -49,84 +50,25 @@ pub struct Outcome {
     pub stop: Stop,
 }
 
-/// What is minimised, and over which models.
-#[derive(Clone, Copy)]
-pub(super) struct Problem<'a> {
-    pub(super) objective: &'a Objective<'a>,
-    pub(super) model: &'a Model,
-}
-
-impl Problem<'_> {
-    /// The loss at these parameters: infinite where they or the loss leave the finite
-    /// numbers, so that no optimiser takes a NaN for progress.
-    pub(super) fn loss(&self, objective: &Objective<'_>, parameters: &[f64]) -> f64 {
-        match self.model.with_parameters(parameters.to_vec()) {
-            Ok(model) => finite_or_rejected(objective.value(model.composition())),
-            Err(_) => f64::INFINITY,
-        }
-    }
-}
-
-/// An infinite loss ends a search along a line without a step; a NaN it might take
-/// for progress.
-pub(super) fn finite_or_rejected(value: f64) -> f64 {
-    if value.is_finite() { value } else { f64::INFINITY }
-}
-
-/// Where an iteration ended.
-pub(super) struct Step {
-    /// See [`TrainingRecord`].
-    pub(super) loss: f64,
-    pub(super) gradient: f64,
-    pub(super) pairs: usize,
-}
-
-/// What lowers the loss.
-pub(super) trait Minimise {
-    /// One iteration from these parameters, in place; `loss` is that of the last one.
-    /// Where it ends, the parameters are as before.
-    fn step(
-        &mut self,
-        parameters: &mut Vec<f64>,
-        loss: f64,
-    ) -> Result<ControlFlow<Stop, Step>, Error>;
-
-    /// Evaluations of the loss so far.
-    fn evaluations(&self) -> u64;
-
-    /// See [`Outcome::curvatures`].
-    fn curvatures(&self) -> u64 {
-        0
-    }
-
-    /// All that it goes on from, beside the parameters.
-    fn state(&self) -> OptimiserState;
-}
-
-/// The optimiser of the options, from this state where a run goes on.
+/// The optimiser of the options, from a state where a run goes on.
 fn optimiser<'a>(
     problem: Problem<'a>,
-    options: &TrainingOptions,
-    state: Option<OptimiserState>,
+    optimiser: &Optimiser,
+    from: Option<Resumed>,
 ) -> Result<Box<dyn Minimise + 'a>, Error> {
-    let other = || Error::content("checkpoint: optimiser", options.optimiser.name(), "another");
-    Ok(match (&options.optimiser, state) {
+    Ok(match (optimiser, from) {
         (Optimiser::Lbfgs(options), None) => Box::new(Lbfgs::new(problem, options)),
-        (Optimiser::Lbfgs(options), Some(OptimiserState::Lbfgs(state))) => {
-            Box::new(Lbfgs::resume(problem, options, state)?)
+        (Optimiser::Lbfgs(options), Some(from)) => {
+            Box::new(Lbfgs::resume(problem, options, &from)?)
         }
         (Optimiser::LevenbergMarquardt(options), None) => {
             Box::new(LevenbergMarquardt::new(problem, options)?)
         }
-        (
-            Optimiser::LevenbergMarquardt(options),
-            Some(OptimiserState::LevenbergMarquardt(state)),
-        ) => Box::new(LevenbergMarquardt::resume(problem, options, state)?),
-        (Optimiser::Adam(options), None) => Box::new(Adam::new(problem, options)),
-        (Optimiser::Adam(options), Some(OptimiserState::Adam(state))) => {
-            Box::new(Adam::resume(problem, options, state))
+        (Optimiser::LevenbergMarquardt(options), Some(from)) => {
+            Box::new(LevenbergMarquardt::resume(problem, options, &from)?)
         }
-        (_, Some(_)) => return Err(other()),
+        (Optimiser::Adam(options), None) => Box::new(Adam::new(problem, options)),
+        (Optimiser::Adam(options), Some(from)) => Box::new(Adam::resume(problem, options, &from)?),
     })
 }
 
@@ -176,7 +118,7 @@ pub fn train(
         }
     };
     let problem = Problem { objective: &objective, model };
-    let mut optimiser = optimiser(problem, options, state.optimiser.take())?;
+    let mut optimiser = optimiser(problem, &options.optimiser, state.take_optimiser())?;
     let stop = loop {
         if let Some(stop) = state.finished(options, pairs.len()) {
             break stop;
@@ -290,9 +232,4 @@ fn initial_record(
         gradient: largest(&gradient),
         validation,
     })
-}
-
-/// The largest |v|.
-pub(super) fn largest(values: &[f64]) -> f64 {
-    values.iter().map(|v| v.abs()).fold(0.0, max_or_nan)
 }

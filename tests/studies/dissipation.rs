@@ -1,7 +1,7 @@
 //! Flows that dissipate.
 
 use crate::helpers::{refused, run_in, temporary};
-use gyroceptron::scene::internals::{period, simpson};
+use gyroceptron::measure::{mean_period, simpson};
 use gyroceptron::scene::{parse, render};
 use serde_json::Value;
 
@@ -113,11 +113,11 @@ fn a_flow_with_dissipation_is_learnt_with_its_attractor() {
 fn a_period_is_that_between_rises() {
     let wave = |k: usize| 2.0 + (0.37 * k as f64 + 0.4).sin();
     let values: Vec<f64> = (0..400).map(wave).collect();
-    let found = period(&values, 0.5).expect("it swings");
+    let found = mean_period(&values, 0.5).expect("it swings");
     assert!((found - 0.5 * std::f64::consts::TAU / 0.37).abs() < 1e-2, "{found}");
-    assert_eq!(period(&[2.0, 2.01, 1.99, 2.01, 1.99, 2.01], 1.0), None);
-    assert_eq!(period(&[1.0, 2.0, 3.0], 1.0), None);
-    assert_eq!(period(&[1.0, f64::NAN, 3.0, 0.0, 5.0], 1.0), None);
+    assert_eq!(mean_period(&[2.0, 2.01, 1.99, 2.01, 1.99, 2.01], 1.0), None);
+    assert_eq!(mean_period(&[1.0, 2.0, 3.0], 1.0), None);
+    assert_eq!(mean_period(&[1.0, f64::NAN, 3.0, 0.0, 5.0], 1.0), None);
 }
 
 #[test]

@@ -4,9 +4,9 @@ use gyroceptron::Error;
 use gyroceptron::flow::Region;
 use gyroceptron::measure::PlaneMotion;
 use gyroceptron::network::{HenonShape, InitialWeights, Model, Rollout};
-use gyroceptron::scene::internals::{Limit, STEPS, limit, orbits, plane_errors, worst};
 use gyroceptron::scene::{NextStep, next_command};
-use gyroceptron::train::TrainingRecord;
+use gyroceptron::train::internals::{STEPS, limit, orbits, plane_errors, worst};
+use gyroceptron::train::{Limit, TrainingRecord};
 use std::path::Path;
 
 #[test]

@@ -1,13 +1,13 @@
 //! The actions of a system's torus, and those that networks have learnt.
 
-use super::{Study, check_along};
+use super::shared::{Study, check_along};
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::layer::CircleAction;
 use crate::measure::{drifts, root_mean_square, root_mean_square_distance};
 use crate::network::Rollout;
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::Need;
@@ -43,11 +43,11 @@ impl Study for ActionsOptions {
         true
     }
 
-    fn check(&self, scene: &Scene) -> Result<(), Error> {
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
         check_along(scene, self.steps, self.every, &self.initial)
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![FIGURE]
     }
 

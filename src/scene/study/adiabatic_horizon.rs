@@ -1,16 +1,16 @@
 //! How long the adiabatic invariant of random gyroceptrons stays, for several ε.
 
-use super::Study;
 use super::random_network::RandomNetwork;
 use super::rollout::epsilon_name;
+use super::shared::Study;
 use crate::error::Error;
 use crate::measure::{AdiabaticOrbit, Spread, log_slope};
 use crate::network::{Composition, Model};
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
+use crate::scene::event::Event;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::run::Event;
 use crate::scene::setup::Need;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -62,7 +62,7 @@ impl Study for AdiabaticHorizonOptions {
         &[]
     }
 
-    fn check(&self, _: &Scene) -> Result<(), Error> {
+    fn check(&self, _: &Declared<'_>) -> Result<(), Error> {
         Error::check_count_range("epsilons", self.epsilons.len(), 1, 1000)?;
         for epsilon in &self.epsilons {
             Error::check_range("epsilons", *epsilon, Error::LEAST_POSITIVE, f64::MAX)?;
@@ -95,8 +95,17 @@ impl Study for AdiabaticHorizonOptions {
         self.network.check()
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![HORIZON]
+    }
+
+    /// A thousandth of the iterations of the longest, a tenth of the others.
+    fn shorten(&mut self) {
+        self.seeds = self.seeds.min(8);
+        self.iterations = (self.iterations / 10).max(1000).min(self.iterations);
+        if let Some(long) = &mut self.long {
+            long.iterations = (long.iterations / 1000).max(self.iterations);
+        }
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
@@ -144,15 +153,6 @@ struct Checkpoint {
 }
 
 impl AdiabaticHorizonOptions {
-    /// A thousandth of the iterations of the longest, a tenth of the others.
-    pub(super) fn shorten(&mut self) {
-        self.seeds = self.seeds.min(8);
-        self.iterations = (self.iterations / 10).max(1000).min(self.iterations);
-        if let Some(long) = &mut self.long {
-            long.iterations = (long.iterations / 1000).max(self.iterations);
-        }
-    }
-
     /// At ε and for one of the weights.
     fn network(&self, context: &Context<'_>, run: &Run) -> Result<Model, Error> {
         self.network.at(run.epsilon, context.scene.seed.wrapping_add(run.number))

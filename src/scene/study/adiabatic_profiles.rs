@@ -1,14 +1,14 @@
 //! The adiabatic invariant of a random gyroceptron along its orbit, for several ε.
 
-use super::Study;
 use super::random_network::RandomNetwork;
 use super::rollout::{envelope, epsilon_name};
+use super::shared::Study;
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::measure::{Drift, drift, drift_exponent};
 use crate::network::{Rollout, rollout};
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{MOST, Need};
@@ -38,7 +38,7 @@ impl Study for AdiabaticProfilesOptions {
         &[]
     }
 
-    fn check(&self, _: &Scene) -> Result<(), Error> {
+    fn check(&self, _: &Declared<'_>) -> Result<(), Error> {
         Error::check_count_range("iterations", self.iterations, 100, MOST)?;
         Error::check_count_range("epsilons", self.epsilons.len(), 1, MOST)?;
         for epsilon in &self.epsilons {
@@ -47,7 +47,7 @@ impl Study for AdiabaticProfilesOptions {
         self.network.check()
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![PROFILES]
     }
 

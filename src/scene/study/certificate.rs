@@ -1,10 +1,10 @@
 //! The structure certificate of each network.
 
-use super::Study;
+use super::shared::Study;
 use crate::error::Error;
 use crate::measure::{Certificate, CertificateOptions, Row, Verdict, certify};
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};
 use crate::scene::setup::Need;
 use serde_json::json;
@@ -18,7 +18,7 @@ impl Study for CertificateOptions {
         &[Need::Models]
     }
 
-    fn check(&self, _: &Scene) -> Result<(), Error> {
+    fn check(&self, _: &Declared<'_>) -> Result<(), Error> {
         CertificateOptions::check(self)
     }
 

@@ -1,14 +1,13 @@
 //! What the parts of a scene make of the paper's claims: its first table.
 
-use super::{Study, check_parts};
+use super::shared::{Study, check_parts};
 use crate::error::Error;
 use crate::measure::Spread;
 use crate::scalar::max_or_nan;
-use crate::scene::catalogue::find;
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::report::Report;
+use crate::scene::part::Part;
 use crate::scene::setup::Need;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -27,13 +26,13 @@ impl Study for ClaimsOptions {
         &[]
     }
 
-    fn check(&self, scene: &Scene) -> Result<(), Error> {
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
         check_parts(self.name(), scene)
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
-        let with_command = |part: &Report| Some((Row::of(part)?, command(&part.scene)));
-        let rows: Vec<(Row, String)> = context.parts.iter().filter_map(with_command).collect();
+        let with_command = |part| Some((Row::of(part)?, &part.command));
+        let rows: Vec<(Row, &String)> = context.parts.iter().filter_map(with_command).collect();
         let mut table = Table::new([
             ("experiment", Format::Exact),
             ("what the paper claims", Format::Exact),
@@ -49,7 +48,7 @@ impl Study for ClaimsOptions {
                 row.published.into(),
                 row.ours.clone().into(),
                 row.verdict.clone().into(),
-                command.clone().into(),
+                (*command).clone().into(),
             ]);
         }
         let times: Vec<Block> = context.parts.iter().filter_map(run_times).collect();
@@ -64,52 +63,16 @@ impl Study for ClaimsOptions {
 }
 
 /// An experiment of the paper.
-struct Row {
+pub(in crate::scene) struct Row {
     name: &'static str,
     claim: &'static str,
     published: &'static str,
     ours: String,
-    verdict: String,
-}
-
-/// The verdict of a part that is an experiment of the paper.
-#[doc(hidden)]
-pub fn verdict(part: &Report) -> Option<String> {
-    Row::of(part).map(|row| row.verdict)
-}
-
-/// The command that runs a part as it was run, where it is a built-in scene or its short
-/// form.
-#[doc(hidden)]
-pub fn command(part: &Scene) -> String {
-    let changed = || "`as-run.toml` in its folder: not the built-in scene".to_owned();
-    let Ok(built_in) = find(&part.name).and_then(|entry| entry.scene()) else {
-        return changed();
-    };
-    let file = part.setup.models.iter().find_map(|model| model.network.path.clone());
-    let mut words = format!("gyroceptron run {}", part.name);
-    if part.seed != built_in.seed {
-        words.push_str(&format!(" --seed {}", part.seed));
-    }
-    let same_seed = built_in.with_seed(part.seed);
-    let with_file = match &file {
-        Some(file) => same_seed.with_weights(file).0,
-        None => same_seed,
-    };
-    if *part != with_file {
-        if *part != with_file.quick() {
-            return changed();
-        }
-        words.push_str(" --quick");
-    }
-    if file.is_some() {
-        words.push_str(" --weights FILE");
-    }
-    format!("`{words}`")
+    pub(in crate::scene) verdict: String,
 }
 
 /// What a study of a part found, as data.
-fn data<'a>(part: &'a Report, study: &str) -> Option<&'a Value> {
+fn data<'a>(part: &'a Part<'_>, study: &str) -> Option<&'a Value> {
     part.study(study).map(|findings| &findings.results.data)
 }
 
@@ -127,7 +90,7 @@ fn largest(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// The held-out errors of a network from all its initial weights.
-fn errors(part: &Report, network: &str) -> Vec<f64> {
+fn errors(part: &Part<'_>, network: &str) -> Vec<f64> {
     let Some(training) = data(part, "training") else { return Vec::new() };
     let models = array(&training["models"]).iter();
     let mut out: Vec<f64> = models
@@ -139,7 +102,7 @@ fn errors(part: &Report, network: &str) -> Vec<f64> {
 }
 
 /// `median 1.2e-9, worst 2.0e-9 of 5 seeds`, and the worst.
-fn over_seeds(part: &Report, network: &str) -> (String, f64) {
+fn over_seeds(part: &Part<'_>, network: &str) -> (String, f64) {
     let errors = errors(part, network);
     let worst = errors.last().copied().unwrap_or(f64::NAN);
     let Some(Spread { median, .. }) = Spread::of(errors.clone()) else {
@@ -152,7 +115,7 @@ fn over_seeds(part: &Report, network: &str) -> (String, f64) {
 }
 
 /// What a network did in the roll-out.
-fn rollout<'a>(part: &'a Report, network: &str) -> Option<&'a Value> {
+fn rollout<'a>(part: &'a Part<'_>, network: &str) -> Option<&'a Value> {
     array(&data(part, "rollout")?["models"]).iter().find(|model| model["name"] == network)
 }
 
@@ -167,7 +130,7 @@ fn percent(value: f64) -> String {
 }
 
 /// Whether μ₀ of the net is an invariant as that of the system is.
-fn own_invariant(part: &Report, network: &str) -> Option<(f64, f64)> {
+fn own_invariant(part: &Part<'_>, network: &str) -> Option<(f64, f64)> {
     let own = change(&rollout(part, network)?["own_adiabatic"]["along_own_orbits"]);
     Some((own, change(&data(part, "rollout")?["reference_adiabatic"])))
 }
@@ -193,8 +156,8 @@ fn judged(good: bool, yes: &str, no: &str) -> String {
 }
 
 impl Row {
-    fn of(part: &Report) -> Option<Self> {
-        match &part.scene.name[..] {
+    pub(in crate::scene) fn of(part: &Part<'_>) -> Option<Self> {
+        match part.name {
             "trajectories" => Self::trajectories(part),
             "oscillators-short" => Self::short(part),
             "oscillators-long" => Self::long(part),
@@ -217,7 +180,7 @@ impl Row {
         })
     }
 
-    fn trajectories(part: &Report) -> Option<Self> {
+    fn trajectories(part: &Part<'_>) -> Option<Self> {
         let each = array(data(part, "trajectories")?);
         let slow = |of: &Value| largest(array(&of["excursions"]).iter().map(|e| number(&e[1])));
         let (first, last) = (each.first()?, each.last()?);
@@ -241,7 +204,7 @@ impl Row {
         })
     }
 
-    fn short(part: &Report) -> Option<Self> {
+    fn short(part: &Part<'_>) -> Option<Self> {
         const PUBLISHED: f64 = 1.01e-8;
         let (errors, worst) = over_seeds(part, "gyroceptron");
         let rms = number(&rollout(part, "gyroceptron")?["rms_error"]);
@@ -266,7 +229,7 @@ impl Row {
         })
     }
 
-    fn long(part: &Report) -> Option<Self> {
+    fn long(part: &Part<'_>) -> Option<Self> {
         let (errors, worst) = over_seeds(part, "gyroceptron");
         let (henon, _) = over_seeds(part, "henon-net");
         let (symp, _) = over_seeds(part, "symp-net");
@@ -300,10 +263,10 @@ impl Row {
         })
     }
 
-    fn particle_field(part: &Report) -> Option<Self> {
+    fn particle_field(part: &Part<'_>) -> Option<Self> {
         let (errors, _) = over_seeds(part, "gyroceptron");
         let slow = &data(part, "slow_manifold")?;
-        let epsilon = number(&part.scene_epsilon()?);
+        let epsilon = part.epsilon?;
         let of = |name: &str| {
             let orbits = array(&slow["slow"]).iter().find(|of| of["name"] == name);
             let orbits = orbits.map_or(&[][..], |of| array(&of["largest_q_p_mu"]));
@@ -343,7 +306,7 @@ impl Row {
         })
     }
 
-    fn profiles(part: &Report) -> Option<Self> {
+    fn profiles(part: &Part<'_>) -> Option<Self> {
         let mut each: Vec<(f64, f64)> = array(data(part, "adiabatic_profiles")?)
             .iter()
             .map(|of| (number(&of["epsilon"]), number(&of["drift"]["largest"])))
@@ -372,7 +335,7 @@ impl Row {
         })
     }
 
-    fn horizon(part: &Report) -> Option<Self> {
+    fn horizon(part: &Part<'_>) -> Option<Self> {
         let found = data(part, "adiabatic_horizon")?;
         let orbits = array(&found["orbits"]);
         let factor = array(&found["factors"]).iter().position(|factor| number(factor) == 1.1)?;
@@ -416,7 +379,7 @@ impl Row {
         })
     }
 
-    fn published_weights(part: &Report) -> Option<Self> {
+    fn published_weights(part: &Part<'_>) -> Option<Self> {
         let (ours, theirs) = (over_seeds(part, "ours").1, over_seeds(part, "published").1);
         let (own, _) = own_invariant(part, "ours")?;
         let (published, of_data) = own_invariant(part, "published")?;
@@ -439,7 +402,7 @@ impl Row {
         })
     }
 
-    fn penalty(part: &Report) -> Option<Self> {
+    fn penalty(part: &Part<'_>) -> Option<Self> {
         let models = array(&data(part, "rollout")?["models"]).iter();
         let of = |model: &Value| {
             let own = change(&model["own_adiabatic"]["along_own_orbits"]);
@@ -463,12 +426,12 @@ impl Row {
 }
 
 /// The median over initial weights of the held-out error of a network.
-fn median_error(part: &Report, network: &str) -> f64 {
+fn median_error(part: &Part<'_>, network: &str) -> f64 {
     Spread::of(errors(part, network)).map_or(f64::NAN, |spread| spread.median)
 }
 
 /// The held-out error of a network from its first initial weights.
-fn errors_of(part: &Report, name: &str) -> f64 {
+fn errors_of(part: &Part<'_>, name: &str) -> f64 {
     let Some(training) = data(part, "training") else { return f64::NAN };
     let models = array(&training["models"]);
     let first = models.iter().find(|model| model["name"] == name);
@@ -477,7 +440,7 @@ fn errors_of(part: &Report, name: &str) -> f64 {
 
 /// Of the part with the three networks: seconds for the seven trajectories, beside those
 /// of the paper.
-fn run_times(part: &Report) -> Option<Block> {
+fn run_times(part: &Part<'_>) -> Option<Block> {
     const PAPER: [(&str, f64); 4] =
         [("gyroceptron", 5.0), ("henon-net", 3.0), ("symp-net", 127.0), ("RK4", 6055.0)];
     let timed = &part.study("work_precision")?.timings.data["rollout"];

@@ -1,13 +1,15 @@
 //! Networks of a flow that is not Hamiltonian: volumes, and where trajectories come to.
 
-use super::{Study, check_along, finite};
+use super::shared::{Study, check_along, finite};
 use crate::error::Error;
 use crate::flow::Trajectories;
-use crate::measure::{root_mean_square, root_mean_square_distance, symplecticity_defect};
+use crate::measure::{
+    mean_period, root_mean_square, root_mean_square_distance, simpson, symplecticity_defect,
+};
 use crate::network::{Composition, Rollout, map_jacobians};
 use crate::scalar::max_or_nan;
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{MOST, Need};
@@ -46,14 +48,14 @@ impl Study for DissipationOptions {
         &[Need::System, Need::FlowTime, Need::Data, Need::Models]
     }
 
-    fn check(&self, scene: &Scene) -> Result<(), Error> {
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
         Error::check_count_range("points", self.points, 1, MOST)?;
         // Its rate is followed within a flow time.
         scene.setup.check_autonomous()?;
         check_along(scene, self.steps, self.every, &self.initial)
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![FIGURE]
     }
 
@@ -203,8 +205,8 @@ impl DissipationOptions {
             }
             panels.push(Panel {
                 title: "all trajectories, second half".into(),
-                x_label: format!("q{}", crate::scene::words::subscript(plane + 1)),
-                y_label: format!("p{}", crate::scene::words::subscript(plane + 1)),
+                x_label: format!("q{}", crate::words::subscript(plane + 1)),
+                y_label: format!("p{}", crate::words::subscript(plane + 1)),
                 series,
                 ..Panel::default()
             });
@@ -214,20 +216,6 @@ impl DissipationOptions {
                        range is not drawn.";
         Figure::in_a_row(FIGURE, caption, panels)
     }
-}
-
-/// ∫ of an odd number of values, equally far apart.
-#[doc(hidden)]
-pub fn simpson(values: &[f64], interval: f64) -> f64 {
-    let last = values.len() - 1;
-    let weight = |k: usize| match k {
-        0 => 1.0,
-        k if k == last => 1.0,
-        k if k % 2 == 1 => 4.0,
-        _ => 2.0,
-    };
-    let sum: f64 = values.iter().enumerate().map(|(k, value)| weight(k) * value).sum();
-    sum * interval / 3.0
 }
 
 /// What one application does to volumes and to the canonical form.
@@ -317,7 +305,7 @@ impl Along {
                 sum += action;
                 count += 1;
             }
-            periods.extend(period(&actions, interval));
+            periods.extend(mean_period(&actions, interval));
         }
         let all = periods.len() == own.count();
         let mean_period = periods.iter().sum::<f64>() / periods.len() as f64;
@@ -329,29 +317,6 @@ impl Along {
             largest,
             period: all.then_some(mean_period),
         }
-    }
-}
-
-/// The mean time between two rises of a sampled quantity through its mean; none where it does not swing.
-#[doc(hidden)]
-pub fn period(values: &[f64], interval: f64) -> Option<f64> {
-    /// Less is a ripple.
-    const LEAST_SWING: f64 = 0.05;
-    let mean = values.iter().sum::<f64>() / values.len() as f64;
-    let deviations: Vec<f64> = values.iter().map(|value| value - mean).collect();
-    if !(root_mean_square(&deviations) > LEAST_SWING * mean.abs()) {
-        return None;
-    }
-    let mut rises = Vec::new();
-    for (k, pair) in deviations.windows(2).enumerate() {
-        let (before, after) = (pair[0], pair[1]);
-        if before < 0.0 && after >= 0.0 {
-            rises.push(k as f64 + before / (before - after));
-        }
-    }
-    match rises[..] {
-        [first, .., last] => Some((last - first) / (rises.len() - 1) as f64 * interval),
-        _ => None,
     }
 }
 

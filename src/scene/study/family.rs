@@ -1,7 +1,7 @@
 //! A family of maps: networks at ε and flow times they have seen and have not, and
 //! what their invariants are worth along the reference at each ε.
 
-use super::{Study, finite};
+use super::shared::{Study, finite};
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::measure::{
@@ -11,11 +11,11 @@ use crate::network::{Model, Rollout, map_points};
 use crate::phase::Direction;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::learning::Trained;
 use crate::scene::setup::{MOST, Need, check_points};
+use crate::scene::trained::Trained;
 use crate::system::{Hamiltonian, NearlyPeriodic, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -53,7 +53,7 @@ impl Study for FamilyOptions {
         true
     }
 
-    fn check(&self, scene: &Scene) -> Result<(), Error> {
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
         Error::check_count_range("epsilons", self.epsilons.len(), 1, MOST)?;
         Error::check_count_range("flow_times", self.flow_times.len(), 1, MOST)?;
         Error::check_count_range("states", self.states, 2, MOST)?;
@@ -79,7 +79,7 @@ impl Study for FamilyOptions {
                 Err(Error::invalid("system", system.kind(), expected))
             }
             // Each of its surfaces turns at a frequency of its own.
-            Some(system @ System::FieldLines(_)) => {
+            Some(system) if !system.turns_at_one_frequency() => {
                 let expected = "a system whose limit turns at one frequency, for averages over it";
                 Err(Error::invalid("system", system.kind(), expected))
             }
@@ -91,11 +91,11 @@ impl Study for FamilyOptions {
         }
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![FIGURE]
     }
 
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
+    fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![GAUSS_LEGENDRE]
     }
 

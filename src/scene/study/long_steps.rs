@@ -1,7 +1,7 @@
 //! Maps of several flow times beside integrators: where a surrogate overtakes them.
 
-use super::Study;
 use super::rollout::RolloutOptions;
+use super::shared::Study;
 use super::work_precision::{
     IntegratorSteps, MOST_ROUNDS, Networks, Points, TOGETHER, WorkPrecisionOptions, citations,
 };
@@ -11,12 +11,13 @@ use crate::measure::{Comparison, Spread, WorkPrecision, drifts, fastest};
 use crate::network::{Model, Rollout};
 use crate::scalar::max_or_nan;
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::learning::{Trained, learn_at};
-use crate::scene::setup::{Attempt, MOST, ModelSpec, Need, check_points};
+use crate::scene::learning::learn_at;
+use crate::scene::setup::{Attempt, MOST, ModelSpec, Need, Setup, check_points};
 use crate::scene::subject::Subject;
+use crate::scene::trained::Trained;
 use crate::system::NearlyPeriodic;
 use crate::train::StageResult;
 use serde::{Deserialize, Serialize};
@@ -96,7 +97,7 @@ impl Study for LongStepsOptions {
         &[Need::System, Need::FlowTime, Need::Data, Need::Models]
     }
 
-    fn check(&self, scene: &Scene) -> Result<(), Error> {
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
         Error::check_count_range("flow_times", self.flow_times.len(), 1, MOST)?;
         Error::check_count_range("points", self.points, 1, MOST)?;
         Error::check_count_range("rounds", self.rounds, 1, MOST_ROUNDS)?;
@@ -138,12 +139,27 @@ impl Study for LongStepsOptions {
         }
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![FIGURE]
     }
 
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
+    fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
         citations(self.integrators.iter().map(|entry| entry.integrator))
+    }
+
+    /// A study of every other flow time and step of an integrator, timed less often.
+    fn shorten(&mut self) {
+        // The longest is among them.
+        self.flow_times = self.flow_times.iter().rev().step_by(2).rev().copied().collect();
+        for entry in &mut self.integrators {
+            entry.steps = entry.steps.iter().step_by(2).copied().collect();
+        }
+        self.rounds = self.rounds.min(3);
+        self.invariant_steps = self.invariant_steps.min(100_000);
+    }
+
+    fn trainings(&self, setup: &Setup) -> Vec<Attempt> {
+        self.others(setup).flat_map(|time| self.attempts(setup, time)).collect()
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
@@ -217,14 +233,14 @@ impl Study for LongStepsOptions {
 
 impl LongStepsOptions {
     /// The flow times at which networks are trained beside that of the scene.
-    fn others(&self, scene: &Scene) -> impl Iterator<Item = f64> {
-        let own = scene.setup.flow_time;
+    fn others(&self, setup: &Setup) -> impl Iterator<Item = f64> {
+        let own = setup.flow_time;
         self.flow_times.iter().copied().filter(move |time| Some(*time) != own)
     }
 
     /// The trainings of this study, for each flow time and network.
-    fn attempts(&self, scene: &Scene, time: f64) -> Vec<Attempt> {
-        let models = scene.setup.models.iter().filter(|model| !model.training_only);
+    fn attempts(&self, setup: &Setup, time: f64) -> Vec<Attempt> {
+        let models = setup.models.iter().filter(|model| !model.training_only);
         models
             .map(|model| {
                 let mut spec = model.clone();
@@ -236,22 +252,6 @@ impl LongStepsOptions {
             .collect()
     }
 
-    /// The names of all its trainings.
-    pub(in crate::scene) fn trainings(&self, scene: &Scene) -> Vec<Attempt> {
-        self.others(scene).flat_map(|time| self.attempts(scene, time)).collect()
-    }
-
-    /// A study of every other flow time and step of an integrator, timed less often.
-    pub(super) fn shorten(&mut self) {
-        // The longest is among them.
-        self.flow_times = self.flow_times.iter().rev().step_by(2).rev().copied().collect();
-        for entry in &mut self.integrators {
-            entry.steps = entry.steps.iter().step_by(2).copied().collect();
-        }
-        self.rounds = self.rounds.min(3);
-        self.invariant_steps = self.invariant_steps.min(100_000);
-    }
-
     /// All networks at a flow time.
     fn trained_at(
         &self,
@@ -259,13 +259,13 @@ impl LongStepsOptions {
         time: f64,
         before: Option<&(Vec<Rc<Trained>>, f64)>,
     ) -> Result<Vec<Rc<Trained>>, Halt> {
-        let scene = context.scene;
-        if self.others(scene).all(|other| other != time) {
+        let setup = context.scene.setup;
+        if self.others(setup).all(|other| other != time) {
             return context.models();
         }
         let data = context.data_at(context.system()?.epsilon(), time)?;
         let mut out = Vec::new();
-        for (number, attempt) in self.attempts(scene, time).into_iter().enumerate() {
+        for (number, attempt) in self.attempts(setup, time).into_iter().enumerate() {
             let from = before.filter(|_| self.ramp);
             let from = from.map(|(trained, earlier)| (trained[number].model(), *earlier));
             let name = format!("training {}", attempt.spec.name);

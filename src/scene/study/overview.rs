@@ -1,11 +1,11 @@
 //! The networks of all parts of a scene in one table.
 
-use super::{Study, check_parts};
+use super::shared::{Study, check_parts};
 use crate::error::Error;
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::report::Report;
+use crate::scene::part::Part;
 use crate::scene::setup::Need;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -24,7 +24,7 @@ impl Study for OverviewOptions {
         &[]
     }
 
-    fn check(&self, scene: &Scene) -> Result<(), Error> {
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
         check_parts(self.name(), scene)
     }
 
@@ -52,7 +52,7 @@ impl Study for OverviewOptions {
             for row in rows(part) {
                 let number = |key: &str| row[key].as_f64();
                 table.push([
-                    part.scene.title.clone().into(),
+                    part.title.into(),
                     format!("`{}`", row["network"].as_str().unwrap_or_default()).into(),
                     row["parameters"].as_u64().map(|n| n as usize).into(),
                     row["pairs"].as_u64().map(|n| n as usize).into(),
@@ -66,10 +66,10 @@ impl Study for OverviewOptions {
                 ]);
                 data.push(row);
             }
-            for times in &part.training_times {
+            for times in part.training_times {
                 let Some((_, of_all)) = times.points.last() else { continue };
                 let name = format!("`{}`", times.model);
-                seconds.push([part.scene.title.clone().into(), name.into(), (*of_all).into()]);
+                seconds.push([part.title.into(), name.into(), (*of_all).into()]);
             }
         }
         Ok(Findings {
@@ -89,11 +89,11 @@ impl Study for OverviewOptions {
 }
 
 /// What the studies of a part found of each of its networks.
-fn rows(part: &Report) -> Vec<Value> {
+fn rows(part: &Part<'_>) -> Vec<Value> {
     let none = Value::Null;
     let of = |study: &str| part.study(study).map_or(&none, |found| &found.results.data);
     let (pairs, training, rollout) = (of("pairs"), of("training"), of("rollout"));
-    let epsilon = part.scene_epsilon().and_then(|epsilon| epsilon.as_f64());
+    let epsilon = part.epsilon;
     let networks = training["models"].as_array().into_iter().flatten();
     let row = |network: &Value| {
         let name = &network["name"];
@@ -107,7 +107,7 @@ fn rows(part: &Report) -> Vec<Value> {
         let moved = || Some(own["near_identity_rms"].as_f64()? / epsilon?.abs());
         let theta = || Some(network["theta"].as_f64()? - network["initial_theta"].as_f64()?);
         json!({
-            "part": part.scene.name,
+            "part": part.name,
             "network": name,
             "parameters": network["parameters"],
             "pairs": pairs["training"],

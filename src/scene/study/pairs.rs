@@ -1,17 +1,17 @@
 //! The pairs of the flow map: how many, how exact, and what the limiting rotation
 //! alone makes of them.
 
-use super::Study;
+use super::shared::Study;
 use super::work_precision::citations;
 use crate::flow::{Condition, Integrator, Pairs};
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{Data, FlowBy, Need};
 use serde_json::json;
 
 /// In every scene that names data.
-pub(super) struct PairsStudy;
+pub(in crate::scene) struct PairsStudy;
 
 impl Study for PairsStudy {
     fn name(&self) -> &'static str {
@@ -22,7 +22,7 @@ impl Study for PairsStudy {
         &[Need::Subject, Need::FlowTime, Need::Data]
     }
 
-    fn cites(&self, scene: &Scene) -> Vec<&'static str> {
+    fn cites(&self, scene: &Declared<'_>) -> Vec<&'static str> {
         let of_data = |data: &Data| data.flow.map(|flow| flow.integrator);
         citations(scene.setup.data.as_ref().and_then(of_data).into_iter())
     }

@@ -1,6 +1,6 @@
 //! The trajectories of each network beside the reference.
 
-use super::{AnyStudy, Study};
+use super::shared::Study;
 use crate::error::Error;
 use crate::flow::{ReferenceTrajectories, Trajectories};
 use crate::measure::{
@@ -11,14 +11,14 @@ use crate::phase::Units;
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, SameAxes, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::learning::Trained;
-use crate::scene::setup::{Need, check_points};
+use crate::scene::setup::{Need, Setup, check_points};
 use crate::scene::subject::Subject;
+use crate::scene::trained::Trained;
 use crate::scene::words::{coordinate, initial_names};
-use crate::system::{NearlyPeriodic, Oscillators, System};
+use crate::system::{AveragedOscillator, NearlyPeriodic, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::rc::Rc;
@@ -47,14 +47,11 @@ pub struct RolloutOptions {
 impl RolloutOptions {
     /// Those of the scene, if it has any: its trajectories may be asked for by other
     /// studies.
-    pub(super) fn of(scene: &Scene) -> Option<&Self> {
-        scene.studies.iter().find_map(|study| match study {
-            AnyStudy::Rollout(options) => Some(options),
-            _ => None,
-        })
+    pub(super) fn of<'a>(scene: &Declared<'a>) -> Option<&'a Self> {
+        scene.options_of()
     }
 
-    pub(in crate::scene) fn request(&self) -> Rollout {
+    pub(super) fn request(&self) -> Rollout {
         Rollout { steps: self.steps, every: self.every }
     }
 
@@ -89,7 +86,7 @@ impl Study for RolloutOptions {
         true
     }
 
-    fn check(&self, scene: &Scene) -> Result<(), Error> {
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
         Error::check_count_range("steps", self.steps, 1, usize::MAX)?;
         Error::check_count_range("every", self.every, 1, self.steps)?;
         scene.setup.flow_time.map_or(Ok(()), |time| scene.setup.check_repeated(time))?;
@@ -112,15 +109,28 @@ impl Study for RolloutOptions {
         }
     }
 
-    /// The portrait is of the slow plane of the oscillators, or of the one that is asked for.
-    fn figures(&self, scene: &Scene) -> Vec<&'static str> {
+    fn check_files(&self, setup: &Setup) -> Result<(), Error> {
+        let file = setup.data.as_ref().and_then(|data| data.file());
+        if let Some(file) = file
+            && let Some(path) = file.trajectories
+        {
+            let found = file.read_trajectories(path, self.request().kept());
+            // Where the pairs do not fit either, their error is the one reported.
+            let error = found.err().filter(|_| file.fits_pairs());
+            return error.map_or(Ok(()), Err);
+        }
+        Ok(())
+    }
+
+    /// The portrait is of the slow plane, or of the one that is asked for.
+    fn figures(&self, scene: &Declared<'_>) -> Vec<&'static str> {
         match (&scene.setup.system, self.plane) {
-            (Some(System::ParticleField(_)), None) => vec![INVARIANT, ERROR],
+            (Some(system), None) if !system.has_slow_portrait() => vec![INVARIANT, ERROR],
             _ => vec![PORTRAIT, INVARIANT, ERROR],
         }
     }
 
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
+    fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![GAUSS_LEGENDRE]
     }
 
@@ -528,12 +538,11 @@ impl Orbits<'_> {
     fn portrait(&self, initial: &[Vec<f64>], networks: &[Network<'_>]) -> Figure {
         let [i, k] = self.plane();
         let [x_label, y_label] = self.plane_labels();
-        // Of the slow plane of the oscillators.
-        let oscillators = matches!(self.subject.system(), Some(System::Oscillators(_)));
-        let has_levels = oscillators && i == 1;
+        let averaged = |z: &Vec<f64>| self.subject.system()?.averaged(i, z);
+        let has_levels = initial.iter().any(|z| averaged(z).is_some());
         let panel = |title: &str, orbits: &Trajectories| {
-            let levels = if has_levels { initial } else { &[] };
-            let mut series: Vec<_> = levels.iter().filter_map(|z| averaged(z)).collect();
+            let levels = initial.iter().filter_map(|z| level_through(averaged(z)?));
+            let mut series: Vec<_> = levels.collect();
             for (m, name) in self.names.iter().enumerate() {
                 let points =
                     orbits.of(m).map(|z| (self.in_data(z, i), self.in_data(z, k))).collect();
@@ -663,10 +672,9 @@ pub(super) fn columns(panels: usize) -> usize {
 }
 
 /// The level set of the averaged Hamiltonian through an initial point, once around.
-fn averaged(z: &[f64]) -> Option<Series> {
+fn level_through((averaged, start): (AveragedOscillator, [f64; 2])) -> Option<Series> {
     const STEPS: usize = 600;
     const INTERVAL: f64 = 0.02;
-    let (averaged, start) = Oscillators::averaged(z.try_into().ok()?);
     let points = level_set(&averaged, start, INTERVAL, STEPS).ok()?;
     let name = "averaged Hamiltonian".into();
     Some(Series { name, color: GREY, style: Style::Faint, points })

@@ -1,7 +1,7 @@
 //! The slow manifold μ₀ = 0 of the charged particle, and the learnt invariant off it.
 
-use super::Study;
 use super::rollout::{envelope, orbit_color};
+use super::shared::Study;
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::measure::drifts;
@@ -9,12 +9,12 @@ use crate::network::{Rollout, Structure};
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{Need, check_points};
 use crate::scene::words::initial_names;
-use crate::system::{NearlyPeriodic, ParticleField, System};
+use crate::system::{NearlyPeriodic, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -44,36 +44,34 @@ impl Study for SlowManifoldOptions {
         &[Need::System, Need::FlowTime, Need::Data, Need::Models]
     }
 
-    fn check(&self, scene: &Scene) -> Result<(), Error> {
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
         Error::check_count_range("steps", self.steps, 1, usize::MAX)?;
         Error::check_count_range("every", self.every, 1, self.steps)?;
         Error::check_count_range("on", self.on.len(), 1, 100)?;
         self.on.iter().flatten().try_for_each(|v| Error::check_finite("on", *v))?;
         match &scene.setup.system {
-            Some(System::ParticleField(system)) => check_points("off", &self.off, system),
-            Some(other) => Err(Error::invalid("system", other.kind(), "particle-field")),
+            Some(system) => {
+                self.on_manifold(system)?;
+                check_points("off", &self.off, system)
+            }
             None => Ok(()),
         }
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![SLOW, OFF]
     }
 
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
+    fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![GAUSS_LEGENDRE]
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
-        let any = context.system()?;
-        let System::ParticleField(system) = any else {
-            return Err(Error::invalid("system", "oscillators", "particle-field").into());
-        };
+        let system = context.system()?;
         let interval = context.flow_time()? * self.every as f64;
         let request = Rollout { steps: self.steps, every: self.every };
-        let on: Vec<Vec<f64>> =
-            self.on.iter().map(|[q, p]| system.on_slow_manifold(*q, *p)).collect();
-        let reference = context.reference(any, &on, interval, request.kept())?;
+        let on = self.on_manifold(system)?;
+        let reference = context.reference(system, &on, interval, request.kept())?;
         let models = context.models()?;
         let moved = context.rollouts(&on, request)?;
         let beside = context.rollouts(&self.off, request)?;
@@ -113,10 +111,10 @@ impl Study for SlowManifoldOptions {
              column, μ₀ over ε², stays of order one along the reference.",
             on.len(),
             interval * (request.kept() - 1) as f64,
-            system.epsilon
+            system.epsilon()
         );
         let mut summary =
-            vec![Block::Text(text), Block::Table(self.slow_table(&slow, system.epsilon))];
+            vec![Block::Text(text), Block::Table(self.slow_table(&slow, system.epsilon()))];
         if !off.is_empty() {
             let text = "Off it: the invariant 𝔍₀∘ψ⁻¹ that was learnt beside μ₀ of the system, both \
                         along the network's orbits.";
@@ -145,7 +143,7 @@ struct Slow {
 }
 
 impl Slow {
-    fn of(system: &ParticleField, name: &str, orbits: &Trajectories, interval: f64) -> Self {
+    fn of(system: &System, name: &str, orbits: &Trajectories, interval: f64) -> Self {
         let momentum = orbits.dim() / 2;
         let mut out = Self { name: name.to_owned(), plane: Vec::new(), largest: Vec::new() };
         for m in 0..orbits.count() {
@@ -154,7 +152,7 @@ impl Slow {
             for (t, z) in orbits.of(m).enumerate() {
                 let time = t as f64 * interval;
                 let now = [
-                    (z[0] - q - system.epsilon * p * time).abs(),
+                    (z[0] - q - system.epsilon() * p * time).abs(),
                     (z[momentum] - p).abs(),
                     system.adiabatic_invariant(z),
                 ];
@@ -198,6 +196,13 @@ impl Off {
 }
 
 impl SlowManifoldOptions {
+    /// The points of the slow manifold, or the error that the system has none.
+    fn on_manifold(&self, system: &System) -> Result<Vec<Vec<f64>>, Error> {
+        let points = self.on.iter().map(|[q, p]| system.on_slow_manifold(*q, *p));
+        let unknown = || Error::invalid("system", system.kind(), "particle-field");
+        points.collect::<Option<_>>().ok_or_else(unknown)
+    }
+
     fn names(&self) -> Vec<String> {
         self.on.iter().map(|[q, p]| format!("q = {q}, p = {p}")).collect()
     }
@@ -252,7 +257,7 @@ impl SlowManifoldOptions {
         table
     }
 
-    fn slow_figure(&self, system: &ParticleField, slow: &[Slow], interval: f64) -> Figure {
+    fn slow_figure(&self, system: &System, slow: &[Slow], interval: f64) -> Figure {
         let panel = |label: &str,
                      pick: fn(&(f64, f64)) -> f64,
                      formula: &dyn Fn([f64; 2], f64) -> f64| {
@@ -290,7 +295,7 @@ impl SlowManifoldOptions {
                 ..Panel::default()
             }
         };
-        let epsilon = system.epsilon;
+        let epsilon = system.epsilon();
         let panels = vec![
             panel("q", |z| z.0, &|[q, p], time| q + epsilon * p * time),
             panel("p", |z| z.1, &|[_, p], _| p),

@@ -1,7 +1,7 @@
 //! Surfaces of field lines over many turns: networks and integrators beside the reference.
 
-use super::Study;
 use super::rollout::orbit_color;
+use super::shared::Study;
 use super::work_precision::{MOST_ROUNDS, citations};
 use crate::error::Error;
 use crate::flow::{Integrator, Reference, Trajectories};
@@ -13,11 +13,11 @@ use crate::network::{Model, Rollout};
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::{FIELD_LINES, GAUSS_LEGENDRE};
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, SameAxes, Series, Style};
 use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};
-use crate::scene::learning::Trained;
 use crate::scene::setup::{MOST, Need};
+use crate::scene::trained::Trained;
 use crate::system::{FieldLines, Hamiltonian, System};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -73,7 +73,7 @@ impl Study for SurfacesOptions {
         &[Need::System, Need::FlowTime, Need::Data, Need::Models]
     }
 
-    fn check(&self, scene: &Scene) -> Result<(), Error> {
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
         Error::check_count_range("radii", self.radii.len(), 1, 1000)?;
         Error::check_finite("theta", self.theta)?;
         Error::check_count_range("steps", self.steps, 2, MOST)?;
@@ -99,14 +99,21 @@ impl Study for SurfacesOptions {
         self.integrators.iter().try_for_each(|entry| entry.integrator.check_for(any))
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![SECTION]
     }
 
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
+    fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
         let mut out = citations(self.integrators.iter().map(|entry| entry.integrator));
         out.extend([GAUSS_LEGENDRE, FIELD_LINES]);
         out
+    }
+
+    /// Less of all.
+    fn shorten(&mut self) {
+        self.steps = (self.steps / 20).max(self.early).max(self.last).max(2);
+        self.island = (self.island / 4).max(LEAST_ISLAND);
+        self.rounds = self.rounds.min(5);
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
@@ -187,10 +194,7 @@ impl Study for SurfacesOptions {
 
 /// The field lines of a scene.
 fn lines(system: &System) -> Result<&FieldLines, Error> {
-    match system {
-        System::FieldLines(system) => Ok(system),
-        other => Err(Error::invalid("system", other.kind(), "field-lines")),
-    }
+    system.field_lines().ok_or_else(|| Error::invalid("system", system.kind(), "field-lines"))
 }
 
 fn of_model(model: &Model, points: &[f64], steps: usize) -> Result<Trajectories, Error> {
@@ -349,13 +353,6 @@ impl Judge<'_> {
 }
 
 impl SurfacesOptions {
-    /// Less of all.
-    pub(super) fn shorten(&mut self) {
-        self.steps = (self.steps / 20).max(self.early).max(self.last).max(2);
-        self.island = (self.island / 4).max(LEAST_ISLAND);
-        self.rounds = self.rounds.min(5);
-    }
-
     fn initial(&self, system: &FieldLines) -> Vec<Vec<f64>> {
         self.radii.iter().map(|radius| system.at(*radius, self.theta).to_vec()).collect()
     }

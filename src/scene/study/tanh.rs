@@ -1,13 +1,13 @@
 //! Error against run time of tanh and sech².
 
-use super::Study;
+use super::shared::Study;
 use super::work_precision::{MOST_ROUNDS, error_cell, work_precision_panel};
 use crate::error::Error;
 use crate::measure::{Method, WorkPrecision, fastest, most_accurate, tanh_errors, work_precision};
 use crate::random::Stream;
 use crate::scalar::tanh_sech2_of_all;
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{MOST, Need};
@@ -40,7 +40,7 @@ impl Study for TanhOptions {
         &[]
     }
 
-    fn check(&self, _: &Scene) -> Result<(), Error> {
+    fn check(&self, _: &Declared<'_>) -> Result<(), Error> {
         Error::check_count_range("values", self.values, 1, MOST)?;
         Error::check_count_range("rounds", self.rounds, 1, MOST_ROUNDS)?;
         if !(self.largest > 0.0 && self.largest <= LARGEST) {
@@ -50,7 +50,7 @@ impl Study for TanhOptions {
         Ok(())
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![TANH]
     }
 

@@ -1,18 +1,18 @@
 //! The training of each network: where it ended, how it went, how long it took.
 
-use super::Study;
+use super::shared::Study;
 use crate::layer::TorusAction;
 use crate::measure::{Spread, component_errors, milestones};
 use crate::network::{Architecture, Layers};
 use crate::scene::bibliography::{ADAM, COUPLINGS, HENON_NET, LBFGS, MARQUARDT, SYMP_NET};
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::learning::{Trained, loss_of};
 use crate::scene::log::TrainingTimes;
 use crate::scene::predictions::{ByComponent, Judged, ORBITS, PREDICTION};
 use crate::scene::setup::Need;
+use crate::scene::trained::{Trained, loss_of};
 use crate::train::{Optimiser, StageResult, Stop, TrainingOptions, TrainingRecord, TrainingStage};
 use serde::Serialize;
 use serde_json::json;
@@ -20,7 +20,7 @@ use serde_json::json;
 pub(in crate::scene) const LOSS: &str = "loss";
 
 /// In every scene that names networks.
-pub(super) struct TrainingStudy;
+pub(in crate::scene) struct TrainingStudy;
 
 impl Study for TrainingStudy {
     fn name(&self) -> &'static str {
@@ -31,11 +31,11 @@ impl Study for TrainingStudy {
         &[Need::Subject, Need::FlowTime, Need::Data, Need::Models]
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![LOSS, PREDICTION, ORBITS]
     }
 
-    fn cites(&self, scene: &Scene) -> Vec<&'static str> {
+    fn cites(&self, scene: &Declared<'_>) -> Vec<&'static str> {
         let setup = &scene.setup;
         let mut out = vec![HENON_NET];
         for model in &setup.models {

@@ -1,18 +1,19 @@
 //! Trajectories of the system as ε grows, by the reference flow alone.
 
-use super::Study;
+use super::shared::Study;
 use crate::error::Error;
 use crate::flow::{ReferenceTrajectories, Trajectories};
 use crate::measure::{Drift, distance, drifts};
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, SameAxes, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{MOST, Need, check_points};
-use crate::scene::words::{initial_names, subscript};
+use crate::scene::words::initial_names;
 use crate::system::{Hamiltonian, NearlyPeriodic, System};
+use crate::words::subscript;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::rc::Rc;
@@ -47,7 +48,7 @@ impl Study for TrajectoriesOptions {
         true
     }
 
-    fn check(&self, scene: &Scene) -> Result<(), Error> {
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
         Error::check_count_range("number of epsilons", self.epsilons.len(), 1, MOST_EPSILONS)?;
         if let Some(bad) = self.epsilons.iter().find(|epsilon| !epsilon.is_finite()) {
             return Err(Error::invalid("epsilons", bad, "finite numbers"));
@@ -63,11 +64,11 @@ impl Study for TrajectoriesOptions {
         }
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![TRAJECTORIES]
     }
 
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
+    fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![GAUSS_LEGENDRE]
     }
 

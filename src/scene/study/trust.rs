@@ -1,13 +1,14 @@
 //! Whether to trust the networks that were trained on pairs of one's own.
 
-use super::Study;
+use super::shared::Study;
 use crate::scene::context::{Context, Halt};
 use crate::scene::findings::{Block, Findings, Section};
 use crate::scene::setup::Need;
 use crate::scene::trust::trust;
+use crate::train::Judgement;
 
 /// In every scene of pairs of a file.
-pub(super) struct TrustStudy;
+pub(in crate::scene) struct TrustStudy;
 
 impl Study for TrustStudy {
     fn name(&self) -> &'static str {
@@ -26,9 +27,10 @@ impl Study for TrustStudy {
         for trained in models.iter() {
             let name = &trained.spec.name;
             let held_out = data.held_out.as_ref();
-            let mut found = context.stage(&format!("orbits of {name}"), |_| {
-                trust(&trained.outcome, &data.training, held_out, (action, angles))
+            let judgement = context.stage(&format!("orbits of {name}"), |_| {
+                Judgement::of(&trained.outcome, &data.training, held_out, (action, angles))
             })?;
+            let mut found = trust(&judgement);
             let heading = || Block::Heading(format!("`{name}`"));
             summary.push(heading());
             summary.append(&mut found.results.summary);

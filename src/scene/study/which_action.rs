@@ -1,16 +1,16 @@
 //! Which circle action some pairs have, where nobody tells: that of the network that learns them best.
 
-use super::Study;
+use super::shared::Study;
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::layer::CircleAction;
 use crate::measure::Spread;
 use crate::network::{Circles, InitialWeights, NetworkSpec};
 use crate::scene::context::{Context, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::declared::Declared;
+use crate::scene::event::Event;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::run::Event;
 use crate::scene::setup::{Data, MOST, Need};
 use crate::system::{Hamiltonian, NearlyPeriodic};
 use crate::train::{
@@ -53,7 +53,7 @@ impl Study for WhichActionOptions {
         &[Need::System, Need::FlowTime, Need::Data]
     }
 
-    fn check(&self, scene: &Scene) -> Result<(), Error> {
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
         Error::check_count_range("actions", self.actions.len(), 2, MOST)?;
         Error::check_count_range("tries", self.tries, 1, MOST)?;
         Error::check_count_range("pairs", self.pairs, 1, MOST)?;
@@ -117,8 +117,17 @@ impl Study for WhichActionOptions {
         }
     }
 
-    fn figures(&self, _: &Scene) -> Vec<&'static str> {
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
         vec![FIGURE]
+    }
+
+    /// A study of fewer tries, of fewer pairs, in half of the iterations.
+    fn shorten(&mut self) {
+        self.tries = self.tries.min(2);
+        // No fewer than the linear map of any system wants.
+        self.pairs = (self.pairs / 4).max(self.pairs.min(11));
+        let half = self.training.iterations.div_ceil(2);
+        self.training.iterations = half.max(20).min(self.training.iterations);
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
@@ -206,15 +215,6 @@ impl Attempted {
 }
 
 impl WhichActionOptions {
-    /// A study of fewer tries, of fewer pairs, in half of the iterations.
-    pub(super) fn shorten(&mut self) {
-        self.tries = self.tries.min(2);
-        // No fewer than the linear map of any system wants.
-        self.pairs = (self.pairs / 4).max(self.pairs.min(11));
-        let half = self.training.iterations.div_ceil(2);
-        self.training.iterations = half.max(20).min(self.training.iterations);
-    }
-
     /// The number of an action.
     fn right(&self, action: &CircleAction) -> Option<usize> {
         self.actions.iter().position(|own| own == action)

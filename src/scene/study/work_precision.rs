@@ -1,8 +1,8 @@
 //! Error against run time: the networks beside integrators, for one step and for the
 //! roll-out, and three methods to get the networks' Jacobians.
 
-use super::Study;
 use super::rollout::RolloutOptions;
+use super::shared::Study;
 use crate::error::Error;
 use crate::flow::{Integrator, Pairs, ReferenceTrajectories};
 use crate::measure::{
@@ -15,8 +15,9 @@ use crate::phase::Direction;
 use crate::scene::bibliography::{
     BORIS, GAUSS_LEGENDRE, SPLITTINGS, STROBOSCOPIC, VELOCITY_SPLITTING, YOSHIDA,
 };
-use crate::scene::context::{Context, DataSets, Halt};
-use crate::scene::declaration::Scene;
+use crate::scene::context::{Context, Halt};
+use crate::scene::data_sets::DataSets;
+use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};
 use crate::scene::setup::{MOST, Need};
@@ -73,7 +74,7 @@ impl Study for WorkPrecisionOptions {
         &[Need::Subject, Need::FlowTime, Need::Data]
     }
 
-    fn check(&self, scene: &Scene) -> Result<(), Error> {
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
         let rollout = RolloutOptions::of(scene);
         Error::check_count_range("points", self.points, 1, MOST)?;
         Error::check_count_range("rounds", self.rounds, 1, MOST_ROUNDS)?;
@@ -107,15 +108,19 @@ impl Study for WorkPrecisionOptions {
         }
     }
 
-    fn figures(&self, scene: &Scene) -> Vec<&'static str> {
+    fn figures(&self, scene: &Declared<'_>) -> Vec<&'static str> {
         match self.differences.is_empty() || scene.setup.models.is_empty() {
             true => vec![TRAJECTORIES],
             false => vec![TRAJECTORIES, JACOBIANS],
         }
     }
 
-    fn cites(&self, _: &Scene) -> Vec<&'static str> {
+    fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
         citations(self.integrators.iter().map(|entry| entry.integrator))
+    }
+
+    fn shorten(&mut self) {
+        self.rounds = self.rounds.min(5);
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {

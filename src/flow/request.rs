@@ -1,0 +1,136 @@
+//! Trajectories of many points: the blocks that threads share, and the lanes of a block.
+
+use crate::error::Error;
+use crate::network::{TOGETHER, load_groups};
+use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
+use crate::system::Hamiltonian;
+use rayon::prelude::*;
+
+/// Trajectories of one task, at most.
+const BLOCK: usize = 4 * WIDTH;
+
+/// A method on lanes, with what it knows before the first step.
+pub(super) trait Method<H>: Sync {
+    /// Moves several points, 2n lanes each, over an interval.
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize);
+}
+
+/// All states of some trajectories from their initial points.
+pub(super) type Each<'a> = &'a (dyn Fn(&[f64], &mut [f64]) -> Result<(), Error> + Sync);
+pub(super) type States = Result<Vec<f64>, Error>;
+
+/// Equal intervals of time, each of equal steps, as many as there are states to keep.
+#[derive(Clone, Copy)]
+pub(super) struct Request {
+    pub(super) interval: f64,
+    pub(super) steps: usize,
+    pub(super) kept: usize,
+}
+
+impl Request {
+    /// By a method on lanes.
+    pub(super) fn step<H: Hamiltonian + Sync>(
+        &self,
+        method: &impl Method<H>,
+        system: &H,
+        initial: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        self.run(system, initial, &self.in_lanes(method, system))
+    }
+
+    fn in_lanes<H: Hamiltonian + Sync>(
+        &self,
+        method: &impl Method<H>,
+        system: &H,
+    ) -> impl Fn(&[f64], &mut [f64]) -> Result<(), Error> + Sync {
+        |initial, states| {
+            let request = *self;
+            on_lanes::<WIDTH, _>(Trajectories { method, system, request, initial, states });
+            Ok(())
+        }
+    }
+
+    /// `each` gives all states of one trajectory after another, of a block of points.
+    pub(super) fn run(&self, system: &impl Hamiltonian, initial: &[f64], each: Each<'_>) -> States {
+        let dim = 2 * system.dof();
+        Error::check_count_range("steps", self.steps, 1, usize::MAX)?;
+        Error::check_rows("initial points", initial.len(), dim)?;
+        Error::check_finite("interval", self.interval)?;
+        if initial.is_empty() || self.kept == 0 {
+            return Ok(Vec::new());
+        }
+        initial.chunks_exact(dim).try_for_each(|z| system.check_point(z))?;
+        self.run_blocks(dim, initial, each)
+    }
+
+    /// [`Request::run`] on points that were checked, 2n = `dim` numbers each: compiled once.
+    fn run_blocks(&self, dim: usize, initial: &[f64], each: Each<'_>) -> States {
+        let kept = self.kept;
+        let points = initial.len() / dim;
+        let block = points.div_ceil(rayon::current_num_threads());
+        let block = block.next_multiple_of(WIDTH).clamp(WIDTH, BLOCK) * dim;
+        let too_many =
+            || Error::invalid("states to keep", format!("{kept} of {points} points"), "fewer");
+        let size = initial.len().checked_mul(kept).ok_or_else(too_many)?;
+        let (mut by_block, mut out) = (Vec::new(), Vec::new());
+        for space in [&mut by_block, &mut out] {
+            Vec::try_reserve_exact(space, size).map_err(|_| too_many())?;
+        }
+        by_block.resize(size, 0.0);
+        let tasks = initial.par_chunks(block).zip(by_block.par_chunks_mut(block * kept));
+        tasks.try_for_each(|(initial, states)| each(initial, states))?;
+        for t in 0..kept {
+            for states in by_block.chunks_exact(kept * dim) {
+                out.extend_from_slice(&states[t * dim..(t + 1) * dim]);
+            }
+        }
+        Ok(out)
+    }
+}
+
+/// The trajectories of a block of points, on lanes.
+struct Trajectories<'a, H, M> {
+    method: &'a M,
+    system: &'a H,
+    request: Request,
+    initial: &'a [f64],
+    /// All states of one trajectory after another.
+    states: &'a mut [f64],
+}
+
+impl<H: Hamiltonian, M: Method<H>> Kernel for Trajectories<'_, H, M> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Pack>(self) {
+        let Self { method, system, request: Request { interval, steps, kept }, initial, states } =
+            self;
+        let dim = 2 * system.dof();
+        let mut z = vec![V::zero(); TOGETHER * dim];
+        let together = TOGETHER * V::LANES * dim;
+        for (initial, states) in initial.chunks(together).zip(states.chunks_mut(together * kept)) {
+            let size = load_groups(initial, dim, &mut z);
+            let z = &mut z[..size];
+            for number in 0..kept {
+                method.take(system, z, interval, steps);
+                let groups = states.chunks_mut(V::LANES * kept * dim);
+                for (z, states) in z.chunks_exact(dim).zip(groups) {
+                    store_states(z, states, number, kept);
+                }
+            }
+        }
+    }
+}
+
+/// State `number` of as many trajectories as there is room for ← the lanes.
+#[inline(always)]
+pub(super) fn store_states<V: Pack>(z: &[V], states: &mut [f64], number: usize, kept: usize) {
+    let dim = z.len();
+    let mut column = [0.0; WIDTH];
+    for (component, lanes) in z.iter().enumerate() {
+        lanes.store(&mut column[..V::LANES]);
+        for (states, value) in states.chunks_exact_mut(kept * dim).zip(column) {
+            states[number * dim + component] = value;
+        }
+    }
+}

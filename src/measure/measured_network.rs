@@ -1,0 +1,57 @@
+//! The steps of networks as measures see them.
+
+use super::measured_coupling::CouplingStep;
+use super::measured_step::{MeasuredPotential, MeasuredSteps, ShearMap, TrackedStep, turn_steps};
+use super::measured_twist::TwistStep;
+use crate::layer::{Kick, Shear, TanhPotential, TurnStep, TurnedCoupling, TurnedTwist, Twist};
+use crate::network::Visitor;
+use crate::phase::Direction;
+
+/// The steps of a composition, as measures see them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AsMeasured;
+
+impl<'a> Visitor<'a, f64> for AsMeasured {
+    type Output = MeasuredSteps<'a>;
+
+    fn visit(self, shear: impl Shear<f64> + 'a) -> MeasuredSteps<'a> {
+        vec![Box::new(TrackedStep { map: ShearMap(shear), direction: Direction::Forward })]
+    }
+
+    fn visit_kick<const D: usize>(
+        self,
+        kick: Kick<'a, f64, TanhPotential<'a, f64, D>>,
+    ) -> MeasuredSteps<'a> {
+        vec![TanhPotential::measured_kick(kick)]
+    }
+
+    fn visit_twist<const D: usize>(self, twist: Twist<'a, f64, D>) -> MeasuredSteps<'a> {
+        vec![Box::new(TwistStep(twist))]
+    }
+
+    fn visit_turned_twist<const D: usize>(
+        self,
+        turned: TurnedTwist<'a, f64, D>,
+    ) -> MeasuredSteps<'a> {
+        if turned.is_identity() {
+            return Vec::new();
+        }
+        let (turn, twist) = turned.parts();
+        let mut steps = turn_steps(turn, Direction::Forward);
+        steps.push(Box::new(TwistStep(twist)));
+        steps.extend(turn_steps(turn, Direction::Inverse));
+        steps
+    }
+
+    fn visit_coupling<const D: usize>(
+        self,
+        coupling: TurnedCoupling<'a, f64, D>,
+    ) -> MeasuredSteps<'a> {
+        vec![Box::new(CouplingStep::new(coupling))]
+    }
+
+    fn visit_turn(self, turn: TurnStep<'a, f64>) -> MeasuredSteps<'a> {
+        let direction = if turn.inverse { Direction::Inverse } else { Direction::Forward };
+        turn_steps(turn.turn, direction)
+    }
+}

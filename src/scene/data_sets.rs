@@ -1,0 +1,166 @@
+//! The pairs of a scene, from windows or of a file.
+
+use super::setup::{Data, FlowBy};
+use super::subject::FileData;
+use crate::error::Error;
+use crate::flow::{Pairs, Region};
+use crate::io::read_pairs;
+use crate::layer::TorusAction;
+use crate::measure::{limiting_flow_error, root_mean_square, rotation_error};
+use crate::phase::Units;
+use crate::scalar::max_or_nan;
+use crate::system::{Counted, Hamiltonian, NearlyPeriodic, System};
+use crate::train::{Preparation, Prepared};
+
+/// The pairs of a flow map, for training and held out.
+pub(super) struct DataSets {
+    pub(super) training: Pairs,
+    pub(super) held_out: Option<Pairs>,
+    /// The pairs that choose among the models of a training, where they are not those:
+    /// of all maps of a family.
+    validation: Option<Pairs>,
+    /// The largest difference of the reference flow between two resolutions; NaN of pairs of a
+    /// file, of which nothing is known.
+    pub(super) reference_error: f64,
+    /// The units of the file that the pairs are of, where they are not those of the pairs here.
+    pub(super) units: Option<Units>,
+    /// The mean squared error of the exact limiting rotation alone, on the pairs that choose
+    /// among the models of a training.
+    pub(super) rotation_error: Option<f64>,
+    /// The rotation nearest to the pairs of a file, by its angle.
+    pub(super) nearest: Option<(TorusAction, Vec<f64>)>,
+}
+
+impl DataSets {
+    pub(super) fn of_flow(
+        data: &Data,
+        system: &Counted<'_, System>,
+        [training_points, held_out_points]: &[Vec<f64>; 2],
+        time: f64,
+    ) -> Result<Self, Error> {
+        let flow = |points: &[f64]| FlowBy::pairs(data.flow, system, points.to_vec(), time);
+        let (training, mut reference_error) = flow(training_points)?;
+        let held_out = if held_out_points.is_empty() {
+            None
+        } else {
+            let (held_out, error) = flow(held_out_points)?;
+            reference_error = max_or_nan(reference_error, error);
+            Some(held_out)
+        };
+        let rotation_error =
+            held_out.as_ref().map(|held_out| limiting_flow_error(system, held_out, time));
+        let (validation, units, nearest) = (None, None, None);
+        Ok(Self { training, held_out, validation, reference_error, units, rotation_error, nearest })
+    }
+
+    /// The pairs of a file, made ready as by `gyroceptron train`.
+    pub(super) fn of_file(
+        file: FileData<'_>,
+        time: f64,
+        validation: f64,
+        seed: u64,
+    ) -> Result<Self, Error> {
+        let place = file.pairs.display().to_string();
+        let pairs = read_pairs(file.pairs)?.pairs;
+        if !pairs.conditions().is_empty() {
+            let found = "epsilon or flow_time of each pair";
+            return Err(Error::content(place, "pairs of one map", found));
+        }
+        let action = TorusAction::from(file.circle_action.clone());
+        let preparation = Preparation {
+            place: &place,
+            action: &action,
+            epsilon: file.epsilon,
+            flow_time: Some(time),
+            of_order_one: false,
+            theta: None,
+            units: true,
+            validation,
+            seed,
+        };
+        let Prepared { pairs: training, held_out, units, nearest, .. } =
+            preparation.prepare(pairs)?;
+        let judge = held_out.as_ref().unwrap_or(&training);
+        let rotation_error = Some(rotation_error(&action, &nearest, judge));
+        let (validation, reference_error) = (None, f64::NAN);
+        let nearest = Some((action, nearest));
+        Ok(Self { training, held_out, validation, reference_error, units, rotation_error, nearest })
+    }
+
+    /// The pairs of a family of maps: of each ε and flow time a share of the points. What is held
+    /// out to judge by is of one map, as without a family.
+    pub(super) fn of_family(
+        data: &Data,
+        system: &Counted<'_, System>,
+        [training_points, held_out_points]: &[Vec<f64>; 2],
+        time: f64,
+        fields: &mut u64,
+    ) -> Result<Self, Error> {
+        let dim = 2 * system.dof();
+        let (held_out, mut reference_error) =
+            FlowBy::pairs(data.flow, system, held_out_points.clone(), time)?;
+        let or = |values: &[f64], own: f64| match values {
+            [] => vec![own],
+            several => several.to_vec(),
+        };
+        let (epsilons, times) = (or(&data.epsilons, system.epsilon()), or(&data.flow_times, time));
+        let maps: Vec<(f64, f64)> =
+            epsilons.iter().flat_map(|&e| times.iter().map(move |&t| (e, t))).collect();
+        let mut family = |points: &[f64]| -> Result<Pairs, Error> {
+            let mut sets = Vec::new();
+            for (number, &(epsilon, flow_time)) in maps.iter().enumerate() {
+                let rows = points.chunks_exact(dim).skip(number).step_by(maps.len());
+                let system = system.inner().clone().with_epsilon(epsilon);
+                let counted = Counted::new(&system);
+                let points = rows.flatten().copied().collect();
+                let (set, error) = FlowBy::pairs(data.flow, &counted, points, flow_time)?;
+                *fields += counted.vector_fields();
+                reference_error = max_or_nan(reference_error, error);
+                sets.push((epsilon, flow_time / time, set));
+            }
+            let family = Pairs::of_family(sets)?;
+            if data.relative { family.relative() } else { Ok(family) }
+        };
+        let (training, validation) = (family(training_points)?, Some(family(held_out_points)?));
+        let mut squares = 0.0;
+        for (condition, input, output) in validation.iter().flat_map(Pairs::runs) {
+            let condition = condition.expect("a set for each map");
+            let system = system.inner().clone().with_epsilon(condition.epsilon);
+            let of_map = Pairs::new("map", system.dof(), input.to_vec(), output.to_vec())?;
+            let error = limiting_flow_error(&system, &of_map, condition.time * time);
+            squares += condition.weight * error * of_map.len() as f64;
+        }
+        let rotation_error =
+            validation.as_ref().map(|validation| squares / validation.len() as f64);
+        let held_out = Some(held_out);
+        let (units, nearest) = (None, None);
+        Ok(Self { training, held_out, validation, reference_error, units, rotation_error, nearest })
+    }
+
+    /// The box around the pairs, training and held out, in units of the data.
+    pub(super) fn region(&self) -> Option<Region> {
+        let both = [Some(&self.training), self.held_out.as_ref()].into_iter().flatten();
+        let ends = both.flat_map(|pairs| [pairs.input(), pairs.output()]);
+        let mut region = Region::around(2 * self.training.dof(), ends)?;
+        if let Some(units) = &self.units {
+            units.to_data(&mut region.low);
+            units.to_data(&mut region.high);
+        }
+        Some(region)
+    }
+
+    /// The pairs that choose among the models of a training.
+    pub(super) fn validation(&self) -> Option<&Pairs> {
+        self.validation.as_ref().or(self.held_out.as_ref())
+    }
+
+    /// The root mean square of the components of the outputs that a training is judged by.
+    pub(super) fn size(&self) -> f64 {
+        root_mean_square(self.validation().unwrap_or(&self.training).output())
+    }
+
+    /// The pairs to judge by: held out, where there are any.
+    pub(super) fn to_judge_by(&self) -> &Pairs {
+        self.held_out.as_ref().unwrap_or(&self.training)
+    }
+}

@@ -1,0 +1,315 @@
+//! The judgement of a training: whether to trust the network, and what limits it.
+
+use super::{Outcome, TrainingRecord};
+use crate::error::Error;
+use crate::flow::{Pairs, Region};
+use crate::layer::TorusAction;
+use crate::measure::{
+    OwnInvariance, PlaneMotion, PlaneSwing, component_errors, plane_motions, root_mean_square,
+    rotation_errors,
+};
+use crate::network::Rollout;
+use crate::words::{factor, magnitude, percent, plane_name};
+
+/// Orbits that are looked at, from held-out points, and their length.
+const ORBITS: usize = OwnInvariance::ORBITS;
+/// Applications of the network in each orbit.
+pub const STEPS: usize = OwnInvariance::ITERATIONS;
+
+/// The fewest held-out pairs that a verdict is given on. With a probability of 95 % the worst of
+/// them errs by more than nine tenths of all points do: 0.9³⁰ = 4 % is less than a twentieth.
+const FEWEST: usize = 30;
+
+/// What limits the error of a training.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Limit {
+    /// The held-out error is far above the loss.
+    Data,
+    /// The loss was still falling.
+    Iterations,
+    /// Neither: the network or where its optimiser came to rest.
+    Network,
+}
+
+/// The loss at the end over that of nine tenths of the iterations: above, it is at rest.
+const AT_REST: f64 = 0.9;
+/// The held-out error over the loss from which pairs are learnt by heart.
+const BY_HEART: f64 = 2.0;
+
+/// A held-out error that is so small a share of the motion needs no care, however far above the loss
+/// it is.
+const LITTLE: f64 = 0.01;
+
+/// What limits a training, from its losses on training and held-out pairs.
+pub fn limit(loss: f64, validation: Option<f64>, history: &[TrainingRecord]) -> Limit {
+    let Some(last) = history.last() else { return Limit::Network };
+    let earlier = history.iter().rev().find(|r| r.iteration * 10 <= last.iteration * 9);
+    if validation.is_some_and(|validation| validation > BY_HEART * loss) {
+        return Limit::Data;
+    }
+    match earlier {
+        Some(earlier) if last.loss < AT_REST * earlier.loss => Limit::Iterations,
+        _ => Limit::Network,
+    }
+}
+
+impl Limit {
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Data => {
+                "the data: the held-out error is far above the loss; more pairs, or a smaller network"
+            }
+            Self::Iterations => "the iterations: the loss was still falling",
+            Self::Network => {
+                "the network or its optimiser: the loss is at rest, and held-out pairs fit as well; \
+                 a wider network, the best of several starts, the optimiser Levenberg–Marquardt"
+            }
+        }
+    }
+}
+
+/// Orbits of a network from some points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Orbits {
+    /// How many.
+    pub count: usize,
+    /// Those that went astray: out of the box by more than half of its width, or out of
+    /// the finite numbers.
+    pub astray: usize,
+    /// The first of them, its row and step.
+    pub first: Option<(usize, usize)>,
+}
+
+/// Counts the orbits that leave the box, of the states of so many in turn, from the first of each on.
+pub fn orbits(states: &[f64], count: usize, region: &Region) -> Orbits {
+    let around = region.widened(0.5);
+    let mut lost = vec![false; count];
+    let mut first = None;
+    for (index, z) in states.chunks_exact(states.len() / count / (STEPS + 1)).enumerate() {
+        if around.first_outside(z).is_some() {
+            lost[index % count] = true;
+            first = first.or(Some((index % count, index / count)));
+        }
+    }
+    Orbits { count, astray: lost.iter().filter(|lost| **lost).count(), first }
+}
+
+/// What the error of a plane is compared with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlaneError {
+    /// Its root mean square over q and p.
+    pub error: f64,
+    /// The same over what the nearest rotation leaves of the plane, or over the size of a plane
+    /// that it explains.
+    pub share: f64,
+    /// The rotation explains the plane to rounding.
+    pub explained: bool,
+}
+
+/// The errors of the planes of a model, of which those of its components are known.
+pub fn plane_errors(errors: &[f64], motions: &[PlaneMotion]) -> Vec<PlaneError> {
+    let dof = motions.len();
+    let of_plane = |(j, motion): (usize, &PlaneMotion)| {
+        let error = root_mean_square(&[errors[j], errors[dof + j]]);
+        PlaneError { error, share: error / motion.scale, explained: motion.explained }
+    };
+    motions.iter().enumerate().map(of_plane).collect()
+}
+
+/// The plane that decides: the first of those with the largest share, a NaN before all.
+pub fn worst(planes: &[PlaneError]) -> usize {
+    let share = |j: usize| planes[j].share;
+    (1..planes.len()).fold(0, |worst, j| {
+        let larger = !(share(j) <= share(worst));
+        if larger && !share(worst).is_nan() { j } else { worst }
+    })
+}
+
+/// The judgement of a training by pairs that are held out, plane by plane.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Judgement {
+    /// Yes or no, and within which limits.
+    pub verdict: &'static str,
+    /// What the verdict begins with, where too few pairs are held out for one: among
+    /// [`Judgement::no`].
+    pub too_few: Option<String>,
+    /// By how much the plane that decides errs, in words.
+    pub error: String,
+    /// Why not to trust it at all.
+    pub no: Vec<String>,
+    /// Why not along long orbits.
+    pub no_long_orbits: Vec<String>,
+    /// Why with care.
+    pub care: Vec<String>,
+    /// The pairs that are held out; none where the errors are those of the training pairs.
+    pub held_out: Option<usize>,
+    /// The error of each plane.
+    pub planes: Vec<PlaneError>,
+    /// The plane that decides, from 0.
+    pub worst: usize,
+    /// The root mean square error of all planes over that of the nearest rotation.
+    pub share_beyond_rotation: f64,
+    /// What limits the error.
+    pub limit: Limit,
+    /// The orbits that leave the box of the pairs; none of no pairs.
+    pub orbits: Option<Orbits>,
+    /// How far the action of each plane swings; of none where the pairs are of several maps.
+    pub swings: Vec<PlaneSwing>,
+    /// What the invariant that the network owns is worth.
+    pub own: Option<OwnInvariance>,
+}
+
+/// Whether to trust a network that was trained on pairs, and why not.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trust {
+    /// The verdict: yes or no, and within which limits.
+    pub verdict: String,
+    /// What speaks against it; nothing where it is a plain yes.
+    pub reasons: Vec<String>,
+}
+
+impl Judgement {
+    /// Judges the outcome of a training on these pairs. `nearest` is the action whose rotation by
+    /// these angles is nearest to the pairs.
+    ///
+    /// It follows 16 orbits of 1000 steps, from held-out points.
+    ///
+    /// # Errors
+    /// Those of [`Model::rollout`](crate::network::Model::rollout) along these orbits.
+    pub fn of(
+        outcome: &Outcome,
+        pairs: &Pairs,
+        held_out: Option<&Pairs>,
+        (action, angles): (&TorusAction, &[f64]),
+    ) -> Result<Self, Error> {
+        let judge = held_out.unwrap_or(pairs);
+        let (dof, dim) = (pairs.dof(), 2 * pairs.dof());
+        let errors = component_errors(outcome.model.composition(), judge)?;
+        let planes = plane_errors(&errors, &plane_motions(action, angles, judge));
+        let worst = worst(&planes);
+        let share = planes[worst].share;
+        let left = rotation_errors(action, angles, judge);
+        let pooled = root_mean_square(&errors) / (left.iter().sum::<f64>() / dim as f64).sqrt();
+        let starts = &judge.input()[..dim * judge.len().min(ORBITS)];
+        let both: Vec<&Pairs> = [Some(pairs), held_out].into_iter().flatten().collect();
+        let region =
+            Region::around(dim, both.iter().flat_map(|pairs| [pairs.input(), pairs.output()]));
+        let count = starts.len() / dim;
+        let states = outcome.model.rollout(starts, Rollout { steps: STEPS, every: 1 })?;
+        let orbits = region.as_ref().map(|region| orbits(&states, count, region));
+        // Pairs of several maps do not tell what one of them does to an action.
+        let swings = match pairs.conditions() {
+            [] => PlaneSwing::of(&both, action, angles, &states, count),
+            _ => Vec::new(),
+        };
+        let own = OwnInvariance::of(&outcome.model, starts, STEPS);
+        let limit = limit(outcome.loss, outcome.best.validation, &outcome.history);
+
+        let (mut no, mut long, mut care) = (Vec::new(), Vec::new(), Vec::new());
+        let mut first = None;
+        match held_out.map(Pairs::len) {
+            None => {
+                first = Some(
+                    "nothing was held out: the errors are those of the pairs it was trained on"
+                        .into(),
+                );
+            }
+            Some(held) if held < FEWEST => {
+                let pairs = if held == 1 { "pair was" } else { "pairs were" };
+                first = Some(format!(
+                    "only {held} {pairs} held out: a verdict takes {FEWEST}, of which the worst \
+                     bounds nine tenths of all errors (at 95 %)"
+                ));
+            }
+            _ => {}
+        }
+        no.extend(first.clone());
+        let of = match planes[worst].explained {
+            true => "of its size, the rotation explains it to rounding",
+            false => "of what the nearest rotation leaves of it",
+        };
+        let share_text = match dof {
+            1 => format!("it errs by {} {of}", percent(share)),
+            _ => format!("{} decides: it errs by {} {of}", plane_name(worst), percent(share)),
+        };
+        if !(share < 0.5) {
+            no.push("little is learnt".to_owned());
+        } else if share > 0.05 {
+            care.push(share_text.clone());
+        }
+        if let Some(Orbits { count, astray, first: Some((row, step)) }) = orbits {
+            // They may follow the flow itself, of which nothing is known there: of the single steps
+            // inside this says nothing.
+            let of = if 4 * astray > count { &mut long } else { &mut care };
+            of.push(format!(
+                "{astray} of {count} orbits of {STEPS} steps leave the box of the pairs by more \
+                 than half its width, the first, from held-out point {row}, after {step} steps"
+            ));
+        }
+        for (j, swing) in swings.iter().enumerate() {
+            let name = plane_name(j);
+            if swing.beyond > 0 {
+                let of = if 4 * swing.beyond > count { &mut long } else { &mut care };
+                of.push(format!(
+                    "the action of {name} swings further than in all pairs along {} of {count} \
+                     orbits of {STEPS} steps",
+                    swing.beyond
+                ));
+            } else if swing.is_too_wide() {
+                care.push(format!(
+                    "the action of {name} swings by {} along its orbits (median), {} what a step \
+                     of the pairs changes it by",
+                    magnitude(swing.swing),
+                    factor(swing.steps())
+                ));
+            }
+        }
+        if held_out.is_some() && limit == Limit::Data && !(share <= LITTLE) {
+            let validation = outcome.best.validation.unwrap_or(f64::NAN);
+            let ratio = factor(validation / outcome.loss);
+            care.push(format!("the held-out error is {ratio} the loss"));
+        }
+        let fault = own.as_ref().and_then(OwnInvariance::fault);
+        care.extend(fault);
+        let verdict = match (no.is_empty(), long.is_empty(), care.is_empty()) {
+            (true, true, true) => "yes, within the box of the pairs",
+            (true, true, false) => "with care, within the box of the pairs",
+            (true, false, _) => "for single steps within the box of the pairs, not for long orbits",
+            (false, ..) => "no",
+        };
+        Ok(Self {
+            verdict,
+            too_few: first,
+            error: share_text,
+            no,
+            no_long_orbits: long,
+            care,
+            held_out: held_out.map(Pairs::len),
+            planes,
+            worst,
+            share_beyond_rotation: pooled,
+            limit,
+            orbits,
+            swings,
+            own,
+        })
+    }
+
+    /// Whether the verdict is a plain yes.
+    pub fn is_yes(&self) -> bool {
+        self.reasons().next().is_none()
+    }
+
+    /// What speaks against a plain yes.
+    pub fn reasons(&self) -> impl Iterator<Item = &str> {
+        let reasons = self.no.iter().chain(&self.no_long_orbits).chain(&self.care);
+        reasons.map(String::as_str)
+    }
+
+    /// The verdict with its reasons.
+    pub fn trust(&self) -> Trust {
+        let reasons = self.reasons().map(ToOwned::to_owned).collect();
+        Trust { verdict: self.verdict.to_owned(), reasons }
+    }
+}

@@ -1,0 +1,57 @@
+//! The records of a training, and why it ended.
+
+use crate::error::Error;
+use serde::{Deserialize, Serialize};
+
+/// Where training stands after an iteration.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrainingRecord {
+    /// Iterations done.
+    pub iteration: u64,
+    /// Evaluations of the loss, with its gradient or without; of Adam, passes over the
+    /// training pairs.
+    pub evaluations: u64,
+    /// The loss on the training pairs; of Adam, the mean over the batches of the epoch,
+    /// each before its step.
+    pub loss: f64,
+    /// How many of the training pairs the loss is of: fewer than all in an early phase
+    /// of Levenberg–Marquardt.
+    pub pairs: usize,
+    /// The largest entry of its gradient in the parameters; of Adam, the mean of the
+    /// batches' largest entries.
+    pub gradient: f64,
+    /// The mean squared error on the held-out pairs, where it was evaluated; of
+    /// [`Loss::ByPlane`](super::Loss::ByPlane), with its weights.
+    pub validation: Option<f64>,
+}
+
+/// Why training ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Stop {
+    /// The most iterations were done.
+    Iterations,
+    /// The target was reached.
+    Target,
+    /// The held-out error did not improve for the given patience.
+    Patience,
+    /// The error was [at rest](super::TrainingOptions::plateau).
+    Plateau,
+    /// The gradient fell below its tolerance.
+    Gradient,
+    /// No step lowers the loss any more: with a fresh scaling either, or however much a
+    /// Gauss–Newton step is damped.
+    Stalled,
+    /// The loss left the finite numbers.
+    Diverged,
+    /// It was trained elsewhere.
+    NotTrained,
+    /// The caller asked for it.
+    Interrupted,
+}
+
+/// Fails unless a number of iterations, or the like, is at least one.
+pub(super) fn at_least_one(name: &str, found: u64) -> Result<(), Error> {
+    let found = usize::try_from(found).unwrap_or(usize::MAX);
+    Error::check_count_range(name, found, 1, usize::MAX)
+}

@@ -1,0 +1,40 @@
+//! Numbers in words: what verdicts and tables write alike.
+
+/// `₁₂` of 12.
+pub(crate) fn subscript(number: usize) -> String {
+    const ZERO: u32 = '₀' as u32;
+    let digits = number.to_string();
+    digits.bytes().filter_map(|digit| char::from_u32(ZERO + u32::from(digit - b'0'))).collect()
+}
+
+/// `1.234` between a thousandth and ten thousand, `1.23e-5` elsewhere.
+pub(crate) fn magnitude(value: f64) -> String {
+    match value {
+        0.0 => "0".into(),
+        _ if (1e-3..1e4).contains(&value.abs()) => format!("{value:.3}"),
+        _ => format!("{value:.2e}"),
+    }
+}
+
+/// A factor: `7.6 ×`.
+pub(crate) fn factor(value: f64) -> String {
+    format!("{value:.1} ×")
+}
+
+/// A share, in two digits: `3.4 %`, `0.012 %`.
+pub(crate) fn percent(share: f64) -> String {
+    let percent = 100.0 * share;
+    let places = 1.0 - libm::floor(libm::log10(percent.abs()));
+    // Infinite at 0, NaN and ∞.
+    match places {
+        // Noughts are no digits.
+        places if places > 6.0 && places.is_finite() => format!("{percent:.1e} %"),
+        places if places.is_finite() => format!("{percent:.0$} %", places.max(0.0) as usize),
+        _ => format!("{percent:.0} %"),
+    }
+}
+
+/// `plane 2 (q₂, p₂)`.
+pub(crate) fn plane_name(j: usize) -> String {
+    format!("plane {} (q{}, p{})", j + 1, subscript(j + 1), subscript(j + 1))
+}
