@@ -1,7 +1,7 @@
 //! What a scene says of a training, for pairs of one's own.
 
 use super::catalogue::find;
-use super::declaration::Scene;
+use super::registry::Scene;
 use super::parse::parse;
 use crate::error::Error;
 use crate::network::NetworkSpec;
