@@ -431,7 +431,8 @@ fn is_its_parts(model: &Model, z: &[f64]) -> Result<(), String> {
         let own = Model::new(architecture, [&weights[start..end], angles].concat());
         alone.push(own.map_err(|reason| format!("{block:?} alone: {reason}"))?.part(Part::None));
     }
-    let turn = TorusAction::new(architecture.circles.clone()).ok().map(|action| action.at(angles));
+    let turn =
+        TorusAction::new(architecture.circles.clone()).ok().map(|action| action.turn_by(angles));
     let apply = |map: &dyn Map<f64>, inverse: bool, z: &mut [f64]| match inverse {
         true => map.inverse(z),
         false => map.forward(z),

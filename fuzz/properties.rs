@@ -146,7 +146,7 @@ pub fn circle_action(data: &[u8]) -> Result<Outcome, String> {
         .collect();
     let theta = number(u);
     let z = numbers(u, 2 * dof);
-    let rotation = CircleAction::new(weights.clone()).at(theta);
+    let rotation = CircleAction::new(weights.clone()).turn_by(theta);
     let largest = weights.iter().map(|w| f64::from(*w).abs()).fold(1.0, max_or_nan);
     let range = in_range(0, 0, 0.0, &[], &z) && (theta * largest).is_finite();
     inverts(&rotation, &z, range)

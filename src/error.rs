@@ -10,7 +10,7 @@ pub enum Error {
     /// A file could not be read.
     #[error("{}: cannot be read: {reason}", path.display())]
     Read {
-        /// The file.
+        /// The file that could not be read or written.
         path: PathBuf,
         /// What the system said.
         reason: String,
@@ -52,7 +52,7 @@ pub enum Error {
         "{}: format version {found}; this version reads up to {supported}: a newer gyroceptron wrote it", path.display()
     )]
     NewerFormat {
-        /// The file.
+        /// The file that could not be read or written.
         path: PathBuf,
         /// Its version.
         found: u64,
@@ -152,7 +152,7 @@ pub enum Error {
     /// A file that is there already.
     #[error("{}: exists already, and is not replaced: give another name", path.display())]
     FileExists {
-        /// The file.
+        /// The file that could not be read or written.
         path: PathBuf,
     },
     /// A computation that its caller stopped.
@@ -268,7 +268,7 @@ impl Error {
     }
 
     /// [`Error::At`]: the same error, with the place where it is.
-    pub fn at(self, place: impl Display) -> Self {
+    pub fn with_place(self, place: impl Display) -> Self {
         Self::At { place: place.to_string(), reason: Box::new(self) }
     }
 

@@ -297,9 +297,9 @@ fn derivatives_of_arrangements_are_those_of_duals() {
         let dim = z.len();
         let cotangent: Vec<f64> = (0..dim).map(|i| 1.0 - 0.2 * i as f64).collect();
         let mut recording = map.recording();
-        map.forward_recording(&mut z.clone(), &mut recording);
+        map.forward_recorded(&mut z.clone(), &mut recording);
         let (mut z_bar, mut bar) = (cotangent.clone(), vec![0.0; model.parameters().len()]);
-        map.pullback(&mut recording, &mut z_bar, &mut bar);
+        map.vjp(&mut recording, &mut z_bar, &mut bar);
         let mut sizes = 0.0;
         for index in 0..bar.len() + dim {
             let lift = |k: usize, v: f64| D::variable(v, if k == index { 0 } else { 1 });

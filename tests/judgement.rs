@@ -311,7 +311,7 @@ fn a_perturbed_map_may_move_its_action() {
     assert!(!trust["care"].to_string().contains("invariant"), "{trust}");
     assert!(first.contains("ε = 0 only"), "{first}");
     let model = load_model(&folder.path().join("m.json")).expect("a model").model;
-    let own = OwnInvariance::of(&model, &input[..20], 200).expect("an invariant");
+    let own = OwnInvariance::measure(&model, &input[..20], 200).expect("an invariant");
     assert!(own.unperturbed && own.fault().is_none() && own.drift > 0.1, "{own:?}");
 }
 
@@ -326,7 +326,7 @@ fn swings_of_actions_are_compared_with_steps() {
         let action = CircleAction::new([1, 0]);
         let angles = [fit_rotation(&pairs, &action)];
         let of = |states: &[f64]| {
-            PlaneSwing::of(&[&pairs], &action.clone().into(), &angles, states, count)
+            PlaneSwing::measure(&[&pairs], &action.clone().into(), &angles, states, count)
         };
         let swings = of(values);
         eprintln!("{name}: {swings:?}");

@@ -15,7 +15,7 @@ mod own_map;
 
 use gyroceptron::measure::{
     Certificate, CertificateOptions, Coordinate, Implicit, Measurable, OneStep, Solved, Steps,
-    Verdict, Within, certify_map, fuzz,
+    Verdict, WithDomain, certify_map, fuzz,
 };
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
@@ -33,7 +33,7 @@ struct StandardMap {
 
 impl StandardMap {
     fn wrapped<S: Elementary>(&self, x: S) -> S {
-        self.period.map_or(x, |period| x.modulo(period))
+        self.period.map_or(x, |period| x.rem_euclid(period))
     }
 }
 
@@ -174,8 +174,8 @@ impl Implicit for GaussLegendre {
     }
 }
 
-fn within<M: Measurable>(map: M, domain: Vec<Coordinate>) -> Within<M> {
-    Within::new(map, domain).expect("a domain")
+fn within<M: Measurable>(map: M, domain: Vec<Coordinate>) -> WithDomain<M> {
+    WithDomain::new(map, domain).expect("a domain")
 }
 
 /// Each map, right or wrong by so much, with the radius of its samples.
@@ -421,7 +421,7 @@ fn circles_that_are_none_of_the_map_are_told() {
         vec![Coordinate::Between(1.0, 1.0), Coordinate::Any],
         vec![Coordinate::Between(0.0, f64::INFINITY), Coordinate::Any],
     ] {
-        assert!(Within::new(map(), domain.clone()).is_err(), "{domain:?}");
+        assert!(WithDomain::new(map(), domain.clone()).is_err(), "{domain:?}");
     }
 }
 

@@ -5,7 +5,7 @@ use gyroceptron::flow::{
     GaussLegendre, Integrator, Pairs, Reference, ReferenceTrajectories, Splitting, Window, boris,
     runge_kutta_4, sample_of, velocity_splitting,
 };
-use gyroceptron::measure::{Line, averaged_invariant, drifts, log_line, log_slope};
+use gyroceptron::measure::{FittedLine, averaged_invariant, drifts, log_line, log_slope};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Elementary, Real, Scalar, max_or_nan};
 use gyroceptron::system::{
@@ -143,7 +143,7 @@ fn the_limit_is_the_circle_action() {
         assert!((invariant - system.adiabatic_invariant(&z)).abs() < 1e-14);
         let (torus, frequencies) = system.torus();
         let angles: Vec<f64> = frequencies.iter().map(|frequency| frequency * time).collect();
-        torus.at(&angles).apply(&mut by_action, false);
+        torus.turn_by(&angles).apply(&mut by_action, false);
         split!(system, s => s.leave(&mut by_action));
         assert!(distance(&by_action, &by_limit) < 1e-14);
     }
@@ -196,7 +196,7 @@ fn splittings_have_their_orders_for_the_papers_equations() {
 /// Fails unless the 99 % confidence interval of the slope of log `errors` in
 /// log `sizes` lies within ½ of `order`: no other whole number is then as near.
 fn assert_order(what: &str, order: f64, sizes: &[f64], errors: &[f64]) {
-    let Line { slope, slope_error, degrees_of_freedom } = log_line(sizes, errors);
+    let FittedLine { slope, slope_error, degrees_of_freedom } = log_line(sizes, errors);
     let student = StudentsT::new(0.0, 1.0, degrees_of_freedom as f64).expect("three points");
     let half = student.inverse_cdf(0.995) * slope_error;
     assert!((slope - order).abs() + half < 0.5, "{what}: {slope} ± {half} for {order}: {errors:?}");
@@ -370,7 +370,7 @@ fn lines(count: usize) -> Vec<f64> {
     let mut stream = Stream::new(3, "lines");
     let system = FieldLines::new(0.0);
     (0..count)
-        .flat_map(|_| system.at(stream.uniform(0.1, 0.9), stream.uniform(-3.0, 3.0)))
+        .flat_map(|_| system.point(stream.uniform(0.1, 0.9), stream.uniform(-3.0, 3.0)))
         .collect()
 }
 
@@ -386,7 +386,7 @@ fn field_lines_are_of_the_vector_potential() {
         let phase: f64 = -3.0 * theta + 2.0 * time;
         let energy = system.iota * (r * r / 2.0 - r.powi(4) / 4.0) * (1.0 + 1e-2 * phase.cos());
         assert!((system.energy(z, time) - energy).abs() < 1e-15);
-        assert!(distance(&system.at(r, theta), z) < 1e-15);
+        assert!(distance(&system.point(r, theta), z) < 1e-15);
         let (mut field, mut by_duals) = ([0.0; 2], [0.0; 2]);
         system.vector_field(z, time, &mut field);
         symplectic_gradient(&system, z, time, &mut by_duals);
@@ -434,12 +434,12 @@ fn field_lines_move_as_in_their_angles() {
         let k4 = field(at(k3, h), t + h);
         w = [0, 1].map(|i| w[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
     }
-    let z = system.at(r, theta);
+    let z = system.point(r, theta);
     let found = Reference::calibrated(&system, &z, time)
         .and_then(|reference| reference.flow_with_error(&system, &z, time))
         .expect("converges");
     assert!(found.error < 1e-13);
-    let expected = system.at(radius(w[0], w[1]), w[0]);
+    let expected = system.point(radius(w[0], w[1]), w[0]);
     let error = distance(&found.point, &expected);
     assert!(error < 1e-8, "{error:e}");
     assert!(distance(&expected, &z) > 0.1);
@@ -463,7 +463,7 @@ fn unperturbed_field_lines_turn_on_their_surfaces() {
         assert!(change.abs() < 1e-14);
     }
     // Away from resonances the flux stays to first order in ε.
-    let z = system.at(0.3, 0.4);
+    let z = system.point(0.3, 0.4);
     let change = |epsilon: f64| {
         let system = FieldLines::new(epsilon);
         let found = ReferenceTrajectories::of_flow(&system, &z, TAU, 200).expect("converges");
@@ -491,7 +491,7 @@ fn field_lines_tell_where_they_are_not() {
     plain.vector_field(&[0.0, 0.0], 0.4, &mut field);
     assert!(plain.check_point(&[0.0, 0.0]).is_ok() && field == [0.0, 0.0], "{field:?}");
     // Steps from one turn to the next are of whole periods.
-    let z = system.at(0.5, 0.1);
+    let z = system.point(0.5, 0.1);
     let quarter = ReferenceTrajectories::of_flow(&system, &z, 0.25 * TAU, 3).expect_err("no map");
     assert!(quarter.to_string().contains("a multiple of the period"), "{quarter}");
     assert!(ReferenceTrajectories::of_flow(&system, &z, 0.25 * TAU, 2).is_ok());

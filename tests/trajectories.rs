@@ -29,7 +29,7 @@ fn states_are_where_a_rollout_puts_them() {
     let trajectories = example(None);
     assert_eq!((trajectories.states(), trajectories.count(), trajectories.dim()), (3, 2, 2));
     assert_eq!(trajectories.state(1, 0), [4.0, 5.0]);
-    let second: Vec<_> = trajectories.of(1).collect();
+    let second: Vec<_> = trajectories.orbit(1).collect();
     assert_eq!(second, [[2.0, 3.0], [6.0, 7.0], [10.0, 11.0]]);
     for (numbers, dim, count) in [(11, 2, 2), (12, 0, 2), (12, 2, 0), (0, 2, 2)] {
         assert!(Trajectories::new(vec![0.0; numbers], dim, count).is_err(), "{numbers}");
@@ -88,7 +88,7 @@ fn reference_trajectories_follow_the_flow() {
     let found = ReferenceTrajectories::of_flow(&counted, &initial, 0.7, 11).expect("converges");
     assert!(found.error < 1e-13 && counted.vector_fields() > 0);
     for m in 0..2 {
-        for (t, state) in found.trajectories.of(m).enumerate() {
+        for (t, state) in found.trajectories.orbit(m).enumerate() {
             let mut exact = found.trajectories.state(0, m).to_vec();
             system.limiting_flow(&mut exact, 0.7 * t as f64);
             for (a, b) in state.iter().zip(&exact) {

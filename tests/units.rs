@@ -7,7 +7,7 @@ use gyroceptron::io::{
 };
 use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::measure::{
-    CertificateOptions, Coordinate, OneStep, Within, certify_map, distance, root_mean_square,
+    CertificateOptions, Coordinate, OneStep, WithDomain, certify_map, distance, root_mean_square,
     rotation_error,
 };
 use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, Rollout};
@@ -205,7 +205,7 @@ where
 
 #[test]
 fn a_network_in_units_is_symplectic() {
-    // A single layer: rounding bounds of a whole network as one step hide what is to be seen.
+    // A single layer: rounding scales of a whole network as one step hide what is to be seen.
     let shape = HenonShape::uniform(2, 1, 6);
     let model = shape.architecture(1.0).initialise(InitialWeights::Glorot, 0.0, 5).expect("valid");
     let options = CertificateOptions { samples: 40, ..Default::default() };
@@ -213,7 +213,7 @@ fn a_network_in_units_is_symplectic() {
     let map = InUnits { map: &model, units: &units };
     let between = |c: f64, s: f64| Coordinate::Between(c - s, c + s);
     let domain = (0..4).map(|k| between(units.centre()[k], units.factors()[k])).collect();
-    let map = Within::new(OneStep(map), domain).expect("a domain");
+    let map = WithDomain::new(OneStep(map), domain).expect("a domain");
     let certificate = certify_map(&map, options);
     assert!(certificate.holds(), "{certificate}");
     for wrong in [1e-9, 1e-12] {

@@ -6,8 +6,8 @@ use crate::mutants::{self, Fault};
 use crate::{suite, tolerances};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
-    Conditioned, Line, NearlyPeriodic, Row, Tally, invariant_drift, leading_invariant, log_line,
-    log_slope,
+    Conditioned, FittedLine, NearlyPeriodic, Row, Tally, invariant_drift, leading_invariant,
+    log_line, log_slope,
 };
 use gyroceptron::network::{GyroceptronShape, InitialWeights, Model};
 use gyroceptron::phase::Map;
@@ -86,12 +86,12 @@ fn drifts(map: &impl Map<f64>, network: &Model, horizons: &[usize]) -> Vec<f64> 
 
 /// One network's drifts.
 pub struct Orbit {
-    slope: Line,
-    exponent: Line,
+    slope: FittedLine,
+    exponent: FittedLine,
     /// The control's slope in ε.
-    control_slope: Line,
+    control_slope: FittedLine,
     /// The control's exponent in N.
-    control: Line,
+    control: FittedLine,
     /// The smallest drift over the drift at ε = 0.
     above_floor: f64,
     /// D(N)/ε.
@@ -105,7 +105,7 @@ pub struct Study {
 /// Half the width of the confidence interval of a slope, such that the
 /// intervals of all networks hold together with the stated confidence
 /// (Bonferroni).
-pub fn half_width(line: Line) -> f64 {
+pub fn half_width(line: FittedLine) -> f64 {
     let networks = (NETWORKS * suite::times()) as f64;
     let student = StudentsT::new(0.0, 1.0, line.degrees_of_freedom as f64).expect("positive");
     let each = (1.0 - tolerances::CONFIDENCE) / networks;
@@ -203,8 +203,8 @@ fn median_exponent_in_four_dimensions() -> f64 {
 }
 
 /// The median of the slopes with the interval of its line.
-fn median(lines: impl Iterator<Item = Line>) -> Line {
-    let mut lines: Vec<Line> = lines.collect();
+fn median(lines: impl Iterator<Item = FittedLine>) -> FittedLine {
+    let mut lines: Vec<FittedLine> = lines.collect();
     lines.sort_by(|a, b| a.slope.total_cmp(&b.slope));
     lines[lines.len() / 2]
 }
@@ -331,7 +331,7 @@ fn the_study_is_as_cited() {
         HORIZONS[HORIZONS.len() - 1],
         100.0 * tolerances::CONFIDENCE,
     );
-    let interval = |line: Line| format!("{:.6} ± {:.1e}", line.slope + 0.0, half_width(line));
+    let interval = |line: FittedLine| format!("{:.6} ± {:.1e}", line.slope + 0.0, half_width(line));
     for (index, orbit) in study.orbits.iter().enumerate() {
         writeln!(
             text,

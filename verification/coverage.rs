@@ -9,8 +9,17 @@ use gyroceptron::network::NamedArchitecture;
 use std::path::{Path, PathBuf};
 
 /// What makes a map of another, or of equations: `tests/own_maps.rs`.
-const ADAPTORS: [&str; 9] =
-    ["OneStep", "Steps", "Within", "Solved", "InUnits", "ShearMap", "KickMap", "TwistPart", "&M"];
+const ADAPTORS: [&str; 9] = [
+    "OneStep",
+    "Steps",
+    "WithDomain",
+    "Solved",
+    "InUnits",
+    "ShearMap",
+    "KickMap",
+    "TwistPart",
+    "&M",
+];
 /// The number types that a law runs on, or a test of `tests/` covers.
 const NUMBERS: [(&str, &str); 9] = [
     ("f64", "symplecticity"),

@@ -6,9 +6,9 @@ use astro_float::{BigFloat, Consts, RoundingMode};
 use faer::MatRef;
 use gyroceptron::layer::{CircleAction, HenonLayer, Potential, TanhPotential};
 use gyroceptron::measure::{
-    Conditioned, ILL_CONDITIONED, Measurable, Tally, Verdict, Walk, differing_components,
-    disturbing_resonance, inversion_ratio, laws, nearest_resonance, settling_iterations,
-    symplecticity_defect, symplecticity_ratio,
+    Conditioned, ILL_CONDITIONED, Measurable, RoundingPropagation, Tally, Verdict,
+    differing_components, disturbing_resonance, inversion_ratio, laws, nearest_resonance,
+    settling_iterations, symplecticity_defect, symplecticity_ratio,
 };
 use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model};
 use gyroceptron::phase::{Direction, Map};
@@ -154,7 +154,7 @@ fn a_large_shift_costs_nothing() {
         layer.map().forward(&mut literal);
     }
     let steps = layer.measured_steps(Direction::Forward);
-    let (bounds, _) = Walk::new(&steps, &z).value_bounds();
+    let (bounds, _) = RoundingPropagation::new(&steps, &z).value_bounds();
     for i in 0..4 {
         let ratio = (shears[i] - exact[i].value()).abs() / (f64::unit_roundoff() * bounds[i]);
         assert!(ratio < tolerances::RATIO, "{i}: {ratio}");
@@ -166,7 +166,7 @@ fn a_large_shift_costs_nothing() {
 /// (cos, sin) of the turn by m·θ, by turning (1, 0).
 fn turned(weight: i32, theta: f64) -> (f64, f64) {
     let mut z = [1.0, 0.0];
-    CircleAction::new([weight]).at(theta).forward(&mut z);
+    CircleAction::new([weight]).turn_by(theta).forward(&mut z);
     (z[0], -z[1])
 }
 
@@ -258,15 +258,17 @@ fn deep(layers: usize, scale: f64) -> (Model, Vec<f64>) {
 fn where_the_jacobian_has_no_digit_the_report_says_so() {
     let (model, points) = deep(20, 1.0);
     let steps = model.measured_steps(Direction::Forward);
-    let walks: Vec<Walk<'_>> = points.chunks_exact(4).map(|z| Walk::new(&steps, z)).collect();
+    let propagations: Vec<RoundingPropagation<'_>> =
+        points.chunks_exact(4).map(|z| RoundingPropagation::new(&steps, z)).collect();
     let size = |matrix: MatRef<'_, f64>| {
         let columns = matrix.col_iter();
         columns.flat_map(|c| c.iter()).fold(0.0_f64, |m, x| max_or_nan(m, x.abs()))
     };
-    let norm = walks.iter().map(|walk| size(walk.jacobian())).fold(0.0, max_or_nan);
-    let defect = walks
+    let norm =
+        propagations.iter().map(|propagation| size(propagation.jacobian())).fold(0.0, max_or_nan);
+    let defect = propagations
         .iter()
-        .map(|walk| size(symplecticity_defect(walk.jacobian()).as_ref()))
+        .map(|propagation| size(symplecticity_defect(propagation.jacobian()).as_ref()))
         .fold(0.0, max_or_nan);
     // 2n products of entries of J make one of the defect.
     let rounding = 4.0 * f64::unit_roundoff() * norm * norm;
@@ -319,7 +321,7 @@ fn three_thousand_layers_come_back() {
     let error = (0..4).map(|i| (w[i] - z[i]).abs()).fold(0.0, max_or_nan);
     assert!(error > 0.0, "nothing was rounded");
     let there = model.measured_steps(Direction::Forward);
-    assert!(symplecticity_ratio(&Walk::new(&there, &z)) < tolerances::RATIO);
+    assert!(symplecticity_ratio(&RoundingPropagation::new(&there, &z)) < tolerances::RATIO);
     let back = model.measured_steps(Direction::Inverse);
     assert_eq!(there.len(), back.len());
     let ratio = inversion_ratio(there, back, &z);

@@ -6,7 +6,7 @@ use crate::samples::{Case, mild};
 use crate::{suite, tolerances};
 use gyroceptron::layer::{CircleAction, layer_parameter_count};
 use gyroceptron::measure::{
-    Adjoint, Conditioned, ILL_CONDITIONED, Measurable, Row, Tally, Walk, laws,
+    Adjoint, Conditioned, ILL_CONDITIONED, Measurable, RoundingPropagation, Row, Tally, laws,
 };
 use gyroceptron::network::{Model, Part};
 use gyroceptron::phase::{Direction, Map};
@@ -206,13 +206,13 @@ pub fn literal_formula(model: &Model, map: &dyn Measurable, points: &[f64]) -> T
     let u = f64::unit_roundoff();
     let steps = map.measured_steps(Direction::Forward);
     let results = points.chunks_exact(2 * map.dof()).map(|z| {
-        let walk = Walk::new(&steps, z);
-        let (bounds, _) = walk.value_bounds();
+        let propagation = RoundingPropagation::new(&steps, z);
+        let (bounds, _) = propagation.value_bounds();
         let reference = bounded(network, z, 0);
         let size = z.iter().map(|v| v.abs()).fold(1.0, max_or_nan);
         let entries = (0..z.len()).map(|i| {
             let bound = u * bounds[i] + reference[i].re.error();
-            (walk.end()[i] - reference[i].re.value, bound, size)
+            (propagation.end()[i] - reference[i].re.value, bound, size)
         });
         worst_of(entries)
     });
@@ -225,8 +225,8 @@ pub fn other_derivatives(model: &Model, map: &dyn Measurable, points: &[f64]) ->
     let steps = map.measured_steps(Direction::Forward);
     let mut tally = Tally::of_ratios("gradient", "J = dual_num's = num-dual's");
     for z in points.chunks_exact(2 * map.dof()) {
-        let walk = Walk::new(&steps, z);
-        let jacobian = walk.jacobian();
+        let propagation = RoundingPropagation::new(&steps, z);
+        let jacobian = propagation.jacobian();
         let mut entries = Vec::new();
         for column in 0..z.len() {
             let one = |i: usize| if i == column { 1.0 } else { 0.0 };
@@ -302,7 +302,7 @@ fn the_other_duals_know_sech2() {
 #[test]
 fn the_rotation_of_the_formulas_is_that_of_the_paper() {
     let mut z = [1.0, 0.0];
-    CircleAction::new([1]).at(0.3_f64).forward(&mut z);
+    CircleAction::new([1]).turn_by(0.3_f64).forward(&mut z);
     let error = max_or_nan((z[0] - libm::cos(0.3)).abs(), (z[1] + libm::sin(0.3)).abs());
     assert!(error <= tolerances::FOUR_ROUNDINGS, "{error:e}");
 }

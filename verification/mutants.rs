@@ -521,7 +521,7 @@ impl Mutant {
     fn rotation(&self, theta: f64, direction: Direction) -> MeasuredSteps<'_> {
         match self.matrix(theta) {
             Some(matrix) => vec![one_step(matrix, direction)],
-            None => turn_steps(&self.clean.architecture().circles[0].at(theta), direction),
+            None => turn_steps(&self.clean.architecture().circles[0].turn_by(theta), direction),
         }
     }
 

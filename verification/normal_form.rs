@@ -419,7 +419,7 @@ fn a_sound_one_is_not_rejected() {
 fn turns_are_those_of_the_action() {
     let action = TorusAction::new([CircleAction::new([1, 0]), CircleAction::new([2, -1])]);
     let action = action.expect("two circles");
-    let turn = action.at(&[0.7, -2.0]);
+    let turn = action.turn_by(&[0.7, -2.0]);
     let (mut a, mut b) = ([0.3, -0.4, 0.5, 0.6], [0.3, -0.4, 0.5, 0.6]);
     turn.apply(&mut a, false);
     turn_steps(&turn, Direction::Forward).iter().for_each(|step| step.apply(&mut b));

@@ -4,7 +4,7 @@
 
 use crate::{suite, tolerances};
 use faer::Mat;
-use gyroceptron::measure::{Conditioned, Measurable, Row, Tally, Walk};
+use gyroceptron::measure::{Conditioned, Measurable, RoundingPropagation, Row, Tally};
 use gyroceptron::measure::{symplecticity_defect, symplecticity_scale};
 use gyroceptron::network::{Composition, HenonShape, InitialWeights, Model};
 use gyroceptron::phase::{Direction, Map};
@@ -19,7 +19,7 @@ pub const STATED: usize = 2 * SEEDS as usize;
 pub const DOF: usize = 2;
 const POINTS: usize = 20;
 
-/// Residual/(u·scale) of both laws at each rung.
+/// Residual/(u·scale) of both laws at each level.
 #[derive(Clone, Copy)]
 struct Ratios {
     symplecticity: [f64; 3],
@@ -53,7 +53,7 @@ fn points(seed: u64) -> Vec<f64> {
 }
 
 /// The root mean square of |R|/T over entries and points, R formed in the
-/// arithmetic of the rung.
+/// arithmetic of the level.
 fn symplecticity<S: Over<f64> + Real>(map: &Composition<f64>, points: &[f64]) -> f64 {
     let steps = map.measured_steps(Direction::Forward);
     let (mut sum, mut count) = (0.0, 0);
@@ -62,7 +62,7 @@ fn symplecticity<S: Over<f64> + Real>(map: &Composition<f64>, points: &[f64]) ->
             z.iter().enumerate().map(|(i, &v)| Dual::variable(S::from_f64(v), i)).collect();
         map.forward(&mut w);
         let jacobian = Mat::from_fn(2 * DOF, 2 * DOF, |row, column| w[row].eps[column]);
-        let scale = symplecticity_scale(&Walk::new(&steps, z));
+        let scale = symplecticity_scale(&RoundingPropagation::new(&steps, z));
         let defect = symplecticity_defect(jacobian.as_ref());
         for row in 0..2 * DOF {
             for column in 0..2 * DOF {
@@ -88,7 +88,7 @@ fn inversion<S: Over<f64> + Real>(
         let mut w: Vec<S> = z.iter().map(|&v| S::from_f64(v)).collect();
         map.forward(&mut w);
         back.inverse(&mut w);
-        let (bounds, _) = Walk::new(&steps, z).value_bounds();
+        let (bounds, _) = RoundingPropagation::new(&steps, z).value_bounds();
         for ((moved, start), bound) in w.iter().zip(z).zip(bounds) {
             let ratio = (*moved - S::from_f64(*start)).value() / bound;
             sum += ratio * ratio;
@@ -102,7 +102,7 @@ fn ratios(seed: u64) -> Ratios {
     ratios_of(network(seed).composition(), &points(seed))
 }
 
-/// |slope − 1| of both laws over all rungs, for a map of two degrees of freedom whose
+/// |slope − 1| of both laws over all levels, for a map of two degrees of freedom whose
 /// parameters, and the points, single precision holds.
 pub fn defects(map: &Composition<f64>, seed: u64) -> [f64; 2] {
     let ratios = ratios_of(map, &points(seed));
@@ -133,16 +133,16 @@ fn inversions_of(map: &Composition<f64>, points: &[f64]) -> [f64; 3] {
 
 fn over_roundoffs(residuals: [f64; 3]) -> [f64; 3] {
     let u = ROUNDOFFS();
-    [0, 1, 2].map(|rung| residuals[rung] / u[rung])
+    [0, 1, 2].map(|level| residuals[level] / u[level])
 }
 
-/// Slope of log residual in log u between two rungs.
+/// Slope of log residual in log u between two levels.
 fn between(ratios: [f64; 3], a: usize, b: usize) -> f64 {
     let u = ROUNDOFFS();
     1.0 + libm::log(ratios[a] / ratios[b]) / libm::log(u[a] / u[b])
 }
 
-/// The least-squares slope over all rungs.
+/// The least-squares slope over all levels.
 fn over_all(ratios: [f64; 3]) -> f64 {
     let u = ROUNDOFFS();
     let residuals: Vec<f64> = (0..3).map(|k| ratios[k] * u[k]).collect();
@@ -170,8 +170,8 @@ impl Ladder {
         self.all().fold(0.0, |worst, r| max_or_nan(worst, (over_all(r) - 1.0).abs()))
     }
     fn median_slope(&self, of: fn(&Ratios) -> [f64; 3]) -> f64 {
-        let medians = [0, 1, 2].map(|rung| {
-            let mut values: Vec<f64> = self.seeds.iter().map(|r| of(r)[rung]).collect();
+        let medians = [0, 1, 2].map(|level| {
+            let mut values: Vec<f64> = self.seeds.iter().map(|r| of(r)[level]).collect();
             values.sort_by(f64::total_cmp);
             values[values.len() / 2]
         });
@@ -216,7 +216,7 @@ fn wrong_by(error: f64) -> [f64; 3] {
         let mut w: Vec<DoubleDouble> = z.iter().map(|&v| DoubleDouble::from_f64(v)).collect();
         map.forward(&mut w);
         long.composition().inverse(&mut w);
-        let (bounds, _) = Walk::new(&steps, z).value_bounds();
+        let (bounds, _) = RoundingPropagation::new(&steps, z).value_bounds();
         let ratio = |i: usize| (w[i] - DoubleDouble::from_f64(z[i])).value() / bounds[i];
         (0..z.len()).map(|i| ratio(i) * ratio(i)).sum::<f64>()
     };
@@ -228,12 +228,12 @@ fn wrong_by(error: f64) -> [f64; 3] {
     ]
 }
 
-/// |slope − 1| over two rungs, for the weights of the inverse wrong by `error`.
+/// |slope − 1| over two levels, for the weights of the inverse wrong by `error`.
 pub fn two_rungs_of_mutant(error: f64) -> f64 {
     (between(wrong_by(error), 1, 2) - 1.0).abs()
 }
 
-/// |slope − 1| over all rungs, for the weights of the inverse wrong by `error`.
+/// |slope − 1| over all levels, for the weights of the inverse wrong by `error`.
 pub fn three_rungs_of_mutant(error: f64) -> f64 {
     (over_all(wrong_by(error)) - 1.0).abs()
 }
@@ -280,7 +280,7 @@ fn the_ladder_is_as_cited() {
     }
     writeln!(
         text,
-        "\nslopes of the medians: symplecticity {:.4}, inversion {:.4}; worst over two rungs {:.4}, \
+        "\nslopes of the medians: symplecticity {:.4}, inversion {:.4}; worst over two levels {:.4}, \
          over three {:.4}",
         ladder.median_slope(|r| r.symplecticity),
         ladder.median_slope(|r| r.inversion),

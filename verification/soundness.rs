@@ -131,7 +131,7 @@ impl<F: NearlyPeriodic> NearlyPeriodic for Family<'_, F> {
     }
 }
 
-/// The rows with a rounding bound that the steps of the map tell.
+/// The rows with a rounding scale that the steps of the map tell.
 const BOUNDED: [&str; 6] = [
     "symplecticity of P",
     "inversion of P",

@@ -1,5 +1,5 @@
 //! SympNets: every law that is not of a circle action, on linear and activation
-//! modules, whose rounding bounds nobody derived by hand.
+//! modules, whose rounding scales nobody derived by hand.
 
 use crate::compositions::{Broken, measure, named, points};
 use crate::mutants::Fault;

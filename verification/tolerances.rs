@@ -6,7 +6,7 @@ use gyroceptron::measure;
 /// u, the unit roundoff of double precision.
 const U: f64 = 0.5 * f64::EPSILON;
 
-/// Ratios are errors over the rounding bound of the computation that made
+/// Ratios are errors over the rounding scale of the computation that made
 /// them: O(1) by construction, and below 4 in all that was ever measured. A
 /// decimal order above that leaves room for another processor's worst sample
 /// and none for a weight that is wrong by 1e-13, which shows as some 20.
@@ -94,15 +94,15 @@ pub const ILL_CONDITIONED_SHARE: f64 = 0.15;
 /// Confidence of all intervals.
 pub const CONFIDENCE: f64 = 0.99;
 
-/// |slope − 1| of log residual in log u, one seed, two rungs of 29 bits: ratios
+/// |slope − 1| of log residual in log u, one seed, two levels of 29 bits: ratios
 /// of two samples of rounding may differ by 2^(0.2·29) = 56.
 pub const LADDER_TWO_RUNGS: f64 = 0.20;
-/// |slope − 1| over all three rungs, 82 bits apart: a factor of 17.
+/// |slope − 1| over all three levels, 82 bits apart: a factor of 17.
 pub const LADDER_THREE_RUNGS: f64 = 0.05;
 /// How many times the limit a map that is not symplectic is from it, at the least of its points: contractions of a
 /// thousandth would do.
 pub const REFUSED: f64 = 1e6;
-/// |slope − 1| of the medians of twenty seeds over all rungs: a factor of 3,
+/// |slope − 1| of the medians of twenty seeds over all levels: a factor of 3,
 /// which the spread of a median does not reach.
 pub const LADDER_MEDIAN: f64 = 0.02;
 

@@ -392,7 +392,7 @@ pub fn circle_action(text: &str) -> Result<TorusAction, Error> {
     let circles = circles.map_err(|_| {
         Error::invalid("--circle-action", text, "integers with commas, such as 1,0")
     })?;
-    TorusAction::new(circles).map_err(|e| e.at("--circle-action"))
+    TorusAction::new(circles).map_err(|e| e.with_place("--circle-action"))
 }
 
 /// `5x100,20x100` as stages of a ramp.

@@ -136,7 +136,7 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
     };
     options.check()?;
     let mut own_units = None;
-    let (subject, result) = match &arguments.model {
+    let (target, result) = match &arguments.model {
         Some(path) => {
             let stored = load_model(path)?;
             own_units.clone_from(&stored.units);
@@ -170,7 +170,7 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
     };
     if arguments.common.json {
         json(&json!({
-            "subject": subject,
+            "target": target,
             "crate_version": env!("CARGO_PKG_VERSION"),
             "holds": result.holds(),
             "units": own_units,
@@ -178,7 +178,7 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
         }))?;
     } else {
         out(&format!(
-            "{subject}: {}\n{} points each, uniform in |z_i| ≤ {}, seed {}{}\n{}",
+            "{target}: {}\n{} points each, uniform in |z_i| ≤ {}, seed {}{}\n{}",
             result.summary(),
             options.samples,
             options.radius,
@@ -240,7 +240,8 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     }
     let initial = file.points;
     let points = initial.len() / dim;
-    let values = stored.rollout(&initial, request).map_err(|e| e.at(arguments.model.display()))?;
+    let values =
+        stored.rollout(&initial, request).map_err(|e| e.with_place(arguments.model.display()))?;
     let region = stored.provenance.region.as_ref().filter(|_| arguments.outside != Outside::Ignore);
     let left = region.and_then(|region| region.left_by(&values, points, request.every));
     if let (Some(left), Some(region)) = (&left, region) {
@@ -323,7 +324,7 @@ fn import(arguments: &Import) -> Result<Status, Error> {
             assemble_architecture(&place, tensors, own.at_epsilon(epsilon).of_time(time))?
         }
         _ => assemble_weights(&place, tensors, &action, epsilon, time).map_err(|e| match e {
-            Error::Invalid { ref name, .. } if name == "flow_time" => e.at("--flow-time"),
+            Error::Invalid { ref name, .. } if name == "flow_time" => e.with_place("--flow-time"),
             other => other,
         })?,
     };

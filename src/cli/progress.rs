@@ -60,7 +60,7 @@ impl Progress {
 
     pub fn iteration(&mut self, model: &str, record: TrainingRecord, iterations: u64) {
         if self.model != model {
-            // Another leg of a training has errors and a pace of its own.
+            // Another stage of a training has errors and a pace of its own.
             self.finish();
             model.clone_into(&mut self.model);
         }

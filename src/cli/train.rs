@@ -33,7 +33,7 @@ fn of_scene(arguments: &Train) -> Result<(String, Fit), Error> {
         return Ok(("train".into(), fit));
     };
     let scene = Scene::read(name)?;
-    let fit = scene.fit().map_err(|e| e.at(name))?;
+    let fit = scene.fit().map_err(|e| e.with_place(name))?;
     Ok((scene.name, fit))
 }
 
@@ -50,7 +50,7 @@ fn network(arguments: &Train, before: Option<NetworkSpec>) -> Result<Option<Netw
         (None, None) if sizes.is_empty() => return Ok(None),
         (None, None) => {
             let keys: Vec<&str> = sizes.iter().map(|(key, _)| *key).collect();
-            NetworkSpec::with_parts(&keys).map_err(|e| e.at(option_of(keys[0])))?
+            NetworkSpec::with_parts(&keys).map_err(|e| e.with_place(option_of(keys[0])))?
         }
     };
     if network.is_of_file() {

@@ -73,7 +73,7 @@ fn sample_where(
                 }
                 match check(&points[first..]) {
                     Ok(()) => break,
-                    Err(reason) if draw == MOST => return Err(reason.at(place)),
+                    Err(reason) if draw == MOST => return Err(reason.with_place(place)),
                     Err(_) => points.truncate(first),
                 }
             }
@@ -96,7 +96,7 @@ fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
 /// The map that some pairs are of, in a family of maps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Condition {
-    /// Its ε.
+    /// The parameter ε of the system.
     pub epsilon: f64,
     /// Its flow time, in units of that of the network which is trained on it.
     pub time: f64,
@@ -356,12 +356,12 @@ impl Pairs {
         Region::around(2 * self.dof, [&self.input[..], &self.output[..]])
     }
 
-    /// n.
+    /// The degrees of freedom n.
     pub fn dof(&self) -> usize {
         self.dof
     }
 
-    /// N.
+    /// The number N of pairs.
     pub fn len(&self) -> usize {
         self.input.len() / (2 * self.dof)
     }

@@ -93,7 +93,7 @@ impl GaussLegendre {
         Self { nodes: x.iter().map(|v| 0.5 * (v + 1.0)).collect(), weights, matrix }
     }
 
-    /// c_i.
+    /// The nodes c_i of the method in [0, 1], one for each stage.
     pub fn nodes(&self) -> &[f64] {
         &self.nodes
     }

@@ -37,9 +37,9 @@ pub fn orbits_of(
         let found = follow(&starts)?;
         let (mut left, mut reason) = (Vec::new(), None);
         for (m, &orbit) in drawn.iter().enumerate() {
-            match found.of(m).try_for_each(|state| system.check_point(state)) {
+            match found.orbit(m).try_for_each(|state| system.check_point(state)) {
                 Ok(()) => {
-                    let values = found.of(m).flatten().copied();
+                    let values = found.orbit(m).flatten().copied();
                     let room = &mut out[orbit * states * dim..][..states * dim];
                     room.iter_mut().zip(values).for_each(|(to, from)| *to = from);
                 }
@@ -51,7 +51,7 @@ pub fn orbits_of(
         }
         match reason {
             None => break,
-            Some(reason) if draw == MOST => return Err(reason.at(place)),
+            Some(reason) if draw == MOST => return Err(reason.with_place(place)),
             Some(_) => {
                 starts.clear();
                 for &orbit in &left {

@@ -68,7 +68,7 @@ impl Region {
     /// What of some trajectories, (T, M, 2n) with one state in `every` kept of M = `points` of
     /// them, is outside by more than a hundredth of the width: a model that errs a little steps
     /// over the border. None where nothing is.
-    pub fn left_by(&self, values: &[f64], points: usize, every: usize) -> Option<Left> {
+    pub fn left_by(&self, values: &[f64], points: usize, every: usize) -> Option<RegionExit> {
         let mut around = self.widened(0.01);
         // A coordinate that never changes has no width.
         for (low, high) in around.low.iter_mut().zip(&mut around.high) {
@@ -77,24 +77,24 @@ impl Region {
         }
         let dim = self.low.len();
         let mut leaving = vec![false; points];
-        let mut out: Option<Left> = None;
+        let mut out: Option<RegionExit> = None;
         for (index, z) in values.chunks_exact(dim).enumerate() {
             let Some(coordinate) = around.first_outside(z) else { continue };
             let row = index % points;
             leaving[row] = true;
             let (step, value) = (index / points * every, z[coordinate]);
             let of = values.len() / dim;
-            let first = || Left { rows: vec![], states: 0, of, row, step, coordinate, value };
+            let first = || RegionExit { rows: vec![], states: 0, of, row, step, coordinate, value };
             out.get_or_insert_with(first).states += 1;
         }
         let rows = (0..points).filter(|row| leaving[*row]).collect();
-        out.map(|out| Left { rows, ..out })
+        out.map(|out| RegionExit { rows, ..out })
     }
 }
 
 /// What left the box of the training points.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Left {
+pub struct RegionExit {
     /// The rows of the initial points whose trajectories have a state outside.
     pub rows: Vec<usize>,
     /// Kept states outside.
@@ -111,7 +111,7 @@ pub struct Left {
     pub value: f64,
 }
 
-impl Left {
+impl RegionExit {
     /// What is to be told of it.
     pub fn describe(&self, region: &Region) -> String {
         /// Rows that are named.

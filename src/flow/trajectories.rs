@@ -30,17 +30,17 @@ impl Trajectories {
         Ok(Self { values, dim, count })
     }
 
-    /// 2n.
+    /// The number 2n of coordinates of a state.
     pub fn dim(&self) -> usize {
         self.dim
     }
 
-    /// M.
+    /// The number M of trajectories.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// T.
+    /// The number T of states of each trajectory.
     pub fn states(&self) -> usize {
         self.values.len() / (self.dim * self.count)
     }
@@ -59,7 +59,7 @@ impl Trajectories {
     ///
     /// # Panics
     /// When there is no such trajectory.
-    pub fn of(&self, m: usize) -> impl ExactSizeIterator<Item = &[f64]> {
+    pub fn orbit(&self, m: usize) -> impl ExactSizeIterator<Item = &[f64]> {
         (0..self.states()).map(move |t| self.state(t, m))
     }
 

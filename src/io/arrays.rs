@@ -155,7 +155,7 @@ pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
     if has_epsilons || has_times {
         let or_one = |values: Option<Vec<f64>>| values.unwrap_or_else(|| vec![1.0; pairs.len()]);
         let (epsilons, times) = (or_one(epsilons), or_one(times));
-        pairs = pairs.under(&epsilons, &times).map_err(|e| e.at(place))?;
+        pairs = pairs.under(&epsilons, &times).map_err(|e| e.with_place(place))?;
     }
     Ok(PairsFile { pairs, has_epsilons, has_times, unused, single_precision })
 }

@@ -15,7 +15,7 @@ pub(super) enum Named {
         /// Degrees of freedom and widths.
         #[serde(flatten)]
         shape: HenonShape,
-        /// ε.
+        /// The parameter ε of the file.
         epsilon: f64,
     },
     /// A symplectic gyroceptron.
@@ -23,7 +23,7 @@ pub(super) enum Named {
         /// Circle action and widths.
         #[serde(flatten)]
         shape: GyroceptronShape,
-        /// ε.
+        /// The parameter ε of the file.
         epsilon: f64,
     },
     /// A gyroceptron in normal form.
@@ -31,7 +31,7 @@ pub(super) enum Named {
         /// Action, widths and flow time.
         #[serde(flatten)]
         shape: NormalFormShape,
-        /// ε.
+        /// The parameter ε of the file.
         epsilon: f64,
     },
     /// A gyroceptron of affine couplings: not symplectic.
@@ -39,7 +39,7 @@ pub(super) enum Named {
         /// Circle action and widths.
         #[serde(flatten)]
         shape: CouplingGyroceptronShape,
-        /// ε.
+        /// The parameter ε of the file.
         epsilon: f64,
     },
     /// An LA-SympNet.

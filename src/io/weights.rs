@@ -179,7 +179,7 @@ pub fn read_architecture(path: &Path) -> Result<Option<Architecture>, Error> {
         let place = format!("{place}: {ARCHITECTURE}");
         let architecture: Architecture = serde_json::from_str(text)
             .map_err(|reason| Error::content(&place, "an architecture", reason))?;
-        architecture.check().map_err(|e| e.at(&place))?;
+        architecture.check().map_err(|e| e.with_place(&place))?;
         Ok(architecture)
     };
     text.map(parse).transpose()
@@ -311,7 +311,7 @@ pub fn assemble_architecture(
     architecture: Architecture,
 ) -> Result<Model, Error> {
     // Before anything of its size is allocated.
-    architecture.check().map_err(|e| e.at(place))?;
+    architecture.check().map_err(|e| e.with_place(place))?;
     if architecture.part(Part::Perturbation).next().is_some() {
         tensors.remove(PERTURBATION);
     }
@@ -387,7 +387,7 @@ pub fn take_units(
             ));
         }
     };
-    let units = units.map_err(|e| e.at(place))?;
+    let units = units.map_err(|e| e.with_place(place))?;
     units.check(&format!("{place}: units"), dof)?;
     Ok(Some(units))
 }

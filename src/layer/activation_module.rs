@@ -1,6 +1,6 @@
 //! The activation module of SympNets.
 
-use super::Shear;
+use super::ElementaryMap;
 use crate::phase::Half;
 use crate::scalar::{Over, Scalar};
 use serde::{Deserialize, Serialize};
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 pub enum Activation {
     /// 1/(1 + e^{−x}) = ½(1 + tanh(x/2)).
     Sigmoid,
-    /// tanh x.
+    /// The hyperbolic tangent, tanh x.
     Tanh,
     /// sech² x, the derivative of tanh.
     Sech2,
@@ -43,13 +43,13 @@ impl Activation {
 /// <https://doi.org/10.1016/j.neunet.2020.08.017>, section 3.1.
 #[derive(Clone, Copy, Debug)]
 pub struct ActivationModule<'a, P> {
-    /// n.
+    /// The degrees of freedom n.
     pub dof: usize,
-    /// σ.
+    /// The activation σ.
     pub activation: Activation,
     /// a, or nothing for 1.
     pub factors: &'a [P],
-    /// c.
+    /// The factor c of the shear.
     pub scale: P,
     /// The half that the shear changes.
     pub target: Half,
@@ -77,7 +77,7 @@ impl<P: Scalar> ActivationModule<'_, P> {
     }
 }
 
-impl<P: Scalar> Shear<P> for ActivationModule<'_, P> {
+impl<P: Scalar> ElementaryMap<P> for ActivationModule<'_, P> {
     #[inline(always)]
     fn dof(&self) -> usize {
         self.dof
@@ -104,12 +104,12 @@ impl<P: Scalar> Shear<P> for ActivationModule<'_, P> {
     }
 
     #[inline(always)]
-    fn record<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], _: &mut [S]) {
+    fn forward_recorded<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], _: &mut [S]) {
         self.run(z, |i, value, slope| (tape[2 * i], tape[2 * i + 1]) = (value, slope));
     }
 
     #[inline(always)]
-    fn pull<S: Over<P>>(&self, tape: &[S], z_bar: &mut [S], factors_bar: &mut [S], _: &mut [S]) {
+    fn vjp<S: Over<P>>(&self, tape: &[S], z_bar: &mut [S], factors_bar: &mut [S], _: &mut [S]) {
         if self.scale.is_zero() {
             return;
         }
@@ -125,7 +125,7 @@ impl<P: Scalar> Shear<P> for ActivationModule<'_, P> {
     }
 
     #[inline(always)]
-    fn apply_along<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
+    fn jvp<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
         let n = self.dof;
         let slopes = &mut scratch[..n];
         slopes.fill(S::zero());

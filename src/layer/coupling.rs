@@ -1,7 +1,7 @@
 //! The affine coupling: a layer that is invertible and not symplectic.
 
 use super::unrolled::{for_neurons, in_registers};
-use super::{OfMomenta, Shear};
+use super::{ElementaryMap, OfMomenta};
 use crate::scalar::{Over, Scalar};
 
 /// p ← f(τ) ⊙ p + c·y(q), τ = tanh(c·x(q)): each momentum scaled and shifted by functions of the
@@ -85,7 +85,7 @@ impl<'a, P: Scalar, const D: usize> AffineCoupling<'a, P, D> {
         [self.w_in, self.b_in, to_scale, of_scale, to_shift, of_shift]
     }
 
-    /// c.
+    /// The factor c of what it does to the momenta.
     pub fn scale(&self) -> P {
         self.scale
     }
@@ -173,7 +173,7 @@ struct Moved<S> {
     by_x: S,
 }
 
-impl<P: Scalar, const D: usize> Shear<P> for AffineCoupling<'_, P, D> {
+impl<P: Scalar, const D: usize> ElementaryMap<P> for AffineCoupling<'_, P, D> {
     #[inline(always)]
     fn dof(&self) -> usize {
         self.n()
@@ -210,7 +210,7 @@ impl<P: Scalar, const D: usize> Shear<P> for AffineCoupling<'_, P, D> {
     }
 
     #[inline(always)]
-    fn record<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
+    fn forward_recorded<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
         if self.is_identity() {
             return;
         }
@@ -230,7 +230,7 @@ impl<P: Scalar, const D: usize> Shear<P> for AffineCoupling<'_, P, D> {
     }
 
     #[inline(always)]
-    fn pull<S: Over<P>>(
+    fn vjp<S: Over<P>>(
         &self,
         tape: &[S],
         z_bar: &mut [S],
@@ -277,7 +277,7 @@ impl<P: Scalar, const D: usize> Shear<P> for AffineCoupling<'_, P, D> {
     }
 
     #[inline(always)]
-    fn apply_along<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
+    fn jvp<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
         if self.is_identity() {
             return;
         }

@@ -20,11 +20,11 @@ pub const fn layer_parameter_count(dof: usize, width: usize) -> usize {
 /// with smaller errors; this one is for those who want the map itself.
 #[derive(Clone, Copy, Debug)]
 pub struct HenonMap<'a, P, V = TanhPotential<'a, P>> {
-    /// V.
+    /// The potential V of y.
     pub potential: V,
-    /// η.
+    /// The translation η of x, n numbers.
     pub eta: &'a [P],
-    /// ε.
+    /// The factor ε of the potential.
     pub epsilon: P,
 }
 
@@ -107,9 +107,9 @@ impl KickForm {
 /// for ε = 0 and ε = −0.
 #[derive(Clone, Copy, Debug)]
 pub struct HenonLayer<'a, P, V = TanhPotential<'a, P>> {
-    /// V.
+    /// The potential V of y.
     pub potential: V,
-    /// η.
+    /// The translation η of x, n numbers.
     pub eta: &'a [P],
     /// ε; 1 for the plain layer.
     pub epsilon: P,

@@ -1,6 +1,6 @@
 //! The shear along a potential's gradient: the primitive of HénonNets.
 
-use super::{Potential, Shear, TanhPotential};
+use super::{ElementaryMap, Potential, TanhPotential};
 use crate::phase::Half;
 use crate::scalar::{Over, Pack, Scalar};
 
@@ -15,7 +15,7 @@ use crate::scalar::{Over, Pack, Scalar};
 /// do.
 #[derive(Clone, Copy, Debug)]
 pub struct Kick<'a, P, V> {
-    /// V.
+    /// The potential V whose gradient moves the coordinates.
     pub potential: V,
     /// c, the factor of the increment.
     pub scale: P,
@@ -86,13 +86,13 @@ const TOGETHER: usize = 4;
 impl<P: Scalar, const D: usize> Kick<'_, P, TanhPotential<'_, P, D>> {
     /// The adjoint at M recorded points.
     #[inline(always)]
-    fn pull_together<S: Over<P>, const M: usize>(
+    fn vjp_together<S: Over<P>, const M: usize>(
         &self,
         tapes: &[S],
         z_bars: &mut [S],
         parameters_bar: &mut [S],
     ) {
-        let tape_len = Shear::tape_len(self);
+        let tape_len = ElementaryMap::tape_len(self);
         let mut neurons: [&[S]; M] = [&[]; M];
         let z_bars: &mut [S] = &mut z_bars[..M * 2 * D];
         let (source, target) = (self.target.other(), self.target);
@@ -108,7 +108,7 @@ impl<P: Scalar, const D: usize> Kick<'_, P, TanhPotential<'_, P, D>> {
         }
         let (potential_bar, eta_bar) =
             parameters_bar.split_at_mut(self.potential.width() * (D + 2));
-        self.potential.pullback_together(&y, neurons, &u, &mut y_bar, potential_bar);
+        self.potential.vjp_together(&y, neurons, &u, &mut y_bar, potential_bar);
         for m in 0..M {
             for i in 0..D {
                 let source_bar = &mut z_bars[m * 2 * D + source.index(D, i)];
@@ -122,7 +122,7 @@ impl<P: Scalar, const D: usize> Kick<'_, P, TanhPotential<'_, P, D>> {
     }
 }
 
-impl<P: Scalar, const D: usize> Shear<P> for Kick<'_, P, TanhPotential<'_, P, D>> {
+impl<P: Scalar, const D: usize> ElementaryMap<P> for Kick<'_, P, TanhPotential<'_, P, D>> {
     #[inline(always)]
     fn dof(&self) -> usize {
         self.potential.n()
@@ -149,7 +149,7 @@ impl<P: Scalar, const D: usize> Shear<P> for Kick<'_, P, TanhPotential<'_, P, D>
     }
 
     #[inline(always)]
-    fn record<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
+    fn forward_recorded<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
         if self.is_identity() {
             return;
         }
@@ -163,7 +163,7 @@ impl<P: Scalar, const D: usize> Shear<P> for Kick<'_, P, TanhPotential<'_, P, D>
     }
 
     #[inline(always)]
-    fn pull<S: Over<P>>(
+    fn vjp<S: Over<P>>(
         &self,
         tape: &[S],
         z_bar: &mut [S],
@@ -182,7 +182,7 @@ impl<P: Scalar, const D: usize> Shear<P> for Kick<'_, P, TanhPotential<'_, P, D>
         }
         let (potential_bar, eta_bar) =
             parameters_bar.split_at_mut(self.potential.width() * (n + 2));
-        self.potential.pullback(argument, tape, u, y_bar, potential_bar);
+        self.potential.vjp(argument, tape, u, y_bar, potential_bar);
         for i in 0..n {
             source_bar[i] =
                 if self.reflect { source_bar[i] - y_bar[i] } else { source_bar[i] + y_bar[i] };
@@ -193,7 +193,7 @@ impl<P: Scalar, const D: usize> Shear<P> for Kick<'_, P, TanhPotential<'_, P, D>
     }
 
     #[inline(always)]
-    fn pull_each<S: Over<P>>(
+    fn vjp_each<S: Over<P>>(
         &self,
         tapes: &[S],
         z_bars: &mut [S],
@@ -203,23 +203,23 @@ impl<P: Scalar, const D: usize> Shear<P> for Kick<'_, P, TanhPotential<'_, P, D>
         if self.is_identity() {
             return;
         }
-        let (dim, tape_len) = (2 * self.potential.n(), Shear::tape_len(self));
+        let (dim, tape_len) = (2 * self.potential.n(), ElementaryMap::tape_len(self));
         let points = z_bars.len() / dim;
         // How many go together; where n is not known at compile time, none do.
         let together = if D > 0 { points / TOGETHER * TOGETHER } else { 0 };
         for k in (0..together).step_by(TOGETHER) {
             let (tapes, z_bars) = (&tapes[k * tape_len..], &mut z_bars[k * dim..]);
-            self.pull_together::<S, TOGETHER>(tapes, z_bars, parameters_bar);
+            self.vjp_together::<S, TOGETHER>(tapes, z_bars, parameters_bar);
         }
         for k in together..points {
             let tape = &tapes[k * tape_len..(k + 1) * tape_len];
-            self.pull(tape, &mut z_bars[k * dim..(k + 1) * dim], parameters_bar, scratch);
+            self.vjp(tape, &mut z_bars[k * dim..(k + 1) * dim], parameters_bar, scratch);
         }
     }
 
     /// The rows of the target get cτV″ times those of the source.
     #[inline(always)]
-    fn apply_along<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
+    fn jvp<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
         if self.is_identity() {
             return;
         }

@@ -1,6 +1,6 @@
 //! The linear module of SympNets.
 
-use super::Shear;
+use super::ElementaryMap;
 use super::quadratic_form::{QuadraticForm, symmetric_len};
 use crate::phase::Half;
 use crate::scalar::{Over, Scalar};
@@ -67,7 +67,7 @@ impl<'a, P: Scalar> LinearModule<'a, P> {
         (number, if number % 2 == 0 { self.first } else { self.first.other() })
     }
 
-    /// ±c.
+    /// The factor c of the shears, negative for the inverse.
     #[inline(always)]
     fn factor(&self) -> P {
         if self.inverse { -self.scale } else { self.scale }
@@ -124,7 +124,7 @@ impl<'a, P: Scalar> LinearModule<'a, P> {
     }
 }
 
-impl<P: Scalar> Shear<P> for LinearModule<'_, P> {
+impl<P: Scalar> ElementaryMap<P> for LinearModule<'_, P> {
     #[inline(always)]
     fn dof(&self) -> usize {
         self.dof
@@ -151,13 +151,13 @@ impl<P: Scalar> Shear<P> for LinearModule<'_, P> {
     }
 
     #[inline(always)]
-    fn record<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
+    fn forward_recorded<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
         let n = self.dof;
         self.run(z, scratch, |k, source| tape[k * n..(k + 1) * n].copy_from_slice(source));
     }
 
     #[inline(always)]
-    fn pull<S: Over<P>>(
+    fn vjp<S: Over<P>>(
         &self,
         tape: &[S],
         z_bar: &mut [S],
@@ -189,7 +189,7 @@ impl<P: Scalar> Shear<P> for LinearModule<'_, P> {
             let size = symmetric_len(n);
             let matrix_bar = &mut matrices_bar[number * size..(number + 1) * size];
             y_bar.fill(S::zero());
-            self.form(number).pullback(y, u, y_bar, matrix_bar);
+            self.form(number).vjp(y, u, y_bar, matrix_bar);
             for (source_bar, y_bar) in source_bar.iter_mut().zip(&*y_bar) {
                 *source_bar += *y_bar;
             }
@@ -200,7 +200,7 @@ impl<P: Scalar> Shear<P> for LinearModule<'_, P> {
     }
 
     #[inline(always)]
-    fn apply_along<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
+    fn jvp<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
         if self.scale.is_zero() {
             return;
         }

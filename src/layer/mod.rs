@@ -1,6 +1,6 @@
 //! Layers: shears and what is made of them, written over the number type.
 //!
-//! - [`Shear`]: what a step of a network is: forward, inverse, pullback, derivative
+//! - [`ElementaryMap`]: what a step of a network is: forward, inverse, pullback, derivative
 //!   along directions. One file a kind of step:
 //! - [`Kick`]: one half of the coordinates is moved by the gradient of a
 //!   [`Potential`] of the other half; [`TanhPotential`] is the one with a hidden
@@ -20,12 +20,12 @@
 
 mod activation_module;
 mod coupling;
+mod elementary_map;
 mod henon;
 mod kick;
 mod linear_module;
 mod potential;
 mod quadratic_form;
-mod shear;
 mod turn;
 mod turned;
 mod turned_twist;
@@ -34,11 +34,11 @@ mod unrolled;
 
 pub use activation_module::{Activation, ActivationModule};
 pub use coupling::{AffineCoupling, coupling_parameter_count};
+pub use elementary_map::{ElementaryMap, OfMomenta};
 pub use henon::{HenonLayer, HenonMap, KickForm, layer_parameter_count};
 pub use kick::Kick;
 pub use linear_module::{LinearModule, linear_module_parameter_count};
 pub use potential::{Potential, TanhPotential};
-pub use shear::{OfMomenta, Shear};
 pub use turn::{CircleAction, PlaneTurn, TorusAction, Turn, TurnStep, quarter_turns};
 pub use turned::{Turned, TurnedCoupling, TurnedKick};
 pub use turned_twist::TurnedTwist;

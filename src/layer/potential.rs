@@ -203,7 +203,7 @@ impl<'a, P: Copy, const K: usize, const D: usize> Neurons<'a, P, K, D> {
         self.all[first..first + K].first_chunk().expect("K of them")
     }
 
-    /// Wᵀy + b.
+    /// What the neurons are fed with, Wᵀy + b.
     #[inline(always)]
     fn preactivations<S: Over<P>>(&self, y: &[S]) -> [S; K] {
         let mut z = [S::zero(); K];
@@ -306,7 +306,7 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
     /// The adjoint of (y, parameters) ↦ ∇V(y): for the cotangent `u` of the
     /// gradient, `y_bar` ← V″(y)u and `parameters_bar` += ∂(u·∇V)/∂parameters.
     #[inline(always)]
-    pub(super) fn pullback<S: Over<P>>(
+    pub(super) fn vjp<S: Over<P>>(
         &self,
         y: &[S],
         tape: &[S],
@@ -315,12 +315,12 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
         parameters_bar: &mut [S],
     ) {
         in_registers!(S, self.n(), D, [y, u], y_bar => {
-            self.pullback_of(y, tape, u, y_bar, parameters_bar);
+            self.vjp_of(y, tape, u, y_bar, parameters_bar);
         });
     }
 
     #[inline(always)]
-    fn pullback_of<S: Over<P>>(
+    fn vjp_of<S: Over<P>>(
         &self,
         y: &[S],
         tape: &[S],
@@ -353,7 +353,7 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
     /// bits as of one after another. What belongs to a neuron is loaded and stored
     /// once for all of them.
     #[inline(always)]
-    pub(super) fn pullback_together<S: Over<P>, const M: usize>(
+    pub(super) fn vjp_together<S: Over<P>, const M: usize>(
         &self,
         y: &[[S; D]; M],
         tapes: [&[S]; M],

@@ -65,13 +65,7 @@ impl<'a, P: Scalar, const D: usize> QuadraticForm<'a, P, D> {
     /// The adjoint of (y, entries) ↦ ∇V(y): for the cotangent `u` of the gradient, `y_bar` +=
     /// Su and `entries_bar` += ∂(u·∇V)/∂entries.
     #[inline(always)]
-    pub(super) fn pullback<S: Over<P>>(
-        &self,
-        y: &[S],
-        u: &[S],
-        y_bar: &mut [S],
-        entries_bar: &mut [S],
-    ) {
+    pub(super) fn vjp<S: Over<P>>(&self, y: &[S], u: &[S], y_bar: &mut [S], entries_bar: &mut [S]) {
         self.add_gradient(u, y_bar);
         let mut entry = 0;
         for i in 0..self.n() {

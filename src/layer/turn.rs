@@ -1,7 +1,7 @@
 //! Turns: each plane (q_j, p_j) rotated clockwise by its own angle; the circle and
 //! torus actions that such rotations make.
 
-use super::Shear;
+use super::ElementaryMap;
 use crate::error::Error;
 use crate::phase::Map;
 use crate::scalar::{Over, Real, Scalar};
@@ -73,7 +73,7 @@ impl CircleAction {
     ///
     /// m_jθ is formed with its rounding error, so that the angle of a high
     /// harmonic is as exact as θ itself.
-    pub fn at<P: Real>(&self, theta: P) -> Turn<P> {
+    pub fn turn_by<P: Real>(&self, theta: P) -> Turn<P> {
         Turn::new(self.dof(), &[&self.weights], &[theta])
     }
 
@@ -188,7 +188,7 @@ impl TorusAction {
     ///
     /// # Panics
     /// When there are more or fewer angles.
-    pub fn at<P: Real>(&self, angles: &[P]) -> Turn<P> {
+    pub fn turn_by<P: Real>(&self, angles: &[P]) -> Turn<P> {
         let weights: Vec<&[i32]> = self.circles.iter().map(CircleAction::weights).collect();
         Turn::new(self.dof(), &weights, angles)
     }
@@ -304,7 +304,7 @@ impl<P: Real> Turn<P> {
 
     /// Each plane by its own angle.
     pub fn by_angles(angles: &[P]) -> Self {
-        TorusAction::of_planes(angles.len()).at(angles)
+        TorusAction::of_planes(angles.len()).turn_by(angles)
     }
 }
 
@@ -314,7 +314,7 @@ impl<P: Scalar> Turn<P> {
         &self.planes
     }
 
-    /// n.
+    /// The degrees of freedom n.
     pub fn dof(&self) -> usize {
         self.dof
     }
@@ -381,7 +381,7 @@ pub struct TurnStep<'a, P> {
     pub inverse: bool,
 }
 
-impl<P: Scalar> Shear<P> for TurnStep<'_, P> {
+impl<P: Scalar> ElementaryMap<P> for TurnStep<'_, P> {
     #[inline(always)]
     fn dof(&self) -> usize {
         self.turn.dof
@@ -408,7 +408,7 @@ impl<P: Scalar> Shear<P> for TurnStep<'_, P> {
     }
 
     #[inline(always)]
-    fn record<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], _: &mut [S]) {
+    fn forward_recorded<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], _: &mut [S]) {
         self.turn.apply(z, self.inverse);
         tape.copy_from_slice(z);
     }
@@ -416,7 +416,7 @@ impl<P: Scalar> Shear<P> for TurnStep<'_, P> {
     /// The derivative in the angle of a plane is the infinitesimal generator at
     /// the output, q̇ = p, ṗ = −q.
     #[inline(always)]
-    fn pull<S: Over<P>>(&self, out: &[S], z_bar: &mut [S], angles_bar: &mut [S], _: &mut [S]) {
+    fn vjp<S: Over<P>>(&self, out: &[S], z_bar: &mut [S], angles_bar: &mut [S], _: &mut [S]) {
         let n = self.turn.dof;
         for (angle, angle_bar) in angles_bar.iter_mut().enumerate() {
             let mut total = S::zero();
@@ -438,7 +438,7 @@ impl<P: Scalar> Shear<P> for TurnStep<'_, P> {
     }
 
     #[inline(always)]
-    fn apply_along<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], _: &mut [S]) {
+    fn jvp<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], _: &mut [S]) {
         self.turn.apply(z, self.inverse);
         for direction in directions.chunks_exact_mut(2 * self.turn.dof) {
             self.turn.apply(direction, self.inverse);

@@ -1,6 +1,6 @@
 //! Shears in coordinates turned by angles of their own.
 
-use super::{AffineCoupling, Kick, OfMomenta, Shear, TanhPotential, Turn};
+use super::{AffineCoupling, ElementaryMap, Kick, OfMomenta, TanhPotential, Turn};
 use crate::phase::Half;
 use crate::scalar::{Over, Pack, Scalar};
 
@@ -69,7 +69,7 @@ impl<P: Scalar, T> Turned<'_, P, T> {
     }
 }
 
-impl<P: Scalar, T: OfMomenta<P>> Shear<P> for Turned<'_, P, T> {
+impl<P: Scalar, T: OfMomenta<P>> ElementaryMap<P> for Turned<'_, P, T> {
     #[inline(always)]
     fn dof(&self) -> usize {
         self.shear.dof()
@@ -103,7 +103,7 @@ impl<P: Scalar, T: OfMomenta<P>> Shear<P> for Turned<'_, P, T> {
     /// The momenta before and after the shear are kept behind what the shear keeps, whose
     /// first numbers are the positions.
     #[inline(always)]
-    fn record<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
+    fn forward_recorded<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
         if self.shear.is_identity() {
             return;
         }
@@ -111,13 +111,13 @@ impl<P: Scalar, T: OfMomenta<P>> Shear<P> for Turned<'_, P, T> {
         let (of_shear, momenta) = tape.split_at_mut(tape.len() - 2 * n);
         self.turn.apply(z, false);
         momenta[..n].copy_from_slice(&z[n..]);
-        self.shear.record(z, of_shear, scratch);
+        self.shear.forward_recorded(z, of_shear, scratch);
         momenta[n..].copy_from_slice(&z[n..]);
         self.turn.apply(z, true);
     }
 
     #[inline(always)]
-    fn pull<S: Over<P>>(
+    fn vjp<S: Over<P>>(
         &self,
         tape: &[S],
         z_bar: &mut [S],
@@ -137,7 +137,7 @@ impl<P: Scalar, T: OfMomenta<P>> Shear<P> for Turned<'_, P, T> {
         for j in 0..n {
             angles_bar[j] -= Self::moment(j, q, &momenta[n..], z_bar);
         }
-        self.shear.pull(of_shear, z_bar, shear_bar, scratch);
+        self.shear.vjp(of_shear, z_bar, shear_bar, scratch);
         for j in 0..n {
             angles_bar[j] += Self::moment(j, q, &momenta[..n], z_bar);
         }
@@ -145,7 +145,7 @@ impl<P: Scalar, T: OfMomenta<P>> Shear<P> for Turned<'_, P, T> {
     }
 
     #[inline(always)]
-    fn apply_along<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
+    fn jvp<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
         if self.shear.is_identity() {
             return;
         }
@@ -154,7 +154,7 @@ impl<P: Scalar, T: OfMomenta<P>> Shear<P> for Turned<'_, P, T> {
         for direction in directions.chunks_exact_mut(dim) {
             self.turn.apply(direction, false);
         }
-        self.shear.apply_along(z, directions, scratch);
+        self.shear.jvp(z, directions, scratch);
         self.turn.apply(z, true);
         for direction in directions.chunks_exact_mut(dim) {
             self.turn.apply(direction, true);

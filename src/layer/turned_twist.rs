@@ -1,6 +1,6 @@
 //! Twists in turned coordinates of the slow planes.
 
-use super::{Shear, Turn, Twist};
+use super::{ElementaryMap, Turn, Twist};
 use crate::scalar::{Over, Pack, Scalar};
 
 /// R(−φ)∘exp(c X_G)∘R(φ): each slow plane turned clockwise by its angle φ_j, the time-c flow of a
@@ -64,7 +64,7 @@ impl<'a, P: Scalar, const D: usize> TurnedTwist<'a, P, D> {
     }
 }
 
-impl<P: Scalar, const D: usize> Shear<P> for TurnedTwist<'_, P, D> {
+impl<P: Scalar, const D: usize> ElementaryMap<P> for TurnedTwist<'_, P, D> {
     #[inline(always)]
     fn dof(&self) -> usize {
         self.twist.dof()
@@ -97,7 +97,7 @@ impl<P: Scalar, const D: usize> Shear<P> for TurnedTwist<'_, P, D> {
 
     /// The slow coordinates before and after the twist are kept before what the twist keeps.
     #[inline(always)]
-    fn record<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
+    fn forward_recorded<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
         if self.is_identity() {
             return;
         }
@@ -105,13 +105,13 @@ impl<P: Scalar, const D: usize> Shear<P> for TurnedTwist<'_, P, D> {
         let (before, after) = kept.split_at_mut(2 * self.slow().len());
         self.turn.apply(z, false);
         self.keep(z, before);
-        self.twist.record(z, of_twist, scratch);
+        self.twist.forward_recorded(z, of_twist, scratch);
         self.keep(z, after);
         self.turn.apply(z, true);
     }
 
     #[inline(always)]
-    fn pull<S: Over<P>>(
+    fn vjp<S: Over<P>>(
         &self,
         tape: &[S],
         z_bar: &mut [S],
@@ -129,20 +129,20 @@ impl<P: Scalar, const D: usize> Shear<P> for TurnedTwist<'_, P, D> {
         self.turn.apply(z_bar, false);
         let one = S::from_f64(1.0);
         self.add_moments(-one, after, z_bar, angles_bar);
-        self.twist.pull(of_twist, z_bar, twist_bar, scratch);
+        self.twist.vjp(of_twist, z_bar, twist_bar, scratch);
         self.add_moments(one, before, z_bar, angles_bar);
         self.turn.apply(z_bar, true);
     }
 
     #[inline(always)]
-    fn apply_along<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
+    fn jvp<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
         if self.is_identity() {
             return;
         }
         let dim = 2 * self.dof();
         self.turn.apply(z, false);
         directions.chunks_exact_mut(dim).for_each(|direction| self.turn.apply(direction, false));
-        self.twist.apply_along(z, directions, scratch);
+        self.twist.jvp(z, directions, scratch);
         self.turn.apply(z, true);
         directions.chunks_exact_mut(dim).for_each(|direction| self.turn.apply(direction, true));
     }

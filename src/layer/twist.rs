@@ -1,7 +1,7 @@
 //! Twists: flows of functions of the actions and of one half of the slow coordinates.
 
 use super::quadratic_form::{QuadraticForm, symmetric_len};
-use super::{Potential, Shear, TanhPotential, TorusAction, Turn};
+use super::{ElementaryMap, Potential, TanhPotential, TorusAction, Turn};
 use crate::error::Error;
 use crate::phase::Half;
 use crate::scalar::{Over, Pack, Real, Scalar};
@@ -229,7 +229,7 @@ impl TwistShears {
 pub struct Twist<'a, P, const D: usize = 0> {
     /// Its shears.
     pub shears: &'a TwistShears,
-    /// c.
+    /// The factor c of the generating functions.
     pub scale: P,
     /// The parameters, [`TwistShears::parameter_count`] of them.
     pub parameters: &'a [P],
@@ -260,7 +260,7 @@ impl<P: Scalar, const D: usize> Layer<'_, P, D> {
 }
 
 impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
-    /// d.
+    /// The number d of arguments of a shear.
     #[inline(always)]
     fn arguments(&self) -> usize {
         if D > 0 { D } else { self.planes().arguments() }
@@ -430,7 +430,7 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
 /// What is recorded of a fast plane: q and p before and after, t, s, the sign.
 const OF_PLANE: usize = 7;
 
-impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
+impl<P: Scalar, const D: usize> ElementaryMap<P> for Twist<'_, P, D> {
     #[inline(always)]
     fn dof(&self) -> usize {
         self.planes().dof
@@ -470,7 +470,7 @@ impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
     }
 
     #[inline(always)]
-    fn record<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
+    fn forward_recorded<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]) {
         if self.is_identity() {
             return;
         }
@@ -500,7 +500,7 @@ impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
     }
 
     #[inline(always)]
-    fn pull<S: Over<P>>(
+    fn vjp<S: Over<P>>(
         &self,
         tape: &[S],
         z_bar: &mut [S],
@@ -540,9 +540,9 @@ impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
             }
             let of_layer = &mut parameters_bar[self.shears.parameters(layer.number)];
             let (of_neurons, of_form) = of_layer.split_at_mut(self.neurons_len(layer.number));
-            layer.potential.pullback(argument, tape, u, argument_bar, of_neurons);
+            layer.potential.vjp(argument, tape, u, argument_bar, of_neurons);
             if let Some(form) = layer.form {
-                form.pullback(argument, u, argument_bar, of_form);
+                form.vjp(argument, u, argument_bar, of_form);
             }
             for circle in 0..circles {
                 actions_bar[circle] += argument_bar[circle];
@@ -563,7 +563,7 @@ impl<P: Scalar, const D: usize> Shear<P> for Twist<'_, P, D> {
     }
 
     #[inline(always)]
-    fn apply_along<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
+    fn jvp<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
         if self.is_identity() {
             return;
         }

@@ -50,7 +50,7 @@ pub fn distances_along<'a>(
     reference: &'a Trajectories,
     m: usize,
 ) -> impl Iterator<Item = f64> + 'a {
-    trajectories.of(m).zip(reference.of(m)).map(|(a, b)| distance(a, b))
+    trajectories.orbit(m).zip(reference.orbit(m)).map(|(a, b)| distance(a, b))
 }
 
 /// How far each trajectory is from its reference; NaN where the two are not of the
@@ -74,7 +74,7 @@ pub fn departures(trajectories: &Trajectories, reference: &Trajectories) -> Vec<
 
 /// The drift of a quantity along each trajectory.
 pub fn drifts(trajectories: &Trajectories, quantity: impl Fn(&[f64]) -> f64) -> Vec<Drift> {
-    (0..trajectories.count()).map(|m| drift(trajectories.of(m).map(&quantity))).collect()
+    (0..trajectories.count()).map(|m| drift(trajectories.orbit(m).map(&quantity))).collect()
 }
 
 /// The exponent a of D(t) ∝ t^a, D being the largest change of a quantity up to the
@@ -159,7 +159,7 @@ fn turns<'a>(
     pairs.runs().into_iter().map(move |(condition, input, output)| {
         let time = condition.map_or(1.0, |condition| condition.time);
         let angles: Vec<f64> = angles.iter().map(|angle| time * angle).collect();
-        (action.at(&angles), input, output)
+        (action.turn_by(&angles), input, output)
     })
 }
 

@@ -42,9 +42,9 @@ pub fn invariant_drift(
 /// The resonance θ = 2πp/q with q ≤ `largest` next to the angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Resonance {
-    /// p.
+    /// The whole turns p of its fraction p/q.
     pub turns: u32,
-    /// q.
+    /// The period q of its fraction p/q, in steps.
     pub period: u32,
     /// |θ − 2πp/q| modulo 2π, in radians.
     pub distance: f64,
@@ -134,7 +134,7 @@ pub fn invariant_horizon(
 
 /// A straight line through points, by least squares.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+pub struct FittedLine {
     /// Its slope.
     pub slope: f64,
     /// The standard error of the slope.
@@ -145,8 +145,8 @@ pub struct Line {
 
 /// The line of log y against log x; NaN when a value is not positive and
 /// finite or there are fewer than three.
-pub fn log_line(x: &[f64], y: &[f64]) -> Line {
-    let nan = Line { slope: f64::NAN, slope_error: f64::NAN, degrees_of_freedom: 0 };
+pub fn log_line(x: &[f64], y: &[f64]) -> FittedLine {
+    let nan = FittedLine { slope: f64::NAN, slope_error: f64::NAN, degrees_of_freedom: 0 };
     let positive = |v: &[f64]| v.iter().all(|a| *a > 0.0 && a.is_finite());
     if x.len() != y.len() || x.len() < 3 || !positive(x) || !positive(y) {
         return nan;
@@ -165,7 +165,7 @@ pub fn log_line(x: &[f64], y: &[f64]) -> Line {
     let squares: f64 = x.iter().zip(&y).map(residual).map(|r| r * r).sum();
     let degrees_of_freedom = x.len() - 2;
     let slope_error = (squares / degrees_of_freedom as f64 / xx).sqrt();
-    Line { slope, slope_error, degrees_of_freedom }
+    FittedLine { slope, slope_error, degrees_of_freedom }
 }
 
 /// The slope of [`log_line`].

@@ -87,10 +87,10 @@ fn over<P: Real>(map: &Composition<f64>, parameters: &[P]) -> Composition<P> {
         .expect("as many parameters")
 }
 
-fn pull<P: Over<P>>(composition: &Composition<P>, z: &[P], z_bar: &mut [P], bar: &mut [P]) {
+fn vjp<P: Over<P>>(composition: &Composition<P>, z: &[P], z_bar: &mut [P], bar: &mut [P]) {
     let mut recording = composition.recording();
-    composition.forward_recording(&mut z.to_vec(), &mut recording);
-    composition.pullback(&mut recording, z_bar, bar);
+    composition.forward_recorded(&mut z.to_vec(), &mut recording);
+    composition.vjp(&mut recording, z_bar, bar);
 }
 
 impl Adjoint for Composition<f64> {
@@ -107,7 +107,7 @@ impl Adjoint for Composition<f64> {
         z_bar: &mut [Tracked],
         parameters_bar: &mut [Tracked],
     ) {
-        pull(&over(self, parameters), z, z_bar, parameters_bar);
+        vjp(&over(self, parameters), z, z_bar, parameters_bar);
     }
 }
 

@@ -1,4 +1,6 @@
 //! The structure certificate of a model: all laws on seeded samples.
+//!
+//! It is a sampled test and no proof: what it says, it says of the points that were drawn.
 
 use super::laws::{self, NO_INVERSE, Samples};
 use super::samples::CertificateOptions;
@@ -11,7 +13,7 @@ use crate::scalar::max_or_nan;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// What was asked, and a row for each law.
+/// A sampled test of the laws of a map: what was asked, and a row for each law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Certificate {
     /// How the samples were drawn.
@@ -103,7 +105,7 @@ impl Certificate {
             (Some(largest), RATIO_LIMIT) => {
                 let (ratio, median) = (short(largest), row.median.map_or("–".into(), short));
                 out.push_str(&format!(
-                    ", {ratio} times the rounding bound at worst, {median} in the median"
+                    ", {ratio} times the rounding scale at worst, {median} in the median"
                 ));
             }
             (Some(largest), limit) => {
@@ -126,7 +128,7 @@ impl Certificate {
         out.push_str(match row.verdict {
             Verdict::Violated if row.largest.is_none() => {
                 "Try: the map there, on `f64` and on duals, which have to give the same bits; where \
-                 it is not defined, another domain (`Within`) or radius; where it solves \
+                 it is not defined, another domain (`WithDomain`) or radius; where it solves \
                  equations, another `guess`."
             }
             Verdict::Violated if symplectic => {
@@ -144,7 +146,7 @@ impl Certificate {
             Verdict::Violated => "Try: both sides of the equation there.",
             Verdict::Vacuous if row.samples == 0 => "Try: more samples.",
             Verdict::Vacuous => {
-                "The rounding bounds are far above the errors, so that a defect would hide. Try: \
+                "The rounding scales are far above the errors, so that a defect would hide. Try: \
                  a long composition as `Steps`, equations that are solved as `Implicit`; other \
                  points, where the map moves them."
             }
@@ -156,7 +158,7 @@ impl Certificate {
         out
     }
 
-    /// The largest ratio of all laws with a rounding bound; NaN if one is.
+    /// The largest ratio of all laws with a rounding scale; NaN if one is.
     pub fn largest_ratio(&self) -> Option<f64> {
         self.rows
             .iter()
@@ -216,7 +218,7 @@ impl fmt::Display for Certificate {
     }
 }
 
-/// Measures the laws that `model` is built to obey, by the [structure](Structure) that its list of
+/// Measures on samples the laws that `model` is built to obey, by the [structure](Structure) that its list of
 /// blocks has.
 ///
 /// | structure | laws |

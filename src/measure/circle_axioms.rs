@@ -1,7 +1,7 @@
 //! The axioms of a circle action, for Φ and for ψ∘Φ∘ψ⁻¹.
 
 use super::inversion::ILL_CONDITIONED;
-use super::{Conditioned, NearlyPeriodic, Walk};
+use super::{Conditioned, NearlyPeriodic, RoundingPropagation};
 use crate::layer::CircleAction;
 use crate::phase::Direction;
 use crate::scalar::{Scalar, max_or_nan};
@@ -61,7 +61,7 @@ fn over(error: f64, bound: f64) -> f64 {
 /// The defect of the axiom for Φ at z over its bound, the largest over the
 /// components.
 pub fn circle_axiom_ratio(action: &CircleAction, axiom: CircleAxiom, z: &[f64]) -> f64 {
-    let turn = |angle: f64, z: &mut [f64]| action.at(angle).apply(z, false);
+    let turn = |angle: f64, z: &mut [f64]| action.turn_by(angle).apply(z, false);
     turning_axiom_ratio(action.weights(), turn, axiom, z)
 }
 
@@ -118,14 +118,14 @@ pub fn conjugated_axiom_ratio(
         let maps: Vec<_> = side.iter().map(|&angle| family.conjugated_action_at(angle)).collect();
         let steps: Vec<_> =
             maps.iter().flat_map(|map| map.measured_steps(Direction::Forward)).collect();
-        let walk = Walk::new(&steps, z);
-        let (bounds, sums) = walk.value_bounds();
+        let propagation = RoundingPropagation::new(&steps, z);
+        let (bounds, sums) = propagation.value_bounds();
         for (square, bound) in squares.iter_mut().zip(bounds) {
             *square = libm::hypot(*square, bound);
         }
         reach = sums.into_iter().fold(reach, max_or_nan);
-        linear &= walk.is_linear();
-        ends.push(walk.end().to_vec());
+        linear &= propagation.is_linear();
+        ends.push(propagation.end().to_vec());
     }
     // |G|, the Jacobian of ψ where Φ leaves w = ψ⁻¹(z).
     let psi = family.conjugation();
@@ -136,7 +136,7 @@ pub fn conjugated_axiom_ratio(
         family.turn(angle, &mut w);
     }
     let steps = psi.measured_steps(Direction::Forward);
-    let conjugation = Walk::new(&steps, &w);
+    let conjugation = RoundingPropagation::new(&steps, &w);
     let radii = radii(&w);
     if ends.iter().flatten().any(|v| !v.is_finite()) {
         return Conditioned::Ratio(f64::NAN);

@@ -1,20 +1,20 @@
 //! det J = 1, where the determinant of a rounded matrix means anything.
 
-use super::{Conditioned, Walk};
+use super::{Conditioned, RoundingPropagation};
 use crate::scalar::Scalar;
 
 /// The share of 1 beyond which the rounding of the decomposition leaves no
 /// digit to test.
 const NO_DIGIT: f64 = 0.1;
 
-/// |det J − 1| over its rounding bound, det J from faer's LU decomposition with
+/// |det J − 1| over its rounding scale, det J from faer's LU decomposition with
 /// partial pivoting.
 ///
 /// The decomposition of a 2n × 2n matrix errs by 2n·u‖J‖², and the rounding of
 /// J itself by the sum over the steps of u·|J⁻¹|e, here bounded by its trace.
-pub fn determinant_ratio(walk: &Walk) -> Conditioned {
-    let dim = walk.dim();
-    let jacobian = walk.jacobian();
+pub fn determinant_ratio(propagation: &RoundingPropagation) -> Conditioned {
+    let dim = propagation.dim();
+    let jacobian = propagation.jacobian();
     if !jacobian.is_all_finite() {
         return Conditioned::Ratio(f64::NAN);
     }
@@ -22,7 +22,7 @@ pub fn determinant_ratio(walk: &Walk) -> Conditioned {
     let decomposition = dim as f64 * norm * norm;
     // d(log det) = tr(J⁻¹dJ), step by step.
     let mut of_rounding = 0.0;
-    for ((_, inverse), (_, error)) in walk.inverses().zip(walk.jacobian_steps()) {
+    for ((_, inverse), (_, error)) in propagation.inverses().zip(propagation.jacobian_steps()) {
         for i in 0..dim {
             for k in 0..dim {
                 of_rounding += inverse[i * dim + k].abs() * error[k * dim + i];

@@ -1,7 +1,7 @@
 //! Maps in normal form: what commutes with a torus action, and the actions that it keeps.
 
 use super::inversion::ILL_CONDITIONED;
-use super::{Conditioned, Measurable, MeasuredSteps, Walk, turn_steps};
+use super::{Conditioned, Measurable, MeasuredSteps, RoundingPropagation, turn_steps};
 use crate::layer::{CircleAction, TorusAction, Turn};
 use crate::network::Model;
 use crate::phase::Direction;
@@ -43,7 +43,7 @@ const OF_TURN: f64 = 4.0;
 /// the turns, carried to the end by the Jacobians behind them.
 pub fn equivariance_ratio(map: &dyn NormalFormed, angles: &[f64], z: &[f64]) -> Conditioned {
     let u = f64::unit_roundoff();
-    let (dim, turn) = (z.len(), map.action().at(angles));
+    let (dim, turn) = (z.len(), map.action().turn_by(angles));
     let (chart, inner) = (map.chart(), map.inner_map());
     let turned = || -> MeasuredSteps<'_> {
         let mut steps = chart.measured_steps(Direction::Inverse);
@@ -55,16 +55,16 @@ pub fn equivariance_ratio(map: &dyn NormalFormed, angles: &[f64], z: &[f64]) -> 
     first.extend(map.measured_steps(Direction::Forward));
     let mut second = map.measured_steps(Direction::Forward);
     second.extend(turned());
-    let walks = [Walk::new(&first, z), Walk::new(&second, z)];
+    let propagations = [RoundingPropagation::new(&first, z), RoundingPropagation::new(&second, z)];
     let mut squares: Vec<f64> = z.to_vec();
     let (mut reach, mut linear) = (0.0_f64, true);
-    for walk in &walks {
-        let (bounds, sums) = walk.value_bounds();
+    for propagation in &propagations {
+        let (bounds, sums) = propagation.value_bounds();
         for (square, bound) in squares.iter_mut().zip(bounds) {
             *square = libm::hypot(*square, bound);
         }
         reach = sums.into_iter().fold(reach, max_or_nan);
-        linear &= walk.is_linear();
+        linear &= propagation.is_linear();
     }
     // Where Φ_α leaves the point, and where R then does.
     let mut after_turn = z.to_vec();
@@ -79,16 +79,16 @@ pub fn equivariance_ratio(map: &dyn NormalFormed, angles: &[f64], z: &[f64]) -> 
     let carried = [(&rest, &after_turn, 1.0), (&outer, &after_step, 3.0)];
     let mut of_turns = vec![0.0; dim];
     for (steps, w, times) in carried {
-        let walk = Walk::new(steps, w);
+        let propagation = RoundingPropagation::new(steps, w);
         let radii = radii(&turn, w);
         for row in 0..dim {
             for column in 0..dim {
-                let entry = walk.jacobian()[(row, column)].abs();
+                let entry = propagation.jacobian()[(row, column)].abs();
                 of_turns[row] += times * OF_TURN * entry * radii[column % (dim / 2)];
             }
         }
     }
-    let [a, b] = [walks[0].end(), walks[1].end()];
+    let [a, b] = [propagations[0].end(), propagations[1].end()];
     if a.iter().chain(b).any(|v| !v.is_finite()) {
         return Conditioned::Ratio(f64::NAN);
     }

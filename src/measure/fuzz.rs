@@ -31,7 +31,7 @@
 
 use super::coordinate::coordinate;
 use super::inversion::{Conditioned, ThereAndBack};
-use super::{Measurable, RATIO_LIMIT, Walk, symplecticity_ratio};
+use super::{Measurable, RATIO_LIMIT, RoundingPropagation, symplecticity_ratio};
 use crate::phase::Direction;
 
 /// What an input came to.
@@ -183,7 +183,7 @@ pub fn inverted(map: &dyn Measurable, z: &[f64], in_range: bool) -> Result<Outco
 /// The ratio and the point.
 pub fn symplectic(map: &dyn Measurable, z: &[f64], in_range: bool) -> Result<Outcome, String> {
     let steps = map.measured_steps(Direction::Forward);
-    match symplecticity_ratio(&Walk::new(&steps, z)) {
+    match symplecticity_ratio(&RoundingPropagation::new(&steps, z)) {
         ratio if ratio < RATIO_LIMIT => Ok(Outcome::Tested),
         ratio if in_range || ratio.is_finite() => {
             Err(format!("JᵀΩJ = Ω: ratio {ratio:e} at {z:?}"))

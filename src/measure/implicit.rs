@@ -77,7 +77,7 @@ pub trait Implicit {
 /// last step. Iterated on numbers that carry bounds, Newton's method would double
 /// these each time, and no certificate could tell a good map by them.
 ///
-/// Angles need no `modulo` here, whose jump would stop the method: let the
+/// Angles need no `rem_euclid` here, whose jump would stop the method: let the
 /// [domain](super::Coordinate::Angle) say that they are angles.
 ///
 /// Where the method does not converge the result is NaN. Cost: A⁻¹ of m unknowns, some

@@ -1,7 +1,7 @@
-//! P⁻¹∘P = Id, measured in units of its rounding bound.
+//! P⁻¹∘P = Id, measured in units of its rounding scale.
 
 use super::coordinate::coordinate;
-use super::{Coordinate, MeasuredSteps, Walk};
+use super::{Coordinate, MeasuredSteps, RoundingPropagation};
 use crate::scalar::{Scalar, max_or_nan};
 
 /// The spacing of the subnormal numbers.
@@ -10,7 +10,7 @@ const SMALLEST: f64 = 5e-324;
 /// A ratio, or the word that no digit is left to test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Conditioned {
-    /// The error over its rounding bound.
+    /// The error over its rounding scale.
     Ratio(f64),
     /// Rounding alone may move the result by a tenth of its size, or reaches a
     /// step with errors over which it is not linear.
@@ -21,7 +21,7 @@ pub enum Conditioned {
 pub const ILL_CONDITIONED: f64 = 0.1;
 
 /// ρ_I: how far the steps `there` and then `back`, which should be their
-/// inverse, come from z, over the rounding bound u·√(2Σᵢ(|Jᵢ⁻¹|δᵢ)² + z²) with
+/// inverse, come from z, over the rounding scale u·√(2Σᵢ(|Jᵢ⁻¹|δᵢ)² + z²) with
 /// i over the steps there; the largest over the components.
 pub fn inversion_ratio(
     there: MeasuredSteps<'_>,
@@ -55,15 +55,15 @@ impl<'a> ThereAndBack<'a> {
     /// ρ_I at z ([`inversion_ratio`]).
     pub fn ratio(&self, z: &[f64]) -> Conditioned {
         let u = f64::unit_roundoff();
-        let walk = Walk::new(&self.steps, z);
-        let (squares, sums) = walk.return_bounds(self.there);
+        let propagation = RoundingPropagation::new(&self.steps, z);
+        let (squares, sums) = propagation.return_bounds(self.there);
         let size = z.iter().map(|v| v.abs()).fold(0.0, max_or_nan);
         let reach = sums.into_iter().fold(0.0, max_or_nan);
-        let point = walk.end();
+        let point = propagation.end();
         if point.iter().any(|v| !v.is_finite()) {
             return Conditioned::Ratio(f64::NAN);
         }
-        if !(u * reach <= ILL_CONDITIONED * size) || !walk.is_linear_within(&self.domain) {
+        if !(u * reach <= ILL_CONDITIONED * size) || !propagation.is_linear_within(&self.domain) {
             return Conditioned::IllConditioned;
         }
         let mut largest = 0.0;

@@ -16,8 +16,8 @@ use super::stopping::until_stopped;
 use super::symplecticity::symplecticity_resolution;
 use super::tally::{RESOLUTION, Tally};
 use super::{
-    CertificateOptions, Coordinate, Measurable, NearlyPeriodic, NormalFormed, Walk, action_ratio,
-    equivariance_ratio, symplecticity_ratio,
+    CertificateOptions, Coordinate, Measurable, NearlyPeriodic, NormalFormed, RoundingPropagation,
+    action_ratio, equivariance_ratio, symplecticity_ratio,
 };
 use crate::network::Model;
 use crate::phase::{Direction, Map};
@@ -112,7 +112,7 @@ pub fn symplecticity_of(law: &str, map: &dyn Measurable, points: &[f64]) -> Tall
     let steps = map.measured_steps(Direction::Forward);
     let dim = 2 * map.dof();
     let results = each_point(points, dim)
-        .map(|z| Conditioned::Ratio(symplecticity_ratio(&Walk::new(&steps, z))));
+        .map(|z| Conditioned::Ratio(symplecticity_ratio(&RoundingPropagation::new(&steps, z))));
     Tally::of_ratios(law, "JᵀΩJ = Ω").extend_at(points, dim, results)
 }
 
@@ -121,7 +121,7 @@ pub fn symplecticity_of(law: &str, map: &dyn Measurable, points: &[f64]) -> Tall
 pub fn symplecticity_of_any(map: &dyn Measurable, points: &[f64]) -> Tally {
     let steps = map.measured_steps(Direction::Forward);
     let mut resolutions: Vec<f64> = each_point(points, 2 * map.dof())
-        .map(|z| symplecticity_resolution(&Walk::new(&steps, z)))
+        .map(|z| symplecticity_resolution(&RoundingPropagation::new(&steps, z)))
         .collect();
     resolutions.sort_by(f64::total_cmp);
     let median = resolutions.get(resolutions.len() / 2).copied().unwrap_or(f64::NAN);
@@ -214,17 +214,17 @@ pub fn periodicity(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
         .collect();
     let steps = map.measured_steps(Direction::Forward);
     let ratio = |z: &[f64]| {
-        let walk = Walk::new(&steps, z);
-        let (bounds, _) = walk.value_bounds();
+        let propagation = RoundingPropagation::new(&steps, z);
+        let (bounds, _) = propagation.value_bounds();
         let mut largest = 0.0;
         for &(i, period) in &angles {
             let mut shifted = z.to_vec();
             shifted[i] += period;
             let end = moved(map, Direction::Forward, &shifted);
             for k in 0..dim {
-                let error = coordinate(&domain, k).difference(end[k] - walk.end()[k]).abs();
+                let error = coordinate(&domain, k).difference(end[k] - propagation.end()[k]).abs();
                 // The shift is rounded, and so are both ends.
-                let of_shift = walk.jacobian()[(k, i)].abs() * (z[i].abs() + period);
+                let of_shift = propagation.jacobian()[(k, i)].abs() * (z[i].abs() + period);
                 let bound = 2.0 * bounds[k] + of_shift + end[k].abs() + period;
                 largest = max_or_nan(largest, error / (u * bound));
             }
@@ -244,8 +244,8 @@ pub fn periodicity(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
 /// For information: it is blind to whatever keeps volumes.
 pub fn determinant(map: &dyn Measurable, points: &[f64]) -> Tally {
     let steps = map.measured_steps(Direction::Forward);
-    let results =
-        each_point(points, 2 * map.dof()).map(|z| determinant_ratio(&Walk::new(&steps, z)));
+    let results = each_point(points, 2 * map.dof())
+        .map(|z| determinant_ratio(&RoundingPropagation::new(&steps, z)));
     Tally::of_ratios("determinant", "det J = 1").reported().extend(results)
 }
 

@@ -61,7 +61,7 @@ pub trait NearlyPeriodic: Measurable {
     fn map_at(&self, epsilon: f64) -> Box<dyn Measurable + '_>;
     /// I_ε at another ε.
     fn near_identity_at(&self, epsilon: f64) -> Box<dyn Measurable + '_>;
-    /// ψ.
+    /// The map ψ by which its circle action is conjugated.
     fn conjugation(&self) -> Box<dyn Measurable + '_>;
     /// How often each plane (q_j, p_j) turns while θ goes round once.
     fn action_weights(&self) -> Vec<i32>;
@@ -139,7 +139,7 @@ impl Measurable for Model {
             *direction = Direction::Inverse;
         }
         if let Some(action) = architecture.action() {
-            out.push((Direction::Forward, Box::new(action.at(self.angles()))));
+            out.push((Direction::Forward, Box::new(action.turn_by(self.angles()))));
         }
         let rest = [Part::Perturbation, Part::Chart, Part::Conjugation];
         for part in rest.into_iter().chain([Part::NearIdentity, Part::None]) {
@@ -167,7 +167,7 @@ impl NearlyPeriodic for Model {
     }
     fn turn(&self, theta: f64, z: &mut [f64]) {
         if let Some(circle) = self.architecture().circles.first() {
-            circle.at(theta).apply(z, false);
+            circle.turn_by(theta).apply(z, false);
         }
     }
     fn conjugated_action_at(&self, theta: f64) -> Box<dyn Measurable + '_> {
@@ -260,7 +260,7 @@ impl<M: Numbers> Measurable for Steps<M> {
 ///
 /// ```
 /// use gyroceptron::measure::{
-///     CertificateOptions, Coordinate, OneStep, Within, certify_map,
+///     CertificateOptions, Coordinate, OneStep, WithDomain, certify_map,
 /// };
 /// use gyroceptron::phase::Map;
 /// use gyroceptron::scalar::{Elementary, constant};
@@ -275,26 +275,26 @@ impl<M: Numbers> Measurable for Steps<M> {
 ///     }
 ///     fn forward(&self, z: &mut [S]) {
 ///         z[1] = z[1] + constant::<S>(self.0) * z[0].sin_cos().0;
-///         z[0] = (z[0] + z[1]).modulo(TAU);
+///         z[0] = (z[0] + z[1]).rem_euclid(TAU);
 ///     }
 ///     fn inverse(&self, z: &mut [S]) {
-///         z[0] = (z[0] - z[1]).modulo(TAU);
+///         z[0] = (z[0] - z[1]).rem_euclid(TAU);
 ///         z[1] = z[1] - constant::<S>(self.0) * z[0].sin_cos().0;
 ///     }
 /// }
 ///
 /// let domain = vec![Coordinate::Angle(TAU), Coordinate::Between(-3.0, 3.0)];
-/// let map = Within::new(OneStep(StandardMap(1.2)), domain)?;
+/// let map = WithDomain::new(OneStep(StandardMap(1.2)), domain)?;
 /// certify_map(&map, CertificateOptions::default()).assert_holds();
 /// # Ok::<(), gyroceptron::Error>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct Within<M> {
+pub struct WithDomain<M> {
     map: M,
     domain: Vec<Coordinate>,
 }
 
-impl<M: Map<f64>> Within<M> {
+impl<M: Map<f64>> WithDomain<M> {
     /// A map and where each of its coordinates lives, q₁ … qₙ, p₁ … pₙ.
     ///
     /// # Errors
@@ -308,7 +308,7 @@ impl<M: Map<f64>> Within<M> {
     }
 }
 
-impl<S, M: Map<S>> Map<S> for Within<M> {
+impl<S, M: Map<S>> Map<S> for WithDomain<M> {
     fn dof(&self) -> usize {
         self.map.dof()
     }
@@ -323,7 +323,7 @@ impl<S, M: Map<S>> Map<S> for Within<M> {
     }
 }
 
-impl<M: Measurable> Measurable for Within<M> {
+impl<M: Measurable> Measurable for WithDomain<M> {
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
         self.map.measured_steps(direction)
     }

@@ -3,7 +3,9 @@
 use super::measured_coupling::CouplingStep;
 use super::measured_step::{MeasuredPotential, MeasuredSteps, ShearMap, TrackedStep, turn_steps};
 use super::measured_twist::TwistStep;
-use crate::layer::{Kick, Shear, TanhPotential, TurnStep, TurnedCoupling, TurnedTwist, Twist};
+use crate::layer::{
+    ElementaryMap, Kick, TanhPotential, TurnStep, TurnedCoupling, TurnedTwist, Twist,
+};
 use crate::network::Visitor;
 use crate::phase::Direction;
 
@@ -14,7 +16,7 @@ pub(super) struct AsMeasured;
 impl<'a> Visitor<'a, f64> for AsMeasured {
     type Output = MeasuredSteps<'a>;
 
-    fn visit(self, shear: impl Shear<f64> + 'a) -> MeasuredSteps<'a> {
+    fn visit(self, shear: impl ElementaryMap<f64> + 'a) -> MeasuredSteps<'a> {
         vec![Box::new(TrackedStep { map: ShearMap(shear), direction: Direction::Forward })]
     }
 

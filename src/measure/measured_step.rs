@@ -4,7 +4,7 @@
 //! other step are found by running it on [`Tracked`] numbers ([`TrackedStep`]), of twists
 //! part by part: a new kind of step needs nothing here, unless it saturates, as couplings do.
 
-use crate::layer::{HenonMap, Kick, Potential, Shear, TanhPotential, Turn, quarter_turns};
+use crate::layer::{ElementaryMap, HenonMap, Kick, Potential, TanhPotential, Turn, quarter_turns};
 use crate::phase::{Direction, Half, Map};
 use crate::scalar::{Dual, Elementary, Over, Scalar, Tracked, max_or_nan};
 
@@ -586,7 +586,7 @@ impl<M: Numbers> MeasuredStep for TrackedStep<M> {
 /// A step of a network as a map.
 pub(super) struct ShearMap<T>(pub(super) T);
 
-impl<S: Over<f64>, T: Shear<f64>> Map<S> for ShearMap<T> {
+impl<S: Over<f64>, T: ElementaryMap<f64>> Map<S> for ShearMap<T> {
     fn dof(&self) -> usize {
         self.0.dof()
     }
@@ -600,6 +600,6 @@ impl<S: Over<f64>, T: Shear<f64>> Map<S> for ShearMap<T> {
 
 /// z ← the step of z: compiled once for both directions.
 #[inline(never)]
-fn apply_outlined<S: Over<f64>>(shear: impl Shear<f64>, z: &mut [S]) {
+fn apply_outlined<S: Over<f64>>(shear: impl ElementaryMap<f64>, z: &mut [S]) {
     shear.apply(z, &mut vec![S::zero(); z.len()]);
 }

@@ -1,8 +1,10 @@
 //! Measures: pure functions from a map and points to numbers.
 //!
-//! Errors are given as *ratios*: an error over the rounding bound of the very
+//! Errors are given as *ratios*: an error over the rounding scale of the very
 //! computation that made it, O(1) when all is well. A defect that does not come
-//! from rounding shows as a ratio of many orders. Nothing here prints.
+//! from rounding shows as a ratio of many orders. The scale is the root of a sum of squares of
+//! what each operation may be off by: errors are of its size, but it does not bound them, so that
+//! ratios have a limit of 10 and not of 1. Nothing here prints.
 
 mod accuracy;
 mod adiabatic;
@@ -45,8 +47,8 @@ pub use accuracy::{
     predictions, root_mean_square, rotation_error, rotation_errors,
 };
 pub use adiabatic::{
-    Line, Resonance, disturbing_resonance, invariant_drift, invariant_horizon, leading_invariant,
-    log_line, log_slope, nearest_resonance, settling_iterations,
+    FittedLine, Resonance, disturbing_resonance, invariant_drift, invariant_horizon,
+    leading_invariant, log_line, log_slope, nearest_resonance, settling_iterations,
 };
 pub use adjoint::{Adjoint, RESOLVED, adjoint_ratio};
 pub use averaging::averaged_invariant;
@@ -67,7 +69,7 @@ pub use inversion::{Conditioned, ILL_CONDITIONED, ThereAndBack, inversion_ratio}
 pub use jacobian::{Differentiable, jacobian, jacobians_by_differences};
 pub use laws::Samples;
 pub use level_set::level_set;
-pub use measurable::{Layers, Measurable, NearlyPeriodic, OneStep, Steps, Within};
+pub use measurable::{Layers, Measurable, NearlyPeriodic, OneStep, Steps, WithDomain};
 pub use measured_step::{
     KickStep, Magnitudes, MeasuredPotential, MeasuredStep, MeasuredSteps, Numbers, TrackedStep,
     turn_steps,
@@ -79,10 +81,10 @@ pub use near_identity::{
 pub use own_invariance::OwnInvariance;
 pub use plane_actions::PlaneSwing;
 pub use relations::Relation;
-pub use rounding::Walk;
+pub use rounding::RoundingPropagation;
 pub use sampled::{mean_period, simpson};
 pub use samples::CertificateOptions;
-pub use surfaces::{Locked, distances_to_set, locked_interval, winding_numbers};
+pub use surfaces::{LockedInterval, distances_to_set, locked_interval, winding_numbers};
 pub use symplecticity::{symplecticity_ratio, symplecticity_scale};
 pub use tally::{
     COUNT_LIMIT, RATIO_LIMIT, RESOLUTION, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_DEVIATION,

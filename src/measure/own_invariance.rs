@@ -42,7 +42,7 @@ impl OwnInvariance {
     /// invariant and of no points.
     ///
     /// Cost: `iterations` evaluations of the map and of μ for each point.
-    pub fn of(model: &Model, starts: &[f64], iterations: usize) -> Option<Self> {
+    pub fn measure(model: &Model, starts: &[f64], iterations: usize) -> Option<Self> {
         let own = model.invariant()?;
         let map = model.composition();
         let horizons: Vec<usize> = (0..5).rev().map(|k| (iterations >> k).max(1)).collect();

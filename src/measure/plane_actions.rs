@@ -45,7 +45,7 @@ impl PlaneSwing {
     ///
     /// # Panics
     /// When the action and the pairs differ in their degrees of freedom.
-    pub fn of(
+    pub fn measure(
         pairs: &[&Pairs],
         action: &TorusAction,
         angles: &[f64],

@@ -9,7 +9,7 @@ use faer::{Mat, MatRef};
 
 /// The points and Jacobians along a sequence of shears, with the scale of the
 /// rounding error that each of them makes.
-pub struct Walk<'a> {
+pub struct RoundingPropagation<'a> {
     steps: &'a [Box<dyn MeasuredStep + 'a>],
     dim: usize,
     /// Before the first step and after each.
@@ -126,7 +126,7 @@ pub(super) fn carry(
     point
 }
 
-impl<'a> Walk<'a> {
+impl<'a> RoundingPropagation<'a> {
     /// Walks from z through the steps.
     pub fn new(steps: &'a [Box<dyn MeasuredStep + 'a>], z: &[f64]) -> Self {
         let dim = z.len();
@@ -162,7 +162,7 @@ impl<'a> Walk<'a> {
         Self { steps, dim, points, jacobians, jacobian_errors, value_errors }
     }
 
-    /// 2n.
+    /// The number 2n of coordinates.
     pub fn dim(&self) -> usize {
         self.dim
     }
@@ -199,7 +199,7 @@ impl<'a> Walk<'a> {
         self.is_linear_within(&[])
     }
 
-    /// [`Walk::is_linear`] of steps between points of a
+    /// [`RoundingPropagation::is_linear`] of steps between points of a
     /// [domain](super::Measurable::domain).
     pub(super) fn is_linear_within(&self, domain: &[Coordinate]) -> bool {
         /// A share of the error, as it is found by the probes, that grows to no

@@ -11,7 +11,7 @@ pub struct CertificateOptions {
     pub samples: usize,
     /// Half the side of the box.
     pub radius: f64,
-    /// The seed.
+    /// The seed of the stream that the points are drawn from.
     pub seed: u64,
 }
 

@@ -33,7 +33,7 @@ pub fn winding_numbers(
     let of = |m: usize| {
         let mut before = None;
         let mut total = 0.0;
-        for z in orbits.of(m) {
+        for z in orbits.orbit(m) {
             let now = angle(z);
             if let Some(before) = before.replace(now) {
                 total += libm::remainder(now - before - near * TAU, TAU);
@@ -46,14 +46,14 @@ pub fn winding_numbers(
 
 /// The part of a line on which a map is locked to a resonance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Locked {
+pub struct LockedInterval {
     /// From here …
     pub low: f64,
     /// … to here.
     pub high: f64,
 }
 
-impl Locked {
+impl LockedInterval {
     /// Its width.
     pub fn width(self) -> f64 {
         self.high - self.low
@@ -71,7 +71,7 @@ pub fn locked_interval<E>(
     centre: f64,
     reach: f64,
     mut is_locked: impl FnMut(&[f64]) -> Result<Vec<bool>, E>,
-) -> Result<Option<Locked>, E> {
+) -> Result<Option<LockedInterval>, E> {
     const POINTS: usize = 24;
     if !is_locked(&[centre])?.first().is_some_and(|locked| *locked) {
         return Ok(None);
@@ -90,5 +90,5 @@ pub fn locked_interval<E>(
         Ok(Some(centre + sign * 0.5 * (locked + free)))
     };
     let (low, high) = (end(-1.0)?, end(1.0)?);
-    Ok(low.zip(high).map(|(low, high)| Locked { low, high }))
+    Ok(low.zip(high).map(|(low, high)| LockedInterval { low, high }))
 }

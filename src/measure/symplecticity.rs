@@ -1,6 +1,6 @@
-//! JᵀΩJ = Ω, measured in units of its rounding bound.
+//! JᵀΩJ = Ω, measured in units of its rounding scale.
 
-use super::{Walk, symplecticity_defect};
+use super::{RoundingPropagation, symplecticity_defect};
 use crate::scalar::{Scalar, max_or_nan};
 use faer::Mat;
 
@@ -10,8 +10,8 @@ use faer::Mat;
 /// R = Σᵢ(ĴᵢᵀΩEᵢ + EᵢᵀΩĴᵢ − EᵢᵀΩEᵢ) exactly: later steps do not amplify earlier
 /// errors. Hence T²_jk = Σᵢ(|Ĵᵢ|ᵀ|Ω|eᵢ + eᵢᵀ|Ω||Ĵᵢ|)²_jk + F²_jk + 1 with eᵢ the
 /// scale of Eᵢ and F = |Ĵ_q|ᵀ|Ĵ_p| + its transpose, the error of forming R.
-pub fn symplecticity_scale(walk: &Walk<'_>) -> Mat<f64> {
-    let dim = walk.dim();
+pub fn symplecticity_scale(propagation: &RoundingPropagation<'_>) -> Mat<f64> {
+    let dim = propagation.dim();
     let dof = dim / 2;
     let mut scale = Mat::from_fn(dim, dim, |_, _| 1.0);
     // |A|ᵀ|Ω||B| + its transpose.
@@ -24,7 +24,7 @@ pub fn symplecticity_scale(walk: &Walk<'_>) -> Mat<f64> {
         }
         sum
     };
-    for (jacobian, error) in walk.jacobian_steps() {
+    for (jacobian, error) in propagation.jacobian_steps() {
         if error.iter().all(|e| *e == 0.0) {
             continue;
         }
@@ -36,7 +36,7 @@ pub fn symplecticity_scale(walk: &Walk<'_>) -> Mat<f64> {
             }
         }
     }
-    let end = walk.last_jacobian();
+    let end = propagation.last_jacobian();
     for j in 0..dim {
         for k in 0..dim {
             // F counts every product of J with itself once.
@@ -48,13 +48,13 @@ pub fn symplecticity_scale(walk: &Walk<'_>) -> Mat<f64> {
 }
 
 /// ρ_S = max |R_jk|/(u T_jk), the symplecticity defect at a point over its
-/// rounding bound [`symplecticity_scale`]; NaN when anything is not finite.
-pub fn symplecticity_ratio(walk: &Walk<'_>) -> f64 {
-    let end = walk.jacobian();
-    let (defect, scale) = (symplecticity_defect(end), symplecticity_scale(walk));
+/// rounding scale [`symplecticity_scale`]; NaN when anything is not finite.
+pub fn symplecticity_ratio(propagation: &RoundingPropagation<'_>) -> f64 {
+    let end = propagation.jacobian();
+    let (defect, scale) = (symplecticity_defect(end), symplecticity_scale(propagation));
     let mut largest = 0.0;
-    for j in 0..walk.dim() {
-        for k in 0..walk.dim() {
+    for j in 0..propagation.dim() {
+        for k in 0..propagation.dim() {
             let (defect, scale) = (defect[(j, k)], scale[(j, k)]);
             // Over an infinite bound every defect would be small.
             let ratio = if scale.is_finite() {
@@ -65,17 +65,17 @@ pub fn symplecticity_ratio(walk: &Walk<'_>) -> f64 {
             largest = max_or_nan(largest, ratio);
         }
     }
-    let finite = end.is_all_finite() && walk.end().iter().all(|v| v.is_finite());
+    let finite = end.is_all_finite() && propagation.end().iter().all(|v| v.is_finite());
     if finite { largest } else { f64::NAN }
 }
 
 /// u·max T over the largest of |J|² and 1: the defect, as a share of the terms of JᵀΩJ, that
 /// has a ratio of 1.
-pub(super) fn symplecticity_resolution(walk: &Walk<'_>) -> f64 {
-    let (end, scale) = (walk.jacobian(), symplecticity_scale(walk));
+pub(super) fn symplecticity_resolution(propagation: &RoundingPropagation<'_>) -> f64 {
+    let (end, scale) = (propagation.jacobian(), symplecticity_scale(propagation));
     let (mut bound, mut size) = (0.0, 1.0);
-    for j in 0..walk.dim() {
-        for k in 0..walk.dim() {
+    for j in 0..propagation.dim() {
+        for k in 0..propagation.dim() {
             bound = max_or_nan(bound, f64::unit_roundoff() * scale[(j, k)]);
             size = max_or_nan(size, end[(j, k)] * end[(j, k)]);
         }

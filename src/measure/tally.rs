@@ -60,7 +60,7 @@ impl Verdict {
 /// One law, measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// The law.
+    /// The name of the law.
     pub law: String,
     /// What is measured.
     pub equation: String,
@@ -168,7 +168,7 @@ impl Tally {
         }
     }
 
-    /// A law whose results are errors over their rounding bounds: vacuous below
+    /// A law whose results are errors over their rounding scales: vacuous below
     /// [`SOUND_DEVIATION`], and violated above [`SOUND_MEDIAN`].
     pub fn of_ratios(law: impl Into<String>, equation: impl Into<String>) -> Self {
         let soundness = Soundness::Deviations;
@@ -216,7 +216,7 @@ impl Tally {
         Self { reported: true, ..self }
     }
 
-    /// The law.
+    /// The name of the law.
     pub fn law(&self) -> &str {
         &self.law
     }

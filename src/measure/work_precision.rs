@@ -207,7 +207,7 @@ pub struct TrajectoryMethods<'a> {
     pub reference: &'a [f64],
     /// The error of the reference.
     pub reference_error: f64,
-    /// 2n.
+    /// The number 2n of coordinates of a state.
     pub dim: usize,
     /// How many trajectories there are.
     pub trajectories: usize,

@@ -305,7 +305,7 @@ impl Architecture {
         for (number, block) in self.blocks.iter().enumerate() {
             block.check(of, self.has_circle()).map_err(|e| match self.blocks.len() {
                 1 => e,
-                _ => e.at(format!("block {number}")),
+                _ => e.with_place(format!("block {number}")),
             })?;
             if self.blocks[..number].iter().any(|other| other.name == block.name) {
                 let found = format!("`{}` twice (block {number})", block.name);

@@ -3,8 +3,8 @@
 use super::composition::Composition;
 use super::step::{Kind, Step, Visitor};
 use crate::layer::{
-    ActivationModule, AffineCoupling, LinearModule, Shear, TanhPotential, TurnStep, TurnedCoupling,
-    TurnedKick, TurnedTwist, Twist,
+    ActivationModule, AffineCoupling, ElementaryMap, LinearModule, TanhPotential, TurnStep,
+    TurnedCoupling, TurnedKick, TurnedTwist, Twist,
 };
 use crate::scalar::Scalar;
 

@@ -83,13 +83,13 @@ impl Part {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scale {
-    /// 1.
+    /// Nothing scales it: the factor is 1.
     None,
     /// ε: the block is the identity at ε = 0.
     Epsilon,
     /// h, the flow time.
     Time,
-    /// εh.
+    /// The product εh of ε and the flow time scales it.
     EpsilonTime,
 }
 
@@ -147,7 +147,7 @@ pub struct Modules {
 /// What layers have to know of the network that they are in.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Surroundings {
-    /// n.
+    /// The degrees of freedom n.
     pub(super) dof: usize,
     /// d, the numbers that the functions of twists are of: the actions and half the slow
     /// coordinates.
@@ -450,7 +450,7 @@ pub struct Block {
     /// What begins the names of its tensors, followed by a point; nothing where it is empty, which
     /// an only block may be.
     pub name: String,
-    /// Its part.
+    /// The part that the block plays in the network.
     pub part: Part,
     /// What scales it.
     pub scale: Scale,
@@ -551,7 +551,7 @@ impl Block {
         }
         match &self.layers {
             Layers::SympNet(modules) => {
-                let place = |e: Error| e.at(&self.name);
+                let place = |e: Error| e.with_place(&self.name);
                 Error::check_count_range("linear modules", modules.modules, 1, usize::MAX)
                     .map_err(place)?;
                 Error::check_count_range(

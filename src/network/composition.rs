@@ -2,7 +2,7 @@
 
 use super::step::{Kind, Step, Visitor};
 use crate::error::Error;
-use crate::layer::{FastPlanes, Shear, TorusAction, Turn};
+use crate::layer::{ElementaryMap, FastPlanes, TorusAction, Turn};
 use crate::phase::{Direction, Map};
 use crate::scalar::{Over, Pack, Real, Scalar, Task};
 use std::marker::PhantomData;
@@ -31,7 +31,7 @@ macro_rules! visit_outlined {
             type Output = ();
             const SPECIALISED: bool = $number::SPECIALISED;
             #[inline(always)]
-            fn visit(self, shear: impl Shear<P> + 'a) {
+            fn visit(self, shear: impl ElementaryMap<P> + 'a) {
                 $number::outlined(OfEach { shear, work: self, parameters: PhantomData });
             }
         }
@@ -53,7 +53,7 @@ struct OfEach<P, T, W> {
     parameters: PhantomData<P>,
 }
 
-impl<P: Scalar, S: Over<P>, T: Shear<P>> Task for OfEach<P, T, Apply<'_, S>> {
+impl<P: Scalar, S: Over<P>, T: ElementaryMap<P>> Task for OfEach<P, T, Apply<'_, S>> {
     #[inline(always)]
     fn run(self) {
         let Apply { z, scratch } = self.work;
@@ -64,58 +64,58 @@ impl<P: Scalar, S: Over<P>, T: Shear<P>> Task for OfEach<P, T, Apply<'_, S>> {
 }
 
 /// A step of all points, filling the tape of each.
-struct Record<'s, S> {
+struct ForwardRecorded<'s, S> {
     z: &'s mut [S],
     tape: &'s mut [S],
     scratch: &'s mut [S],
 }
 
-visit_outlined!([P: Scalar, S: Over<P>] Record<'_, S>, S);
+visit_outlined!([P: Scalar, S: Over<P>] ForwardRecorded<'_, S>, S);
 
-impl<P: Scalar, S: Over<P>, T: Shear<P>> Task for OfEach<P, T, Record<'_, S>> {
+impl<P: Scalar, S: Over<P>, T: ElementaryMap<P>> Task for OfEach<P, T, ForwardRecorded<'_, S>> {
     #[inline(always)]
     fn run(self) {
-        let Record { z, tape, scratch } = self.work;
+        let ForwardRecorded { z, tape, scratch } = self.work;
         let (dim, size) = (2 * self.shear.dof(), self.shear.tape_len());
         for k in 0..z.len() / dim {
             let tape = &mut tape[k * size..(k + 1) * size];
-            self.shear.record(&mut z[k * dim..(k + 1) * dim], tape, scratch);
+            self.shear.forward_recorded(&mut z[k * dim..(k + 1) * dim], tape, scratch);
         }
     }
 }
 
 /// The adjoint of a step at all points recorded.
-struct Pull<'s, S> {
+struct Vjp<'s, S> {
     tape: &'s [S],
     z_bar: &'s mut [S],
     parameters_bar: &'s mut [S],
     scratch: &'s mut [S],
 }
 
-visit_outlined!([P: Scalar, S: Over<P>] Pull<'_, S>, S);
+visit_outlined!([P: Scalar, S: Over<P>] Vjp<'_, S>, S);
 
-impl<P: Scalar, S: Over<P>, T: Shear<P>> Task for OfEach<P, T, Pull<'_, S>> {
+impl<P: Scalar, S: Over<P>, T: ElementaryMap<P>> Task for OfEach<P, T, Vjp<'_, S>> {
     #[inline(always)]
     fn run(self) {
-        let Pull { tape, z_bar, parameters_bar, scratch } = self.work;
-        self.shear.pull_each(tape, z_bar, parameters_bar, scratch);
+        let Vjp { tape, z_bar, parameters_bar, scratch } = self.work;
+        self.shear.vjp_each(tape, z_bar, parameters_bar, scratch);
     }
 }
 
 /// A step of one point, with its derivatives.
-struct Along<'s, S> {
+struct Jvp<'s, S> {
     z: &'s mut [S],
     directions: &'s mut [S],
     scratch: &'s mut [S],
 }
 
-visit_outlined!([P: Scalar, S: Over<P>] Along<'_, S>, S);
+visit_outlined!([P: Scalar, S: Over<P>] Jvp<'_, S>, S);
 
-impl<P: Scalar, S: Over<P>, T: Shear<P>> Task for OfEach<P, T, Along<'_, S>> {
+impl<P: Scalar, S: Over<P>, T: ElementaryMap<P>> Task for OfEach<P, T, Jvp<'_, S>> {
     #[inline(always)]
     fn run(self) {
-        let Along { z, directions, scratch } = self.work;
-        self.shear.apply_along(z, directions, scratch);
+        let Jvp { z, directions, scratch } = self.work;
+        self.shear.jvp(z, directions, scratch);
     }
 }
 
@@ -128,21 +128,21 @@ struct Across<'s, P, V> {
 
 visit_outlined!([P: Over<P>, V: Pack<P>] Across<'_, P, V>, V);
 
-impl<P: Over<P>, V: Pack<P>, T: Shear<P>> Task for OfEach<P, T, Across<'_, P, V>> {
+impl<P: Over<P>, V: Pack<P>, T: ElementaryMap<P>> Task for OfEach<P, T, Across<'_, P, V>> {
     #[inline(always)]
     fn run(self) {
         self.shear.apply_across::<V>(self.work.z, self.work.scratch);
     }
 }
 
-/// [`Shear::tape_len`] and [`Shear::activation_count`].
+/// [`ElementaryMap::tape_len`] and [`ElementaryMap::activation_count`].
 #[derive(Clone, Copy)]
 struct Sizes;
 
 impl<'a, P: Scalar> Visitor<'a, P> for Sizes {
     type Output = (usize, usize);
     #[inline(always)]
-    fn visit(self, shear: impl Shear<P> + 'a) -> (usize, usize) {
+    fn visit(self, shear: impl ElementaryMap<P> + 'a) -> (usize, usize) {
         (shear.tape_len(), shear.activation_count())
     }
 }
@@ -377,14 +377,9 @@ impl<P: Scalar> Composition<P> {
     /// ∂P/∂z times it: the chain rule over the steps. `scratch` holds at least
     /// 2n + n² numbers.
     #[inline(always)]
-    pub(super) fn apply_along<S: Over<P>>(
-        &self,
-        z: &mut [S],
-        directions: &mut [S],
-        scratch: &mut [S],
-    ) {
+    pub(super) fn jvp<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]) {
         for step in &self.steps {
-            self.bind(step, false, Along { z, directions, scratch });
+            self.bind(step, false, Jvp { z, directions, scratch });
         }
     }
 
@@ -401,8 +396,8 @@ impl<P: Scalar> Composition<P> {
         self.apply(direction, z, scratch);
     }
 
-    /// Space for [`Composition::forward_recording`] and
-    /// [`Composition::pullback`]: n + 2h numbers a kick, 3n + 2h a turned one, 5n + 2h a turned coupling, 2n a turn,
+    /// Space for [`Composition::forward_recorded`] and
+    /// [`Composition::vjp`]: n + 2h numbers a kick, 3n + 2h a turned one, 5n + 2h a turned coupling, 2n a turn,
     /// d + 2h a twist shear of d arguments.
     pub fn recording<S: Over<P>>(&self) -> Recording<S> {
         self.recording_of(1)
@@ -424,20 +419,24 @@ impl<P: Scalar> Composition<P> {
     /// z ← P(z) for each of the points in z, as many as the recording has space
     /// for, recording what the pullback needs.
     #[inline(always)]
-    pub(crate) fn record<S: Over<P>>(&self, z: &mut [S], recording: &mut Recording<S>) {
+    pub(crate) fn forward_recorded_each<S: Over<P>>(
+        &self,
+        z: &mut [S],
+        recording: &mut Recording<S>,
+    ) {
         let points = z.len() / (2 * self.dof);
         let mut tape = &mut recording.tape[..];
         let scratch = &mut recording.scratch[..];
         for step in &self.steps {
             let (step_tape, rest) = tape.split_at_mut(self.step_tape_len(step) * points);
             tape = rest;
-            self.bind(step, false, Record { z, tape: step_tape, scratch });
+            self.bind(step, false, ForwardRecorded { z, tape: step_tape, scratch });
         }
     }
 
     /// The adjoint at the recorded points.
     #[inline(always)]
-    pub(crate) fn pull<S: Over<P>>(
+    pub(crate) fn vjp_each<S: Over<P>>(
         &self,
         recording: &mut Recording<S>,
         z_bar: &mut [S],
@@ -450,28 +449,28 @@ impl<P: Scalar> Composition<P> {
             let (rest, step_tape) = tape.split_at(tape.len() - self.step_tape_len(step) * points);
             tape = rest;
             let parameters_bar = &mut parameters_bar[step.parameters.clone()];
-            let pull = Pull { tape: step_tape, z_bar, parameters_bar, scratch };
-            self.bind(step, false, pull);
+            let vjp = Vjp { tape: step_tape, z_bar, parameters_bar, scratch };
+            self.bind(step, false, vjp);
         }
     }
 
     /// z ← P(z), filling `recording` (of [`Composition::recording`]).
-    pub fn forward_recording<S: Over<P>>(&self, z: &mut [S], recording: &mut Recording<S>) {
+    pub fn forward_recorded<S: Over<P>>(&self, z: &mut [S], recording: &mut Recording<S>) {
         assert!(z.len() == 2 * self.dof);
-        self.record(z, recording);
+        self.forward_recorded_each(z, recording);
     }
 
     /// The pullback at the recorded point: `z_bar` from the cotangent of P(z)
     /// to the cotangent of z; the cotangent of the parameters is added to
     /// `parameters_bar`. Costs about twice an evaluation.
-    pub fn pullback<S: Over<P>>(
+    pub fn vjp<S: Over<P>>(
         &self,
         recording: &mut Recording<S>,
         z_bar: &mut [S],
         parameters_bar: &mut [S],
     ) {
         assert!(z_bar.len() == 2 * self.dof && parameters_bar.len() == self.parameters.len());
-        self.pull(recording, z_bar, parameters_bar);
+        self.vjp_each(recording, z_bar, parameters_bar);
     }
 }
 
@@ -507,7 +506,7 @@ impl<P: Real> Composition<P> {
     /// of the action.
     pub(super) fn push_turn(&mut self, action: &TorusAction, angles: Range<usize>) {
         let prepared = self.turns.len();
-        self.turns.push(action.at(&self.parameters[angles.clone()]));
+        self.turns.push(action.turn_by(&self.parameters[angles.clone()]));
         let kind = Kind::Turn { prepared };
         let (parameters, inverse, near_identity, time) = (angles, false, false, None);
         self.steps.push(Step { kind, parameters, inverse, near_identity, time });

@@ -100,7 +100,7 @@ impl Kernel for ChainRule<'_> {
             for i in 0..dim {
                 columns[i * dim + i] = V::from_f64(1.0);
             }
-            map.apply_along(&mut z, &mut columns, &mut scratch);
+            map.jvp(&mut z, &mut columns, &mut scratch);
             for (column, entries) in columns.chunks_exact(dim).enumerate() {
                 for (row, entry) in entries.iter().enumerate() {
                     store_entry(*entry, dim, row * dim + column, out);

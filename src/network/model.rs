@@ -248,7 +248,7 @@ impl<P: Scalar> Model<P> {
         self.composition.parameters()
     }
 
-    /// ε.
+    /// The parameter ε that the network is bound to.
     pub fn epsilon(&self) -> P {
         self.composition.epsilon()
     }

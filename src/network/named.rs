@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HenonShape {
-    /// n.
+    /// The degrees of freedom n.
     pub dof: usize,
     /// The number of neurons of each layer, in the order of application.
     pub widths: Vec<usize>,
@@ -161,7 +161,7 @@ impl CouplingGyroceptronShape {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SympNetShape {
-    /// n.
+    /// The degrees of freedom n.
     pub dof: usize,
     /// The number of linear modules.
     pub modules: usize,

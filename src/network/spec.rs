@@ -65,7 +65,7 @@ impl std::fmt::Display for LayerSizes {
 pub enum Circles {
     /// None: it has no ε and no angle.
     None,
-    /// One.
+    /// One circle.
     One,
     /// One or several, an angle for each.
     Several,

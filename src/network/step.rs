@@ -1,8 +1,8 @@
 //! The kinds of step, and the one place where a step is bound to its parameters.
 
 use crate::layer::{
-    Activation, Kick, KickForm, Shear, TanhPotential, TurnStep, TurnedCoupling, TurnedTwist, Twist,
-    TwistShears,
+    Activation, ElementaryMap, Kick, KickForm, TanhPotential, TurnStep, TurnedCoupling,
+    TurnedTwist, Twist, TwistShears,
 };
 use crate::phase::Half;
 use crate::scalar::Scalar;
@@ -24,7 +24,7 @@ pub struct Step {
     pub time: Option<f64>,
 }
 
-/// The kinds of step. A new one is a [`Shear`] in a file of `layer/`, a variant
+/// The kinds of step. A new one is an [`ElementaryMap`] in a file of `layer/`, a variant
 /// here and an arm of `Composition::bind`.
 #[derive(Clone, Debug)]
 pub enum Kind {
@@ -75,7 +75,7 @@ pub enum Kind {
     },
     /// An activation module of a SympNet.
     Activation {
-        /// σ.
+        /// The activation σ.
         activation: Activation,
         /// The half that it changes.
         target: Half,
@@ -111,7 +111,7 @@ pub trait Visitor<'a, P: Scalar>: Sized {
     const SPECIALISED: bool = false;
 
     /// Takes any step.
-    fn visit(self, shear: impl Shear<P> + 'a) -> Self::Output;
+    fn visit(self, shear: impl ElementaryMap<P> + 'a) -> Self::Output;
 
     /// Takes a kick of a Hénon layer.
     #[inline(always)]

@@ -31,7 +31,7 @@ impl Units {
         Ok(out)
     }
 
-    /// In words.
+    /// The units in words, for a reader of a report.
     pub fn describe(&self) -> String {
         let numbers = |values: &[f64]| {
             let texts: Vec<String> = values.iter().map(|value| format!("{value:.4e}")).collect();
@@ -76,12 +76,12 @@ impl Units {
         Ok(())
     }
 
-    /// n.
+    /// The degrees of freedom n.
     pub fn dof(&self) -> usize {
         self.centre.len() / 2
     }
 
-    /// c.
+    /// The centre c of the units in those of the data, 2n numbers.
     pub fn centre(&self) -> &[f64] {
         &self.centre
     }

@@ -89,6 +89,6 @@ impl Circles {
     pub(super) fn given(self) -> Result<Option<TorusAction>, Error> {
         let Self::Weights(circles) = self else { return Ok(None) };
         let circles: Vec<_> = circles.into_iter().map(CircleAction::new).collect();
-        TorusAction::new(circles).map(Some).map_err(|e| e.at(NAME))
+        TorusAction::new(circles).map(Some).map_err(|e| e.with_place(NAME))
     }
 }

@@ -230,7 +230,7 @@ impl Model {
         Ok(Some(out))
     }
 
-    /// The records of its training, of the last leg: a list of {"iteration": ..., "loss": ..., "held_out": ...},
+    /// The records of its training, of the last stage: a list of {"iteration": ..., "loss": ..., "held_out": ...},
     /// mean squared errors in units of the network, "held_out" None where it was not evaluated. None of a
     /// model that was loaded.
     #[getter]

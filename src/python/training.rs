@@ -75,19 +75,19 @@ impl TrainingObserver for Calling<'_> {
         self.checkpoints.as_ref().map_or(Ok(None), |checkpoints| checkpoints.earlier(stage))
     }
 
-    fn observe(&mut self, leg: TrainingStage, progress: Progress<'_>) -> Result<Control, Error> {
+    fn observe(&mut self, stage: TrainingStage, progress: Progress<'_>) -> Result<Control, Error> {
         let record = progress.record;
-        if leg == TrainingStage::Last {
+        if stage == TrainingStage::Last {
             self.times.points.push((record.iteration, self.start.elapsed().as_secs_f64()));
         }
         if let (Some(checkpoints), Some(checkpoint)) = (&mut self.checkpoints, progress.checkpoint)
         {
-            checkpoints.save(leg, checkpoint)?;
+            checkpoints.save(stage, checkpoint)?;
         }
         if self.stopped {
             return Ok(Control::Interrupt);
         }
-        let name = if leg == TrainingStage::Last { "training".to_owned() } else { leg.name() };
+        let name = if stage == TrainingStage::Last { "training".to_owned() } else { stage.name() };
         let told = (name, record.iteration, record.loss, record.validation);
         let goes_on = Python::attach(|py| -> PyResult<bool> {
             py.check_signals()?;
@@ -332,7 +332,7 @@ fn base(recipe: Option<&str>, scene: Option<PathBuf>) -> Result<(String, Fit), E
         (None, Some(name)) => {
             let name = name.display().to_string();
             let scene = Scene::read(&name)?;
-            let fit = scene.fit().map_err(|e| e.at(name))?;
+            let fit = scene.fit().map_err(|e| e.with_place(name))?;
             return Ok((scene.name, fit));
         }
         (None | Some("recommended"), None) => Fit::default(),

@@ -136,7 +136,7 @@ impl Scalar for DoubleDouble {
         self.0.0 == 0.0
     }
 
-    /// 2⁻¹⁰⁶.
+    /// The unit roundoff of double-doubles, 2⁻¹⁰⁶.
     fn unit_roundoff() -> f64 {
         (f64::EPSILON / 2.0) * (f64::EPSILON / 2.0)
     }
@@ -235,7 +235,7 @@ impl Elementary for DoubleDouble {
         }
     }
 
-    fn modulo(self, period: f64) -> Self {
+    fn rem_euclid(self, period: f64) -> Self {
         let (high, low) = self.parts();
         // The remainder of a double is exact.
         let rest = Self::new(high.rem_euclid(period), low);

@@ -229,8 +229,8 @@ impl<S: Elementary, const N: usize> Elementary for Dual<S, N> {
         self.zip(x, self.re.atan2(x.re), |y, x| y.mul_add(across, x * along))
     }
     #[inline(always)]
-    fn modulo(self, period: f64) -> Self {
-        Self { re: self.re.modulo(period), ..self }
+    fn rem_euclid(self, period: f64) -> Self {
+        Self { re: self.re.rem_euclid(period), ..self }
     }
 }
 

@@ -167,7 +167,7 @@ impl Elementary for f32 {
         libm::atan2(f64::from(self), f64::from(x)) as f32
     }
     #[inline]
-    fn modulo(self, period: f64) -> Self {
+    fn rem_euclid(self, period: f64) -> Self {
         self.rem_euclid(period as f32)
     }
 }

@@ -80,7 +80,7 @@ macro_rules! functions_of_lanes {
             self.pair_by_pair(x, libm::atan2)
         }
         #[inline(always)]
-        fn modulo(self, period: f64) -> Self {
+        fn rem_euclid(self, period: f64) -> Self {
             self.pair_by_pair(self, |x, _| x.rem_euclid(period))
         }
     };

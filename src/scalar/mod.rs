@@ -110,7 +110,7 @@ pub trait Scalar:
     /// The unit roundoff u of the underlying arithmetic: 2⁻⁵³ for `f64`.
     fn unit_roundoff() -> f64;
 
-    /// Zero.
+    /// The number zero.
     #[inline(always)]
     fn zero() -> Self {
         Self::from_f64(0.0)
@@ -122,7 +122,7 @@ pub trait Scalar:
         self.tanh_sech2().1
     }
 
-    /// tanh x.
+    /// The hyperbolic tangent, tanh x.
     #[inline(always)]
     fn tanh(self) -> Self {
         self.tanh_sech2().0
@@ -157,7 +157,7 @@ pub fn constant<S: Scalar>(value: f64) -> S {
 pub trait Elementary: Scalar {
     /// `(sin x, cos x)`.
     fn sin_cos(self) -> (Self, Self);
-    /// eˣ.
+    /// The exponential function, eˣ.
     fn exp(self) -> Self;
     /// self, and zero wherever `factor` is zero: a product in which 0·∞ is 0.
     fn zero_with(self, factor: Self) -> Self;
@@ -173,7 +173,7 @@ pub trait Elementary: Scalar {
     fn atan2(self, x: Self) -> Self;
     /// x less a multiple of the period, in [0, `period`] (the end by rounding alone):
     /// an angle. Derivatives are those of x.
-    fn modulo(self, period: f64) -> Self;
+    fn rem_euclid(self, period: f64) -> Self;
 }
 
 /// A number with one real part, on which code may branch.

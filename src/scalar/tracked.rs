@@ -159,8 +159,8 @@ impl Elementary for Tracked {
         Self { value, bound: inherited + 4.0 * value.abs() }
     }
     /// The remainder is exact, but where a multiple is added to a negative one.
-    fn modulo(self, period: f64) -> Self {
-        let value = self.value.modulo(period);
+    fn rem_euclid(self, period: f64) -> Self {
+        let value = self.value.rem_euclid(period);
         let inherited = self.bound;
         if self.value < 0.0 { Self::rounded(value, inherited) } else { Self { value, ..self } }
     }

@@ -11,7 +11,7 @@ pub(super) fn as_part(report: &Report) -> Part<'_> {
     Part {
         name: &report.scene.name,
         title: &report.scene.title,
-        epsilon: report.scene.setup.subject().map(|subject| subject.epsilon()),
+        epsilon: report.scene.setup.target().map(|target| target.epsilon()),
         studies: &report.studies,
         training_times: &report.training_times,
         command: command(&report.scene),

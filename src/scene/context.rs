@@ -7,7 +7,7 @@ use super::folder::Folder;
 use super::log::{Log, Stage, TrainingTimes};
 use super::part::Part;
 use super::setup::{Data, FlowBy, Need};
-use super::subject::Subject;
+use super::target_flow::TargetFlow;
 use super::trained::Trained;
 use crate::error::Error;
 use crate::flow::{Pairs, ReferenceTrajectories, Trajectories, Window, orbits_of, sample_of};
@@ -19,14 +19,14 @@ use serde_json::json;
 use std::rc::Rc;
 
 /// Why a run ends before its report.
-pub(super) enum Halt {
+pub(super) enum RunError {
     /// The observer interrupted it.
     Interrupted,
     /// Something went wrong.
     Failed(Error),
 }
 
-impl From<Error> for Halt {
+impl From<Error> for RunError {
     fn from(error: Error) -> Self {
         Self::Failed(error)
     }
@@ -131,8 +131,8 @@ impl<'a> Context<'a> {
     }
 
     /// What the networks stand for.
-    pub(super) fn subject(&self) -> Result<Subject<'a>, Error> {
-        self.scene.setup.subject().ok_or_else(|| self.missing(Need::Subject))
+    pub(super) fn target(&self) -> Result<TargetFlow<'a>, Error> {
+        self.scene.setup.target().ok_or_else(|| self.missing(Need::TargetFlow))
     }
 
     /// The flow time of the set-up.
@@ -146,7 +146,7 @@ impl<'a> Context<'a> {
     }
 
     /// The training and held-out pairs.
-    pub(super) fn data(&mut self) -> Result<Rc<DataSets>, Halt> {
+    pub(super) fn data(&mut self) -> Result<Rc<DataSets>, RunError> {
         if let Some(data) = &self.data {
             return Ok(Rc::clone(data));
         }
@@ -173,7 +173,7 @@ impl<'a> Context<'a> {
     }
 
     /// The pairs of the same points at another ε and flow time.
-    pub(super) fn data_at(&mut self, epsilon: f64, time: f64) -> Result<Rc<DataSets>, Halt> {
+    pub(super) fn data_at(&mut self, epsilon: f64, time: f64) -> Result<Rc<DataSets>, RunError> {
         let family = self.scene.setup.data.as_ref().is_some_and(Data::is_family);
         if !family && (epsilon, time) == (self.system()?.epsilon(), self.flow_time()?) {
             return self.data();
@@ -232,7 +232,7 @@ impl<'a> Context<'a> {
 
     /// The held-out pairs of the same points at another ε and flow time, and the mean
     /// squared error of the limiting rotation on them.
-    pub(super) fn judge_at(&mut self, epsilon: f64, time: f64) -> Result<(Pairs, f64), Halt> {
+    pub(super) fn judge_at(&mut self, epsilon: f64, time: f64) -> Result<(Pairs, f64), RunError> {
         let declared = self.scene.setup.data.as_ref().ok_or_else(|| self.missing(Need::Data))?;
         let system = self.system()?.clone().with_epsilon(epsilon);
         let name = format!("reference flow for ε = {epsilon} and time {time}");
@@ -253,9 +253,9 @@ impl<'a> Context<'a> {
     pub(super) fn trajectories_of_file(
         &mut self,
         states: usize,
-    ) -> Result<Rc<ReferenceTrajectories>, Halt> {
-        let Subject::File(file) = self.subject()? else {
-            return Err(self.missing(Need::Subject).into());
+    ) -> Result<Rc<ReferenceTrajectories>, RunError> {
+        let TargetFlow::File(file) = self.target()? else {
+            return Err(self.missing(Need::TargetFlow).into());
         };
         let path = file.trajectories.ok_or_else(|| {
             let (place, key) = (format!("scene {}", self.scene.name), "data.trajectories");
@@ -277,7 +277,7 @@ impl<'a> Context<'a> {
         initial: &[Vec<f64>],
         interval: f64,
         states: usize,
-    ) -> Result<Rc<ReferenceTrajectories>, Halt> {
+    ) -> Result<Rc<ReferenceTrajectories>, RunError> {
         let (system, initial) = (system.clone(), initial.to_vec());
         let request = ReferenceRequest { system, initial, interval, states };
         if let Some((_, made)) = self.references.iter().find(|(earlier, _)| *earlier == request) {

@@ -1,7 +1,7 @@
 //! The pairs of a scene, from windows or of a file.
 
 use super::setup::{Data, FlowBy};
-use super::subject::FileData;
+use super::target_flow::FileData;
 use crate::error::Error;
 use crate::flow::{Pairs, Region};
 use crate::io::read_pairs;

@@ -3,7 +3,7 @@
 use super::declared::Declared;
 use super::network_file::read_network;
 use super::registry::{AnyStudy, Scene};
-use super::setup::{Attempt, Setup, check_name};
+use super::setup::{SeededTraining, Setup, check_name};
 use super::study::pairs::PairsStudy;
 use super::study::shared::Study;
 use super::study::training::TrainingStudy;
@@ -18,7 +18,7 @@ impl Scene {
     /// Fails unless what is named is in range and fits together. `place` names the
     /// scene in errors.
     pub(super) fn check(&self, place: &str) -> Result<(), Error> {
-        self.check_own().map_err(|e| e.at(place))?;
+        self.check_own().map_err(|e| e.with_place(place))?;
         for part in &self.parts {
             part.check(&format!("{place}: parts.{}", part.name))?;
         }
@@ -36,7 +36,7 @@ impl Scene {
         self.check_files()?;
         let declared = self.declared();
         for study in self.all_studies() {
-            study.check(&declared).map_err(|e| e.at(study.name()))?;
+            study.check(&declared).map_err(|e| e.with_place(study.name()))?;
             let dissipating = self.setup.system.as_ref().filter(|system| system.dissipates());
             if let (true, Some(system)) = (study.is_of_invariants(), dissipating) {
                 let expected = "a system without dissipation: it is of what Hamiltonian flows keep";
@@ -70,14 +70,14 @@ impl Scene {
         Ok(())
     }
 
-    /// Fails unless each leg of each training has a checkpoint of its own.
+    /// Fails unless each stage of each training has a checkpoint of its own.
     fn check_files(&self) -> Result<(), Error> {
         let mut names = BTreeSet::new();
-        for Attempt { spec, .. } in self.attempts() {
-            for leg in TrainingStage::all(self.setup.training_of(&spec)) {
-                let name = format!("{}{}", spec.name, leg.suffix());
+        for SeededTraining { spec, .. } in self.attempts() {
+            for stage in TrainingStage::all(self.setup.training_of(&spec)) {
+                let name = format!("{}{}", spec.name, stage.suffix());
                 if !names.insert(name.clone()) {
-                    let expected = "a name for each, also with what is added for a start, a rung, twists or a flow time";
+                    let expected = "a name for each, also with what is added for a start, a stage, twists or a flow time";
                     return Err(Error::invalid("models", format!("`{name}` twice"), expected));
                 }
             }
@@ -92,7 +92,7 @@ impl Scene {
     pub fn complete(&self) -> Result<(), Error> {
         let place = format!("scene {}", self.name);
         // Options of a command may have changed it since it was read.
-        self.check_own().map_err(|e| e.at(&place))?;
+        self.check_own().map_err(|e| e.with_place(&place))?;
         for part in &self.parts {
             part.complete()?;
         }
@@ -112,7 +112,7 @@ impl Scene {
         }
         if studies.is_empty() && self.parts.is_empty() {
             let expected = "data, a study or parts, for something to run";
-            return Err(Error::invalid("studies", "none", expected).at(place));
+            return Err(Error::invalid("studies", "none", expected).with_place(place));
         }
         Ok(())
     }
@@ -136,7 +136,7 @@ impl Scene {
     }
 
     /// Fails where trajectories of a file are not what a roll-out needs, or where a file of a network, of its
-    /// own or of a part, cannot be read, is not of the scene's subject and flow time, or is in the folder that the run writes to and may clear: before anything is
+    /// own or of a part, cannot be read, is not of the scene's target and flow time, or is in the folder that the run writes to and may clear: before anything is
     /// computed.
     ///
     /// # Errors
@@ -146,9 +146,9 @@ impl Scene {
         let true_path = |path: &Path| path.canonicalize().or_else(|_| std::path::absolute(path));
         for model in &self.setup.models {
             let Some(path) = &model.network.path else { continue };
-            let place = |error: Error| error.at(format!("models.{}", model.name));
-            if let (Some(subject), Some(time)) = (self.setup.subject(), self.setup.flow_time) {
-                read_network(path, subject, time).map_err(place)?;
+            let place = |error: Error| error.with_place(format!("models.{}", model.name));
+            if let (Some(target), Some(time)) = (self.setup.target(), self.setup.flow_time) {
+                read_network(path, target, time).map_err(place)?;
             }
             if let (Ok(file), Ok(folder)) = (true_path(path), true_path(folder))
                 && file.starts_with(&folder)
@@ -192,8 +192,8 @@ impl Scene {
             let shorter = |iterations: u64| (iterations / 4).max(20).min(iterations);
             training.iterations = shorter(training.iterations);
             training.starts = None;
-            for rung in &mut training.ramp {
-                rung.iterations = shorter(rung.iterations);
+            for stage in &mut training.ramp {
+                stage.iterations = shorter(stage.iterations);
             }
             if let Some(fresh) = &mut training.fresh_twists {
                 (fresh.count, fresh.iterations) = (1, shorter(fresh.iterations));
@@ -260,8 +260,8 @@ impl Scene {
     }
 
     /// All trainings: of the set-up, and of studies that train networks of their own.
-    pub(super) fn attempts(&self) -> Vec<Attempt> {
-        let mut out: Vec<Attempt> = self.setup.attempts().collect();
+    pub(super) fn attempts(&self) -> Vec<SeededTraining> {
+        let mut out: Vec<SeededTraining> = self.setup.attempts().collect();
         let studies = self.studies.iter().map(AnyStudy::study);
         out.extend(studies.flat_map(|study| study.trainings(&self.setup)));
         out

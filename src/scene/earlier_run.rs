@@ -127,8 +127,8 @@ impl Folder {
         names.extend(KEPT.iter().chain(&CHECKPOINTS).map(|name| (*name).to_owned()));
         if let Some(earlier) = earlier {
             for attempt in earlier.attempts() {
-                for leg in TrainingStage::all(earlier.setup.training_of(&attempt.spec)) {
-                    let suffix = leg.suffix();
+                for stage in TrainingStage::all(earlier.setup.training_of(&attempt.spec)) {
+                    let suffix = stage.suffix();
                     names.push(format!("checkpoint{suffix}"));
                     names.push(format!("checkpoint-{}{suffix}", attempt.spec.name));
                 }

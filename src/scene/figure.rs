@@ -18,7 +18,7 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// Its file.
+    /// The name of its file in the folder of the run.
     pub fn file(&self) -> String {
         file_of(self.name)
     }

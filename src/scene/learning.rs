@@ -1,11 +1,11 @@
 //! Training the networks of a scene, with checkpoints.
 
-use super::context::{Context, Halt, RolloutRequest};
+use super::context::{Context, RolloutRequest, RunError};
 use super::data_sets::DataSets;
 use super::event::Event;
 use super::log::TrainingTimes;
 use super::network_file::read_network;
-use super::setup::{Attempt, ModelSpec};
+use super::setup::{ModelSpec, SeededTraining};
 use super::trained::{Trained, held_out_error, loss_of};
 use crate::error::Error;
 use crate::flow::Trajectories;
@@ -22,14 +22,14 @@ use std::time::Instant;
 
 impl Context<'_> {
     /// The networks that are to be studied, trained.
-    pub(super) fn models(&mut self) -> Result<Vec<Rc<Trained>>, Halt> {
+    pub(super) fn models(&mut self) -> Result<Vec<Rc<Trained>>, RunError> {
         let all = self.all_models()?;
         Ok(all.into_iter().filter(|trained| !trained.spec.training_only).collect())
     }
 
     /// The networks, trained, with those that are here for their training only: from
     /// their checkpoints where the run goes on with one.
-    pub(super) fn all_models(&mut self) -> Result<Vec<Rc<Trained>>, Halt> {
+    pub(super) fn all_models(&mut self) -> Result<Vec<Rc<Trained>>, RunError> {
         if let Some(models) = &self.models {
             return Ok(models.clone());
         }
@@ -48,7 +48,7 @@ impl Context<'_> {
         &mut self,
         initial: &[Vec<f64>],
         request: Rollout,
-    ) -> Result<Rc<Vec<Trajectories>>, Halt> {
+    ) -> Result<Rc<Vec<Trajectories>>, RunError> {
         let wanted = RolloutRequest { initial: initial.to_vec(), request };
         if let Some((_, made)) = self.rollouts.iter().find(|(earlier, _)| *earlier == wanted) {
             return Ok(Rc::clone(made));
@@ -69,7 +69,11 @@ impl Context<'_> {
 
 /// Trains a network, from its checkpoint where the run goes on with one, and writes
 /// its file.
-fn learn(context: &mut Context<'_>, data: &DataSets, attempt: Attempt) -> Result<Trained, Halt> {
+fn learn(
+    context: &mut Context<'_>,
+    data: &DataSets,
+    attempt: SeededTraining,
+) -> Result<Trained, RunError> {
     let time = context.flow_time()?;
     learn_at(context, data, attempt, time, None)
 }
@@ -79,34 +83,34 @@ fn learn(context: &mut Context<'_>, data: &DataSets, attempt: Attempt) -> Result
 pub(super) fn learn_at(
     context: &mut Context<'_>,
     data: &DataSets,
-    attempt: Attempt,
+    attempt: SeededTraining,
     time: f64,
     from: Option<(&Model, f64)>,
-) -> Result<Trained, Halt> {
-    let Attempt { spec, network, number } = attempt;
+) -> Result<Trained, RunError> {
+    let SeededTraining { spec, network, number } = attempt;
     let (scene, folder) = (context.scene, context.folder);
-    let subject = context.subject()?;
+    let target = context.target()?;
     let mut options = scene.setup.training_of(&spec).clone();
-    options.loss = loss_of(&options.loss, subject, data)?;
+    options.loss = loss_of(&options.loss, target, data)?;
     // A ramp is up to the flow time that is wanted; weights of an earlier one come from there.
-    let leads_up = |rung: &RampStage| {
-        let other_epsilon = rung.epsilon.is_some_and(|epsilon| epsilon != subject.epsilon());
-        rung.flow_time.is_none_or(|rung| rung < time || rung == time && other_epsilon)
+    let leads_up = |stage: &RampStage| {
+        let other_epsilon = stage.epsilon.is_some_and(|epsilon| epsilon != target.epsilon());
+        stage.flow_time.is_none_or(|stage| stage < time || stage == time && other_epsilon)
     };
-    options.ramp.retain(|rung| from.is_none() && leads_up(rung));
-    // Weights of an earlier flow time come with twists of their own, and where no rung leads
+    options.ramp.retain(|stage| from.is_none() && leads_up(stage));
+    // Weights of an earlier flow time come with twists of their own, and where no stage leads
     // up there is no chart to train fresh ones in.
     options.fresh_twists = options.fresh_twists.filter(|_| !options.ramp.is_empty());
     let options = &options;
     let seed = scene.seed.wrapping_add(number);
-    let (action, epsilon) = (subject.circle_action(), subject.epsilon());
+    let (action, epsilon) = (target.circle_action(), target.epsilon());
     if spec.network.is_of_file() {
         return of_file(context, data, spec);
     }
     let architecture = spec.network.architecture(&action.into(), epsilon, time)?;
-    let theta = subject.angle(time, &data.training);
+    let theta = target.angle(time, &data.training);
     // The check of the set-up has found them.
-    let angles = subject.angles(&architecture, theta, &data.training);
+    let angles = target.angles(&architecture, theta, &data.training);
     let angles = angles.unwrap_or_else(|| vec![theta; architecture.circles.len()]);
     let initial = InitialModels {
         architecture: &architecture,
@@ -115,20 +119,25 @@ pub(super) fn learn_at(
         seed,
         from: from.map(|(model, earlier)| (model, time / earlier)),
     };
-    let mut rungs = Vec::new();
-    for rung in &options.ramp {
-        let rung_epsilon = rung.epsilon.unwrap_or(epsilon);
-        let rung_time = rung.flow_time.unwrap_or(time);
-        rungs.push((rung, rung_epsilon, rung_time, context.data_at(rung_epsilon, rung_time)?));
+    let mut stages = Vec::new();
+    for stage in &options.ramp {
+        let stage_epsilon = stage.epsilon.unwrap_or(epsilon);
+        let stage_time = stage.flow_time.unwrap_or(time);
+        stages.push((
+            stage,
+            stage_epsilon,
+            stage_time,
+            context.data_at(stage_epsilon, stage_time)?,
+        ));
     }
-    let mut places: Vec<StageData<'_>> = rungs
+    let mut places: Vec<StageData<'_>> = stages
         .iter()
-        .map(|(rung, epsilon, rung_time, data)| StageData {
+        .map(|(stage, epsilon, stage_time, data)| StageData {
             epsilon: *epsilon,
-            time: rung_time / time,
+            time: stage_time / time,
             pairs: &data.training,
             held_out: data.validation(),
-            iterations: rung.iterations,
+            iterations: stage.iterations,
         })
         .collect();
     let (pairs, held_out, iterations) = (&data.training, data.validation(), options.iterations);
@@ -137,11 +146,11 @@ pub(super) fn learn_at(
     let result = train_schedule(&mut |number| initial.model(number), &places, options, &mut watch);
     let times = watch.times;
     context.add_training_times(times);
-    let Scheduled { initial, legs, outcome } = result?;
+    let Scheduled { initial, stages, outcome } = result?;
     let (stop, best) = (outcome.stop, outcome.best);
     context.tell(Event::Trained { model: &spec.name, stop, best });
     if stop == Stop::Interrupted {
-        return Err(Halt::Interrupted);
+        return Err(RunError::Interrupted);
     }
     let provenance = Provenance {
         seed: Some(seed),
@@ -155,7 +164,7 @@ pub(super) fn learn_at(
         StoredModel { model: outcome.model.clone(), units: data.units.clone(), provenance };
     save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
     let held_out_error = held_out_error(&outcome, &options.loss, data.validation())?;
-    Ok(Trained { spec, network, initial, legs, outcome, held_out_error })
+    Ok(Trained { spec, network, initial, stages, outcome, held_out_error })
 }
 
 /// Saves checkpoints, takes times, and tells how it goes.
@@ -164,7 +173,7 @@ struct SceneWatch<'w, 'a> {
     spec: &'w ModelSpec,
     options: &'w TrainingOptions,
     times: TrainingTimes,
-    /// The leg under way, when it began, and the seconds before: of other legs, and of its own in
+    /// The stage under way, when it began, and the seconds before: of other stages, and of its own in
     /// the run that is gone on with.
     under_way: Option<(TrainingStage, Instant, f64, f64)>,
     earlier: TrainingTimes,
@@ -181,61 +190,61 @@ impl<'w, 'a> SceneWatch<'w, 'a> {
         Self { context, spec, options, times, under_way: None, earlier }
     }
 
-    fn file(&self, leg: TrainingStage) -> PathBuf {
+    fn file(&self, stage: TrainingStage) -> PathBuf {
         let (scene, folder) = (self.context.scene, self.context.folder);
-        folder.file_of_model(scene, "checkpoint", self.spec, &leg.suffix())
+        folder.file_of_model(scene, "checkpoint", self.spec, &stage.suffix())
     }
 }
 
 impl TrainingObserver for SceneWatch<'_, '_> {
-    fn earlier(&mut self, leg: TrainingStage) -> Result<Option<Checkpoint>, Error> {
-        let file = self.file(leg);
+    fn earlier(&mut self, stage: TrainingStage) -> Result<Option<Checkpoint>, Error> {
+        let file = self.file(stage);
         let found = earlier_checkpoint(&file, self.context.folder.resumes())?;
         let before = self.times.before();
         let resumed_at = found.as_ref().map_or(0, |checkpoint| checkpoint.last().iteration);
-        let of_leg = match leg {
+        let of_stage = match stage {
             TrainingStage::Last => {
                 self.times.points = std::mem::take(&mut self.earlier.points);
                 self.times.points.retain(|(iteration, _)| *iteration <= resumed_at);
                 self.times.points.last().map_or(0.0, |(_, seconds)| seconds - before)
             }
             _ => {
-                let name = leg.name();
-                let earlier = self.earlier.legs.iter().find(|(other, _)| *other == name);
+                let name = stage.name();
+                let earlier = self.earlier.stages.iter().find(|(other, _)| *other == name);
                 let seconds = match (&found, earlier) {
                     (Some(_), Some((_, seconds))) => *seconds,
                     _ => 0.0,
                 };
-                self.times.legs.push((name, seconds));
+                self.times.stages.push((name, seconds));
                 seconds
             }
         };
-        self.under_way = Some((leg, Instant::now(), before, of_leg));
+        self.under_way = Some((stage, Instant::now(), before, of_stage));
         Ok(found)
     }
 
-    fn observe(&mut self, leg: TrainingStage, progress: Progress<'_>) -> Result<Control, Error> {
+    fn observe(&mut self, stage: TrainingStage, progress: Progress<'_>) -> Result<Control, Error> {
         let record = progress.record;
-        if let Some((_, start, before, of_leg)) = &self.under_way {
-            let seconds = of_leg + start.elapsed().as_secs_f64();
-            match leg {
+        if let Some((_, start, before, of_stage)) = &self.under_way {
+            let seconds = of_stage + start.elapsed().as_secs_f64();
+            match stage {
                 TrainingStage::Last
                     if record.validation.is_some() || progress.checkpoint.is_some() =>
                 {
                     self.times.points.push((record.iteration, before + seconds));
                 }
                 TrainingStage::Last => {}
-                _ => self.times.legs.last_mut().into_iter().for_each(|last| last.1 = seconds),
+                _ => self.times.stages.last_mut().into_iter().for_each(|last| last.1 = seconds),
             }
         }
         if let Some(checkpoint) = progress.checkpoint {
-            save_checkpoint(&self.file(leg), checkpoint)?;
+            save_checkpoint(&self.file(stage), checkpoint)?;
             self.context.save_training_times(&self.times)?;
         }
-        let iterations = leg.iterations(self.options);
-        let model = match leg {
+        let iterations = stage.iterations(self.options);
+        let model = match stage {
             TrainingStage::Last => self.spec.name.clone(),
-            _ => format!("{}, {}", self.spec.name, leg.name()),
+            _ => format!("{}, {}", self.spec.name, stage.name()),
         };
         self.context.tell(Event::Iteration { model: &model, record, iterations });
         Ok(if self.context.interrupted() { Control::Interrupt } else { Control::Continue })
@@ -243,15 +252,15 @@ impl TrainingObserver for SceneWatch<'_, '_> {
 }
 
 /// A network that was trained elsewhere, judged by the pairs that choose among the models of a training.
-fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Trained, Halt> {
+fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Trained, RunError> {
     let (scene, folder) = (context.scene, context.folder);
     let Some(path) = &spec.network.path else {
         let (place, key) = (format!("scene {}", scene.name), "models.network.path");
         return Err(Error::Missing { place, key, needed_by: spec.name }.into());
     };
-    let mut stored = read_network(path, context.subject()?, context.flow_time()?)?;
+    let mut stored = read_network(path, context.target()?, context.flow_time()?)?;
     let model = stored.model.clone();
-    let loss = loss_of(&scene.setup.training_of(&spec).loss, context.subject()?, data)?;
+    let loss = loss_of(&scene.setup.training_of(&spec).loss, context.target()?, data)?;
     let objective = Objective::new(&loss, &data.training)?;
     let of_held_out = loss.of_held_out();
     let validation = data.validation().map(|pairs| Objective::new(&of_held_out, pairs));
@@ -274,6 +283,6 @@ fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Tr
         stop: Stop::NotTrained,
     };
     let held_out_error = held_out_error(&outcome, &loss, data.validation())?;
-    let (network, legs) = (spec.name.clone(), Vec::new());
-    Ok(Trained { network, spec, initial: model, legs, outcome, held_out_error })
+    let (network, stages) = (spec.name.clone(), Vec::new());
+    Ok(Trained { network, spec, initial: model, stages, outcome, held_out_error })
 }

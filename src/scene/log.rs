@@ -22,19 +22,19 @@ pub struct TrainingTimes {
     /// Its name.
     pub model: String,
     /// (iteration, seconds of training since its start, without the time between a
-    /// killed run and the one that goes on with it). Of a training in legs, iterations of the
+    /// killed run and the one that goes on with it). Of a training in stages, iterations of the
     /// last, and the seconds of all.
     pub points: Vec<(u64, f64)>,
-    /// The seconds of each leg before the last, by its name.
+    /// The seconds of each stage before the last, by its name.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub legs: Vec<(String, f64)>,
+    pub stages: Vec<(String, f64)>,
 }
 
 impl TrainingTimes {
-    /// Of all legs before the last.
+    /// Of all stages before the last.
     pub fn before(&self) -> f64 {
         // Not `sum`, which is −0 of nothing.
-        self.legs.iter().fold(0.0, |sum, (_, seconds)| sum + seconds)
+        self.stages.iter().fold(0.0, |sum, (_, seconds)| sum + seconds)
     }
 
     /// Seconds at an iteration, where they were taken.

@@ -4,7 +4,7 @@
 //! and studies of it, or consists of parts, which are scenes. What it does not name is
 //! not computed.
 //!
-//! - [`Setup`], `subject`, `declared`: what studies know of their scene.
+//! - [`Setup`], `target_flow`, `declared`: what studies know of their scene.
 //! - [`findings`], [`figure`], `part`: tables, figures, a verdict, data: what a study gives back.
 //! - `event`, `folder`, `log`: who listens to a run, its files, how much was computed and how
 //!   long it took.
@@ -51,7 +51,7 @@ mod report;
 mod run;
 mod setup;
 pub mod study;
-mod subject;
+mod target_flow;
 mod trained;
 mod trust;
 mod words;

@@ -54,5 +54,6 @@ fn starts_of_orbits(stored: &StoredModel, options: &CertificateOptions) -> Vec<f
 /// model knows none.
 pub fn own_invariance_fault(stored: &StoredModel, options: &CertificateOptions) -> Option<String> {
     let starts = starts_of_orbits(stored, options);
-    OwnInvariance::of(&stored.model, &starts, OwnInvariance::ITERATIONS).and_then(|own| own.fault())
+    OwnInvariance::measure(&stored.model, &starts, OwnInvariance::ITERATIONS)
+        .and_then(|own| own.fault())
 }

@@ -1,8 +1,8 @@
 //! What a scene says of a training, for pairs of one's own.
 
 use super::catalogue::find;
-use super::registry::Scene;
 use super::parse::parse;
+use super::registry::Scene;
 use crate::error::Error;
 use crate::network::NetworkSpec;
 use crate::train::Fit;

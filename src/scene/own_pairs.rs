@@ -174,7 +174,7 @@ impl OwnTraining<'_> {
             units,
         };
         let figures = [judged.prediction()?, judged.orbits()?];
-        let Scheduled { initial, legs, outcome } = training;
+        let Scheduled { initial, stages, outcome } = training;
         let held_out_error = held_out_error(&outcome, &options.loss, held_out)?;
         let spec = ModelSpec {
             name,
@@ -185,7 +185,7 @@ impl OwnTraining<'_> {
             seeds: None,
         };
         let models = vec![spec.clone()];
-        let trained = Trained { spec, network, initial, legs, outcome, held_out_error };
+        let trained = Trained { spec, network, initial, stages, outcome, held_out_error };
         // Those of pairs that it was trained on are no held-out errors.
         let if_held_out = |values: &[f64]| match held_out {
             Some(_) => values.to_vec(),

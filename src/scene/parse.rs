@@ -50,10 +50,12 @@ fn without_named_scenes<'a>(
     let line = text[..value.span().start].matches('\n').count() + 1;
     let place = format!("{place}:{line}");
     let written = &text[value.span()];
-    let invalid = || Error::invalid("scenes", written, "names of built-in scenes").at(&place);
+    let invalid =
+        || Error::invalid("scenes", written, "names of built-in scenes").with_place(&place);
     let mut scenes = Vec::new();
     for name in value.get_ref().as_array().ok_or_else(invalid)?.iter() {
-        let entry = find(name.get_ref().as_str().ok_or_else(invalid)?).map_err(|e| e.at(&place))?;
+        let entry =
+            find(name.get_ref().as_str().ok_or_else(invalid)?).map_err(|e| e.with_place(&place))?;
         scenes.push(entry.scene()?);
     }
     let assignment = key.span().start..value.span().end;

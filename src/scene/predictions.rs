@@ -129,7 +129,7 @@ impl Judged<'_> {
                 let (i, k) = (plane, dof + plane);
                 let mut series = Vec::new();
                 for m in 0..count {
-                    let points = orbits.of(m).take_while(inside).map(|z| (z[i], z[k])).collect();
+                    let points = orbits.orbit(m).take_while(inside).map(|z| (z[i], z[k])).collect();
                     let (name, color) = (format!("orbit {}", m + 1), color_of(m));
                     series.push(Series { name, color, style: Style::Dots, points });
                 }

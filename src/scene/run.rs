@@ -1,7 +1,7 @@
 //! Running a scene into a folder.
 
 use super::command::as_part;
-use super::context::{Context, Halt};
+use super::context::{Context, RunError};
 use super::event::{Event, Observer};
 use super::figure::data_file_of;
 use super::findings::StudyFindings;
@@ -30,8 +30,8 @@ pub fn run(
     folder.check_parts(scene)?;
     match run_complete(scene, folder, observer) {
         Ok(report) => Ok(Some(report)),
-        Err(Halt::Interrupted) => Ok(None),
-        Err(Halt::Failed(error)) => Err(error),
+        Err(RunError::Interrupted) => Ok(None),
+        Err(RunError::Failed(error)) => Err(error),
     }
 }
 
@@ -39,7 +39,7 @@ fn run_complete(
     scene: &Scene,
     folder: &Folder,
     observer: &mut dyn Observer,
-) -> Result<Report, Halt> {
+) -> Result<Report, RunError> {
     // A resumed run that turns out to be another one must not leave its name.
     if !folder.resumes() {
         folder.save_scene(scene)?;

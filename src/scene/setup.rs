@@ -4,7 +4,7 @@ use crate::error::Error;
 use crate::flow::{Integrator, Pairs, ReferenceTrajectories, Window, whole_periods};
 use crate::layer::CircleAction;
 use crate::network::{InitialWeights, NetworkSpec};
-use crate::scene::subject::{FileData, Subject};
+use crate::scene::target_flow::{FileData, TargetFlow};
 use crate::system::{Counted, Hamiltonian, System};
 use crate::train::TrainingOptions;
 use serde::{Deserialize, Serialize};
@@ -87,7 +87,8 @@ impl FlowBy {
     /// Its steps in a time.
     fn steps(self, time: f64) -> Result<usize, Error> {
         let steps = (time / self.step).ceil();
-        let place = |error: Error| error.at(format!("data.flow.step {} in {time}", self.step));
+        let place =
+            |error: Error| error.with_place(format!("data.flow.step {} in {time}", self.step));
         Error::check_range("steps", steps, 1.0, MOST as f64).map_err(place)?;
         Ok(steps as usize)
     }
@@ -146,7 +147,7 @@ pub struct ModelSpec {
 
 /// A training: of a network, and from which of its initial weights.
 #[derive(Clone, Debug)]
-pub(super) struct Attempt {
+pub(super) struct SeededTraining {
     /// The network, by the name of its files.
     pub(super) spec: ModelSpec,
     /// The name that the scene gives it.
@@ -160,14 +161,14 @@ impl ModelSpec {
     pub const OWN_WEIGHTS: InitialWeights = InitialWeights::Normal { scale: 0.15 };
 
     /// One for each of its seeds.
-    pub(super) fn attempts(&self) -> impl Iterator<Item = Attempt> + '_ {
+    pub(super) fn attempts(&self) -> impl Iterator<Item = SeededTraining> + '_ {
         (0..self.seeds.unwrap_or(1)).map(|number| {
             let mut spec = self.clone();
             if number > 0 {
                 spec.name = format!("{}-seed-{}", self.name, number + 1);
                 spec.training_only = true;
             }
-            Attempt { spec, network: self.name.clone(), number }
+            SeededTraining { spec, network: self.name.clone(), number }
         })
     }
 }
@@ -200,7 +201,9 @@ pub(super) fn check_points(
     let sound = |point: &&Vec<f64>| point.len() == 2 * dof && point.iter().all(|v| v.is_finite());
     match points.iter().find(|point| !sound(point)) {
         Some(bad) => Err(Error::invalid(name, format!("{bad:?}"), expected)),
-        None => points.iter().try_for_each(|z| system.check_point(z).map_err(|e| e.at(name))),
+        None => {
+            points.iter().try_for_each(|z| system.check_point(z).map_err(|e| e.with_place(name)))
+        }
     }
 }
 
@@ -210,7 +213,7 @@ pub enum Need {
     /// The system.
     System,
     /// A system or pairs of a file.
-    Subject,
+    TargetFlow,
     /// The flow time.
     FlowTime,
     /// The data.
@@ -223,7 +226,7 @@ impl Need {
     /// Its key in a scene file.
     pub fn key(self) -> &'static str {
         match self {
-            Self::System | Self::Subject => "system",
+            Self::System | Self::TargetFlow => "system",
             Self::FlowTime => "flow_time",
             Self::Data => "data",
             Self::Models => "models",
@@ -239,7 +242,7 @@ impl Setup {
     /// [`Error::Invalid`] with the time.
     pub(super) fn check_repeated(&self, time: f64) -> Result<(), Error> {
         match self.system.as_ref().and_then(System::period) {
-            Some(period) => whole_periods(time, period).map_err(|e| e.at("flow_time")),
+            Some(period) => whole_periods(time, period).map_err(|e| e.with_place("flow_time")),
             None => Ok(()),
         }
     }
@@ -263,7 +266,7 @@ impl Setup {
     pub fn has(&self, need: Need) -> bool {
         match need {
             Need::System => self.system.is_some(),
-            Need::Subject => self.subject().is_some(),
+            Need::TargetFlow => self.target().is_some(),
             Need::FlowTime => self.flow_time.is_some(),
             Need::Data => self.data.is_some(),
             Need::Models => self.models.iter().any(|model| !model.training_only),
@@ -271,13 +274,13 @@ impl Setup {
     }
 
     /// What the networks stand for.
-    pub(super) fn subject(&self) -> Option<Subject<'_>> {
-        let file = || self.data.as_ref().and_then(Data::file).map(Subject::File);
-        self.system.as_ref().map(Subject::System).or_else(file)
+    pub(super) fn target(&self) -> Option<TargetFlow<'_>> {
+        let file = || self.data.as_ref().and_then(Data::file).map(TargetFlow::File);
+        self.system.as_ref().map(TargetFlow::System).or_else(file)
     }
 
     /// All trainings.
-    pub(super) fn attempts(&self) -> impl Iterator<Item = Attempt> + '_ {
+    pub(super) fn attempts(&self) -> impl Iterator<Item = SeededTraining> + '_ {
         self.models.iter().flat_map(ModelSpec::attempts)
     }
 
@@ -297,14 +300,14 @@ impl Setup {
             return Err(Error::invalid("flow_time", time, "a positive number"));
         }
         for model in &self.models {
-            check_name(&model.name).map_err(|e| e.at("models"))?;
+            check_name(&model.name).map_err(|e| e.with_place("models"))?;
             let place = || format!("models.{}.network", model.name);
-            model.network.check().map_err(|e| e.at(place()))?;
+            model.network.check().map_err(|e| e.with_place(place()))?;
             if let Some(seeds) = model.seeds {
                 let most = MOST_SEEDS as usize;
                 let found = usize::try_from(seeds).unwrap_or(usize::MAX);
                 Error::check_count_range("seeds", found, 1, most)
-                    .map_err(|e| e.at(format!("models.{}", model.name)))?;
+                    .map_err(|e| e.with_place(format!("models.{}", model.name)))?;
             }
             if model.network.is_of_file() && (model.seeds.is_some() || model.training.is_some()) {
                 let expected = "neither seeds nor training for a network of a file";
@@ -314,7 +317,7 @@ impl Setup {
         self.training.check()?;
         for model in &self.models {
             let place = format!("models.{}", model.name);
-            self.training_of(model).check().map_err(|e| e.at(place))?;
+            self.training_of(model).check().map_err(|e| e.with_place(place))?;
         }
         if let Some(data) = &self.data {
             data.check()?;
@@ -322,20 +325,20 @@ impl Setup {
                 flow.steps(time)?;
             }
             if let (true, Some(time)) = (data.orbit > 1, self.flow_time) {
-                self.check_repeated(time).map_err(|e| e.at("data.orbit"))?;
+                self.check_repeated(time).map_err(|e| e.with_place("data.orbit"))?;
             }
         }
         if let Some(system) = &self.system {
             system.check()?;
             if let Some(data) = &self.data {
-                system.check_with(&data.epsilons).map_err(|e| e.at("data.epsilons"))?;
+                system.check_with(&data.epsilons).map_err(|e| e.with_place("data.epsilons"))?;
             }
             if let Some(flow) = self.data.as_ref().and_then(|data| data.flow) {
-                flow.integrator.check_for(system).map_err(|e| e.at("data.flow"))?;
+                flow.integrator.check_for(system).map_err(|e| e.with_place("data.flow"))?;
             }
         }
-        if let Some(subject) = self.subject() {
-            self.check_against(subject)?;
+        if let Some(target) = self.target() {
+            self.check_against(target)?;
         }
         let of_file = self.data.as_ref().and_then(Data::file).is_some();
         let foreign = |model: &&ModelSpec| model.network.is_of_file();
@@ -358,38 +361,38 @@ impl Setup {
         Ok(())
     }
 
-    /// Fails unless networks, data and loss are of the degrees of freedom of the subject.
-    fn check_against(&self, subject: Subject<'_>) -> Result<(), Error> {
-        let action = subject.circle_action();
+    /// Fails unless networks, data and loss are of the degrees of freedom of the target.
+    fn check_against(&self, target: TargetFlow<'_>) -> Result<(), Error> {
+        let action = target.circle_action();
         for model in &self.models {
             let key = format!("models.{}", model.name);
-            let (epsilon, time) = (subject.epsilon(), self.flow_time.unwrap_or(1.0));
+            let (epsilon, time) = (target.epsilon(), self.flow_time.unwrap_or(1.0));
             if model.network.is_of_file() {
                 continue;
             }
             let architecture = model.network.architecture(&action.clone().into(), epsilon, time);
-            let architecture = architecture.map_err(|e| e.at(&key))?;
-            architecture.check().map_err(|e| e.at(&key))?;
-            self.training_of(model).check_for(&architecture).map_err(|e| e.at(&key))?;
-            if architecture.dof != subject.dof() {
-                let (found, expected) = (architecture.dof, format!("{} weights", subject.dof()));
-                return Err(Error::invalid("circle_action", found, expected).at(key));
+            let architecture = architecture.map_err(|e| e.with_place(&key))?;
+            architecture.check().map_err(|e| e.with_place(&key))?;
+            self.training_of(model).check_for(&architecture).map_err(|e| e.with_place(&key))?;
+            if architecture.dof != target.dof() {
+                let (found, expected) = (architecture.dof, format!("{} weights", target.dof()));
+                return Err(Error::invalid("circle_action", found, expected).with_place(key));
             }
         }
         for model in &self.models {
             let Some(own) = model.network.action.clone() else { continue };
-            if !subject.is_turned_by(&own) {
+            if !target.is_turned_by(&own) {
                 let found = format!("{:?}", own.circles());
                 let expected = format!("circles that turn the planes as {action:?} does together");
                 let key = format!("models.{}", model.name);
-                return Err(Error::invalid("action", found, expected).at(key));
+                return Err(Error::invalid("action", found, expected).with_place(key));
             }
         }
         for (index, window) in self.data.iter().flat_map(|d| d.windows.iter().enumerate()) {
-            window.check(&format!("data.windows[{index}]"), subject.dof())?;
+            window.check(&format!("data.windows[{index}]"), target.dof())?;
         }
         for training in self.models.iter().map(|m| self.training_of(m)).chain([&self.training]) {
-            training.loss.check(subject.dof()).map_err(|e| e.at("training.loss"))?;
+            training.loss.check(target.dof()).map_err(|e| e.with_place("training.loss"))?;
         }
         Ok(())
     }
@@ -498,7 +501,7 @@ impl Data {
             return Err(Error::invalid("data.windows", "none", "at least one sample"));
         }
         if let Some(flow) = self.flow {
-            flow.integrator.check().map_err(|e| e.at("data.flow"))?;
+            flow.integrator.check().map_err(|e| e.with_place("data.flow"))?;
             Error::check_range("data.flow.step", flow.step, Error::LEAST_POSITIVE, f64::MAX)?;
         }
         self.epsilons.iter().try_for_each(|v| Error::check_finite("data.epsilons", *v))?;

@@ -2,7 +2,7 @@
 
 use super::data_sets::DataSets;
 use super::setup::ModelSpec;
-use super::subject::Subject;
+use super::target_flow::TargetFlow;
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::network::Model;
@@ -14,8 +14,8 @@ pub(super) struct Trained {
     /// The name that the scene gives the network, for any of its seeds.
     pub(super) network: String,
     pub(super) initial: Model,
-    /// What led to the last leg of its training.
-    pub(super) legs: Vec<StageResult>,
+    /// What led to the last stage of its training.
+    pub(super) stages: Vec<StageResult>,
     pub(super) outcome: Outcome,
     /// The mean squared error on the held-out pairs, whatever the weights of the loss.
     pub(super) held_out_error: Option<f64>,
@@ -44,8 +44,8 @@ impl Trained {
 }
 
 /// The loss of a scene on its training pairs.
-pub(super) fn loss_of(loss: &Loss, subject: Subject<'_>, data: &DataSets) -> Result<Loss, Error> {
-    let action = subject.circle_action();
+pub(super) fn loss_of(loss: &Loss, target: TargetFlow<'_>, data: &DataSets) -> Result<Loss, Error> {
+    let action = target.circle_action();
     let angle = fit_rotation(&data.training, &action);
     loss.for_pairs(&action.into(), &[angle], &data.training)
 }

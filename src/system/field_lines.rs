@@ -25,18 +25,18 @@ use std::f64::consts::TAU;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FieldLines {
-    /// ε.
+    /// The strength ε of the perturbation.
     pub epsilon: f64,
     /// ι₀, the turns about the axis in one around the torus.
     #[serde(default = "FieldLines::iota")]
     pub iota: f64,
-    /// A.
+    /// The aspect ratio A of the torus.
     #[serde(default = "FieldLines::aspect_ratio")]
     pub aspect_ratio: f64,
-    /// m.
+    /// The poloidal mode number m of the perturbation.
     #[serde(default = "FieldLines::poloidal")]
     pub poloidal: i32,
-    /// n.
+    /// The toroidal mode number n of the perturbation.
     #[serde(default = "FieldLines::toroidal")]
     pub toroidal: i32,
 }
@@ -74,7 +74,7 @@ impl FieldLines {
         2
     }
 
-    /// ι(r).
+    /// The turns ι(r) about the axis in one around the torus, at the radius r of the unperturbed surface.
     pub fn iota_at(&self, radius: f64) -> f64 {
         self.iota * (1.0 - radius * radius)
     }
@@ -90,7 +90,7 @@ impl FieldLines {
     }
 
     /// The point at (r, θ).
-    pub fn at(&self, radius: f64, theta: f64) -> [f64; 2] {
+    pub fn point(&self, radius: f64, theta: f64) -> [f64; 2] {
         let (s, c) = Elementary::sin_cos(theta);
         let length = radius * libm::sqrt(1.0 - 2.0 / 3.0 * radius / self.aspect_ratio * c);
         [length * s, length * c]
@@ -219,11 +219,11 @@ impl Hamiltonian for FieldLines {
         }
         if !(radius <= 1.0) {
             let expected = "r ≤ 1, inside of the torus";
-            return Err(Error::invalid("r", radius, expected).at(place()));
+            return Err(Error::invalid("r", radius, expected).with_place(place()));
         }
         if radius == 0.0 && self.epsilon != 0.0 && self.poloidal != 0 {
             let expected = "another point: the perturbation is singular on the axis";
-            return Err(Error::invalid("r", radius, expected).at(place()));
+            return Err(Error::invalid("r", radius, expected).with_place(place()));
         }
         Ok(())
     }

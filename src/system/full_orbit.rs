@@ -16,12 +16,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FullOrbit {
-    /// ε.
+    /// The size ε of the variation of B and of the potential.
     pub epsilon: f64,
-    /// k.
+    /// The wavenumber k of both, in inverse gyroradii.
     #[serde(default = "FullOrbit::wavenumber")]
     pub wavenumber: f64,
-    /// f.
+    /// The amplitude f of the potential.
     #[serde(default = "FullOrbit::potential")]
     pub potential: f64,
 }
@@ -40,7 +40,7 @@ impl FullOrbit {
         0.5
     }
 
-    /// (x, y).
+    /// The position (x, y) of the particle.
     #[inline(always)]
     fn position<S: Elementary>(z: &[S]) -> (S, S) {
         (z[3] - z[2], z[0] + z[1])
@@ -138,7 +138,7 @@ impl Hamiltonian for FullOrbit {
         out[3] = -by_y;
     }
     fn fastest_frequency(&self, _: &[f64]) -> f64 {
-        self.fastest_plane()
+        self.limiting_fastest_frequency()
     }
 }
 

@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 /// A Hamiltonian system on ℝ²ⁿ with the canonical form: its energy is all that it needs. Friction and other
 /// forces that no energy has come beside it: ż = Ω∇H(z, t) + D(z, t).
 pub trait Hamiltonian {
-    /// n.
+    /// The degrees of freedom n.
     fn dof(&self) -> usize;
 
     /// H(z, t): of most, no function of the time. `#[inline(always)]`, with all that it calls, makes
@@ -132,7 +132,7 @@ pub fn divergence(system: &impl Hamiltonian, z: &[f64], time: f64) -> f64 {
 /// constant frequency ω₀ and a symplectic map ψ (the identity where the action
 /// is linear in the coordinates).
 pub trait NearlyPeriodic: Hamiltonian {
-    /// ε.
+    /// The parameter ε: at ε = 0 all orbits are periodic.
     fn epsilon(&self) -> f64;
 
     /// Φ, the circle action of the limit ε = 0, up to conjugation.
@@ -161,7 +161,7 @@ pub trait NearlyPeriodic: Hamiltonian {
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S);
 
     /// The frequency of the fastest plane of the limit.
-    fn fastest_plane(&self) -> f64 {
+    fn limiting_fastest_frequency(&self) -> f64 {
         let action = self.circle_action();
         let weights = action.weights().iter().map(|w| f64::from(w.abs()));
         weights.fold(1.0, max_or_nan) * self.limiting_frequency()

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Oscillators {
-    /// ε.
+    /// The strength ε of the coupling.
     pub epsilon: f64,
 }
 
@@ -62,7 +62,7 @@ impl Hamiltonian for Oscillators {
         out[3] = -(epsilon * (z[1] + u2));
     }
     fn fastest_frequency(&self, _: &[f64]) -> f64 {
-        self.fastest_plane()
+        self.limiting_fastest_frequency()
     }
 }
 
@@ -106,7 +106,7 @@ impl Splittable for Oscillators {
 /// <https://doi.org/10.1038/s41598-023-34862-w>, without the common factor ε.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AveragedOscillator {
-    /// R J₁(2R).
+    /// The factor R J₁(2R) of its force.
     strength: f64,
 }
 

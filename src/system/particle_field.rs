@@ -10,20 +10,20 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum FieldProfile {
-    /// V = 0.
+    /// No displacement, V = 0.
     Zero,
     /// V = a sin(bQ).
     Sine {
-        /// a.
+        /// The amplitude a.
         amplitude: f64,
-        /// b.
+        /// The wavenumber b.
         wavenumber: f64,
     },
     /// V = a exp(−bQ²), b > 0.
     Gaussian {
-        /// a.
+        /// The amplitude a.
         amplitude: f64,
-        /// b.
+        /// The rate b of the decay.
         rate: f64,
     },
 }
@@ -69,7 +69,7 @@ impl FieldProfile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParticleField {
-    /// ε.
+    /// The parameter ε of the system.
     pub epsilon: f64,
     /// V₁ … V_K; their number is K.
     pub profiles: Vec<FieldProfile>,
@@ -162,7 +162,7 @@ impl Hamiltonian for ParticleField {
         out[n] = drift * force;
     }
     fn fastest_frequency(&self, _: &[f64]) -> f64 {
-        self.fastest_plane()
+        self.limiting_fastest_frequency()
     }
 }
 

@@ -14,9 +14,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ThreeOscillators {
-    /// ε.
+    /// The strength ε of the coupling.
     pub epsilon: f64,
-    /// ω.
+    /// The frequency ω of the second plane over that of the first.
     #[serde(default = "ThreeOscillators::golden_mean")]
     pub frequency: f64,
 }

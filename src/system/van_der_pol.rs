@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VanDerPol {
-    /// ε.
+    /// The size ε of excitation, damping and coupling.
     pub epsilon: f64,
     /// γ, the damping of the slow oscillator.
     #[serde(default = "VanDerPol::usual_damping")]
@@ -83,7 +83,7 @@ impl Hamiltonian for VanDerPol {
         self.add_dissipation(z, time, out);
     }
     fn fastest_frequency(&self, _: &[f64]) -> f64 {
-        self.fastest_plane()
+        self.limiting_fastest_frequency()
     }
 }
 

@@ -223,7 +223,7 @@ impl Fit {
         }
         any.check()?;
         self.training.check_for(&any)?;
-        self.training.loss.check(action.dof()).map_err(|e| e.at("loss weights"))
+        self.training.loss.check(action.dof()).map_err(|e| e.with_place("loss weights"))
     }
 
     /// The network that is recommended.

@@ -54,7 +54,7 @@ pub fn limit(loss: f64, validation: Option<f64>, history: &[TrainingRecord]) -> 
 }
 
 impl Limit {
-    /// In words.
+    /// What limits the training in words.
     pub fn words(self) -> &'static str {
         match self {
             Self::Data => {
@@ -200,10 +200,10 @@ impl Judgement {
         let orbits = region.as_ref().map(|region| orbits(&states, count, region));
         // Pairs of several maps do not tell what one of them does to an action.
         let swings = match pairs.conditions() {
-            [] => PlaneSwing::of(&both, action, angles, &states, count),
+            [] => PlaneSwing::measure(&both, action, angles, &states, count),
             _ => Vec::new(),
         };
-        let own = OwnInvariance::of(&outcome.model, starts, STEPS);
+        let own = OwnInvariance::measure(&outcome.model, starts, STEPS);
         let limit = limit(outcome.loss, outcome.best.validation, &outcome.history);
 
         let (mut no, mut long, mut care) = (Vec::new(), Vec::new(), Vec::new());

@@ -168,12 +168,12 @@ impl Kernel for Gradient<'_> {
             gradient.fill(V::zero());
             for (input, output) in in_chunks(input, output, TOGETHER * V::LANES * weights.len()) {
                 group.load(input, output);
-                map.record(&mut group.state, &mut recording);
+                map.forward_recorded_each(&mut group.state, &mut recording);
                 group.residuals(weights, |cotangent, residual, weighted| {
                     total = weighted.mul_add(residual, total);
                     *cotangent = weighted + weighted;
                 });
-                map.pull(&mut recording, &mut group.cotangent, &mut gradient);
+                map.vjp_each(&mut recording, &mut group.cotangent, &mut gradient);
             }
             results.push((sum(total), sums(&gradient)));
         }
@@ -210,7 +210,7 @@ impl Kernel for BendGradient<'_> {
                 state_behind.copy_from_slice(&group.state);
                 ahead.apply(Direction::Forward, &mut group.target, &mut scratch);
                 behind.apply(Direction::Forward, &mut state_behind, &mut scratch);
-                map.record(&mut group.state, &mut recording);
+                map.forward_recorded_each(&mut group.state, &mut recording);
                 for k in 0..group.state.len() {
                     // The residual from here is the bend.
                     let middle = group.state[k];
@@ -220,7 +220,7 @@ impl Kernel for BendGradient<'_> {
                 group.residuals(weights, |cotangent, _, weighted| {
                     *cotangent = weighted + weighted;
                 });
-                map.pull(&mut recording, &mut group.cotangent, &mut gradient);
+                map.vjp_each(&mut recording, &mut group.cotangent, &mut gradient);
             }
             results.push(sums(&gradient));
         }
@@ -248,13 +248,13 @@ impl Kernel for Curvature<'_> {
             for input in input.chunks(V::LANES * dim) {
                 crate::network::load(input, dim, &mut state);
                 let present = present::<V>(input.len() / dim);
-                map.record(&mut state, &mut recording);
+                map.forward_recorded_each(&mut state, &mut recording);
                 for (c, &weight) in weights.iter().enumerate() {
                     // The squares of a single pair's row: one group at a time.
                     cotangent.fill(zero);
                     cotangent[c] = present;
                     row.fill(zero);
-                    map.pull(&mut recording, &mut cotangent, &mut row);
+                    map.vjp_each(&mut recording, &mut cotangent, &mut row);
                     for (d, r) in diagonal.iter_mut().zip(&row) {
                         *d = (*r * V::from_f64(weight)).mul_add(*r, *d);
                     }
@@ -295,14 +295,14 @@ impl Kernel for Rows<'_> {
             crate::network::load(input, dim, &mut state);
             crate::network::load(output, dim, &mut target);
             let present = present::<V>(input.len() / dim);
-            map.record(&mut state, &mut recording);
+            map.forward_recorded_each(&mut state, &mut recording);
             group.fill(zero);
             for (c, row) in group.chunks_exact_mut(columns).enumerate() {
                 let root = present * V::from_f64(libm::sqrt(weights[c]));
                 cotangent.fill(zero);
                 cotangent[c] = root;
                 let (row, residual) = row.split_at_mut(columns - 1);
-                map.pull(&mut recording, &mut cotangent, row);
+                map.vjp_each(&mut recording, &mut cotangent, row);
                 residual[0] = (state[c] - target[c]) * root;
             }
             // All rows of a column at once: columns are far from one another.

@@ -104,7 +104,7 @@ const BESIDE: f64 = 0.1;
 /// Where it is, between two iterations.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct LevenbergMarquardtState {
-    /// λ.
+    /// The damping λ of the normal equations.
     damping: f64,
     /// What λ is multiplied with when a step fails.
     growth: f64,
@@ -252,7 +252,7 @@ impl<'a> LevenbergMarquardt<'a> {
         if !(lower > 0.0 && lower.is_finite()) {
             return None;
         }
-        if let Some(bend) = self.bend_gradient(parameters, &step) {
+        if let Some(bend) = self.acceleration_gradient(parameters, &step) {
             for (d, bend) in step.iter_mut().zip(solution(&bend)) {
                 *d += 0.5 * bend;
             }
@@ -261,14 +261,14 @@ impl<'a> LevenbergMarquardt<'a> {
     }
 
     /// (2/N) Σ Σ_c weight_c r″_c ∇r_c along the step. None where it is not finite.
-    fn bend_gradient(&mut self, parameters: &[f64], step: &[f64]) -> Option<Vec<f64>> {
+    fn acceleration_gradient(&mut self, parameters: &[f64], step: &[f64]) -> Option<Vec<f64>> {
         let at = |part: f64| {
             let moved = parameters.iter().zip(step).map(|(p, d)| p + part * d).collect();
             self.problem.model.with_parameters(moved).ok()
         };
         let (here, ahead, behind) = (at(0.0)?, at(BESIDE)?, at(-BESIDE)?);
         let beside = [ahead.composition(), behind.composition()];
-        let mut gradient = self.objective().bend_gradient(here.composition(), beside);
+        let mut gradient = self.objective().acceleration_gradient(here.composition(), beside);
         self.state.evaluations += 3;
         for g in &mut gradient {
             *g /= BESIDE * BESIDE;

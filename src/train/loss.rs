@@ -278,7 +278,7 @@ impl<'a> Objective<'a> {
         terms
     }
 
-    /// The loss.
+    /// The loss of a network on the pairs.
     pub fn value(&self, map: &Composition<f64>) -> f64 {
         let mut total = 0.0;
         for term in self.terms(map) {
@@ -317,7 +317,7 @@ impl<'a> Objective<'a> {
 
     /// (2/N) Σ Σ_c weight_c b_c ∇P_c at the parameters of `map`, b being the bend
     /// P₊ + P₋ − 2P at a pair for the maps `beside` it. Costs two losses and a gradient.
-    pub(super) fn bend_gradient(
+    pub(super) fn acceleration_gradient(
         &self,
         map: &Composition<f64>,
         beside: [&Composition<f64>; 2],

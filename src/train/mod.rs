@@ -4,7 +4,7 @@
 //!   gradient, the Gauss–Newton matrix.
 //! - `record`, `minimise`: records and why a training ends; what optimisers share.
 //! - `lbfgs`, `levenberg_marquardt`, `adam`: an optimiser each, with its options and its state.
-//! - `legs`, `options`, `checkpoint`, `run`: a training as it is asked for, and one leg of it:
+//! - `stages`, `options`, `checkpoint`, `run`: a training as it is asked for, and one stage of it:
 //!   validation, stopping, resuming.
 //! - `schedule`: several starts, a ramp of other flow times or ε, twists alone.
 //! - `judgement`: whether to trust what was trained, and what limits it.
@@ -18,7 +18,6 @@ mod fit;
 mod judgement;
 mod kernels;
 mod lbfgs;
-mod legs;
 mod levenberg_marquardt;
 mod loss;
 mod minimise;
@@ -30,6 +29,7 @@ mod record;
 mod rotation_fit;
 mod run;
 mod schedule;
+mod stages;
 mod units_fit;
 
 pub use action_fit::ActionFit;
@@ -38,7 +38,6 @@ pub use checkpoint::Checkpoint;
 pub use fit::{FamilyPairs, Fit, FitNote, Fitted, InitialModels, Problem};
 pub use judgement::{Judgement, Limit, Orbits, PlaneError, Trust};
 pub use lbfgs::{LbfgsOptions, Scaling};
-pub use legs::{FreshTwists, RampStage, Starts};
 pub use levenberg_marquardt::LevenbergMarquardtOptions;
 pub use loss::{Loss, Objective};
 pub use normal_equations::NormalEquations;
@@ -51,6 +50,7 @@ pub use run::{Control, Outcome, Progress, train};
 pub use schedule::{
     Scheduled, StageData, StageResult, TrainingObserver, TrainingStage, train_schedule,
 };
+pub use stages::{FreshTwists, RampStage, Starts};
 pub use units_fit::fit_units;
 
 /// What the tests of this crate reach behind the public API: not a part of it.

@@ -1,7 +1,7 @@
 //! How to train.
 
-use super::legs::{FreshTwists, RampStage, Starts, not_a_normal_form};
 use super::record::at_least_one;
+use super::stages::{FreshTwists, RampStage, Starts, not_a_normal_form};
 use super::{AdamOptions, LbfgsOptions, LevenbergMarquardtOptions, Loss};
 use crate::error::Error;
 use crate::network::{Architecture, Model, Part};
@@ -107,7 +107,7 @@ pub struct TrainingOptions {
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub theta_fixed: bool,
     /// What is added to the loss: so many times Σ (θ − θ⁰)² over the circles, θ⁰ being the
-    /// angle at the start; of a schedule, at that of each leg.
+    /// angle at the start; of a schedule, at that of each stage.
     #[serde(skip_serializing_if = "is_zero")]
     pub theta_penalty: f64,
     /// What minimises it.
@@ -122,7 +122,7 @@ pub struct TrainingOptions {
     /// Stop when the held-out error has not improved for so many evaluations
     /// of it; 0 never stops.
     pub patience: u64,
-    /// Stop when the error is at rest; never, unless given. What leads to the last leg of a
+    /// Stop when the error is at rest; never, unless given. What leads to the last stage of a
     /// [schedule](super::train_schedule) is not stopped by it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plateau: Option<Plateau>,
@@ -195,11 +195,11 @@ impl TrainingOptions {
                 return Err(Error::invalid(name, self.theta_penalty, &expected));
             }
         }
-        if let Some(rung) = self.ramp.iter().find(|rung| rung.repeats.unwrap_or(1) > 1)
+        if let Some(stage) = self.ramp.iter().find(|stage| stage.repeats.unwrap_or(1) > 1)
             && has(Part::SlowMap)
             && !architecture.keeps_actions()
         {
-            let (name, found) = ("training.ramp.repeats", rung.repeats.unwrap_or(1));
+            let (name, found) = ("training.ramp.repeats", stage.repeats.unwrap_or(1));
             return Err(Error::invalid(name, found, "none: powers of a perturbed map are others"));
         }
         if let Some(fresh) = self.fresh_twists.filter(|_| !has(Part::SlowMap)) {
@@ -226,7 +226,7 @@ impl TrainingOptions {
         }
         self.plateau.map_or(Ok(()), Plateau::check)?;
         self.starts.map_or(Ok(()), Starts::check)?;
-        self.ramp.iter().try_for_each(|rung| rung.check())?;
+        self.ramp.iter().try_for_each(|stage| stage.check())?;
         self.fresh_twists.map_or(Ok(()), FreshTwists::check)?;
         if let Some(fresh) = self.fresh_twists.filter(|_| self.ramp.is_empty()) {
             let expected = "none without a ramp, whose chart they are trained in";
@@ -235,20 +235,20 @@ impl TrainingOptions {
         self.optimiser.check()
     }
 
-    /// Fails where they are of several legs.
+    /// Fails where they are of several stages.
     pub(crate) fn check_single(&self) -> Result<(), Error> {
-        let expected = "none: several legs are trained by `train_schedule`";
+        let expected = "none: several stages are trained by `train_schedule`";
         if let Some(starts) = self.starts {
             return Err(Error::invalid("training.starts", starts.count, expected));
         }
         match self.ramp.len() {
             0 => Ok(()),
-            rungs => Err(Error::invalid("training.ramp", rungs, expected)),
+            stages => Err(Error::invalid("training.ramp", stages, expected)),
         }
     }
 
-    /// Those of one of its legs.
-    pub(super) fn of_leg(&self, iterations: u64) -> Self {
+    /// Those of one of its stages.
+    pub(super) fn of_stage(&self, iterations: u64) -> Self {
         Self { iterations, starts: None, ramp: Vec::new(), fresh_twists: None, ..self.clone() }
     }
 }

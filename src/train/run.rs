@@ -25,7 +25,7 @@ pub struct Progress<'a> {
 /// What the caller answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
-    /// Go on.
+    /// Training goes on.
     Continue,
     /// Stop here; a last checkpoint is passed on before.
     Interrupt,
@@ -80,7 +80,7 @@ fn optimiser<'a>(
 /// the same model, pairs and options, continues to the same bits.
 ///
 /// # Errors
-/// When options or shapes do not fit, or ask for the legs of a
+/// When options or shapes do not fit, or ask for the stages of a
 /// [schedule](super::train_schedule), when the checkpoint is of another run,
 /// when the loss is not finite at the start, or what `observe` returns.
 pub fn train(

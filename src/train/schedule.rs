@@ -1,11 +1,11 @@
-//! A training in several legs: starts of which the best goes on, a ramp of other flow
+//! A training in several stages: starts of which the best goes on, a ramp of other flow
 //! times or ε before the one that is wanted, and twists that are trained alone.
 
 use super::checkpoint::Checkpoint;
-use super::legs::{FreshTwists, RampStage, not_a_normal_form};
 use super::options::TrainingOptions;
 use super::record::{Stop, TrainingRecord};
 use super::run::{Control, Outcome, Progress, train};
+use super::stages::{FreshTwists, RampStage, not_a_normal_form};
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::network::{Model, map_points};
@@ -16,7 +16,7 @@ use std::ops::ControlFlow;
 /// A stage with its pairs; the last one of a schedule is what is wanted.
 #[derive(Clone, Copy, Debug)]
 pub struct StageData<'a> {
-    /// Its ε.
+    /// The ε of its pairs.
     pub epsilon: f64,
     /// Its flow time over that of the last place.
     pub time: f64,
@@ -28,14 +28,14 @@ pub struct StageData<'a> {
     pub iterations: u64,
 }
 
-/// Which leg of a schedule, from 0.
+/// Which stage of a schedule, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "kind", content = "number", rename_all = "kebab-case")]
 pub enum TrainingStage {
     /// A start.
     Start(u64),
     /// A stage of the ramp.
-    #[serde(rename = "rung")]
+    #[serde(rename = "stage")]
     Ramp(usize),
     /// Twists alone: those of the ramp, 0, and fresh ones.
     Twists(u64),
@@ -48,7 +48,7 @@ impl TrainingStage {
     pub fn suffix(self) -> String {
         match self {
             Self::Start(number) => format!("-start-{}", number + 1),
-            Self::Ramp(number) => format!("-rung-{}", number + 1),
+            Self::Ramp(number) => format!("-ramp-{}", number + 1),
             Self::Twists(0) => "-twists".to_owned(),
             Self::Twists(number) => format!("-fresh-twists-{number}"),
             Self::Last => String::new(),
@@ -59,45 +59,45 @@ impl TrainingStage {
     pub fn name(self) -> String {
         match self {
             Self::Start(number) => format!("start {}", number + 1),
-            Self::Ramp(number) => format!("rung {}", number + 1),
+            Self::Ramp(number) => format!("stage {} of the ramp", number + 1),
             Self::Twists(0) => "twists of the ramp".to_owned(),
             Self::Twists(number) => format!("fresh twists {number}"),
             Self::Last => String::new(),
         }
     }
 
-    /// All legs of a training with these options, in their order.
+    /// All stages of a training with these options, in their order.
     pub fn all(options: &TrainingOptions) -> Vec<Self> {
         let starts = options.starts.map_or(0, |starts| starts.count);
-        let rungs = (0..options.ramp.len()).map(Self::Ramp);
+        let stages = (0..options.ramp.len()).map(Self::Ramp);
         let twists = options.fresh_twists.map_or(0, |fresh| fresh.count + 1);
         let twists = (0..twists).map(Self::Twists);
-        (0..starts).map(Self::Start).chain(rungs).chain(twists).chain([Self::Last]).collect()
+        (0..starts).map(Self::Start).chain(stages).chain(twists).chain([Self::Last]).collect()
     }
 
-    /// The most iterations of it; 0 where the options have no such leg.
+    /// The most iterations of it; 0 where the options have no such stage.
     pub fn iterations(self, options: &TrainingOptions) -> u64 {
         match self {
             Self::Start(_) => options.starts.map_or(0, |starts| starts.iterations),
-            Self::Ramp(number) => options.ramp.get(number).map_or(0, |rung| rung.iterations),
+            Self::Ramp(number) => options.ramp.get(number).map_or(0, |stage| stage.iterations),
             Self::Twists(_) => options.fresh_twists.map_or(0, |fresh| fresh.iterations),
             Self::Last => options.iterations,
         }
     }
 }
 
-/// What became of a leg before the last.
+/// What became of a stage before the last.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct StageResult {
-    /// Which.
-    pub leg: TrainingStage,
+    /// The stage that it is the result of.
+    pub stage: TrainingStage,
     /// ε of its pairs.
     pub epsilon: f64,
     /// The flow time of its pairs over the one that is wanted.
     pub time: f64,
     /// The record of the model that was kept; of twists alone, in the coordinates of the chart.
     pub best: TrainingRecord,
-    /// It was gone on with: one of the starts, each rung, one of the twists.
+    /// It was gone on with: one of the starts, each stage, one of the twists.
     pub chosen: bool,
 }
 
@@ -106,25 +106,25 @@ pub struct StageResult {
 pub struct Scheduled {
     /// The chosen start, before any training, with all its twists.
     pub initial: Model,
-    /// The legs before the last.
-    pub legs: Vec<StageResult>,
-    /// The last leg; or that which was interrupted, twists alone being without a chart.
+    /// The stages before the last.
+    pub stages: Vec<StageResult>,
+    /// The last stage; or that which was interrupted, twists alone being without a chart.
     pub outcome: Outcome,
 }
 
 /// What a schedule tells, and what it asks for.
 pub trait TrainingObserver {
-    /// A checkpoint of this leg to go on from, if there is one.
+    /// A checkpoint of this stage to go on from, if there is one.
     ///
     /// # Errors
     /// When it cannot be read.
-    fn earlier(&mut self, leg: TrainingStage) -> Result<Option<Checkpoint>, Error>;
+    fn earlier(&mut self, stage: TrainingStage) -> Result<Option<Checkpoint>, Error>;
 
-    /// An iteration of the leg is done: see [`train`].
+    /// An iteration of the stage is done: see [`train`].
     ///
     /// # Errors
     /// When a checkpoint cannot be written.
-    fn observe(&mut self, leg: TrainingStage, progress: Progress<'_>) -> Result<Control, Error>;
+    fn observe(&mut self, stage: TrainingStage, progress: Progress<'_>) -> Result<Control, Error>;
 }
 
 /// Trains from several starts and along a ramp, as the options have them.
@@ -133,7 +133,7 @@ pub trait TrainingObserver {
 /// that is wanted. Weights go from a place to the next as they are, the angles of the
 /// circles in proportion to the flow time, and the twists of a normal form as many times over as
 /// the [repeats](RampStage::repeats) of the next place go into those of the one before; at the last place
-/// twists may be [trained alone](FreshTwists) before all weights are. Each leg has checkpoints of its own, and
+/// twists may be [trained alone](FreshTwists) before all weights are. Each stage has checkpoints of its own, and
 /// goes on from them to the same bits.
 ///
 /// # Errors
@@ -148,10 +148,10 @@ pub fn train_schedule(
     let [ramp @ .., last] = places else {
         return Err(Error::invalid("places", "none", "at least the one that is wanted"));
     };
-    Error::check_count("rungs of the ramp", options.ramp.len(), ramp.len())?;
+    Error::check_count("stages of the ramp", options.ramp.len(), ramp.len())?;
     options.check()?;
     let first = &places[0];
-    let mut legs = Vec::new();
+    let mut stages = Vec::new();
     let mut initial = start(0)?;
     options.check_for(initial.architecture())?;
     let repeats = |place: usize| options.ramp.get(place).map_or(1, RampStage::times);
@@ -162,12 +162,13 @@ pub fn train_schedule(
             let begun = start(number)?;
             let model = begun.with_part_of_twists(repeats(0))?.at(first.epsilon, first.time)?;
             let iterations = starts.iterations;
-            let run = Run { leg: TrainingStage::Start(number), place: first, iterations, options };
-            let Some((outcome, checkpoint)) = run.attempt(&model, watch, &mut legs)? else {
+            let run =
+                Run { stage: TrainingStage::Start(number), place: first, iterations, options };
+            let Some((outcome, checkpoint)) = run.attempt(&model, watch, &mut stages)? else {
                 continue;
             };
             if outcome.stop == Stop::Interrupted {
-                return Ok(Scheduled { initial: begun, legs, outcome });
+                return Ok(Scheduled { initial: begun, stages, outcome });
             }
             let score = score(&outcome);
             if best.as_ref().is_none_or(|(lowest, ..)| score < *lowest) {
@@ -176,17 +177,17 @@ pub fn train_schedule(
         }
         // Where none could be trained, the first one says why.
         if let Some((_, number, model, checkpoint)) = best {
-            legs[number as usize].chosen = true;
+            stages[number as usize].chosen = true;
             (initial, trial) = (model, checkpoint);
         }
     }
     let mut model = initial.with_part_of_twists(repeats(0))?.at(first.epsilon, first.time)?;
     for (number, place) in ramp.iter().enumerate() {
-        let (leg, iterations) = (TrainingStage::Ramp(number), place.iterations);
-        let run = Run { leg, place, iterations, options };
+        let (stage, iterations) = (TrainingStage::Ramp(number), place.iterations);
+        let run = Run { stage, place, iterations, options };
         let (outcome, _) = run.go(&model, trial.take(), watch)?;
         if outcome.stop == Stop::Interrupted {
-            return Ok(Scheduled { initial, legs, outcome });
+            return Ok(Scheduled { initial, stages, outcome });
         }
         let next = &places[number + 1];
         let parts = initial.with_part_of_twists(repeats(number + 1))?;
@@ -194,7 +195,7 @@ pub fn train_schedule(
         let times = repeats(number) / repeats(number + 1);
         let time = next.time / (place.time * times as f64);
         model = there.with_weights_of(&outcome.model.iterated(times)?, time)?;
-        legs.push(StageResult { chosen: true, ..StageResult::of(leg, place, &outcome) });
+        stages.push(StageResult { chosen: true, ..StageResult::of(stage, place, &outcome) });
     }
     let mut options = options.clone();
     if let Some(fresh) = options.fresh_twists {
@@ -203,28 +204,30 @@ pub fn train_schedule(
             0 => Ok(model.clone()),
             _ => start(unused + number - 1)?.with_angles(model.angles()),
         };
-        match train_twists(&model, &mut draw, fresh, last, &options, &mut legs, watch)? {
+        match train_twists(&model, &mut draw, fresh, last, &options, &mut stages, watch)? {
             ControlFlow::Continue(better) => model = better,
-            ControlFlow::Break(outcome) => return Ok(Scheduled { initial, legs, outcome }),
+            ControlFlow::Break(outcome) => return Ok(Scheduled { initial, stages, outcome }),
         }
         // On fewer they would forget what they have learnt of the others.
-        let learnt = |leg: &&StageResult| {
-            leg.chosen && matches!(leg.leg, TrainingStage::Twists(_)) && leg.best.iteration > 0
+        let learnt = |stage: &&StageResult| {
+            stage.chosen
+                && matches!(stage.stage, TrainingStage::Twists(_))
+                && stage.best.iteration > 0
         };
-        let pairs = legs.iter().find(learnt).map_or(0, |leg| leg.best.pairs);
+        let pairs = stages.iter().find(learnt).map_or(0, |stage| stage.best.pairs);
         options.optimiser.begin_with(pairs, &model);
     }
     let run = Run {
-        leg: TrainingStage::Last,
+        stage: TrainingStage::Last,
         place: last,
         iterations: last.iterations,
         options: &options,
     };
     let (outcome, _) = run.go(&model, trial, watch)?;
-    Ok(Scheduled { initial, legs, outcome })
+    Ok(Scheduled { initial, stages, outcome })
 }
 
-/// What several legs are compared by.
+/// What several stages are compared by.
 fn score(outcome: &Outcome) -> f64 {
     outcome.best.validation.unwrap_or(outcome.loss)
 }
@@ -237,7 +240,7 @@ fn train_twists(
     fresh: FreshTwists,
     place: &StageData<'_>,
     options: &TrainingOptions,
-    legs: &mut Vec<StageResult>,
+    stages: &mut Vec<StageResult>,
     watch: &mut dyn TrainingObserver,
 ) -> Result<ControlFlow<Outcome, Model>, Error> {
     if model.architecture().twist_shears() == 0 {
@@ -249,19 +252,19 @@ fn train_twists(
     let mut best: Option<(f64, usize, Model)> = None;
     for number in 0..=fresh.count {
         let twists = draw(number)?.without_chart()?;
-        let (leg, iterations) = (TrainingStage::Twists(number), fresh.iterations);
-        let run = Run { leg, place, iterations, options };
-        let Some((outcome, _)) = run.attempt(&twists, watch, legs)? else { continue };
+        let (stage, iterations) = (TrainingStage::Twists(number), fresh.iterations);
+        let run = Run { stage, place, iterations, options };
+        let Some((outcome, _)) = run.attempt(&twists, watch, stages)? else { continue };
         if outcome.stop == Stop::Interrupted {
             return Ok(ControlFlow::Break(outcome));
         }
         let score = score(&outcome);
         if best.as_ref().is_none_or(|(lowest, ..)| score < *lowest) {
-            best = Some((score, legs.len() - 1, outcome.model));
+            best = Some((score, stages.len() - 1, outcome.model));
         }
     }
-    let Some((_, leg, twists)) = best else { return Ok(ControlFlow::Continue(model.clone())) };
-    legs[leg].chosen = true;
+    let Some((_, stage, twists)) = best else { return Ok(ControlFlow::Continue(model.clone())) };
+    stages[stage].chosen = true;
     model.with_twists_of(&twists).map(ControlFlow::Continue)
 }
 
@@ -275,24 +278,24 @@ fn in_chart(network: &Model, pairs: &Pairs) -> Result<Pairs, Error> {
 }
 
 impl StageResult {
-    /// A leg without a loss.
-    fn failed(leg: TrainingStage, place: &StageData<'_>) -> Self {
+    /// A stage without a loss.
+    fn failed(stage: TrainingStage, place: &StageData<'_>) -> Self {
         let StageData { epsilon, time, .. } = *place;
         let (iteration, evaluations, pairs) = (0, 1, place.pairs.len());
         let (loss, gradient, validation) = (f64::INFINITY, f64::INFINITY, None);
         let best = TrainingRecord { iteration, evaluations, loss, pairs, gradient, validation };
-        Self { leg, epsilon, time, best, chosen: false }
+        Self { stage, epsilon, time, best, chosen: false }
     }
 
-    fn of(leg: TrainingStage, place: &StageData<'_>, outcome: &Outcome) -> Self {
+    fn of(stage: TrainingStage, place: &StageData<'_>, outcome: &Outcome) -> Self {
         let StageData { epsilon, time, .. } = *place;
-        Self { leg, epsilon, time, best: outcome.best, chosen: false }
+        Self { stage, epsilon, time, best: outcome.best, chosen: false }
     }
 }
 
-/// A leg about to be run.
+/// A stage about to be run.
 struct Run<'a> {
-    leg: TrainingStage,
+    stage: TrainingStage,
     place: &'a StageData<'a>,
     iterations: u64,
     options: &'a TrainingOptions,
@@ -305,18 +308,18 @@ impl Run<'_> {
         self,
         model: &Model,
         watch: &mut dyn TrainingObserver,
-        legs: &mut Vec<StageResult>,
+        stages: &mut Vec<StageResult>,
     ) -> Result<Option<(Outcome, Option<Checkpoint>)>, Error> {
-        let (leg, place) = (self.leg, self.place);
+        let (stage, place) = (self.stage, self.place);
         match self.go(model, None, watch) {
             Ok((outcome, checkpoint)) => {
                 if outcome.stop != Stop::Interrupted {
-                    legs.push(StageResult::of(leg, place, &outcome));
+                    stages.push(StageResult::of(stage, place, &outcome));
                 }
                 Ok(Some((outcome, checkpoint)))
             }
             Err(Error::Diverged { .. }) => {
-                legs.push(StageResult::failed(leg, place));
+                stages.push(StageResult::failed(stage, place));
                 Ok(None)
             }
             Err(error) => Err(error),
@@ -331,19 +334,19 @@ impl Run<'_> {
         trial: Option<Checkpoint>,
         watch: &mut dyn TrainingObserver,
     ) -> Result<(Outcome, Option<Checkpoint>), Error> {
-        let Self { leg, place, iterations, options } = self;
-        let mut options = options.of_leg(iterations);
-        if leg != TrainingStage::Last {
+        let Self { stage, place, iterations, options } = self;
+        let mut options = options.of_stage(iterations);
+        if stage != TrainingStage::Last {
             // What ends the training as a whole does not end what leads to it.
             (options.target, options.patience, options.plateau) = (0.0, 0, None);
         }
-        let mut newest = watch.earlier(leg)?.or(trial);
+        let mut newest = watch.earlier(stage)?.or(trial);
         let resume = newest.clone();
         let mut observe = |progress: Progress<'_>| {
-            if let (Some(checkpoint), TrainingStage::Start(_)) = (progress.checkpoint, leg) {
+            if let (Some(checkpoint), TrainingStage::Start(_)) = (progress.checkpoint, stage) {
                 newest = Some(checkpoint.clone());
             }
-            watch.observe(leg, progress)
+            watch.observe(stage, progress)
         };
         let outcome = train(model, place.pairs, place.held_out, &options, resume, &mut observe)?;
         Ok((outcome, newest))

@@ -272,7 +272,7 @@ fn pairs_are_along_orbits() {
     for (m, start) in starts.chunks_exact(2).enumerate() {
         // Step by step, each orbit alone.
         let mut z = start.to_vec();
-        for state in orbits.trajectories.of(m) {
+        for state in orbits.trajectories.orbit(m) {
             assert!(z.iter().zip(state).all(|(a, b)| (a - b).abs() < 1e-9));
             points.push(state.to_vec());
             let (pair, error) = Pairs::of_flow(&system, z, turn).expect("a pair");
@@ -303,7 +303,7 @@ fn pairs_are_along_orbits() {
     let start = sample_of(&strong, &edge, &mut Stream::new(3, "data/training")).expect("points");
     let all =
         ReferenceTrajectories::of_flow(&strong, &start, turn, 20).expect("orbits").trajectories;
-    let leaves = |m: usize| all.of(m).any(|state| strong.check_point(state).is_err());
+    let leaves = |m: usize| all.orbit(m).any(|state| strong.check_point(state).is_err());
     let left = (0..40).filter(|m| leaves(*m)).count();
     assert!((1..30).contains(&left), "{left}");
     let of_strong = scene

@@ -6,7 +6,7 @@ use crate::flow::Trajectories;
 use crate::layer::CircleAction;
 use crate::measure::{drifts, root_mean_square, root_mean_square_distance};
 use crate::network::Rollout;
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
@@ -51,7 +51,7 @@ impl Study for ActionsOptions {
         vec![FIGURE]
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let (system, time, models) = (context.system()?, context.flow_time()?, context.models()?);
         let interval = self.every as f64 * time;
         let states = self.steps / self.every + 1;
@@ -166,7 +166,7 @@ fn resonance(system: &System) -> String {
 /// An action along trajectories.
 #[derive(Serialize)]
 struct Action {
-    /// Whose.
+    /// The name of what it is the action of.
     of: String,
     circle: CircleAction,
     /// The root mean square of its values at the start.
@@ -200,7 +200,7 @@ impl Action {
             size: root_mean_square(&starts),
             reference: change(reference),
             own: own.map(change),
-            first: reference.of(0).map(action).collect(),
+            first: reference.orbit(0).map(action).collect(),
         }
     }
 }

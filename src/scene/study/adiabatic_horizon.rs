@@ -6,7 +6,7 @@ use super::shared::Study;
 use crate::error::Error;
 use crate::measure::{AdiabaticOrbit, Spread, log_slope};
 use crate::network::{Composition, Model};
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::event::Event;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
@@ -108,7 +108,7 @@ impl Study for AdiabaticHorizonOptions {
         }
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let mut orbits = self.orbits(context)?;
         context.stage("orbits of random networks", |context| self.advance(context, &mut orbits))?;
         let found = Found { options: self, orbits };
@@ -160,7 +160,7 @@ impl AdiabaticHorizonOptions {
 
     /// All orbits before their first step, or where the run that is gone on with left
     /// them.
-    fn orbits(&self, context: &Context<'_>) -> Result<Vec<Run>, Halt> {
+    fn orbits(&self, context: &Context<'_>) -> Result<Vec<Run>, RunError> {
         let seed = context.scene.seed;
         if let Some(earlier) = context.folder.earlier::<Checkpoint>(CHECKPOINT)? {
             if earlier.options != *self || earlier.seed != seed {
@@ -186,7 +186,7 @@ impl AdiabaticHorizonOptions {
         Ok(out)
     }
 
-    fn advance(&self, context: &mut Context<'_>, orbits: &mut Vec<Run>) -> Result<(), Halt> {
+    fn advance(&self, context: &mut Context<'_>, orbits: &mut Vec<Run>) -> Result<(), RunError> {
         let maps: Vec<(Composition<f64>, _)> = orbits
             .iter()
             .map(|run| {
@@ -215,7 +215,7 @@ impl AdiabaticHorizonOptions {
             let done: u64 = orbits.iter().map(|run| run.orbit.steps()).sum();
             context.tell(Event::Progress { what: "iterations", done, total });
             if context.interrupted() && done < total {
-                return Err(Halt::Interrupted);
+                return Err(RunError::Interrupted);
             }
         }
         Ok(())
@@ -230,7 +230,7 @@ struct Found<'a> {
 
 impl Found<'_> {
     /// All orbits at one ε, the first weights first.
-    fn at(&self, epsilon: f64) -> impl Iterator<Item = &Run> {
+    fn runs_at(&self, epsilon: f64) -> impl Iterator<Item = &Run> {
         self.orbits.iter().filter(move |run| run.epsilon == epsilon)
     }
 
@@ -238,7 +238,7 @@ impl Found<'_> {
     /// was not reached.
     fn sorted(&self, epsilon: f64, factor: usize) -> Vec<f64> {
         let mut out: Vec<f64> = self
-            .at(epsilon)
+            .runs_at(epsilon)
             .map(|run| run.orbit.horizons()[factor].map_or(f64::INFINITY, |n| n as f64))
             .collect();
         out.sort_by(f64::total_cmp);
@@ -248,7 +248,7 @@ impl Found<'_> {
     /// D(N) of all weights.
     fn drift(&self, epsilon: f64, number: u64) -> Option<Spread> {
         let of = |run: &Run| run.orbit.drifts().iter().find(|(n, _)| *n == number).map(|(_, d)| *d);
-        Spread::of(self.at(epsilon).filter_map(of).collect())
+        Spread::of(self.runs_at(epsilon).filter_map(of).collect())
     }
 
     /// The powers of ten up to the iterations of all orbits.
@@ -292,7 +292,7 @@ impl Found<'_> {
             let mut row = vec![epsilon.into()];
             for factor in 0..self.options.factors.len() {
                 let sorted = self.sorted(epsilon, factor);
-                let first = self.at(epsilon).next();
+                let first = self.runs_at(epsilon).next();
                 let horizon = first.map(|run| match run.orbit.horizons()[factor] {
                     Some(n) => n.to_string(),
                     None => text(f64::INFINITY, run.iterations),
@@ -372,7 +372,7 @@ impl Found<'_> {
         let mut horizons = Vec::new();
         for (number, factor) in self.options.factors.iter().enumerate() {
             let first = |epsilon: &f64| {
-                let n = self.at(*epsilon).next()?.orbit.horizons()[number]?;
+                let n = self.runs_at(*epsilon).next()?.orbit.horizons()[number]?;
                 Some((*epsilon, n as f64))
             };
             horizons.push(Series {
@@ -391,7 +391,7 @@ impl Found<'_> {
             name: "iterations done, first weights".into(),
             color: 7,
             style: Style::Dashed,
-            points: epsilons.iter().filter_map(|e| self.at(*e).next()).map(floor).collect(),
+            points: epsilons.iter().filter_map(|e| self.runs_at(*e).next()).map(floor).collect(),
         });
         let of = |run: &Run| -> Vec<(f64, f64)> {
             run.orbit.drifts().iter().map(|(n, d)| (*n as f64, *d)).collect()
@@ -408,7 +408,7 @@ impl Found<'_> {
                 .filter_map(|n| Some((n as f64, self.drift(epsilon, n)?.median)));
             drifts.push(Series { name, color: number, style, points: median.collect() });
             if let Some(long) =
-                self.at(epsilon).find(|run| run.iterations > self.options.iterations)
+                self.runs_at(epsilon).find(|run| run.iterations > self.options.iterations)
             {
                 drifts.push(Series::unnamed(number, Style::Faint, of(long)));
             }

@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::measure::{Drift, drift, drift_exponent};
 use crate::network::{Rollout, rollout};
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
@@ -51,7 +51,7 @@ impl Study for AdiabaticProfilesOptions {
         vec![PROFILES]
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let seed = context.scene.seed;
         let request = Rollout { steps: self.iterations, every: 1 };
         let mut each = Vec::new();
@@ -63,7 +63,7 @@ impl Study for AdiabaticProfilesOptions {
             let values = Trajectories::new(network.adiabatic_invariant(&states), 1, 1)?;
             each.push(Profile {
                 epsilon,
-                drift: drift(values.of(0).map(|mu| mu[0])),
+                drift: drift(values.orbit(0).map(|mu| mu[0])),
                 exponent: drift_exponent(&values, |mu| mu[0]),
                 values,
             });
@@ -129,7 +129,7 @@ fn table(each: &[Profile]) -> Table {
 /// ten.
 fn figure(each: &[Profile]) -> Figure {
     let panel = |of: &Profile| {
-        let values: Vec<f64> = of.values.of(0).map(|mu| mu[0] - of.drift.initial).collect();
+        let values: Vec<f64> = of.values.orbit(0).map(|mu| mu[0] - of.drift.initial).collect();
         let [lower, upper] = envelope(&values, 1.0);
         let every = values.len().div_ceil(1000);
         let some = values.iter().enumerate().step_by(every).map(|(n, v)| (n as f64, *v)).collect();

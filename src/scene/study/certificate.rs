@@ -3,7 +3,7 @@
 use super::shared::Study;
 use crate::error::Error;
 use crate::measure::{Certificate, CertificateOptions, Row, Verdict, certify};
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};
 use crate::scene::setup::Need;
@@ -22,7 +22,7 @@ impl Study for CertificateOptions {
         CertificateOptions::check(self)
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let (mut lines, mut data, mut holds) = (String::new(), Vec::new(), true);
         let mut appendix = Vec::new();
         for trained in context.models()?.iter() {
@@ -37,7 +37,7 @@ impl Study for CertificateOptions {
             data.push(entry(name, &certificate));
         }
         let explanation = format!(
-            "{} points, uniform in |zᵢ| ≤ {}, seed {}. A ratio is an error over the rounding bound \
+            "{} points, uniform in |zᵢ| ≤ {}, seed {}. A ratio is an error over the rounding scale \
              of the computation that made it.",
             self.samples, self.radius, self.seed
         );

@@ -4,7 +4,7 @@ use super::shared::{Study, check_parts};
 use crate::error::Error;
 use crate::measure::Spread;
 use crate::scalar::max_or_nan;
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::part::Part;
@@ -30,7 +30,7 @@ impl Study for ClaimsOptions {
         check_parts(self.name(), scene)
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let with_command = |part| Some((Row::of(part)?, &part.command));
         let rows: Vec<(Row, &String)> = context.parts.iter().filter_map(with_command).collect();
         let mut table = Table::new([

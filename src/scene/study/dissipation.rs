@@ -8,7 +8,7 @@ use crate::measure::{
 };
 use crate::network::{Composition, Rollout, map_jacobians};
 use crate::scalar::max_or_nan;
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
@@ -59,7 +59,7 @@ impl Study for DissipationOptions {
         vec![FIGURE]
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let (system, time, models) = (context.system()?, context.flow_time()?, context.models()?);
         let points = self.points_of(context)?;
         let (growth, volume_error) = self.growth(context, system, &points, time)?;
@@ -117,7 +117,7 @@ impl Study for DissipationOptions {
 
 impl DissipationOptions {
     /// Held-out points, evenly chosen.
-    fn points_of(&self, context: &mut Context<'_>) -> Result<Vec<Vec<f64>>, Halt> {
+    fn points_of(&self, context: &mut Context<'_>) -> Result<Vec<Vec<f64>>, RunError> {
         let data = context.data()?;
         let pairs = data.to_judge_by();
         let count = self.points.min(pairs.len());
@@ -134,16 +134,16 @@ impl DissipationOptions {
         system: &System,
         points: &[Vec<f64>],
         time: f64,
-    ) -> Result<(Vec<f64>, f64), Halt> {
+    ) -> Result<(Vec<f64>, f64), RunError> {
         // A multiple of four, so that every other state is an even number of intervals too.
-        let turns = time * system.fastest_plane() / FINE;
+        let turns = time * system.limiting_fastest_frequency() / FINE;
         let intervals = (turns.ceil() as usize).clamp(4, MOST).next_multiple_of(4);
         let interval = time / intervals as f64;
         let fine = context.reference(system, points, interval, intervals + 1)?;
         let states = &fine.trajectories;
         let (mut out, mut error) = (Vec::new(), 0.0);
         for m in 0..states.count() {
-            let rates: Vec<f64> = states.of(m).map(|z| divergence(system, z, 0.0)).collect();
+            let rates: Vec<f64> = states.orbit(m).map(|z| divergence(system, z, 0.0)).collect();
             let every_other: Vec<f64> = rates.iter().step_by(2).copied().collect();
             let growth = simpson(&rates, interval);
             error = max_or_nan(error, (growth - simpson(&every_other, 2.0 * interval)).abs());
@@ -169,7 +169,7 @@ impl DissipationOptions {
                 name: one.of.replace('`', ""),
                 color,
                 style: if color == 0 { Style::Line } else { Style::Marked },
-                points: states.of(0).take(DRAWN).enumerate().map(action).collect(),
+                points: states.orbit(0).take(DRAWN).enumerate().map(action).collect(),
             });
         }
         let mut panels = vec![Panel {
@@ -184,7 +184,7 @@ impl DissipationOptions {
         if let Some(plane) = slow {
             let points_of = |states: &Trajectories| -> Vec<(f64, f64)> {
                 let half = states.states() / 2;
-                let last = (0..states.count()).flat_map(|m| states.of(m).skip(half));
+                let last = (0..states.count()).flat_map(|m| states.orbit(m).skip(half));
                 last.map(|z| (z[plane], z[dof + plane])).collect()
             };
             let own = points_of(reference);
@@ -298,7 +298,7 @@ impl Along {
         let mut periods = Vec::new();
         for m in 0..own.count() {
             let actions: Vec<f64> =
-                own.of(m).skip(half).map(|z| system.adiabatic_invariant(z)).collect();
+                own.orbit(m).skip(half).map(|z| system.adiabatic_invariant(z)).collect();
             for action in &actions {
                 least = if count == 0 { *action } else { -max_or_nan(-least, -action) };
                 largest = if count == 0 { *action } else { max_or_nan(largest, *action) };

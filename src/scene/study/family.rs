@@ -10,7 +10,7 @@ use crate::measure::{
 use crate::network::{Model, Rollout, map_points};
 use crate::phase::Direction;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
@@ -71,7 +71,7 @@ impl Study for FamilyOptions {
         }
         for epsilon in &self.epsilons {
             let interval = self.slow_time / epsilon / (self.states - 1) as f64;
-            scene.setup.check_repeated(interval).map_err(|e| e.at("slow_time"))?;
+            scene.setup.check_repeated(interval).map_err(|e| e.with_place("slow_time"))?;
         }
         match &scene.setup.system {
             Some(system) if system.torus().1.len() > 1 => {
@@ -84,7 +84,7 @@ impl Study for FamilyOptions {
                 Err(Error::invalid("system", system.kind(), expected))
             }
             Some(system) => {
-                system.check_with(&self.epsilons).map_err(|e| e.at("epsilons"))?;
+                system.check_with(&self.epsilons).map_err(|e| e.with_place("epsilons"))?;
                 check_points("initial", &self.initial, system)
             }
             None => Ok(()),
@@ -99,7 +99,7 @@ impl Study for FamilyOptions {
         vec![GAUSS_LEGENDRE]
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let (models, time) = (context.models()?, context.flow_time()?);
         let mut cases = Vec::new();
         for &epsilon in &self.epsilons {
@@ -188,7 +188,7 @@ impl FamilyOptions {
         epsilon: f64,
         flow_time: f64,
         own_time: f64,
-    ) -> Result<Case, Halt> {
+    ) -> Result<Case, RunError> {
         let (judge, rotation_error) = context.judge_at(epsilon, flow_time)?;
         let (own, declared) = (context.system()?, &context.scene.setup.data);
         let is_seen = |among: &[f64], value: f64, own: f64| match among {
@@ -233,7 +233,7 @@ impl FamilyOptions {
         context: &mut Context<'_>,
         models: &[Rc<Trained>],
         epsilon: f64,
-    ) -> Result<Invariants, Halt> {
+    ) -> Result<Invariants, RunError> {
         let system = context.system()?.clone().with_epsilon(epsilon);
         let interval = self.slow_time / epsilon / (self.states - 1) as f64;
         let reference = context.reference(&system, &self.initial, interval, self.states)?;

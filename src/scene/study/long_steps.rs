@@ -10,13 +10,13 @@ use crate::flow::{Integrator, Trajectories};
 use crate::measure::{Comparison, Spread, WorkPrecision, drifts, fastest};
 use crate::network::{Model, Rollout};
 use crate::scalar::max_or_nan;
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::learning::learn_at;
-use crate::scene::setup::{Attempt, MOST, ModelSpec, Need, Setup, check_points};
-use crate::scene::subject::Subject;
+use crate::scene::setup::{MOST, ModelSpec, Need, SeededTraining, Setup, check_points};
+use crate::scene::target_flow::TargetFlow;
 use crate::scene::trained::Trained;
 use crate::system::NearlyPeriodic;
 use crate::train::StageResult;
@@ -158,11 +158,11 @@ impl Study for LongStepsOptions {
         self.invariant_steps = self.invariant_steps.min(100_000);
     }
 
-    fn trainings(&self, setup: &Setup) -> Vec<Attempt> {
+    fn trainings(&self, setup: &Setup) -> Vec<SeededTraining> {
         self.others(setup).flat_map(|time| self.attempts(setup, time)).collect()
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let system = context.system()?;
         let states = whole_steps("duration", self.duration, self.interval)? + 1;
         let reference = context.reference(system, &self.initial, self.interval, states)?;
@@ -173,7 +173,7 @@ impl Study for LongStepsOptions {
             let data = context.data_at(system.epsilon(), time)?;
             let points = Points::evenly(data.to_judge_by(), self.points);
             let models = trained.iter().map(|one| (network_name(one), one.model())).collect();
-            let networks = Networks { models, subject: Subject::System(system), time };
+            let networks = Networks { models, target: TargetFlow::System(system), time };
             let every = whole_steps("interval", self.interval, time)?;
             let options = WorkPrecisionOptions {
                 points: self.points,
@@ -239,7 +239,7 @@ impl LongStepsOptions {
     }
 
     /// The trainings of this study, for each flow time and network.
-    fn attempts(&self, setup: &Setup, time: f64) -> Vec<Attempt> {
+    fn attempts(&self, setup: &Setup, time: f64) -> Vec<SeededTraining> {
         let models = setup.models.iter().filter(|model| !model.training_only);
         models
             .map(|model| {
@@ -247,7 +247,7 @@ impl LongStepsOptions {
                 spec.seeds = None;
                 // A name is that of a file.
                 spec.name = format!("{}-at-{}", model.name, time.to_string().replace('.', "_"));
-                Attempt { spec, network: model.name.clone(), number: 0 }
+                SeededTraining { spec, network: model.name.clone(), number: 0 }
             })
             .collect()
     }
@@ -258,7 +258,7 @@ impl LongStepsOptions {
         context: &mut Context<'_>,
         time: f64,
         before: Option<&(Vec<Rc<Trained>>, f64)>,
-    ) -> Result<Vec<Rc<Trained>>, Halt> {
+    ) -> Result<Vec<Rc<Trained>>, RunError> {
         let setup = context.scene.setup;
         if self.others(setup).all(|other| other != time) {
             return context.models();
@@ -337,7 +337,7 @@ struct OfNetwork {
     /// The held-out mean squared error.
     error: Option<f64>,
     iterations: u64,
-    legs: Vec<StageResult>,
+    stages: Vec<StageResult>,
     seconds: Option<f64>,
     drift: Option<f64>,
 }
@@ -359,7 +359,7 @@ impl AtTime {
                 parameters: one.model().composition().parameters().len(),
                 error: one.held_out_error,
                 iterations: one.outcome.history.last().map_or(0, |record| record.iteration),
-                legs: one.legs.clone(),
+                stages: one.stages.clone(),
                 seconds: times.and_then(|times| Some(times.points.last()?.1)),
                 drift,
             }
@@ -378,7 +378,7 @@ impl AtTime {
                     "parameters": network.parameters,
                     "error": network.error,
                     "iterations": network.iterations,
-                    "legs": network.legs,
+                    "stages": network.stages,
                     "drift": network.drift,
                 })
             })

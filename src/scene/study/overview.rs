@@ -2,7 +2,7 @@
 
 use super::shared::{Study, check_parts};
 use crate::error::Error;
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::part::Part;
@@ -28,7 +28,7 @@ impl Study for OverviewOptions {
         check_parts(self.name(), scene)
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let mut table = Table::new([
             ("part", Format::Exact),
             ("network", Format::Exact),

@@ -4,7 +4,7 @@
 use super::shared::Study;
 use super::work_precision::citations;
 use crate::flow::{Condition, Integrator, Pairs};
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{Data, FlowBy, Need};
@@ -19,7 +19,7 @@ impl Study for PairsStudy {
     }
 
     fn needs(&self) -> &'static [Need] {
-        &[Need::Subject, Need::FlowTime, Need::Data]
+        &[Need::TargetFlow, Need::FlowTime, Need::Data]
     }
 
     fn cites(&self, scene: &Declared<'_>) -> Vec<&'static str> {
@@ -27,7 +27,7 @@ impl Study for PairsStudy {
         citations(scene.setup.data.as_ref().and_then(of_data).into_iter())
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         const DIGITS: usize = 16;
         let data = context.data()?;
         let (training, held_out) = (&data.training, data.held_out.as_ref().map_or(0, Pairs::len));

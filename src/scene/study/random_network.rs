@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RandomNetwork {
-    /// ψ.
+    /// The sizes of ψ.
     pub psi: LayerSizes,
-    /// I_ε.
+    /// The sizes of I_ε.
     pub near_identity: LayerSizes,
-    /// θ.
+    /// The angle θ, in radians.
     pub theta: f64,
     /// How its weights are drawn.
     pub weights: InitialWeights,
@@ -29,7 +29,7 @@ impl RandomNetwork {
             Error::check_count_range(&format!("network.{key}.count"), layers.count, 1, 1000)?;
         }
         self.initial.iter().try_for_each(|v| Error::check_finite("network.initial", *v))?;
-        self.architecture(0.0).check().map_err(|e| e.at("network"))
+        self.architecture(0.0).check().map_err(|e| e.with_place("network"))
     }
 
     fn architecture(&self, epsilon: f64) -> Architecture {
@@ -46,7 +46,7 @@ impl RandomNetwork {
         self.architecture(epsilon).initialise(self.weights, self.theta, seed)
     }
 
-    /// In words.
+    /// The network in words.
     pub(super) fn words(&self) -> String {
         format!(
             "ψ: {} layers of {}; I_ε: {} layers of {}; θ = {}; from (q, p) = {:?}; weights {}",

@@ -10,12 +10,12 @@ use crate::network::{Rollout, Structure};
 use crate::phase::Units;
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, SameAxes, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{Need, Setup, check_points};
-use crate::scene::subject::Subject;
+use crate::scene::target_flow::TargetFlow;
 use crate::scene::trained::Trained;
 use crate::scene::words::{coordinate, initial_names};
 use crate::system::{AveragedOscillator, NearlyPeriodic, System};
@@ -59,11 +59,11 @@ impl RolloutOptions {
     pub(super) fn reference(
         &self,
         context: &mut Context<'_>,
-    ) -> Result<Rc<ReferenceTrajectories>, Halt> {
+    ) -> Result<Rc<ReferenceTrajectories>, RunError> {
         let (interval, kept) = (self.interval(context.flow_time()?), self.request().kept());
-        match context.subject()? {
-            Subject::System(system) => context.reference(system, &self.initial, interval, kept),
-            Subject::File(_) => context.trajectories_of_file(kept),
+        match context.target()? {
+            TargetFlow::System(system) => context.reference(system, &self.initial, interval, kept),
+            TargetFlow::File(_) => context.trajectories_of_file(kept),
         }
     }
 
@@ -79,7 +79,7 @@ impl Study for RolloutOptions {
     }
 
     fn needs(&self) -> &'static [Need] {
-        &[Need::Subject, Need::FlowTime]
+        &[Need::TargetFlow, Need::FlowTime]
     }
 
     fn is_of_invariants(&self) -> bool {
@@ -90,13 +90,13 @@ impl Study for RolloutOptions {
         Error::check_count_range("steps", self.steps, 1, usize::MAX)?;
         Error::check_count_range("every", self.every, 1, self.steps)?;
         scene.setup.flow_time.map_or(Ok(()), |time| scene.setup.check_repeated(time))?;
-        let Some(subject) = scene.setup.subject() else { return Ok(()) };
+        let Some(target) = scene.setup.target() else { return Ok(()) };
         if let Some(plane) = self.plane {
-            Error::check_count_range("plane", plane, 1, subject.dof())?;
+            Error::check_count_range("plane", plane, 1, target.dof())?;
         }
-        match subject {
-            Subject::System(system) => check_points("initial", &self.initial, system),
-            Subject::File(file) => {
+        match target {
+            TargetFlow::System(system) => check_points("initial", &self.initial, system),
+            TargetFlow::File(file) => {
                 if !self.initial.is_empty() {
                     let expected = "none: those of data.trajectories are taken";
                     return Err(Error::invalid("initial", self.initial.len(), expected));
@@ -134,9 +134,9 @@ impl Study for RolloutOptions {
         vec![GAUSS_LEGENDRE]
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
-        let (subject, flow_time) = (context.subject()?, context.flow_time()?);
-        let system = subject.system();
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
+        let (target, flow_time) = (context.target()?, context.flow_time()?);
+        let system = target.system();
         let found = self.reference(context)?;
         let reference = &found.trajectories;
         let initial: Vec<Vec<f64>> =
@@ -146,9 +146,9 @@ impl Study for RolloutOptions {
             models = context.models()?;
             moved = context.rollouts(&initial, self.request())?;
         }
-        let data = match subject {
-            Subject::System(_) => None,
-            Subject::File(_) => Some(context.data()?),
+        let data = match target {
+            TargetFlow::System(_) => None,
+            TargetFlow::File(_) => Some(context.data()?),
         };
         let of_reference =
             system.map(|system| Change::of(reference, |z| system.adiabatic_invariant(z)));
@@ -158,13 +158,13 @@ impl Study for RolloutOptions {
             .map(|(trained, trajectories)| Network::new(trained, system, trajectories, reference))
             .collect();
         let orbits = Orbits {
-            subject,
+            target,
             plane: self.plane,
             interval: self.interval(flow_time),
-            names: match subject {
-                Subject::System(_) => initial_names(&initial),
+            names: match target {
+                TargetFlow::System(_) => initial_names(&initial),
                 // Of numbers that nobody chose.
-                Subject::File(_) => {
+                TargetFlow::File(_) => {
                     (1..=initial.len()).map(|m| format!("trajectory {m}")).collect()
                 }
             },
@@ -186,14 +186,14 @@ impl Study for RolloutOptions {
                 error if error.is_nan() => "the error of the reference is not known".to_owned(),
                 error => format!("the reference's own error at the end is {error:.1e}"),
             },
-            match subject {
-                Subject::File(_) => {
+            match target {
+                TargetFlow::File(_) => {
                     "The initial points are those of the file; portraits and the errors of each \
                      component are in units of the data, and where units were fitted to the pairs, \
                      distances and invariants in these"
                         .to_owned()
                 }
-                Subject::System(_) => {
+                TargetFlow::System(_) => {
                     let points: Vec<_> = initial.iter().map(|z| format!("{z:?}")).collect();
                     format!(
                         "The initial points, and the coordinates in which they differ: {}",
@@ -210,9 +210,9 @@ impl Study for RolloutOptions {
             details.push(Block::Heading(format!("`{}`", network.name)));
             details.push(Block::Table(orbits.table(Some(network))));
         }
-        let of_components = match subject {
-            Subject::System(_) => Vec::new(),
-            Subject::File(_) => orbits.component_errors(&networks),
+        let of_components = match target {
+            TargetFlow::System(_) => Vec::new(),
+            TargetFlow::File(_) => orbits.component_errors(&networks),
         };
         if !of_components.is_empty() {
             details.push(Block::Heading("Errors by component, in units of the data".into()));
@@ -258,7 +258,7 @@ struct Change {
     /// Its values, a number for each state of each orbit.
     values: Trajectories,
     drifts: Vec<Drift>,
-    /// In N.
+    /// The exponent of its growth with the number N of steps.
     exponent: f64,
 }
 
@@ -368,7 +368,7 @@ impl<'a> Network<'a> {
 
 /// What the orbits of all networks are compared with.
 struct Orbits<'a> {
-    subject: Subject<'a>,
+    target: TargetFlow<'a>,
     /// The one to draw, from 1.
     plane: Option<usize>,
     interval: f64,
@@ -520,7 +520,7 @@ impl Orbits<'_> {
     /// The coordinates of the plane to draw: the one that is asked for, or the first that does not
     /// turn, whose motion the paper shows.
     fn plane(&self) -> [usize; 2] {
-        let action = self.subject.circle_action();
+        let action = self.target.circle_action();
         let slow = action.weights().iter().position(|weight| *weight == 0);
         let j = self.plane.map_or(slow.unwrap_or(0), |plane| plane - 1);
         [j, action.dof() + j]
@@ -538,14 +538,14 @@ impl Orbits<'_> {
     fn portrait(&self, initial: &[Vec<f64>], networks: &[Network<'_>]) -> Figure {
         let [i, k] = self.plane();
         let [x_label, y_label] = self.plane_labels();
-        let averaged = |z: &Vec<f64>| self.subject.system()?.averaged(i, z);
+        let averaged = |z: &Vec<f64>| self.target.system()?.averaged(i, z);
         let has_levels = initial.iter().any(|z| averaged(z).is_some());
         let panel = |title: &str, orbits: &Trajectories| {
             let levels = initial.iter().filter_map(|z| level_through(averaged(z)?));
             let mut series: Vec<_> = levels.collect();
             for (m, name) in self.names.iter().enumerate() {
                 let points =
-                    orbits.of(m).map(|z| (self.in_data(z, i), self.in_data(z, k))).collect();
+                    orbits.orbit(m).map(|z| (self.in_data(z, i), self.in_data(z, k))).collect();
                 let (name, color) = (name.clone(), orbit_color(m));
                 series.push(Series { name, color, style: Style::Dots, points });
             }
@@ -582,7 +582,7 @@ impl Orbits<'_> {
         for (m, name) in self.names.iter().enumerate() {
             let initial = change.drifts[m].initial;
             let values: Vec<f64> =
-                change.values.of(m).map(|v| (v[0] - initial) / initial.abs()).collect();
+                change.values.orbit(m).map(|v| (v[0] - initial) / initial.abs()).collect();
             let [lower, upper] = envelope(&values, self.interval);
             let (name, color) = (name.clone(), orbit_color(m));
             series.push(Series { name, color, style: Style::Line, points: upper });
@@ -630,7 +630,7 @@ impl Orbits<'_> {
         let [q, p] = self.plane_labels();
         let panel = |network: &Network<'_>| {
             let along = |(m, name): (usize, &String)| {
-                let errors = network.orbits.of(m).zip(self.reference.of(m));
+                let errors = network.orbits.orbit(m).zip(self.reference.orbit(m));
                 let errors = errors.map(|(a, b)| distance(&[a[i], a[k]], &[b[i], b[k]]));
                 let points = errors
                     .enumerate()

@@ -1,10 +1,10 @@
 //! What every study is, and checks that studies share.
 
 use crate::error::Error;
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::findings::Findings;
-use crate::scene::setup::{Attempt, MOST, Need, Setup, check_points};
+use crate::scene::setup::{MOST, Need, SeededTraining, Setup, check_points};
 use std::any::Any;
 
 /// Something that is measured in a scene. Its fields are its options.
@@ -34,7 +34,7 @@ pub(in crate::scene) trait Study: Any {
     }
 
     /// The trainings of networks of its own, beside those of the set-up.
-    fn trainings(&self, setup: &Setup) -> Vec<Attempt> {
+    fn trainings(&self, setup: &Setup) -> Vec<SeededTraining> {
         let _ = setup;
         Vec::new()
     }
@@ -56,7 +56,7 @@ pub(in crate::scene) trait Study: Any {
 
     /// Measures. What other studies may ask for too is asked of the context, which
     /// makes it once.
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt>;
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError>;
 }
 
 /// Fails where a study of the parts has none.

@@ -8,7 +8,7 @@ use crate::measure::drifts;
 use crate::network::{Rollout, Structure};
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
@@ -66,7 +66,7 @@ impl Study for SlowManifoldOptions {
         vec![GAUSS_LEGENDRE]
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let system = context.system()?;
         let interval = context.flow_time()? * self.every as f64;
         let request = Rollout { steps: self.steps, every: self.every };
@@ -149,7 +149,7 @@ impl Slow {
         for m in 0..orbits.count() {
             let (q, p) = (orbits.state(0, m)[0], orbits.state(0, m)[momentum]);
             let mut largest = [0.0; 3];
-            for (t, z) in orbits.of(m).enumerate() {
+            for (t, z) in orbits.orbit(m).enumerate() {
                 let time = t as f64 * interval;
                 let now = [
                     (z[0] - q - system.epsilon() * p * time).abs(),
@@ -160,7 +160,7 @@ impl Slow {
                     *largest = max_or_nan(*largest, now);
                 }
             }
-            out.plane.push(orbits.of(m).map(|z| (z[0], z[momentum])).collect());
+            out.plane.push(orbits.orbit(m).map(|z| (z[0], z[momentum])).collect());
             out.largest.push(largest);
         }
         out
@@ -190,7 +190,7 @@ impl Off {
 
     /// The largest difference of the two along an orbit.
     fn difference(&self, m: usize) -> f64 {
-        let both = self.learnt.of(m).zip(self.of_system.of(m));
+        let both = self.learnt.orbit(m).zip(self.of_system.orbit(m));
         both.map(|(a, b)| (a[0] - b[0]).abs()).fold(0.0, max_or_nan)
     }
 }
@@ -309,14 +309,14 @@ impl SlowManifoldOptions {
         let panel = |of: &Off| {
             let mut series = Vec::new();
             for (m, name) in initial_names(&self.off).into_iter().enumerate() {
-                let learnt: Vec<f64> = of.learnt.of(m).map(|v| v[0]).collect();
+                let learnt: Vec<f64> = of.learnt.orbit(m).map(|v| v[0]).collect();
                 let [lower, upper] = envelope(&learnt, interval);
                 let color = orbit_color(m);
                 series.push(Series { name, color, style: Style::Line, points: upper });
                 series.push(Series::unnamed(color, Style::Line, lower));
             }
             for m in 0..self.off.len() {
-                let system: Vec<f64> = of.of_system.of(m).map(|v| v[0]).collect();
+                let system: Vec<f64> = of.of_system.orbit(m).map(|v| v[0]).collect();
                 for points in envelope(&system, interval) {
                     let name = "μ₀ of the system".to_owned();
                     series.push(Series { name, color: 7, style: Style::Dashed, points });

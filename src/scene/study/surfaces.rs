@@ -6,13 +6,13 @@ use super::work_precision::{MOST_ROUNDS, citations};
 use crate::error::Error;
 use crate::flow::{Integrator, Reference, Trajectories};
 use crate::measure::{
-    Comparison, Locked, Method, TrajectoryMethods, distances_to_set, fastest, locked_interval,
-    root_mean_square_distance, winding_numbers,
+    Comparison, LockedInterval, Method, TrajectoryMethods, distances_to_set, fastest,
+    locked_interval, root_mean_square_distance, winding_numbers,
 };
 use crate::network::{Model, Rollout};
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::{FIELD_LINES, GAUSS_LEGENDRE};
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, SameAxes, Series, Style};
 use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};
@@ -94,7 +94,7 @@ impl Study for SurfacesOptions {
         let Some(any) = &scene.setup.system else { return Ok(()) };
         let system = lines(any)?;
         for (index, point) in self.initial(system).iter().enumerate() {
-            system.check_point(point).map_err(|e| e.at(format!("radii[{index}]")))?;
+            system.check_point(point).map_err(|e| e.with_place(format!("radii[{index}]")))?;
         }
         self.integrators.iter().try_for_each(|entry| entry.integrator.check_for(any))
     }
@@ -116,7 +116,7 @@ impl Study for SurfacesOptions {
         self.rounds = self.rounds.min(5);
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let any = context.system()?;
         let (system, interval) = (lines(any)?, context.flow_time()?);
         let initial = self.initial(system);
@@ -135,7 +135,7 @@ impl Study for SurfacesOptions {
             let island = judge.island(&|points, steps| of_model(model, points, steps))?;
             found.push(judge.of(&trained.spec.name, None, orbits, island));
             if context.interrupted() {
-                return Err(Halt::Interrupted);
+                return Err(RunError::Interrupted);
             }
         }
         for entry in &self.integrators {
@@ -159,7 +159,7 @@ impl Study for SurfacesOptions {
                     other => other?,
                 });
                 if context.interrupted() {
-                    return Err(Halt::Interrupted);
+                    return Err(RunError::Interrupted);
                 }
             }
         }
@@ -261,7 +261,7 @@ impl Judge<'_> {
         name: &str,
         steps: Option<usize>,
         orbits: &Trajectories,
-        island: Option<Locked>,
+        island: Option<LockedInterval>,
     ) -> Found {
         let early = self.early(orbits.values(), orbits);
         let early_of_lines = (0..orbits.count()).map(|m| self.early_of(orbits, m)).collect();
@@ -293,7 +293,7 @@ impl Judge<'_> {
 
     fn early_of(&self, orbits: &Trajectories, m: usize) -> f64 {
         let early = |of: &Trajectories| -> Vec<f64> {
-            of.of(m).skip(1).take(self.options.early).flatten().copied().collect()
+            of.orbit(m).skip(1).take(self.options.early).flatten().copied().collect()
         };
         root_mean_square_distance(&early(orbits), &early(self.reference), 2)
     }
@@ -301,9 +301,9 @@ impl Judge<'_> {
     /// The median and the largest distance of the last points of a line from the surface of the
     /// reference.
     fn surface(&self, orbits: &Trajectories, m: usize) -> [f64; 2] {
-        let surface: Vec<f64> = self.reference.of(m).flatten().copied().collect();
+        let surface: Vec<f64> = self.reference.orbit(m).flatten().copied().collect();
         let first = orbits.states() - self.options.last;
-        let points: Vec<f64> = orbits.of(m).skip(first).flatten().copied().collect();
+        let points: Vec<f64> = orbits.orbit(m).skip(first).flatten().copied().collect();
         let mut distances = distances_to_set(&points, &surface, 2);
         distances.sort_by(f64::total_cmp);
         let largest = distances.iter().copied().fold(0.0, max_or_nan);
@@ -314,7 +314,7 @@ impl Judge<'_> {
     /// The standard deviation of H over its mean along each line.
     fn oscillation(&self, orbits: &Trajectories) -> Vec<f64> {
         let of = |m: usize| {
-            let energies: Vec<f64> = orbits.of(m).map(|z| self.system.energy(z, 0.0)).collect();
+            let energies: Vec<f64> = orbits.orbit(m).map(|z| self.system.energy(z, 0.0)).collect();
             let count = energies.len() as f64;
             let mean = energies.iter().sum::<f64>() / count;
             let square = energies.iter().map(|e| (e - mean) * (e - mean)).sum::<f64>() / count;
@@ -325,7 +325,7 @@ impl Judge<'_> {
 
     /// Where, on the line of symmetry through the middle of an island, a map is locked to the
     /// resonance of the perturbation.
-    fn island(&self, map: &Orbits<'_>) -> Result<Option<Locked>, Error> {
+    fn island(&self, map: &Orbits<'_>) -> Result<Option<LockedInterval>, Error> {
         /// The widest island that is looked for.
         const REACH: f64 = 0.12;
         let Some((iota, radius)) = self.system.resonance() else { return Ok(None) };
@@ -334,7 +334,7 @@ impl Judge<'_> {
         let on = |theta: f64| {
             let locked = |radii: &[f64]| -> Result<Vec<bool>, Error> {
                 let points: Vec<f64> =
-                    radii.iter().flat_map(|radius| self.system.at(*radius, theta)).collect();
+                    radii.iter().flat_map(|radius| self.system.point(*radius, theta)).collect();
                 let orbits = map(&points, steps)?;
                 let found = winding_numbers(&orbits, winding, |z| self.system.polar(z).1);
                 // Within an island of |m| parts the angle stays in one of them.
@@ -347,14 +347,14 @@ impl Judge<'_> {
         };
         // Middles and corners of islands by turns.
         let [one, other] = [on(0.0)?, on(PI / parts)?];
-        let width = |locked: Option<Locked>| locked.map_or(0.0, Locked::width);
+        let width = |locked: Option<LockedInterval>| locked.map_or(0.0, LockedInterval::width);
         Ok(if width(one) >= width(other) { one } else { other })
     }
 }
 
 impl SurfacesOptions {
     fn initial(&self, system: &FieldLines) -> Vec<Vec<f64>> {
-        self.radii.iter().map(|radius| system.at(*radius, self.theta).to_vec()).collect()
+        self.radii.iter().map(|radius| system.point(*radius, self.theta).to_vec()).collect()
     }
 
     /// All methods over the early points, on one thread.
@@ -412,7 +412,7 @@ impl SurfacesOptions {
     ) -> Figure {
         let panel = |title: &str, orbits: &Trajectories| {
             let series = (0..orbits.count()).map(|m| {
-                let last = orbits.of(m).skip(orbits.states() - self.last);
+                let last = orbits.orbit(m).skip(orbits.states() - self.last);
                 let points = last.map(|z| {
                     let (radius, theta) = system.polar(z);
                     (theta / PI, radius)
@@ -438,7 +438,7 @@ impl SurfacesOptions {
 
 struct Results<'a> {
     options: &'a SurfacesOptions,
-    island: Option<Locked>,
+    island: Option<LockedInterval>,
     found: Vec<Found>,
     reference: &'a Judge<'a>,
 }

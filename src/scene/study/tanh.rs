@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::measure::{Method, WorkPrecision, fastest, most_accurate, tanh_errors, work_precision};
 use crate::random::Stream;
 use crate::scalar::tanh_sech2_of_all;
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
@@ -54,7 +54,7 @@ impl Study for TanhOptions {
         vec![TANH]
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let seed = context.scene.seed;
         let judged = context.stage("tanh and sech²", |_| self.compare(seed))?;
         let figures = match context.draws(TANH) {

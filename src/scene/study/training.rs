@@ -5,7 +5,7 @@ use crate::layer::TorusAction;
 use crate::measure::{Spread, component_errors, milestones};
 use crate::network::{Architecture, Layers};
 use crate::scene::bibliography::{ADAM, COUPLINGS, HENON_NET, LBFGS, MARQUARDT, SYMP_NET};
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
@@ -28,7 +28,7 @@ impl Study for TrainingStudy {
     }
 
     fn needs(&self) -> &'static [Need] {
-        &[Need::Subject, Need::FlowTime, Need::Data, Need::Models]
+        &[Need::TargetFlow, Need::FlowTime, Need::Data, Need::Models]
     }
 
     fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
@@ -60,7 +60,7 @@ impl Study for TrainingStudy {
         out
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let (data, models) = (context.data()?, context.all_models()?);
         let (mut results, mut by_component) = (Vec::new(), Vec::new());
         for trained in models.iter() {
@@ -71,7 +71,7 @@ impl Study for TrainingStudy {
                 })?,
             };
             let options = context.scene.setup.training_of(&trained.spec);
-            let loss = loss_of(&options.loss, context.subject()?, &data)?;
+            let loss = loss_of(&options.loss, context.target()?, &data)?;
             let options = TrainingOptions { loss, ..options.clone() };
             let mut shares = Vec::new();
             if let (Some((action, angles)), Some(held_out)) = (&data.nearest, data.validation()) {
@@ -176,9 +176,9 @@ pub(in crate::scene) struct TrainingResult {
     /// The same over what the nearest rotation leaves of the component.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     component_shares: Vec<f64>,
-    /// What led to the last leg of its training.
+    /// What led to the last stage of its training.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    legs: Vec<StageResult>,
+    stages: Vec<StageResult>,
     initial_theta: Option<f64>,
     theta: Option<f64>,
 }
@@ -222,7 +222,7 @@ impl TrainingResult {
             plain_error: trained.held_out_error.filter(|_| !loss_weights.is_empty()),
             loss_weights,
             component_shares: Vec::new(),
-            legs: trained.legs.clone(),
+            stages: trained.stages.clone(),
             initial_theta: trained.initial.angle(),
             theta: model.angle(),
         }
@@ -255,26 +255,26 @@ impl TrainingResult {
                 stop_words(self.stop)
             ),
         );
-        for leg in &self.legs {
-            let error = match leg.best.validation {
+        for stage in &self.stages {
+            let error = match stage.best.validation {
                 Some(error) => format!("held-out error {error:.2e}"),
-                None => format!("loss {:.2e}", leg.best.loss),
+                None => format!("loss {:.2e}", stage.best.loss),
             };
-            let iteration = leg.best.iteration;
-            let time = Format::Magnitude.number(leg.time);
-            let place = match leg.leg {
+            let iteration = stage.best.iteration;
+            let time = Format::Magnitude.number(stage.time);
+            let place = match stage.stage {
                 TrainingStage::Ramp(_) => {
-                    format!(" at ε = {} and {time} of the flow time", leg.epsilon)
+                    format!(" at ε = {} and {time} of the flow time", stage.epsilon)
                 }
                 TrainingStage::Twists(_) => " alone, in the coordinates of the chart".to_owned(),
                 TrainingStage::Start(_) | TrainingStage::Last => String::new(),
             };
-            let went_on = match (leg.leg, leg.chosen) {
+            let went_on = match (stage.stage, stage.chosen) {
                 (TrainingStage::Start(_) | TrainingStage::Twists(_), true) => ", which went on",
                 _ => "",
             };
             facts.fact(
-                &leg.leg.name(),
+                &stage.stage.name(),
                 format!("{error} after {iteration} iterations{place}{went_on}"),
             );
         }

@@ -6,7 +6,7 @@ use crate::flow::{ReferenceTrajectories, Trajectories};
 use crate::measure::{Drift, distance, drifts};
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, SameAxes, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
@@ -57,7 +57,7 @@ impl Study for TrajectoriesOptions {
         scene.setup.flow_time.map_or(Ok(()), |time| scene.setup.check_repeated(time))?;
         match &scene.setup.system {
             Some(system) => {
-                system.check_with(&self.epsilons).map_err(|e| e.at("epsilons"))?;
+                system.check_with(&self.epsilons).map_err(|e| e.with_place("epsilons"))?;
                 check_points("initial", &self.initial, system)
             }
             None => Ok(()),
@@ -72,7 +72,7 @@ impl Study for TrajectoriesOptions {
         vec![GAUSS_LEGENDRE]
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let (system, interval) = (context.system()?, context.flow_time()?);
         let mut each = Vec::new();
         for &epsilon in &self.epsilons {
@@ -142,7 +142,7 @@ impl OfEpsilon {
             let plane = |z: &[f64]| (z[j], z[dof + j]);
             let mut series = Vec::new();
             for m in 0..states.count() {
-                let (name, points) = (names[m].clone(), states.of(m).map(plane).collect());
+                let (name, points) = (names[m].clone(), states.orbit(m).map(plane).collect());
                 series.push(Series { name, color: m, style: Style::Line, points });
             }
             // Where it starts: all there is to see of one that stands still.
@@ -168,7 +168,7 @@ fn excursions(states: &Trajectories, m: usize) -> Vec<f64> {
     let start = states.state(0, m);
     let of_plane = |j: usize| {
         let away = |z: &[f64]| distance(&[z[j], z[dof + j]], &[start[j], start[dof + j]]);
-        states.of(m).map(away).fold(0.0, max_or_nan)
+        states.orbit(m).map(away).fold(0.0, max_or_nan)
     };
     (0..dof).map(of_plane).collect()
 }

@@ -1,7 +1,7 @@
 //! Whether to trust the networks that were trained on pairs of one's own.
 
 use super::shared::Study;
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::findings::{Block, Findings, Section};
 use crate::scene::setup::Need;
 use crate::scene::trust::trust;
@@ -16,10 +16,10 @@ impl Study for TrustStudy {
     }
 
     fn needs(&self) -> &'static [Need] {
-        &[Need::Subject, Need::FlowTime, Need::Data]
+        &[Need::TargetFlow, Need::FlowTime, Need::Data]
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let (data, models) = (context.data()?, context.models()?);
         // Pairs of a file have one, and this study is of no others.
         let Some((action, angles)) = &data.nearest else { return Ok(Findings::default()) };

@@ -6,7 +6,7 @@ use crate::flow::Pairs;
 use crate::layer::CircleAction;
 use crate::measure::Spread;
 use crate::network::{Circles, InitialWeights, NetworkSpec};
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::event::Event;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
@@ -63,7 +63,7 @@ impl Study for WhichActionOptions {
             let expected = "a gyroceptron without a circle action of its own";
             return Err(Error::invalid("network", &self.network.kind, expected));
         }
-        self.network.check_from(0).map_err(|e| e.at("network"))?;
+        self.network.check_from(0).map_err(|e| e.with_place("network"))?;
         let family = scene.setup.data.as_ref().is_some_and(Data::is_family);
         if family {
             let expected = "pairs of one map: which action they have is asked of one";
@@ -80,7 +80,7 @@ impl Study for WhichActionOptions {
                 return Err(Error::invalid(&name(), action, expected));
             }
             let architecture = self.network.architecture(&action.clone().into(), 1.0, 1.0)?;
-            architecture.check().map_err(|e| e.at("network"))?;
+            architecture.check().map_err(|e| e.with_place("network"))?;
             self.training.check_for(&architecture)?;
             if let Some(system) = &scene.setup.system {
                 Error::check_count(&name(), system.dof(), action.dof())?;
@@ -130,7 +130,7 @@ impl Study for WhichActionOptions {
         self.training.iterations = half.max(20).min(self.training.iterations);
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let action = context.system()?.circle_action();
         let data = context.data()?;
         let (all, held_out) = (&data.training, data.validation());
@@ -226,7 +226,7 @@ impl WhichActionOptions {
         number: usize,
         pairs: &Pairs,
         held_out: &Pairs,
-    ) -> Result<Attempted, Halt> {
+    ) -> Result<Attempted, RunError> {
         let fit = ActionFit::fit(pairs)?;
         let (mut errors, mut history) = (Vec::new(), Vec::new());
         for action in &self.actions {
@@ -235,7 +235,7 @@ impl WhichActionOptions {
                 self.trained(context, &name, action, number, pairs, held_out)
             });
             let on_the_way = match on_the_way {
-                Err(Halt::Failed(Error::Diverged { .. })) => Vec::new(),
+                Err(RunError::Failed(Error::Diverged { .. })) => Vec::new(),
                 other => other?,
             };
             errors.push(on_the_way.iter().map(|(_, error)| *error).min_by(f64::total_cmp));
@@ -253,7 +253,7 @@ impl WhichActionOptions {
         number: usize,
         pairs: &Pairs,
         held_out: &Pairs,
-    ) -> Result<Vec<(u64, f64)>, Halt> {
+    ) -> Result<Vec<(u64, f64)>, RunError> {
         let (epsilon, time) = (context.system()?.epsilon(), context.flow_time()?);
         let seed = context.scene.seed.wrapping_add(number as u64);
         let Ok(architecture) = self.network.architecture(&action.clone().into(), epsilon, time)
@@ -268,7 +268,7 @@ impl WhichActionOptions {
                 Ok(if context.interrupted() { Control::Interrupt } else { Control::Continue })
             })?;
         if outcome.stop == Stop::Interrupted {
-            return Err(Halt::Interrupted);
+            return Err(RunError::Interrupted);
         }
         let of = |record: &TrainingRecord| {
             let error = record.validation.filter(|error| error.is_finite())?;

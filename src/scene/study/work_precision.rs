@@ -15,13 +15,13 @@ use crate::phase::Direction;
 use crate::scene::bibliography::{
     BORIS, GAUSS_LEGENDRE, SPLITTINGS, STROBOSCOPIC, VELOCITY_SPLITTING, YOSHIDA,
 };
-use crate::scene::context::{Context, Halt};
+use crate::scene::context::{Context, RunError};
 use crate::scene::data_sets::DataSets;
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};
 use crate::scene::setup::{MOST, Need};
-use crate::scene::subject::Subject;
+use crate::scene::target_flow::TargetFlow;
 use crate::system::System;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -71,15 +71,15 @@ impl Study for WorkPrecisionOptions {
     }
 
     fn needs(&self) -> &'static [Need] {
-        &[Need::Subject, Need::FlowTime, Need::Data]
+        &[Need::TargetFlow, Need::FlowTime, Need::Data]
     }
 
     fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
         let rollout = RolloutOptions::of(scene);
         Error::check_count_range("points", self.points, 1, MOST)?;
         Error::check_count_range("rounds", self.rounds, 1, MOST_ROUNDS)?;
-        let subject = scene.setup.subject();
-        if let (Some(Subject::File(_)), Some(entry)) = (subject, self.integrators.first()) {
+        let target = scene.setup.target();
+        if let (Some(TargetFlow::File(_)), Some(entry)) = (target, self.integrators.first()) {
             let expected = "none: the equations that pairs of a file are of are not known";
             return Err(Error::invalid("integrators", entry.integrator.name(), expected));
         }
@@ -123,7 +123,7 @@ impl Study for WorkPrecisionOptions {
         self.rounds = self.rounds.min(5);
     }
 
-    fn run(&self, context: &mut Context<'_>) -> Result<Findings, Halt> {
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let trained = match context.scene.setup.models.is_empty() {
             true => None,
             false => Some(context.models()?),
@@ -134,7 +134,7 @@ impl Study for WorkPrecisionOptions {
                 .flat_map(|all| all.iter())
                 .map(|one| (&one.spec.name[..], one.model()))
                 .collect(),
-            subject: context.subject()?,
+            target: context.target()?,
             time: context.flow_time()?,
         };
         let data = context.data()?;
@@ -201,7 +201,7 @@ pub(super) fn citations(integrators: impl Iterator<Item = Integrator>) -> Vec<&'
 /// What is compared with integrators.
 pub(super) struct Networks<'a> {
     pub(super) models: Vec<(&'a str, &'a Model)>,
-    pub(in crate::scene) subject: Subject<'a>,
+    pub(in crate::scene) target: TargetFlow<'a>,
     pub(super) time: f64,
 }
 
@@ -239,7 +239,7 @@ impl WorkPrecisionOptions {
         data: &DataSets,
         points: &Points,
     ) -> Result<Comparison, Error> {
-        let (dim, time) = (2 * networks.subject.dof(), networks.time);
+        let (dim, time) = (2 * networks.target.dof(), networks.time);
         let input = &points.input[..];
         let mut methods = Vec::new();
         for (name, model) in &networks.models {
@@ -288,7 +288,7 @@ impl WorkPrecisionOptions {
     ) -> Result<Comparison, Error> {
         let ReferenceTrajectories { trajectories, error: reference_error } = reference;
         let (reference, count) = (trajectories.values(), trajectories.count());
-        let dim = 2 * networks.subject.dof();
+        let dim = 2 * networks.target.dof();
         let initial = &reference[..count * dim];
         let request = options.request();
         let interval = options.interval(networks.time);
@@ -338,7 +338,7 @@ impl WorkPrecisionOptions {
         &'a self,
         networks: &Networks<'a>,
     ) -> impl Iterator<Item = (&'a IntegratorSteps, &'a System)> + use<'a> {
-        let system = networks.subject.system();
+        let system = networks.target.system();
         self.integrators.iter().filter_map(move |entry| Some((entry, system?)))
     }
 

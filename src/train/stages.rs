@@ -1,4 +1,4 @@
-//! The legs of a training as they are asked for: starts, a ramp, twists alone.
+//! The stages of a training as they are asked for: starts, a ramp, twists alone.
 
 use super::record::at_least_one;
 use crate::error::Error;
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Starts {
-    /// How many.
+    /// How many sets of initial weights are tried.
     pub count: u64,
     /// The iterations of each, after which the one of the lowest held-out error (loss,
     /// without held-out pairs) is chosen. It goes on as if it had been alone.
@@ -20,7 +20,7 @@ pub struct Starts {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RampStage {
-    /// Its flow time; the scene's, unless given. A scene leaves out rungs of longer times than the
+    /// Its flow time; the scene's, unless given. A scene leaves out stages of longer times than the
     /// one that is wanted, and of the same where their ε is the same too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flow_time: Option<f64>,
@@ -30,14 +30,14 @@ pub struct RampStage {
     /// Of a normal form: only one in so many of its twist shears, the first ones, are trained. What
     /// comes after the ramp begins with them so many times over
     /// ([`Model::iterated`](crate::network::Model::iterated)), so that its flow time is best as many times as long. All of
-    /// them, unless given; those of a rung divide those of the one before.
+    /// them, unless given; those of a stage divide those of the one before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub repeats: Option<usize>,
     /// Its iterations.
     pub iterations: u64,
 }
 
-/// Twists T_ε of a normal form, trained alone before the last leg.
+/// Twists T_ε of a normal form, trained alone before the last stage.
 ///
 /// The chart χ of a short flow time is that of a long one, T_ε is not: its shears, as the stages
 /// of a splitting, suit steps of one length. In the coordinates of χ the pairs are of Φ_θ∘T_ε, whose
@@ -98,7 +98,7 @@ impl RampStage {
     }
 
     /// Fails unless the [repeats](RampStage::repeats) of a ramp divide, each those before it, and leave
-    /// the first of its rungs twist shears of both kinds.
+    /// the first of its stages twist shears of both kinds.
     pub(super) fn check_repeats(ramp: &[Self], twists: usize) -> Result<(), Error> {
         let mut before = None;
         for repeats in ramp.iter().map(Self::times) {
@@ -112,7 +112,7 @@ impl RampStage {
                 let expected = match before {
                     None if twists == 0 => "1: only a normal form has twists".to_owned(),
                     None => format!("1, or a divisor of half of {twists} twist shears"),
-                    Some(before) => format!("a divisor of {before}, those of the rung before"),
+                    Some(before) => format!("a divisor of {before}, those of the stage before"),
                 };
                 return Err(Error::invalid("training.ramp.repeats", repeats, expected));
             }

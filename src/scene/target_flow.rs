@@ -11,7 +11,7 @@ use std::path::Path;
 
 /// A flow map that is learnt.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Subject<'a> {
+pub(super) enum TargetFlow<'a> {
     /// Of a system.
     System(&'a System),
     /// Of which there are pairs only.
@@ -27,7 +27,7 @@ pub(super) struct FileData<'a> {
     pub(super) trajectories: Option<&'a Path>,
     /// Φ of their limit.
     pub(super) circle_action: &'a CircleAction,
-    /// Their ε.
+    /// The ε of the pairs.
     pub(super) epsilon: f64,
 }
 
@@ -53,7 +53,7 @@ impl FileData<'_> {
     }
 }
 
-impl<'a> Subject<'a> {
+impl<'a> TargetFlow<'a> {
     pub(super) fn circle_action(self) -> CircleAction {
         match self {
             Self::System(system) => system.circle_action(),
@@ -101,7 +101,7 @@ impl<'a> Subject<'a> {
     }
 
     /// Angles for the circles of a network to start from, where they are others than
-    /// [`Subject::angle`] for its only one.
+    /// [`TargetFlow::angle`] for its only one.
     pub(super) fn angles(self, of: &Architecture, theta: f64, pairs: &Pairs) -> Option<Vec<f64>> {
         // A gyroceptron starts from the frequency of the limit itself.
         let adiabatic = of.structure() == Structure::NearlyPeriodic && of.circles.len() == 1;

@@ -1,9 +1,9 @@
-//! What a step of a network is: a shear bound to its parameters.
+//! What a step of a network is: an elementary map bound to its parameters.
 
 use crate::scalar::{Over, Pack, Scalar};
 
-/// A shear, or a few that belong together, bound to its parameters: a step whose inverse is of
-/// the same kind. All but the [affine coupling](super::AffineCoupling) are exactly symplectic.
+/// An elementary map bound to its parameters, whose inverse is of the same kind: a shear, a few
+/// shears that belong together, a rotation of planes, a coupling. All but the [affine coupling](super::AffineCoupling) are exactly symplectic.
 ///
 /// A network is a sequence of them. Whoever implements this for a new kind of
 /// step writes one file; all that is done with steps goes through these methods:
@@ -17,14 +17,14 @@ use crate::scalar::{Over, Pack, Scalar};
 /// exchanges) alone: this is what makes the inverse exact where increments are
 /// rounded to a grid, unless, as in a [`Twist`](super::Twist) and an
 /// [`AffineCoupling`](super::AffineCoupling), the factor of an increment depends on what it changes.
-pub trait Shear<P: Scalar>: Copy {
-    /// n.
+pub trait ElementaryMap<P: Scalar>: Copy {
+    /// The degrees of freedom n.
     fn dof(&self) -> usize;
 
     /// The inverse step.
     fn inverse(self) -> Self;
 
-    /// How many numbers [`Shear::record`] writes for a point.
+    /// How many numbers [`ElementaryMap::forward_recorded`] writes for a point.
     fn tape_len(&self) -> usize;
 
     /// How often a point is put through tanh or sech².
@@ -35,18 +35,18 @@ pub trait Shear<P: Scalar>: Copy {
 
     /// z ← the inverse step of z. `scratch` holds at least 2n numbers.
     #[inline(always)]
-    fn undo<S: Over<P>>(&self, z: &mut [S], scratch: &mut [S]) {
+    fn apply_inverse<S: Over<P>>(&self, z: &mut [S], scratch: &mut [S]) {
         self.inverse().apply(z, scratch);
     }
 
-    /// [`Shear::apply`], keeping in `tape` (of [`Shear::tape_len`]) what
-    /// [`Shear::pull`] needs. `scratch` holds at least 2n numbers.
-    fn record<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]);
+    /// [`ElementaryMap::apply`], keeping in `tape` (of [`ElementaryMap::tape_len`]) what
+    /// [`ElementaryMap::vjp`] needs. `scratch` holds at least 2n numbers.
+    fn forward_recorded<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]);
 
-    /// The adjoint at the recorded point: `z_bar` from the cotangent of the output
+    /// The vector–Jacobian product at the recorded point: `z_bar` from the cotangent of the output
     /// to that of the input; `parameters_bar`, that of the step's parameters, +=
     /// theirs. `scratch` holds at least 2n numbers.
-    fn pull<S: Over<P>>(
+    fn vjp<S: Over<P>>(
         &self,
         tape: &[S],
         z_bar: &mut [S],
@@ -54,10 +54,10 @@ pub trait Shear<P: Scalar>: Copy {
         scratch: &mut [S],
     );
 
-    /// [`Shear::pull`] at several recorded points, whose tapes and cotangents stand
+    /// [`ElementaryMap::vjp`] at several recorded points, whose tapes and cotangents stand
     /// after one another: the same bits as of each in turn.
     #[inline(always)]
-    fn pull_each<S: Over<P>>(
+    fn vjp_each<S: Over<P>>(
         &self,
         tapes: &[S],
         z_bars: &mut [S],
@@ -67,16 +67,16 @@ pub trait Shear<P: Scalar>: Copy {
         let (dim, size) = (2 * self.dof(), self.tape_len());
         for k in 0..z_bars.len() / dim {
             let tape = &tapes[k * size..(k + 1) * size];
-            self.pull(tape, &mut z_bars[k * dim..(k + 1) * dim], parameters_bar, scratch);
+            self.vjp(tape, &mut z_bars[k * dim..(k + 1) * dim], parameters_bar, scratch);
         }
     }
 
-    /// z ← the step of z, and each of `directions`, 2n numbers after one another,
+    /// Jacobian–vector products: z ← the step of z, and each of `directions`, 2n numbers after one another,
     /// ← the derivative of the step along it. `scratch` holds at least 2n + n²
     /// numbers.
-    fn apply_along<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]);
+    fn jvp<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]);
 
-    /// [`Shear::apply`] to one point with what is independent within the step, as
+    /// [`ElementaryMap::apply`] to one point with what is independent within the step, as
     /// the neurons of a layer, in the lanes of `V`: the same bits. `scratch` holds
     /// at least 2n numbers.
     #[inline(always)]
@@ -90,7 +90,7 @@ pub trait Shear<P: Scalar>: Copy {
 
 /// A shear that moves the momenta alone. What it keeps for its pullback begins with the
 /// positions.
-pub trait OfMomenta<P: Scalar>: Shear<P> {
+pub trait OfMomenta<P: Scalar>: ElementaryMap<P> {
     /// Whether it moves nothing, whatever the point.
     fn is_identity(&self) -> bool;
 }
