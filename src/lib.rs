@@ -46,7 +46,7 @@
 //! - [`measure`]: from a map and points to numbers; the laws, generic over the
 //!   map; the structure certificate; error against run time.
 //! - [`train`]: [`Fit`](train::Fit), the one way from pairs to a model; loss, an optimiser each,
-//!   schedules, checkpoints.
+//!   schedules, checkpoints; the [judgement](train::Judgement) of a training.
 //! - `io` (feature `files`): models, data sets, weights of others.
 //! - `scene` (feature `scenes`): declared experiments and their reports.
 //!

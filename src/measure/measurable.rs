@@ -184,7 +184,7 @@ impl NearlyPeriodic for Model {
 /// Any map that is written over the number type, as one step.
 ///
 /// The scale of its rounding errors is found by running it on
-/// [`Tracked`] numbers: nothing has to be derived by hand. The bound is that
+/// [`Tracked`](crate::scalar::Tracked) numbers: nothing has to be derived by hand. The bound is that
 /// of the worst case, so that a long computation is better given as a sequence
 /// of steps, each a `OneStep`, in a [`Measurable`] of one's own.
 #[derive(Clone, Copy, Debug)]

@@ -8,8 +8,9 @@
 //!   validation, stopping, resuming.
 //! - `schedule`: several starts, a ramp of other flow times or ε, twists alone.
 //! - `judgement`: whether to trust what was trained, and what limits it.
-//! - `prepare`, `reading`, `action_fit`, `rotation_fit`, `units_fit`: circle action, θ and units for data of which
-//!   nobody told them.
+//! - `prepare`, `reading`, `action_fit`, `rotation_fit`, `units_fit`: circle action, θ and units of
+//!   data of which they are not known.
+//! - `fit`: from pairs to a model.
 
 mod action_fit;
 mod adam;
