@@ -35,7 +35,6 @@ pub enum TrainingStage {
     /// A start.
     Start(u64),
     /// A stage of the ramp.
-    #[serde(rename = "stage")]
     Ramp(usize),
     /// Twists alone: those of the ramp, 0, and fresh ones.
     Twists(u64),
