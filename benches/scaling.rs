@@ -7,7 +7,7 @@
 
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::CircleAction;
-use gyroceptron::measure::{Spread, log_line};
+use gyroceptron::measure::{adiabatic::log_line, timing::Spread};
 use gyroceptron::network::{
     GyroceptronShape, InitialWeights, Model, Rollout, map_jacobians_by_duals, rollout,
 };

@@ -3,7 +3,7 @@
 use super::{Outcome, file_of, inverts, number, numbers, small};
 use arbitrary::Unstructured;
 use gyroceptron::layer::{Activation, CircleAction, TorusAction};
-use gyroceptron::measure::differing_components;
+use gyroceptron::measure::ratios::differing_components;
 use gyroceptron::network::{
     Architecture, Block, InitialWeights, Layers, Model, Modules, Part, Scale,
 };

@@ -12,7 +12,7 @@ use gyroceptron::io::{
     parse_points, parse_tensors,
 };
 use gyroceptron::layer::{CircleAction, HenonLayer, TorusAction, layer_parameter_count};
-use gyroceptron::measure::{Measurable, differing_components, fuzz};
+use gyroceptron::measure::{Measurable, fuzz, ratios::differing_components};
 use gyroceptron::network::{
     Architecture, CouplingGyroceptronShape, GyroceptronShape, HenonShape, Model, NormalFormShape,
 };

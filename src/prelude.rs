@@ -5,7 +5,7 @@ pub use crate::flow::{Pairs, Window};
 #[cfg(feature = "files")]
 pub use crate::io::{StoredModel, load_model, read_pairs, save_model};
 pub use crate::layer::{CircleAction, TorusAction};
-pub use crate::measure::{CertificateOptions, certify};
+pub use crate::measure::certificate::{CertificateOptions, certify};
 pub use crate::network::{
     Architecture, Block, InitialWeights, Layers, Model, NetworkSpec, Part, Rollout,
 };

@@ -5,9 +5,13 @@ use faer::mat;
 use gyroceptron::layer::{CircleAction, HenonLayer};
 use gyroceptron::measure::internals::{unless_stopped, until_stopped};
 use gyroceptron::measure::{
-    Certificate, CertificateOptions, Conditioned, Measurable, OneStep, RoundingPropagation,
-    Verdict, certify, certify_all, certify_map, inversion_ratio, jacobian, symplecticity_defect,
-    symplecticity_ratio,
+    Measurable, OneStep,
+    certificate::{Certificate, CertificateOptions, Verdict, certify, certify_all, certify_map},
+    jacobian,
+    ratios::{
+        Conditioned, RoundingPropagation, inversion_ratio, symplecticity_defect,
+        symplecticity_ratio,
+    },
 };
 use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape};
 use gyroceptron::phase::{Direction, Half, Map};
@@ -32,7 +36,10 @@ fn small(seed: u64) -> CertificateOptions {
     CertificateOptions { samples: 40, radius: 1.6, seed }
 }
 
-fn row<'a>(certificate: &'a Certificate, equation: &str) -> &'a gyroceptron::measure::Row {
+fn row<'a>(
+    certificate: &'a Certificate,
+    equation: &str,
+) -> &'a gyroceptron::measure::certificate::Row {
     certificate.rows.iter().find(|row| row.equation.contains(equation)).expect("a row")
 }
 

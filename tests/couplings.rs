@@ -2,8 +2,11 @@
 
 use gyroceptron::layer::{AffineCoupling, CircleAction, ElementaryMap, coupling_parameter_count};
 use gyroceptron::measure::{
-    CertificateOptions, MeasuredSteps, OneStep, RoundingPropagation, TrackedStep, Verdict, certify,
-    certify_map, certify_nearly_periodic, fuzz, jacobian,
+    OneStep,
+    certificate::{CertificateOptions, Verdict, certify, certify_map, certify_nearly_periodic},
+    fuzz, jacobian,
+    ratios::RoundingPropagation,
+    steps::{MeasuredSteps, TrackedStep},
 };
 use gyroceptron::network::{Architecture, CouplingGyroceptronShape, InitialWeights, Model};
 use gyroceptron::phase::{Direction, Map};
@@ -53,7 +56,7 @@ fn they_are_invertible_and_nearly_periodic_and_symplecticity_is_refused() {
 #[test]
 fn one_certificate_is_the_other() {
     let model = network(&[1, 0], 0.05, InitialWeights::Glorot, 3);
-    let text = |c: gyroceptron::measure::Certificate| format!("{c}");
+    let text = |c: gyroceptron::measure::certificate::Certificate| format!("{c}");
     let own = certify_nearly_periodic(&model, OPTIONS);
     assert_eq!(text(certify(&model, OPTIONS)), text(own));
 }
@@ -217,7 +220,7 @@ fn what_has_no_inverse_is_violated_and_not_ill_conditioned() {
         fn inverse(&self, _: &mut [S]) {}
     }
     let certificate = certify_map(&OneStep(Flatten), OPTIONS);
-    let there = |row: &&gyroceptron::measure::Row| row.equation == "P⁻¹∘P = Id";
+    let there = |row: &&gyroceptron::measure::certificate::Row| row.equation == "P⁻¹∘P = Id";
     let row = certificate.rows.iter().find(there).expect("a row");
     assert_eq!(row.verdict, Verdict::Violated, "{certificate}");
     assert!(fuzz::inverted(&OneStep(Flatten), &[0.3, 0.7], true).is_err());

@@ -2,7 +2,7 @@
 
 use gyroceptron::flow::{Pairs, ReferenceTrajectories, Window, sample};
 use gyroceptron::layer::{CircleAction, TorusAction};
-use gyroceptron::measure::{averaged_invariant, drifts};
+use gyroceptron::measure::{adiabatic::averaged_invariant, trajectories::drifts};
 use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;

@@ -6,7 +6,10 @@ use gyroceptron::flow::{Pairs, Trajectories};
 use gyroceptron::io::{load_model, read_pairs, read_trajectories, write_pairs};
 use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::measure::internals::{monomials, power, powers};
-use gyroceptron::measure::{OwnInvariance, PlaneSwing, plane_motions};
+use gyroceptron::measure::{
+    adiabatic::{OwnInvariance, PlaneSwing},
+    trajectories::plane_motions,
+};
 use gyroceptron::network::{HenonShape, InitialWeights, Rollout};
 use gyroceptron::random::Stream;
 use gyroceptron::train::{ActionFit, Loss, Objective, fit_rotation};

@@ -3,7 +3,7 @@
 use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::{Activation, CircleAction, TorusAction};
-use gyroceptron::measure::{Verdict, jacobian, jacobians_by_differences, laws};
+use gyroceptron::measure::{certificate::Verdict, jacobian, jacobians_by_differences, laws};
 use gyroceptron::network::{
     Composition, CouplingGyroceptronShape, GyroceptronShape, HenonShape, InitialWeights, Model,
     NormalFormShape, Pace, Part, Rollout, SympNetShape, map_jacobians, map_jacobians_by_duals,

@@ -4,7 +4,10 @@ use gyroceptron::layer::{
     CircleAction, ElementaryMap, FastPlanes, TanhPotential, TorusAction, TurnedKick, Twist,
     TwistShears,
 };
-use gyroceptron::measure::{CertificateOptions, certify, certify_normal_form, log_slope};
+use gyroceptron::measure::{
+    adiabatic::log_slope,
+    certificate::{CertificateOptions, certify, certify_normal_form},
+};
 use gyroceptron::network::{Architecture, InitialWeights, Model, NormalFormShape, Part, Rollout};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;

@@ -14,8 +14,9 @@ macro_rules! fuzz_target {
 mod own_map;
 
 use gyroceptron::measure::{
-    Certificate, CertificateOptions, Coordinate, Implicit, Measurable, OneStep, Solved, Steps,
-    Verdict, WithDomain, certify_map, fuzz,
+    Coordinate, Implicit, Measurable, OneStep, Solved, Steps, WithDomain,
+    certificate::{Certificate, CertificateOptions, Verdict, certify_map},
+    fuzz,
 };
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
@@ -296,7 +297,9 @@ fn an_angle_that_is_not_said_to_be_one_jumps() {
 fn laws_that_need_an_inverse_say_so() {
     let certificate =
         certify_map(&OneStep(Froeschle { wrong: 0.0 }), CertificateOptions::default());
-    let without = |row: &&gyroceptron::measure::Row| row.equation.contains("no inverse is given");
+    let without = |row: &&gyroceptron::measure::certificate::Row| {
+        row.equation.contains("no inverse is given")
+    };
     assert_eq!(certificate.rows.iter().filter(without).count(), 2);
     let summary = certificate.summary();
     assert!(summary.starts_with("holds: 2 laws"), "{summary}");

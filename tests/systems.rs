@@ -5,7 +5,10 @@ use gyroceptron::flow::{
     GaussLegendre, Integrator, Pairs, Reference, ReferenceTrajectories, Splitting, Window, boris,
     runge_kutta_4, sample_of, velocity_splitting,
 };
-use gyroceptron::measure::{FittedLine, averaged_invariant, drifts, log_line, log_slope};
+use gyroceptron::measure::{
+    adiabatic::{FittedLine, averaged_invariant, log_line, log_slope},
+    trajectories::drifts,
+};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Elementary, Real, Scalar, max_or_nan};
 use gyroceptron::system::{

@@ -3,8 +3,11 @@
 use gyroceptron::flow::{Integrator, Pairs, ReferenceTrajectories, Trajectories};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
-    Milestone, component_errors, departures, distances_along, distances_to_set, drift_exponent,
-    drifts, level_set, locked_interval, milestones, winding_numbers,
+    adiabatic::level_set,
+    trajectories::{
+        Milestone, component_errors, departures, distances_along, distances_to_set, drift_exponent,
+        drifts, locked_interval, milestones, winding_numbers,
+    },
 };
 use gyroceptron::network::{InitialWeights, NormalFormShape};
 use gyroceptron::phase::Map;

@@ -7,8 +7,9 @@ use gyroceptron::io::{
 };
 use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::measure::{
-    CertificateOptions, Coordinate, OneStep, WithDomain, certify_map, distance, root_mean_square,
-    rotation_error,
+    Coordinate, OneStep, WithDomain,
+    certificate::{CertificateOptions, certify_map},
+    trajectories::{distance, root_mean_square, rotation_error},
 };
 use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, Rollout};
 use gyroceptron::phase::{Direction, InUnits, Map, Units};

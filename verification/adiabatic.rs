@@ -6,8 +6,10 @@ use crate::mutants::{self, Fault};
 use crate::{suite, tolerances};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
-    Conditioned, FittedLine, NearlyPeriodic, Row, Tally, invariant_drift, leading_invariant,
-    log_line, log_slope,
+    NearlyPeriodic,
+    adiabatic::{FittedLine, invariant_drift, leading_invariant, log_line, log_slope},
+    certificate::{Row, Tally},
+    ratios::Conditioned,
 };
 use gyroceptron::network::{GyroceptronShape, InitialWeights, Model};
 use gyroceptron::phase::Map;

@@ -6,7 +6,11 @@ use crate::mutants::Fault;
 use crate::suite;
 use crate::watched::watched;
 use gyroceptron::layer::CircleAction;
-use gyroceptron::measure::{Conditioned, Row, Tally, Verdict, differing_components, laws, merged};
+use gyroceptron::measure::{
+    certificate::{Row, Tally, Verdict, merged},
+    laws,
+    ratios::{Conditioned, differing_components},
+};
 use gyroceptron::network::{
     Architecture, Block, InitialWeights, KickedGyroceptronShape, Layers, Model, Part,
 };

@@ -3,7 +3,10 @@
 use crate::samples::{Case, wide};
 use crate::suite;
 use crate::watched::watched;
-use gyroceptron::measure::{Row, Tally, laws};
+use gyroceptron::measure::{
+    certificate::{Row, Tally},
+    laws,
+};
 use std::sync::OnceLock;
 
 pub const STATED: usize = 1000;

@@ -1,7 +1,13 @@
 //! The laws that any composition of shears has, and faults to break one with.
 
 use crate::mutants::Fault;
-use gyroceptron::measure::{Adjoint, Measurable, MeasuredSteps, Row, Tally, TrackedStep, laws};
+use gyroceptron::measure::{
+    Measurable,
+    certificate::{Row, Tally},
+    laws,
+    ratios::Adjoint,
+    steps::{MeasuredSteps, TrackedStep},
+};
 use gyroceptron::network::Composition;
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;

@@ -7,8 +7,10 @@ use crate::watched::watched;
 use crate::{precision, suite, tolerances};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
-    Layers, Measurable, MeasuredSteps, NearlyPeriodic, RATIO_LIMIT, Row, Tally, Verdict, laws,
-    merged,
+    Layers, Measurable, NearlyPeriodic,
+    certificate::{RATIO_LIMIT, Row, Tally, Verdict, merged},
+    laws,
+    steps::MeasuredSteps,
 };
 use gyroceptron::network::{Composition, CouplingGyroceptronShape, InitialWeights, Model};
 use gyroceptron::phase::{Direction, Map};

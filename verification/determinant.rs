@@ -4,7 +4,10 @@
 use crate::samples::wide;
 use crate::suite;
 use crate::watched::watched;
-use gyroceptron::measure::{Row, Verdict, laws};
+use gyroceptron::measure::{
+    certificate::{Row, Verdict},
+    laws,
+};
 use std::sync::OnceLock;
 
 pub const STATED: usize = 1000;

@@ -2,7 +2,7 @@
 
 use crate::samples::wide;
 use crate::suite;
-use gyroceptron::measure::{Relation, Row, laws};
+use gyroceptron::measure::{certificate::Row, laws, ratios::Relation};
 use std::sync::OnceLock;
 
 pub const STATED: usize = 1000;

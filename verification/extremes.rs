@@ -6,9 +6,14 @@ use astro_float::{BigFloat, Consts, RoundingMode};
 use faer::MatRef;
 use gyroceptron::layer::{CircleAction, HenonLayer, Potential, TanhPotential};
 use gyroceptron::measure::{
-    Conditioned, ILL_CONDITIONED, Measurable, RoundingPropagation, Tally, Verdict,
-    differing_components, disturbing_resonance, inversion_ratio, laws, nearest_resonance,
-    settling_iterations, symplecticity_defect, symplecticity_ratio,
+    Measurable,
+    adiabatic::{disturbing_resonance, nearest_resonance, settling_iterations},
+    certificate::{Tally, Verdict},
+    laws,
+    ratios::{
+        Conditioned, ILL_CONDITIONED, RoundingPropagation, differing_components, inversion_ratio,
+        symplecticity_defect, symplecticity_ratio,
+    },
 };
 use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model};
 use gyroceptron::phase::{Direction, Map};
@@ -357,8 +362,10 @@ fn the_horizon_is_that_of_its_definition() {
         }
     }
     let horizon = |most: usize, invariant: &dyn Fn(&[f64]) -> f64| {
-        gyroceptron::measure::invariant_horizon(&Count, invariant, &[0.0; 2], 1e-4, 1.1, most)
-            .expect("positive")
+        gyroceptron::measure::adiabatic::invariant_horizon(
+            &Count, invariant, &[0.0; 2], 1e-4, 1.1, most,
+        )
+        .expect("positive")
     };
     assert_eq!(horizon(1000, &|z| z[0]), Some(23));
     assert_eq!(horizon(22, &|z| z[0]), None);

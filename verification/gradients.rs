@@ -6,7 +6,10 @@ use crate::samples::{Case, mild};
 use crate::{suite, tolerances};
 use gyroceptron::layer::{CircleAction, layer_parameter_count};
 use gyroceptron::measure::{
-    Adjoint, Conditioned, ILL_CONDITIONED, Measurable, RoundingPropagation, Row, Tally, laws,
+    Measurable,
+    certificate::{Row, Tally},
+    laws,
+    ratios::{Adjoint, Conditioned, ILL_CONDITIONED, RoundingPropagation},
 };
 use gyroceptron::network::{Model, Part};
 use gyroceptron::phase::{Direction, Map};

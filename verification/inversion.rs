@@ -5,7 +5,11 @@ use crate::samples::{Case, wide};
 use crate::suite;
 use crate::watched::{Watched, watched};
 use gyroceptron::layer::HenonMap;
-use gyroceptron::measure::{Measurable, Row, Tally, laws};
+use gyroceptron::measure::{
+    Measurable,
+    certificate::{Row, Tally},
+    laws,
+};
 use gyroceptron::network::Part;
 use gyroceptron::phase::Direction;
 use std::sync::OnceLock;

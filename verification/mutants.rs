@@ -10,9 +10,11 @@ use gyroceptron::layer::{
     layer_parameter_count,
 };
 use gyroceptron::measure::{
-    CertificateOptions, Conditioned, KickStep, Layers, Magnitudes, Measurable, MeasuredStep,
-    MeasuredSteps, NearlyPeriodic, Numbers, OneStep, Relation, Row, ThereAndBack, TrackedStep,
-    Verdict, certify_family, laws, near_identity_generator, turn_steps,
+    Layers, Measurable, NearlyPeriodic, OneStep,
+    certificate::{CertificateOptions, Row, Verdict, certify_family},
+    laws,
+    ratios::{Conditioned, Relation, ThereAndBack, near_identity_generator},
+    steps::{KickStep, Magnitudes, MeasuredStep, MeasuredSteps, Numbers, TrackedStep, turn_steps},
 };
 use gyroceptron::network::{GyroceptronShape, InitialWeights, Model, Part};
 use gyroceptron::phase::{Direction, Half, Map};

@@ -4,7 +4,10 @@
 use crate::samples::{Case, mild, wide};
 use crate::suite;
 use crate::watched::watched;
-use gyroceptron::measure::{Row, Tally, laws};
+use gyroceptron::measure::{
+    certificate::{Row, Tally},
+    laws,
+};
 use gyroceptron::scalar::max_or_nan;
 use std::sync::OnceLock;
 
@@ -45,7 +48,7 @@ fn holds() {
 #[test]
 fn nothing_moves_at_zero_even_where_the_weights_overflow() {
     use gyroceptron::layer::HenonLayer;
-    use gyroceptron::measure::differing_components;
+    use gyroceptron::measure::ratios::differing_components;
     use gyroceptron::phase::Map;
     for size in [1.0, 1e155, 1e200, f64::MAX] {
         let weights = [size; 4].repeat(5);

@@ -3,7 +3,7 @@
 use crate::samples::wide;
 use crate::suite;
 use crate::watched::watched;
-use gyroceptron::measure::{Row, laws};
+use gyroceptron::measure::{certificate::Row, laws};
 use std::sync::OnceLock;
 
 pub const STATED: usize = 1000;

@@ -8,8 +8,12 @@ use crate::watched::watched;
 use crate::{suite, tolerances};
 use gyroceptron::layer::TorusAction;
 use gyroceptron::measure::{
-    Conditioned, Measurable, MeasuredSteps, NormalFormed, Row, Samples, Tally, Verdict,
-    differing_components, laws, log_slope, merged, near_identity_size,
+    Measurable, NormalFormed,
+    adiabatic::log_slope,
+    certificate::{Row, Tally, Verdict, merged},
+    laws::{self, Samples},
+    ratios::{Conditioned, differing_components, near_identity_size},
+    steps::MeasuredSteps,
 };
 use gyroceptron::network::{Composition, Model};
 use gyroceptron::phase::{Direction, Map};

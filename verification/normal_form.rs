@@ -7,8 +7,12 @@ use crate::watched::watched;
 use crate::{suite, tolerances};
 use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::measure::{
-    Adjoint, Conditioned, Measurable, MeasuredSteps, NormalFormed, OneStep, Row, Samples, Tally,
-    Verdict, laws, log_slope, merged, turn_steps,
+    Measurable, NormalFormed, OneStep,
+    adiabatic::log_slope,
+    certificate::{Row, Tally, Verdict, merged},
+    laws::{self, Samples},
+    ratios::{Adjoint, Conditioned},
+    steps::{MeasuredSteps, turn_steps},
 };
 use gyroceptron::network::{Model, NormalFormShape, Rollout, rollout};
 use gyroceptron::phase::{Direction, Map};

@@ -4,8 +4,12 @@
 
 use crate::{suite, tolerances};
 use faer::Mat;
-use gyroceptron::measure::{Conditioned, Measurable, RoundingPropagation, Row, Tally};
-use gyroceptron::measure::{symplecticity_defect, symplecticity_scale};
+use gyroceptron::measure::ratios::{symplecticity_defect, symplecticity_scale};
+use gyroceptron::measure::{
+    Measurable,
+    certificate::{Row, Tally},
+    ratios::{Conditioned, RoundingPropagation},
+};
 use gyroceptron::network::{Composition, HenonShape, InitialWeights, Model};
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
@@ -146,7 +150,7 @@ fn between(ratios: [f64; 3], a: usize, b: usize) -> f64 {
 fn over_all(ratios: [f64; 3]) -> f64 {
     let u = ROUNDOFFS();
     let residuals: Vec<f64> = (0..3).map(|k| ratios[k] * u[k]).collect();
-    gyroceptron::measure::log_slope(&u, &residuals)
+    gyroceptron::measure::adiabatic::log_slope(&u, &residuals)
 }
 
 pub fn ladder() -> &'static Ladder {

@@ -5,7 +5,7 @@ use crate::{
     gradients, inversion, near_identity, near_periodicity, nearly_integrable, normal_form,
     precision, suite, symp_net, symplecticity, tanh, tolerances, torus,
 };
-use gyroceptron::measure::{Row, Verdict};
+use gyroceptron::measure::certificate::{Row, Verdict};
 use gyroceptron::scene::{CERTIFICATE_HEADINGS, certificate_cells};
 use std::fmt::Write;
 

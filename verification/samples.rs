@@ -1,7 +1,7 @@
 //! The random networks and points that the laws run on.
 
 use gyroceptron::layer::CircleAction;
-use gyroceptron::measure::Samples;
+use gyroceptron::measure::laws::Samples;
 use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model};
 use gyroceptron::random::Stream;
 use proptest::prelude::*;

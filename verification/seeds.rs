@@ -63,7 +63,7 @@ fn every_target_is_declared() {
 /// A broken inverse is caught by what the targets assert.
 #[test]
 fn the_properties_can_fail() {
-    use gyroceptron::measure::{Measurable, MeasuredSteps};
+    use gyroceptron::measure::{Measurable, steps::MeasuredSteps};
     use gyroceptron::phase::Direction;
     use gyroceptron::phase::Map;
     struct Forgetful(gyroceptron::network::Model);

@@ -3,8 +3,9 @@
 use crate::{mutants, suite, tolerances};
 use gyroceptron::layer::{Activation, CircleAction};
 use gyroceptron::measure::{
-    CertificateOptions, Layers, Measurable, MeasuredStep, MeasuredSteps, NearlyPeriodic, Verdict,
-    certify_family,
+    Layers, Measurable, NearlyPeriodic,
+    certificate::{CertificateOptions, Verdict, certify_family},
+    steps::{MeasuredStep, MeasuredSteps},
 };
 use gyroceptron::network::{CouplingGyroceptronShape, Model, SympNetShape};
 use gyroceptron::phase::{Direction, Map};
@@ -142,7 +143,7 @@ const BOUNDED: [&str; 6] = [
 ];
 
 /// Rows of the clean network with bounds so many times too large.
-fn rows(factor: f64) -> Vec<gyroceptron::measure::Row> {
+fn rows(factor: f64) -> Vec<gyroceptron::measure::certificate::Row> {
     let network = mutants::clean();
     let options = CertificateOptions { samples: 100, radius: 1.6, seed: 1 };
     let bounded = |law: &str| BOUNDED.iter().any(|name| law.starts_with(name));

@@ -3,7 +3,11 @@
 
 use crate::{suite, tolerances};
 use gyroceptron::layer::CircleAction;
-use gyroceptron::measure::{Measurable, Samples, Tally, laws};
+use gyroceptron::measure::{
+    Measurable,
+    certificate::Tally,
+    laws::{self, Samples},
+};
 use gyroceptron::network::{GyroceptronShape, InitialWeights, Model};
 use gyroceptron::phase::Direction;
 use gyroceptron::random::Stream;

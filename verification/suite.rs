@@ -1,7 +1,10 @@
 //! How a law is run over random networks.
 
 use crate::tolerances;
-use gyroceptron::measure::{Conditioned, Row, Tally, merged};
+use gyroceptron::measure::{
+    certificate::{Row, Tally, merged},
+    ratios::Conditioned,
+};
 use proptest::prelude::*;
 use proptest::test_runner::{
     Config, FileFailurePersistence, RngAlgorithm, TestCaseError, TestRng, TestRunner,
@@ -95,7 +98,7 @@ fn violation(tally: &Tally) -> Option<String> {
 pub fn assert_holds(rows: &[Row], stated: usize) {
     assert!(!rows.is_empty());
     for row in rows {
-        use gyroceptron::measure::Verdict::{Holds, Reported};
+        use gyroceptron::measure::certificate::Verdict::{Holds, Reported};
         assert!(matches!(row.verdict, Holds | Reported), "{row:?}");
         assert!(row.samples >= stated * times(), "{} samples stated: {row:?}", stated * times());
         let share = row.ill_conditioned as f64 / row.samples as f64;

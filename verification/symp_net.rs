@@ -6,7 +6,7 @@ use crate::mutants::Fault;
 use crate::watched::watched;
 use crate::{precision, suite, tolerances};
 use gyroceptron::layer::Activation;
-use gyroceptron::measure::{Row, Tally, Verdict, merged};
+use gyroceptron::measure::certificate::{Row, Tally, Verdict, merged};
 use gyroceptron::network::{Model, SympNetShape};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::max_or_nan;

@@ -3,7 +3,10 @@
 use crate::samples::{Case, Input, grid, wide};
 use crate::watched::watched;
 use crate::{suite, tolerances};
-use gyroceptron::measure::{Row, Verdict, laws};
+use gyroceptron::measure::{
+    certificate::{Row, Verdict},
+    laws,
+};
 use std::sync::OnceLock;
 
 /// Half of them HénonNets, half gyroceptrons. One degree of freedom would
@@ -15,7 +18,7 @@ pub fn rows() -> &'static [Row] {
     ROWS.get_or_init(|| suite::run("symplecticity", STATED / 4, wide(2, 40), measure))
 }
 
-fn measure(case: &Case) -> Vec<gyroceptron::measure::Tally> {
+fn measure(case: &Case) -> Vec<gyroceptron::measure::certificate::Tally> {
     let points = case.points(2);
     vec![
         laws::symplecticity(&watched("symplecticity", &case.henon_net()), &points),
@@ -33,7 +36,7 @@ pub fn saturated_median() -> f64 {
         .into_iter()
         .filter(|case| case.input == Input::Uniform(1e8) && case.scale == 1.0)
         .map(|case| laws::symplecticity(&case.henon_net(), &case.points(2)));
-    let mut all: Vec<_> = gyroceptron::measure::merged(all);
+    let mut all: Vec<_> = gyroceptron::measure::certificate::merged(all);
     let row = all.remove(0).row();
     assert_eq!(row.verdict, Verdict::Vacuous, "{row:?}");
     row.median.expect("measured")
@@ -62,7 +65,7 @@ fn holds_on_the_grid_of_configurations() {
         assert!(row.largest.is_some_and(|r| r < tolerances::RATIO), "{case:?}: {row:?}");
         tally
     });
-    let all = gyroceptron::measure::merged(tallies);
+    let all = gyroceptron::measure::certificate::merged(tallies);
     let row = all[0].row();
     println!("{} samples: largest {:?}, median {:?}", row.samples, row.largest, row.median);
     assert_eq!(row.samples, 8 * cases.len().div_ceil(each));

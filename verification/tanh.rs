@@ -3,7 +3,10 @@
 
 use crate::tolerances;
 use astro_float::{BigFloat, Consts, RoundingMode};
-use gyroceptron::measure::{Conditioned, Row, Tally};
+use gyroceptron::measure::{
+    certificate::{Row, Tally},
+    ratios::Conditioned,
+};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{max_or_nan, tanh_sech2};
 use std::sync::OnceLock;

@@ -10,16 +10,16 @@ const U: f64 = 0.5 * f64::EPSILON;
 /// them: O(1) by construction, and below 4 in all that was ever measured. A
 /// decimal order above that leaves room for another processor's worst sample
 /// and none for a weight that is wrong by 1e-13, which shows as some 20.
-pub const RATIO: f64 = measure::RATIO_LIMIT;
+pub const RATIO: f64 = measure::certificate::RATIO_LIMIT;
 
 /// Bitwise laws count components that differ: there must be none.
-pub const COUNT: f64 = measure::COUNT_LIMIT;
+pub const COUNT: f64 = measure::certificate::COUNT_LIMIT;
 
 /// The upper decile of the ratios that are not 0, of each law with bounds that add the
 /// errors of steps as independent ones: 0.2 to 0.6. Limits of ratios are ten times the
 /// bounds, so that bounds which are a hundred times too large would hide weights that
 /// are wrong by 1e-10.
-pub const DEVIATION: f64 = measure::SOUND_DEVIATION;
+pub const DEVIATION: f64 = measure::certificate::SOUND_DEVIATION;
 /// The law that shows the least has to show less than this: else a larger limit would
 /// do.
 pub const DEVIATION_NEEDED: f64 = 20.0 * DEVIATION;
@@ -34,7 +34,7 @@ pub const CLEAN_MEDIAN: [f64; 2] = [0.05, 0.6];
 /// 1e-3 at the largest ε, where I_ε moves points by a thousandth of their size,
 /// and its effect on the slope is some tens of times that for weights where the
 /// leading term is small.
-pub const ORDER: f64 = measure::SLOPE_LIMIT;
+pub const ORDER: f64 = measure::certificate::SLOPE_LIMIT;
 
 /// The exponent of the drift of μ₀ in the number of iterations, one degree of
 /// freedom. The curve is invariant: the drift is the range of a smooth function
@@ -171,7 +171,7 @@ mod needed {
         assert!(mutant < limit * 10.0, "{name}: no mutant needs less than ten times {limit:e}");
     }
 
-    fn largest(rows: &[gyroceptron::measure::Row]) -> f64 {
+    fn largest(rows: &[gyroceptron::measure::certificate::Row]) -> f64 {
         rows.iter().map(|row| row.largest.unwrap_or(f64::NAN)).fold(0.0, max_or_nan)
     }
 
@@ -210,8 +210,9 @@ mod needed {
 
     #[test]
     fn the_share() {
-        let share =
-            |row: &gyroceptron::measure::Row| row.ill_conditioned as f64 / row.samples as f64;
+        let share = |row: &gyroceptron::measure::certificate::Row| {
+            row.ill_conditioned as f64 / row.samples as f64
+        };
         let clean = crate::report::clean_rows().iter().map(share).fold(0.0, max_or_nan);
         assert!(ILL_CONDITIONED_SHARE / 10.0 < clean && clean < ILL_CONDITIONED_SHARE, "{clean}");
     }

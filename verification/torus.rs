@@ -6,7 +6,7 @@ use crate::mutants::Fault;
 use crate::suite;
 use crate::watched::watched;
 use gyroceptron::layer::{CircleAction, TorusAction};
-use gyroceptron::measure::{Row, Tally, Verdict, merged};
+use gyroceptron::measure::certificate::{Row, Tally, Verdict, merged};
 use gyroceptron::network::{Composition, HenonShape, InitialWeights, Model};
 use gyroceptron::phase::Direction;
 use gyroceptron::random::Stream;

@@ -1,7 +1,7 @@
 //! Maps that note by which law they were run, so that `coverage` knows of it
 //! from the run and not from a list.
 
-use gyroceptron::measure::{Layers, Measurable, MeasuredSteps, NearlyPeriodic};
+use gyroceptron::measure::{Layers, Measurable, NearlyPeriodic, steps::MeasuredSteps};
 use gyroceptron::phase::{Direction, Map};
 use std::collections::BTreeSet;
 use std::ops::Deref;

@@ -14,7 +14,7 @@ use gyroceptron::io::{
     load_model, read_architecture, read_points, read_tensors, save_model, take_units, write_points,
 };
 use gyroceptron::layer::CircleAction;
-use gyroceptron::measure::{CertificateOptions, certify, certify_all};
+use gyroceptron::measure::certificate::{CertificateOptions, certify, certify_all};
 use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model, Rollout};
 use gyroceptron::random::Stream;
 use gyroceptron::scene::render::{self, terminal};

@@ -1,6 +1,6 @@
 //! Errors against data and reference, and drifts.
 
-use super::adiabatic::log_slope;
+use super::drift::log_slope;
 use crate::error::Error;
 use crate::flow::{Pairs, Trajectories};
 use crate::layer::{TorusAction, Turn};

@@ -1,6 +1,6 @@
 //! The pullback against forward-mode duals.
 
-use super::Conditioned;
+use super::inversion::Conditioned;
 use crate::network::{Composition, Model};
 use crate::phase::Map;
 use crate::scalar::{Dual, Over, Real, Tracked, max_or_nan};

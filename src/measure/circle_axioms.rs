@@ -1,7 +1,7 @@
 //! The axioms of a circle action, for Φ and for ψ∘Φ∘ψ⁻¹.
 
 use super::inversion::ILL_CONDITIONED;
-use super::{Conditioned, NearlyPeriodic, RoundingPropagation};
+use super::{inversion::Conditioned, measurable::NearlyPeriodic, rounding::RoundingPropagation};
 use crate::layer::CircleAction;
 use crate::phase::Direction;
 use crate::scalar::{Scalar, max_or_nan};

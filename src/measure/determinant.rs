@@ -1,6 +1,6 @@
 //! det J = 1, where the determinant of a rounded matrix means anything.
 
-use super::{Conditioned, RoundingPropagation};
+use super::{inversion::Conditioned, rounding::RoundingPropagation};
 use crate::scalar::Scalar;
 
 /// The share of 1 beyond which the rounding of the decomposition leaves no

@@ -1,7 +1,12 @@
 //! Maps in normal form: what commutes with a torus action, and the actions that it keeps.
 
 use super::inversion::ILL_CONDITIONED;
-use super::{Conditioned, Measurable, MeasuredSteps, RoundingPropagation, turn_steps};
+use super::{
+    inversion::Conditioned,
+    measurable::Measurable,
+    measured_step::{MeasuredSteps, turn_steps},
+    rounding::RoundingPropagation,
+};
 use crate::layer::{CircleAction, TorusAction, Turn};
 use crate::network::Model;
 use crate::phase::Direction;

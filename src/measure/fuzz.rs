@@ -31,7 +31,10 @@
 
 use super::coordinate::coordinate;
 use super::inversion::{Conditioned, ThereAndBack};
-use super::{Measurable, RATIO_LIMIT, RoundingPropagation, symplecticity_ratio};
+use super::{
+    measurable::Measurable, rounding::RoundingPropagation, symplecticity::symplecticity_ratio,
+    tally::RATIO_LIMIT,
+};
 use crate::phase::Direction;
 
 /// What an input came to.

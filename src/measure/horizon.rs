@@ -1,6 +1,6 @@
 //! Long orbits of an adiabatic invariant.
 
-use super::adiabatic::settling_iterations;
+use super::drift::settling_iterations;
 use crate::error::Error;
 use crate::layer::CircleAction;
 use crate::network::{Composition, Model, NEURONS};

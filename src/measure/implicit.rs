@@ -10,7 +10,7 @@ use faer::{Col, Mat};
 /// [`Solved`] makes a [`Map`] of it. An implicit midpoint, with x = z′:
 ///
 /// ```
-/// use gyroceptron::measure::{CertificateOptions, Implicit, OneStep, Solved, certify_map};
+/// use gyroceptron::measure::{Implicit, OneStep, Solved, certificate::{CertificateOptions, certify_map}};
 /// use gyroceptron::scalar::{Elementary, constant};
 ///
 /// /// Of the pendulum H = ½p² − cos q.

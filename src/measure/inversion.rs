@@ -1,7 +1,7 @@
 //! P⁻¹∘P = Id, measured in units of its rounding scale.
 
 use super::coordinate::coordinate;
-use super::{Coordinate, MeasuredSteps, RoundingPropagation};
+use super::{coordinate::Coordinate, measured_step::MeasuredSteps, rounding::RoundingPropagation};
 use crate::scalar::{Scalar, max_or_nan};
 
 /// The spacing of the subnormal numbers.

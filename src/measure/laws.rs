@@ -2,11 +2,11 @@
 //!
 //! Points are given one after the other, 2n numbers each.
 
-use super::adiabatic::{invariant_drift, leading_invariant, log_slope};
 use super::adjoint::{Adjoint, adjoint_ratio};
 use super::circle_axioms::{CircleAxiom, conjugated_axiom_ratio, turning_axiom_ratio};
 use super::coordinate::coordinate;
 use super::determinant::determinant_ratio;
+use super::drift::{invariant_drift, leading_invariant, log_slope};
 use super::inversion::{Conditioned, ThereAndBack};
 use super::near_identity::{
     differing_components, near_identity_generator, near_identity_size, near_identity_undoing,
@@ -16,8 +16,12 @@ use super::stopping::until_stopped;
 use super::symplecticity::symplecticity_resolution;
 use super::tally::{RESOLUTION, Tally};
 use super::{
-    CertificateOptions, Coordinate, Measurable, NearlyPeriodic, NormalFormed, RoundingPropagation,
-    action_ratio, equivariance_ratio, symplecticity_ratio,
+    coordinate::Coordinate,
+    equivariance::{NormalFormed, action_ratio, equivariance_ratio},
+    measurable::{Measurable, NearlyPeriodic},
+    rounding::RoundingPropagation,
+    samples::CertificateOptions,
+    symplecticity::symplecticity_ratio,
 };
 use crate::network::Model;
 use crate::phase::{Direction, Map};

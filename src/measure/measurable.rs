@@ -1,6 +1,6 @@
 //! What a map must tell of itself to be measured.
 
-use super::Coordinate;
+use super::coordinate::Coordinate;
 use super::measured_network::AsMeasured;
 use super::measured_step::{
     MeasuredPotential, MeasuredStep, MeasuredSteps, Numbers, TrackedStep, turn_steps,
@@ -259,9 +259,7 @@ impl<M: Numbers> Measurable for Steps<M> {
 /// A map whose coordinates live in a [domain](Measurable::domain): boxes and angles.
 ///
 /// ```
-/// use gyroceptron::measure::{
-///     CertificateOptions, Coordinate, OneStep, WithDomain, certify_map,
-/// };
+/// use gyroceptron::measure::{Coordinate, OneStep, WithDomain, certificate::{CertificateOptions, certify_map}};
 /// use gyroceptron::phase::Map;
 /// use gyroceptron::scalar::{Elementary, constant};
 /// use std::f64::consts::TAU;

@@ -1,8 +1,8 @@
 //! Twists as measures see them: the scales of the rounding errors of each of their shears.
 
 use super::measured_step::ShearMap;
+use super::measured_step::{MeasuredStep, TrackedStep};
 use super::rounding::{carry, hypot_or_nan, product};
-use super::{MeasuredStep, TrackedStep};
 use crate::layer::Twist;
 use crate::phase::{Direction, Map};
 use crate::scalar::{Dual, Over};

@@ -7,14 +7,14 @@
 //! ratios have a limit of 10 and not of 1. Nothing here prints.
 
 mod accuracy;
-mod adiabatic;
 mod adjoint;
 mod averaging;
-mod certificate;
+mod certify;
 mod circle_axioms;
 mod coordinate;
 mod defect;
 mod determinant;
+mod drift;
 mod equivariance;
 pub mod fuzz;
 mod horizon;
@@ -41,60 +41,84 @@ mod symplecticity;
 mod tally;
 mod work_precision;
 
-pub use accuracy::{
-    Departure, Drift, Milestone, PlaneMotion, component_errors, departures, distance,
-    distances_along, drift, drift_exponent, drifts, limiting_flow_error, milestones, plane_motions,
-    predictions, root_mean_square, rotation_error, rotation_errors,
-};
-pub use adiabatic::{
-    FittedLine, Resonance, disturbing_resonance, invariant_drift, invariant_horizon,
-    leading_invariant, log_line, log_slope, nearest_resonance, settling_iterations,
-};
-pub use adjoint::{Adjoint, RESOLVED, adjoint_ratio};
-pub use averaging::averaged_invariant;
-pub use certificate::{
-    Certificate, certify, certify_all, certify_family, certify_map, certify_nearly_periodic,
-    certify_normal_form, certify_unless_stopped,
-};
-pub use circle_axioms::{
-    CircleAxiom, circle_axiom_ratio, conjugated_axiom_ratio, turning_axiom_ratio,
-};
 pub use coordinate::Coordinate;
-pub use defect::symplecticity_defect;
-pub use determinant::determinant_ratio;
-pub use equivariance::{NormalFormed, action_ratio, equivariance_ratio};
-pub use horizon::AdiabaticOrbit;
+pub use equivariance::NormalFormed;
 pub use implicit::{Implicit, Solved};
-pub use inversion::{Conditioned, ILL_CONDITIONED, ThereAndBack, inversion_ratio};
 pub use jacobian::{Differentiable, jacobian, jacobians_by_differences};
-pub use laws::Samples;
-pub use level_set::level_set;
 pub use measurable::{Layers, Measurable, NearlyPeriodic, OneStep, Steps, WithDomain};
-pub use measured_step::{
-    KickStep, Magnitudes, MeasuredPotential, MeasuredStep, MeasuredSteps, Numbers, TrackedStep,
-    turn_steps,
-};
-pub use near_identity::{
-    differing_components, near_identity_generator, near_identity_rms, near_identity_size,
-    near_identity_undoing,
-};
-pub use own_invariance::OwnInvariance;
-pub use plane_actions::PlaneSwing;
-pub use relations::Relation;
-pub use rounding::RoundingPropagation;
-pub use sampled::{mean_period, simpson};
-pub use samples::CertificateOptions;
-pub use surfaces::{LockedInterval, distances_to_set, locked_interval, winding_numbers};
-pub use symplecticity::{symplecticity_ratio, symplecticity_scale};
-pub use tally::{
-    COUNT_LIMIT, RATIO_LIMIT, RESOLUTION, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_DEVIATION,
-    SOUND_MEDIAN, TESTABLE, Tally, Verdict, merged,
-};
-pub use work_precision::{
-    Comparison, FastestWithin, Method, Spread, TrajectoryMethods, WorkPrecision, fastest,
-    most_accurate, precise_jacobians, relative_difference, root_mean_square_distance, tanh_errors,
-    work_precision, work_precision_by,
-};
+
+/// Adiabatic invariants: their drift, averages, level sets, resonances, and the actions of planes.
+pub mod adiabatic {
+    pub use super::averaging::averaged_invariant;
+    pub use super::drift::{
+        FittedLine, Resonance, disturbing_resonance, invariant_drift, invariant_horizon,
+        leading_invariant, log_line, log_slope, nearest_resonance, settling_iterations,
+    };
+    pub use super::horizon::AdiabaticOrbit;
+    pub use super::level_set::level_set;
+    pub use super::own_invariance::OwnInvariance;
+    pub use super::plane_actions::PlaneSwing;
+}
+
+/// Errors, motions and surfaces of trajectories.
+pub mod trajectories {
+    pub use super::accuracy::{
+        Departure, Drift, Milestone, PlaneMotion, component_errors, departures, distance,
+        distances_along, drift, drift_exponent, drifts, limiting_flow_error, milestones,
+        plane_motions, predictions, root_mean_square, rotation_error, rotation_errors,
+    };
+    pub use super::sampled::{mean_period, simpson};
+    pub use super::surfaces::{LockedInterval, distances_to_set, locked_interval, winding_numbers};
+}
+
+/// Error against run time: the methods of a comparison and the fastest of them.
+pub mod timing {
+    pub use super::work_precision::{
+        Comparison, FastestWithin, Method, Spread, TrajectoryMethods, WorkPrecision, fastest,
+        most_accurate, precise_jacobians, relative_difference, root_mean_square_distance,
+        tanh_errors, work_precision, work_precision_by,
+    };
+}
+
+/// The structure certificate, a sampled test of the laws, and the tallies that it is made of.
+pub mod certificate {
+    pub use super::certify::{
+        Certificate, certify, certify_all, certify_family, certify_map, certify_nearly_periodic,
+        certify_normal_form, certify_unless_stopped,
+    };
+    pub use super::samples::CertificateOptions;
+    pub use super::tally::{
+        COUNT_LIMIT, RATIO_LIMIT, RESOLUTION, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_DEVIATION,
+        SOUND_MEDIAN, TESTABLE, Tally, Verdict, merged,
+    };
+}
+
+/// One law at one point: an error over the rounding scale of its computation.
+pub mod ratios {
+    pub use super::adjoint::{Adjoint, RESOLVED, adjoint_ratio};
+    pub use super::circle_axioms::{
+        CircleAxiom, circle_axiom_ratio, conjugated_axiom_ratio, turning_axiom_ratio,
+    };
+    pub use super::defect::symplecticity_defect;
+    pub use super::determinant::determinant_ratio;
+    pub use super::equivariance::{action_ratio, equivariance_ratio};
+    pub use super::inversion::{Conditioned, ILL_CONDITIONED, ThereAndBack, inversion_ratio};
+    pub use super::near_identity::{
+        differing_components, near_identity_generator, near_identity_rms, near_identity_size,
+        near_identity_undoing,
+    };
+    pub use super::relations::Relation;
+    pub use super::rounding::RoundingPropagation;
+    pub use super::symplecticity::{symplecticity_ratio, symplecticity_scale};
+}
+
+/// Steps whose rounding is followed: what a map of one's own shows of itself.
+pub mod steps {
+    pub use super::measured_step::{
+        KickStep, Magnitudes, MeasuredPotential, MeasuredStep, MeasuredSteps, Numbers, TrackedStep,
+        turn_steps,
+    };
+}
 
 /// What the tests of this crate reach behind the public API: not a part of it.
 #[doc(hidden)]

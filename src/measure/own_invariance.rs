@@ -1,6 +1,9 @@
 //! What the invariant that a network owns is worth, along its own orbits.
 
-use super::{disturbing_resonance, invariant_drift, log_slope, near_identity_rms};
+use super::{
+    drift::{disturbing_resonance, invariant_drift, log_slope},
+    near_identity::near_identity_rms,
+};
 use crate::network::{Model, Structure};
 use crate::scalar::max_or_nan;
 

@@ -1,7 +1,7 @@
 //! How far the action of each plane moves along orbits of a map, beside pairs of the flow.
 
+use super::accuracy::root_mean_square;
 use super::own_invariance::median;
-use super::root_mean_square;
 use crate::flow::Pairs;
 use crate::layer::TorusAction;
 use crate::scalar::max_or_nan;

@@ -1,7 +1,7 @@
 //! Rounding errors followed through a map, shear by shear.
 
 use super::coordinate::coordinate;
-use super::{Coordinate, MeasuredStep, symplecticity_defect};
+use super::{coordinate::Coordinate, defect::symplecticity_defect, measured_step::MeasuredStep};
 use crate::random::Stream;
 use crate::scalar::{Dual, Scalar, max_or_nan};
 use faer::linalg::solvers::DenseSolveCore;

@@ -1,6 +1,6 @@
 //! Quantities that are sampled at equal intervals of time: their integral and their period.
 
-use super::root_mean_square;
+use super::accuracy::root_mean_square;
 
 /// The integral of a quantity over time by Simpson's rule, from its values at times `interval` apart.
 ///

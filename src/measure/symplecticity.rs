@@ -1,6 +1,6 @@
 //! JᵀΩJ = Ω, measured in units of its rounding scale.
 
-use super::{RoundingPropagation, symplecticity_defect};
+use super::{defect::symplecticity_defect, rounding::RoundingPropagation};
 use crate::scalar::{Scalar, max_or_nan};
 use faer::Mat;
 

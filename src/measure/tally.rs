@@ -1,6 +1,6 @@
 //! The results of a law over its samples, and what they come to.
 
-use super::Conditioned;
+use super::inversion::Conditioned;
 use serde::{Deserialize, Serialize};
 
 /// Every ratio must stay below it.
@@ -110,7 +110,7 @@ enum Soundness {
 /// The results of one law, collected sample by sample.
 ///
 /// ```
-/// use gyroceptron::measure::{Conditioned, Tally, Verdict};
+/// use gyroceptron::measure::{certificate::{Tally, Verdict}, ratios::Conditioned};
 ///
 /// let mut tally = Tally::of_ratios("my law", "P(P(z)) = z");
 /// tally.push(Conditioned::Ratio(0.3));

@@ -1,6 +1,6 @@
 //! Error against run time.
 
-use super::distance;
+use super::accuracy::distance;
 use crate::error::Error;
 use crate::network::Composition;
 use crate::phase::Map;

@@ -26,7 +26,7 @@ const MOST_PLANES: usize = 1000;
 /// of the list. Without circles it is R∘I_ε. From the list follow the [`Model`](super::Model), the number and the
 /// order of the parameters (those of the blocks, each the layers in the order of application, then
 /// θ), the names of its tensors, its initial weights, what is invariant, and which laws
-/// [`certify`](crate::measure::certify) asks for.
+/// [`certify`](crate::measure::certificate::certify) asks for.
 ///
 /// [Named architectures](super::named) are made by constructors; lists of your own by
 /// [`Architecture::new`] and [`Architecture::with`]:

@@ -8,7 +8,7 @@ mod training;
 use crate::error::Error;
 use crate::flow::Region;
 use crate::io::{StoredModel, load_model, model_text, parse_model, save_model};
-use crate::measure::{CertificateOptions, certify_unless_stopped};
+use crate::measure::certificate::{CertificateOptions, certify_unless_stopped};
 use crate::network::{Architecture, Pace, Rollout};
 use crate::phase::Direction;
 use crate::scene::own_invariance_fault;
@@ -91,7 +91,7 @@ fn by_parts<T: Send>(
 /// bound.
 #[pyclass(frozen, module = "gyroceptron", name = "Certificate")]
 struct PyCertificate {
-    inner: crate::measure::Certificate,
+    inner: crate::measure::certificate::Certificate,
     /// On the model, beside the laws.
     notes: Vec<String>,
 }

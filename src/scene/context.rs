@@ -11,7 +11,7 @@ use super::target_flow::TargetFlow;
 use super::trained::Trained;
 use crate::error::Error;
 use crate::flow::{Pairs, ReferenceTrajectories, Trajectories, Window, orbits_of, sample_of};
-use crate::measure::limiting_flow_error;
+use crate::measure::trajectories::limiting_flow_error;
 use crate::network::Rollout;
 use crate::random::Stream;
 use crate::system::{Counted, Hamiltonian, NearlyPeriodic, System};

@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::flow::{Pairs, Region};
 use crate::io::read_pairs;
 use crate::layer::TorusAction;
-use crate::measure::{limiting_flow_error, root_mean_square, rotation_error};
+use crate::measure::trajectories::{limiting_flow_error, root_mean_square, rotation_error};
 use crate::phase::Units;
 use crate::scalar::max_or_nan;
 use crate::system::{Counted, Hamiltonian, NearlyPeriodic, System};

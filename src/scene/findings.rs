@@ -3,7 +3,7 @@
 //! Renderers know these and no study.
 
 use super::figure::Figure;
-use crate::measure::Spread;
+use crate::measure::timing::Spread;
 use crate::words::{factor, magnitude, percent};
 use serde_json::Value;
 

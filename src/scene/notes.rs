@@ -3,7 +3,7 @@
 
 use crate::flow::Region;
 use crate::io::StoredModel;
-use crate::measure::{CertificateOptions, OwnInvariance};
+use crate::measure::{adiabatic::OwnInvariance, certificate::CertificateOptions};
 use crate::random::Stream;
 use std::fmt;
 

@@ -14,7 +14,9 @@ use super::trained::{Trained, held_out_error};
 use super::trust::trust;
 use crate::error::Error;
 use crate::flow::Pairs;
-use crate::measure::{component_errors, plane_motions, root_mean_square, rotation_errors};
+use crate::measure::trajectories::{
+    component_errors, plane_motions, root_mean_square, rotation_errors,
+};
 use crate::network::NetworkSpec;
 use crate::train::{
     Fit, FitNote, Fitted, Judgement, Limit, Optimiser, Outcome, Problem, Scheduled, Stop,

@@ -7,7 +7,10 @@ use super::words::coordinate;
 use crate::error::Error;
 use crate::flow::{Pairs, Region, Trajectories};
 use crate::layer::TorusAction;
-use crate::measure::{OwnInvariance, PlaneMotion, plane_motions, predictions, rotation_errors};
+use crate::measure::{
+    adiabatic::OwnInvariance,
+    trajectories::{PlaneMotion, plane_motions, predictions, rotation_errors},
+};
 use crate::network::{Model, Rollout};
 use crate::phase::Units;
 

@@ -6,7 +6,7 @@ use super::study::{
     actions, adiabatic_horizon, adiabatic_profiles, claims, dissipation, family, long_steps,
     overview, rollout, slow_manifold, surfaces, tanh, trajectories, which_action, work_precision,
 };
-use crate::measure::CertificateOptions;
+use crate::measure::certificate::CertificateOptions;
 use crate::system::System;
 use crate::train::TrainingOptions;
 use serde::{Deserialize, Serialize};

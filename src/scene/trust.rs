@@ -1,7 +1,7 @@
 //! The judgement of a training, in words and as data.
 
 use super::findings::{Block, Findings, Format, Section, Table};
-use crate::measure::OwnInvariance;
+use crate::measure::adiabatic::OwnInvariance;
 use crate::train::{Judgement, Limit, Orbits};
 use crate::words::plane_name;
 use serde_json::json;

@@ -8,7 +8,7 @@ use super::{
 use crate::error::Error;
 use crate::flow::{Condition, Pairs, Region};
 use crate::layer::TorusAction;
-use crate::measure::{root_mean_square, rotation_error};
+use crate::measure::trajectories::{root_mean_square, rotation_error};
 use crate::network::{Architecture, InitialWeights, Model, NetworkSpec};
 use crate::phase::Units;
 use std::fmt;

@@ -5,8 +5,10 @@ use crate::error::Error;
 use crate::flow::{Pairs, Region};
 use crate::layer::TorusAction;
 use crate::measure::{
-    OwnInvariance, PlaneMotion, PlaneSwing, component_errors, plane_motions, root_mean_square,
-    rotation_errors,
+    adiabatic::{OwnInvariance, PlaneSwing},
+    trajectories::{
+        PlaneMotion, component_errors, plane_motions, root_mean_square, rotation_errors,
+    },
 };
 use crate::network::Rollout;
 use crate::words::{factor, magnitude, percent, plane_name};

@@ -4,7 +4,7 @@ use super::kernels::{BendGradient, Blocks, Curvature, Gradient, Value};
 use crate::error::Error;
 use crate::flow::{Condition, Pairs};
 use crate::layer::TorusAction;
-use crate::measure::plane_motions;
+use crate::measure::trajectories::plane_motions;
 use crate::network::Composition;
 use crate::scalar::{WIDTH, max_or_nan, on_lanes};
 use crate::work;
@@ -39,7 +39,7 @@ pub enum Loss {
 impl Loss {
     /// This loss on these pairs: [`Loss::ByPlane`] without weights gets the inverse mean square,
     /// plane by plane, of what the rotation by these angles leaves of the pairs. Of a plane of
-    /// which it leaves nothing, see [`PlaneMotion`](crate::measure::PlaneMotion).
+    /// which it leaves nothing, see [`PlaneMotion`](crate::measure::trajectories::PlaneMotion).
     ///
     /// # Errors
     /// When no weight is a number: the pairs move too little or too much.

@@ -3,7 +3,7 @@
 use super::{ActionFit, fit_rotation, fit_units};
 use crate::flow::Pairs;
 use crate::layer::{CircleAction, TorusAction};
-use crate::measure::{root_mean_square, rotation_error};
+use crate::measure::trajectories::{root_mean_square, rotation_error};
 
 /// Another order of columns or other weights of the circle action, which the pairs fit far
 /// better: a mean squared error of the rotation alone of a tenth at most, in units that fit each.

@@ -2,7 +2,7 @@
 
 use crate::flow::{Condition, Pairs};
 use crate::layer::{CircleAction, TorusAction};
-use crate::measure::{root_mean_square, rotation_error};
+use crate::measure::trajectories::{root_mean_square, rotation_error};
 use std::f64::consts::TAU;
 
 /// The angle θ in (−π/g, π/g] whose rotation Φ_θ is nearest to the pairs in the

@@ -1,7 +1,7 @@
 //! Flows that dissipate.
 
 use crate::helpers::{refused, run_in, temporary};
-use gyroceptron::measure::{mean_period, simpson};
+use gyroceptron::measure::trajectories::{mean_period, simpson};
 use gyroceptron::scene::{parse, render};
 use serde_json::Value;
 

@@ -3,7 +3,9 @@
 use crate::helpers::{Quiet, network, refused, run_in, temporary};
 use gyroceptron::flow;
 use gyroceptron::measure::{
-    AdiabaticOrbit, drift_exponent, near_identity_rms, settling_iterations,
+    adiabatic::{AdiabaticOrbit, settling_iterations},
+    ratios::near_identity_rms,
+    trajectories::drift_exponent,
 };
 use gyroceptron::phase::Map;
 use gyroceptron::scalar::max_or_nan;

@@ -4,7 +4,10 @@ use super::shared::{Study, check_along};
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::layer::CircleAction;
-use crate::measure::{drifts, root_mean_square, root_mean_square_distance};
+use crate::measure::{
+    timing::root_mean_square_distance,
+    trajectories::{drifts, root_mean_square},
+};
 use crate::network::Rollout;
 use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;

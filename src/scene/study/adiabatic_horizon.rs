@@ -4,7 +4,10 @@ use super::random_network::RandomNetwork;
 use super::rollout::epsilon_name;
 use super::shared::Study;
 use crate::error::Error;
-use crate::measure::{AdiabaticOrbit, Spread, log_slope};
+use crate::measure::{
+    adiabatic::{AdiabaticOrbit, log_slope},
+    timing::Spread,
+};
 use crate::network::{Composition, Model};
 use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;

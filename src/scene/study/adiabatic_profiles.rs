@@ -5,7 +5,7 @@ use super::rollout::{envelope, epsilon_name};
 use super::shared::Study;
 use crate::error::Error;
 use crate::flow::Trajectories;
-use crate::measure::{Drift, drift, drift_exponent};
+use crate::measure::trajectories::{Drift, drift, drift_exponent};
 use crate::network::{Rollout, rollout};
 use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;

@@ -2,7 +2,7 @@
 
 use super::shared::Study;
 use crate::error::Error;
-use crate::measure::{Certificate, CertificateOptions, Row, Verdict, certify};
+use crate::measure::certificate::{Certificate, CertificateOptions, Row, Verdict, certify};
 use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};

@@ -2,7 +2,7 @@
 
 use super::shared::{Study, check_parts};
 use crate::error::Error;
-use crate::measure::Spread;
+use crate::measure::timing::Spread;
 use crate::scalar::max_or_nan;
 use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;

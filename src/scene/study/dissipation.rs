@@ -4,7 +4,9 @@ use super::shared::{Study, check_along, finite};
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::measure::{
-    mean_period, root_mean_square, root_mean_square_distance, simpson, symplecticity_defect,
+    ratios::symplecticity_defect,
+    timing::root_mean_square_distance,
+    trajectories::{mean_period, root_mean_square, simpson},
 };
 use crate::network::{Composition, Rollout, map_jacobians};
 use crate::scalar::max_or_nan;

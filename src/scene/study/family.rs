@@ -5,7 +5,9 @@ use super::shared::{Study, finite};
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::measure::{
-    averaged_invariant, drifts, log_slope, root_mean_square, root_mean_square_distance,
+    adiabatic::{averaged_invariant, log_slope},
+    timing::root_mean_square_distance,
+    trajectories::{drifts, root_mean_square},
 };
 use crate::network::{Model, Rollout, map_points};
 use crate::phase::Direction;

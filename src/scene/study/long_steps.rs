@@ -7,7 +7,10 @@ use super::work_precision::{
 };
 use crate::error::Error;
 use crate::flow::{Integrator, Trajectories};
-use crate::measure::{Comparison, Spread, WorkPrecision, drifts, fastest};
+use crate::measure::{
+    timing::{Comparison, Spread, WorkPrecision, fastest},
+    trajectories::drifts,
+};
 use crate::network::{Model, Rollout};
 use crate::scalar::max_or_nan;
 use crate::scene::context::{Context, RunError};

@@ -4,7 +4,9 @@ use super::shared::Study;
 use crate::error::Error;
 use crate::flow::{ReferenceTrajectories, Trajectories};
 use crate::measure::{
-    Departure, Drift, departures, distance, drift_exponent, drifts, level_set, near_identity_rms,
+    adiabatic::level_set,
+    ratios::near_identity_rms,
+    trajectories::{Departure, Drift, departures, distance, drift_exponent, drifts},
 };
 use crate::network::{Rollout, Structure};
 use crate::phase::Units;

@@ -4,7 +4,7 @@ use super::rollout::{envelope, orbit_color};
 use super::shared::Study;
 use crate::error::Error;
 use crate::flow::Trajectories;
-use crate::measure::drifts;
+use crate::measure::trajectories::drifts;
 use crate::network::{Rollout, Structure};
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::GAUSS_LEGENDRE;

@@ -6,8 +6,8 @@ use super::work_precision::{MOST_ROUNDS, citations};
 use crate::error::Error;
 use crate::flow::{Integrator, Reference, Trajectories};
 use crate::measure::{
-    Comparison, LockedInterval, Method, TrajectoryMethods, distances_to_set, fastest,
-    locked_interval, root_mean_square_distance, winding_numbers,
+    timing::{Comparison, Method, TrajectoryMethods, fastest, root_mean_square_distance},
+    trajectories::{LockedInterval, distances_to_set, locked_interval, winding_numbers},
 };
 use crate::network::{Model, Rollout};
 use crate::scalar::max_or_nan;
@@ -529,7 +529,7 @@ impl Results<'_> {
             let best = best.and_then(|error| fastest(integrators, error));
             let seconds = method.seconds.map(|spread| spread.median);
             let ratio = best.zip(seconds).map(|((_, theirs), own)| theirs / own);
-            let named = |other: &crate::measure::WorkPrecision| {
+            let named = |other: &crate::measure::timing::WorkPrecision| {
                 let steps = other.setting.unwrap_or_default();
                 format!("{}, {steps} steps", other.name)
             };

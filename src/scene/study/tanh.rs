@@ -3,7 +3,9 @@
 use super::shared::Study;
 use super::work_precision::{MOST_ROUNDS, error_cell, work_precision_panel};
 use crate::error::Error;
-use crate::measure::{Method, WorkPrecision, fastest, most_accurate, tanh_errors, work_precision};
+use crate::measure::timing::{
+    Method, WorkPrecision, fastest, most_accurate, tanh_errors, work_precision,
+};
 use crate::random::Stream;
 use crate::scalar::tanh_sech2_of_all;
 use crate::scene::context::{Context, RunError};

@@ -2,7 +2,10 @@
 
 use super::shared::Study;
 use crate::layer::TorusAction;
-use crate::measure::{Spread, component_errors, milestones};
+use crate::measure::{
+    timing::Spread,
+    trajectories::{component_errors, milestones},
+};
 use crate::network::{Architecture, Layers};
 use crate::scene::bibliography::{ADAM, COUPLINGS, HENON_NET, LBFGS, MARQUARDT, SYMP_NET};
 use crate::scene::context::{Context, RunError};

@@ -3,7 +3,7 @@
 use super::shared::Study;
 use crate::error::Error;
 use crate::flow::{ReferenceTrajectories, Trajectories};
-use crate::measure::{Drift, distance, drifts};
+use crate::measure::trajectories::{Drift, distance, drifts};
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
 use crate::scene::context::{Context, RunError};

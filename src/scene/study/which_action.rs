@@ -4,7 +4,7 @@ use super::shared::Study;
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::layer::CircleAction;
-use crate::measure::Spread;
+use crate::measure::timing::Spread;
 use crate::network::{Circles, InitialWeights, NetworkSpec};
 use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;

@@ -6,9 +6,11 @@ use super::shared::Study;
 use crate::error::Error;
 use crate::flow::{Integrator, Pairs, ReferenceTrajectories};
 use crate::measure::{
-    Comparison, Method, Spread, TrajectoryMethods, WorkPrecision, fastest,
-    jacobians_by_differences, most_accurate, precise_jacobians, relative_difference,
-    work_precision,
+    jacobians_by_differences,
+    timing::{
+        Comparison, Method, Spread, TrajectoryMethods, WorkPrecision, fastest, most_accurate,
+        precise_jacobians, relative_difference, work_precision,
+    },
 };
 use crate::network::{Composition, Model, map_jacobians, map_jacobians_by_duals, map_points};
 use crate::phase::Direction;

@@ -6,7 +6,11 @@ use super::laws::{self, NO_INVERSE, Samples};
 use super::samples::CertificateOptions;
 use super::stopping::unless_stopped;
 use super::tally::{COUNT_LIMIT, RATIO_LIMIT, Row, Tally, Verdict, merged};
-use super::{Coordinate, Measurable, NearlyPeriodic, NormalFormed};
+use super::{
+    coordinate::Coordinate,
+    equivariance::NormalFormed,
+    measurable::{Measurable, NearlyPeriodic},
+};
 use crate::network::{Block, Layers, Model, Part, Structure};
 use crate::phase::Direction;
 use crate::scalar::max_or_nan;
@@ -292,11 +296,11 @@ pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate
 /// ways of evaluating it give the same bits, and, for information, its
 /// determinant.
 ///
-/// For a map of your own, [`OneStep`](super::OneStep) makes a [`Measurable`] of
+/// For a map of your own, [`OneStep`](super::measurable::OneStep) makes a [`Measurable`] of
 /// anything that is written over the number type:
 ///
 /// ```
-/// use gyroceptron::measure::{CertificateOptions, OneStep, certify_map};
+/// use gyroceptron::measure::{OneStep, certificate::{CertificateOptions, certify_map}};
 /// use gyroceptron::phase::Map;
 /// use gyroceptron::scalar::Elementary;
 ///
