@@ -150,8 +150,8 @@ fn a_ramp_takes_its_stages_from_the_pairs() {
     fit.training.starts = None;
     fit.training.ramp = vec![stage(0.5)];
     let fitted = fit.run(data.clone()).expect("trains");
-    assert_eq!(fitted.training.legs.len(), 1);
-    assert_eq!(fitted.training.legs[0].time, 0.5);
+    assert_eq!(fitted.training.stages.len(), 1);
+    assert_eq!(fitted.training.stages[0].time, 0.5);
     assert_eq!(fitted.problem.architecture.flow_time, 1.0);
     assert_eq!(fitted.problem.architecture.epsilon, EPSILON);
     // It starts the training: without it another model comes of it.

@@ -5,15 +5,7 @@ use faer::Mat;
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::{CircleAction, Kick, TanhPotential, TorusAction};
 use gyroceptron::measure::internals::{monomials, power, powers};
-use gyroceptron::measure::{
-    AdiabaticOrbit, Adjoint, CertificateOptions, CircleAxiom, Conditioned, Coordinate, KickStep,
-    Magnitudes, Measurable, MeasuredStep, MeasuredSteps, NearlyPeriodic, NormalFormed,
-    OwnInvariance, PlaneSwing, RESOLVED, Tally, Verdict, Walk, action_ratio, adjoint_ratio,
-    certify, conjugated_axiom_ratio, determinant_ratio, differing_components, equivariance_ratio,
-    fuzz, inversion_ratio, jacobian, laws, log_slope, near_identity_rms, near_identity_size,
-    near_identity_undoing, symplecticity_ratio, symplecticity_scale, turn_steps,
-    turning_axiom_ratio,
-};
+use gyroceptron::measure::{Coordinate, Measurable, NearlyPeriodic, NormalFormed, jacobian, adiabatic::{AdiabaticOrbit, OwnInvariance, PlaneSwing, log_slope}, certificate::{CertificateOptions, Tally, Verdict, certify}, fuzz, laws, ratios::{Adjoint, CircleAxiom, Conditioned, RESOLVED, RoundingPropagation, action_ratio, adjoint_ratio, conjugated_axiom_ratio, determinant_ratio, differing_components, equivariance_ratio, inversion_ratio, near_identity_rms, near_identity_size, near_identity_undoing, symplecticity_ratio, symplecticity_scale, turning_axiom_ratio}, steps::{KickStep, Magnitudes, MeasuredStep, MeasuredSteps, turn_steps}};
 use gyroceptron::network::{GyroceptronShape, InitialWeights, Model};
 use gyroceptron::phase::{Direction, Half, Map};
 use gyroceptron::random::Stream;
@@ -144,11 +136,11 @@ fn two_steps(beside: f64) -> [Linear; 2] {
 fn bounds_of_a_walk_are_the_errors_of_its_steps_carried_to_an_end() {
     let steps = two_steps(0.0);
     let boxed = boxed(&steps);
-    let walk = Walk::new(&boxed, &[1.0, 2.0]);
-    assert_eq!((walk.dim(), walk.end()), (2, &[4.0, 15.0][..]));
-    assert_eq!(walk.jacobian(), faer::mat![[2.0, 1.0], [7.0, 4.0]].as_ref());
+    let propagation = RoundingPropagation::new(&boxed, &[1.0, 2.0]);
+    assert_eq!((propagation.dim(), propagation.end()), (2, &[4.0, 15.0][..]));
+    assert_eq!(propagation.jacobian(), faer::mat![[2.0, 1.0], [7.0, 4.0]].as_ref());
     // Behind the first step there is the second, behind that nothing.
-    let (squares, sums) = walk.value_bounds();
+    let (squares, sums) = propagation.value_bounds();
     for (found, expected) in squares.iter().zip([58.0_f64, 196.0]) {
         close(*found, expected.sqrt(), 1e-14);
     }
@@ -156,14 +148,14 @@ fn bounds_of_a_walk_are_the_errors_of_its_steps_carried_to_an_end() {
         close(*found, expected, 1e-14);
     }
     // J₁⁻¹ = (1, −1; −1, 2) and J₂⁻¹ = (4, −1; −7, 2).
-    let (squares, sums) = walk.return_bounds(2);
+    let (squares, sums) = propagation.return_bounds(2);
     for (found, expected) in squares.iter().zip([8.0_f64.hypot(28.0), 13.0_f64.hypot(49.0)]) {
         close(*found, SQRT_2 * expected, 1e-14);
     }
     for (found, expected) in sums.iter().zip([2.0 * 36.0, 2.0 * 62.0]) {
         close(*found, expected, 1e-14);
     }
-    let (_, sums) = walk.return_bounds(1);
+    let (_, sums) = propagation.return_bounds(1);
     close(sums[0], 2.0 * 8.0, 1e-14);
 }
 
@@ -172,7 +164,7 @@ fn defects_are_measured_in_units_of_their_scale() {
     let beside = 1e-9;
     let steps = two_steps(beside);
     let boxed = boxed(&steps);
-    let walk = Walk::new(&boxed, &[1.0, 2.0]);
+    let propagation = RoundingPropagation::new(&boxed, &[1.0, 2.0]);
     let jacobians = [steps[0].matrix, product(steps[1].matrix, steps[0].matrix)];
     let mut squares = [1.0; 4];
     for (jacobian, step) in jacobians.iter().zip(&steps) {
@@ -183,19 +175,19 @@ fn defects_are_measured_in_units_of_their_scale() {
     }
     let forming = form(jacobians[1], jacobians[1]);
     let scale: [f64; 4] = std::array::from_fn(|k| (squares[k] + forming[k].powi(2)).sqrt());
-    let found = symplecticity_scale(&walk);
+    let found = symplecticity_scale(&propagation);
     for k in 0..4 {
         close(found[(k / 2, k % 2)], scale[k], 1e-8);
     }
     // JᵀΩJ = det J·Ω in a plane.
-    close(symplecticity_ratio(&walk), beside / (U * scale[1]), 1e-6);
+    close(symplecticity_ratio(&propagation), beside / (U * scale[1]), 1e-6);
     // The rounding of the decomposition, 2n|J|², and of J.
     let norm: f64 = jacobians[1].iter().map(|entry| entry * entry).sum();
     let [[a, b, c, d], [k, l, m, n]] = [[1.0, 1.0, 1.0, 2.0], [4.0, 1.0, 7.0, 2.0]];
     let trace = |[a, b, c, d]: [f64; 4], e: [f64; 4]| a * e[0] + b * e[2] + c * e[1] + d * e[3];
     let of_jacobian = trace([a, b, c, d], steps[0].e) + trace([k, l, m, n], steps[1].e);
     let bound = U * (2.0 * norm + of_jacobian + 1.0);
-    close(ratio(determinant_ratio(&walk)), beside / bound, 1e-6);
+    close(ratio(determinant_ratio(&propagation)), beside / bound, 1e-6);
 }
 
 /// A tenth of 1 leaves no digit of a determinant, a tenth of |z| none of a way back.
@@ -205,7 +197,7 @@ fn bounds_that_leave_no_digit_are_told() {
         // 2|J|² + 1 = 0.1/u.
         let stretch = (0.05 * share / U).sqrt();
         let step = [Linear::exact([stretch, 0.0, 0.0, 1.0 / stretch])];
-        let found = determinant_ratio(&Walk::new(&boxed(&step), &[1.0, 1.0]));
+        let found = determinant_ratio(&RoundingPropagation::new(&boxed(&step), &[1.0, 1.0]));
         assert_eq!(found == Conditioned::IllConditioned, told, "{share}: {found:?}");
         // Twice the error there is the reach of the way there and back.
         let there =
@@ -272,9 +264,9 @@ fn a_map_that_does_not_commute_is_measured_by_both_ways() {
     let (angle, z) = (0.7, [3.0, 4.0]);
     let turn = form.action().at(&[angle]);
     let turned = turn_steps(&turn, Direction::Forward);
-    let of_turn = Walk::new(&turned, &z);
+    let of_turn = RoundingPropagation::new(&turned, &z);
     let moved = [2.0 * z[0], (2.0 + 1e-9) * z[1]];
-    let after = Walk::new(&turned, &moved);
+    let after = RoundingPropagation::new(&turned, &moved);
     let (sine, cosine) = angle.sin_cos();
     // Both turn by the same; the map stretches p by 1e-9 more.
     let error = [1e-9 * sine * z[1], 1e-9 * sine * z[0]];
@@ -344,7 +336,7 @@ impl NearlyPeriodic for Family {
         vec![1]
     }
     fn turn(&self, theta: f64, z: &mut [f64]) {
-        CircleAction::new([1]).at(theta).apply(z, false);
+        CircleAction::new([1]).turn_by(theta).apply(z, false);
     }
     fn conjugated_action_at(&self, theta: f64) -> Box<dyn Measurable + '_> {
         Box::new(self.turned(theta))
@@ -475,9 +467,9 @@ fn changes_of_points_are_their_definitions() {
 }
 
 /// Over duals too.
-struct Shear;
+struct ElementaryMap;
 
-impl<S: Scalar> Map<S> for Shear {
+impl<S: Scalar> Map<S> for ElementaryMap {
     fn dof(&self) -> usize {
         1
     }
@@ -494,7 +486,7 @@ impl<S: Scalar> Map<S> for Shear {
 #[test]
 fn the_jacobian_of_a_linear_map_is_its_matrix() {
     let expected: Mat<f64> = faer::mat![[2.0, 3.0], [0.0, 0.5]];
-    assert_eq!(jacobian(&Shear, &[0.3, 0.7]), expected);
+    assert_eq!(jacobian(&ElementaryMap, &[0.3, 0.7]), expected);
 }
 
 #[test]
@@ -626,7 +618,7 @@ fn magnitudes_of_a_kick_are_their_formulas() {
 
 #[test]
 fn magnitudes_of_a_turn_are_those_of_its_shears() {
-    let turn = CircleAction::new([1]).at(0.5);
+    let turn = CircleAction::new([1]).turn_by(0.5);
     // Quarter turns first, and then q ← q + tp.
     let step = &turn_steps(&turn, Direction::Forward)[1];
     let mut moved = [0.0, 1.0];
@@ -726,7 +718,7 @@ fn the_invariance_of_a_network_is_the_median_over_its_orbits() {
         values.sort_by(f64::total_cmp);
         values[1]
     };
-    let found = OwnInvariance::of(&model, &starts, iterations as usize).expect("an invariant");
+    let found = OwnInvariance::measure(&model, &starts, iterations as usize).expect("an invariant");
     close(found.drift, median(&mut drifts), 1e-12);
     close(found.exponent, median(&mut exponents), 1e-12);
     assert_eq!(found.iterations, 160);
@@ -735,7 +727,7 @@ fn the_invariance_of_a_network_is_the_median_over_its_orbits() {
     // A resonance is told within 2ε.
     for (share, told) in [(0.995, true), (1.005, false)] {
         let model = gyroceptron(TAU / 5.0 + 0.02 * share);
-        let found = OwnInvariance::of(&model, &starts, 20).expect("an invariant");
+        let found = OwnInvariance::measure(&model, &starts, 20).expect("an invariant");
         assert_eq!(found.resonance.is_some(), told, "{share}");
     }
     // A tenth is of no use; a power of 0.3 is a drift where it is more than a hundredth.
@@ -770,7 +762,7 @@ fn swings_are_of_the_actions_by_definition() {
     swings.sort_by(f64::total_cmp);
     // Of three harmonics the third is the slowest, of four the fourth would be.
     let angle = TAU / 4.0 + 0.1;
-    let found = PlaneSwing::of(&[&pairs], &action, &[angle], &states, 3)[0];
+    let found = PlaneSwing::measure(&[&pairs], &action, &[angle], &states, 3)[0];
     close(found.step, (squares / 80.0).sqrt(), 1e-13);
     close(found.range, range, 1e-13);
     close(found.swing, swings[1], 1e-13);
@@ -785,7 +777,7 @@ fn swings_are_of_the_actions_by_definition() {
     assert_eq!([0.995, 1.005].map(|share| wide(3.0 * share, 60.0)), [false, true]);
     // A range is at least a hundredth of the largest action.
     let still = Pairs::new("pairs", 1, vec![1.0; 80], vec![1.0; 80]).expect("whole");
-    close(PlaneSwing::of(&[&still], &action, &[angle], &states, 3)[0].range, 0.01, 1e-13);
+    close(PlaneSwing::measure(&[&still], &action, &[angle], &states, 3)[0].range, 0.01, 1e-13);
     assert_eq!((monomials(3, 2), monomials(4, 4)), (10, 70));
     assert_eq!(powers(&[2.0, 3.0], 2), [1.0, 2.0, 3.0, 4.0, 6.0, 9.0]);
     assert_eq!(power(1.0, 2.0, 3), (-11.0, -2.0));

@@ -1,4 +1,4 @@
-//! Trainings in legs: starts of which the best goes on, ramps, and twists alone.
+//! Trainings in stages: starts of which the best goes on, ramps, and twists alone.
 
 use gyroceptron::Error;
 use gyroceptron::flow::{Pairs, Window, sample};
@@ -65,26 +65,26 @@ fn options(starts: u64) -> TrainingOptions {
     }
 }
 
-/// Keeps checkpoints as files would, and may stop after so many iterations of all legs.
+/// Keeps checkpoints as files would, and may stop after so many iterations of all stages.
 #[derive(Default)]
 struct Store {
     checkpoints: BTreeMap<String, Checkpoint>,
     iterations: usize,
     most: Option<usize>,
-    legs: Vec<TrainingStage>,
+    stages: Vec<TrainingStage>,
 }
 
 impl TrainingObserver for Store {
-    fn earlier(&mut self, leg: TrainingStage) -> Result<Option<Checkpoint>, Error> {
-        self.legs.push(leg);
-        Ok(self.checkpoints.get(&leg.suffix()).cloned())
+    fn earlier(&mut self, stage: TrainingStage) -> Result<Option<Checkpoint>, Error> {
+        self.stages.push(stage);
+        Ok(self.checkpoints.get(&stage.suffix()).cloned())
     }
-    fn observe(&mut self, leg: TrainingStage, progress: Progress<'_>) -> Result<Control, Error> {
+    fn observe(&mut self, stage: TrainingStage, progress: Progress<'_>) -> Result<Control, Error> {
         if let Some(checkpoint) = progress.checkpoint {
             // As a file has it.
             let text = serde_json::to_string(checkpoint).expect("finite");
             let read = serde_json::from_str(&text).expect("a checkpoint");
-            self.checkpoints.insert(leg.suffix(), read);
+            self.checkpoints.insert(stage.suffix(), read);
         }
         self.iterations += 1;
         let over = self.most.is_some_and(|most| self.iterations >= most);
@@ -108,11 +108,11 @@ fn run_from(
     let sets: Vec<(f64, f64, [Pairs; 2])> = options
         .ramp
         .iter()
-        .map(|rung| (rung.epsilon.unwrap_or(EPSILON), rung.flow_time.unwrap_or(TIME)))
+        .map(|stage| (stage.epsilon.unwrap_or(EPSILON), stage.flow_time.unwrap_or(TIME)))
         .chain([(EPSILON, TIME)])
         .map(|(e, t)| (e, t, [pairs(t, e, 1), pairs(t, e, 2)]))
         .collect();
-    let iterations = options.ramp.iter().map(|rung| rung.iterations).chain([options.iterations]);
+    let iterations = options.ramp.iter().map(|stage| stage.iterations).chain([options.iterations]);
     let places: Vec<StageData<'_>> = sets
         .iter()
         .zip(iterations)
@@ -128,13 +128,13 @@ fn run_from(
 }
 
 fn ramp() -> Vec<RampStage> {
-    let rung = |time: f64, epsilon| RampStage {
+    let stage = |time: f64, epsilon| RampStage {
         flow_time: Some(time),
         epsilon,
         repeats: None,
         iterations: 8,
     };
-    vec![rung(10.0, Some(0.025)), rung(20.0, None)]
+    vec![stage(10.0, Some(0.025)), stage(20.0, None)]
 }
 
 /// The best start goes on as if it had been alone.
@@ -144,11 +144,11 @@ fn the_best_of_several_starts_goes_on() {
     let mut store = Store::default();
     let result = run(&options, &mut store);
     let trials: Vec<f64> =
-        result.legs.iter().map(|leg| leg.best.validation.expect("held out")).collect();
+        result.stages.iter().map(|stage| stage.best.validation.expect("held out")).collect();
     assert_eq!(trials.len(), 4);
     let lowest = (0..4).min_by(|a, b| trials[*a].total_cmp(&trials[*b])).expect("four");
     assert!(lowest > 0, "the first is the best: nothing is seen of the choice");
-    let chosen: Vec<bool> = result.legs.iter().map(|leg| leg.chosen).collect();
+    let chosen: Vec<bool> = result.stages.iter().map(|stage| stage.chosen).collect();
     assert_eq!(chosen, (0..4).map(|k| k == lowest).collect::<Vec<_>>());
     let alone = TrainingOptions { starts: None, ..options.clone() };
     let initial = start(lowest as u64).expect("a start");
@@ -159,11 +159,11 @@ fn the_best_of_several_starts_goes_on() {
     assert_eq!(bits(&result.outcome.model), bits(&expected.model));
     assert_eq!(result.outcome.history, expected.history);
     assert_eq!(bits(&result.initial), bits(&initial));
-    // No leg is done twice.
+    // No stage is done twice.
     assert_eq!(store.iterations, 4 * 6 + 14 - 6);
 }
 
-/// A rung is a training of its own, whose weights start the next with other angles.
+/// A stage is a training of its own, whose weights start the next with other angles.
 #[test]
 fn a_ramp_is_its_rungs_one_after_another() {
     let options = TrainingOptions { ramp: ramp(), ..options(0) };
@@ -178,10 +178,10 @@ fn a_ramp_is_its_rungs_one_after_another() {
         let outcome =
             train(&model, &pairs, Some(&held_out), &plain, None, &mut |_| Ok(Control::Continue))
                 .expect("trains");
-        match result.legs.get(number) {
-            Some(leg) => {
-                assert_eq!(leg.best, outcome.best);
-                assert_eq!((leg.epsilon, leg.time), (epsilon, time / TIME));
+        match result.stages.get(number) {
+            Some(stage) => {
+                assert_eq!(stage.best, outcome.best);
+                assert_eq!((stage.epsilon, stage.time), (epsilon, time / TIME));
             }
             None => assert_eq!(bits(&result.outcome.model), bits(&outcome.model)),
         }
@@ -202,11 +202,11 @@ fn a_ramp_is_its_rungs_one_after_another() {
 
 #[test]
 fn stages_have_the_iterations_and_seeds_that_are_asked_for() {
-    let rung = RampStage { flow_time: None, epsilon: None, repeats: None, iterations: 4 };
+    let stage = RampStage { flow_time: None, epsilon: None, repeats: None, iterations: 4 };
     let options = TrainingOptions {
         iterations: 9,
         starts: Some(Starts { count: 2, iterations: 3 }),
-        ramp: vec![rung],
+        ramp: vec![stage],
         fresh_twists: fresh(1, 5),
         ..options(0)
     };
@@ -228,13 +228,13 @@ fn the_twists_of_a_part_of_the_time_are_repeated() {
     let [begun, rest]: [Model; 2] = [four(0).expect("a start"), four(0).expect("a start")];
     let weights = begun.composition().parameters();
     assert_eq!(weights.len(), CHART + 2 * PAIR + 1);
-    let rung = |time: f64| RampStage {
+    let stage = |time: f64| RampStage {
         flow_time: Some(time),
         epsilon: None,
         repeats: Some(2),
         iterations: 8,
     };
-    let options = TrainingOptions { ramp: vec![rung(5.0), rung(20.0)], ..options(0) };
+    let options = TrainingOptions { ramp: vec![stage(5.0), stage(20.0)], ..options(0) };
     let result = run_from(&mut { four }, &options, &mut Store::default());
     let part = |time: f64| {
         let mut architecture = rest.architecture().clone().of_time(time);
@@ -247,11 +247,11 @@ fn the_twists_of_a_part_of_the_time_are_repeated() {
     let model = Model::new(part(5.0), first).expect("finite");
     let sets = |time| [pairs(time, EPSILON, 1), pairs(time, EPSILON, 2)];
     let five = plain(&model, sets(5.0).each_ref(), 8);
-    assert_eq!(result.legs[0].best, five.best);
+    assert_eq!(result.stages[0].best, five.best);
     let mut weights = five.model.composition().parameters().to_vec();
     *weights.last_mut().expect("θ") *= 4.0;
     let twenty = plain(&Model::new(part(20.0), weights).expect("finite"), sets(20.0).each_ref(), 8);
-    assert_eq!(result.legs[1].best, twenty.best);
+    assert_eq!(result.stages[1].best, twenty.best);
     let [chart @ .., theta] = twenty.model.composition().parameters() else { panic!("θ") };
     let (chart, twists) = chart.split_at(CHART);
     let half = twists.iter().enumerate();
@@ -276,13 +276,13 @@ fn the_twists_of_a_part_of_the_time_are_repeated() {
 #[test]
 fn repeats_that_do_not_divide_are_refused() {
     let refused = |repeats: &[usize], twists: usize| {
-        let rung = |&repeats| RampStage {
+        let stage = |&repeats| RampStage {
             flow_time: Some(1.0),
             epsilon: None,
             repeats: Some(repeats),
             iterations: 8,
         };
-        let ramp = repeats.iter().map(rung).collect();
+        let ramp = repeats.iter().map(stage).collect();
         let options = TrainingOptions { ramp, ..options(0) };
         let shape = NormalFormShape {
             action: CircleAction::new([1, 0]).into(),
@@ -305,8 +305,8 @@ fn repeats_that_do_not_divide_are_refused() {
         let error = refused(repeats, twists).expect_err("refused");
         assert!(error.contains("training.ramp.repeats"), "{error}");
     }
-    let rung = RampStage { flow_time: None, epsilon: None, repeats: Some(2), iterations: 8 };
-    let options = TrainingOptions { ramp: vec![rung], ..options(0) };
+    let stage = RampStage { flow_time: None, epsilon: None, repeats: Some(2), iterations: 8 };
+    let options = TrainingOptions { ramp: vec![stage], ..options(0) };
     let shape = HenonShape { dof: 2, widths: vec![3; 4] };
     let error = options.check_for(&shape.architecture(EPSILON));
     assert!(error.expect_err("no twists").to_string().contains("repeats"));
@@ -316,7 +316,7 @@ fn fresh(count: u64, iterations: u64) -> Option<FreshTwists> {
     Some(FreshTwists { count, iterations })
 }
 
-/// A training of one leg.
+/// A training of one stage.
 fn plain(model: &Model, [pairs, held_out]: [&Pairs; 2], iterations: u64) -> Outcome {
     let options = TrainingOptions { iterations, ..options(0) };
     train(model, pairs, Some(held_out), &options, None, &mut |_| Ok(Control::Continue))
@@ -364,15 +364,15 @@ fn twists_are_trained_alone_in_the_chart_of_the_ramp() {
             plain(&twists, seen.each_ref(), 12)
         })
         .collect();
-    let legs = &result.legs[1..];
-    assert_eq!(legs.len(), 7);
-    for (number, (leg, outcome)) in legs.iter().zip(&alone).enumerate() {
-        assert_eq!((leg.leg, leg.best), (TrainingStage::Twists(number as u64), outcome.best));
+    let stages = &result.stages[1..];
+    assert_eq!(stages.len(), 7);
+    for (number, (stage, outcome)) in stages.iter().zip(&alone).enumerate() {
+        assert_eq!((stage.stage, stage.best), (TrainingStage::Twists(number as u64), outcome.best));
     }
     let error = |number: &usize| alone[*number].best.validation.expect("held out");
     let lowest = (0..7).min_by(|a, b| error(a).total_cmp(&error(b))).expect("seven");
     assert!(lowest > 0, "those of the ramp are the best: nothing is seen of the choice");
-    let chosen: Vec<bool> = legs.iter().map(|leg| leg.chosen).collect();
+    let chosen: Vec<bool> = stages.iter().map(|stage| stage.chosen).collect();
     assert_eq!(chosen, (0..7).map(|k| k == lowest).collect::<Vec<_>>());
     let weights = [&carried[..CHART], alone[lowest].model.composition().parameters()].concat();
     let model = model.with_parameters(weights).expect("finite");
@@ -397,7 +397,7 @@ fn all_weights_go_on_with_the_pairs_of_the_twists() {
             ..with_few_pairs(0)
         };
         let result = run(&options, &mut Store::default());
-        let twists = result.legs.iter().rfind(|leg| leg.chosen).expect("one of the twists");
+        let twists = result.stages.iter().rfind(|stage| stage.chosen).expect("one of the twists");
         assert!(twists.best.iteration > 0);
         assert_eq!(first(&result), twists.best.pairs, "{iterations}");
         seen.push(twists.best.pairs);
@@ -429,9 +429,9 @@ fn twists_without_a_loss_are_not_chosen() {
         }
     };
     let result = run_from(&mut broken, &options, &mut Store::default());
-    let chosen: Vec<bool> = result.legs[2..].iter().map(|leg| leg.chosen).collect();
+    let chosen: Vec<bool> = result.stages[2..].iter().map(|stage| stage.chosen).collect();
     assert_eq!(chosen, [true, false, false]);
-    assert!(result.legs[3..].iter().all(|leg| leg.best.loss.is_infinite()));
+    assert!(result.stages[3..].iter().all(|stage| stage.best.loss.is_infinite()));
     // The weights of no start are drawn for twists too.
     let mut drawn = Vec::new();
     let mut told = |number: u64| {
@@ -485,7 +485,7 @@ fn twists_of_a_family_are_trained_in_its_charts() {
         }
     }
     let expected = sum / held_out.len() as f64;
-    let chosen = result.legs.iter().rfind(|leg| leg.chosen).expect("one of the twists");
+    let chosen = result.stages.iter().rfind(|stage| stage.chosen).expect("one of the twists");
     let found = chosen.best.validation.expect("held out");
     assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
 }
@@ -495,7 +495,7 @@ fn a_killed_schedule_goes_on_to_the_same_bits() {
     let stops = [1, 5, 6, 7, 13, 19, 21, 27, 28, 29, 33, 37, 41, 43, 44, 48, 56];
     let alone = TrainingOptions { ramp: ramp(), ..options(3) };
     stopped_and_gone_on_with(&mut start, alone, &stops);
-    // The last leg begins with the pairs of the twists.
+    // The last stage begins with the pairs of the twists.
     let few = TrainingOptions { ramp: ramp(), ..with_few_pairs(3) };
     stopped_and_gone_on_with(&mut start, few, &[30, 44, 48, 56]);
     // A quarter of the twists, then half of them.
@@ -524,7 +524,7 @@ fn stopped_and_gone_on_with(
         let result = run(&options, &mut store);
         assert_eq!(bits(&result.outcome.model), bits(&whole.outcome.model), "{most}");
         assert_eq!(result.outcome.history, whole.outcome.history, "{most}");
-        assert_eq!(result.legs, whole.legs, "{most}");
+        assert_eq!(result.stages, whole.stages, "{most}");
         // What is done is not done again.
         assert!(store.iterations + most <= all + 1, "{most}: {}", store.iterations);
     }
@@ -552,7 +552,7 @@ fn a_start_without_a_loss_is_not_chosen() {
     let mut some = |number: u64| if number == 1 { start(1) } else { broken(number) };
     let result = train_schedule(&mut some, &[place], &options(3), &mut Store::default());
     let result = result.expect("one can be trained");
-    let chosen: Vec<bool> = result.legs.iter().map(|leg| leg.chosen).collect();
+    let chosen: Vec<bool> = result.stages.iter().map(|stage| stage.chosen).collect();
     assert_eq!(chosen, [false, true, false]);
     assert_eq!(bits(&result.initial), bits(&start(1).expect("a start")));
     let mut none = |number: u64| broken(number);
@@ -573,17 +573,17 @@ fn bad_schedules_are_refused() {
     };
     refused(starts(0, 5), "starts.count");
     refused(starts(2, 0), "starts.iterations");
-    let rung = |flow_time, epsilon, iterations| TrainingOptions {
+    let stage = |flow_time, epsilon, iterations| TrainingOptions {
         ramp: vec![RampStage { flow_time, epsilon, repeats: None, iterations }],
         ..options(0)
     };
-    refused(rung(Some(0.0), None, 5), "ramp.flow_time");
-    refused(rung(Some(f64::NAN), None, 5), "ramp.flow_time");
-    refused(rung(None, Some(f64::INFINITY), 5), "ramp.epsilon");
-    refused(rung(None, None, 0), "ramp.iterations");
+    refused(stage(Some(0.0), None, 5), "ramp.flow_time");
+    refused(stage(Some(f64::NAN), None, 5), "ramp.flow_time");
+    refused(stage(None, Some(f64::INFINITY), 5), "ramp.epsilon");
+    refused(stage(None, None, 0), "ramp.iterations");
     let twists = |count, iterations| TrainingOptions {
         fresh_twists: fresh(count, iterations),
-        ..rung(None, None, 5)
+        ..stage(None, None, 5)
     };
     refused(twists(0, 5), "fresh_twists.count");
     refused(twists(2, 0), "fresh_twists.iterations");
@@ -591,18 +591,18 @@ fn bad_schedules_are_refused() {
     let shape = HenonShape { dof: 2, widths: vec![3] };
     let error = twists(2, 5).check_for(&shape.architecture(EPSILON));
     assert!(error.expect_err("no twists").to_string().contains("fresh_twists"));
-    // One leg alone does not pass over what it was asked for.
-    for options in [starts(2, 5), rung(None, None, 5)] {
+    // One stage alone does not pass over what it was asked for.
+    for options in [starts(2, 5), stage(None, None, 5)] {
         let (model, set) = (start(0).expect("a start"), pairs(TIME, EPSILON, 1));
         let quiet = &mut |_: Progress<'_>| Ok(Control::Continue);
         let error = train(&model, &set, None, &options, None, quiet).map(|_| "a result");
         assert!(error.expect_err("refused").to_string().contains("train_schedule"));
     }
-    // Pairs for each rung.
+    // Pairs for each stage.
     let set = pairs(TIME, EPSILON, 1);
     let (epsilon, time, iterations, held_out) = (EPSILON, 1.0, 3, None);
     let place = StageData { epsilon, time, pairs: &set, held_out, iterations };
-    let options = rung(None, None, 5);
+    let options = stage(None, None, 5);
     assert!(train_schedule(&mut start, &[place], &options, &mut Store::default()).is_err());
     assert!(train_schedule(&mut start, &[], &options, &mut Store::default()).is_err());
 }

@@ -2,7 +2,7 @@
 
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::layer::{Activation, CircleAction};
-use gyroceptron::measure::rotation_errors;
+use gyroceptron::measure::trajectories::rotation_errors;
 use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, SympNetShape};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
@@ -428,10 +428,10 @@ fn normal_equations_are_summed_alike_on_any_number_of_threads() {
     for z in pairs.input().chunks_exact(6) {
         for c in 0..6 {
             let mut state = z.to_vec();
-            map.forward_recording(&mut state, &mut recording);
+            map.forward_recorded(&mut state, &mut recording);
             let (mut cotangent, mut row) = (vec![0.0; 6], vec![0.0; count]);
             cotangent[c] = 1.0;
-            map.pullback(&mut recording, &mut cotangent, &mut row);
+            map.vjp(&mut recording, &mut cotangent, &mut row);
             for (i, sums) in exact.iter_mut().enumerate() {
                 for (sum, r) in sums[..=i].iter_mut().zip(&row) {
                     *sum += row[i] * r / (3.0 * 2711.0);
@@ -1040,7 +1040,7 @@ fn the_rotation_of_the_data_is_found() {
     let mut stream = Stream::new(1, "points");
     let input: Vec<f64> = (0..600).map(|_| stream.uniform(-1.0, 1.0)).collect();
     let mut output = input.clone();
-    let rotation = action.at(-1.234);
+    let rotation = action.turn_by(-1.234);
     for z in output.chunks_exact_mut(6) {
         rotation.apply(z, false);
     }

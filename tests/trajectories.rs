@@ -4,13 +4,7 @@ use gyroceptron::flow::{
     Integrator, Pairs, Reference, ReferenceTrajectories, Region, Trajectories,
 };
 use gyroceptron::layer::{CircleAction, TorusAction};
-use gyroceptron::measure::{
-    Milestone, PlaneMotion, averaged_invariant, component_errors, departures, distances_along,
-    distances_to_set, disturbing_resonance, drift_exponent, drifts, invariant_drift,
-    invariant_horizon, leading_invariant, level_set, limiting_flow_error, locked_interval,
-    log_line, milestones, nearest_resonance, plane_motions, root_mean_square, rotation_error,
-    rotation_errors, settling_iterations, winding_numbers,
-};
+use gyroceptron::measure::{adiabatic::{averaged_invariant, disturbing_resonance, invariant_drift, invariant_horizon, leading_invariant, level_set, log_line, nearest_resonance, settling_iterations}, trajectories::{Milestone, PlaneMotion, component_errors, departures, distances_along, distances_to_set, drift_exponent, drifts, limiting_flow_error, locked_interval, milestones, plane_motions, root_mean_square, rotation_error, rotation_errors, winding_numbers}};
 use gyroceptron::network::{InitialWeights, NormalFormShape};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;

@@ -6,10 +6,7 @@ use gyroceptron::io::{
     Provenance, StoredModel, export_weights, model_text, parse_model, read_tensors, take_units,
 };
 use gyroceptron::layer::{CircleAction, TorusAction};
-use gyroceptron::measure::{
-    CertificateOptions, Coordinate, OneStep, Within, certify_map, distance, root_mean_square,
-    rotation_error,
-};
+use gyroceptron::measure::{Coordinate, OneStep, WithDomain, certificate::{CertificateOptions, certify_map}, trajectories::{distance, root_mean_square, rotation_error}};
 use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, Rollout};
 use gyroceptron::phase::{Direction, InUnits, Map, Units};
 use gyroceptron::random::Stream;
@@ -213,7 +210,7 @@ fn a_network_in_units_is_symplectic() {
     let map = InUnits { map: &model, units: &units };
     let between = |c: f64, s: f64| Coordinate::Between(c - s, c + s);
     let domain = (0..4).map(|k| between(units.centre()[k], units.factors()[k])).collect();
-    let map = Within::new(OneStep(map), domain).expect("a domain");
+    let map = WithDomain::new(OneStep(map), domain).expect("a domain");
     let certificate = certify_map(&map, options);
     assert!(certificate.holds(), "{certificate}");
     for wrong in [1e-9, 1e-12] {
