@@ -8,7 +8,7 @@ use gyroceptron::io::{
     parse_model, read_architecture, read_tensors,
 };
 use gyroceptron::layer::{Activation, CircleAction};
-use gyroceptron::measure::certificate::{CertificateOptions, certify};
+use gyroceptron::measure::{CertificateOptions, certify};
 use gyroceptron::network::{
     Architecture, Block, InitialWeights, Layers, Model, Modules, NamedArchitecture, NetworkSpec,
     Part, Rollout, Scale, Structure, map_jacobians, map_jacobians_by_duals, map_points,
@@ -172,7 +172,7 @@ fn arrangements_are_certified() {
 /// whose list is read as that of another.
 #[test]
 fn an_arrangement_that_is_taken_for_another_is_rejected() {
-    use gyroceptron::measure::certificate::{certify_family, certify_map, certify_normal_form};
+    use gyroceptron::measure::{certify_family, certify_map, certify_normal_form};
     let options = CertificateOptions { samples: 30, ..Default::default() };
     for (name, architecture, structure) in arrangements() {
         let model = model(&architecture);
@@ -297,9 +297,9 @@ fn derivatives_of_arrangements_are_those_of_duals() {
         let dim = z.len();
         let cotangent: Vec<f64> = (0..dim).map(|i| 1.0 - 0.2 * i as f64).collect();
         let mut recording = map.recording();
-        map.forward_recorded(&mut z.clone(), &mut recording);
+        map.forward_recording(&mut z.clone(), &mut recording);
         let (mut z_bar, mut bar) = (cotangent.clone(), vec![0.0; model.parameters().len()]);
-        map.vjp(&mut recording, &mut z_bar, &mut bar);
+        map.pullback(&mut recording, &mut z_bar, &mut bar);
         let mut sizes = 0.0;
         for index in 0..bar.len() + dim {
             let lift = |k: usize, v: f64| D::variable(v, if k == index { 0 } else { 1 });

@@ -4,7 +4,10 @@
 use faer::mat;
 use gyroceptron::layer::{CircleAction, HenonLayer};
 use gyroceptron::measure::internals::{unless_stopped, until_stopped};
-use gyroceptron::measure::{Measurable, OneStep, jacobian, certificate::{Certificate, CertificateOptions, Verdict, certify, certify_all, certify_map}, ratios::{Conditioned, RoundingPropagation, inversion_ratio, symplecticity_defect, symplecticity_ratio}};
+use gyroceptron::measure::{
+    Certificate, CertificateOptions, Conditioned, Measurable, OneStep, Verdict, Walk, certify,
+    certify_all, certify_map, inversion_ratio, jacobian, symplecticity_defect, symplecticity_ratio,
+};
 use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape};
 use gyroceptron::phase::{Direction, Half, Map};
 use gyroceptron::random::Stream;
@@ -28,7 +31,7 @@ fn small(seed: u64) -> CertificateOptions {
     CertificateOptions { samples: 40, radius: 1.6, seed }
 }
 
-fn row<'a>(certificate: &'a Certificate, equation: &str) -> &'a gyroceptron::measure::certificate::Row {
+fn row<'a>(certificate: &'a Certificate, equation: &str) -> &'a gyroceptron::measure::Row {
     certificate.rows.iter().find(|row| row.equation.contains(equation)).expect("a row")
 }
 
@@ -202,15 +205,15 @@ fn symplecticity_of_the_walk_is_that_of_the_map() {
     let model = gyroceptron(&[1, 2], InitialWeights::Glorot, 3);
     let z = [0.3, -0.8, 1.1, 0.4];
     let steps = model.measured_steps(Direction::Forward);
-    let propagation = RoundingPropagation::new(&steps, &z);
+    let walk = Walk::new(&steps, &z);
     let exact = jacobian(&model, &z);
     for row in 0..4 {
         for column in 0..4 {
             // The rotation is walked shear by shear, as it is applied.
-            assert_eq!(propagation.jacobian()[(row, column)], exact[(row, column)]);
+            assert_eq!(walk.jacobian()[(row, column)], exact[(row, column)]);
         }
     }
-    let defect = symplecticity_defect(propagation.jacobian());
+    let defect = symplecticity_defect(walk.jacobian());
     assert!(defect.is_all_finite() && defect.norm_max() > 0.0 && defect.norm_max() < 1e-13);
     // A matrix that is not symplectic has its own defect.
     let diagonal = mat![[2.0, 0.0], [0.0, 3.0]];
@@ -224,7 +227,7 @@ fn nan_fails_every_ratio() {
     let steps = layer.measured_steps(Direction::Forward);
     for bad in [f64::NAN, f64::INFINITY] {
         let z = [0.1, bad, 0.2, 0.3];
-        assert!(!(symplecticity_ratio(&RoundingPropagation::new(&steps, &z)) < LIMIT));
+        assert!(!(symplecticity_ratio(&Walk::new(&steps, &z)) < LIMIT));
         let back = layer.measured_steps(Direction::Inverse);
         let ratio = inversion_ratio(layer.measured_steps(Direction::Forward), back, &z);
         let holds = matches!(ratio, Conditioned::Ratio(r) if r < LIMIT);

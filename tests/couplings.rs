@@ -1,7 +1,10 @@
 //! Gyroceptrons of affine couplings: nearly periodic, invertible, and not symplectic.
 
-use gyroceptron::layer::{AffineCoupling, CircleAction, ElementaryMap, coupling_parameter_count};
-use gyroceptron::measure::{OneStep, jacobian, certificate::{CertificateOptions, Verdict, certify, certify_map, certify_nearly_periodic}, fuzz, ratios::RoundingPropagation, steps::{MeasuredSteps, TrackedStep}};
+use gyroceptron::layer::{AffineCoupling, CircleAction, Shear, coupling_parameter_count};
+use gyroceptron::measure::{
+    CertificateOptions, MeasuredSteps, OneStep, TrackedStep, Verdict, Walk, certify, certify_map,
+    certify_nearly_periodic, fuzz, jacobian,
+};
 use gyroceptron::network::{Architecture, CouplingGyroceptronShape, InitialWeights, Model};
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
@@ -50,7 +53,7 @@ fn they_are_invertible_and_nearly_periodic_and_symplecticity_is_refused() {
 #[test]
 fn one_certificate_is_the_other() {
     let model = network(&[1, 0], 0.05, InitialWeights::Glorot, 3);
-    let text = |c: gyroceptron::measure::certificate::Certificate| format!("{c}");
+    let text = |c: gyroceptron::measure::Certificate| format!("{c}");
     let own = certify_nearly_periodic(&model, OPTIONS);
     assert_eq!(text(certify(&model, OPTIONS)), text(own));
 }
@@ -95,7 +98,7 @@ fn a_coupling_is_its_definition() {
             a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
         };
         assert!(error(&image, &expected) < 1e-14, "{image:?} {expected:?}");
-        coupling.apply_inverse(&mut image, &mut scratch);
+        coupling.undo(&mut image, &mut scratch);
         assert!(error(&image, &z) < 1e-14, "{image:?} {z:?}");
 
         struct One<'a>(AffineCoupling<'a, f64>);
@@ -107,7 +110,7 @@ fn a_coupling_is_its_definition() {
                 self.0.apply(z, &mut vec![S::zero(); z.len()]);
             }
             fn inverse(&self, z: &mut [S]) {
-                self.0.apply_inverse(z, &mut vec![S::zero(); z.len()]);
+                self.0.undo(z, &mut vec![S::zero(); z.len()]);
             }
         }
         let jacobian = jacobian(&One(coupling), &z);
@@ -186,10 +189,10 @@ fn bounds_of_the_way_back_are_those_of_a_contraction() {
     }
     let there = TrackedStep { map: Shrink, direction: Direction::Forward };
     let steps: MeasuredSteps<'_> = vec![Box::new(there)];
-    let propagation = RoundingPropagation::new(&steps, &[2.0, 3.0]);
-    let (bounds, sums) = propagation.return_bounds(1);
+    let walk = Walk::new(&steps, &[2.0, 3.0]);
+    let (bounds, sums) = walk.return_bounds(1);
     let mut delta = [0.0; 2];
-    steps[0].value_magnitude(&[2.0, 3.0], propagation.end(), &mut delta);
+    steps[0].value_magnitude(&[2.0, 3.0], walk.end(), &mut delta);
     assert!(delta[1] > 0.25, "{delta:?}");
     let expected = 10.0 * delta[1];
     assert!((bounds[1] / (2_f64.sqrt() * expected) - 1.0).abs() < 1e-12, "{bounds:?}");
@@ -214,7 +217,7 @@ fn what_has_no_inverse_is_violated_and_not_ill_conditioned() {
         fn inverse(&self, _: &mut [S]) {}
     }
     let certificate = certify_map(&OneStep(Flatten), OPTIONS);
-    let there = |row: &&gyroceptron::measure::certificate::Row| row.equation == "P⁻¹∘P = Id";
+    let there = |row: &&gyroceptron::measure::Row| row.equation == "P⁻¹∘P = Id";
     let row = certificate.rows.iter().find(there).expect("a row");
     assert_eq!(row.verdict, Verdict::Violated, "{certificate}");
     assert!(fuzz::inverted(&OneStep(Flatten), &[0.3, 0.7], true).is_err());
@@ -231,8 +234,8 @@ fn the_pullback_is_the_derivative_to_rounding() {
     let mut recording = map.recording();
     let (mut moved, mut z_bar) = (z, c);
     let mut bars = vec![0.0; map.parameters().len()];
-    map.forward_recorded(&mut moved, &mut recording);
-    map.vjp(&mut recording, &mut z_bar, &mut bars);
+    map.forward_recording(&mut moved, &mut recording);
+    map.pullback(&mut recording, &mut z_bar, &mut bars);
     let along = |which: usize| {
         let lift = |(k, v): (usize, &f64)| D::variable(*v, usize::from(k != which));
         let parameters = map.parameters().iter().enumerate().map(lift).collect();
@@ -269,7 +272,7 @@ fn large_weights_are_undone_too() {
         coupling.apply(&mut image, &mut scratch);
         assert!(image[2].abs() < 3.0 * 1.5 + 10.0, "{image:?}");
         assert!((image[2] - z[2]).abs() > 0.1);
-        coupling.apply_inverse(&mut image, &mut scratch);
+        coupling.undo(&mut image, &mut scratch);
         for (a, b) in image.iter().zip(z) {
             assert!((a - b).abs() < 1e-13, "{size}: {image:?}");
         }

@@ -2,7 +2,7 @@
 
 use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
-use gyroceptron::measure::{Coordinate, OneStep, WithDomain};
+use gyroceptron::measure::{Coordinate, OneStep, Within};
 use gyroceptron::network::{HenonShape, InitialWeights, Rollout, map_points};
 use gyroceptron::phase::{Direction, Map};
 
@@ -43,7 +43,7 @@ impl<S> Map<S> for Identity {
 
 #[test]
 fn bounds_are_within() {
-    let domain = |first| WithDomain::new(OneStep(Identity), vec![first, Coordinate::Any]).map(drop);
+    let domain = |first| Within::new(OneStep(Identity), vec![first, Coordinate::Any]).map(drop);
     assert!(domain(Coordinate::Between(1.0, 1.0f64.next_up())).is_ok());
     assert!(domain(Coordinate::Between(1.0, 1.0)).is_err());
     assert!(domain(Coordinate::Between(1.0, f64::INFINITY)).is_err());

@@ -2,7 +2,7 @@
 
 use gyroceptron::flow::{Pairs, ReferenceTrajectories, Window, sample};
 use gyroceptron::layer::{CircleAction, TorusAction};
-use gyroceptron::measure::{adiabatic::averaged_invariant, trajectories::drifts};
+use gyroceptron::measure::{averaged_invariant, drifts};
 use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
@@ -289,7 +289,7 @@ fn the_frequency_of_a_family_is_found() {
             let mut stream = Stream::new(8, "points");
             let points: Vec<f64> = (0..80).map(|_| stream.uniform(-1.0, 1.0)).collect();
             let mut moved = points.clone();
-            let turn = action.turn_by(frequency * time);
+            let turn = action.at(frequency * time);
             moved.chunks_exact_mut(4).for_each(|z| turn.apply(z, false));
             Pairs::new("turned", 2, points, moved).expect("pairs")
         };

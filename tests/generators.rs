@@ -6,7 +6,7 @@ use faer::Side;
 use faer::linalg::solvers::Solve;
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::layer::CircleAction;
-use gyroceptron::measure::adiabatic::log_slope;
+use gyroceptron::measure::log_slope;
 use gyroceptron::network::{Composition, GyroceptronShape, InitialWeights, NormalFormShape};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::Elementary;

@@ -6,7 +6,7 @@ use gyroceptron::flow::{Pairs, Trajectories};
 use gyroceptron::io::{load_model, read_pairs, read_trajectories, write_pairs};
 use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::measure::internals::{monomials, power, powers};
-use gyroceptron::measure::{adiabatic::{OwnInvariance, PlaneSwing}, trajectories::plane_motions};
+use gyroceptron::measure::{OwnInvariance, PlaneSwing, plane_motions};
 use gyroceptron::network::{HenonShape, InitialWeights, Rollout};
 use gyroceptron::random::Stream;
 use gyroceptron::train::{ActionFit, Loss, Objective, fit_rotation};
@@ -306,7 +306,7 @@ fn a_perturbed_map_may_move_its_action() {
     assert!(!trust["care"].to_string().contains("invariant"), "{trust}");
     assert!(first.contains("ε = 0 only"), "{first}");
     let model = load_model(&folder.path().join("m.json")).expect("a model").model;
-    let own = OwnInvariance::measure(&model, &input[..20], 200).expect("an invariant");
+    let own = OwnInvariance::of(&model, &input[..20], 200).expect("an invariant");
     assert!(own.unperturbed && own.fault().is_none() && own.drift > 0.1, "{own:?}");
 }
 
@@ -321,7 +321,7 @@ fn swings_of_actions_are_compared_with_steps() {
         let action = CircleAction::new([1, 0]);
         let angles = [fit_rotation(&pairs, &action)];
         let of = |states: &[f64]| {
-            PlaneSwing::measure(&[&pairs], &action.clone().into(), &angles, states, count)
+            PlaneSwing::of(&[&pairs], &action.clone().into(), &angles, states, count)
         };
         let swings = of(values);
         eprintln!("{name}: {swings:?}");

@@ -1,7 +1,7 @@
 //! Layers against their definitions.
 
 use gyroceptron::layer::{
-    CircleAction, FastPlanes, HenonLayer, HenonMap, ElementaryMap, TanhPotential, TorusAction, Turn, Twist,
+    CircleAction, FastPlanes, HenonLayer, HenonMap, Shear, TanhPotential, TorusAction, Turn, Twist,
     TwistShears, layer_parameter_count,
 };
 use gyroceptron::network::InitialWeights;
@@ -130,7 +130,7 @@ fn a_circle_action_turns_clockwise_with_its_weights() {
     let z = point(4, 1.0, 6);
     for theta in [0.3, 1.0, -2.5, 3.0, 0.785, 100.0] {
         let mut moved = z.clone();
-        action.turn_by(theta).apply(&mut moved, false);
+        action.at(theta).apply(&mut moved, false);
         for (j, &m) in [1.0, 0.0, -2.0, 5.0].iter().enumerate() {
             let (s, c) = libm::sincos(m * theta);
             let expected_q = c * z[j] + s * z[4 + j];
@@ -147,7 +147,7 @@ fn right_angles_are_exact() {
     let action = CircleAction::new([1]);
     let turned = |theta: f64| {
         let mut z = vec![3.0, 4.0];
-        action.turn_by(theta).apply(&mut z, false);
+        action.at(theta).apply(&mut z, false);
         z
     };
     for (theta, expected) in
@@ -159,7 +159,7 @@ fn right_angles_are_exact() {
     }
     let mut z = vec![-0.0, f64::MIN_POSITIVE];
     let before: Vec<u64> = z.iter().map(|v: &f64| v.to_bits()).collect();
-    action.turn_by(0.0).apply(&mut z, false);
+    action.at(0.0).apply(&mut z, false);
     assert_eq!(z.iter().map(|v| v.to_bits()).collect::<Vec<_>>(), before);
 }
 
@@ -171,10 +171,10 @@ fn rotations_are_undone_to_an_ulp_in_every_quadrant() {
         let theta = if k % 2 == 0 { f64::from(k) * 0.085 * PI } else { f64::from(k) * PI / 4.0 };
         let z = point(2, 1.0, k.unsigned_abs().into());
         let mut moved = z.clone();
-        action.turn_by(theta).apply(&mut moved, false);
+        action.at(theta).apply(&mut moved, false);
         let mut by_negative_angle = moved.clone();
-        action.turn_by(theta).apply(&mut moved, true);
-        action.turn_by(-theta).apply(&mut by_negative_angle, false);
+        action.at(theta).apply(&mut moved, true);
+        action.at(-theta).apply(&mut by_negative_angle, false);
         for i in 0..4 {
             assert_eq!(moved[i].to_bits(), by_negative_angle[i].to_bits(), "θ = {theta}");
             assert!((moved[i] - z[i]).abs() <= 4.0 * f64::EPSILON, "θ = {theta}");
@@ -190,7 +190,7 @@ fn the_invariant_drifts_as_rounding_and_not_as_the_matrix() {
     let (count, steps) = (32, 10_000);
     for _ in 0..count {
         let theta = stream.uniform(0.0, TAU);
-        let rotation = action.turn_by(theta);
+        let rotation = action.at(theta);
         let (s, c) = libm::sincos(theta);
         let mut z = vec![1.0, 0.0];
         let mut w = [1.0_f64, 0.0];
@@ -232,7 +232,7 @@ fn a_torus_action_is_the_product_of_its_circles() {
     let (mut at_once, mut one_by_one) = (z.clone(), z.clone());
     torus.at(&angles).forward(&mut at_once);
     for (circle, angle) in circles.iter().zip(angles) {
-        circle.turn_by(angle).forward(&mut one_by_one);
+        circle.at(angle).forward(&mut one_by_one);
     }
     for (a, b) in at_once.iter().zip(&one_by_one) {
         assert!((a - b).abs() < 8.0 * f64::EPSILON, "{a} {b}");
@@ -255,8 +255,8 @@ fn a_torus_action_is_the_product_of_its_circles() {
     let mut turned = z.clone();
     Turn::by_angles(&[0.3, 0.0, -1.0]).forward(&mut turned);
     let mut by_circles = z.clone();
-    CircleAction::new([1, 0, 0]).turn_by(0.3).forward(&mut by_circles);
-    CircleAction::new([0, 0, 1]).turn_by(-1.0).forward(&mut by_circles);
+    CircleAction::new([1, 0, 0]).at(0.3).forward(&mut by_circles);
+    CircleAction::new([0, 0, 1]).at(-1.0).forward(&mut by_circles);
     assert_eq!(turned, by_circles);
 }
 

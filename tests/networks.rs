@@ -3,7 +3,7 @@
 use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::{Activation, CircleAction, TorusAction};
-use gyroceptron::measure::{jacobian, jacobians_by_differences, certificate::Verdict, laws};
+use gyroceptron::measure::{Verdict, jacobian, jacobians_by_differences, laws};
 use gyroceptron::network::{
     Composition, CouplingGyroceptronShape, GyroceptronShape, HenonShape, InitialWeights, Model,
     NormalFormShape, Pace, Part, Rollout, SympNetShape, map_jacobians, map_jacobians_by_duals,
@@ -90,10 +90,10 @@ fn pullback_agrees_with_duals_for_every_parameter() {
         let map = network_tracked.composition();
         let mut recording = map.recording::<Tracked>();
         let mut moved = tracked(&z);
-        map.forward_recorded(&mut moved, &mut recording);
+        map.forward_recording(&mut moved, &mut recording);
         let mut state_bar = tracked(&c);
         let mut parameters_bar = tracked(&vec![0.0; 549]);
-        map.vjp(&mut recording, &mut state_bar, &mut parameters_bar);
+        map.pullback(&mut recording, &mut state_bar, &mut parameters_bar);
 
         let (parameters, state) = by_duals::<Tracked>(&network, &z, &c);
         assert_eq!((parameters.len(), state.len()), (549, 4));
@@ -130,10 +130,10 @@ fn pullback_agrees_with_duals_in_other_dimensions() {
         let map = network.composition();
         let mut recording = map.recording::<f64>();
         let mut moved = z.clone();
-        map.forward_recorded(&mut moved, &mut recording);
+        map.forward_recording(&mut moved, &mut recording);
         let mut state_bar = c.clone();
         let mut parameters_bar = vec![0.0; map.parameters().len()];
-        map.vjp(&mut recording, &mut state_bar, &mut parameters_bar);
+        map.pullback(&mut recording, &mut state_bar, &mut parameters_bar);
         let (parameters, state) = by_duals::<f64>(&network, &z, &c);
         for (a, b) in parameters_bar.iter().chain(&state_bar).zip(parameters.iter().chain(&state)) {
             assert!((a - b).abs() <= 1e-13 * (1.0 + b.abs()), "{action:?}: {a} for {b}");
@@ -341,10 +341,10 @@ fn batches_are_single_points_bit_for_bit_on_all_instruction_sets() {
         let mut recording = map.recording();
         for z in points.chunks_exact(dim) {
             let mut image = z.to_vec();
-            map.forward_recorded(&mut image, &mut recording);
+            map.forward_recording(&mut image, &mut recording);
             let factor = 2.0 / points.len() as f64;
             let mut cotangent: Vec<f64> = image.iter().map(|v| factor * v).collect();
-            map.vjp(&mut recording, &mut cotangent, &mut pulled);
+            map.pullback(&mut recording, &mut cotangent, &mut pulled);
         }
         let near = |found: &[f64], expected: &[f64]| {
             let scale = expected.iter().map(|v| v.abs()).fold(1e-3, max_or_nan);

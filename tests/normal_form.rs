@@ -1,9 +1,9 @@
 //! Twists, turned kicks, and the gyroceptrons in normal form that they make.
 
 use gyroceptron::layer::{
-    CircleAction, FastPlanes, ElementaryMap, TanhPotential, TorusAction, TurnedKick, Twist, TwistShears,
+    CircleAction, FastPlanes, Shear, TanhPotential, TorusAction, TurnedKick, Twist, TwistShears,
 };
-use gyroceptron::measure::{adiabatic::log_slope, certificate::{CertificateOptions, certify, certify_normal_form}};
+use gyroceptron::measure::{CertificateOptions, certify, certify_normal_form, log_slope};
 use gyroceptron::network::{Architecture, InitialWeights, Model, NormalFormShape, Part, Rollout};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
@@ -73,7 +73,7 @@ impl Case {
     /// The twist on another number, or its inverse.
     fn image<S: Over<f64>>(&self, scale: f64, z: &[S], inverse: bool) -> Vec<S> {
         let twist = self.twist(scale);
-        let twist = if inverse { ElementaryMap::inverse(twist) } else { twist };
+        let twist = if inverse { Shear::inverse(twist) } else { twist };
         let (mut z, mut scratch) = (z.to_vec(), vec![S::zero(); z.len()]);
         twist.apply(&mut z, &mut scratch);
         z
@@ -157,7 +157,7 @@ fn a_twist_is_the_flow_of_its_generators() {
 fn a_twist_commutes_with_the_action_and_keeps_the_actions() {
     for case in cases() {
         let angles: Vec<f64> = (1..=case.action.circles().len()).map(|k| 0.7 * k as f64).collect();
-        let turn = case.action.turn_by(&angles.iter().map(|&a| Tracked::exact(a)).collect::<Vec<_>>());
+        let turn = case.action.at(&angles.iter().map(|&a| Tracked::exact(a)).collect::<Vec<_>>());
         let lifted: Vec<Tracked> = case.z.iter().map(|&v| Tracked::exact(v)).collect();
         let (mut turned_first, mut turned_last) = (lifted.clone(), case.image(2.0, &lifted, false));
         turn.apply(&mut turned_first, false);
@@ -205,7 +205,7 @@ fn derivatives_of_a_twist_are_those_of_duals() {
         for inverse in [false, true] {
             let (dim, count) = (case.z.len(), case.parameters.len());
             let twist = case.twist(1.3);
-            let twist = if inverse { ElementaryMap::inverse(twist) } else { twist };
+            let twist = if inverse { Shear::inverse(twist) } else { twist };
             let mut scratch = vec![0.0; 2 * dim + dim * dim];
             // Forward: along the unit vectors.
             let mut directions = vec![0.0; dim * dim];
@@ -213,17 +213,17 @@ fn derivatives_of_a_twist_are_those_of_duals() {
                 directions[i * dim + i] = 1.0;
             }
             let mut along = case.z.clone();
-            twist.jvp(&mut along, &mut directions, &mut scratch);
+            twist.apply_along(&mut along, &mut directions, &mut scratch);
             let image = case.image(1.3, &case.z, inverse);
             assert!(largest_difference(&along, &image) == 0.0);
             // Backward: the pullback of a cotangent.
-            let mut tape = vec![0.0; ElementaryMap::<f64>::tape_len(&twist)];
+            let mut tape = vec![0.0; Shear::<f64>::tape_len(&twist)];
             let mut recorded = case.z.clone();
-            twist.forward_recorded(&mut recorded, &mut tape, &mut scratch);
+            twist.record(&mut recorded, &mut tape, &mut scratch);
             assert!(largest_difference(&recorded, &image) == 0.0);
             let cotangent: Vec<f64> = (0..dim).map(|i| 1.0 + 0.3 * i as f64).collect();
             let (mut z_bar, mut parameters_bar) = (cotangent.clone(), vec![0.0; count]);
-            twist.vjp(&tape, &mut z_bar, &mut parameters_bar, &mut scratch);
+            twist.pull(&tape, &mut z_bar, &mut parameters_bar, &mut scratch);
             for i in 0..dim {
                 let lifted = |(k, &v): (usize, &f64)| D::variable(v, if k == i { 0 } else { 1 });
                 let z: Vec<D> = case.z.iter().enumerate().map(lifted).collect();
@@ -241,7 +241,7 @@ fn derivatives_of_a_twist_are_those_of_duals() {
                     |(k, &v): (usize, &f64)| D::variable(v, if k == index { 0 } else { 1 });
                 let parameters: Vec<D> = case.parameters.iter().enumerate().map(lifted).collect();
                 let twist = case.with(D::constant(1.3), &parameters);
-                let twist = if inverse { ElementaryMap::inverse(twist) } else { twist };
+                let twist = if inverse { Shear::inverse(twist) } else { twist };
                 let mut z: Vec<D> = case.z.iter().map(|&v| D::constant(v)).collect();
                 twist.apply(&mut z, &mut vec![D::zero(); dim]);
                 let pulled: f64 = z.iter().zip(&cotangent).map(|(z, c)| z.eps[0] * c).sum();
@@ -259,7 +259,7 @@ fn actions_stay_over_a_million_steps() {
     let circle = &case.action.circles()[0];
     let mut z = case.z.clone();
     let (start, mut scratch) = (circle.invariant(&z), vec![0.0; z.len()]);
-    let turn = case.action.turn_by(&[0.9]);
+    let turn = case.action.at(&[0.9]);
     let (twist, mut largest) = (case.twist(0.05), 0.0);
     for _ in 0..1_000_000 {
         twist.apply(&mut z, &mut scratch);
@@ -386,10 +386,10 @@ fn the_pullback_of_a_normal_form_is_that_of_duals_for_every_parameter() {
         let (dim, count) = (2 * map.architecture().dof, map.composition().parameters().len());
         let z = start(dim);
         let mut recording = map.composition().recording();
-        map.composition().forward_recorded(&mut z.clone(), &mut recording);
+        map.composition().forward_recording(&mut z.clone(), &mut recording);
         let cotangent: Vec<f64> = (0..dim).map(|i| 1.0 - 0.2 * i as f64).collect();
         let (mut z_bar, mut parameters_bar) = (cotangent.clone(), vec![0.0; count]);
-        map.composition().vjp(&mut recording, &mut z_bar, &mut parameters_bar);
+        map.composition().pullback(&mut recording, &mut z_bar, &mut parameters_bar);
         for index in 0..count {
             let lift = |k: usize, v: f64| D::variable(v, if k == index { 0 } else { 1 });
             let map = either(perturbed, number, D::constant(0.1), lift);

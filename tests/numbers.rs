@@ -168,15 +168,15 @@ fn roots_logarithms_powers_and_angles_agree_with_multiprecision() {
 #[test]
 fn angles_come_back_to_their_circle() {
     for (x, rest) in [(7.5, 0.5), (-0.25, 3.25), (0.0, 0.0), (3.5, 0.0), (-7.0, 0.0)] {
-        assert_eq!(Elementary::rem_euclid(x, 3.5), rest);
-        assert_eq!(DoubleDouble::from_f64(x).rem_euclid(3.5).value(), rest);
-        assert_eq!(Lanes([x; WIDTH]).rem_euclid(3.5).0, [rest; WIDTH]);
-        let dual = Dual::<f64, 1>::variable(x, 0).rem_euclid(3.5);
+        assert_eq!(Elementary::modulo(x, 3.5), rest);
+        assert_eq!(DoubleDouble::from_f64(x).modulo(3.5).value(), rest);
+        assert_eq!(Lanes([x; WIDTH]).modulo(3.5).0, [rest; WIDTH]);
+        let dual = Dual::<f64, 1>::variable(x, 0).modulo(3.5);
         assert_eq!((dual.re, dual.eps), (rest, [1.0]));
     }
-    assert!(Elementary::rem_euclid(f64::NAN, 1.0).is_nan());
+    assert!(Elementary::modulo(f64::NAN, 1.0).is_nan());
     for x in [1e33, -1e33, 1e17] {
-        let (rest, wide) = (Elementary::rem_euclid(x, 3.5), DoubleDouble::from_f64(x).rem_euclid(3.5));
+        let (rest, wide) = (Elementary::modulo(x, 3.5), DoubleDouble::from_f64(x).modulo(3.5));
         assert_eq!(wide.value(), rest, "{x:e}");
     }
     // Integers of any size are products, also of negative numbers.
@@ -387,7 +387,7 @@ fn everything<S: Elementary>(x: S, y: S) -> S {
 fn rooted<S: Elementary>(x: S, y: S) -> S {
     let radius = (x * x + y * y + S::from_f64(0.25)).sqrt();
     let power = radius.powf(1.5) * radius.powi(-3) + x.powi(3);
-    (radius.ln() * y.atan2(x) + power) / (y.rem_euclid(0.7) + S::from_f64(1.0))
+    (radius.ln() * y.atan2(x) + power) / (y.modulo(0.7) + S::from_f64(1.0))
 }
 
 #[test]

@@ -13,7 +13,10 @@ macro_rules! fuzz_target {
 #[path = "../fuzz/targets/own_map.rs"]
 mod own_map;
 
-use gyroceptron::measure::{Coordinate, Implicit, Measurable, OneStep, Solved, Steps, WithDomain, certificate::{Certificate, CertificateOptions, Verdict, certify_map}, fuzz};
+use gyroceptron::measure::{
+    Certificate, CertificateOptions, Coordinate, Implicit, Measurable, OneStep, Solved, Steps,
+    Verdict, Within, certify_map, fuzz,
+};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{
@@ -30,7 +33,7 @@ struct StandardMap {
 
 impl StandardMap {
     fn wrapped<S: Elementary>(&self, x: S) -> S {
-        self.period.map_or(x, |period| x.rem_euclid(period))
+        self.period.map_or(x, |period| x.modulo(period))
     }
 }
 
@@ -171,8 +174,8 @@ impl Implicit for GaussLegendre {
     }
 }
 
-fn within<M: Measurable>(map: M, domain: Vec<Coordinate>) -> WithDomain<M> {
-    WithDomain::new(map, domain).expect("a domain")
+fn within<M: Measurable>(map: M, domain: Vec<Coordinate>) -> Within<M> {
+    Within::new(map, domain).expect("a domain")
 }
 
 /// Each map, right or wrong by so much, with the radius of its samples.
@@ -293,7 +296,7 @@ fn an_angle_that_is_not_said_to_be_one_jumps() {
 fn laws_that_need_an_inverse_say_so() {
     let certificate =
         certify_map(&OneStep(Froeschle { wrong: 0.0 }), CertificateOptions::default());
-    let without = |row: &&gyroceptron::measure::certificate::Row| row.equation.contains("no inverse is given");
+    let without = |row: &&gyroceptron::measure::Row| row.equation.contains("no inverse is given");
     assert_eq!(certificate.rows.iter().filter(without).count(), 2);
     let summary = certificate.summary();
     assert!(summary.starts_with("holds: 2 laws"), "{summary}");
@@ -418,7 +421,7 @@ fn circles_that_are_none_of_the_map_are_told() {
         vec![Coordinate::Between(1.0, 1.0), Coordinate::Any],
         vec![Coordinate::Between(0.0, f64::INFINITY), Coordinate::Any],
     ] {
-        assert!(WithDomain::new(map(), domain.clone()).is_err(), "{domain:?}");
+        assert!(Within::new(map(), domain.clone()).is_err(), "{domain:?}");
     }
 }
 

@@ -5,7 +5,19 @@ use faer::Mat;
 use gyroceptron::flow::Pairs;
 use gyroceptron::layer::{CircleAction, Kick, TanhPotential, TorusAction};
 use gyroceptron::measure::internals::{monomials, power, powers};
-use gyroceptron::measure::{Coordinate, Measurable, NearlyPeriodic, NormalFormed, jacobian, adiabatic::{AdiabaticOrbit, OwnInvariance, PlaneSwing, log_slope}, certificate::{CertificateOptions, Tally, Verdict, certify}, fuzz, laws, ratios::{Adjoint, CircleAxiom, Conditioned, RESOLVED, RoundingPropagation, action_ratio, adjoint_ratio, conjugated_axiom_ratio, determinant_ratio, differing_components, equivariance_ratio, inversion_ratio, near_identity_rms, near_identity_size, near_identity_undoing, symplecticity_ratio, symplecticity_scale, turning_axiom_ratio}, steps::{KickStep, Magnitudes, MeasuredStep, MeasuredSteps, turn_steps}};
+use gyroceptron::measure::{
+    Coordinate, Measurable, NearlyPeriodic, NormalFormed,
+    adiabatic::{AdiabaticOrbit, OwnInvariance, PlaneSwing, log_slope},
+    certificate::{CertificateOptions, Tally, Verdict, certify},
+    fuzz, jacobian, laws,
+    ratios::{
+        Adjoint, CircleAxiom, Conditioned, RESOLVED, RoundingPropagation, action_ratio,
+        adjoint_ratio, conjugated_axiom_ratio, determinant_ratio, differing_components,
+        equivariance_ratio, inversion_ratio, near_identity_rms, near_identity_size,
+        near_identity_undoing, symplecticity_ratio, symplecticity_scale, turning_axiom_ratio,
+    },
+    steps::{KickStep, Magnitudes, MeasuredStep, MeasuredSteps, turn_steps},
+};
 use gyroceptron::network::{GyroceptronShape, InitialWeights, Model};
 use gyroceptron::phase::{Direction, Half, Map};
 use gyroceptron::random::Stream;

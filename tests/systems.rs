@@ -5,7 +5,11 @@ use gyroceptron::flow::{
     GaussLegendre, Integrator, Pairs, Reference, ReferenceTrajectories, Splitting, Stroboscopic,
     Window, boris, runge_kutta_4, sample_of, velocity_splitting,
 };
-use gyroceptron::measure::{Line, adiabatic::{averaged_invariant, log_line, log_slope}, trajectories::drifts};
+use gyroceptron::measure::{
+    Line,
+    adiabatic::{averaged_invariant, log_line, log_slope},
+    trajectories::drifts,
+};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Elementary, Real, Scalar, max_or_nan};
 use gyroceptron::system::{

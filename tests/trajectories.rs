@@ -4,7 +4,17 @@ use gyroceptron::flow::{
     Integrator, Pairs, Reference, ReferenceTrajectories, Region, Trajectories,
 };
 use gyroceptron::layer::{CircleAction, TorusAction};
-use gyroceptron::measure::{adiabatic::{averaged_invariant, disturbing_resonance, invariant_drift, invariant_horizon, leading_invariant, level_set, log_line, nearest_resonance, settling_iterations}, trajectories::{Milestone, PlaneMotion, component_errors, departures, distances_along, distances_to_set, drift_exponent, drifts, limiting_flow_error, locked_interval, milestones, plane_motions, root_mean_square, rotation_error, rotation_errors, winding_numbers}};
+use gyroceptron::measure::{
+    adiabatic::{
+        averaged_invariant, disturbing_resonance, invariant_drift, invariant_horizon,
+        leading_invariant, level_set, log_line, nearest_resonance, settling_iterations,
+    },
+    trajectories::{
+        Milestone, PlaneMotion, component_errors, departures, distances_along, distances_to_set,
+        drift_exponent, drifts, limiting_flow_error, locked_interval, milestones, plane_motions,
+        root_mean_square, rotation_error, rotation_errors, winding_numbers,
+    },
+};
 use gyroceptron::network::{InitialWeights, NormalFormShape};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;

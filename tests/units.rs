@@ -6,7 +6,11 @@ use gyroceptron::io::{
     Provenance, StoredModel, export_weights, model_text, parse_model, read_tensors, take_units,
 };
 use gyroceptron::layer::{CircleAction, TorusAction};
-use gyroceptron::measure::{Coordinate, OneStep, WithDomain, certificate::{CertificateOptions, certify_map}, trajectories::{distance, root_mean_square, rotation_error}};
+use gyroceptron::measure::{
+    Coordinate, OneStep, WithDomain,
+    certificate::{CertificateOptions, certify_map},
+    trajectories::{distance, root_mean_square, rotation_error},
+};
 use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, Rollout};
 use gyroceptron::phase::{Direction, InUnits, Map, Units};
 use gyroceptron::random::Stream;

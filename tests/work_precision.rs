@@ -2,7 +2,14 @@
 
 use gyroceptron::Error;
 use gyroceptron::flow::{Integrator, Pairs};
-use gyroceptron::measure::{jacobians_by_differences, timing::{Comparison, Method, Spread, TrajectoryMethods, WorkPrecision, fastest, most_accurate, precise_jacobians, relative_difference, root_mean_square_distance, tanh_errors, work_precision, work_precision_by}};
+use gyroceptron::measure::{
+    jacobians_by_differences,
+    timing::{
+        Comparison, Method, Spread, TrajectoryMethods, WorkPrecision, fastest, most_accurate,
+        precise_jacobians, relative_difference, root_mean_square_distance, tanh_errors,
+        work_precision, work_precision_by,
+    },
+};
 use gyroceptron::network::{HenonShape, InitialWeights, map_jacobians_by_duals};
 use gyroceptron::scalar::tanh_sech2_of_all;
 use gyroceptron::system::{Oscillators, System};

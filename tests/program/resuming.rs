@@ -23,7 +23,7 @@ fn a_run_killed_on_a_ramp_resumes_to_the_same_bits() {
         "iterations = 40\nstarts = { count = 2, iterations = 30 }\n\
          ramp = [{ flow_time = 0.25, epsilon = 0.02, iterations = 400 }]",
     );
-    let report = resumes_after_a_kill(&scene, "checkpoint-ramp-1");
+    let report = resumes_after_a_kill(&scene, "checkpoint-rung-1");
     for words in ["start 1", "ε = 0.02", "0.500"] {
         assert!(report.contains(words), "{words}: {report}");
     }
@@ -243,7 +243,7 @@ fn checkpoints_of_replaced_trainings_are_removed() {
     assert!(load(&checkpoint, true).is_err() && checkpoint.exists());
 }
 
-/// Names of networks with what is added for a stage or a flow time are names of files.
+/// Names of networks with what is added for a leg or a flow time are names of files.
 #[test]
 fn no_two_legs_share_a_checkpoint() {
     let second = r#"

@@ -153,7 +153,7 @@ def test_a_callback_follows_stops_and_raises(tmp_path, pairs):
     report = tmp_path / "report"
     model = gyroceptron.train(
         *pairs, [1, 0], recipe="paper", iterations=30, seed=1, report=report,
-        callback=lambda stage, iteration, loss, held_out: told.append((stage, iteration, loss, held_out)),
+        callback=lambda leg, iteration, loss, held_out: told.append((leg, iteration, loss, held_out)),
     )
     iterations = [iteration for _, iteration, _, _ in told]
     assert iterations == sorted(set(iterations)) and iterations[-1] == 30
@@ -174,11 +174,11 @@ def test_a_callback_follows_stops_and_raises(tmp_path, pairs):
     stopped = gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=1000, callback=lambda *told: told[1] < 5)
     assert stopped.validation > 0 and len(stopped.parameters) == len(model.parameters)
 
-    # Also where it says so at the end of a stage, and only once.
+    # Also where it says so at the end of a leg, and only once.
     told = []
 
-    def stops_a_start(stage, iteration, *_):
-        told.append((stage, iteration))
+    def stops_a_start(leg, iteration, *_):
+        told.append((leg, iteration))
         return iteration < 40
 
     gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=1000, starts=3, callback=stops_a_start)

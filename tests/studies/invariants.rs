@@ -2,7 +2,9 @@
 
 use crate::helpers::{Quiet, network, refused, run_in, temporary};
 use gyroceptron::flow;
-use gyroceptron::measure::{adiabatic::{AdiabaticOrbit, settling_iterations}, ratios::near_identity_rms, trajectories::drift_exponent};
+use gyroceptron::measure::{
+    AdiabaticOrbit, drift_exponent, near_identity_rms, settling_iterations,
+};
 use gyroceptron::phase::Map;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{Event, Folder, Observer, parse, render, run};

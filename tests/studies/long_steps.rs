@@ -62,8 +62,8 @@ fn maps_of_several_flow_times_are_set_beside_integrators() {
         let rotation = number(&at["rotation_error"]);
         for network in networks {
             assert!(number(&network["error"]) < 0.5 * rotation, "{network}");
-            let stages = network["stages"].as_array().expect("stages");
-            assert!(stages.is_empty());
+            let legs = network["legs"].as_array().expect("legs");
+            assert!(legs.is_empty());
         }
         // The steps nearest to those asked for, each number once.
         let settings = |comparison: &str, name: &str| -> Vec<f64> {
@@ -174,12 +174,12 @@ fn flow_times_beyond_the_ramp_have_fresh_twists() {
     let data = render::json(&report);
     let times = data["studies"]["long_steps"].as_array().expect("flow times");
     let kinds = |at: &Value| -> Vec<String> {
-        let stages = at["networks"][0]["stages"].as_array().expect("stages").iter();
-        stages.map(|stage| stage["stage"]["kind"].as_str().expect("a kind").to_owned()).collect()
+        let legs = at["networks"][0]["legs"].as_array().expect("legs").iter();
+        legs.map(|leg| leg["leg"]["kind"].as_str().expect("a kind").to_owned()).collect()
     };
     assert!(kinds(&times[0]).is_empty());
-    assert_eq!(kinds(&times[1]), ["stage", "twists", "twists"]);
-    assert_eq!(kinds(&times[2]), ["stage", "twists", "twists"]);
+    assert_eq!(kinds(&times[1]), ["rung", "twists", "twists"]);
+    assert_eq!(kinds(&times[2]), ["rung", "twists", "twists"]);
     // A run over it leaves none of its files behind.
     let left = |name: &str| folder.path().join(name).exists();
     assert!(left("checkpoint-normal-form-at-20-fresh-twists-1"));
@@ -188,16 +188,16 @@ fn flow_times_beyond_the_ramp_have_fresh_twists() {
     run(&again, &open, &mut Quiet).expect("runs").expect("not interrupted");
     assert!(!left("checkpoint-normal-form-at-20-fresh-twists-1"));
     assert!(left("checkpoint-normal-form-at-25-fresh-twists-1"));
-    // Stages of the time that is wanted are of another ε, or are none.
-    let stages = "ramp = [{ flow_time = 10.0, epsilon = 0.02, iterations = 10 }, \
+    // Rungs of the time that is wanted are of another ε, or are none.
+    let rungs = "ramp = [{ flow_time = 10.0, epsilon = 0.02, iterations = 10 }, \
                  { flow_time = 10.0, iterations = 10 }, { flow_time = 20.0, iterations = 10 }]";
-    let scene = scene.replace("ramp = [{ flow_time = 5.0, iterations = 10 }]", stages);
+    let scene = scene.replace("ramp = [{ flow_time = 5.0, iterations = 10 }]", rungs);
     let other = temporary();
     let report = run_in(other.path(), &parse("long", &scene).expect("a scene"));
     let data = render::json(&report);
     let times = data["studies"]["long_steps"].as_array().expect("flow times");
-    let stages = |at: &Value| kinds(at).iter().filter(|kind| *kind == "stage").count();
-    assert_eq!(times.iter().map(stages).collect::<Vec<_>>(), [0, 1, 2]);
+    let legs = |at: &Value| kinds(at).iter().filter(|kind| *kind == "rung").count();
+    assert_eq!(times.iter().map(legs).collect::<Vec<_>>(), [0, 1, 2]);
     // A short form has one draw of them, and fewer iterations.
     let training = scene.replace("count = 1, iterations = 10 }", "count = 3, iterations = 100 }");
     let quick = parse("long", &training).expect("a scene").quick();

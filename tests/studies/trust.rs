@@ -2,7 +2,7 @@
 
 use gyroceptron::Error;
 use gyroceptron::flow::Region;
-use gyroceptron::measure::trajectories::PlaneMotion;
+use gyroceptron::measure::PlaneMotion;
 use gyroceptron::network::{HenonShape, InitialWeights, Model, Rollout};
 use gyroceptron::scene::internals::{Limit, STEPS, limit, orbits, plane_errors, worst};
 use gyroceptron::scene::{NextStep, next_command};
