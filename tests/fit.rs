@@ -101,6 +101,8 @@ fn a_fit_is_a_model() {
     assert!(error(&fitted) < 1e-3, "{:e}", error(&fitted));
     certify(fitted.model(), CertificateOptions { samples: 20, ..Default::default() })
         .assert_holds();
+    assert_eq!(fitted.nearest(), (&fitted.problem.action, &fitted.problem.nearest[..]));
+    assert_eq!(Fit::default().with_iterations(7).training.iterations, 7);
     let stored = StoredModel::of_fit(&fitted, "test");
     assert_eq!(stored.provenance.data, Some(pairs(150, 0.9, 1).digest()));
     let orbit = stored.rollout(&[0.3, 0.2, 0.1, 0.0], Rollout { steps: 3, every: 1 });
@@ -216,4 +218,15 @@ fn what_cannot_be_is_refused() {
     let fit = Fit { network: henon, epsilon: None, ..fit() };
     let error = fit.run(family.expect("a family")).expect_err("no family").to_string();
     assert!(error.contains("a gyroceptron to learn a family"), "{error}");
+}
+
+#[test]
+fn pairs_of_negative_epsilon_are_counted() {
+    let family = pairs(6, 0.5, 1).under(&[0.1, -0.1, 0.2, -0.1, -0.3, 0.1], &[1.0; 6]);
+    let family = family.expect("a family");
+    let note = FitNote::of_negative_epsilons(&family);
+    let doubled = family.with_conditions(|condition| (2.0 * condition.epsilon, 0.5));
+    let first = doubled.conditions()[0];
+    assert_eq!((first.epsilon, first.time, first.pairs), (0.2, 0.5, 2));
+    assert_eq!(note, Some(FitNote::NegativeEpsilons(3, 6)));
 }

@@ -11,5 +11,6 @@ mod layers;
 mod networks;
 mod normal_form;
 mod own_maps;
+mod ratios;
 mod rooms;
 mod units;

@@ -179,7 +179,10 @@ fn a_ramp_is_its_rungs_one_after_another() {
             train(&model, &pairs, Some(&held_out), &plain, None, &mut |_| Ok(Control::Continue))
                 .expect("trains");
         match result.stages.get(number) {
-            Some(stage) => assert_eq!(stage.best, outcome.best),
+            Some(stage) => {
+                assert_eq!(stage.best, outcome.best);
+                assert_eq!((stage.epsilon, stage.time), (epsilon, time / TIME));
+            }
             None => assert_eq!(bits(&result.outcome.model), bits(&outcome.model)),
         }
         if let Some((epsilon, next, _)) = steps.get(number + 1) {
@@ -195,6 +198,23 @@ fn a_ramp_is_its_rungs_one_after_another() {
     let without = run(&self::options(0), &mut Store::default());
     let first = |result: &Scheduled| result.outcome.history[0].validation.expect("held out");
     assert!(first(&result) < 0.5 * first(&without), "{} {}", first(&result), first(&without));
+}
+
+#[test]
+fn stages_have_the_iterations_and_seeds_that_are_asked_for() {
+    let stage = RampStage { flow_time: None, epsilon: None, repeats: None, iterations: 4 };
+    let options = TrainingOptions {
+        iterations: 9,
+        starts: Some(Starts { count: 2, iterations: 3 }),
+        ramp: vec![stage],
+        fresh_twists: fresh(1, 5),
+        ..options(0)
+    };
+    let stages = TrainingStage::all(&options).into_iter();
+    let iterations: Vec<u64> = stages.map(|stage| stage.iterations(&options)).collect();
+    assert_eq!(iterations, [3, 3, 4, 5, 5, 9]);
+    // 2³² apart.
+    assert_eq!([0, 1, 3].map(|number| Starts::seed(5, number)), [5, 4294967301, 12884901893]);
 }
 
 /// Twists of a part of the time, so many times over, begin the whole.

@@ -2,8 +2,8 @@
 
 use gyroceptron::Error;
 use gyroceptron::flow::{
-    GaussLegendre, Integrator, Pairs, Reference, ReferenceTrajectories, Splitting, Window, boris,
-    runge_kutta_4, sample_of, velocity_splitting,
+    GaussLegendre, Integrator, Pairs, Reference, ReferenceTrajectories, Splitting, Stroboscopic,
+    Window, boris, runge_kutta_4, sample_of, velocity_splitting,
 };
 use gyroceptron::measure::{
     adiabatic::{FittedLine, averaged_invariant, log_line, log_slope},
@@ -596,6 +596,12 @@ fn a_flow_that_changes_with_time_is_repeated_by_whole_periods_only() {
         };
         let told = along(0.5, 101).expect_err("refused").to_string();
         assert!(told.contains("interval") && told.contains("period"), "{told}");
+        // Up to a billionth of one, where the period is told.
+        if period.is_some() {
+            for (share, whole) in [(0.995, true), (1.005, false)] {
+                assert_eq!(along(TAU * (1.0 + 1e-9 * share), 3).is_ok(), whole, "{share}");
+            }
+        }
         // One interval is of any length.
         assert!(along(0.5, 2).is_ok());
         let whole = along(TAU, 3).expect("moves").trajectories;
@@ -846,6 +852,19 @@ fn stroboscopic_averaging_follows_the_slow_motion() {
         let kept = distance(&along.trajectories.values()[4..], exact.output());
         assert!(along.error > 0.8 * error && kept < 0.2 * error, "{:e} {kept:e}", along.error);
     }
+}
+
+/// Four differences, which tell the error of three, err by the steps through the slow motion alone.
+#[test]
+fn four_differences_follow_the_slow_motion_too() {
+    let (system, z) = (Oscillators { epsilon: 0.005 }, point(2, 3));
+    let exact = Reference::calibrated(&system, &z, 100.0)
+        .and_then(|reference| reference.flow_with_error(&system, &z, 100.0))
+        .expect("converges");
+    let mut moved = z.clone();
+    Stroboscopic::new(&system, 100.0, 32, 4).take(&system, &mut moved, 40);
+    let error = distance(&moved, &exact.point);
+    assert!(error < 1e-7, "{error:e}");
 }
 
 /// v²/2B + ½v²(v×∇B)_z/B³, the textbooks' next order in the gyroradius: where B varies slowly it

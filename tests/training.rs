@@ -2,6 +2,7 @@
 
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::layer::{Activation, CircleAction};
+use gyroceptron::measure::trajectories::rotation_errors;
 use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, SympNetShape};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
@@ -546,7 +547,8 @@ fn a_step_of_levenberg_marquardt_is_bent_as_the_residuals_are() {
             all.extend(near);
             all
         };
-        let (h, mut right) = (1e-3, vec![0.0; count]);
+        // The part of the step that the optimiser takes, which leaves 1e-3 of the fourth derivative.
+        let (h, mut right) = (0.1, vec![0.0; count]);
         let loss_towards = |parameters: &[f64], towards: &[Vec<f64>]| -> f64 {
             let moved = model.with_parameters(parameters.to_vec()).expect("finite");
             let gyroceptron = &moved;
@@ -581,8 +583,32 @@ fn a_step_of_levenberg_marquardt_is_bent_as_the_residuals_are() {
         for (index, found) in outcome.model.composition().parameters().iter().enumerate() {
             let expected = start[index] + straight[index] + 0.5 * bend[index];
             let error = (found - expected).abs();
-            assert!(error <= 0.02 * largest, "{index}: {error:e} of {largest:e}");
+            assert!(error <= 1e-4 * largest, "{index}: {error:e} of {largest:e}");
         }
+        let record = outcome.history[1];
+        let after = objective.normal_equations(outcome.model.composition()).gradient;
+        let after = after.iter().map(|g| g.abs()).fold(0.0, max_or_nan);
+        assert!((record.gradient - after).abs() <= 1e-12 * after, "{record:?} {after}");
+        // The start, twice; three for the bend, and the end.
+        assert_eq!((record.evaluations, record.pairs), (6, 300));
+        assert_eq!(outcome.curvatures, 2);
+        // The damping falls with what is gained of what was predicted: Nielsen's rule.
+        let mut predicted = 0.0;
+        for ((k, d), g) in straight.iter().enumerate().zip(&equations.gradient) {
+            let more = damping * equations.matrix[(k, k)].max(equations.loss);
+            predicted += 0.5 * d * (more * d - g);
+        }
+        let gain = (outcome.history[0].loss - record.loss) / predicted;
+        let shrink = (1.0 - (2.0 * gain - 1.0).powi(3)).max(1.0 / 3.0);
+        let mut held = None;
+        train(&model, &pairs, None, &options, None, &mut |progress| {
+            held = progress.checkpoint.cloned();
+            Ok(Control::Continue)
+        })
+        .expect("trains");
+        let text = serde_json::to_value(held.expect("the last")).expect("JSON");
+        let found = text["optimiser"]["damping"].as_f64().expect("a number");
+        assert!((found / damping - shrink).abs() < 1e-6, "{found}, gain {gain}");
     }
 }
 
@@ -650,6 +676,10 @@ fn adam_is_its_definition() {
         let loss = objective.value_and_gradient(current.composition(), &mut gradient);
         let recorded = outcome.history[step].loss;
         assert!((recorded - loss).abs() <= 1e-12 * loss);
+        let largest = gradient.iter().map(|g| g.abs()).fold(0.0, max_or_nan);
+        let record = outcome.history[step];
+        assert!((record.gradient - largest).abs() <= 1e-12 * largest, "{record:?} {largest}");
+        assert_eq!((record.pairs, record.evaluations), (40, 1 + step as u64));
         // Of the sum over the batch and its components, clipped in each tensor: W, b, w
         // and η of three layers of four and of three, and θ.
         gradient.iter_mut().for_each(|g| *g *= 160.0);
@@ -1152,5 +1182,102 @@ fn as_many_pairs_as_before_are_begun_with() {
         let mut options = LevenbergMarquardtOptions::default();
         options.begin_with(1, &model);
         assert_eq!(options, LevenbergMarquardtOptions::default());
+    }
+}
+
+/// What is in the documentation, and what the published code has.
+#[test]
+fn options_are_what_they_are_said_to_be() {
+    let AdamOptions { rate, clip, batch, factor, plateau, seed } = AdamOptions::default();
+    assert_eq!((rate, clip, batch, factor, plateau, seed), (0.1, 0.1, 512, 0.8, 8, 0));
+    let marquardt = LevenbergMarquardtOptions { damping: 1e-3, residuals: 10.0, gap: 1.5 };
+    assert_eq!(LevenbergMarquardtOptions::default(), marquardt);
+    let scaling = Scaling::GaussNewton { renew: 200 };
+    assert_eq!(LbfgsOptions::default(), LbfgsOptions { memory: 30, scaling });
+    assert_eq!(Plateau::default(), Plateau { iterations: 50, improvement: 0.1 });
+    assert_eq!(Plateau::over(7), Some(Plateau { iterations: 7, improvement: 0.1 }));
+    let all = TrainingOptions::default();
+    assert_eq!((all.iterations, all.validate_every, all.checkpoint_every), (1000, 10, 100));
+}
+
+/// The first record is of the start, the last has the held-out error of the model, and the scaling
+/// is renewed after so many iterations.
+#[test]
+fn records_are_of_the_models_that_they_tell_of() {
+    let (pairs, held_out, model) = (pairs(300, 0.5, 5), pairs(100, 0.5, 6), model(3));
+    let options = options(3);
+    let run = |options: &TrainingOptions| {
+        train(&model, &pairs, Some(&held_out), options, None, &mut quiet).expect("runs")
+    };
+    let outcome = run(&options);
+    let [of_pairs, of_held_out] = [&pairs, &held_out]
+        .map(|pairs| Objective::new(&Loss::MeanSquaredError, pairs).expect("valid"));
+    let close = |found: f64, expected: f64| {
+        assert!((found - expected).abs() <= 1e-12 * expected, "{found} for {expected}");
+    };
+    let check = |record: TrainingRecord, model: &Model| {
+        let mut gradient = vec![0.0; model.composition().parameters().len()];
+        let loss = of_pairs.value_and_gradient(model.composition(), &mut gradient);
+        close(record.loss, loss);
+        let largest = gradient.iter().map(|g| g.abs()).fold(0.0, max_or_nan);
+        close(record.gradient, largest);
+        assert_eq!(record.validation, Some(of_held_out.value(model.composition())));
+    };
+    let first = outcome.history[0];
+    assert_eq!((first.iteration, first.evaluations, first.pairs), (0, 1, 300));
+    check(first, &model);
+    assert_eq!(outcome.best.iteration, 3);
+    check(outcome.best, &outcome.model);
+    close(outcome.loss, of_pairs.value(outcome.model.composition()));
+    let to_evaluation = run(&TrainingOptions { iterations: 7, ..options.clone() });
+    assert_eq!(to_evaluation.best.iteration, 7);
+    check(to_evaluation.best, &to_evaluation.model);
+    let longer = run(&TrainingOptions { iterations: 41, ..options });
+    assert_eq!((longer.curvatures, longer.stop), (3, Stop::Iterations));
+}
+
+/// Just short of them nothing ends, just beyond it does.
+#[test]
+fn training_stops_at_the_numbers_asked_for() {
+    let (pairs, held_out) = (pairs(300, 0.5, 5), pairs(100, 0.5, 6));
+    let run = |options: TrainingOptions| {
+        train(&model(3), &pairs, Some(&held_out), &options, None, &mut quiet).expect("runs")
+    };
+    let plain = run(options(14)).history;
+    let score = |k: usize| plain[k].validation.expect("evaluated");
+    assert!(score(14) < score(7) && score(7) < score(0));
+    for (share, reached) in [(0.995, false), (1.005, true)] {
+        let target = run(TrainingOptions { target: share * score(7), ..options(7) });
+        assert_eq!(target.stop == Stop::Target, reached, "{share}");
+        let lowest = plain[..8].iter().map(|r| r.gradient).fold(f64::INFINITY, |a, b| a.min(b));
+        let gradient_tolerance = share * lowest;
+        let gradient = run(TrainingOptions { gradient_tolerance, ..options(7) });
+        assert_eq!(gradient.stop == Stop::Gradient, reached, "{share}");
+        let improvement = share * (1.0 - score(14) / score(7));
+        let plateau = Some(Plateau { iterations: 7, improvement });
+        let stop = run(TrainingOptions { plateau, ..options(14) }).stop;
+        assert_eq!(stop == Stop::Plateau, reached, "{share}");
+    }
+}
+
+#[test]
+fn weights_of_planes_are_of_mean_one() {
+    let weights = |weights: &[f64]| {
+        let loss = Loss::ByPlane { weights: Some(weights.to_vec()) };
+        loss.component_weights(2).expect("positive")
+    };
+    assert_eq!(weights(&[1.0, 3.0]), [0.125, 0.375, 0.125, 0.375]);
+    assert_eq!(weights(&[1.0, 3.0, 2.0, 2.0]), [0.125, 0.375, 0.25, 0.25]);
+    // The inverse mean square of what a rotation leaves of each plane.
+    let (pairs, action) = (pairs(300, 0.5, 5), CircleAction::new([1, 0]));
+    let left = rotation_errors(&action.clone().into(), &[0.5], &pairs);
+    let inverse = [0, 1].map(|j| 1.0 / (left[j] + left[2 + j]));
+    let found = Loss::ByPlane { weights: None }.for_pairs(&action.into(), &[0.5], &pairs);
+    let Loss::ByPlane { weights: Some(found) } = found.expect("moves") else {
+        panic!("no weights")
+    };
+    for (found, inverse_of) in found.iter().zip(inverse) {
+        let expected = 2.0 * inverse_of / (inverse[0] + inverse[1]);
+        assert!((found - expected).abs() < 1e-12 * expected, "{found} for {expected}");
     }
 }

@@ -1,12 +1,18 @@
 //! Trajectories, and what is measured along them.
 
-use gyroceptron::flow::{Integrator, Pairs, ReferenceTrajectories, Trajectories};
-use gyroceptron::layer::CircleAction;
+use gyroceptron::flow::{
+    Integrator, Pairs, Reference, ReferenceTrajectories, Region, Trajectories,
+};
+use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::measure::{
-    adiabatic::level_set,
+    adiabatic::{
+        averaged_invariant, disturbing_resonance, invariant_drift, invariant_horizon,
+        leading_invariant, level_set, log_line, nearest_resonance, settling_iterations,
+    },
     trajectories::{
-        Milestone, component_errors, departures, distances_along, distances_to_set, drift_exponent,
-        drifts, locked_interval, milestones, winding_numbers,
+        Milestone, PlaneMotion, component_errors, departures, distances_along, distances_to_set,
+        drift_exponent, drifts, limiting_flow_error, locked_interval, milestones, plane_motions,
+        root_mean_square, rotation_error, rotation_errors, winding_numbers,
     },
 };
 use gyroceptron::network::{InitialWeights, NormalFormShape};
@@ -78,7 +84,10 @@ fn milestones_are_passed_once() {
     assert_eq!(milestones(&[]), Vec::<Milestone>::new());
     assert_eq!(milestones(&[(0, f64::NAN), (10, f64::NAN)]), []);
     // An error of 0 passes a finite number of them.
-    assert!(milestones(&[(0, 1.0), (10, 0.0)]).len() < 40);
+    assert_eq!(milestones(&[(0, 1.0), (10, 0.0)]).len(), 32);
+    for milestone in milestones(&history) {
+        assert!((milestone.level.log10() - milestone.level.log10().round()).abs() < 1e-14);
+    }
 }
 
 /// At ε = 0 the flow is known; at another ε, H is conserved; the states do not depend
@@ -267,6 +276,7 @@ fn a_rotation_winds_as_it_turns() {
 #[test]
 fn an_interval_is_found_by_its_ends() {
     let judge = |places: &[f64]| -> Result<Vec<bool>, ()> {
+        assert!([1, 24].contains(&places.len()));
         Ok(places.iter().map(|x| (0.47..0.58).contains(x)).collect())
     };
     let found = locked_interval(0.5, 0.2, judge).expect("judged").expect("locked");
@@ -274,4 +284,225 @@ fn an_interval_is_found_by_its_ends() {
     assert!((found.width() - 0.11).abs() < 2e-5);
     assert!(locked_interval(0.3, 0.2, judge).expect("judged").is_none());
     assert!(locked_interval(0.5, 0.05, judge).expect("judged").is_none(), "cut off");
+}
+
+#[test]
+fn quantities_and_parts_of_trajectories_are_of_their_states() {
+    let all = example(None);
+    let sums = all.quantity(|z| z[0] + z[1]);
+    assert_eq!((sums.dim(), sums.values()), (1, &[1.0, 5.0, 9.0, 13.0, 17.0, 21.0][..]));
+    assert_eq!(all.clone().first(2).values(), &all.values()[..8]);
+    let moved = all.clone().moved(|values| values.iter_mut().for_each(|v| *v += 1.0));
+    assert_eq!(moved.values(), (1..13).map(f64::from).collect::<Vec<_>>());
+}
+
+/// The errors that flows tell of themselves are the distances of two resolutions.
+#[test]
+fn told_errors_are_the_distances_of_two_resolutions() {
+    let system = System::Oscillators(Oscillators { epsilon: 0.1 });
+    let points: Vec<f64> = (0..40).map(|k| 1.3 * (1.7 * f64::from(k)).sin()).collect();
+    let largest =
+        |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+    let apart = |a: &[f64], b: &[f64]| -> f64 {
+        let squares = |(a, b): (&[f64], &[f64])| -> f64 {
+            a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+        };
+        a.chunks_exact(4).zip(b.chunks_exact(4)).map(squares).fold(0.0, max_or_nan)
+    };
+    let plain = Reference::new(&system, &points[..4]);
+    let value = plain.flow_with_error(&system, &points[..4], 9.0).expect("converges");
+    let mut coarse = points[..4].to_vec();
+    plain.flow(&system, &mut coarse, 9.0).expect("converges");
+    assert!(value.error > 0.0 && value.error == largest(&coarse, &value.point));
+    // A step for each radian of the fastest mode.
+    let fastest = system.fastest_frequency(&points[..4]);
+    assert_eq!(plain.steps(900.0), (fastest * 900.0).ceil() as usize);
+    let (_, error) = Pairs::of_flow(&system, points.clone(), 9.0).expect("converges");
+    let reference = Reference::calibrated(&system, &points, 9.0).expect("converges");
+    let each = points
+        .chunks_exact(4)
+        .map(|z| reference.flow_with_error(&system, z, 9.0).expect("converges").error);
+    assert_eq!(error, each.fold(0.0, max_or_nan));
+    let along = ReferenceTrajectories::of_flow(&system, &points, 9.0, 3).expect("converges");
+    let coarse = reference.trajectories(&system, &points, 9.0, 2).expect("converges");
+    assert!(along.error > 0.0);
+    assert_eq!(along.error, apart(&along.trajectories.values()[80..], &coarse[40..]));
+
+    let by = Integrator::Strang;
+    let states = |steps: usize| by.trajectories(&system, &points, 3.0, steps, 2).expect("moves");
+    let (pairs, error) = Pairs::of_integrator(&system, points.clone(), 3.0, by, 10).expect("moves");
+    assert_eq!(pairs.output(), &states(10)[..40]);
+    assert_eq!(error, largest(&states(10)[..40], &states(20)[..40]));
+    let along = ReferenceTrajectories::of_integrator(&system, &points, 3.0, 3, by, 10);
+    let error = along.expect("moves").error;
+    assert_eq!(error, apart(&states(10)[40..], &states(20)[40..]));
+}
+
+/// Two pairs of two planes, and a rotation of the first.
+#[test]
+fn errors_of_a_rotation_are_their_definition() {
+    let angle: f64 = 0.7;
+    let action: TorusAction = CircleAction::new([1, 0]).into();
+    let input = vec![0.3, 1.0, -0.8, 0.5, -1.1, 0.2, 0.4, -0.6];
+    let output = vec![0.1, 1.1, 0.9, 0.3, 0.7, 0.2, -1.0, -0.5];
+    let pairs = Pairs::new("pairs", 2, input.clone(), output.clone()).expect("whole");
+    let mut squares = [0.0; 4];
+    for (z, w) in input.chunks_exact(4).zip(output.chunks_exact(4)) {
+        let (sine, cosine) = angle.sin_cos();
+        let turned = [cosine * z[0] + sine * z[2], z[1], cosine * z[2] - sine * z[0], z[3]];
+        for c in 0..4 {
+            squares[c] += (turned[c] - w[c]).powi(2);
+        }
+    }
+    let close = |found: f64, expected: f64| {
+        assert!((found - expected).abs() < 1e-13 * expected, "{found} for {expected}");
+    };
+    for (found, square) in rotation_errors(&action, &[angle], &pairs).iter().zip(squares) {
+        close(*found, square / 2.0);
+    }
+    let mean = squares.iter().sum::<f64>() / 8.0;
+    close(rotation_error(&action, &[angle], &pairs), mean);
+    close(limiting_flow_error(&Oscillators { epsilon: 0.01 }, &pairs, angle), mean);
+    close(root_mean_square(&[3.0, 4.0]), 12.5_f64.sqrt());
+    let motions = plane_motions(&action, &[angle], &pairs);
+    for (j, motion) in motions.iter().enumerate() {
+        assert!(!motion.explained);
+        close(motion.scale, ((squares[j] + squares[2 + j]) / 4.0).sqrt());
+    }
+    // What moves by less than 1e-8 of its size does not: its size is told in its place.
+    for (share, explained) in [(0.995, true), (1.005, false)] {
+        let by = share * PlaneMotion::ROUNDING * 2.0_f64.sqrt();
+        let still = |moved: f64| vec![0.0, 1.0, 0.0, 1.0 + moved];
+        let pairs = Pairs::new("pairs", 2, still(0.0), still(by)).expect("whole");
+        let motions = plane_motions(&action, &[angle], &pairs);
+        assert_eq!(motions[1].explained, explained, "{motions:?}");
+        if explained {
+            assert!((motions[1].scale - 1.0).abs() < 1e-7);
+            // Of a plane without a size that of all: √(2/4).
+            assert!((motions[0].scale - 0.5_f64.sqrt()).abs() < 1e-7);
+        }
+    }
+    let nothing = Pairs::new("pairs", 2, vec![0.0; 4], vec![0.0; 4]).expect("whole");
+    assert_eq!(plane_motions(&action, &[angle], &nothing)[0].scale, 1.0);
+}
+
+#[test]
+fn boxes_are_around_points_and_left_where_they_end() {
+    let points = [1.0, 3.0, -1.0, 3.0, 0.5, 3.0];
+    let region = Region::around(2, [&points[..]]).expect("points");
+    assert_eq!(region, Region { low: vec![-1.0, 3.0], high: vec![1.0, 3.0] });
+    let wide = region.widened(0.25);
+    assert_eq!(wide, Region { low: vec![-1.5, 3.0], high: vec![1.5, 3.0] });
+    assert_eq!(region.first_outside(&[1.0, 3.0]), None);
+    assert_eq!(region.first_outside(&[0.0, 3.5]), Some(1));
+    assert_eq!(region.first_outside(&[f64::NAN, 3.0]), Some(0));
+    // A hundredth of the width of 2 on each side; a billionth of 3 of what has no width.
+    for (share, left) in [(0.995, false), (1.005, true)] {
+        for z in [[1.0 + 0.02 * share, 3.0], [-1.0 - 0.02 * share, 3.0], [0.0, 3.0 + 3e-9 * share]]
+        {
+            assert_eq!(region.left_by(&z, 1, 1).is_some(), left, "{z:?}");
+        }
+    }
+    // Three states of two points, one state in ten: the second point leaves twice, p first.
+    let values = [0.0, 3.0, 0.0, 3.0, 0.0, 3.0, 0.5, 4.0, 0.0, 3.0, 7.0, 5.0];
+    let left = region.left_by(&values, 2, 10).expect("left");
+    assert_eq!((left.rows, left.states, left.of), (vec![1], 2, 6));
+    assert_eq!((left.row, left.step, left.coordinate, left.value), (1, 10, 1, 4.0));
+}
+
+/// By least squares, over the states of twelve times, two powers of ten, spaced evenly in the logarithm.
+#[test]
+fn a_drift_that_is_no_power_has_a_mean_exponent() {
+    let grown = |t: f64| t + 0.01 * t * t;
+    let values: Vec<f64> = (0..=1000).map(|t| grown(f64::from(t))).collect();
+    let found = drift_exponent(&Trajectories::new(values, 1, 1).expect("whole"), |v| v[0]);
+    let times: Vec<f64> =
+        (0..12).map(|k| (1000.0 * 10_f64.powf(-2.0 * f64::from(11 - k) / 11.0)).round()).collect();
+    let mean = |of: &dyn Fn(f64) -> f64| times.iter().map(|t| of(*t)).sum::<f64>() / 12.0;
+    let (x, y) = (mean(&f64::ln), mean(&|t| grown(t).ln()));
+    let product = mean(&|t| (t.ln() - x) * (grown(t).ln() - y));
+    let expected = product / mean(&|t| (t.ln() - x).powi(2));
+    assert!((found - expected).abs() < 1e-12 && expected > 1.3, "{found} for {expected}");
+}
+
+#[test]
+fn a_line_has_the_error_of_its_slope() {
+    // Logarithms 0, 1, 2 and 0, 1, 5: residuals ½, −1, ½ of the slope 5/2.
+    let exp = |values: [f64; 3]| values.map(f64::exp);
+    let line = log_line(&exp([0.0, 1.0, 2.0]), &exp([0.0, 1.0, 5.0]));
+    assert!((line.slope - 2.5).abs() < 1e-14, "{line:?}");
+    assert!((line.slope_error - 0.75_f64.sqrt()).abs() < 1e-14, "{line:?}");
+    assert_eq!(line.degrees_of_freedom, 1);
+}
+
+#[test]
+fn resonances_are_where_they_are_put() {
+    let near = nearest_resonance(TAU * 2.0 / 5.0 + 1e-3, 7).expect("finite");
+    assert_eq!((near.turns, near.period), (2, 5));
+    assert!((near.distance - 1e-3).abs() < 1e-15);
+    let action = CircleAction::new([1, 0]);
+    for (share, disturbs) in [(0.995, true), (1.005, false)] {
+        let theta = TAU / 5.0 + 10.0 * 1e-3 * share;
+        assert_eq!(disturbing_resonance(&action, theta, 1e-3).is_some(), disturbs, "{share}");
+    }
+    // Of a period of up to 7.
+    for (turn, disturbs) in [(3.0 / 7.0, true), (3.0 / 8.0, false)] {
+        assert_eq!(disturbing_resonance(&action, TAU * turn, 1e-3).is_some(), disturbs, "{turn}");
+    }
+}
+
+/// q ← q + 1, with an invariant that it changes by 1.
+struct Walker;
+
+impl Map<f64> for Walker {
+    fn dof(&self) -> usize {
+        1
+    }
+    fn forward(&self, z: &mut [f64]) {
+        z[0] += 1.0;
+    }
+}
+
+#[test]
+fn horizons_are_where_a_drift_passes_them() {
+    // ⌊10 + ε^{−1/4}⌋ of ε = 2⁻³².
+    let epsilon = 2.0_f64.powi(-32);
+    assert_eq!(settling_iterations(epsilon).expect("positive"), 266);
+    let invariant = |z: &[f64]| z[0];
+    // More than 1.1 times 266 is 293 at first.
+    let of = |most| invariant_horizon(&Walker, &invariant, &[0.5, 0.0], epsilon, 1.1, most);
+    assert_eq!(of(1000).expect("positive"), Some(293));
+    assert_eq!(of(292).expect("positive"), None);
+    assert_eq!(invariant_drift(&Walker, &invariant, &[0.5, 0.0], &[1, 4, 9]), [1.0, 4.0, 9.0]);
+    // ψ⁻¹ of (3, 4) is (3, 4) less 1 in q.
+    let own = leading_invariant(&Shifted, &[3]);
+    assert!((own(&[3.0, 4.0]) - 0.5 * 3.0 * (4.0 + 16.0)).abs() < 1e-14);
+}
+
+struct Shifted;
+
+impl Map<f64> for Shifted {
+    fn dof(&self) -> usize {
+        1
+    }
+    fn forward(&self, z: &mut [f64]) {
+        z[0] += 1.0;
+    }
+    fn inverse(&self, z: &mut [f64]) {
+        z[0] -= 1.0;
+    }
+}
+
+/// In closed form: q₁q₂ sin(2q₁ + 2q₂) is q₂ cos(2q₂) R J₁(2R) on average over the circle of radius R.
+#[test]
+fn the_averaged_invariant_has_a_closed_form() {
+    let system = Oscillators { epsilon: 0.3 };
+    for z in [[0.9_f64, 0.5, 0.2, 0.1], [-0.4, 1.3, 0.7, -0.6]] {
+        let radius = z[0].hypot(z[2]);
+        let average = z[1] * (2.0 * z[1]).cos() * radius * libm::j1(2.0 * radius);
+        let own = z[0] * z[1] * (2.0 * z[0] + 2.0 * z[1]).sin();
+        let expected = 0.5 * radius * radius + 0.3 * (own - average);
+        let found = averaged_invariant(&system, &z);
+        assert!((found - expected).abs() < 1e-14, "{found} for {expected}");
+    }
 }

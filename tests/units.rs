@@ -16,7 +16,7 @@ use gyroceptron::phase::{Direction, InUnits, Map, Units};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Scalar, constant};
 use gyroceptron::system::{Hamiltonian, Oscillators, ParticleField, System};
-use gyroceptron::train::{ActionFit, fit_rotation, fit_units};
+use gyroceptron::train::{ActionFit, Preparation, Reading, fit_rotation, fit_units, slow_time};
 
 fn action() -> TorusAction {
     CircleAction::new([1, 0]).into()
@@ -427,4 +427,69 @@ fn circle_actions_of_flow_maps_are_found() {
     }
     assert!(right.iter().all(|right| *right >= 9), "{right:?}");
     assert_eq!(sure_and_wrong, 0);
+}
+
+/// What a rotation leaves of pairs, over their size: the slow time. Over ε it is the flow time of a
+/// network, where none is known.
+#[test]
+fn a_preparation_tells_the_angle_and_the_slow_time() {
+    let (pairs, action) = (pairs(0.5), action());
+    let angle = fit_rotation(&pairs, &action.circles()[0]);
+    let (sine, cosine) = libm::sincos(angle);
+    let mut squares = [0.0; 2];
+    for (z, w) in pairs.input().chunks_exact(4).zip(pairs.output().chunks_exact(4)) {
+        let turned = [cosine * z[0] + sine * z[2], z[1], cosine * z[2] - sine * z[0], z[3]];
+        for c in 0..4 {
+            squares[0] += (turned[c] - w[c]).powi(2);
+            squares[1] += w[c] * w[c];
+        }
+    }
+    let slow = (squares[0] / squares[1]).sqrt();
+    let close = |found: f64, expected: f64| {
+        assert!((found - expected).abs() < 1e-11 * expected, "{found} for {expected}");
+    };
+    close(slow_time(&pairs, &action, &[angle]), slow);
+    let rest = Pairs::new("rest", 2, vec![0.0; 8], vec![0.0; 8]).expect("whole");
+    assert_eq!(slow_time(&rest, &action, &[0.0]), 1.0);
+    let preparation = Preparation {
+        place: "pairs",
+        action: &action,
+        epsilon: -0.02,
+        flow_time: None,
+        of_order_one: false,
+        theta: None,
+        units: false,
+        validation: 0.1,
+        seed: 3,
+    };
+    let found = preparation.prepare(pairs.clone()).expect("pairs");
+    close(found.flow_time, slow / 0.02);
+    assert_eq!((found.nearest, found.angles), (vec![angle], vec![angle]));
+    assert_eq!(found.held_out.map(|pairs| pairs.len()), Some(60));
+    let given = Preparation { theta: Some(0.3), flow_time: Some(0.5), ..preparation };
+    let found = given.prepare(pairs.clone()).expect("pairs");
+    assert_eq!((found.nearest, found.angles), (vec![angle], vec![0.3]));
+    assert_eq!(found.flow_time, 0.5);
+    let of_order_one = Preparation { of_order_one: true, ..preparation };
+    assert_eq!(of_order_one.prepare(pairs.clone()).expect("pairs").flow_time, 1.0);
+
+    // Columns q₁ p₁ q₂ p₂ are told by what rotations leave of both readings.
+    let share = |pairs: &Pairs| {
+        let pairs = match fit_units(pairs, &action) {
+            Some(units) => pairs.to_network("pairs", &units).expect("finite"),
+            None => pairs.clone(),
+        };
+        let angle = fit_rotation(&pairs, &action.circles()[0]);
+        let size: f64 = pairs.output().iter().map(|v| v * v).sum();
+        rotation_error(&action, &[angle], &pairs) * pairs.output().len() as f64 / size
+    };
+    let interleaved = pairs.with_columns(&[0, 2, 1, 3]);
+    let found = Reading::better(&interleaved, &action).expect("another order");
+    assert_eq!((&found.columns[..], &found.weights[..]), ("q1 p1 q2 p2", &[1, 0][..]));
+    close(found.error, share(&pairs));
+    close(found.as_given, share(&interleaved));
+    let told = found.describe();
+    for error in [found.error, found.as_given] {
+        assert!(told.contains(&format!("{:.1} %", 100.0 * error.sqrt())), "{told}");
+    }
 }

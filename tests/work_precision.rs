@@ -138,6 +138,19 @@ fn the_fastest_is_of_those_that_are_accurate_enough() {
         .map(|range| (range.method.name.clone(), range.from, range.to))
         .collect();
     assert_eq!(ranges, [("fair".into(), 0, -2), ("fine".into(), -3, -5)]);
+    let seconds: Vec<f64> =
+        comparison.fastest_by_error().iter().map(|range| range.seconds).collect();
+    assert_eq!(seconds, [2.0, 4.0]);
+    assert_eq!(comparison.lost(), 0.15);
+    // An error is met up to its last digit.
+    assert_eq!(fastest(&comparison.methods, 2.99e-3).map(|(_, seconds)| seconds), Some(4.0));
+    // Down to 1e-15 of a method that does not err, and no further than the reference tells.
+    for (reference_error, to) in [(0.0, -15), (1.0, 0)] {
+        let methods = vec![judged("exact", Some(0.0), 1.0)];
+        let exact = Comparison { reference_error, methods, ..comparison };
+        let ranges = exact.fastest_by_error();
+        assert_eq!((ranges.len(), ranges[0].from, ranges[0].to), (1, 0, to));
+    }
     let unknown = Comparison { reference_error: f64::NAN, ..comparison };
     assert!(unknown.fastest_by_error().is_empty());
 }
@@ -191,6 +204,10 @@ fn more_steps_err_less() {
         time: 2.0,
     };
     let comparison = all.compare(2).expect("a thread");
+    assert_eq!((comparison.trajectories, comparison.time), (10, 2.0));
+    assert_eq!(comparison.reference_error, 1e-15);
+    let settings: Vec<_> = comparison.methods.iter().map(|one| one.setting).collect();
+    assert_eq!(settings, [Some(2.0), Some(4.0), Some(8.0)]);
     let squares: f64 = pairs.output().iter().map(|v| v * v).sum();
     assert!((comparison.size / (squares / 10.0).sqrt() - 1.0).abs() < 1e-15);
     assert!(comparison.without_seconds().methods.iter().all(|one| one.seconds.is_none()));
@@ -235,4 +252,9 @@ fn tanh_errors_see_what_is_wrong() {
     assert!(tanh_errors(&x, &t, &s).0 > 1.0);
     t[7] = f64::NAN;
     assert!(tanh_errors(&x, &t, &s).0.is_nan());
+    // tanh x = x and sech² x = 1 for x this small, of which these are off by eight units and by 1e-3.
+    let x = [1e-30];
+    let t = [f64::from_bits(1e-30_f64.to_bits() + 8)];
+    let (ulps, relative) = tanh_errors(&x, &t, &[1.001]);
+    assert!((ulps - 8.0).abs() < 1e-9 && (relative - 1e-3).abs() < 1e-12, "{ulps}, {relative}");
 }
