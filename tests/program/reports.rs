@@ -47,7 +47,7 @@ fn a_report_begins_with_verdict_error_and_next_command() {
     assert!(next.ends_with(&["--iterations", "40", "--resume"].map(str::to_owned)), "{next:?}");
     run(&next);
     // As many parameters as numbers: pairs are known by heart.
-    let form = ["--architecture", "normal-form", "--optimiser", "lm", "--iterations", "30"];
+    let form = ["--architecture", "normal-form", "--optimiser", "lm", "--iterations", "60"];
     let (_, next) = train("heart.json", &form);
     assert!(next.contains(&"MORE-PAIRS.npz".to_owned()), "{next:?}");
     // A gyroceptron where the planes turn.
