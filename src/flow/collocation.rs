@@ -5,7 +5,7 @@ use super::gauss::MAXIMUM;
 use super::request::{Request, store_states};
 use crate::error::Error;
 use crate::network::load_groups;
-use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
+use crate::scalar::{Kernel, Pack, WIDTH, on_independent_lanes};
 use crate::system::Hamiltonian;
 use rayon::prelude::*;
 
@@ -45,7 +45,7 @@ impl GaussLegendre {
         request: Request,
         states: &mut [f64],
     ) -> Result<(), Error> {
-        on_lanes::<WIDTH, _>(Collocation { method: self, system, request, points, states })
+        on_independent_lanes(Collocation { method: self, system, request, points, states })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::network::{TOGETHER, load_groups};
-use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
+use crate::scalar::{Kernel, Pack, WIDTH, on_independent_lanes};
 use crate::system::Hamiltonian;
 use rayon::prelude::*;
 
@@ -45,7 +45,7 @@ impl Request {
     ) -> impl Fn(&[f64], &mut [f64]) -> Result<(), Error> + Sync {
         |initial, states| {
             let request = *self;
-            on_lanes::<WIDTH, _>(Trajectories { method, system, request, initial, states });
+            on_independent_lanes(Trajectories { method, system, request, initial, states });
             Ok(())
         }
     }

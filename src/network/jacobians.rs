@@ -5,7 +5,7 @@ use super::Composition;
 use super::batch::{block_size, check_points, load};
 use crate::error::Error;
 use crate::phase::Direction;
-use crate::scalar::{Dual, Kernel, Pack, WIDTH, on_lanes};
+use crate::scalar::{Dual, Kernel, Pack, WIDTH, on_independent_lanes};
 use crate::work;
 use rayon::prelude::*;
 
@@ -72,7 +72,7 @@ pub fn map_jacobians_by_duals(
     out: &mut [f64],
 ) -> Result<(), Error> {
     each_block_of_jacobians(map, points, out, |points, out| {
-        on_lanes::<WIDTH, _>(Jacobians { map, points, out });
+        on_independent_lanes(Jacobians { map, points, out });
     })
 }
 
@@ -122,7 +122,7 @@ impl Kernel for ChainRule<'_> {
 /// When `points` is not a whole number of points, or `out` of another size.
 pub fn map_jacobians(map: &Composition<f64>, points: &[f64], out: &mut [f64]) -> Result<(), Error> {
     each_block_of_jacobians(map, points, out, |points, out| {
-        on_lanes::<WIDTH, _>(ChainRule { map, points, out });
+        on_independent_lanes(ChainRule { map, points, out });
     })
 }
 

@@ -30,7 +30,7 @@ pub use double_double::DoubleDouble;
 pub use dual::{Dual, dual_variables_made};
 pub use lanes::Lanes;
 pub use lanewise::WIDTH;
-pub(crate) use on_lanes::on_lanes;
+pub(crate) use on_lanes::{on_independent_lanes, on_lanes};
 pub use on_lanes::tanh_sech2_of_all;
 pub(crate) use simd::{Kernel, Pack};
 pub use simd::{Simd, tanh_sech2};

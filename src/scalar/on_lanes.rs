@@ -8,6 +8,20 @@ pub(crate) fn on_lanes<const L: usize, K: Kernel>(kernel: K) -> K::Output {
     on_registers::<L, Lanes<L>, K>(kernel)
 }
 
+/// What stands for eight lanes where a processor of this architecture has no registers that may be
+/// used. One of x86-64 without fused multiply-adds computes each in software: wider
+/// lanes would make code, and nothing faster.
+#[cfg(target_arch = "x86_64")]
+type Portable = Lanes<2>;
+#[cfg(not(target_arch = "x86_64"))]
+type Portable = Lanes<WIDTH>;
+
+/// Runs a kernel on eight lanes, or on fewer where they are no faster: one whose results do not
+/// depend on how many points go together.
+pub(crate) fn on_independent_lanes<K: Kernel>(kernel: K) -> K::Output {
+    on_registers::<WIDTH, Portable, K>(kernel)
+}
+
 /// `tanh[i]`, `sech2[i]` ← [`tanh_sech2`](super::tanh_sech2)`(x[i])`, the same bits, on the widest vector registers there are.
 ///
 /// # Panics
