@@ -21,7 +21,7 @@ use gyroceptron::measure::{
 use gyroceptron::network::{GyroceptronShape, InitialWeights, Model};
 use gyroceptron::phase::{Direction, Half, Map};
 use gyroceptron::random::Stream;
-use gyroceptron::scalar::{Dual, Scalar, Tracked};
+use gyroceptron::scalar::{Dual, Scalar, Tracked, max_or_nan};
 use std::f64::consts::{SQRT_2, TAU};
 
 const U: f64 = f64::EPSILON / 2.0;
@@ -297,7 +297,7 @@ fn a_map_that_does_not_commute_is_measured_by_both_ways() {
         // The coefficients of one turn before the map, and of three behind it.
         let of_turns = 4.0 * 2.0 * 5.0 + 3.0 * 4.0 * 10.0;
         let bound = U * (z[k].hypot(before).hypot(behind) + of_turns);
-        largest = largest.max(error[k] / bound);
+        largest = max_or_nan(largest, error[k] / bound);
     }
     close(ratio(equivariance_ratio(&form, &[angle], &z)), largest, 1e-3);
 }
@@ -392,7 +392,7 @@ fn axioms_are_measured_in_units_of_the_radius() {
         let first = back[2 * k] * family.delta[0] + back[2 * k + 1] * family.delta[1];
         let carried = [2.0, 0.5][k] * 4.0 * 5.0_f64.sqrt();
         let bound = U * (z[k].hypot(first.hypot(family.delta[k])) + carried);
-        largest = largest.max(error[k] / bound);
+        largest = max_or_nan(largest, error[k] / bound);
     }
     close(ratio(found), largest, 1e-5);
 }
@@ -677,7 +677,7 @@ fn an_orbit_tells_its_drifts_and_horizons() {
     for step in 1..=1500_u64 {
         map.forward(&mut w);
         let drift = (action.invariant(&w) - initial).abs();
-        largest = largest.max(drift);
+        largest = max_or_nan(largest, drift);
         if step <= 13 {
             settled = largest;
         } else {
@@ -716,7 +716,7 @@ fn the_invariance_of_a_network_is_the_median_over_its_orbits() {
         let (mut at, mut along) = (Vec::new(), Vec::new());
         for step in 1..=iterations {
             model.forward(&mut z);
-            largest = largest.max((own(&z) - own(start)).abs());
+            largest = max_or_nan(largest, (own(&z) - own(start)).abs());
             // The last four octaves.
             if [10, 20, 40, 80, 160].contains(&step) {
                 at.push(f64::from(step));
@@ -762,8 +762,8 @@ fn swings_are_of_the_actions_by_definition() {
     let own = |z: &[f64]| 0.5 * (z[0] * z[0] + z[1] * z[1]);
     let of = |values: &[f64]| -> Vec<f64> { values.chunks_exact(2).map(own).collect() };
     let width = |values: &[f64]| {
-        let largest = values.iter().copied().fold(0.0, f64::max);
-        largest - values.iter().copied().fold(f64::INFINITY, f64::min)
+        let largest = values.iter().copied().fold(0.0, max_or_nan);
+        largest + values.iter().map(|v| -v).fold(f64::NEG_INFINITY, max_or_nan)
     };
     let (before, after) = (of(&input), of(&output));
     let squares: f64 = before.iter().zip(&after).map(|(a, b)| (b - a) * (b - a)).sum();
@@ -805,7 +805,7 @@ fn the_largest_ratio_is_of_the_rows_with_a_rounding_bound() {
     let certificate = certify(&gyroceptron(0.7), options);
     let rows = certificate.rows.iter().filter(|row| row.limit == 10.0);
     let ratios = rows.filter(|row| row.verdict != Verdict::Reported).filter_map(|row| row.largest);
-    assert_eq!(certificate.largest_ratio(), Some(ratios.fold(0.0, f64::max)));
+    assert_eq!(certificate.largest_ratio(), Some(ratios.fold(0.0, max_or_nan)));
     // Points in the box, angles within two turns, of these streams.
     let mut stream = Stream::new(4, "certificate/points/0");
     let points: Vec<f64> = (0..80).map(|_| stream.uniform(-1.5, 1.5)).collect();

@@ -1249,7 +1249,7 @@ fn training_stops_at_the_numbers_asked_for() {
     for (share, reached) in [(0.995, false), (1.005, true)] {
         let target = run(TrainingOptions { target: share * score(7), ..options(7) });
         assert_eq!(target.stop == Stop::Target, reached, "{share}");
-        let lowest = plain[..8].iter().map(|r| r.gradient).fold(f64::INFINITY, |a, b| a.min(b));
+        let lowest = -plain[..8].iter().map(|r| -r.gradient).fold(f64::NEG_INFINITY, max_or_nan);
         let gradient_tolerance = share * lowest;
         let gradient = run(TrainingOptions { gradient_tolerance, ..options(7) });
         assert_eq!(gradient.stop == Stop::Gradient, reached, "{share}");
