@@ -626,7 +626,7 @@ fn pairs_of_a_family_come_back() {
         file.pairs.conditions().iter().map(|c| (c.epsilon, c.time, c.pairs)).collect();
     assert_eq!(conditions, [(0.2, 1.0, 2), (0.1, 1.0, 1)]);
     names(of(&[("epsilon", column(&[0.2, 0.1]))]), &["epsilon", "3", "2"]);
-    // A slip of the pen trains one map on pairs of several: it is told.
+    // Another flow time by mistake trains one map on pairs of several: the program says so.
     let slip = of(&[("epsilons", column(&[0.2, 0.1, 0.2]))]).expect("read");
     assert_eq!((slip.unused, slip.has_epsilons), (vec!["epsilons".to_owned()], false));
     assert!(slip.pairs.conditions().is_empty());

@@ -2,6 +2,7 @@
 //! against direct integration of two real systems (`tests/data/make_real.py` makes their pairs).
 #![cfg(feature = "cli")]
 
+use crate::helpers::{SMALL, call, text};
 use gyroceptron::flow::{Pairs, Trajectories};
 use gyroceptron::io::{load_model, read_pairs, read_trajectories, write_pairs};
 use gyroceptron::layer::{CircleAction, TorusAction};
@@ -15,20 +16,6 @@ use gyroceptron::random::Stream;
 use gyroceptron::train::{ActionFit, Loss, Objective, fit_rotation};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-
-fn call(folder: &Path, arguments: &[&str]) -> Output {
-    let program = env!("CARGO_BIN_EXE_gyroceptron");
-    let output = Command::new(program).current_dir(folder).args(arguments).output();
-    output.expect("the program starts")
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).expect("UTF-8")
-}
-
-/// One start of a small normal form: enough where what is told does not hang on the fit.
-const SMALL: [&str; 6] = ["--starts", "1", "--kicks", "2x3", "--twists", "2x3"];
 
 /// A training: the first section of its report, its data, and standard error.
 fn train(folder: &Path, data: &str, action: &str, more: &[&str]) -> (String, Value, String) {

@@ -117,7 +117,7 @@ fn scenes(as_json: bool, show: Option<&str>) -> Result<Status, Error> {
     Ok(Status::Done)
 }
 
-/// More random networks than these, all held at once, are a slip of the pen.
+/// More random networks than these, all held at once, are taken for a mistake.
 const MOST_RANDOM: usize = 100_000;
 
 /// The network of `verify --random` and of `train` without a scene: that of

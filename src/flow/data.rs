@@ -149,7 +149,7 @@ impl Pairs {
         for time in times {
             Error::check_range("flow_time", *time, Error::LEAST_POSITIVE, f64::MAX)?;
         }
-        /// A map for each pair is a slip of the pen.
+        /// A map for each pair is taken for a mistake.
         const MOST: usize = 1000;
         let mut conditions: Vec<Condition> = Vec::new();
         let mut of_row = Vec::with_capacity(count);

@@ -3,7 +3,8 @@
 use crate::scalar::{Over, Pack, Scalar};
 
 /// An elementary map bound to its parameters, whose inverse is of the same kind: a shear, a few
-/// shears that belong together, a rotation of planes, a coupling. All but the [affine coupling](super::AffineCoupling) are exactly symplectic.
+/// shears that belong together, a rotation of planes, a coupling. All but the
+/// [affine coupling](super::AffineCoupling) are exactly symplectic.
 ///
 /// A network is a sequence of them. Whoever implements this for a new kind of
 /// step writes one file; all that is done with steps goes through these methods:

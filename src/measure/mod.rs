@@ -112,7 +112,7 @@ pub mod ratios {
     pub use super::symplecticity::{symplecticity_ratio, symplecticity_scale};
 }
 
-/// Steps whose rounding is followed: what a map of one's own shows of itself.
+/// The steps of a map, each with the size of its rounding errors, which the laws are measured with.
 pub mod steps {
     pub use super::measured_step::{
         KickStep, Magnitudes, MeasuredPotential, MeasuredStep, MeasuredSteps, Numbers, TrackedStep,

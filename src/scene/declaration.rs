@@ -77,7 +77,8 @@ impl Scene {
             for stage in TrainingStage::all(self.setup.training_of(&spec)) {
                 let name = format!("{}{}", spec.name, stage.suffix());
                 if !names.insert(name.clone()) {
-                    let expected = "a name for each, also with what is added for a start, a stage, twists or a flow time";
+                    let expected = "a name for each, also with what is added for a start, a stage, \
+                                    twists or a flow time";
                     return Err(Error::invalid("models", format!("`{name}` twice"), expected));
                 }
             }
@@ -135,9 +136,9 @@ impl Scene {
         Ok(self)
     }
 
-    /// Fails where trajectories of a file are not what a roll-out needs, or where a file of a network, of its
-    /// own or of a part, cannot be read, is not of the scene's target and flow time, or is in the folder that the run writes to and may clear: before anything is
-    /// computed.
+    /// Fails, before anything is computed, where trajectories of a file are not what a roll-out needs, or
+    /// where a file of a network, of the scene or of a part, cannot be read, is not of the scene's target
+    /// and flow time, or is in the folder that the run writes to and may clear.
     ///
     /// # Errors
     /// With the network's name and the file.

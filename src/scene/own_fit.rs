@@ -1,4 +1,4 @@
-//! What a scene says of a training, for pairs of one's own.
+//! The training that a scene declares, for pairs from a file of the user.
 
 use super::catalogue::find;
 use super::parse::parse;
@@ -23,7 +23,7 @@ impl Scene {
         }
     }
 
-    /// A fit of the scene's only network, trained as the scene says, to pairs of one's own. Circles,
+    /// A [`Fit`] of the scene's only network to pairs from a file, with the scene's training options. Circles,
     /// ε and flow time are not the scene's. A scene without networks has the gyroceptron of the paper.
     ///
     /// # Errors

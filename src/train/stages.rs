@@ -55,7 +55,7 @@ pub struct FreshTwists {
 
 /// Fails unless several are tried, each for a while.
 fn check_trials(name: &str, count: u64, iterations: u64) -> Result<(), Error> {
-    /// More are a slip of the pen.
+    /// More are taken for a mistake.
     const MOST: usize = 10_000;
     let count = usize::try_from(count).unwrap_or(usize::MAX);
     Error::check_count_range(&format!("training.{name}.count"), count, 1, MOST)?;

@@ -544,7 +544,7 @@ impl Trial<'_> {
     }
 }
 
-/// Keeps checkpoints where it is told to, and stops at an iteration.
+/// Saves checkpoints to the path that it is given, and stops at an iteration.
 #[derive(Default)]
 struct Watch {
     checkpoints: Option<Checkpoints>,

@@ -1,7 +1,7 @@
 //! Calling the program in a folder, and what it is given there.
 
 use gyroceptron::flow::{Pairs, Window, sample};
-use gyroceptron::io::{write_pairs, write_points};
+use gyroceptron::io::{read_pairs, write_pairs, write_points};
 use gyroceptron::random::Stream;
 use gyroceptron::system::Oscillators;
 use std::path::Path;
@@ -97,7 +97,7 @@ every = 10
 initial = [[1.5, 0.15, 0.0, 0.0], [1.5, 1.0, 0.0, 0.0]]
 "#;
 
-/// One start of a small normal form: enough where what is told does not hang on the fit.
+/// One start of a small normal form, for tests of messages and files that no error decides.
 pub const SMALL: [&str; 6] = ["--starts", "1", "--kicks", "2x3", "--twists", "2x3"];
 
 pub fn folder() -> tempfile::TempDir {
@@ -118,6 +118,20 @@ pub fn write_data(folder: &Path) {
     write_pairs(&folder.join("pairs.npz"), &pairs).expect("written");
     let start: Vec<f64> = pairs.input()[..12].to_vec();
     write_points(&folder.join("z.npy"), &[3, 4], &start).expect("written");
+}
+
+/// 128 times each number, without rounding.
+pub fn times(values: &[f64]) -> Vec<f64> {
+    values.iter().map(|v| 128.0 * v).collect()
+}
+
+/// pairs.npz as pairs, and large.npz: the same pairs, all numbers 128 times as large.
+pub fn write_large_data(folder: &Path) -> Pairs {
+    write_data(folder);
+    let pairs = read_pairs(&folder.join("pairs.npz")).expect("pairs").pairs;
+    let large = Pairs::new("large", 2, times(pairs.input()), times(pairs.output()));
+    write_pairs(&folder.join("large.npz"), &large.expect("finite")).expect("written");
+    pairs
 }
 
 /// The last numbers of an .npy file of float64.

@@ -2,6 +2,7 @@
 
 use crate::helpers::{
     SCENE, SMALL, command, folder, succeeds, text, with_model, with_scene, write_data,
+    write_large_data,
 };
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::io::{read_pairs, write_pairs};
@@ -64,11 +65,7 @@ fn a_report_begins_with_verdict_error_and_next_command() {
 fn a_report_shows_predictions_orbits_and_errors_by_component() {
     let folder = folder();
     let path = folder.path();
-    write_data(path);
-    let pairs = read_pairs(&path.join("pairs.npz")).expect("pairs").pairs;
-    let times = |values: &[f64]| values.iter().map(|v| 128.0 * v).collect::<Vec<f64>>();
-    let large = Pairs::new("large", 2, times(pairs.input()), times(pairs.output()));
-    write_pairs(&path.join("large.npz"), &large.expect("finite")).expect("written");
+    write_large_data(path);
     let mut tables = Vec::new();
     for data in ["pairs", "large"] {
         let (file, model) = (format!("{data}.npz"), format!("{data}.json"));

@@ -1,7 +1,8 @@
 //! From pairs to a model and what is done with it.
 
 use crate::helpers::{
-    SMALL, call, folder, last_numbers, refuses, succeeds, text, with_model, write_data,
+    SMALL, call, folder, last_numbers, refuses, succeeds, text, times, with_model, write_data,
+    write_large_data,
 };
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::io::{
@@ -111,11 +112,7 @@ fn columns_and_actions_that_do_not_fit_are_told() {
 fn units_are_fitted_and_undone() {
     let folder = folder();
     let path = folder.path();
-    write_data(path);
-    let pairs = read_pairs(&path.join("pairs.npz")).expect("pairs").pairs;
-    let times = |values: &[f64]| values.iter().map(|v| 128.0 * v).collect::<Vec<f64>>();
-    let large = Pairs::new("large", 2, times(pairs.input()), times(pairs.output()));
-    write_pairs(&path.join("large.npz"), &large.expect("finite")).expect("written");
+    write_large_data(path);
     let train = |data: &str, output: &str, more: &[&str]| {
         let mut arguments = vec!["train", "--data", data, "--circle-action", "1,0"];
         arguments.extend(["--recipe", "paper", "--iterations", "60", "--output", output]);

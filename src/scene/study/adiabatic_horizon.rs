@@ -50,7 +50,7 @@ pub struct LongOrbits {
     pub iterations: u64,
 }
 
-/// Ten years of a processor: more is a slip of the pen, and their sum is a number.
+/// Ten years of a processor: more is taken for a mistake, and the sum of as many is a number.
 const MOST_ITERATIONS: usize = 1_000_000_000_000;
 
 /// Iterations of all orbits between two checkpoints, about.

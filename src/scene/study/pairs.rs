@@ -83,7 +83,8 @@ impl Study for PairsStudy {
             facts.fact(name, text);
         }
         if let Some(units) = &data.units {
-            facts.fact("units", format!("{}; errors of each component are in units of the data, mean squared errors and distances in these", units.describe()));
+            facts.fact("units", format!("{}; errors of each component are in units of the data, mean squared errors and \
+                 distances in these", units.describe()));
         }
         let results = Section {
             details: vec![Block::Table(facts)],

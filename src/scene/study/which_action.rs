@@ -188,7 +188,7 @@ impl Study for WhichActionOptions {
 /// What is fewer times as far as the best is not told from it.
 const CLEAR: f64 = 3.0;
 
-/// Larger weights are a slip of the pen.
+/// Larger weights are taken for a mistake.
 const MOST_WEIGHT: f64 = 100.0;
 
 /// One try of all actions.

@@ -32,7 +32,7 @@ use std::fmt::Write;
 const TRAJECTORIES: &str = "error-against-time";
 const JACOBIANS: &str = "jacobians";
 
-/// Rounds beyond this are a slip of the pen.
+/// More rounds than this are taken for a mistake.
 pub(super) const MOST_ROUNDS: usize = 10_000;
 
 /// Error against run time.
