@@ -203,19 +203,22 @@ pub fn normal_form(data: &[u8]) -> Result<Outcome, String> {
     let twists: Vec<usize> =
         (0..small(u, 5) - 1).map(|k| small(u, 6 + (k + 1) as u8 % 2) - (k + 1) % 2).collect();
     let (flow_time, epsilon) = (number(u), number(u));
+    let turned_twists = layers(u, 6);
     let perturbed = u.arbitrary::<u8>().unwrap_or(0) % 2 == 1;
     let perturbation = perturbed.then(|| layers(u, 6));
     let z = numbers(u, 2 * dof);
     let most = action.circles().iter().flat_map(CircleAction::weights).map(|m| m.abs()).max();
     let perturbing = perturbation.iter().flatten();
-    let widths = psi.iter().chain(&kicks).chain(&twists).chain(perturbing.clone());
+    let slow = twists.iter().chain(&turned_twists);
+    let widths = psi.iter().chain(&kicks).chain(slow.clone()).chain(perturbing.clone());
     let widest = widths.copied().fold(1, usize::max);
-    let steps = 16 * psi.len() + 2 * kicks.len() + twists.len() + perturbing.count();
+    let steps = 16 * psi.len() + 2 * kicks.len() + slow.count() + perturbing.count();
     let turned = (0..dof).filter(|&j| action.circles().iter().any(|c| c.weights()[j] != 0));
     let acts = |circle: &CircleAction| circle.weights().iter().any(|m| *m != 0);
     let sound =
         (1..=turned.count()).contains(&action.circles().len()) && action.circles().iter().all(acts);
-    let shape = NormalFormShape { action, psi, kicks, twists, flow_time, perturbation };
+    let shape =
+        NormalFormShape { action, psi, kicks, twists, turned_twists, flow_time, perturbation };
     let weights = numbers(u, shape.architecture(0.0).parameter_count());
     let finite = weights.iter().chain([&epsilon, &flow_time]).all(|v| v.is_finite());
     let model = match Model::new(shape.architecture(epsilon), weights.clone()) {

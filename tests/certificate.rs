@@ -125,6 +125,7 @@ fn long_twists_are_judged_by_bounds_of_their_size() {
         psi: vec![],
         kicks: vec![8; 12],
         twists: vec![8; 16],
+        turned_twists: vec![],
         flow_time: 50.0,
         perturbation: None,
     };

@@ -42,6 +42,7 @@ fn models() -> Vec<Model> {
             psi: vec![2],
             kicks: vec![3, 2],
             twists: vec![3, 2, 0],
+            turned_twists: vec![],
             flow_time: TIME,
             perturbation: None,
         }
@@ -254,6 +255,7 @@ fn a_normal_form_learns_a_family() {
         psi: vec![],
         kicks: vec![4; 4],
         twists: vec![4; 6],
+        turned_twists: vec![],
         flow_time: TIME,
         perturbation: None,
     };

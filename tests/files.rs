@@ -487,6 +487,7 @@ fn normal_form() -> Model {
         psi: vec![2],
         kicks: vec![3, 1],
         twists: vec![4, 2, 0],
+        turned_twists: vec![],
         flow_time: 7.5,
         perturbation: None,
     };
@@ -563,6 +564,7 @@ fn a_perturbed_normal_form_comes_back() {
             psi: vec![2],
             kicks: vec![3],
             twists: vec![4],
+            turned_twists: vec![],
             flow_time: 7.5,
             perturbation: Some(kicks.clone()),
         };

@@ -1,5 +1,6 @@
-//! What Hénon layers near the identity cannot reach to first order in ε, and turned kicks
-//! can: one set of weights, fitted to the time-ε flow of G = q₁p₁ cos q₂ at several ε.
+//! What shears of one half of the coordinates and of the other cannot reach to first order in ε, and
+//! turned ones can: one set of weights, fitted to time-ε flows at several ε. Hénon layers and
+//! turned kicks; twists and turned twists, of what commutes with the circle action.
 
 use faer::Mat;
 use faer::Side;
@@ -7,7 +8,10 @@ use faer::linalg::solvers::Solve;
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::adiabatic::log_slope;
-use gyroceptron::network::{Composition, GyroceptronShape, InitialWeights, NormalFormShape};
+use gyroceptron::network::{
+    Architecture, Block, Composition, GyroceptronShape, InitialWeights, Layers, NormalFormShape,
+    Part,
+};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::Elementary;
 use gyroceptron::system::Hamiltonian;
@@ -25,18 +29,52 @@ impl Hamiltonian for Mixed {
     }
 }
 
+/// A generator that commutes with turns of the first plane, and is no sum of a function of the slow
+/// position and one of the slow momentum: (1 + ½𝔍) cos q₂ cos p₂.
+struct Cells;
+
+impl Hamiltonian for Cells {
+    fn dof(&self) -> usize {
+        2
+    }
+    fn energy<S: Elementary>(&self, z: &[S], _: f64) -> S {
+        let quarter = S::from_f64(0.25);
+        let action = z[0] * z[0] + z[2] * z[2];
+        (S::from_f64(1.0) + quarter * action) * z[1].sin_cos().1 * z[3].sin_cos().1
+    }
+}
+
+/// Another one, which is such a sum, with a frequency that depends on 𝔍: ½p₂² + cos q₂ + 𝔍 sin p₂.
+struct Separable;
+
+impl Hamiltonian for Separable {
+    fn dof(&self) -> usize {
+        2
+    }
+    fn energy<S: Elementary>(&self, z: &[S], _: f64) -> S {
+        let half = S::from_f64(0.5);
+        let action = half * (z[0] * z[0] + z[2] * z[2]);
+        half * z[3] * z[3] + z[1].sin_cos().1 + action * z[3].sin_cos().0
+    }
+}
+
 /// ε of the fit.
 const EPSILONS: [f64; 4] = [0.08, 0.04, 0.02, 0.01];
 
-fn pairs(epsilon: f64, count: usize, seed: u64) -> Pairs {
+fn pairs(of: &(impl Hamiltonian + Sync), epsilon: f64, count: usize, seed: u64) -> Pairs {
     let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: count };
     let points = sample(&[window], 2, &mut Stream::new(seed, "data")).expect("a valid window");
-    Pairs::of_flow(&Mixed, points, epsilon).expect("converges").0
+    Pairs::of_flow(of, points, epsilon).expect("converges").0
 }
 
 /// Σ_ε loss/ε², of a map that ε scales, by damped Gauss–Newton steps.
-fn fitted(map: &Composition<f64>, iterations: usize) -> Composition<f64> {
-    let sets: Vec<(f64, Pairs)> = EPSILONS.map(|epsilon| (epsilon, pairs(epsilon, 400, 1))).into();
+fn fitted(
+    of: &(impl Hamiltonian + Sync),
+    map: &Composition<f64>,
+    iterations: usize,
+) -> Composition<f64> {
+    let sets: Vec<(f64, Pairs)> =
+        EPSILONS.map(|epsilon| (epsilon, pairs(of, epsilon, 400, 1))).into();
     let objectives: Vec<(f64, Objective<'_>)> = sets
         .iter()
         .map(|(e, set)| (*e, Objective::new(&Loss::MeanSquaredError, set).expect("valid")))
@@ -80,9 +118,9 @@ const FURTHER: [f64; 10] =
     [0.08, 0.04, 0.02, 0.01, 5e-3, 2.5e-3, 1.25e-3, 6.25e-4, 3.125e-4, 1.5625e-4];
 
 /// The root-mean-square error on other points at each ε, over how far these points move.
-fn shares(map: &Composition<f64>) -> Vec<f64> {
+fn shares(of: &(impl Hamiltonian + Sync), map: &Composition<f64>) -> Vec<f64> {
     let of = |&epsilon: &f64| {
-        let set = pairs(epsilon, 1000, 2);
+        let set = pairs(of, epsilon, 1000, 2);
         let objective = Objective::new(&Loss::MeanSquaredError, &set).expect("valid");
         let moved = set.input().iter().zip(set.output()).map(|(a, b)| (a - b) * (a - b));
         let motion = moved.sum::<f64>() / set.input().len() as f64;
@@ -114,6 +152,7 @@ fn turned_kicks(kicks: usize) -> Composition<f64> {
         psi: vec![],
         kicks: vec![8; kicks],
         twists: vec![],
+        turned_twists: vec![],
         flow_time: 1.0,
         perturbation: None,
     };
@@ -129,7 +168,7 @@ fn turned_kicks(kicks: usize) -> Composition<f64> {
 fn mixed_generators_are_out_of_reach_of_henon_layers_and_not_of_turned_kicks() {
     println!("error over motion at ε = {FURTHER:?}");
     let told = |name: &str, map: &Composition<f64>| {
-        let shares = shares(map);
+        let shares = shares(&Mixed, map);
         let (fitted, below) = (order(&shares, 0..4), order(&shares, 7..10));
         let parameters = map.parameters().len();
         println!("{name}, {parameters} parameters: {shares:.4?}");
@@ -137,13 +176,49 @@ fn mixed_generators_are_out_of_reach_of_henon_layers_and_not_of_turned_kicks() {
         (shares, fitted, below)
     };
     for layers in [4, 8] {
-        let map = fitted(&henon_layers(layers), 60);
+        let map = fitted(&Mixed, &henon_layers(layers), 60);
         let (shares, _, below) = told(&format!("{layers} Hénon layers"), &map);
         // As large as the motion and of first order, where ε is small for the weights.
         assert!((below - 1.0).abs() < 0.05, "{below}");
         assert!(shares[9] > 0.9, "{shares:?}");
     }
-    let map = fitted(&turned_kicks(12), 60);
+    let map = fitted(&Mixed, &turned_kicks(12), 60);
     let (shares, ..) = told("12 turned kicks", &map);
     assert!(shares.iter().all(|share| *share < 0.01), "{shares:?}");
+}
+
+/// T_ε of these layers alone, with the flow time 1.
+fn slow_map(layers: Layers) -> Composition<f64> {
+    let architecture = Architecture::new(2)
+        .on_circle(CircleAction::new([1, 0]))
+        .at_epsilon(1.0)
+        .with(Block::new(Part::SlowMap, layers));
+    let weights = InitialWeights::Normal { scale: 0.4 };
+    let model = architecture.initialise(weights, 0.0, 1).expect("valid");
+    model.composition().near_identity_part()
+}
+
+/// `cargo test --release --test maps slow_generators -- --nocapture` prints the errors.
+#[test]
+fn slow_generators_that_are_no_sums_are_out_of_reach_of_twists_and_not_of_turned_ones() {
+    println!("error over motion at ε = {FURTHER:?}");
+    fn told(name: &str, of: &(impl Hamiltonian + Sync), layers: Layers) -> (Vec<f64>, f64) {
+        let map = fitted(of, &slow_map(layers), 60);
+        let shares = shares(of, &map);
+        let below = order(&shares, 7..10);
+        println!("{name}, {} parameters: {shares:.5?}", map.parameters().len());
+        println!("    order of the error below the ε of the fit {below:.2}");
+        (shares, below)
+    }
+    let (plain, below) = told("12 twists, no sum", &Cells, Layers::Twist(vec![8; 12]));
+    let (turned, _) = told("12 turned twists, no sum", &Cells, Layers::TurnedTwist(vec![8; 12]));
+    assert!((below - 1.0).abs() < 0.05 && plain[9] > 0.1, "{below}: {plain:?}");
+    for (plain, turned) in plain.iter().zip(&turned) {
+        assert!(10.0 * turned < *plain, "{turned} and {plain}");
+    }
+    let (plain, _) = told("12 twists, a sum", &Separable, Layers::Twist(vec![8; 12]));
+    let (turned, _) = told("12 turned twists, a sum", &Separable, Layers::TurnedTwist(vec![8; 12]));
+    for shares in [plain, turned] {
+        assert!(shares.iter().all(|share| *share < 0.01), "{shares:?}");
+    }
 }

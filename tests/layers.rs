@@ -272,7 +272,7 @@ fn the_parts_of_a_twist_make_it() {
         let count = shears.parameter_count();
         let parameters: &Vec<f64> = &(0..count).map(|_| stream.normal()).collect();
         for (inverse, scale) in [(false, 0.3), (true, 0.3), (true, 0.0)] {
-            let twist: Twist<'_, f64> = Twist { shears, scale, parameters, inverse };
+            let twist: Twist<'_, f64> = Twist { shears, scale, parameters, inverse, turns: &[] };
             let mut point: Vec<f64> = (0..6).map(|_| stream.normal()).collect();
             let mut extended = point.clone();
             extended.resize(2 * planes.extended_dof(), 0.0);

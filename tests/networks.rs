@@ -236,6 +236,7 @@ fn normal_form(dof: usize) -> Model {
         psi,
         kicks,
         twists: vec![5, 5, 0, 2],
+        turned_twists: vec![],
         flow_time: 7.0,
         perturbation: None,
     };

@@ -1,5 +1,6 @@
 //! Twists, turned kicks, and the gyroceptrons in normal form that they make.
 
+use gyroceptron::flow::GaussLegendre;
 use gyroceptron::layer::{
     CircleAction, ElementaryMap, FastPlanes, TanhPotential, TorusAction, TurnedKick, Twist,
     TwistShears,
@@ -8,10 +9,15 @@ use gyroceptron::measure::{
     adiabatic::log_slope,
     certificate::{CertificateOptions, certify, certify_normal_form},
 };
-use gyroceptron::network::{Architecture, InitialWeights, Model, NormalFormShape, Part, Rollout};
+use gyroceptron::network::{
+    Architecture, Block, InitialWeights, Layers, Model, NormalFormShape, Part, Rollout,
+};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
-use gyroceptron::scalar::{DoubleDouble, Dual, Over, Real, Scalar, Tracked, max_or_nan};
+use gyroceptron::scalar::{
+    DoubleDouble, Dual, Elementary, Over, Real, Scalar, Tracked, max_or_nan,
+};
+use gyroceptron::system::Hamiltonian;
 use std::ops::Range;
 
 type D = Dual<f64, 1>;
@@ -67,7 +73,7 @@ fn cases() -> Vec<Case> {
 
 impl Case {
     fn with<'a, P: Scalar>(&'a self, scale: P, parameters: &'a [P]) -> Twist<'a, P> {
-        Twist { shears: &self.shears, scale, parameters, inverse: false }
+        Twist { shears: &self.shears, scale, parameters, inverse: false, turns: &[] }
     }
 
     fn twist(&self, scale: f64) -> Twist<'_, f64> {
@@ -123,6 +129,83 @@ impl Case {
 fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
+}
+
+/// G(𝔍, y cos φ + x sin φ) of a turned twist by its definition, of the first circle and the slow planes.
+struct TurnedGenerator<'a> {
+    action: &'a TorusAction,
+    slow: Vec<usize>,
+    angles: &'a [f64],
+    /// W, b and w.
+    weights: &'a [f64],
+    width: usize,
+}
+
+impl Hamiltonian for TurnedGenerator<'_> {
+    fn dof(&self) -> usize {
+        self.action.dof()
+    }
+    fn energy<S: Elementary>(&self, z: &[S], _: f64) -> S {
+        let (n, width, constant) = (self.dof(), self.width, S::from_f64);
+        let half = constant(0.5);
+        let mut u = Vec::new();
+        for circle in self.action.circles() {
+            let mut sum = S::zero();
+            for (j, &m) in circle.weights().iter().enumerate() {
+                sum += constant(f64::from(m)) * half * (z[j] * z[j] + z[n + j] * z[n + j]);
+            }
+            u.push(sum);
+        }
+        for (&j, &angle) in self.slow.iter().zip(self.angles) {
+            u.push(z[j] * constant(angle.cos()) + z[n + j] * constant(angle.sin()));
+        }
+        let mut total = S::zero();
+        for k in 0..width {
+            let mut argument = constant(self.weights[u.len() * width + k]);
+            for (i, &u) in u.iter().enumerate() {
+                argument += constant(self.weights[i * width + k]) * u;
+            }
+            total += constant(self.weights[(u.len() + 1) * width + k]) * argument.tanh();
+        }
+        total
+    }
+}
+
+/// By Gauss and Legendre's steps for the Hamiltonian of each of two turned twists.
+#[test]
+fn a_turned_twist_is_the_flow_of_a_function_of_turned_coordinates() {
+    for action in actions() {
+        let n = action.dof();
+        let still = |j: &usize| action.circles().iter().all(|circle| circle.weights()[*j] == 0);
+        let slow: Vec<usize> = (0..n).filter(still).collect();
+        if slow.is_empty() {
+            continue;
+        }
+        for scale in [0.7, -2.1] {
+            let widths = [3, 2];
+            let architecture = Architecture::new(n)
+                .on_torus(&action)
+                .at_epsilon(scale)
+                .with(Block::new(Part::SlowMap, Layers::TurnedTwist(widths.to_vec())));
+            let weights = InitialWeights::Normal { scale: 0.8 };
+            let model = architecture.initialise(weights, 0.0, 5).expect("sound");
+            let map = model.composition().near_identity_part();
+            let mut stream = Stream::new(3, "turned twist");
+            let z: Vec<f64> = (0..2 * n).map(|_| stream.uniform(-1.5, 1.5)).collect();
+            let (mut image, mut flow) = (z.clone(), z.clone());
+            map.forward(&mut image);
+            for ((_, number, range), width) in architecture.layers().into_iter().zip(widths) {
+                assert!(number < 2);
+                let (angles, weights) = model.parameters()[range].split_at(slow.len());
+                let (slow, action) = (slow.clone(), &action);
+                let generator = TurnedGenerator { action, slow, angles, weights, width };
+                GaussLegendre::new(8).integrate(&generator, &mut flow, scale, 40).expect("flows");
+            }
+            let difference = largest_difference(&image, &flow);
+            assert!(difference < 1e-13, "{action:?}: {difference:e}");
+            assert!(largest_difference(&image, &z) > 0.05, "{action:?} hardly moves");
+        }
+    }
 }
 
 /// By Runge and Kutta's steps for each of the three Hamiltonians, one after another.
@@ -340,6 +423,7 @@ fn shape_of(map: &Model) -> NormalFormShape {
         psi: of.widths(Part::Conjugation),
         kicks: of.widths(Part::Chart),
         twists: of.widths(Part::SlowMap),
+        turned_twists: vec![],
         flow_time: of.flow_time,
         perturbation: of
             .part(Part::Perturbation)
@@ -356,6 +440,7 @@ fn normal_form<P: Real>(number: usize, epsilon: P, lift: impl Fn(usize, f64) -> 
         psi,
         kicks,
         twists: vec![3, 2, 0],
+        turned_twists: vec![],
         flow_time: 5.0,
         perturbation: None,
     };
@@ -518,6 +603,7 @@ fn shears_without_neurons_are_of_momenta_only_and_begin_somewhere() {
         psi: vec![],
         kicks: vec![],
         twists: twists.to_vec(),
+        turned_twists: vec![],
         flow_time: 1.0,
         perturbation: None,
     };
@@ -545,6 +631,7 @@ fn nearly_integrable<P: Real>(
         psi: vec![3],
         kicks: vec![4, 2],
         twists: vec![3, 2],
+        turned_twists: vec![],
         flow_time: 0.7,
         perturbation: Some(vec![3, 5]),
     };

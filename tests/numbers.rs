@@ -8,8 +8,8 @@ use gyroceptron::scalar::{
     tanh_sech2,
 };
 use gyroceptron::system::{
-    FieldLines, FullOrbit, Hamiltonian, Oscillators, ParticleField, System, ThreeOscillators,
-    VanDerPol,
+    CellularDrift, FieldLines, FullOrbit, Hamiltonian, Oscillators, ParticleField, System,
+    ThreeOscillators, VanDerPol,
 };
 use std::f64::consts::TAU;
 
@@ -322,9 +322,10 @@ fn trajectories_in_lanes_are_those_of_one_alone() {
     let field = System::ParticleField(ParticleField::two_modes(0.1));
     let orbit = System::FullOrbit(FullOrbit::new(0.1));
     let torus = System::ThreeOscillators(ThreeOscillators::new(0.1));
+    let drift = System::CellularDrift(CellularDrift::new(0.1));
     let excited = System::VanDerPol(VanDerPol::new(0.1));
     let coupled = System::Oscillators(Oscillators { epsilon: 0.01 });
-    for system in [coupled, field, orbit, torus, excited] {
+    for system in [coupled, field, orbit, drift, torus, excited] {
         let dim = 2 * system.dof();
         for count in [1, 7, 8, 19] {
             let mut points: Vec<f64> =
@@ -349,6 +350,7 @@ fn trajectories_in_lanes_are_those_of_one_alone() {
                                 System::ParticleField(s) => splitting.integrate(s, z, 0.3, 2),
                                 System::FullOrbit(s) => splitting.integrate(s, z, 0.3, 2),
                                 System::ThreeOscillators(s) => splitting.integrate(s, z, 0.3, 2),
+                                System::CellularDrift(s) => splitting.integrate(s, z, 0.3, 2),
                                 System::VanDerPol(s) => splitting.integrate(s, z, 0.3, 2),
                                 System::FieldLines(_) => panic!("no parts"),
                             },

@@ -47,6 +47,7 @@ fn start_of(twists: &[usize], number: u64) -> Result<Model, Error> {
         psi: vec![],
         kicks: vec![3; 2],
         twists: twists.to_vec(),
+        turned_twists: vec![],
         flow_time: TIME,
         perturbation: None,
     };
@@ -289,6 +290,7 @@ fn repeats_that_do_not_divide_are_refused() {
             psi: vec![],
             kicks: vec![3],
             twists: vec![3; twists],
+            turned_twists: vec![],
             flow_time: TIME,
             perturbation: None,
         };

@@ -12,9 +12,9 @@ use gyroceptron::measure::{
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Elementary, Real, Scalar, max_or_nan};
 use gyroceptron::system::{
-    AveragedOscillator, Counted, FieldLines, FieldProfile, FullOrbit, Hamiltonian, NearlyPeriodic,
-    Oscillators, ParticleField, Splittable, System, ThreeOscillators, VanDerPol, divergence,
-    symplectic_gradient,
+    AveragedOscillator, CellularDrift, Counted, FieldLines, FieldProfile, FullOrbit, Hamiltonian,
+    NearlyPeriodic, Oscillators, ParticleField, Splittable, System, ThreeOscillators, VanDerPol,
+    divergence, symplectic_gradient,
 };
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::f64::consts::TAU;
@@ -32,6 +32,7 @@ macro_rules! split {
             System::Oscillators($s) => $body,
             System::ParticleField($s) => $body,
             System::FullOrbit($s) => $body,
+            System::CellularDrift($s) => $body,
             System::ThreeOscillators($s) => $body,
             System::VanDerPol($s) => $body,
             System::FieldLines(_) => panic!("no parts"),
@@ -46,6 +47,7 @@ fn systems(epsilon: f64) -> Vec<System> {
         System::ParticleField(particle(epsilon, 2)),
         System::ParticleField(particle(epsilon, 4)),
         System::FullOrbit(FullOrbit::new(epsilon)),
+        System::CellularDrift(CellularDrift::new(epsilon)),
         System::ThreeOscillators(ThreeOscillators::new(epsilon)),
         System::VanDerPol(VanDerPol::new(epsilon)),
     ]
@@ -159,6 +161,7 @@ fn splittings_have_their_orders_for_the_papers_equations() {
         System::Oscillators(Oscillators { epsilon: 0.2 }),
         System::ParticleField(particle(0.2, 2)),
         System::FullOrbit(FullOrbit::new(0.2)),
+        System::CellularDrift(CellularDrift::new(0.2)),
         System::ThreeOscillators(ThreeOscillators::new(0.2)),
         System::VanDerPol(VanDerPol::new(0.2)),
     ] {
@@ -973,6 +976,92 @@ fn a_resonance_exchanges_the_actions_of_a_torus() {
     assert!(known.is_some() && known == orbit.customary_invariant(&z));
     let system = System::ThreeOscillators(ThreeOscillators { epsilon: 0.1, frequency: -1.0 });
     assert!(system.check().expect_err("no frequency").to_string().contains("system.frequency"));
+}
+
+/// Over half of the slow time, whatever ε is, at ten phases of the fast angle. Two angles see neither the averages nor what leads to them.
+#[test]
+fn averaged_equations_have_their_orders() {
+    // At whole periods what the second order leaves out of the coordinates would cancel.
+    let intervals = [2.3, 4.3, 8.3, 16.3, 32.3].map(|periods| periods * TAU);
+    let epsilons = intervals.map(|interval| 0.05 / interval);
+    let interval = |epsilon: f64| 0.05 / epsilon;
+    type Of = fn(f64) -> System;
+    let of: [Of; 4] = [
+        |epsilon| System::Oscillators(Oscillators { epsilon }),
+        |epsilon| System::FullOrbit(FullOrbit::new(epsilon)),
+        |epsilon| System::CellularDrift(CellularDrift::new(epsilon)),
+        |epsilon| System::VanDerPol(VanDerPol::new(epsilon)),
+    ];
+    for system in of {
+        let z: Vec<f64> = (0..8).flat_map(|seed| point(2, seed)).collect();
+        let exact = epsilons.map(|epsilon| {
+            let (system, time) = (system(epsilon), interval(epsilon));
+            Integrator::Aba1064.trajectories(&system, &z, time, (8.0 * time) as usize, 10)
+        });
+        let errors = |order: usize, angles: usize| -> Vec<f64> {
+            let found = |(epsilon, exact): (f64, &Vec<f64>)| {
+                let by = Integrator::Averaged { order, angles, closed: false };
+                let found = by.trajectories(&system(epsilon), &z, interval(epsilon), 16, 10);
+                let squares = found.expect("integrates").into_iter().zip(exact);
+                squares.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+            };
+            let exact = exact.iter().map(|exact| exact.as_ref().expect("integrates"));
+            epsilons.into_iter().zip(exact).map(found).collect()
+        };
+        let name = system(0.0).kind();
+        for order in [1, 2] {
+            let of = format!("{name}, order {order}");
+            assert_order(&of, order as f64, &epsilons, &errors(order, 32));
+            assert!(log_slope(&epsilons, &errors(order, 2)) < 0.5, "{of}: nothing is seen");
+        }
+        // Into the averaged coordinates and back is no motion, as often as it is done.
+        let (system, by) =
+            (system(0.002), Integrator::Averaged { order: 2, angles: 32, closed: false });
+        let at_once = by.trajectories(&system, &z, 100.0, 40, 1).expect("integrates");
+        let in_turn = by.trajectories(&system, &z, 2.5, 1, 40).expect("integrates");
+        // But for what entering leaves, of third order, once more each time.
+        let apart = distance(&in_turn[39 * z.len()..], &at_once);
+        assert!(apart < 40.0 * 0.002_f64.powi(3), "{name}: {apart:e}");
+        // A closed form is what the angles average; that keeps the action, they do to the order of the steps.
+        let closed = Integrator::Averaged { order: 1, angles: 32, closed: true };
+        if closed.check_for(&system).is_ok() {
+            let by_angles = Integrator::Averaged { order: 1, angles: 32, closed: false };
+            let [closed, by_angles] = [closed, by_angles]
+                .map(|by| by.trajectories(&system, &z, 300.0, 400, 1).expect("integrates"));
+            let apart = distance(&closed, &by_angles);
+            assert!(apart < 1e-12, "{name}: {apart:e}");
+        } else {
+            assert!(matches!(system, System::FullOrbit(_) | System::VanDerPol(_)), "{name}");
+        }
+    }
+    let averaged = Integrator::Averaged { order: 1, angles: 8, closed: false };
+    let fields = System::ParticleField(particle(0.01, 2));
+    for system in [fields, System::ThreeOscillators(ThreeOscillators::new(0.01))] {
+        let refused = averaged.check_for(&system).expect_err("no circle of planes").to_string();
+        assert!(refused.contains("averaged equation of order 1"), "{refused}");
+    }
+    assert!(Integrator::Averaged { order: 3, angles: 8, closed: false }.check().is_err());
+    assert!(Integrator::Averaged { order: 1, angles: 0, closed: false }.check().is_err());
+}
+
+/// By the trapezoidal rule on the circle, which [`averaged_invariant`] has it from.
+#[test]
+fn the_average_of_a_cellular_potential_is_a_product() {
+    for wavenumber in [0.5, 1.0, 1.7] {
+        let system = CellularDrift { epsilon: 0.3, wavenumber };
+        for seed in 0..20 {
+            let z: [f64; 4] = point(2, seed).try_into().expect("four numbers");
+            let average = system.energy(&z, 0.0) - averaged_invariant(&system, &z);
+            assert!((system.averaged(&z) - average).abs() < 1e-14, "{average} at {z:?}");
+            // A product of functions of Y and of X: by no factor of the gyration does it split.
+            let [px, y, py, x] = z;
+            let at = |y: f64, x: f64| system.averaged(&[px, y, py, x]);
+            let product = at(y, x) * at(y + 1.0, x + 1.0) - at(y, x + 1.0) * at(y + 1.0, x);
+            assert!(product.abs() < 1e-15, "{product:e}");
+        }
+    }
+    let none = System::CellularDrift(CellularDrift { epsilon: 0.1, wavenumber: 0.0 });
+    assert!(none.check().expect_err("no waves").to_string().contains("system.wavenumber"));
 }
 
 #[test]

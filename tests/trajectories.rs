@@ -207,6 +207,7 @@ fn errors_of_components_are_their_definition() {
         psi: Vec::new(),
         kicks: vec![3],
         twists: vec![3, 3],
+        turned_twists: vec![],
         flow_time: 1.0,
         perturbation: None,
     };

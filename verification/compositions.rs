@@ -63,9 +63,16 @@ pub struct Broken {
     sound: Composition<f64>,
     /// With the parameters that a broken inverse takes.
     other: Composition<f64>,
+    /// The angle of a turned twist among the parameters.
+    angle: usize,
 }
 
 impl Broken {
+    /// With a turned twist whose angle is this parameter.
+    pub fn with_angle(fault: Fault, sound: &Composition<f64>, angle: usize) -> Self {
+        Self { angle, ..Self::new(fault, sound) }
+    }
+
     pub fn new(fault: Fault, sound: &Composition<f64>) -> Self {
         let mut parameters = sound.parameters().to_vec();
         if fault == Fault::TorusInverse {
@@ -74,7 +81,7 @@ impl Broken {
             parameters.iter_mut().for_each(|w| *w *= 1.0 + 1e-12);
         }
         let other = sound.with_parameters(parameters, sound.epsilon()).expect("as many");
-        Self { fault, sound: sound.clone(), other }
+        Self { fault, sound: sound.clone(), other, angle: 0 }
     }
 }
 
@@ -145,6 +152,7 @@ impl Adjoint for Broken {
             Fault::ModulePullback => Some(0),
             // The second angle of a torus action.
             Fault::TorusPullback => Some(1),
+            Fault::TurnedTwistPullback => Some(self.angle),
             _ => None,
         };
         if let Some(entry) = sign {

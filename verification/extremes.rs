@@ -15,7 +15,9 @@ use gyroceptron::measure::{
         symplecticity_defect, symplecticity_ratio,
     },
 };
-use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model};
+use gyroceptron::network::{
+    Architecture, Block, GyroceptronShape, HenonShape, InitialWeights, Layers, Model, Part,
+};
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Real, Scalar, max_or_nan, tanh_sech2};
@@ -106,6 +108,61 @@ fn negative_epsilon_is_not_the_inverse() {
     let [ahead, back] = [Direction::Forward, Direction::Inverse].map(|d| there.measured_steps(d));
     let ratio = inversion_ratio(ahead, back, &z);
     assert!(matches!(ratio, Conditioned::Ratio(r) if r < tolerances::RATIO), "{ratio:?}");
+}
+
+/// Angles of many turns, neurons that saturate, actions of 10¹². Oracle: the same network in double-double, whose
+/// sines are its own.
+#[test]
+fn turned_twists_keep_their_digits() {
+    let architecture = Architecture::new(2)
+        .on_circle(CircleAction::new([1, 0]))
+        .at_epsilon(0.3)
+        .with(Block::new(Part::SlowMap, Layers::TurnedTwist(vec![5, 4])));
+    let weights = InitialWeights::Normal { scale: 0.6 };
+    let sound = architecture.initialise(weights, 0.4, 3).expect("sound");
+    for (angle, weight, radius, is_swallowed) in [
+        (1.0, 1.0, 1.0, false),
+        (1e6, 1.0, 1.0, false),
+        (1.0, 30.0, 1.0, false),
+        (1.0, 1.0, 1e6, false),
+        (1.0, 1.0, 1e-200, true),
+    ] {
+        let mut parameters = sound.parameters().to_vec();
+        for (_, _, range) in architecture.layers() {
+            parameters[range.start] *= angle;
+            parameters[range.start + 1..range.end].iter_mut().for_each(|w| *w *= weight);
+        }
+        let model = Model::new(architecture.clone(), parameters).expect("finite");
+        let z = [0.3, -0.8, 1.1, 0.4].map(|v| v * radius);
+        let mut exact = z.map(DoubleDouble::from_f64);
+        model.lift::<DoubleDouble>().forward(&mut exact);
+        let mut image = z;
+        model.forward(&mut image);
+        let steps = model.measured_steps(Direction::Forward);
+        let (bounds, _) = RoundingPropagation::new(&steps, &z).value_bounds();
+        for i in 0..4 {
+            let error = (image[i] - exact[i].value()).abs();
+            let ratio = error / (f64::unit_roundoff() * bounds[i]);
+            assert!(ratio < tolerances::RATIO, "{angle:e} {weight:e} {radius:e}, {i}: {ratio}");
+        }
+        let [ahead, back] =
+            [Direction::Forward, Direction::Inverse].map(|d| model.measured_steps(d));
+        let ratio = inversion_ratio(ahead, back, &z);
+        // A point that increments of order one swallow has no digit that could come back.
+        let as_it_is = match ratio {
+            Conditioned::Ratio(r) => !is_swallowed && r < tolerances::RATIO,
+            Conditioned::IllConditioned => is_swallowed,
+        };
+        assert!(as_it_is, "{angle:e} {weight:e} {radius:e}: {ratio:?}");
+    }
+    // What overflows is not multiplied by 0.
+    let mut parameters = sound.parameters().to_vec();
+    for (_, _, range) in architecture.layers() {
+        parameters[range.start + 1..range.end].iter_mut().for_each(|w| *w *= 1e300);
+    }
+    let model = Model::new(architecture, parameters).expect("finite");
+    let still = model.composition().near_identity_part().with_epsilon(0.0);
+    assert_eq!(differing_components(&still, &[0.3, -0.8, 1.1, -0.0]), 0);
 }
 
 fn small_shape() -> GyroceptronShape {

@@ -115,12 +115,18 @@ pub enum Fault {
     TwistSkewForm,
     /// The fast momentum loses 1e-12 of itself with each twist.
     TwistFriction,
+    /// A turned twist that turns back by another angle, by 1e-9.
+    TurnedTwistBack,
+    /// A turned twist that turns back the position alone.
+    TurnedTwistPosition,
+    /// The pullback forgets the sign of the angle of a turned twist.
+    TurnedTwistPullback,
     /// A normal form whose chart has weights off by 1e-9.
     OtherChart,
 }
 
 impl Fault {
-    const ALL: [Self; 46] = [
+    const ALL: [Self; 49] = [
         Self::MissingTranspose,
         Self::OwnHalf,
         Self::OuterWeights,
@@ -166,6 +172,9 @@ impl Fault {
         Self::TwistSeesPlane,
         Self::TwistSkewForm,
         Self::TwistFriction,
+        Self::TurnedTwistBack,
+        Self::TurnedTwistPosition,
+        Self::TurnedTwistPullback,
         Self::OtherChart,
     ];
 
@@ -188,6 +197,9 @@ impl Fault {
                 | Self::TwistSeesPlane
                 | Self::TwistSkewForm
                 | Self::TwistFriction
+                | Self::TurnedTwistBack
+                | Self::TurnedTwistPosition
+                | Self::TurnedTwistPullback
                 | Self::OtherChart
         )
     }
@@ -756,7 +768,10 @@ fn rows_of(fault: Fault) -> Vec<Row> {
         | Fault::TwistWeight
         | Fault::TwistSeesPlane
         | Fault::TwistSkewForm
-        | Fault::TwistFriction => normal_form::rows_of_mutant(fault),
+        | Fault::TwistFriction
+        | Fault::TurnedTwistBack
+        | Fault::TurnedTwistPosition
+        | Fault::TurnedTwistPullback => normal_form::rows_of_mutant(fault),
         Fault::OtherChart => {
             let mut rows = normal_form::rows_of_mutant(fault);
             rows.extend(nearly_integrable::rows_of_mutant(fault));

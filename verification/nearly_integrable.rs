@@ -116,8 +116,9 @@ fn the_perturbation_is_of_first_order_in_epsilon() {
 /// A moderate one in two degrees of freedom.
 fn mild(seed: u64) -> Case {
     let (slow, circles, epsilon, scale) = (1, vec![vec![1]], 0.05, 0.3);
+    let slow_map = normal_form::SlowMap::Twists;
     let integrable =
-        normal_form::Case { slow, circles, epsilon, scale, psi: true, radius: 1.6, seed };
+        normal_form::Case { slow, circles, epsilon, scale, psi: true, slow_map, radius: 1.6, seed };
     Case { integrable, widths: vec![3, 2] }
 }
 

@@ -40,11 +40,30 @@ pub struct Case {
     pub epsilon: f64,
     pub scale: f64,
     pub psi: bool,
+    pub slow_map: SlowMap,
     pub radius: f64,
     pub seed: u64,
 }
 
+/// What T_ε is made of; twists where no plane is slow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SlowMap {
+    Twists,
+    TurnedTwists,
+    Both,
+}
+
 impl Case {
+    /// The shears of T_ε: the twists, and the turned ones.
+    fn slow_map(&self) -> [Vec<usize>; 2] {
+        match self.slow_map {
+            _ if self.slow == 0 => [vec![3; 3], vec![]],
+            SlowMap::Twists => [vec![3; 3], vec![]],
+            SlowMap::TurnedTwists => [vec![], vec![3, 2]],
+            SlowMap::Both => [vec![3; 2], vec![2]],
+        }
+    }
+
     fn network(&self) -> Model {
         self.network_with(None)
     }
@@ -57,11 +76,13 @@ impl Case {
             CircleAction::new(weights)
         };
         let circles: Vec<_> = self.circles.iter().map(circle).collect();
+        let [twists, turned_twists] = self.slow_map();
         let shape = NormalFormShape {
             action: TorusAction::new(circles).expect("circles of one size"),
             psi: if self.psi { vec![3] } else { vec![] },
             kicks: vec![3, 2],
-            twists: vec![3; 3],
+            twists,
+            turned_twists,
             flow_time: 2.5,
             perturbation,
         };
@@ -99,13 +120,15 @@ pub fn cases() -> impl Strategy<Value = Case> {
     let scales = select(vec![0.1, 0.3, 1.0]);
     let epsilons = select(vec![0.0, 1e-6, 0.01, 0.1, -0.1]);
     let radii = select(vec![1.6, 1.6, 1e-6, 30.0]);
-    (actions(), epsilons, scales, any::<bool>(), radii, any::<u64>()).prop_map(
-        |((slow, circles), epsilon, scale, psi, radius, seed)| Case {
+    let slow_maps = select(vec![SlowMap::Twists, SlowMap::TurnedTwists, SlowMap::Both]);
+    (actions(), epsilons, scales, any::<bool>(), slow_maps, radii, any::<u64>()).prop_map(
+        |((slow, circles), epsilon, scale, psi, slow_map, radius, seed)| Case {
             slow,
             circles,
             epsilon,
             scale,
             psi,
+            slow_map,
             radius,
             seed,
         },
@@ -188,7 +211,11 @@ fn study() -> Vec<Tally> {
     let of = |epsilon: f64, seed: u64| {
         let circles = vec![vec![1]];
         let (slow, scale, psi, radius) = (1, 0.5, true, 1.6);
-        let case = Case { slow, circles, epsilon, scale, psi, radius, seed };
+        let slow_map = match seed.is_multiple_of(2) {
+            true => SlowMap::Twists,
+            false => SlowMap::TurnedTwists,
+        };
+        let case = Case { slow, circles, epsilon, scale, psi, slow_map, radius, seed };
         let network = case.network();
         let [_, inner] = network.chart_and_inner_map();
         let advance = |point: &[f64], steps: usize| {
@@ -230,8 +257,8 @@ fn drifts_are_those_of_rounding() {
     }
 }
 
-/// Two twist shears after their literal definition, of two neurons each, the first with a quadratic form, in two
-/// degrees of freedom with a fast first plane, and a turn.
+/// Two twist shears and a turned one after their literal definition, of two neurons each, the first with a quadratic
+/// form, in two degrees of freedom with a fast first plane, and a turn.
 #[derive(Clone, Copy, Debug)]
 struct LiteralTwist {
     fault: Fault,
@@ -239,11 +266,15 @@ struct LiteralTwist {
     theta: f64,
 }
 
-/// a, b, c and w of the neurons of both shears.
-const NEURONS: [[[f64; 4]; 2]; 2] = [
+/// a, b, c and w of the neurons of the shears.
+const NEURONS: [[[f64; 4]; 2]; 3] = [
     [[0.7, -0.4, 0.3, 0.5], [-0.3, 0.9, -0.6, -0.4]],
     [[-0.5, 0.6, 0.2, 0.8], [0.4, 0.3, -0.7, 0.6]],
+    [[0.3, -0.8, -0.4, 0.7], [0.6, 0.5, 0.1, -0.5]],
 ];
+
+/// φ of the third shear.
+const ANGLE: f64 = 0.8;
 
 /// Q of the first shear: of 𝔍², 𝔍p and p².
 const FORM: [f64; 3] = [0.3, -0.5, 0.6];
@@ -251,11 +282,32 @@ const FORM: [f64; 3] = [0.3, -0.5, 0.6];
 impl LiteralTwist {
     /// By three shears: a matrix of rounded entries would let the radius drift.
     fn turn<S: Elementary>(z: &mut [S], angle: S) {
+        Self::turn_plane(z, 0, angle);
+    }
+
+    fn turn_plane<S: Elementary>(z: &mut [S], plane: usize, angle: S) {
         let (s, c) = angle.sin_cos();
         let t = s / (S::from_f64(1.0) + c);
-        z[0] += t * z[2];
-        z[2] -= s * z[0];
-        z[0] += t * z[2];
+        z[plane] += t * z[2 + plane];
+        z[2 + plane] -= s * z[plane];
+        z[plane] += t * z[2 + plane];
+    }
+
+    /// The third shear, in turned coordinates of the slow plane.
+    fn turned_shear<S: Elementary>(&self, z: &mut [S], sign: f64) {
+        let (there, back) = (S::from_f64(ANGLE), S::from_f64(-ANGLE));
+        Self::turn_plane(z, 1, there);
+        self.shear(2, z, sign);
+        match self.fault {
+            Fault::TurnedTwistBack => Self::turn_plane(z, 1, back * S::from_f64(1.0 + 1e-9)),
+            // The momentum stays as it was turned.
+            Fault::TurnedTwistPosition => {
+                let momentum = z[3];
+                Self::turn_plane(z, 1, back);
+                z[3] = momentum;
+            }
+            _ => Self::turn_plane(z, 1, back),
+        }
     }
 
     fn shear<S: Elementary>(&self, number: usize, z: &mut [S], sign: f64) {
@@ -296,6 +348,7 @@ impl<S: Elementary> Map<S> for LiteralTwist {
     fn forward(&self, z: &mut [S]) {
         self.shear(0, z, 1.0);
         self.shear(1, z, 1.0);
+        self.turned_shear(z, 1.0);
         Self::turn(z, S::from_f64(self.theta));
         if self.fault == Fault::TwistFriction {
             z[2] *= S::from_f64(1.0 - 1e-12);
@@ -306,6 +359,7 @@ impl<S: Elementary> Map<S> for LiteralTwist {
             z[2] /= S::from_f64(1.0 - 1e-12);
         }
         Self::turn(z, S::from_f64(-self.theta));
+        self.turned_shear(z, -1.0);
         self.shear(1, z, -1.0);
         self.shear(0, z, -1.0);
     }
@@ -323,7 +377,9 @@ struct Literal {
 impl Literal {
     fn new(fault: Fault) -> Self {
         let (slow, circles, epsilon, scale) = (1, vec![vec![1]], 0.1, 0.3);
-        let case = Case { slow, circles, epsilon, scale, psi: true, radius: 1.6, seed: 1 };
+        let slow_map = SlowMap::TurnedTwists;
+        let case =
+            Case { slow, circles, epsilon, scale, psi: true, slow_map, radius: 1.6, seed: 1 };
         let sound = case.network();
         // The fast plane comes first here.
         let action: TorusAction = CircleAction::new([1, 0]).into();
@@ -392,7 +448,10 @@ pub fn rows_of_mutant(fault: Fault) -> Vec<Row> {
     let literal = Literal::new(fault);
     let composition = literal.sound.composition();
     let samples = points(1, 1.6, 2, 11);
-    let broken = Broken::new(fault, composition);
+    let layers = literal.sound.architecture().layers();
+    let turned = layers.iter().find(|(block, ..)| block.name == "turned_twist");
+    let angle = turned.expect("a turned twist").2.start;
+    let broken = Broken::with_angle(fault, composition, angle);
     let mut tallies = measure(&literal, &literal, &broken, &samples, 1);
     tallies.extend(measure(&broken, &literal, &broken, &samples, 1));
     // Ten thousand times fewer steps would do for what drifts by 1e-12 a step.

@@ -178,6 +178,11 @@ pub struct Train {
     /// 20x2,10: 2 where they change positions, beside a quadratic form, and 10 where momenta.
     #[arg(long, value_name = "LAYERSxWIDTH[,WIDTH]")]
     pub twists: Option<String>,
+    /// Turned twists of T_ε and their neurons, of a gyroceptron in normal form, such as 12x8: for slow
+    /// motion whose average is no sum of a function of positions and one of momenta. With
+    /// these alone given, there are no others.
+    #[arg(long, value_name = "LAYERSxWIDTH")]
+    pub turned_twists: Option<String>,
     /// The flow time h of the model. With ε it scales T_ε of a gyroceptron in normal form, I_ε of one of couplings
     /// [default: how far the slow coordinates move, over ε]; pairs with flow times of
     /// their own are of maps of these times [default then: the longest].
@@ -278,6 +283,7 @@ impl Train {
             ("near_identity", &self.near_identity),
             ("kicks", &self.kicks),
             ("twists", &self.twists),
+            ("turned_twists", &self.turned_twists),
             ("perturbation", &self.perturbation),
             ("layers", &self.layers),
         ];

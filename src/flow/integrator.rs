@@ -2,11 +2,11 @@
 
 use super::request::{Method, Request};
 use super::{
-    GaussLegendre, Splitting, SplittingSteps, Stroboscopic, boris, runge_kutta_4,
+    Averaged, GaussLegendre, Splitting, SplittingSteps, Stroboscopic, boris, runge_kutta_4,
     velocity_splitting,
 };
 use crate::error::Error;
-use crate::scalar::{Pack, max_or_nan};
+use crate::scalar::{Pack, WIDTH, max_or_nan};
 use crate::system::{FullOrbit, Hamiltonian, NearlyPeriodic, Splittable, System, each_system};
 use serde::{Deserialize, Serialize};
 
@@ -45,6 +45,23 @@ pub enum Integrator {
         #[serde(default = "two")]
         differences: usize,
     },
+    /// [`Averaged`].
+    Averaged {
+        /// 1 or 2: over times of 1/ε errors are O(ε) and O(ε²).
+        order: usize,
+        /// The angles of an average.
+        #[serde(default = "sixteen")]
+        angles: usize,
+        /// By the closed form of the average, of first order: so many angles are for what leads to the averaged
+        /// coordinates and back.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        closed: bool,
+    },
+}
+
+/// The angles that scenes do not name.
+fn sixteen() -> usize {
+    16
 }
 
 /// The differences that scenes do not name.
@@ -62,6 +79,12 @@ impl Integrator {
             Self::Stroboscopic { micro, differences } => {
                 let order = (2 * differences).max(1);
                 format!("stroboscopic averaging of order {order}, {micro} steps a period")
+            }
+            Self::Averaged { angles, closed: true, .. } => {
+                format!("averaged equation of order 1, closed form, {angles} angles")
+            }
+            Self::Averaged { order, angles, .. } => {
+                format!("averaged equation of order {order}, {angles} angles")
             }
             Self::GaussLegendre { stages: 1 } => "Gauss–Legendre, 1 stage".into(),
             Self::GaussLegendre { stages } => format!("Gauss–Legendre, {stages} stages"),
@@ -82,11 +105,12 @@ impl Integrator {
             | Self::GaussLegendre { .. }
             | Self::Boris
             | Self::VelocitySplitting
+            | Self::Averaged { .. }
             | Self::Stroboscopic { .. } => None,
         }
     }
 
-    /// Fails unless it has 1 to 64 stages, or 1 to 1000 steps in a period.
+    /// Fails unless it has 1 to 64 stages, 1 to 1000 steps in a period or angles, and the order 1 or 2.
     ///
     /// # Errors
     /// [`Error::CountOutOfRange`] with the number.
@@ -99,6 +123,10 @@ impl Integrator {
                 let most = Stroboscopic::MOST_DIFFERENCES;
                 Error::check_count_range("differences", differences, 0, most)
             }
+            Self::Averaged { order, angles, closed } => {
+                Error::check_count_range("order", order, 1, if closed { 1 } else { 2 })?;
+                Error::check_count_range("angles", angles, 1, 1000)
+            }
             _ => Ok(()),
         }
     }
@@ -110,6 +138,8 @@ impl Integrator {
             Self::Stroboscopic { micro, differences } => {
                 Self::Stroboscopic { micro: 2 * micro, differences: differences + 1 }
             }
+            // Of its own order, no steps and no angles tell the error of an average.
+            Self::Averaged { .. } => Self::Stroboscopic { micro: 16, differences: 3 },
             other => other,
         }
     }
@@ -168,7 +198,10 @@ impl Integrator {
             }
             (Self::Boris | Self::VelocitySplitting, _) => Err(self.not_a_particle()),
             (Self::Stroboscopic { micro, differences }, _) => {
-                self.by_parts(&request, Parts::Averaged(micro, differences), system, initial)
+                self.by_parts(&request, Parts::Stroboscopic(micro, differences), system, initial)
+            }
+            (Self::Averaged { order, angles, closed }, _) => {
+                self.by_average(&request, (angles, order, closed), system, initial)
             }
             _ => match self.splitting() {
                 Some(splitting) => {
@@ -189,6 +222,13 @@ impl Integrator {
         match (self, system) {
             (Self::Boris | Self::VelocitySplitting, System::FullOrbit(_)) => Ok(()),
             (Self::Boris | Self::VelocitySplitting, _) => Err(self.not_a_particle()),
+            (
+                Self::Averaged { .. },
+                System::ParticleField(_) | System::FieldLines(_) | System::ThreeOscillators(_),
+            ) => Err(self.no_circle_of_planes()),
+            (Self::Averaged { closed: true, .. }, System::FullOrbit(_) | System::VanDerPol(_)) => {
+                Err(self.no_closed_form())
+            }
             (Self::Stroboscopic { .. }, System::FieldLines(_)) => Err(self.nothing_to_split()),
             (Self::Stroboscopic { .. }, system) if system.torus().1.len() > 1 => {
                 let expected = "another integrator: the limit of the system has no period";
@@ -203,6 +243,16 @@ impl Integrator {
 
     fn nothing_to_split(self) -> Error {
         let expected = "another integrator: the system has no parts with exact flows";
+        Error::invalid("integrator", self.name(), expected)
+    }
+
+    fn no_closed_form(self) -> Error {
+        let expected = "another integrator: the average over the circle has no closed form";
+        Error::invalid("integrator", self.name(), expected)
+    }
+
+    fn no_circle_of_planes(self) -> Error {
+        let expected = "another integrator: the limit of the system turns no coordinate planes along one circle";
         Error::invalid("integrator", self.name(), expected)
     }
 
@@ -224,9 +274,36 @@ impl Integrator {
             System::Oscillators(system) => parts.trajectories(request, system, initial),
             System::ParticleField(system) => parts.trajectories(request, system, initial),
             System::FullOrbit(system) => parts.trajectories(request, system, initial),
+            System::CellularDrift(system) => parts.trajectories(request, system, initial),
             System::ThreeOscillators(system) => parts.trajectories(request, system, initial),
             System::VanDerPol(system) => parts.trajectories(request, system, initial),
             System::FieldLines(_) => Err(self.nothing_to_split()),
+        }
+    }
+
+    /// By the averaged equation of a system whose limit turns coordinate planes along one circle.
+    fn by_average(
+        self,
+        request: &Request,
+        (angles, order, closed): (usize, usize, bool),
+        system: &System,
+        initial: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        macro_rules! average {
+            ($system:expr) => {{
+                let method = Averaged::new($system, request.interval, angles, order);
+                let method = if closed { method.in_closed_form() } else { method };
+                request.step(&method, $system, initial)
+            }};
+        }
+        match system {
+            System::Oscillators(system) => average!(system),
+            System::FullOrbit(system) => average!(system),
+            System::CellularDrift(system) => average!(system),
+            System::VanDerPol(system) => average!(system),
+            System::ParticleField(_) | System::FieldLines(_) | System::ThreeOscillators(_) => {
+                Err(self.no_circle_of_planes())
+            }
         }
     }
 
@@ -323,6 +400,28 @@ impl Method<FullOrbit> for VelocitySplitting {
     }
 }
 
+impl<H: NearlyPeriodic> Method<H> for Averaged {
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
+        let constants = |z: &[V]| {
+            let (mut point, mut out) = (vec![0.0; z.len()], [[0.0; WIDTH]; 2]);
+            let mut lanes = [0.0; WIDTH];
+            for lane in 0..V::LANES {
+                for (number, component) in point.iter_mut().zip(z) {
+                    component.store(&mut lanes[..V::LANES]);
+                    *number = lanes[lane];
+                }
+                let of_point = system.average_constants(&point).unwrap_or([f64::NAN; 2]);
+                out.iter_mut().zip(of_point).for_each(|(out, constant)| out[lane] = constant);
+            }
+            out.map(|lanes| V::load(&lanes[..V::LANES]))
+        };
+        for z in z.chunks_exact_mut(2 * system.dof()) {
+            Averaged::take(self, system, z, steps, constants);
+        }
+    }
+}
+
 impl<H: Splittable> Method<H> for SplittingSteps<f64> {
     #[inline(always)]
     fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
@@ -342,7 +441,7 @@ impl<H: Splittable> Method<H> for Stroboscopic {
 enum Parts {
     Split(Splitting),
     /// With so many steps of a splitting in a period, and so many differences.
-    Averaged(usize, usize),
+    Stroboscopic(usize, usize),
 }
 
 impl Parts {
@@ -359,7 +458,7 @@ impl Parts {
                 let method = splitting.steps(system, request.interval / request.steps as f64);
                 request.step(&method, system, initial)
             }
-            Self::Averaged(micro, differences) => {
+            Self::Stroboscopic(micro, differences) => {
                 let method = Stroboscopic::new(system, request.interval, micro, differences);
                 request.step(&method, system, initial)
             }

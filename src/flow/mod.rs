@@ -1,5 +1,6 @@
 //! Flows of the systems: splittings, Runge–Kutta, the reference, and data.
 
+mod averaged;
 mod charged;
 mod collocation;
 mod data;
@@ -14,6 +15,7 @@ mod splitting;
 mod stroboscopic;
 mod trajectories;
 
+pub use averaged::Averaged;
 pub use charged::{boris, velocity_splitting};
 #[cfg(feature = "files")]
 pub(crate) use data::check_finite;

@@ -8,6 +8,9 @@ use crate::system::Hamiltonian;
 
 /// The reference flow: Gauss–Legendre, with the error estimated by half the
 /// step.
+///
+/// Source: Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, II.4,
+/// <https://doi.org/10.1007/978-3-540-78862-1>, for the estimate by half the step.
 #[derive(Clone, Debug)]
 pub struct Reference {
     method: GaussLegendre,

@@ -9,6 +9,9 @@ const STACK: usize = 16;
 /// z ← the flow over `time`, in `steps` equal steps of the classical
 /// fourth-order method. Not symplectic.
 ///
+/// Source: Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, II.1,
+/// <https://doi.org/10.1007/978-3-540-78862-1>.
+///
 /// # Panics
 /// When `steps` is 0 or z is not of 2n numbers.
 #[inline(always)]

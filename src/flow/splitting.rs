@@ -9,6 +9,9 @@ use crate::system::Splittable;
 ///
 /// The sequences of coefficients are palindromes; the first half, the middle
 /// one included, is stored.
+///
+/// Source: Hairer, Lubich and Wanner, Geometric Numerical Integration, II.5,
+/// <https://doi.org/10.1007/3-540-30666-8>.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Splitting {
     /// The name used in tables.
@@ -22,6 +25,9 @@ pub struct Splitting {
 
 impl Splitting {
     /// Strang's splitting, order 2.
+    ///
+    /// Source: Strang, <https://doi.org/10.1137/0705041>; of parts of sizes 1 and ε: McLachlan,
+    /// <https://doi.org/10.1137/0916010>.
     pub const STRANG: Self = Self { name: "Strang", order: 2, stages: 1, a: &[0.5], b: &[1.0] };
 
     /// Yoshida's triple jump of Strang's splitting, order 4.

@@ -6,7 +6,8 @@
 //! `kick.{i}.angles` (1, n), `kick.{i}.w_in` (n, h), `kick.{i}.b_in`, `kick.{i}.w_out`,
 //! `twist.{i}.w_in` (d, h; the rows of the actions first), `twist.{i}.b_in`,
 //! `twist.{i}.w_out`, of even i `twist.{i}.quadratic` (1, d(d + 1)/2; the rows of the upper
-//! triangle of Q), `theta` (an angle for each circle), and `psi.{i}.…` where it has a ψ; one that is nearly
+//! triangle of Q), `turned_twist.{i}.angles` (1, slow planes) and the same `w_in`, `b_in` and `w_out` under
+//! `turned_twist.{i}.`, `theta` (an angle for each circle), and `psi.{i}.…` where it has a ψ; one that is nearly
 //! integrable `perturbation.{i}.…` as of kicks, and `perturbation` (1), their number. A gyroceptron of couplings has `angles` (1, n), `w_in`
 //! (n, h), `b_in` (1, h), `w_scale` (n, h), `b_scale` (1, n), `w_shift` (n, h) and `b_shift` (1, n) under `psi.{i}.` and
 //! `near_identity.{i}.`, and `theta`. Where the data has
@@ -198,7 +199,9 @@ enum Recognised {
 impl Recognised {
     fn of(tensors: &BTreeMap<String, Tensor>) -> Self {
         let is_of_one = |name: &String| {
-            ["kick.", "twist.", PERTURBATION].iter().any(|part| name.starts_with(part))
+            ["kick.", "twist.", "turned_twist.", PERTURBATION]
+                .iter()
+                .any(|part| name.starts_with(part))
         };
         if tensors.keys().any(|name| name.ends_with(".w_scale")) {
             Self::Couplings
@@ -219,7 +222,7 @@ impl Recognised {
 }
 
 /// Makes a gyroceptron with these circles at ε of tensors in memory; `place` names them in errors.
-/// One in normal form, which has tensors `kick.…` or `twist.…`, and one of couplings, which has
+/// One in normal form, which has tensors `kick.…`, `twist.…` or `turned_twist.…`, and one of couplings, which has
 /// `….w_scale`, need their flow time; others have none.
 ///
 /// # Errors
@@ -293,8 +296,9 @@ pub fn assemble_weights(
             let slow = |j: &usize| action.circles().iter().all(|circle| of(circle, *j));
             let arguments = action.circles().len() + (0..dof).filter(slow).count();
             let twists = widths(place, &tensors, "twist", arguments)?;
+            let turned_twists = widths(place, &tensors, "turned_twist", arguments)?;
             let (action, flow_time) = (action.clone(), time);
-            NormalFormShape { action, psi, kicks, twists, flow_time, perturbation }
+            NormalFormShape { action, psi, kicks, twists, turned_twists, flow_time, perturbation }
                 .architecture(epsilon)
         }
     };

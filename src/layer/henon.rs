@@ -18,6 +18,9 @@ pub const fn layer_parameter_count(dof: usize, width: usize) -> usize {
 /// With ε = 1 it is the paper's H\[V, η\], otherwise its near-identity
 /// H_ε\[V, η\]. Four of them make a [`HenonLayer`], which computes the same map
 /// with smaller errors; this one is for those who want the map itself.
+///
+/// Source: Burby, Tang and Maulik, <https://doi.org/10.1088/1361-6587/abcbaa>, after Hénon,
+/// <https://doi.org/10.1007/BF01608556>.
 #[derive(Clone, Copy, Debug)]
 pub struct HenonMap<'a, P, V = TanhPotential<'a, P>> {
     /// The potential V of y.
@@ -105,6 +108,9 @@ impl KickForm {
 ///
 /// It is symplectic and invertible for all weights, and bitwise the identity
 /// for ε = 0 and ε = −0.
+///
+/// Source: Burby, Tang and Maulik, <https://doi.org/10.1088/1361-6587/abcbaa>; that such layers
+/// come near every symplectic map: Turaev, <https://doi.org/10.1088/0951-7715/16/1/308>.
 #[derive(Clone, Copy, Debug)]
 pub struct HenonLayer<'a, P, V = TanhPotential<'a, P>> {
     /// The potential V of y.

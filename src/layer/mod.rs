@@ -12,7 +12,8 @@
 //! - [`Turned`]: a kick or a coupling in coordinates turned by angles of its own.
 //! - [`Twist`]: the flow of functions of the actions and of half the slow coordinates,
 //!   which commutes with the torus action.
-//! - [`TurnedTwist`]: a twist in coordinates of the slow planes turned by angles of its own.
+//!   A turned one ([`TwistShears::turned`]) is in coordinates of the slow planes turned by angles of
+//!   its own.
 //! - [`LinearModule`], [`ActivationModule`]: the modules of SympNets.
 //!
 //! [`HenonMap`], [`HenonLayer`] are the paper's H\[V, η\] and its fourth iterate,
@@ -28,7 +29,6 @@ mod potential;
 mod quadratic_form;
 mod turn;
 mod turned;
-mod turned_twist;
 mod twist;
 mod unrolled;
 
@@ -41,6 +41,5 @@ pub use linear_module::{LinearModule, linear_module_parameter_count};
 pub use potential::{Potential, TanhPotential};
 pub use turn::{CircleAction, PlaneTurn, TorusAction, Turn, TurnStep, quarter_turns};
 pub use turned::{Turned, TurnedCoupling, TurnedKick};
-pub use turned_twist::TurnedTwist;
 pub(crate) use twist::form_len;
 pub use twist::{FastPlanes, Twist, TwistShears};

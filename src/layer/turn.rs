@@ -13,6 +13,8 @@ use serde::{Deserialize, Serialize};
 ///
 /// Its invariant, the momentum map of the rotation, is
 /// 𝔍₀ = ½ Σ m_j (q_j² + p_j²). Weight 0 leaves a plane alone.
+///
+/// Source: Duruisseaux, Burby and Tang, <https://doi.org/10.1038/s41598-023-34862-w>.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct CircleAction {
@@ -205,6 +207,9 @@ impl From<CircleAction> for TorusAction {
 /// The matrix (cos, sin) is never used: fl(c)² + fl(s)² ≠ 1 would make 𝔍₀
 /// drift in proportion to the number of iterations, where shears, whose
 /// determinants are 1 in floating point too, let it wander as its square root.
+///
+/// Source: the factorisation of a rotation into three shears, as in Daubechies and Sweldens,
+/// <https://doi.org/10.1007/BF02476026>.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaneTurn<P> {
     /// j, the plane.

@@ -120,12 +120,13 @@ impl<S: Scalar> StateTurn<S> {
 }
 
 /// The shears of a twist: the planes that it turns, and the neurons of each shear. The first, the
-/// third and so on change slow positions, the others momenta; or all of them momenta.
+/// third and so on change slow positions, the others momenta; or, of a turned twist, each
+/// changes the momenta in turned coordinates of the slow planes.
 #[derive(Clone, Debug)]
 pub struct TwistShears {
     planes: FastPlanes,
-    /// All shears change momenta, and none has a quadratic form.
-    of_momenta: bool,
+    /// Each shear is in turned coordinates, changes momenta, and has no quadratic form.
+    turned: bool,
     /// The neurons and the parameters of all shears before each, and of all.
     neurons: Vec<usize>,
     begins: Vec<usize>,
@@ -137,28 +138,34 @@ pub(crate) fn form_len(number: usize, arguments: usize) -> usize {
     if number.is_multiple_of(2) { symmetric_len(arguments) } else { 0 }
 }
 
-/// The parameters of a shear of so many neurons. Saturates instead of overflowing.
-fn shear_len(number: usize, width: usize, arguments: usize) -> usize {
-    let neurons = width.saturating_mul(arguments.saturating_add(2));
-    neurons.saturating_add(form_len(number, arguments))
-}
-
 impl TwistShears {
     /// Shears of so many neurons each.
     pub fn new(planes: FastPlanes, widths: &[usize]) -> Self {
-        let (mut neurons, mut begins) = (vec![0_usize], vec![0_usize]);
-        for (number, &width) in widths.iter().enumerate() {
-            let len = shear_len(number, width, planes.arguments());
-            neurons.push(neurons[number].saturating_add(width));
-            begins.push(begins[number].saturating_add(len));
-        }
-        Self { planes, of_momenta: false, neurons, begins }
+        Self::of(planes, widths, false)
     }
 
-    /// One shear of so many neurons that changes the slow momenta, without a quadratic form.
-    pub fn of_momenta(planes: FastPlanes, width: usize) -> Self {
-        let len = width.saturating_mul(planes.arguments().saturating_add(2));
-        Self { planes, of_momenta: true, neurons: vec![0, width], begins: vec![0, len] }
+    /// Turned shears of so many neurons each.
+    pub fn turned(planes: FastPlanes, widths: &[usize]) -> Self {
+        Self::of(planes, widths, true)
+    }
+
+    fn of(planes: FastPlanes, widths: &[usize], turned: bool) -> Self {
+        let (mut neurons, mut begins) = (vec![0_usize], vec![0_usize]);
+        for (number, &width) in widths.iter().enumerate() {
+            let own = width.saturating_mul(planes.arguments().saturating_add(2));
+            let rest = match turned {
+                true => planes.slow.len(),
+                false => form_len(number, planes.arguments()),
+            };
+            neurons.push(neurons[number].saturating_add(width));
+            begins.push(begins[number].saturating_add(own).saturating_add(rest));
+        }
+        Self { planes, turned, neurons, begins }
+    }
+
+    /// Where the angles of each turned shear begin among the parameters; none of others.
+    pub(crate) fn angles(&self) -> &[usize] {
+        if self.turned { &self.begins[..self.count()] } else { &[] }
     }
 
     /// The planes that are turned.
@@ -180,7 +187,7 @@ impl TwistShears {
     /// The half that a shear changes.
     #[inline(always)]
     fn target(&self, number: usize) -> Half {
-        let of_positions = number.is_multiple_of(2) && !self.of_momenta;
+        let of_positions = number.is_multiple_of(2) && !self.turned;
         if of_positions { Half::Position } else { Half::Momentum }
     }
 
@@ -195,7 +202,14 @@ impl TwistShears {
         self.begins[number]..self.begins[number + 1]
     }
 
-    /// Where a tape has what is recorded of a shear: u, and (tanh, sech²) of each neuron.
+    /// The angles of each shear, before its other parameters.
+    #[inline(always)]
+    fn angles_len(&self) -> usize {
+        if self.turned { self.planes.slow.len() } else { 0 }
+    }
+
+    /// Where a tape has what is recorded of a shear: u, (tanh, sech²) of each neuron, and the slow
+    /// coordinates before and after a turned one.
     #[inline(always)]
     fn tape(&self, number: usize) -> Range<usize> {
         self.tape_begin(number)..self.tape_begin(number + 1)
@@ -203,7 +217,7 @@ impl TwistShears {
 
     #[inline(always)]
     fn tape_begin(&self, number: usize) -> usize {
-        number * self.planes.arguments() + 2 * self.neurons[number]
+        number * (self.planes.arguments() + 4 * self.angles_len()) + 2 * self.neurons[number]
     }
 }
 
@@ -223,6 +237,13 @@ impl TwistShears {
 /// than N² in N steps. The parameters are those of G₁, G₂, …: W, b, w and, for momenta, the
 /// rows of the upper triangle of Q.
 ///
+/// A turned twist has R(−φ)∘exp(cX_G)∘R(φ) for each shear: each slow plane turned clockwise by its
+/// angle φ_j, the flow of a function G(𝔍, y) of the actions and of the slow positions, turned back. It commutes with
+/// the torus action too, since R turns slow planes alone, and it is the flow of G(𝔍, y cos φ + x sin φ), plane by
+/// plane, x being the slow momenta: with G a sum of w tanh(a·𝔍 + b·y + β) and all φ these are all
+/// ridge functions of (𝔍, x, y). Twists in y and in x alone reach, to first order in c, A(𝔍, x) + B(𝔍, y)
+/// only. The parameters of a shear are `[φ (one for each slow plane), W, b, w]`.
+///
 /// The inverse finds 𝔍 from the turned point, which rounding has moved: where increments
 /// are rounded to a grid it is near, not exact.
 #[derive(Clone, Copy, Debug)]
@@ -235,6 +256,8 @@ pub struct Twist<'a, P, const D: usize = 0> {
     pub parameters: &'a [P],
     /// The inverse.
     pub inverse: bool,
+    /// R(φ) of each shear of a turned twist, prepared for its angles; none of others.
+    pub turns: &'a [Turn<P>],
 }
 
 /// A shear of a twist.
@@ -282,13 +305,42 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
     fn layer(&self, turn: usize) -> Layer<'a, P, D> {
         let number = if self.inverse { self.shears.count() - 1 - turn } else { turn };
         let (d, place) = (self.arguments(), self.shears.parameters(number));
-        let (neurons, form) = self.parameters[place].split_at(self.neurons_len(number));
+        let own = &self.parameters[place][self.shears.angles_len()..];
+        let (neurons, form) = own.split_at(self.neurons_len(number));
         let potential = TanhPotential::new(d, self.shears.width(number), neurons);
         let form = if form.is_empty() { None } else { Some(QuadraticForm::new(d, form)) };
         let target = self.shears.target(number);
         let turn = if self.inverse { -self.scale } else { self.scale };
         let factor = if target == Half::Position { turn } else { -turn };
         Layer { number, potential, form, target, factor, turn }
+    }
+
+    /// The slow planes of a point, or of directions, to or from the coordinates of a shear.
+    #[inline(always)]
+    fn turn_slow<S: Over<P>>(&self, number: usize, back: bool, points: &mut [S]) {
+        if let Some(turn) = self.turns.get(number) {
+            for z in points.chunks_exact_mut(2 * self.planes().dof) {
+                turn.apply(z, back);
+            }
+        }
+    }
+
+    /// `kept` ← the slow positions and momenta, of a turned twist.
+    #[inline(always)]
+    fn keep<S: Scalar>(&self, z: &[S], kept: &mut [S]) {
+        for (pair, &j) in kept.chunks_exact_mut(2).zip(&self.planes().slow) {
+            (pair[0], pair[1]) = (z[j], z[self.planes().dof + j]);
+        }
+    }
+
+    /// `angles_bar` += `sign` times what a cotangent says of the generator q̇ = p, ṗ = −q of each
+    /// slow plane at a kept point.
+    #[inline(always)]
+    fn add_moments<S: Scalar>(&self, sign: S, kept: &[S], z_bar: &[S], angles_bar: &mut [S]) {
+        for (i, angle_bar) in angles_bar.iter_mut().enumerate() {
+            let (j, q, p) = (self.planes().slow[i], kept[2 * i], kept[2 * i + 1]);
+            *angle_bar += sign * (z_bar[j] * p - z_bar[self.planes().dof + j] * q);
+        }
     }
 
     /// A factor of zero moves nothing, whatever the weights: 0·∞ is not 0.
@@ -370,12 +422,13 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
     /// How many parts [`Twist::apply_part`] has.
     #[doc(hidden)]
     pub fn parts(&self) -> usize {
-        if self.is_identity() { 0 } else { self.shears.count() + 2 }
+        let of_shear = if self.shears.turned { 3 } else { 1 };
+        if self.is_identity() { 0 } else { of_shear * self.shears.count() + 2 }
     }
 
     /// One part of the map on `x`, the point and behind it the actions and the angles of the
     /// circles, 2·[`FastPlanes::extended_dof`] numbers, the last of them 0 in the beginning: the
-    /// actions, then a shear after another, then the turn. All of them, one after another, leave
+    /// actions, then a shear after another (of a turned twist a turn, a shear, a turn back), then the turn. All of them, one after another, leave
     /// the image of the point: the same operations, for those who want to look between them.
     #[doc(hidden)]
     pub fn apply_part<S: Over<P>>(&self, part: usize, x: &mut [S]) {
@@ -387,10 +440,20 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
         }
         let mut all = [S::zero(); CIRCLES];
         all[..circles].copy_from_slice(angles);
-        if part > self.shears.count() {
+        if part + 1 == self.parts() {
             return self.turn_all(&all, z, &mut []);
         }
-        let layer = self.layer(part - 1);
+        let layer = match self.shears.turned {
+            true => {
+                let layer = self.layer((part - 1) / 3);
+                let stage = (part - 1) % 3;
+                if stage != 1 {
+                    return self.turn_slow(layer.number, stage == 2, z);
+                }
+                layer
+            }
+            false => self.layer(part - 1),
+        };
         let mut argument = vec![S::zero(); self.arguments()];
         argument[..circles].copy_from_slice(actions);
         self.source(&layer, z, &mut argument);
@@ -461,10 +524,12 @@ impl<P: Scalar, const D: usize> ElementaryMap<P> for Twist<'_, P, D> {
         let mut angles = [S::zero(); CIRCLES];
         for turn in 0..self.shears.count() {
             let layer = self.layer(turn);
+            self.turn_slow(layer.number, false, z);
             self.source(&layer, z, argument);
             layer.potential.gradient(argument, gradient);
             layer.add_form(argument, gradient);
             self.add(&layer, gradient, z, &mut angles);
+            self.turn_slow(layer.number, true, z);
         }
         self.turn_all(&angles, z, &mut []);
     }
@@ -482,11 +547,17 @@ impl<P: Scalar, const D: usize> ElementaryMap<P> for Twist<'_, P, D> {
         for turn in 0..self.shears.count() {
             let layer = self.layer(turn);
             let (argument, tape) = layers[self.shears.tape(layer.number)].split_at_mut(d);
+            let (tape, kept) = tape.split_at_mut(2 * self.shears.width(layer.number));
+            let (before, after) = kept.split_at_mut(kept.len() / 2);
             argument.copy_from_slice(actions);
+            self.turn_slow(layer.number, false, z);
+            self.keep(z, before);
             self.source(&layer, z, argument);
             layer.potential.gradient_recording(argument, gradient, tape);
             layer.add_form(argument, gradient);
             self.add(&layer, gradient, z, &mut angles);
+            self.keep(z, after);
+            self.turn_slow(layer.number, true, z);
         }
         let (q, p) = z.split_at_mut(dof);
         for (number, tape) in planes.chunks_exact_mut(OF_PLANE).enumerate() {
@@ -532,13 +603,20 @@ impl<P: Scalar, const D: usize> ElementaryMap<P> for Twist<'_, P, D> {
         for turn in (0..self.shears.count()).rev() {
             let layer = self.layer(turn);
             let (argument, tape) = layers[self.shears.tape(layer.number)].split_at(d);
+            let (tape, kept) = tape.split_at(2 * self.shears.width(layer.number));
+            let (before, after) = kept.split_at(kept.len() / 2);
+            let of_layer = &mut parameters_bar[self.shears.parameters(layer.number)];
+            let (of_angles, of_layer) = of_layer.split_at_mut(self.shears.angles_len());
+            // A rotation is orthogonal: its adjoint is its inverse, and the moments of its
+            // generator are the same before and after it.
+            self.turn_slow(layer.number, false, z_bar);
+            self.add_moments(S::from_f64(-1.0), after, z_bar, of_angles);
             for circle in 0..circles {
                 u[circle] = angles_bar[circle].times(layer.turn);
             }
             for (i, &j) in self.planes().slow.iter().enumerate() {
                 u[circles + i] = z_bar[layer.target.index(dof, j)].times(layer.factor);
             }
-            let of_layer = &mut parameters_bar[self.shears.parameters(layer.number)];
             let (of_neurons, of_form) = of_layer.split_at_mut(self.neurons_len(layer.number));
             layer.potential.vjp(argument, tape, u, argument_bar, of_neurons);
             if let Some(form) = layer.form {
@@ -551,6 +629,8 @@ impl<P: Scalar, const D: usize> ElementaryMap<P> for Twist<'_, P, D> {
                 let k = layer.target.other().index(dof, j);
                 z_bar[k] += argument_bar[circles + i];
             }
+            self.add_moments(S::from_f64(1.0), before, z_bar, of_angles);
+            self.turn_slow(layer.number, true, z_bar);
         }
         for (number, &j) in self.planes().fast.iter().enumerate() {
             let tape = &planes[number * OF_PLANE..];
@@ -575,6 +655,8 @@ impl<P: Scalar, const D: usize> ElementaryMap<P> for Twist<'_, P, D> {
         let mut angles = [S::zero(); CIRCLES];
         for turn in 0..self.shears.count() {
             let layer = self.layer(turn);
+            self.turn_slow(layer.number, false, z);
+            self.turn_slow(layer.number, false, directions);
             self.source(&layer, z, argument);
             layer.potential.gradient_and_hessian(argument, gradient, hessian);
             layer.add_form(argument, gradient);
@@ -585,6 +667,8 @@ impl<P: Scalar, const D: usize> ElementaryMap<P> for Twist<'_, P, D> {
                 self.add_along(&layer, hessian, z, direction);
             }
             self.add(&layer, gradient, z, &mut angles);
+            self.turn_slow(layer.number, true, z);
+            self.turn_slow(layer.number, true, directions);
         }
         self.turn_all(&angles, z, directions);
     }
@@ -602,10 +686,12 @@ impl<P: Scalar, const D: usize> ElementaryMap<P> for Twist<'_, P, D> {
         let mut angles = [P::zero(); CIRCLES];
         for turn in 0..self.shears.count() {
             let layer = self.layer(turn);
+            self.turn_slow(layer.number, false, z);
             self.source(&layer, z, argument);
             layer.potential.gradient_across::<V>(argument, gradient);
             layer.add_form(argument, gradient);
             self.add(&layer, gradient, z, &mut angles);
+            self.turn_slow(layer.number, true, z);
         }
         self.turn_all(&angles, z, &mut []);
     }

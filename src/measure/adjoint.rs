@@ -38,6 +38,9 @@ pub trait Adjoint {
 ///
 /// The bound is that of the worst case and grows with the depth: where it is more than
 /// [`RESOLVED`] of the terms, the answer is that no digit is left to test.
+///
+/// Source: Griewank and Walther, Evaluating Derivatives, <https://doi.org/10.1137/1.9780898717761>,
+/// chapter 3, for pullbacks as transposes.
 pub fn adjoint_ratio(
     map: &dyn Adjoint,
     z: &[f64],

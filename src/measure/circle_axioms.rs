@@ -8,6 +8,9 @@ use crate::scalar::{Scalar, max_or_nan};
 use std::f64::consts::TAU;
 
 /// One of the axioms, with its angles in radians.
+///
+/// Source: Duruisseaux, Burby and Tang, <https://doi.org/10.1038/s41598-023-34862-w>, definition of
+/// a circle action.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CircleAxiom {
     /// Φ₀ = Id.

@@ -12,6 +12,9 @@ const NO_DIGIT: f64 = 0.1;
 ///
 /// The decomposition of a 2n × 2n matrix errs by 2n·u‖J‖², and the rounding of
 /// J itself by the sum over the steps of u·|J⁻¹|e, here bounded by its trace.
+///
+/// Source: Higham, Accuracy and Stability of Numerical Algorithms, section 9.3,
+/// <https://doi.org/10.1137/1.9780898718027>, for the decomposition.
 pub fn determinant_ratio(propagation: &RoundingPropagation) -> Conditioned {
     let dim = propagation.dim();
     let jacobian = propagation.jacobian();

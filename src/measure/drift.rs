@@ -7,6 +7,9 @@ use crate::scalar::max_or_nan;
 use std::f64::consts::TAU;
 
 /// μ₀ = 𝔍₀∘ψ⁻¹ as a function of a point, [`CircleAction::conjugated_invariant`].
+///
+/// Source: Duruisseaux, Burby and Tang, <https://doi.org/10.1038/s41598-023-34862-w>; Kruskal,
+/// <https://doi.org/10.1063/1.1724285>.
 pub fn leading_invariant<'a, M: Map<f64> + ?Sized>(
     psi: &'a M,
     weights: &[i32],

@@ -82,6 +82,9 @@ pub trait Implicit {
 ///
 /// Where the method does not converge the result is NaN. Cost: A⁻¹ of m unknowns, some
 /// six times; back 2n more of them.
+///
+/// Source: Griewank and Walther, Evaluating Derivatives, <https://doi.org/10.1137/1.9780898717761>,
+/// chapter 15, for derivatives of what is iterated.
 #[derive(Clone, Copy, Debug)]
 pub struct Solved<M>(pub M);
 

@@ -23,6 +23,9 @@ pub const ILL_CONDITIONED: f64 = 0.1;
 /// ρ_I: how far the steps `there` and then `back`, which should be their
 /// inverse, come from z, over the rounding scale u·√(2Σᵢ(|Jᵢ⁻¹|δᵢ)² + z²) with
 /// i over the steps there; the largest over the components.
+///
+/// Source: Higham and Mary, <https://doi.org/10.1137/18M1226312>, for errors that add up as
+/// independent ones.
 pub fn inversion_ratio(
     there: MeasuredSteps<'_>,
     back: MeasuredSteps<'_>,

@@ -21,6 +21,9 @@ impl<M> Differentiable for M where
 /// ∂P/∂z at z, 2n × 2n, exact up to rounding. One evaluation over duals with
 /// as many directions as the point has components, up to eight at a time.
 ///
+/// Source: Griewank and Walther, Evaluating Derivatives, <https://doi.org/10.1137/1.9780898717761>,
+/// chapter 3.
+///
 /// # Panics
 /// When z is not of 2n numbers.
 pub fn jacobian(map: &impl Differentiable, z: &[f64]) -> Mat<f64> {

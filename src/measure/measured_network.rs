@@ -3,9 +3,7 @@
 use super::measured_coupling::CouplingStep;
 use super::measured_step::{MeasuredPotential, MeasuredSteps, ShearMap, TrackedStep, turn_steps};
 use super::measured_twist::TwistStep;
-use crate::layer::{
-    ElementaryMap, Kick, TanhPotential, TurnStep, TurnedCoupling, TurnedTwist, Twist,
-};
+use crate::layer::{ElementaryMap, Kick, TanhPotential, TurnStep, TurnedCoupling, Twist};
 use crate::network::Visitor;
 use crate::phase::Direction;
 
@@ -29,20 +27,6 @@ impl<'a> Visitor<'a, f64> for AsMeasured {
 
     fn visit_twist<const D: usize>(self, twist: Twist<'a, f64, D>) -> MeasuredSteps<'a> {
         vec![Box::new(TwistStep(twist))]
-    }
-
-    fn visit_turned_twist<const D: usize>(
-        self,
-        turned: TurnedTwist<'a, f64, D>,
-    ) -> MeasuredSteps<'a> {
-        if turned.is_identity() {
-            return Vec::new();
-        }
-        let (turn, twist) = turned.parts();
-        let mut steps = turn_steps(turn, Direction::Forward);
-        steps.push(Box::new(TwistStep(twist)));
-        steps.extend(turn_steps(turn, Direction::Inverse));
-        steps
     }
 
     fn visit_coupling<const D: usize>(

@@ -10,6 +10,9 @@ use faer::Mat;
 /// R = Σᵢ(ĴᵢᵀΩEᵢ + EᵢᵀΩĴᵢ − EᵢᵀΩEᵢ) exactly: later steps do not amplify earlier
 /// errors. Hence T²_jk = Σᵢ(|Ĵᵢ|ᵀ|Ω|eᵢ + eᵢᵀ|Ω||Ĵᵢ|)²_jk + F²_jk + 1 with eᵢ the
 /// scale of Eᵢ and F = |Ĵ_q|ᵀ|Ĵ_p| + its transpose, the error of forming R.
+///
+/// Source: Higham and Mary, <https://doi.org/10.1137/18M1226312>, for errors that add up as
+/// independent ones.
 pub fn symplecticity_scale(propagation: &RoundingPropagation<'_>) -> Mat<f64> {
     let dim = propagation.dim();
     let dof = dim / 2;
@@ -49,6 +52,9 @@ pub fn symplecticity_scale(propagation: &RoundingPropagation<'_>) -> Mat<f64> {
 
 /// ρ_S = max |R_jk|/(u T_jk), the symplecticity defect at a point over its
 /// rounding scale [`symplecticity_scale`]; NaN when anything is not finite.
+///
+/// Source: Hairer, Lubich and Wanner, Geometric Numerical Integration, VI.2,
+/// <https://doi.org/10.1007/3-540-30666-8>, for the condition.
 pub fn symplecticity_ratio(propagation: &RoundingPropagation<'_>) -> f64 {
     let end = propagation.jacobian();
     let (defect, scale) = (symplecticity_defect(end), symplecticity_scale(propagation));

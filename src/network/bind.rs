@@ -4,7 +4,7 @@ use super::composition::Composition;
 use super::step::{Kind, Step, Visitor};
 use crate::layer::{
     ActivationModule, AffineCoupling, ElementaryMap, LinearModule, TanhPotential, TurnStep,
-    TurnedCoupling, TurnedKick, TurnedTwist, Twist,
+    TurnedCoupling, TurnedKick, Twist,
 };
 use crate::scalar::Scalar;
 
@@ -71,24 +71,12 @@ impl<P: Scalar> Composition<P> {
                     _ => visit!(0),
                 }
             }
-            Kind::Twist { ref shears } => {
-                macro_rules! visit {
-                    ($D:literal) => {
-                        visitor.visit_twist(Twist::<P, $D> { shears, scale, parameters, inverse })
-                    };
-                }
-                match shears.planes().arguments() {
-                    2 if T::SPECIALISED => visit!(2),
-                    _ => visit!(0),
-                }
-            }
-            Kind::TurnedTwist { ref shears, prepared } => {
-                let turn = self.turn(prepared);
-                let parameters = &parameters[turn.angle_count()..];
+            Kind::Twist { ref shears, prepared } => {
+                let turns = prepared.map_or(&[][..], |first| self.turns(first, shears.count()));
                 macro_rules! visit {
                     ($D:literal) => {{
-                        let twist = Twist::<P, $D> { shears, scale, parameters, inverse };
-                        visitor.visit_turned_twist(TurnedTwist::new(turn, twist))
+                        let twist = Twist::<P, $D> { shears, scale, parameters, inverse, turns };
+                        visitor.visit_twist(twist)
                     }};
                 }
                 match shears.planes().arguments() {

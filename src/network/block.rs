@@ -121,7 +121,7 @@ pub enum Layers {
     /// The shears of one [twist](crate::layer::Twist): the first, the third and so on change the
     /// positions and have a quadratic form beside their neurons, of which they need few or none.
     Twist(Vec<usize>),
-    /// [Twists in turned coordinates of the slow planes](crate::layer::TurnedTwist).
+    /// [Twists in turned coordinates of the slow planes](crate::layer::TwistShears::turned).
     TurnedTwist(Vec<usize>),
     /// [Affine couplings in turned coordinates](crate::layer::TurnedCoupling), which are not
     /// symplectic.
@@ -390,19 +390,14 @@ impl Layers {
                     out.push(step(Kind::TurnedCoupling { width, prepared }, range));
                 }
             }
-            Self::Twist(all) => {
+            Self::Twist(all) | Self::TurnedTwist(all) => {
                 let planes = planes.expect("a twist without planes is refused").clone();
-                let shears = Arc::new(TwistShears::new(planes, all));
+                let turned = matches!(self, Self::TurnedTwist(_));
+                let of = if turned { TwistShears::turned } else { TwistShears::new };
+                let shears = Arc::new(of(planes, all));
+                let prepared = turned.then(|| out.prepare_slow(&shears, start));
                 let end = ranges.last().map_or(start, |last| last.end);
-                out.push(step(Kind::Twist { shears }, start..end));
-            }
-            Self::TurnedTwist(_) => {
-                let planes = planes.expect("a twist without planes is refused");
-                for (width, range) in widths {
-                    let prepared = out.prepare_slow(planes, &range);
-                    let shears = Arc::new(TwistShears::of_momenta(planes.clone(), width));
-                    out.push(step(Kind::TurnedTwist { shears, prepared }, range));
-                }
+                out.push(step(Kind::Twist { shears, prepared }, start..end));
             }
             Self::SympNet(of) => {
                 for (layer, range) in ranges.iter().cloned().enumerate() {

@@ -2,7 +2,7 @@
 
 use super::step::{Kind, Step, Visitor};
 use crate::error::Error;
-use crate::layer::{ElementaryMap, FastPlanes, TorusAction, Turn};
+use crate::layer::{ElementaryMap, TorusAction, Turn, TwistShears};
 use crate::phase::{Direction, Map};
 use crate::scalar::{Over, Pack, Real, Scalar, Task};
 use std::marker::PhantomData;
@@ -19,7 +19,7 @@ pub struct Composition<P> {
     steps: Vec<Step>,
     parameters: Vec<P>,
     epsilon: P,
-    /// One for each step that is a turn, prepared for the angles it points to.
+    /// One for each turn of a step, prepared for the angles it points to.
     turns: Vec<Turn<P>>,
 }
 
@@ -263,11 +263,12 @@ impl<P: Scalar> Composition<P> {
         Error::check_count("parameters", self.parameters.len(), parameters.len())?;
         let (mut steps, mut turns) = (self.steps.clone(), Vec::new());
         for step in &mut steps {
+            let (own, begins) = (&parameters[step.parameters.clone()], step.kind.angles().to_vec());
             if let Some(prepared) = step.kind.prepared_mut() {
-                let turn = &self.turns[*prepared];
-                let angles = &parameters[step.parameters.clone()][..turn.angle_count()];
-                *prepared = turns.len();
-                turns.push(turn.with_angles(angles));
+                let first = std::mem::replace(prepared, turns.len());
+                for (turn, begin) in self.turns[first..].iter().zip(begins) {
+                    turns.push(turn.with_angles(&own[begin..begin + turn.angle_count()]));
+                }
             }
         }
         Ok(Composition { dof: self.dof, steps, parameters, epsilon, turns })
@@ -311,6 +312,12 @@ impl<P: Scalar> Composition<P> {
     #[inline(always)]
     pub(super) fn turn(&self, prepared: usize) -> &Turn<P> {
         &self.turns[prepared]
+    }
+
+    /// So many prepared turns, from this one on.
+    #[inline(always)]
+    pub(super) fn turns(&self, first: usize, count: usize) -> &[Turn<P>] {
+        &self.turns[first..first + count]
     }
 
     /// The inverse map, as a composition of its own.
@@ -463,6 +470,9 @@ impl<P: Scalar> Composition<P> {
     /// The pullback at the recorded point: `z_bar` from the cotangent of P(z)
     /// to the cotangent of z; the cotangent of the parameters is added to
     /// `parameters_bar`. Costs about twice an evaluation.
+    ///
+    /// Source: Griewank and Walther, Evaluating Derivatives,
+    /// <https://doi.org/10.1137/1.9780898717761>, chapter 3, the reverse mode.
     pub fn vjp<S: Over<P>>(
         &self,
         recording: &mut Recording<S>,
@@ -488,11 +498,15 @@ impl<P: Real> Composition<P> {
         Ok(out)
     }
 
-    /// Prepares the turn of each slow plane by its angle, the first of these parameters.
-    pub(super) fn prepare_slow(&mut self, planes: &FastPlanes, parameters: &Range<usize>) -> usize {
-        let angles = &self.parameters[parameters.clone()][..planes.slow().len()];
-        self.turns.push(planes.slow_turn(angles));
-        self.turns.len() - 1
+    /// Prepares the turns of the slow planes of each shear of a turned twist, whose parameters begin
+    /// here; the first of them.
+    pub(super) fn prepare_slow(&mut self, shears: &TwistShears, start: usize) -> usize {
+        let (planes, first) = (shears.planes(), self.turns.len());
+        for begin in shears.angles() {
+            let angles = &self.parameters[start + begin..][..planes.slow().len()];
+            self.turns.push(planes.slow_turn(angles));
+        }
+        first
     }
 
     /// Prepares the turn of each plane by its angle, the first of these parameters.

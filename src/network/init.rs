@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// How weights are drawn before training.
+///
+/// Source: Glorot and Bengio, <https://proceedings.mlr.press/v9/glorot10a.html>, for the uniform
+/// law.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum InitialWeights {

@@ -64,6 +64,9 @@ impl Kernel for Jacobians<'_> {
 /// Cost: n/2 evaluations, rounded up, each with four derivatives of all but tanh, which
 /// they share.
 ///
+/// Source: Griewank and Walther, Evaluating Derivatives, <https://doi.org/10.1137/1.9780898717761>,
+/// chapter 3, the forward mode.
+///
 /// # Errors
 /// When `points` is not a whole number of points, or `out` of another size.
 pub fn map_jacobians_by_duals(

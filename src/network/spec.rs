@@ -126,15 +126,25 @@ impl NamedArchitecture {
                 ("psi", None),
                 ("kicks", Some((12, 8))),
                 ("twists", Some((16, 8))),
+                ("turned_twists", None),
                 ("perturbation", None),
             ],
             circles: Circles::Several,
             make: |spec, of| {
-                let [psi, kicks, twists] = ["psi", "kicks", "twists"].map(|key| spec.widths(key));
+                let [psi, kicks, twists, turned_twists] =
+                    ["psi", "kicks", "twists", "turned_twists"].map(|key| spec.widths(key));
                 let perturbation = spec.perturbation.map(LayerSizes::widths);
                 let (action, flow_time) = (of.action.clone(), of.flow_time);
-                NormalFormShape { action, psi, kicks, twists, flow_time, perturbation }
-                    .architecture(of.epsilon)
+                NormalFormShape {
+                    action,
+                    psi,
+                    kicks,
+                    twists,
+                    turned_twists,
+                    flow_time,
+                    perturbation,
+                }
+                .architecture(of.epsilon)
             },
         },
         Self {
@@ -235,6 +245,9 @@ pub struct NetworkSpec {
     /// the positions, and have a quadratic form beside them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub twists: Option<LayerSizes>,
+    /// The turned twists of T_ε; with these alone given, it has no others.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turned_twists: Option<LayerSizes>,
     /// The turned kicks of K_ε, of a map that is nearly integrable; of 0 layers, an integrable one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub perturbation: Option<LayerSizes>,
@@ -312,8 +325,8 @@ impl NetworkSpec {
     }
 
     /// The keys of sizes that any architecture has.
-    pub const SIZES: [&str; 6] =
-        ["psi", "near_identity", "kicks", "twists", "perturbation", "layers"];
+    pub const SIZES: [&str; 7] =
+        ["psi", "near_identity", "kicks", "twists", "turned_twists", "perturbation", "layers"];
 
     fn given(&self, key: &str) -> Option<LayerSizes> {
         match key {
@@ -321,6 +334,7 @@ impl NetworkSpec {
             "near_identity" => self.near_identity,
             "kicks" => self.kicks,
             "twists" => self.twists,
+            "turned_twists" => self.turned_twists,
             "perturbation" => self.perturbation,
             "layers" => match (self.modules, self.shears) {
                 (None, None) => self.layers,
@@ -345,6 +359,7 @@ impl NetworkSpec {
             "near_identity" => &mut self.near_identity,
             "kicks" => &mut self.kicks,
             "twists" => &mut self.twists,
+            "turned_twists" => &mut self.turned_twists,
             "perturbation" => &mut self.perturbation,
             _ => &mut self.layers,
         };
@@ -359,6 +374,9 @@ impl NetworkSpec {
     /// The size of a part: what is given, or the default.
     pub fn size(&self, key: &str) -> Option<LayerSizes> {
         self.given(key).or_else(|| {
+            if key == "twists" && self.turned_twists.is_some() {
+                return None;
+            }
             let named = NamedArchitecture::find(&self.kind).ok()?;
             let (_, default) = named.sizes.iter().find(|(own, _)| *own == key)?;
             default.map(|(count, width)| LayerSizes::uniform(count, width))
@@ -485,10 +503,11 @@ impl Architecture {
     pub fn name(&self) -> Option<&'static str> {
         let action = self.action().unwrap_or_else(|| TorusAction::of_planes(self.dof.max(1)));
         let is_it = |named: &&NamedArchitecture| {
-            // With all its parts, and without those that are left out unless they are given.
-            [true, false].into_iter().any(|all| {
+            // With any of its parts given, which decides what it has.
+            (0..1_usize << named.sizes.len()).any(|given| {
                 let mut spec = NetworkSpec { kind: named.name.into(), ..NetworkSpec::default() };
-                for (key, default) in named.sizes.iter().filter(|_| all) {
+                let sizes = named.sizes.iter().enumerate();
+                for (_, (key, default)) in sizes.filter(|(number, _)| given >> number & 1 == 1) {
                     let (count, width) = default.unwrap_or((1, 1));
                     match spec.clone().with_size(key, LayerSizes::uniform(count, width)) {
                         Ok(with) => spec = with,

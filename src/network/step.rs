@@ -1,8 +1,8 @@
 //! The kinds of step, and the one place where a step is bound to its parameters.
 
 use crate::layer::{
-    Activation, ElementaryMap, Kick, KickForm, TanhPotential, TurnStep, TurnedCoupling,
-    TurnedTwist, Twist, TwistShears,
+    Activation, ElementaryMap, Kick, KickForm, TanhPotential, TurnStep, TurnedCoupling, Twist,
+    TwistShears,
 };
 use crate::phase::Half;
 use crate::scalar::Scalar;
@@ -58,13 +58,9 @@ pub enum Kind {
     Twist {
         /// Its shears.
         shears: Arc<TwistShears>,
-    },
-    /// A twist in turned coordinates of the slow planes; its first parameters are their angles.
-    TurnedTwist {
-        /// Its shear, of the momenta.
-        shears: Arc<TwistShears>,
-        /// Which of the composition's prepared turns.
-        prepared: usize,
+        /// Which of the composition's prepared turns is that of the first of the shears, where they
+        /// are turned; those of the others come after it.
+        prepared: Option<usize>,
     },
     /// A linear module of a SympNet.
     Linear {
@@ -83,17 +79,23 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Which of the composition's prepared turns it has, if any.
+    /// Where the angles of each of its prepared turns begin among its parameters.
+    pub(super) fn angles(&self) -> &[usize] {
+        match self {
+            Self::Twist { shears, .. } => shears.angles(),
+            Self::Turn { .. } | Self::TurnedKick { .. } | Self::TurnedCoupling { .. } => &[0],
+            Self::Kick { .. } | Self::Linear { .. } | Self::Activation { .. } => &[],
+        }
+    }
+
+    /// Which of the composition's prepared turns it has, if any: the first of them.
     pub(super) fn prepared_mut(&mut self) -> Option<&mut usize> {
         match self {
             Self::Turn { prepared }
             | Self::TurnedKick { prepared, .. }
-            | Self::TurnedTwist { prepared, .. }
             | Self::TurnedCoupling { prepared, .. } => Some(prepared),
-            Self::Kick { .. }
-            | Self::Twist { .. }
-            | Self::Linear { .. }
-            | Self::Activation { .. } => None,
+            Self::Twist { prepared, .. } => prepared.as_mut(),
+            Self::Kick { .. } | Self::Linear { .. } | Self::Activation { .. } => None,
         }
     }
 }
@@ -125,12 +127,6 @@ pub trait Visitor<'a, P: Scalar>: Sized {
     /// Takes a twist.
     #[inline(always)]
     fn visit_twist<const D: usize>(self, twist: Twist<'a, P, D>) -> Self::Output {
-        self.visit(twist)
-    }
-
-    /// Takes a twist in turned coordinates.
-    #[inline(always)]
-    fn visit_turned_twist<const D: usize>(self, twist: TurnedTwist<'a, P, D>) -> Self::Output {
         self.visit(twist)
     }
 

@@ -136,7 +136,7 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// said beside it comes before it.
 /// architecture: "gyroceptron", "normal-form", "coupling-gyroceptron",
 /// "kicked-gyroceptron", "henon-net" or "symp-net".
-/// psi, near_identity, kicks, twists, perturbation, layers: (layers, neurons) of the parts that it
+/// psi, near_identity, kicks, twists, turned_twists, perturbation, layers: (layers, neurons) of the parts that it
 /// has, or (layers, (neurons, neurons)) of two widths by turns; a normal form with a perturbation is nearly integrable, of order one without it.
 /// blocks: a network of your own in place of a named architecture: a list of dictionaries with layer
 /// ("henon", "turned-kick", "twist", "turned-twist", "turned-coupling", "symp-net"), widths, part ("conjugation",
@@ -173,7 +173,7 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 #[pyfunction]
 #[pyo3(signature = (
     input, output, circle_action=Circles::Auto, *, recipe=None, scene=None, architecture=None, psi=None,
-    near_identity=None, kicks=None, twists=None, perturbation=None, layers=None, blocks=None, optimiser=None,
+    near_identity=None, kicks=None, twists=None, turned_twists=None, perturbation=None, layers=None, blocks=None, optimiser=None,
     iterations=None, starts=None, ramp=None, near_identity_penalty=None, loss_weights=None, patience=None,
     target=None, plateau=None, epsilon=None, flow_time=None, theta=None, theta_fixed=false,
     theta_penalty=None, units="fitted", validation=0.1, seed=0, report=None, checkpoint=None,
@@ -192,6 +192,7 @@ pub(super) fn train(
     near_identity: Shape,
     kicks: Shape,
     twists: Shape,
+    turned_twists: Shape,
     perturbation: Shape,
     layers: Shape,
     blocks: Option<Bound<'_, PyAny>>,
@@ -225,7 +226,7 @@ pub(super) fn train(
     let pairs = Pairs::new("pairs", dof, input, output)?;
     let ((epsilon, epsilons), (flow_time, times)) = (condition(epsilon), condition(flow_time));
     let data = FamilyPairs::under(pairs, epsilons.as_deref(), times.as_deref())?;
-    let shapes = Shapes { psi, near_identity, kicks, twists, perturbation, layers };
+    let shapes = Shapes { psi, near_identity, kicks, twists, turned_twists, perturbation, layers };
     let blocks = blocks.map(|blocks| blocks_of(py, blocks)).transpose()?.unwrap_or_default();
     let network = shapes.network(architecture, base.network.clone(), blocks)?;
     let mut training = base.training.clone();
@@ -350,6 +351,7 @@ struct Shapes {
     near_identity: Shape,
     kicks: Shape,
     twists: Shape,
+    turned_twists: Shape,
     perturbation: Shape,
     layers: Shape,
 }
@@ -370,6 +372,7 @@ impl Shapes {
             ("near_identity", self.near_identity),
             ("kicks", self.kicks),
             ("twists", self.twists),
+            ("turned_twists", self.turned_twists),
             ("perturbation", self.perturbation),
             ("layers", self.layers),
         ];

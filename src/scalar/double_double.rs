@@ -12,6 +12,9 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// exponential are our own, within 2⁻¹⁰² relative
 /// (of `f64` accuracy beyond e⁷⁰⁹). The range is that of `f64`,
 /// less some 16 digits at its lower end.
+///
+/// Source: Dekker, <https://doi.org/10.1007/BF01397083>; Joldes, Muller and Popescu,
+/// <https://doi.org/10.1145/3121432>, for the errors of sums and products.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DoubleDouble(Quad);
 

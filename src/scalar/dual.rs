@@ -8,6 +8,9 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 ///
 /// Every derivative is exact up to rounding; nothing is truncated. Duals nest
 /// (`Dual<Dual<S, N>, M>` has second derivatives).
+///
+/// Source: Griewank and Walther, Evaluating Derivatives, <https://doi.org/10.1137/1.9780898717761>,
+/// chapter 3.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dual<S, const N: usize> {
     /// The value.

@@ -9,6 +9,9 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// |computed − exact| ≤ u·`bound` up to terms of order u². The bound assumes
 /// the worst at every step: it is rigorous and pessimistic. `Dual<Tracked, N>`
 /// bounds the errors of derivatives.
+///
+/// Source: Higham, Accuracy and Stability of Numerical Algorithms, section 3.3,
+/// <https://doi.org/10.1137/1.9780898718027>.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tracked {
     /// The value as `f64` computes it.

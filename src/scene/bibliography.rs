@@ -157,3 +157,14 @@ pub(super) const STROBOSCOPIC: &str = "@article{CalvoEtAl2011,
   doi = {10.1016/j.apnum.2011.06.007}
 }
 ";
+
+/// Averaged equations.
+pub(super) const AVERAGING: &str = "@book{SandersVerhulstMurdock2007,
+  author = {Sanders, Jan A. and Verhulst, Ferdinand and Murdock, James},
+  title = {Averaging Methods in Nonlinear Dynamical Systems},
+  edition = {2},
+  publisher = {Springer},
+  year = {2007},
+  doi = {10.1007/978-0-387-48918-6}
+}
+";

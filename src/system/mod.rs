@@ -1,5 +1,6 @@
 //! Nearly-periodic systems, Hamiltonian ones and one that is not: a file each.
 
+mod cellular_drift;
 mod counted;
 mod field_lines;
 mod full_orbit;
@@ -8,6 +9,7 @@ mod particle_field;
 mod three_oscillators;
 mod van_der_pol;
 
+pub use cellular_drift::CellularDrift;
 pub use counted::Counted;
 pub use field_lines::FieldLines;
 pub use full_orbit::FullOrbit;
@@ -156,6 +158,19 @@ pub trait NearlyPeriodic: Hamiltonian {
         None
     }
 
+    /// What [`NearlyPeriodic::averaged_field`] has of the actions at z, which the averaged flow keeps; None
+    /// where the average has no closed form.
+    fn average_constants(&self, z: &[f64]) -> Option<[f64; 2]> {
+        let _ = z;
+        None
+    }
+
+    /// `out` ← the average over the circle through z of the vector field without the limit's, in closed form, where
+    /// [`NearlyPeriodic::average_constants`] are some.
+    fn averaged_field<S: Elementary>(&self, z: &[S], constants: &[S; 2], out: &mut [S]) {
+        let _ = (z, constants, out);
+    }
+
     /// z ← the exact flow of the limit ε = 0 over `time`: the rotation that a
     /// surrogate has to improve upon.
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S);
@@ -203,6 +218,8 @@ pub enum System {
     FieldLines(FieldLines),
     /// A charged particle in a strong magnetic field.
     FullOrbit(FullOrbit),
+    /// A charged particle that drifts through the cells of a potential.
+    CellularDrift(CellularDrift),
     /// Two fast oscillators and a slow one.
     ThreeOscillators(ThreeOscillators),
     /// A self-excited oscillator with a slow one: not Hamiltonian.
@@ -217,6 +234,7 @@ macro_rules! each_system {
             $crate::system::System::ParticleField($system) => $body,
             $crate::system::System::FieldLines($system) => $body,
             $crate::system::System::FullOrbit($system) => $body,
+            $crate::system::System::CellularDrift($system) => $body,
             $crate::system::System::ThreeOscillators($system) => $body,
             $crate::system::System::VanDerPol($system) => $body,
         }
@@ -232,6 +250,7 @@ impl System {
             Self::ParticleField(_) => "particle-field",
             Self::FieldLines(_) => "field-lines",
             Self::FullOrbit(_) => "full-orbit",
+            Self::CellularDrift(_) => "cellular-drift",
             Self::ThreeOscillators(_) => "three-oscillators",
             Self::VanDerPol(_) => "van-der-pol",
         }
@@ -249,6 +268,7 @@ impl System {
             Self::ParticleField(system) => system.epsilon = epsilon,
             Self::FieldLines(system) => system.epsilon = epsilon,
             Self::FullOrbit(system) => system.epsilon = epsilon,
+            Self::CellularDrift(system) => system.epsilon = epsilon,
             Self::ThreeOscillators(system) => system.epsilon = epsilon,
             Self::VanDerPol(system) => system.epsilon = epsilon,
         }
@@ -274,6 +294,7 @@ impl System {
             Self::ParticleField(system) => system.check(),
             Self::FieldLines(system) => system.check(),
             Self::FullOrbit(system) => system.check(),
+            Self::CellularDrift(system) => system.check(),
             Self::ThreeOscillators(system) => system.check(),
             Self::VanDerPol(system) => system.check(),
         }

@@ -80,6 +80,21 @@ impl NearlyPeriodic for Oscillators {
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         S::from_f64(0.5) * z[0].mul_add(z[0], z[2] * z[2])
     }
+    /// c = R J₁(2R) of R² = q₁² + p₁², and its derivative by ½R², 2J₀(2R).
+    fn average_constants(&self, z: &[f64]) -> Option<[f64; 2]> {
+        let radius = libm::hypot(z[0], z[2]);
+        Some([radius * libm::j1(2.0 * radius), 2.0 * libm::j0(2.0 * radius)])
+    }
+    /// That of H̄ = ½ε(q₂² + p₂²) + εc q₂ cos 2q₂.
+    #[inline(always)]
+    fn averaged_field<S: Elementary>(&self, z: &[S], [c, slope]: &[S; 2], out: &mut [S]) {
+        let epsilon = S::from_f64(self.epsilon);
+        let (sin, cos) = (z[1] + z[1]).sin_cos();
+        let shift = epsilon * *slope * z[1] * cos;
+        (out[0], out[2]) = (shift * z[2], -(shift * z[0]));
+        out[1] = epsilon * z[3];
+        out[3] = -(epsilon * (z[1] + *c * (cos - (z[1] + z[1]) * sin)));
+    }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         turn(z, 0, 2, time);
     }

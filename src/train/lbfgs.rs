@@ -34,6 +34,9 @@ pub enum Scaling {
 }
 
 /// Options of L-BFGS.
+///
+/// Source: Liu and Nocedal, <https://doi.org/10.1007/BF01589116>, with the line search of Moré and
+/// Thuente, <https://doi.org/10.1145/192115.192132>.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LbfgsOptions {

@@ -33,6 +33,9 @@ use std::ops::ControlFlow;
 /// others every ten iterations. It takes twice as many when the loss on all of them is
 /// much larger than that on those it had, when it has not fallen for
 /// fifty iterations, or when no step lowers that on a part any more.
+///
+/// Source: Marquardt, <https://doi.org/10.1137/0111030>; Transtrum and Sethna,
+/// <https://arxiv.org/abs/1201.5885>, for the geodesic acceleration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LevenbergMarquardtOptions {

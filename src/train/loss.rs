@@ -292,6 +292,9 @@ impl<'a> Objective<'a> {
     /// The loss; `gradient` ← its gradient in the parameters. Costs about
     /// three times the loss.
     ///
+    /// Source: Griewank and Walther, Evaluating Derivatives,
+    /// <https://doi.org/10.1137/1.9780898717761>, chapter 3, for the reverse mode that it is.
+    ///
     /// # Panics
     /// When `gradient` is not of the map's number of parameters.
     pub fn value_and_gradient(&self, map: &Composition<f64>, gradient: &mut [f64]) -> f64 {

@@ -12,6 +12,9 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// The quadratic model of a loss in the parameters: loss + gᵀδ + ½δᵀAδ.
+///
+/// Source: Nocedal and Wright, Numerical Optimization, section 10.3,
+/// <https://doi.org/10.1007/978-0-387-40065-5>.
 #[derive(Clone, Debug)]
 pub struct NormalEquations {
     /// A = (2/N) Σ Σ_c weight_c ∇residual_c ∇residual_cᵀ; the lower triangle, the

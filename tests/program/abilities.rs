@@ -223,6 +223,10 @@ const CASES: &[Case] = &[
         let sizes = [("kicks", of(2, 3)), ("twists", by_turns(2, [2, 3]))];
         fit.network = named("normal-form", &sizes);
     }),
+    ("turned twists of a normal form", |fit| {
+        let sizes = [("kicks", of(2, 3)), ("turned_twists", of(2, 2))];
+        fit.network = named("normal-form", &sizes);
+    }),
     ("two widths by turns of any part", |fit| {
         let sizes = [
             ("kicks", by_turns(2, [3, 1])),

@@ -116,6 +116,28 @@ fn learnt_invariants_are_of_second_order() {
     assert!(leading >= 50.0 * learnt, "{leading} {learnt}");
 }
 
+/// Two minutes in a release build: `cargo test --release --test studies no_sum -- --ignored --nocapture`
+/// prints the errors.
+#[test]
+#[ignore = "takes minutes: run it with --ignored"]
+fn averages_that_are_no_sum_are_learnt_by_turned_twists() {
+    let folder = temporary();
+    let report = run_in(folder.path(), &part("family", "cells"));
+    let data = render::json(&report);
+    let maps = data["studies"]["family"]["maps"].as_array().expect("maps");
+    for map in maps {
+        let of = |key: &str| map[key].as_f64().expect("a number");
+        let error = |model: usize| map["errors"][model].as_f64().expect("a number").sqrt();
+        let (epsilon, time, gain) = (of("epsilon"), of("flow_time"), error(1) / error(0));
+        println!("ε = {epsilon}, time {time}: turned {:.1e}, rms, {gain:.1} times less", error(0));
+        // Of those that were learnt, steps that are not long beside the slow motion.
+        if epsilon * time <= 0.2 && epsilon > 0.005 {
+            assert!(gain >= 10.0, "{gain}");
+        }
+    }
+    assert!(maps.len() == 20);
+}
+
 #[test]
 fn families_that_do_not_fit_are_refused() {
     let with = |from: &str, to: &str, words: &[&str]| {

@@ -152,6 +152,7 @@ def train(
     near_identity: _Layers | None = None,
     kicks: _Layers | None = None,
     twists: _Layers | None = None,
+    turned_twists: _Layers | None = None,
     perturbation: _Layers | None = None,
     layers: _Layers | None = None,
     blocks: Sequence[Mapping[str, Any]] | None = None,

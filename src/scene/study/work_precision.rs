@@ -15,7 +15,7 @@ use crate::measure::{
 use crate::network::{Composition, Model, map_jacobians, map_jacobians_by_duals, map_points};
 use crate::phase::Direction;
 use crate::scene::bibliography::{
-    BORIS, GAUSS_LEGENDRE, SPLITTINGS, STROBOSCOPIC, VELOCITY_SPLITTING, YOSHIDA,
+    AVERAGING, BORIS, GAUSS_LEGENDRE, SPLITTINGS, STROBOSCOPIC, VELOCITY_SPLITTING, YOSHIDA,
 };
 use crate::scene::context::{Context, RunError};
 use crate::scene::data_sets::DataSets;
@@ -194,6 +194,7 @@ pub(super) fn citations(integrators: impl Iterator<Item = Integrator>) -> Vec<&'
             Integrator::Boris => Some(BORIS),
             Integrator::VelocitySplitting => Some(VELOCITY_SPLITTING),
             Integrator::Stroboscopic { .. } => Some(STROBOSCOPIC),
+            Integrator::Averaged { .. } => Some(AVERAGING),
             Integrator::RungeKutta4 | Integrator::Strang | Integrator::GaussLegendre { .. } => None,
         });
     }

@@ -1,0 +1,217 @@
+//! Averaged equations: the slow motion without the fast angle, and what leads to it and back.
+
+use crate::layer::Turn;
+use crate::scalar::{Elementary, Over};
+use crate::system::NearlyPeriodic;
+use std::f64::consts::TAU;
+
+/// The flow of a system whose limit turns coordinate planes along one circle, by the averaged equation.
+///
+/// With the angle φ of the circle action Φ and the frequency ω₀ of the limit, w = Φ_{−ω₀t}z follows
+/// dw/dt = f(w, ω₀t), f(w, φ) = Φ_{−φ}X₁(Φ_φ w), X₁ of size ε being the vector field without the limit's. Then
+/// w = W + u(W, φ) with
+///
+/// ω₀ ∂u/∂φ = f − ⟨f⟩, ⟨u⟩ = 0, and dW/dt = ⟨f(W, ·)⟩ of first order, ⟨f(W + u(W, ·), ·)⟩ of second order,
+///
+/// averages being taken over equally spaced angles, exact but for harmonics that these do not
+/// resolve. Steps of the classical Runge–Kutta method follow W, and the circle turns by ω₀t in one. Over
+/// times of 1/ε the errors are O(ε) and O(ε²). A slope takes as many evaluations of the vector field as there
+/// are angles, times the order, or one of the average, of first order, where it has a
+/// [closed form](NearlyPeriodic::averaged_field). Entering the averaged coordinates and leaving them costs
+/// as many evaluations as there are angles, times the order and one.
+///
+/// Source: Sanders, Verhulst and Murdock, <https://doi.org/10.1007/978-0-387-48918-6>, sections 2.8 and 2.9.
+#[derive(Clone, Debug)]
+pub struct Averaged {
+    /// Φ at each of the angles.
+    turns: Vec<Turn<f64>>,
+    /// u(W, 0) = Σ of these times f at each of the angles.
+    weights: Vec<f64>,
+    /// Φ at the angle of the whole time.
+    whole: Turn<f64>,
+    /// ω₀ m_j of each plane.
+    frequencies: Vec<f64>,
+    time: f64,
+    order: usize,
+    closed: bool,
+}
+
+impl Averaged {
+    /// Over `time`, with averages over so many angles, of first or second order.
+    ///
+    /// # Panics
+    /// When there is no angle, or the order is another one.
+    pub fn new(system: &impl NearlyPeriodic, time: f64, angles: usize, order: usize) -> Self {
+        assert!(angles > 0 && (1..=2).contains(&order), "{angles} angles, order {order}");
+        let (action, frequency) = (system.circle_action(), system.limiting_frequency());
+        let share = |k: usize| TAU * k as f64 / angles as f64;
+        // The antiderivative of each harmonic that the angles resolve, at the angle 0.
+        let weight = |k: usize| {
+            let harmonics = 1..=(angles - 1) / 2;
+            let of = |m: usize| libm::sin(share((m * k) % angles)) / m as f64;
+            -2.0 * harmonics.map(of).sum::<f64>() / (angles as f64 * frequency)
+        };
+        let frequencies = action.weights().iter().map(|m| f64::from(*m) * frequency).collect();
+        Self {
+            turns: (0..angles).map(|k| action.turn_by(share(k))).collect(),
+            weights: (0..angles).map(weight).collect(),
+            whole: action.turn_by(frequency * time),
+            frequencies,
+            time,
+            order,
+            closed: false,
+        }
+    }
+
+    /// By the closed form of the average, of first order; so many angles are for what leads to it and back.
+    pub fn in_closed_form(self) -> Self {
+        Self { closed: true, order: 1, ..self }
+    }
+
+    /// Whether it takes the closed form of the average.
+    pub fn is_in_closed_form(&self) -> bool {
+        self.closed
+    }
+
+    /// z ← the flow, in `count` steps of the averaged equation, of one point of 2n numbers. `constants`
+    /// ← [`NearlyPeriodic::average_constants`] of the averaged point are asked for where it is in closed form.
+    ///
+    /// # Panics
+    /// When `count` is 0 or z is of another size than the system's points.
+    #[inline(always)]
+    pub fn take<S: Over<f64> + Elementary>(
+        &self,
+        system: &impl NearlyPeriodic,
+        z: &mut [S],
+        count: usize,
+        constants: impl Fn(&[S]) -> [S; 2],
+    ) {
+        let dim = z.len();
+        assert!(count > 0 && dim == 2 * system.dof());
+        let mut space = vec![S::zero(); (self.turns.len() + 4) * dim];
+        let (fields, rest) = space.split_at_mut(self.turns.len() * dim);
+        let (stage, rest) = rest.split_at_mut(dim);
+        let (sum, rest) = rest.split_at_mut(dim);
+        let (slope, moved) = rest.split_at_mut(dim);
+        stage.copy_from_slice(z);
+        // Each iteration gains a factor of ε: what is left is smaller than the error.
+        for _ in 0..self.order {
+            self.fields(system, stage, fields);
+            self.displacement(fields, 0, slope);
+            for i in 0..dim {
+                stage[i] = z[i] - slope[i];
+            }
+        }
+        z.copy_from_slice(stage);
+        let h = self.time / count as f64;
+        let constants = if self.closed { constants(z) } else { [S::zero(); 2] };
+        for _ in 0..count {
+            sum.fill(S::zero());
+            stage.copy_from_slice(z);
+            for (advance, weight) in [(0.5, 1.0), (0.5, 2.0), (1.0, 2.0), (0.0, 1.0)] {
+                match self.closed {
+                    true => system.averaged_field(stage, &constants, slope),
+                    false => self.slope(system, stage, fields, slope, moved),
+                }
+                for i in 0..dim {
+                    sum[i] = S::from_f64(weight).mul_add(slope[i], sum[i]);
+                    stage[i] = S::from_f64(advance * h).mul_add(slope[i], z[i]);
+                }
+            }
+            for i in 0..dim {
+                z[i] = S::from_f64(h / 6.0).mul_add(sum[i], z[i]);
+            }
+        }
+        self.whole.apply(z, false);
+        self.fields(system, z, fields);
+        self.displacement(fields, 0, slope);
+        for i in 0..dim {
+            z[i] += slope[i];
+        }
+    }
+
+    /// `out` ← f(w, φ) at the angle number k.
+    #[inline(always)]
+    fn field<S: Over<f64> + Elementary>(
+        &self,
+        system: &impl NearlyPeriodic,
+        k: usize,
+        w: &mut [S],
+        out: &mut [S],
+    ) {
+        self.turns[k].apply(w, false);
+        system.vector_field(w, 0.0, out);
+        let (q, p) = w.split_at(self.frequencies.len());
+        for (j, &frequency) in self.frequencies.iter().enumerate() {
+            let frequency = S::from_f64(frequency);
+            out[j] -= frequency * p[j];
+            out[q.len() + j] += frequency * q[j];
+        }
+        self.turns[k].apply(out, true);
+    }
+
+    /// `fields` ← f(w, φ) at all the angles.
+    #[inline(always)]
+    fn fields<S: Over<f64> + Elementary>(
+        &self,
+        system: &impl NearlyPeriodic,
+        w: &[S],
+        fields: &mut [S],
+    ) {
+        let mut turned = [S::zero(); MOST];
+        let turned = &mut turned[..w.len()];
+        for (k, field) in fields.chunks_exact_mut(w.len()).enumerate() {
+            turned.copy_from_slice(w);
+            self.field(system, k, turned, field);
+        }
+    }
+
+    /// `out` ← u(W, φ) at the angle number k, from f at all of them.
+    #[inline(always)]
+    fn displacement<S: Elementary>(&self, fields: &[S], k: usize, out: &mut [S]) {
+        out.fill(S::zero());
+        let (before, after) = fields.split_at(k * out.len());
+        let in_turn = after.chunks_exact(out.len()).chain(before.chunks_exact(out.len()));
+        for (field, &weight) in in_turn.zip(&self.weights) {
+            for (out, &f) in out.iter_mut().zip(field) {
+                *out = S::from_f64(weight).mul_add(f, *out);
+            }
+        }
+    }
+
+    /// `slope` ← dW/dt.
+    #[inline(always)]
+    fn slope<S: Over<f64> + Elementary>(
+        &self,
+        system: &impl NearlyPeriodic,
+        w: &[S],
+        fields: &mut [S],
+        slope: &mut [S],
+        moved: &mut [S],
+    ) {
+        let dim = w.len();
+        self.fields(system, w, fields);
+        slope.fill(S::zero());
+        let share = S::from_f64(1.0 / self.turns.len() as f64);
+        let mut at = [S::zero(); MOST];
+        for k in 0..self.turns.len() {
+            let of = &fields[k * dim..(k + 1) * dim];
+            let field = if self.order == 2 {
+                self.displacement(fields, k, moved);
+                for i in 0..dim {
+                    moved[i] += w[i];
+                }
+                self.field(system, k, moved, &mut at[..dim]);
+                &at[..dim]
+            } else {
+                of
+            };
+            for i in 0..dim {
+                slope[i] = share.mul_add(field[i], slope[i]);
+            }
+        }
+    }
+}
+
+/// The numbers of a point, of the systems that this is for.
+const MOST: usize = 8;
