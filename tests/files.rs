@@ -14,6 +14,7 @@ use gyroceptron::network::{
     CouplingGyroceptronShape, GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape,
     Part, SympNetShape,
 };
+use gyroceptron::phase::Map;
 use gyroceptron::train::{Control, TrainingOptions, train};
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -480,6 +481,35 @@ fn tensorflow_checkpoints_are_read() {
     names(import_weights(&alone, &action, 0.01, None), &["small.ckpt.data-00000-of-00001"]);
 }
 
+/// A normal form of turned twists alone is told by its tensors.
+#[test]
+fn turned_twists_alone_come_back() {
+    let shape = NormalFormShape {
+        action: CircleAction::new([1, 0]).into(),
+        psi: vec![],
+        kicks: vec![],
+        twists: vec![],
+        turned_twists: vec![3, 2],
+        flow_time: 2.0,
+        perturbation: None,
+    };
+    let architecture = shape.architecture(0.02);
+    let model = architecture.initialise(InitialWeights::Glorot, 0.3, 5).expect("a model");
+    let (folder, action) = (folder(), shape.action.clone());
+    let path = folder.path().join("w.npz");
+    export_weights(&path, &model, None).expect("written");
+    let tensors = read_tensors(&path).expect("read");
+    assert!(tensors.keys().all(|name| name.starts_with("turned_twist.") || name == "theta"));
+    let back = assemble_weights("w", tensors, &action, 0.02, Some(2.0)).expect("read");
+    // A block without layers is none that a file of tensors tells of.
+    assert_eq!(back.parameters(), model.parameters());
+    assert_eq!(back.architecture().twist_shears(), 2);
+    let (mut one, mut other) = ([0.3, -0.2, 0.5, 0.7], [0.3, -0.2, 0.5, 0.7]);
+    model.forward(&mut one);
+    back.forward(&mut other);
+    assert_eq!(one, other);
+}
+
 fn normal_form() -> Model {
     let circles = [CircleAction::new([0, 1, 0]), CircleAction::new([0, 0, 2])];
     let shape = NormalFormShape {
@@ -487,7 +517,7 @@ fn normal_form() -> Model {
         psi: vec![2],
         kicks: vec![3, 1],
         twists: vec![4, 2, 0],
-        turned_twists: vec![],
+        turned_twists: vec![3, 1],
         flow_time: 7.5,
         perturbation: None,
     };
@@ -519,6 +549,9 @@ fn a_normal_form_comes_back() {
         assert!(!tensors.contains_key("twist.1.quadratic"));
         assert_eq!(tensors["twist.2.w_in"].shape, [3, 0]);
         assert_eq!(tensors["twist.2.quadratic"].shape, [1, 6]);
+        assert_eq!(tensors["turned_twist.0.angles"].shape, [1, 1]);
+        assert_eq!(tensors["turned_twist.1.w_in"].shape, [3, 1]);
+        assert!(!tensors.contains_key("turned_twist.0.quadratic"));
         assert_eq!(tensors["theta"].values, [0.25, -1.5]);
         // In the order of the parameters.
         let offset = 3 * 2 + 2 + 2 + 3;
@@ -531,7 +564,7 @@ fn a_normal_form_comes_back() {
         let back = read(tensors.clone()).expect("read");
         assert_eq!(back.architecture(), model.architecture());
         assert_eq!(back.composition().parameters(), model.composition().parameters());
-        for lacking in ["kick.1.b_in", "twist.0.quadratic", "theta"] {
+        for lacking in ["kick.1.b_in", "twist.0.quadratic", "turned_twist.1.angles", "theta"] {
             let mut tensors = tensors.clone();
             tensors.remove(lacking);
             names(read(tensors), &[lacking]);
