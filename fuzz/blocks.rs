@@ -348,6 +348,9 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
         let of_circles = !matches!(part, Part::None | Part::NearIdentity);
         let alone = circles.is_empty() && (of_circles || is_twist(block));
         fault(alone, &[&place, name, &layers.words(), &"without a circle action"]);
+        let turned = matches!(layers, Layers::TurnedTwist(_)) && layers.count() > 0;
+        let none_slow = turned && slow_planes(architecture) == 0;
+        fault(none_slow, &[&place, name, &"turned twists, where no plane is slow"]);
         let scaled = format!("scaled by {scale:?}");
         fault(*part == Part::Conjugation && *scale != Scale::None, &[&place, name, &scaled]);
         fault(*part == Part::SlowMap && !is_twist(block), &[&place, name, &layers.words()]);

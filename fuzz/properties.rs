@@ -215,8 +215,10 @@ pub fn normal_form(data: &[u8]) -> Result<Outcome, String> {
     let steps = 16 * psi.len() + 2 * kicks.len() + slow.count() + perturbing.count();
     let turned = (0..dof).filter(|&j| action.circles().iter().any(|c| c.weights()[j] != 0));
     let acts = |circle: &CircleAction| circle.weights().iter().any(|m| *m != 0);
-    let sound =
-        (1..=turned.count()).contains(&action.circles().len()) && action.circles().iter().all(acts);
+    let slow_ones = turned_twists.is_empty() || turned.clone().count() < dof;
+    let sound = slow_ones
+        && (1..=turned.count()).contains(&action.circles().len())
+        && action.circles().iter().all(acts);
     let shape =
         NormalFormShape { action, psi, kicks, twists, turned_twists, flow_time, perturbation };
     let weights = numbers(u, shape.architecture(0.0).parameter_count());

@@ -380,6 +380,11 @@ fn lists_that_cannot_be_are_refused() {
         on_circle().with(psi()).with(Block::new(Part::Chart, henon(&[2, 0]))),
         &["block 1", "chart", "width 0", "number 1"],
     );
+    let none_slow = Architecture::new(2).on_circle(CircleAction::new([1, 2]));
+    refuses(
+        none_slow.with(psi()).with(Block::new(Part::SlowMap, Layers::TurnedTwist(vec![2]))),
+        &["block 1", "slow-map", "no plane is slow"],
+    );
     refuses(
         plain().with(Block::new(Part::None, modules(0))).at_epsilon(1.0),
         &["linear modules", "none"],

@@ -573,6 +573,11 @@ impl Block {
                 format!("{} as {}, without a circle action", self.layers.words(), self.part.name());
             return refused(&found, "a circle action");
         }
+        let turns_slow = matches!(self.layers, Layers::TurnedTwist(_)) && self.layers.count() > 0;
+        if turns_slow && of.slow == 0 {
+            let found = "turned twists, where no plane is slow";
+            return refused(found, "a plane that no circle turns, or twists");
+        }
         let has_epsilon = self.scale.has_epsilon();
         match self.part {
             Part::Conjugation if self.scale != Scale::None => refused(
