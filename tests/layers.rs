@@ -268,20 +268,24 @@ fn the_parts_of_a_twist_make_it() {
     let mut stream = Stream::new(5, "twist");
     for action in [one, TorusAction::new(two.to_vec()).expect("two circles")] {
         let planes = FastPlanes::new(&action).expect("planes that turn");
-        let shears = &TwistShears::new(planes.clone(), &[3, 1, 0, 4, 2]);
-        let count = shears.parameter_count();
-        let parameters: &Vec<f64> = &(0..count).map(|_| stream.normal()).collect();
-        for (inverse, scale) in [(false, 0.3), (true, 0.3), (true, 0.0)] {
-            let twist: Twist<'_, f64> = Twist { shears, scale, parameters, inverse, turns: &[] };
-            let mut point: Vec<f64> = (0..6).map(|_| stream.normal()).collect();
-            let mut extended = point.clone();
-            extended.resize(2 * planes.extended_dof(), 0.0);
-            for part in 0..twist.parts() {
-                twist.apply_part(part, &mut extended);
+        let alternating = TwistShears::new(planes.clone(), &[3, 1, 0, 4, 2]);
+        let turned = TwistShears::turned(planes.clone(), &[3, 1, 4]);
+        let turns: Vec<_> = [0.7, -2.0, 3.0].map(|angle| planes.slow_turn(&[angle])).into();
+        for (shears, turns) in [(&alternating, &[][..]), (&turned, &turns)] {
+            let count = shears.parameter_count();
+            let parameters: &Vec<f64> = &(0..count).map(|_| stream.normal()).collect();
+            for (inverse, scale) in [(false, 0.3), (true, 0.3), (true, 0.0)] {
+                let twist: Twist<'_, f64> = Twist { shears, scale, parameters, inverse, turns };
+                let mut point: Vec<f64> = (0..6).map(|_| stream.normal()).collect();
+                let mut extended = point.clone();
+                extended.resize(2 * planes.extended_dof(), 0.0);
+                for part in 0..twist.parts() {
+                    twist.apply_part(part, &mut extended);
+                }
+                twist.apply(&mut point, &mut [0.0; 6]);
+                let bits = |z: &[f64]| z.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+                assert_eq!(bits(&point), bits(&extended[..6]), "{inverse} {scale}");
             }
-            twist.apply(&mut point, &mut [0.0; 6]);
-            let bits = |z: &[f64]| z.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-            assert_eq!(bits(&point), bits(&extended[..6]), "{inverse} {scale}");
         }
     }
 }

@@ -131,7 +131,7 @@ fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
 }
 
-/// G(𝔍, y cos φ + x sin φ) of a turned twist by its definition, of the first circle and the slow planes.
+/// G(𝔍, y cos φ + x sin φ) of a turned twist by its definition, of the actions and the slow planes.
 struct TurnedGenerator<'a> {
     action: &'a TorusAction,
     slow: Vec<usize>,

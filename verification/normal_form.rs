@@ -287,10 +287,14 @@ impl LiteralTwist {
 
     fn turn_plane<S: Elementary>(z: &mut [S], plane: usize, angle: S) {
         let (s, c) = angle.sin_cos();
-        let t = s / (S::from_f64(1.0) + c);
+        // Half a turn first, where the angle is nearer to it: t would grow beyond all bounds.
+        let sign = c.sign();
+        let s = s * sign;
+        let t = s / (S::from_f64(1.0) + c * sign);
         z[plane] += t * z[2 + plane];
         z[2 + plane] -= s * z[plane];
         z[plane] += t * z[2 + plane];
+        (z[plane], z[2 + plane]) = (z[plane] * sign, z[2 + plane] * sign);
     }
 
     /// The third shear, in turned coordinates of the slow plane.

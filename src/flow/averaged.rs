@@ -15,10 +15,9 @@ use std::f64::consts::TAU;
 ///
 /// averages being taken over equally spaced angles, exact but for harmonics that these do not
 /// resolve. Steps of the classical Runge–Kutta method follow W, and the circle turns by ω₀t in one. Over
-/// times of 1/ε the errors are O(ε) and O(ε²). A slope takes as many evaluations of the vector field as there
-/// are angles, times the order, or one of the average, of first order, where it has a
-/// [closed form](NearlyPeriodic::averaged_field). Entering the averaged coordinates and leaving them costs
-/// as many evaluations as there are angles, times the order and one.
+/// times of 1/ε the errors are O(ε) and O(ε²). A slope takes (angles × order) evaluations of the vector field, and in
+/// [closed form](NearlyPeriodic::averaged_field), of first order, one of the average. Entering the averaged coordinates
+/// and leaving them take angles × (order + 1) together.
 ///
 /// Source: Sanders, Verhulst and Murdock, <https://doi.org/10.1007/978-0-387-48918-6>, sections 2.8 and 2.9.
 #[derive(Clone, Debug)]
@@ -40,9 +39,12 @@ impl Averaged {
     /// Over `time`, with averages over so many angles, of first or second order.
     ///
     /// # Panics
-    /// When there is no angle, or the order is another one.
+    /// When there is no angle, the order is another one, the limit goes round several circles, or there are
+    /// more than four degrees of freedom.
     pub fn new(system: &impl NearlyPeriodic, time: f64, angles: usize, order: usize) -> Self {
         assert!(angles > 0 && (1..=2).contains(&order), "{angles} angles, order {order}");
+        assert!(2 * system.dof() <= MOST, "{} degrees of freedom", system.dof());
+        assert!(system.torus().1.len() == 1, "no single circle");
         let (action, frequency) = (system.circle_action(), system.limiting_frequency());
         let share = |k: usize| TAU * k as f64 / angles as f64;
         // The antiderivative of each harmonic that the angles resolve, at the angle 0.

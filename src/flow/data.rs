@@ -314,7 +314,8 @@ impl Pairs {
 
     /// The map of `steps` steps of an integrator over `time` at these points, with the largest
     /// difference of a component from that of twice as many steps (of stroboscopic averaging, of a finer
-    /// map of a period and one more difference too), at no more than 256 of them,
+    /// map of a period and one more difference too; of an averaged equation, from that of stroboscopic
+    /// averaging of sixth order), at no more than 256 of them,
     /// evenly spaced: for fewer digits than those of [`Pairs::of_flow`] a splitting takes far less
     /// work.
     ///

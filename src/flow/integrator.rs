@@ -110,7 +110,8 @@ impl Integrator {
         }
     }
 
-    /// Fails unless it has 1 to 64 stages, 1 to 1000 steps in a period or angles, and the order 1 or 2.
+    /// Fails unless it has 1 to 64 stages, 1 to 1000 steps in a period and at most three differences, or 3 to 1000
+    /// angles and an order that it is known in.
     ///
     /// # Errors
     /// [`Error::CountOutOfRange`] with the number.
@@ -124,8 +125,12 @@ impl Integrator {
                 Error::check_count_range("differences", differences, 0, most)
             }
             Self::Averaged { order, angles, closed } => {
-                Error::check_count_range("order", order, 1, if closed { 1 } else { 2 })?;
-                Error::check_count_range("angles", angles, 1, 1000)
+                Error::check_count_range("order", order, 1, 2)?;
+                if closed && order == 2 {
+                    let found = "order 2 and closed";
+                    return Err(Error::invalid("integrator", found, "order 1 of a closed form"));
+                }
+                Error::check_count_range("angles", angles, 3, 1000)
             }
             _ => Ok(()),
         }
@@ -138,7 +143,7 @@ impl Integrator {
             Self::Stroboscopic { micro, differences } => {
                 Self::Stroboscopic { micro: 2 * micro, differences: differences + 1 }
             }
-            // Of its own order, no steps and no angles tell the error of an average.
+            // More steps or angles do not reduce the error of averaging itself.
             Self::Averaged { .. } => Self::Stroboscopic { micro: 16, differences: 3 },
             other => other,
         }

@@ -129,7 +129,8 @@ impl ReferenceTrajectories {
     }
 
     /// As [`ReferenceTrajectories::of_flow`], by an integrator, with `steps` steps in the coarser
-    /// resolution of an interval.
+    /// resolution of an interval: the trajectories are those of twice as many; in place of an averaged equation, of
+    /// stroboscopic averaging of sixth order.
     ///
     /// # Errors
     /// Those of [`Integrator::trajectories`] and [`Trajectories::new`]; when an end is not of finite

@@ -238,10 +238,10 @@ impl TwistShears {
 /// rows of the upper triangle of Q.
 ///
 /// A turned twist has R(−φ)∘exp(cX_G)∘R(φ) for each shear: each slow plane turned clockwise by its
-/// angle φ_j, the flow of a function G(𝔍, y) of the actions and of the slow positions, turned back. It commutes with
-/// the torus action too, since R turns slow planes alone, and it is the flow of G(𝔍, y cos φ + x sin φ), plane by
-/// plane, x being the slow momenta: with G a sum of w tanh(a·𝔍 + b·y + β) and all φ these are all
-/// ridge functions of (𝔍, x, y). Twists in y and in x alone reach, to first order in c, A(𝔍, x) + B(𝔍, y)
+/// angle φ_j, the flow of a function G(𝔍, q) of the actions and of the slow positions q, turned back. It commutes with
+/// the torus action too, since R turns slow planes alone, and it is the flow of G(𝔍, q cos φ + p sin φ), plane by
+/// plane, p being the slow momenta: with G a sum of w tanh(a·𝔍 + b·q + β) and all φ these are all
+/// ridge functions of (𝔍, q, p). Twists that are not turned reach, to first order in c, A(𝔍, q) + B(𝔍, p)
 /// only. The parameters of a shear are `[φ (one for each slow plane), W, b, w]`.
 ///
 /// The inverse finds 𝔍 from the turned point, which rounding has moved: where increments

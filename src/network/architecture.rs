@@ -201,6 +201,11 @@ impl Architecture {
         self.part(Part::SlowMap).map(|block| block.layers.count()).sum()
     }
 
+    /// Whether shears of its slow map change positions and momenta by turns.
+    pub(crate) fn twists_alternate(&self) -> bool {
+        self.part(Part::SlowMap).any(|block| matches!(block.layers, Layers::Twist(_)))
+    }
+
     /// The circles as one action; None of a network without.
     pub fn action(&self) -> Option<TorusAction> {
         TorusAction::new(self.circles.clone()).ok()

@@ -405,7 +405,8 @@ impl<P: Scalar> Composition<P> {
 
     /// Space for [`Composition::forward_recorded`] and
     /// [`Composition::vjp`]: n + 2h numbers a kick, 3n + 2h a turned one, 5n + 2h a turned coupling, 2n a turn,
-    /// d + 2h a twist shear of d arguments.
+    /// d + 2h a twist shear of d arguments, a turned one 4 more for each slow plane, and a twist 7 for each
+    /// fast plane.
     pub fn recording<S: Over<P>>(&self) -> Recording<S> {
         self.recording_of(1)
     }

@@ -43,7 +43,7 @@
 //! time-εh flow of its G_l, and the identity at ε = 0. The derivative of their composition in εh at
 //! 0 is the field of ΣG_l: a function of (𝔍, x) from the shears of momenta and one of (𝔍, y) from
 //! those of positions. A generator with ∂²K/∂x∂y ≠ 0, such as that of a particle that drifts through
-//! [cells](crate::system::CellularDrift), is missed by an error of order ε. ∎
+//! [cells](crate::system::CellularDrift), is missed by an error of order εh, as large as the motion. ∎
 //!
 //! *Turned twists come near any K(𝔍, x, y).* R(φ) turns the slow planes alone. It is symplectic and
 //! keeps 𝔍, so that R(−φ)∘exp(εh X_G)∘R(φ) = exp(εh X_{G∘R(φ)}), exactly: a turned twist is the flow
@@ -219,16 +219,14 @@ impl Model {
                  of another kind";
             return Err(Error::invalid("repeats of a map", m, expected));
         }
-        let alternates =
-            architecture.part(Part::SlowMap).any(|block| matches!(block.layers, Layers::Twist(_)));
-        if alternates && !shears.is_multiple_of(2) {
-            let expected = "an even number, to be repeated";
-            return Err(Error::invalid("twist shears", shears, expected));
-        }
         let Some((index, range)) = self.slow_map() else {
             let expected = "1 of a network whose slow map is not one block";
             return Err(Error::invalid("repeats of a map", m, expected));
         };
+        if architecture.twists_alternate() && !shears.is_multiple_of(2) {
+            let expected = "an even number, to be repeated";
+            return Err(Error::invalid("twist shears", shears, expected));
+        }
         let (block, times) = (&architecture.blocks[index], m as f64);
         let mut repeated = self.parameters()[range].to_vec();
         let mut rest = &mut repeated[..];
@@ -262,6 +260,10 @@ impl Model {
                 fewer.blocks[index].layers = fewer.blocks[index].layers.with_widths(widths.clone());
                 let own = &self.parameters()[range][..fewer.block_ranges()[index].len()];
                 self.with_slow_map(architecture.flow_time, widths, own, self.angles())
+            }
+            None if shears > 0 => {
+                let expected = "1 of a network whose slow map is not one block";
+                Err(Error::invalid("parts", parts, expected))
             }
             _ => Err(Error::invalid("parts", parts, "a divisor of the number of twist shears")),
         }

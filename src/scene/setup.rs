@@ -72,7 +72,8 @@ pub struct Data {
     pub relative: bool,
 }
 
-/// An integrator in place of the reference flow; twice as many steps tell its error. Its
+/// An integrator in place of the reference flow; twice as many steps tell its error, or, of an averaged equation,
+/// stroboscopic averaging of sixth order. Its
 /// evaluations of the equations of motion are not among those that a report counts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

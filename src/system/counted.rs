@@ -86,6 +86,13 @@ impl<H: NearlyPeriodic> NearlyPeriodic for Counted<'_, H> {
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         self.system.adiabatic_invariant(z)
     }
+    fn average_constants(&self, z: &[f64]) -> Option<[f64; 2]> {
+        self.system.average_constants(z)
+    }
+    #[inline(always)]
+    fn averaged_field<S: Elementary>(&self, z: &[S], constants: &[S; 2], out: &mut [S]) {
+        self.system.averaged_field(z, constants, out);
+    }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         self.system.limiting_flow(z, time);
     }

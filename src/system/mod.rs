@@ -166,9 +166,11 @@ pub trait NearlyPeriodic: Hamiltonian {
     }
 
     /// `out` ← the average over the circle through z of the vector field without the limit's, in closed form, where
-    /// [`NearlyPeriodic::average_constants`] are some.
+    /// [`NearlyPeriodic::average_constants`] are some; NaN where it has none.
+    #[inline(always)]
     fn averaged_field<S: Elementary>(&self, z: &[S], constants: &[S; 2], out: &mut [S]) {
-        let _ = (z, constants, out);
+        let _ = (z, constants);
+        out.fill(S::from_f64(f64::NAN));
     }
 
     /// z ← the exact flow of the limit ε = 0 over `time`: the rotation that a
@@ -386,6 +388,13 @@ impl NearlyPeriodic for System {
     }
     fn customary_invariant<S: Elementary>(&self, z: &[S]) -> Option<(&'static str, S)> {
         each_system!(self, s => s.customary_invariant(z))
+    }
+    fn average_constants(&self, z: &[f64]) -> Option<[f64; 2]> {
+        each_system!(self, s => s.average_constants(z))
+    }
+    #[inline(always)]
+    fn averaged_field<S: Elementary>(&self, z: &[S], constants: &[S; 2], out: &mut [S]) {
+        each_system!(self, s => s.averaged_field(z, constants, out))
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         each_system!(self, s => s.limiting_flow(z, time))

@@ -205,7 +205,7 @@ impl TrainingOptions {
         if let Some(fresh) = self.fresh_twists.filter(|_| !has(Part::SlowMap)) {
             return Err(not_a_normal_form(fresh.count));
         }
-        RampStage::check_repeats(&self.ramp, architecture.twist_shears())
+        RampStage::check_repeats(&self.ramp, architecture)
     }
 
     /// Fails unless every option is in its range.

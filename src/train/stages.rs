@@ -2,7 +2,7 @@
 
 use super::record::at_least_one;
 use crate::error::Error;
-use crate::network::MOST_REPEATS;
+use crate::network::{Architecture, MOST_REPEATS, Part};
 use serde::{Deserialize, Serialize};
 
 /// Several initial weights, of which the best goes on.
@@ -99,18 +99,25 @@ impl RampStage {
 
     /// Fails unless the [repeats](RampStage::repeats) of a ramp divide, each those before it, and leave
     /// the first of its stages twist shears of both kinds.
-    pub(super) fn check_repeats(ramp: &[Self], twists: usize) -> Result<(), Error> {
+    pub(super) fn check_repeats(ramp: &[Self], architecture: &Architecture) -> Result<(), Error> {
+        let twists = architecture.twist_shears();
+        let blocks = architecture.part(Part::SlowMap).count();
+        // Of those that come by turns, one of each kind at least.
+        let least = if architecture.twists_alternate() { 2 } else { 1 };
         let mut before = None;
         for repeats in ramp.iter().map(Self::times) {
             let divides = match before {
                 None => {
-                    repeats == 1 || twists > 0 && twists.is_multiple_of(repeats.saturating_mul(2))
+                    let whole = twists.is_multiple_of(repeats.saturating_mul(least));
+                    repeats == 1 || blocks == 1 && twists > 0 && whole
                 }
                 Some(before) => usize::is_multiple_of(before, repeats),
             };
             if !divides {
                 let expected = match before {
                     None if twists == 0 => "1: only a normal form has twists".to_owned(),
+                    None if blocks > 1 => format!("1: the slow map is {blocks} blocks"),
+                    None if least == 1 => format!("1, or a divisor of {twists} turned twists"),
                     None => format!("1, or a divisor of half of {twists} twist shears"),
                     Some(before) => format!("a divisor of {before}, those of the stage before"),
                 };
