@@ -481,7 +481,7 @@ fn tensorflow_checkpoints_are_read() {
     names(import_weights(&alone, &action, 0.01, None), &["small.ckpt.data-00000-of-00001"]);
 }
 
-/// A normal form of turned twists alone is told by its tensors.
+/// Tensors of turned twists alone are recognised as those of a normal form.
 #[test]
 fn turned_twists_alone_come_back() {
     let shape = NormalFormShape {

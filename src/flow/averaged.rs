@@ -15,9 +15,9 @@ use std::f64::consts::TAU;
 ///
 /// averages being taken over equally spaced angles, exact but for harmonics that these do not
 /// resolve. Steps of the classical Runge–Kutta method follow W, and the circle turns by ω₀t in one. Over
-/// times of 1/ε the errors are O(ε) and O(ε²). A slope takes (angles × order) evaluations of the vector field, and in
-/// [closed form](NearlyPeriodic::averaged_field), of first order, one of the average. Entering the averaged coordinates
-/// and leaving them take angles × (order + 1) together.
+/// times of 1/ε the errors are O(ε) and O(ε²). A slope takes (angles × order) evaluations of the
+/// vector field. In [closed form](NearlyPeriodic::averaged_field), which is of first order, it takes one
+/// evaluation of the average. Entering the averaged coordinates and leaving them take angles × (order + 1) together.
 ///
 /// Source: Sanders, Verhulst and Murdock, <https://doi.org/10.1007/978-0-387-48918-6>, sections 2.8 and 2.9.
 #[derive(Clone, Debug)]

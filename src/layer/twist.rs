@@ -428,7 +428,8 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
 
     /// One part of the map on `x`, the point and behind it the actions and the angles of the
     /// circles, 2·[`FastPlanes::extended_dof`] numbers, the last of them 0 in the beginning: the
-    /// actions, then a shear after another (of a turned twist a turn, a shear, a turn back), then the turn. All of them, one after another, leave
+    /// actions, then a shear after another (of a turned twist a turn, a shear, a turn back), then the
+    /// turn. All of them, one after another, leave
     /// the image of the point: the same operations, for those who want to look between them.
     #[doc(hidden)]
     pub fn apply_part<S: Over<P>>(&self, part: usize, x: &mut [S]) {

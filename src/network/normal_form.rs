@@ -37,7 +37,7 @@
 //!
 //! T_ε commutes with the circle action if its generator is a function of the actions 𝔍 and of the
 //! slow coordinates (x, y). A twist shear has the generator G(𝔍, y) where it changes the slow
-//! positions, and G(𝔍, x) where it changes the slow momenta: the same handicap one floor down.
+//! positions, and G(𝔍, x) where it changes the slow momenta. Its limit is that of I_ε above.
 //!
 //! *Twists reach, to first order in εh, the sums A(𝔍, x) + B(𝔍, y) and no more.* Each shear is the
 //! time-εh flow of its G_l, and the identity at ε = 0. The derivative of their composition in εh at
