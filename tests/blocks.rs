@@ -25,6 +25,11 @@ fn modules(modules: usize) -> Layers {
     Layers::SympNet(Modules { modules, shears: 3, activation, plain: false })
 }
 
+/// Polynomials in the box of radius 2.
+fn polynomials(part: Part, layers: Layers, degree: usize) -> Block {
+    Block::new(part, layers).of_polynomials(degree).in_box(2.0)
+}
+
 /// On the first of two planes.
 fn on_circle() -> Architecture {
     Architecture::new(2).on_circle(CircleAction::new([1, 0])).at_epsilon(0.02)
@@ -111,6 +116,47 @@ fn arrangements() -> Vec<(&'static str, Architecture, Structure)> {
                 .with(Block::new(Part::None, kicks(&[3])).named("b"))
                 .with(Block::new(Part::None, modules(2)).named("c")),
             Structure::Plain,
+        ),
+        (
+            "jolts, a twist of 𝔍 alone, and jolts of a perturbation",
+            Architecture::new(1)
+                .on_circle(CircleAction::new([1]))
+                .at_epsilon(0.02)
+                .of_time(0.7)
+                .with(polynomials(Part::Chart, kicks(&[1, 1]), 9).scaled(Scale::None))
+                .with(polynomials(Part::SlowMap, twist(&[1]), 6).scaled(Scale::Time))
+                .with(polynomials(Part::Perturbation, kicks(&[1, 1, 1]), 1)),
+            Structure::NearlyIntegrable,
+        ),
+        (
+            "a chart of polynomials and neurons, slow maps of polynomials in all ways",
+            on_circle()
+                .of_time(3.0)
+                .with(polynomials(Part::Chart, kicks(&[3, 5]), 4))
+                .with(Block::new(Part::Chart, kicks(&[2])).named("neurons"))
+                .with(polynomials(Part::SlowMap, twist(&[2, 3, 1]), 5))
+                .with(
+                    polynomials(Part::SlowMap, Layers::TurnedTwist(vec![4, 1]), 6).named("turned"),
+                ),
+            Structure::NormalForm,
+        ),
+        (
+            "Hénon layers of polynomials in a gyroceptron",
+            on_circle().with(polynomials(Part::Conjugation, henon(&[4, 1]), 3)).with(polynomials(
+                Part::NearIdentity,
+                henon(&[3]),
+                2,
+            )),
+            Structure::NearlyPeriodic,
+        ),
+        (
+            "a twist of polynomials of two actions of both signs",
+            Architecture::new(3)
+                .on_circle(CircleAction::new([2, -1, 0]))
+                .on_circle(CircleAction::new([0, 1, 0]))
+                .at_epsilon(0.02)
+                .with(polynomials(Part::SlowMap, twist(&[3, 2]), 4)),
+            Structure::NormalForm,
         ),
         (
             "couplings without a circle",

@@ -11,6 +11,7 @@ mod layers;
 mod networks;
 mod normal_form;
 mod own_maps;
+mod polynomials;
 mod ratios;
 mod rooms;
 mod units;

@@ -408,7 +408,7 @@ fn boxes_are_around_points_and_left_where_they_end() {
     let values = [0.0, 3.0, 0.0, 3.0, 0.0, 3.0, 0.5, 4.0, 0.0, 3.0, 7.0, 5.0];
     let left = region.left_by(&values, 2, 10).expect("left");
     assert_eq!((left.rows, left.states, left.of), (vec![1], 2, 6));
-    assert_eq!((left.row, left.step, left.coordinate, left.value), (1, 10, 1, 4.0));
+    assert_eq!((left.row, left.step, left.first.coordinate, left.first.value), (1, 10, 1, 4.0));
 }
 
 /// By least squares, over the states of twelve times, two powers of ten, spaced evenly in the logarithm.

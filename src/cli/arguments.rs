@@ -172,34 +172,39 @@ pub struct Train {
     #[arg(long, value_parser = architectures())]
     pub architecture: Option<String>,
     /// Turned kicks of ψ_ε and their neurons, of a gyroceptron in normal form, such as 12x8.
-    #[arg(long, value_name = "LAYERSxWIDTH")]
+    #[arg(long, value_name = "LAYERSxWIDTH[^DEGREE]")]
     pub kicks: Option<String>,
     /// Twist shears of T_ε and their neurons, of a gyroceptron in normal form, such as 16x8, or
     /// 20x2,10: 2 where they change positions, beside a quadratic form, and 10 where momenta.
-    #[arg(long, value_name = "LAYERSxWIDTH[,WIDTH]")]
+    #[arg(long, value_name = "LAYERSxWIDTH[,WIDTH][^DEGREE]")]
     pub twists: Option<String>,
     /// Turned twists of T_ε and their neurons, of a gyroceptron in normal form, such as 12x8: for slow
     /// motion whose average is no sum of a function of positions and one of momenta. With
     /// these alone given, there are no others.
-    #[arg(long, value_name = "LAYERSxWIDTH")]
+    #[arg(long, value_name = "LAYERSxWIDTH[^DEGREE]")]
     pub turned_twists: Option<String>,
     /// The flow time h of the model. With ε it scales T_ε of a gyroceptron in normal form, I_ε of one of couplings
     /// [default: how far the slow coordinates move, over ε]; pairs with flow times of
     /// their own are of maps of these times [default then: the longest].
     #[arg(long, allow_negative_numbers = true)]
     pub flow_time: Option<f64>,
+    /// The box of polynomials, which sizes such as 10x1^16 ask for in place of neurons (10 layers of 1
+    /// polynomial of degree 16): coordinates from −R to R, in units of the network [default: 1.1
+    /// times the largest of the pairs].
+    #[arg(long, value_name = "R", allow_negative_numbers = true)]
+    pub radius: Option<f64>,
     /// Layers and neurons of ψ, such as 10x8.
-    #[arg(long, value_name = "LAYERSxWIDTH")]
+    #[arg(long, value_name = "LAYERSxWIDTH[^DEGREE]")]
     pub psi: Option<String>,
     /// Layers and neurons of I_ε, such as 10x8.
-    #[arg(long, value_name = "LAYERSxWIDTH")]
+    #[arg(long, value_name = "LAYERSxWIDTH[^DEGREE]")]
     pub near_identity: Option<String>,
     /// Turned kicks of a normal form that is nearly integrable, and their neurons: ε scales them
     /// alone. Give --epsilon of the perturbation; 0x8 is an integrable map.
-    #[arg(long, value_name = "KICKSxWIDTH")]
+    #[arg(long, value_name = "KICKSxWIDTH[^DEGREE]")]
     pub perturbation: Option<String>,
     /// Layers and neurons of a HénonNet; linear modules and their shears of a SympNet.
-    #[arg(long, value_name = "LAYERSxWIDTH")]
+    #[arg(long, value_name = "LAYERSxWIDTH[^DEGREE]")]
     pub layers: Option<String>,
     /// What minimises the loss [default: the scene's, or that of the recipe].
     #[arg(long, value_enum)]
@@ -334,7 +339,8 @@ pub struct Predict {
     /// gyroceptron, the sum of the actions of one in normal form.
     #[arg(long, value_name = "FILE.npy")]
     pub invariant: Option<PathBuf>,
-    /// What to do with kept states outside the box of the training points.
+    /// What to do with kept states outside the box of the training points, or outside that of the
+    /// network's polynomials, if it has any.
     #[arg(long, value_enum, default_value_t = Outside::Warn)]
     pub outside: Outside,
     /// Replace an existing file.

@@ -9,6 +9,7 @@ use super::progress::{Progress, line};
 use super::train::train_pairs;
 use super::{Status, cite};
 use gyroceptron::Error;
+use gyroceptron::flow::PolynomialExit;
 use gyroceptron::io::{
     Provenance, StoredModel, assemble_architecture, assemble_weights, export_weights, file_digest,
     load_model, read_architecture, read_points, read_tensors, save_model, take_units, write_points,
@@ -181,7 +182,7 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
             "{target}: {}\n{} points each, uniform in |z_i| ≤ {}, seed {}{}\n{}",
             result.summary(),
             options.samples,
-            options.radius,
+            result.options.radius,
             options.seed,
             if own_units.is_some() { ", z in the units of the network" } else { "" },
             terminal::table(&certificate_table(&result.rows), width()),
@@ -228,7 +229,9 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
             return Err(Error::invalid("--invariant", invariant.display(), expected));
         }
     }
-    if arguments.outside == Outside::Stop && stored.provenance.region.is_none() {
+    let has_polynomials = stored.model.architecture().has_polynomials();
+    let has_box = has_polynomials || stored.provenance.region.is_some();
+    if arguments.outside == Outside::Stop && !has_box {
         let expected = "a model that knows the box of its training points";
         return Err(Error::invalid("--outside", "stop", expected));
     }
@@ -244,15 +247,18 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
         stored.rollout(&initial, request).map_err(|e| e.with_place(arguments.model.display()))?;
     let region = stored.provenance.region.as_ref().filter(|_| arguments.outside != Outside::Ignore);
     let left = region.and_then(|region| region.left_by(&values, points, request.every));
-    if let (Some(left), Some(region)) = (&left, region) {
-        line(&format!("note: {}", left.describe(region)));
-        if arguments.outside == Outside::Stop {
-            line("nothing is written");
-            if arguments.common.json {
-                json(&json!({ "output": null, "outside": left }))?;
-            }
-            return Ok(Status::CheckFailed);
+    let asked = arguments.outside != Outside::Ignore;
+    let beyond = asked.then(|| stored.leaves_polynomials(&values, points, request.every)).flatten();
+    let told = left.iter().zip(region).map(|(left, region)| left.describe(region));
+    let told: Vec<String> = told.chain(beyond.iter().map(PolynomialExit::describe)).collect();
+    told.iter().for_each(|text| line(&format!("note: {text}")));
+    if !told.is_empty() && arguments.outside == Outside::Stop {
+        line("nothing is written");
+        if arguments.common.json {
+            let left = json!({ "output": null, "outside": left, "outside_polynomials": beyond });
+            json(&left)?;
         }
+        return Ok(Status::CheckFailed);
     }
     let shape = [request.kept() as u64, points as u64, dim as u64];
     write_points(&arguments.output, &shape, &values)?;
@@ -266,6 +272,7 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
             "shape": shape,
             "invariant": arguments.invariant.as_ref().map(|file| file.display().to_string()),
             "outside": left,
+            "outside_polynomials": beyond,
         }))?;
     } else {
         out(&format!(

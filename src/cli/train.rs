@@ -47,7 +47,8 @@ fn network(arguments: &Train, before: Option<NetworkSpec>) -> Result<Option<Netw
     let network = match (&arguments.architecture, before) {
         (Some(name), _) => NetworkSpec::named(name)?,
         (None, Some(network)) => network,
-        (None, None) if sizes.is_empty() => return Ok(None),
+        (None, None) if sizes.is_empty() && arguments.radius.is_none() => return Ok(None),
+        (None, None) if sizes.is_empty() => NetworkSpec::named("normal-form")?,
         (None, None) => {
             let keys: Vec<&str> = sizes.iter().map(|(key, _)| *key).collect();
             NetworkSpec::with_parts(&keys).map_err(|e| e.with_place(option_of(keys[0])))?
@@ -57,7 +58,10 @@ fn network(arguments: &Train, before: Option<NetworkSpec>) -> Result<Option<Netw
         return Err(Error::invalid("--scene", "a network of a file", "one to train"));
     }
     let with = |network: NetworkSpec, (key, size)| network.with_size(key, size);
-    sizes.into_iter().try_fold(network, with).map(Some)
+    let network = sizes.into_iter().try_fold(network, with)?;
+    let boxed =
+        |radius| network.clone().with_radius(radius).map_err(|e| e.with_place(option_of("radius")));
+    arguments.radius.map_or(Ok(network.clone()), boxed).map(Some)
 }
 
 /// What weights of the loss ask for.

@@ -26,7 +26,7 @@ pub use integrator::Integrator;
 pub(crate) use integrator::whole_periods;
 pub use orbits::orbits_of;
 pub use reference::{Reference, ReferenceValue};
-pub use region::{Region, RegionExit};
+pub use region::{Exit, OutsidePolynomials, OutsideRegion, PolynomialExit, Region, RegionExit};
 pub use runge_kutta::runge_kutta_4;
 pub use splitting::{Splitting, SplittingSteps};
 pub use stroboscopic::Stroboscopic;

@@ -76,25 +76,18 @@ impl Region {
             (*low, *high) = (*low - rounding, *high + rounding);
         }
         let dim = self.low.len();
-        let mut leaving = vec![false; points];
-        let mut out: Option<RegionExit> = None;
-        for (index, z) in values.chunks_exact(dim).enumerate() {
-            let Some(coordinate) = around.first_outside(z) else { continue };
-            let row = index % points;
-            leaving[row] = true;
-            let (step, value) = (index / points * every, z[coordinate]);
-            let of = values.len() / dim;
-            let first = || RegionExit { rows: vec![], states: 0, of, row, step, coordinate, value };
-            out.get_or_insert_with(first).states += 1;
-        }
-        let rows = (0..points).filter(|row| leaving[*row]).collect();
-        out.map(|out| RegionExit { rows, ..out })
+        let outside = |z: &[f64]| {
+            let coordinate = around.first_outside(z)?;
+            Some(OutsideRegion { coordinate, value: z[coordinate] })
+        };
+        let outside = values.chunks_exact(dim).map(outside);
+        RegionExit::first_of(outside, points, every)
     }
 }
 
-/// What left the box of the training points.
+/// Kept states of some trajectories that are outside of a box, and how the first of them is.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct RegionExit {
+pub struct Exit<T> {
     /// The rows of the initial points whose trajectories have a state outside.
     pub rows: Vec<usize>,
     /// Kept states outside.
@@ -105,31 +98,92 @@ pub struct RegionExit {
     pub row: usize,
     /// … and after how many steps.
     pub step: usize,
-    /// Its first coordinate outside, from 0, …
+    /// What is outside of it.
+    #[serde(flatten)]
+    pub first: T,
+}
+
+/// What left the box of the training points.
+pub type RegionExit = Exit<OutsideRegion>;
+
+/// What left the box of a network's polynomials.
+pub type PolynomialExit = Exit<OutsidePolynomials>;
+
+/// The first coordinate of a state that is outside of a region.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct OutsideRegion {
+    /// The coordinate, from 0, …
     pub coordinate: usize,
     /// … and the value of it.
     pub value: f64,
 }
 
-impl RegionExit {
-    /// What is to be told of it.
-    pub fn describe(&self, region: &Region) -> String {
+/// How far outside of the box of a network's polynomials a state is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct OutsidePolynomials {
+    /// The largest argument of a polynomial in a step from there, which is at most 1 in the box.
+    pub reach: f64,
+}
+
+impl<T> Exit<T> {
+    /// Of trajectories, (T, M, …) with one state in `every` kept of M = `points` of them: what is
+    /// outside of each state, if anything is. None where nothing is.
+    pub fn first_of(
+        outside: impl IntoIterator<Item = Option<T>>,
+        points: usize,
+        every: usize,
+    ) -> Option<Self> {
+        let mut leaving = vec![false; points];
+        let (mut out, mut of): (Option<Self>, usize) = (None, 0);
+        for (index, first) in outside.into_iter().enumerate() {
+            of += 1;
+            let Some(first) = first else { continue };
+            let row = index % points;
+            leaving[row] = true;
+            let step = index / points * every;
+            let begin = || Self { rows: vec![], states: 0, of: 0, row, step, first };
+            out.get_or_insert_with(begin).states += 1;
+        }
+        let rows = (0..points).filter(|row| leaving[*row]).collect();
+        out.map(|out| Self { rows, of, ..out })
+    }
+
+    /// What is to be told of it: that the states are outside of what, and how the first of them is.
+    fn tell(&self, what: &str, first: &str) -> String {
         /// Rows that are named.
         const NAMED: usize = 20;
-        let Self { ref rows, states, of, row, step, coordinate, value } = *self;
+        let Self { rows, states, of, row, step, .. } = self;
         let named: Vec<String> = rows.iter().take(NAMED).map(usize::to_string).collect();
         let more = if rows.len() > NAMED { ", …" } else { "" };
         let (trajectories, named) = (rows.len(), named.join(", "));
         let plural = if trajectories == 1 { "y" } else { "ies" };
+        format!(
+            "{states} of {of} kept states, of {trajectories} trajector{plural}, are outside the box \
+             of {what}: of the input's rows {named}{more}, the first from row {row} after {step} \
+             steps: {first}"
+        )
+    }
+}
+
+impl RegionExit {
+    /// What is to be told of it.
+    pub fn describe(&self, region: &Region) -> String {
+        let OutsideRegion { coordinate, value } = self.first;
         let dof = region.low.len() / 2;
         let half = if coordinate < dof { "q" } else { "p" };
         let (low, high) = (region.low[coordinate], region.high[coordinate]);
-        format!(
-            "{states} of {of} kept states, of {trajectories} trajector{plural}, are outside the box \
-             of the training points, where nothing is known of the model: of the input's rows {named}{more}, the first \
-             from row {row} after {step} steps: {half}{} = {value:.3e}, not from {low:.3e} to \
-             {high:.3e}",
+        let first = format!(
+            "{half}{} = {value:.3e}, not from {low:.3e} to {high:.3e}",
             coordinate % dof + 1
-        )
+        );
+        self.tell("the training points, where nothing is known of the model", &first)
+    }
+}
+
+impl PolynomialExit {
+    /// What is to be told of it.
+    pub fn describe(&self) -> String {
+        let first = format!("{:.3} times half its width", self.first.reach);
+        self.tell("the model's polynomials, which grow without a bound beyond", &first)
     }
 }

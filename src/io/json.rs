@@ -4,10 +4,11 @@ use super::legacy::Named;
 use super::{read_bytes, write_atomically};
 use crate::digest;
 use crate::error::Error;
-use crate::flow::Region;
+use crate::flow::{OutsidePolynomials, PolynomialExit, Region};
 use crate::network::{Architecture, Invariant, Model, Pace, Rollout, map_jacobians, map_points};
 use crate::phase::{Direction, Units};
 use crate::train::{Checkpoint, Fitted};
+use rayon::prelude::*;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -160,6 +161,29 @@ impl StoredModel {
                 state * request.every
             ),
         })
+    }
+
+    /// What of some trajectories, (T, M, 2n) with one state in `every` kept of M = `points` of
+    /// them, is outside the box of the network's polynomials. None where nothing is, or it has none.
+    pub fn leaves_polynomials(
+        &self,
+        values: &[f64],
+        points: usize,
+        every: usize,
+    ) -> Option<PolynomialExit> {
+        if !self.model.architecture().has_polynomials() {
+            return None;
+        }
+        let outside = |z: &[f64]| {
+            let mut z = z.to_vec();
+            self.units.iter().for_each(|units| units.to_network(&mut z));
+            let reach = self.model.reach(&z);
+            let within = reach <= 1.0;
+            (!within).then_some(OutsidePolynomials { reach })
+        };
+        let dim = 2 * self.model.composition().dof();
+        let outside: Vec<_> = values.par_chunks_exact(dim).map(outside).collect();
+        PolynomialExit::first_of(outside, points, every)
     }
 
     /// P or P⁻¹ at points of the data, in place.

@@ -31,6 +31,17 @@ pub trait ElementaryMap<P: Scalar>: Copy {
     /// How often a point is put through tanh or sech².
     fn activation_count(&self) -> usize;
 
+    /// How far the arguments of its polynomials are from 0, at most, of a step from z: more than 1
+    /// outside the box that they are made for; 0 of a step without. `scratch` holds at least 2n
+    /// numbers.
+    fn reach(&self, z: &[f64], scratch: &mut [f64]) -> f64
+    where
+        f64: Over<P>,
+    {
+        let _ = (z, scratch);
+        0.0
+    }
+
     /// z ← the step of z. `scratch` holds at least 2n numbers.
     fn apply<S: Over<P>>(&self, z: &mut [S], scratch: &mut [S]);
 

@@ -1,6 +1,6 @@
 //! The shear along a potential's gradient: the primitive of HénonNets.
 
-use super::{ElementaryMap, Potential, TanhPotential};
+use super::{ElementaryMap, Potential, RidgePotential};
 use crate::phase::Half;
 use crate::scalar::{Over, Pack, Scalar};
 
@@ -27,11 +27,17 @@ pub struct Kick<'a, P, V> {
     pub target: Half,
 }
 
-impl<P: Scalar, V> Kick<'_, P, V> {
+impl<'a, P: Scalar, V> Kick<'a, P, V> {
     /// The inverse shear.
     #[inline(always)]
     pub fn inverse(self) -> Self {
         Self { scale: -self.scale, ..self }
+    }
+
+    /// The kick by another potential.
+    pub(crate) fn with_potential<V2>(self, potential: V2) -> Kick<'a, P, V2> {
+        let Self { scale, reflect, shift, target, .. } = self;
+        Kick { potential, scale, reflect, shift, target }
     }
 
     /// A kick with c = 0 moves nothing, whatever its weights: it is skipped,
@@ -83,7 +89,7 @@ impl<P: Scalar, V> Kick<'_, P, V> {
 /// Points whose cotangents go back through a kick together.
 const TOGETHER: usize = 4;
 
-impl<P: Scalar, const D: usize> Kick<'_, P, TanhPotential<'_, P, D>> {
+impl<P: Scalar, const D: usize> Kick<'_, P, RidgePotential<'_, P, D>> {
     /// The adjoint at M recorded points.
     #[inline(always)]
     fn vjp_together<S: Over<P>, const M: usize>(
@@ -107,7 +113,7 @@ impl<P: Scalar, const D: usize> Kick<'_, P, TanhPotential<'_, P, D>> {
             }
         }
         let (potential_bar, eta_bar) =
-            parameters_bar.split_at_mut(self.potential.width() * (D + 2));
+            parameters_bar.split_at_mut(self.potential.parameter_count());
         self.potential.vjp_together(&y, neurons, &u, &mut y_bar, potential_bar);
         for m in 0..M {
             for i in 0..D {
@@ -122,7 +128,7 @@ impl<P: Scalar, const D: usize> Kick<'_, P, TanhPotential<'_, P, D>> {
     }
 }
 
-impl<P: Scalar, const D: usize> ElementaryMap<P> for Kick<'_, P, TanhPotential<'_, P, D>> {
+impl<P: Scalar, const D: usize> ElementaryMap<P> for Kick<'_, P, RidgePotential<'_, P, D>> {
     #[inline(always)]
     fn dof(&self) -> usize {
         self.potential.n()
@@ -140,7 +146,20 @@ impl<P: Scalar, const D: usize> ElementaryMap<P> for Kick<'_, P, TanhPotential<'
 
     #[inline(always)]
     fn activation_count(&self) -> usize {
-        self.potential.width()
+        self.potential.activation_count()
+    }
+
+    fn reach(&self, z: &[f64], argument: &mut [f64]) -> f64
+    where
+        f64: Over<P>,
+    {
+        if self.is_identity() {
+            return 0.0;
+        }
+        let n = self.potential.n();
+        let argument = &mut argument[..n];
+        self.argument(&z[self.target.other().index(n, 0)..][..n], argument);
+        self.potential.reach(argument)
     }
 
     #[inline(always)]
@@ -181,7 +200,7 @@ impl<P: Scalar, const D: usize> ElementaryMap<P> for Kick<'_, P, TanhPotential<'
             u[i] = target_bar[i].times(self.scale);
         }
         let (potential_bar, eta_bar) =
-            parameters_bar.split_at_mut(self.potential.width() * (n + 2));
+            parameters_bar.split_at_mut(self.potential.parameter_count());
         self.potential.vjp(argument, tape, u, y_bar, potential_bar);
         for i in 0..n {
             source_bar[i] =

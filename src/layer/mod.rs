@@ -4,7 +4,7 @@
 //!   along directions. One file a kind of step:
 //! - [`Kick`]: one half of the coordinates is moved by the gradient of a
 //!   [`Potential`] of the other half; [`TanhPotential`] is the one with a hidden
-//!   layer.
+//!   layer, [`PolynomialPotential`] one of polynomials over a box, [`RidgePotential`] either.
 //! - [`Turn`], [`TurnStep`]: each plane rotated by its angle, as three shears a
 //!   plane; [`CircleAction`] and [`TorusAction`] say which planes turn together.
 //! - [`AffineCoupling`]: the momenta scaled and shifted by functions of the positions; not
@@ -25,8 +25,10 @@ mod elementary_map;
 mod henon;
 mod kick;
 mod linear_module;
+mod polynomial;
 mod potential;
 mod quadratic_form;
+mod ridge;
 mod turn;
 mod turned;
 mod twist;
@@ -38,8 +40,10 @@ pub use elementary_map::{ElementaryMap, OfMomenta};
 pub use henon::{HenonLayer, HenonMap, KickForm, layer_parameter_count};
 pub use kick::Kick;
 pub use linear_module::{LinearModule, linear_module_parameter_count};
+pub use polynomial::{ActionInterval, PolynomialPotential};
 pub use potential::{Potential, TanhPotential};
+pub(crate) use quadratic_form::symmetric_len;
+pub use ridge::{MOST_DEGREES, RidgeFunction, RidgePotential, Ridges};
 pub use turn::{CircleAction, PlaneTurn, TorusAction, Turn, TurnStep, quarter_turns};
 pub use turned::{Turned, TurnedCoupling, TurnedKick};
-pub(crate) use twist::form_len;
 pub use twist::{FastPlanes, Twist, TwistShears};

@@ -5,7 +5,7 @@ use crate::scalar::{Over, Scalar};
 /// n(n + 1)/2, the entries of a symmetric n × n matrix on and above the diagonal.
 ///
 /// Saturates instead of overflowing.
-pub(super) const fn symmetric_len(dof: usize) -> usize {
+pub(crate) const fn symmetric_len(dof: usize) -> usize {
     dof.saturating_mul(dof.saturating_add(1)) / 2
 }
 

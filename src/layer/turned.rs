@@ -1,6 +1,6 @@
 //! Shears in coordinates turned by angles of their own.
 
-use super::{AffineCoupling, ElementaryMap, Kick, OfMomenta, TanhPotential, Turn};
+use super::{AffineCoupling, ElementaryMap, Kick, OfMomenta, RidgePotential, Turn};
 use crate::phase::Half;
 use crate::scalar::{Over, Pack, Scalar};
 
@@ -22,20 +22,24 @@ pub struct Turned<'a, P, T> {
 ///
 /// Its parameters are `[φ (n), …potential…]`.
 pub type TurnedKick<'a, P, const D: usize = 0> =
-    Turned<'a, P, Kick<'a, P, TanhPotential<'a, P, D>>>;
+    Turned<'a, P, Kick<'a, P, RidgePotential<'a, P, D>>>;
 
 impl<'a, P: Scalar, const D: usize> TurnedKick<'a, P, D> {
     /// The kick with this potential and c = `scale`.
     #[inline(always)]
-    pub fn new(turn: &'a Turn<P>, potential: TanhPotential<'a, P, D>, scale: P) -> Self {
-        let target = Half::Momentum;
+    pub fn new(
+        turn: &'a Turn<P>,
+        potential: impl Into<RidgePotential<'a, P, D>>,
+        scale: P,
+    ) -> Self {
+        let (potential, target) = (potential.into(), Half::Momentum);
         Self { turn, shear: Kick { potential, scale, reflect: false, shift: None, target } }
     }
 }
 
 /// Of a kick of the momenta whose argument is neither reflected nor shifted, as
 /// [`TurnedKick::new`] makes it.
-impl<P: Scalar, const D: usize> OfMomenta<P> for Kick<'_, P, TanhPotential<'_, P, D>> {
+impl<P: Scalar, const D: usize> OfMomenta<P> for Kick<'_, P, RidgePotential<'_, P, D>> {
     #[inline(always)]
     fn is_identity(&self) -> bool {
         Kick::is_identity(self)
@@ -88,6 +92,15 @@ impl<P: Scalar, T: OfMomenta<P>> ElementaryMap<P> for Turned<'_, P, T> {
     #[inline(always)]
     fn activation_count(&self) -> usize {
         self.shear.activation_count()
+    }
+
+    fn reach(&self, z: &[f64], scratch: &mut [f64]) -> f64
+    where
+        f64: Over<P>,
+    {
+        let mut turned = z.to_vec();
+        self.turn.apply(&mut turned, false);
+        self.shear.reach(&turned, scratch)
     }
 
     #[inline(always)]

@@ -1,10 +1,13 @@
 //! Twists: flows of functions of the actions and of one half of the slow coordinates.
 
 use super::quadratic_form::{QuadraticForm, symmetric_len};
-use super::{ElementaryMap, Potential, TanhPotential, TorusAction, Turn};
+use super::{
+    ActionInterval, ElementaryMap, Potential, RidgeFunction, RidgePotential, Ridges, TorusAction,
+    Turn,
+};
 use crate::error::Error;
 use crate::phase::Half;
-use crate::scalar::{Over, Pack, Real, Scalar};
+use crate::scalar::{Over, Pack, Real, Scalar, max_or_nan};
 use std::ops::Range;
 
 /// The planes that a torus action turns, the fast ones, and those that it leaves
@@ -62,6 +65,20 @@ impl FastPlanes {
     /// The numbers that G depends on: the actions, and one half of the slow coordinates.
     pub fn arguments(&self) -> usize {
         self.circles + self.slow.len()
+    }
+
+    /// Where the actions are in the box of this radius: |q_j|, |p_j| ≤ ρ within the circle.
+    fn intervals(&self, radius: f64) -> Vec<ActionInterval> {
+        let interval = |circle: usize| {
+            let weights = (0..self.fast.len()).map(|number| self.weight::<f64>(number, circle));
+            let (mut low, mut high) = (0.0, 0.0);
+            for weight in weights {
+                let side = if weight < 0.0 { &mut low } else { &mut high };
+                *side += 0.5 * radius * radius * weight;
+            }
+            ActionInterval { centre: 0.5 * (low + high), inverse_half: 2.0 / (high - low) }
+        };
+        (0..self.circles).map(interval).collect()
     }
 
     /// m_{aj} of a fast plane and a circle.
@@ -127,40 +144,52 @@ pub struct TwistShears {
     planes: FastPlanes,
     /// Each shear is in turned coordinates, changes momenta, and has no quadratic form.
     turned: bool,
+    /// What the functions are made of, and the intervals of the actions in the box of polynomials.
+    function: RidgeFunction,
+    intervals: Vec<ActionInterval>,
     /// The neurons and the parameters of all shears before each, and of all.
     neurons: Vec<usize>,
     begins: Vec<usize>,
 }
 
-/// The parameters of a shear's quadratic form in so many arguments: only the first, the third
-/// and so on have one.
-pub(crate) fn form_len(number: usize, arguments: usize) -> usize {
-    if number.is_multiple_of(2) { symmetric_len(arguments) } else { 0 }
+impl RidgeFunction {
+    /// The parameters of the quadratic form beside a shear's ridge functions in so many
+    /// arguments: only the first, the third and so on have one, and none of polynomials.
+    pub(crate) fn form_len(self, number: usize, arguments: usize) -> usize {
+        let has_form = self == Self::Tanh && number.is_multiple_of(2);
+        if has_form { symmetric_len(arguments) } else { 0 }
+    }
 }
 
 impl TwistShears {
     /// Shears of so many neurons each.
     pub fn new(planes: FastPlanes, widths: &[usize]) -> Self {
-        Self::of(planes, widths, false)
+        Self::of(planes, widths, RidgeFunction::Tanh, false)
     }
 
     /// Turned shears of so many neurons each.
     pub fn turned(planes: FastPlanes, widths: &[usize]) -> Self {
-        Self::of(planes, widths, true)
+        Self::of(planes, widths, RidgeFunction::Tanh, true)
     }
 
-    fn of(planes: FastPlanes, widths: &[usize], turned: bool) -> Self {
+    /// Shears of so many ridge functions each, turned or not. Those of polynomials have no
+    /// quadratic form, which polynomials of the momenta are.
+    pub fn of(planes: FastPlanes, widths: &[usize], function: RidgeFunction, turned: bool) -> Self {
+        let intervals = match function {
+            RidgeFunction::Tanh => Vec::new(),
+            RidgeFunction::Polynomial { radius, .. } => planes.intervals(radius),
+        };
         let (mut neurons, mut begins) = (vec![0_usize], vec![0_usize]);
         for (number, &width) in widths.iter().enumerate() {
-            let own = width.saturating_mul(planes.arguments().saturating_add(2));
+            let own = Ridges { width, function }.parameter_count(planes.arguments());
             let rest = match turned {
                 true => planes.slow.len(),
-                false => form_len(number, planes.arguments()),
+                false => function.form_len(number, planes.arguments()),
             };
             neurons.push(neurons[number].saturating_add(width));
             begins.push(begins[number].saturating_add(own).saturating_add(rest));
         }
-        Self { planes, turned, neurons, begins }
+        Self { planes, turned, function, intervals, neurons, begins }
     }
 
     /// Where the angles of each turned shear begin among the parameters; none of others.
@@ -171,6 +200,11 @@ impl TwistShears {
     /// The planes that are turned.
     pub fn planes(&self) -> &FastPlanes {
         &self.planes
+    }
+
+    /// What their functions are made of.
+    pub fn function(&self) -> RidgeFunction {
+        self.function
     }
 
     /// How many there are.
@@ -194,6 +228,11 @@ impl TwistShears {
     #[inline(always)]
     fn width(&self, number: usize) -> usize {
         self.neurons[number + 1] - self.neurons[number]
+    }
+
+    #[inline(always)]
+    fn ridges(&self, number: usize) -> Ridges {
+        Ridges { width: self.width(number), function: self.function }
     }
 
     /// Where the parameters of a shear are.
@@ -230,8 +269,8 @@ impl TwistShears {
 /// still: this is the flow. It commutes with the torus action. Since no
 /// shear changes 𝔍, all of them turn a plane together, by the sum of their angles.
 ///
-/// G_l is a [`TanhPotential`] of u = (𝔍, y), d numbers, `D` of them where they are known at
-/// compile time; where y are the momenta, ½uᵀQu is added: what a kinetic energy and a frequency
+/// G_l is a [`RidgePotential`] of u = (𝔍, y), d numbers, `D` of them where they are known at
+/// compile time; where y are the momenta, ½uᵀQu is added to neurons: what a kinetic energy and a frequency
 /// that shifts with the action are to leading order. Where y are the positions nothing is, so
 /// that the increments of the momenta are bounded and no weights let a slow motion grow faster
 /// than N² in N steps. The parameters are those of G₁, G₂, …: W, b, w and, for momenta, the
@@ -263,7 +302,7 @@ pub struct Twist<'a, P, const D: usize = 0> {
 /// A shear of a twist.
 struct Layer<'a, P, const D: usize> {
     number: usize,
-    potential: TanhPotential<'a, P, D>,
+    potential: RidgePotential<'a, P, D>,
     form: Option<QuadraticForm<'a, P, D>>,
     /// The half that it changes.
     target: Half,
@@ -297,7 +336,7 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
     /// How many neurons' parameters a shear has, before those of its quadratic form.
     #[inline(always)]
     fn neurons_len(&self, number: usize) -> usize {
-        self.shears.width(number) * (self.arguments() + 2)
+        self.shears.ridges(number).parameter_count(self.arguments())
     }
 
     /// The one that is applied after `turn` others.
@@ -307,7 +346,8 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
         let (d, place) = (self.arguments(), self.shears.parameters(number));
         let own = &self.parameters[place][self.shears.angles_len()..];
         let (neurons, form) = own.split_at(self.neurons_len(number));
-        let potential = TanhPotential::new(d, self.shears.width(number), neurons);
+        let (ridges, intervals) = (self.shears.ridges(number), &self.shears.intervals);
+        let potential = RidgePotential::new(d, ridges, intervals, neurons);
         let form = if form.is_empty() { None } else { Some(QuadraticForm::new(d, form)) };
         let target = self.shears.target(number);
         let turn = if self.inverse { -self.scale } else { self.scale };
@@ -512,7 +552,30 @@ impl<P: Scalar, const D: usize> ElementaryMap<P> for Twist<'_, P, D> {
 
     #[inline(always)]
     fn activation_count(&self) -> usize {
-        self.shears.neurons[self.shears.count()]
+        (0..self.shears.count()).map(|number| self.shears.ridges(number).activation_count()).sum()
+    }
+
+    fn reach(&self, z: &[f64], _: &mut [f64]) -> f64
+    where
+        f64: Over<P>,
+    {
+        if self.is_identity() || self.shears.function == RidgeFunction::Tanh {
+            return 0.0;
+        }
+        let (d, mut z) = (self.arguments(), z.to_vec());
+        let (mut argument, mut gradient) = (vec![0.0; d], vec![0.0; d]);
+        self.planes().actions(&z, &mut argument[..self.planes().circles]);
+        let (mut angles, mut reach) = ([0.0; CIRCLES], 0.0);
+        for turn in 0..self.shears.count() {
+            let layer = self.layer(turn);
+            self.turn_slow(layer.number, false, &mut z);
+            self.source(&layer, &z, &mut argument);
+            reach = max_or_nan(reach, layer.potential.reach(&argument));
+            layer.potential.gradient(&argument, &mut gradient);
+            self.add(&layer, &gradient, &mut z, &mut angles);
+            self.turn_slow(layer.number, true, &mut z);
+        }
+        reach
     }
 
     #[inline(always)]

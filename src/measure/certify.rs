@@ -250,8 +250,14 @@ pub fn certify_unless_stopped(
     unless_stopped(go_on, || certify(model, options))
 }
 
-/// One certificate for several models, each on samples of its own.
-pub fn certify_all(models: &[Model], options: CertificateOptions) -> Certificate {
+/// One certificate for several models, each on samples of its own: in planes of networks of polynomials
+/// no further out than the corners of their box, ρ.
+pub fn certify_all(models: &[Model], mut options: CertificateOptions) -> Certificate {
+    let boxes = models.iter().filter_map(|model| model.architecture().polynomial_radius());
+    for radius in boxes {
+        let side = std::f64::consts::FRAC_1_SQRT_2 * radius;
+        options.radius = if side < options.radius { side } else { options.radius };
+    }
     let tallies = models.iter().enumerate().flat_map(|(index, model)| {
         let samples = Samples::draw(model.composition().dof(), index, options);
         let architecture = model.architecture();

@@ -128,7 +128,7 @@ const OF_STEP: f64 = 12.0;
 
 /// The largest change of an action 𝔍_a among so many iterations of the inner map from w,
 /// over its bound: the rounding of a step times √iterations, as independent errors add. What
-/// drifts outgrows it.
+/// drifts outgrows it. An orbit ends where the map is [beyond](Measurable::is_beyond) its use.
 pub fn action_ratio(
     inner: &dyn Measurable,
     circles: &[CircleAction],
@@ -150,7 +150,10 @@ pub fn action_ratio(
         })
         .collect();
     let mut largest = 0.0;
-    for _ in 0..iterations {
+    for step in 0..iterations {
+        if step > 0 && inner.is_beyond(&moved) {
+            break;
+        }
         inner.forward(&mut moved);
         for ((circle, before), bound) in circles.iter().zip(&before).zip(&bounds) {
             let error = (circle.invariant(&moved) - before).abs();

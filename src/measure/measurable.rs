@@ -39,6 +39,13 @@ pub trait Measurable: Map<f64> {
         Vec::new()
     }
 
+    /// Whether a point is so far from where the map is of use that nothing is asked of its orbit from there on.
+    /// Nowhere, by default; of a network of polynomials at twice their box.
+    fn is_beyond(&self, z: &[f64]) -> bool {
+        let _ = z;
+        false
+    }
+
     /// The name of the type, by which a suite knows what it has measured.
     fn type_name(&self) -> &'static str {
         std::any::type_name::<Self>()
@@ -78,6 +85,9 @@ pub trait NearlyPeriodic: Measurable {
 impl Measurable for Composition<f64> {
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
         self.visit_steps(direction, AsMeasured).into_iter().flatten().collect()
+    }
+    fn is_beyond(&self, z: &[f64]) -> bool {
+        self.reach(z) > 2.0
     }
     fn move_points(&self, direction: Direction, points: &mut [f64]) {
         map_points(self, direction, points).expect("whole points");

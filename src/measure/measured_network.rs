@@ -3,7 +3,7 @@
 use super::measured_coupling::CouplingStep;
 use super::measured_step::{MeasuredPotential, MeasuredSteps, ShearMap, TrackedStep, turn_steps};
 use super::measured_twist::TwistStep;
-use crate::layer::{ElementaryMap, Kick, TanhPotential, TurnStep, TurnedCoupling, Twist};
+use crate::layer::{ElementaryMap, Kick, RidgePotential, TurnStep, TurnedCoupling, Twist};
 use crate::network::Visitor;
 use crate::phase::Direction;
 
@@ -20,9 +20,9 @@ impl<'a> Visitor<'a, f64> for AsMeasured {
 
     fn visit_kick<const D: usize>(
         self,
-        kick: Kick<'a, f64, TanhPotential<'a, f64, D>>,
+        kick: Kick<'a, f64, RidgePotential<'a, f64, D>>,
     ) -> MeasuredSteps<'a> {
-        vec![TanhPotential::measured_kick(kick)]
+        vec![RidgePotential::measured_kick(kick)]
     }
 
     fn visit_twist<const D: usize>(self, twist: Twist<'a, f64, D>) -> MeasuredSteps<'a> {

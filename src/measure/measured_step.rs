@@ -4,7 +4,10 @@
 //! other step are found by running it on [`Tracked`] numbers ([`TrackedStep`]), of twists
 //! part by part: a new kind of step needs nothing here, unless it saturates, as couplings do.
 
-use crate::layer::{ElementaryMap, HenonMap, Kick, Potential, TanhPotential, Turn, quarter_turns};
+use crate::layer::{
+    ElementaryMap, HenonMap, Kick, PolynomialPotential, Potential, RidgePotential, TanhPotential,
+    Turn, quarter_turns,
+};
 use crate::phase::{Direction, Half, Map};
 use crate::scalar::{Dual, Elementary, Over, Scalar, Tracked, max_or_nan};
 
@@ -166,6 +169,20 @@ impl<const D: usize> MeasuredPotential for TanhPotential<'_, f64, D> {
         Self: 'a,
     {
         Box::new(HenonStep { map, inverse: direction == Direction::Inverse })
+    }
+}
+
+impl MeasuredPotential for PolynomialPotential<'_, f64> {}
+
+impl<const D: usize> MeasuredPotential for RidgePotential<'_, f64, D> {
+    fn measured_kick<'a>(kick: Kick<'a, f64, Self>) -> Box<dyn MeasuredStep + 'a>
+    where
+        Self: 'a,
+    {
+        match kick.potential {
+            Self::Tanh(tanh) => TanhPotential::measured_kick(kick.with_potential(tanh)),
+            Self::Polynomial(of) => PolynomialPotential::measured_kick(kick.with_potential(of)),
+        }
     }
 }
 

@@ -1,9 +1,10 @@
 //! I₀ = Id, and how I_ε leaves it.
 
 use super::stopping::until_stopped;
+use crate::layer::{RidgeFunction, Ridges};
 use crate::network::{Layers, Model};
 use crate::phase::Map;
-use crate::scalar::{Dual, Scalar, max_or_nan};
+use crate::scalar::{Dual, Over, Scalar, max_or_nan};
 
 /// The number of components of z that the map changes, bit for bit.
 pub fn differing_components(map: &(impl Map<f64> + ?Sized), z: &[f64]) -> usize {
@@ -57,8 +58,8 @@ fn largest_change(points: &[f64], dim: usize, f: impl Fn(&mut [f64])) -> f64 {
 /// G₁ = −Σ_layers [V(y) + V(−y−η) + V(−x) + V(x−η)] with (x, y) = (q, p), of all Hénon layers
 /// that ε scales.
 ///
-/// G₁ is formed as a number, with V(y) = w·tanh(Wᵀy + b) read off the flat
-/// parameters, and differentiated by duals: nothing of the kicks' own gradient
+/// G₁ is formed as a number, with V(y) = w·tanh(Wᵀy + b), or ρ Σ_k ∫c_k of polynomials, read off the
+/// flat parameters, and differentiated by duals: nothing of the kicks' own gradient
 /// enters. Cost: 2n evaluations of G₁.
 pub fn near_identity_generator(network: &Model, z: &[f64], out: &mut [f64]) {
     type Number = Dual<f64, 1>;
@@ -66,9 +67,10 @@ pub fn near_identity_generator(network: &Model, z: &[f64], out: &mut [f64]) {
     let scaled =
         network.architecture().layers().into_iter().filter_map(|(block, number, range)| {
             let Layers::Henon(widths) = &block.layers else { return None };
-            block.scale.has_epsilon().then(|| (widths[number], &network.parameters()[range]))
+            let ridges = Ridges { width: widths[number], function: block.ridges };
+            block.scale.has_epsilon().then(|| (ridges, &network.parameters()[range]))
         });
-    let layers: Vec<(usize, &[f64])> = scaled.collect();
+    let layers: Vec<(Ridges, &[f64])> = scaled.collect();
     let slope = |direction: usize| {
         let w: Vec<Number> = z
             .iter()
@@ -76,20 +78,11 @@ pub fn near_identity_generator(network: &Model, z: &[f64], out: &mut [f64]) {
             .map(|(i, &v)| if i == direction { Dual::variable(v, 0) } else { Dual::constant(v) })
             .collect();
         let mut total = Number::zero();
-        for &(h, parameters) in &layers {
-            let (w_in, rest) = parameters.split_at(n * h);
-            let (b_in, rest) = rest.split_at(h);
-            let (w_out, eta) = rest.split_at(h);
+        for &(ridges, parameters) in &layers {
+            let (weights, eta) = parameters.split_at(ridges.parameter_count(n));
             let potential = |at: &dyn Fn(usize) -> Number| {
-                let mut value = Number::zero();
-                for j in 0..h {
-                    let mut argument = Number::constant(b_in[j]);
-                    for i in 0..n {
-                        argument = Number::constant(w_in[i * h + j]).mul_add(at(i), argument);
-                    }
-                    value = Number::constant(w_out[j]).mul_add(argument.tanh(), value);
-                }
-                value
+                let at: Vec<Number> = (0..n).map(at).collect();
+                literal_potential(ridges, weights, &at)
             };
             let eta = |i: usize| Number::constant(eta[i]);
             total = total
@@ -104,4 +97,48 @@ pub fn near_identity_generator(network: &Model, z: &[f64], out: &mut [f64]) {
         out[i] = slope(n + i);
         out[n + i] = -slope(i);
     }
+}
+
+/// V(y), a number: w·tanh(Wᵀy + b) of neurons, ρ Σ_k ∫c_k(Wᵀy/ρ)_k of polynomials, with
+/// ∫T_m = ½(T_{m+1}/(m + 1) − T_{m−1}/(m − 1)).
+fn literal_potential<S: Over<f64>>(ridges: Ridges, weights: &[f64], y: &[S]) -> S {
+    let (n, h) = (y.len(), ridges.width);
+    let mut value = S::zero();
+    match ridges.function {
+        RidgeFunction::Tanh => {
+            let (w_in, rest) = weights.split_at(n * h);
+            let (b_in, w_out) = rest.split_at(h);
+            for j in 0..h {
+                let mut argument = S::embed(b_in[j]);
+                for i in 0..n {
+                    argument = y[i].mul_add_parameter(w_in[i * h + j], argument);
+                }
+                value = argument.tanh().mul_add_parameter(w_out[j], value);
+            }
+        }
+        RidgeFunction::Polynomial { radius, .. } => {
+            let (w_in, c) = weights.split_at(if n > 1 { n * h } else { 0 });
+            for j in 0..h {
+                let mut s = S::zero();
+                for i in 0..n {
+                    let direction = if n > 1 { w_in[i * h + j] } else { 1.0 };
+                    s = y[i].mul_add_parameter(direction / radius, s);
+                }
+                let mut t = vec![S::from_f64(1.0), s];
+                for m in 1..=c.len() / h {
+                    t.push(S::from_f64(2.0) * s * t[m] - t[m - 1]);
+                }
+                for (m, c) in c.iter().skip(j).step_by(h).enumerate() {
+                    let over = |m: usize| t[m].times(1.0 / m as f64);
+                    let integral = match m {
+                        0 => s,
+                        1 => over(2).times(0.5),
+                        _ => (over(m + 1) - over(m - 1)).times(0.5),
+                    };
+                    value = integral.mul_add_parameter(radius * c, value);
+                }
+            }
+        }
+    }
+    value
 }

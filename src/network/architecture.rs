@@ -3,9 +3,10 @@
 use super::block::{Block, Layers, Part, Surroundings};
 use super::composition::Composition;
 use crate::error::Error;
-use crate::layer::{CircleAction, FastPlanes, TorusAction};
+use crate::flow::Pairs;
+use crate::layer::{CircleAction, FastPlanes, RidgeFunction, TorusAction};
 use crate::phase::Direction;
-use crate::scalar::Real;
+use crate::scalar::{Real, max_or_nan};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -169,9 +170,45 @@ impl Architecture {
         self.blocks.iter().all(|block| block.layers.is_symplectic())
     }
 
-    /// Whether all of its layers are Hénon layers.
+    /// Whether all of its layers are Hénon layers of neurons.
     pub fn is_of_henon_layers(&self) -> bool {
-        self.blocks.iter().all(|block| matches!(block.layers, Layers::Henon(_)))
+        let is = |block: &Block| {
+            matches!(block.layers, Layers::Henon(_)) && block.ridges == RidgeFunction::Tanh
+        };
+        self.blocks.iter().all(is)
+    }
+
+    /// Whether some of its layers are of polynomials, which have a box.
+    pub fn has_polynomials(&self) -> bool {
+        self.blocks.iter().any(|block| block.ridges != RidgeFunction::Tanh)
+    }
+
+    /// The radius of the smallest box of its polynomials, if it has any.
+    pub fn polynomial_radius(&self) -> Option<f64> {
+        let radius = |block: &Block| match block.ridges {
+            RidgeFunction::Tanh => None,
+            RidgeFunction::Polynomial { radius, .. } => Some(radius),
+        };
+        self.blocks.iter().filter_map(radius).min_by(f64::total_cmp)
+    }
+
+    /// With this box of all polynomials that have none yet: coordinates from −ρ to ρ, ρ = `radius`.
+    pub fn in_box(mut self, radius: f64) -> Self {
+        for block in &mut self.blocks {
+            block.ridges = block.ridges.in_box(radius);
+        }
+        self
+    }
+
+    /// With the box of pairs for all polynomials that have none yet: ρ is a tenth more than the
+    /// largest radius of a point in a plane, since charts move points a little.
+    pub fn in_box_of(self, pairs: &Pairs) -> Self {
+        let dof = pairs.dof();
+        let points =
+            pairs.input().chunks_exact(2 * dof).chain(pairs.output().chunks_exact(2 * dof));
+        let radii = points.flat_map(|z| (0..dof).map(|j| libm::hypot(z[j], z[dof + j])));
+        let largest = radii.fold(0.0, max_or_nan);
+        self.in_box(1.1 * largest)
     }
 
     /// Whether it has an ε and angles of its own, and so is of a family of maps.
@@ -327,6 +364,18 @@ impl Architecture {
             return Err(Error::invalid("flow_time", 0, expected));
         }
         self.check_parts()
+    }
+
+    /// Fails where polynomials have no box yet.
+    pub(super) fn check_boxes(&self) -> Result<(), Error> {
+        match self.blocks.iter().find(|block| block.ridges.is_unbounded()) {
+            Some(block) => Err(Error::Missing {
+                place: format!("block `{}`", block.name),
+                key: "radius",
+                needed_by: "the box of its polynomials".into(),
+            }),
+            None => Ok(()),
+        }
     }
 
     /// Fails where parts do not go together.

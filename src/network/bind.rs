@@ -3,7 +3,7 @@
 use super::composition::Composition;
 use super::step::{Kind, Step, Visitor};
 use crate::layer::{
-    ActivationModule, AffineCoupling, ElementaryMap, LinearModule, TanhPotential, TurnStep,
+    ActivationModule, AffineCoupling, ElementaryMap, LinearModule, RidgePotential, TurnStep,
     TurnedCoupling, TurnedKick, Twist,
 };
 use crate::scalar::Scalar;
@@ -22,11 +22,12 @@ impl<P: Scalar> Composition<P> {
         let scale = if step.near_identity { self.epsilon() } else { P::from_f64(1.0) };
         let scale = step.time.map_or(scale, |time| scale * P::from_f64(time));
         match step.kind {
-            Kind::Kick { width, form } => {
-                let (potential, eta) = parameters.split_at(width * (self.dof() + 2));
+            Kind::Kick { ridges, form } => {
+                let (potential, eta) = parameters.split_at(ridges.parameter_count(self.dof()));
                 macro_rules! visit {
                     ($D:literal) => {{
-                        let potential = TanhPotential::<P, $D>::new(self.dof(), width, potential);
+                        let potential =
+                            RidgePotential::<P, $D>::new(self.dof(), ridges, &[], potential);
                         let kick = form.kick(potential, eta, scale);
                         visitor.visit_kick(if inverse { kick.inverse() } else { kick })
                     }};
@@ -41,11 +42,12 @@ impl<P: Scalar> Composition<P> {
             Kind::Turn { prepared } => {
                 visitor.visit_turn(TurnStep { turn: self.turn(prepared), inverse })
             }
-            Kind::TurnedKick { width, prepared } => {
+            Kind::TurnedKick { ridges, prepared } => {
                 let (turn, potential) = (self.turn(prepared), &parameters[self.dof()..]);
                 macro_rules! visit {
                     ($D:literal) => {{
-                        let potential = TanhPotential::<P, $D>::new(self.dof(), width, potential);
+                        let potential =
+                            RidgePotential::<P, $D>::new(self.dof(), ridges, &[], potential);
                         let kick = TurnedKick::new(turn, potential, scale);
                         visitor.visit(if inverse { kick.inverse() } else { kick })
                     }};

@@ -4,7 +4,9 @@ use super::composition::Composition;
 use super::init::{InitialWeights, Law, inner_bound, outer_bound};
 use super::step::{Kind, Step};
 use crate::error::Error;
-use crate::layer::{Activation, FastPlanes, KickForm, TwistShears, form_len};
+use crate::layer::{
+    Activation, FastPlanes, KickForm, RidgeFunction, Ridges, TwistShears, symmetric_len,
+};
 use crate::phase::Half;
 use crate::random::Stream;
 use crate::scalar::Real;
@@ -174,14 +176,28 @@ impl Tensor {
     }
 }
 
-/// W, b and w of a potential of so many arguments.
-fn potential(arguments: usize, width: usize) -> [Tensor; 3] {
-    let inner = Law::Uniform(inner_bound(arguments, width));
-    [
-        Tensor::new("w_in", [arguments, width], inner),
-        Tensor::new("b_in", [1, width], inner),
-        Tensor::new("w_out", [width, 1], Law::Uniform(outer_bound(width))),
-    ]
+/// The tensors of a potential of so many arguments: W, b and w of neurons, W and the coefficients
+/// of polynomials.
+fn potential(arguments: usize, ridges: Ridges) -> Vec<Tensor> {
+    let width = ridges.width;
+    match ridges.function {
+        RidgeFunction::Tanh => {
+            let inner = Law::Uniform(inner_bound(arguments, width));
+            vec![
+                Tensor::new("w_in", [arguments, width], inner),
+                Tensor::new("b_in", [1, width], inner),
+                Tensor::new("w_out", [width, 1], Law::Uniform(outer_bound(width))),
+            ]
+        }
+        RidgeFunction::Polynomial { degree, .. } => {
+            let directions = Law::Direction { arguments };
+            let w_in = Tensor::new("w_in", [arguments, width], directions);
+            let law = Law::Coefficient { degree };
+            let coefficients = Tensor::new("coefficients", [degree, width], law);
+            let has_directions = arguments > 1;
+            has_directions.then_some(w_in).into_iter().chain([coefficients]).collect()
+        }
+    }
 }
 
 impl Modules {
@@ -192,7 +208,7 @@ impl Modules {
 
     /// The numbers of one symmetric matrix.
     fn entries(dof: usize) -> usize {
-        form_len(0, dof)
+        symmetric_len(dof)
     }
 
     fn parameter_count(&self, dof: usize) -> usize {
@@ -297,23 +313,24 @@ impl Layers {
     }
 
     /// The tensors of the layer of this number.
-    fn tensors_of(&self, layer: usize, of: Surroundings) -> Vec<Tensor> {
+    fn tensors_of(&self, layer: usize, function: RidgeFunction, of: Surroundings) -> Vec<Tensor> {
         let Surroundings { dof: n, arguments: d, slow } = of;
+        let ridges = |widths: &[usize]| Ridges { width: widths[layer], function };
         match self {
             Self::Henon(widths) => {
                 let eta = Law::Uniform(inner_bound(n, widths[layer]));
-                let mut out = Vec::from(potential(n, widths[layer]));
+                let mut out = potential(n, ridges(widths));
                 out.push(Tensor::new("eta", [1, n], eta));
                 out
             }
             Self::TurnedKick(widths) => {
                 let mut out = vec![Tensor::new("angles", [1, n], Law::Angle)];
-                out.extend(potential(n, widths[layer]));
+                out.extend(potential(n, ridges(widths)));
                 out
             }
             Self::Twist(widths) => {
-                let mut out = Vec::from(potential(d, widths[layer]));
-                let form = form_len(layer, d);
+                let mut out = potential(d, ridges(widths));
+                let form = function.form_len(layer, d);
                 if form > 0 {
                     let law = Law::Curvature { arguments: d, width: widths[layer] };
                     out.push(Tensor::new("quadratic", [1, form], law));
@@ -322,7 +339,7 @@ impl Layers {
             }
             Self::TurnedTwist(widths) => {
                 let mut out = vec![Tensor::new("angles", [1, slow], Law::Angle)];
-                out.extend(potential(d, widths[layer]));
+                out.extend(potential(d, ridges(widths)));
                 out
             }
             Self::TurnedCoupling(widths) => {
@@ -364,24 +381,25 @@ impl Layers {
         planes: Option<&FastPlanes>,
         start: usize,
         ranges: &[Range<usize>],
-        scaled: Scaled,
+        made: Made,
     ) {
-        let Scaled { near_identity, time } = scaled;
+        let Made { function, near_identity, time } = made;
         let step =
             |kind, parameters| Step { kind, parameters, inverse: false, near_identity, time };
         let widths = self.widths().iter().copied().zip(ranges.iter().cloned());
         match self {
             Self::Henon(_) => {
                 for (width, range) in widths {
+                    let ridges = Ridges { width, function };
                     for form in KickForm::LAYER {
-                        out.push(step(Kind::Kick { width, form }, range.clone()));
+                        out.push(step(Kind::Kick { ridges, form }, range.clone()));
                     }
                 }
             }
             Self::TurnedKick(_) => {
                 for (width, range) in widths {
-                    let prepared = out.prepare(&range);
-                    out.push(step(Kind::TurnedKick { width, prepared }, range));
+                    let (ridges, prepared) = (Ridges { width, function }, out.prepare(&range));
+                    out.push(step(Kind::TurnedKick { ridges, prepared }, range));
                 }
             }
             Self::TurnedCoupling(_) => {
@@ -393,8 +411,7 @@ impl Layers {
             Self::Twist(all) | Self::TurnedTwist(all) => {
                 let planes = planes.expect("a twist without planes is refused").clone();
                 let turned = matches!(self, Self::TurnedTwist(_));
-                let of = if turned { TwistShears::turned } else { TwistShears::new };
-                let shears = Arc::new(of(planes, all));
+                let shears = Arc::new(TwistShears::of(planes, all, function, turned));
                 let prepared = turned.then(|| out.prepare_slow(&shears, start));
                 let end = ranges.last().map_or(start, |last| last.end);
                 out.push(step(Kind::Twist { shears, prepared }, start..end));
@@ -424,9 +441,10 @@ impl Layers {
     }
 }
 
-/// What a step is multiplied by: ε or 1, and a flow time.
+/// What steps are made of and multiplied by: ridge functions; ε or 1, and a flow time.
 #[derive(Clone, Copy)]
-struct Scaled {
+struct Made {
+    function: RidgeFunction,
     near_identity: bool,
     time: Option<f64>,
 }
@@ -435,7 +453,8 @@ struct Scaled {
 ///
 /// In TOML and JSON it is one table: `layer` (`henon`, `turned-kick`, `twist`, `turned-twist`,
 /// `turned-coupling`, `symp-net`), `widths` (a list, or `{ count, width }`, the width of twists being a number or two
-/// by turns), or for `symp-net` `modules`, `shears`, `activation`, `plain`; `part` (`conjugation`,
+/// by turns) with `degree` and `radius` where its functions are polynomials, or for `symp-net` `modules`,
+/// `shears`, `activation`, `plain`; `part` (`conjugation`,
 /// `chart`, `slow-map`, `perturbation`, `near-identity` or `none`); `scale` (`none`, `epsilon`,
 /// `time`, `epsilon-time`; usual for the part unless given); `name`, which begins the names of its
 /// tensors (the part's, unless given).
@@ -451,12 +470,32 @@ pub struct Block {
     pub scale: Scale,
     /// Its layers.
     pub layers: Layers,
+    /// What the potentials of its layers are made of; couplings and modules have none.
+    pub ridges: RidgeFunction,
 }
 
 impl Block {
     /// Layers that play a part, with the name and the scale that are usual for it.
     pub fn new(part: Part, layers: Layers) -> Self {
-        Self { name: part.name().into(), part, scale: part.usual_scale(), layers }
+        let ridges = RidgeFunction::Tanh;
+        Self { name: part.name().into(), part, scale: part.usual_scale(), layers, ridges }
+    }
+
+    /// With potentials that are polynomials of this degree, 1 to 64: the widths count
+    /// [polynomials](crate::layer::PolynomialPotential) of their own directions, one of a kick of
+    /// one degree of freedom. Their box is that of the pairs ([`Architecture::in_box_of`]), unless it
+    /// is [given](Block::in_box).
+    ///
+    /// [`Architecture::in_box_of`]: crate::network::Architecture::in_box_of
+    pub fn of_polynomials(self, degree: usize) -> Self {
+        let radius = f64::INFINITY;
+        Self { ridges: RidgeFunction::Polynomial { degree, radius }, ..self }
+    }
+
+    /// With polynomials for the box of coordinates from −ρ to ρ, ρ = `radius`, where they have none
+    /// yet.
+    pub fn in_box(self, radius: f64) -> Self {
+        Self { ridges: self.ridges.in_box(radius), ..self }
     }
 
     /// With another name.
@@ -495,7 +534,7 @@ impl Block {
 
     /// The number of parameters of the layer of this number.
     pub(super) fn layer_len(&self, layer: usize, of: Surroundings) -> usize {
-        let tensors = self.layers.tensors_of(layer, of);
+        let tensors = self.layers.tensors_of(layer, self.ridges, of);
         tensors.iter().map(Tensor::len).fold(0, usize::saturating_add)
     }
 
@@ -515,7 +554,7 @@ impl Block {
         let block = if self.name.is_empty() { String::new() } else { format!("{}.", self.name) };
         let of_layer = |layer| {
             let prefix = format!("{block}{}", self.layers.tensor_prefix(layer));
-            let tensors = self.layers.tensors_of(layer, of).into_iter();
+            let tensors = self.layers.tensors_of(layer, self.ridges, of).into_iter();
             tensors.map(move |tensor| (format!("{prefix}.{}", tensor.name), tensor))
         };
         (0..self.layers.count()).flat_map(of_layer).collect()
@@ -530,9 +569,12 @@ impl Block {
         of: Surroundings,
         flow_time: f64,
     ) {
-        let scaled =
-            Scaled { near_identity: self.scale.has_epsilon(), time: self.scale.time(flow_time) };
-        self.layers.push(out, planes, start, &self.layer_ranges(start, of), scaled);
+        let made = Made {
+            function: self.ridges,
+            near_identity: self.scale.has_epsilon(),
+            time: self.scale.time(flow_time),
+        };
+        self.layers.push(out, planes, start, &self.layer_ranges(start, of), made);
     }
 
     /// Fails unless its layers can play its part, in a network with circles or without.
@@ -558,6 +600,7 @@ impl Block {
                 .map_err(place)?;
             }
             layers => {
+                self.ridges.check().map_err(|e| e.with_place(&self.name))?;
                 let empty = |layer: &usize| match layers {
                     Layers::Twist(_) => self.layer_len(*layer, of) == 0,
                     _ => layers.widths()[*layer] == 0,
@@ -566,6 +609,18 @@ impl Block {
                     let found = format!("a layer of width 0 (number {layer})");
                     return refused(&found, "at least one neuron");
                 }
+            }
+        }
+        if self.ridges != RidgeFunction::Tanh {
+            if matches!(self.layers, Layers::TurnedCoupling(_) | Layers::SympNet(_)) {
+                let found = format!("polynomials in {}", self.layers.words());
+                return refused(&found, "kicks, Hénon layers or twists");
+            }
+            let arguments = if self.layers.needs_circles() { of.arguments } else { of.dof };
+            let wide = self.layers.widths().iter().find(|width| **width > 1);
+            if let (Some(width), 1) = (wide, arguments) {
+                let found = format!("{width} polynomials of one number in a layer");
+                return refused(&found, "one: their sum is a polynomial too");
             }
         }
         if !has_circles && (self.layers.needs_circles() || self.needs_circles()) {
@@ -687,6 +742,10 @@ struct BlockTable {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     widths: Option<Widths>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    degree: Option<usize>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    radius: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     modules: Option<usize>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     shears: Option<usize>,
@@ -704,8 +763,8 @@ impl TryFrom<BlockTable> for Block {
     type Error = Error;
 
     fn try_from(table: BlockTable) -> Result<Self, Error> {
-        let BlockTable { name, part, scale, layer, widths, modules, shears, activation, plain } =
-            table;
+        let BlockTable { name, part, scale, layer, widths, degree, radius, .. } = table;
+        let BlockTable { modules, shears, activation, plain, .. } = table;
         let name = name.unwrap_or_else(|| part.name().into());
         let missing = |key: &'static str| Error::Missing {
             place: format!("block `{name}`"),
@@ -745,19 +804,36 @@ impl TryFrom<BlockTable> for Block {
                 LayerName::TurnedCoupling | LayerName::SympNet => Layers::TurnedCoupling(widths),
             }
         };
-        Ok(Self { name, part, scale: scale.unwrap_or(part.usual_scale()), layers })
+        let ridges = match (degree, radius) {
+            (Some(degree), radius) => {
+                RidgeFunction::Polynomial { degree, radius: radius.unwrap_or(f64::INFINITY) }
+            }
+            (None, None) => RidgeFunction::Tanh,
+            (None, Some(_)) => {
+                return superfluous("radius", "a degree with it: the box is that of polynomials");
+            }
+        };
+        Ok(Self { name, part, scale: scale.unwrap_or(part.usual_scale()), layers, ridges })
     }
 }
 
 impl From<Block> for BlockTable {
     fn from(block: Block) -> Self {
-        let Block { name, part, scale, layers } = block;
+        let Block { name, part, scale, layers, ridges } = block;
+        let (degree, radius) = match ridges {
+            RidgeFunction::Tanh => (None, None),
+            RidgeFunction::Polynomial { degree, radius } => {
+                (Some(degree), Some(radius).filter(|radius| radius.is_finite()))
+            }
+        };
         let mut table = Self {
             name: Some(name),
             part,
             scale: Some(scale),
             layer: LayerName::SympNet,
             widths: None,
+            degree,
+            radius,
             modules: None,
             shears: None,
             activation: None,
@@ -784,8 +860,11 @@ impl From<Block> for BlockTable {
 impl InitialWeights {
     /// The parameters of one Hénon layer, `[W (n × h, row by row), b (h), w (h), η (n)]`.
     pub fn layer(self, dof: usize, width: usize, stream: &mut Stream) -> Vec<f64> {
-        let tensors =
-            Layers::Henon(vec![width]).tensors_of(0, Surroundings { dof, arguments: 0, slow: 0 });
+        let tensors = Layers::Henon(vec![width]).tensors_of(
+            0,
+            RidgeFunction::Tanh,
+            Surroundings { dof, arguments: 0, slow: 0 },
+        );
         let of = |tensor: Tensor| vec![tensor.law; tensor.len()];
         let laws: Vec<Law> = tensors.into_iter().flat_map(of).collect();
         laws.into_iter().map(|law| self.draw(law, stream)).collect()

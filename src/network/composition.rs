@@ -4,7 +4,7 @@ use super::step::{Kind, Step, Visitor};
 use crate::error::Error;
 use crate::layer::{ElementaryMap, TorusAction, Turn, TwistShears};
 use crate::phase::{Direction, Map};
-use crate::scalar::{Over, Pack, Real, Scalar, Task};
+use crate::scalar::{Over, Pack, Real, Scalar, Task, max_or_nan};
 use std::marker::PhantomData;
 use std::ops::Range;
 
@@ -144,6 +144,23 @@ impl<'a, P: Scalar> Visitor<'a, P> for Sizes {
     #[inline(always)]
     fn visit(self, shear: impl ElementaryMap<P> + 'a) -> (usize, usize) {
         (shear.tape_len(), shear.activation_count())
+    }
+}
+
+/// [`ElementaryMap::reach`].
+struct Reach<'s> {
+    z: &'s [f64],
+    scratch: &'s mut [f64],
+}
+
+impl<'a, P: Scalar> Visitor<'a, P> for Reach<'_>
+where
+    f64: Over<P>,
+{
+    type Output = f64;
+    #[inline(always)]
+    fn visit(self, shear: impl ElementaryMap<P> + 'a) -> f64 {
+        shear.reach(self.z, self.scratch)
     }
 }
 
@@ -341,6 +358,25 @@ impl<P: Scalar> Composition<P> {
             out.reverse();
         }
         out
+    }
+
+    /// How far the arguments of its polynomials are from 0, at most, of a map of z: more than 1
+    /// outside the box that they are made for; 0 of a map without polynomials.
+    pub(crate) fn reach(&self, z: &[f64]) -> f64
+    where
+        f64: Over<P>,
+    {
+        if !self.steps.iter().any(|step| step.kind.is_of_polynomials()) {
+            return 0.0;
+        }
+        let (mut z, mut scratch) = (z.to_vec(), vec![0.0; z.len()]);
+        let mut reach = 0.0;
+        for step in &self.steps {
+            reach =
+                max_or_nan(reach, self.bind(step, false, Reach { z: &z, scratch: &mut scratch }));
+            self.bind(step, false, Apply { z: &mut z[..], scratch: &mut scratch[..] });
+        }
+        reach
     }
 
     /// The numbers of tanh (with its sech²) that one evaluation takes.

@@ -36,6 +36,11 @@ pub(super) enum Law {
     Angle,
     /// A weight: within this bound after Glorot.
     Uniform(f64),
+    /// A direction of a polynomial of so many arguments, which takes the box into [−1, 1].
+    Direction { arguments: usize },
+    /// A coefficient of the derivative of a polynomial of this degree: 0 after Glorot, whose law is for
+    /// training.
+    Coefficient { degree: usize },
     /// A quadratic form beside so many neurons of so many arguments.
     Curvature { arguments: usize, width: usize },
 }
@@ -47,6 +52,14 @@ impl InitialWeights {
             (Law::Angle, _) => stream.uniform(-PI, PI),
             (Law::Uniform(bound), Self::Glorot) => stream.uniform(-bound, bound),
             (Law::Uniform(_), Self::Normal { scale }) => scale * stream.normal(),
+            (Law::Direction { arguments }, _) => {
+                let bound = 1.0 / arguments as f64;
+                stream.uniform(-bound, bound)
+            }
+            (Law::Coefficient { .. }, Self::Glorot) => 0.0,
+            (Law::Coefficient { degree }, Self::Normal { scale }) => {
+                scale / (degree as f64).sqrt() * stream.normal()
+            }
             (Law::Curvature { arguments, width }, _) => {
                 self.curvature(arguments, width) * stream.normal()
             }

@@ -7,10 +7,11 @@ use super::composition::Composition;
 use super::init::InitialWeights;
 use super::pace::Pace;
 use crate::error::Error;
-use crate::layer::{CircleAction, HenonLayer};
+use crate::layer::{CircleAction, HenonLayer, RidgeFunction};
 use crate::phase::{Direction, Map};
 use crate::random::Stream;
-use crate::scalar::{Over, Real, Scalar};
+use crate::scalar::{Over, Real, Scalar, max_or_nan};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// A function of a point that a network keeps or nearly keeps.
@@ -176,6 +177,7 @@ impl<P: Real> Model<P> {
     /// [`Architecture::check`].
     pub fn over(architecture: Architecture, epsilon: P, parameters: Vec<P>) -> Result<Self, Error> {
         architecture.check()?;
+        architecture.check_boxes()?;
         Error::check_count("parameters", architecture.parameter_count(), parameters.len())?;
         let composition = architecture.composition(epsilon, parameters);
         Ok(Self { architecture: architecture.at_epsilon(epsilon.value()), composition })
@@ -258,14 +260,16 @@ impl<P: Scalar> Model<P> {
         &self.composition.parameters()[self.architecture.angles()]
     }
 
-    /// The Hénon layers of a part, in the order of application.
+    /// The Hénon layers of neurons of a part, in the order of application.
     pub fn henon_layers(&self, part: Part) -> impl DoubleEndedIterator<Item = HenonLayer<'_, P>> {
         let of = |(block, number, range): (&Block, usize, std::ops::Range<usize>)| {
             let Layers::Henon(widths) = &block.layers else { return None };
             let scale = if block.scale.has_epsilon() { self.epsilon() } else { P::from_f64(1.0) };
+            if block.part != part || block.ridges != RidgeFunction::Tanh {
+                return None;
+            }
             let layer = &self.composition.parameters()[range];
-            let layer = HenonLayer::new(self.architecture.dof, widths[number], scale, layer);
-            (block.part == part).then_some(layer)
+            Some(HenonLayer::new(self.architecture.dof, widths[number], scale, layer))
         };
         self.architecture.layers().into_iter().filter_map(of).collect::<Vec<_>>().into_iter()
     }
@@ -287,6 +291,38 @@ impl<P: Real> Model<P> {
         let Some(circle) = self.architecture.circles.first() else { return Vec::new() };
         let points = z.chunks_exact(2 * self.architecture.dof);
         points.map(|z| circle.conjugated_invariant(&chart, z)).collect()
+    }
+}
+
+impl Model {
+    /// With all coefficients of polynomials 0: they move nothing, and since a map depends on them
+    /// linearly where they are small, the first step of a fit from there is a linear one.
+    ///
+    /// # Errors
+    /// Those of [`Model::with_parameters`].
+    pub(crate) fn with_polynomials_at_rest(&self) -> Result<Self, Error> {
+        let mut parameters = self.parameters().to_vec();
+        let mut begin = 0;
+        for (name, shape) in self.architecture.tensors() {
+            let end = begin + shape[0] * shape[1];
+            if name.ends_with(".coefficients") {
+                parameters[begin..end].fill(0.0);
+            }
+            begin = end;
+        }
+        self.with_parameters(parameters)
+    }
+
+    /// How far the arguments of its polynomials are from 0, at most, of a step from z: more than 1
+    /// outside their box; 0 of a network without polynomials.
+    pub fn reach(&self, z: &[f64]) -> f64 {
+        self.composition.reach(z)
+    }
+
+    /// The largest [reach](Model::reach) of points, 2n numbers each.
+    pub fn largest_reach(&self, points: &[f64]) -> f64 {
+        let reaches = points.par_chunks(2 * self.architecture.dof).map(|z| self.reach(z));
+        reaches.reduce(|| 0.0, max_or_nan)
     }
 }
 
@@ -315,6 +351,7 @@ impl Architecture {
         seed: u64,
     ) -> Result<Model, Error> {
         self.check()?;
+        self.check_boxes()?;
         let mut parameters = Vec::with_capacity(self.parameter_count());
         let mut streams = BTreeMap::new();
         for block in &self.blocks {

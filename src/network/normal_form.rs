@@ -230,10 +230,10 @@ impl Model {
         let (block, times) = (&architecture.blocks[index], m as f64);
         let mut repeated = self.parameters()[range].to_vec();
         let mut rest = &mut repeated[..];
-        // G is linear in w and in the quadratic form.
+        // G is linear in w, in the quadratic form and in coefficients.
         for (tensor, len) in architecture.tensors_of_block(index) {
             let (values, others) = rest.split_at_mut(len);
-            if matches!(tensor, "w_out" | "quadratic") {
+            if matches!(tensor, "w_out" | "quadratic" | "coefficients") {
                 values.iter_mut().for_each(|weight| *weight /= times);
             }
             rest = others;

@@ -7,7 +7,7 @@ use super::named::{
 };
 use super::normal_form::NormalFormShape;
 use crate::error::Error;
-use crate::layer::{Activation, CircleAction, TorusAction};
+use crate::layer::{Activation, CircleAction, RidgeFunction, TorusAction};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -19,12 +19,15 @@ pub struct LayerSizes {
     pub count: usize,
     /// The neurons of each: a number, or two by turns.
     pub width: Alternating,
+    /// The degree of polynomials, which the layers have so many of in place of neurons.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub degree: Option<usize>,
 }
 
 impl LayerSizes {
     /// So many layers of the same width.
     pub fn uniform(count: usize, width: usize) -> Self {
-        Self { count, width: Alternating::Same(width) }
+        Self { count, width: Alternating::Same(width), degree: None }
     }
 
     /// The width of each layer.
@@ -32,21 +35,26 @@ impl LayerSizes {
         self.width.widths(self.count)
     }
 
-    /// `10x8`, or `20x2,10` for two widths by turns.
+    /// `10x8`, or `20x2,10` for two widths by turns; `10x1^16` for polynomials of degree 16.
     ///
     /// # Errors
     /// [`Error::Invalid`] with the text.
     pub fn parse(name: &str, text: &str) -> Result<Self, Error> {
         let parse = || {
-            let (count, width) = text.split_once('x')?;
             let number = |text: &str| text.trim().parse().ok();
+            let (sizes, degree) = match text.split_once('^') {
+                None => (text, None),
+                Some((sizes, degree)) => (sizes, Some(number(degree)?)),
+            };
+            let (count, width) = sizes.split_once('x')?;
             let width = match width.split_once(',') {
                 None => Alternating::Same(number(width)?),
                 Some((first, second)) => Alternating::Two([number(first)?, number(second)?]),
             };
-            Some(Self { count: number(count)?, width })
+            Some(Self { count: number(count)?, width, degree })
         };
-        let expected = "layers and neurons, such as 10x8, or 20x2,10 for two widths by turns";
+        let expected = "layers and neurons, such as 10x8, 20x2,10 for two widths by turns, or \
+                        10x1^16 for polynomials of degree 16";
         parse().ok_or_else(|| Error::invalid(name, text, expected))
     }
 }
@@ -54,9 +62,10 @@ impl LayerSizes {
 impl std::fmt::Display for LayerSizes {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.width {
-            Alternating::Same(width) => write!(f, "{}x{width}", self.count),
-            Alternating::Two([a, b]) => write!(f, "{}x{a},{b}", self.count),
+            Alternating::Same(width) => write!(f, "{}x{width}", self.count)?,
+            Alternating::Two([a, b]) => write!(f, "{}x{a},{b}", self.count)?,
         }
+        self.degree.map_or(Ok(()), |degree| write!(f, "^{degree}"))
     }
 }
 
@@ -189,7 +198,8 @@ impl NamedArchitecture {
             sizes: &[("layers", Some((41, 4)))],
             circles: Circles::None,
             make: |spec, of| {
-                let LayerSizes { count, width } = spec.size("layers").expect("it has a default");
+                let LayerSizes { count, width, .. } =
+                    spec.size("layers").expect("it has a default");
                 SympNetShape {
                     dof: of.action.dof(),
                     modules: count,
@@ -212,6 +222,19 @@ impl NamedArchitecture {
             let names: Vec<&str> = Self::ALL.iter().map(|of| of.name).collect();
             Error::invalid("architecture", name, names.join(", "))
         })
+    }
+
+    /// The key of the sizes of a block.
+    fn key_of(&self, block: &Block) -> Option<&'static str> {
+        let keys: &[&str] = match &block.name[..] {
+            "kick" => &["kicks"],
+            "twist" => &["twists"],
+            "turned_twist" => &["turned_twists"],
+            "near_identity" => &["near_identity", "kicks"],
+            "henon" | "" => &["layers"],
+            name => &[name],
+        };
+        { self.sizes.iter() }.map(|(key, _)| *key).find(|key| keys.contains(key))
     }
 
     fn keys(&self) -> String {
@@ -251,6 +274,10 @@ pub struct NetworkSpec {
     /// The turned kicks of K_ε, of a map that is nearly integrable; of 0 layers, an integrable one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub perturbation: Option<LayerSizes>,
+    /// ρ, of the box of polynomials in units of the network: coordinates are from −ρ to ρ. That of
+    /// the pairs, unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius: Option<f64>,
     /// The Hénon layers of a HénonNet; the linear modules of a SympNet and their shears.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layers: Option<LayerSizes>,
@@ -371,6 +398,16 @@ impl NetworkSpec {
         Ok(self)
     }
 
+    /// With this box of its polynomials.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when it has none, or the box has no extent.
+    pub fn with_radius(mut self, radius: f64) -> Result<Self, Error> {
+        self.radius = Some(radius);
+        self.check()?;
+        Ok(self)
+    }
+
     /// The size of a part: what is given, or the default.
     pub fn size(&self, key: &str) -> Option<LayerSizes> {
         self.given(key).or_else(|| {
@@ -425,6 +462,15 @@ impl NetworkSpec {
         if !is_symp_net && (of_modules || self.modules.is_some() || self.shears.is_some()) {
             let found = "modules, shears, activation or plain";
             return Err(Error::invalid("network", found, format!("none of them of {}", self.kind)));
+        }
+        if let Some(radius) = self.radius {
+            RidgeFunction::Polynomial { degree: 1, radius }.check()?;
+            let given = Self::SIZES.iter().filter_map(|key| self.given(key));
+            let of_sizes = { given }.any(|size| size.degree.is_some());
+            let of_blocks = self.blocks.iter().any(|block| block.ridges != RidgeFunction::Tanh);
+            if !(of_sizes || of_blocks) {
+                return Err(Error::invalid("radius", radius, "a degree of polynomials with it"));
+            }
         }
         let needs_blocks = self.kind == Self::BLOCKS;
         if needs_blocks == self.blocks.is_empty() {
@@ -484,6 +530,7 @@ impl NetworkSpec {
                 out = out.on_torus(placed.action).at_epsilon(epsilon);
             }
             out.blocks = self.blocks.clone();
+            out = self.boxed(out);
             out.flow_time = if out.has_flow_time() { flow_time } else { 1.0 };
             return Ok(out);
         }
@@ -494,7 +541,22 @@ impl NetworkSpec {
                 (format!("{circles} circles"), format!("one of a {}", named.name));
             return Err(Error::invalid("circle action", found, expected));
         }
-        Ok((named.make)(self, &placed))
+        let mut out = (named.make)(self, &placed);
+        for block in &mut out.blocks {
+            let size = named.key_of(block).and_then(|key| self.size(key));
+            if let Some(degree) = size.and_then(|size| size.degree) {
+                *block = block.clone().of_polynomials(degree);
+            }
+        }
+        Ok(self.boxed(out))
+    }
+
+    /// With the box that it names.
+    fn boxed(&self, architecture: Architecture) -> Architecture {
+        match self.radius {
+            Some(radius) => architecture.in_box(radius),
+            None => architecture,
+        }
     }
 }
 

@@ -1,8 +1,8 @@
 //! The kinds of step, and the one place where a step is bound to its parameters.
 
 use crate::layer::{
-    Activation, ElementaryMap, Kick, KickForm, TanhPotential, TurnStep, TurnedCoupling, Twist,
-    TwistShears,
+    Activation, ElementaryMap, Kick, KickForm, RidgeFunction, RidgePotential, Ridges, TurnStep,
+    TurnedCoupling, Twist, TwistShears,
 };
 use crate::phase::Half;
 use crate::scalar::Scalar;
@@ -30,8 +30,8 @@ pub struct Step {
 pub enum Kind {
     /// A kick of a Hénon layer.
     Kick {
-        /// The layer's number of neurons.
-        width: usize,
+        /// The ridge functions of its potential.
+        ridges: Ridges,
         /// Which of the four kicks.
         form: KickForm,
     },
@@ -42,8 +42,8 @@ pub enum Kind {
     },
     /// A kick in turned coordinates; its first n parameters are the angles.
     TurnedKick {
-        /// The number of neurons.
-        width: usize,
+        /// The ridge functions of its potential.
+        ridges: Ridges,
         /// Which of the composition's prepared turns.
         prepared: usize,
     },
@@ -88,6 +88,16 @@ impl Kind {
         }
     }
 
+    /// Whether its potentials are of polynomials.
+    pub(super) fn is_of_polynomials(&self) -> bool {
+        let function = match self {
+            Self::Kick { ridges, .. } | Self::TurnedKick { ridges, .. } => ridges.function,
+            Self::Twist { shears, .. } => shears.function(),
+            _ => RidgeFunction::Tanh,
+        };
+        function != RidgeFunction::Tanh
+    }
+
     /// Which of the composition's prepared turns it has, if any: the first of them.
     pub(super) fn prepared_mut(&mut self) -> Option<&mut usize> {
         match self {
@@ -119,7 +129,7 @@ pub trait Visitor<'a, P: Scalar>: Sized {
     #[inline(always)]
     fn visit_kick<const D: usize>(
         self,
-        kick: Kick<'a, P, TanhPotential<'a, P, D>>,
+        kick: Kick<'a, P, RidgePotential<'a, P, D>>,
     ) -> Self::Output {
         self.visit(kick)
     }

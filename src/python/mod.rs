@@ -279,7 +279,7 @@ impl Model {
     /// Trajectories from `points`, (..., 2n), in units of the data: an array (steps // every + 1, ...,
     /// 2n), the points themselves first. `outside` says what to do when one leaves the box of the
     /// training points by more than a hundredth of its width: "warn" (UserWarning), "stop" (an Error)
-    /// or "ignore".
+    /// or "ignore"; and when one leaves the box of the network's polynomials, if it has any.
     ///
     /// Raises Error when points are no real, finite numbers, have a mask or another last dimension, or a
     /// state leaves the finite numbers. Ctrl-C stops it within a second, as the other methods.
@@ -297,7 +297,8 @@ impl Model {
         if !["warn", "stop", "ignore"].contains(&outside) {
             return Err(Error::invalid("outside", outside, "warn, stop or ignore").into());
         }
-        if outside == "stop" && self.stored.provenance.region.is_none() {
+        let has_polynomials = self.stored.model.architecture().has_polynomials();
+        if outside == "stop" && !has_polynomials && self.stored.provenance.region.is_none() {
             let expected = "a model that knows the box of its training points";
             return Err(Error::invalid("outside", outside, expected).into());
         }
@@ -307,14 +308,20 @@ impl Model {
         let states = interruptible(py, |pace| self.stored.rollout_at_pace(initial, request, pace))?;
         let (dim, region) = (2 * self.dof(), self.stored.provenance.region.as_ref());
         let count = initial.len() / dim;
-        if let (Some(region), true) = (region, outside != "ignore")
-            && let Some(left) = py.detach(|| region.left_by(&states, count, every))
-        {
-            let told = left.describe(region);
-            if outside == "stop" {
-                return Err(exception::Error::new_err(told));
+        if outside != "ignore" {
+            let told = py.detach(|| {
+                let left = region.and_then(|region| {
+                    Some(region.left_by(&states, count, every)?.describe(region))
+                });
+                let beyond = self.stored.leaves_polynomials(&states, count, every);
+                [left, beyond.map(|beyond| beyond.describe())]
+            });
+            for told in told.into_iter().flatten() {
+                if outside == "stop" {
+                    return Err(exception::Error::new_err(told));
+                }
+                warn(py, &told)?;
             }
-            warn(py, &told)?;
         }
         array(py, states, points.shape(&[request.kept()], &[dim]))
     }

@@ -47,7 +47,14 @@ impl LossWeights {
 }
 
 /// (layers, neurons).
-type Shape = Option<(usize, Widths)>;
+type Shape = Option<Sizes>;
+
+/// Layers and neurons, or layers, polynomials and their degree.
+#[derive(FromPyObject)]
+pub(super) enum Sizes {
+    Neurons(usize, Widths),
+    Polynomials(usize, Widths, usize),
+}
 
 /// Blocks of Python's dictionaries, as JSON has them.
 fn blocks_of(py: Python<'_>, blocks: Bound<'_, PyAny>) -> PyResult<Vec<Block>> {
@@ -137,11 +144,14 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// architecture: "gyroceptron", "normal-form", "coupling-gyroceptron",
 /// "kicked-gyroceptron", "henon-net" or "symp-net".
 /// psi, near_identity, kicks, twists, turned_twists, perturbation, layers: (layers, neurons) of the parts that it
-/// has, or (layers, (neurons, neurons)) of two widths by turns; a normal form with a perturbation is nearly integrable, of order one without it.
+/// has, or (layers, (neurons, neurons)) of two widths by turns; (layers, polynomials, degree) of polynomials
+/// in place of neurons. A normal form with a perturbation is nearly integrable, of order one without it.
+/// radius: the box of polynomials, in units of the network: coordinates from -radius to radius. 1.1 times
+/// the largest of the pairs unless given.
 /// blocks: a network of your own in place of a named architecture: a list of dictionaries with layer
 /// ("henon", "turned-kick", "twist", "turned-twist", "turned-coupling", "symp-net"), widths, part ("conjugation",
 /// "chart", "slow-map", "perturbation", "near-identity", "none"), and scale and name where they are
-/// not the usual ones of the part.
+/// not the usual ones of the part; degree, and radius where it is not that of the pairs, of polynomials.
 /// optimiser: "lm" (Levenberg-Marquardt, which gets furthest), "l-bfgs" or "adam".
 /// iterations: at most so many, 1000 unless given.
 /// starts: so many sets of initial weights, 40 iterations each, of which the best goes on.
@@ -173,7 +183,7 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 #[pyfunction]
 #[pyo3(signature = (
     input, output, circle_action=Circles::Auto, *, recipe=None, scene=None, architecture=None, psi=None,
-    near_identity=None, kicks=None, twists=None, turned_twists=None, perturbation=None, layers=None, blocks=None, optimiser=None,
+    near_identity=None, kicks=None, twists=None, turned_twists=None, perturbation=None, layers=None, radius=None, blocks=None, optimiser=None,
     iterations=None, starts=None, ramp=None, near_identity_penalty=None, loss_weights=None, patience=None,
     target=None, plateau=None, epsilon=None, flow_time=None, theta=None, theta_fixed=false,
     theta_penalty=None, units="fitted", validation=0.1, seed=0, report=None, checkpoint=None,
@@ -195,6 +205,7 @@ pub(super) fn train(
     turned_twists: Shape,
     perturbation: Shape,
     layers: Shape,
+    radius: Option<f64>,
     blocks: Option<Bound<'_, PyAny>>,
     optimiser: Option<&str>,
     iterations: Option<u64>,
@@ -226,7 +237,8 @@ pub(super) fn train(
     let pairs = Pairs::new("pairs", dof, input, output)?;
     let ((epsilon, epsilons), (flow_time, times)) = (condition(epsilon), condition(flow_time));
     let data = FamilyPairs::under(pairs, epsilons.as_deref(), times.as_deref())?;
-    let shapes = Shapes { psi, near_identity, kicks, twists, turned_twists, perturbation, layers };
+    let shapes =
+        Shapes { psi, near_identity, kicks, twists, turned_twists, perturbation, layers, radius };
     let blocks = blocks.map(|blocks| blocks_of(py, blocks)).transpose()?.unwrap_or_default();
     let network = shapes.network(architecture, base.network.clone(), blocks)?;
     let mut training = base.training.clone();
@@ -354,6 +366,7 @@ struct Shapes {
     turned_twists: Shape,
     perturbation: Shape,
     layers: Shape,
+    radius: Option<f64>,
 }
 
 impl Shapes {
@@ -388,16 +401,21 @@ impl Shapes {
         };
         let with =
             |network: NetworkSpec, (key, size): (&str, LayerSizes)| network.with_size(key, size);
-        sizes.into_iter().try_fold(network, with).map(Some)
+        let network = sizes.into_iter().try_fold(network, with)?;
+        self.radius.map_or(Ok(network.clone()), |radius| network.with_radius(radius)).map(Some)
     }
 }
 
-fn layers((count, width): (usize, Widths)) -> LayerSizes {
+fn layers(sizes: Sizes) -> LayerSizes {
+    let (count, width, degree) = match sizes {
+        Sizes::Neurons(count, width) => (count, width, None),
+        Sizes::Polynomials(count, width, degree) => (count, width, Some(degree)),
+    };
     let width = match width {
         Widths::Same(width) => Alternating::Same(width),
         Widths::Two(widths) => Alternating::Two(widths),
     };
-    LayerSizes { count, width }
+    LayerSizes { count, width, degree }
 }
 
 /// A next step as a call.

@@ -1,6 +1,6 @@
 //! Forward-mode dual numbers over any scalar.
 
-use super::{Elementary, Over, Real, Scalar, Task, assigning, over_itself};
+use super::{Elementary, Over, Real, Scalar, Series, Task, assigning, over_itself};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// `re + Σ eps[k]·dₖ` with dₖdₗ = 0: a value and its derivatives in `N`
@@ -271,4 +271,38 @@ impl<S: Over<f64>, const N: usize> Over<f64> for Dual<S, N> {
         }
         Self { re: self.re.times(parameter), eps }
     }
+    #[inline(always)]
+    fn series_each<const K: usize>(s: [Self; K], series: Series<'_, f64>) -> [Self; K] {
+        let [f, slope] = S::series_with_slopes(values(s), series);
+        chain_each(s, f, slope)
+    }
+    #[inline(always)]
+    fn series_with_slopes<const K: usize>(s: [Self; K], series: Series<'_, f64>) -> [[Self; K]; 2] {
+        let [f, slope, curvature] = S::series_with_curvatures(values(s), series);
+        [chain_each(s, f, slope), chain_each(s, slope, curvature)]
+    }
+}
+
+/// The real parts.
+#[inline(always)]
+fn values<S: Scalar, const K: usize, const N: usize>(x: [Dual<S, N>; K]) -> [S; K] {
+    let mut out = [S::zero(); K];
+    for k in 0..K {
+        out[k] = x[k].re;
+    }
+    out
+}
+
+/// f(x) of each from f and f′ at the real parts.
+#[inline(always)]
+fn chain_each<S: Scalar, const K: usize, const N: usize>(
+    x: [Dual<S, N>; K],
+    value: [S; K],
+    slope: [S; K],
+) -> [Dual<S, N>; K] {
+    let mut out = x;
+    for k in 0..K {
+        out[k] = x[k].chain(value[k], slope[k]);
+    }
+    out
 }

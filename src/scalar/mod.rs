@@ -13,6 +13,7 @@
 //! by a map whose parameters are of type `P`. With `P = Dual` the same code
 //! differentiates in the parameters.
 
+mod chebyshev;
 mod double_double;
 mod dual;
 mod exp;
@@ -26,6 +27,7 @@ mod sin_cos;
 mod tanh;
 mod tracked;
 
+pub use chebyshev::Series;
 pub use double_double::DoubleDouble;
 pub use dual::{Dual, dual_variables_made};
 pub use lanes::Lanes;
@@ -215,6 +217,33 @@ pub trait Over<P>: Elementary {
     #[inline(always)]
     fn increment(self, factor: P, direction: Self) -> Self {
         direction.mul_add_parameter(factor, self)
+    }
+
+    /// f_k(s_k) of K series f_k = Σ_m c_{mk} T_m of Chebyshev polynomials.
+    #[inline(always)]
+    fn series_each<const K: usize>(s: [Self; K], series: Series<'_, P>) -> [Self; K]
+    where
+        P: Copy,
+    {
+        chebyshev::values(s, series)
+    }
+
+    /// [`Over::series_each`], the same bits, and the derivatives f_k′(s_k).
+    #[inline(always)]
+    fn series_with_slopes<const K: usize>(s: [Self; K], series: Series<'_, P>) -> [[Self; K]; 2]
+    where
+        P: Copy,
+    {
+        chebyshev::with_slopes(s, series)
+    }
+
+    /// [`Over::series_with_slopes`], the same bits, and the second derivatives f_k″(s_k).
+    #[inline(always)]
+    fn series_with_curvatures<const K: usize>(s: [Self; K], series: Series<'_, P>) -> [[Self; K]; 3]
+    where
+        P: Copy,
+    {
+        chebyshev::with_curvatures(s, series)
     }
 }
 

@@ -1,6 +1,7 @@
 //! A value with a bound of its accumulated rounding error.
 
-use super::{Elementary, Over, Real, Scalar, assigning, over_itself};
+use super::chebyshev::scales;
+use super::{Elementary, Over, Real, Scalar, Series, assigning, over_itself};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A number that carries a first-order bound of the rounding errors made so
@@ -191,5 +192,19 @@ impl Over<f64> for Tracked {
     fn mul_add_parameter(self, parameter: f64, addend: Self) -> Self {
         let inherited = parameter.abs() * self.bound + addend.bound;
         Self::rounded(self.value.mul_add(parameter, addend.value), inherited)
+    }
+    fn series_each<const K: usize>(s: [Self; K], series: Series<'_, f64>) -> [Self; K] {
+        let [f, _] = Self::series_with_slopes(s, series);
+        f
+    }
+    fn series_with_slopes<const K: usize>(s: [Self; K], series: Series<'_, f64>) -> [[Self; K]; 2] {
+        let [f, slope, curvature] = f64::series_with_curvatures(s.map(|s| s.value), series);
+        let mut out = [s; 2];
+        for k in 0..K {
+            let own = scales(s[k].value, series.from(k));
+            out[0][k] = Self { value: f[k], bound: s[k].share(slope[k]) + own.value };
+            out[1][k] = Self { value: slope[k], bound: s[k].share(curvature[k]) + own.slope };
+        }
+        out
     }
 }

@@ -304,7 +304,7 @@ impl Fit {
         notes.extend(units.clone().map(FitNote::Units));
         let loss = self.training.loss.for_pairs(&action, &nearest, &pairs)?;
         let training = TrainingOptions { loss, ..self.training.clone() };
-        let architecture = network.architecture(&action, epsilon, time)?;
+        let architecture = network.architecture(&action, epsilon, time)?.in_box_of(&pairs);
         architecture.check()?;
         let ramp = training.ramp.iter();
         let stages = ramp
@@ -508,8 +508,8 @@ impl InitialModels<'_> {
     /// Those of [`Architecture::initialise`] and [`Model::with_angles`].
     pub fn model(&self, number: u64) -> Result<Model, Error> {
         let seed = Starts::seed(self.seed, number);
-        let model =
-            self.architecture.initialise(self.weights, 0.0, seed)?.with_angles(self.angles)?;
+        let model = self.architecture.initialise(self.weights, 0.0, seed)?;
+        let model = model.with_polynomials_at_rest()?.with_angles(self.angles)?;
         match self.from {
             Some((from, time)) if number == 0 => model.with_weights_of(from, time),
             _ => Ok(model),

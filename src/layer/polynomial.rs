@@ -1,0 +1,295 @@
+//! Potentials that are sums of polynomials.
+
+use super::Potential;
+use super::unrolled::for_neurons;
+use crate::scalar::{Over, Scalar, Series};
+
+/// V(y) = ρ Σ_k P_k(s_k), s = Wᵀx: polynomials of linear forms of x, which are the coordinates y
+/// over half the extent of a box; P_k′ = Σ_{m<d} c_{mk} T_m in Chebyshev polynomials.
+///
+/// With as many directions as there are monomials of a degree such sums are all polynomials of
+/// that degree. They are meant for |s_k| ≤ 1, the box, and grow like s^d outside it.
+///
+/// Coordinates are over the radius ρ of the box, x = y/ρ. In front of them there may be actions, which
+/// are in intervals of their own: x = (𝔍 − centre)/(half its width). ∇V = ρ Σ_k c_k′(s_k) ∂s_k/∂y.
+///
+/// Of one argument W would be a second scale of c: there is none, s is x, and the sum has one term.
+///
+/// Source: Dragt and Abell, "Symplectic maps and computation of orbits in particle accelerators",
+/// in Fields Institute Communications 10 (1996), for kicks by polynomials along lines; Clenshaw,
+/// <https://doi.org/10.1090/S0025-5718-1955-0071856-0>, for the evaluation.
+#[derive(Clone, Copy, Debug)]
+pub struct PolynomialPotential<'a, P> {
+    dof: usize,
+    radius: f64,
+    actions: &'a [ActionInterval],
+    /// n × h, row by row; empty where n is 1.
+    w_in: &'a [P],
+    /// d × h, row by row.
+    coefficients: &'a [P],
+    width: usize,
+}
+
+/// The interval that an action is in, in the box of a radius ρ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ActionInterval {
+    /// Its middle.
+    pub centre: f64,
+    /// Over half its width.
+    pub inverse_half: f64,
+}
+
+/// How many parameters such a potential of so many arguments has: W and the coefficients.
+/// Saturates instead of overflowing.
+pub(super) fn polynomial_parameter_count(arguments: usize, width: usize, degree: usize) -> usize {
+    let directions = if arguments > 1 { arguments } else { 0 };
+    width.saturating_mul(directions.saturating_add(degree))
+}
+
+impl<'a, P: Copy> PolynomialPotential<'a, P> {
+    /// A view of the parameters `[W (n × h, row by row; none where n is 1), c (d × h, row by row)]`
+    /// of h = `width` polynomials of degree d of n = `arguments` numbers, the first of which are
+    /// actions in these intervals.
+    ///
+    /// # Panics
+    /// When the parameters are not as many, or there is not one polynomial of one argument.
+    #[inline(always)]
+    pub fn new(
+        arguments: usize,
+        width: usize,
+        radius: f64,
+        actions: &'a [ActionInterval],
+        parameters: &'a [P],
+    ) -> Self {
+        let directions = if arguments > 1 { arguments } else { 0 };
+        assert!(arguments > 1 || width == 1);
+        let (w_in, coefficients) = parameters.split_at(directions * width);
+        assert!(coefficients.len().is_multiple_of(width));
+        Self { dof: arguments, radius, actions, w_in, coefficients, width }
+    }
+
+    /// h, the number of polynomials.
+    #[inline(always)]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    #[inline(always)]
+    pub(super) fn n(&self) -> usize {
+        self.dof
+    }
+
+    /// W (n × h, row by row) and the coefficients of the derivatives (d × h, row by row).
+    pub fn weights(&self) -> [&[P]; 2] {
+        [self.w_in, self.coefficients]
+    }
+
+    #[inline(always)]
+    fn series(&self, first: usize) -> Series<'a, P> {
+        Series::new(self.coefficients, self.width, first)
+    }
+
+    /// ∂x_i/∂y_i.
+    #[inline(always)]
+    fn inverse_half(&self, i: usize) -> f64 {
+        if i < self.actions.len() { self.actions[i].inverse_half } else { 1.0 / self.radius }
+    }
+
+    /// x_i.
+    #[inline(always)]
+    fn normalised<S: Scalar>(&self, i: usize, y: &[S]) -> S {
+        let inverse_half = S::from_f64(self.inverse_half(i));
+        if i < self.actions.len() {
+            return (y[i] - S::from_f64(self.actions[i].centre)) * inverse_half;
+        }
+        y[i] * inverse_half
+    }
+
+    /// ρ∂x_i/∂y_i times a number: 1 of coordinates.
+    #[inline(always)]
+    fn weighed<S: Scalar>(&self, i: usize, x: S) -> S {
+        if i < self.actions.len() {
+            return x * S::from_f64(self.radius * self.actions[i].inverse_half);
+        }
+        x
+    }
+
+    #[inline(always)]
+    fn directions<const K: usize>(&self, i: usize, first: usize) -> &'a [P; K] {
+        let begin = i * self.width + first;
+        self.w_in[begin..begin + K].first_chunk().expect("K of them")
+    }
+
+    /// s of K polynomials from number `first` on.
+    #[inline(always)]
+    fn ridges<S: Over<P>, const K: usize>(&self, first: usize, y: &[S]) -> [S; K] {
+        let mut s = [self.normalised(0, y); K];
+        if self.w_in.is_empty() {
+            return s;
+        }
+        let w_in = self.directions::<K>(0, first);
+        for k in 0..K {
+            s[k] = s[k].times(w_in[k]);
+        }
+        for i in 1..self.dof {
+            let (x, w_in) = (self.normalised(i, y), self.directions::<K>(i, first));
+            for k in 0..K {
+                s[k] = x.mul_add_parameter(w_in[k], s[k]);
+            }
+        }
+        s
+    }
+
+    /// `out` += ρ Σ_k f_k ∂s_k/∂y for K polynomials.
+    #[inline(always)]
+    fn accumulate<S: Over<P>, const K: usize>(&self, first: usize, f: [S; K], out: &mut [S]) {
+        if self.w_in.is_empty() {
+            for k in 0..K {
+                out[0] += self.weighed(0, f[k]);
+            }
+            return;
+        }
+        for i in 0..self.dof {
+            let w_in = self.directions::<K>(i, first);
+            let mut sum = f[0].times(w_in[0]);
+            for k in 1..K {
+                sum = f[k].mul_add_parameter(w_in[k], sum);
+            }
+            out[i] += self.weighed(i, sum);
+        }
+    }
+
+    /// The largest |s_k|: more than 1 outside the box.
+    pub(super) fn reach(&self, y: &[f64]) -> f64
+    where
+        f64: Over<P>,
+    {
+        let mut reach = 0.0;
+        for first in 0..self.width {
+            let [s] = self.ridges::<f64, 1>(first, y);
+            reach = crate::scalar::max_or_nan(reach, s.abs());
+        }
+        reach
+    }
+
+    /// `out` ← ∇V(y), filling `tape` with f and f′ of each polynomial for the pullback.
+    #[inline(always)]
+    pub(super) fn gradient_recording<S: Over<P>>(&self, y: &[S], out: &mut [S], tape: &mut [S]) {
+        zero(&mut out[..self.dof]);
+        for_neurons!(self.width, j, K => {
+            let [f, slope] = S::series_with_slopes::<K>(self.ridges(j, y), self.series(j));
+            for k in 0..K {
+                tape[2 * (j + k)] = f[k];
+                tape[2 * (j + k) + 1] = slope[k];
+            }
+            self.accumulate(j, f, out);
+        });
+    }
+
+    /// `out` ← ∇V(y), `hessian` ← V″(y), n × n row by row.
+    #[inline(always)]
+    pub(super) fn gradient_and_hessian<S: Over<P>>(
+        &self,
+        y: &[S],
+        out: &mut [S],
+        hessian: &mut [S],
+    ) {
+        let n = self.dof;
+        zero(&mut out[..n]);
+        zero(&mut hessian[..n * n]);
+        for_neurons!(self.width, j, K => {
+            let [f, slope] = S::series_with_slopes::<K>(self.ridges(j, y), self.series(j));
+            self.accumulate(j, f, out);
+            for row in 0..n {
+                for column in row..n {
+                    let mut sum = S::zero();
+                    for k in 0..K {
+                        let mut product = slope[k];
+                        if !self.w_in.is_empty() {
+                            product = product.times(self.directions::<K>(row, j)[k]);
+                            product = product.times(self.directions::<K>(column, j)[k]);
+                        }
+                        sum += product;
+                    }
+                    let scale = S::from_f64(self.inverse_half(column));
+                    let entry = &mut hessian[row * n + column];
+                    *entry += self.weighed(row, sum) * scale;
+                }
+            }
+        });
+        for row in 0..n {
+            for column in 0..row {
+                hessian[row * n + column] = hessian[column * n + row];
+            }
+        }
+    }
+
+    /// The adjoint of (y, parameters) ↦ ∇V(y): for the cotangent `u` of the gradient,
+    /// `y_bar` ← V″(y)u and `parameters_bar` += ∂(u·∇V)/∂parameters.
+    #[inline(always)]
+    pub(super) fn vjp<S: Over<P>>(
+        &self,
+        y: &[S],
+        tape: &[S],
+        u: &[S],
+        y_bar: &mut [S],
+        parameters_bar: &mut [S],
+    ) {
+        let (n, h) = (self.dof, self.width);
+        let (w_bar, c_bar) = parameters_bar.split_at_mut(self.w_in.len());
+        zero(&mut y_bar[..n]);
+        for j in 0..h {
+            let (f, slope) = (tape[2 * j], tape[2 * j + 1]);
+            let [s] = self.ridges::<S, 1>(j, y);
+            // u·∇V = Σ_k r_k f_k(s_k).
+            let mut r = self.weighed(0, u[0]);
+            if !self.w_in.is_empty() {
+                r = r.times(self.w_in[j]);
+                for i in 1..n {
+                    r = self.weighed(i, u[i]).mul_add_parameter(self.w_in[i * h + j], r);
+                }
+            }
+            let s_bar = r * slope;
+            // r T_m(s), which obey the recurrence of T_m.
+            let (mut now, mut next) = (r, r * s);
+            let double = s + s;
+            for row in c_bar.chunks_exact_mut(h) {
+                row[j] += now;
+                (now, next) = (next, double.mul_add(next, -now));
+            }
+            for i in 0..n {
+                let mut x_bar = s_bar;
+                if !self.w_in.is_empty() {
+                    let entry = &mut w_bar[i * h + j];
+                    let own = self.weighed(i, u[i]) * f;
+                    *entry += s_bar.mul_add(self.normalised(i, y), own);
+                    x_bar = s_bar.times(self.w_in[i * h + j]);
+                }
+                y_bar[i] = x_bar.mul_add(S::from_f64(self.inverse_half(i)), y_bar[i]);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn zero<S: Scalar>(values: &mut [S]) {
+    for value in values.iter_mut() {
+        *value = S::zero();
+    }
+}
+
+impl<P: Copy, S: Over<P>> Potential<S> for PolynomialPotential<'_, P> {
+    #[inline(always)]
+    fn dof(&self) -> usize {
+        self.dof
+    }
+
+    #[inline(always)]
+    fn gradient(&self, y: &[S], out: &mut [S]) {
+        zero(&mut out[..self.dof]);
+        for_neurons!(self.width, j, K => {
+            let f = S::series_each::<K>(self.ridges(j, y), self.series(j));
+            self.accumulate(j, f, out);
+        });
+    }
+}

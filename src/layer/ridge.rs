@@ -1,0 +1,275 @@
+//! Potentials that are sums of functions of linear forms, of one kind or another.
+
+use super::polynomial::polynomial_parameter_count;
+use super::{ActionInterval, PolynomialPotential, Potential, TanhPotential};
+use crate::error::Error;
+use crate::scalar::{Over, Pack, Scalar};
+
+/// The functions of one number that a potential V(y) = Σ_k v_k(a_k·y) is made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum RidgeFunction {
+    /// w tanh(x + b): bounded, so that orbits may leave the box of the data.
+    #[default]
+    Tanh,
+    /// [Polynomials](PolynomialPotential) over a box, which take a multiplication a
+    /// coefficient and no activation.
+    Polynomial {
+        /// The degree of V; that of its derivative is less by one.
+        degree: usize,
+        /// ρ: the coordinates of the box are from −ρ to ρ. Infinite where it is to be that of the
+        /// pairs ([`RidgeFunction::in_box`]).
+        radius: f64,
+    },
+}
+
+/// The largest degree of a polynomial.
+pub const MOST_DEGREES: usize = 64;
+
+impl RidgeFunction {
+    /// Fails unless a degree is from 1 to 64 and the box has an extent.
+    ///
+    /// # Errors
+    /// [`Error::CountOutOfRange`] and [`Error::Invalid`] with the value.
+    pub fn check(self) -> Result<(), Error> {
+        let Self::Polynomial { degree, radius } = self else { return Ok(()) };
+        Error::check_count_range("degree of a polynomial", degree, 1, MOST_DEGREES)?;
+        let has_extent = radius.is_normal() && radius > 0.0 && (1.0 / radius).is_normal();
+        if has_extent || radius == f64::INFINITY {
+            return Ok(());
+        }
+        let expected = "a positive number: a box with an extent";
+        Err(Error::invalid("radius of the box of a polynomial", radius, expected))
+    }
+
+    /// With this box, where it has none of its own yet.
+    #[must_use]
+    pub fn in_box(self, radius: f64) -> Self {
+        match self {
+            Self::Polynomial { degree, radius: own } if own == f64::INFINITY => {
+                Self::Polynomial { degree, radius }
+            }
+            own => own,
+        }
+    }
+
+    /// Whether it has no box yet.
+    pub fn is_unbounded(self) -> bool {
+        matches!(self, Self::Polynomial { radius: f64::INFINITY, .. })
+    }
+}
+
+/// So many ridge functions of a kind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ridges {
+    /// h, how many there are: neurons, or polynomials.
+    pub width: usize,
+    /// What they are.
+    pub function: RidgeFunction,
+}
+
+impl Ridges {
+    /// Neurons.
+    pub fn tanh(width: usize) -> Self {
+        Self { width, function: RidgeFunction::Tanh }
+    }
+
+    /// The parameters of a potential of so many arguments. Saturates instead of overflowing.
+    #[inline(always)]
+    pub fn parameter_count(&self, arguments: usize) -> usize {
+        match self.function {
+            RidgeFunction::Tanh => self.width.saturating_mul(arguments.saturating_add(2)),
+            RidgeFunction::Polynomial { degree, .. } => {
+                polynomial_parameter_count(arguments, self.width, degree)
+            }
+        }
+    }
+
+    /// How many of its numbers a point is put through tanh for.
+    #[inline(always)]
+    pub(super) fn activation_count(&self) -> usize {
+        if self.function == RidgeFunction::Tanh { self.width } else { 0 }
+    }
+}
+
+/// A potential of ridge functions of a kind that is known when it runs: a layer asks once, and goes
+/// through its neurons or polynomials without asking.
+#[derive(Clone, Copy, Debug)]
+pub enum RidgePotential<'a, P, const D: usize = 0> {
+    /// Neurons.
+    Tanh(TanhPotential<'a, P, D>),
+    /// Polynomials.
+    Polynomial(PolynomialPotential<'a, P>),
+}
+
+impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
+    /// A view of the parameters, of n = `arguments` numbers, the first of which are actions in
+    /// these intervals (of a polynomial).
+    ///
+    /// # Panics
+    /// When there are not [as many parameters](Ridges::parameter_count).
+    #[inline(always)]
+    pub fn new(
+        arguments: usize,
+        ridges: Ridges,
+        actions: &'a [ActionInterval],
+        parameters: &'a [P],
+    ) -> Self {
+        let Ridges { width, function } = ridges;
+        match function {
+            RidgeFunction::Tanh => Self::Tanh(TanhPotential::new(arguments, width, parameters)),
+            RidgeFunction::Polynomial { radius, .. } => Self::Polynomial(PolynomialPotential::new(
+                arguments, width, radius, actions, parameters,
+            )),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn n(&self) -> usize {
+        match self {
+            _ if D > 0 => D,
+            Self::Tanh(tanh) => tanh.n(),
+            Self::Polynomial(of) => of.n(),
+        }
+    }
+
+    /// How many parameters it has.
+    #[inline(always)]
+    pub(super) fn parameter_count(&self) -> usize {
+        match self {
+            Self::Tanh(tanh) => tanh.width() * (tanh.n() + 2),
+            Self::Polynomial(of) => of.weights()[0].len() + of.weights()[1].len(),
+        }
+    }
+
+    /// How many numbers [`RidgePotential::gradient_recording`] leaves for
+    /// [`RidgePotential::vjp`]: two for each neuron or polynomial.
+    #[inline(always)]
+    pub(super) fn tape_len(&self) -> usize {
+        match self {
+            Self::Tanh(tanh) => tanh.tape_len(),
+            Self::Polynomial(of) => 2 * of.width(),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn activation_count(&self) -> usize {
+        match self {
+            Self::Tanh(tanh) => tanh.width(),
+            Self::Polynomial(_) => 0,
+        }
+    }
+
+    /// How far a polynomial's arguments are from 0: more than 1 outside its box; 0 of tanh.
+    pub(super) fn reach(&self, y: &[f64]) -> f64
+    where
+        f64: Over<P>,
+    {
+        match self {
+            Self::Tanh(_) => 0.0,
+            Self::Polynomial(of) => of.reach(y),
+        }
+    }
+
+    /// `out` ← ∇V(y), filling `tape` for the pullback.
+    #[inline(always)]
+    pub(super) fn gradient_recording<S: Over<P>>(&self, y: &[S], out: &mut [S], tape: &mut [S]) {
+        match self {
+            Self::Tanh(tanh) => tanh.gradient_recording(y, out, tape),
+            Self::Polynomial(of) => of.gradient_recording(y, out, tape),
+        }
+    }
+
+    /// `out` ← ∇V(y), `hessian` ← V″(y), n × n row by row.
+    #[inline(always)]
+    pub(super) fn gradient_and_hessian<S: Over<P>>(
+        &self,
+        y: &[S],
+        out: &mut [S],
+        hessian: &mut [S],
+    ) {
+        match self {
+            Self::Tanh(tanh) => tanh.gradient_and_hessian(y, out, hessian),
+            Self::Polynomial(of) => of.gradient_and_hessian(y, out, hessian),
+        }
+    }
+}
+
+impl<P: Scalar, const D: usize> RidgePotential<'_, P, D> {
+    /// ∇V at one point, with what is independent in the lanes of `V`: the same bits as
+    /// [`Potential::gradient`].
+    #[inline(always)]
+    pub(super) fn gradient_across<V: Pack<P>>(&self, y: &[P], out: &mut [P])
+    where
+        P: Over<P>,
+    {
+        match self {
+            Self::Tanh(tanh) => tanh.gradient_across::<V>(y, out),
+            Self::Polynomial(of) => of.gradient(y, out),
+        }
+    }
+
+    /// The adjoint of (y, parameters) ↦ ∇V(y): for the cotangent `u` of the gradient,
+    /// `y_bar` ← V″(y)u and `parameters_bar` += ∂(u·∇V)/∂parameters.
+    #[inline(always)]
+    pub(super) fn vjp<S: Over<P>>(
+        &self,
+        y: &[S],
+        tape: &[S],
+        u: &[S],
+        y_bar: &mut [S],
+        parameters_bar: &mut [S],
+    ) {
+        match self {
+            Self::Tanh(tanh) => tanh.vjp(y, tape, u, y_bar, parameters_bar),
+            Self::Polynomial(of) => of.vjp(y, tape, u, y_bar, parameters_bar),
+        }
+    }
+
+    /// [`RidgePotential::vjp`] at M points, for n known at compile time: the same bits as of one
+    /// after another.
+    #[inline(always)]
+    pub(super) fn vjp_together<S: Over<P>, const M: usize>(
+        &self,
+        y: &[[S; D]; M],
+        tapes: [&[S]; M],
+        u: &[[S; D]; M],
+        y_bar: &mut [[S; D]; M],
+        parameters_bar: &mut [S],
+    ) {
+        match self {
+            Self::Tanh(tanh) => tanh.vjp_together(y, tapes, u, y_bar, parameters_bar),
+            Self::Polynomial(of) => {
+                for m in 0..M {
+                    of.vjp(&y[m], tapes[m], &u[m], &mut y_bar[m], parameters_bar);
+                }
+            }
+        }
+    }
+}
+
+impl<'a, P, const D: usize> From<TanhPotential<'a, P, D>> for RidgePotential<'a, P, D> {
+    fn from(tanh: TanhPotential<'a, P, D>) -> Self {
+        Self::Tanh(tanh)
+    }
+}
+
+impl<'a, P, const D: usize> From<PolynomialPotential<'a, P>> for RidgePotential<'a, P, D> {
+    fn from(polynomials: PolynomialPotential<'a, P>) -> Self {
+        Self::Polynomial(polynomials)
+    }
+}
+
+impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for RidgePotential<'_, P, D> {
+    #[inline(always)]
+    fn dof(&self) -> usize {
+        self.n()
+    }
+
+    #[inline(always)]
+    fn gradient(&self, y: &[S], out: &mut [S]) {
+        match self {
+            Self::Tanh(tanh) => tanh.gradient(y, out),
+            Self::Polynomial(of) => of.gradient(y, out),
+        }
+    }
+}
