@@ -269,6 +269,47 @@ impl Model {
         }
     }
 
+    /// T_ε with the angles of its circles, as a network of its own.
+    ///
+    /// # Errors
+    /// Those of [`Model::new`].
+    pub(crate) fn slow_map_alone(&self) -> Result<Self, Error> {
+        let mut architecture = self.architecture().clone();
+        architecture.blocks.retain(|block| block.part == Part::SlowMap);
+        let mut parameters = Vec::new();
+        for (block, range) in
+            self.architecture().blocks.iter().zip(self.architecture().block_ranges())
+        {
+            if block.part == Part::SlowMap {
+                parameters.extend_from_slice(&self.parameters()[range]);
+            }
+        }
+        parameters.extend_from_slice(self.angles());
+        Self::new(architecture, parameters)
+    }
+
+    /// This network with the slow map and the angles of [another](Model::slow_map_alone).
+    ///
+    /// # Errors
+    /// When that has more or fewer parameters.
+    pub(crate) fn with_slow_map_of(&self, alone: &Self) -> Result<Self, Error> {
+        let mut parameters = self.parameters().to_vec();
+        let mut rest = alone.parameters();
+        for (block, range) in
+            self.architecture().blocks.iter().zip(self.architecture().block_ranges())
+        {
+            if block.part != Part::SlowMap {
+                continue;
+            }
+            let (own, others) = rest.split_at_checked(range.len()).ok_or_else(|| {
+                Error::invalid("parameters of a slow map", rest.len(), "as many as here")
+            })?;
+            parameters[range].copy_from_slice(own);
+            rest = others;
+        }
+        self.with_parameters(parameters)?.with_angles(rest)
+    }
+
     /// The blocks of its chart, if it is built on a circle and has a slow map.
     fn is_of_chart(&self, index: usize) -> bool {
         matches!(self.architecture().blocks[index].part, Part::Conjugation | Part::Chart)

@@ -12,7 +12,7 @@ use crate::flow::Trajectories;
 use crate::io::{Provenance, StoredModel, earlier_checkpoint, save_checkpoint, save_model};
 use crate::network::{Model, Rollout};
 use crate::train::{
-    Checkpoint, Control, InitialModels, Objective, Outcome, Progress, RampStage, Scheduled,
+    Checkpoint, Control, InitialModels, Objective, Outcome, Progress, RampStage, Rings, Scheduled,
     StageData, Stop, TrainingObserver, TrainingOptions, TrainingRecord, TrainingStage,
     train_schedule,
 };
@@ -113,12 +113,15 @@ pub(super) fn learn_at(
     // The check of the set-up has found them.
     let angles = target.angles(&architecture, theta, &data.training);
     let angles = angles.unwrap_or_else(|| vec![theta; architecture.circles.len()]);
+    let rings = Rings::for_start(&architecture, options, &data.training);
     let initial = InitialModels {
         architecture: &architecture,
         weights: spec.weights,
         angles: &angles,
         seed,
         from: from.map(|(model, earlier)| (model, time / earlier)),
+        rings: rings.as_ref(),
+        theta_fixed: options.theta_fixed,
     };
     let mut stages = Vec::new();
     for stage in &options.ramp {

@@ -2,7 +2,7 @@
 
 use super::{
     ActionFit, Control, Judgement, LevenbergMarquardtOptions, Loss, Optimiser, Outcome, Plateau,
-    Preparation, Prepared, Progress, RampStage, Reading, Scheduled, StageData, Starts,
+    Preparation, Prepared, Progress, RampStage, Reading, Rings, Scheduled, StageData, Starts,
     TrainingObserver, TrainingOptions, TrainingStage, train_schedule,
 };
 use crate::error::Error;
@@ -499,6 +499,10 @@ pub struct InitialModels<'a> {
     pub seed: u64,
     /// The weights of the first are those of this model, whose flow time is so many times as long.
     pub from: Option<(&'a Model, f64)>,
+    /// How the slow map turns to begin with, where that is known.
+    pub rings: Option<&'a Rings>,
+    /// Whether the angles stay what they are.
+    pub theta_fixed: bool,
 }
 
 impl InitialModels<'_> {
@@ -510,8 +514,9 @@ impl InitialModels<'_> {
         let seed = Starts::seed(self.seed, number);
         let model = self.architecture.initialise(self.weights, 0.0, seed)?;
         let model = model.with_polynomials_at_rest()?.with_angles(self.angles)?;
-        match self.from {
-            Some((from, time)) if number == 0 => model.with_weights_of(from, time),
+        match (self.from, self.rings) {
+            (Some((from, time)), _) if number == 0 => model.with_weights_of(from, time),
+            (_, Some(rings)) => rings.start(&model, self.theta_fixed),
             _ => Ok(model),
         }
     }
@@ -560,12 +565,15 @@ impl Problem {
     /// Those of [`train_schedule`].
     pub fn train(self, observer: &mut dyn TrainingObserver) -> Result<Fitted, Error> {
         let has_circle = self.architecture.has_circle();
+        let rings = Rings::for_start(&self.architecture, &self.training, &self.pairs);
         let initial = InitialModels {
             architecture: &self.architecture,
             weights: self.weights,
             angles: if has_circle { &self.angles } else { &[] },
             seed: self.seed,
             from: None,
+            rings: rings.as_ref(),
+            theta_fixed: self.training.theta_fixed,
         };
         let mut data: Vec<StageData<'_>> = self
             .stages

@@ -222,6 +222,16 @@ impl<'a> LevenbergMarquardt<'a> {
         self.problem.loss(self.objective(), parameters)
     }
 
+    /// Whether pairs that are not looked at can follow. Of neurons they always can; polynomials throw
+    /// points that few pairs say nothing of out of the finite numbers.
+    fn is_sound(&mut self, parameters: &[f64]) -> bool {
+        if self.part.is_none() || !self.problem.model.architecture().has_polynomials() {
+            return true;
+        }
+        self.state.evaluations += 1;
+        self.problem.loss(self.problem.objective, parameters).is_finite()
+    }
+
     fn equations(&self, parameters: &[f64]) -> Result<NormalEquations, Error> {
         let current = self.problem.model.with_parameters(parameters.to_vec())?;
         Ok(self.objective().normal_equations(current.composition()))
@@ -295,7 +305,7 @@ impl<'a> LevenbergMarquardt<'a> {
                 }
                 let lower = self.loss(&moved);
                 self.state.evaluations += 1;
-                if lower < loss {
+                if lower < loss && self.is_sound(&moved) {
                     // Nielsen, IMM-REP-1999-05, equation (2.2).
                     let gain = (loss - lower) / predicted;
                     let shrink = (1.0 - (2.0 * gain - 1.0).powi(3)).max(1.0 / 3.0);

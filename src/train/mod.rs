@@ -27,6 +27,7 @@ mod options;
 mod prepare;
 mod reading;
 mod record;
+mod ring_fit;
 mod rotation_fit;
 mod run;
 mod schedule;
@@ -46,6 +47,7 @@ pub use options::{Optimiser, Plateau, TrainingOptions};
 pub use prepare::{Preparation, Prepared};
 pub use reading::Reading;
 pub use record::{Stop, TrainingRecord};
+pub use ring_fit::Rings;
 pub use rotation_fit::{fit_rotation, slow_time};
 pub use run::{Control, Outcome, Progress, train};
 pub use schedule::{

@@ -1,0 +1,233 @@
+//! How an integrable map turns, from pairs near it: a start for twists of order one.
+
+use super::{LevenbergMarquardtOptions, Optimiser, TrainingOptions, train};
+use crate::error::Error;
+use crate::flow::Pairs;
+use crate::layer::TorusAction;
+use crate::network::{Architecture, Model};
+use crate::scalar::max_or_nan;
+use crate::train::Control;
+use std::f64::consts::TAU;
+
+/// The mean angles by which the circles turn rings of pairs, a ring being those of nearly the same
+/// actions.
+///
+/// Angles are known up to whole turns. From ring to ring they are followed along the shortest tree
+/// that connects all rings in the space of actions, so that a frequency that changes by several
+/// turns across the pairs is seen as what it is: training from a twist that does not turn stays
+/// where angles are wrong by whole turns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rings {
+    action: TorusAction,
+    /// The plane of each circle, with its weight.
+    planes: Vec<(usize, f64)>,
+    /// The actions and the angles of the circles for each ring.
+    rings: Vec<(Vec<f64>, Vec<f64>)>,
+}
+
+/// So many pairs make a ring.
+const PAIRS: usize = 6;
+/// More rings in a direction tell no more.
+const RINGS: usize = 64;
+/// Of pairs of one ring that turn by different angles, the mean phase is shorter than this.
+const TOGETHER: f64 = 0.5;
+/// Turns of rings by up to this angle, in radians, are not taken for others.
+const SMALL: f64 = 0.5;
+/// Points on each ring, and iterations, that a twist is fitted with.
+const POINTS: usize = 8;
+const ITERATIONS: u64 = 100;
+
+impl Rings {
+    /// Those of pairs of one map. None where a circle turns several planes or a plane does not
+    /// turn, or where pairs of one ring do not turn together.
+    pub fn of(pairs: &Pairs, action: &TorusAction) -> Option<Self> {
+        let (dof, circles) = (pairs.dof(), action.circles());
+        if !pairs.conditions().is_empty() || action.dof() != dof || circles.len() != dof {
+            return None;
+        }
+        let plane = |circle: &crate::layer::CircleAction| {
+            let mut own = circle.weights().iter().enumerate().filter(|(_, m)| **m != 0);
+            let (j, m) = own.next()?;
+            own.next().is_none().then_some((j, f64::from(*m)))
+        };
+        let planes: Vec<(usize, f64)> = circles.iter().map(plane).collect::<Option<_>>()?;
+        let mut taken = vec![false; dof];
+        if planes.iter().any(|(j, _)| std::mem::replace(&mut taken[*j], true)) {
+            return None;
+        }
+        let mut rings = mean_phases(pairs, &planes)?;
+        unwrap(&mut rings);
+        Some(Self { action: action.clone(), planes, rings })
+    }
+
+    /// Those that the twists of a network of this architecture begin with: where they are of order one, and no
+    /// ramp leads up to their angles.
+    pub fn for_start(
+        architecture: &Architecture,
+        options: &TrainingOptions,
+        pairs: &Pairs,
+    ) -> Option<Self> {
+        let turns = architecture.is_of_order_one() && architecture.twist_shears() > 0;
+        let action = architecture.action().filter(|_| turns && options.ramp.is_empty())?;
+        Self::of(pairs, &action)
+    }
+
+    /// The actions and the angles of all circles, ring by ring.
+    pub fn angles(&self) -> &[(Vec<f64>, Vec<f64>)] {
+        &self.rings
+    }
+
+    /// The model with a slow map that turns as the rings do, from its own one and its angles; its
+    /// other blocks stay what they are.
+    ///
+    /// At a share of the flow time the angles are the same share: small enough, they are fitted by
+    /// pairs on the rings without minding whole turns, with the slow map alone.
+    ///
+    /// # Errors
+    /// Those of [`train`].
+    pub fn start(&self, model: &Model, theta_fixed: bool) -> Result<Model, Error> {
+        let largest = { self.rings.iter() }.flat_map(|(_, angles)| angles);
+        let largest = largest.map(|angle| angle.abs()).fold(0.0, max_or_nan);
+        let share = if largest > SMALL { SMALL / largest } else { 1.0 };
+        let alone = model.slow_map_alone()?;
+        let short = alone.at(alone.epsilon(), share)?;
+        let pairs = self.pairs(share)?;
+        let options = TrainingOptions {
+            theta_fixed,
+            iterations: ITERATIONS,
+            optimiser: Optimiser::LevenbergMarquardt(LevenbergMarquardtOptions::default()),
+            ..TrainingOptions::default()
+        };
+        let fitted = train(&short, &pairs, None, &options, None, &mut |_| Ok(Control::Continue))?;
+        model.with_slow_map_of(&fitted.model.at(alone.epsilon(), 1.0 / share)?)
+    }
+
+    /// Points of each ring, turned by a share of its angles.
+    fn pairs(&self, share: f64) -> Result<Pairs, Error> {
+        let dof = self.action.dof();
+        let (mut input, mut output) = (Vec::new(), Vec::new());
+        for (actions, angles) in &self.rings {
+            for point in 0..POINTS {
+                let mut z = vec![0.0; 2 * dof];
+                for (number, ((j, m), action)) in self.planes.iter().zip(actions).enumerate() {
+                    // Planes at different phases.
+                    let turns = (number + 1) * point;
+                    let (sin, cos) = libm::sincos(TAU * turns as f64 / POINTS as f64);
+                    let radius = (2.0 * action / m).sqrt();
+                    (z[*j], z[dof + *j]) = (radius * cos, radius * sin);
+                }
+                let small: Vec<f64> = angles.iter().map(|angle| share * angle).collect();
+                input.extend_from_slice(&z);
+                self.action.turn_by(&small).apply(&mut z, false);
+                output.extend_from_slice(&z);
+            }
+        }
+        Pairs::new("rings", dof, input, output)
+    }
+}
+
+/// Sums over a cell of actions: of actions, of cosines and sines, and the number of pairs.
+#[derive(Clone)]
+struct Cell {
+    actions: Vec<f64>,
+    phases: Vec<[f64; 2]>,
+    pairs: usize,
+}
+
+/// The mean actions and the angles of the mean phases in cells of equal extent in the actions.
+fn mean_phases(pairs: &Pairs, planes: &[(usize, f64)]) -> Option<Vec<(Vec<f64>, Vec<f64>)>> {
+    let (dof, circles) = (pairs.dof(), planes.len());
+    let action = |z: &[f64], (j, m): &(usize, f64)| {
+        0.5 * m * (z[*j] * z[*j] + z[dof + *j] * z[dof + *j])
+    };
+    let rows = || pairs.input().chunks_exact(2 * dof).zip(pairs.output().chunks_exact(2 * dof));
+    let (mut low, mut high) = (vec![f64::INFINITY; circles], vec![f64::NEG_INFINITY; circles]);
+    for (z, _) in rows() {
+        for (a, plane) in planes.iter().enumerate() {
+            let own = action(z, plane);
+            low[a] = own.min(low[a]);
+            high[a] = own.max(high[a]);
+        }
+    }
+    let most = (pairs.len() / PAIRS) as f64;
+    let across = (libm::pow(most, 1.0 / circles as f64) as usize).clamp(1, RINGS);
+    let count = across.checked_pow(u32::try_from(circles).ok()?)?;
+    let empty = Cell { actions: vec![0.0; circles], phases: vec![[0.0; 2]; circles], pairs: 0 };
+    let mut cells = vec![empty; count];
+    for (z, w) in rows() {
+        let mut index = 0;
+        for (a, plane) in planes.iter().enumerate() {
+            let share = (action(z, plane) - low[a]) / (high[a] - low[a]);
+            index = index * across + ((share * across as f64) as usize).min(across - 1);
+        }
+        let cell = &mut cells[index];
+        cell.pairs += 1;
+        for (a, plane) in planes.iter().enumerate() {
+            let (j, m) = *plane;
+            cell.actions[a] += action(z, plane);
+            let cosine = z[j] * w[j] + z[dof + j] * w[dof + j];
+            let sine = z[dof + j] * w[j] - z[j] * w[dof + j];
+            let size = libm::hypot(cosine, sine);
+            if size > 0.0 {
+                cell.phases[a][0] += cosine / size;
+                cell.phases[a][1] += m.signum() * sine / size;
+            }
+        }
+    }
+    let filled: Vec<Cell> = cells.into_iter().filter(|cell| cell.pairs > 0).collect();
+    let together = |cell: &Cell| {
+        let length = |[cosine, sine]: &[f64; 2]| libm::hypot(*cosine, *sine);
+        cell.phases.iter().all(|phase| length(phase) >= TOGETHER * cell.pairs as f64)
+    };
+    let all = filled.len();
+    let rings: Vec<(Vec<f64>, Vec<f64>)> = filled
+        .iter()
+        .filter(|cell| together(cell))
+        .map(|cell| {
+            let actions = cell.actions.iter().map(|sum| sum / cell.pairs as f64).collect();
+            let angle = |([cosine, sine], (_, m)): (&[f64; 2], &(usize, f64))| {
+                libm::atan2(*sine, *cosine) / m.abs()
+            };
+            (actions, cell.phases.iter().zip(planes).map(angle).collect())
+        })
+        .collect();
+    // Where many rings are no rings, the rest is chance.
+    (rings.len() > 1 && 2 * rings.len() > all).then_some(rings)
+}
+
+/// Adds whole turns, along the shortest tree over all rings, until neighbours turn by nearly the
+/// same angles.
+fn unwrap(rings: &mut [(Vec<f64>, Vec<f64>)]) {
+    let circles = rings[0].0.len();
+    let widths: Vec<f64> = (0..circles)
+        .map(|a| {
+            let own = || rings.iter().map(|(actions, _)| actions[a]);
+            own().fold(f64::NEG_INFINITY, f64::max) - own().fold(f64::INFINITY, f64::min)
+        })
+        .collect();
+    let distance = |a: &[f64], b: &[f64]| -> f64 {
+        let along = |k: usize| if widths[k] > 0.0 { (a[k] - b[k]) / widths[k] } else { 0.0 };
+        (0..circles).map(|k| along(k) * along(k)).sum()
+    };
+    let mut nearest: Vec<(f64, usize)> =
+        rings.iter().map(|(actions, _)| (distance(actions, &rings[0].0), 0)).collect();
+    let mut left: Vec<usize> = (1..rings.len()).collect();
+    while !left.is_empty() {
+        let by_distance = |a: &usize, b: &usize| nearest[*a].0.total_cmp(&nearest[*b].0);
+        let (place, next) = match left.iter().enumerate().min_by(|a, b| by_distance(a.1, b.1)) {
+            Some((place, next)) => (place, *next),
+            None => break,
+        };
+        left.swap_remove(place);
+        let known = rings[nearest[next].1].1.clone();
+        for (angle, known) in rings[next].1.iter_mut().zip(known) {
+            *angle += TAU * ((known - *angle) / TAU).round();
+        }
+        for other in &left {
+            let far = distance(&rings[*other].0, &rings[next].0);
+            if far < nearest[*other].0 {
+                nearest[*other] = (far, next);
+            }
+        }
+    }
+}
