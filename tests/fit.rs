@@ -144,8 +144,13 @@ fn a_ramp_takes_its_stages_from_the_pairs() {
     let [short, long] = [(0.5, 1), (1.0, 2)].map(|(time, seed)| pairs(80, time, seed));
     let family = Pairs::of_family(vec![(EPSILON, 0.5, short), (EPSILON, 1.0, long)]);
     let data: FamilyPairs = family.expect("a family").into();
-    let stage =
-        |time| RampStage { flow_time: Some(time), epsilon: None, repeats: None, iterations: 4 };
+    let stage = |time| RampStage {
+        flow_time: Some(time),
+        epsilon: None,
+        repeats: None,
+        degree: None,
+        iterations: 4,
+    };
     let mut fit = Fit { epsilon: None, ..fit() };
     fit.training.starts = None;
     fit.training.ramp = vec![stage(0.5)];

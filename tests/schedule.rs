@@ -133,6 +133,7 @@ fn ramp() -> Vec<RampStage> {
         flow_time: Some(time),
         epsilon,
         repeats: None,
+        degree: None,
         iterations: 8,
     };
     vec![stage(10.0, Some(0.025)), stage(20.0, None)]
@@ -203,7 +204,8 @@ fn a_ramp_is_its_rungs_one_after_another() {
 
 #[test]
 fn stages_have_the_iterations_and_seeds_that_are_asked_for() {
-    let stage = RampStage { flow_time: None, epsilon: None, repeats: None, iterations: 4 };
+    let stage =
+        RampStage { flow_time: None, epsilon: None, repeats: None, degree: None, iterations: 4 };
     let options = TrainingOptions {
         iterations: 9,
         starts: Some(Starts { count: 2, iterations: 3 }),
@@ -233,6 +235,7 @@ fn the_twists_of_a_part_of_the_time_are_repeated() {
         flow_time: Some(time),
         epsilon: None,
         repeats: Some(2),
+        degree: None,
         iterations: 8,
     };
     let options = TrainingOptions { ramp: vec![stage(5.0), stage(20.0)], ..options(0) };
@@ -281,6 +284,7 @@ fn repeats_that_do_not_divide_are_refused() {
             flow_time: Some(1.0),
             epsilon: None,
             repeats: Some(repeats),
+            degree: None,
             iterations: 8,
         };
         let ramp = repeats.iter().map(stage).collect();
@@ -307,7 +311,8 @@ fn repeats_that_do_not_divide_are_refused() {
         let error = refused(repeats, twists).expect_err("refused");
         assert!(error.contains("training.ramp.repeats"), "{error}");
     }
-    let stage = RampStage { flow_time: None, epsilon: None, repeats: Some(2), iterations: 8 };
+    let stage =
+        RampStage { flow_time: None, epsilon: None, repeats: Some(2), degree: None, iterations: 8 };
     let options = TrainingOptions { ramp: vec![stage], ..options(0) };
     let shape = HenonShape { dof: 2, widths: vec![3; 4] };
     let error = options.check_for(&shape.architecture(EPSILON));
@@ -329,8 +334,13 @@ fn plain(model: &Model, [pairs, held_out]: [&Pairs; 2], iterations: u64) -> Outc
 /// them goes on with that chart.
 #[test]
 fn twists_are_trained_alone_in_the_chart_of_the_ramp() {
-    let ramp =
-        vec![RampStage { flow_time: Some(1.0), epsilon: None, repeats: None, iterations: 8 }];
+    let ramp = vec![RampStage {
+        flow_time: Some(1.0),
+        epsilon: None,
+        repeats: None,
+        degree: None,
+        iterations: 8,
+    }];
     let options = TrainingOptions { ramp, fresh_twists: fresh(6, 12), ..options(0) };
     let result = run(&options, &mut Store::default());
     let model = start(0).expect("a start").at(EPSILON, 1.0 / TIME).expect("finite");
@@ -455,8 +465,13 @@ fn twists_of_a_family_are_trained_in_its_charts() {
     };
     let (family, held_out) = (sets(1), sets(2));
     let near = [pairs(1.0, EPSILON, 1), pairs(1.0, EPSILON, 2)];
-    let ramp =
-        vec![RampStage { flow_time: Some(1.0), epsilon: None, repeats: None, iterations: 8 }];
+    let ramp = vec![RampStage {
+        flow_time: Some(1.0),
+        epsilon: None,
+        repeats: None,
+        degree: None,
+        iterations: 8,
+    }];
     let options = TrainingOptions { ramp, fresh_twists: fresh(1, 7), ..options(0) };
     let epsilon = EPSILON;
     let places = [
@@ -576,7 +591,7 @@ fn bad_schedules_are_refused() {
     refused(starts(0, 5), "starts.count");
     refused(starts(2, 0), "starts.iterations");
     let stage = |flow_time, epsilon, iterations| TrainingOptions {
-        ramp: vec![RampStage { flow_time, epsilon, repeats: None, iterations }],
+        ramp: vec![RampStage { flow_time, epsilon, repeats: None, degree: None, iterations }],
         ..options(0)
     };
     refused(stage(Some(0.0), None, 5), "ramp.flow_time");

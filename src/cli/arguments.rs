@@ -214,8 +214,9 @@ pub struct Train {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub starts: Option<i64>,
     /// Stages before the training, of pairs with flow times of their own: the flow time and the
-    /// iterations of each, such as 5x100,20x100.
-    #[arg(long, value_name = "TIMExITERATIONS,…")]
+    /// iterations of each, such as 5x100,20x100; or of polynomials of lower degrees, such as
+    /// ^4x50,^8x50.
+    #[arg(long, value_name = "TIME[^DEGREE]xITERATIONS,…")]
     pub ramp: Option<String>,
     /// What is added to the loss: so many times the mean square of I_ε(z) − z.
     #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
@@ -407,18 +408,27 @@ pub fn circle_action(text: &str) -> Result<TorusAction, Error> {
     TorusAction::new(circles).map_err(|e| e.with_place("--circle-action"))
 }
 
-/// `5x100,20x100` as stages of a ramp.
+/// `5x100,20x100`, or `^4x50,^8x50`, as stages of a ramp.
 pub fn ramp(name: &str, text: &str) -> Result<Vec<RampStage>, Error> {
     let stage = |text: &str| {
-        let (time, iterations) = text.split_once('x')?;
+        let (place, iterations) = text.split_once('x')?;
+        let (time, degree) = match place.split_once('^') {
+            None => (Some(place), None),
+            Some((time, degree)) => {
+                let time = Some(time.trim()).filter(|time| !time.is_empty());
+                (time, Some(degree.trim().parse().ok()?))
+            }
+        };
         Some(RampStage {
-            flow_time: Some(time.trim().parse().ok()?),
+            flow_time: time.map(|time| time.trim().parse()).transpose().ok()?,
             epsilon: None,
             repeats: None,
+            degree,
             iterations: iterations.trim().parse().ok()?,
         })
     };
-    let expected = "flow times and iterations, such as 5x100,20x100";
+    let expected = "flow times, or degrees of polynomials, and iterations, such as 5x100,20x100 or \
+                    ^4x50,^8x50";
     text.split(',')
         .map(|text| stage(text).ok_or_else(|| Error::invalid(name, text, expected)))
         .collect()

@@ -382,6 +382,11 @@ impl Pairs {
         &self.output
     }
 
+    /// Both.
+    pub fn points(&self) -> [&[f64]; 2] {
+        [&self.input, &self.output]
+    }
+
     /// Splits off `fraction` of the pairs, chosen by `stream`: (rest, split
     /// off). At least one pair stays; none is split off where the share rounds to
     /// none.

@@ -12,7 +12,7 @@ use super::{
     measurable::{Measurable, NearlyPeriodic},
 };
 use crate::network::{Block, Layers, Model, Part, Structure};
-use crate::phase::Direction;
+use crate::phase::{Direction, Map};
 use crate::scalar::max_or_nan;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -250,13 +250,38 @@ pub fn certify_unless_stopped(
     unless_stopped(go_on, || certify(model, options))
 }
 
-/// One certificate for several models, each on samples of its own: in planes of networks of polynomials
-/// no further out than the corners of their box, ρ.
+/// Whether all points, and where they go and come from, are in the box of the model's polynomials.
+fn is_within_boxes(model: &Model, points: &[f64]) -> bool {
+    if !model.architecture().has_polynomials() {
+        return true;
+    }
+    points.chunks_exact(2 * model.composition().dof()).all(|z| {
+        let moved = |direction| {
+            let mut z = z.to_vec();
+            model.composition().run(direction, &mut z);
+            z
+        };
+        let [back, ahead] = [Direction::Inverse, Direction::Forward].map(moved);
+        [&back[..], z, &ahead].iter().all(|z| model.reach(z) <= 1.0)
+    })
+}
+
+/// One certificate for several models, each on samples of its own. Networks of polynomials are asked for
+/// nothing outside their box: the radius is so small that the samples, their images and those that
+/// they are images of are in it; [`Certificate::options`] has it.
 pub fn certify_all(models: &[Model], mut options: CertificateOptions) -> Certificate {
-    let boxes = models.iter().filter_map(|model| model.architecture().polynomial_radius());
-    for radius in boxes {
-        let side = std::f64::consts::FRAC_1_SQRT_2 * radius;
-        options.radius = if side < options.radius { side } else { options.radius };
+    let in_their_boxes = |options: CertificateOptions| {
+        models.iter().enumerate().all(|(index, model)| {
+            let samples = Samples::draw(model.composition().dof(), index, options);
+            is_within_boxes(model, samples.points())
+        })
+    };
+    // A box that holds no sample of any size is none: the laws say so.
+    for _ in 0..64 {
+        if in_their_boxes(options) {
+            break;
+        }
+        options.radius *= 0.9;
     }
     let tallies = models.iter().enumerate().flat_map(|(index, model)| {
         let samples = Samples::draw(model.composition().dof(), index, options);

@@ -3,7 +3,6 @@
 use super::block::{Block, Layers, Part, Surroundings};
 use super::composition::Composition;
 use crate::error::Error;
-use crate::flow::Pairs;
 use crate::layer::{CircleAction, FastPlanes, RidgeFunction, TorusAction};
 use crate::phase::Direction;
 use crate::scalar::{Real, max_or_nan};
@@ -183,15 +182,6 @@ impl Architecture {
         self.blocks.iter().any(|block| block.ridges != RidgeFunction::Tanh)
     }
 
-    /// The radius of the smallest box of its polynomials, if it has any.
-    pub fn polynomial_radius(&self) -> Option<f64> {
-        let radius = |block: &Block| match block.ridges {
-            RidgeFunction::Tanh => None,
-            RidgeFunction::Polynomial { radius, .. } => Some(radius),
-        };
-        self.blocks.iter().filter_map(radius).min_by(f64::total_cmp)
-    }
-
     /// With this box of all polynomials that have none yet: coordinates from −ρ to ρ, ρ = `radius`.
     pub fn in_box(mut self, radius: f64) -> Self {
         for block in &mut self.blocks {
@@ -200,12 +190,11 @@ impl Architecture {
         self
     }
 
-    /// With the box of pairs for all polynomials that have none yet: ρ is a tenth more than the
-    /// largest radius of a point in a plane, since charts move points a little.
-    pub fn in_box_of(self, pairs: &Pairs) -> Self {
-        let dof = pairs.dof();
-        let points =
-            pairs.input().chunks_exact(2 * dof).chain(pairs.output().chunks_exact(2 * dof));
+    /// With the box of points, 2n numbers each, for all polynomials that have none yet: ρ is a tenth more
+    /// than the largest radius of a point in a plane, since charts move points a little.
+    pub fn in_box_of<'a>(self, points: impl IntoIterator<Item = &'a [f64]>) -> Self {
+        let dof = self.dof;
+        let points = points.into_iter().flat_map(|points| points.chunks_exact(2 * dof));
         let radii = points.flat_map(|z| (0..dof).map(|j| libm::hypot(z[j], z[dof + j])));
         let largest = radii.fold(0.0, max_or_nan);
         self.in_box(1.1 * largest)

@@ -313,6 +313,53 @@ impl Model {
         self.with_parameters(parameters)
     }
 
+    /// With polynomials of at most this degree outside its slow map: coefficients of higher degrees
+    /// are left out.
+    ///
+    /// # Errors
+    /// Those of [`Model::new`].
+    pub(crate) fn of_degree(&self, most: usize) -> Result<Self, Error> {
+        let mut architecture = self.architecture.clone();
+        for block in architecture.blocks.iter_mut().filter(|block| block.part != Part::SlowMap) {
+            if let RidgeFunction::Polynomial { degree, .. } = &mut block.ridges {
+                *degree = most.min(*degree);
+            }
+        }
+        self.reshaped(architecture)
+    }
+
+    /// With polynomials of the degrees of another network, whose blocks are the same otherwise:
+    /// coefficients that it has more are 0.
+    ///
+    /// # Errors
+    /// Those of [`Model::new`].
+    pub(crate) fn with_degrees_of(&self, other: &Self) -> Result<Self, Error> {
+        let mut architecture = self.architecture.clone();
+        for (block, of) in architecture.blocks.iter_mut().zip(&other.architecture.blocks) {
+            block.ridges = of.ridges;
+        }
+        self.reshaped(architecture)
+    }
+
+    /// Its weights in an architecture that differs in the degrees of polynomials alone. Their
+    /// coefficients are row by row, those of the lowest degree first.
+    fn reshaped(&self, architecture: Architecture) -> Result<Self, Error> {
+        if architecture == self.architecture {
+            return Ok(self.clone());
+        }
+        let mut parameters = Vec::with_capacity(architecture.parameter_count());
+        let mut begin = 0;
+        let shapes = architecture.tensors().into_iter().zip(self.architecture.tensors());
+        for ((_, shape), (_, own)) in shapes {
+            let [count, wanted] = [own, shape].map(|shape| shape[0] * shape[1]);
+            let values = &self.parameters()[begin..begin + count];
+            parameters.extend_from_slice(&values[..count.min(wanted)]);
+            parameters.extend((count..wanted).map(|_| 0.0));
+            begin += count;
+        }
+        Self::new(architecture, parameters)
+    }
+
     /// How far the arguments of its polynomials are from 0, at most, of a step from z: more than 1
     /// outside their box; 0 of a network without polynomials.
     pub fn reach(&self, z: &[f64]) -> f64 {

@@ -49,6 +49,13 @@ impl LossWeights {
 /// (layers, neurons).
 type Shape = Option<Sizes>;
 
+/// A stage of a ramp: the flow time and the iterations, with the degree of polynomials between them.
+#[derive(FromPyObject)]
+pub(super) enum Stage {
+    OfTime(f64, u64),
+    OfDegree(Option<f64>, usize, u64),
+}
+
 /// Layers and neurons, or layers, polynomials and their degree.
 #[derive(FromPyObject)]
 pub(super) enum Sizes {
@@ -156,7 +163,7 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// iterations: at most so many, 1000 unless given.
 /// starts: so many sets of initial weights, 40 iterations each, of which the best goes on.
 /// ramp: stages before the training, of pairs with flow times of their own: a list of (flow time,
-/// iterations).
+/// iterations), or (flow time or None, degree, iterations) of polynomials of at most that degree.
 /// near_identity_penalty: the loss gets so many times the mean square of I_epsilon(z) - z.
 /// patience, target: stop when the held-out error has not improved for so many evaluations, one
 /// in ten iterations, or is at most the target; 0 never stops.
@@ -210,7 +217,7 @@ pub(super) fn train(
     optimiser: Option<&str>,
     iterations: Option<u64>,
     starts: Option<u64>,
-    ramp: Option<Vec<(f64, u64)>>,
+    ramp: Option<Vec<Stage>>,
     near_identity_penalty: Option<f64>,
     loss_weights: Option<LossWeights>,
     patience: Option<u64>,
@@ -264,11 +271,12 @@ pub(super) fn train(
     if let Some(weights) = loss_weights {
         training.loss = weights.loss()?;
     }
-    let stage = |(time, iterations)| RampStage {
-        flow_time: Some(time),
-        epsilon: None,
-        repeats: None,
-        iterations,
+    let stage = |stage| {
+        let (flow_time, degree, iterations) = match stage {
+            Stage::OfTime(time, iterations) => (Some(time), None, iterations),
+            Stage::OfDegree(time, degree, iterations) => (time, Some(degree), iterations),
+        };
+        RampStage { flow_time, epsilon: None, repeats: None, degree, iterations }
     };
     let fit = Fit {
         action,

@@ -304,7 +304,7 @@ impl Fit {
         notes.extend(units.clone().map(FitNote::Units));
         let loss = self.training.loss.for_pairs(&action, &nearest, &pairs)?;
         let training = TrainingOptions { loss, ..self.training.clone() };
-        let architecture = network.architecture(&action, epsilon, time)?.in_box_of(&pairs);
+        let architecture = network.architecture(&action, epsilon, time)?.in_box_of(pairs.points());
         architecture.check()?;
         let ramp = training.ramp.iter();
         let stages = ramp
@@ -454,7 +454,11 @@ impl Family {
             (stage.epsilon.is_none() || near(condition.epsilon, epsilon))
                 && (stage.flow_time.is_none() || near(condition.time, share))
         };
+        let all = stage.epsilon.is_none() && stage.flow_time.is_none();
         let of = |pairs: &Pairs| -> Option<Pairs> {
+            if all && pairs.conditions().is_empty() {
+                return Some(pairs.clone());
+            }
             let mut first = 0;
             let mut rows = Vec::new();
             for condition in pairs.conditions() {

@@ -205,6 +205,7 @@ impl TrainingOptions {
         if let Some(fresh) = self.fresh_twists.filter(|_| !has(Part::SlowMap)) {
             return Err(not_a_normal_form(fresh.count));
         }
+        RampStage::check_degrees(&self.ramp, architecture)?;
         RampStage::check_repeats(&self.ramp, architecture)
     }
 

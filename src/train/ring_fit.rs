@@ -68,7 +68,8 @@ impl Rings {
         pairs: &Pairs,
     ) -> Option<Self> {
         let turns = architecture.is_of_order_one() && architecture.twist_shears() > 0;
-        let action = architecture.action().filter(|_| turns && options.ramp.is_empty())?;
+        let leads_up = options.ramp.iter().any(|stage| stage.flow_time.is_some());
+        let action = architecture.action().filter(|_| turns && !leads_up)?;
         Self::of(pairs, &action)
     }
 
@@ -137,9 +138,8 @@ struct Cell {
 /// The mean actions and the angles of the mean phases in cells of equal extent in the actions.
 fn mean_phases(pairs: &Pairs, planes: &[(usize, f64)]) -> Option<Vec<(Vec<f64>, Vec<f64>)>> {
     let (dof, circles) = (pairs.dof(), planes.len());
-    let action = |z: &[f64], (j, m): &(usize, f64)| {
-        0.5 * m * (z[*j] * z[*j] + z[dof + *j] * z[dof + *j])
-    };
+    let action =
+        |z: &[f64], (j, m): &(usize, f64)| 0.5 * m * (z[*j] * z[*j] + z[dof + *j] * z[dof + *j]);
     let rows = || pairs.input().chunks_exact(2 * dof).zip(pairs.output().chunks_exact(2 * dof));
     let (mut low, mut high) = (vec![f64::INFINITY; circles], vec![f64::NEG_INFINITY; circles]);
     for (z, _) in rows() {

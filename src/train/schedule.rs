@@ -8,6 +8,7 @@ use super::run::{Control, Outcome, Progress, train};
 use super::stages::{FreshTwists, RampStage, not_a_normal_form};
 use crate::error::Error;
 use crate::flow::Pairs;
+use crate::layer::MOST_DEGREES;
 use crate::network::{Model, map_points};
 use crate::phase::Direction;
 use serde::Serialize;
@@ -154,12 +155,19 @@ pub fn train_schedule(
     let mut initial = start(0)?;
     options.check_for(initial.architecture())?;
     let repeats = |place: usize| options.ramp.get(place).map_or(1, RampStage::times);
+    let degree =
+        |place: usize| options.ramp.get(place).map_or(MOST_DEGREES, RampStage::most_degrees);
+    let begin = |model: &Model, place: usize| -> Result<Model, Error> {
+        let at = &places[place];
+        let parts = model.with_part_of_twists(repeats(place))?.of_degree(degree(place))?;
+        parts.at(at.epsilon, at.time)
+    };
     let mut trial: Option<Checkpoint> = None;
     if let Some(starts) = options.starts {
         let mut best: Option<(f64, u64, Model, Option<Checkpoint>)> = None;
         for number in 0..starts.count {
             let begun = start(number)?;
-            let model = begun.with_part_of_twists(repeats(0))?.at(first.epsilon, first.time)?;
+            let model = begin(&begun, 0)?;
             let iterations = starts.iterations;
             let run =
                 Run { stage: TrainingStage::Start(number), place: first, iterations, options };
@@ -180,7 +188,7 @@ pub fn train_schedule(
             (initial, trial) = (model, checkpoint);
         }
     }
-    let mut model = initial.with_part_of_twists(repeats(0))?.at(first.epsilon, first.time)?;
+    let mut model = begin(&initial, 0)?;
     for (number, place) in ramp.iter().enumerate() {
         let (stage, iterations) = (TrainingStage::Ramp(number), place.iterations);
         let run = Run { stage, place, iterations, options };
@@ -189,11 +197,11 @@ pub fn train_schedule(
             return Ok(Scheduled { initial, stages, outcome });
         }
         let next = &places[number + 1];
-        let parts = initial.with_part_of_twists(repeats(number + 1))?;
-        let there = parts.at(next.epsilon, next.time)?;
+        let there = begin(&initial, number + 1)?;
         let times = repeats(number) / repeats(number + 1);
         let time = next.time / (place.time * times as f64);
-        model = there.with_weights_of(&outcome.model.iterated(times)?, time)?;
+        let learnt = outcome.model.iterated(times)?.with_degrees_of(&there)?;
+        model = there.with_weights_of(&learnt, time)?;
         stages.push(StageResult { chosen: true, ..StageResult::of(stage, place, &outcome) });
     }
     let mut options = options.clone();

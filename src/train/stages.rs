@@ -2,6 +2,7 @@
 
 use super::record::at_least_one;
 use crate::error::Error;
+use crate::layer::MOST_DEGREES;
 use crate::network::{Architecture, MOST_REPEATS, Part};
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +34,11 @@ pub struct RampStage {
     /// them, unless given; those of a stage divide those of the one before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub repeats: Option<usize>,
+    /// Of a network with polynomials: those outside its slow map have at most this degree, and in the stages
+    /// after it begin with what they have learnt, coefficients of higher degrees being 0. Their own degree,
+    /// unless given; none is below that of the stage before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub degree: Option<usize>,
     /// Its iterations.
     pub iterations: u64,
 }
@@ -95,6 +101,26 @@ impl RampStage {
         }
         Error::check_count_range("training.ramp.repeats", self.times(), 1, MOST_REPEATS)?;
         self.epsilon.map_or(Ok(()), |epsilon| Error::check_finite("training.ramp.epsilon", epsilon))
+    }
+
+    /// The largest degree of polynomials in it.
+    pub(super) fn most_degrees(&self) -> usize {
+        self.degree.unwrap_or(MOST_DEGREES)
+    }
+
+    /// Fails unless the [degrees](RampStage::degree) of a ramp are of polynomials, and do not fall.
+    pub(super) fn check_degrees(ramp: &[Self], architecture: &Architecture) -> Result<(), Error> {
+        let mut before = 1;
+        for stage in ramp {
+            if let (Some(degree), false) = (stage.degree, architecture.has_polynomials()) {
+                let expected = "none: the network has no polynomials";
+                return Err(Error::invalid("training.ramp.degree", degree, expected));
+            }
+            let degree = stage.most_degrees();
+            Error::check_count_range("training.ramp.degree", degree, before, MOST_DEGREES)?;
+            before = degree;
+        }
+        Ok(())
     }
 
     /// Fails unless the [repeats](RampStage::repeats) of a ramp divide, each those before it, and leave

@@ -167,8 +167,13 @@ const CASES: &[Case] = &[
     ("a family of flow times", |_| ()),
     ("a ramp of other flow times", |fit| {
         let flow_time = Some(0.5);
-        fit.training.ramp =
-            vec![RampStage { flow_time, epsilon: None, repeats: None, iterations: 3 }];
+        fit.training.ramp = vec![RampStage {
+            flow_time,
+            epsilon: None,
+            repeats: None,
+            degree: None,
+            iterations: 3,
+        }];
     }),
     ("another order of columns is a warning", |_| ()),
     ("units are fitted", |_| ()),

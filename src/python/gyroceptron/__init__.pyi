@@ -9,7 +9,12 @@ __all__ = ["Certificate", "Error", "Model", "__version__", "load", "train"]
 
 __version__: str
 
-_Layers = tuple[int, int] | tuple[int, tuple[int, int]]
+_Layers = (
+    tuple[int, int]
+    | tuple[int, tuple[int, int]]
+    | tuple[int, int, int]
+    | tuple[int, tuple[int, int], int]
+)
 
 class Error(ValueError):
     """What can go wrong: the message has the values that explain it."""
@@ -155,11 +160,12 @@ def train(
     turned_twists: _Layers | None = None,
     perturbation: _Layers | None = None,
     layers: _Layers | None = None,
+    radius: float | None = None,
     blocks: Sequence[Mapping[str, Any]] | None = None,
     optimiser: Literal["l-bfgs", "lm", "adam"] | None = None,
     iterations: int | None = None,
     starts: int | None = None,
-    ramp: Sequence[tuple[float, int]] | None = None,
+    ramp: Sequence[tuple[float, int] | tuple[float | None, int, int]] | None = None,
     near_identity_penalty: float | None = None,
     loss_weights: Literal["auto", "none"] | Sequence[float] | None = None,
     patience: int | None = None,

@@ -260,7 +260,7 @@ impl WhichActionOptions {
         else {
             return Err(Error::invalid("network", "a file", "one to train").into());
         };
-        let architecture = architecture.in_box_of(pairs);
+        let architecture = architecture.in_box_of(pairs.points());
         let model = architecture.initialise(self.weights, fit_rotation(pairs, action), seed)?;
         let outcome =
             train(&model, pairs, Some(held_out), &self.training, None, &mut |progress| {
