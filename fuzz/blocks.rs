@@ -2,7 +2,7 @@
 
 use super::{Outcome, file_of, inverts, number, numbers, small};
 use arbitrary::Unstructured;
-use gyroceptron::layer::{Activation, CircleAction, TorusAction};
+use gyroceptron::layer::{Activation, CircleAction, MOST_DEGREES, RidgeFunction, TorusAction};
 use gyroceptron::measure::ratios::differing_components;
 use gyroceptron::network::{
     Architecture, Block, InitialWeights, Layers, Model, Modules, Part, Scale,
@@ -64,7 +64,13 @@ pub fn blocks(data: &[u8]) -> Result<Outcome, String> {
         }
         (Ok(()), Ok(_), false) => return Err("a model of numbers that are not finite".into()),
         (Ok(()), Err(_), false) => return Ok(Outcome::Refused),
-        (Ok(()), Err(reason), true) => return Err(format!("refused without a cause: {reason}")),
+        (Ok(()), Err(reason), true) => {
+            let unknown = architecture.blocks.iter().any(|block| block.ridges.is_unbounded());
+            return match unknown && reason.to_string().contains("radius") {
+                true => Ok(Outcome::Refused),
+                false => Err(format!("refused without a cause: {reason}")),
+            };
+        }
         (Ok(()), Ok(model), true) => model,
     };
     if architecture.dof > MOST_DOF {
@@ -143,6 +149,23 @@ fn block(u: &mut Unstructured<'_>) -> Block {
     }
 }
 
+/// Neurons, or polynomials in a box of any radius, or of one that is not known yet.
+fn ridges(u: &mut Unstructured<'_>) -> RidgeFunction {
+    let degree = match u.arbitrary::<u8>().unwrap_or(0) {
+        0..=127 => return RidgeFunction::Tanh,
+        128..=191 => small(u, 8),
+        192..=254 => count(u),
+        255 => MOST_DEGREES,
+    };
+    let radius = match u.arbitrary::<u8>().unwrap_or(0) % 8 {
+        0..=3 => 1.3,
+        4 => 30.0,
+        5 => f64::INFINITY,
+        _ => number(u),
+    };
+    RidgeFunction::Polynomial { degree, radius }
+}
+
 fn architecture(u: &mut Unstructured<'_>) -> Architecture {
     let sound = !u.arbitrary::<u8>().unwrap_or(0).is_multiple_of(4);
     let dof = count(u);
@@ -164,7 +187,8 @@ fn architecture(u: &mut Unstructured<'_>) -> Architecture {
         })
         .collect();
     let (epsilon, flow_time) = (number(u), number(u));
-    let blocks = (0..small(u, 5) - 1).map(|_| block(u)).collect();
+    let mut blocks: Vec<Block> = (0..small(u, 5) - 1).map(|_| block(u)).collect();
+    blocks.iter_mut().for_each(|block| block.ridges = ridges(u));
     let drawn = Architecture { dof, circles, epsilon, flow_time, blocks };
     if sound { mended(drawn) } else { drawn }
 }
@@ -227,12 +251,34 @@ fn mended(mut drawn: Architecture) -> Architecture {
             block.scale = Scale::Epsilon;
         }
         block.name = format!("block-{number}");
+        block.ridges = match block.ridges {
+            _ if matches!(block.layers, Layers::TurnedCoupling(_) | Layers::SympNet(_)) => {
+                RidgeFunction::Tanh
+            }
+            RidgeFunction::Polynomial { degree, radius } => RidgeFunction::Polynomial {
+                degree: few(degree),
+                radius: if (1e-3..1e3).contains(&radius) { radius } else { 1.3 },
+            },
+            tanh => tanh,
+        };
     }
     if drawn.blocks.iter().any(|block| block.layers.commutes_with_circles()) {
         let turned = |j: &usize| drawn.circles.iter().any(|c| c.weights()[*j] != 0);
         let fast = (0..dof).filter(turned).count();
         if drawn.circles.len() > fast {
             drawn.circles.truncate(1);
+        }
+    }
+    let of_twists = arguments(&drawn);
+    for block in drawn.blocks.iter_mut().filter(|block| block.ridges != RidgeFunction::Tanh) {
+        let twist = block.layers.commutes_with_circles();
+        let one = if twist { of_twists == 1 } else { dof == 1 };
+        if let Layers::Henon(widths)
+        | Layers::TurnedKick(widths)
+        | Layers::Twist(widths)
+        | Layers::TurnedTwist(widths) = &mut block.layers
+        {
+            widths.iter_mut().for_each(|h| *h = if one { 1 } else { (*h).max(1) });
         }
     }
     drawn
@@ -272,14 +318,23 @@ fn parameter_counts(architecture: &Architecture) -> Vec<u128> {
             let widths = block.layers.widths().iter().enumerate();
             widths.map(|(layer, h)| count(layer, *h as u128)).fold(0, u128::saturating_add)
         };
+        let of_ridges = |h: u128, arguments: u128| match block.ridges {
+            RidgeFunction::Tanh => times(&[h, arguments + 2]),
+            RidgeFunction::Polynomial { degree, .. } => {
+                let directions = if arguments > 1 { arguments } else { 0 };
+                times(&[h, directions + degree as u128])
+            }
+        };
+        let has_form = block.ridges == RidgeFunction::Tanh;
         match &block.layers {
-            Layers::Henon(_) => each(&|_, h| plus(&[times(&[h, n + 2]), n])),
-            Layers::TurnedKick(_) => each(&|_, h| plus(&[n, times(&[h, n + 2])])),
+            Layers::Henon(_) => each(&|_, h| plus(&[of_ridges(h, n), n])),
+            Layers::TurnedKick(_) => each(&|_, h| plus(&[n, of_ridges(h, n)])),
             Layers::Twist(_) => each(&|layer, h| {
-                plus(&[times(&[h, d + 2]), if layer % 2 == 0 { triangle(d) } else { 0 }])
+                let form = if has_form && layer % 2 == 0 { triangle(d) } else { 0 };
+                plus(&[of_ridges(h, d), form])
             }),
             Layers::TurnedTwist(_) => {
-                each(&|_, h| plus(&[slow_planes(architecture), times(&[h, d + 2])]))
+                each(&|_, h| plus(&[slow_planes(architecture), of_ridges(h, d)]))
             }
             Layers::TurnedCoupling(_) => each(&|_, h| plus(&[3 * n, times(&[3, n, h]), h])),
             Layers::SympNet(of) => {
@@ -332,7 +387,7 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
     fault(count > MOST_PARAMETERS, &[&"parameters of the architecture"]);
     let first = |part: Part| blocks.iter().find(|block| block.part == part);
     for (number, block) in blocks.iter().enumerate() {
-        let Block { name, part, scale, layers } = block;
+        let Block { name, part, scale, layers, ridges } = block;
         let place = if blocks.len() > 1 { format!("block {number}: ") } else { String::new() };
         let sane = name.chars().all(|c| c.is_ascii_alphanumeric() || "-_".contains(c));
         fault(!sane, &[&place, &"name of a block", name]);
@@ -341,9 +396,23 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
             fault(of.shears == 0, &[&place, name, &"shears of a linear module"]);
         }
         for (layer, width) in layers.widths().iter().enumerate() {
-            let of_form = matches!(layers, Layers::Twist(_));
+            let of_form = matches!(layers, Layers::Twist(_)) && *ridges == RidgeFunction::Tanh;
             let empty = *width == 0 && !(of_form && layer % 2 == 0 && *dof > 0);
             fault(empty, &[&place, name, &format!("width 0 (number {layer})")]);
+        }
+        if let RidgeFunction::Polynomial { degree, radius } = ridges {
+            let none = matches!(layers, Layers::TurnedCoupling(_) | Layers::SympNet(_));
+            fault(none, &[&place, name, &"polynomials in"]);
+            let fits = (1..=MOST_DEGREES).contains(degree);
+            fault(!fits, &[&place, name, &"degree of a polynomial", degree]);
+            let square = radius * radius;
+            let sizes = [*radius, square, 1.0 / square];
+            let is_box = *radius > 0.0 && sizes.iter().all(|size| size.is_normal());
+            let known = *radius != f64::INFINITY;
+            fault(known && !is_box, &[&place, name, &"radius of the box"]);
+            let of = if is_twist(block) { arguments(architecture) } else { *dof as u128 };
+            let wide = layers.widths().iter().any(|width| *width > 1);
+            fault(wide && of == 1, &[&place, name, &"polynomials of one number"]);
         }
         let of_circles = !matches!(part, Part::None | Part::NearIdentity);
         let alone = circles.is_empty() && (of_circles || is_twist(block));
@@ -476,7 +545,8 @@ fn in_range(architecture: &Architecture, weights: &[f64], z: &[f64]) -> bool {
     let there_and_back = order.iter().chain(order.iter().rev()).chain(&order);
     let mut reach = max_or_nan(size(z), 1.0);
     for (number, _) in there_and_back {
-        let Some(Block { scale, layers, .. }) = number.map(|number| &architecture.blocks[number])
+        let Some(Block { scale, layers, ridges, .. }) =
+            number.map(|number| &architecture.blocks[number])
         else {
             reach *= 2.0;
             continue;
@@ -487,7 +557,13 @@ fn in_range(architecture: &Architecture, weights: &[f64], z: &[f64]) -> bool {
         // The actions stand still during a twist.
         let actions = m * n * reach * reach;
         for width in layers.widths() {
-            let gain = s * w * w * (*width as f64 + 1.0);
+            let mut gain = s * w * w * (*width as f64 + 1.0);
+            if let RidgeFunction::Polynomial { degree, radius } = ridges {
+                let inverse = 1.0 / radius + 4.0 / (radius * radius);
+                let x = (n + d) * w * (1.0 + (actions + reach) * inverse);
+                let most = (2.0 * x + 2.0).powi(i32::try_from(*degree).unwrap_or(i32::MAX));
+                gain *= (1.0 + radius * inverse) * (n + d) * *degree as f64 * most;
+            }
             reach = match layers {
                 Layers::Twist(_) => 2.0 * reach + m * (gain + s * d * w * (actions + reach)),
                 // Between two turns, which lengthen by 2.

@@ -154,6 +154,7 @@ fn the_conformance_page_names_what_there_is() {
         "exact_relations",
         "nearly_integrable",
         "normal_form",
+        "polynomials",
         "precision",
         "symp_net",
         "torus",

@@ -2,8 +2,8 @@
 //! law has to reject one.
 
 use crate::{
-    adiabatic, blocks, coupling, gradients, nearly_integrable, normal_form, precision, suite,
-    symp_net, tanh, tolerances, torus,
+    adiabatic, blocks, coupling, gradients, nearly_integrable, normal_form, polynomials, precision,
+    suite, symp_net, tanh, tolerances, torus,
 };
 use gyroceptron::layer::{
     CircleAction, HenonLayer, HenonMap, Kick, KickForm, Potential, TanhPotential,
@@ -121,12 +121,16 @@ pub enum Fault {
     TurnedTwistPosition,
     /// The pullback forgets the sign of the angle of a turned twist.
     TurnedTwistPullback,
+    /// A kick of polynomials whose directions outside are not those inside, by 1e-9.
+    PolynomialSkew,
+    /// The coefficient of the highest degree off by 1e-9.
+    PolynomialCoefficient,
     /// A normal form whose chart has weights off by 1e-9.
     OtherChart,
 }
 
 impl Fault {
-    const ALL: [Self; 49] = [
+    const ALL: [Self; 51] = [
         Self::MissingTranspose,
         Self::OwnHalf,
         Self::OuterWeights,
@@ -175,6 +179,8 @@ impl Fault {
         Self::TurnedTwistBack,
         Self::TurnedTwistPosition,
         Self::TurnedTwistPullback,
+        Self::PolynomialSkew,
+        Self::PolynomialCoefficient,
         Self::OtherChart,
     ];
 
@@ -200,6 +206,8 @@ impl Fault {
                 | Self::TurnedTwistBack
                 | Self::TurnedTwistPosition
                 | Self::TurnedTwistPullback
+                | Self::PolynomialSkew
+                | Self::PolynomialCoefficient
                 | Self::OtherChart
         )
     }
@@ -752,6 +760,7 @@ fn rows_of(fault: Fault) -> Vec<Row> {
             rows.extend(normal_form::rows_of_mutant(fault));
             rows.extend(nearly_integrable::rows_of_mutant(fault));
             rows.extend(blocks::rows_of_mutant(fault));
+            rows.extend(polynomials::rows_of_mutant(fault));
             rows.extend(coupling::rows_of_mutant(fault));
             rows
         }
@@ -760,6 +769,7 @@ fn rows_of(fault: Fault) -> Vec<Row> {
             if fault == Fault::EpsilonIgnored {
                 rows.extend(nearly_integrable::rows_of_mutant(fault));
                 rows.extend(blocks::rows_of_mutant(fault));
+                rows.extend(polynomials::rows_of_mutant(fault));
             }
             rows.extend(coupling::rows_of_mutant(fault));
             rows
@@ -772,6 +782,7 @@ fn rows_of(fault: Fault) -> Vec<Row> {
         | Fault::TurnedTwistBack
         | Fault::TurnedTwistPosition
         | Fault::TurnedTwistPullback => normal_form::rows_of_mutant(fault),
+        Fault::PolynomialSkew | Fault::PolynomialCoefficient => polynomials::rows_of_mutant(fault),
         Fault::OtherChart => {
             let mut rows = normal_form::rows_of_mutant(fault);
             rows.extend(nearly_integrable::rows_of_mutant(fault));

@@ -33,7 +33,9 @@ impl RidgeFunction {
     pub fn check(self) -> Result<(), Error> {
         let Self::Polynomial { degree, radius } = self else { return Ok(()) };
         Error::check_count_range("degree of a polynomial", degree, 1, MOST_DEGREES)?;
-        let has_extent = radius.is_normal() && radius > 0.0 && (1.0 / radius).is_normal();
+        // Actions are of squares of it.
+        let sizes = [radius, radius * radius, 1.0 / (radius * radius)];
+        let has_extent = radius > 0.0 && sizes.iter().all(|size| size.is_normal());
         if has_extent || radius == f64::INFINITY {
             return Ok(());
         }
