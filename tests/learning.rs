@@ -4,5 +4,6 @@ mod blocks;
 mod family;
 mod files;
 mod fit;
+mod polynomial_fit;
 mod schedule;
 mod training;

@@ -3,7 +3,8 @@
 use gyroceptron::Error;
 use gyroceptron::flow::{
     Averaged, GaussLegendre, Integrator, Pairs, Reference, ReferenceTrajectories, Splitting,
-    Stroboscopic, Window, boris, runge_kutta_4, sample_of, velocity_splitting,
+    Stroboscopic, Window, boris, natural_runge_kutta_4, runge_kutta_4, sample_of,
+    velocity_splitting,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
@@ -14,8 +15,8 @@ use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Elementary, Real, Scalar, max_or_nan};
 use gyroceptron::system::{
     AveragedOscillator, CellularDrift, Counted, FieldLines, FieldProfile, FullOrbit, Hamiltonian,
-    NearlyPeriodic, Oscillators, ParticleField, Splittable, System, ThreeOscillators, VanDerPol,
-    divergence, symplectic_gradient,
+    NaturalCoordinates, NearlyPeriodic, Oscillators, ParticleField, Splittable, System,
+    ThreeOscillators, VanDerPol, divergence, symplectic_gradient,
 };
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::f64::consts::TAU;
@@ -454,6 +455,94 @@ fn field_lines_move_as_in_their_angles() {
     let mut by_steps = z;
     runge_kutta_4(&system, &mut by_steps, time, 2000);
     assert!(distance(&by_steps, &found.point) < 1e-10);
+}
+
+/// How far dx/dt in natural coordinates is from what the canonical equations make of it.
+fn natural_disagreement(system: &impl NaturalCoordinates) -> f64 {
+    let mut largest = 0.0;
+    for (seed, z) in lines(30).chunks_exact(2).enumerate() {
+        let time = 0.3 * seed as f64;
+        let mut slope = [0.0; 2];
+        system.vector_field(z, time, &mut slope);
+        let mut lifted = [0, 1].map(|k| Dual::<f64, 1> { re: z[k], eps: [slope[k]] });
+        system.to_natural(&mut lifted);
+        let x = lifted.map(|x| x.re);
+        let mut found = [0.0; 2];
+        system.natural_field(&x, time, &mut found);
+        for k in 0..2 {
+            largest = max_or_nan(largest, (found[k] - lifted[k].eps[0]).abs());
+        }
+        let mut back = x;
+        system.to_canonical(&mut back);
+        largest = max_or_nan(largest, distance(&back, z));
+    }
+    largest
+}
+
+/// With a third of p_θ's bend, a wrong coefficient.
+struct Bent(FieldLines);
+
+impl Hamiltonian for Bent {
+    fn dof(&self) -> usize {
+        1
+    }
+    fn energy<S: Elementary>(&self, z: &[S], time: f64) -> S {
+        self.0.energy(z, time)
+    }
+    fn vector_field<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
+        self.0.vector_field(z, time, out);
+    }
+}
+
+impl NaturalCoordinates for Bent {
+    fn to_natural<S: Elementary>(&self, z: &mut [S]) {
+        self.0.to_natural(z);
+    }
+    fn to_canonical<S: Elementary>(&self, x: &mut [S]) {
+        self.0.to_canonical(x);
+    }
+    fn natural_field<S: Elementary>(&self, x: &[S], time: f64, out: &mut [S]) {
+        let other = FieldLines { aspect_ratio: self.0.aspect_ratio * (1.0 + 1e-9), ..self.0 };
+        other.natural_field(x, time, out);
+    }
+}
+
+/// (r, θ): the same lines, of fourth order in the steps.
+#[test]
+fn field_lines_are_the_same_in_natural_coordinates() {
+    for poloidal in [-3, 0, 2] {
+        let system = FieldLines { poloidal, ..FieldLines::new(2e-2) };
+        let disagreement = natural_disagreement(&system);
+        assert!(disagreement < 1e-14, "{disagreement:e}");
+        let broken = natural_disagreement(&Bent(system));
+        assert!(broken > 1e-11, "{broken:e}");
+    }
+    assert!(natural_disagreement(&FieldLines::new(0.0)) < 1e-14);
+    let system = FieldLines::new(1e-3);
+    let any = System::FieldLines(system);
+    let z = lines(11);
+    let exact = Integrator::GaussLegendre { stages: 5 };
+    let exact = exact.trajectories(&any, &z, TAU, 60, 3).expect("converges");
+    let steps = [12, 16, 24, 32, 48];
+    let by = |steps: usize| Integrator::NaturalRungeKutta4.trajectories(&any, &z, TAU, steps, 3);
+    let errors = steps.map(|steps| distance(&by(steps).expect("integrates"), &exact));
+    assert_order("RK4 in (r, θ)", 4.0, &steps.map(|steps| 1.0 / steps as f64), &errors);
+    // The bits of each line alone, which stays in (r, θ) from state to state.
+    let together = by(16).expect("integrates");
+    for (m, start) in z.chunks_exact(2).enumerate() {
+        let mut x = start.to_vec();
+        system.to_natural(&mut x);
+        for t in 0..3 {
+            natural_runge_kutta_4(&system, &mut x, TAU, 16);
+            let mut shown = x.clone();
+            system.to_canonical(&mut shown);
+            assert_eq!(&together[(t * 11 + m) * 2..][..2], &shown[..]);
+        }
+    }
+    let other = System::Oscillators(Oscillators { epsilon: 0.1 });
+    let refused = Integrator::NaturalRungeKutta4.trajectories(&other, &[0.1; 4], 1.0, 3, 1);
+    assert!(refused.expect_err("canonical ones alone").to_string().contains("coordinates"));
+    assert!(exact.len() == 3 * z.len());
 }
 
 #[test]

@@ -2,12 +2,14 @@
 
 use super::request::{Method, Request};
 use super::{
-    Averaged, GaussLegendre, Splitting, SplittingSteps, Stroboscopic, boris, runge_kutta_4,
-    velocity_splitting,
+    Averaged, GaussLegendre, Splitting, SplittingSteps, Stroboscopic, boris, natural_runge_kutta_4,
+    runge_kutta_4, velocity_splitting,
 };
 use crate::error::Error;
 use crate::scalar::{Pack, WIDTH, max_or_nan};
-use crate::system::{FullOrbit, Hamiltonian, NearlyPeriodic, Splittable, System, each_system};
+use crate::system::{
+    FullOrbit, Hamiltonian, NaturalCoordinates, NearlyPeriodic, Splittable, System, each_system,
+};
 use serde::{Deserialize, Serialize};
 
 /// A numerical integrator, as scenes name it.
@@ -17,6 +19,9 @@ pub enum Integrator {
     /// [`runge_kutta_4`].
     #[serde(rename = "runge-kutta-4")]
     RungeKutta4,
+    /// [`natural_runge_kutta_4`].
+    #[serde(rename = "natural-runge-kutta-4")]
+    NaturalRungeKutta4,
     /// [`Splitting::STRANG`].
     Strang,
     /// [`Splitting::YOSHIDA_4`].
@@ -74,6 +79,7 @@ impl Integrator {
     pub fn name(self) -> String {
         match self {
             Self::RungeKutta4 => "RK4".into(),
+            Self::NaturalRungeKutta4 => "RK4 in natural coordinates".into(),
             Self::Boris => "Boris".into(),
             Self::VelocitySplitting => "splitting of ½v_x², ½v_y² and φ".into(),
             Self::Stroboscopic { micro, differences } => {
@@ -102,6 +108,7 @@ impl Integrator {
             Self::Aba864 => Some(Splitting::ABA_864),
             Self::Aba1064 => Some(Splitting::ABA_1064),
             Self::RungeKutta4
+            | Self::NaturalRungeKutta4
             | Self::GaussLegendre { .. }
             | Self::Boris
             | Self::VelocitySplitting
@@ -202,6 +209,10 @@ impl Integrator {
                 request.step(&VelocitySplitting, system, initial)
             }
             (Self::Boris | Self::VelocitySplitting, _) => Err(self.not_a_particle()),
+            (Self::NaturalRungeKutta4, System::FieldLines(system)) => {
+                request.step(&NaturalRungeKutta4, system, initial)
+            }
+            (Self::NaturalRungeKutta4, _) => Err(self.no_natural_coordinates()),
             (Self::Stroboscopic { micro, differences }, _) => {
                 self.by_parts(&request, Parts::Stroboscopic(micro, differences), system, initial)
             }
@@ -227,6 +238,8 @@ impl Integrator {
         match (self, system) {
             (Self::Boris | Self::VelocitySplitting, System::FullOrbit(_)) => Ok(()),
             (Self::Boris | Self::VelocitySplitting, _) => Err(self.not_a_particle()),
+            (Self::NaturalRungeKutta4, System::FieldLines(_)) => Ok(()),
+            (Self::NaturalRungeKutta4, _) => Err(self.no_natural_coordinates()),
             (
                 Self::Averaged { .. },
                 System::ParticleField(_) | System::FieldLines(_) | System::ThreeOscillators(_),
@@ -248,6 +261,11 @@ impl Integrator {
 
     fn nothing_to_split(self) -> Error {
         let expected = "another integrator: the system has no parts with exact flows";
+        Error::invalid("integrator", self.name(), expected)
+    }
+
+    fn no_natural_coordinates(self) -> Error {
+        let expected = "another integrator: the system has no coordinates but canonical ones";
         Error::invalid("integrator", self.name(), expected)
     }
 
@@ -379,6 +397,31 @@ impl<H: Hamiltonian> Method<H> for RungeKutta4 {
     fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize) {
         for z in z.chunks_exact_mut(2 * system.dof()) {
             runge_kutta_4(system, z, interval, steps);
+        }
+    }
+}
+
+struct NaturalRungeKutta4;
+
+impl<H: NaturalCoordinates> Method<H> for NaturalRungeKutta4 {
+    const NATURAL: bool = true;
+
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize) {
+        for z in z.chunks_exact_mut(2 * system.dof()) {
+            natural_runge_kutta_4(system, z, interval, steps);
+        }
+    }
+    #[inline(always)]
+    fn enter<V: Pack>(&self, system: &H, z: &mut [V]) {
+        for z in z.chunks_exact_mut(2 * system.dof()) {
+            system.to_natural(z);
+        }
+    }
+    #[inline(always)]
+    fn leave<V: Pack>(&self, system: &H, z: &mut [V]) {
+        for z in z.chunks_exact_mut(2 * system.dof()) {
+            system.to_canonical(z);
         }
     }
 }

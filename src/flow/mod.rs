@@ -27,7 +27,7 @@ pub(crate) use integrator::whole_periods;
 pub use orbits::orbits_of;
 pub use reference::{Reference, ReferenceValue};
 pub use region::{Exit, OutsidePolynomials, OutsideRegion, PolynomialExit, Region, RegionExit};
-pub use runge_kutta::runge_kutta_4;
+pub use runge_kutta::{natural_runge_kutta_4, runge_kutta_4};
 pub use splitting::{Splitting, SplittingSteps};
 pub use stroboscopic::Stroboscopic;
 pub use trajectories::{ReferenceTrajectories, Trajectories};

@@ -13,6 +13,21 @@ const BLOCK: usize = 4 * WIDTH;
 pub(super) trait Method<H>: Sync {
     /// Moves several points, 2n lanes each, over an interval.
     fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize);
+
+    /// Whether it moves points in other coordinates than canonical ones.
+    const NATURAL: bool = false;
+
+    /// Several points, from canonical coordinates to those of the method.
+    #[inline(always)]
+    fn enter<V: Pack>(&self, system: &H, z: &mut [V]) {
+        let _ = (system, z);
+    }
+
+    /// Several points, from the coordinates of the method to canonical ones.
+    #[inline(always)]
+    fn leave<V: Pack>(&self, system: &H, z: &mut [V]) {
+        let _ = (system, z);
+    }
 }
 
 /// All states of some trajectories from their initial points.
@@ -107,14 +122,24 @@ impl<H: Hamiltonian, M: Method<H>> Kernel for Trajectories<'_, H, M> {
             self;
         let dim = 2 * system.dof();
         let mut z = vec![V::zero(); TOGETHER * dim];
+        let mut shown = vec![V::zero(); if M::NATURAL { TOGETHER * dim } else { 0 }];
         let together = TOGETHER * V::LANES * dim;
         for (initial, states) in initial.chunks(together).zip(states.chunks_mut(together * kept)) {
             let size = load_groups(initial, dim, &mut z);
             let z = &mut z[..size];
+            method.enter(system, z);
             for number in 0..kept {
                 method.take(system, z, interval, steps);
                 let groups = states.chunks_mut(V::LANES * kept * dim);
-                for (z, states) in z.chunks_exact(dim).zip(groups) {
+                let canonical = if M::NATURAL {
+                    let shown = &mut shown[..size];
+                    shown.copy_from_slice(z);
+                    method.leave(system, shown);
+                    &*shown
+                } else {
+                    &*z
+                };
+                for (z, states) in canonical.chunks_exact(dim).zip(groups) {
                     store_states(z, states, number, kept);
                 }
             }

@@ -1,7 +1,7 @@
 //! The classical fourth-order Runge–Kutta method.
 
 use crate::scalar::Elementary;
-use crate::system::Hamiltonian;
+use crate::system::{Hamiltonian, NaturalCoordinates};
 
 /// Small systems keep their working space on the stack.
 const STACK: usize = 16;
@@ -21,7 +21,51 @@ pub fn runge_kutta_4<S: Elementary>(
     time: f64,
     steps: usize,
 ) {
-    assert!(steps > 0 && z.len() == 2 * system.dof());
+    assert!(z.len() == 2 * system.dof());
+    of_field(&Canonical(system), z, time, steps);
+}
+
+/// [`runge_kutta_4`] in the natural coordinates x of a system that has some: x ← the flow.
+///
+/// # Panics
+/// When `steps` is 0 or x is not of 2n numbers.
+#[inline(always)]
+pub fn natural_runge_kutta_4<S: Elementary>(
+    system: &impl NaturalCoordinates,
+    x: &mut [S],
+    time: f64,
+    steps: usize,
+) {
+    assert!(x.len() == 2 * system.dof());
+    of_field(&Natural(system), x, time, steps);
+}
+
+/// dx/dt in some coordinates.
+trait Field {
+    fn at<S: Elementary>(&self, x: &[S], time: f64, out: &mut [S]);
+}
+
+struct Canonical<'a, H>(&'a H);
+
+impl<H: Hamiltonian> Field for Canonical<'_, H> {
+    #[inline(always)]
+    fn at<S: Elementary>(&self, x: &[S], time: f64, out: &mut [S]) {
+        self.0.vector_field(x, time, out);
+    }
+}
+
+struct Natural<'a, H>(&'a H);
+
+impl<H: NaturalCoordinates> Field for Natural<'_, H> {
+    #[inline(always)]
+    fn at<S: Elementary>(&self, x: &[S], time: f64, out: &mut [S]) {
+        self.0.natural_field(x, time, out);
+    }
+}
+
+#[inline(always)]
+fn of_field<S: Elementary>(field: &impl Field, z: &mut [S], time: f64, steps: usize) {
+    assert!(steps > 0);
     let (h, dim) = (time / steps as f64, z.len());
     let mut stack = [S::zero(); 3 * STACK];
     let mut heap;
@@ -40,7 +84,7 @@ pub fn runge_kutta_4<S: Elementary>(
         for (node, advance, weight) in
             [(0.0, 0.5, 1.0), (0.5, 0.5, 2.0), (0.5, 1.0, 2.0), (1.0, 0.0, 1.0)]
         {
-            system.vector_field(stage, start + node * h, slope);
+            field.at(stage, start + node * h, slope);
             for i in 0..dim {
                 sum[i] = S::from_f64(weight).mul_add(slope[i], sum[i]);
                 stage[i] = S::from_f64(advance * h).mul_add(slope[i], z[i]);

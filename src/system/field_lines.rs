@@ -1,6 +1,6 @@
 //! Magnetic field lines of a tokamak with a helical perturbation.
 
-use super::{Hamiltonian, NearlyPeriodic};
+use super::{Hamiltonian, NaturalCoordinates, NearlyPeriodic};
 use crate::error::Error;
 use crate::layer::CircleAction;
 use crate::scalar::Elementary;
@@ -129,7 +129,12 @@ impl FieldLines {
     #[inline(always)]
     fn phase<S: Elementary>(&self, z: &[S], time: f64) -> (S, S) {
         let length = (z[0] * z[0] + z[1] * z[1]).sqrt();
-        let (c, s) = (z[1] / length, z[0] / length);
+        self.phase_at([z[0] / length, z[1] / length], time)
+    }
+
+    /// cos and sin of mθ + nφ, from sin θ and cos θ.
+    #[inline(always)]
+    fn phase_at<S: Elementary>(&self, [s, c]: [S; 2], time: f64) -> (S, S) {
         let (sin, cos) = Elementary::sin_cos(f64::from(self.toroidal) * time);
         let (mut re, mut im) = (S::from_f64(cos), S::from_f64(sin));
         let s = if self.poloidal < 0 { -s } else { s };
@@ -226,6 +231,40 @@ impl Hamiltonian for FieldLines {
             return Err(Error::invalid("r", radius, expected).with_place(place()));
         }
         Ok(())
+    }
+}
+
+/// (r, θ), in which the equations are explicit: with p_θ = r²/2 − r³ cos θ/3A,
+///
+/// θ̇ = ∂H/∂r / ∂p_θ/∂r, ṙ = −∂H/∂θ / ∂p_θ/∂r, H being a function of (r, θ).
+impl NaturalCoordinates for FieldLines {
+    #[inline(always)]
+    fn to_natural<S: Elementary>(&self, z: &mut [S]) {
+        (z[0], z[1]) = self.polar(z);
+    }
+    #[inline(always)]
+    fn to_canonical<S: Elementary>(&self, x: &mut [S]) {
+        let (s, c) = x[1].sin_cos();
+        let tilt = x[0] * S::from_f64(2.0 / (3.0 * self.aspect_ratio));
+        let length = x[0] * (S::from_f64(1.0) - tilt * c).sqrt();
+        (x[0], x[1]) = (length * s, length * c);
+    }
+    #[inline(always)]
+    fn natural_field<S: Elementary>(&self, x: &[S], time: f64, out: &mut [S]) {
+        let (r, (s, c)) = (x[0], x[1].sin_cos());
+        let one = S::from_f64(1.0);
+        let (f, slope) = self.profile(r * r);
+        // ∂p_θ/∂r over r.
+        let width = one - r * S::from_f64(1.0 / self.aspect_ratio) * c;
+        let (cos, sin) = match self.epsilon == 0.0 {
+            true => (one, S::zero()),
+            false => self.phase_at([s, c], time),
+        };
+        let epsilon = S::from_f64(self.epsilon);
+        let turn = (slope + slope) * (one + epsilon * cos) / width;
+        let torque = epsilon * S::from_f64(f64::from(self.poloidal)) * f * sin;
+        out[0] = torque / (r * width);
+        out[1] = turn;
     }
 }
 

@@ -185,6 +185,19 @@ pub trait NearlyPeriodic: Hamiltonian {
     }
 }
 
+/// A system with coordinates that are not canonical, in which its equations of motion are explicit or
+/// take less time: what somebody would integrate who minds the motion and not the form.
+pub trait NaturalCoordinates: Hamiltonian {
+    /// z ← the natural coordinates of a point, 2n numbers.
+    fn to_natural<S: Elementary>(&self, z: &mut [S]);
+
+    /// x ← the canonical coordinates of a point in natural ones.
+    fn to_canonical<S: Elementary>(&self, x: &mut [S]);
+
+    /// `out` ← dx/dt.
+    fn natural_field<S: Elementary>(&self, x: &[S], time: f64, out: &mut [S]);
+}
+
 /// A Hamiltonian H = H_A + H_B whose two parts have exact flows, or a vector field whose parts have: what a
 /// splitting composes. H_A = ½Σ ω_j(q_j² + p_j²) turns planes.
 pub trait Splittable: NearlyPeriodic {

@@ -56,7 +56,8 @@ impl Rings {
             return None;
         }
         let mut rings = mean_phases(pairs, &planes)?;
-        unwrap(&mut rings);
+        let periods: Vec<f64> = planes.iter().map(|(_, m)| TAU / m.abs()).collect();
+        unwrap(&mut rings, &periods);
         Some(Self { action: action.clone(), planes, rings })
     }
 
@@ -195,9 +196,9 @@ fn mean_phases(pairs: &Pairs, planes: &[(usize, f64)]) -> Option<Vec<(Vec<f64>, 
     (rings.len() > 1 && 2 * rings.len() > all).then_some(rings)
 }
 
-/// Adds whole turns, along the shortest tree over all rings, until neighbours turn by nearly the
+/// Adds whole turns of a plane, along the shortest tree over all rings, until neighbours turn by nearly the
 /// same angles.
-fn unwrap(rings: &mut [(Vec<f64>, Vec<f64>)]) {
+fn unwrap(rings: &mut [(Vec<f64>, Vec<f64>)], periods: &[f64]) {
     let circles = rings[0].0.len();
     let widths: Vec<f64> = (0..circles)
         .map(|a| {
@@ -220,8 +221,8 @@ fn unwrap(rings: &mut [(Vec<f64>, Vec<f64>)]) {
         };
         left.swap_remove(place);
         let known = rings[nearest[next].1].1.clone();
-        for (angle, known) in rings[next].1.iter_mut().zip(known) {
-            *angle += TAU * ((known - *angle) / TAU).round();
+        for ((angle, known), period) in rings[next].1.iter_mut().zip(known).zip(periods) {
+            *angle += period * ((known - *angle) / period).round();
         }
         for other in &left {
             let far = distance(&rings[*other].0, &rings[next].0);

@@ -117,8 +117,12 @@ fn of(count: usize, width: usize) -> LayerSizes {
     LayerSizes::uniform(count, width)
 }
 
+fn of_degree(count: usize, width: usize, degree: usize) -> LayerSizes {
+    LayerSizes { degree: Some(degree), ..of(count, width) }
+}
+
 fn by_turns(count: usize, widths: [usize; 2]) -> LayerSizes {
-    LayerSizes { count, width: Alternating::Two(widths) }
+    LayerSizes { count, width: Alternating::Two(widths), degree: None }
 }
 
 /// `from` of the table.
@@ -231,6 +235,21 @@ const CASES: &[Case] = &[
     ("turned twists of a normal form", |fit| {
         let sizes = [("kicks", of(2, 3)), ("turned_twists", of(2, 2))];
         fit.network = named("normal-form", &sizes);
+    }),
+    ("polynomials in their box", |fit| {
+        let sizes = [("kicks", of_degree(2, 2, 3)), ("twists", of_degree(2, 2, 2))];
+        let network = named("normal-form", &sizes).expect("a normal form");
+        fit.network = network.with_radius(1.5).ok();
+    }),
+    ("polynomials in the box of the pairs, in stages", |fit| {
+        fit.network = named("normal-form", &[("kicks", of_degree(2, 2, 4)), ("twists", of(2, 2))]);
+        fit.training.ramp = vec![RampStage {
+            flow_time: None,
+            epsilon: None,
+            repeats: None,
+            degree: Some(2),
+            iterations: 3,
+        }];
     }),
     ("two widths by turns of any part", |fit| {
         let sizes = [

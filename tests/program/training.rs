@@ -321,6 +321,58 @@ fn a_report_says_whether_to_trust_the_model() {
     assert!(text.contains("held out"), "{text}");
 }
 
+/// A model of polynomials knows where their box ends, whatever points it was trained on.
+#[test]
+fn trajectories_that_leave_the_box_of_polynomials_are_told() {
+    let folder = with_model();
+    let path = folder.path();
+    let sizes = ["--kicks", "2x2^4", "--twists", "2x2^3", "--circle-action", "1,0"];
+    let train = ["train", "--data", "pairs.npz", "--starts", "1", "--iterations", "4"];
+    let output = call(path, &[&train[..], &sizes, &["--output", "poly.json"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let stored = load_model(&path.join("poly.json")).expect("a model");
+    assert!(stored.model.architecture().has_polynomials());
+    let far = [0.1, 0.1, 0.1, 0.1, 0.1, 4.0, 0.1, 0.1];
+    write_points(&path.join("far.npy"), &[2, 4], &far).expect("written");
+    let predict = |output: &str, more: &[&str]| {
+        let arguments = ["predict", "--model", "poly.json", "--input", "far.npy", "--steps", "1"];
+        call(path, &[&arguments[..], &["--output", output], more].concat())
+    };
+    let output = predict("t.npy", &["--json"]);
+    let told = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{told}");
+    assert!(
+        told.contains("the box of the model's polynomials") && told.contains("rows 1,"),
+        "{told}"
+    );
+    let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
+    let beyond = &json["outside_polynomials"];
+    assert_eq!((beyond["row"].as_u64(), beyond["step"].as_u64()), (Some(1), Some(0)));
+    let reach = beyond["reach"].as_f64().expect("a number");
+    let mut z = far[4..].to_vec();
+    stored.units.iter().for_each(|units| units.to_network(&mut z));
+    assert!(reach > 1.0 && reach == stored.model.reach(&z), "{reach}");
+    let output = predict("s.npy", &["--outside", "stop"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(!path.join("s.npy").exists());
+    let output = predict("i.npy", &["--outside", "ignore"]);
+    assert!(output.status.success() && output.stderr.is_empty(), "{}", text(&output.stderr));
+    for (wrong, words) in [
+        (["--kicks", "2x2^0"], ["degree", "0"]),
+        (["--kicks", "2x2^65"], ["degree", "65"]),
+        (["--radius", "1.0"], ["radius", "degree"]),
+        (["--ramp", "^4x10"], ["degree", "polynomials"]),
+    ] {
+        refuses(
+            path,
+            &[&train[..], &wrong, &["--circle-action", "1,0", "--output", "n.json"]].concat(),
+            &words,
+        );
+    }
+    let boxless = ["--kicks", "2x2^3", "--radius", "0"];
+    refuses(path, &[&train[..], &boxless, &["--output", "n.json"]].concat(), &["radius", "0"]);
+}
+
 /// A model knows where it was trained: what leaves that box is told, or stops the command.
 #[test]
 fn trajectories_that_leave_the_training_points_are_told() {

@@ -56,7 +56,7 @@ class Calls:
 
     def value(self, value):
         if isinstance(value, str) and value.startswith("@"):
-            return self.arrays[value[1:]]
+            return None if value == "@none" else self.arrays[value[1:]]
         if isinstance(value, list) and value and isinstance(value[0], dict):
             return value
         return tuple(map(self.value, value)) if isinstance(value, list) else value

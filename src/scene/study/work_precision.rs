@@ -195,7 +195,10 @@ pub(super) fn citations(integrators: impl Iterator<Item = Integrator>) -> Vec<&'
             Integrator::VelocitySplitting => Some(VELOCITY_SPLITTING),
             Integrator::Stroboscopic { .. } => Some(STROBOSCOPIC),
             Integrator::Averaged { .. } => Some(AVERAGING),
-            Integrator::RungeKutta4 | Integrator::Strang | Integrator::GaussLegendre { .. } => None,
+            Integrator::RungeKutta4
+            | Integrator::NaturalRungeKutta4
+            | Integrator::Strang
+            | Integrator::GaussLegendre { .. } => None,
         });
     }
     out
