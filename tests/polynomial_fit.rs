@@ -111,7 +111,7 @@ fn fits_begin_at_rest_in_the_box_of_the_pairs() {
         theta_fixed: false,
     };
     let model = initial.model(0).expect("a start");
-    let mut z = vec![0.1, 0.2, -0.3, 0.4];
+    let mut z: Vec<f64> = vec![0.1, 0.2, -0.3, 0.4];
     let before = z.clone();
     model.forward(&mut z);
     assert!(z.iter().zip(&before).all(|(a, b)| (a - b).abs() < 1e-15), "{z:?}");

@@ -293,6 +293,15 @@ fn reaches_tell_the_box() {
     assert!(model.reach(&outside) > 1.0);
     assert!(model.reach(&[f64::NAN, 0.0, 0.0, 0.0]).is_nan());
     assert!(model.largest_reach(&[inside, outside].concat()) > 1.0);
+    // An action of 0 is at the border of its interval, whatever the radius of the box.
+    for k in 1..200 {
+        let twist = Block::new(Part::SlowMap, Layers::Twist(vec![1])).of_polynomials(2);
+        let twist = Architecture::new(1)
+            .on_circle(CircleAction::new([1]))
+            .with(twist.in_box(0.013 * f64::from(k)));
+        let twist = Model::new(twist, vec![0.1, 0.2, 0.3]).expect("a twist");
+        assert!(twist.is_in_box(&[0.0, 0.0]), "{k}: {:e}", twist.reach(&[0.0, 0.0]) - 1.0);
+    }
     // The literal one of a jolt: its argument over the radius.
     let jolt = Architecture::new(1)
         .with(Block::new(Part::None, Layers::TurnedKick(vec![1])).of_polynomials(3).in_box(2.0));

@@ -177,9 +177,8 @@ impl StoredModel {
         let outside = |z: &[f64]| {
             let mut z = z.to_vec();
             self.units.iter().for_each(|units| units.to_network(&mut z));
-            let reach = self.model.reach(&z);
-            let within = reach <= 1.0;
-            (!within).then_some(OutsidePolynomials { reach })
+            let first = || OutsidePolynomials { reach: self.model.reach(&z) };
+            (!self.model.is_in_box(&z)).then(first)
         };
         let dim = 2 * self.model.composition().dof();
         let outside: Vec<_> = values.par_chunks_exact(dim).map(outside).collect();

@@ -271,6 +271,38 @@ impl<'a, P: Copy> PolynomialPotential<'a, P> {
     }
 }
 
+/// One polynomial P of the argument s: V = ρP(s) + ….
+pub(crate) struct OneRidge {
+    /// s.
+    pub(crate) s: f64,
+    /// What s is the sum of, in absolute values.
+    pub(crate) size: f64,
+    /// ∂s/∂y.
+    pub(crate) slopes: Vec<f64>,
+}
+
+impl PolynomialPotential<'_, f64> {
+    /// Each of the polynomials at y, with its series.
+    pub(crate) fn each_ridge(&self, y: &[f64]) -> impl Iterator<Item = (OneRidge, Series<'_, f64>)> {
+        (0..self.width).map(move |k| {
+            let [s] = self.ridges::<f64, 1>(k, y);
+            let weight = |i: usize| {
+                if self.w_in.is_empty() { 1.0 } else { self.w_in[i * self.width + k] }
+            };
+            let slopes: Vec<f64> =
+                (0..self.dof).map(|i| weight(i) * self.inverse_half(i)).collect();
+            let centre = |i: usize| self.actions.get(i).map_or(0.0, |action| action.centre.abs());
+            let size = (0..self.dof).map(|i| slopes[i].abs() * (y[i].abs() + centre(i))).sum();
+            (OneRidge { s, size, slopes }, self.series(k))
+        })
+    }
+
+    /// ρ.
+    pub(crate) fn radius(&self) -> f64 {
+        self.radius
+    }
+}
+
 #[inline(always)]
 fn zero<S: Scalar>(values: &mut [S]) {
     for value in values.iter_mut() {

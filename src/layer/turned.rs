@@ -37,6 +37,13 @@ impl<'a, P: Scalar, const D: usize> TurnedKick<'a, P, D> {
     }
 }
 
+impl<'a, P: Scalar, const D: usize> TurnedKick<'a, P, D> {
+    /// R(φ) and the kick.
+    pub(crate) fn turn_and_kick(self) -> (&'a Turn<P>, Kick<'a, P, RidgePotential<'a, P, D>>) {
+        (self.turn, self.shear)
+    }
+}
+
 /// Of a kick of the momenta whose argument is neither reflected nor shifted, as
 /// [`TurnedKick::new`] makes it.
 impl<P: Scalar, const D: usize> OfMomenta<P> for Kick<'_, P, RidgePotential<'_, P, D>> {

@@ -262,7 +262,7 @@ fn is_within_boxes(model: &Model, points: &[f64]) -> bool {
             z
         };
         let [back, ahead] = [Direction::Inverse, Direction::Forward].map(moved);
-        [&back[..], z, &ahead].iter().all(|z| model.reach(z) <= 1.0)
+        [&back[..], z, &ahead].iter().all(|z| model.is_in_box(z))
     })
 }
 

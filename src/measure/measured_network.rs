@@ -3,7 +3,7 @@
 use super::measured_coupling::CouplingStep;
 use super::measured_step::{MeasuredPotential, MeasuredSteps, ShearMap, TrackedStep, turn_steps};
 use super::measured_twist::TwistStep;
-use crate::layer::{ElementaryMap, Kick, RidgePotential, TurnStep, TurnedCoupling, Twist};
+use crate::layer::{ElementaryMap, Kick, RidgePotential, TurnStep, TurnedCoupling, TurnedKick, Twist};
 use crate::network::Visitor;
 use crate::phase::Direction;
 
@@ -23,6 +23,24 @@ impl<'a> Visitor<'a, f64> for AsMeasured {
         kick: Kick<'a, f64, RidgePotential<'a, f64, D>>,
     ) -> MeasuredSteps<'a> {
         vec![RidgePotential::measured_kick(kick)]
+    }
+
+    /// Polynomials are steep: their steps are measured one by one, where neurons take one for all.
+    fn visit_turned_kick<const D: usize>(
+        self,
+        turned: TurnedKick<'a, f64, D>,
+    ) -> MeasuredSteps<'a> {
+        let (turn, kick) = turned.turn_and_kick();
+        match kick.potential {
+            RidgePotential::Tanh(_) => self.visit(turned),
+            RidgePotential::Polynomial(_) if kick.is_identity() => Vec::new(),
+            RidgePotential::Polynomial(_) => {
+                let mut steps = turn_steps(turn, Direction::Forward);
+                steps.push(RidgePotential::measured_kick(kick));
+                steps.extend(turn_steps(turn, Direction::Inverse));
+                steps
+            }
+        }
     }
 
     fn visit_twist<const D: usize>(self, twist: Twist<'a, f64, D>) -> MeasuredSteps<'a> {

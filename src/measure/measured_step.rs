@@ -1,6 +1,6 @@
 //! The steps of maps as measures see them: with the scale of their rounding errors.
 //!
-//! Kicks of tanh potentials and turns have scales derived by hand. Those of any
+//! Kicks of tanh and polynomial potentials and turns have scales derived by hand. Those of any
 //! other step are found by running it on [`Tracked`] numbers ([`TrackedStep`]), of twists
 //! part by part: a new kind of step needs nothing here, unless it saturates, as couplings do.
 
@@ -9,7 +9,7 @@ use crate::layer::{
     Turn, quarter_turns,
 };
 use crate::phase::{Direction, Half, Map};
-use crate::scalar::{Dual, Elementary, Over, Scalar, Tracked, max_or_nan};
+use crate::scalar::{Dual, Elementary, Over, Scalar, Tracked, max_or_nan, scales};
 
 /// One step of a map, with the scale of the rounding errors that it makes.
 ///
@@ -172,7 +172,69 @@ impl<const D: usize> MeasuredPotential for TanhPotential<'_, f64, D> {
     }
 }
 
-impl MeasuredPotential for PolynomialPotential<'_, f64> {}
+impl Magnitudes for PolynomialPotential<'_, f64> {
+    /// ρ Σ_k |a_k||f_k′||a_k|ᵀ with a = ∂s/∂y, f = P′: an error of f′ itself leaves a shear a shear.
+    fn hessian_magnitude(&self, y: &[f64], out: &mut [f64]) {
+        let n = y.len();
+        out.fill(0.0);
+        for (ridge, series) in self.each_ridge(y) {
+            let [_, [slope]] = f64::series_with_slopes([ridge.s], series);
+            let d = self.radius() * (slope.abs() + f64::MIN_POSITIVE);
+            for i in 0..n {
+                for k in 0..n {
+                    let [a, b] = [ridge.slopes[i], ridge.slopes[k]].map(f64::abs);
+                    out[i * n + k] = (d * a).mul_add(b, out[i * n + k]);
+                }
+            }
+        }
+    }
+
+    /// ρ Σ_k |a_k|(|δf_k| + |f_k| + |f_k′| Σ|a||y|), δf being what rounding leaves of the series.
+    fn gradient_magnitude(&self, y: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        for (ridge, series) in self.each_ridge(y) {
+            let [[f], [slope]] = f64::series_with_slopes([ridge.s], series);
+            let own = scales(ridge.s, series).value + f.abs() + slope.abs() * ridge.size;
+            for (out, a) in out.iter_mut().zip(&ridge.slopes) {
+                *out = (self.radius() * a).abs().mul_add(own + f64::MIN_POSITIVE, *out);
+            }
+        }
+    }
+
+    /// ½ρ Σ_k |a_k| max|f_k″| d² with d = |a|·spread: the largest second derivative within a hundred d of s, that of
+    /// a Chebyshev polynomial being its own at the end further out.
+    fn curvature_magnitude(&self, y: &[f64], spread: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        for (ridge, series) in self.each_ridge(y) {
+            let terms = ridge.slopes.iter().zip(spread).map(|(a, e)| a.abs() * e.abs());
+            let d: f64 = terms.sum();
+            let end = ROOM.mul_add(d, ridge.s.abs());
+            let bend = series.largest_curvature(if end > 1.0 { end } else { 1.0 });
+            for (out, a) in out.iter_mut().zip(&ridge.slopes) {
+                *out = (self.radius() * a).abs().mul_add(0.5 * bend * d * d, *out);
+            }
+        }
+    }
+}
+
+impl MeasuredPotential for PolynomialPotential<'_, f64> {
+    fn measured_kick<'a>(kick: Kick<'a, f64, Self>) -> Box<dyn MeasuredStep + 'a>
+    where
+        Self: 'a,
+    {
+        Box::new(KickStep { kick })
+    }
+
+    fn measured_map<'a>(
+        map: HenonMap<'a, f64, Self>,
+        direction: Direction,
+    ) -> Box<dyn MeasuredStep + 'a>
+    where
+        Self: 'a,
+    {
+        Box::new(HenonStep { map, inverse: direction == Direction::Inverse })
+    }
+}
 
 impl<const D: usize> MeasuredPotential for RidgePotential<'_, f64, D> {
     fn measured_kick<'a>(kick: Kick<'a, f64, Self>) -> Box<dyn MeasuredStep + 'a>

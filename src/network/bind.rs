@@ -49,7 +49,7 @@ impl<P: Scalar> Composition<P> {
                         let potential =
                             RidgePotential::<P, $D>::new(self.dof(), ridges, &[], potential);
                         let kick = TurnedKick::new(turn, potential, scale);
-                        visitor.visit(if inverse { kick.inverse() } else { kick })
+                        visitor.visit_turned_kick(if inverse { kick.inverse() } else { kick })
                     }};
                 }
                 match self.dof() {

@@ -366,6 +366,13 @@ impl Model {
         self.composition.reach(z)
     }
 
+    /// Whether a step from z stays in the box of its polynomials, but for rounding: an action of 0 is at
+    /// its border.
+    pub fn is_in_box(&self, z: &[f64]) -> bool {
+        const ROUNDING: f64 = 1e-12;
+        self.reach(z) <= 1.0 + ROUNDING
+    }
+
     /// The largest [reach](Model::reach) of points, 2n numbers each.
     pub fn largest_reach(&self, points: &[f64]) -> f64 {
         let reaches = points.par_chunks(2 * self.architecture.dof).map(|z| self.reach(z));

@@ -2,7 +2,7 @@
 
 use crate::layer::{
     Activation, ElementaryMap, Kick, KickForm, RidgeFunction, RidgePotential, Ridges, TurnStep,
-    TurnedCoupling, Twist, TwistShears,
+    TurnedCoupling, TurnedKick, Twist, TwistShears,
 };
 use crate::phase::Half;
 use crate::scalar::Scalar;
@@ -131,6 +131,12 @@ pub trait Visitor<'a, P: Scalar>: Sized {
         self,
         kick: Kick<'a, P, RidgePotential<'a, P, D>>,
     ) -> Self::Output {
+        self.visit(kick)
+    }
+
+    /// Takes a kick in turned coordinates.
+    #[inline(always)]
+    fn visit_turned_kick<const D: usize>(self, kick: TurnedKick<'a, P, D>) -> Self::Output {
         self.visit(kick)
     }
 

@@ -39,6 +39,26 @@ impl<'a, P> Series<'a, P> {
         self.coefficients.is_empty()
     }
 
+    /// Σ |c_m| |T_m″(s)| for s ≥ 1, no less than |f″| anywhere in [−s, s].
+    pub(crate) fn largest_curvature(&self, s: f64) -> f64
+    where
+        P: Copy,
+        f64: Over<P>,
+    {
+        let (mut t, mut d, mut e) = ([1.0, s], [0.0, 1.0], [0.0, 0.0]);
+        let mut sum = 0.0;
+        for m in 0..self.len() {
+            sum += f64::embed(self.at::<1>(m)[0]).abs() * e[0];
+            let next = [
+                2.0 * s * t[1] - t[0],
+                2.0 * (t[1] + s * d[1]) - d[0],
+                2.0 * (2.0 * d[1] + s * e[1]) - e[0],
+            ];
+            (t, d, e) = ([t[1], next[0]], [d[1], next[1]], [e[1], next[2]]);
+        }
+        sum
+    }
+
     #[inline(always)]
     fn at<const K: usize>(&self, m: usize) -> &'a [P; K] {
         let begin = m * self.row + self.first;
@@ -186,9 +206,9 @@ pub(super) fn with_curvatures<S: Over<P>, P: Copy, const K: usize>(
 
 /// What rounding does to one series: the scales of the errors of f and f′, in units of u.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Scales {
-    pub(super) value: f64,
-    pub(super) slope: f64,
+pub(crate) struct Scales {
+    pub(crate) value: f64,
+    pub(crate) slope: f64,
 }
 
 /// The first-order bound of the rounding errors of [`with_slopes`], an error δ of b_k being one
@@ -197,7 +217,7 @@ pub(super) struct Scales {
 ///
 /// Source: Higham, <https://doi.org/10.1137/1.9780898718027>, section 5.2, for bounds of recurrences by
 /// the errors of each step.
-pub(super) fn scales(s: f64, series: Series<'_, f64>) -> Scales {
+pub(crate) fn scales(s: f64, series: Series<'_, f64>) -> Scales {
     let count = series.len();
     let t2 = (4.0 * s).mul_add(s, -2.0);
     let of = |parity: usize| -> Vec<f64> {

@@ -28,6 +28,7 @@ mod tanh;
 mod tracked;
 
 pub use chebyshev::Series;
+pub(crate) use chebyshev::scales;
 pub use double_double::DoubleDouble;
 pub use dual::{Dual, dual_variables_made};
 pub use lanes::Lanes;
