@@ -44,7 +44,7 @@ fn series_are_sums_of_cosines() {
             let sum: f64 = c.iter().enumerate().map(|(m, c)| c * (m as f64 * t).cos()).sum();
             let slope: f64 =
                 c.iter().enumerate().map(|(m, c)| c * m as f64 * (m as f64 * t).sin()).sum();
-            let [[f], [of]] = f64::series_with_slopes([t.cos()], Series::new(&c, 1, 0));
+            let [[f], [of]] = f64::series_with_slopes([t.cos()], Series::new(&c, c.len(), 1, 0));
             let size: f64 = c.iter().map(|c| c.abs()).sum();
             let near = |a: f64, b: f64, scale: f64| (a - b).abs() <= 1e-13 * scale;
             // cos t knows t to u/sin t only.
@@ -54,7 +54,7 @@ fn series_are_sums_of_cosines() {
             assert!(near(of * t.sin(), slope, m2 * m2 * size), "degree {degree} at {t}: slope");
         }
         let outside: f64 = c.iter().enumerate().map(|(m, c)| c * (m as f64 * 0.2).cosh()).sum();
-        let [f] = f64::series_each([0.2_f64.cosh()], Series::new(&c, 1, 0));
+        let [f] = f64::series_each([0.2_f64.cosh()], Series::new(&c, c.len(), 1, 0));
         assert!((f / outside - 1.0).abs() < 1e-11, "degree {degree}: {f}, not {outside}");
     }
 }
@@ -75,7 +75,7 @@ fn tracked_bounds_of_series_hold_and_are_near() {
                     sum + t[order] * DoubleDouble::from_f64(*c)
                 })
             };
-            let series = Series::new(&c, 1, 0);
+            let series = Series::new(&c, c.len(), 1, 0);
             let bounds = <Tracked as Over<f64>>::series_with_slopes([Tracked::exact(s)], series);
             let plain = f64::series_with_curvatures([s], series);
             for order in 0..2 {
@@ -102,7 +102,7 @@ fn tracked_bounds_of_series_hold_and_are_near() {
 #[test]
 fn tracked_errors_go_through_series() {
     let c = drawn(9, "through");
-    let series = Series::new(&c, 1, 0);
+    let series = Series::new(&c, c.len(), 1, 0);
     let s = 0.3;
     let [[f], [slope], [curvature]] = f64::series_with_curvatures([s], series);
     let known = Tracked { value: s, bound: 1e6 };
@@ -117,7 +117,7 @@ fn tracked_errors_go_through_series() {
 #[test]
 fn derivatives_of_series_are_those_of_duals() {
     let c = drawn(12, "duals");
-    let series = Series::new(&c, 1, 0);
+    let series = Series::new(&c, c.len(), 1, 0);
     for s in [-0.9, -0.2, 0.0, 0.6, 1.3] {
         let [[f], [slope], [curvature]] = f64::series_with_curvatures([s], series);
         let reference = chebyshev(12, s);
@@ -130,7 +130,8 @@ fn derivatives_of_series_are_those_of_duals() {
         assert_eq!([v.re, v.eps[0], d.re, d.eps[0]], [f, slope, slope, curvature]);
         // With weights that are duals, nothing is taken from a formula.
         let lifted: Vec<_> = c.iter().map(|c| Dual::<f64, 1>::constant(*c)).collect();
-        let [v] = <Dual<f64, 1> as Over<_>>::series_each([x], Series::new(&lifted, 1, 0));
+        let [v] =
+            <Dual<f64, 1> as Over<_>>::series_each([x], Series::new(&lifted, lifted.len(), 1, 0));
         assert!((v.eps[0] - slope).abs() <= 1e-12 * (1.0 + slope.abs()));
     }
 }
@@ -164,7 +165,7 @@ fn gradients_are_those_of_the_polynomials() {
             let function = RidgeFunction::Polynomial { degree, radius };
             let count = Ridges { width, function }.parameter_count(n);
             assert_eq!(weights.len(), count);
-            let of = PolynomialPotential::new(n, width, radius, &[], &weights);
+            let of = PolynomialPotential::new(n, [width, degree], radius, &[], &weights);
             let y = &drawn(n, "point").iter().map(|y| 0.6 * y).collect::<Vec<_>>()[..];
             let value = |y: &[D]| {
                 let mut sum = D::zero();

@@ -167,7 +167,13 @@ impl Kicked<'_> {
         Literal { n: 2, radius: RADIUS, parameters, width, fault }
     }
     fn sound(&self) -> PolynomialPotential<'_, f64> {
-        PolynomialPotential::new(2, self.width, RADIUS, &[], self.parameters)
+        PolynomialPotential::new(
+            2,
+            [self.width, self.parameters.len() / self.width - 2],
+            RADIUS,
+            &[],
+            self.parameters,
+        )
     }
     /// What it is in double-double after the formula.
     fn exact(&self, direction: Direction, z: &[f64]) -> Vec<f64> {

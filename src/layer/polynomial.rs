@@ -28,6 +28,7 @@ pub struct PolynomialPotential<'a, P> {
     /// d × h, row by row.
     coefficients: &'a [P],
     width: usize,
+    degree: usize,
 }
 
 /// The interval that an action is in, in the box of a radius ρ.
@@ -48,7 +49,7 @@ pub(super) fn polynomial_parameter_count(arguments: usize, width: usize, degree:
 
 impl<'a, P: Copy> PolynomialPotential<'a, P> {
     /// A view of the parameters `[W (n × h, row by row; none where n is 1), c (d × h, row by row)]`
-    /// of h = `width` polynomials of degree d of n = `arguments` numbers, the first of which are
+    /// of h polynomials of degree d, `[h, d]`, of n = `arguments` numbers, the first of which are
     /// actions in these intervals.
     ///
     /// # Panics
@@ -56,7 +57,7 @@ impl<'a, P: Copy> PolynomialPotential<'a, P> {
     #[inline(always)]
     pub fn new(
         arguments: usize,
-        width: usize,
+        [width, degree]: [usize; 2],
         radius: f64,
         actions: &'a [ActionInterval],
         parameters: &'a [P],
@@ -64,8 +65,8 @@ impl<'a, P: Copy> PolynomialPotential<'a, P> {
         let directions = if arguments > 1 { arguments } else { 0 };
         assert!(arguments > 1 || width == 1);
         let (w_in, coefficients) = parameters.split_at(directions * width);
-        assert!(coefficients.len().is_multiple_of(width));
-        Self { dof: arguments, radius, actions, w_in, coefficients, width }
+        assert!(coefficients.len() == degree * width);
+        Self { dof: arguments, radius, actions, w_in, coefficients, width, degree }
     }
 
     /// h, the number of polynomials.
@@ -86,7 +87,7 @@ impl<'a, P: Copy> PolynomialPotential<'a, P> {
 
     #[inline(always)]
     fn series(&self, first: usize) -> Series<'a, P> {
-        Series::new(self.coefficients, self.width, first)
+        Series::new(self.coefficients, self.degree, self.width, first)
     }
 
     /// ∂x_i/∂y_i.
@@ -283,7 +284,10 @@ pub(crate) struct OneRidge {
 
 impl PolynomialPotential<'_, f64> {
     /// Each of the polynomials at y, with its series.
-    pub(crate) fn each_ridge(&self, y: &[f64]) -> impl Iterator<Item = (OneRidge, Series<'_, f64>)> {
+    pub(crate) fn each_ridge(
+        &self,
+        y: &[f64],
+    ) -> impl Iterator<Item = (OneRidge, Series<'_, f64>)> {
         (0..self.width).map(move |k| {
             let [s] = self.ridges::<f64, 1>(k, y);
             let weight = |i: usize| {

@@ -119,9 +119,9 @@ impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
         let Ridges { width, function } = ridges;
         match function {
             RidgeFunction::Tanh => Self::Tanh(TanhPotential::new(arguments, width, parameters)),
-            RidgeFunction::Polynomial { radius, .. } => Self::Polynomial(PolynomialPotential::new(
-                arguments, width, radius, actions, parameters,
-            )),
+            RidgeFunction::Polynomial { degree, radius } => Self::Polynomial(
+                PolynomialPotential::new(arguments, [width, degree], radius, actions, parameters),
+            ),
         }
     }
 

@@ -3,7 +3,9 @@
 use super::measured_coupling::CouplingStep;
 use super::measured_step::{MeasuredPotential, MeasuredSteps, ShearMap, TrackedStep, turn_steps};
 use super::measured_twist::TwistStep;
-use crate::layer::{ElementaryMap, Kick, RidgePotential, TurnStep, TurnedCoupling, TurnedKick, Twist};
+use crate::layer::{
+    ElementaryMap, Kick, RidgePotential, TurnStep, TurnedCoupling, TurnedKick, Twist,
+};
 use crate::network::Visitor;
 use crate::phase::Direction;
 

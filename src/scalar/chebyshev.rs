@@ -10,17 +10,19 @@ pub struct Series<'a, P> {
     /// How many series there are, and the first of those that are meant.
     row: usize,
     first: usize,
+    /// How many coefficients each has.
+    count: usize,
 }
 
 impl<'a, P> Series<'a, P> {
-    /// Those from number `first` on of `row` series.
+    /// Those from number `first` on of `row` series of `count` coefficients.
     ///
     /// # Panics
-    /// When the coefficients are no multiple of `row`.
+    /// When there are not as many coefficients.
     #[inline(always)]
-    pub fn new(coefficients: &'a [P], row: usize, first: usize) -> Self {
-        assert!(coefficients.len().is_multiple_of(row));
-        Self { coefficients, row, first }
+    pub fn new(coefficients: &'a [P], count: usize, row: usize, first: usize) -> Self {
+        assert!(coefficients.len() == count * row);
+        Self { coefficients, row, first, count }
     }
 
     /// Those from number `more` on of these.
@@ -31,7 +33,7 @@ impl<'a, P> Series<'a, P> {
     /// How many coefficients each has.
     #[inline(always)]
     pub fn len(&self) -> usize {
-        self.coefficients.len() / self.row
+        self.count
     }
 
     /// Whether they are empty sums.
