@@ -92,7 +92,7 @@ fn fits_begin_at_rest_in_the_box_of_the_pairs() {
         .input()
         .chunks_exact(4)
         .flat_map(|z| [radius(z, 0), radius(z, 1)])
-        .fold(0.0, f64::max);
+        .fold(0.0, max_or_nan);
     let architecture = problem.architecture.clone();
     assert!(!architecture.blocks.iter().any(|block| block.ridges.is_unbounded()));
     let text = serde_json::to_string(&architecture).expect("JSON");

@@ -45,7 +45,7 @@ impl Case {
     }
 
     fn architecture(&self) -> Architecture {
-        let slow = self.action.iter().any(|&weight| weight == 0);
+        let slow = self.action.contains(&0);
         let polynomials = |part, layers, degree: usize| {
             Block::new(part, layers).of_polynomials(degree).in_box(self.radius)
         };

@@ -356,8 +356,12 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if arguments.resume {
         times.points.clear();
     }
-    // Angles that were fitted are fitted again.
-    let theta = arguments.theta.or(fitted.training.initial.angle());
+    // Angles of several circles are fitted again.
+    let own = match (&fitted.problem.angles[..], fitted.problem.architecture.has_circle()) {
+        (&[theta], true) => Some(theta),
+        _ => None,
+    };
+    let theta = arguments.theta.or(own);
     let command = command(arguments, &fitted.problem, theta);
     let angles = fitted.model().angles().to_vec();
     let parameters = fitted.model().parameters().len();

@@ -1,7 +1,7 @@
 //! Potentials that are sums of polynomials.
 
 use super::Potential;
-use super::unrolled::for_neurons;
+use super::unrolled::for_polynomials;
 use crate::scalar::{Over, Scalar, Series};
 
 /// V(y) = ρ Σ_k P_k(s_k), s = Wᵀx: polynomials of linear forms of x, which are the coordinates y
@@ -141,7 +141,8 @@ impl<'a, P: Copy> PolynomialPotential<'a, P> {
         s
     }
 
-    /// `out` += ρ Σ_k f_k ∂s_k/∂y for K polynomials.
+    /// `out` += ρ Σ_k f_k ∂s_k/∂y for K polynomials, one after another: the same bits as of each by
+    /// itself.
     #[inline(always)]
     fn accumulate<S: Over<P>, const K: usize>(&self, first: usize, f: [S; K], out: &mut [S]) {
         if self.w_in.is_empty() {
@@ -152,11 +153,15 @@ impl<'a, P: Copy> PolynomialPotential<'a, P> {
         }
         for i in 0..self.dof {
             let w_in = self.directions::<K>(i, first);
-            let mut sum = f[0].times(w_in[0]);
-            for k in 1..K {
-                sum = f[k].mul_add_parameter(w_in[k], sum);
+            let mut sum = out[i];
+            for k in 0..K {
+                if i < self.actions.len() {
+                    sum += self.weighed(i, f[k].times(w_in[k]));
+                } else {
+                    sum = f[k].mul_add_parameter(w_in[k], sum);
+                }
             }
-            out[i] += self.weighed(i, sum);
+            out[i] = sum;
         }
     }
 
@@ -177,14 +182,12 @@ impl<'a, P: Copy> PolynomialPotential<'a, P> {
     #[inline(always)]
     pub(super) fn gradient_recording<S: Over<P>>(&self, y: &[S], out: &mut [S], tape: &mut [S]) {
         zero(&mut out[..self.dof]);
-        for_neurons!(self.width, j, K => {
-            let [f, slope] = S::series_with_slopes::<K>(self.ridges(j, y), self.series(j));
-            for k in 0..K {
-                tape[2 * (j + k)] = f[k];
-                tape[2 * (j + k) + 1] = slope[k];
-            }
+        // One at a time, as in all that training does: four would be compiled once more.
+        for j in 0..self.width {
+            let [f, slope] = S::series_with_slopes::<1>(self.ridges(j, y), self.series(j));
+            (tape[2 * j], tape[2 * j + 1]) = (f[0], slope[0]);
             self.accumulate(j, f, out);
-        });
+        }
     }
 
     /// `out` ← ∇V(y), `hessian` ← V″(y), n × n row by row.
@@ -198,26 +201,22 @@ impl<'a, P: Copy> PolynomialPotential<'a, P> {
         let n = self.dof;
         zero(&mut out[..n]);
         zero(&mut hessian[..n * n]);
-        for_neurons!(self.width, j, K => {
-            let [f, slope] = S::series_with_slopes::<K>(self.ridges(j, y), self.series(j));
+        for j in 0..self.width {
+            let [f, [slope]] = S::series_with_slopes::<1>(self.ridges(j, y), self.series(j));
             self.accumulate(j, f, out);
             for row in 0..n {
                 for column in row..n {
-                    let mut sum = S::zero();
-                    for k in 0..K {
-                        let mut product = slope[k];
-                        if !self.w_in.is_empty() {
-                            product = product.times(self.directions::<K>(row, j)[k]);
-                            product = product.times(self.directions::<K>(column, j)[k]);
-                        }
-                        sum += product;
+                    let mut product = slope;
+                    if !self.w_in.is_empty() {
+                        product = product.times(self.directions::<1>(row, j)[0]);
+                        product = product.times(self.directions::<1>(column, j)[0]);
                     }
                     let scale = S::from_f64(self.inverse_half(column));
                     let entry = &mut hessian[row * n + column];
-                    *entry += self.weighed(row, sum) * scale;
+                    *entry += self.weighed(row, product) * scale;
                 }
             }
-        });
+        }
         for row in 0..n {
             for column in 0..row {
                 hessian[row * n + column] = hessian[column * n + row];
@@ -323,7 +322,7 @@ impl<P: Copy, S: Over<P>> Potential<S> for PolynomialPotential<'_, P> {
     #[inline(always)]
     fn gradient(&self, y: &[S], out: &mut [S]) {
         zero(&mut out[..self.dof]);
-        for_neurons!(self.width, j, K => {
+        for_polynomials!(self.width, j, K => {
             let f = S::series_each::<K>(self.ridges(j, y), self.series(j));
             self.accumulate(j, f, out);
         });

@@ -94,7 +94,8 @@ impl Ridges {
 }
 
 /// A potential of ridge functions of a kind that is known when it runs: a layer asks once, and goes
-/// through its neurons or polynomials without asking.
+/// through its neurons or polynomials without asking. Where the number of arguments is known at compile
+/// time (`D` > 0) they are neurons: a polynomial gains nothing by it that is worth its compilation.
 #[derive(Clone, Copy, Debug)]
 pub enum RidgePotential<'a, P, const D: usize = 0> {
     /// Neurons.
@@ -108,7 +109,8 @@ impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
     /// these intervals (of a polynomial).
     ///
     /// # Panics
-    /// When there are not [as many parameters](Ridges::parameter_count).
+    /// When there are not [as many parameters](Ridges::parameter_count), or they are polynomials and `D` is
+    /// not 0.
     #[inline(always)]
     pub fn new(
         arguments: usize,
@@ -119,6 +121,7 @@ impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
         let Ridges { width, function } = ridges;
         match function {
             RidgeFunction::Tanh => Self::Tanh(TanhPotential::new(arguments, width, parameters)),
+            RidgeFunction::Polynomial { .. } if D > 0 => never(),
             RidgeFunction::Polynomial { degree, radius } => Self::Polynomial(
                 PolynomialPotential::new(arguments, [width, degree], radius, actions, parameters),
             ),
@@ -177,7 +180,8 @@ impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
     pub(super) fn gradient_recording<S: Over<P>>(&self, y: &[S], out: &mut [S], tape: &mut [S]) {
         match self {
             Self::Tanh(tanh) => tanh.gradient_recording(y, out, tape),
-            Self::Polynomial(of) => of.gradient_recording(y, out, tape),
+            Self::Polynomial(of) if D == 0 => of.gradient_recording(y, out, tape),
+            Self::Polynomial(_) => never(),
         }
     }
 
@@ -191,7 +195,8 @@ impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
     ) {
         match self {
             Self::Tanh(tanh) => tanh.gradient_and_hessian(y, out, hessian),
-            Self::Polynomial(of) => of.gradient_and_hessian(y, out, hessian),
+            Self::Polynomial(of) if D == 0 => of.gradient_and_hessian(y, out, hessian),
+            Self::Polynomial(_) => never(),
         }
     }
 }
@@ -206,7 +211,8 @@ impl<P: Scalar, const D: usize> RidgePotential<'_, P, D> {
     {
         match self {
             Self::Tanh(tanh) => tanh.gradient_across::<V>(y, out),
-            Self::Polynomial(of) => of.gradient(y, out),
+            Self::Polynomial(of) if D == 0 => of.gradient(y, out),
+            Self::Polynomial(_) => never(),
         }
     }
 
@@ -223,7 +229,8 @@ impl<P: Scalar, const D: usize> RidgePotential<'_, P, D> {
     ) {
         match self {
             Self::Tanh(tanh) => tanh.vjp(y, tape, u, y_bar, parameters_bar),
-            Self::Polynomial(of) => of.vjp(y, tape, u, y_bar, parameters_bar),
+            Self::Polynomial(of) if D == 0 => of.vjp(y, tape, u, y_bar, parameters_bar),
+            Self::Polynomial(_) => never(),
         }
     }
 
@@ -240,11 +247,7 @@ impl<P: Scalar, const D: usize> RidgePotential<'_, P, D> {
     ) {
         match self {
             Self::Tanh(tanh) => tanh.vjp_together(y, tapes, u, y_bar, parameters_bar),
-            Self::Polynomial(of) => {
-                for m in 0..M {
-                    of.vjp(&y[m], tapes[m], &u[m], &mut y_bar[m], parameters_bar);
-                }
-            }
+            Self::Polynomial(_) => never(),
         }
     }
 }
@@ -271,7 +274,15 @@ impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for RidgePotential<'_, P,
     fn gradient(&self, y: &[S], out: &mut [S]) {
         match self {
             Self::Tanh(tanh) => tanh.gradient(y, out),
-            Self::Polynomial(of) => of.gradient(y, out),
+            Self::Polynomial(of) if D == 0 => of.gradient(y, out),
+            Self::Polynomial(_) => never(),
         }
     }
+}
+
+/// Polynomials of a number of arguments that is known at compile time, which there are none of.
+#[cold]
+#[inline(never)]
+fn never() -> ! {
+    unreachable!("polynomials of a number of arguments that is known at compile time")
 }

@@ -48,4 +48,23 @@ macro_rules! for_neurons {
     }};
 }
 
-pub(super) use {for_neurons, in_registers};
+/// [`for_neurons`] with four at a time or one: polynomials are busy by themselves, and each
+/// number of them is compiled once more.
+macro_rules! for_polynomials {
+    ($width:expr, $j:ident, $K:ident => $body:expr) => {{
+        let width = $width;
+        let mut $j = 0;
+        while $j + 4 <= width {
+            const $K: usize = 4;
+            $body;
+            $j += $K;
+        }
+        while $j < width {
+            const $K: usize = 1;
+            $body;
+            $j += $K;
+        }
+    }};
+}
+
+pub(super) use {for_neurons, for_polynomials, in_registers};

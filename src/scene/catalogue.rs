@@ -33,6 +33,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "long-steps",
         "family",
         "field-lines",
+        "jolts",
         "full-orbit",
         "two-modes",
         "dissipative",

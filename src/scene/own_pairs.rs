@@ -18,6 +18,7 @@ use crate::measure::trajectories::{
     component_errors, plane_motions, root_mean_square, rotation_errors,
 };
 use crate::network::NetworkSpec;
+use crate::scalar::max_or_nan;
 use crate::train::{
     Fit, FitNote, Fitted, Judgement, Limit, Optimiser, Outcome, Problem, Scheduled, Stop,
 };
@@ -168,6 +169,17 @@ impl OwnTraining<'_> {
                 units.describe()
             )));
             trust.results.data["units"] = json!(units);
+        }
+        if training.outcome.model.architecture().has_polynomials() {
+            let all = [Some(pairs), held_out].into_iter().flatten();
+            let points = all.flat_map(Pairs::points);
+            let reaches = points.map(|points| training.outcome.model.largest_reach(points));
+            let reach = reaches.fold(0.0, max_or_nan);
+            trust.results.details.push(Block::Text(format!(
+                "- Over all pairs the arguments of the network's polynomials reach {reach:.3} of their \
+                 box, outside of which they grow without a bound.\n"
+            )));
+            trust.results.data["reach"] = json!(reach);
         }
         let judged = Judged {
             models: vec![(&network, &training.outcome.model)],

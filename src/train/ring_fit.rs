@@ -202,8 +202,12 @@ fn unwrap(rings: &mut [(Vec<f64>, Vec<f64>)], periods: &[f64]) {
     let circles = rings[0].0.len();
     let widths: Vec<f64> = (0..circles)
         .map(|a| {
-            let own = || rings.iter().map(|(actions, _)| actions[a]);
-            own().fold(f64::NEG_INFINITY, f64::max) - own().fold(f64::INFINITY, f64::min)
+            let own = rings.iter().map(|(actions, _)| actions[a]);
+            // Actions of pairs, which are finite.
+            let (low, high) = own.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), own| {
+                (if own < low { own } else { low }, if own > high { own } else { high })
+            });
+            high - low
         })
         .collect();
     let distance = |a: &[f64], b: &[f64]| -> f64 {

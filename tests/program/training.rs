@@ -332,7 +332,14 @@ fn trajectories_that_leave_the_box_of_polynomials_are_told() {
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let stored = load_model(&path.join("poly.json")).expect("a model");
     assert!(stored.model.architecture().has_polynomials());
-    let far = [0.1, 0.1, 0.1, 0.1, 0.1, 4.0, 0.1, 0.1];
+    let report: Value = serde_json::from_slice(
+        &std::fs::read(path.join("poly-report/report.json")).expect("a report"),
+    )
+    .expect("JSON");
+    assert!(report.to_string().contains("\"reach\":"), "{report}");
+    let told = std::fs::read_to_string(path.join("poly-report/report.md")).expect("a report");
+    assert!(told.contains("of their box"), "{told}");
+    let far = [0.1, 0.1, 0.1, 0.1, 0.1, 40.0, 0.1, 0.1];
     write_points(&path.join("far.npy"), &[2, 4], &far).expect("written");
     let predict = |output: &str, more: &[&str]| {
         let arguments = ["predict", "--model", "poly.json", "--input", "far.npy", "--steps", "1"];
