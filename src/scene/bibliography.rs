@@ -35,6 +35,30 @@ pub(super) const COUPLINGS: &str = "@inproceedings{DinhEtAl2017,
 }
 ";
 
+/// Kicks by polynomials along lines.
+pub(super) const JOLTS: &str = "@incollection{DragtAbell1996,
+  author = {Dragt, Alex J. and Abell, Dan T.},
+  title = {Symplectic maps and computation of orbits in particle accelerators},
+  booktitle = {Integration Algorithms and Classical Mechanics},
+  series = {Fields Institute Communications},
+  volume = {10},
+  publisher = {American Mathematical Society},
+  year = {1996}
+}
+";
+
+/// Sums of Chebyshev polynomials.
+pub(super) const CLENSHAW: &str = "@article{Clenshaw1955,
+  author = {Clenshaw, C. W.},
+  title = {A note on the summation of {C}hebyshev series},
+  journal = {Mathematics of Computation},
+  volume = {9},
+  pages = {118--120},
+  year = {1955},
+  doi = {10.1090/S0025-5718-1955-0071856-0}
+}
+";
+
 /// Levenberg–Marquardt.
 pub(super) const MARQUARDT: &str = "@article{Marquardt1963,
   author = {Marquardt, Donald W.},

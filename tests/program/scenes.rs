@@ -357,6 +357,8 @@ fn scenes_are_listed_and_shown() {
         let all: Vec<_> = std::iter::once(&scene).chain(&scene.parts).collect();
         let flows = all.iter().any(|scene| scene.setup.system.is_some());
         let count = |words: &str| cited.matches(words).count();
+        let polynomials = entry.text.contains("degree =");
+        assert_eq!(count("DragtAbell1996") + count("Clenshaw1955"), 2 * usize::from(polynomials));
         assert_eq!(count("HairerLubichWanner2006"), usize::from(flows), "{}", entry.name);
         let uses = |name: &str| {
             let trains = |scene: &&gyroceptron::scene::Scene| {

@@ -1,13 +1,15 @@
 //! The training of each network: where it ended, how it went, how long it took.
 
 use super::shared::Study;
-use crate::layer::TorusAction;
+use crate::layer::{RidgeFunction, TorusAction};
 use crate::measure::{
     timing::Spread,
     trajectories::{component_errors, milestones},
 };
 use crate::network::{Architecture, Layers};
-use crate::scene::bibliography::{ADAM, COUPLINGS, HENON_NET, LBFGS, MARQUARDT, SYMP_NET};
+use crate::scene::bibliography::{
+    ADAM, CLENSHAW, COUPLINGS, HENON_NET, JOLTS, LBFGS, MARQUARDT, SYMP_NET,
+};
 use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
@@ -48,6 +50,9 @@ impl Study for TrainingStudy {
             let action = model.network.own_action().unwrap_or(TorusAction::of_planes(1));
             let blocks = model.network.architecture(&action, 0.0, 1.0).map(|of| of.blocks);
             for block in blocks.into_iter().flatten() {
+                if block.ridges != RidgeFunction::Tanh {
+                    out.extend([JOLTS, CLENSHAW]);
+                }
                 match block.layers {
                     Layers::SympNet(_) => out.push(SYMP_NET),
                     Layers::TurnedCoupling(_) => out.push(COUPLINGS),
