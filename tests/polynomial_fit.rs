@@ -1,7 +1,7 @@
 //! Fits of polynomials: the linear first step, degrees in stages, and twists that begin with the angles of rings.
 
 use gyroceptron::Error;
-use gyroceptron::flow::Pairs;
+use gyroceptron::flow::{Integrator, Pairs};
 use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::network::{
     Architecture, Block, InitialWeights, LayerSizes, Layers, Model, NetworkSpec, Part, Scale,
@@ -9,9 +9,10 @@ use gyroceptron::network::{
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::max_or_nan;
+use gyroceptron::system::{FieldLines, System};
 use gyroceptron::train::{
     Checkpoint, Control, Fit, InitialModels, LevenbergMarquardtOptions, Optimiser, Progress,
-    RampStage, Rings, TrainingObserver, TrainingOptions, TrainingStage, train,
+    RampStage, Rings, Stop, TrainingObserver, TrainingOptions, TrainingStage, train,
 };
 use std::f64::consts::TAU;
 
@@ -187,6 +188,48 @@ fn degrees_are_raised_in_stages() {
     refused(vec![stage(Some(0), 3)], &["degree", "0"]);
     refused(vec![stage(Some(65), 3)], &["degree", "65"]);
     refused(vec![stage(Some(4), 3), stage(Some(2), 3)], &["degree", "2"]);
+}
+
+/// Levenberg–Marquardt begins with few of the pairs. A step that throws others out of the finite numbers
+/// is none, and does not end the training.
+#[test]
+fn steps_that_other_pairs_cannot_follow_are_not_taken() {
+    let system = System::FieldLines(FieldLines::new(1e-3));
+    let mut stream = Stream::new(5, "lines");
+    let lines = FieldLines::new(1e-3);
+    let input: Vec<f64> = (0..4500)
+        .flat_map(|_| lines.point(stream.uniform(0.05, 0.95), stream.uniform(-3.0, 3.0)))
+        .collect();
+    let output = Integrator::NaturalRungeKutta4.trajectories(&system, &input, TAU, 64, 1);
+    let pairs = Pairs::new("lines", 1, input, output.expect("integrates")).expect("finite");
+    let size = |count, degree| LayerSizes { degree: Some(degree), ..LayerSizes::uniform(count, 1) };
+    let spec = NetworkSpec {
+        kind: "normal-form".into(),
+        kicks: Some(size(10, 16)),
+        twists: Some(size(1, 10)),
+        perturbation: Some(size(10, 16)),
+        ..NetworkSpec::default()
+    };
+    let architecture = spec.architecture(&TorusAction::of_planes(1), 1e-3, TAU).expect("jolts");
+    let architecture = architecture.in_box_of(pairs.points());
+    for seed in 1..=3 {
+        // From a twist that does not turn, which is far from all pairs.
+        let initial = InitialModels {
+            architecture: &architecture,
+            weights: InitialWeights::Normal { scale: 0.3 },
+            angles: &[-0.6],
+            seed,
+            from: None,
+            rings: None,
+            theta_fixed: false,
+        };
+        let model = initial.model(0).expect("a start");
+        let mut go_on = |_: Progress<'_>| Ok(Control::Continue);
+        let outcome = train(&model, &pairs, None, &marquardt(25), None, &mut go_on);
+        let outcome = outcome.expect("trains");
+        assert!(outcome.stop != Stop::Diverged, "seed {seed}: {:?}", outcome.best);
+        assert!(outcome.loss.is_finite() && outcome.best.iteration > 0, "{:?}", outcome.best);
+    }
 }
 
 /// The angle of an action that turns by several turns across the pairs.

@@ -153,24 +153,31 @@ pub trait MeasuredPotential:
     }
 }
 
-impl<const D: usize> MeasuredPotential for TanhPotential<'_, f64, D> {
-    fn measured_kick<'a>(kick: Kick<'a, f64, Self>) -> Box<dyn MeasuredStep + 'a>
-    where
-        Self: 'a,
-    {
-        Box::new(KickStep { kick })
-    }
+/// A potential whose [`Magnitudes`] are derived by hand.
+macro_rules! with_own_magnitudes {
+    ([$($generics:tt)*] $potential:ty) => {
+        impl<$($generics)*> MeasuredPotential for $potential {
+            fn measured_kick<'a>(kick: Kick<'a, f64, Self>) -> Box<dyn MeasuredStep + 'a>
+            where
+                Self: 'a,
+            {
+                Box::new(KickStep { kick })
+            }
 
-    fn measured_map<'a>(
-        map: HenonMap<'a, f64, Self>,
-        direction: Direction,
-    ) -> Box<dyn MeasuredStep + 'a>
-    where
-        Self: 'a,
-    {
-        Box::new(HenonStep { map, inverse: direction == Direction::Inverse })
-    }
+            fn measured_map<'a>(
+                map: HenonMap<'a, f64, Self>,
+                direction: Direction,
+            ) -> Box<dyn MeasuredStep + 'a>
+            where
+                Self: 'a,
+            {
+                Box::new(HenonStep { map, inverse: direction == Direction::Inverse })
+            }
+        }
+    };
 }
+
+with_own_magnitudes!([const D: usize] TanhPotential<'_, f64, D>);
 
 impl Magnitudes for PolynomialPotential<'_, f64> {
     /// ρ Σ_k |a_k||f_k′||a_k|ᵀ with a = ∂s/∂y, f = P′: an error of f′ itself leaves a shear a shear.
@@ -217,24 +224,7 @@ impl Magnitudes for PolynomialPotential<'_, f64> {
     }
 }
 
-impl MeasuredPotential for PolynomialPotential<'_, f64> {
-    fn measured_kick<'a>(kick: Kick<'a, f64, Self>) -> Box<dyn MeasuredStep + 'a>
-    where
-        Self: 'a,
-    {
-        Box::new(KickStep { kick })
-    }
-
-    fn measured_map<'a>(
-        map: HenonMap<'a, f64, Self>,
-        direction: Direction,
-    ) -> Box<dyn MeasuredStep + 'a>
-    where
-        Self: 'a,
-    {
-        Box::new(HenonStep { map, inverse: direction == Direction::Inverse })
-    }
-}
+with_own_magnitudes!([] PolynomialPotential<'_, f64>);
 
 impl<const D: usize> MeasuredPotential for RidgePotential<'_, f64, D> {
     fn measured_kick<'a>(kick: Kick<'a, f64, Self>) -> Box<dyn MeasuredStep + 'a>
