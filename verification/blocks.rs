@@ -1,7 +1,7 @@
 //! Networks whose lists of blocks no other file measures: gyroceptrons with an I_ε of turned kicks,
 //! and slow maps of twists in turned coordinates.
 
-use crate::compositions::{Broken, measure_any, named, points};
+use crate::compositions::{Broken, identity_at_zero, measure_any, named, points};
 use crate::mutants::Fault;
 use crate::suite;
 use crate::watched::watched;
@@ -9,7 +9,6 @@ use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
     certificate::{Row, Tally, Verdict, merged},
     laws,
-    ratios::{Conditioned, differing_components},
 };
 use gyroceptron::network::{
     Architecture, Block, InitialWeights, KickedGyroceptronShape, Layers, Model, Part,
@@ -80,15 +79,6 @@ fn cases() -> impl Strategy<Value = Case> {
                 Case { action, twists, conjugation, kicks, epsilon, scale, radius, seed }
             },
         )
-}
-
-/// At ε = 0 nothing is left of what ε scales.
-fn identity_at_zero(network: &Model, points: &[f64]) -> Tally {
-    let part = network.composition().near_identity_part();
-    let dim = 2 * network.architecture().dof;
-    let moved =
-        points.chunks_exact(dim).map(|z| Conditioned::Ratio(differing_components(&part, z) as f64));
-    Tally::of_counts("near identity", "I₀ = Id, T₀ = Id, bitwise").extend_at(points, dim, moved)
 }
 
 fn measure(case: &Case) -> Vec<Tally> {

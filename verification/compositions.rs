@@ -5,10 +5,10 @@ use gyroceptron::measure::{
     Measurable,
     certificate::{Row, Tally},
     laws,
-    ratios::Adjoint,
+    ratios::{Adjoint, Conditioned, differing_components},
     steps::{MeasuredSteps, TrackedStep},
 };
-use gyroceptron::network::Composition;
+use gyroceptron::network::{Composition, Model};
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Dual, Scalar, Tracked};
@@ -55,6 +55,15 @@ pub fn measure_any(
         laws::evaluation(map, points),
         laws::pullback(adjoint, two, dof, seed),
     ]
+}
+
+/// At ε = 0 nothing is left of what ε scales.
+pub fn identity_at_zero(network: &Model, points: &[f64]) -> Tally {
+    let part = network.composition().near_identity_part();
+    let dim = 2 * network.architecture().dof;
+    let moved =
+        points.chunks_exact(dim).map(|z| Conditioned::Ratio(differing_components(&part, z) as f64));
+    Tally::of_counts("near identity", "I₀ = Id, T₀ = Id, bitwise").extend_at(points, dim, moved)
 }
 
 /// A composition in two degrees of freedom with a fault.

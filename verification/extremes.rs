@@ -110,6 +110,21 @@ fn negative_epsilon_is_not_the_inverse() {
     assert!(matches!(ratio, Conditioned::Ratio(r) if r < tolerances::RATIO), "{ratio:?}");
 }
 
+/// The image of a point errs from that in double-double by no more than the bounds of rounding.
+pub fn assert_digits(model: &Model, z: &[f64], case: &str) {
+    let mut exact: Vec<_> = z.iter().map(|v| DoubleDouble::from_f64(*v)).collect();
+    model.lift::<DoubleDouble>().forward(&mut exact);
+    let mut image = z.to_vec();
+    model.forward(&mut image);
+    let steps = model.measured_steps(Direction::Forward);
+    let (bounds, _) = RoundingPropagation::new(&steps, z).value_bounds();
+    for i in 0..z.len() {
+        let error = (image[i] - exact[i].value()).abs();
+        let ratio = error / (f64::unit_roundoff() * bounds[i]);
+        assert!(ratio < tolerances::RATIO, "{case}, {i}: {ratio}");
+    }
+}
+
 /// Angles of many turns, neurons that saturate, actions of 10¹². Oracle: the same network in double-double, whose
 /// sines are its own.
 #[test]
@@ -134,17 +149,7 @@ fn turned_twists_keep_their_digits() {
         }
         let model = Model::new(architecture.clone(), parameters).expect("finite");
         let z = [0.3, -0.8, 1.1, 0.4].map(|v| v * radius);
-        let mut exact = z.map(DoubleDouble::from_f64);
-        model.lift::<DoubleDouble>().forward(&mut exact);
-        let mut image = z;
-        model.forward(&mut image);
-        let steps = model.measured_steps(Direction::Forward);
-        let (bounds, _) = RoundingPropagation::new(&steps, &z).value_bounds();
-        for i in 0..4 {
-            let error = (image[i] - exact[i].value()).abs();
-            let ratio = error / (f64::unit_roundoff() * bounds[i]);
-            assert!(ratio < tolerances::RATIO, "{angle:e} {weight:e} {radius:e}, {i}: {ratio}");
-        }
+        assert_digits(&model, &z, &format!("{angle:e} {weight:e} {radius:e}"));
         let [ahead, back] =
             [Direction::Forward, Direction::Inverse].map(|d| model.measured_steps(d));
         let ratio = inversion_ratio(ahead, back, &z);

@@ -1,15 +1,16 @@
 //! Kicks, Hénon layers and twists of polynomials over a box, in the box.
 
-use crate::compositions::{Broken, measure_any, named, points};
+use crate::compositions::{Broken, identity_at_zero, measure_any, named, points};
+use crate::extremes::assert_digits;
 use crate::mutants::Fault;
+use crate::suite;
 use crate::watched::watched;
-use crate::{suite, tolerances};
 use gyroceptron::layer::{CircleAction, Kick, PolynomialPotential, Potential};
 use gyroceptron::measure::{
     Measurable,
     certificate::{Row, Tally, Verdict, merged},
     laws,
-    ratios::{Conditioned, RoundingPropagation, differing_components},
+    ratios::{Conditioned, RoundingPropagation},
     steps::{MeasuredPotential, MeasuredSteps},
 };
 use gyroceptron::network::{Architecture, Block, InitialWeights, Layers, Model, Part, Scale};
@@ -232,15 +233,6 @@ fn literal_formula(kicked: &Kicked<'_>, points: &[f64]) -> Tally {
     Tally::of_ratios("formula", "∇V = W c(Wᵀx)").extend_at(points, 4, ratios)
 }
 
-/// At ε = 0 nothing is left of what ε scales.
-fn identity_at_zero(network: &Model, points: &[f64]) -> Tally {
-    let part = network.composition().near_identity_part();
-    let dim = 2 * network.architecture().dof;
-    let moved =
-        points.chunks_exact(dim).map(|z| Conditioned::Ratio(differing_components(&part, z) as f64));
-    Tally::of_counts("near identity", "I₀ = Id, T₀ = Id, bitwise").extend_at(points, dim, moved)
-}
-
 /// The weights of so many polynomials of two numbers.
 fn weights_of_kick(degree: usize, width: usize, seed: u64) -> Vec<f64> {
     let mut stream = Stream::new(seed, "kick");
@@ -360,16 +352,6 @@ fn polynomials_keep_their_digits() {
         }
         let model = Model::new(architecture, parameters).expect("finite");
         let z = [0.9, -0.43].map(|v| v * radius * share);
-        let mut exact = z.map(DoubleDouble::from_f64);
-        model.lift::<DoubleDouble>().forward(&mut exact);
-        let mut image = z;
-        model.forward(&mut image);
-        let steps = model.measured_steps(Direction::Forward);
-        let (bounds, _) = RoundingPropagation::new(&steps, &z).value_bounds();
-        for i in 0..2 {
-            let error = (image[i] - exact[i].value()).abs();
-            let ratio = error / (f64::unit_roundoff() * bounds[i]);
-            assert!(ratio < tolerances::RATIO, "{degree} {radius:e} {share:e}, {i}: {ratio}");
-        }
+        assert_digits(&model, &z, &format!("{degree} {radius:e} {share:e}"));
     }
 }

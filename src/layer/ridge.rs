@@ -70,11 +70,6 @@ pub struct Ridges {
 }
 
 impl Ridges {
-    /// Neurons.
-    pub fn tanh(width: usize) -> Self {
-        Self { width, function: RidgeFunction::Tanh }
-    }
-
     /// The parameters of a potential of so many arguments. Saturates instead of overflowing.
     #[inline(always)]
     pub fn parameter_count(&self, arguments: usize) -> usize {

@@ -173,7 +173,7 @@ impl TwistShears {
     }
 
     /// Shears of so many ridge functions each, turned or not. Those of polynomials have no
-    /// quadratic form, which polynomials of the momenta are.
+    /// quadratic form beside them: it is a polynomial too.
     pub fn of(planes: FastPlanes, widths: &[usize], function: RidgeFunction, turned: bool) -> Self {
         let intervals = match function {
             RidgeFunction::Tanh => Vec::new(),
@@ -273,7 +273,8 @@ impl TwistShears {
 /// compile time; where y are the momenta, ½uᵀQu is added to neurons: what a kinetic energy and a frequency
 /// that shifts with the action are to leading order. Where y are the positions nothing is, so
 /// that the increments of the momenta are bounded and no weights let a slow motion grow faster
-/// than N² in N steps (of neurons: polynomials are bounded in their box alone). The parameters are those of G₁, G₂, …: W, b, w and, for momenta, the
+/// than N² in N steps (of neurons: polynomials are bounded in their box alone). The parameters are those of
+/// G₁, G₂, …: W, b, w and, for momenta, the
 /// rows of the upper triangle of Q.
 ///
 /// A turned twist has R(−φ)∘exp(cX_G)∘R(φ) for each shear: each slow plane turned clockwise by its

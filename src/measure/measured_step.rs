@@ -208,8 +208,8 @@ impl Magnitudes for PolynomialPotential<'_, f64> {
         }
     }
 
-    /// ½ρ Σ_k |a_k| max|f_k″| d² with d = |a|·spread: the largest second derivative within a hundred d of s, that of
-    /// a Chebyshev polynomial being its own at the end further out.
+    /// ½ρ Σ_k |a_k| max|f_k″| d² with d = |a|·spread, the second derivative being that of any point within
+    /// a hundred d of s. That of a Chebyshev polynomial is largest at the end further out.
     fn curvature_magnitude(&self, y: &[f64], spread: &[f64], out: &mut [f64]) {
         out.fill(0.0);
         for (ridge, series) in self.each_ridge(y) {

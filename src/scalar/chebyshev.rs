@@ -68,14 +68,13 @@ impl<'a, P> Series<'a, P> {
     }
 }
 
-/// The coefficients of a series with those of even and of odd number by turns: by Clenshaw's
-/// recurrence in t = T₂(s) = 2s² − 1,
+/// Clenshaw's recurrences for the terms of even and of odd number, in t = T₂(s) = 2s² − 1:
 ///
 /// Σ_k c_{2k} T_k(t) = b₀ − t b₁ and Σ_k c_{2k+1} V_k(t) = o₀ − o₁ with T_{2k+1}(s) = s V_k(t),
 /// b_k = c + 2t b_{k+1} − b_{k+2}.
 ///
-/// Two chains of half the length each, whose results a processor waits for half as long.
-/// `ORDER` derivatives in t come with them.
+/// Neither chain waits for the other, so that a processor computes both in the time of one, which is half
+/// as long as that of all terms. Each has its values and derivatives in t, `ORDER` together.
 struct Chains<S, const K: usize, const ORDER: usize> {
     /// Of b_k and of o_k: the values and derivatives for the last k and the one before.
     even: [[[S; K]; 2]; ORDER],
