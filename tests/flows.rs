@@ -1,6 +1,7 @@
-//! Numbers, Hamiltonian systems, their flows, and what is measured along trajectories.
+//! Numbers, Hamiltonian systems, their flows and their rivals, and what is measured along trajectories.
 
 mod numbers;
+mod rivals;
 mod systems;
 mod trajectories;
 mod work_precision;

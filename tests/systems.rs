@@ -2,8 +2,8 @@
 
 use gyroceptron::Error;
 use gyroceptron::flow::{
-    Averaged, GaussLegendre, Integrator, Pairs, Reference, ReferenceTrajectories, Splitting,
-    Stroboscopic, Window, boris, natural_runge_kutta_4, runge_kutta_4, sample_of,
+    Averaged, GaussLegendre, Integrator, MicroSteps, Pairs, Reference, ReferenceTrajectories,
+    Splitting, Stroboscopic, Window, boris, natural_runge_kutta_4, runge_kutta_4, sample_of,
     velocity_splitting,
 };
 use gyroceptron::layer::CircleAction;
@@ -56,12 +56,12 @@ fn systems(epsilon: f64) -> Vec<System> {
     ]
 }
 
-fn point(dof: usize, seed: u64) -> Vec<f64> {
+pub(super) fn point(dof: usize, seed: u64) -> Vec<f64> {
     let mut stream = Stream::new(seed, "point");
     (0..2 * dof).map(|_| stream.uniform(-1.2, 1.2)).collect()
 }
 
-fn distance(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
 }
 
@@ -204,7 +204,7 @@ fn splittings_have_their_orders_for_the_papers_equations() {
 
 /// Fails unless the 99 % confidence interval of the slope of log `errors` in
 /// log `sizes` lies within ½ of `order`: no other whole number is then as near.
-fn assert_order(what: &str, order: f64, sizes: &[f64], errors: &[f64]) {
+pub(super) fn assert_order(what: &str, order: f64, sizes: &[f64], errors: &[f64]) {
     let FittedLine { slope, slope_error, degrees_of_freedom } = log_line(sizes, errors);
     let student = StudentsT::new(0.0, 1.0, degrees_of_freedom as f64).expect("three points");
     let half = student.inverse_cdf(0.995) * slope_error;
@@ -737,13 +737,34 @@ fn the_reference_starts_from_rest() {
     }
 }
 
+/// The largest entry of JᵀΩJ − Ω, of the columns of J.
+pub(super) fn omega_defect(columns: &[Vec<f64>]) -> f64 {
+    let n = columns.len() / 2;
+    let mut largest = 0.0;
+    for j in 0..2 * n {
+        for k in 0..2 * n {
+            let form: f64 = (0..n)
+                .map(|i| columns[j][i] * columns[k][n + i] - columns[j][n + i] * columns[k][i])
+                .sum();
+            let omega = if k == j + n {
+                1.0
+            } else if j == k + n {
+                -1.0
+            } else {
+                0.0
+            };
+            largest = max_or_nan(largest, (form - omega).abs());
+        }
+    }
+    largest
+}
+
 #[test]
 fn split_flows_are_symplectic() {
     for system in systems(0.3) {
         let n = system.dof();
         let z = point(n, 13);
         let mut columns = Vec::new();
-        let mut largest = 0.0;
         for direction in 0..2 * n {
             let mut w: Vec<_> = z
                 .iter()
@@ -753,21 +774,7 @@ fn split_flows_are_symplectic() {
             split!(system, s => Splitting::ABA_864.integrate(s, &mut w, 1.0, 2));
             columns.push(w.iter().map(|v| v.eps[0]).collect::<Vec<_>>());
         }
-        for j in 0..2 * n {
-            for k in 0..2 * n {
-                let form: f64 = (0..n)
-                    .map(|i| columns[j][i] * columns[k][n + i] - columns[j][n + i] * columns[k][i])
-                    .sum();
-                let omega = if k == j + n {
-                    1.0
-                } else if j == k + n {
-                    -1.0
-                } else {
-                    0.0
-                };
-                largest = max_or_nan(largest, (form - omega).abs());
-            }
-        }
+        let largest = omega_defect(&columns);
         if system.dissipates() {
             assert!(largest > 1e-3, "{largest}");
         } else if let System::FullOrbit(_) = system {
@@ -846,14 +853,16 @@ fn methods_of_charged_particles_are_of_second_order() {
     }
 }
 
+fn averaging(micro: usize, differences: usize) -> Integrator {
+    Integrator::Stroboscopic { micro, differences, by: MicroSteps::Aba1064 }
+}
+
 /// The averaged equation takes the flow over thousands of periods in a few steps: of fourth order in their size, with
 /// an error of fourth order in ε beside, and no larger where ε is small.
 #[test]
 fn stroboscopic_averaging_follows_the_slow_motion() {
     let by = |system: &System, z: &[f64], time: f64, steps: usize| {
-        Integrator::Stroboscopic { micro: 24, differences: 2 }
-            .trajectories(system, z, time, steps, 1)
-            .expect("integrates")
+        averaging(24, 2).trajectories(system, z, time, steps, 1).expect("integrates")
     };
     let all: [&dyn Fn(f64) -> System; 3] = [
         &|epsilon| System::Oscillators(Oscillators { epsilon }),
@@ -902,7 +911,7 @@ fn stroboscopic_averaging_follows_the_slow_motion() {
         let errors = [0.004, 0.002, 0.001].map(|epsilon| {
             let (system, time) = (System::Oscillators(Oscillators { epsilon }), 0.5 / epsilon);
             let by = |differences, micro| {
-                Integrator::Stroboscopic { micro, differences }
+                averaging(micro, differences)
                     .trajectories(&system, &z, time, 60, 1)
                     .expect("integrates")
             };
@@ -914,26 +923,26 @@ fn stroboscopic_averaging_follows_the_slow_motion() {
     let torus = System::ThreeOscillators(ThreeOscillators::new(0.01));
     let lines = System::FieldLines(FieldLines::new(1e-3));
     for (system, word) in [(torus, "no period"), (lines, "no parts with exact flows")] {
-        let refused = Integrator::Stroboscopic { micro: 8, differences: 2 }.check_for(&system);
+        let refused = averaging(8, 2).check_for(&system);
         assert!(refused.expect_err("refused").to_string().contains(word));
     }
-    assert!(Integrator::Stroboscopic { micro: 0, differences: 2 }.check().is_err());
-    assert!(Integrator::Stroboscopic { micro: 8, differences: 4 }.check().is_err());
+    assert!(averaging(0, 2).check().is_err());
+    assert!(averaging(8, 4).check().is_err());
     // What is told as its error is no less than it is, of the highest order too, ...
     let coarse = System::Oscillators(Oscillators { epsilon: 0.05 });
-    let highest = Integrator::Stroboscopic { micro: 24, differences: 3 };
+    let highest = averaging(24, 3);
     let (found, told) =
         Pairs::of_integrator(&coarse, point(2, 5), 200.0, highest, 800).expect("moves");
     let exact = Pairs::of_flow(&coarse, point(2, 5), 200.0).expect("moves").0;
     let error = distance(found.output(), exact.output());
     assert!(error > 1e-6 && told > 0.5 * error, "{told:e} for {error:e}");
     // ... with the most steps of a period ...
-    let finest = Integrator::Stroboscopic { micro: 1000, differences: 3 };
+    let finest = averaging(1000, 3);
     assert!(Pairs::of_integrator(&coarse, point(2, 5), 20.0, finest, 1).is_ok());
     // ... and of steps that are short.
     let system = System::FullOrbit(FullOrbit::new(0.01));
     for (time, steps) in [(400.0, 128), (5.0, 1)] {
-        let method = Integrator::Stroboscopic { micro: 8, differences: 2 };
+        let method = averaging(8, 2);
         let (found, told) =
             Pairs::of_integrator(&system, point(2, 5), time, method, steps).expect("moves");
         let exact = Pairs::of_flow(&system, point(2, 5), time).expect("moves").0;
@@ -956,7 +965,7 @@ fn four_differences_follow_the_slow_motion_too() {
         .and_then(|reference| reference.flow_with_error(&system, &z, 100.0))
         .expect("converges");
     let mut moved = z.clone();
-    Stroboscopic::new(&system, 100.0, 32, 4).take(&system, &mut moved, 40);
+    Stroboscopic::new(&system, 100.0, (Splitting::ABA_1064, 32), 4).take(&system, &mut moved, 40);
     let error = distance(&moved, &exact.point);
     assert!(error < 1e-7, "{error:e}");
 }

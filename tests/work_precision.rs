@@ -5,9 +5,9 @@ use gyroceptron::flow::{Integrator, Pairs};
 use gyroceptron::measure::{
     jacobians_by_differences,
     timing::{
-        Comparison, Method, Spread, TrajectoryMethods, WorkPrecision, fastest, most_accurate,
-        precise_jacobians, relative_difference, root_mean_square_distance, tanh_errors,
-        work_precision, work_precision_by,
+        AtError, Comparison, Method, Spread, TrajectoryMethods, WorkPrecision, fastest,
+        most_accurate, precise_jacobians, relative_difference, root_mean_square_distance,
+        tanh_errors, work_precision, work_precision_by,
     },
 };
 use gyroceptron::network::{HenonShape, InitialWeights, map_jacobians_by_duals};
@@ -17,7 +17,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 fn method<'a>(name: &str, run: impl Fn() -> Result<Vec<f64>, Error> + Sync + 'a) -> Method<'a> {
-    Method { name: name.into(), setting: None, run: Box::new(run) }
+    Method::new(name, None, run)
 }
 
 /// A clock that only the methods move, and the order in which they ran.
@@ -111,7 +111,7 @@ fn run_times_are_positive() {
 fn judged(name: &str, error: Option<f64>, seconds: f64) -> WorkPrecision {
     let spread = Spread { lower: seconds, median: seconds, upper: seconds };
     let seconds = error.map(|_| spread);
-    WorkPrecision { name: name.into(), setting: None, error, seconds, failure: None }
+    WorkPrecision { name: name.into(), setting: None, error, seconds, alone: None, failure: None }
 }
 
 #[test]
@@ -128,19 +128,25 @@ fn the_fastest_is_of_those_that_are_accurate_enough() {
     assert_eq!(name(fastest(&methods, 2.5e-3)).as_deref(), Some("fine"));
     assert_eq!(name(fastest(&methods, 1e-9)), None);
     assert_eq!(most_accurate(&methods).map(|one| &one.name[..]), Some("fine"));
-    let comparison =
-        Comparison { trajectories: 1, time: 1.0, size: 0.3, reference_error: 2e-6, methods };
+    let comparison = Comparison {
+        trajectories: 1,
+        together: 64,
+        time: 1.0,
+        size: 0.3,
+        reference_error: 2e-6,
+        methods,
+    };
     // `rough` errs by more than half the size of the points: it does not count. What
     // the reference does not tell apart is not told.
     let ranges: Vec<_> = comparison
         .fastest_by_error()
         .iter()
-        .map(|range| (range.method.name.clone(), range.from, range.to))
+        .map(|range| (range.name.to_owned(), range.from, range.to))
         .collect();
     assert_eq!(ranges, [("fair".into(), 0, -2), ("fine".into(), -3, -5)]);
-    let seconds: Vec<f64> =
+    let seconds: Vec<[f64; 2]> =
         comparison.fastest_by_error().iter().map(|range| range.seconds).collect();
-    assert_eq!(seconds, [2.0, 4.0]);
+    assert_eq!(seconds, [[2.0; 2], [4.0; 2]]);
     assert_eq!(comparison.lost(), 0.15);
     // An error is met up to its last digit.
     assert_eq!(fastest(&comparison.methods, 2.99e-3).map(|(_, seconds)| seconds), Some(4.0));
@@ -153,6 +159,82 @@ fn the_fastest_is_of_those_that_are_accurate_enough() {
     }
     let unknown = Comparison { reference_error: f64::NAN, ..comparison };
     assert!(unknown.fastest_by_error().is_empty());
+}
+
+/// A curve of errors and times, those of one alone ten times as long.
+fn curve(name: &str, points: &[(f64, f64, f64)]) -> Vec<WorkPrecision> {
+    let of = |&(setting, error, seconds): &(f64, f64, f64)| {
+        let one = judged(name, Some(error), seconds);
+        let alone = one.seconds.map(|spread| spread.scaled(10.0));
+        WorkPrecision { setting: Some(setting), alone, ..one }
+    };
+    points.iter().map(of).collect()
+}
+
+/// Of second order, in time as 1/√error: between two settings it is what a setting there would take.
+#[test]
+fn curves_are_interpolated_between_their_settings() {
+    let mut methods = curve("second", &[(1.0, 1e-2, 1.0), (10.0, 1e-4, 10.0)]);
+    methods.push(judged("network", Some(1e-3), 0.5));
+    methods.extend(curve("steep", &[(20.0, 1e-8, 6.0), (4.0, 3e-1, 5.0)]));
+    let at = |name: &str, error: f64| AtError::of_curve(&methods, name, error);
+    let second = at("second", 1e-3).expect("between");
+    assert!((second.seconds - 10.0_f64.sqrt()).abs() < 1e-12, "{}", second.seconds);
+    assert!((second.alone.expect("timed") - 1000.0_f64.sqrt()).abs() < 1e-11);
+    assert_eq!(second.method.setting, Some(10.0));
+    // At a setting, cheaper than the first, and beyond the last.
+    assert_eq!(at("second", 1e-4).expect("the last").seconds, 10.0);
+    assert_eq!(at("second", 1.0).expect("the first").seconds, 1.0);
+    assert!(at("second", 0.99e-4).is_none() && at("network", 1.0).is_none());
+    // The fastest of all curves changes with the error; networks are none.
+    let fastest = |error: f64| AtError::fastest(&methods, error).map(|at| &at.method.name[..]);
+    assert_eq!(fastest(1e-3), Some("second"));
+    assert_eq!(fastest(1.2e-4), Some("steep"));
+    assert_eq!(fastest(1e-9), None);
+    // Settings in any order, of errors that do not fall evenly.
+    let uneven = curve("uneven", &[(3.0, 2e-3, 3.0), (1.0, 1e-3, 1.0), (2.0, 1e-1, 2.0)]);
+    assert_eq!(AtError::of_curve(&uneven, "uneven", 1e-2).expect("the first").seconds, 1.0);
+    // A method without error, and one that is not timed.
+    let exact = curve("exact", &[(1.0, 1e-2, 1.0), (2.0, 0.0, 4.0)]);
+    assert_eq!(AtError::of_curve(&exact, "exact", 1e-3).expect("the last").seconds, 4.0);
+    assert!(AtError::of_curve(&[judged("a", None, 1.0)], "a", 1.0).is_none());
+    let comparison = Comparison {
+        trajectories: 1,
+        together: 64,
+        time: 1.0,
+        size: 9.0,
+        reference_error: 1e-4,
+        methods,
+    };
+    let ranges = comparison.fastest_by_error();
+    let found: Vec<_> = ranges.iter().map(|range| (range.name, range.from, range.to)).collect();
+    assert_eq!(found, [("network", 0, -3), ("steep", -4, -4)]);
+}
+
+/// A run that shares no lanes is timed as often as the other, for its own units, and not judged.
+#[test]
+fn one_alone_is_timed_beside() {
+    let clock = Clock::default();
+    let alone = || {
+        clock.microseconds.fetch_add(7000, Ordering::SeqCst);
+        clock.runs.lock().expect("one thread").push("alone");
+        Ok(vec![f64::NAN])
+    };
+    let methods = [clock.takes("a", 2000).beside_alone(2.0, alone), clock.takes("b", 3000)];
+    let judged = work_precision_by(&|| clock.seconds(), &methods, &|_| 0.0, 4.0, 3);
+    let judged = judged.expect("a thread");
+    let median = |spread: Option<Spread>| spread.map(|spread| spread.median);
+    assert!((median(judged[0].seconds).expect("timed") - 0.0005).abs() < 1e-12);
+    assert!((median(judged[0].alone).expect("timed") - 0.0035).abs() < 1e-12);
+    assert_eq!(judged[1].alone, None);
+    let runs = clock.runs.lock().expect("one thread").clone();
+    let round = ["a", "alone", "b"];
+    assert_eq!(runs, [&["a", "a", "alone", "b", "b"][..], &round, &round, &round].concat());
+    assert!(judged[0].without_seconds().alone.is_none());
+    // What fails is not timed in either way.
+    let fails = method("fails", || Ok(vec![f64::NAN])).beside_alone(1.0, || Ok(vec![1.0]));
+    let judged = work_precision(&[fails], &|v| v[0], 1.0, 1).expect("a thread");
+    assert!(judged[0].seconds.is_none() && judged[0].alone.is_none());
 }
 
 #[test]
@@ -182,17 +264,17 @@ fn more_steps_err_less() {
     let system = System::Oscillators(Oscillators { epsilon: 0.05 });
     let points: Vec<f64> = (0..40).map(|k| f64::from(k * 37 % 23) / 15.0 - 0.7).collect();
     let (pairs, _) = Pairs::of_flow(&system, points, 2.0).expect("converges");
+    // As many as fill the lanes; each is judged once.
+    let copies = TrajectoryMethods::copies_of(10);
+    assert_eq!(copies, 7);
+    let several = pairs.input().repeat(copies);
     let methods = [2, 4, 8]
         .into_iter()
-        .map(|steps| Method {
-            name: "Strang".into(),
-            setting: Some(f64::from(steps)),
-            run: Box::new({
-                let (system, pairs) = (&system, &pairs);
-                move || {
-                    Integrator::Strang.trajectories(system, pairs.input(), 2.0, steps as usize, 1)
-                }
-            }),
+        .map(|steps| {
+            let (system, several) = (&system, &several);
+            Method::new("Strang", Some(f64::from(steps)), move || {
+                Integrator::Strang.trajectories(system, several, 2.0, steps as usize, 1)
+            })
         })
         .collect();
     let all = TrajectoryMethods {
@@ -201,10 +283,15 @@ fn more_steps_err_less() {
         reference_error: 1e-15,
         dim: 4,
         trajectories: 10,
+        copies,
         time: 2.0,
     };
     let comparison = all.compare(2).expect("a thread");
-    assert_eq!((comparison.trajectories, comparison.time), (10, 2.0));
+    assert_eq!((comparison.trajectories, comparison.together), (10, 70));
+    assert_eq!(comparison.time, 2.0);
+    let once = Integrator::Strang.trajectories(&system, pairs.input(), 2.0, 2, 1).expect("moves");
+    let error = root_mean_square_distance(&once, pairs.output(), 4);
+    assert_eq!(comparison.methods[0].error, Some(error));
     assert_eq!(comparison.reference_error, 1e-15);
     let settings: Vec<_> = comparison.methods.iter().map(|one| one.setting).collect();
     assert_eq!(settings, [Some(2.0), Some(4.0), Some(8.0)]);

@@ -2,8 +2,8 @@
 
 use super::request::{Method, Request};
 use super::{
-    Averaged, GaussLegendre, Splitting, SplittingSteps, Stroboscopic, boris, natural_runge_kutta_4,
-    runge_kutta_4, velocity_splitting,
+    Averaged, GaussLegendre, MultiRevolution, Splitting, SplittingSteps, Stroboscopic, boris,
+    natural_runge_kutta_4, runge_kutta_4, velocity_splitting,
 };
 use crate::error::Error;
 use crate::scalar::{Pack, WIDTH, max_or_nan};
@@ -44,11 +44,24 @@ pub enum Integrator {
     VelocitySplitting,
     /// [`Stroboscopic`].
     Stroboscopic {
-        /// Steps of ABA(10,6,4) in a period.
+        /// Steps of a splitting in a period.
         micro: usize,
         /// m, the central differences: errors are O(ε²ᵐ), and O(ε) of the forward difference, 0.
         #[serde(default = "two")]
         differences: usize,
+        /// The splitting.
+        #[serde(default, skip_serializing_if = "MicroSteps::is_usual")]
+        by: MicroSteps,
+    },
+    /// [`MultiRevolution`].
+    MultiRevolution {
+        /// Steps of a splitting in a period.
+        micro: usize,
+        /// 2 or 4, in the size of the steps.
+        order: usize,
+        /// The splitting.
+        #[serde(default, skip_serializing_if = "MicroSteps::is_usual")]
+        by: MicroSteps,
     },
     /// [`Averaged`].
     Averaged {
@@ -62,6 +75,38 @@ pub enum Integrator {
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         closed: bool,
     },
+}
+
+/// The splitting whose steps a period is made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MicroSteps {
+    /// [`Splitting::ABA_1064`].
+    #[default]
+    #[serde(rename = "aba-1064")]
+    Aba1064,
+    /// [`Splitting::STRANG`].
+    Strang,
+}
+
+impl MicroSteps {
+    fn is_usual(&self) -> bool {
+        *self == Self::default()
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Self::Aba1064 => "steps",
+            Self::Strang => "steps of Strang",
+        }
+    }
+
+    fn splitting(self) -> Splitting {
+        match self {
+            Self::Aba1064 => Splitting::ABA_1064,
+            Self::Strang => Splitting::STRANG,
+        }
+    }
 }
 
 /// The angles that scenes do not name.
@@ -82,9 +127,13 @@ impl Integrator {
             Self::NaturalRungeKutta4 => "RK4 in natural coordinates".into(),
             Self::Boris => "Boris".into(),
             Self::VelocitySplitting => "splitting of ½v_x², ½v_y² and φ".into(),
-            Self::Stroboscopic { micro, differences } => {
+            Self::Stroboscopic { micro, differences, by } => {
                 let order = (2 * differences).max(1);
-                format!("stroboscopic averaging of order {order}, {micro} steps a period")
+                format!("stroboscopic averaging of order {order}, {micro} {} a period", by.words())
+            }
+            Self::MultiRevolution { micro, order, by } => {
+                let steps = by.words();
+                format!("multi-revolution composition of order {order}, {micro} {steps} a period")
             }
             Self::Averaged { angles, closed: true, .. } => {
                 format!("averaged equation of order 1, closed form, {angles} angles")
@@ -113,6 +162,7 @@ impl Integrator {
             | Self::Boris
             | Self::VelocitySplitting
             | Self::Averaged { .. }
+            | Self::MultiRevolution { .. }
             | Self::Stroboscopic { .. } => None,
         }
     }
@@ -126,7 +176,14 @@ impl Integrator {
         const MOST: usize = 64;
         match self {
             Self::GaussLegendre { stages } => Error::check_count_range("stages", stages, 1, MOST),
-            Self::Stroboscopic { micro, differences } => {
+            Self::MultiRevolution { micro, order, .. } => {
+                Error::check_count_range("micro", micro, 1, 1000)?;
+                if ![2, 4].contains(&order) {
+                    return Err(Error::invalid("order", order, "2 or 4"));
+                }
+                Ok(())
+            }
+            Self::Stroboscopic { micro, differences, .. } => {
                 Error::check_count_range("micro", micro, 1, 1000)?;
                 let most = Stroboscopic::MOST_DIFFERENCES;
                 Error::check_count_range("differences", differences, 0, most)
@@ -147,11 +204,13 @@ impl Integrator {
     /// and one more difference, whose errors the steps do not know.
     pub(super) fn finer(self) -> Self {
         match self {
-            Self::Stroboscopic { micro, differences } => {
-                Self::Stroboscopic { micro: 2 * micro, differences: differences + 1 }
+            Self::Stroboscopic { micro, differences, by } => {
+                Self::Stroboscopic { micro: 2 * micro, differences: differences + 1, by }
             }
-            // More steps or angles do not reduce the error of averaging itself.
-            Self::Averaged { .. } => Self::Stroboscopic { micro: 16, differences: 3 },
+            // More steps or angles do not reduce the error of averaging itself, nor that of a period.
+            Self::Averaged { .. } | Self::MultiRevolution { .. } => {
+                Self::Stroboscopic { micro: 16, differences: 3, by: MicroSteps::Aba1064 }
+            }
             other => other,
         }
     }
@@ -213,8 +272,13 @@ impl Integrator {
                 request.step(&NaturalRungeKutta4, system, initial)
             }
             (Self::NaturalRungeKutta4, _) => Err(self.no_natural_coordinates()),
-            (Self::Stroboscopic { micro, differences }, _) => {
-                self.by_parts(&request, Parts::Stroboscopic(micro, differences), system, initial)
+            (Self::Stroboscopic { micro, differences, by }, _) => {
+                let parts = Parts::Stroboscopic((by.splitting(), micro), differences);
+                self.by_parts(&request, parts, system, initial)
+            }
+            (Self::MultiRevolution { micro, order, by }, _) => {
+                let parts = Parts::MultiRevolution((by.splitting(), micro), order);
+                self.by_parts(&request, parts, system, initial)
             }
             (Self::Averaged { order, angles, closed }, _) => {
                 self.by_average(&request, (angles, order, closed), system, initial)
@@ -247,8 +311,12 @@ impl Integrator {
             (Self::Averaged { closed: true, .. }, System::FullOrbit(_) | System::VanDerPol(_)) => {
                 Err(self.no_closed_form())
             }
-            (Self::Stroboscopic { .. }, System::FieldLines(_)) => Err(self.nothing_to_split()),
-            (Self::Stroboscopic { .. }, system) if system.torus().1.len() > 1 => {
+            (Self::Stroboscopic { .. } | Self::MultiRevolution { .. }, System::FieldLines(_)) => {
+                Err(self.nothing_to_split())
+            }
+            (Self::Stroboscopic { .. } | Self::MultiRevolution { .. }, system)
+                if system.torus().1.len() > 1 =>
+            {
                 let expected = "another integrator: the limit of the system has no period";
                 Err(Error::invalid("integrator", self.name(), expected))
             }
@@ -484,12 +552,21 @@ impl<H: Splittable> Method<H> for Stroboscopic {
     }
 }
 
+impl<H: Splittable> Method<H> for MultiRevolution {
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
+        MultiRevolution::take(self, system, z, steps);
+    }
+}
+
 /// What is made of the flows of the parts of a system.
 #[derive(Clone, Copy)]
 enum Parts {
     Split(Splitting),
     /// With so many steps of a splitting in a period, and so many differences.
-    Stroboscopic(usize, usize),
+    Stroboscopic((Splitting, usize), usize),
+    /// With so many steps in a period, and of this order.
+    MultiRevolution((Splitting, usize), usize),
 }
 
 impl Parts {
@@ -508,6 +585,11 @@ impl Parts {
             }
             Self::Stroboscopic(micro, differences) => {
                 let method = Stroboscopic::new(system, request.interval, micro, differences);
+                request.step(&method, system, initial)
+            }
+            Self::MultiRevolution(micro, order) => {
+                let (time, count) = (request.interval, request.steps);
+                let method = MultiRevolution::new(system, time, count, micro, order);
                 request.step(&method, system, initial)
             }
         }

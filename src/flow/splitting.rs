@@ -102,7 +102,25 @@ impl Splitting {
 
     /// Steps of size `h` of this method, ready to be taken.
     pub fn steps<S: Real>(&self, system: &impl Splittable, h: f64) -> SplittingSteps<S> {
+        self.steps_by(&system.frequencies(), h, 1.0)
+    }
+
+    /// The same of H₀ + factor·(H − H₀), H₀ being the limit ε = 0: of a perturbation `factor` times as strong.
+    pub fn steps_perturbed<S: Real>(
+        &self,
+        system: &impl Splittable,
+        h: f64,
+        factor: f64,
+    ) -> SplittingSteps<S> {
+        let (action, limit) = (system.circle_action(), system.limiting_frequency());
+        let of_limit = action.weights().iter().map(|m| f64::from(*m) * limit);
         let frequencies = system.frequencies();
+        let slow = frequencies.iter().zip(of_limit).map(|(w, limit)| (limit, w - limit));
+        let scaled: Vec<f64> = slow.map(|(limit, slow)| factor.mul_add(slow, limit)).collect();
+        self.steps_by(&scaled, h, factor)
+    }
+
+    fn steps_by<S: Real>(&self, frequencies: &[f64], h: f64, factor: f64) -> SplittingSteps<S> {
         let turn = |a: f64| {
             let time = S::from_f64(a * h);
             let angles: Vec<S> = frequencies.iter().map(|&w| S::from_f64(w) * time).collect();
@@ -112,7 +130,7 @@ impl Splitting {
             first: turn(self.a(0)),
             between: turn(2.0 * self.a(0)),
             inner: (1..=self.stages).map(|i| turn(self.a(i))).collect(),
-            kicks: (0..self.stages).map(|i| S::from_f64(self.b(i) * h)).collect(),
+            kicks: (0..self.stages).map(|i| S::from_f64(self.b(i) * h * factor)).collect(),
         }
     }
 

@@ -10,7 +10,8 @@ use crate::system::Splittable;
 /// dZ/dt = F(Z) = (8(M − M⁻¹) − (M² − M⁻²))Z / 12P + O(ε⁵P⁴),
 ///
 /// or another central difference of M^k, which steps of the classical Runge–Kutta method follow through the slow
-/// motion. M is made of steps of ABA(10,6,4), and so is what the time has beyond whole periods. Each step costs 8m periods with
+/// motion. M is made of steps of a splitting: of few of ABA(10,6,4), or of Strang's, whose kicks at equal distances average over
+/// the circle by the trapezoidal rule. Each step costs 8m periods with
 /// m differences, however long it is. Errors are O(ε²ᵐ) beside those of both methods, and rounding counts in M as ε⁻¹.
 /// Without central differences F = (M − Id)Z / P, whose steps cost four periods: errors are O(ε).
 ///
@@ -32,16 +33,30 @@ pub struct Stroboscopic {
     rest_steps: usize,
 }
 
+/// Steps of ABA(10,6,4) for a part of a period, and their number.
+pub(super) fn rest_of(system: &impl Splittable, time: f64) -> (SplittingSteps<f64>, usize) {
+    /// At most so many in a whole period.
+    const MOST: f64 = 6.0;
+    let share = time.abs() * system.limiting_frequency() / std::f64::consts::TAU;
+    let count = ((MOST * share).ceil() as usize).max(1);
+    (Splitting::ABA_1064.steps(system, time / count as f64), count)
+}
+
 impl Stroboscopic {
     /// The most central differences of an integrator; by one more its error is told.
     pub const MOST_DIFFERENCES: usize = 3;
 
-    /// Over `time`, with `micro` steps of the splitting in a period and so many central differences, or with the
-    /// forward difference where they are none.
+    /// Over `time`, with `micro` steps of a splitting in a period and so many central differences, or with the
+    /// forward difference where they are none. What the time has beyond whole periods is made of steps of ABA(10,6,4).
     ///
     /// # Panics
     /// When `micro` is 0, or there are more than 4 differences.
-    pub fn new(system: &impl Splittable, time: f64, micro: usize, differences: usize) -> Self {
+    pub fn new(
+        system: &impl Splittable,
+        time: f64,
+        (splitting, micro): (Splitting, usize),
+        differences: usize,
+    ) -> Self {
         assert!(micro > 0);
         let weights: &[f64] = match differences {
             0 => &[1.0],
@@ -55,8 +70,14 @@ impl Stroboscopic {
         let periods = (time / period).trunc();
         let rest = (-periods).mul_add(period, time);
         let step = period / micro as f64;
-        let rest_steps = ((rest / step).abs().ceil() as usize).max(1);
-        let steps = |h: f64| Splitting::ABA_1064.steps(system, h);
+        let steps = |h: f64| splitting.steps(system, h);
+        let (rest, rest_steps) = match splitting == Splitting::ABA_1064 {
+            true => {
+                let count = ((rest / step).abs().ceil() as usize).max(1);
+                (steps(rest / count as f64), count)
+            }
+            false => rest_of(system, rest),
+        };
         Self {
             period,
             slow: periods * period,
@@ -65,7 +86,7 @@ impl Stroboscopic {
             micro,
             weights,
             central: differences > 0,
-            rest: steps(rest / rest_steps as f64),
+            rest,
             rest_steps,
         }
     }

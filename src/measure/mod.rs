@@ -74,8 +74,8 @@ pub mod trajectories {
 /// Error against run time: the methods of a comparison and the fastest of them.
 pub mod timing {
     pub use super::work_precision::{
-        Comparison, FastestWithin, Method, Spread, TrajectoryMethods, WorkPrecision, fastest,
-        most_accurate, precise_jacobians, relative_difference, root_mean_square_distance,
+        AtError, Comparison, FastestWithin, Method, Run, Spread, TrajectoryMethods, WorkPrecision,
+        fastest, most_accurate, precise_jacobians, relative_difference, root_mean_square_distance,
         tanh_errors, work_precision, work_precision_by,
     };
 }

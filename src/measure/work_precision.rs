@@ -45,6 +45,9 @@ impl Spread {
     }
 }
 
+/// What computes a result.
+pub type Run<'a> = Box<dyn Fn() -> Result<Vec<f64>, Error> + Sync + 'a>;
+
 /// A method to get a result, to be judged by its error and its run time.
 pub struct Method<'a> {
     /// Its name; several with one name are points of one curve.
@@ -52,7 +55,29 @@ pub struct Method<'a> {
     /// What is varied along the curve, such as the number of steps.
     pub setting: Option<f64>,
     /// Computes the result.
-    pub run: Box<dyn Fn() -> Result<Vec<f64>, Error> + Sync + 'a>,
+    pub run: Run<'a>,
+    /// Computes a part of the result that cannot share the lanes of vectors, with its units of work.
+    pub alone: Option<(Run<'a>, f64)>,
+}
+
+impl<'a> Method<'a> {
+    /// A method by what it computes.
+    pub fn new(
+        name: impl Into<String>,
+        setting: Option<f64>,
+        run: impl Fn() -> Result<Vec<f64>, Error> + Sync + 'a,
+    ) -> Self {
+        Self { name: name.into(), setting, run: Box::new(run), alone: None }
+    }
+
+    /// With a run of so many units of work that share no lanes, which is timed beside it and not judged.
+    pub fn beside_alone(
+        self,
+        units: f64,
+        run: impl Fn() -> Result<Vec<f64>, Error> + Sync + 'a,
+    ) -> Self {
+        Self { alone: Some((Box::new(run), units)), ..self }
+    }
 }
 
 /// What a method came to.
@@ -66,6 +91,9 @@ pub struct WorkPrecision {
     pub error: Option<f64>,
     /// Seconds for a unit of work; None where there is no result.
     pub seconds: Option<Spread>,
+    /// Seconds for a unit of the work that shares no lanes; None where none is timed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alone: Option<Spread>,
     /// Why there is no result.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failure: Option<String>,
@@ -74,7 +102,7 @@ pub struct WorkPrecision {
 impl WorkPrecision {
     /// What does not depend on the machine.
     pub fn without_seconds(&self) -> Self {
-        Self { seconds: None, ..self.clone() }
+        Self { seconds: None, alone: None, ..self.clone() }
     }
 }
 
@@ -124,17 +152,17 @@ pub fn work_precision_by(
         .num_threads(1)
         .build()
         .map_err(|reason| Error::invalid("threads", 1, reason))?;
-    let seconds = |method: &Method<'_>, runs: usize| {
+    let seconds = |run: &Run<'_>, runs: usize| {
         let start = clock();
         for _ in 0..runs {
-            let _ = black_box((method.run)());
+            let _ = black_box(run());
         }
         (clock() - start) / runs as f64
     };
     // How many runs one measurement takes.
-    let runs = |method: &Method<'_>| {
+    let runs = |run: &Run<'_>| {
         let mut runs = 1;
-        while seconds(method, runs) * (runs as f64) < LEAST_SECONDS && runs < MOST_RUNS {
+        while seconds(run, runs) * (runs as f64) < LEAST_SECONDS && runs < MOST_RUNS {
             runs *= 2;
         }
         runs
@@ -150,17 +178,26 @@ pub fn work_precision_by(
                         error => (None, Some(format!("its error is {error}"))),
                     },
                 };
-                let runs = error.map_or(0, |_| runs(method));
-                Trial { error, failure, runs, seconds: Vec::new() }
+                let timed = |run: Option<&Run<'_>>| match error.and(run) {
+                    Some(run) => Timed { runs: runs(run), seconds: Vec::new() },
+                    None => Timed { runs: 0, seconds: Vec::new() },
+                };
+                let together = timed(Some(&method.run));
+                let alone = timed(method.alone.as_ref().map(|(run, _)| run));
+                Trial { error, failure, together, alone }
             })
             .collect();
         for round in 0..rounds {
             for (method, trial) in methods.iter().zip(&mut trials) {
-                let spent = trial.seconds.iter().sum::<f64>() * trial.runs as f64;
-                if trial.runs == 0 || (round >= FEWEST_ROUNDS && spent > MOST_SECONDS) {
-                    continue;
+                let alone = method.alone.as_ref().map(|(run, _)| run);
+                let both = [(Some(&method.run), &mut trial.together), (alone, &mut trial.alone)];
+                for (run, timed) in both {
+                    let Some(run) = run else { continue };
+                    let spent = timed.seconds.iter().sum::<f64>() * timed.runs as f64;
+                    if timed.runs > 0 && (round < FEWEST_ROUNDS || spent <= MOST_SECONDS) {
+                        timed.seconds.push(seconds(run, timed.runs));
+                    }
                 }
-                trial.seconds.push(seconds(method, trial.runs));
             }
         }
         let judged = methods.iter().zip(trials).map(|(method, trial)| WorkPrecision {
@@ -168,7 +205,8 @@ pub fn work_precision_by(
             setting: method.setting,
             error: trial.error,
             failure: trial.failure,
-            seconds: Spread::of(trial.seconds).map(|spread| spread.scaled(1.0 / units)),
+            seconds: trial.together.for_a_unit(units),
+            alone: method.alone.as_ref().and_then(|(_, units)| trial.alone.for_a_unit(*units)),
         });
         Ok(judged.collect())
     })
@@ -177,9 +215,85 @@ pub fn work_precision_by(
 struct Trial {
     error: Option<f64>,
     failure: Option<String>,
+    together: Timed,
+    alone: Timed,
+}
+
+struct Timed {
     /// Runs of one measurement; 0 where there is nothing to measure.
     runs: usize,
     seconds: Vec<f64>,
+}
+
+impl Timed {
+    fn for_a_unit(self, units: f64) -> Option<Spread> {
+        Spread::of(self.seconds).map(|spread| spread.scaled(1.0 / units))
+    }
+}
+
+/// What a curve of methods of one name takes for an error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AtError<'a> {
+    /// The setting of the curve that errs no more, where the curve comes to the error.
+    pub method: &'a WorkPrecision,
+    /// Median seconds for a unit of work.
+    pub seconds: f64,
+    /// The same where lanes are not shared; None where none is timed.
+    pub alone: Option<f64>,
+}
+
+impl<'a> AtError<'a> {
+    /// What the curve of `name` takes at least to err by no more than `error`: the time of a setting that does, or
+    /// between two neighbouring settings, one of which does not, log t in proportion to log error. None
+    /// where no setting errs so little.
+    ///
+    /// Interpolation gives a curve what a setting between those tried would: the fastest at an error does not depend on
+    /// which were. `judged` may hold other curves; methods without a setting have none.
+    pub fn of_curve(
+        judged: impl IntoIterator<Item = &'a WorkPrecision>,
+        name: &str,
+        error: f64,
+    ) -> Option<Self> {
+        let times = |one: &WorkPrecision| {
+            Some([one.seconds?.median, one.alone.map_or(f64::NAN, |spread| spread.median)])
+        };
+        let mut curve: Vec<(f64, f64, [f64; 2], &WorkPrecision)> = judged
+            .into_iter()
+            .filter(|one| one.name == name)
+            .filter_map(|one| Some((one.setting?, one.error?, times(one)?, one)))
+            .collect();
+        curve.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let enough = curve.iter().filter(|point| point.1 <= error);
+        let settings = enough.map(|&(_, _, times, method)| (times, method));
+        let between = curve.windows(2).filter_map(|pair| {
+            let [one, other] = [pair[0], pair[1]];
+            let (worse, better) = if one.1 > other.1 { (one, other) } else { (other, one) };
+            if !(worse.1 > error && better.1 <= error && better.1 > 0.0 && error > 0.0) {
+                return None;
+            }
+            let share = libm::log(worse.1 / error) / libm::log(worse.1 / better.1);
+            let at = |k: usize| worse.2[k] * libm::pow(better.2[k] / worse.2[k], share);
+            Some(([at(0), at(1)], better.3))
+        });
+        settings.chain(between).min_by(|a, b| a.0[0].total_cmp(&b.0[0])).map(
+            |([seconds, alone], method)| Self {
+                method,
+                seconds,
+                alone: alone.is_finite().then_some(alone),
+            },
+        )
+    }
+
+    /// The fastest curve of all that have settings, at an error.
+    pub fn fastest(judged: &'a [WorkPrecision], error: f64) -> Option<Self> {
+        let names = judged.iter().enumerate().filter(|(number, one)| {
+            let earlier = judged[..*number].iter().any(|other| other.name == one.name);
+            one.setting.is_some() && !earlier
+        });
+        names
+            .filter_map(|(_, one)| Self::of_curve(judged, &one.name, error))
+            .min_by(|a, b| a.seconds.total_cmp(&b.seconds))
+    }
 }
 
 /// The fastest of those that err by no more than `error`, with its median of seconds.
@@ -204,9 +318,9 @@ pub fn most_accurate<'a>(
 
 /// Methods that give the same trajectories, to be judged by a reference.
 pub struct TrajectoryMethods<'a> {
-    /// The methods.
+    /// The methods, each with the states of all trajectories, once over another as often as there are copies.
     pub methods: Vec<Method<'a>>,
-    /// The states that each should give, 2n numbers a state.
+    /// The states that each should give, 2n numbers a state: (times, trajectories, 2n).
     pub reference: &'a [f64],
     /// The error of the reference.
     pub reference_error: f64,
@@ -214,32 +328,50 @@ pub struct TrajectoryMethods<'a> {
     pub dim: usize,
     /// How many trajectories there are.
     pub trajectories: usize,
+    /// How often the methods have each, in the same order over and over: see [`TrajectoryMethods::copies_of`].
+    pub copies: usize,
     /// How long they are.
     pub time: f64,
 }
 
 impl TrajectoryMethods<'_> {
+    /// Trajectories that are timed together, at least: as many as keep all lanes of several vectors busy.
+    pub const LEAST: usize = 64;
+
+    /// How many copies make so many trajectories [`TrajectoryMethods::LEAST`].
+    pub fn copies_of(trajectories: usize) -> usize {
+        Self::LEAST.div_ceil(trajectories.max(1))
+    }
+
     /// Judges the methods by the root mean square distance from the reference, and
     /// by seconds for a trajectory and unit time.
     ///
     /// # Errors
     /// Those of [`work_precision`].
     pub fn compare(&self, rounds: usize) -> Result<Comparison, Error> {
-        let &Self { reference, dim, trajectories, time, reference_error, .. } = self;
-        let judge = |states: &[f64]| root_mean_square_distance(states, reference, dim);
-        let units = trajectories as f64 * time;
+        let &Self { reference, dim, trajectories, copies, time, reference_error, .. } = self;
+        let row = dim * trajectories;
+        let judge = |states: &[f64]| {
+            let once =
+                states.chunks((row * copies).max(1)).flat_map(|all| &all[..row.min(all.len())]);
+            root_mean_square_distance(&once.copied().collect::<Vec<_>>(), reference, dim)
+        };
+        let units = (trajectories * copies) as f64 * time;
         let methods = work_precision(&self.methods, &judge, units, rounds)?;
         let origin = vec![0.0; reference.len()];
         let size = root_mean_square_distance(reference, &origin, dim);
-        Ok(Comparison { trajectories, time, size, reference_error, methods })
+        let together = trajectories * copies;
+        Ok(Comparison { trajectories, together, time, size, reference_error, methods })
     }
 }
 
 /// A comparison of methods that give the same trajectories.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
-    /// How many trajectories there are.
+    /// How many trajectories are judged.
     pub trajectories: usize,
+    /// How many are timed together.
+    pub together: usize,
     /// How long they are.
     pub time: f64,
     /// The root mean square of |z| along them.
@@ -257,10 +389,10 @@ pub struct FastestWithin<'a> {
     pub from: i32,
     /// The smallest.
     pub to: i32,
-    /// The method.
-    pub method: &'a WorkPrecision,
-    /// Its median of seconds.
-    pub seconds: f64,
+    /// The name of the method.
+    pub name: &'a str,
+    /// Its median of seconds at both ends, [between settings](AtError::of_curve) where it has some.
+    pub seconds: [f64; 2],
 }
 
 impl Comparison {
@@ -287,12 +419,25 @@ impl Comparison {
             if !(error >= self.reference_error) {
                 break;
             }
-            let Some((method, seconds)) = fastest(&self.methods, error.min(self.lost())) else {
-                break;
-            };
+            let error = error.min(self.lost());
+            let curve = AtError::fastest(&self.methods, error);
+            let single = fastest(self.methods.iter().filter(|one| one.setting.is_none()), error);
+            let best = [curve.map(|at| (&at.method.name[..], at.seconds))]
+                .into_iter()
+                .chain([single.map(|(one, seconds)| (&one.name[..], seconds))])
+                .flatten()
+                .min_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((name, seconds)) = best else { break };
             match out.last_mut() {
-                Some(last) if std::ptr::eq(last.method, method) => last.to = exponent,
-                _ => out.push(FastestWithin { from: exponent, to: exponent, method, seconds }),
+                Some(last) if last.name == name => {
+                    (last.to, last.seconds[1]) = (exponent, seconds);
+                }
+                _ => out.push(FastestWithin {
+                    from: exponent,
+                    to: exponent,
+                    name,
+                    seconds: [seconds; 2],
+                }),
             }
         }
         out

@@ -182,6 +182,19 @@ pub(super) const STROBOSCOPIC: &str = "@article{CalvoEtAl2011,
 }
 ";
 
+/// Multi-revolution compositions.
+pub(super) const MULTI_REVOLUTION: &str = "@article{ChartierEtAl2014,
+  author = {Chartier, Philippe and Makazaga, Joseba and Murua, Ander and Vilmart, Gilles},
+  title = {Multi-revolution composition methods for highly oscillatory differential equations},
+  journal = {Numerische Mathematik},
+  volume = {128},
+  number = {1},
+  pages = {167--192},
+  year = {2014},
+  doi = {10.1007/s00211-013-0602-0}
+}
+";
+
 /// Averaged equations.
 pub(super) const AVERAGING: &str = "@book{SandersVerhulstMurdock2007,
   author = {Sanders, Jan A. and Verhulst, Ferdinand and Murdock, James},

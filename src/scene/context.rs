@@ -159,7 +159,7 @@ impl<'a> Context<'a> {
             return Ok(Rc::clone(self.data.insert(Rc::new(made))));
         }
         let system = self.system()?;
-        let made = self.stage("reference flow of the training and held-out points", |context| {
+        let made = self.stage(OWN_PAIRS, |context| {
             let points = context.points(declared)?;
             let (counted, mut others) = (Counted::new(system), 0);
             let made = match declared.is_family() {
@@ -184,7 +184,7 @@ impl<'a> Context<'a> {
         }
         let declared = self.scene.setup.data.as_ref().ok_or_else(|| self.missing(Need::Data))?;
         let system = self.system()?.clone().with_epsilon(epsilon);
-        let name = format!("reference flow for ε = {epsilon} and time {time}");
+        let name = pairs_elsewhere(epsilon, time);
         let made = self.stage(&name, |context| {
             let points = context.points(declared)?;
             let counted = Counted::new(&system);
@@ -235,7 +235,7 @@ impl<'a> Context<'a> {
     pub(super) fn judge_at(&mut self, epsilon: f64, time: f64) -> Result<(Pairs, f64), RunError> {
         let declared = self.scene.setup.data.as_ref().ok_or_else(|| self.missing(Need::Data))?;
         let system = self.system()?.clone().with_epsilon(epsilon);
-        let name = format!("reference flow for ε = {epsilon} and time {time}");
+        let name = pairs_elsewhere(epsilon, time);
         self.stage(&name, |context| {
             let points = context.points(declared)?;
             let [training, held_out] = &*points;
@@ -315,6 +315,15 @@ impl<'a> Context<'a> {
         self.folder.save_timings(&json!({ "models": all }))
     }
 
+    /// Seconds that the pairs at an ε and a flow time took, which were made in this run.
+    pub(super) fn seconds_of_pairs(&self, epsilon: f64, time: f64) -> f64 {
+        let setup = self.scene.setup;
+        let own = setup.system.as_ref().is_some_and(|system| system.epsilon() == epsilon)
+            && setup.flow_time == Some(time);
+        let elsewhere = self.log.seconds_of(&pairs_elsewhere(epsilon, time));
+        elsewhere + if own { self.log.seconds_of(OWN_PAIRS) } else { 0.0 }
+    }
+
     /// The seconds of each network's training, so far.
     pub(super) fn training_times(&self) -> &[TrainingTimes] {
         &self.training_times
@@ -323,6 +332,14 @@ impl<'a> Context<'a> {
     pub(super) fn add_training_times(&mut self, times: TrainingTimes) {
         self.training_times.push(times);
     }
+}
+
+/// The stage in which the pairs of a scene are made.
+const OWN_PAIRS: &str = "reference flow of the training and held-out points";
+
+/// The stage in which those at another ε and flow time are.
+fn pairs_elsewhere(epsilon: f64, time: f64) -> String {
+    format!("reference flow for ε = {epsilon} and time {time}")
 }
 
 fn earlier_times(folder: &Folder) -> Option<Vec<TrainingTimes>> {

@@ -90,6 +90,13 @@ impl Log {
         }
     }
 
+    /// Seconds of all stages of a name that have ended.
+    pub(super) fn seconds_of(&self, name: &str) -> f64 {
+        let named = self.stages.iter().filter(|stage| stage.stage == name);
+        // Not `sum`, which is −0 of nothing.
+        named.fold(0.0, |sum, stage| sum + stage.seconds)
+    }
+
     pub(super) fn into_stages(self) -> Vec<Stage> {
         self.stages
     }

@@ -11,7 +11,7 @@ const LONG_STEPS: &str = r#"
 name = "long"
 seed = 2
 flow_time = 10.0
-plots = ["long-steps"]
+plots = ["long-steps", "long-steps-methods"]
 models = [
     { name = "normal-form", network = { kind = "normal-form", kicks = { count = 3, width = 4 }, twists = { count = 4, width = 4 } }, weights = { kind = "normal", scale = 0.15 } },
     { name = "gyroceptron", network = { kind = "gyroceptron", psi = { count = 1, width = 4 }, near_identity = { count = 2, width = 4 } }, weights = { kind = "normal", scale = 0.15 } },
@@ -40,7 +40,7 @@ invariant_steps = 20000
 initial = [[0.7, 0.1, 0.0, 0.2], [0.2, 0.6, 0.0, 0.0]]
 integrators = [
     { integrator = { kind = "strang" }, steps = [25.0, 5.0, 1.0] },
-    { integrator = { kind = "aba-1064" }, steps = [5.0, 2.5] },
+    { integrator = { kind = "aba-1064" }, from = 5.0, to = 2.5, factor = 2.0 },
 ]
 "#;
 
@@ -78,6 +78,7 @@ fn maps_of_several_flow_times_are_set_beside_integrators() {
         };
         assert_eq!(settings("one_step", "Strang"), nearest(time), "{at}");
         assert_eq!(settings("trajectories", "Strang"), [4.0, 20.0, 100.0]);
+        assert_eq!(settings("trajectories", "ABA"), [20.0, 40.0]);
         // The error of a step is the root of 2n times that of a component.
         let methods = at["one_step"]["methods"].as_array().expect("methods");
         let step = number(&methods[0]["error"]);
@@ -100,8 +101,31 @@ fn maps_of_several_flow_times_are_set_beside_integrators() {
     assert!(near < far, "{near} {far}");
     // What depends on the machine stands apart, in words too.
     let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
-    for words in ["| `normal-form` |", "the network is faster by", "- `gyroceptron` "] {
+    for words in [
+        "| `normal-form` |",
+        "the network is faster by",
+        "- `gyroceptron` ",
+        "seconds of pairs and training",
+        "integrators at the error of `normal-form`",
+        "its least error, where it is larger",
+    ] {
         assert!(text.contains(words), "{words}");
+    }
+    // What was paid before the first step: of each flow time in turn, with what led up to it.
+    let timings = std::fs::read(folder.path().join("timings.json")).expect("timings");
+    let timings: Value = serde_json::from_slice(&timings).expect("JSON");
+    let times = timings["studies"]["long_steps"].as_array().expect("flow times");
+    let paid = |key: &str| -> Vec<f64> {
+        times.iter().map(|at| number(&at["networks"][0][key])).collect()
+    };
+    for key in ["pairs_seconds", "training_seconds"] {
+        let paid = paid(key);
+        assert!(paid[0] > 0.0 && paid.windows(2).all(|pair| pair[0] < pair[1]), "{key}: {paid:?}");
+    }
+    let drawn = std::fs::read_to_string(folder.path().join("long-steps-methods.csv"));
+    let drawn = drawn.expect("numbers");
+    for curve in ["\"Strang\"", "\"normal-form\""] {
+        assert!(drawn.contains(curve), "{curve} in {drawn}");
     }
     assert!(!data.to_string().contains("lower"), "quartiles of seconds");
     let drawn = std::fs::read_to_string(folder.path().join("long-steps.csv")).expect("numbers");
@@ -215,11 +239,18 @@ fn flow_times_that_do_not_fit_are_refused() {
     with("[5.0, 10.0, 20.0]", "[5.0, 20.0, 10.0]", &["10 after 20", "ascending"]);
     with("[5.0, 10.0, 20.0]", "[5.0, 30.0]", &["interval", "steps of 30"]);
     with("duration = 200.0", "duration = 250.0", &["duration", "steps of 100"]);
-    with("steps = [5.0, 2.5]", "steps = [-1.0]", &["integrators.steps", "-1"]);
+    with("steps = [25.0, 5.0, 1.0]", "steps = [-1.0]", &["integrators.steps", "-1"]);
     with("[0.2, 0.6, 0.0, 0.0]", "[0.2, 0.6]", &["initial", "4 finite numbers"]);
     with("points = 50", "points = 0", &["points"]);
     with("rounds = 3", "rounds = 0", &["rounds"]);
-    with("steps = [5.0, 2.5]", "steps = [1e-300]", &["integrators.steps", "e-300"]);
+    with("steps = [25.0, 5.0, 1.0]", "steps = [1e-300]", &["integrators.steps", "e-300"]);
+    let range = "from = 5.0, to = 2.5, factor = 2.0";
+    with(range, "from = 5.0", &["integrators", "both from and to"]);
+    with(range, "steps = [5.0], from = 5.0, to = 2.5", &["integrators", "either steps"]);
+    with(range, "steps = []", &["integrators", "either steps"]);
+    with(range, "from = 2.5, to = 5.0", &["integrators", "from 2.5 to 5"]);
+    with(range, "from = 5.0, to = 2.5, factor = 1.0", &["integrators.factor", "1"]);
+    with(range, "from = nan, to = 2.5", &["integrators.steps", "NaN"]);
     let of_file = "network = { kind = \"file\" } }";
     let trained = "network = { kind = \"gyroceptron\", psi = { count = 1, width = 4 }, near_identity = { count = 2, width = 4 } }, weights = { kind = \"normal\", scale = 0.15 } }";
     with(

@@ -3,12 +3,13 @@
 use super::rollout::RolloutOptions;
 use super::shared::Study;
 use super::work_precision::{
-    IntegratorSteps, MOST_ROUNDS, Networks, Points, TOGETHER, WorkPrecisionOptions, citations,
+    HOW, IntegratorSteps, MOST_ROUNDS, Networks, Points, WorkPrecisionOptions, citations,
+    work_precision_panel,
 };
 use crate::error::Error;
 use crate::flow::{Integrator, Trajectories};
 use crate::measure::{
-    timing::{Comparison, Spread, WorkPrecision, fastest},
+    timing::{AtError, Comparison, WorkPrecision},
     trajectories::drifts,
 };
 use crate::network::{Model, Rollout};
@@ -28,6 +29,7 @@ use serde_json::json;
 use std::rc::Rc;
 
 const FIGURE: &str = "long-steps";
+const METHODS: &str = "long-steps-methods";
 
 /// States along which an exact invariant is looked at.
 const KEPT: usize = 100;
@@ -67,17 +69,83 @@ pub struct IntegratorStepSizes {
     pub integrator: Integrator,
     /// Its steps, as times: as many of each as come nearest to a flow time, and one at
     /// least.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<f64>,
+    /// The largest step of a range, in place of a list of steps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub from: Option<f64>,
+    /// The smallest of that range.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to: Option<f64>,
+    /// By how much each step of a range is longer than the next.
+    #[serde(default = "usual_factor", skip_serializing_if = "is_usual_factor")]
+    pub factor: f64,
+}
+
+/// The factor that scenes do not name.
+const FACTOR: f64 = 1.2;
+
+fn usual_factor() -> f64 {
+    FACTOR
+}
+
+fn is_usual_factor(factor: &f64) -> bool {
+    *factor == FACTOR
 }
 
 impl IntegratorStepSizes {
+    /// Fails unless there is a list of steps or a range, and each step is a positive time.
+    fn check(&self, shortest: f64) -> Result<(), Error> {
+        let step = |step: f64| {
+            Error::check_range("integrators.steps", step, shortest, f64::MAX)?;
+            Ok::<_, Error>(())
+        };
+        match (&self.steps[..], self.from, self.to) {
+            ([], Some(from), Some(to)) => {
+                step(from)?;
+                step(to)?;
+                Error::check_range("integrators.factor", self.factor, 1.01, f64::MAX)?;
+                if !(to <= from) {
+                    let found = format!("from {from} to {to}");
+                    return Err(Error::invalid("integrators", found, "the larger step first"));
+                }
+                Error::check_count_range("integrators.steps", self.sizes().len(), 1, MOST)?;
+                Ok(())
+            }
+            ([_, ..], None, None) => {
+                Error::check_count_range("integrators.steps", self.steps.len(), 1, MOST)?;
+                self.steps.iter().try_for_each(|&size| step(size))
+            }
+            (steps, from, to) => {
+                let found = format!("steps = {steps:?}, from = {from:?}, to = {to:?}");
+                Err(Error::invalid("integrators", found, "either steps, or both from and to"))
+            }
+        }
+    }
+
+    /// All steps, as times.
+    fn sizes(&self) -> Vec<f64> {
+        let (Some(from), Some(to)) = (self.from, self.to) else { return self.steps.clone() };
+        // But for rounding, the last is among them.
+        let last = (libm::log(from / to) / libm::log(self.factor) + 1e-9) as i32;
+        (0..=last).map(|k| from / libm::pow(self.factor, k.into())).collect()
+    }
+
     /// Numbers of steps in a time, each once.
     fn counts(&self, time: f64) -> Vec<usize> {
-        let mut out: Vec<usize> =
-            self.steps.iter().map(|step| ((time / step).round() as usize).max(1)).collect();
+        let count = |step: f64| ((time / step).round() as usize).max(1);
+        let mut out: Vec<usize> = self.sizes().into_iter().map(count).collect();
         out.sort_unstable();
         out.dedup();
         out
+    }
+
+    /// Of a study cut short: every other step, or a range by a larger factor.
+    fn shorten(&mut self) {
+        self.steps = self.steps.iter().step_by(2).copied().collect();
+        if self.from.is_some() {
+            self.factor = self.factor.max(2.0);
+        }
     }
 }
 
@@ -129,12 +197,8 @@ impl Study for LongStepsOptions {
                 Some(system) => entry.integrator.check_for(system)?,
                 None => entry.integrator.check()?,
             }
-            Error::check_count_range("integrators.steps", entry.steps.len(), 1, MOST)?;
             // As many steps at most as any count of a scene may be.
-            let shortest = self.interval / MOST as f64;
-            for step in &entry.steps {
-                Error::check_range("integrators.steps", *step, shortest, f64::MAX)?;
-            }
+            entry.check(self.interval / MOST as f64)?;
         }
         match &scene.setup.system {
             Some(system) => check_points("initial", &self.initial, system),
@@ -143,7 +207,7 @@ impl Study for LongStepsOptions {
     }
 
     fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
-        vec![FIGURE]
+        vec![FIGURE, METHODS]
     }
 
     fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
@@ -154,9 +218,7 @@ impl Study for LongStepsOptions {
     fn shorten(&mut self) {
         // The longest is among them.
         self.flow_times = self.flow_times.iter().rev().step_by(2).rev().copied().collect();
-        for entry in &mut self.integrators {
-            entry.steps = entry.steps.iter().step_by(2).copied().collect();
-        }
+        self.integrators.iter_mut().for_each(IntegratorStepSizes::shorten);
         self.rounds = self.rounds.min(3);
         self.invariant_steps = self.invariant_steps.min(100_000);
     }
@@ -203,15 +265,23 @@ impl Study for LongStepsOptions {
             let drifts = context.stage("drift of the invariants", |_| {
                 trained.iter().map(|one| self.drift(one.model())).collect::<Result<Vec<_>, _>>()
             })?;
-            let rotation = data.rotation_error;
-            results.push(AtTime::new(time, rotation, &trained, one_step, long, drifts, context));
+            let paid = self.paid(context, &results, &trained, time)?;
+            let rotation_error = data.rotation_error;
+            let (flow_time, trajectories) = (time, long);
+            let networks = trained.iter().zip(drifts).zip(paid);
+            let networks = networks.map(|((one, drift), paid)| OfNetwork::new(one, drift, paid));
+            let networks = networks.collect();
+            results.push(AtTime { flow_time, rotation_error, networks, one_step, trajectories });
             before = Some((trained, time));
         }
         let found = Results { options: self, times: results };
-        let figures = match context.draws(FIGURE) {
-            true => vec![found.figure()],
-            false => Vec::new(),
-        };
+        let mut figures = Vec::new();
+        if context.draws(FIGURE) {
+            figures.push(found.figure());
+        }
+        if context.draws(METHODS) {
+            figures.push(found.methods_figure());
+        }
         Ok(Findings {
             title: "Long steps".into(),
             results: Section {
@@ -221,11 +291,12 @@ impl Study for LongStepsOptions {
             },
             timings: Section {
                 summary: vec![
+                    Block::Text(HOW.into()),
                     Block::Text(found.sentences()),
                     Block::Table(found.one_step()),
                     Block::Table(found.long()),
                 ],
-                details: Vec::new(),
+                details: found.all_rivals(),
                 data: json!(found.times),
             },
             figures,
@@ -277,6 +348,41 @@ impl LongStepsOptions {
             out.push(Rc::new(trained));
         }
         Ok(out)
+    }
+
+    /// What each network cost before its first step at a flow time: seconds of pairs, and of training. Where the
+    /// weights of one flow time start the next, those of all before count too.
+    fn paid(
+        &self,
+        context: &Context<'_>,
+        before: &[AtTime],
+        trained: &[Rc<Trained>],
+        time: f64,
+    ) -> Result<Vec<[f64; 2]>, Error> {
+        let epsilon = context.system()?.epsilon();
+        let setup = context.scene.setup;
+        let earlier = if self.ramp { before } else { &[] };
+        let of = |one: &Rc<Trained>| {
+            let stages = one.stages.iter().any(|stage| stage.time != 1.0);
+            let ramp = &setup.training_of(&one.spec).ramp[..];
+            let mut maps: Vec<(f64, f64)> = ramp[..if stages { ramp.len() } else { 0 }]
+                .iter()
+                .map(|stage| (stage.epsilon.unwrap_or(epsilon), stage.flow_time.unwrap_or(time)))
+                .filter(|(_, stage)| *stage < time)
+                .chain(earlier.iter().map(|at| (epsilon, at.flow_time)))
+                .chain([(epsilon, time)])
+                .collect();
+            maps.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+            maps.dedup();
+            let pairs = maps.iter().map(|&(epsilon, time)| context.seconds_of_pairs(epsilon, time));
+            let own = context.training_times().iter().find(|times| times.model == one.spec.name);
+            let own = own.and_then(|times| times.points.last()).map_or(0.0, |(_, s)| *s);
+            let same = earlier.iter().flat_map(|at| &at.networks);
+            let same = same.filter(|network| network.name == one.network);
+            let start = same.last().map_or(0.0, |network| network.training_seconds);
+            [pairs.sum(), own + start]
+        };
+        Ok(trained.iter().map(of).collect())
     }
 
     /// The largest change of the invariant of a network that owns an exact one, along its own
@@ -341,35 +447,37 @@ struct OfNetwork {
     error: Option<f64>,
     iterations: u64,
     stages: Vec<StageResult>,
-    seconds: Option<f64>,
     drift: Option<f64>,
+    /// Of the pairs that it was trained on, and of its training, with all that led up to it.
+    pairs_seconds: f64,
+    training_seconds: f64,
+}
+
+impl OfNetwork {
+    fn new(
+        trained: &Trained,
+        drift: Option<f64>,
+        [pairs_seconds, training_seconds]: [f64; 2],
+    ) -> Self {
+        Self {
+            name: trained.network.clone(),
+            parameters: trained.model().composition().parameters().len(),
+            error: trained.held_out_error,
+            iterations: trained.outcome.history.last().map_or(0, |record| record.iteration),
+            stages: trained.stages.clone(),
+            drift,
+            pairs_seconds,
+            training_seconds,
+        }
+    }
+
+    /// Seconds before its first step.
+    fn paid(&self) -> f64 {
+        self.pairs_seconds + self.training_seconds
+    }
 }
 
 impl AtTime {
-    fn new(
-        flow_time: f64,
-        rotation_error: Option<f64>,
-        trained: &[Rc<Trained>],
-        one_step: Comparison,
-        trajectories: Comparison,
-        drifts: Vec<Option<f64>>,
-        context: &Context<'_>,
-    ) -> Self {
-        let networks = trained.iter().zip(drifts).map(|(one, drift)| {
-            let times = context.training_times().iter().find(|t| t.model == one.spec.name);
-            OfNetwork {
-                name: one.network.clone(),
-                parameters: one.model().composition().parameters().len(),
-                error: one.held_out_error,
-                iterations: one.outcome.history.last().map_or(0, |record| record.iteration),
-                stages: one.stages.clone(),
-                seconds: times.and_then(|times| Some(times.points.last()?.1)),
-                drift,
-            }
-        });
-        Self { flow_time, rotation_error, networks: networks.collect(), one_step, trajectories }
-    }
-
     /// What does not depend on the machine.
     fn data(&self) -> serde_json::Value {
         let networks: Vec<_> = self
@@ -396,27 +504,63 @@ impl AtTime {
     }
 }
 
-/// A network beside the fastest integrator that errs no more.
+/// A network beside the integrators that err no more.
 struct Against<'a> {
-    of: &'a WorkPrecision,
-    seconds: Spread,
-    best: Option<(&'a WorkPrecision, f64)>,
+    comparison: &'a Comparison,
+    error: f64,
+    seconds: f64,
+    alone: Option<f64>,
+    best: Option<AtError<'a>>,
 }
 
 impl<'a> Against<'a> {
+    /// None where it has lost the points.
     fn new(comparison: &'a Comparison, network: &str) -> Option<Self> {
-        let name = format!("{network}, {TOGETHER}");
-        let of = comparison.methods.iter().find(|method| method.name == name)?;
-        let error = of.error.filter(|error| *error <= comparison.lost())?;
         // Integrators are tried with so many steps each, networks are not.
-        let integrators = comparison.methods.iter().filter(|method| method.setting.is_some());
-        Some(Self { of, seconds: of.seconds?, best: fastest(integrators, error) })
+        let network = |method: &&WorkPrecision| method.setting.is_none() && method.name == network;
+        let of = comparison.methods.iter().find(network)?;
+        let error = of.error.filter(|error| *error <= comparison.lost())?;
+        let best = AtError::fastest(&comparison.methods, error);
+        let alone = of.alone.map(|spread| spread.median);
+        Some(Self { comparison, error, seconds: of.seconds?.median, alone, best })
     }
 
-    /// How many times as long the integrator takes.
+    /// How many times as long the fastest integrator takes.
     fn gain(&self) -> Option<f64> {
-        self.best.map(|(_, seconds)| seconds / self.seconds.median)
+        self.best.map(|best| best.seconds / self.seconds)
     }
+
+    /// The same of one trajectory alone, of an integrator.
+    fn gain_alone(&self, rival: AtError<'_>) -> Option<f64> {
+        Some(rival.alone? / self.alone?)
+    }
+
+    /// How many steps of a flow time pay for what was paid before, where each is faster than those of an integrator.
+    fn pays_after(&self, rival: AtError<'_>, paid: f64, flow_time: f64) -> Option<f64> {
+        let gained = (rival.seconds - self.seconds) * flow_time;
+        (gained > 0.0).then(|| (paid / gained).ceil())
+    }
+
+    /// Every integrator, where its curve comes to the error of the network.
+    fn rivals(&self) -> Vec<(&'a str, Option<AtError<'a>>)> {
+        let methods = &self.comparison.methods;
+        let mut out: Vec<(&str, Option<AtError<'_>>)> = Vec::new();
+        for method in methods.iter().filter(|method| method.setting.is_some()) {
+            if out.iter().all(|(name, _)| *name != method.name) {
+                out.push((&method.name, AtError::of_curve(methods, &method.name, self.error)));
+            }
+        }
+        out.sort_by(|a, b| {
+            let seconds = |at: Option<AtError<'_>>| at.map_or(f64::INFINITY, |at| at.seconds);
+            seconds(a.1).total_cmp(&seconds(b.1))
+        });
+        out
+    }
+}
+
+/// A curve of an integrator where it comes to an error.
+fn named(at: AtError<'_>) -> String {
+    format!("{}, {} steps or fewer", at.method.name, at.method.setting.unwrap_or(f64::NAN))
 }
 
 struct Results<'a> {
@@ -440,8 +584,8 @@ impl Results<'_> {
         for at in &self.times {
             for network in &at.networks {
                 let share = || Some((network.error? / at.rotation_error?).sqrt());
-                let name = format!("{}, {TOGETHER}", network.name);
-                let long = at.trajectories.methods.iter().find(|method| method.name == name);
+                let named = |method: &&WorkPrecision| method.name == network.name;
+                let long = at.trajectories.methods.iter().find(named);
                 table.push([
                     at.flow_time.into(),
                     format!("`{}`", network.name).into(),
@@ -460,38 +604,110 @@ impl Results<'_> {
         let mut table = Table::new([
             (format!("{what}: flow time"), Format::Exact),
             ("network".into(), Format::Exact),
-            ("seconds of training".into(), Format::Fixed(0)),
             ("error".into(), Format::Exponent(2)),
             ("µs for unit time".into(), Format::Magnitude),
             ("an integrator no less accurate".into(), Format::Exact),
             ("its µs".into(), Format::Magnitude),
             ("the network is faster by".into(), Format::Factor),
+            ("one alone by".into(), Format::Factor),
+            ("seconds of pairs and training".into(), Format::Fixed(0)),
+            ("steps that pay for them".into(), Format::Magnitude),
         ]);
         for at in &self.times {
             for network in &at.networks {
                 let comparison = of(at);
                 let against = Against::new(comparison, &network.name);
-                let best = against.as_ref().and_then(|against| against.best);
-                let integrator = best.map(|(method, _)| {
-                    format!("{}, {} steps", method.name, method.setting.unwrap_or(f64::NAN))
-                });
+                let against = against.as_ref();
+                let best = against.and_then(|against| against.best);
+                let both = against.zip(best);
                 table.push([
                     at.flow_time.into(),
                     format!("`{}`", network.name).into(),
-                    network.seconds.into(),
-                    against.as_ref().and_then(|against| against.of.error).into(),
-                    against.as_ref().map(|a| a.seconds.scaled(MICRO).median).into(),
-                    match (&against, integrator) {
+                    against.map(|against| against.error).into(),
+                    against.map(|against| against.seconds * MICRO).into(),
+                    match (against, best) {
                         (None, _) => "it has lost the points".into(),
                         (Some(_), None) => "none tried".into(),
-                        (Some(_), Some(name)) => name.into(),
+                        (Some(_), Some(best)) => named(best).into(),
                     },
-                    best.map(|(_, seconds)| seconds * MICRO).into(),
-                    against.as_ref().and_then(Against::gain).into(),
+                    best.map(|best| best.seconds * MICRO).into(),
+                    against.and_then(Against::gain).into(),
+                    both.and_then(|(against, best)| against.gain_alone(best)).into(),
+                    network.paid().into(),
+                    both.and_then(|(against, best)| {
+                        against.pays_after(best, network.paid(), at.flow_time)
+                    })
+                    .into(),
                 ]);
             }
         }
         table
+    }
+
+    /// Every integrator at the error of each network.
+    fn all_rivals(&self) -> Vec<Block> {
+        let mut out = Vec::new();
+        type Of = fn(&AtTime) -> &Comparison;
+        let both: [(&str, Of); 2] =
+            [("one step", |at| &at.one_step), ("trajectories", |at| &at.trajectories)];
+        for at in &self.times {
+            for (what, of) in both {
+                for network in &at.networks {
+                    let Some(against) = Against::new(of(at), &network.name) else { continue };
+                    let mut table = Table::new([
+                        ("integrator", Format::Exact),
+                        ("steps", Format::Setting),
+                        ("µs for unit time", Format::Magnitude),
+                        ("one alone", Format::Magnitude),
+                        ("the network is faster by", Format::Factor),
+                        ("one alone by", Format::Factor),
+                        ("steps that pay for pairs and training", Format::Magnitude),
+                        ("its least error, where it is larger", Format::Exponent(2)),
+                    ]);
+                    for (name, found) in against.rivals() {
+                        let least = || {
+                            let named = against.comparison.methods.iter();
+                            let errors = named.filter(|m| m.name == name).filter_map(|m| m.error);
+                            errors.min_by(f64::total_cmp)
+                        };
+                        table.push([
+                            name.into(),
+                            found.and_then(|found| found.method.setting).into(),
+                            found.map(|found| found.seconds * MICRO).into(),
+                            found.and_then(|found| Some(found.alone? * MICRO)).into(),
+                            found.map(|found| found.seconds / against.seconds).into(),
+                            found.and_then(|found| against.gain_alone(found)).into(),
+                            found
+                                .and_then(|found| {
+                                    against.pays_after(found, network.paid(), at.flow_time)
+                                })
+                                .into(),
+                            if found.is_some() { None } else { least() }.into(),
+                        ]);
+                    }
+                    if table.is_empty() {
+                        continue;
+                    }
+                    out.push(Block::Heading(format!(
+                        "Flow time {}, {what}: integrators at the error of `{}`, {:.2e}",
+                        at.flow_time, network.name, against.error
+                    )));
+                    out.push(Block::Text(format!(
+                        "`{}` takes {} µs for unit time, {} one alone; {} s of pairs and {} s of training came \
+                         before.",
+                        network.name,
+                        Format::Magnitude.number(against.seconds * MICRO),
+                        against
+                            .alone
+                            .map_or("?".into(), |alone| Format::Magnitude.number(alone * MICRO)),
+                        Format::Fixed(1).number(network.pairs_seconds),
+                        Format::Fixed(1).number(network.training_seconds),
+                    )));
+                    out.push(Block::Table(table));
+                }
+            }
+        }
+        out
     }
 
     fn one_step(&self) -> Table {
@@ -550,6 +766,37 @@ impl Results<'_> {
             }
         }
         out
+    }
+
+    /// Error against run time, a curve for each method; the networks of all flow times over trajectories, of the last in
+    /// one step.
+    fn methods_figure(&self) -> Figure {
+        let Some(last) = self.times.last() else {
+            return Figure::in_a_row(METHODS, "", Vec::new());
+        };
+        let panel = |title: String, methods: &[WorkPrecision]| Panel {
+            title,
+            y_label: "rms distance from the reference".into(),
+            ..work_precision_panel("µs for unit time", methods, MICRO)
+        };
+        let is_network = |method: &&WorkPrecision| method.setting.is_none();
+        let long: Vec<WorkPrecision> = self
+            .times
+            .iter()
+            .flat_map(|at| at.trajectories.methods.iter().filter(is_network))
+            .chain(last.trajectories.methods.iter().filter(|method| !is_network(method)))
+            .cloned()
+            .collect();
+        Figure::in_a_row(
+            METHODS,
+            "Error against run time on this machine, one thread, trajectories together: a point for each number of \
+             steps, and for each flow time of a network over the trajectories; lines from quartile to quartile. Lower \
+             and further left is better.",
+            vec![
+                panel(format!("one step of time {}", last.flow_time), &last.one_step.methods),
+                panel(format!("trajectories of time {}", self.options.duration), &long),
+            ],
+        )
     }
 
     fn figure(&self) -> Figure {

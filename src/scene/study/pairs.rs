@@ -64,7 +64,7 @@ impl Study for PairsStudy {
             Some(FlowBy { integrator, step }) => {
                 let (name, step) = (integrator.name(), Format::Setting.number(step));
                 let halves = match integrator {
-                    Integrator::Stroboscopic { .. } => {
+                    Integrator::Stroboscopic { .. } | Integrator::MultiRevolution { .. } => {
                         "largest difference from steps half as long of a finer map of the period"
                     }
                     _ => "largest difference from steps half as long",

@@ -2,11 +2,11 @@
 
 use super::rollout::orbit_color;
 use super::shared::Study;
-use super::work_precision::{MOST_ROUNDS, citations};
+use super::work_precision::{Compared, HOW, MOST_ROUNDS, citations};
 use crate::error::Error;
 use crate::flow::{Integrator, Reference, Trajectories};
 use crate::measure::{
-    timing::{Comparison, Method, TrajectoryMethods, fastest, root_mean_square_distance},
+    timing::{AtError, Comparison, WorkPrecision, root_mean_square_distance},
     trajectories::{LockedInterval, distances_to_set, locked_interval, winding_numbers},
 };
 use crate::network::{Model, Rollout};
@@ -366,40 +366,21 @@ impl SurfacesOptions {
         reference: &Trajectories,
         reference_error: f64,
     ) -> Result<Comparison, Error> {
-        let row = 2 * reference.count();
-        let initial = &reference.values()[..row];
-        let mut methods = Vec::new();
-        for trained in models {
-            let model = trained.model();
-            let run = move || {
-                let request = Rollout { steps: self.early, every: 1 };
-                let mut states = model.rollout(initial, request)?;
-                states.drain(..row);
-                Ok(states)
-            };
-            methods.push(Method {
-                name: trained.spec.name.clone(),
-                setting: None,
-                run: Box::new(run),
-            });
-        }
-        for entry in &self.integrators {
-            for &steps in &entry.steps {
-                let by = entry.integrator;
-                let run = move || by.trajectories(system, initial, interval, steps, self.early);
-                let setting = Some(steps as f64);
-                methods.push(Method { name: by.name(), setting, run: Box::new(run) });
-            }
-        }
-        TrajectoryMethods {
-            methods,
-            reference: &reference.values()[row..row * (self.early + 1)],
-            reference_error,
+        let models: Vec<_> = models.iter().map(|one| (&one.spec.name[..], one.model())).collect();
+        let integrators = self.integrators.iter().flat_map(|entry| {
+            entry.steps.iter().map(move |&steps| (entry.integrator, system, steps))
+        });
+        let compared = Compared {
+            models: &models,
+            integrators: integrators.collect(),
+            request: Rollout { steps: self.early, every: 1 },
+            interval,
+            reference: &reference.values()[..2 * reference.count() * (self.early + 1)],
+            count: reference.count(),
             dim: 2,
-            trajectories: reference.count(),
-            time: interval * self.early as f64,
-        }
-        .compare(self.rounds)
+            reference_error,
+        };
+        compared.compare(self.rounds)
     }
 
     /// r over θ of the last points of each line.
@@ -507,10 +488,10 @@ impl Results<'_> {
     }
 
     fn words_of_times(&self) -> String {
-        "All on one thread, with a line in each lane of the vector registers. Gauss–Legendre of one stage \
-         is the implicit midpoint rule. The fastest integrator is that of no larger error one by \
-         one."
-            .into()
+        format!(
+            "{HOW} Gauss–Legendre of one stage is the implicit midpoint rule. The fastest integrator is that of \
+             no larger error one by one."
+        )
     }
 
     fn times(&self, comparison: &Comparison) -> Table {
@@ -519,27 +500,30 @@ impl Results<'_> {
             ("method", Format::Exact),
             ("steps in a map", Format::Exact),
             ("µs a turn", Format::Magnitude),
+            ("one alone", Format::Magnitude),
             ("one by one", Format::Exponent(2)),
             ("fastest integrator as accurate", Format::Exact),
             ("takes as long", Format::Factor),
+            ("one alone as long", Format::Factor),
         ]);
         for method in &comparison.methods {
-            let integrators = comparison.methods.iter().filter(|other| other.setting.is_some());
             let best = method.error.filter(|_| method.setting.is_none());
-            let best = best.and_then(|error| fastest(integrators, error));
-            let seconds = method.seconds.map(|spread| spread.median);
-            let ratio = best.zip(seconds).map(|((_, theirs), own)| theirs / own);
-            let named = |other: &crate::measure::timing::WorkPrecision| {
-                let steps = other.setting.unwrap_or_default();
-                format!("{}, {steps} steps", other.name)
+            let best = best.and_then(|error| AtError::fastest(&comparison.methods, error));
+            let ratio = best.zip(method.seconds).map(|(best, own)| best.seconds / own.median);
+            let alone = best.and_then(|best| best.alone).zip(method.alone);
+            let alone = alone.map(|(theirs, own)| theirs / own.median);
+            let named = |other: &WorkPrecision| {
+                format!("{}, {} steps or fewer", other.name, other.setting.unwrap_or_default())
             };
             table.push([
                 method.name.clone().into(),
                 method.setting.into(),
                 method.seconds.map(|spread| spread.scaled(TAU * MICRO)).into(),
+                method.alone.map(|spread| spread.scaled(TAU * MICRO)).into(),
                 method.error.into(),
-                best.map(|(other, _)| named(other)).into(),
+                best.map(|best| named(best.method)).into(),
                 ratio.into(),
+                alone.into(),
             ]);
         }
         table

@@ -108,29 +108,23 @@ impl TanhOptions {
         let x: Vec<f64> =
             (0..self.values).map(|_| stream.uniform(-self.largest, self.largest)).collect();
         let x = &x[..];
-        let each = |name: &str, f: fn(f64) -> (f64, f64)| Method {
-            name: name.into(),
-            setting: None,
-            run: Box::new(move || {
+        let each = |name: &str, f: fn(f64) -> (f64, f64)| {
+            Method::new(name, None, move || {
                 let mut out = vec![0.0; 2 * x.len()];
                 let (t, s) = out.split_at_mut(x.len());
                 for ((&x, t), s) in x.iter().zip(t).zip(s) {
                     (*t, *s) = f(x);
                 }
                 Ok(out)
-            }),
+            })
         };
         let methods = [
-            Method {
-                name: "gyroceptron".into(),
-                setting: None,
-                run: Box::new(move || {
-                    let mut out = vec![0.0; 2 * x.len()];
-                    let (t, s) = out.split_at_mut(x.len());
-                    tanh_sech2_of_all(x, t, s);
-                    Ok(out)
-                }),
-            },
+            Method::new("gyroceptron", None, move || {
+                let mut out = vec![0.0; 2 * x.len()];
+                let (t, s) = out.split_at_mut(x.len());
+                tanh_sech2_of_all(x, t, s);
+                Ok(out)
+            }),
             each("std, sech² = 1 − tanh²", |x| {
                 let t = x.tanh();
                 (t, (-t).mul_add(t, 1.0))

@@ -8,14 +8,17 @@ use crate::flow::{Integrator, Pairs, ReferenceTrajectories};
 use crate::measure::{
     jacobians_by_differences,
     timing::{
-        Comparison, Method, Spread, TrajectoryMethods, WorkPrecision, fastest, most_accurate,
+        AtError, Comparison, Method, Spread, TrajectoryMethods, WorkPrecision, most_accurate,
         precise_jacobians, relative_difference, work_precision,
     },
 };
-use crate::network::{Composition, Model, map_jacobians, map_jacobians_by_duals, map_points};
+use crate::network::{
+    Composition, Model, Rollout, map_jacobians, map_jacobians_by_duals, map_points,
+};
 use crate::phase::Direction;
 use crate::scene::bibliography::{
-    AVERAGING, BORIS, GAUSS_LEGENDRE, SPLITTINGS, STROBOSCOPIC, VELOCITY_SPLITTING, YOSHIDA,
+    AVERAGING, BORIS, GAUSS_LEGENDRE, MULTI_REVOLUTION, SPLITTINGS, STROBOSCOPIC,
+    VELOCITY_SPLITTING, YOSHIDA,
 };
 use crate::scene::context::{Context, RunError};
 use crate::scene::data_sets::DataSets;
@@ -194,6 +197,7 @@ pub(super) fn citations(integrators: impl Iterator<Item = Integrator>) -> Vec<&'
             Integrator::Boris => Some(BORIS),
             Integrator::VelocitySplitting => Some(VELOCITY_SPLITTING),
             Integrator::Stroboscopic { .. } => Some(STROBOSCOPIC),
+            Integrator::MultiRevolution { .. } => Some(MULTI_REVOLUTION),
             Integrator::Averaged { .. } => Some(AVERAGING),
             Integrator::RungeKutta4
             | Integrator::NaturalRungeKutta4
@@ -230,9 +234,6 @@ impl Points {
     }
 }
 
-/// How a network's trajectories are timed.
-pub(super) const TOGETHER: &str = "all together";
-const ALONE: &str = "one alone";
 /// Methods to get Jacobians.
 const DUALS: &str = "duals";
 const BY_HAND: &str = "chain rule by hand";
@@ -246,41 +247,51 @@ impl WorkPrecisionOptions {
         points: &Points,
     ) -> Result<Comparison, Error> {
         let (dim, time) = (2 * networks.target.dof(), networks.time);
-        let input = &points.input[..];
+        let judged = points.input.len() / dim;
+        let copies = TrajectoryMethods::copies_of(judged);
+        let input = points.input.repeat(copies);
+        let input = &input[..];
+        let single = &input[..input.len().min(TrajectoryMethods::LEAST * dim)];
+        let units = (single.len() / dim) as f64 * time;
         let mut methods = Vec::new();
         for (name, model) in &networks.models {
             let map = model.composition();
-            methods.push(Method {
-                name: format!("{name}, {TOGETHER}"),
-                setting: None,
-                run: Box::new(move || {
-                    let mut moved = input.to_vec();
-                    map_points(map, Direction::Forward, &mut moved)?;
-                    Ok(moved)
-                }),
-            });
-            methods.push(Method {
-                name: format!("{name}, {ALONE}"),
-                setting: None,
-                run: Box::new(move || {
-                    let mut moved = input.to_vec();
-                    for point in moved.chunks_exact_mut(dim) {
-                        map_points(map, Direction::Forward, point)?;
-                    }
-                    Ok(moved)
-                }),
-            });
+            let together = move || {
+                let mut moved = input.to_vec();
+                map_points(map, Direction::Forward, &mut moved)?;
+                Ok(moved)
+            };
+            let alone = move || {
+                let mut moved = single.to_vec();
+                for point in moved.chunks_exact_mut(dim) {
+                    map_points(map, Direction::Forward, point)?;
+                }
+                Ok(moved)
+            };
+            methods.push(Method::new(*name, None, together).beside_alone(units, alone));
         }
         for (entry, system) in self.integrators_of(networks) {
-            let of = |&steps| integrator(system, entry.integrator, steps, input, time, 1);
-            methods.extend(entry.one_step.iter().map(of));
+            for &steps in &entry.one_step {
+                let by = entry.integrator;
+                let together = move || by.trajectories(system, input, time, steps, 1);
+                let alone = move || {
+                    let mut moved = Vec::with_capacity(single.len());
+                    for point in single.chunks_exact(dim) {
+                        moved.extend(by.trajectories(system, point, time, steps, 1)?);
+                    }
+                    Ok(moved)
+                };
+                let method = Method::new(by.name(), Some(steps as f64), together);
+                methods.push(method.beside_alone(units, alone));
+            }
         }
         let all = TrajectoryMethods {
             methods,
             reference: &points.output,
             reference_error: data.reference_error,
             dim,
-            trajectories: input.len() / dim,
+            trajectories: judged,
+            copies,
             time,
         };
         all.compare(self.rounds)
@@ -293,50 +304,20 @@ impl WorkPrecisionOptions {
         reference: &ReferenceTrajectories,
     ) -> Result<Comparison, Error> {
         let ReferenceTrajectories { trajectories, error: reference_error } = reference;
-        let (reference, count) = (trajectories.values(), trajectories.count());
-        let dim = 2 * networks.target.dof();
-        let initial = &reference[..count * dim];
-        let request = options.request();
-        let interval = options.interval(networks.time);
-        let kept = request.kept() - 1;
-        let mut methods = Vec::new();
-        for (name, model) in &networks.models {
-            methods.push(Method {
-                name: format!("{name}, {TOGETHER}"),
-                setting: None,
-                run: Box::new(move || {
-                    Ok(model.rollout(initial, request)?.split_off(initial.len()))
-                }),
-            });
-            methods.push(Method {
-                name: format!("{name}, {ALONE}"),
-                setting: None,
-                run: Box::new(move || {
-                    let mut all = vec![0.0; kept * initial.len()];
-                    for (m, start) in initial.chunks_exact(dim).enumerate() {
-                        let states = model.rollout(start, request)?;
-                        for (t, state) in states.chunks_exact(dim).skip(1).enumerate() {
-                            let first = t * initial.len() + m * dim;
-                            all[first..first + dim].copy_from_slice(state);
-                        }
-                    }
-                    Ok(all)
-                }),
-            });
-        }
-        for (entry, system) in self.integrators_of(networks) {
-            let of = |&steps| integrator(system, entry.integrator, steps, initial, interval, kept);
-            methods.extend(entry.rollout.iter().map(of));
-        }
-        let all = TrajectoryMethods {
-            methods,
-            reference: &reference[initial.len()..],
+        let integrators = self.integrators_of(networks).flat_map(|(entry, system)| {
+            entry.rollout.iter().map(move |&steps| (entry.integrator, system, steps))
+        });
+        Compared {
+            models: &networks.models,
+            integrators: integrators.collect(),
+            request: options.request(),
+            interval: options.interval(networks.time),
+            reference: trajectories.values(),
+            count: trajectories.count(),
+            dim: trajectories.dim(),
             reference_error: *reference_error,
-            dim,
-            trajectories: initial.len() / dim,
-            time: interval * kept as f64,
-        };
-        all.compare(self.rounds)
+        }
+        .compare(self.rounds)
     }
 
     /// Those that are tried, each with the system.
@@ -374,18 +355,56 @@ impl WorkPrecisionOptions {
     }
 }
 
-fn integrator<'a>(
-    system: &'a System,
-    integrator: Integrator,
-    steps: usize,
-    initial: &'a [f64],
-    interval: f64,
-    kept: usize,
-) -> Method<'a> {
-    Method {
-        name: integrator.name(),
-        setting: Some(steps as f64),
-        run: Box::new(move || integrator.trajectories(system, initial, interval, steps, kept)),
+/// Trajectories of networks and of integrators from the same points, to be judged and timed.
+pub(super) struct Compared<'a, 'm> {
+    pub(super) models: &'a [(&'m str, &'m Model)],
+    /// Each with its steps between two states.
+    pub(super) integrators: Vec<(Integrator, &'a System, usize)>,
+    pub(super) request: Rollout,
+    /// The time between two states.
+    pub(super) interval: f64,
+    /// States of the reference from the first on: (times, trajectories, 2n).
+    pub(super) reference: &'a [f64],
+    /// The number of trajectories.
+    pub(super) count: usize,
+    /// The number 2n of coordinates.
+    pub(super) dim: usize,
+    pub(super) reference_error: f64,
+}
+
+impl Compared<'_, '_> {
+    /// All together, and the first alone.
+    pub(super) fn compare(&self, rounds: usize) -> Result<Comparison, Error> {
+        let Self { reference: states, count, dim, request, interval, .. } = *self;
+        let copies = TrajectoryMethods::copies_of(count);
+        let initial = states[..count * dim].repeat(copies);
+        let (initial, first) = (&initial[..], &states[..dim]);
+        let kept = request.kept() - 1;
+        let time = interval * kept as f64;
+        let mut methods = Vec::new();
+        for &(name, model) in self.models {
+            let from = move |initial: &[f64]| {
+                Ok(model.rollout(initial, request)?.split_off(initial.len()))
+            };
+            let method = Method::new(name, None, move || from(initial));
+            methods.push(method.beside_alone(time, move || from(first)));
+        }
+        for &(by, system, steps) in &self.integrators {
+            let from =
+                move |initial: &[f64]| by.trajectories(system, initial, interval, steps, kept);
+            let method = Method::new(by.name(), Some(steps as f64), move || from(initial));
+            methods.push(method.beside_alone(time, move || from(first)));
+        }
+        let all = TrajectoryMethods {
+            methods,
+            reference: &states[count * dim..],
+            reference_error: self.reference_error,
+            dim,
+            trajectories: count,
+            copies,
+            time,
+        };
+        all.compare(rounds)
     }
 }
 
@@ -396,15 +415,11 @@ fn jacobian_method<'a>(
     points: &'a [f64],
     f: impl Fn(&Composition<f64>, &[f64], &mut [f64]) -> Result<(), Error> + Sync + 'a,
 ) -> Method<'a> {
-    Method {
-        name: name.into(),
-        setting,
-        run: Box::new(move || {
-            let mut out = vec![0.0; points.len() * 2 * map.dof()];
-            f(map, points, &mut out)?;
-            Ok(out)
-        }),
-    }
+    Method::new(name, setting, move || {
+        let mut out = vec![0.0; points.len() * 2 * map.dof()];
+        f(map, points, &mut out)?;
+        Ok(out)
+    })
 }
 
 /// All comparisons of a scene.
@@ -425,11 +440,15 @@ struct JacobianComparison {
 
 const TIME: &str = "µs a trajectory and unit time";
 
-const HOW: &str = "One thread; medians of repeated runs, in turn, and in brackets their quartiles. All \
-                   move several trajectories in the lanes of vectors, of which fewer than eight leave \
-                   some empty; those of Gauss–Legendre wait for one another where their stages take \
-                   more iterations. Networks are timed with one trajectory alone as well. Data and \
-                   training are not counted.";
+pub(super) const HOW: &str = "One thread; medians of repeated runs, in turn, and in brackets their \
+                              quartiles. All are timed twice: with 64 trajectories or more together, \
+                              which fill the lanes of vectors (fewer are taken several times over; \
+                              those of Gauss–Legendre wait for one another where their stages take \
+                              more iterations), and with one alone. Between two numbers of steps \
+                              times are interpolated.";
+
+/// Where what is paid before the first step is left out.
+const NOT_COUNTED: &str = "Data and training are not counted.";
 
 const DISTANCE: &str = "The error is the root mean square distance from the reference";
 
@@ -454,7 +473,7 @@ impl Comparisons {
     }
 
     fn words(&self) -> Vec<Block> {
-        let mut out = vec![Block::Text(HOW.into())];
+        let mut out = vec![Block::Text(format!("{HOW} {NOT_COUNTED}"))];
         for (title, comparison, steps) in self.of_trajectories() {
             let Comparison { trajectories, time, .. } = comparison;
             out.push(Block::Text(format!(
@@ -539,6 +558,7 @@ fn methods_table(methods: &[WorkPrecision], setting: &str, time: &str) -> Table 
         (setting, Format::Setting),
         ("error", Format::Exponent(2)),
         (time, Format::Magnitude),
+        ("one alone", Format::Magnitude),
     ]);
     for method in methods {
         table.push([
@@ -546,6 +566,7 @@ fn methods_table(methods: &[WorkPrecision], setting: &str, time: &str) -> Table 
             method.setting.into(),
             error_cell(method),
             method.seconds.map(|seconds| seconds.scaled(MICRO)).into(),
+            method.alone.map(|seconds| seconds.scaled(MICRO)).into(),
         ]);
     }
     table
@@ -574,12 +595,11 @@ fn ratio(network: f64, other: f64) -> String {
 fn winners(comparison: &Comparison, steps: &str) -> String {
     let mut out = String::new();
     let methods = &comparison.methods;
-    for method in methods {
-        let Some(network) = method.name.strip_suffix(TOGETHER) else { continue };
-        let network = network.trim_end_matches([',', ' ']);
-        let alone = methods.iter().find(|other| other.name == format!("{network}, {ALONE}"));
+    let tried = methods.iter().any(|other| other.setting.is_some());
+    for method in methods.iter().filter(|method| method.setting.is_none()) {
+        let network = &method.name;
         let (Some(error), Some(together), Some(alone)) =
-            (method.error, method.seconds, alone.and_then(|other| other.seconds))
+            (method.error, method.seconds, method.alone)
         else {
             let _ = writeln!(out, "- `{network}` left the finite numbers.");
             continue;
@@ -591,9 +611,7 @@ fn winners(comparison: &Comparison, steps: &str) -> String {
             micro(together),
             micro(alone)
         );
-        let integrators = methods.iter().filter(|other| other.setting.is_some());
-        let tried = methods.iter().any(|other| other.setting.is_some());
-        let sentence = match fastest(integrators, error) {
+        let sentence = match AtError::fastest(methods, error) {
             _ if !tried => "there is no integrator to compare with.".to_owned(),
             _ if error >= comparison.lost() => format!(
                 "it has lost the trajectories, whose points are of size {:.1}, and there is \
@@ -601,13 +619,13 @@ fn winners(comparison: &Comparison, steps: &str) -> String {
                 comparison.size
             ),
             None => "no integrator tried is as accurate.".into(),
-            Some((best, seconds)) => format!(
-                "{} is at least as accurate in {} µs; the network is {} with its trajectories \
+            Some(best) => format!(
+                "{} or fewer is as accurate in {} µs; the network is {} with trajectories \
                  together, {} with one alone.",
-                with_setting(best, steps),
-                micro(seconds),
-                ratio(together, seconds),
-                ratio(alone, seconds)
+                with_setting(best.method, steps),
+                micro(best.seconds),
+                ratio(together, best.seconds),
+                ratio(alone, best.alone.unwrap_or(f64::NAN))
             ),
         };
         let _ = writeln!(out, "{sentence}");
@@ -621,11 +639,14 @@ fn winners(comparison: &Comparison, steps: &str) -> String {
             comparison.reference_error
         );
     }
+    let or_both = |one: String, other: String| match one == other {
+        true => one,
+        false => format!("{one} … {other}"),
+    };
     for range in ranges {
-        let (from, to) = (range.from, range.to);
-        let errors = if from == to { format!("1e{from}") } else { format!("1e{from} … 1e{to}") };
-        let name = with_setting(range.method, steps);
-        let _ = writeln!(out, "  - {errors}: {name}, {} µs", micro(range.seconds));
+        let errors = or_both(format!("1e{}", range.from), format!("1e{}", range.to));
+        let seconds = or_both(micro(range.seconds[0]), micro(range.seconds[1]));
+        let _ = writeln!(out, "  - {errors}: {}, {seconds} µs", range.name);
     }
     out
 }

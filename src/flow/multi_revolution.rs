@@ -1,0 +1,186 @@
+//! Multi-revolution compositions: many fast periods by few, of a larger perturbation.
+
+use super::stroboscopic::rest_of;
+use super::{Splitting, SplittingSteps};
+use crate::scalar::{Dual, Elementary, Over, Scalar};
+use crate::system::Splittable;
+use faer::Side;
+use faer::linalg::solvers::Solve;
+
+/// The flow over a time of many fast periods P = 2π/ω₀, by periods of a system that is perturbed more strongly.
+///
+/// With φ_ε the map of a period, N of them are approximated by
+///
+/// φ_ε^N ≈ φ_{α_s Nε} ∘ φ*_{β_s Nε} ∘ … ∘ φ_{α₁Nε} ∘ φ*_{β₁Nε}, φ*_ε = φ_{−ε}⁻¹,
+///
+/// a composition of 2s periods, each with ε replaced by α_i Nε, or, backwards in time, by −β_i Nε. N need not be whole.
+/// A period is made of steps of a splitting of the system with the larger ε, symplectic where those are.
+/// Of order 2, s = 1, α = (1 + 1/N)/2 and β = (1 − 1/N)/2; of order 4, s = 6. Errors are O((Nε)^(p+1)) in each
+/// step, beside those of the splitting in a period, and what the time has beyond whole periods
+/// is made of steps of ABA(10,6,4).
+///
+/// Source: Chartier, Makazaga, Murua and Vilmart, <https://doi.org/10.1007/s00211-013-0602-0>.
+#[derive(Clone, Debug)]
+pub struct MultiRevolution {
+    /// The periods of a composition, in turn.
+    periods: Vec<SplittingSteps<f64>>,
+    /// Steps of the splitting in a period.
+    micro: usize,
+    rest: SplittingSteps<f64>,
+    rest_steps: usize,
+}
+
+impl MultiRevolution {
+    /// Over `time` in `count` compositions of this order, 2 or 4, with `micro` steps of a splitting in a period.
+    ///
+    /// # Panics
+    /// When a count is 0, or the order is another one.
+    pub fn new(
+        system: &impl Splittable,
+        time: f64,
+        count: usize,
+        micro: (Splitting, usize),
+        order: usize,
+    ) -> Self {
+        Self::of_shares(system, time, count, micro, |revolutions| Self::shares(order, revolutions))
+    }
+
+    /// β₁, α₁, … β_s, α_s of this order, 2 or 4, of N revolutions.
+    ///
+    /// # Panics
+    /// When the order is another one.
+    pub fn shares(order: usize, revolutions: f64) -> Vec<f64> {
+        match order {
+            2 => vec![0.5 - 0.5 / revolutions, 0.5 + 0.5 / revolutions],
+            4 => fourth_order(1.0 / revolutions).to_vec(),
+            _ => panic!("order {order}"),
+        }
+    }
+
+    /// [`MultiRevolution::new`] by other coefficients, β₁, α₁, …, as a function of N.
+    ///
+    /// # Panics
+    /// When a count is 0.
+    pub fn of_shares(
+        system: &impl Splittable,
+        time: f64,
+        count: usize,
+        (splitting, micro): (Splitting, usize),
+        shares: impl Fn(f64) -> Vec<f64>,
+    ) -> Self {
+        assert!(count > 0 && micro > 0, "{count} compositions, {micro} steps in a period");
+        let period = std::f64::consts::TAU / system.limiting_frequency();
+        let whole = (time / period).trunc();
+        let (rest, rest_steps) = rest_of(system, (-whole).mul_add(period, time));
+        let (step, revolutions) = (period / micro as f64, whole / count as f64);
+        let shares = if whole == 0.0 { Vec::new() } else { shares(revolutions) };
+        let of = |(number, share): (usize, f64)| {
+            // Those of even number are adjoint maps: the limit goes backwards, and the perturbation does not.
+            let sign = if number % 2 == 0 { -1.0 } else { 1.0 };
+            let factor = sign * share * revolutions;
+            splitting.steps_perturbed(system, sign * step, factor)
+        };
+        let periods = shares.into_iter().enumerate().map(of).collect();
+        Self { periods, micro, rest, rest_steps }
+    }
+
+    /// z ← the flow, in `count` compositions: 2n numbers for each point, all points together.
+    ///
+    /// # Panics
+    /// When z is not of whole points.
+    #[inline(always)]
+    pub fn take<S: Over<f64> + Elementary>(
+        &self,
+        system: &impl Splittable,
+        z: &mut [S],
+        count: usize,
+    ) {
+        for _ in 0..count {
+            for period in &self.periods {
+                period.take(system, z, self.micro);
+            }
+        }
+        self.rest.take(system, z, self.rest_steps);
+    }
+}
+
+/// Periods of a composition of order 4.
+const PERIODS: usize = 12;
+
+/// β₁, α₁, … of order 4 where 1/N is 0: the splitting S₆ of Blanes and Moan,
+/// <https://doi.org/10.1016/S0377-0427(01)00492-7>, table 2, whose coefficients are sums of two neighbours.
+fn fourth_order_of_many() -> [f64; PERIODS] {
+    let a = [0.079_203_696_431_195_7, 0.353_172_906_049_774, -0.042_065_080_357_719_5];
+    let b = [0.209_515_106_613_362, -0.143_851_773_179_818];
+    let sums = [a[0], b[0], a[1], b[1], a[2], 0.5 - b[0] - b[1]];
+    let mut out = [0.0; PERIODS];
+    let mut before = 0.0;
+    for (number, sum) in sums.iter().enumerate() {
+        before = sum - before;
+        out[number] = before;
+        out[PERIODS - 1 - number] = before;
+    }
+    out
+}
+
+/// The same at another 1/N: the nearest numbers that fulfil the conditions of order 4, by the method of Gauss and Newton.
+fn fourth_order(share: f64) -> [f64; PERIODS] {
+    const ITERATIONS: usize = 8;
+    let mut shares = fourth_order_of_many();
+    for _ in 0..ITERATIONS {
+        let lifted: [_; PERIODS] =
+            std::array::from_fn(|k| Dual::<f64, PERIODS>::variable(shares[k], k));
+        let conditions = conditions(&lifted, share);
+        let slopes = faer::Mat::from_fn(CONDITIONS, PERIODS, |i, k| conditions[i].eps[k]);
+        let missed = faer::Mat::from_fn(CONDITIONS, 1, |i, _| conditions[i].re);
+        let Ok(factor) = (&slopes * slopes.transpose()).llt(Side::Lower) else {
+            return [f64::NAN; PERIODS];
+        };
+        let correction = slopes.transpose() * factor.solve(&missed);
+        for (share, k) in shares.iter_mut().zip(0..) {
+            *share -= correction[(k, 0)];
+        }
+    }
+    shares
+}
+
+/// Words of the letters X₁ … X₄ of weight 1 … 4, up to weight 4, that are smaller than their rotations: what they
+/// count determines all others.
+const LYNDON: [&[usize]; CONDITIONS] = [&[1], &[2], &[3], &[1, 2], &[4], &[1, 3], &[1, 1, 2]];
+const CONDITIONS: usize = 7;
+
+/// What a composition lacks to be the N-th power of the map, up to order 4.
+///
+/// With φ_h = exp(hX₁ + h²X₂ + …), φ*_h = exp(hX₁ − h²X₂ + …) and H = Nε, the power is exp(HX₁ + H²/N X₂ + H³/N² X₃ + …).
+/// Both are series of words in the X_k, which agree where the coefficients of [`LYNDON`] words do.
+fn conditions<S: Scalar>(shares: &[S; PERIODS], one_over_n: f64) -> [S; CONDITIONS] {
+    let power = [S::from_f64(1.0), S::from_f64(one_over_n)];
+    let target = |weight: usize| (1..weight).fold(power[0], |value, _| value * power[1]);
+    LYNDON.map(|word| {
+        // Coefficients of the beginnings of the word in the product so far.
+        let mut begun = vec![S::zero(); word.len() + 1];
+        begun[0] = S::from_f64(1.0);
+        for (number, &share) in shares.iter().enumerate() {
+            let adjoint = number % 2 == 0;
+            let letter = |weight: usize| {
+                let value = (1..weight).fold(share, |value, _| value * share);
+                if adjoint && weight % 2 == 0 { -value } else { value }
+            };
+            // From the longest on: each is made of shorter ones of the product before.
+            for end in (1..=word.len()).rev() {
+                for start in 0..end {
+                    let factor = exponential(&word[start..end], letter);
+                    begun[end] = begun[start] * factor + begun[end];
+                }
+            }
+        }
+        begun[word.len()] - exponential(word, target)
+    })
+}
+
+/// The coefficient of a word in exp(Σ t_k X_k).
+fn exponential<S: Scalar>(word: &[usize], t: impl Fn(usize) -> S) -> S {
+    (1..).zip(word).fold(S::from_f64(1.0), |product, (place, &letter)| {
+        product * t(letter) * S::from_f64(1.0 / f64::from(place))
+    })
+}

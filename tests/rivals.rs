@@ -1,0 +1,234 @@
+//! What surrogates are compared with over many fast periods: orders, structure, and mutants of each.
+
+use super::systems::{assert_order, distance, omega_defect, point};
+use gyroceptron::flow::{
+    Averaged, Integrator, MicroSteps, MultiRevolution, Splitting, Stroboscopic,
+};
+use gyroceptron::layer::CircleAction;
+use gyroceptron::measure::adiabatic::log_slope;
+use gyroceptron::scalar::{Dual, Elementary};
+use gyroceptron::system::{
+    CellularDrift, FieldLines, FullOrbit, Hamiltonian, NearlyPeriodic, Oscillators, System,
+    ThreeOscillators,
+};
+use std::f64::consts::TAU;
+
+/// Eight points of two degrees of freedom.
+fn points() -> Vec<f64> {
+    (0..8).flat_map(|seed| point(2, seed)).collect()
+}
+
+/// What many steps of ABA(10,6,4) make of points.
+fn exact(system: &System, time: f64) -> Vec<f64> {
+    Integrator::Aba1064
+        .trajectories(system, &points(), time, (8.0 * time).ceil() as usize, 1)
+        .expect("integrates")
+}
+
+/// Of order 2 and 4 in the length of a step, beside the same periods one after another; with coefficients of infinite
+/// N, or one that is off by a thousandth, they have no order.
+#[test]
+fn multi_revolution_compositions_have_their_orders() {
+    // A little more than whole periods.
+    let time = 2000.0 * TAU * (1.0 + 1e-15);
+    let system = Oscillators { epsilon: 2e-4 };
+    let micro = (Splitting::STRANG, 16);
+    let mut exact_points = points();
+    for z in exact_points.chunks_exact_mut(4) {
+        Splitting::STRANG.integrate(&system, z, time, 2000 * 16);
+    }
+    let error = |count: usize, shares: &dyn Fn(f64) -> Vec<f64>| {
+        let mut z = points();
+        MultiRevolution::of_shares(&system, time, count, micro, shares)
+            .take(&system, &mut z, count);
+        distance(&z, &exact_points)
+    };
+    // N is whole for some.
+    for (order, counts) in [(2, [48, 64, 96, 128, 192]), (4, [16, 20, 24, 32, 40])] {
+        let sizes = counts.map(|count| 1.0 / count as f64);
+        let own = |revolutions: f64| MultiRevolution::shares(order, revolutions);
+        let errors = counts.map(|count| error(count, &own));
+        assert!(errors[4] > 1e-10, "at the floor: {errors:?}");
+        assert_order(&format!("multi-revolution, order {order}"), order as f64, &sizes, &errors);
+        let of_infinite = |_: f64| MultiRevolution::shares(order, f64::INFINITY);
+        let off = |revolutions: f64| {
+            let mut shares = own(revolutions);
+            shares[1] *= 1.001;
+            shares
+        };
+        let mutants: [&dyn Fn(f64) -> Vec<f64>; 2] = [&of_infinite, &off];
+        for (number, mutant) in mutants.into_iter().enumerate() {
+            let errors = counts.map(|count| error(count, mutant));
+            let slope = log_slope(&sizes, &errors);
+            assert!(
+                slope < order as f64 - 0.5,
+                "order {order}, mutant {number}: {slope} {errors:?}"
+            );
+        }
+    }
+    // Other systems, by the name.
+    let others =
+        [System::FullOrbit(FullOrbit::new(2e-4)), System::CellularDrift(CellularDrift::new(2e-4))];
+    for system in others {
+        let exact = exact(&system, time);
+        for (order, counts) in [(2, [48, 64, 96, 128]), (4, [20, 24, 32, 40])] {
+            let by = Integrator::MultiRevolution { micro: 8, order, by: MicroSteps::Aba1064 };
+            let errors = counts.map(|count| {
+                let found = by.trajectories(&system, &points(), time, count, 1);
+                distance(&found.expect("integrates"), &exact)
+            });
+            let slope = log_slope(&counts.map(|count| 1.0 / count as f64), &errors);
+            assert!((slope - order as f64).abs() < 0.4, "{order}: {slope} {errors:?}");
+        }
+    }
+}
+
+/// Symplectic to rounding, as flows of parts are; and a step of few periods is nearly as many single ones.
+#[test]
+fn multi_revolution_compositions_are_symplectic() {
+    let system = Oscillators { epsilon: 0.01 };
+    for order in [2, 4] {
+        let method = MultiRevolution::new(&system, 100.1 * TAU, 4, (Splitting::STRANG, 8), order);
+        let columns: Vec<Vec<f64>> = (0..4)
+            .map(|direction| {
+                let lift = |(i, &v): (usize, &f64)| {
+                    Dual::<f64, 1>::variable(v, usize::from(i != direction))
+                };
+                let mut z: Vec<_> = point(2, 3).iter().enumerate().map(lift).collect();
+                method.take(&system, &mut z, 4);
+                z.iter().map(|v| v.eps[0]).collect()
+            })
+            .collect();
+        let defect = omega_defect(&columns);
+        assert!(defect < 1e-12, "{defect:e}");
+        // Of one period N is 1: the map of a period itself.
+        let once = MultiRevolution::new(&system, TAU * (1.0 + 1e-15), 1, (Splitting::STRANG, 8), 2);
+        let (mut by_composition, mut by_steps) = (point(2, 3), point(2, 3));
+        once.take(&system, &mut by_composition, 1);
+        Splitting::STRANG.integrate(&system, &mut by_steps, TAU, 8);
+        assert!(distance(&by_composition, &by_steps) < 1e-14);
+    }
+}
+
+/// Kicks at equal distances average by the trapezoidal rule: each more gains a factor.
+#[test]
+fn equidistant_kicks_average_exponentially() {
+    let time = 200.3 * TAU;
+    let system = System::Oscillators(Oscillators { epsilon: 1e-4 });
+    let exact = exact(&system, time);
+    let error = |micro: usize| {
+        let by = Integrator::Stroboscopic { micro, differences: 3, by: MicroSteps::Strang };
+        distance(&by.trajectories(&system, &points(), time, 8, 1).expect("integrates"), &exact)
+    };
+    let kicks = [4, 6, 8, 10, 12];
+    let errors = kicks.map(error);
+    for pair in errors.windows(2) {
+        assert!(pair[1] < 0.3 * pair[0], "{errors:?}");
+    }
+    // Faster than by any power: the slope between neighbours steepens.
+    let slope =
+        |k: usize| (errors[k] / errors[k + 1]).ln() / (kicks[k + 1] as f64 / kicks[k] as f64).ln();
+    assert!(slope(2) > slope(0) + 1.0, "{errors:?}");
+    // Of half the kicks of ABA(10,6,4), whose step has eight.
+    let of_aba = Integrator::Stroboscopic { micro: 2, differences: 3, by: MicroSteps::Aba1064 };
+    let of_aba = of_aba.trajectories(&system, &points(), time, 8, 1).expect("integrates");
+    assert!(error(16) < distance(&of_aba, &exact) + 1e-9);
+}
+
+/// A system that tells a wrong average, or a wrong circle action.
+struct Wrong {
+    weights: [i32; 2],
+    average: f64,
+    system: Oscillators,
+}
+
+impl Hamiltonian for Wrong {
+    fn dof(&self) -> usize {
+        2
+    }
+    fn energy<S: Elementary>(&self, z: &[S], time: f64) -> S {
+        self.system.energy(z, time)
+    }
+}
+
+impl NearlyPeriodic for Wrong {
+    fn epsilon(&self) -> f64 {
+        self.system.epsilon
+    }
+    fn circle_action(&self) -> CircleAction {
+        CircleAction::new(self.weights.to_vec())
+    }
+    fn limiting_frequency(&self) -> f64 {
+        self.system.limiting_frequency()
+    }
+    fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
+        self.system.adiabatic_invariant(z)
+    }
+    fn average_constants(&self, z: &[f64]) -> Option<[f64; 2]> {
+        self.system.average_constants(z)
+    }
+    fn averaged_field<S: Elementary>(&self, z: &[S], constants: &[S; 2], out: &mut [S]) {
+        self.system.averaged_field(z, constants, out);
+        out.iter_mut().for_each(|v| *v *= S::from_f64(self.average));
+    }
+    fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
+        self.system.limiting_flow(z, time);
+    }
+}
+
+/// A hundredth of the average, or another circle action, costs the order.
+#[test]
+fn averaged_equations_of_wrong_coefficients_lose_their_order() {
+    let intervals = [2.3, 8.3, 32.3, 128.3].map(|periods| periods * TAU);
+    let epsilons = intervals.map(|interval| 0.05 / interval);
+    let slope = |weights: [i32; 2], average: f64, order: usize, closed: bool| {
+        let errors = intervals.map(|interval| {
+            let system = Oscillators { epsilon: 0.05 / interval };
+            let exact = exact(&System::Oscillators(system), interval);
+            let wrong = Wrong { weights, average, system };
+            let by = Averaged::new(&wrong, interval, 32, order);
+            let by = if closed { by.in_closed_form() } else { by };
+            let mut found = points();
+            for z in found.chunks_exact_mut(4) {
+                by.take(&wrong, z, 16, |z| wrong.average_constants(z).expect("a closed form"));
+            }
+            distance(&found, &exact)
+        });
+        log_slope(&epsilons, &errors)
+    };
+    let right =
+        [slope([1, 0], 1.0, 1, true), slope([1, 0], 1.0, 1, false), slope([1, 0], 1.0, 2, false)];
+    assert!(right[0] > 0.8 && right[1] > 0.8 && right[2] > 1.6, "{right:?}");
+    let wrong =
+        [slope([1, 0], 1.01, 1, true), slope([2, 0], 1.0, 1, false), slope([2, 0], 1.0, 2, false)];
+    for (right, wrong) in right.into_iter().zip(wrong) {
+        // Not finite where the other action tears the planes apart.
+        assert!(!(wrong >= right - 0.4), "{right} {wrong}");
+    }
+}
+
+#[test]
+fn what_cannot_be_composed_is_refused() {
+    let torus = System::ThreeOscillators(ThreeOscillators::new(0.01));
+    let lines = System::FieldLines(FieldLines::new(1e-3));
+    let by = Integrator::MultiRevolution { micro: 8, order: 2, by: MicroSteps::Strang };
+    for (system, word) in [(torus, "no period"), (lines, "no parts with exact flows")] {
+        let refused = by.check_for(&system);
+        assert!(refused.expect_err("refused").to_string().contains(word));
+    }
+    for (micro, order) in [(0, 2), (1001, 2), (8, 3), (8, 0)] {
+        let by = Integrator::MultiRevolution { micro, order, by: MicroSteps::Strang };
+        assert!(by.check().is_err(), "{micro} {order}");
+    }
+    // Less than a period is the splitting's alone.
+    let system = Oscillators { epsilon: 0.01 };
+    let (mut found, mut exact) = (point(2, 1), point(2, 1));
+    let by = MultiRevolution::new(&system, 1.0, 1, (Splitting::STRANG, 8), 4);
+    by.take(&system, &mut found, 1);
+    Splitting::ABA_1064.integrate(&system, &mut exact, 1.0, 1);
+    assert_eq!(found, exact);
+    // So it is of averages.
+    let mut found = point(2, 1);
+    Stroboscopic::new(&system, 1.0, (Splitting::STRANG, 8), 2).take(&system, &mut found, 1);
+    assert_eq!(found, exact);
+}
