@@ -23,17 +23,21 @@ HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 FOLDER = ROOT / "target" / "peers"
 JAX = "jax[cpu]==0.10.2"
+PACKAGES = ["numpy", "scipy", "mpmath"]
 
 
 def environment():
     """Goes on in the virtual environment, making it when there is none."""
     python = FOLDER / "venv" / "bin" / "python"
-    if not (FOLDER / "venv" / JAX).exists():
+    made = FOLDER / "venv" / " ".join([JAX, *PACKAGES])
+    if not made.exists():
         subprocess.run([sys.executable, "-m", "venv", FOLDER / "venv"], check=True)
-        subprocess.run([python, "-m", "pip", "install", "--quiet", JAX, "numpy", "mpmath"], check=True)
-        (FOLDER / "venv" / JAX).touch()
+        installed = subprocess.run([python, "-m", "pip", "install", "--quiet", JAX, *PACKAGES], check=False)
+        if installed.returncode != 0:
+            sys.exit(f"{JAX}, {', '.join(PACKAGES)} could not be installed: nothing is compared")
+        made.touch()
     if pathlib.Path(sys.prefix) != FOLDER / "venv":
-        os.execv(python, [python, __file__, *sys.argv[1:]])
+        os.execv(python, [python, *sys.argv])
 
 
 class Process:

@@ -76,7 +76,7 @@ impl MultiRevolution {
         let shares = if whole == 0.0 { Vec::new() } else { shares(revolutions) };
         let of = |(number, share): (usize, f64)| {
             // Those of even number are adjoint maps: the limit goes backwards, and the perturbation does not.
-            let sign = if number % 2 == 0 { -1.0 } else { 1.0 };
+            let sign = if number.is_multiple_of(2) { -1.0 } else { 1.0 };
             let factor = sign * share * revolutions;
             splitting.steps_perturbed(system, sign * step, factor)
         };
@@ -161,10 +161,10 @@ fn conditions<S: Scalar>(shares: &[S; PERIODS], one_over_n: f64) -> [S; CONDITIO
         let mut begun = vec![S::zero(); word.len() + 1];
         begun[0] = S::from_f64(1.0);
         for (number, &share) in shares.iter().enumerate() {
-            let adjoint = number % 2 == 0;
+            let adjoint = number.is_multiple_of(2);
             let letter = |weight: usize| {
                 let value = (1..weight).fold(share, |value, _| value * share);
-                if adjoint && weight % 2 == 0 { -value } else { value }
+                if adjoint && weight.is_multiple_of(2) { -value } else { value }
             };
             // From the longest on: each is made of shorter ones of the product before.
             for end in (1..=word.len()).rev() {

@@ -35,6 +35,7 @@ mod relations;
 mod rounding;
 mod sampled;
 mod samples;
+mod series_invariant;
 mod stopping;
 mod surfaces;
 mod symplecticity;
@@ -58,6 +59,7 @@ pub mod adiabatic {
     pub use super::level_set::level_set;
     pub use super::own_invariance::OwnInvariance;
     pub use super::plane_actions::PlaneSwing;
+    pub use super::series_invariant::SeriesInvariant;
 }
 
 /// Errors, motions and surfaces of trajectories.

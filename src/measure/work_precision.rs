@@ -419,7 +419,7 @@ impl Comparison {
             if !(error >= self.reference_error) {
                 break;
             }
-            let error = error.min(self.lost());
+            let error = if error < self.lost() { error } else { self.lost() };
             let curve = AtError::fastest(&self.methods, error);
             let single = fastest(self.methods.iter().filter(|one| one.setting.is_none()), error);
             let best = [curve.map(|at| (&at.method.name[..], at.seconds))]

@@ -40,6 +40,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "stiff",
         "which-action",
         "choosing",
+        "noise",
         "trajectories",
         "adiabatic-profiles",
         "near-identity-penalty",

@@ -137,6 +137,22 @@ impl DataSets {
         Ok(Self { training, held_out, validation, reference_error, units, rotation_error, nearest })
     }
 
+    /// The same with other pairs of the system for training and held out.
+    pub(super) fn changed(
+        &self,
+        change: &mut dyn FnMut(&str, &Pairs) -> Result<Pairs, Error>,
+        system: &System,
+        time: f64,
+    ) -> Result<Self, Error> {
+        let training = change("training", &self.training)?;
+        let held_out = self.held_out.as_ref().map(|pairs| change("held-out", pairs)).transpose()?;
+        let rotation_error =
+            held_out.as_ref().map(|held_out| limiting_flow_error(system, held_out, time));
+        let (validation, units, nearest) = (None, None, None);
+        let reference_error = self.reference_error;
+        Ok(Self { training, held_out, validation, reference_error, units, rotation_error, nearest })
+    }
+
     /// The box around the pairs, training and held out, in units of the data.
     pub(super) fn region(&self) -> Option<Region> {
         let both = [Some(&self.training), self.held_out.as_ref()].into_iter().flatten();

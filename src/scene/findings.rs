@@ -4,7 +4,7 @@
 
 use super::figure::Figure;
 use crate::measure::timing::Spread;
-use crate::words::{factor, magnitude, percent};
+use crate::words::{factor, magnitude, percent, significant};
 use serde_json::Value;
 
 /// The findings of a study.
@@ -80,6 +80,8 @@ pub enum Format {
     Exponent(usize),
     /// `1.234` between a thousandth and ten thousand, `1.23e-5` elsewhere.
     Magnitude,
+    /// Three digits: `12.3`, `0.00123`, `1.23e-5`.
+    Significant,
     /// Powers of ten and the like: `16` from 1 on, `1e-3` below.
     Setting,
     /// A limit from above: `< 10`, `< 3e-16`.
@@ -155,6 +157,7 @@ impl Format {
             Self::Fixed(digits) => format!("{value:.digits$}"),
             Self::Exponent(digits) => format!("{value:.digits$e}"),
             Self::Magnitude => magnitude(value),
+            Self::Significant => significant(value),
             Self::Setting if value >= 1.0 => value.to_string(),
             Self::Setting => format!("{value:e}"),
             Self::Below if value < 1e-3 => format!("< {value:e}"),

@@ -43,6 +43,17 @@ impl Context<'_> {
         Ok(self.models.insert(trained).clone())
     }
 
+    /// Each network that is not there for its training only, with the maps from all its initial weights.
+    pub(super) fn by_network(&mut self) -> Result<Vec<(String, Vec<Rc<Trained>>)>, RunError> {
+        let all = self.all_models()?;
+        let firsts = self.models()?;
+        let of = |first: &Rc<Trained>| {
+            let same = all.iter().filter(|one| one.network == first.network);
+            (first.network.clone(), same.cloned().collect())
+        };
+        Ok(firsts.iter().map(of).collect())
+    }
+
     /// Trajectories of each network.
     pub(super) fn rollouts(
         &mut self,

@@ -77,5 +77,5 @@ pub use study::training::stop_words;
 #[doc(hidden)]
 pub mod internals {
     pub use super::command::{command, verdict};
-    pub use super::study::claims::{REPRODUCED, as_good, change};
+    pub use super::study::claims::{REPRODUCED, as_a_series, change, ranked};
 }

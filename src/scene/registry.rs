@@ -3,8 +3,9 @@
 use super::setup::{Data, ModelSpec, Setup};
 use super::study::shared::Study;
 use super::study::{
-    actions, adiabatic_horizon, adiabatic_profiles, claims, dissipation, family, long_steps,
-    overview, rollout, slow_manifold, surfaces, tanh, trajectories, which_action, work_precision,
+    actions, adiabatic_horizon, adiabatic_profiles, claims, dissipation, family, long_steps, noise,
+    overview, own_invariant, rollout, slow_manifold, surfaces, tanh, trajectories, which_action,
+    work_precision,
 };
 use crate::measure::certificate::CertificateOptions;
 use crate::system::System;
@@ -139,6 +140,8 @@ studies! {
     overview: Overview(overview::OverviewOptions),
     /// The trajectories of each network beside the reference.
     rollout: Rollout(rollout::RolloutOptions),
+    /// The order in ε of the invariant that each network owns.
+    own_invariant: OwnInvariant(own_invariant::OwnInvariantOptions),
     /// The slow manifold of the charged particle, and the learnt invariant off it.
     slow_manifold: SlowManifold(slow_manifold::SlowManifoldOptions),
     /// The actions of a torus, and those that networks have learnt.
@@ -157,6 +160,8 @@ studies! {
     family: Family(family::FamilyOptions),
     /// Maps of several flow times beside integrators.
     long_steps: LongSteps(long_steps::LongStepsOptions),
+    /// Networks of pairs with noise, and of pairs with a gap.
+    noise: Noise(noise::NoiseOptions),
     /// Error against run time of tanh and sech².
     tanh: Tanh(tanh::TanhOptions),
     /// The adiabatic invariant of a random network along its orbit.

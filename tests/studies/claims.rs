@@ -1,7 +1,9 @@
 //! The verdicts on what the paper claims.
 
 use gyroceptron::scene::findings::{Findings, Section};
-use gyroceptron::scene::internals::{self as claims, REPRODUCED, as_good, change, command};
+use gyroceptron::scene::internals::{
+    self as claims, REPRODUCED, as_a_series, change, command, ranked,
+};
 use gyroceptron::scene::{Machine, Report, StudyFindings, find};
 use serde_json::{Value, json};
 
@@ -56,9 +58,22 @@ fn verdicts_come_out_negative_too() {
     assert!(horizon(json!(20), json!(30)).starts_with("not"));
     assert!(horizon(json!(null), json!(20)).starts_with("not"));
 
-    assert!(as_good(0.02, 0.01).starts_with(REPRODUCED));
-    assert!(as_good(0.04, 0.01).starts_with("not"));
-    assert!(as_good(f64::NAN, 0.01).starts_with("not"));
+    // A formal series, or a size at one ε: orders with their standard errors.
+    assert!(as_a_series([(1.01, 0.02), (1.96, 0.05)]).starts_with(REPRODUCED));
+    assert!(as_a_series([(0.97, 0.01), (1.05, 0.02)]).starts_with("not"));
+    assert!(as_a_series([(0.2, 0.1), (2.0, 0.1)]).starts_with("not"));
+    assert!(as_a_series([(1.0, 0.01), (f64::NAN, 0.01)]).starts_with("not"));
+    assert!(as_a_series([(1.0, 0.01), (0.5, 5.0)]).starts_with("not"));
+    // Ranges that overlap tell nothing, whatever the medians are.
+    let small = [1e-7, 2e-7, 3e-7, 1.5e-7, 2.5e-7];
+    let overlapping = [1.2e-7, 4e-7, 5e-7, 6e-7, 7e-7];
+    let large = [4e-7, 5e-7, 6e-7, 7e-7, 8e-7];
+    assert!(ranked(&small, &large).starts_with(REPRODUCED), "{}", ranked(&small, &large));
+    assert!(ranked(&small, &large).contains("p = 0.01"), "{}", ranked(&small, &large));
+    assert!(ranked(&large, &small).starts_with("not: the other way round"));
+    assert!(ranked(&small, &overlapping).starts_with("not told: ranges overlap"));
+    assert!(ranked(&small, &[]).starts_with("not told"));
+    assert!(ranked(&small, &[1e-6, f64::NAN]).starts_with("not told"));
     // Without orbits nothing is known.
     assert!(change(&Value::Null).is_nan());
 }

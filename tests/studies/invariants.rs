@@ -2,11 +2,13 @@
 
 use crate::helpers::{Quiet, network, refused, run_in, temporary};
 use gyroceptron::flow;
+use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
-    adiabatic::{AdiabaticOrbit, settling_iterations},
+    adiabatic::{AdiabaticOrbit, SeriesInvariant, log_slope, settling_iterations},
     ratios::near_identity_rms,
     trajectories::drift_exponent,
 };
+use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape};
 use gyroceptron::phase::Map;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{Event, Folder, Observer, parse, render, run};
@@ -203,4 +205,154 @@ fn profiles_shrink_with_epsilon() {
     refused(&PROFILES.replace("iterations = 1000", "iterations = 10"), &["iterations"]);
     refused(&PROFILES.replace("theta = 3.8832220774509327", "theta = nan"), &["theta"]);
     refused(&PROFILES.replace("width = 4", "width = 0"), &["layer"]);
+}
+
+/// 2π over the golden mean: an angle far from all resonances.
+const GOLDEN: f64 = 3.883_222_077_450_933;
+
+fn gyroceptron_at(action: &[i32], epsilon: f64, theta: f64, seed: u64) -> Model {
+    let (psi, near_identity) = (vec![8; 3], vec![8; 3]);
+    let circle_action = CircleAction::new(action);
+    let shape = GyroceptronShape { circle_action, psi, near_identity };
+    shape.architecture(epsilon).initialise(InitialWeights::Glorot, theta, seed).expect("sound")
+}
+
+/// The largest changes of μ₀ and μ₀ + εμ₁ along an orbit of `model`, by the series of `of`.
+fn changes(model: &Model, of: &Model, start: &[f64]) -> [f64; 2] {
+    let series = SeriesInvariant::of(of, 64).expect("adiabatic");
+    let mut z = start.to_vec();
+    let (mut first, mut largest) = (None, [0.0; 2]);
+    for step in 0..=4000 {
+        if step % 40 == 0 {
+            let (leading, next) = series.at(&z).expect("a point");
+            let now = [leading, leading + model.epsilon() * next];
+            let first = first.get_or_insert(now);
+            for k in 0..2 {
+                largest[k] = max_or_nan(largest[k], (now[k] - first[k]).abs());
+            }
+        }
+        model.forward(&mut z);
+    }
+    largest
+}
+
+/// μ₀ changes by O(ε), μ₀ + εμ₁ by O(ε²); with μ₁ of an angle 0.1 away, by O(ε).
+#[test]
+fn the_next_order_of_an_invariant_gains_an_order() {
+    let epsilons = [1e-2, 5e-3, 2.5e-3, 1.25e-3, 6.25e-4];
+    for (action, start) in [(&[1][..], &[0.6, 0.2][..]), (&[1, 0], &[0.6, 0.3, 0.2, -0.4])] {
+        for seed in 0..3 {
+            let slope = |theta: f64, which: usize| {
+                let found = epsilons.map(|epsilon| {
+                    let model = gyroceptron_at(action, epsilon, GOLDEN, seed);
+                    let of = gyroceptron_at(action, epsilon, theta, seed);
+                    changes(&model, &of, start)[which]
+                });
+                log_slope(&epsilons, &found)
+            };
+            let (leading, next) = (slope(GOLDEN, 0), slope(GOLDEN, 1));
+            // In four dimensions slow motion goes through places that differ: the order, less sharply.
+            let about = if action.len() == 1 { 0.05 } else { 0.25 };
+            assert!((leading - 1.0).abs() < about, "seed {seed}: {leading}");
+            assert!((next - 2.0).abs() < 2.0 * about, "seed {seed}: {next}");
+            let wrong = slope(GOLDEN + 0.1, 1);
+            assert!(wrong < 1.3, "seed {seed}: {wrong}");
+        }
+    }
+}
+
+/// μ₁∘Q − μ₁ = −g∘Q point by point, g by small steps of ε and Q by the composition.
+#[test]
+fn the_next_order_solves_its_equation() {
+    let model = gyroceptron_at(&[1, -2], 0.01, GOLDEN, 7);
+    let series = SeriesInvariant::of(&model, 96).expect("adiabatic");
+    let action = &model.architecture().circles[0];
+    let unperturbed = model.with_epsilon(0.0);
+    let psi = model.psi();
+    for z in [[0.6, 0.3, 0.2, -0.4], [-0.2, 0.7, 0.5, 0.1], [0.05, -0.3, -0.4, 0.9]] {
+        let mut turned = z;
+        unperturbed.forward(&mut turned);
+        let (before, after) =
+            (series.at(&z).expect("a point").1, series.at(&turned).expect("a point").1);
+        let leading = |epsilon: f64| {
+            let mut moved = turned;
+            model.with_epsilon(epsilon).near_identity().forward(&mut moved);
+            action.conjugated_invariant(&psi, &moved)
+        };
+        let slope = (leading(1e-5) - leading(-1e-5)) / 2e-5;
+        assert!(slope.abs() > 1e-3, "vacuous: {slope:e}");
+        let defect = after - before + slope;
+        assert!(defect.abs() < 1e-8, "{defect:e} of {slope}");
+    }
+    let circle_action = CircleAction::new([1, 0]);
+    let normal_form = NormalFormShape {
+        action: circle_action.into(),
+        psi: Vec::new(),
+        kicks: vec![4; 2],
+        twists: vec![4; 2],
+        turned_twists: Vec::new(),
+        flow_time: 1.0,
+        perturbation: None,
+    };
+    let model = normal_form.architecture(0.01).initialise(InitialWeights::Glorot, 1.0, 1);
+    assert!(SeriesInvariant::of(&model.expect("sound"), 64).is_none());
+    let henon = HenonShape { dof: 1, widths: vec![4] }.architecture(1.0);
+    let henon = henon.initialise(InitialWeights::Glorot, 0.0, 1).expect("sound");
+    assert!(SeriesInvariant::of(&henon, 64).is_none());
+}
+
+const OWN: &str = r#"
+name = "own"
+seed = 3
+flow_time = 0.7
+plots = ["own-invariant"]
+
+[system]
+kind = "oscillators"
+epsilon = 0.01
+
+[data]
+validation = 0.5
+windows = [{ low = [-1.0, -1.0, -1.0, -1.0], high = [1.0, 1.0, 1.0, 1.0], samples = 200 }]
+
+[[models]]
+name = "gyroceptron"
+network = { kind = "gyroceptron", psi = { count = 2, width = 4 }, near_identity = { count = 2, width = 4 } }
+weights = { kind = "normal", scale = 0.15 }
+
+[[models]]
+name = "henon-net"
+network = { kind = "henon-net", layers = { count = 2, width = 3 } }
+weights = { kind = "normal", scale = 0.15 }
+
+[training]
+iterations = 10
+optimiser = { kind = "levenberg-marquardt" }
+
+[own_invariant]
+steps = 400
+every = 10
+initial = [[0.7, 0.1, 0.0, 0.2], [0.2, 0.6, 0.0, 0.0]]
+"#;
+
+#[test]
+fn own_invariants_are_told_by_their_orders() {
+    let folder = temporary();
+    let report = run_in(folder.path(), &parse("own", OWN).expect("a scene"));
+    let found = &report.study("own_invariant").expect("a study").results.data;
+    let found = found.as_array().expect("networks");
+    // A HénonNet owns none.
+    assert_eq!(found.len(), 1);
+    assert_eq!(found[0]["name"], "gyroceptron");
+    let number = |value: &Value| value.as_f64().expect("a number");
+    let (leading, next) =
+        (number(&found[0]["leading_order"][0]), number(&found[0]["next_order"][0]));
+    assert!((leading - 1.0).abs() < 0.2 && (next - 2.0).abs() < 0.3, "{leading} {next}");
+    let sizes = found[0]["leading"].as_array().expect("sizes");
+    assert!(sizes.len() == 5 && number(&sizes[0]) > 50.0 * number(&sizes[4]), "{sizes:?}");
+    let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    assert!(text.contains("μ₀ changes as ε to the power") && text.contains("own-invariant.svg"));
+    refused(&OWN.replace("steps = 400", "steps = 0"), &["own_invariant", "steps"]);
+    refused(&OWN.replace("every = 10", "every = 500"), &["own_invariant", "every"]);
+    refused(&OWN.replace("[[0.7, 0.1, 0.0, 0.2]", "[[0.7, 0.1, 0.0]"), &["initial"]);
 }

@@ -8,6 +8,7 @@ mod helpers;
 mod invariants;
 mod long_steps;
 mod models;
+mod noise;
 mod slow_manifold;
 mod surfaces;
 mod trust;

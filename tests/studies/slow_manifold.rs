@@ -74,6 +74,17 @@ fn the_slow_manifold_is_that_of_the_equations() {
         let (q, p, mu) = (number(&largest[0]), number(&largest[1]), number(&largest[2]));
         assert!(q > 0.0 && q < 5.0 * 0.01 && p < 0.01 && mu < 5e-4, "{q} {p} {mu}");
     }
+    // All maps from all their weights, and the points that each has in place of those of the system.
+    let beside = data["beside_reference"].as_array().expect("maps");
+    let names: Vec<_> = beside.iter().map(|of| &of["name"]).collect();
+    assert_eq!(names, ["gyroceptron", "gyroceptron-seed-2", "gyroceptron-seed-3"]);
+    for of in beside {
+        let [system, learnt, moved, own] =
+            ["from_system", "from_learnt", "moved", "own"].map(|key| number(&of[key]));
+        assert!(system > 0.0 && learnt > 0.0 && moved > 1e-6, "{of}");
+        // The learnt invariant begins at 0 there.
+        assert!(own < 0.05, "{of}");
+    }
     let training = &report.study("training").expect("a study").results.data["models"];
     let trained: Vec<_> =
         training.as_array().expect("networks").iter().map(|m| &m["name"]).collect();
@@ -88,7 +99,14 @@ fn the_slow_manifold_is_that_of_the_equations() {
     };
     assert_ne!(parameters("gyroceptron"), parameters("gyroceptron-seed-2"));
     let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
-    for words in ["From several initial weights", "| `gyroceptron` | 3 |", "Adam", "Levenberg"] {
+    for words in [
+        "From several initial weights",
+        "| `gyroceptron` | 3 |",
+        "from the learnt level set",
+        "3 initial weights: from μ₀ = 0",
+        "Adam",
+        "Levenberg",
+    ] {
         assert!(text.contains(words), "the report lacks {words}");
     }
     assert!(text.contains("slow-manifold.csv") && text.contains("learnt-invariant.svg"));

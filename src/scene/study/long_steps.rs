@@ -378,8 +378,8 @@ impl LongStepsOptions {
             let own = context.training_times().iter().find(|times| times.model == one.spec.name);
             let own = own.and_then(|times| times.points.last()).map_or(0.0, |(_, s)| *s);
             let same = earlier.iter().flat_map(|at| &at.networks);
-            let same = same.filter(|network| network.name == one.network);
-            let start = same.last().map_or(0.0, |network| network.training_seconds);
+            let mut same = same.filter(|network| network.name == one.network);
+            let start = same.next_back().map_or(0.0, |network| network.training_seconds);
             [pairs.sum(), own + start]
         };
         Ok(trained.iter().map(of).collect())
@@ -605,13 +605,13 @@ impl Results<'_> {
             (format!("{what}: flow time"), Format::Exact),
             ("network".into(), Format::Exact),
             ("error".into(), Format::Exponent(2)),
-            ("µs for unit time".into(), Format::Magnitude),
+            ("µs for unit time".into(), Format::Significant),
             ("an integrator no less accurate".into(), Format::Exact),
-            ("its µs".into(), Format::Magnitude),
+            ("its µs".into(), Format::Significant),
             ("the network is faster by".into(), Format::Factor),
             ("one alone by".into(), Format::Factor),
             ("seconds of pairs and training".into(), Format::Fixed(0)),
-            ("steps that pay for them".into(), Format::Magnitude),
+            ("steps that pay for them".into(), Format::Significant),
         ]);
         for at in &self.times {
             for network in &at.networks {
@@ -657,11 +657,11 @@ impl Results<'_> {
                     let mut table = Table::new([
                         ("integrator", Format::Exact),
                         ("steps", Format::Setting),
-                        ("µs for unit time", Format::Magnitude),
-                        ("one alone", Format::Magnitude),
+                        ("µs for unit time", Format::Significant),
+                        ("one alone", Format::Significant),
                         ("the network is faster by", Format::Factor),
                         ("one alone by", Format::Factor),
-                        ("steps that pay for pairs and training", Format::Magnitude),
+                        ("steps that pay for pairs and training", Format::Significant),
                         ("its least error, where it is larger", Format::Exponent(2)),
                     ]);
                     for (name, found) in against.rivals() {
@@ -696,10 +696,10 @@ impl Results<'_> {
                         "`{}` takes {} µs for unit time, {} one alone; {} s of pairs and {} s of training came \
                          before.",
                         network.name,
-                        Format::Magnitude.number(against.seconds * MICRO),
+                        Format::Significant.number(against.seconds * MICRO),
                         against
                             .alone
-                            .map_or("?".into(), |alone| Format::Magnitude.number(alone * MICRO)),
+                            .map_or("?".into(), |alone| Format::Significant.number(alone * MICRO)),
                         Format::Fixed(1).number(network.pairs_seconds),
                         Format::Fixed(1).number(network.training_seconds),
                     )));

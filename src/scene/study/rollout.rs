@@ -6,6 +6,7 @@ use crate::flow::{ReferenceTrajectories, Trajectories};
 use crate::measure::{
     adiabatic::level_set,
     ratios::near_identity_rms,
+    timing::Spread,
     trajectories::{Departure, Drift, departures, distance, drift_exponent, drifts},
 };
 use crate::network::{Rollout, Structure};
@@ -230,18 +231,24 @@ impl Study for RolloutOptions {
         if context.draws(ERROR) && !networks.is_empty() {
             figures.push(orbits.errors(&networks));
         }
-        let summary = match networks.is_empty() {
-            true => Vec::new(),
-            false => vec![
-                Block::Table(orbits.overview(&networks)),
-                Block::Text(orbits.sentences(&networks)),
-            ],
-        };
+        let seeds = self.of_seeds(context, &initial, reference)?;
+        let mut summary = Vec::new();
+        if !networks.is_empty() {
+            summary.push(Block::Table(orbits.overview(&networks)));
+            summary.push(Block::Text(orbits.sentences(&networks)));
+        }
+        if !seeds.is_empty() {
+            summary.push(Block::Text(words_of_seeds(&seeds)));
+        }
         let mut data = json!({
             "reference_error": found.error,
             "reference_adiabatic": orbits.of_reference.as_ref().map(Change::data),
             "models": networks.iter().map(Network::data).collect::<Vec<_>>(),
         });
+        if !seeds.is_empty() {
+            let of = |(network, rms): &(String, Vec<f64>)| json!({ "network": network, "rms_errors": rms });
+            data["seeds"] = seeds.iter().map(of).collect();
+        }
         if !of_components.is_empty() {
             let named = |(name, errors): &(&str, Vec<f64>)| json!({ "name": name, "rms": errors });
             data["component_errors"] = of_components.iter().map(named).collect();
@@ -253,6 +260,51 @@ impl Study for RolloutOptions {
             ..Findings::default()
         })
     }
+}
+
+impl RolloutOptions {
+    /// Of each network with several initial weights, the root mean square distance from the reference of the map
+    /// from each of them.
+    fn of_seeds(
+        &self,
+        context: &mut Context<'_>,
+        initial: &[Vec<f64>],
+        reference: &Trajectories,
+    ) -> Result<Vec<(String, Vec<f64>)>, RunError> {
+        let mut out = Vec::new();
+        for (network, seeds) in context.by_network()? {
+            if seeds.len() < 2 {
+                continue;
+            }
+            let stage = format!("roll-outs of all weights of {network}");
+            let errors = context.stage(&stage, |_| {
+                let of = |trained: &Rc<Trained>| {
+                    let states = trained.model().rollout(&initial.concat(), self.request())?;
+                    let squares =
+                        states.iter().zip(reference.values()).map(|(a, b)| (a - b) * (a - b));
+                    let count = (states.len() / reference.dim()) as f64;
+                    Ok((squares.sum::<f64>() / count).sqrt())
+                };
+                seeds.iter().map(of).collect::<Result<Vec<f64>, Error>>()
+            })?;
+            out.push((network, errors));
+        }
+        Ok(out)
+    }
+}
+
+fn words_of_seeds(seeds: &[(String, Vec<f64>)]) -> String {
+    let of = |(network, errors): &(String, Vec<f64>)| {
+        let median = Spread::of(errors.clone()).map_or(f64::NAN, |spread| spread.median);
+        let worst = errors.iter().copied().fold(0.0, max_or_nan);
+        let all: Vec<String> = errors.iter().map(|error| format!("{error:.1e}")).collect();
+        format!(
+            "- `{network}` from {} initial weights, rms distance: {}; median {median:.1e}, worst {worst:.1e}.",
+            errors.len(),
+            all.join(", ")
+        )
+    };
+    seeds.iter().map(of).collect::<Vec<_>>().join("\n")
 }
 
 /// The change of an adiabatic invariant along orbits.

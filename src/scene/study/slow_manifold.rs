@@ -4,8 +4,10 @@ use super::rollout::{envelope, orbit_color};
 use super::shared::Study;
 use crate::error::Error;
 use crate::flow::Trajectories;
-use crate::measure::trajectories::drifts;
-use crate::network::{Rollout, Structure};
+use crate::measure::timing::Spread;
+use crate::measure::trajectories::{distance, drifts};
+use crate::network::{Model, Rollout, Structure, map_points};
+use crate::phase::Direction;
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::GAUSS_LEGENDRE;
 use crate::scene::context::{Context, RunError};
@@ -14,7 +16,7 @@ use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{Need, check_points};
 use crate::scene::words::initial_names;
-use crate::system::{NearlyPeriodic, System};
+use crate::system::{Hamiltonian, NearlyPeriodic, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -76,6 +78,7 @@ impl Study for SlowManifoldOptions {
         let moved = context.rollouts(&on, request)?;
         let beside = context.rollouts(&self.off, request)?;
 
+        let beside_reference = self.beside_reference(context, system, interval, request)?;
         let of = |name: &str, orbits: &Trajectories| Slow::of(system, name, orbits, interval);
         let mut slow = vec![of("reference", &reference.trajectories)];
         slow.extend(models.iter().zip(moved.iter()).map(|(m, orbits)| of(&m.spec.name, orbits)));
@@ -113,8 +116,12 @@ impl Study for SlowManifoldOptions {
             interval * (request.kept() - 1) as f64,
             system.epsilon()
         );
-        let mut summary =
-            vec![Block::Text(text), Block::Table(self.slow_table(&slow, system.epsilon()))];
+        let mut summary = vec![
+            Block::Text(text),
+            Block::Table(self.slow_table(&slow, system.epsilon())),
+            Block::Text(words_beside_reference(&beside_reference)),
+            Block::Table(table_beside_reference(&beside_reference)),
+        ];
         if !off.is_empty() {
             let text = "Off it: the invariant 𝔍₀∘ψ⁻¹ that was learnt beside μ₀ of the system, both \
                         along the network's orbits.";
@@ -122,6 +129,7 @@ impl Study for SlowManifoldOptions {
         }
         let data = json!({
             "slow": slow.iter().map(Slow::data).collect::<Vec<_>>(),
+            "beside_reference": beside_reference,
             "off": off.iter().map(Off::data).collect::<Vec<_>>(),
         });
         Ok(Findings {
@@ -171,6 +179,109 @@ impl Slow {
     }
 }
 
+/// How far the orbits of a map go from those of the reference, from points of the slow manifold and from those that the map
+/// itself has in their place.
+#[derive(Serialize)]
+struct BesideReference {
+    /// The network, and the name of the map from one of its initial weights.
+    network: String,
+    name: String,
+    /// The largest |z − z_ref| over the diagonal of the box that the reference goes through, the largest of all orbits: from
+    /// points with μ₀ = 0.
+    from_system: f64,
+    /// The same from ψ(w), w being ψ⁻¹ of such a point with the fast planes at 0, where 𝔍₀∘ψ⁻¹ = 0; None of maps that
+    /// own no such invariant.
+    from_learnt: Option<f64>,
+    /// The largest distance of that point from the other.
+    moved: Option<f64>,
+    /// The largest 𝔍₀∘ψ⁻¹ along the orbits from there.
+    own: Option<f64>,
+}
+
+/// The largest distance from a reference over the diagonal of the box that this goes through, over all orbits.
+fn relative_distance(orbits: &Trajectories, reference: &Trajectories) -> f64 {
+    let of = |m: usize| {
+        let states = || reference.orbit(m);
+        let widths = (0..reference.dim()).map(|i| {
+            let values = || states().map(move |z| z[i]);
+            let highest = values().reduce(max_or_nan).unwrap_or(f64::NAN);
+            let lowest = -values().map(|v| -v).reduce(max_or_nan).unwrap_or(f64::NAN);
+            highest - lowest
+        });
+        let diagonal = widths.map(|width| width * width).sum::<f64>().sqrt();
+        let apart = orbits.orbit(m).zip(states()).map(|(z, reference)| distance(z, reference));
+        apart.fold(0.0, max_or_nan) / diagonal
+    };
+    (0..reference.count()).map(of).fold(0.0, max_or_nan)
+}
+
+fn words_beside_reference(found: &[BesideReference]) -> String {
+    let mut out = "How far orbits go from those of the reference over a share of what these travel: the largest |z − z_ref| \
+                   over the diagonal of the box that the reference goes through, of the worst orbit. From points with \
+                   μ₀ = 0 of the system, and from the points nearest to them, in the coordinates of the map, on the zero level set of the \
+                   invariant that it has learnt."
+        .to_owned();
+    let mut networks: Vec<&str> = found.iter().map(|of| &of.network[..]).collect();
+    networks.dedup();
+    for network in networks {
+        let of: Vec<&BesideReference> = found.iter().filter(|of| of.network == network).collect();
+        let spread = |values: Vec<f64>| {
+            let worst = values.iter().copied().fold(0.0, max_or_nan);
+            let median = Spread::of(values).map_or(f64::NAN, |spread| spread.median);
+            format!(
+                "{} (median), {} (worst)",
+                Format::Percent.number(median),
+                Format::Percent.number(worst)
+            )
+        };
+        let system = spread(of.iter().map(|of| of.from_system).collect());
+        let learnt: Vec<f64> = of.iter().filter_map(|of| of.from_learnt).collect();
+        let learnt = if learnt.is_empty() { "–".into() } else { spread(learnt) };
+        out.push_str(&format!(
+            "\n- `{network}`, {} initial weights: from μ₀ = 0 {system}; from the learnt level set {learnt}.",
+            of.len()
+        ));
+    }
+    out
+}
+
+fn table_beside_reference(found: &[BesideReference]) -> Table {
+    let mut table = Table::new([
+        ("map", Format::Exact),
+        ("from μ₀ = 0", Format::Percent),
+        ("from the learnt level set", Format::Percent),
+        ("which is so far away", Format::Exponent(1)),
+        ("largest 𝔍₀∘ψ⁻¹ along it", Format::Exponent(1)),
+    ]);
+    for of in found {
+        table.push([
+            format!("`{}`", of.name).into(),
+            of.from_system.into(),
+            of.from_learnt.into(),
+            of.moved.into(),
+            of.own.into(),
+        ]);
+    }
+    table
+}
+
+/// ψ(w), w being ψ⁻¹(z) with the planes that the circle turns at 0: there 𝔍₀∘ψ⁻¹ = 0.
+fn on_learnt_manifold(model: &Model, z: &[f64]) -> Result<Vec<f64>, Error> {
+    let [psi, _] = model.chart_and_inner_map();
+    let mut w = z.to_vec();
+    map_points(&psi, Direction::Inverse, &mut w)?;
+    let dof = w.len() / 2;
+    for circle in &model.architecture().circles {
+        for (plane, weight) in circle.weights().iter().enumerate() {
+            if *weight != 0 {
+                (w[plane], w[dof + plane]) = (0.0, 0.0);
+            }
+        }
+    }
+    map_points(&psi, Direction::Forward, &mut w)?;
+    Ok(w)
+}
+
 /// Two invariants along orbits that start beside the slow manifold.
 struct Off {
     name: String,
@@ -196,6 +307,53 @@ impl Off {
 }
 
 impl SlowManifoldOptions {
+    /// All maps beside the reference, from all their initial weights.
+    fn beside_reference(
+        &self,
+        context: &mut Context<'_>,
+        system: &System,
+        interval: f64,
+        request: Rollout,
+    ) -> Result<Vec<BesideReference>, RunError> {
+        let on = self.on_manifold(system)?;
+        let dim = 2 * system.dof();
+        let mut out = Vec::new();
+        for (network, seeds) in context.by_network()? {
+            for trained in seeds {
+                let model = trained.model();
+                let orbits = |initial: &[Vec<f64>]| {
+                    let states = model.rollout(&initial.concat(), request)?;
+                    Trajectories::new(states, dim, initial.len())
+                };
+                let reference = context.reference(system, &on, interval, request.kept())?;
+                let from_system = relative_distance(&orbits(&on)?, &reference.trajectories);
+                let mut found = BesideReference {
+                    network: network.clone(),
+                    name: trained.spec.name.clone(),
+                    from_system,
+                    from_learnt: None,
+                    moved: None,
+                    own: None,
+                };
+                let adiabatic = model.architecture().structure() == Structure::NearlyPeriodic;
+                if adiabatic && model.architecture().is_symplectic() {
+                    let learnt = on.iter().map(|z| on_learnt_manifold(model, z));
+                    let learnt: Vec<Vec<f64>> = learnt.collect::<Result<_, Error>>()?;
+                    let apart = on.iter().zip(&learnt).map(|(a, b)| distance(a, b));
+                    found.moved = Some(apart.fold(0.0, max_or_nan));
+                    let reference = context.reference(system, &learnt, interval, request.kept())?;
+                    let moved = orbits(&learnt)?;
+                    found.from_learnt = Some(relative_distance(&moved, &reference.trajectories));
+                    let own = moved.values().chunks_exact(dim);
+                    let own = own.map(|z| model.adiabatic_invariant(z)[0].abs());
+                    found.own = Some(own.fold(0.0, max_or_nan));
+                }
+                out.push(found);
+            }
+        }
+        Ok(out)
+    }
+
     /// The points of the slow manifold, or the error that the system has none.
     fn on_manifold(&self, system: &System) -> Result<Vec<Vec<f64>>, Error> {
         let points = self.on.iter().map(|[q, p]| system.on_slow_manifold(*q, *p));

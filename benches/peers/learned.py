@@ -1,0 +1,509 @@
+#!/usr/bin/env python3
+"""Other ways to learn a flow map from the same pairs, on the same cores, and the table of their errors and times.
+
+    python3 benches/peers/learned.py [--seeds N] [--iterations N] [oscillators] [field-lines]
+
+Makes a virtual environment of its own in target/peers (JAX, NumPy and SciPy from PyPI), builds the program, makes
+pairs and reference orbits, lets `gyroceptron train` learn them, and trains beside it, in JAX by the same kind of
+optimiser (Levenberg-Marquardt) with as many parameters or more:
+
+- a multilayer perceptron for what the rotation of the limit leaves, which keeps nothing;
+- a network for the generating function of the midpoint, symplectic and implicit (Chen and Tao, arXiv:2103.05632,
+  in the form that a rotation leaves near the identity);
+- a network for the vector field whose flow over one step, by four Runge-Kutta steps, is what the rotation leaves
+  (a learnt averaged field, after Bouchereau, Chartier, Lemou and Mehats, arXiv:2208.09222);
+- on field lines, a Gaussian process for the generating function (Rath, Albert, Bischl and von Toussaint,
+  doi:10.1063/5.0048129), NumPy and SciPy.
+
+Errors are root mean squares; times of a step are of 64 trajectories together on one core, training of two cores.
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import time
+
+import compare
+
+FOLDER = compare.FOLDER
+ROOT = compare.ROOT
+
+# ABA(10,6,4) of Blanes et al., doi:10.1016/j.apnum.2013.01.003.
+A = [0.03809449742241219, 0.14529871611691375, 0.20762769572554125, 0.43590970365152616]
+A += [1 - 2 * sum(A)]
+B = [0.09585888083707521, 0.20444615314299878, 0.21707034797899110]
+B += [0.5 - sum(B)]
+A, B = A + A[-2::-1], B + B[::-1]
+
+
+class Oscillators:
+    """H = (q1^2 + p1^2)/2 + eps (q2^2 + p2^2)/2 + eps q1 q2 sin(2 q1 + 2 q2), a step of time 5."""
+
+    name, dof, time, epsilon = "oscillators", 2, 5.0, 0.01
+    options = ["--circle-action", "1,0", "--epsilon", "0.01", "--flow-time", "5"]
+    networks = {
+        "normal form": ["--kicks", "12x8", "--twists", "16x8"],
+        "gyroceptron": ["--architecture", "gyroceptron", "--psi", "10x8", "--near-identity", "10x8"],
+    }
+    long_steps = [40, 400, 4000]
+
+    def __init__(self, np):
+        random = np.random.default_rng(1)
+        self.points = random.uniform(-1.2, 1.2, (10_000, 4))
+        self.rotation = self.turn(np, 1.0)
+        self.half = self.turn(np, 0.5)
+        self.initial = np.tile([[1.0, 0.15, 0.0, 0.0], [0.8, 0.4, 0.3, 0.0], [0.5, 0.9, 0.0, 0.2], [1.1, -0.5, 0.2, 0.3]], (16, 1))
+
+    def turn(self, np, share):
+        c, s = np.cos(share * self.time), np.sin(share * self.time)
+        turn = np.eye(4)
+        turn[0, 0] = turn[2, 2] = c
+        turn[0, 2], turn[2, 0] = s, -s
+        return turn
+
+    def flow(self, np, z, steps=1):
+        """Columns q1, q2, p1, p2; errs by 1e-13."""
+        z = np.array(z)
+        count = 50
+        h = self.time / count
+
+        def turn(time):
+            for k, w in ((0, 1.0), (1, self.epsilon)):
+                c, s = np.cos(w * time), np.sin(w * time)
+                q, p = z[:, k].copy(), z[:, 2 + k].copy()
+                z[:, k], z[:, 2 + k] = c * q + s * p, c * p - s * q
+
+        for _ in range(steps * count):
+            for k, b in enumerate(B):
+                turn(A[k] * h)
+                s, c = np.sin(2 * (z[:, 0] + z[:, 1])), np.cos(2 * (z[:, 0] + z[:, 1]))
+                common = 2 * z[:, 0] * z[:, 1] * c
+                z[:, 2] -= self.epsilon * b * h * (z[:, 1] * s + common)
+                z[:, 3] -= self.epsilon * b * h * (z[:, 0] * s + common)
+            turn(A[-1] * h)
+        return z
+
+    def pairs(self, np):
+        return self.points, self.flow(np, self.points)
+
+
+class FieldLines:
+    """H = iota (r^2/2 - r^4/4)(1 + eps cos(2 phi - 3 theta)) around a circular axis, a turn."""
+
+    name, dof, time, epsilon = "field-lines", 1, 6.283185307179586, 1e-3
+    options = ["--circle-action", "1", "--epsilon", "0.001", "--radius", "1.3", "--units", "data", "--starts", "1"]
+    networks = {
+        "nearly integrable, polynomials": [
+            "--architecture", "normal-form", "--kicks", "10x1^16", "--twists", "1x1^10", "--perturbation", "10x1^16",
+            "--iterations", "400",
+        ]
+    }
+    long_steps = [100, 10_000]
+    iota, aspect = 2 / 5**0.5, 2.0
+
+    def __init__(self, np):
+        random = np.random.default_rng(1)
+        radii, angles = np.sqrt(random.uniform(0.01, 0.81, 64)), random.uniform(0, 2 * np.pi, 64)
+        orbits = [self.canonical(np, np.stack([radii, angles], axis=1))]
+        for _ in range(94):
+            orbits.append(self.flow(np, orbits[-1]))
+        self.orbits = np.array(orbits)
+        # The mean rotation of a turn, of what has one at the axis.
+        angle = self.iota * self.time
+        self.rotation = self.turn(np, angle)
+        self.half = self.turn(np, angle / 2)
+        radii = np.linspace(0.15, 0.85, 16)
+        self.initial = np.repeat(self.canonical(np, np.stack([radii, 0 * radii], axis=1)), 4, axis=0)
+
+    @staticmethod
+    def turn(np, angle):
+        c, s = np.cos(angle), np.sin(angle)
+        return np.array([[c, s], [-s, c]])
+
+    def canonical(self, np, x):
+        length = x[:, 0] * np.sqrt(1 - 2 / 3 * x[:, 0] / self.aspect * np.cos(x[:, 1]))
+        return np.stack([length * np.sin(x[:, 1]), length * np.cos(x[:, 1])], axis=1)
+
+    def polar(self, np, z):
+        p = z[:, 1] / self.aspect
+        u = 1 + p / 3
+        for _ in range(8):
+            u = u - (u * u * (1 - 2 / 3 * p * u) - 1) / (2 * u * (1 - p * u))
+        return np.stack([np.hypot(z[:, 0], z[:, 1]) * u, np.arctan2(z[:, 0], z[:, 1])], axis=1)
+
+    def field(self, np, x, phi):
+        r, theta = x[:, 0], x[:, 1]
+        phase = 2 * phi - 3 * theta
+        wave = 1 + self.epsilon * np.cos(phase)
+        f, slope = self.iota * (r**2 / 2 - r**4 / 4), self.iota * (r - r**3)
+        by_theta = 3 * self.epsilon * f * np.sin(phase)
+        p_r = r - r**2 * np.cos(theta) / self.aspect
+        p_theta = r**3 * np.sin(theta) / (3 * self.aspect)
+        turning = slope * wave / p_r
+        return np.stack([-(by_theta + p_theta * turning) / p_r, turning], axis=1)
+
+    def flow(self, np, z, steps=1):
+        """Runge-Kutta 4 of 400 steps a turn in (r, theta): errs by 1e-10."""
+        x = self.polar(np, np.array(z))
+        count = 400
+        h = self.time / count
+        for k in range(steps * count):
+            phi = k * h
+            k1 = self.field(np, x, phi)
+            k2 = self.field(np, x + h / 2 * k1, phi + h / 2)
+            k3 = self.field(np, x + h / 2 * k2, phi + h / 2)
+            k4 = self.field(np, x + h * k3, phi + h)
+            x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return self.canonical(np, x)
+
+    def pairs(self, np):
+        return self.orbits[:-1].reshape(-1, 2), self.orbits[1:].reshape(-1, 2)
+
+
+def mlp_shape(inputs, outputs, parameters):
+    """Two hidden layers of one width, with as many parameters or a few more."""
+    width = 1
+    while inputs * width + width + width * width + width + width * outputs + outputs < parameters:
+        width += 1
+    return [(inputs, width), (width, width), (width, outputs)]
+
+
+class Learned:
+    """A model in JAX: parameters in one vector, a map, a residual."""
+
+    def __init__(self, case, kind, parameters, seed):
+        import jax
+        import jax.numpy as jnp
+        import numpy as np
+
+        self.jnp, self.case, self.kind = jnp, case, kind
+        dim = 2 * case.dof
+        outputs = 1 if kind == "generating" else dim
+        self.shape = mlp_shape(dim, outputs, parameters)
+        random = np.random.default_rng(seed)
+        flat = []
+        for rows, columns in self.shape:
+            flat += [random.normal(0, (2 / (rows + columns)) ** 0.5, rows * columns), np.zeros(columns)]
+        # The last layer begins small: the map is then the rotation, nearly.
+        flat[-2] *= 0.1
+        self.flat = jnp.asarray(np.concatenate(flat))
+        self.rotation, self.half = jnp.asarray(case.rotation), jnp.asarray(case.half)
+        self.activations = sum(columns for _, columns in self.shape[:-1])
+        n = case.dof
+        omega = np.zeros((dim, dim))
+        omega[:n, n:], omega[n:, :n] = np.eye(n), -np.eye(n)
+        self.omega = jnp.asarray(omega)
+
+    def network(self, flat, z):
+        jnp, at = self.jnp, 0
+        for number, (rows, columns) in enumerate(self.shape):
+            w = flat[at : at + rows * columns].reshape(rows, columns)
+            b = flat[at + rows * columns : at + rows * columns + columns]
+            at += rows * columns + columns
+            z = z @ w + b
+            if number + 1 < len(self.shape):
+                z = jnp.tanh(z)
+        return z
+
+    def field(self, flat, z):
+        """Omega times the gradient of the generating function."""
+        import jax
+
+        return self.omega @ jax.grad(lambda w: self.network(flat, w)[0])(z)
+
+    def step(self, flat, z):
+        """One point."""
+        jnp = self.jnp
+        if self.kind == "mlp":
+            return self.rotation @ z + self.network(flat, z)
+        if self.kind == "field":
+            w, h = z, 0.25
+            for _ in range(4):
+                k1 = self.network(flat, w)
+                k2 = self.network(flat, w + h / 2 * k1)
+                k3 = self.network(flat, w + h / 2 * k2)
+                k4 = self.network(flat, w + h * k3)
+                w = w + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            return self.rotation @ w
+        # w' = w + Omega grad S((w + w')/2) between two half rotations, by iterations to rounding.
+        w = self.half @ z
+        moved = w
+        for _ in range(ITERATIONS_OF_IMPLICIT):
+            moved = w + self.field(flat, 0.5 * (w + moved))
+        return self.half @ moved
+
+    def residual(self, flat, z, target):
+        if self.kind != "generating":
+            return self.step(flat, z) - target
+        # Of pairs the midpoint is known: nothing is implicit.
+        w, moved = self.half @ z, self.half.T @ target
+        return moved - w - self.field(flat, 0.5 * (w + moved))
+
+
+ITERATIONS_OF_IMPLICIT = 30
+
+
+def levenberg_marquardt(model, inputs, outputs, iterations):
+    """Minimises the mean square of the residuals; None where it comes to nothing finite."""
+    import jax
+    import jax.numpy as jnp
+    import jax.scipy.linalg as linalg
+
+    chunk = 500
+    used = len(inputs) // chunk * chunk
+    parts = jnp.asarray(inputs[:used].reshape(-1, chunk, inputs.shape[1]))
+    targets = jnp.asarray(outputs[:used].reshape(-1, chunk, inputs.shape[1]))
+    one = jax.vmap(model.residual, in_axes=(None, 0, 0))
+    slopes = jax.vmap(jax.jacrev(model.residual), in_axes=(None, 0, 0))
+
+    @jax.jit
+    def loss(flat):
+        return jax.lax.map(lambda part: jnp.sum(one(flat, *part) ** 2), (parts, targets)).sum()
+
+    @jax.jit
+    def normal(flat):
+        def body(sums, part):
+            r = one(flat, *part).reshape(-1)
+            j = slopes(flat, *part).reshape(r.shape[0], -1)
+            return (sums[0] + j.T @ j, sums[1] + j.T @ r, sums[2] + r @ r), None
+
+        p = flat.shape[0]
+        return jax.lax.scan(body, (jnp.zeros((p, p)), jnp.zeros(p), jnp.zeros(())), (parts, targets))[0]
+
+    @jax.jit
+    def solve(matrix, gradient, damping):
+        scale = jnp.diag(matrix) + 1e-12 * jnp.max(jnp.diag(matrix))
+        factor = linalg.cho_factor(matrix + damping * jnp.diag(scale))
+        return linalg.cho_solve(factor, gradient)
+
+    flat, damping = model.flat, 1e-3
+    for _ in range(iterations):
+        matrix, gradient, value = normal(flat)
+        for _ in range(12):
+            candidate = flat - solve(matrix, gradient, damping)
+            if loss(candidate) < value:
+                flat, damping = candidate, max(damping / 5, 1e-14)
+                break
+            damping *= 4
+        else:
+            break
+    model.flat = flat
+
+
+def rms(np, difference):
+    return float(np.sqrt(np.mean(np.sum(difference**2, axis=-1))))
+
+
+def judged(np, case, orbits, reference):
+    """Distances over the first steps and over all, and from the orbits of the reference, for the report."""
+    cells = []
+    for steps in case.long_steps:
+        found = orbits[: steps + 1]
+        ok = np.isfinite(found).all() and np.abs(found).max() < 10
+        cells.append(f"{rms(np, found - reference[: steps + 1]):.1e}" if ok else "lost")
+    return cells
+
+
+def invariant_drift(np, case, orbits):
+    """How far the energy has gone at the end, over its range among the orbits; of field lines, r on the section."""
+    if case.name == "oscillators":
+        q1, q2, p1, p2 = (orbits[..., k] for k in range(4))
+        energy = (q1**2 + p1**2) / 2 + case.epsilon * ((q2**2 + p2**2) / 2 + q1 * q2 * np.sin(2 * q1 + 2 * q2))
+        return f"{np.abs(energy[-100:] - energy[0]).max() / energy[0].mean():.1e}"
+    from scipy.spatial import cKDTree
+
+    # The last points of each line from all those of the reference on its surface.
+    worst = []
+    for line in range(0, orbits.shape[1], 4):
+        tree = cKDTree(case.surfaces[:, line])
+        last = orbits[-500:, line]
+        worst.append(np.inf if not np.isfinite(last).all() else tree.query(last)[0].max())
+    return f"{np.median(worst):.1e}, {max(worst):.1e}"
+
+
+def gaussian_process(np, case, inputs, outputs):
+    """F(q, P) with p = P + dF/dq, Q = q + dF/dP, q = theta and p = p_theta, from derivatives at pairs."""
+    from scipy.linalg import cho_factor, cho_solve
+    from scipy.optimize import minimize
+
+    def coordinates(z):
+        return np.arctan2(z[:, 0], z[:, 1]), 0.5 * (z**2).sum(axis=1)
+
+    (q, p), (big_q, big_p) = coordinates(inputs), coordinates(outputs)
+    turn = case.iota * case.time
+    # The angle gone, counted through whole turns by the nearest to that of the surface at rest.
+    gone = big_q - q
+    guess = turn * (1 - 2 * p)
+    gone += 2 * np.pi * np.round((guess - gone) / (2 * np.pi))
+    centre, size = p.mean(), p.std()
+
+    def kernel(q1, p1, q2, p2, lq, lp):
+        """Blocks of second derivatives d1 d2 of exp(-sin^2((q1-q2)/2)/(2 lq^2)) exp(-(p1-p2)^2/(2 lp^2))."""
+        d, e = q1[:, None] - q2[None, :], (p1[:, None] - p2[None, :]) / lp
+        k = np.exp(-np.sin(d / 2) ** 2 / (2 * lq**2) - e**2 / 2)
+        a = np.sin(d) / (4 * lq**2)
+        qq = (np.cos(d) / (4 * lq**2) - a**2) * k
+        pp = (1 - e**2) / lp**2 * k
+        qp = -a * e / lp * k
+        return np.block([[qq, qp], [qp, pp]])
+
+    y = np.concatenate([p - big_p, gone])
+    mean = np.concatenate([np.zeros(len(q)), np.full(len(q), y[len(q) :].mean())])
+
+    def factor_of(log):
+        lq, lp, amplitude, noise = np.exp(log)
+        k = amplitude * kernel(q, big_p, q, big_p, lq, lp)
+        return cho_factor(k + noise * np.eye(len(k)), lower=True), (lq, lp, amplitude)
+
+    def likelihood(log):
+        try:
+            factor, _ = factor_of(log)
+        except np.linalg.LinAlgError:
+            return 1e25
+        return 0.5 * (y - mean) @ cho_solve(factor, y - mean) + np.log(np.diag(factor[0])).sum()
+
+    start = np.log([0.7, 2 * size, 1.0, 1e-8])
+    found = minimize(likelihood, start, method="Nelder-Mead", options={"maxiter": 60})
+    factor, (lq, lp, amplitude) = factor_of(found.x)
+    weights = amplitude * cho_solve(factor, y - mean)
+
+    def step(z):
+        at, before = coordinates(z)
+        new = before.copy()
+        for _ in range(12):
+            h = 1e-6
+            f = lambda x: kernel(at, x, q, big_p, lq, lp)[: len(at)] @ weights
+            value = new + f(new) - before
+            slope = 1 + (f(new + h) - f(new - h)) / (2 * h)
+            new = np.clip(new - value / slope, 1e-6, 0.6)
+        moved = kernel(at, new, q, big_p, lq, lp)[len(at) :] @ weights + mean[-1]
+        r = np.sqrt(2 * new)
+        return np.stack([r * np.sin(at + moved), r * np.cos(at + moved)], axis=1)
+
+    return step, centre
+
+
+def program(case, name, options, folder, np):
+    """What the program makes of the pairs: seconds of training, its report's figures, orbits, seconds of a step."""
+    binary = ROOT / "target" / "release" / "gyroceptron"
+    model = folder / f"{name.replace(' ', '-').replace(',', '')}.json"
+    command = [binary, "train", "--data", folder / "pairs.npz", "--output", model, "--overwrite", "--json", *case.options, *options]
+    start = time.perf_counter()
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
+    seconds = time.perf_counter() - start
+    if done.returncode not in (0, 1):
+        sys.exit(done.stderr)
+    steps = case.long_steps[-1]
+    predict = [binary, "predict", "--model", model, "--input", folder / "initial.npy", "--steps", steps, "--every", "1",
+               "--output", folder / "orbits.npy", "--overwrite", "--outside", "ignore", "--threads", "1"]
+    start = time.perf_counter()
+    subprocess.run([str(part) for part in predict], check=True, capture_output=True)
+    together = (time.perf_counter() - start) / (steps * 64)
+    once = [*predict]
+    once[once.index("--input") + 1], once[once.index("--steps") + 1] = folder / "held-out.npy", 1
+    once[once.index("--output") + 1] = folder / "step.npy"
+    subprocess.run([str(part) for part in once], check=True, capture_output=True)
+    parameters = len(json.loads(model.read_text())["parameters"]) if "parameters" in json.loads(model.read_text()) else None
+    return seconds, np.load(folder / "step.npy")[-1], np.load(folder / "orbits.npy"), together, parameters
+
+
+def run(case, options, np):
+    folder = FOLDER / "learned" / case.name
+    folder.mkdir(parents=True, exist_ok=True)
+    inputs, outputs = case.pairs(np)
+    order = np.random.default_rng(2).permutation(len(inputs))
+    inputs, outputs = inputs[order], outputs[order]
+    held = len(inputs) // 10
+    np.savez(folder / "pairs.npz", input=inputs[held:], output=outputs[held:])
+    np.save(folder / "held-out.npy", inputs[:held])
+    np.save(folder / "initial.npy", case.initial)
+    reference = [case.initial]
+    for _ in range(case.long_steps[-1]):
+        reference.append(case.flow(np, reference[-1]))
+    reference = np.array(reference)
+    case.surfaces = reference
+    drift = "surface, median and largest" if case.name == "field-lines" else "energy at the end"
+    lengths = " | ".join(f"{steps:,} steps" for steps in case.long_steps)
+    print(f"\n{case.name}: {len(inputs) - held:,} pairs of a step of time {case.time:.4g}\n")
+    print(f"| learnt | parameters | one step | {lengths} | {drift} | seconds of training | µs a step |")
+    print("|---|---|" + "---|" * (len(case.long_steps) + 4), flush=True)
+
+    def row(name, parameters, step, orbits, seconds, micro):
+        one = f"{rms(np, step - outputs[:held]):.1e}" if np.isfinite(step).all() else "lost"
+        cells = [name, parameters, one, *judged(np, case, orbits, reference), invariant_drift(np, case, orbits)]
+        print("| " + " | ".join(map(str, cells)) + f" | {seconds:.0f} | {micro:.2g} |", flush=True)
+
+    most = 0
+    for name, arguments in case.networks.items():
+        seconds, step, orbits, together, parameters = program(case, name, arguments, folder, np)
+        most = max(most, parameters or 0)
+        row(f"`gyroceptron`, {name}", parameters, step, orbits, seconds, 1e6 * together)
+
+    import jax
+    import jax.numpy as jnp
+
+    for kind, name in (("mlp", "perceptron"), ("generating", "generating function"), ("field", "averaged field")):
+        for seed in range(options.seeds):
+            model = Learned(case, kind, most, seed)
+            start = time.perf_counter()
+            levenberg_marquardt(model, inputs[held:], outputs[held:], options.iterations)
+            seconds = time.perf_counter() - start
+            steps = jax.vmap(model.step, in_axes=(None, 0))
+
+            def orbits_of(flat, z):
+                def body(w, _):
+                    w = steps(flat, w)
+                    return w, w
+
+                return jax.lax.scan(body, z, None, length=case.long_steps[-1])[1]
+
+            compiled = jax.jit(orbits_of)
+            found = compiled(model.flat, jnp.asarray(case.initial)).block_until_ready()
+            start = time.perf_counter()
+            found = compiled(model.flat, jnp.asarray(case.initial)).block_until_ready()
+            micro = 1e6 * (time.perf_counter() - start) / (case.long_steps[-1] * 64)
+            orbits = np.concatenate([case.initial[None], np.asarray(found)])
+            step = np.asarray(jax.jit(steps)(model.flat, jnp.asarray(inputs[:held])))
+            row(f"{name} (JAX), seed {seed}", len(model.flat), step, orbits, seconds, micro)
+
+    if case.name == "field-lines":
+        for count in (500, 1000):
+            start = time.perf_counter()
+            step, _ = gaussian_process(np, case, inputs[held : held + count], outputs[held : held + count])
+            seconds = time.perf_counter() - start
+            few = case.long_steps[0]
+            z, orbits = case.initial, [case.initial]
+            start = time.perf_counter()
+            for _ in range(few):
+                z = step(z)
+                orbits.append(z)
+            micro = 1e6 * (time.perf_counter() - start) / (few * 64)
+            # Its orbits are too slow for more.
+            orbits = np.array(orbits + [np.full_like(z, np.nan)] * (case.long_steps[-1] - few))
+            row(f"Gaussian process of {count} pairs (NumPy)", f"{2 * count} weights", step(inputs[:held]), orbits, seconds, micro)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=1, help="initial weights of each network in JAX")
+    parser.add_argument("--iterations", type=int, default=200, help="of Levenberg-Marquardt in JAX")
+    parser.add_argument("cases", nargs="*", choices=["oscillators", "field-lines", []])
+    options = parser.parse_args()
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    import numpy as np
+
+    subprocess.run(["cargo", "build", "--release", "--quiet", "--locked"], check=True, cwd=ROOT)
+    for case in (Oscillators, FieldLines):
+        if not options.cases or case.name in options.cases:
+            run(case(np), options, np)
+    return 0
+
+
+if __name__ == "__main__":
+    compare.environment()
+    sys.exit(main())

@@ -1,0 +1,357 @@
+//! Pairs with noise and pairs with a gap: what each network makes of them, and what is said of it.
+
+use super::shared::{Study, check_along, finite};
+use crate::error::Error;
+use crate::flow::{Pairs, Trajectories};
+use crate::layer::TorusAction;
+use crate::measure::timing::root_mean_square_distance;
+use crate::measure::trajectories::drifts;
+use crate::network::{Rollout, map_points};
+use crate::phase::Direction;
+use crate::random::Stream;
+use crate::scalar::max_or_nan;
+use crate::scene::context::{Context, RunError};
+use crate::scene::declared::Declared;
+use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
+use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::learning::learn_at;
+use crate::scene::setup::{MOST, ModelSpec, Need, SeededTraining, Setup};
+use crate::system::{Hamiltonian, NearlyPeriodic};
+use crate::train::{Judgement, fit_rotation};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::rc::Rc;
+
+const FIGURE: &str = "noise";
+
+/// Networks of pairs with noise, and of pairs with a gap.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoiseOptions {
+    /// Standard deviations of normal noise on each component of inputs and outputs, training and held out.
+    pub levels: Vec<f64>,
+    /// Pairs with inputs in here are left out, where there is one, without noise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gap: Option<Gap>,
+    /// Applications of the map.
+    pub steps: usize,
+    /// One state in so many is compared with the reference.
+    pub every: usize,
+    /// The initial points.
+    pub initial: Vec<Vec<f64>>,
+}
+
+/// A slab of points without pairs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gap {
+    /// The component that tells, from 0 in the order q₁ … pₙ.
+    pub component: usize,
+    /// It lies between this …
+    pub low: f64,
+    /// … and this.
+    pub high: f64,
+}
+
+/// One way in which pairs are not what the flow has.
+#[derive(Clone, Copy)]
+enum Fault {
+    None,
+    Noise(f64),
+    Gap(Gap),
+}
+
+impl Fault {
+    /// As a part of the name of a file.
+    fn suffix(self) -> String {
+        match self {
+            Self::None => String::new(),
+            Self::Noise(level) => format!("noise-{level:e}").replace('.', "_"),
+            Self::Gap(_) => "gap".into(),
+        }
+    }
+
+    fn words(self) -> String {
+        match self {
+            Self::None => "none".into(),
+            Self::Noise(level) => format!("noise {}", Format::Setting.number(level)),
+            Self::Gap(Gap { component, low, high }) => {
+                format!("no pairs with {low} < z[{component}] < {high}")
+            }
+        }
+    }
+}
+
+impl Study for NoiseOptions {
+    fn name(&self) -> &'static str {
+        "noise"
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::System, Need::FlowTime, Need::Data, Need::Models]
+    }
+
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
+        Error::check_count_range("levels", self.levels.len(), 1, MOST)?;
+        for level in &self.levels {
+            Error::check_range("levels", *level, Error::LEAST_POSITIVE, f64::MAX)?;
+        }
+        if let Some(Gap { component, low, high }) = self.gap {
+            if !(low < high) {
+                return Err(Error::invalid("gap", format!("{low} … {high}"), "low below high"));
+            }
+            if let Some(system) = &scene.setup.system {
+                Error::check_count_range("gap.component", component, 0, 2 * system.dof() - 1)?;
+            }
+        }
+        for model in &scene.setup.models {
+            let training = scene.setup.training_of(model);
+            if !training.ramp.is_empty() || model.network.is_of_file() {
+                let expected = "networks to train without a ramp, whose pairs would have no noise";
+                return Err(Error::invalid("models", &model.name, expected));
+            }
+        }
+        check_along(scene, self.steps, self.every, &self.initial)
+    }
+
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
+        vec![FIGURE]
+    }
+
+    fn shorten(&mut self) {
+        self.levels = self.levels.iter().step_by(2).copied().collect();
+    }
+
+    fn trainings(&self, setup: &Setup) -> Vec<SeededTraining> {
+        self.faults().skip(1).flat_map(|fault| attempts(setup, fault)).collect()
+    }
+
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
+        let (system, time) = (context.system()?, context.flow_time()?);
+        let clean = context.data()?;
+        let interval = time * self.every as f64;
+        let request = Rollout { steps: self.steps, every: self.every };
+        let reference = context.reference(system, &self.initial, interval, request.kept())?;
+        let (mut found, seed) = (Vec::new(), context.scene.seed);
+        for fault in self.faults() {
+            let data = clean.changed(
+                &mut |name, pairs| changed(pairs, fault, seed, name),
+                system,
+                time,
+            )?;
+            let action = TorusAction::from(system.circle_action());
+            let angles = [fit_rotation(&data.training, &system.circle_action())];
+            let models = match fault {
+                Fault::None => context.models()?,
+                _ => {
+                    let mut models = Vec::new();
+                    for attempt in attempts(context.scene.setup, fault) {
+                        let stage = format!("training {}", attempt.spec.name);
+                        let learn = |context: &mut Context<'_>| {
+                            learn_at(context, &data, attempt, time, None)
+                        };
+                        models.push(Rc::new(context.stage(&stage, learn)?));
+                    }
+                    models
+                }
+            };
+            for trained in models {
+                let model = trained.model();
+                let judge = clean.to_judge_by();
+                let mut moved = judge.input().to_vec();
+                map_points(model.composition(), Direction::Forward, &mut moved)?;
+                let dim = 2 * judge.dof();
+                let states = model.rollout(&self.initial.concat(), request)?;
+                let states = Trajectories::new(states, dim, self.initial.len())?;
+                let of_reference = reference.trajectories.values();
+                let own = model.invariant().map(|own| {
+                    let changes = drifts(&states, own);
+                    changes.iter().map(|d| d.largest / d.initial.abs()).fold(0.0, max_or_nan)
+                });
+                let judgement = Judgement::of(
+                    &trained.outcome,
+                    &data.training,
+                    data.held_out.as_ref(),
+                    (&action, &angles),
+                )?;
+                found.push(Found {
+                    fault: fault.words(),
+                    level: match fault {
+                        Fault::Noise(level) => Some(level),
+                        Fault::None | Fault::Gap(_) => None,
+                    },
+                    network: trained.network.clone(),
+                    pairs: data.training.len(),
+                    held_out: trained.held_out_error.map(f64::sqrt),
+                    clean: finite(
+                        root_mean_square_distance(&moved, judge.output(), dim)
+                            / (dim as f64).sqrt(),
+                    ),
+                    rollout: finite(root_mean_square_distance(states.values(), of_reference, dim)),
+                    own: own.and_then(finite),
+                    verdict: judgement.verdict,
+                    reasons: judgement.reasons().map(str::to_owned).collect(),
+                });
+            }
+        }
+        let figures = match context.draws(FIGURE) {
+            true => vec![figure(&found)],
+            false => Vec::new(),
+        };
+        Ok(Findings {
+            title: "Noise and gaps".into(),
+            results: Section {
+                summary: vec![Block::Text(self.words()), Block::Table(table(&found))],
+                details: vec![Block::Text(reasons(&found))],
+                data: json!(found),
+            },
+            figures,
+            ..Findings::default()
+        })
+    }
+}
+
+/// What a network made of pairs.
+#[derive(Serialize)]
+struct Found {
+    fault: String,
+    level: Option<f64>,
+    network: String,
+    /// The pairs it was trained on.
+    pairs: usize,
+    /// Root mean squares of a component: on held-out pairs as they are, and on those of the flow.
+    held_out: Option<f64>,
+    clean: Option<f64>,
+    /// The root mean square distance of its orbits from those of the reference.
+    rollout: Option<f64>,
+    /// The largest change of its own invariant along them, over its value.
+    own: Option<f64>,
+    verdict: &'static str,
+    reasons: Vec<String>,
+}
+
+/// The trainings on pairs with a fault.
+fn attempts(setup: &Setup, fault: Fault) -> Vec<SeededTraining> {
+    let models = setup.models.iter().filter(|model| !model.training_only);
+    let of = |model: &ModelSpec| {
+        let mut spec = model.clone();
+        spec.seeds = None;
+        spec.name = format!("{}-{}", model.name, fault.suffix());
+        SeededTraining { spec, network: model.name.clone(), number: 0 }
+    };
+    models.map(of).collect()
+}
+
+/// The pairs with a fault.
+fn changed(pairs: &Pairs, fault: Fault, seed: u64, name: &str) -> Result<Pairs, Error> {
+    match fault {
+        Fault::None => Ok(pairs.clone()),
+        Fault::Noise(level) => {
+            // The same draw at every level.
+            let mut stream = Stream::new(seed, &format!("noise/{name}"));
+            let mut noisy =
+                |rows: &[f64]| rows.iter().map(|v| level.mul_add(stream.normal(), *v)).collect();
+            let (input, output) = (noisy(pairs.input()), noisy(pairs.output()));
+            Pairs::new("noise", pairs.dof(), input, output)
+        }
+        // What is held out stays whole, to be judged by.
+        Fault::Gap(_) if name != "training" => Ok(pairs.clone()),
+        Fault::Gap(Gap { component, low, high }) => {
+            let dim = 2 * pairs.dof();
+            let inside = |z: &[f64]| low < z[component] && z[component] < high;
+            let rows = pairs.input().chunks_exact(dim).enumerate();
+            let kept: Vec<usize> = rows.filter(|(_, z)| !inside(z)).map(|(row, _)| row).collect();
+            Error::check_count_range("pairs outside of the gap", kept.len(), 1, MOST)?;
+            Ok(pairs.rows(kept))
+        }
+    }
+}
+
+impl NoiseOptions {
+    /// None first.
+    fn faults(&self) -> impl Iterator<Item = Fault> {
+        let noise = self.levels.iter().map(|level| Fault::Noise(*level));
+        [Fault::None].into_iter().chain(noise).chain(self.gap.map(Fault::Gap))
+    }
+
+    fn words(&self) -> String {
+        format!(
+            "Noise is normal, of each component of inputs and outputs, training and held out. Beside the error on the held-out pairs as \
+             they are stands that on the pairs of the flow, which nobody has who has only the former. Noise of σ on both ends leaves \
+             some σ√2 of a component on held-out pairs, however good the map is. Roll-outs are of {} steps from {} points.",
+            self.steps,
+            self.initial.len()
+        )
+    }
+}
+
+fn table(found: &[Found]) -> Table {
+    let mut table = Table::new([
+        ("pairs have", Format::Exact),
+        ("network", Format::Exact),
+        ("held-out error, rms of a component", Format::Exponent(1)),
+        ("on the flow's pairs", Format::Exponent(1)),
+        ("roll-out, rms distance", Format::Exponent(1)),
+        ("own invariant changes by", Format::Percent),
+        ("verdict", Format::Exact),
+    ]);
+    for of in found {
+        table.push([
+            of.fault.clone().into(),
+            format!("`{}`", of.network).into(),
+            of.held_out.into(),
+            of.clean.into(),
+            of.rollout.into(),
+            of.own.into(),
+            of.verdict.into(),
+        ]);
+    }
+    table
+}
+
+fn reasons(found: &[Found]) -> String {
+    let of = |of: &Found| {
+        let reasons = if of.reasons.is_empty() {
+            "no reason against it".into()
+        } else {
+            of.reasons.join("; ")
+        };
+        format!("- {}, `{}`: {}: {reasons}.", of.fault, of.network, of.verdict)
+    };
+    found.iter().map(of).collect::<Vec<_>>().join("\n")
+}
+
+fn figure(found: &[Found]) -> Figure {
+    let mut names: Vec<&str> = Vec::new();
+    for of in found {
+        if !names.contains(&&of.network[..]) {
+            names.push(&of.network);
+        }
+    }
+    let panel = |title: &str, pick: fn(&Found) -> Option<f64>| {
+        let series = names.iter().enumerate().map(|(color, name)| {
+            let of = found.iter().filter(|of| of.network == *name);
+            let points = of.filter_map(|of| Some((of.level?, pick(of)?)));
+            Series {
+                name: (*name).to_owned(),
+                color,
+                style: Style::Marked,
+                points: points.collect(),
+            }
+        });
+        Panel {
+            title: title.into(),
+            x_label: "noise".into(),
+            y_label: "rms".into(),
+            x: Axis::Log,
+            y: Axis::Log,
+            series: series.collect(),
+            ..Panel::default()
+        }
+    };
+    Figure::in_a_row(
+        FIGURE,
+        "Against the noise of the pairs: the error of a step against the flow itself, and the distance over the roll-out.",
+        vec![panel("one step", |of| of.clean), panel("roll-out", |of| of.rollout)],
+    )
+}

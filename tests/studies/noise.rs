@@ -1,0 +1,101 @@
+//! Pairs with noise, and with a gap.
+
+use crate::helpers::{refused, run_in, temporary};
+use gyroceptron::scene::{Folder, parse};
+use serde_json::Value;
+
+const NOISE: &str = r#"
+name = "noisy"
+seed = 2
+flow_time = 0.8
+plots = ["noise"]
+
+[system]
+kind = "oscillators"
+epsilon = 0.05
+
+[data]
+validation = 0.3
+windows = [{ low = [-1.0, -1.0, -1.0, -1.0], high = [1.0, 1.0, 1.0, 1.0], samples = 700 }]
+
+[[models]]
+name = "normal-form"
+network = { kind = "normal-form", kicks = { count = 3, width = 4 }, twists = { count = 4, width = 4 } }
+weights = { kind = "normal", scale = 0.15 }
+
+[[models]]
+name = "henon-net"
+network = { kind = "henon-net", layers = { count = 4, width = 4 } }
+weights = { kind = "normal", scale = 0.15 }
+
+[training]
+iterations = 150
+optimiser = { kind = "levenberg-marquardt" }
+
+[noise]
+levels = [1e-3, 1e-2, 1.0]
+gap = { component = 1, low = 0.0, high = 2.0 }
+steps = 60
+every = 2
+initial = [[0.7, 0.1, 0.0, 0.2], [0.2, 0.6, 0.0, 0.0]]
+"#;
+
+#[test]
+fn noise_and_gaps_are_told() {
+    let folder = temporary();
+    let report = run_in(folder.path(), &parse("noisy", NOISE).expect("a scene"));
+    let found = &report.study("noise").expect("a study").results.data;
+    let found = found.as_array().expect("rows");
+    // None, three levels and a gap, of two networks each.
+    assert_eq!(found.len(), 10);
+    let number = |value: &Value| value.as_f64().expect("a number");
+    for network in ["normal-form", "henon-net"] {
+        let of: Vec<&Value> = found.iter().filter(|of| of["network"] == network).collect();
+        let clean: Vec<f64> = of.iter().map(|of| number(&of["clean"])).collect();
+        let held_out: Vec<f64> = of.iter().map(|of| number(&of["held_out"])).collect();
+        // Without noise the two are the same pairs.
+        assert!((clean[0] / held_out[0] - 1.0).abs() < 1e-12, "{network}: {clean:?} {held_out:?}");
+        // Noise of both ends is what held-out pairs have at least; the flow is met better than that.
+        for (k, level) in [(2, 1e-2), (3, 1.0)] {
+            let floor = level * 2.0_f64.sqrt();
+            assert!(held_out[k] > 0.9 * floor, "{network}: {held_out:?}");
+            assert!(clean[k] < floor && clean[k] < held_out[k], "{network}: {clean:?}");
+        }
+        assert!(held_out[2] < 1.3e-2 * 2.0_f64.sqrt(), "{network}: {held_out:?}");
+        assert!(clean[3] > 2.0 * clean[0] && clean[3] > 2.0 * clean[2], "{network}: {clean:?}");
+        // What is held out is in the gap too.
+        assert!(number(&of[4]["pairs"]) < 0.8 * number(&of[0]["pairs"]));
+        assert!(clean[4] > 2.0 * clean[0], "{network}: {clean:?}");
+        // More noise than signal.
+        assert_eq!(of[3]["verdict"], "no", "{}", of[3]);
+        assert!(of[3]["reasons"].as_array().is_some_and(|reasons| !reasons.is_empty()));
+        assert_ne!(of[0]["verdict"], "no", "{}", of[0]);
+    }
+    // The invariant of the normal form is exact, whatever its pairs.
+    for of in found.iter().filter(|of| of["network"] == "normal-form") {
+        assert!(number(&of["own"]) < 1e-12, "{of}");
+    }
+    let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    for words in ["| noise 1e-2 | `henon-net` |", "no pairs with 0 < z[1] < 2", "noise.svg"] {
+        assert!(text.contains(words), "{words}");
+    }
+    assert!(folder.path().join("model-normal-form-noise-1e-2.json").exists());
+    let _ = Folder::open(folder.path(), false, true).expect("cleared");
+    assert!(!folder.path().join("model-normal-form-noise-1e-2.json").exists());
+}
+
+#[test]
+fn noise_that_cannot_be_is_refused() {
+    let with = |from: &str, to: &str, words: &[&str]| {
+        assert!(NOISE.contains(from), "{from}");
+        refused(&NOISE.replace(from, to), words);
+    };
+    with("levels = [1e-3, 1e-2, 1.0]", "levels = []", &["noise", "levels"]);
+    with("levels = [1e-3", "levels = [0.0", &["levels", "0"]);
+    with("levels = [1e-3", "levels = [nan", &["levels", "NaN"]);
+    with("low = 0.0, high = 2.0", "low = 2.0, high = 0.0", &["gap", "2 … 0"]);
+    with("component = 1", "component = 4", &["gap.component", "4"]);
+    with("every = 2", "every = 7", &["every", "divisor"]);
+    let ramp = "iterations = 150\nramp = [{ flow_time = 0.4, iterations = 5 }]";
+    with("iterations = 150", ramp, &["normal-form", "without a ramp"]);
+}
