@@ -2,11 +2,11 @@
 
 use super::systems::{assert_order, distance, omega_defect, point};
 use gyroceptron::flow::{
-    Averaged, Integrator, MicroSteps, MultiRevolution, Splitting, Stroboscopic,
+    Averaged, Integrator, MicroSteps, MultiRevolution, Splitting, Stroboscopic, Tableau,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::adiabatic::log_slope;
-use gyroceptron::scalar::{Dual, Elementary};
+use gyroceptron::scalar::{DoubleDouble, Dual, Elementary, Real, Scalar, max_or_nan};
 use gyroceptron::system::{
     CellularDrift, FieldLines, FullOrbit, Hamiltonian, NearlyPeriodic, Oscillators, System,
     ThreeOscillators,
@@ -231,4 +231,65 @@ fn what_cannot_be_composed_is_refused() {
     let mut found = point(2, 1);
     Stroboscopic::new(&system, 1.0, (Splitting::STRANG, 8), 2).take(&system, &mut found, 1);
     assert_eq!(found, exact);
+}
+
+/// Of order 8, in canonical and in natural coordinates; not so with one wrong coefficient.
+#[test]
+fn the_tableau_of_dormand_and_prince_is_of_order_eight() {
+    let system = Oscillators { epsilon: 0.3 };
+    let start = point(2, 4);
+    let moved = |tableau: Tableau<'_>, steps: usize| {
+        let mut z: Vec<DoubleDouble> = start.iter().map(|v| DoubleDouble::from_f64(*v)).collect();
+        tableau.take(&system, &mut z, 3.0, steps);
+        z
+    };
+    let exact = moved(Tableau::DORMAND_PRINCE_8, 160);
+    let steps = [8, 10, 12, 14, 16, 20];
+    let errors = |tableau: Tableau<'_>| {
+        steps.map(|steps| {
+            let apart = moved(tableau, steps).into_iter().zip(&exact);
+            apart.map(|(a, b)| (a - *b).value().abs()).fold(0.0, max_or_nan)
+        })
+    };
+    let sizes = steps.map(|steps| 1.0 / steps as f64);
+    let found = errors(Tableau::DORMAND_PRINCE_8);
+    assert_order("Dormand–Prince 8", 8.0, &sizes, &found);
+    // A stage and a weight, each by a ten-thousandth.
+    let own = Tableau::DORMAND_PRINCE_8;
+    let shares: Vec<(usize, f64)> = own.stages[6].1.to_vec();
+    let wrong: Vec<(usize, f64)> = shares.iter().map(|(j, a)| (*j, a * 1.0001)).collect();
+    let mut stages = own.stages.to_vec();
+    stages[6].1 = &wrong;
+    let mut weights = own.weights.to_vec();
+    weights[1].1 *= 1.0001;
+    for mutant in [Tableau { stages: &stages, ..own }, Tableau { weights: &weights, ..own }] {
+        let slope = log_slope(&sizes, &errors(mutant));
+        assert!(slope < 6.5, "{slope}");
+    }
+    // By its names, of many points: the bits of each alone.
+    let any = System::Oscillators(system);
+    let together = Integrator::DormandPrince8.trajectories(&any, &points(), 3.0, 9, 1);
+    let together = together.expect("integrates");
+    for (z, moved) in points().chunks_exact(4).zip(together.chunks_exact(4)) {
+        let mut alone = z.to_vec();
+        Tableau::DORMAND_PRINCE_8.take(&system, &mut alone, 3.0, 9);
+        assert_eq!(alone, moved);
+    }
+    let lines = FieldLines::new(1e-3);
+    let any = System::FieldLines(lines);
+    let z: Vec<f64> = [(0.2, 0.3), (0.5, 2.0), (0.8, -1.0)]
+        .into_iter()
+        .flat_map(|(radius, theta)| lines.point(radius, theta))
+        .collect();
+    let by = |steps: usize| {
+        let by = Integrator::NaturalDormandPrince8;
+        by.trajectories(&any, &z, TAU, steps, 1).expect("integrates")
+    };
+    let exact = by(96);
+    let steps = [6, 7, 8, 9, 10, 12];
+    let errors = steps.map(|steps| distance(&by(steps), &exact));
+    let slope = log_slope(&steps.map(|steps| 1.0 / steps as f64), &errors);
+    assert!(errors[5] > 1e-13 && slope > 7.0, "{slope} {errors:?}");
+    let refused = Integrator::NaturalDormandPrince8.check_for(&System::Oscillators(system));
+    assert!(refused.expect_err("canonical ones alone").to_string().contains("coordinates"));
 }

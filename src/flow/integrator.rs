@@ -2,8 +2,8 @@
 
 use super::request::{Method, Request};
 use super::{
-    Averaged, GaussLegendre, MultiRevolution, Splitting, SplittingSteps, Stroboscopic, boris,
-    natural_runge_kutta_4, runge_kutta_4, velocity_splitting,
+    Averaged, GaussLegendre, MultiRevolution, Splitting, SplittingSteps, Stroboscopic, Tableau,
+    boris, natural_runge_kutta_4, runge_kutta_4, velocity_splitting,
 };
 use crate::error::Error;
 use crate::scalar::{Pack, WIDTH, max_or_nan};
@@ -22,6 +22,12 @@ pub enum Integrator {
     /// [`natural_runge_kutta_4`].
     #[serde(rename = "natural-runge-kutta-4")]
     NaturalRungeKutta4,
+    /// [`Tableau::DORMAND_PRINCE_8`].
+    #[serde(rename = "dormand-prince-8")]
+    DormandPrince8,
+    /// [`Tableau::DORMAND_PRINCE_8`] in natural coordinates.
+    #[serde(rename = "natural-dormand-prince-8")]
+    NaturalDormandPrince8,
     /// [`Splitting::STRANG`].
     Strang,
     /// [`Splitting::YOSHIDA_4`].
@@ -125,6 +131,8 @@ impl Integrator {
         match self {
             Self::RungeKutta4 => "RK4".into(),
             Self::NaturalRungeKutta4 => "RK4 in natural coordinates".into(),
+            Self::DormandPrince8 => "Dormand–Prince 8".into(),
+            Self::NaturalDormandPrince8 => "Dormand–Prince 8 in natural coordinates".into(),
             Self::Boris => "Boris".into(),
             Self::VelocitySplitting => "splitting of ½v_x², ½v_y² and φ".into(),
             Self::Stroboscopic { micro, differences, by } => {
@@ -158,6 +166,8 @@ impl Integrator {
             Self::Aba1064 => Some(Splitting::ABA_1064),
             Self::RungeKutta4
             | Self::NaturalRungeKutta4
+            | Self::DormandPrince8
+            | Self::NaturalDormandPrince8
             | Self::GaussLegendre { .. }
             | Self::Boris
             | Self::VelocitySplitting
@@ -268,10 +278,16 @@ impl Integrator {
                 request.step(&VelocitySplitting, system, initial)
             }
             (Self::Boris | Self::VelocitySplitting, _) => Err(self.not_a_particle()),
-            (Self::NaturalRungeKutta4, System::FieldLines(system)) => {
-                request.step(&NaturalRungeKutta4, system, initial)
+            (
+                Self::NaturalRungeKutta4 | Self::NaturalDormandPrince8,
+                System::FieldLines(system),
+            ) => {
+                let eighth = self == Self::NaturalDormandPrince8;
+                request.step(&InNaturalCoordinates { eighth }, system, initial)
             }
-            (Self::NaturalRungeKutta4, _) => Err(self.no_natural_coordinates()),
+            (Self::NaturalRungeKutta4 | Self::NaturalDormandPrince8, _) => {
+                Err(self.no_natural_coordinates())
+            }
             (Self::Stroboscopic { micro, differences, by }, _) => {
                 let parts = Parts::Stroboscopic((by.splitting(), micro), differences);
                 self.by_parts(&request, parts, system, initial)
@@ -302,8 +318,12 @@ impl Integrator {
         match (self, system) {
             (Self::Boris | Self::VelocitySplitting, System::FullOrbit(_)) => Ok(()),
             (Self::Boris | Self::VelocitySplitting, _) => Err(self.not_a_particle()),
-            (Self::NaturalRungeKutta4, System::FieldLines(_)) => Ok(()),
-            (Self::NaturalRungeKutta4, _) => Err(self.no_natural_coordinates()),
+            (Self::NaturalRungeKutta4 | Self::NaturalDormandPrince8, System::FieldLines(_)) => {
+                Ok(())
+            }
+            (Self::NaturalRungeKutta4 | Self::NaturalDormandPrince8, _) => {
+                Err(self.no_natural_coordinates())
+            }
             (
                 Self::Averaged { .. },
                 System::ParticleField(_) | System::FieldLines(_) | System::ThreeOscillators(_),
@@ -410,6 +430,7 @@ impl Integrator {
                 let method = GaussLegendre::new(stages);
                 method.trajectories(system, initial, *request)
             }
+            Self::DormandPrince8 => request.step(&DormandPrince8, system, initial),
             _ => request.step(&RungeKutta4, system, initial),
         }
     }
@@ -469,15 +490,33 @@ impl<H: Hamiltonian> Method<H> for RungeKutta4 {
     }
 }
 
-struct NaturalRungeKutta4;
+struct DormandPrince8;
 
-impl<H: NaturalCoordinates> Method<H> for NaturalRungeKutta4 {
+impl<H: Hamiltonian> Method<H> for DormandPrince8 {
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize) {
+        for z in z.chunks_exact_mut(2 * system.dof()) {
+            Tableau::DORMAND_PRINCE_8.take(system, z, interval, steps);
+        }
+    }
+}
+
+/// RK4 in natural coordinates, or the method of order 8.
+struct InNaturalCoordinates {
+    eighth: bool,
+}
+
+impl<H: NaturalCoordinates> Method<H> for InNaturalCoordinates {
     const NATURAL: bool = true;
 
     #[inline(always)]
     fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize) {
         for z in z.chunks_exact_mut(2 * system.dof()) {
-            natural_runge_kutta_4(system, z, interval, steps);
+            if self.eighth {
+                Tableau::DORMAND_PRINCE_8.take_natural(system, z, interval, steps);
+            } else {
+                natural_runge_kutta_4(system, z, interval, steps);
+            }
         }
     }
     #[inline(always)]

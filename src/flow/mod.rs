@@ -14,6 +14,7 @@ mod request;
 mod runge_kutta;
 mod splitting;
 mod stroboscopic;
+mod tableau;
 mod trajectories;
 
 pub use averaged::Averaged;
@@ -32,4 +33,5 @@ pub use region::{Exit, OutsidePolynomials, OutsideRegion, PolynomialExit, Region
 pub use runge_kutta::{natural_runge_kutta_4, runge_kutta_4};
 pub use splitting::{Splitting, SplittingSteps};
 pub use stroboscopic::Stroboscopic;
+pub use tableau::Tableau;
 pub use trajectories::{ReferenceTrajectories, Trajectories};

@@ -133,6 +133,9 @@ fn fourth_order(share: f64) -> [f64; PERIODS] {
         let conditions = conditions(&lifted, share);
         let slopes = faer::Mat::from_fn(CONDITIONS, PERIODS, |i, k| conditions[i].eps[k]);
         let missed = faer::Mat::from_fn(CONDITIONS, 1, |i, _| conditions[i].re);
+        if conditions.iter().all(|missed| missed.re.abs() < 1e-15) {
+            break;
+        }
         let Ok(factor) = (&slopes * slopes.transpose()).llt(Side::Lower) else {
             return [f64::NAN; PERIODS];
         };

@@ -41,11 +41,11 @@ pub fn natural_runge_kutta_4<S: Elementary>(
 }
 
 /// dx/dt in some coordinates.
-trait Field {
+pub(super) trait Field {
     fn at<S: Elementary>(&self, x: &[S], time: f64, out: &mut [S]);
 }
 
-struct Canonical<'a, H>(&'a H);
+pub(super) struct Canonical<'a, H>(pub(super) &'a H);
 
 impl<H: Hamiltonian> Field for Canonical<'_, H> {
     #[inline(always)]
@@ -54,7 +54,7 @@ impl<H: Hamiltonian> Field for Canonical<'_, H> {
     }
 }
 
-struct Natural<'a, H>(&'a H);
+pub(super) struct Natural<'a, H>(pub(super) &'a H);
 
 impl<H: NaturalCoordinates> Field for Natural<'_, H> {
     #[inline(always)]

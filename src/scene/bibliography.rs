@@ -182,6 +182,17 @@ pub(super) const STROBOSCOPIC: &str = "@article{CalvoEtAl2011,
 }
 ";
 
+/// The method of order 8.
+pub(super) const DORMAND_PRINCE: &str = "@book{HairerNorsettWanner1993,
+  author = {Hairer, Ernst and N{\\o}rsett, Syvert P. and Wanner, Gerhard},
+  title = {Solving Ordinary Differential Equations {I}: Nonstiff Problems},
+  edition = {2},
+  publisher = {Springer},
+  year = {1993},
+  doi = {10.1007/978-3-540-78862-1}
+}
+";
+
 /// Multi-revolution compositions.
 pub(super) const MULTI_REVOLUTION: &str = "@article{ChartierEtAl2014,
   author = {Chartier, Philippe and Makazaga, Joseba and Murua, Ander and Vilmart, Gilles},

@@ -17,7 +17,7 @@ use crate::network::{
 };
 use crate::phase::Direction;
 use crate::scene::bibliography::{
-    AVERAGING, BORIS, GAUSS_LEGENDRE, MULTI_REVOLUTION, SPLITTINGS, STROBOSCOPIC,
+    AVERAGING, BORIS, DORMAND_PRINCE, GAUSS_LEGENDRE, MULTI_REVOLUTION, SPLITTINGS, STROBOSCOPIC,
     VELOCITY_SPLITTING, YOSHIDA,
 };
 use crate::scene::context::{Context, RunError};
@@ -199,6 +199,7 @@ pub(super) fn citations(integrators: impl Iterator<Item = Integrator>) -> Vec<&'
             Integrator::Stroboscopic { .. } => Some(STROBOSCOPIC),
             Integrator::MultiRevolution { .. } => Some(MULTI_REVOLUTION),
             Integrator::Averaged { .. } => Some(AVERAGING),
+            Integrator::DormandPrince8 | Integrator::NaturalDormandPrince8 => Some(DORMAND_PRINCE),
             Integrator::RungeKutta4
             | Integrator::NaturalRungeKutta4
             | Integrator::Strang
