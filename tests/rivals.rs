@@ -83,6 +83,22 @@ fn multi_revolution_compositions_have_their_orders() {
     }
 }
 
+/// The first conditions, which have closed forms, at numbers of revolutions that are whole and not.
+#[test]
+fn shares_add_up_to_the_revolutions() {
+    for order in [2, 4] {
+        for revolutions in [2.0, 3.5, 10.0, 1e4] {
+            let shares = MultiRevolution::shares(order, revolutions);
+            let sum: f64 = shares.iter().sum();
+            let squares = shares.chunks_exact(2).map(|pair| pair[1] * pair[1] - pair[0] * pair[0]);
+            let squares: f64 = squares.sum();
+            assert!((sum - 1.0).abs() < 1e-13, "order {order}, N = {revolutions}: {sum}");
+            let apart = (squares - 1.0 / revolutions).abs();
+            assert!(apart < 1e-13, "order {order}, N = {revolutions}: {squares}");
+        }
+    }
+}
+
 /// Symplectic to rounding, as flows of parts are; and a step of few periods is nearly as many single ones.
 #[test]
 fn multi_revolution_compositions_are_symplectic() {

@@ -123,9 +123,10 @@ fn fourth_order_of_many() -> [f64; PERIODS] {
     out
 }
 
-/// The same at another 1/N: the nearest numbers that fulfil the conditions of order 4, by the method of Gauss and Newton.
+/// The same at another 1/N: the nearest numbers that fulfil the conditions of order 4, by the method of Gauss and Newton; NaN
+/// where it finds none, of less than a revolution.
 fn fourth_order(share: f64) -> [f64; PERIODS] {
-    const ITERATIONS: usize = 8;
+    const ITERATIONS: usize = 12;
     let mut shares = fourth_order_of_many();
     for _ in 0..ITERATIONS {
         let lifted: [_; PERIODS] =
@@ -133,8 +134,8 @@ fn fourth_order(share: f64) -> [f64; PERIODS] {
         let conditions = conditions(&lifted, share);
         let slopes = faer::Mat::from_fn(CONDITIONS, PERIODS, |i, k| conditions[i].eps[k]);
         let missed = faer::Mat::from_fn(CONDITIONS, 1, |i, _| conditions[i].re);
-        if conditions.iter().all(|missed| missed.re.abs() < 1e-15) {
-            break;
+        if conditions.iter().all(|missed| missed.re.abs() < 1e-14) {
+            return shares;
         }
         let Ok(factor) = (&slopes * slopes.transpose()).llt(Side::Lower) else {
             return [f64::NAN; PERIODS];
@@ -144,7 +145,7 @@ fn fourth_order(share: f64) -> [f64; PERIODS] {
             *share -= correction[(k, 0)];
         }
     }
-    shares
+    [f64::NAN; PERIODS]
 }
 
 /// Words of the letters X₁ … X₄ of weight 1 … 4, up to weight 4, that are smaller than their rotations: what they
