@@ -123,29 +123,36 @@ fn fourth_order_of_many() -> [f64; PERIODS] {
     out
 }
 
-/// The same at another 1/N: the nearest numbers that fulfil the conditions of order 4, by the method of Gauss and Newton; NaN
-/// where it finds none, of less than a revolution.
+/// The same at another 1/N; NaN where none are found, of one revolution or less.
 fn fourth_order(share: f64) -> [f64; PERIODS] {
-    const ITERATIONS: usize = 12;
-    let mut shares = fourth_order_of_many();
+    let many = fourth_order_of_many();
+    // From where N is infinite, at once or in steps of 1/N.
+    let follow = |steps: u32| {
+        let shares = (1..=steps).map(|step| share * f64::from(step) / f64::from(steps));
+        shares.into_iter().try_fold(many, nearest_fourth_order)
+    };
+    follow(1).or_else(|| follow(16)).unwrap_or([f64::NAN; PERIODS])
+}
+
+/// Numbers near these that fulfil the conditions of order 4 at 1/N, by the method of Gauss and Newton.
+fn nearest_fourth_order(mut shares: [f64; PERIODS], one_over_n: f64) -> Option<[f64; PERIODS]> {
+    const ITERATIONS: usize = 10;
     for _ in 0..ITERATIONS {
         let lifted: [_; PERIODS] =
             std::array::from_fn(|k| Dual::<f64, PERIODS>::variable(shares[k], k));
-        let conditions = conditions(&lifted, share);
+        let conditions = conditions(&lifted, one_over_n);
+        if conditions.iter().all(|missed| missed.re.abs() < 1e-14) {
+            return Some(shares);
+        }
         let slopes = faer::Mat::from_fn(CONDITIONS, PERIODS, |i, k| conditions[i].eps[k]);
         let missed = faer::Mat::from_fn(CONDITIONS, 1, |i, _| conditions[i].re);
-        if conditions.iter().all(|missed| missed.re.abs() < 1e-14) {
-            return shares;
-        }
-        let Ok(factor) = (&slopes * slopes.transpose()).llt(Side::Lower) else {
-            return [f64::NAN; PERIODS];
-        };
+        let factor = (&slopes * slopes.transpose()).llt(Side::Lower).ok()?;
         let correction = slopes.transpose() * factor.solve(&missed);
         for (share, k) in shares.iter_mut().zip(0..) {
             *share -= correction[(k, 0)];
         }
     }
-    [f64::NAN; PERIODS]
+    None
 }
 
 /// Words of the letters X₁ … X₄ of weight 1 … 4, up to weight 4, that are smaller than their rotations: what they
