@@ -2,8 +2,8 @@
 
 use super::request::{Method, Request};
 use super::{
-    Averaged, GaussLegendre, MultiRevolution, Splitting, SplittingSteps, Stroboscopic, Tableau,
-    boris, natural_runge_kutta_4, runge_kutta_4, velocity_splitting,
+    Averaged, GaussLegendre, MultiRevolution, Splitting, Stroboscopic, Tableau, boris,
+    natural_runge_kutta_4, runge_kutta_4, velocity_splitting,
 };
 use crate::error::Error;
 use crate::scalar::{Pack, WIDTH, max_or_nan};
@@ -283,7 +283,8 @@ impl Integrator {
                 System::FieldLines(system),
             ) => {
                 let eighth = self == Self::NaturalDormandPrince8;
-                request.step(&InNaturalCoordinates { eighth }, system, initial)
+                let tableau = eighth.then_some(Tableau::DORMAND_PRINCE_8);
+                request.step(&InNaturalCoordinates { tableau }, system, initial)
             }
             (Self::NaturalRungeKutta4 | Self::NaturalDormandPrince8, _) => {
                 Err(self.no_natural_coordinates())
@@ -430,7 +431,10 @@ impl Integrator {
                 let method = GaussLegendre::new(stages);
                 method.trajectories(system, initial, *request)
             }
-            Self::DormandPrince8 => request.step(&DormandPrince8, system, initial),
+            Self::DormandPrince8 => {
+                let method = Explicit { tableau: Tableau::DORMAND_PRINCE_8 };
+                request.step(&method, system, initial)
+            }
             _ => request.step(&RungeKutta4, system, initial),
         }
     }
@@ -490,20 +494,23 @@ impl<H: Hamiltonian> Method<H> for RungeKutta4 {
     }
 }
 
-struct DormandPrince8;
+/// By a tableau, which is known when it runs: of a constant one each stage would be compiled by itself.
+struct Explicit {
+    tableau: Tableau<'static>,
+}
 
-impl<H: Hamiltonian> Method<H> for DormandPrince8 {
+impl<H: Hamiltonian> Method<H> for Explicit {
     #[inline(always)]
     fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize) {
         for z in z.chunks_exact_mut(2 * system.dof()) {
-            Tableau::DORMAND_PRINCE_8.take(system, z, interval, steps);
+            self.tableau.take(system, z, interval, steps);
         }
     }
 }
 
-/// RK4 in natural coordinates, or the method of order 8.
+/// In natural coordinates, RK4 where there is no tableau.
 struct InNaturalCoordinates {
-    eighth: bool,
+    tableau: Option<Tableau<'static>>,
 }
 
 impl<H: NaturalCoordinates> Method<H> for InNaturalCoordinates {
@@ -512,10 +519,9 @@ impl<H: NaturalCoordinates> Method<H> for InNaturalCoordinates {
     #[inline(always)]
     fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize) {
         for z in z.chunks_exact_mut(2 * system.dof()) {
-            if self.eighth {
-                Tableau::DORMAND_PRINCE_8.take_natural(system, z, interval, steps);
-            } else {
-                natural_runge_kutta_4(system, z, interval, steps);
+            match self.tableau {
+                Some(tableau) => tableau.take_natural(system, z, interval, steps),
+                None => natural_runge_kutta_4(system, z, interval, steps),
             }
         }
     }
@@ -577,13 +583,6 @@ impl<H: NearlyPeriodic> Method<H> for Averaged {
     }
 }
 
-impl<H: Splittable> Method<H> for SplittingSteps<f64> {
-    #[inline(always)]
-    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
-        SplittingSteps::take(self, system, z, steps);
-    }
-}
-
 impl<H: Splittable> Method<H> for Stroboscopic {
     #[inline(always)]
     fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
@@ -619,7 +618,8 @@ impl Parts {
         Error::check_count_range("steps", request.steps, 1, usize::MAX)?;
         match self {
             Self::Split(splitting) => {
-                let method = splitting.steps(system, request.interval / request.steps as f64);
+                let steps = splitting.steps(system, request.interval / request.steps as f64);
+                let method = MultiRevolution::of_steps(steps, request.steps);
                 request.step(&method, system, initial)
             }
             Self::Stroboscopic(micro, differences) => {

@@ -84,6 +84,11 @@ impl MultiRevolution {
         Self { periods, micro, rest, rest_steps }
     }
 
+    /// So many steps and no composition: one method on lanes serves both.
+    pub(super) fn of_steps(steps: SplittingSteps<f64>, count: usize) -> Self {
+        Self { periods: Vec::new(), micro: 0, rest: steps, rest_steps: count }
+    }
+
     /// z ← the flow, in `count` compositions: 2n numbers for each point, all points together.
     ///
     /// # Panics
@@ -95,12 +100,16 @@ impl MultiRevolution {
         z: &mut [S],
         count: usize,
     ) {
-        for _ in 0..count {
-            for period in &self.periods {
-                period.take(system, z, self.micro);
-            }
+        let in_turn = self.periods.len() * count;
+        // One call, which is compiled once.
+        for number in 0..=in_turn {
+            let (steps, count) = if number < in_turn {
+                (&self.periods[number % self.periods.len()], self.micro)
+            } else {
+                (&self.rest, self.rest_steps)
+            };
+            steps.take(system, z, count);
         }
-        self.rest.take(system, z, self.rest_steps);
     }
 }
 
