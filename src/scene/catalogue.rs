@@ -29,6 +29,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "oscillators-short",
         "oscillators-long",
         "particle-field",
+        "slow-manifold",
         "error-against-time",
         "long-steps",
         "family",

@@ -22,3 +22,11 @@ pub(super) fn initial_names(points: &[Vec<f64>]) -> Vec<String> {
     };
     points.iter().map(name).collect()
 }
+
+/// `one set of initial weights`, `5 sets of initial weights`.
+pub(super) fn sets_of_weights(count: usize) -> String {
+    match count {
+        1 => "one set of initial weights".into(),
+        count => format!("{count} sets of initial weights"),
+    }
+}

@@ -103,7 +103,7 @@ fn the_slow_manifold_is_that_of_the_equations() {
         "From several initial weights",
         "| `gyroceptron` | 3 |",
         "from the learnt level set",
-        "3 initial weights: from μ₀ = 0",
+        "3 sets of initial weights: from μ₀ = 0",
         "Adam",
         "Levenberg",
     ] {

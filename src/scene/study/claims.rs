@@ -9,6 +9,7 @@ use crate::scene::declared::Declared;
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::part::Part;
 use crate::scene::setup::Need;
+use crate::scene::words::sets_of_weights;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use statrs::stats_tests::Alternative;
@@ -350,12 +351,13 @@ impl Row {
         let told: Vec<String> = networks
             .iter()
             .map(|network| {
-                let [learnt, system] = ["from_learnt", "from_system"].map(|key| share(network, key));
+                let [learnt, system] =
+                    ["from_learnt", "from_system"].map(|key| share(network, key));
                 let worst = largest(learnt.iter().copied());
                 format!(
-                    "`{network}` {} in the median of {} initial weights, {} at worst; {} from μ₀ = 0",
+                    "`{network}` {} in the median of {}, {} at worst; {} from μ₀ = 0",
                     percent(median(learnt.clone())),
-                    learnt.len(),
+                    sets_of_weights(learnt.len()),
                     percent(worst),
                     percent(median(system))
                 )

@@ -15,7 +15,7 @@ use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{Need, check_points};
-use crate::scene::words::initial_names;
+use crate::scene::words::{initial_names, sets_of_weights};
 use crate::system::{Hamiltonian, NearlyPeriodic, System};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -238,8 +238,8 @@ fn words_beside_reference(found: &[BesideReference]) -> String {
         let learnt: Vec<f64> = of.iter().filter_map(|of| of.from_learnt).collect();
         let learnt = if learnt.is_empty() { "–".into() } else { spread(learnt) };
         out.push_str(&format!(
-            "\n- `{network}`, {} initial weights: from μ₀ = 0 {system}; from the learnt level set {learnt}.",
-            of.len()
+            "\n- `{network}`, {}: from μ₀ = 0 {system}; from the learnt level set {learnt}.",
+            sets_of_weights(of.len())
         ));
     }
     out
