@@ -16,15 +16,6 @@ pub(crate) fn magnitude(value: f64) -> String {
     }
 }
 
-/// Three digits: `12.3` or `0.00123` between a thousandth and ten thousand, `1.23e-5` elsewhere.
-pub(crate) fn significant(value: f64) -> String {
-    let places = 2.0 - libm::floor(libm::log10(value.abs()));
-    match (1e-3..1e4).contains(&value.abs()) {
-        true => format!("{value:.0$}", places.max(0.0) as usize),
-        false => magnitude(value),
-    }
-}
-
 /// A factor: `7.6 ×`.
 pub(crate) fn factor(value: f64) -> String {
     format!("{value:.1} ×")

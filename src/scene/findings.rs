@@ -4,7 +4,7 @@
 
 use super::figure::Figure;
 use crate::measure::timing::Spread;
-use crate::words::{factor, magnitude, percent, significant};
+use crate::words::{factor, magnitude, percent};
 use serde_json::Value;
 
 /// The findings of a study.
@@ -146,6 +146,15 @@ impl From<Spread> for Cell {
 impl<T: Into<Self>> From<Option<T>> for Cell {
     fn from(value: Option<T>) -> Self {
         value.map_or(Self::Missing, Into::into)
+    }
+}
+
+/// Three digits: `12.3` or `0.00123` between a thousandth and ten thousand, `1.23e-5` elsewhere.
+fn significant(value: f64) -> String {
+    let places = 2.0 - libm::floor(libm::log10(value.abs()));
+    match (1e-3..1e4).contains(&value.abs()) {
+        true => format!("{value:.0$}", places.max(0.0) as usize),
+        false => magnitude(value),
     }
 }
 

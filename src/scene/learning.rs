@@ -44,12 +44,12 @@ impl Context<'_> {
     }
 
     /// Each network that is not there for its training only, with the maps from all its initial weights.
-    pub(super) fn by_network(&mut self) -> Result<Vec<(String, Vec<Rc<Trained>>)>, RunError> {
+    pub(super) fn by_network(&mut self) -> Result<Vec<BySeed>, RunError> {
         let all = self.all_models()?;
         let firsts = self.models()?;
         let of = |first: &Rc<Trained>| {
             let same = all.iter().filter(|one| one.network == first.network);
-            (first.network.clone(), same.cloned().collect())
+            BySeed { network: first.network.clone(), seeds: same.cloned().collect() }
         };
         Ok(firsts.iter().map(of).collect())
     }
@@ -76,6 +76,12 @@ impl Context<'_> {
         self.rollouts.push((wanted, Rc::clone(&made)));
         Ok(made)
     }
+}
+
+/// A network, with the maps from all its initial weights.
+pub(super) struct BySeed {
+    pub(super) network: String,
+    pub(super) seeds: Vec<Rc<Trained>>,
 }
 
 /// Trains a network, from its checkpoint where the run goes on with one, and writes

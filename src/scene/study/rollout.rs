@@ -17,6 +17,7 @@ use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, SameAxes, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::learning::BySeed;
 use crate::scene::setup::{Need, Setup, check_points};
 use crate::scene::target_flow::TargetFlow;
 use crate::scene::trained::Trained;
@@ -272,7 +273,7 @@ impl RolloutOptions {
         reference: &Trajectories,
     ) -> Result<Vec<(String, Vec<f64>)>, RunError> {
         let mut out = Vec::new();
-        for (network, seeds) in context.by_network()? {
+        for BySeed { network, seeds } in context.by_network()? {
             if seeds.len() < 2 {
                 continue;
             }

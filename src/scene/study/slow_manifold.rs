@@ -14,6 +14,7 @@ use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::learning::BySeed;
 use crate::scene::setup::{Need, check_points};
 use crate::scene::words::{initial_names, sets_of_weights};
 use crate::system::{Hamiltonian, NearlyPeriodic, System};
@@ -318,7 +319,7 @@ impl SlowManifoldOptions {
         let on = self.on_manifold(system)?;
         let dim = 2 * system.dof();
         let mut out = Vec::new();
-        for (network, seeds) in context.by_network()? {
+        for BySeed { network, seeds } in context.by_network()? {
             for trained in seeds {
                 let model = trained.model();
                 let orbits = |initial: &[Vec<f64>]| {
