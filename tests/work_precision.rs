@@ -5,7 +5,7 @@ use gyroceptron::flow::{Integrator, Pairs};
 use gyroceptron::measure::{
     jacobians_by_differences,
     timing::{
-        AtError, Comparison, Method, Spread, TrajectoryMethods, WorkPrecision, fastest,
+        AtError, Comparison, Method, Spread, TrajectoryMethods, WorkPrecision, break_even, fastest,
         most_accurate, precise_jacobians, relative_difference, root_mean_square_distance,
         tanh_errors, work_precision, work_precision_by,
     },
@@ -235,6 +235,19 @@ fn one_alone_is_timed_beside() {
     let fails = method("fails", || Ok(vec![f64::NAN])).beside_alone(1.0, || Ok(vec![1.0]));
     let judged = work_precision(&[fails], &|v| v[0], 1.0, 1).expect("a thread");
     assert!(judged[0].seconds.is_none() && judged[0].alone.is_none());
+}
+
+/// 90 s of pairs and training, a step of 2 µs in place of 5 µs.
+#[test]
+fn steps_pay_for_what_came_before() {
+    let steps = break_even(90.0, 2e-6, 5e-6).expect("it is faster");
+    assert!((steps / 3e7 - 1.0).abs() < 1e-12, "{steps}");
+    assert_eq!(break_even(0.0, 2e-6, 5e-6), Some(0.0));
+    for (paid, own, rival) in
+        [(90.0, 5e-6, 5e-6), (90.0, 6e-6, 5e-6), (90.0, f64::NAN, 5e-6), (f64::NAN, 2e-6, 5e-6)]
+    {
+        assert_eq!(break_even(paid, own, rival), None, "{paid} {own} {rival}");
+    }
 }
 
 #[test]

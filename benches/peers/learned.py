@@ -94,7 +94,7 @@ class FieldLines:
     """H = iota (r^2/2 - r^4/4)(1 + eps cos(2 phi - 3 theta)) around a circular axis, a turn."""
 
     name, dof, time, epsilon = "field-lines", 1, 6.283185307179586, 1e-3
-    options = ["--circle-action", "1", "--epsilon", "0.001", "--radius", "1.3", "--units", "data", "--starts", "1"]
+    options = ["--circle-action", "1", "--epsilon", "0.001", "--units", "data", "--starts", "1"]
     networks = {
         "nearly integrable, polynomials": [
             "--architecture", "normal-form", "--kicks", "10x1^16", "--twists", "1x1^10", "--perturbation", "10x1^16",
@@ -141,9 +141,8 @@ class FieldLines:
         f, slope = self.iota * (r**2 / 2 - r**4 / 4), self.iota * (r - r**3)
         by_theta = 3 * self.epsilon * f * np.sin(phase)
         p_r = r - r**2 * np.cos(theta) / self.aspect
-        p_theta = r**3 * np.sin(theta) / (3 * self.aspect)
-        turning = slope * wave / p_r
-        return np.stack([-(by_theta + p_theta * turning) / p_r, turning], axis=1)
+        # At fixed r: what theta does to p_theta cancels against what it does to H at fixed p_theta.
+        return np.stack([-by_theta / p_r, slope * wave / p_r], axis=1)
 
     def flow(self, np, z, steps=1):
         """Runge-Kutta 4 of 400 steps a turn in (r, theta): errs by 1e-10."""
@@ -400,20 +399,36 @@ def program(case, name, options, folder, np):
     predict = [binary, "predict", "--model", model, "--input", folder / "initial.npy", "--steps", steps, "--every", "1",
                "--output", folder / "orbits.npy", "--overwrite", "--outside", "ignore", "--threads", "1"]
     start = time.perf_counter()
-    subprocess.run([str(part) for part in predict], check=True, capture_output=True)
+    rolled = subprocess.run([str(part) for part in predict], capture_output=True, text=True)
+    if rolled.returncode != 0:
+        sys.exit(rolled.stderr)
     together = (time.perf_counter() - start) / (steps * 64)
     once = [*predict]
     once[once.index("--input") + 1], once[once.index("--steps") + 1] = folder / "held-out.npy", 1
     once[once.index("--output") + 1] = folder / "step.npy"
     subprocess.run([str(part) for part in once], check=True, capture_output=True)
-    parameters = len(json.loads(model.read_text())["parameters"]) if "parameters" in json.loads(model.read_text()) else None
+    parameters = len(json.loads(model.read_text())["parameters"])
     return seconds, np.load(folder / "step.npy")[-1], np.load(folder / "orbits.npy"), together, parameters
+
+
+def check_symplectic(case, points, np):
+    """Ends unless the flow that makes the pairs keeps the form, by central differences."""
+    h, n = 1e-5, case.dof
+    omega = np.block([[np.zeros((n, n)), np.eye(n)], [-np.eye(n), np.zeros((n, n))]])
+    for z in points:
+        around = np.concatenate([z + h * np.eye(2 * n), z - h * np.eye(2 * n)])
+        moved = case.flow(np, around)
+        jacobian = ((moved[: 2 * n] - moved[2 * n :]) / (2 * h)).T
+        defect = np.abs(jacobian.T @ omega @ jacobian - omega).max()
+        if not defect < 1e-6:
+            sys.exit(f"{case.name}: the pairs are of no symplectic map, by {defect:.1e} at {z}")
 
 
 def run(case, options, np):
     folder = FOLDER / "learned" / case.name
     folder.mkdir(parents=True, exist_ok=True)
     inputs, outputs = case.pairs(np)
+    check_symplectic(case, inputs[:: len(inputs) // 5], np)
     order = np.random.default_rng(2).permutation(len(inputs))
     inputs, outputs = inputs[order], outputs[order]
     held = len(inputs) // 10
@@ -495,8 +510,11 @@ def main():
     parser.add_argument("--seeds", type=int, default=1, help="initial weights of each network in JAX")
     parser.add_argument("--iterations", type=int, default=200, help="of Levenberg-Marquardt in JAX")
     parser.add_argument("--kinds", nargs="+", default=["mlp", "generating", "field"], choices=["mlp", "generating", "field"])
-    parser.add_argument("cases", nargs="*", choices=["oscillators", "field-lines", []])
+    parser.add_argument("cases", nargs="*", help="oscillators, field-lines; all, where none is named")
     options = parser.parse_args()
+    unknown = set(options.cases) - {Oscillators.name, FieldLines.name}
+    if unknown:
+        parser.error(f"expected {Oscillators.name} or {FieldLines.name}, found {', '.join(sorted(unknown))}")
     import jax
 
     jax.config.update("jax_enable_x64", True)

@@ -1,7 +1,7 @@
 //! The integrators by name, on many points.
 //!
-//! One more is a file with what it does to a point of any numbers, a variant of [`Integrator`] with its name, its arm in
-//! `checked_trajectories` and in `check_for`, and, where it goes on lanes, an `impl` of `Method`.
+//! One more is a file with what it does to a point of any numbers, a variant of [`Integrator`] with its name, its arm
+//! in `checked_trajectories` and in `check_for`, and, where it goes on lanes, an `impl` of `Method`.
 
 use super::request::{Method, Request};
 use super::{

@@ -1,6 +1,6 @@
 //! Multi-revolution compositions: many fast periods by few, of a larger perturbation.
 
-use super::stroboscopic::rest_of;
+use super::stroboscopic::{LONGEST_REST, rest_of};
 use super::{Splitting, SplittingSteps};
 use crate::scalar::{Dual, Elementary, Over, Scalar};
 use crate::system::Splittable;
@@ -71,7 +71,8 @@ impl MultiRevolution {
         assert!(count > 0 && micro > 0, "{count} compositions, {micro} steps in a period");
         let period = std::f64::consts::TAU / system.limiting_frequency();
         let whole = (time / period).trunc();
-        let (rest, rest_steps) = rest_of(system, (-whole).mul_add(period, time));
+        let rest = (-whole).mul_add(period, time);
+        let (rest, rest_steps) = rest_of(system, rest, LONGEST_REST * period);
         let (step, revolutions) = (period / micro as f64, whole / count as f64);
         let shares = if whole == 0.0 { Vec::new() } else { shares(revolutions) };
         let of = |(number, share): (usize, f64)| {
@@ -171,8 +172,8 @@ const CONDITIONS: usize = 7;
 
 /// What a composition lacks to be the N-th power of the map, up to order 4.
 ///
-/// With φ_h = exp(hX₁ + h²X₂ + …), φ*_h = exp(hX₁ − h²X₂ + …) and H = Nε, the power is exp(HX₁ + H²/N X₂ + H³/N² X₃ + …).
-/// Both are series of words in the X_k, which agree where the coefficients of [`LYNDON`] words do.
+/// With φ_h = exp(hX₁ + h²X₂ + …), φ*_h = exp(hX₁ − h²X₂ + …) and H = Nε, the power is exp(HX₁ + H²/N X₂ + H³/N² X₃ +
+/// …). Both are series of words in the X_k, which agree where the coefficients of [`LYNDON`] words do.
 fn conditions<S: Scalar>(shares: &[S; PERIODS], one_over_n: f64) -> [S; CONDITIONS] {
     let power = [S::from_f64(1.0), S::from_f64(one_over_n)];
     let target = |weight: usize| (1..weight).fold(power[0], |value, _| value * power[1]);

@@ -10,10 +10,10 @@ use crate::system::Splittable;
 /// dZ/dt = F(Z) = (8(M − M⁻¹) − (M² − M⁻²))Z / 12P + O(ε⁵P⁴),
 ///
 /// or another central difference of M^k, which steps of the classical Runge–Kutta method follow through the slow
-/// motion. M is made of steps of a splitting: of few of ABA(10,6,4), or of Strang's, whose kicks at equal distances average over
-/// the circle by the trapezoidal rule. Each step costs 8m periods with
-/// m differences, however long it is. Errors are O(ε²ᵐ) beside those of both methods, and rounding counts in M as ε⁻¹.
-/// Without central differences F = (M − Id)Z / P, whose steps cost four periods: errors are O(ε).
+/// motion. M is made of steps of a splitting: of few of ABA(10,6,4), or of Strang's, whose kicks at equal distances
+/// average over the circle by the trapezoidal rule. Each step costs 8m periods with m differences, however long it
+/// is. Errors are O(ε²ᵐ) beside those of both methods, and rounding counts in M as ε⁻¹. Without central differences F
+/// = (M − Id)Z / P, whose steps cost four periods: errors are O(ε).
 ///
 /// Source: Calvo, Chartier, Murua and Sanz-Serna, <https://doi.org/10.1016/j.apnum.2011.06.007>.
 #[derive(Clone, Debug)]
@@ -33,14 +33,18 @@ pub struct Stroboscopic {
     rest_steps: usize,
 }
 
-/// Steps of ABA(10,6,4) for a part of a period, and their number.
-pub(super) fn rest_of(system: &impl Splittable, time: f64) -> (SplittingSteps<f64>, usize) {
-    /// At most so many in a whole period.
-    const MOST: f64 = 6.0;
-    let share = time.abs() * system.limiting_frequency() / std::f64::consts::TAU;
-    let count = ((MOST * share).ceil() as usize).max(1);
+/// Steps of ABA(10,6,4) for a part of a period, none longer than this, and their number.
+pub(super) fn rest_of(
+    system: &impl Splittable,
+    time: f64,
+    longest: f64,
+) -> (SplittingSteps<f64>, usize) {
+    let count = ((time / longest).abs().ceil() as usize).max(1);
     (Splitting::ABA_1064.steps(system, time / count as f64), count)
 }
+
+/// The longest step of ABA(10,6,4) in a part of a period whose other steps are Strang's, over the period.
+pub(super) const LONGEST_REST: f64 = 1.0 / 6.0;
 
 impl Stroboscopic {
     /// The most central differences of an integrator; by one more its error is told.
@@ -71,13 +75,9 @@ impl Stroboscopic {
         let rest = (-periods).mul_add(period, time);
         let step = period / micro as f64;
         let steps = |h: f64| splitting.steps(system, h);
-        let (rest, rest_steps) = match splitting == Splitting::ABA_1064 {
-            true => {
-                let count = ((rest / step).abs().ceil() as usize).max(1);
-                (steps(rest / count as f64), count)
-            }
-            false => rest_of(system, rest),
-        };
+        let own = splitting == Splitting::ABA_1064;
+        let longest = if own { step } else { LONGEST_REST * period };
+        let (rest, rest_steps) = rest_of(system, rest, longest);
         Self {
             period,
             slow: periods * period,

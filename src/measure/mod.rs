@@ -77,8 +77,8 @@ pub mod trajectories {
 pub mod timing {
     pub use super::work_precision::{
         AtError, Comparison, FastestWithin, Method, Run, Spread, TrajectoryMethods, WorkPrecision,
-        fastest, most_accurate, precise_jacobians, relative_difference, root_mean_square_distance,
-        tanh_errors, work_precision, work_precision_by,
+        break_even, fastest, most_accurate, precise_jacobians, relative_difference,
+        root_mean_square_distance, tanh_errors, work_precision, work_precision_by,
     };
 }
 

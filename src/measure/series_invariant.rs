@@ -13,9 +13,9 @@ use std::f64::consts::TAU;
 ///
 /// μ₁∘Q − μ₁ = −g∘Q,
 ///
-/// which the harmonics along the circle through a point solve: of g(ψΦ_aψ⁻¹z) = Σ g_k e^{ika}, which has no mean where I_ε
-/// is symplectic, μ₁(z) = −Σ_{k≠0} g_k/(1 − e^{−ikθ}). μ₀ changes by O(ε) along orbits, μ₀ + εμ₁ by O(ε²), for times that are
-/// long in every power of 1/ε, but for angles θ that come round after few steps.
+/// which the harmonics along the circle through a point solve: of g(ψΦ_aψ⁻¹z) = Σ g_k e^{ika}, which has no mean
+/// where I_ε is symplectic, μ₁(z) = −Σ_{k≠0} g_k/(1 − e^{−ikθ}). μ₀ changes by O(ε) along orbits, μ₀ + εμ₁ by O(ε²),
+/// for times that are long in every power of 1/ε, but for angles θ that come round after few steps.
 ///
 /// Source: Kruskal, <https://doi.org/10.1063/1.1724285>; of maps: Burby, Hirvijoki and Leok,
 /// <https://doi.org/10.1007/s00332-023-09891-4>.

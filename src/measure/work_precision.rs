@@ -308,6 +308,13 @@ pub fn fastest<'a>(
         .min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
+/// How many steps pay for what was paid before the first of them, where each takes `own` seconds in place of a
+/// rival's; None where it takes no less.
+pub fn break_even(paid: f64, own: f64, rival: f64) -> Option<f64> {
+    let gained = rival - own;
+    (gained > 0.0 && paid >= 0.0).then(|| (paid / gained).ceil())
+}
+
 /// The one that errs least.
 pub fn most_accurate<'a>(
     judged: impl IntoIterator<Item = &'a WorkPrecision>,

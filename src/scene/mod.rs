@@ -77,5 +77,7 @@ pub use study::training::stop_words;
 #[doc(hidden)]
 pub mod internals {
     pub use super::command::{command, verdict};
-    pub use super::study::claims::{REPRODUCED, as_a_series, change, ranked};
+    pub use super::study::claims::{
+        REPRODUCED, as_a_series, change, faster_than_integrators, ranked,
+    };
 }

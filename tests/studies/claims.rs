@@ -1,8 +1,9 @@
 //! The verdicts on what the paper claims.
 
+use gyroceptron::measure::timing::{Spread, WorkPrecision};
 use gyroceptron::scene::findings::{Findings, Section};
 use gyroceptron::scene::internals::{
-    self as claims, REPRODUCED, as_a_series, change, command, ranked,
+    self as claims, REPRODUCED, as_a_series, change, command, faster_than_integrators, ranked,
 };
 use gyroceptron::scene::{Machine, Report, StudyFindings, find};
 use serde_json::{Value, json};
@@ -64,6 +65,9 @@ fn verdicts_come_out_negative_too() {
     assert!(as_a_series([(0.2, 0.1), (2.0, 0.1)]).starts_with("not"));
     assert!(as_a_series([(1.0, 0.01), (f64::NAN, 0.01)]).starts_with("not"));
     assert!(as_a_series([(1.0, 0.01), (0.5, 5.0)]).starts_with("not"));
+    // Points that stray tell no order.
+    assert!(as_a_series([(1.0, 0.01), (2.0, 0.25)]).starts_with("not"));
+    assert!(as_a_series([(1.0, f64::NAN), (2.0, 0.1)]).starts_with("not"));
     // Ranges that overlap tell nothing, whatever the medians are.
     let small = [1e-7, 2e-7, 3e-7, 1.5e-7, 2.5e-7];
     let overlapping = [1.2e-7, 4e-7, 5e-7, 6e-7, 7e-7];
@@ -73,9 +77,65 @@ fn verdicts_come_out_negative_too() {
     assert!(ranked(&large, &small).starts_with("not: the other way round"));
     assert!(ranked(&small, &overlapping).starts_with("not told: ranges overlap"));
     assert!(ranked(&small, &[]).starts_with("not told"));
+    // One set of weights has no range, two are too few.
+    assert!(ranked(&small[..1], &large[..1]).starts_with("not told (one set"));
+    assert!(ranked(&small[..2], &large[..2]).starts_with("not told: too few"));
     assert!(ranked(&small, &[1e-6, f64::NAN]).starts_with("not told"));
     // Without orbits nothing is known.
     assert!(change(&Value::Null).is_nan());
+}
+
+/// The paper's order of run times, and whether networks are faster than integrators: of the times that are given.
+#[test]
+fn run_times_have_a_verdict_of_their_own() {
+    let method = |name: &str, setting: Option<f64>, error: f64, seconds: f64| {
+        let seconds = Some(Spread { lower: seconds, median: seconds, upper: seconds });
+        let (name, error) = (name.to_owned(), Some(error));
+        WorkPrecision { name, setting, error, seconds, alone: None, failure: None }
+    };
+    let of = |henon: f64, symp: f64, strang: f64| {
+        faster_than_integrators(&[
+            method("gyroceptron", None, 1e-2, 1.0),
+            method("henon-net", None, 1e-2, henon),
+            method("symp-net", None, 1e-2, symp),
+            method("RK4", Some(16.0), 1e-3, 40.0),
+            method("Strang", Some(2.0), 5e-3, strang),
+        ])
+        .expect("all are there")
+    };
+    let found = of(0.5, 2.0, 0.1);
+    assert!(
+        found.contains(&format!("SympNet: {REPRODUCED};")) && found.contains("4.0 ×"),
+        "{found}"
+    );
+    assert!(found.contains("over RK4: not") && found.contains("40.0 ×"), "{found}");
+    assert!(found.contains("Strang 0.1 ×"), "{found}");
+    assert!(of(0.5, 2.0, 3.0).contains(&format!("over RK4: {REPRODUCED}")));
+    assert!(of(1.5, 2.0, 3.0).contains("SympNet: not"));
+    assert!(of(f64::NAN, 2.0, 3.0).contains("SympNet: not"));
+    assert!(of(0.5, 2.0, f64::NAN).contains("over RK4"));
+    assert!(faster_than_integrators(&[]).is_none());
+}
+
+/// Of all maps, whatever network and weights they are of: one that stays does not speak for the others.
+#[test]
+fn the_slow_manifold_is_judged_by_all_maps() {
+    let of = |shares: &[(&str, f64)]| {
+        let beside = shares.iter().map(|(network, share)| {
+            json!({ "network": network, "from_learnt": share, "from_system": 0.01 })
+        });
+        let slow = json!([{ "name": "gyroceptron", "largest_q_p_mu": [[0.1, 0.1, 0.0]] }]);
+        let data =
+            json!({ "slow": slow, "beside_reference": beside.collect::<Value>(), "off": [] });
+        verdict(&part("particle-field", "slow_manifold", data))
+    };
+    let near = [("gyroceptron", 0.02), ("gyroceptron", 0.03), ("penalised", 0.2)];
+    assert!(of(&near).starts_with("slow manifold: reproduced"), "{}", of(&near));
+    let far = [("gyroceptron", 0.07), ("gyroceptron", 0.08), ("penalised", 0.01)];
+    assert!(of(&far).starts_with("slow manifold: not"), "{}", of(&far));
+    let lost = [("gyroceptron", f64::NAN), ("gyroceptron", f64::NAN), ("penalised", 0.01)];
+    assert!(of(&lost).starts_with("slow manifold: not"));
+    assert!(of(&[]).starts_with("slow manifold: not"));
 }
 
 #[test]

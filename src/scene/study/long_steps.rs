@@ -9,7 +9,7 @@ use super::work_precision::{
 use crate::error::Error;
 use crate::flow::{Integrator, Trajectories};
 use crate::measure::{
-    timing::{AtError, Comparison, WorkPrecision},
+    timing::{AtError, Comparison, WorkPrecision, break_even},
     trajectories::drifts,
 };
 use crate::network::{Model, Rollout};
@@ -537,8 +537,7 @@ impl<'a> Against<'a> {
 
     /// How many steps of a flow time pay for what was paid before, where each is faster than those of an integrator.
     fn pays_after(&self, rival: AtError<'_>, paid: f64, flow_time: f64) -> Option<f64> {
-        let gained = (rival.seconds - self.seconds) * flow_time;
-        (gained > 0.0).then(|| (paid / gained).ceil())
+        break_even(paid, self.seconds * flow_time, rival.seconds * flow_time)
     }
 
     /// Every integrator, where its curve comes to the error of the network.
@@ -627,7 +626,7 @@ impl Results<'_> {
                     against.map(|against| against.seconds * MICRO).into(),
                     match (against, best) {
                         (None, _) => "it has lost the points".into(),
-                        (Some(_), None) => "none tried".into(),
+                        (Some(_), None) => "none that was tried".into(),
                         (Some(_), Some(best)) => named(best).into(),
                     },
                     best.map(|best| best.seconds * MICRO).into(),
@@ -768,8 +767,8 @@ impl Results<'_> {
         out
     }
 
-    /// Error against run time, a curve for each method; the networks of all flow times over trajectories, of the last in
-    /// one step.
+    /// Error against run time, a curve for each method; the networks of all flow times over trajectories, of the last
+    /// in one step.
     fn methods_figure(&self) -> Figure {
         let Some(last) = self.times.last() else {
             return Figure::in_a_row(METHODS, "", Vec::new());

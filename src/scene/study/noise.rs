@@ -276,9 +276,9 @@ impl NoiseOptions {
 
     fn words(&self) -> String {
         format!(
-            "Noise is normal, of each component of inputs and outputs, training and held out. Beside the error on the held-out pairs as \
-             they are stands that on the pairs of the flow, which nobody has who has only the former. Noise of σ on both ends leaves \
-             some σ√2 of a component on held-out pairs, however good the map is. Roll-outs are of {} steps from {} points.",
+            "Normal noise is added to each component of inputs and outputs, training and held out. The table has the error on \
+             held-out pairs with that noise, and on the same pairs without it, which a user does not have. Noise of σ leaves an \
+             error of some σ√2 on the former, however good the map is. Roll-outs are of {} steps from {} points.",
             self.steps,
             self.initial.len()
         )
@@ -290,7 +290,7 @@ fn table(found: &[Found]) -> Table {
         ("pairs have", Format::Exact),
         ("network", Format::Exact),
         ("held-out error, rms of a component", Format::Exponent(1)),
-        ("on the flow's pairs", Format::Exponent(1)),
+        ("without the noise", Format::Exponent(1)),
         ("roll-out, rms distance", Format::Exponent(1)),
         ("own invariant changes by", Format::Percent),
         ("verdict", Format::Exact),
@@ -351,7 +351,8 @@ fn figure(found: &[Found]) -> Figure {
     };
     Figure::in_a_row(
         FIGURE,
-        "Against the noise of the pairs: the error of a step against the flow itself, and the distance over the roll-out.",
+        "Against the noise of the pairs: the error of a step against the flow itself, and the distance \
+         over the roll-out.",
         vec![panel("one step", |of| of.clean), panel("roll-out", |of| of.rollout)],
     )
 }

@@ -19,7 +19,7 @@ const FIGURE: &str = "own-invariant";
 /// ε of a network over these, two decades.
 const FACTORS: [f64; 5] = [1.0, 3.162_277_660_168_379_5, 10.0, 31.622_776_601_683_793, 100.0];
 
-/// Harmonics are told by so many angles.
+/// The angles on the circle through a point that μ₁ is computed from.
 const ANGLES: usize = 64;
 
 /// The adiabatic invariant that a network owns: its order in ε, with the weights as they are.
@@ -166,9 +166,11 @@ impl OwnInvariantOptions {
 
     fn words(&self) -> String {
         format!(
-            "A gyroceptron owns a formal series μ₀ + εμ₁ + … for every weight: what tells it is the order in ε, not the \
+            "A gyroceptron owns a formal series μ₀ + εμ₁ + … for every weight: what tells it is the order \
+             in ε, not the \
              size at one. With the weights as they are and ε lowered over two decades, the changes along {} orbits of \
-             {} steps, each looked at {} times. μ₁ solves the equation of first order on the circle through a point, by {ANGLES} angles.",
+             {} steps, each looked at {} times. μ₁ solves the equation of first order on the circle \
+             through a point, by {ANGLES} angles.",
             self.initial.len(),
             self.steps,
             self.steps / self.every + 1
@@ -183,7 +185,8 @@ impl Found {
         let resonance = resonance
             .map(|near| format!(" Its angle is near a resonance, {near}, which adds to both."));
         format!(
-            "- `{}`: μ₀ changes as ε to the power {:.2} ± {:.2}, μ₀ + εμ₁ as {:.2} ± {:.2}; at ε = {} by up to {} and {}.{}",
+            "- `{}`: μ₀ changes as ε to the power {:.2} ± {:.2}, μ₀ + εμ₁ as {:.2} ± {:.2}; at ε = {} by \
+             up to {} and {}.{}",
             self.name,
             self.leading_order.0,
             self.leading_order.1,
@@ -219,7 +222,8 @@ fn figure(found: &[Found]) -> Figure {
     };
     Figure::in_a_row(
         FIGURE,
-        "The largest change of the invariant that each network owns along its own orbits, against ε with the weights as they are.",
+        "The largest change of the invariant that each network owns along its own orbits, against ε with \
+         the weights as they are.",
         vec![panel],
     )
 }

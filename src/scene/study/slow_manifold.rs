@@ -125,7 +125,7 @@ impl Study for SlowManifoldOptions {
         ];
         if !off.is_empty() {
             let text = "Off it: the invariant 𝔍₀∘ψ⁻¹ that was learnt beside μ₀ of the system, both \
-                        along the network's orbits.";
+            along the network's orbits.";
             summary.extend([Block::Text(text.into()), Block::Table(self.off_table(&off))]);
         }
         let data = json!({
@@ -180,15 +180,15 @@ impl Slow {
     }
 }
 
-/// How far the orbits of a map go from those of the reference, from points of the slow manifold and from those that the map
-/// itself has in their place.
+/// How far the orbits of a map go from those of the reference, from points of the slow manifold and from those that
+/// the map itself has in their place.
 #[derive(Serialize)]
 struct BesideReference {
     /// The network, and the name of the map from one of its initial weights.
     network: String,
     name: String,
-    /// The largest |z − z_ref| over the diagonal of the box that the reference goes through, the largest of all orbits: from
-    /// points with μ₀ = 0.
+    /// The largest |z − z_ref| over the diagonal of the box that the reference goes through, the largest of all
+    /// orbits: from points with μ₀ = 0.
     from_system: f64,
     /// The same from ψ(w), w being ψ⁻¹ of such a point with the fast planes at 0, where 𝔍₀∘ψ⁻¹ = 0; None of maps that
     /// own no such invariant.
@@ -217,9 +217,11 @@ fn relative_distance(orbits: &Trajectories, reference: &Trajectories) -> f64 {
 }
 
 fn words_beside_reference(found: &[BesideReference]) -> String {
-    let mut out = "How far orbits go from those of the reference over a share of what these travel: the largest |z − z_ref| \
+    let mut out = "How far orbits go from those of the reference over a share of what these travel: the \
+                   largest |z − z_ref| \
                    over the diagonal of the box that the reference goes through, of the worst orbit. From points with \
-                   μ₀ = 0 of the system, and from the points nearest to them, in the coordinates of the map, on the zero level set of the \
+                   μ₀ = 0 of the system, and from the points nearest to them, in the coordinates of the \
+                   map, on the zero level set of the \
                    invariant that it has learnt."
         .to_owned();
     let mut networks: Vec<&str> = found.iter().map(|of| &of.network[..]).collect();
@@ -460,7 +462,7 @@ impl SlowManifoldOptions {
             panel("p", |z| z.1, &|[_, p], _| p),
         ];
         let caption = "Orbits that start with μ₀ = 0: of the networks (colours), of the reference \
-                       (dashed) and of the slow manifold to order ε (grey).";
+        (dashed) and of the slow manifold to order ε (grey).";
         Figure::in_a_row(SLOW, caption, panels)
     }
 
@@ -490,7 +492,7 @@ impl SlowManifoldOptions {
             }
         };
         let caption = "Beside the slow manifold: the envelope of the learnt invariant 𝔍₀∘ψ⁻¹ along the \
-                       network's orbits, and of μ₀ of the system along the same (dashed).";
+        network's orbits, and of μ₀ of the system along the same (dashed).";
         Figure::in_a_row(OFF, caption, off.iter().map(panel).collect())
     }
 }
