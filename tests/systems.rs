@@ -1193,15 +1193,61 @@ fn averaged_equations_have_their_orders() {
         assert_order(&format!("quick, order {order}"), order as f64, &epsilons, &errors);
     }
     let averaged = Integrator::Averaged { order: 1, angles: 8, closed: false };
-    let fields = System::ParticleField(particle(0.01, 2));
-    for system in [fields, System::ThreeOscillators(ThreeOscillators::new(0.01))] {
-        let refused = averaged.check_for(&system).expect_err("no circle of planes").to_string();
-        assert!(refused.contains("averaged equation of order 1"), "{refused}");
-    }
+    let refused = |system: System| averaged.check_for(&system).expect_err("refused").to_string();
+    let modes = refused(System::ThreeOscillators(ThreeOscillators::new(0.01)));
+    assert!(modes.contains("averaged equation of order 1"), "{modes}");
+    let many = refused(System::ParticleField(particle(0.01, 4)));
+    assert!(many.contains("found 5") && many.contains("4 degrees of freedom or fewer"), "{many}");
     assert!(Integrator::Averaged { order: 3, angles: 8, closed: false }.check().is_err());
     assert!(Integrator::Averaged { order: 1, angles: 2, closed: false }.check().is_err());
     let both = Integrator::Averaged { order: 2, angles: 8, closed: true }.check();
     assert!(both.expect_err("no closed form").to_string().contains("closed"));
+}
+
+/// The limit of a particle in its field turns planes in coordinates of the momenta Π: of the paper's profiles, and with
+/// a single mode. The closed form is what the angles average there; one that takes momenta for Π has no order.
+#[test]
+fn averaged_equations_of_a_particle_in_its_field_have_their_orders() {
+    let intervals = [2.3, 4.3, 8.3, 16.3, 32.3].map(|periods| periods * TAU);
+    let epsilons = intervals.map(|interval| 0.05 / interval);
+    let z: Vec<f64> = (0..8).flat_map(|seed| point(3, seed)).collect();
+    let two_modes =
+        |interval: f64| System::ParticleField(ParticleField::two_modes(0.05 / interval));
+    let exact = intervals.map(|interval| {
+        let steps = (8.0 * interval) as usize;
+        Integrator::Aba1064
+            .trajectories(&two_modes(interval), &z, interval, steps, 10)
+            .expect("integrates")
+    });
+    let slope_of = |by: Integrator| {
+        let of = |(interval, exact): (f64, &Vec<f64>)| {
+            let found = by.trajectories(&two_modes(interval), &z, interval, 16, 10);
+            distance(&found.expect("integrates"), exact)
+        };
+        intervals.into_iter().zip(&exact).map(of).collect::<Vec<f64>>()
+    };
+    for (order, closed) in [(1, false), (1, true), (2, false)] {
+        let errors = slope_of(Integrator::Averaged { order, angles: 32, closed });
+        assert_order(&format!("order {order}, closed: {closed}"), order as f64, &epsilons, &errors);
+    }
+    // In coordinates whose planes the limit does not turn there is nothing to average.
+    let wrong = intervals.into_iter().zip(&exact).map(|(interval, exact)| {
+        let system = ParticleField::two_modes(0.05 / interval);
+        let by = Averaged::new(&system, interval, 32, 1);
+        let mut found = z.clone();
+        for z in found.chunks_exact_mut(6) {
+            by.take(&system, z, 16, |_| [0.0; 2]);
+        }
+        distance(&found, &exact[..z.len()])
+    });
+    let slope = log_slope(&epsilons, &wrong.collect::<Vec<_>>());
+    assert!(!(slope > 0.5), "{slope}");
+    let [closed, by_angles] = [true, false].map(|closed| {
+        let by = Integrator::Averaged { order: 1, angles: 32, closed };
+        by.trajectories(&two_modes(25.0), &z, 300.0, 400, 1).expect("integrates")
+    });
+    let apart = distance(&closed, &by_angles);
+    assert!(apart < 1e-12, "{apart:e}");
 }
 
 /// By the trapezoidal rule on the circle, which [`averaged_invariant`] has it from.

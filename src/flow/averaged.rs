@@ -36,6 +36,9 @@ pub struct Averaged {
 }
 
 impl Averaged {
+    /// The degrees of freedom that it is for, at most.
+    pub const MOST_DOF: usize = MOST / 2;
+
     /// Over `time`, with averages over so many angles, of first or second order.
     ///
     /// # Panics

@@ -11,7 +11,8 @@ use super::{
 use crate::error::Error;
 use crate::scalar::{Pack, WIDTH, max_or_nan};
 use crate::system::{
-    FullOrbit, Hamiltonian, NaturalCoordinates, NearlyPeriodic, Splittable, System, each_system,
+    FullOrbit, Hamiltonian, NaturalCoordinates, NearlyPeriodic, ParticleField, Splittable, System,
+    each_system,
 };
 use serde::{Deserialize, Serialize};
 
@@ -328,10 +329,17 @@ impl Integrator {
             (Self::NaturalRungeKutta4 | Self::NaturalDormandPrince8, _) => {
                 Err(self.no_natural_coordinates())
             }
-            (
-                Self::Averaged { .. },
-                System::ParticleField(_) | System::FieldLines(_) | System::ThreeOscillators(_),
-            ) => Err(self.no_circle_of_planes()),
+            (Self::Averaged { .. }, System::FieldLines(_) | System::ThreeOscillators(_)) => {
+                Err(self.no_circle_of_planes())
+            }
+            (Self::Averaged { .. }, System::ParticleField(system))
+                if system.dof() > Averaged::MOST_DOF =>
+            {
+                let most = Averaged::MOST_DOF;
+                let (found, expected) =
+                    (system.dof(), format!("{most} degrees of freedom or fewer"));
+                Err(Error::invalid(&self.name(), found, expected))
+            }
             (Self::Averaged { closed: true, .. }, System::FullOrbit(_) | System::VanDerPol(_)) => {
                 Err(self.no_closed_form())
             }
@@ -416,9 +424,13 @@ impl Integrator {
             System::FullOrbit(system) => average!(system),
             System::CellularDrift(system) => average!(system),
             System::VanDerPol(system) => average!(system),
-            System::ParticleField(_) | System::FieldLines(_) | System::ThreeOscillators(_) => {
-                Err(self.no_circle_of_planes())
+            System::ParticleField(system) => {
+                let without = system.without_profiles();
+                let method = Averaged::new(&without, request.interval, angles, order);
+                let method = if closed { method.in_closed_form() } else { method };
+                request.step(&InPlanes { without, method }, system, initial)
             }
+            System::FieldLines(_) | System::ThreeOscillators(_) => Err(self.no_circle_of_planes()),
         }
     }
 
@@ -582,6 +594,33 @@ impl<H: NearlyPeriodic> Method<H> for Averaged {
         };
         for z in z.chunks_exact_mut(2 * system.dof()) {
             Averaged::take(self, system, z, steps, constants);
+        }
+    }
+}
+
+/// The averaged equation of a particle in its field, in the coordinates whose planes the limit turns.
+struct InPlanes {
+    without: ParticleField,
+    method: Averaged,
+}
+
+impl Method<ParticleField> for InPlanes {
+    const NATURAL: bool = true;
+
+    #[inline(always)]
+    fn take<V: Pack>(&self, _: &ParticleField, z: &mut [V], interval: f64, steps: usize) {
+        Method::take(&self.method, &self.without, z, interval, steps);
+    }
+    #[inline(always)]
+    fn enter<V: Pack>(&self, system: &ParticleField, z: &mut [V]) {
+        for z in z.chunks_exact_mut(2 * system.dof()) {
+            Splittable::enter(system, z);
+        }
+    }
+    #[inline(always)]
+    fn leave<V: Pack>(&self, system: &ParticleField, z: &mut [V]) {
+        for z in z.chunks_exact_mut(2 * system.dof()) {
+            Splittable::leave(system, z);
         }
     }
 }

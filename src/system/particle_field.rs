@@ -95,6 +95,12 @@ impl ParticleField {
         z
     }
 
+    /// The same particle in the coordinates (q, Q, p, Π), Π_k = P_k − V_k(Q_k): the system with V = 0, whose
+    /// limit turns coordinate planes. [`Splittable::enter`] leads to them, and is symplectic.
+    pub fn without_profiles(&self) -> Self {
+        Self { epsilon: self.epsilon, profiles: vec![FieldProfile::Zero; self.modes()] }
+    }
+
     /// Fails unless it has a mode, and sound ones.
     ///
     /// # Errors
@@ -188,6 +194,28 @@ impl NearlyPeriodic for ParticleField {
             total = S::from_f64(0.5 * i as f64).mul_add(square, total);
         }
         total
+    }
+    fn average_constants(&self, _: &[f64]) -> Option<[f64; 2]> {
+        Some([0.0; 2])
+    }
+    /// That of H̄ = ½ε(p² + Σ sin²(kq) J_k), J_k = ½(Q_k² + Π_k²): of the squares of Σ sin(kq)Q_k the products of two
+    /// modes have no average, since their frequencies differ.
+    #[inline(always)]
+    fn averaged_field<S: Elementary>(&self, z: &[S], _: &[S; 2], out: &mut [S]) {
+        let (n, half, epsilon) = (self.dof(), S::from_f64(0.5), S::from_f64(self.epsilon));
+        out[0] = epsilon * z[n];
+        out[n] = S::zero();
+        for (index, profile) in self.profiles.iter().enumerate() {
+            let (i, k) = (index + 1, S::from_f64((index + 1) as f64));
+            let (s, c) = (k * z[0]).sin_cos();
+            let (value, slope) = profile.value_and_slope(z[i]);
+            let momentum = z[n + i] - value;
+            let action = half * momentum.mul_add(momentum, z[i] * z[i]);
+            out[n] -= epsilon * k * s * c * action;
+            let frequency = half * epsilon * s * s;
+            out[i] = frequency * momentum;
+            out[n + i] = out[i].mul_add(slope, -(frequency * z[i]));
+        }
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         let n = self.dof();
