@@ -1,8 +1,10 @@
 //! What surrogates are compared with over many fast periods: orders, structure, and mutants of each.
 
 use super::systems::{assert_order, distance, omega_defect, point};
+use gyroceptron::error::Error;
 use gyroceptron::flow::{
-    Averaged, Integrator, MicroSteps, MultiRevolution, Splitting, Stroboscopic, Tableau,
+    Averaged, Integrator, MicroSteps, MultiRevolution, Splitting, StepTable, Stroboscopic,
+    TableKind, Tableau,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::adiabatic::log_slope;
@@ -308,4 +310,140 @@ fn the_tableau_of_dormand_and_prince_is_of_order_eight() {
     assert!(errors[5] > 1e-13 && slope > 7.0, "{slope} {errors:?}");
     let refused = Integrator::NaturalDormandPrince8.check_for(&System::Oscillators(system));
     assert!(refused.expect_err("canonical ones alone").to_string().contains("coordinates"));
+}
+
+/// A twist and a kick: a map of a plane that keeps area, times `shrink` of the momentum.
+fn twist_and_kick(points: &[f64], shrink: f64) -> Vec<f64> {
+    let mut out = points.to_vec();
+    for z in out.chunks_exact_mut(2) {
+        let angle = 5.0 + 0.6 * (z[0] * z[0] + z[1] * z[1]);
+        let (s, c) = angle.sin_cos();
+        (z[0], z[1]) = (c * z[0] + s * z[1], c * z[1] - s * z[0]);
+        z[1] = shrink * (z[1] + 0.01 * (1.3 * z[0]).cos());
+    }
+    out
+}
+
+/// Points of a ring.
+fn of_ring(count: usize) -> Vec<f64> {
+    let of = |k: usize| {
+        let (s, c) = (2.4 * k as f64).sin_cos();
+        let radius = 0.3 + 0.6 * ((0.618 * k as f64) % 1.0);
+        [radius * s, radius * c]
+    };
+    (0..count).flat_map(of).collect()
+}
+
+fn table(kind: TableKind, nodes: usize, flow: &dyn Fn(&[f64]) -> Vec<f64>) -> StepTable {
+    let dof = 1;
+    StepTable::of_flow(kind, nodes, dof, &of_ring(200), &|z| Ok(flow(z))).expect("a table")
+}
+
+/// The largest |det J − 1| of a step of a table, by central differences.
+fn area_defect(table: &StepTable) -> f64 {
+    const STEP: f64 = 1e-5;
+    let mut worst = 0.0;
+    for z in of_ring(20).chunks_exact(2) {
+        let column = |i: usize| {
+            let ends = [-STEP, STEP].map(|step| {
+                let mut z = z.to_vec();
+                z[i] += step;
+                table.trajectories(&z, 1, 1)
+            });
+            [0, 1].map(|k| (ends[1][k] - ends[0][k]) / (2.0 * STEP))
+        };
+        let [a, b] = [column(0), column(1)];
+        worst = max_or_nan(worst, (a[0] * b[1] - a[1] * b[0] - 1.0).abs());
+    }
+    worst
+}
+
+/// Splines err as the fourth power of the distance of nodes, a step by a generating function, which takes derivatives
+/// of them, as the third. It keeps area to rounding, the others to their errors. Every seventh value off by a
+/// thousandth, or a map that generates nothing, costs the order.
+#[test]
+fn tables_have_their_orders_and_one_keeps_area() {
+    let own = |z: &[f64]| twist_and_kick(z, 1.0);
+    let points = of_ring(200);
+    let exact = own(&points);
+    let nodes = [65, 97, 129, 193, 257];
+    let sizes = nodes.map(|nodes| 1.0 / nodes as f64);
+    let errors = |kind: TableKind, flow: &dyn Fn(&[f64]) -> Vec<f64>| {
+        nodes.map(|nodes| distance(&table(kind, nodes, flow).trajectories(&points, 1, 1), &exact))
+    };
+    let kinds = [
+        (TableKind::Splines, 4.0),
+        (TableKind::PolarSplines, 4.0),
+        (TableKind::GeneratingFunction, 3.0),
+    ];
+    for (kind, order) in kinds {
+        let found = errors(kind, &own);
+        // What is near a node or an end errs less: the slope is not one number.
+        let slope = log_slope(&sizes, &found);
+        assert!((slope - order).abs() < 0.5, "{}: {slope} {found:?}", kind.name());
+        assert!(found[4] < 1e-5, "{found:?}");
+        let some_off = |z: &[f64]| {
+            let mut out = own(z);
+            out.iter_mut().step_by(14).for_each(|v| *v *= 1.001);
+            out
+        };
+        let shrunk = |z: &[f64]| twist_and_kick(z, 0.999);
+        let mutants: [&dyn Fn(&[f64]) -> Vec<f64>; 2] = [&some_off, &shrunk];
+        for (number, mutant) in mutants.into_iter().enumerate() {
+            // Of a generating function no start is found of a value that is not the map's.
+            let made = StepTable::of_flow(kind, 65, 1, &points, &|z| Ok(mutant(z)));
+            let Ok(_) = made else { continue };
+            let slope = log_slope(&sizes, &errors(kind, mutant));
+            assert!(!(slope > order - 1.0), "{}, mutant {number}: {slope}", kind.name());
+        }
+    }
+    // Of few nodes, for the defect of the others to be seen.
+    let defects = kinds.map(|(kind, _)| area_defect(&table(kind, 33, &own)));
+    assert!(defects[2] < 1e-8, "{defects:?}");
+    assert!(defects[0] > 1e-6 && defects[1] > 1e-6, "nothing is seen: {defects:?}");
+    // Many steps at once and one after another are the same; the ring ends somewhere.
+    let by = table(TableKind::GeneratingFunction, 65, &own);
+    let [at_once, in_turn] = [by.trajectories(&points, 3, 2), by.trajectories(&points, 1, 6)];
+    assert_eq!(at_once[points.len()..], in_turn[5 * points.len()..]);
+    for (kind, _) in kinds {
+        let outside = table(kind, 33, &own).trajectories(&[3.0, 0.0], 1, 1);
+        assert!(outside.iter().any(|v| v.is_nan()), "{}: {outside:?}", kind.name());
+    }
+}
+
+/// Of two degrees of freedom; and what is no table.
+#[test]
+fn tables_of_two_degrees_of_freedom() {
+    let system = System::Oscillators(Oscillators { epsilon: 0.02 });
+    let flow = |z: &[f64]| Integrator::Aba1064.trajectories(&system, z, 10.0, 40, 1);
+    let points: Vec<f64> = (0..60).flat_map(|seed| point(2, seed)).collect();
+    let exact = flow(&points).expect("integrates");
+    let nodes = [13, 17, 25, 33];
+    let errors = nodes.map(|nodes| {
+        let made = StepTable::of_flow(TableKind::Splines, nodes, 2, &points, &flow);
+        let made = made.expect("a table");
+        assert_eq!(made.bytes(), 8 * 4 * (nodes + 2).pow(4));
+        distance(&made.trajectories(&points, 1, 1), &exact)
+    });
+    let slope = log_slope(&nodes.map(|nodes| 1.0 / (nodes - 1) as f64), &errors);
+    // Few nodes: the ends, whose errors fall faster, are near.
+    assert!((3.5..5.5).contains(&slope), "{slope} {errors:?}");
+    let refused = |kind: TableKind, nodes: usize, dof: usize| {
+        kind.check(nodes, dof).expect_err("refused").to_string()
+    };
+    assert!(refused(TableKind::Splines, 33, 3).contains("3 degrees of freedom"));
+    assert!(refused(TableKind::PolarSplines, 33, 2).contains("2 degrees of freedom"));
+    assert!(refused(TableKind::GeneratingFunction, 33, 2).contains("one degree of freedom"));
+    assert!(refused(TableKind::Splines, 3, 2).contains("nodes"));
+    assert!(refused(TableKind::Splines, 200, 2).contains("200 nodes along each of 4 axes"));
+    assert!(refused(TableKind::Splines, usize::MAX, 1).contains("nodes"));
+    let none = |points: &[f64], kind| StepTable::of_flow(kind, 9, 1, points, &|z| Ok(z.to_vec()));
+    assert!(none(&[], TableKind::Splines).is_err());
+    assert!(none(&[0.0, 0.0, 1.0, 0.0], TableKind::PolarSplines).is_err());
+    // A map that turns a circle inside out has no such function; what fails says so.
+    let away = |z: &[f64]| Ok(z.iter().map(|v| v * v).collect());
+    let made = StepTable::of_flow(TableKind::GeneratingFunction, 9, 1, &of_ring(9), &away);
+    assert!(matches!(made, Err(Error::NoConvergence { .. })), "{made:?}");
+    let failing = |_: &[f64]| Err(Error::invalid("flow", "none", "one"));
+    assert!(StepTable::of_flow(TableKind::Splines, 9, 1, &of_ring(9), &failing).is_err());
 }

@@ -206,6 +206,29 @@ pub(super) const MULTI_REVOLUTION: &str = "@article{ChartierEtAl2014,
 }
 ";
 
+/// Tables of steps.
+pub(super) const SPLINES: &str = "@book{deBoor2001,
+  author = {de Boor, Carl},
+  title = {A Practical Guide to Splines},
+  edition = {revised},
+  publisher = {Springer},
+  year = {2001},
+  isbn = {978-0-387-95366-3}
+}
+";
+
+/// Tables of generating functions.
+pub(super) const GENERATING_FUNCTIONS: &str = "@article{Abdullaev1999,
+  author = {Abdullaev, S. S.},
+  title = {A new integration method of {H}amiltonian systems by symplectic maps},
+  journal = {Journal of Physics A: Mathematical and General},
+  volume = {32},
+  pages = {2745--2766},
+  year = {1999},
+  doi = {10.1088/0305-4470/32/15/004}
+}
+";
+
 /// Averaged equations.
 pub(super) const AVERAGING: &str = "@book{SandersVerhulstMurdock2007,
   author = {Sanders, Jan A. and Verhulst, Ferdinand and Murdock, James},

@@ -324,6 +324,11 @@ impl<'a> Context<'a> {
         elsewhere + if own { self.log.seconds_of(OWN_PAIRS) } else { 0.0 }
     }
 
+    /// Of the stages of this name.
+    pub(super) fn seconds_of(&self, stage: &str) -> f64 {
+        self.log.seconds_of(stage)
+    }
+
     /// The seconds of each network's training, so far.
     pub(super) fn training_times(&self) -> &[TrainingTimes] {
         &self.training_times

@@ -86,7 +86,7 @@ pub struct FlowBy {
 
 impl FlowBy {
     /// Its steps in a time.
-    fn steps(self, time: f64) -> Result<usize, Error> {
+    pub(super) fn steps(self, time: f64) -> Result<usize, Error> {
         let steps = (time / self.step).ceil();
         let place =
             |error: Error| error.with_place(format!("data.flow.step {} in {time}", self.step));

@@ -42,6 +42,7 @@ integrators = [
     { integrator = { kind = "strang" }, steps = [25.0, 5.0, 1.0] },
     { integrator = { kind = "aba-1064" }, from = 5.0, to = 2.5, factor = 2.0 },
 ]
+tables = [{ kind = "splines", nodes = [5, 9] }]
 "#;
 
 #[test]
@@ -79,6 +80,14 @@ fn maps_of_several_flow_times_are_set_beside_integrators() {
         assert_eq!(settings("one_step", "Strang"), nearest(time), "{at}");
         assert_eq!(settings("trajectories", "Strang"), [4.0, 20.0, 100.0]);
         assert_eq!(settings("trajectories", "ABA"), [20.0, 40.0]);
+        // Of more nodes a table errs less, as it does over trajectories; it has a size.
+        for comparison in ["one_step", "trajectories"] {
+            assert_eq!(settings(comparison, "table of the step"), [5.0, 9.0]);
+            let methods = at[comparison]["methods"].as_array().expect("methods").iter();
+            let tables = methods.filter(|m| m["name"] == "table of the step, cubic splines");
+            let errors: Vec<f64> = tables.map(|m| number(&m["error"])).collect();
+            assert!(errors[1] < 0.5 * errors[0] && errors[1] > 1e-9, "{errors:?}");
+        }
         // The error of a step is the root of 2n times that of a component.
         let methods = at["one_step"]["methods"].as_array().expect("methods");
         let step = number(&methods[0]["error"]);
@@ -106,8 +115,9 @@ fn maps_of_several_flow_times_are_set_beside_integrators() {
         "the network is faster by",
         "- `gyroceptron` ",
         "seconds of pairs and training",
-        "integrators at the error of `normal-form`",
+        "rivals at the error of `normal-form`",
         "its least error, where it is larger",
+        "Tables: table of the step, cubic splines, 5 nodes along each axis: 0.0768 MB",
     ] {
         assert!(text.contains(words), "{words}");
     }
@@ -235,6 +245,11 @@ fn flow_times_that_do_not_fit_are_refused() {
         assert!(LONG_STEPS.contains(from), "{from}");
         refused(&LONG_STEPS.replace(from, to), words);
     };
+    with("[5, 9]", "[5, 3]", &["long_steps", "nodes"]);
+    with("[5, 9]", "[]", &["long_steps", "tables.nodes"]);
+    with("[5, 9]", "[500]", &["long_steps", "500 nodes along each of 4 axes", "1 GiB"]);
+    with("kind = \"splines\"", "kind = \"polar-splines\"", &["2 degrees of freedom", "one degree"]);
+    with("kind = \"splines\"", "kind = \"steps\"", &["steps", "polar-splines"]);
     with("[5.0, 10.0, 20.0]", "[]", &["long_steps", "flow_times"]);
     with("[5.0, 10.0, 20.0]", "[5.0, 20.0, 10.0]", &["10 after 20", "ascending"]);
     with("[5.0, 10.0, 20.0]", "[5.0, 30.0]", &["interval", "steps of 30"]);

@@ -42,6 +42,14 @@ steps = [10, 20]
 integrator = { kind = "gauss-legendre", stages = 6 }
 steps = [10, 1]
 
+[[surfaces.tables]]
+kind = "polar-splines"
+nodes = [33]
+
+[[surfaces.tables]]
+kind = "generating-function"
+nodes = [33, 65]
+
 [[models]]
 name = "integrable"
 network = { kind = "normal-form", kicks = { count = 2, width = 2 }, twists = { count = 1, width = 2 }, perturbation = { count = 0, width = 2 } }
@@ -101,11 +109,34 @@ fn surfaces_tell_methods_apart() {
     let methods = found["methods"].as_array().expect("methods");
     let unsolved = methods.iter().find(unsolved).expect("a row");
     assert!(unsolved["early"].is_null() && unsolved["island"].is_null(), "{unsolved}");
+    // Tables: that of a generating function stays on the surface, and has the island.
+    let (splines, _) = of("table of the step in (θ, ρ), cubic splines", Some(33));
+    let generating = "table of a generating function, cubic splines";
+    let (coarse, _) = of(generating, Some(33));
+    let (fine, on) = of(generating, Some(65));
+    assert!(
+        number(&splines["early"]) < 1e-2 && number(&coarse["early"]) < 1e-2,
+        "{splines} {coarse}"
+    );
+    assert!(number(&fine["early"]) < 0.3 * number(&coarse["early"]), "{coarse} {fine}");
+    let [low, high] = ends(&fine["island"]);
+    let width = (high - low) / (island[1] - island[0]);
+    assert!(on < 1e-2 && (width - 1.0).abs() < 0.02, "{on} {width}");
     let (integrable, _) = of("integrable", None);
     assert!(integrable["island"].is_null() && number(&integrable["early"]) > 1e-2);
     let svg = std::fs::read_to_string(folder.path().join("section.svg")).expect("drawn");
     assert!(svg.contains("reference") && svg.contains("integrable"));
 
+    refused(&SURFACES.replace("[33, 65]", "[2]"), &["surfaces", "nodes"]);
+    // A ring cannot reach the axis: the table's row says so, and the others stand.
+    let axis = run_in(
+        temporary().path(),
+        &parse("lines", &SURFACES.replace("[0.2,", "[0.0,")).expect("a scene"),
+    );
+    let methods = render::json(&axis)["studies"]["surfaces"]["methods"].clone();
+    let methods = methods.as_array().expect("methods");
+    assert!(methods.iter().any(|m| m["name"] == generating && m["early"].is_null()), "{methods:?}");
+    assert!(methods.iter().any(|m| m["name"] == exact["name"] && !m["early"].is_null()));
     refused(&SURFACES.replace("0.48]", "1.48]"), &["radii[1]"]);
     refused(&SURFACES.replace("runge-kutta-4", "strang"), &["no parts with exact flows"]);
     refused(&SURFACES.replace("last = 100", "last = 1000"), &["last"]);

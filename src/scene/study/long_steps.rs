@@ -2,12 +2,13 @@
 
 use super::rollout::RolloutOptions;
 use super::shared::Study;
+use super::step_tables::{MadeTable, TableCost, TableSizes, citations_of, make, named};
 use super::work_precision::{
     HOW, IntegratorSteps, MOST_ROUNDS, Networks, Points, WorkPrecisionOptions, citations,
     work_precision_panel,
 };
 use crate::error::Error;
-use crate::flow::{Integrator, Trajectories};
+use crate::flow::{Integrator, Reference, Trajectories};
 use crate::measure::{
     timing::{AtError, Comparison, WorkPrecision, break_even},
     trajectories::drifts,
@@ -15,6 +16,7 @@ use crate::measure::{
 use crate::network::{Model, Rollout};
 use crate::scalar::max_or_nan;
 use crate::scene::context::{Context, RunError};
+use crate::scene::data_sets::DataSets;
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
@@ -22,7 +24,7 @@ use crate::scene::learning::learn_at;
 use crate::scene::setup::{MOST, ModelSpec, Need, SeededTraining, Setup, check_points};
 use crate::scene::target_flow::TargetFlow;
 use crate::scene::trained::Trained;
-use crate::system::NearlyPeriodic;
+use crate::system::{Hamiltonian, NearlyPeriodic};
 use crate::train::StageResult;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -59,6 +61,9 @@ pub struct LongStepsOptions {
     pub invariant_steps: usize,
     /// What the networks are compared with.
     pub integrators: Vec<IntegratorStepSizes>,
+    /// Tables of the maps, which they are compared with too.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tables: Vec<TableSizes>,
 }
 
 /// An integrator with the steps it is tried with.
@@ -200,6 +205,8 @@ impl Study for LongStepsOptions {
             // As many steps at most as any count of a scene may be.
             entry.check(self.interval / MOST as f64)?;
         }
+        let dof = scene.setup.system.as_ref().map(Hamiltonian::dof);
+        self.tables.iter().try_for_each(|table| table.check(dof))?;
         match &scene.setup.system {
             Some(system) => check_points("initial", &self.initial, system),
             None => Ok(()),
@@ -211,7 +218,9 @@ impl Study for LongStepsOptions {
     }
 
     fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
-        citations(self.integrators.iter().map(|entry| entry.integrator))
+        let mut out = citations(self.integrators.iter().map(|entry| entry.integrator));
+        out.extend(citations_of(&self.tables));
+        out
     }
 
     /// A study of every other flow time and step of an integrator, timed less often.
@@ -219,6 +228,8 @@ impl Study for LongStepsOptions {
         // The longest is among them.
         self.flow_times = self.flow_times.iter().rev().step_by(2).rev().copied().collect();
         self.integrators.iter_mut().for_each(IntegratorStepSizes::shorten);
+        // The smallest of each: they take longest to make.
+        self.tables.iter_mut().for_each(|table| table.nodes.truncate(1));
         self.rounds = self.rounds.min(3);
         self.invariant_steps = self.invariant_steps.min(100_000);
     }
@@ -238,7 +249,9 @@ impl Study for LongStepsOptions {
             let data = context.data_at(system.epsilon(), time)?;
             let points = Points::evenly(data.to_judge_by(), self.points);
             let models = trained.iter().map(|one| (network_name(one), one.model())).collect();
-            let networks = Networks { models, target: TargetFlow::System(system), time };
+            let tables = self.tables_at(context, &data, time)?;
+            let target = TargetFlow::System(system);
+            let networks = Networks { models, target, time, tables: &tables };
             let every = whole_steps("interval", self.interval, time)?;
             let options = WorkPrecisionOptions {
                 points: self.points,
@@ -271,7 +284,15 @@ impl Study for LongStepsOptions {
             let networks = trained.iter().zip(drifts).zip(paid);
             let networks = networks.map(|((one, drift), paid)| OfNetwork::new(one, drift, paid));
             let networks = networks.collect();
-            results.push(AtTime { flow_time, rotation_error, networks, one_step, trajectories });
+            let tables = tables.iter().map(MadeTable::cost).collect();
+            results.push(AtTime {
+                flow_time,
+                rotation_error,
+                networks,
+                one_step,
+                trajectories,
+                tables,
+            });
             before = Some((trained, time));
         }
         let found = Results { options: self, times: results };
@@ -348,6 +369,30 @@ impl LongStepsOptions {
             out.push(Rc::new(trained));
         }
         Ok(out)
+    }
+
+    /// The tables of the map of a flow time, around its pairs; what made these makes those.
+    fn tables_at(
+        &self,
+        context: &mut Context<'_>,
+        data: &DataSets,
+        time: f64,
+    ) -> Result<Vec<MadeTable>, RunError> {
+        if self.tables.is_empty() {
+            return Ok(Vec::new());
+        }
+        let system = context.system()?;
+        let declared = context.scene.setup.data.as_ref().and_then(|data| data.flow);
+        let both = [Some(&data.training), data.held_out.as_ref()].into_iter().flatten();
+        let points: Vec<f64> =
+            both.flat_map(|pairs| [pairs.input(), pairs.output()].concat()).collect();
+        let flow = |points: &[f64]| match declared {
+            Some(flow) => flow.integrator.trajectories(system, points, time, flow.steps(time)?, 1),
+            None => {
+                Reference::calibrated(system, points, time)?.trajectories(system, points, time, 1)
+            }
+        };
+        make(context, &self.tables, time, &points, &flow)
     }
 
     /// What each network cost before its first step at a flow time: seconds of pairs, and of training. Where the
@@ -436,6 +481,7 @@ struct AtTime {
     networks: Vec<OfNetwork>,
     one_step: Comparison,
     trajectories: Comparison,
+    tables: Vec<TableCost>,
 }
 
 /// A network at one flow time.
@@ -535,9 +581,11 @@ impl<'a> Against<'a> {
         Some(rival.alone? / self.alone?)
     }
 
-    /// How many steps of a flow time pay for what was paid before, where each is faster than those of an integrator.
-    fn pays_after(&self, rival: AtError<'_>, paid: f64, flow_time: f64) -> Option<f64> {
-        break_even(paid, self.seconds * flow_time, rival.seconds * flow_time)
+    /// How many steps of a flow time pay for what was paid before, where each is faster than those of a rival.
+    /// What a table cost is paid on the other side.
+    fn pays_after(&self, rival: AtError<'_>, paid: f64, at: &AtTime) -> Option<f64> {
+        let paid = (paid - TableCost::seconds_of(&at.tables, rival.method)).max(0.0);
+        break_even(paid, self.seconds * at.flow_time, rival.seconds * at.flow_time)
     }
 
     /// Every integrator, where its curve comes to the error of the network.
@@ -555,11 +603,6 @@ impl<'a> Against<'a> {
         });
         out
     }
-}
-
-/// A curve of an integrator where it comes to an error.
-fn named(at: AtError<'_>) -> String {
-    format!("{}, {} steps or fewer", at.method.name, at.method.setting.unwrap_or(f64::NAN))
 }
 
 struct Results<'a> {
@@ -605,7 +648,7 @@ impl Results<'_> {
             ("network".into(), Format::Exact),
             ("error".into(), Format::Exponent(2)),
             ("µs for unit time".into(), Format::Significant),
-            ("an integrator no less accurate".into(), Format::Exact),
+            ("a rival no less accurate".into(), Format::Exact),
             ("its µs".into(), Format::Significant),
             ("the network is faster by".into(), Format::Factor),
             ("one alone by".into(), Format::Factor),
@@ -627,16 +670,14 @@ impl Results<'_> {
                     match (against, best) {
                         (None, _) => "it has lost the points".into(),
                         (Some(_), None) => "none that was tried".into(),
-                        (Some(_), Some(best)) => named(best).into(),
+                        (Some(_), Some(best)) => named(best.method).into(),
                     },
                     best.map(|best| best.seconds * MICRO).into(),
                     against.and_then(Against::gain).into(),
                     both.and_then(|(against, best)| against.gain_alone(best)).into(),
                     network.paid().into(),
-                    both.and_then(|(against, best)| {
-                        against.pays_after(best, network.paid(), at.flow_time)
-                    })
-                    .into(),
+                    both.and_then(|(against, best)| against.pays_after(best, network.paid(), at))
+                        .into(),
                 ]);
             }
         }
@@ -650,12 +691,13 @@ impl Results<'_> {
         let both: [(&str, Of); 2] =
             [("one step", |at| &at.one_step), ("trajectories", |at| &at.trajectories)];
         for at in &self.times {
+            out.extend(TableCost::words(&at.tables));
             for (what, of) in both {
                 for network in &at.networks {
                     let Some(against) = Against::new(of(at), &network.name) else { continue };
                     let mut table = Table::new([
-                        ("integrator", Format::Exact),
-                        ("steps", Format::Setting),
+                        ("rival", Format::Exact),
+                        ("steps or nodes", Format::Setting),
                         ("µs for unit time", Format::Significant),
                         ("one alone", Format::Significant),
                         ("the network is faster by", Format::Factor),
@@ -677,9 +719,7 @@ impl Results<'_> {
                             found.map(|found| found.seconds / against.seconds).into(),
                             found.and_then(|found| against.gain_alone(found)).into(),
                             found
-                                .and_then(|found| {
-                                    against.pays_after(found, network.paid(), at.flow_time)
-                                })
+                                .and_then(|found| against.pays_after(found, network.paid(), at))
                                 .into(),
                             if found.is_some() { None } else { least() }.into(),
                         ]);
@@ -688,7 +728,7 @@ impl Results<'_> {
                         continue;
                     }
                     out.push(Block::Heading(format!(
-                        "Flow time {}, {what}: integrators at the error of `{}`, {:.2e}",
+                        "Flow time {}, {what}: rivals at the error of `{}`, {:.2e}",
                         at.flow_time, network.name, against.error
                     )));
                     out.push(Block::Text(format!(
@@ -749,17 +789,17 @@ impl Results<'_> {
                 let words = match (gains.is_empty(), &winning[..], largest) {
                     (true, ..) => "has lost the points at every flow time".to_owned(),
                     (_, [], Some((time, gain))) => format!(
-                        "is slower than the fastest integrator that errs no more at every flow \
+                        "is slower than the fastest rival that errs no more at every flow \
                          time: by {} at {time}, where it comes nearest",
                         Format::Factor.number(1.0 / gain)
                     ),
                     (_, times, Some((time, gain))) => format!(
-                        "overtakes the fastest integrator that errs no more at flow times {}, by up to {} at \
+                        "overtakes the fastest rival that errs no more at flow times {}, by up to {} at \
                          {time}",
                         times.join(", "),
                         Format::Factor.number(gain)
                     ),
-                    (_, _, None) => "errs less than every integrator tried".to_owned(),
+                    (_, _, None) => "errs less than every rival tried".to_owned(),
                 };
                 out.push_str(&format!("- `{}` {words} ({what}).\n", network.name));
             }
@@ -841,15 +881,15 @@ impl Results<'_> {
         Figure::in_a_row(
             FIGURE,
             "Left: the root of the held-out mean squared error of each network against its flow time. Middle and \
-             right: how many times as long the fastest integrator takes that errs no more, for one step and over \
+             right: how many times as long the fastest rival takes that errs no more, for one step and over \
              long trajectories; above the dashed line the network wins. What has lost the \
-             points, or errs less than every integrator tried, has no mark.",
+             points, or errs less than every rival tried, has no mark.",
             vec![
                 panel("error of a step", "rms of a component", errors),
-                panel("one step", "faster than integrators by", gains(|at| &at.one_step)),
+                panel("one step", "faster than rivals by", gains(|at| &at.one_step)),
                 panel(
                     &format!("time {}", self.options.duration),
-                    "faster than integrators by",
+                    "faster than rivals by",
                     gains(|at| &at.trajectories),
                 ),
             ],

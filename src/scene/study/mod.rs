@@ -20,6 +20,7 @@ pub mod random_network;
 pub mod rollout;
 pub(super) mod shared;
 pub mod slow_manifold;
+pub(super) mod step_tables;
 pub mod surfaces;
 pub mod tanh;
 pub mod training;

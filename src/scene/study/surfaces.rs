@@ -2,11 +2,12 @@
 
 use super::rollout::orbit_color;
 use super::shared::Study;
+use super::step_tables::{MadeTable, TableCost, TableSizes, citations_of, make, named};
 use super::work_precision::{Compared, HOW, MOST_ROUNDS, citations};
 use crate::error::Error;
-use crate::flow::{Integrator, Reference, Trajectories};
+use crate::flow::{Integrator, Reference, Tableau, Trajectories};
 use crate::measure::{
-    timing::{AtError, Comparison, WorkPrecision, root_mean_square_distance},
+    timing::{AtError, Comparison, root_mean_square_distance},
     trajectories::{LockedInterval, distances_to_set, locked_interval, winding_numbers},
 };
 use crate::network::{Model, Rollout};
@@ -52,6 +53,9 @@ pub struct SurfacesOptions {
     pub rounds: usize,
     /// What the networks are compared with.
     pub integrators: Vec<StepsInAMap>,
+    /// Tables of the map, which they are compared with too.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tables: Vec<TableSizes>,
 }
 
 /// An integrator with the numbers of steps it is tried with.
@@ -86,6 +90,7 @@ impl Study for SurfacesOptions {
                 Error::check_count_range("integrators.steps", steps, 1, MOST)?;
             }
         }
+        self.tables.iter().try_for_each(|table| table.check(Some(1)))?;
         Error::check_count_range("island", self.island, LEAST_ISLAND, MOST_ISLAND)?;
         scene.setup.flow_time.map_or(Ok(()), |time| scene.setup.check_repeated(time))?;
         for (index, radius) in self.radii.iter().enumerate() {
@@ -105,6 +110,7 @@ impl Study for SurfacesOptions {
 
     fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
         let mut out = citations(self.integrators.iter().map(|entry| entry.integrator));
+        out.extend(citations_of(&self.tables));
         out.extend([GAUSS_LEGENDRE, FIELD_LINES]);
         out
     }
@@ -114,6 +120,7 @@ impl Study for SurfacesOptions {
         self.steps = (self.steps / 20).max(self.early).max(self.last).max(2);
         self.island = (self.island / 4).max(LEAST_ISLAND);
         self.rounds = self.rounds.min(5);
+        self.tables.iter_mut().for_each(|table| table.nodes.truncate(1));
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
@@ -163,8 +170,32 @@ impl Study for SurfacesOptions {
                 }
             }
         }
+        let mut visited = reference.trajectories.values().to_vec();
+        if let Some((_, radius)) = system.resonance() {
+            // Where islands are looked for.
+            for theta in [0.0, PI] {
+                let reach = reach_around(radius);
+                visited.extend(system.point(radius - reach, theta));
+                visited.extend(system.point(radius + reach, theta));
+            }
+        }
+        let by_steps = |points: &[f64]| Ok(beyond(system, points, interval));
+        let tables = make(context, &self.tables, interval, &visited, &by_steps)?;
+        for table in &tables {
+            let (name, nodes) = (table.kind().name(), table.nodes());
+            let by = |points: &[f64], kept: usize| -> Result<Trajectories, Error> {
+                let moved = table.trajectories(points, 1, kept)?;
+                Trajectories::new([points, &moved].concat(), 2, points.len() / 2)
+            };
+            let stage = format!("surfaces of {name}, {nodes} nodes");
+            found.push(context.stage(&stage, |_| match by(&initial.concat(), self.steps) {
+                Ok(orbits) => Ok(judge.of(name, Some(nodes), &orbits, judge.island(&by)?)),
+                Err(_) => Ok::<_, Error>(judge.lost(name, nodes)),
+            })?);
+        }
         let comparison = context.stage("run times", |_| {
-            self.timed(any, interval, &models, &reference.trajectories, reference.error)
+            let reference = (&reference.trajectories, reference.error);
+            self.timed(any, interval, &models, &tables, reference)
         })?;
         let mut figures = Vec::new();
         if context.draws(SECTION) {
@@ -180,8 +211,10 @@ impl Study for SurfacesOptions {
             "early": comparison.without_seconds(),
         });
         let summary = vec![Block::Text(words), Block::Table(results.table())];
-        let times =
-            vec![Block::Text(results.words_of_times()), Block::Table(results.times(&comparison))];
+        let costs: Vec<TableCost> = tables.iter().map(MadeTable::cost).collect();
+        let mut times = vec![Block::Text(results.words_of_times())];
+        times.extend(TableCost::words(&costs));
+        times.push(Block::Table(results.times(&comparison)));
         Ok(Findings {
             title: "Surfaces".into(),
             results: Section { summary, data, ..Section::default() },
@@ -200,6 +233,26 @@ fn lines(system: &System) -> Result<&FieldLines, Error> {
 fn of_model(model: &Model, points: &[f64], steps: usize) -> Result<Trajectories, Error> {
     let states = model.rollout(points, Rollout { steps, every: 1 })?;
     Trajectories::new(states, 2, points.len() / 2)
+}
+
+/// How far from its resonance an island is looked for, within the torus.
+fn reach_around(radius: f64) -> f64 {
+    /// The widest island that is looked for.
+    const REACH: f64 = 0.12;
+    REACH.min(0.9 * radius).min(0.9 * (1.0 - radius))
+}
+
+/// The flow of points, also where they are beyond the torus, at which its formulas do not end: a ring of tables is
+/// around 0 and not around the axis.
+fn beyond(system: &FieldLines, points: &[f64], interval: f64) -> Vec<f64> {
+    /// Errors of 1e-12 a turn.
+    const STEPS_A_TURN: f64 = 48.0;
+    let mut out = points.to_vec();
+    let steps = (STEPS_A_TURN * interval / TAU).ceil() as usize;
+    out.par_chunks_mut(2).for_each(|z| {
+        Tableau::DORMAND_PRINCE_8.take(system, z, interval, steps);
+    });
+    out
 }
 
 /// The reference flow from each of these points, time after time.
@@ -326,8 +379,6 @@ impl Judge<'_> {
     /// Where, on the line of symmetry through the middle of an island, a map is locked to the
     /// resonance of the perturbation.
     fn island(&self, map: &Orbits<'_>) -> Result<Option<LockedInterval>, Error> {
-        /// The widest island that is looked for.
-        const REACH: f64 = 0.12;
         let Some((iota, radius)) = self.system.resonance() else { return Ok(None) };
         let (steps, winding) = (self.options.island, iota * self.interval / TAU);
         let parts = f64::from(self.system.poloidal.unsigned_abs());
@@ -341,9 +392,7 @@ impl Judge<'_> {
                 let locked = |w: &f64| (w - winding).abs() * (steps as f64) < 1.0 / parts;
                 Ok(found.iter().map(locked).collect())
             };
-            // Within the torus.
-            let reach = REACH.min(0.9 * radius).min(0.9 * (1.0 - radius));
-            locked_interval(radius, reach, locked)
+            locked_interval(radius, reach_around(radius), locked)
         };
         // Middles and corners of islands by turns.
         let [one, other] = [on(0.0)?, on(PI / parts)?];
@@ -363,8 +412,8 @@ impl SurfacesOptions {
         system: &System,
         interval: f64,
         models: &[Rc<Trained>],
-        reference: &Trajectories,
-        reference_error: f64,
+        tables: &[MadeTable],
+        (reference, reference_error): (&Trajectories, f64),
     ) -> Result<Comparison, Error> {
         let models: Vec<_> = models.iter().map(|one| (&one.spec.name[..], one.model())).collect();
         let integrators = self.integrators.iter().flat_map(|entry| {
@@ -373,6 +422,7 @@ impl SurfacesOptions {
         let compared = Compared {
             models: &models,
             integrators: integrators.collect(),
+            tables,
             request: Rollout { steps: self.early, every: 1 },
             interval,
             reference: &reference.values()[..2 * reference.count() * (self.early + 1)],
@@ -461,7 +511,7 @@ impl Results<'_> {
     fn table(&self) -> Table {
         let mut table = Table::new([
             ("method", Format::Exact),
-            ("steps in a map", Format::Exact),
+            ("steps in a map, or nodes", Format::Exact),
             ("one by one", Format::Exponent(2)),
             ("from the surface, median", Format::Exponent(2)),
             ("largest", Format::Exponent(2)),
@@ -489,7 +539,7 @@ impl Results<'_> {
 
     fn words_of_times(&self) -> String {
         format!(
-            "{HOW} Gauss–Legendre of one stage is the implicit midpoint rule. The fastest integrator is that of \
+            "{HOW} Gauss–Legendre of one stage is the implicit midpoint rule. The fastest rival is that of \
              no larger error one by one."
         )
     }
@@ -498,11 +548,11 @@ impl Results<'_> {
         const MICRO: f64 = 1e6;
         let mut table = Table::new([
             ("method", Format::Exact),
-            ("steps in a map", Format::Exact),
+            ("steps in a map, or nodes", Format::Exact),
             ("µs a turn", Format::Magnitude),
             ("one alone", Format::Magnitude),
             ("one by one", Format::Exponent(2)),
-            ("fastest integrator as accurate", Format::Exact),
+            ("fastest rival as accurate", Format::Exact),
             ("takes as long", Format::Factor),
             ("one alone as long", Format::Factor),
         ]);
@@ -512,9 +562,6 @@ impl Results<'_> {
             let ratio = best.zip(method.seconds).map(|(best, own)| best.seconds / own.median);
             let alone = best.and_then(|best| best.alone).zip(method.alone);
             let alone = alone.map(|(theirs, own)| theirs / own.median);
-            let named = |other: &WorkPrecision| {
-                format!("{}, {} steps or fewer", other.name, other.setting.unwrap_or_default())
-            };
             table.push([
                 method.name.clone().into(),
                 method.setting.into(),

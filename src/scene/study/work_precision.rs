@@ -3,6 +3,7 @@
 
 use super::rollout::RolloutOptions;
 use super::shared::Study;
+use super::step_tables::MadeTable;
 use crate::error::Error;
 use crate::flow::{Integrator, Pairs, ReferenceTrajectories};
 use crate::measure::{
@@ -141,6 +142,7 @@ impl Study for WorkPrecisionOptions {
                 .collect(),
             target: context.target()?,
             time: context.flow_time()?,
+            tables: &[],
         };
         let data = context.data()?;
         let points = Points::evenly(data.to_judge_by(), self.points);
@@ -214,6 +216,7 @@ pub(super) struct Networks<'a> {
     pub(super) models: Vec<(&'a str, &'a Model)>,
     pub(in crate::scene) target: TargetFlow<'a>,
     pub(super) time: f64,
+    pub(super) tables: &'a [MadeTable],
 }
 
 /// Some rows of pairs.
@@ -286,6 +289,10 @@ impl WorkPrecisionOptions {
                 methods.push(method.beside_alone(units, alone));
             }
         }
+        for table in networks.tables {
+            // One point after another in either: no lanes are shared.
+            methods.push(table.method((input, single), (1, 1), units));
+        }
         let all = TrajectoryMethods {
             methods,
             reference: &points.output,
@@ -311,6 +318,7 @@ impl WorkPrecisionOptions {
         Compared {
             models: &networks.models,
             integrators: integrators.collect(),
+            tables: networks.tables,
             request: options.request(),
             interval: options.interval(networks.time),
             reference: trajectories.values(),
@@ -361,6 +369,8 @@ pub(super) struct Compared<'a, 'm> {
     pub(super) models: &'a [(&'m str, &'m Model)],
     /// Each with its steps between two states.
     pub(super) integrators: Vec<(Integrator, &'a System, usize)>,
+    /// Of the map that the networks stand for.
+    pub(super) tables: &'a [MadeTable],
     pub(super) request: Rollout,
     /// The time between two states.
     pub(super) interval: f64,
@@ -395,6 +405,9 @@ impl Compared<'_, '_> {
                 move |initial: &[f64]| by.trajectories(system, initial, interval, steps, kept);
             let method = Method::new(by.name(), Some(steps as f64), move || from(initial));
             methods.push(method.beside_alone(time, move || from(first)));
+        }
+        for table in self.tables {
+            methods.push(table.method((initial, first), (request.every, kept), time));
         }
         let all = TrajectoryMethods {
             methods,

@@ -1,0 +1,156 @@
+//! Tables of a step, as rivals: made, with what they cost.
+
+use crate::error::Error;
+use crate::flow::{FlowOfPoints, StepTable, TableKind};
+use crate::measure::timing::{Method, WorkPrecision};
+use crate::scene::bibliography::{GENERATING_FUNCTIONS, SPLINES};
+use crate::scene::context::{Context, RunError};
+use crate::scene::findings::{Block, Format};
+use crate::system::Hamiltonian;
+use serde::{Deserialize, Serialize};
+
+/// A table with the numbers of nodes that it is tried with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TableSizes {
+    /// What it is of.
+    pub kind: TableKind,
+    /// Its nodes along each axis.
+    pub nodes: Vec<usize>,
+}
+
+impl TableSizes {
+    /// Fails unless tables of all sizes can be made of a map of so many degrees of freedom.
+    pub(super) fn check(&self, dof: Option<usize>) -> Result<(), Error> {
+        Error::check_count_range("tables.nodes", self.nodes.len(), 1, 1000)?;
+        let Some(dof) = dof else { return Ok(()) };
+        self.nodes.iter().try_for_each(|&nodes| self.kind.check(nodes, dof))
+    }
+}
+
+/// The BibTeX entries of tables.
+pub(super) fn citations_of(sizes: &[TableSizes]) -> impl Iterator<Item = &'static str> {
+    sizes.iter().map(|entry| match entry.kind {
+        TableKind::Splines | TableKind::PolarSplines => SPLINES,
+        TableKind::GeneratingFunction => GENERATING_FUNCTIONS,
+    })
+}
+
+/// A table, or why there is none.
+pub(super) struct MadeTable {
+    kind: TableKind,
+    nodes: usize,
+    table: Result<StepTable, String>,
+    /// Of making it.
+    seconds: f64,
+}
+
+/// What a table cost.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct TableCost {
+    pub(super) name: String,
+    pub(super) nodes: usize,
+    pub(super) bytes: usize,
+    pub(super) seconds: f64,
+}
+
+/// All tables of a flow map, around these points.
+pub(super) fn make(
+    context: &mut Context<'_>,
+    sizes: &[TableSizes],
+    time: f64,
+    points: &[f64],
+    flow: FlowOfPoints<'_>,
+) -> Result<Vec<MadeTable>, RunError> {
+    let dof = context.system()?.dof();
+    let mut out = Vec::new();
+    for entry in sizes {
+        for &nodes in &entry.nodes {
+            let kind = entry.kind;
+            let stage = format!("{}, {nodes} nodes, time {time}", kind.name());
+            let table =
+                context.stage(&stage, |_| StepTable::of_flow(kind, nodes, dof, points, flow));
+            let seconds = context.seconds_of(&stage);
+            let table = table.map_err(|reason| reason.to_string());
+            out.push(MadeTable { kind, nodes, table, seconds });
+            if context.interrupted() {
+                return Err(RunError::Interrupted);
+            }
+        }
+    }
+    Ok(out)
+}
+
+impl MadeTable {
+    pub(super) fn kind(&self) -> TableKind {
+        self.kind
+    }
+
+    pub(super) fn nodes(&self) -> usize {
+        self.nodes
+    }
+
+    /// [`StepTable::trajectories`], or why there is no table.
+    pub(super) fn trajectories(
+        &self,
+        initial: &[f64],
+        every: usize,
+        kept: usize,
+    ) -> Result<Vec<f64>, Error> {
+        match &self.table {
+            Ok(table) => Ok(table.trajectories(initial, every, kept)),
+            Err(reason) => {
+                Err(Error::invalid(self.kind.name(), format!("{} nodes", self.nodes), reason))
+            }
+        }
+    }
+
+    /// A method by its trajectories together and alone, the latter of so many units.
+    pub(super) fn method<'a>(
+        &'a self,
+        (together, alone): (&'a [f64], &'a [f64]),
+        (every, kept): (usize, usize),
+        units: f64,
+    ) -> Method<'a> {
+        let from = move |initial: &[f64]| self.trajectories(initial, every, kept);
+        Method::new(self.kind.name(), Some(self.nodes as f64), move || from(together))
+            .beside_alone(units, move || from(alone))
+    }
+
+    pub(super) fn cost(&self) -> TableCost {
+        let bytes = self.table.as_ref().map_or(0, StepTable::bytes);
+        let (name, nodes) = (self.kind.name().to_owned(), self.nodes);
+        TableCost { name, nodes, bytes, seconds: self.seconds }
+    }
+}
+
+impl TableCost {
+    /// What was paid before the first step of a rival, if it is a table.
+    pub(super) fn seconds_of(all: &[Self], rival: &WorkPrecision) -> f64 {
+        let same =
+            |cost: &&Self| cost.name == rival.name && Some(cost.nodes as f64) == rival.setting;
+        all.iter().find(same).map_or(0.0, |cost| cost.seconds)
+    }
+
+    /// What tables cost, in words.
+    pub(super) fn words(all: &[Self]) -> Option<Block> {
+        const MEGABYTE: f64 = 1e6;
+        let of = |cost: &Self| {
+            format!(
+                "{}, {} nodes along each axis: {} MB, made in {} s.",
+                cost.name,
+                cost.nodes,
+                Format::Significant.number(cost.bytes as f64 / MEGABYTE),
+                Format::Fixed(1).number(cost.seconds)
+            )
+        };
+        let words: Vec<String> = all.iter().map(of).collect();
+        (!words.is_empty()).then(|| Block::Text(format!("Tables: {}", words.join(" "))))
+    }
+}
+
+/// A curve of a rival, with the setting that errs no more than something.
+pub(super) fn named(rival: &WorkPrecision) -> String {
+    let unit = if TableKind::is_named(&rival.name) { "nodes along each axis" } else { "steps" };
+    format!("{}, {} {unit} or fewer", rival.name, rival.setting.unwrap_or(f64::NAN))
+}
