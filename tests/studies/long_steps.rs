@@ -117,7 +117,7 @@ fn maps_of_several_flow_times_are_set_beside_integrators() {
         "seconds of pairs and training",
         "rivals at the error of `normal-form`",
         "its least error, where it is larger",
-        "Tables: table of the step, cubic splines, 5 nodes along each axis: 0.0768 MB",
+        "- table of the step, cubic splines, 5 nodes along each axis: 0.0768 MB",
     ] {
         assert!(text.contains(words), "{words}");
     }

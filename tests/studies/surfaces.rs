@@ -129,14 +129,15 @@ fn surfaces_tell_methods_apart() {
 
     refused(&SURFACES.replace("[33, 65]", "[2]"), &["surfaces", "nodes"]);
     // A ring cannot reach the axis: the table's row says so, and the others stand.
-    let axis = run_in(
-        temporary().path(),
-        &parse("lines", &SURFACES.replace("[0.2,", "[0.0,")).expect("a scene"),
-    );
+    let of_axis = temporary();
+    let near = parse("lines", &SURFACES.replace("[0.2,", "[0.005,")).expect("a scene");
+    let axis = run_in(of_axis.path(), &near);
     let methods = render::json(&axis)["studies"]["surfaces"]["methods"].clone();
     let methods = methods.as_array().expect("methods");
     assert!(methods.iter().any(|m| m["name"] == generating && m["early"].is_null()), "{methods:?}");
     assert!(methods.iter().any(|m| m["name"] == exact["name"] && !m["early"].is_null()));
+    let text = std::fs::read_to_string(of_axis.path().join("report.md")).expect("a report");
+    assert!(text.contains("65 nodes along each axis: none, ρ of a table"), "{text}");
     refused(&SURFACES.replace("0.48]", "1.48]"), &["radii[1]"]);
     refused(&SURFACES.replace("runge-kutta-4", "strang"), &["no parts with exact flows"]);
     refused(&SURFACES.replace("last = 100", "last = 1000"), &["last"]);

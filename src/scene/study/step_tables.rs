@@ -52,6 +52,9 @@ pub(super) struct TableCost {
     pub(super) nodes: usize,
     pub(super) bytes: usize,
     pub(super) seconds: f64,
+    /// Why there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) failure: Option<String>,
 }
 
 /// All tables of a flow map, around these points.
@@ -120,7 +123,8 @@ impl MadeTable {
     pub(super) fn cost(&self) -> TableCost {
         let bytes = self.table.as_ref().map_or(0, StepTable::bytes);
         let (name, nodes) = (self.kind.name().to_owned(), self.nodes);
-        TableCost { name, nodes, bytes, seconds: self.seconds }
+        let failure = self.table.as_ref().err().cloned();
+        TableCost { name, nodes, bytes, seconds: self.seconds, failure }
     }
 }
 
@@ -136,16 +140,20 @@ impl TableCost {
     pub(super) fn words(all: &[Self]) -> Option<Block> {
         const MEGABYTE: f64 = 1e6;
         let of = |cost: &Self| {
-            format!(
-                "{}, {} nodes along each axis: {} MB, made in {} s.",
-                cost.name,
-                cost.nodes,
-                Format::Significant.number(cost.bytes as f64 / MEGABYTE),
-                Format::Fixed(1).number(cost.seconds)
-            )
+            let Self { name, nodes, .. } = cost;
+            let size = Format::Significant.number(cost.bytes as f64 / MEGABYTE);
+            let seconds = Format::Fixed(1).number(cost.seconds);
+            match &cost.failure {
+                None => format!(
+                    "- {name}, {nodes} nodes along each axis: {size} MB, made in {seconds} s.\n"
+                ),
+                Some(reason) => {
+                    format!("- {name}, {nodes} nodes along each axis: none, {reason}.\n")
+                }
+            }
         };
-        let words: Vec<String> = all.iter().map(of).collect();
-        (!words.is_empty()).then(|| Block::Text(format!("Tables: {}", words.join(" "))))
+        let words: String = all.iter().map(of).collect();
+        (!words.is_empty()).then_some(Block::Text(words))
     }
 }
 
