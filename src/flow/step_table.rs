@@ -3,9 +3,8 @@
 use super::Region;
 use crate::error::Error;
 use crate::scalar::{Kernel, Pack, max_or_nan, on_independent_lanes};
-use faer::linalg::solvers::{PartialPivLu, Solve};
 use serde::{Deserialize, Serialize};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 /// What a table is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -104,8 +103,13 @@ struct GridAxis {
 }
 
 impl GridAxis {
-    fn new(low: f64, high: f64, nodes: usize) -> Self {
-        Self { low, step: (high - low) / (nodes - 1) as f64, nodes, periodic: false }
+    /// Fails unless `low` < `high`.
+    fn new(name: &str, low: f64, high: f64, nodes: usize) -> Result<Self, Error> {
+        if !(low < high) {
+            let found = format!("from {low} to {high}");
+            return Err(Error::invalid(&format!("{name} of a table"), found, "an interval"));
+        }
+        Ok(Self { low, step: (high - low) / (nodes - 1) as f64, nodes, periodic: false })
     }
 
     fn angle(nodes: usize) -> Self {
@@ -139,54 +143,92 @@ impl GridAxis {
         let within = (-1e-9..=1.0 + 1e-9).contains(&t);
         (cell, if within { t } else { f64::NAN })
     }
-
-    /// The coefficients of the splines through values at the nodes: LU factors of the basis at the nodes, with the
-    /// conditions at the ends.
-    fn basis(&self) -> PartialPivLu<f64> {
-        let size = if self.periodic { self.nodes } else { self.nodes + 2 };
-        let mut matrix = faer::Mat::zeros(size, size);
-        for node in 0..self.nodes {
-            for (k, value) in [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0].into_iter().enumerate() {
-                matrix[(node, (node + k) % size)] += value;
-            }
-        }
-        if !self.periodic {
-            // Third differences of the two cells at an end are the same.
-            for (row, first) in [(self.nodes, 0), (self.nodes + 1, self.nodes - 3)] {
-                for (k, value) in [1.0, -4.0, 6.0, -4.0, 1.0].into_iter().enumerate() {
-                    matrix[(row, first + k)] = value;
-                }
-            }
-        }
-        matrix.partial_piv_lu()
-    }
 }
 
 /// `values` at the nodes, of shape (outer, nodes, inner), to coefficients (outer, cells + 3, inner).
 fn along(axis: &GridAxis, values: &[f64], inner: usize) -> Vec<f64> {
-    /// Columns that are solved for together.
-    const TOGETHER: usize = 1 << 12;
-    let (basis, nodes, count) = (axis.basis(), axis.nodes, axis.coefficients());
-    let size = if axis.periodic { nodes } else { nodes + 2 };
-    let outer = values.len() / (nodes * inner);
+    let count = axis.coefficients();
+    let outer = values.len() / (axis.nodes * inner);
     let mut out = vec![0.0; outer * count * inner];
-    for block in 0..outer {
-        let values = &values[block * nodes * inner..];
-        let out = &mut out[block * count * inner..];
-        for first in (0..inner).step_by(TOGETHER) {
-            let columns = TOGETHER.min(inner - first);
-            let right = faer::Mat::from_fn(size, columns, |node, column| {
-                if node < nodes { values[node * inner + first + column] } else { 0.0 }
-            });
-            let solved = basis.solve(&right);
-            for k in 0..count {
-                for column in 0..columns {
-                    out[k * inner + first + column] = solved[(k % size, column)];
-                }
-            }
+    let blocks = values.chunks_exact(axis.nodes * inner).zip(out.chunks_exact_mut(count * inner));
+    for (values, out) in blocks {
+        if axis.periodic {
+            periodic_coefficients(values, inner, out);
+        } else {
+            coefficients(values, inner, out);
         }
     }
     out
+}
+
+/// `out` ← c_0 … c_{N+1} of splines with f_i = (c_i + 4c_{i+1} + c_{i+2})/6 at the nodes i = 0 … N − 1, `inner` of
+/// them together, whose third derivative is continuous at the nodes 1 and N − 2: this makes c_2 =
+/// (8f_1 − f_0 − f_2)/6 and c_{N−1} likewise, and leaves a tridiagonal system of those between.
+fn coefficients(values: &[f64], inner: usize, out: &mut [f64]) {
+    let nodes = values.len() / inner;
+    let f = |node: usize, column: usize| values[node * inner + column];
+    let last = nodes - 1;
+    // 1/(4 − the factor before) of the elimination from c_3 on.
+    let mut factors = vec![0.0; nodes];
+    for k in 3..last {
+        factors[k] = 1.0 / (4.0 - factors[k - 1]);
+    }
+    for column in 0..inner {
+        let at = |k: usize| k * inner + column;
+        out[at(2)] = (8.0 * f(1, column) - f(0, column) - f(2, column)) / 6.0;
+        out[at(last)] = (8.0 * f(last - 1, column) - f(last, column) - f(last - 2, column)) / 6.0;
+        for k in 3..last {
+            out[at(k)] = (6.0 * f(k - 1, column) - out[at(k - 1)]) * factors[k];
+        }
+        for k in (3..last).rev() {
+            out[at(k)] -= factors[k] * out[at(k + 1)];
+        }
+        out[at(1)] = 6.0 * f(1, column) - 4.0 * out[at(2)] - out[at(3)];
+        out[at(0)] = 6.0 * f(0, column) - 4.0 * out[at(1)] - out[at(2)];
+        let end = at(last + 1);
+        out[end] = 6.0 * f(last - 1, column) - 4.0 * out[at(last)] - out[at(last - 1)];
+        out[at(last + 2)] = 6.0 * f(last, column) - 4.0 * out[end] - out[at(last)];
+    }
+}
+
+/// The same of periodic splines, by two recursions with the root z = √3 − 2 of z² + 4z + 1; the first three are
+/// there once more at the end.
+fn periodic_coefficients(values: &[f64], inner: usize, out: &mut [f64]) {
+    let nodes = values.len() / inner;
+    let root = libm::sqrt(3.0) - 2.0;
+    let whole = 1.0 / (1.0 - libm::pow(root, nodes as f64));
+    let mut forward = vec![0.0; nodes];
+    for column in 0..inner {
+        let f = |node: usize| values[(node % nodes) * inner + column];
+        let mut sum = 0.0;
+        // Σ_k z^k f_{−k}, from its last term on.
+        for k in (0..nodes).rev() {
+            sum = sum * root + f(nodes - k);
+        }
+        forward[0] = sum * whole;
+        for k in 1..nodes {
+            forward[k] = forward[k - 1] * root + f(k);
+        }
+        sum = 0.0;
+        for k in (0..nodes).rev() {
+            sum = sum * root + forward[(nodes - 1 + k) % nodes];
+        }
+        let mut c = -root * sum * whole;
+        for k in (0..nodes).rev() {
+            if k + 1 < nodes {
+                c = root * (c - forward[k]);
+            }
+            // Coefficient k + 1 belongs to node k.
+            for place in [k + 1, k + 1 + nodes] {
+                if place < nodes + 3 {
+                    out[place * inner + column] = 6.0 * c;
+                }
+            }
+            if k + 1 == nodes {
+                out[column] = 6.0 * c;
+            }
+        }
+    }
 }
 
 /// The four basis functions of a cell.
@@ -217,8 +259,10 @@ impl StepTable {
     /// around 0 that does, widened by a twentieth.
     ///
     /// # Errors
-    /// Those of [`TableKind::check`] and of the flow; [`Error::Invalid`] without points, or of a ring that
-    /// reaches 0; [`Error::NoConvergence`] where no start of a generating function is found.
+    /// Those of [`TableKind::check`] and of the flow; [`Error::Invalid`] without points, of points along which a
+    /// coordinate does not change, of images that are not finite, of a ring that reaches 0, of a map without a
+    /// generating function S(θ, ρ′) or one that keeps no area; [`Error::NoConvergence`] where no start of a step of
+    /// one is found.
     pub fn of_flow(
         kind: TableKind,
         nodes: usize,
@@ -228,13 +272,28 @@ impl StepTable {
     ) -> Result<Self, Error> {
         kind.check(nodes, dof)?;
         let dim = 2 * dof;
+        Error::check_rows("points of a table", points.len(), dim)?;
+        points.iter().try_for_each(|v| Error::check_finite("points of a table", *v))?;
         if points.is_empty() {
             return Err(Error::invalid("points of a table", "none", "some"));
         }
+        let checked = |nodes: &[f64]| -> Result<Vec<f64>, Error> {
+            let images = flow(nodes)?;
+            Error::check_count("images of the nodes of a table", nodes.len(), images.len())?;
+            // One that is none would spread over all of the table.
+            let lost = images.chunks_exact(dim).filter(|z| z.iter().any(|v| !v.is_finite()));
+            match lost.count() {
+                0 => Ok(images),
+                lost => {
+                    let found = format!("none of {lost} of {} nodes", nodes.len() / dim);
+                    Err(Error::invalid("images of the nodes of a table", found, "finite numbers"))
+                }
+            }
+        };
         let (axes, values) = match kind {
-            TableKind::Splines => box_of(dim, nodes, points, flow)?,
-            TableKind::PolarSplines => ring_of(nodes, points, flow)?,
-            TableKind::GeneratingFunction => generator_of(nodes, points, flow)?,
+            TableKind::Splines => box_of(dim, nodes, points, &checked)?,
+            TableKind::PolarSplines => ring_of(nodes, points, &checked)?,
+            TableKind::GeneratingFunction => generator_of(nodes, points, &checked)?,
         };
         let outputs = kind.outputs(dim);
         let mut coefficients = values;
@@ -284,6 +343,10 @@ impl StepTable {
             }
             TableKind::GeneratingFunction => self.generate(z),
         }
+        if self.kind != TableKind::Splines {
+            // Of an angle of many turns the last digits would be lost.
+            z[0] -= TAU * (z[0] / TAU).floor();
+        }
     }
 
     /// All D splines at a point. The last axis has its four weights after the sum over the others: ROW is 4D.
@@ -331,7 +394,7 @@ impl StepTable {
         let (along, across) = (weights(t), slopes(t));
         let row = radii.coefficients();
         let psi = 0.5 * z[1] * z[1];
-        let (mut radius, mut by_radius) = (z[1], 0.0);
+        let (mut radius, mut by_radius, mut found) = (z[1], 0.0, false);
         for _ in 0..NEWTON_STEPS {
             let (within, u) = radii.cell(radius);
             let (value, slope) = (weights(u), slopes(u));
@@ -354,12 +417,14 @@ impl StepTable {
             let left = 0.5 * radius * radius + by_angle / angles.step - psi;
             let change = left / (radius + mixed / (angles.step * radii.step));
             radius -= change;
-            if !(change.abs() > 1e-12 * radius) {
+            if change.abs() <= 1e-12 * radius {
+                found = true;
                 break;
             }
         }
-        z[0] += by_radius / (radii.step * radius);
-        z[1] = radius;
+        // What is not found is no image.
+        z[1] = if found { radius } else { f64::NAN };
+        z[0] += by_radius / (radii.step * z[1]);
     }
 }
 
@@ -374,8 +439,10 @@ fn box_of(
     flow: FlowOfPoints<'_>,
 ) -> Result<(Vec<GridAxis>, Vec<f64>), Error> {
     let region = Region::around(dim, [points]).expect("points").widened(0.05);
-    let ends = region.low.iter().zip(&region.high);
-    let axes: Vec<GridAxis> = ends.map(|(&low, &high)| GridAxis::new(low, high, nodes)).collect();
+    let ends = region.low.iter().zip(&region.high).enumerate();
+    let axes: Vec<GridAxis> = ends
+        .map(|(k, (&low, &high))| GridAxis::new(&format!("coordinate {k}"), low, high, nodes))
+        .collect::<Result<_, _>>()?;
     let count = nodes.pow(dim as u32);
     let mut grid = Vec::with_capacity(count * dim);
     for number in 0..count {
@@ -394,7 +461,7 @@ fn ring(nodes: usize, points: &[f64]) -> Result<[GridAxis; 2], Error> {
     if !(low > 0.0) {
         return Err(Error::invalid("ρ of a table", low, "a ring that does not reach 0"));
     }
-    Ok([GridAxis::angle(nodes), GridAxis::new(low, high, nodes)])
+    Ok([GridAxis::angle(nodes), GridAxis::new("ρ", low, high, nodes)?])
 }
 
 /// Points at (θ_i, ρ), ρ of each node one after another.
@@ -450,6 +517,15 @@ fn generator_of(
     // From which ρ the map comes to ρ′, by the secant method; where surfaces are not circles ρ′ does not grow as ρ does.
     let mut start = wanted.clone();
     let mut images = flow(&at_angles(&angles, &start))?;
+    for (number, pair) in images.chunks_exact(2).zip(images.chunks_exact(2).skip(1)).enumerate() {
+        let [below, above] = [pair.0, pair.1].map(|z| libm::hypot(z[0], z[1]));
+        if (number + 1) % nodes != 0 && !(below < above) {
+            let (angle, radius) = (angles.node(number / nodes), wanted[number]);
+            let found = format!("ρ′ = {below} and then {above} at θ = {angle:.3}, ρ = {radius:.3}");
+            let expected = "a map whose ρ′ grows with ρ at every θ";
+            return Err(Error::invalid("generating function", found, expected));
+        }
+    }
     let mut slopes = vec![1.0_f64; wanted.len()];
     let mut misses = vec![0.0; wanted.len()];
     let mut left = f64::INFINITY;
@@ -467,7 +543,8 @@ fn generator_of(
         }
         left = worst;
         // Until rounding.
-        if left < 1e-14 * radii.node(nodes - 1) || (left < 1e-11 && left >= 0.5 * before) {
+        let outer = radii.node(nodes - 1);
+        if left < 1e-14 * outer || (left < 1e-11 * outer && left >= 0.5 * before) {
             break;
         }
         if iteration == ITERATIONS || !left.is_finite() {
@@ -488,6 +565,12 @@ fn generator_of(
             0.5 * (start[number] * start[number] - wanted[number] * wanted[number])
         };
         let derivative: Vec<f64> = (0..nodes).map(of).collect();
+        let flux = derivative.iter().sum::<f64>() / nodes as f64;
+        if !(flux.abs() <= MOST_FLUX * wanted[j] * wanted[j]) {
+            let found = format!("a mean of {flux:.1e} of ψ − ψ′ at ρ′ = {:.3}", wanted[j]);
+            let expected = "0, as of a map that keeps area";
+            return Err(Error::invalid("generating function", found, expected));
+        }
         for (i, value) in antiderivative(&derivative).into_iter().enumerate() {
             values[i * nodes + j] = value;
         }
@@ -508,6 +591,9 @@ fn generator_of(
     }
     Ok((vec![angles, radii], values))
 }
+
+/// Of ρ′², a mean of ψ − ψ′ that few nodes make of none, at most.
+const MOST_FLUX: f64 = 2e-4;
 
 /// A periodic function of mean 0 from its derivative at equal distances, by its harmonics below the highest.
 fn antiderivative(derivative: &[f64]) -> Vec<f64> {
@@ -551,7 +637,7 @@ impl Kernel for Steps<'_> {
             for z in states.chunks_exact_mut(2) {
                 let angle = libm::atan2(z[0], z[1]);
                 z[1] = libm::hypot(z[0], z[1]);
-                z[0] = if angle < 0.0 { angle + 2.0 * PI } else { angle };
+                z[0] = if angle < 0.0 { angle + TAU } else { angle };
             }
         }
         for kept in out.chunks_exact_mut(states.len()) {

@@ -246,6 +246,7 @@ fn flow_times_that_do_not_fit_are_refused() {
         refused(&LONG_STEPS.replace(from, to), words);
     };
     with("[5, 9]", "[5, 3]", &["long_steps", "nodes"]);
+    with("[5, 9]", "[9, 5]", &["long_steps", "5 after 9", "ascending"]);
     with("[5, 9]", "[]", &["long_steps", "tables.nodes"]);
     with("[5, 9]", "[500]", &["long_steps", "500 nodes along each of 4 axes", "1 GiB"]);
     with("kind = \"splines\"", "kind = \"polar-splines\"", &["2 degrees of freedom", "one degree"]);

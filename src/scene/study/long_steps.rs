@@ -228,8 +228,7 @@ impl Study for LongStepsOptions {
         // The longest is among them.
         self.flow_times = self.flow_times.iter().rev().step_by(2).rev().copied().collect();
         self.integrators.iter_mut().for_each(IntegratorStepSizes::shorten);
-        // The smallest of each: they take longest to make.
-        self.tables.iter_mut().for_each(|table| table.nodes.truncate(1));
+        self.tables.iter_mut().for_each(TableSizes::shorten);
         self.rounds = self.rounds.min(3);
         self.invariant_steps = self.invariant_steps.min(100_000);
     }
@@ -829,7 +828,7 @@ impl Results<'_> {
         Figure::in_a_row(
             METHODS,
             "Error against run time on this machine, one thread, trajectories together: a point for each number of \
-             steps, and for each flow time of a network over the trajectories; lines from quartile to quartile. Lower \
+             steps or nodes, and for each flow time of a network over the trajectories; lines from quartile to quartile. Lower \
              and further left is better.",
             vec![
                 panel(format!("one step of time {}", last.flow_time), &last.one_step.methods),

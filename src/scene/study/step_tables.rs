@@ -24,7 +24,16 @@ impl TableSizes {
     pub(super) fn check(&self, dof: Option<usize>) -> Result<(), Error> {
         Error::check_count_range("tables.nodes", self.nodes.len(), 1, 1000)?;
         let Some(dof) = dof else { return Ok(()) };
+        if let Some(pair) = self.nodes.windows(2).find(|pair| pair[0] >= pair[1]) {
+            let found = format!("{} after {}", pair[1], pair[0]);
+            return Err(Error::invalid("tables.nodes", found, "ascending ones"));
+        }
         self.nodes.iter().try_for_each(|&nodes| self.kind.check(nodes, dof))
+    }
+
+    /// Of a study cut short: its smallest alone, since larger ones take longer to make.
+    pub(super) fn shorten(&mut self) {
+        self.nodes.truncate(1);
     }
 }
 
@@ -40,6 +49,7 @@ pub(super) fn citations_of(sizes: &[TableSizes]) -> impl Iterator<Item = &'stati
 pub(super) struct MadeTable {
     kind: TableKind,
     nodes: usize,
+    dim: usize,
     table: Result<StepTable, String>,
     /// Of making it.
     seconds: f64,
@@ -75,7 +85,7 @@ pub(super) fn make(
                 context.stage(&stage, |_| StepTable::of_flow(kind, nodes, dof, points, flow));
             let seconds = context.seconds_of(&stage);
             let table = table.map_err(|reason| reason.to_string());
-            out.push(MadeTable { kind, nodes, table, seconds });
+            out.push(MadeTable { kind, nodes, dim: 2 * dof, table, seconds });
             if context.interrupted() {
                 return Err(RunError::Interrupted);
             }
@@ -108,7 +118,7 @@ impl MadeTable {
         }
     }
 
-    /// A method by its trajectories together and alone, the latter of so many units.
+    /// A method by its trajectories together and, one call each, alone, the latter of so many units.
     pub(super) fn method<'a>(
         &'a self,
         (together, alone): (&'a [f64], &'a [f64]),
@@ -116,8 +126,15 @@ impl MadeTable {
         units: f64,
     ) -> Method<'a> {
         let from = move |initial: &[f64]| self.trajectories(initial, every, kept);
+        let each = move || {
+            let mut out = Vec::with_capacity(alone.len() * kept);
+            for point in alone.chunks_exact(self.dim) {
+                out.extend(from(point)?);
+            }
+            Ok(out)
+        };
         Method::new(self.kind.name(), Some(self.nodes as f64), move || from(together))
-            .beside_alone(units, move || from(alone))
+            .beside_alone(units, each)
     }
 
     pub(super) fn cost(&self) -> TableCost {
@@ -153,7 +170,9 @@ impl TableCost {
             }
         };
         let words: String = all.iter().map(of).collect();
-        (!words.is_empty()).then_some(Block::Text(words))
+        const HOW: &str = "Tables move one point after another, on no lanes; between two numbers of nodes times are \
+                           interpolated.\n\n";
+        (!words.is_empty()).then(|| Block::Text(format!("{HOW}{words}")))
     }
 }
 

@@ -120,7 +120,7 @@ impl Study for SurfacesOptions {
         self.steps = (self.steps / 20).max(self.early).max(self.last).max(2);
         self.island = (self.island / 4).max(LEAST_ISLAND);
         self.rounds = self.rounds.min(5);
-        self.tables.iter_mut().for_each(|table| table.nodes.truncate(1));
+        self.tables.iter_mut().for_each(TableSizes::shorten);
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
@@ -192,6 +192,9 @@ impl Study for SurfacesOptions {
                 Ok(orbits) => Ok(judge.of(name, Some(nodes), &orbits, judge.island(&by)?)),
                 Err(_) => Ok::<_, Error>(judge.lost(name, nodes)),
             })?);
+            if context.interrupted() {
+                return Err(RunError::Interrupted);
+            }
         }
         let comparison = context.stage("run times", |_| {
             let reference = (&reference.trajectories, reference.error);
@@ -271,7 +274,7 @@ fn repeated(
 #[derive(Serialize)]
 struct Found {
     name: String,
-    /// Steps of an integrator in the flow time.
+    /// Steps of an integrator in the flow time, or nodes of a table along each axis.
     steps: Option<usize>,
     /// The root mean square distance from the reference over the early points.
     early: f64,

@@ -290,7 +290,6 @@ impl WorkPrecisionOptions {
             }
         }
         for table in networks.tables {
-            // One point after another in either: no lanes are shared.
             methods.push(table.method((input, single), (1, 1), units));
         }
         let all = TrajectoryMethods {
