@@ -171,7 +171,8 @@ impl TableCost {
         };
         let words: String = all.iter().map(of).collect();
         const HOW: &str = "Tables move one point after another, on no lanes; between two numbers of nodes times are \
-                           interpolated.\n\n";
+                           interpolated. Where points are taken several times over their nodes stay in the cache, \
+                           which favours tables.\n\n";
         (!words.is_empty()).then(|| Block::Text(format!("{HOW}{words}")))
     }
 }
