@@ -57,6 +57,14 @@ fn arrangements() -> Vec<(&'static str, Architecture, Structure)> {
             Structure::NearlyPeriodic,
         ),
         (
+            "I_ε of Hénon layers that the flow time scales too",
+            on_circle()
+                .of_time(3.0)
+                .with(Block::new(Part::Conjugation, henon(&[2])))
+                .with(Block::new(Part::NearIdentity, henon(&[3])).scaled(Scale::EpsilonTime)),
+            Structure::NearlyPeriodic,
+        ),
+        (
             "a chart of Hénon layers and turned kicks, two slow maps",
             on_circle()
                 .of_time(3.0)

@@ -56,7 +56,7 @@ fn largest_change(points: &[f64], dim: usize, f: impl Fn(&mut [f64])) -> f64 {
 
 /// `out` ← X_{G₁}(z) = Ω∇G₁, the derivative of I_ε in ε at 0, from the formula
 /// G₁ = −Σ_layers [V(y) + V(−y−η) + V(−x) + V(x−η)] with (x, y) = (q, p), of all Hénon layers
-/// that ε scales.
+/// that ε scales, each times the flow time where that scales it too.
 ///
 /// G₁ is formed as a number, with V(y) = w·tanh(Wᵀy + b), or ρ Σ_k ∫c_k of polynomials, read off the
 /// flat parameters, and differentiated by duals: nothing of the kicks' own gradient
@@ -64,13 +64,15 @@ fn largest_change(points: &[f64], dim: usize, f: impl Fn(&mut [f64])) -> f64 {
 pub fn near_identity_generator(network: &Model, z: &[f64], out: &mut [f64]) {
     type Number = Dual<f64, 1>;
     let n = network.architecture().dof;
+    let flow_time = network.architecture().flow_time;
     let scaled =
         network.architecture().layers().into_iter().filter_map(|(block, number, range)| {
             let Layers::Henon(widths) = &block.layers else { return None };
             let ridges = Ridges { width: widths[number], function: block.ridges };
-            block.scale.has_epsilon().then(|| (ridges, &network.parameters()[range]))
+            let factor = if block.scale.has_time() { flow_time } else { 1.0 };
+            block.scale.has_epsilon().then(|| (ridges, &network.parameters()[range], factor))
         });
-    let layers: Vec<(Ridges, &[f64])> = scaled.collect();
+    let layers: Vec<(Ridges, &[f64], f64)> = scaled.collect();
     let slope = |direction: usize| {
         let w: Vec<Number> = z
             .iter()
@@ -78,7 +80,7 @@ pub fn near_identity_generator(network: &Model, z: &[f64], out: &mut [f64]) {
             .map(|(i, &v)| if i == direction { Dual::variable(v, 0) } else { Dual::constant(v) })
             .collect();
         let mut total = Number::zero();
-        for &(ridges, parameters) in &layers {
+        for &(ridges, parameters, factor) in &layers {
             let (weights, eta) = parameters.split_at(ridges.parameter_count(n));
             let potential = |at: &dyn Fn(usize) -> Number| {
                 let at: Vec<Number> = (0..n).map(at).collect();
@@ -86,10 +88,10 @@ pub fn near_identity_generator(network: &Model, z: &[f64], out: &mut [f64]) {
             };
             let eta = |i: usize| Number::constant(eta[i]);
             total = total
-                - potential(&|i| w[n + i])
-                - potential(&|i| -w[n + i] - eta(i))
-                - potential(&|i| -w[i])
-                - potential(&|i| w[i] - eta(i));
+                - potential(&|i| w[n + i]).times(factor)
+                - potential(&|i| -w[n + i] - eta(i)).times(factor)
+                - potential(&|i| -w[i]).times(factor)
+                - potential(&|i| w[i] - eta(i)).times(factor);
         }
         total.eps[0]
     };
