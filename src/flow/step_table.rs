@@ -10,13 +10,15 @@ use std::f64::consts::TAU;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TableKind {
-    /// The image z′ of z, each coordinate a cubic spline of all coordinates, over a box. Of one or two degrees of
-    /// freedom. It is not symplectic.
+    /// The image z′ of z, each coordinate a cubic spline of all coordinates, over a box. It is for one or two degrees
+    /// of freedom, and is not symplectic.
     Splines,
-    /// The same of (θ, ρ), q = ρ sin θ and p = ρ cos θ, over a ring: θ′ − θ and ρ′. Of one degree of freedom.
+    /// θ′ − θ and ρ′ as cubic splines of (θ, ρ), q = ρ sin θ and p = ρ cos θ, over a ring. It is for one degree of
+    /// freedom, and is not symplectic.
     PolarSplines,
-    /// A function S(θ, ρ′) that generates the map, ψ = ½ρ²: ψ = ψ′ + ∂S/∂θ and θ′ = θ + ∂S/∂ψ′. It is symplectic, and a
-    /// step solves the first equation for ρ′ by Newton's method. Of one degree of freedom.
+    /// A cubic spline of the function S(θ, ρ′) that generates the map, with ψ = ½ρ²: ψ = ψ′ + ∂S/∂θ and
+    /// θ′ = θ + ∂S/∂ψ′. It is symplectic, and a step solves the first equation for ρ′ by Newton's method. It is for
+    /// one degree of freedom.
     ///
     /// Source: Abdullaev, <https://doi.org/10.1088/0305-4470/32/15/004>, for such maps of field lines.
     GeneratingFunction,
@@ -39,7 +41,7 @@ impl TableKind {
             .any(|k| k.name() == name)
     }
 
-    /// Numbers in a node.
+    /// How many numbers a node has.
     fn outputs(self, dim: usize) -> usize {
         match self {
             Self::Splines => dim,
@@ -75,6 +77,7 @@ impl TableKind {
 
 /// A cubic spline has no fewer.
 const LEAST_NODES: usize = 4;
+/// The coefficients of a table, at most: 1 GiB.
 const MOST_NUMBERS: usize = 1 << 27;
 
 /// The flow map of one time, tabulated.
@@ -89,7 +92,7 @@ pub struct StepTable {
     kind: TableKind,
     dim: usize,
     axes: Vec<GridAxis>,
-    /// Of each cell a corner, the last axis and the outputs innermost.
+    /// The coefficients of the splines, row by row: along the last axis first, the outputs innermost.
     coefficients: Vec<f64>,
 }
 
@@ -251,7 +254,7 @@ fn slopes(t: f64) -> [f64; 4] {
     [-0.5 * s * s, (1.5 * t - 2.0) * t, (2.0 - 1.5 * s) * s, 0.5 * t * t]
 }
 
-/// What moves points, of the sizes that a table asks for.
+/// A flow map of many points, 2n numbers each: their images, as many numbers.
 pub type FlowOfPoints<'a> = &'a (dyn Fn(&[f64]) -> Result<Vec<f64>, Error> + 'a);
 
 impl StepTable {
@@ -280,7 +283,7 @@ impl StepTable {
         let checked = |nodes: &[f64]| -> Result<Vec<f64>, Error> {
             let images = flow(nodes)?;
             Error::check_count("images of the nodes of a table", nodes.len(), images.len())?;
-            // One that is none would spread over all of the table.
+            // One image that is not finite would spread over all of the table.
             let lost = images.chunks_exact(dim).filter(|z| z.iter().any(|v| !v.is_finite()));
             match lost.count() {
                 0 => Ok(images),
@@ -514,7 +517,7 @@ fn generator_of(
     const ITERATIONS: usize = 50;
     let [angles, radii] = ring(nodes, points)?;
     let wanted: Vec<f64> = (0..nodes * nodes).map(|number| radii.node(number % nodes)).collect();
-    // From which ρ the map comes to ρ′, by the secant method; where surfaces are not circles ρ′ does not grow as ρ does.
+    // The secant method finds the ρ that the map takes to each ρ′. It begins with slopes of 1: surfaces are near circles.
     let mut start = wanted.clone();
     let mut images = flow(&at_angles(&angles, &start))?;
     for (number, pair) in images.chunks_exact(2).zip(images.chunks_exact(2).skip(1)).enumerate() {
