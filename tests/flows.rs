@@ -2,6 +2,7 @@
 
 mod numbers;
 mod rivals;
+mod sections;
 mod systems;
 mod trajectories;
 mod work_precision;

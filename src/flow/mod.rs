@@ -4,10 +4,12 @@ mod averaged;
 mod charged;
 mod collocation;
 mod data;
+mod field_line;
 mod gauss;
 mod integrator;
 mod multi_revolution;
 mod orbits;
+mod polynomial_map;
 mod reference;
 mod region;
 mod request;
@@ -23,12 +25,14 @@ pub use charged::{boris, velocity_splitting};
 #[cfg(feature = "files")]
 pub(crate) use data::check_finite;
 pub use data::{Condition, Pairs, Window, sample, sample_of};
+pub use field_line::LineMap;
 pub use gauss::GaussLegendre;
 #[cfg(feature = "scenes")]
 pub(crate) use integrator::whole_periods;
 pub use integrator::{Integrator, MicroSteps};
 pub use multi_revolution::MultiRevolution;
 pub use orbits::orbits_of;
+pub use polynomial_map::{FormDefect, PolynomialMap};
 pub use reference::{Reference, ReferenceValue};
 pub use region::{Exit, OutsidePolynomials, OutsideRegion, PolynomialExit, Region, RegionExit};
 pub use runge_kutta::{natural_runge_kutta_4, runge_kutta_4};

@@ -79,7 +79,7 @@ impl Request {
     }
 
     /// [`Request::run`] on points that were checked, 2n = `dim` numbers each: compiled once.
-    fn run_blocks(&self, dim: usize, initial: &[f64], each: Each<'_>) -> States {
+    pub(super) fn run_blocks(&self, dim: usize, initial: &[f64], each: Each<'_>) -> States {
         let kept = self.kept;
         let points = initial.len() / dim;
         let block = points.div_ceil(rayon::current_num_threads());

@@ -153,8 +153,15 @@ impl Tableau<'_> {
         self.of_field(&Natural(system), x, time, steps);
     }
 
+    /// x ← the flow of a field.
     #[inline(always)]
-    fn of_field<S: Elementary>(&self, field: &impl Field, z: &mut [S], time: f64, steps: usize) {
+    pub(super) fn of_field<S: Elementary>(
+        &self,
+        field: &impl Field,
+        z: &mut [S],
+        time: f64,
+        steps: usize,
+    ) {
         assert!(steps > 0);
         let (h, dim) = (time / steps as f64, z.len());
         let mut slopes = vec![S::zero(); (self.stages.len() + 1) * dim];

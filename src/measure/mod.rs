@@ -30,8 +30,10 @@ mod measured_step;
 mod measured_twist;
 mod near_identity;
 mod own_invariance;
+mod periodic;
 mod plane_actions;
 mod relations;
+mod rotation;
 mod rounding;
 mod sampled;
 mod samples;
@@ -71,6 +73,14 @@ pub mod trajectories {
     };
     pub use super::sampled::{mean_period, simpson};
     pub use super::surfaces::{LockedInterval, distances_to_set, locked_interval, winding_numbers};
+}
+
+/// Periodic orbits, rotation numbers and what else people ask of a map.
+pub mod orbits {
+    pub use super::periodic::{
+        PeriodicOrbit, WithJacobian, lyapunov_exponent, periodic_orbit, periodic_orbits,
+    };
+    pub use super::rotation::{RotationNumber, rotation_numbers};
 }
 
 /// Error against run time: the methods of a comparison and the fastest of them.

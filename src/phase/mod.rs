@@ -8,8 +8,10 @@
 //! so that Hamilton's equations read ż = Ω∇H, and a map with Jacobian J is
 //! symplectic when JᵀΩJ = Ω.
 
+mod section;
 mod units;
 
+pub use section::{AreaDensity, Section};
 pub use units::{InUnits, Units};
 
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,7 @@
 //! Nearly-periodic systems, Hamiltonian ones and one that is not: a file each.
 
 mod cellular_drift;
+mod coils;
 mod counted;
 mod field_lines;
 mod full_orbit;
@@ -10,6 +11,7 @@ mod three_oscillators;
 mod van_der_pol;
 
 pub use cellular_drift::CellularDrift;
+pub use coils::{Coil, CoilField, CoilSet, Torsatron};
 pub use counted::Counted;
 pub use field_lines::FieldLines;
 pub use full_orbit::FullOrbit;

@@ -1,0 +1,192 @@
+//! Maps of a surface of section by the field lines of coils.
+
+use super::Tableau;
+use super::request::{Request, store_states};
+use super::runge_kutta::Field;
+use crate::error::Error;
+use crate::network::{TOGETHER, load_groups};
+use crate::scalar::{Dual, Elementary, Kernel, Pack, max_or_nan, on_independent_lanes};
+use crate::system::CoilField;
+
+/// The map of (R, Z) in the half-plane at φ to where its field line is after the toroidal angle of the map: by the
+/// method of order 8 of Dormand and Prince.
+///
+/// It keeps the form B_φ dR∧dZ of a section, of which an [`AreaDensity`](crate::phase::AreaDensity) makes dp∧dq,
+/// where the angle is one or more field periods.
+#[derive(Clone, Copy, Debug)]
+pub struct LineMap<'a> {
+    field: &'a CoilField,
+    /// φ of the section.
+    phi: f64,
+    /// How far lines are followed.
+    angle: f64,
+    /// Steps in a map.
+    steps: usize,
+}
+
+/// dR/dφ and dZ/dφ from a section on.
+struct FromSection<'a>(LineMap<'a>);
+
+impl Field for FromSection<'_> {
+    #[inline(always)]
+    fn at<S: Elementary>(&self, x: &[S], time: f64, out: &mut [S]) {
+        self.0.field.line(x, self.0.phi + time, out);
+    }
+}
+
+/// Steps that are tried first, and at most.
+const FEWEST: usize = 8;
+const MOST: usize = 1024;
+
+impl<'a> LineMap<'a> {
+    /// With so many steps in a map.
+    ///
+    /// # Errors
+    /// When φ or the angle is not finite, or there is no step.
+    pub fn new(field: &'a CoilField, phi: f64, angle: f64, steps: usize) -> Result<Self, Error> {
+        Error::check_finite("section.phi", phi)?;
+        Error::check_range("angle of a map", angle, Error::LEAST_POSITIVE, f64::MAX)?;
+        Error::check_count_range("steps", steps, 1, usize::MAX)?;
+        Ok(Self { field, phi, angle, steps })
+    }
+
+    /// With as many steps as make its largest difference from that of half as many, at these points, at most `error`
+    /// metres; and that difference over 2⁸, the error of the one of more steps to leading order.
+    ///
+    /// # Errors
+    /// Those of [`LineMap::new`]; when a line runs out of range, or more than 1,024 steps are too few.
+    pub fn calibrated(
+        field: &'a CoilField,
+        phi: f64,
+        angle: f64,
+        points: &[f64],
+        error: f64,
+    ) -> Result<(Self, f64), Error> {
+        let mut steps = FEWEST;
+        let mut map = Self::new(field, phi, angle, steps)?;
+        let mut before = map.trajectories(points, 1)?;
+        let mut change = f64::NAN;
+        while steps < MOST {
+            steps *= 2;
+            map = Self { steps, ..map };
+            let found = map.trajectories(points, 1)?;
+            let both = found.iter().zip(&before);
+            change = both.map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+            if change <= error {
+                return Ok((map, change / ORDER_8));
+            }
+            before = found;
+        }
+        Err(Error::NoConvergence { what: "field lines".into(), iterations: steps, change })
+    }
+
+    /// Steps in a map.
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// The same with another number of steps.
+    #[must_use]
+    pub fn with_steps(self, steps: usize) -> Self {
+        Self { steps: steps.max(1), ..self }
+    }
+
+    /// The points after 1, …, `maps` maps, one state of all after another: rows (R, Z). A line that is further from the
+    /// middle of the machine than any coil, or runs into one, is lost: from there on its points are NaN.
+    ///
+    /// # Errors
+    /// When there are no whole rows, or more states than memory.
+    pub fn trajectories(&self, initial: &[f64], maps: usize) -> Result<Vec<f64>, Error> {
+        Error::check_rows("points of a section", initial.len(), 2)?;
+        if initial.is_empty() || maps == 0 {
+            return Ok(Vec::new());
+        }
+        let request = Request { interval: self.angle, steps: self.steps, kept: maps };
+        let mut states = request.run_blocks(2, initial, &|initial, states| {
+            on_independent_lanes(Lines { map: *self, kept: maps, initial, states });
+            Ok(())
+        })?;
+        let (extent, row) = (self.field.extent(), initial.len());
+        for k in (0..states.len()).step_by(2) {
+            let lost = k >= row && states[k - row].is_nan();
+            let (radius, height) = (states[k], states[k + 1]);
+            // NaN is within nothing.
+            if lost || !(radius > 0.0 && libm::hypot(radius, height) <= extent) {
+                states[k..k + 2].fill(f64::NAN);
+            }
+        }
+        Ok(states)
+    }
+
+    /// The image of a point, for any number type.
+    #[inline(always)]
+    fn take<S: Elementary>(&self, place: &mut [S]) {
+        Tableau::DORMAND_PRINCE_8.of_field(&FromSection(*self), place, self.angle, self.steps);
+    }
+
+    /// The image of a point and the Jacobian of the map there, by duals.
+    pub fn with_jacobian(&self, place: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2]) {
+        let mut z: [Dual<f64, 2>; 2] = [Dual::variable(place[0], 0), Dual::variable(place[1], 1)];
+        self.take(&mut z);
+        (z.map(|v| v.re), z.map(|v| v.eps))
+    }
+
+    /// The fixed point near a guess, by Newton's method: of one period, the magnetic axis.
+    ///
+    /// # Errors
+    /// [`Error::NoConvergence`] where it finds none.
+    pub fn axis(&self, guess: [f64; 2]) -> Result<[f64; 2], Error> {
+        /// From where a field line goes round the axis.
+        const STEPS: usize = 20;
+        let mut place = guess;
+        let mut size = f64::NAN;
+        for _ in 0..STEPS {
+            let (image, [[a, b], [c, d]]) = self.with_jacobian(place);
+            // (J − 1) δ = z − P(z).
+            let (e, f) = (place[0] - image[0], place[1] - image[1]);
+            let (a, d) = (a - 1.0, d - 1.0);
+            let determinant = a * d - b * c;
+            let step = [(e * d - b * f) / determinant, (a * f - c * e) / determinant];
+            place = [place[0] + step[0], place[1] + step[1]];
+            size = step.iter().map(|v| v.abs()).fold(0.0, max_or_nan);
+            if size <= 1e-13 * (1.0 + place[0].abs()) {
+                return Ok(place);
+            }
+        }
+        let what = format!("axis from (R, Z) = ({}, {})", guess[0], guess[1]);
+        Err(Error::NoConvergence { what, iterations: STEPS, change: size })
+    }
+}
+
+/// By how much halving a step divides the error of a method of order 8.
+const ORDER_8: f64 = 256.0;
+
+/// The lines through some points, on lanes.
+struct Lines<'a> {
+    map: LineMap<'a>,
+    kept: usize,
+    initial: &'a [f64],
+    /// All states of one line after another.
+    states: &'a mut [f64],
+}
+
+impl Kernel for Lines<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Pack>(self) {
+        let Self { map, kept, initial, states } = self;
+        let mut lanes = vec![V::zero(); 2 * TOGETHER];
+        let together = 2 * TOGETHER * V::LANES;
+        for (initial, states) in initial.chunks(together).zip(states.chunks_mut(together * kept)) {
+            let size = load_groups(initial, 2, &mut lanes);
+            for number in 0..kept {
+                let groups = states.chunks_mut(2 * V::LANES * kept);
+                for (z, states) in lanes[..size].chunks_exact_mut(2).zip(groups) {
+                    map.take(z);
+                    store_states(z, states, number, kept);
+                }
+            }
+        }
+    }
+}

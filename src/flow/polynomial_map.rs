@@ -1,0 +1,372 @@
+//! Maps by polynomials of least squares: what fits pairs in a moment and keeps no structure.
+
+use super::request::store_states;
+use super::{Pairs, Region};
+use crate::error::Error;
+use crate::network::{Rollout, load_groups};
+use crate::scalar::{Dual, Kernel, Pack, Scalar, max_or_nan, on_independent_lanes};
+use faer::Mat;
+use faer::linalg::solvers::SolveLstsq;
+use rayon::prelude::*;
+
+/// A map whose image is a polynomial of a total degree, in products of Chebyshev polynomials over the box of its pairs,
+/// with the coefficients nearest to them. It is not symplectic.
+///
+/// Source: Berz, Modern Map Methods in Particle Beam Physics, Academic Press (1999), for maps by polynomials and what they
+/// are used for; Trefethen, Approximation Theory and Approximation Practice, SIAM (2013), for the basis.
+#[derive(Clone, Debug)]
+pub struct PolynomialMap {
+    dim: usize,
+    degree: usize,
+    centre: Vec<f64>,
+    /// One over half the extent of the box along each coordinate.
+    factors: Vec<f64>,
+    /// The degrees in all coordinates but the last, of each run of terms in the last one from 0 to what is left.
+    runs: Vec<Vec<usize>>,
+    /// The coefficients of all terms, run after run, those of all outputs of a term together.
+    coefficients: Vec<f64>,
+}
+
+/// A map has no more terms.
+const MOST_TERMS: usize = 10_000;
+/// A fit has so many pairs for each term, at least.
+const PAIRS_A_TERM: usize = 2;
+/// Numbers of a matrix of all terms at all pairs, at most: 1 GiB.
+const MOST_NUMBERS: usize = 1 << 27;
+/// Points that a vector register goes through the runs with.
+const DIM: usize = 8;
+
+/// How many products of a total degree of at most `degree` there are in so many coordinates; None of too many.
+fn terms(dim: usize, degree: usize) -> Option<usize> {
+    let mut count = 1usize;
+    for k in 1..=dim {
+        count = count.checked_mul(degree + k)? / k;
+    }
+    (count <= MOST_TERMS).then_some(count)
+}
+
+/// The degrees in the first coordinates, all that leave one of at least 0 for the last.
+fn runs(dim: usize, degree: usize) -> Vec<Vec<usize>> {
+    let mut out = vec![Vec::new()];
+    for _ in 1..dim {
+        let longer = |run: &Vec<usize>| -> Vec<Vec<usize>> {
+            let left = degree - run.iter().sum::<usize>();
+            (0..=left).map(|k| run.iter().copied().chain([k]).collect()).collect()
+        };
+        out = out.iter().flat_map(longer).collect();
+    }
+    out
+}
+
+impl PolynomialMap {
+    /// The fit of this total degree to pairs of one map.
+    ///
+    /// # Errors
+    /// When there are fewer than two pairs a term, more than 10,000 terms, a coordinate of the pairs does not vary, or pairs
+    /// are of several maps.
+    pub fn fit(pairs: &Pairs, degree: usize) -> Result<Self, Error> {
+        let dim = 2 * pairs.dof();
+        if !pairs.conditions().is_empty() {
+            let count = pairs.conditions().len();
+            return Err(Error::invalid("pairs", format!("{count} maps"), "pairs of one map"));
+        }
+        let count = terms(dim, degree).filter(|_| dim <= DIM);
+        let sound = |count: &usize| {
+            count * PAIRS_A_TERM <= pairs.len()
+                && count.checked_mul(pairs.len()).is_some_and(|all| all <= MOST_NUMBERS)
+        };
+        let Some(count) = count.filter(sound) else {
+            let count = count.map_or("too many".to_owned(), |count| count.to_string());
+            let found = format!("{degree}, {count} terms for {} pairs", pairs.len());
+            let expected = "a lower one: there are two pairs for each term";
+            return Err(Error::invalid("degree of a polynomial map", found, expected));
+        };
+        let region = Region::around(dim, [pairs.input()])
+            .ok_or_else(|| Error::invalid("pairs", "none", "at least one"))?;
+        let (mut centre, mut factors) = (Vec::new(), Vec::new());
+        for (k, (low, high)) in region.low.iter().zip(&region.high).enumerate() {
+            if !(low < high) {
+                let found = format!("{low} in all pairs");
+                return Err(Error::invalid(&format!("coordinate {k}"), found, "one that varies"));
+            }
+            centre.push(0.5 * (low + high));
+            factors.push(2.0 / (high - low));
+        }
+        let runs = runs(dim, degree);
+        let mut out = Self { dim, degree, centre, factors, runs, coefficients: Vec::new() };
+        let rows: Vec<Vec<f64>> =
+            pairs.input().par_chunks_exact(dim).map(|z| out.products(z)).collect();
+        let matrix = Mat::from_fn(pairs.len(), count, |i, k| rows[i][k]);
+        let right = Mat::from_fn(pairs.len(), dim, |i, k| pairs.output()[i * dim + k]);
+        let solution = matrix.qr().solve_lstsq(&right);
+        out.coefficients =
+            (0..count * dim).map(|index| solution[(index / dim, index % dim)]).collect();
+        if let Some(bad) = out.coefficients.iter().find(|c| !c.is_finite()) {
+            return Err(Error::invalid("coefficient of a polynomial map", bad, "a finite number"));
+        }
+        Ok(out)
+    }
+
+    /// The fit of the degree, of those up to `most` and by twos, whose error on every fifth pair, which it has not seen, is
+    /// least; and that error, the root mean square distance.
+    ///
+    /// # Errors
+    /// Those of [`PolynomialMap::fit`] of degree 1.
+    pub fn fit_best(pairs: &Pairs, most: usize) -> Result<(Self, f64), Error> {
+        const PART: usize = 5;
+        let part = |held: bool| (0..pairs.len()).filter(move |k| (k % PART == 0) == held);
+        let (kept, held) = (pairs.rows(part(false)), pairs.rows(part(true)));
+        let mut best: Option<(usize, f64)> = None;
+        for degree in (1..=most).step_by(2) {
+            let Ok(fitted) = Self::fit(&kept, degree) else { break };
+            let error = fitted.error_on(&held);
+            if best.is_none_or(|(_, least)| error < least) {
+                best = Some((degree, error));
+            }
+        }
+        let (degree, error) = best.unwrap_or((1, f64::NAN));
+        Ok((Self::fit(pairs, degree)?, error))
+    }
+
+    /// The root mean square distance of its images from those of pairs.
+    pub fn error_on(&self, pairs: &Pairs) -> f64 {
+        let rows =
+            pairs.input().par_chunks_exact(self.dim).zip(pairs.output().par_chunks_exact(self.dim));
+        let squares: Vec<f64> = rows
+            .map(|(z, expected)| {
+                let mut image = z.to_vec();
+                self.step(&mut image);
+                image.iter().zip(expected).map(|(a, b)| (a - b) * (a - b)).sum()
+            })
+            .collect();
+        libm::sqrt(squares.iter().sum::<f64>() / pairs.len() as f64)
+    }
+
+    /// Its total degree.
+    pub fn degree(&self) -> usize {
+        self.degree
+    }
+
+    /// How many coefficients it has.
+    pub fn parameters(&self) -> usize {
+        self.coefficients.len()
+    }
+
+    /// The value of each term.
+    fn products(&self, z: &[f64]) -> Vec<f64> {
+        let tables = self.tables(z);
+        let (last, mut out) = (self.dim - 1, Vec::new());
+        let count = self.degree + 1;
+        for run in &self.runs {
+            let first: f64 =
+                run.iter().enumerate().map(|(axis, k)| tables[axis * count + k]).product();
+            let left = self.degree - run.iter().sum::<usize>();
+            out.extend((0..=left).map(|k| first * tables[last * count + k]));
+        }
+        out
+    }
+
+    /// T_k of each coordinate, k up to the degree.
+    #[inline(always)]
+    fn fill<S: Scalar>(&self, z: &[S], tables: &mut [S]) {
+        for (axis, table) in tables.chunks_exact_mut(self.degree + 1).enumerate() {
+            let s = (z[axis] - S::from_f64(self.centre[axis])) * S::from_f64(self.factors[axis]);
+            let (twice, mut terms) = (s + s, [S::from_f64(1.0), s]);
+            for entry in table {
+                *entry = terms[0];
+                terms = [terms[1], twice.mul_add(terms[1], -terms[0])];
+            }
+        }
+    }
+
+    fn tables<S: Scalar>(&self, z: &[S]) -> Vec<S> {
+        let mut out = vec![S::zero(); self.dim * (self.degree + 1)];
+        self.fill(z, &mut out);
+        out
+    }
+
+    /// z ← its image.
+    ///
+    /// # Panics
+    /// When z is not of 2n numbers.
+    #[inline(always)]
+    pub fn step<S: Scalar>(&self, z: &mut [S]) {
+        assert!(z.len() == self.dim);
+        let tables = self.tables(z);
+        self.sum(&tables, z);
+    }
+
+    /// `out` ← the sums of all terms.
+    #[inline(always)]
+    fn sum<S: Scalar>(&self, tables: &[S], out: &mut [S]) {
+        let (dim, count) = (self.dim, self.degree + 1);
+        let last = &tables[(dim - 1) * count..];
+        let mut image = [S::zero(); DIM];
+        let mut terms = self.coefficients.chunks_exact(dim);
+        for run in &self.runs {
+            let left = self.degree - run.iter().sum::<usize>();
+            let mut inner = [S::zero(); DIM];
+            for (power, term) in last[..=left].iter().zip(&mut terms) {
+                for (inner, c) in inner.iter_mut().zip(term) {
+                    *inner = power.mul_add(S::from_f64(*c), *inner);
+                }
+            }
+            let mut first = S::from_f64(1.0);
+            for (axis, k) in run.iter().enumerate() {
+                first = first * tables[axis * count + k];
+            }
+            for k in 0..dim {
+                image[k] = first.mul_add(inner[k], image[k]);
+            }
+        }
+        out.copy_from_slice(&image[..dim]);
+    }
+
+    /// Its Jacobian at a point: 2n × 2n numbers, row by row.
+    pub fn jacobian(&self, z: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; self.dim * self.dim];
+        for column in 0..self.dim {
+            let along = |(k, &v)| Dual::<f64, 1>::variable(v, usize::from(k != column));
+            let mut lifted: Vec<Dual<f64, 1>> = z.iter().enumerate().map(along).collect();
+            self.step(&mut lifted);
+            for (row, value) in lifted.iter().enumerate() {
+                out[row * self.dim + column] = value.eps[0];
+            }
+        }
+        out
+    }
+
+    /// The states of an orbit of each initial point, as a network's [`rollout`](crate::network::rollout) gives them:
+    /// (steps/every + 1, M, 2n), the first being the initial points.
+    ///
+    /// # Errors
+    /// When there are no whole rows, or `every` is 0.
+    pub fn rollout(&self, initial: &[f64], request: Rollout) -> Result<Vec<f64>, Error> {
+        Error::check_rows("initial points", initial.len(), self.dim)?;
+        Error::check_count_range("every", request.every, 1, usize::MAX)?;
+        let states = request.steps / request.every + 1;
+        let points = initial.len() / self.dim;
+        let mut out = vec![0.0; states * initial.len()];
+        let block = points.div_ceil(rayon::current_num_threads()).max(1) * self.dim;
+        let blocks: Vec<Vec<f64>> = initial
+            .par_chunks(block)
+            .map(|initial| on_independent_lanes(Orbits { map: self, request, initial, states }))
+            .collect();
+        let mut first = 0;
+        for of_block in blocks {
+            let row = of_block.len() / states;
+            for t in 0..states {
+                out[t * initial.len() + first..][..row]
+                    .copy_from_slice(&of_block[t * row..(t + 1) * row]);
+            }
+            first += row;
+        }
+        Ok(out)
+    }
+}
+
+/// The orbits of a block of points: (T, M, 2n).
+struct Orbits<'a> {
+    map: &'a PolynomialMap,
+    request: Rollout,
+    initial: &'a [f64],
+    states: usize,
+}
+
+impl Kernel for Orbits<'_> {
+    type Output = Vec<f64>;
+
+    #[inline(always)]
+    fn run<V: Pack>(self) -> Vec<f64> {
+        let Self { map, request, initial, states } = self;
+        let dim = map.dim;
+        let mut out = vec![0.0; states * initial.len()];
+        let mut tables = map.tables(&vec![V::zero(); dim]);
+        let mut z = vec![V::zero(); dim];
+        let mut shown = vec![0.0; V::LANES * dim];
+        for (number, group) in initial.chunks(V::LANES * dim).enumerate() {
+            let first = number * V::LANES * dim;
+            load_groups(group, dim, &mut z);
+            for t in 0..states {
+                if t > 0 {
+                    for _ in 0..request.every {
+                        map.fill(&z, &mut tables);
+                        map.sum(&tables, &mut z);
+                    }
+                }
+                store_states(&z, &mut shown, 0, 1);
+                out[t * initial.len() + first..][..group.len()]
+                    .copy_from_slice(&shown[..group.len()]);
+            }
+        }
+        out
+    }
+}
+
+/// How far pairs are from those of a symplectic map, as a polynomial fit to them tells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FormDefect {
+    /// The median over points of the largest entry of |JᵀΩJ − Ω|, J being the Jacobian of the fit: of one degree of
+    /// freedom |det J − 1|.
+    pub median: f64,
+    /// The same of the difference of two fits, of this degree and of two less: below it nothing is seen.
+    pub resolution: f64,
+    /// The degree of the fit.
+    pub degree: usize,
+}
+
+impl FormDefect {
+    /// Of pairs of one map; None where there are too few of them for a fit that tells anything.
+    pub fn of(pairs: &Pairs) -> Option<Self> {
+        const MOST_DEGREE: usize = 24;
+        const POINTS: usize = 256;
+        /// A matrix of more numbers takes longer than a moment.
+        const PAIRS: usize = 5000;
+        let pairs = pairs.thinned(PAIRS);
+        let (best, _) = PolynomialMap::fit_best(&pairs, MOST_DEGREE).ok()?;
+        let other = PolynomialMap::fit(&pairs, best.degree().checked_sub(2)?.max(1)).ok()?;
+        let dim = 2 * pairs.dof();
+        let sample = pairs.thinned(POINTS);
+        let (mut defects, mut differences) = (Vec::new(), Vec::new());
+        for z in sample.input().chunks_exact(dim) {
+            let [one, two] = [&best, &other].map(|map| defect(&map.jacobian(z), dim));
+            let pair = one.iter().zip(&two).map(|(a, b)| (a - b).abs());
+            differences.push(pair.fold(0.0, max_or_nan));
+            defects.push(one.into_iter().map(f64::abs).fold(0.0, max_or_nan));
+        }
+        let median = |mut values: Vec<f64>| {
+            values.sort_by(f64::total_cmp);
+            values[values.len() / 2]
+        };
+        Some(Self {
+            median: median(defects),
+            resolution: median(differences),
+            degree: best.degree(),
+        })
+    }
+
+    /// Whether the pairs are of no symplectic map, as far as can be seen: NaN is none.
+    pub fn is_seen(&self) -> bool {
+        /// What is seen stands so far above what two fits differ by.
+        const ABOVE: f64 = 5.0;
+        /// Rounding of a fit.
+        const LEAST: f64 = 1e-11;
+        !(self.median <= ABOVE * self.resolution || self.median <= LEAST)
+    }
+}
+
+/// JᵀΩJ − Ω above the diagonal.
+fn defect(jacobian: &[f64], dim: usize) -> Vec<f64> {
+    let dof = dim / 2;
+    let column = |k: usize, row: usize| jacobian[row * dim + k];
+    let mut out = Vec::new();
+    for i in 0..dim {
+        for k in i + 1..dim {
+            let form: f64 = (0..dof)
+                .map(|j| column(i, j) * column(k, dof + j) - column(i, dof + j) * column(k, j))
+                .sum();
+            out.push(form - if k == i + dof { 1.0 } else { 0.0 });
+        }
+    }
+    out
+}

@@ -1,0 +1,188 @@
+//! Periodic orbits of maps, their multipliers, and the curves that leave them.
+
+use crate::error::Error;
+use crate::scalar::max_or_nan;
+use faer::Mat;
+use faer::linalg::solvers::Solve;
+
+/// A map with its Jacobian: `out` ← its image of z, and 2n × 2n numbers, row by row.
+pub type WithJacobian<'a> = &'a (dyn Fn(&[f64]) -> Result<(Vec<f64>, Vec<f64>), Error> + 'a);
+
+/// An orbit that comes back to where it began.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PeriodicOrbit {
+    /// Its points, one after another: as many as its period.
+    pub points: Vec<Vec<f64>>,
+    /// M, the Jacobian of as many maps at its first point, 2n × 2n numbers row by row.
+    pub multiplier_matrix: Vec<f64>,
+    /// How far the last image of the first point is from it.
+    pub missed: f64,
+}
+
+impl PeriodicOrbit {
+    /// How many maps lead round it.
+    pub fn period(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Tr M: for one degree of freedom it is between −2 and 2 where points near the orbit go round it, and beyond where
+    /// they leave it.
+    pub fn trace(&self) -> f64 {
+        let dim = self.points[0].len();
+        (0..dim).map(|k| self.multiplier_matrix[k * (dim + 1)]).sum()
+    }
+
+    /// Greene's residue (2 − Tr M)/4 of an orbit of one degree of freedom: between 0 and 1 where points near it go
+    /// round it, negative or more than 1 where they leave it.
+    ///
+    /// Source: Greene, <https://doi.org/10.1063/1.524170>.
+    pub fn residue(&self) -> f64 {
+        0.25 * (2.0 - self.trace())
+    }
+}
+
+/// Newton steps, at most.
+const STEPS: usize = 40;
+/// A step is halved so often, at most, where the orbit is not nearer after it.
+const HALVINGS: usize = 12;
+/// Steps are at rest when they are so small, over 1 + |z|.
+const AT_REST: f64 = 1e-13;
+/// What does not come to rest at that has found an orbit where it misses by no more, over 1 + |z|: rounding along
+/// an orbit that is far from stable.
+const FOUND: f64 = 1e-9;
+
+/// What leads a point round: its image after `period` maps, the Jacobian there, and the points.
+fn round(map: WithJacobian<'_>, z: &[f64], period: usize) -> Result<PeriodicOrbit, Error> {
+    let dim = z.len();
+    let mut matrix = Mat::<f64>::identity(dim, dim);
+    let (mut points, mut now) = (Vec::with_capacity(period), z.to_vec());
+    for _ in 0..period {
+        let (image, jacobian) = map(&now)?;
+        matrix = Mat::from_fn(dim, dim, |i, k| {
+            (0..dim).map(|j| jacobian[i * dim + j] * matrix[(j, k)]).sum()
+        });
+        points.push(std::mem::replace(&mut now, image));
+    }
+    let missed = now.iter().zip(z).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+    let multiplier_matrix = (0..dim * dim).map(|k| matrix[(k / dim, k % dim)]).collect();
+    // The end is kept behind the points until the caller takes it off.
+    points.push(now);
+    Ok(PeriodicOrbit { points, multiplier_matrix, missed })
+}
+
+/// The periodic orbit near a guess, by Newton's method for z ↦ Pᵏ(z) − z with exact Jacobians, steps halved where they
+/// lead away.
+///
+/// The period found may be a part of the one asked for: an orbit that comes back sooner is given once around.
+///
+/// # Errors
+/// Those of the map; [`Error::NoConvergence`] where none is found, and [`Error::CountOutOfRange`] of a period of 0.
+pub fn periodic_orbit(
+    map: WithJacobian<'_>,
+    guess: &[f64],
+    period: usize,
+) -> Result<PeriodicOrbit, Error> {
+    Error::check_count_range("period", period, 1, usize::MAX)?;
+    let dim = guess.len();
+    let mut place = guess.to_vec();
+    let mut here = round(map, &place, period)?;
+    let mut change = f64::NAN;
+    for _ in 0..STEPS {
+        let size = 1.0 + place.iter().map(|v| v.abs()).fold(0.0, max_or_nan);
+        let end = &here.points[period];
+        let right = Mat::from_fn(dim, 1, |i, _| place[i] - end[i]);
+        let matrix = Mat::from_fn(dim, dim, |i, k| {
+            here.multiplier_matrix[i * dim + k] - if i == k { 1.0 } else { 0.0 }
+        });
+        let step = matrix.partial_piv_lu().solve(&right);
+        change = (0..dim).map(|k| step[(k, 0)].abs()).fold(0.0, max_or_nan);
+        if !change.is_finite() {
+            break;
+        }
+        let mut share = 1.0;
+        let mut moved = None;
+        for _ in 0..HALVINGS {
+            let next: Vec<f64> = (0..dim).map(|k| place[k] + share * step[(k, 0)]).collect();
+            // What leaves the domain of the map is no nearer.
+            if let Ok(found) = round(map, &next, period)
+                && (found.missed < here.missed || found.missed <= FOUND * size)
+            {
+                moved = Some((next, found));
+                break;
+            }
+            share *= 0.5;
+        }
+        let Some((next, found)) = moved else { break };
+        (place, here) = (next, found);
+        if change <= AT_REST * size {
+            break;
+        }
+    }
+    let size = 1.0 + place.iter().map(|v| v.abs()).fold(0.0, max_or_nan);
+    if !(here.missed <= FOUND * size) {
+        let what = format!("orbit of period {period} from {guess:?}");
+        return Err(Error::NoConvergence { what, iterations: STEPS, change });
+    }
+    // Back after a part of the period?
+    let close = |k: &usize| {
+        let distance = here.points[*k].iter().zip(&place).map(|(a, b)| (a - b).abs());
+        distance.fold(0.0, max_or_nan) <= 1e3 * FOUND * size
+    };
+    let least = (1..period).filter(|k| period.is_multiple_of(*k)).find(close).unwrap_or(period);
+    let mut found = if least == period { here } else { round(map, &place, least)? };
+    found.points.truncate(least);
+    Ok(found)
+}
+
+/// The different orbits of exactly this period that Newton's method finds from these guesses, in the order in which it
+/// finds them; guesses that lead to none or to a shorter one are passed over. Orbits with a point within `apart`
+/// of one found before are the same.
+///
+/// # Errors
+/// [`Error::CountOutOfRange`] of a period of 0, [`Error::OutOfRange`] of an `apart` that is not positive.
+pub fn periodic_orbits(
+    map: WithJacobian<'_>,
+    guesses: &[Vec<f64>],
+    period: usize,
+    apart: f64,
+) -> Result<Vec<PeriodicOrbit>, Error> {
+    Error::check_count_range("period", period, 1, usize::MAX)?;
+    Error::check_range("apart", apart, Error::LEAST_POSITIVE, f64::MAX)?;
+    let mut found: Vec<PeriodicOrbit> = Vec::new();
+    for guess in guesses {
+        let Ok(orbit) = periodic_orbit(map, guess, period) else { continue };
+        let near = |point: &Vec<f64>| {
+            let distance = point.iter().zip(&orbit.points[0]).map(|(a, b)| (a - b).abs());
+            distance.fold(0.0, max_or_nan) <= apart
+        };
+        let known = found.iter().any(|other| other.points.iter().any(near));
+        if orbit.period() == period && !known {
+            found.push(orbit);
+        }
+    }
+    Ok(found)
+}
+
+/// How fast neighbours part along an orbit of so many maps: ln |Mv|/N for the vector v that grows from a direction of
+/// equal parts, the largest Lyapunov exponent of an infinite time.
+///
+/// # Errors
+/// Those of the map; [`Error::CountOutOfRange`] of no map.
+pub fn lyapunov_exponent(map: WithJacobian<'_>, z: &[f64], maps: usize) -> Result<f64, Error> {
+    Error::check_count_range("maps", maps, 1, usize::MAX)?;
+    let dim = z.len();
+    let (mut now, mut sum) = (z.to_vec(), 0.0);
+    let mut vector = vec![1.0 / libm::sqrt(dim as f64); dim];
+    for _ in 0..maps {
+        let (image, jacobian) = map(&now)?;
+        let next: Vec<f64> = jacobian
+            .chunks_exact(dim)
+            .map(|row| row.iter().zip(&vector).map(|(a, b)| a * b).sum())
+            .collect();
+        let length = libm::sqrt(next.iter().map(|v| v * v).sum::<f64>());
+        sum += libm::log(length);
+        vector = next.into_iter().map(|v| v / length).collect();
+        now = image;
+    }
+    Ok(sum / maps as f64)
+}

@@ -1,0 +1,52 @@
+//! Rotation numbers of orbits of maps of a plane, by weighted Birkhoff averages.
+
+use crate::flow::Trajectories;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// How fast an orbit turns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RotationNumber {
+    /// The mean growth of the angle from one state to the next, in turns.
+    pub turns: f64,
+    /// The difference of the averages over the two halves of the orbit: on an invariant curve it falls
+    /// faster than any power of their length, on a chaotic orbit as one over its root.
+    pub error: f64,
+}
+
+/// The rotation number of each trajectory about a centre, of the growths of the angle that whole turns tell apart those
+/// within half a turn of `near`: Σ w(k/N) Δθ_k/Σ w(k/N) with w(t) = exp(−1/t(1 − t)).
+///
+/// `angle` is that of a state, in radians. A trajectory of fewer than five states has the error NaN.
+///
+/// Source: Das, Saiki, Sander and Yorke, <https://doi.org/10.1088/1361-6544/aa84c2>.
+pub fn rotation_numbers(
+    orbits: &Trajectories,
+    near: f64,
+    angle: impl Fn(&[f64]) -> f64 + Sync,
+) -> Vec<RotationNumber> {
+    let of = |m: usize| {
+        let angles: Vec<f64> = orbits.orbit(m).map(&angle).collect();
+        let growths: Vec<f64> = angles
+            .windows(2)
+            .map(|pair| libm::remainder(pair[1] - pair[0] - near * TAU, TAU))
+            .collect();
+        let half = growths.len() / 2;
+        let error = (birkhoff_average(&growths[..half]) - birkhoff_average(&growths[half..])).abs();
+        RotationNumber { turns: near + birkhoff_average(&growths) / TAU, error: error / TAU }
+    };
+    (0..orbits.count()).into_par_iter().map(of).collect()
+}
+
+/// The weighted average of values along an orbit; NaN of none.
+fn birkhoff_average(values: &[f64]) -> f64 {
+    let count = values.len() as f64 + 1.0;
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for (k, value) in values.iter().enumerate() {
+        let t = (k + 1) as f64 / count;
+        let weight = libm::exp(-1.0 / (t * (1.0 - t)));
+        sum += weight * value;
+        weights += weight;
+    }
+    sum / weights
+}

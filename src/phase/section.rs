@@ -1,0 +1,531 @@
+//! Surfaces of section whose area form is not dq∧dp, and their canonical charts.
+
+use crate::error::Error;
+use crate::scalar::{Elementary, max_or_nan};
+use faer::Mat;
+use faer::linalg::solvers::SolveLstsq;
+use serde::{Deserialize, Serialize};
+
+/// A chart of a plane (x, y) with the area form ρ dx∧dy over a box: q = y and p = ∫ρ dx′ from the middle of the box
+/// to x, over a scale, so that dp∧dq = ρ dx∧dy/scale.
+///
+/// ρ is a sum Σ c_jk T_j(x) T_k(y) of Chebyshev polynomials over the box, so that p is one too, exactly the integral
+/// of that ρ; x at (q, p) is found by Newton's method, within bounds that bisection tightens.
+///
+/// A map that keeps ρ dx∧dy is symplectic in (q, p): the field lines of a magnetic field B go through a half-plane
+/// φ = constant of cylindrical coordinates so, with x = R, y = Z and ρ = B_φ.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AreaDensity {
+    low: [f64; 2],
+    high: [f64; 2],
+    scale: f64,
+    /// The highest degrees in x and in y.
+    degrees: [usize; 2],
+    /// c_jk, those of one k after those of the one before.
+    coefficients: Vec<f64>,
+    /// The largest difference of this ρ from the one that was given, where they were compared, over the largest |ρ|.
+    error: f64,
+}
+
+/// The highest degree along an axis.
+const MOST_DEGREE: usize = 96;
+/// The degrees that are tried, one after another.
+const DEGREES: [usize; 7] = [6, 12, 18, 24, 36, 48, MOST_DEGREE];
+/// An error over the largest density below which no higher degree is tried: what rounding leaves of sums of products.
+const AS_GOOD: f64 = 2e-14;
+/// Newton steps for x, bisections among them.
+const STEPS: usize = 80;
+
+impl AreaDensity {
+    /// The chart for a density that is given as a function, of the lowest degrees that err by rounding, or as little as
+    /// the highest do.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when the box has no extent, the scale is not positive, or ρ is not positive and finite
+    /// somewhere, with the place.
+    pub fn of_function(
+        density: impl Fn(f64, f64) -> f64,
+        low: [f64; 2],
+        high: [f64; 2],
+        scale: f64,
+    ) -> Result<Self, Error> {
+        check_box(low, high, scale)?;
+        let mut best: Option<Self> = None;
+        for degree in DEGREES {
+            let made = Self::interpolating(&density, low, high, scale, degree)?;
+            let better = best.as_ref().is_none_or(|best| made.error < best.error);
+            let done = made.error <= AS_GOOD;
+            if better {
+                best = Some(made);
+            }
+            if done {
+                break;
+            }
+        }
+        let best = best.expect("a degree was tried");
+        best.check_positive()?;
+        Ok(best)
+    }
+
+    /// The interpolation at Chebyshev points, judged between them.
+    fn interpolating(
+        density: &impl Fn(f64, f64) -> f64,
+        low: [f64; 2],
+        high: [f64; 2],
+        scale: f64,
+        degree: usize,
+    ) -> Result<Self, Error> {
+        let count = degree + 1;
+        let angle = |k: usize| std::f64::consts::PI * (k as f64 + 0.5) / count as f64;
+        let nodes: Vec<f64> = (0..count).map(|k| Elementary::sin_cos(angle(k)).1).collect();
+        let at = |axis: usize, s: f64| {
+            let middle = 0.5 * (low[axis] + high[axis]);
+            middle + 0.5 * (high[axis] - low[axis]) * s
+        };
+        let mut values = Vec::with_capacity(count * count);
+        for &t in &nodes {
+            for &s in &nodes {
+                values.push(density(at(0, s), at(1, t)));
+            }
+        }
+        // The discrete cosine transform along both axes.
+        let transform = |values: &[f64]| -> Vec<f64> {
+            (0..count)
+                .map(|j| {
+                    let share = if j == 0 { 1.0 } else { 2.0 } / count as f64;
+                    let term = |k: usize| values[k] * Elementary::sin_cos(j as f64 * angle(k)).1;
+                    share * (0..count).map(term).sum::<f64>()
+                })
+                .collect()
+        };
+        let rows: Vec<f64> = values.chunks_exact(count).flat_map(transform).collect();
+        let mut coefficients = vec![0.0; count * count];
+        for j in 0..count {
+            let column: Vec<f64> = (0..count).map(|k| rows[k * count + j]).collect();
+            for (k, value) in transform(&column).into_iter().enumerate() {
+                coefficients[k * count + j] = value;
+            }
+        }
+        let mut out =
+            Self { low, high, scale, degrees: [degree; 2], coefficients, error: f64::NAN };
+        let (mut error, mut size) = (0.0, 0.0);
+        for k in 0..=count {
+            for j in 0..=count {
+                let (s, t) =
+                    (2.0 * j as f64 / count as f64 - 1.0, 2.0 * k as f64 / count as f64 - 1.0);
+                let (x, y) = (at(0, s), at(1, t));
+                let given = density(x, y);
+                size = max_or_nan(size, given.abs());
+                error = max_or_nan(error, (out.density(x, y) - given).abs());
+            }
+        }
+        out.error = error / size;
+        match out.error.is_finite() {
+            true => Ok(out),
+            false => Err(positive_expected(f64::NAN, [low[0], low[1]], "within the box")),
+        }
+    }
+
+    /// The chart for densities on a grid, by least squares, of the degree at which a fit to every other
+    /// node is nearest to the others. `values` are those at the first y, x by x, then at the next.
+    ///
+    /// # Errors
+    /// When coordinates do not grow, there are fewer than eight along an axis or not one value for each pair of them, the
+    /// scale is not positive, or ρ is not positive and finite somewhere, with the place.
+    pub fn of_grid(x: &[f64], y: &[f64], values: &[f64], scale: f64) -> Result<Self, Error> {
+        for (name, axis) in [("section: x", x), ("section: y", y)] {
+            Error::check_count_range(&format!("{name}: numbers"), axis.len(), 8, 1 << 10)?;
+            axis.iter().try_for_each(|v| Error::check_finite(name, *v))?;
+            if let Some(pair) = axis.windows(2).find(|pair| !(pair[0] < pair[1])) {
+                let found = format!("{} after {}", pair[1], pair[0]);
+                return Err(Error::invalid(name, found, "numbers that grow"));
+            }
+        }
+        Error::check_count("section: density: numbers", x.len() * y.len(), values.len())?;
+        let bad = values.iter().position(|v| !(*v > 0.0 && v.is_finite()));
+        if let Some(index) = bad {
+            let place = [x[index % x.len()], y[index / x.len()]];
+            return Err(positive_expected(values[index], place, "of the grid"));
+        }
+        let low = [x[0], y[0]];
+        let high = [x[x.len() - 1], y[y.len() - 1]];
+        check_box(low, high, scale)?;
+        let size = values.iter().copied().fold(0.0, max_or_nan);
+        let fitted = |degree: usize, stride: usize| {
+            let thin = |axis: &[f64]| axis.iter().step_by(stride).copied().collect::<Vec<f64>>();
+            let (xs, ys) = (thin(x), thin(y));
+            let rows = values.chunks_exact(x.len()).step_by(stride);
+            let kept: Vec<f64> = rows.flat_map(|row| row.iter().step_by(stride)).copied().collect();
+            let coefficients = grid_coefficients(&xs, &ys, &kept, low, high, degree);
+            Self { low, high, scale, degrees: [degree; 2], coefficients, error: f64::NAN }
+        };
+        let judged = |of: &Self| {
+            let mut error = 0.0;
+            for (y, row) in y.iter().zip(values.chunks_exact(x.len())) {
+                let (series, _) = of.along_x(*y);
+                for (x, value) in x.iter().zip(row) {
+                    let found = chebyshev(&series, of.unit(0, *x));
+                    error = max_or_nan(error, (found - value).abs());
+                }
+            }
+            error / size
+        };
+        // Of nodes at equal distances a polynomial of degree above twice the root of their number is no sure fit.
+        let most = 2 * x.len().min(y.len()).div_ceil(2).isqrt();
+        let degrees = 2..=most.min(MOST_DEGREE);
+        let mut best: Option<(usize, f64)> = None;
+        for degree in degrees {
+            let error = judged(&fitted(degree, 2));
+            if best.is_none_or(|(_, least)| error < least) {
+                best = Some((degree, error));
+            }
+        }
+        let (degree, error) = best.ok_or_else(|| {
+            Error::invalid("section: density", "a grid", "one that a polynomial fits")
+        })?;
+        let mut out = fitted(degree, 1);
+        // That of the fit to a quarter of them bounds that of the fit to all.
+        out.error = max_or_nan(error, judged(&out));
+        out.check_positive()?;
+        Ok(out)
+    }
+
+    /// Fails unless it is sound: for what a file holds.
+    ///
+    /// # Errors
+    /// Those of [`AreaDensity::of_function`], and [`Error::WrongCount`] of coefficients.
+    pub fn check(&self) -> Result<(), Error> {
+        check_box(self.low, self.high, self.scale)?;
+        for degree in self.degrees {
+            Error::check_count_range("section: degree", degree, 0, MOST_DEGREE)?;
+        }
+        let count = (self.degrees[0] + 1) * (self.degrees[1] + 1);
+        Error::check_count("section: coefficients", count, self.coefficients.len())?;
+        self.coefficients.iter().try_for_each(|c| Error::check_finite("section", *c))?;
+        self.check_positive()
+    }
+
+    /// Fails unless ρ is positive on a grid finer than its degrees.
+    fn check_positive(&self) -> Result<(), Error> {
+        let [across, along] = self.degrees.map(|degree| 2 * degree + 2);
+        for k in 0..=along {
+            for j in 0..=across {
+                let share = [j as f64 / across as f64, k as f64 / along as f64];
+                let [x, y] = [0, 1].map(|a| self.low[a] + share[a] * (self.high[a] - self.low[a]));
+                let found = self.density(x, y);
+                if !(found > 0.0 && found.is_finite()) {
+                    return Err(positive_expected(found, [x, y], "of the section"));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The lower corner of the box, (x, y).
+    pub fn low(&self) -> [f64; 2] {
+        self.low
+    }
+
+    /// The upper corner.
+    pub fn high(&self) -> [f64; 2] {
+        self.high
+    }
+
+    /// What ∫ρ dx is divided by.
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// The largest difference from the density that was given, over the largest of it: on a grid between the
+    /// nodes of an interpolation, or at nodes that a fit has not seen.
+    pub fn error(&self) -> f64 {
+        self.error
+    }
+
+    /// The degrees in x and y.
+    pub fn degrees(&self) -> [usize; 2] {
+        self.degrees
+    }
+
+    /// Whether (x, y) is in the box.
+    pub fn contains(&self, x: f64, y: f64) -> bool {
+        let within = |v: f64, axis: usize| v >= self.low[axis] && v <= self.high[axis];
+        within(x, 0) && within(y, 1)
+    }
+
+    fn unit(&self, axis: usize, value: f64) -> f64 {
+        let (low, high) = (self.low[axis], self.high[axis]);
+        (2.0 * value - (low + high)) / (high - low)
+    }
+
+    /// The coefficients of ρ(·, y) along x, and of its derivative by y.
+    fn along_x(&self, y: f64) -> (Vec<f64>, Vec<f64>) {
+        let t = self.unit(1, y);
+        let slope = 2.0 / (self.high[1] - self.low[1]);
+        let (count, rows) = (self.degrees[0] + 1, self.degrees[1] + 1);
+        let (mut values, mut slopes) = (vec![0.0; count], vec![0.0; count]);
+        let (mut terms, mut derivatives) = ([1.0, t], [0.0, 1.0]);
+        for k in 0..rows {
+            let row = &self.coefficients[k * count..(k + 1) * count];
+            for (j, c) in row.iter().enumerate() {
+                values[j] += c * terms[0];
+                slopes[j] += c * derivatives[0] * slope;
+            }
+            let next = 2.0 * t * terms[1] - terms[0];
+            let next_derivative = 2.0 * (terms[1] + t * derivatives[1]) - derivatives[0];
+            (terms, derivatives) = ([terms[1], next], [derivatives[1], next_derivative]);
+        }
+        (values, slopes)
+    }
+
+    /// ρ(x, y), of the series.
+    pub fn density(&self, x: f64, y: f64) -> f64 {
+        chebyshev(&self.along_x(y).0, self.unit(0, x))
+    }
+
+    /// ∫ from the middle to x of a series along x, over the scale.
+    fn integral(&self, series: &[f64]) -> Vec<f64> {
+        let half = 0.5 * (self.high[0] - self.low[0]) / self.scale;
+        let of = |j: usize| series.get(j).copied().unwrap_or(0.0);
+        let mut out = vec![0.0; series.len() + 1];
+        for (j, out) in out.iter_mut().enumerate().skip(1) {
+            let before = if j == 1 { 2.0 * of(0) } else { of(j - 1) };
+            *out = half * (before - of(j + 1)) / (2.0 * j as f64);
+        }
+        out[0] = -chebyshev(&out, 0.0);
+        out
+    }
+
+    /// (q, p) at (x, y): NaN outside the box.
+    pub fn to_canonical(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        if !self.contains(x, y) {
+            return [f64::NAN; 2];
+        }
+        let integral = self.integral(&self.along_x(y).0);
+        [y, chebyshev(&integral, self.unit(0, x))]
+    }
+
+    /// (x, y) at (q, p): NaN where there is none in the box. A point on its border is there but for rounding.
+    pub fn to_data(&self, [q, p]: [f64; 2]) -> [f64; 2] {
+        let y = q;
+        if !(y >= self.low[1] && y <= self.high[1]) {
+            return [f64::NAN; 2];
+        }
+        let density = self.along_x(y).0;
+        let integral = self.integral(&density);
+        let slope = 0.5 * (self.high[0] - self.low[0]) / self.scale;
+        let (mut low, mut high) = (-1.0, 1.0);
+        let border = [chebyshev(&integral, low) - p, chebyshev(&integral, high) - p];
+        // Rounding of p is of the size of its range.
+        let rounding = 4.0 * f64::EPSILON * (border[1] - border[0]);
+        if !(border[0] <= rounding && border[1] >= -rounding) {
+            return [f64::NAN; 2];
+        }
+        let mut s = -border[0] / (border[1] - border[0]) * 2.0 - 1.0;
+        for _ in 0..STEPS {
+            s = if s > low && s < high { s } else { 0.5 * (low + high) };
+            let missed = chebyshev(&integral, s) - p;
+            if missed > 0.0 {
+                high = s;
+            } else {
+                low = s;
+            }
+            let step = missed / (slope * chebyshev(&density, s));
+            s -= step;
+            if step.abs() <= f64::EPSILON {
+                break;
+            }
+        }
+        let s = s.clamp(-1.0, 1.0);
+        let middle = 0.5 * (self.low[0] + self.high[0]);
+        [0.5f64.mul_add((self.high[0] - self.low[0]) * s, middle), y]
+    }
+
+    /// ∂p/∂x and ∂p/∂y at (x, y): q is y.
+    pub fn slopes(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let (density, change) = self.along_x(y);
+        let s = self.unit(0, x);
+        [chebyshev(&density, s) / self.scale, chebyshev(&self.integral(&change), s)]
+    }
+}
+
+fn positive_expected(found: f64, [x, y]: [f64; 2], of: &str) -> Error {
+    Error::invalid("section: density", found, "a positive number")
+        .with_place(format!("(x, y) = ({x}, {y}) {of}"))
+}
+
+fn check_box(low: [f64; 2], high: [f64; 2], scale: f64) -> Result<(), Error> {
+    Error::check_range("section: scale", scale, Error::LEAST_POSITIVE, f64::MAX)?;
+    for (axis, name) in ["section: x", "section: y"].into_iter().enumerate() {
+        let (low, high) = (low[axis], high[axis]);
+        [low, high].iter().try_for_each(|v| Error::check_finite(name, *v))?;
+        if !(low < high) {
+            return Err(Error::invalid(name, format!("from {low} to {high}"), "an interval"));
+        }
+    }
+    Ok(())
+}
+
+/// Σ c_j T_j(s) by Clenshaw's recurrence.
+fn chebyshev(coefficients: &[f64], s: f64) -> f64 {
+    let (mut b, mut before) = (0.0, 0.0);
+    for c in coefficients.iter().skip(1).rev() {
+        (b, before) = ((2.0 * s).mul_add(b, c - before), b);
+    }
+    coefficients.first().map_or(0.0, |c| s.mul_add(b, c - before))
+}
+
+/// Least squares along x, and then along y.
+fn grid_coefficients(
+    x: &[f64],
+    y: &[f64],
+    values: &[f64],
+    low: [f64; 2],
+    high: [f64; 2],
+    degree: usize,
+) -> Vec<f64> {
+    let count = degree + 1;
+    let basis = |axis: usize, at: &[f64]| {
+        Mat::from_fn(at.len(), count, |k, j| {
+            let s = (2.0 * at[k] - (low[axis] + high[axis])) / (high[axis] - low[axis]);
+            let mut terms = [1.0, s];
+            for _ in 0..j {
+                terms = [terms[1], (2.0 * s).mul_add(terms[1], -terms[0])];
+            }
+            terms[0]
+        })
+    };
+    let right = Mat::from_fn(x.len(), y.len(), |j, k| values[k * x.len() + j]);
+    let by_x = basis(0, x).qr().solve_lstsq(&right);
+    let right = Mat::from_fn(y.len(), count, |k, j| by_x[(j, k)]);
+    let both = basis(1, y).qr().solve_lstsq(&right);
+    (0..count).flat_map(|k| (0..count).map(move |j| (k, j))).map(|at| both[at]).collect()
+}
+
+/// The charts of the planes of data, one for each degree of freedom, of those whose columns are not canonical: columns
+/// x₁ … xₙ, y₁ … yₙ with the form Σ ρ_j dx_j∧dy_j, up to the scale of each, which has to be one for all.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Section {
+    /// The chart of each plane (x_j, y_j); none where its columns are q_j and p_j.
+    planes: Vec<Option<AreaDensity>>,
+}
+
+impl Section {
+    /// The section of these charts.
+    ///
+    /// # Errors
+    /// When there is no chart, one is not sound, or scales differ, that of a plane without a chart being 1: Ω would
+    /// not be the canonical form.
+    pub fn new(planes: Vec<Option<AreaDensity>>) -> Result<Self, Error> {
+        let out = Self { planes };
+        out.check(out.planes.len())?;
+        Ok(out)
+    }
+
+    /// That of one plane.
+    pub fn of_plane(density: AreaDensity) -> Self {
+        Self { planes: vec![Some(density)] }
+    }
+
+    /// Fails as [`Section::new`], or when it is of other degrees of freedom.
+    ///
+    /// # Errors
+    /// Those of [`Section::new`].
+    pub fn check(&self, dof: usize) -> Result<(), Error> {
+        Error::check_count("section: planes", dof, self.planes.len())?;
+        if self.planes.iter().all(Option::is_none) {
+            return Err(Error::invalid("section", "no density", "that of a plane at least"));
+        }
+        self.planes.iter().flatten().try_for_each(AreaDensity::check)?;
+        let scale = |plane: &Option<AreaDensity>| plane.as_ref().map_or(1.0, AreaDensity::scale);
+        let first = scale(&self.planes[0]);
+        match self.planes.iter().map(scale).find(|other| *other != first) {
+            None => Ok(()),
+            Some(other) => {
+                let expected = format!("{first:e}, that of the first plane");
+                Err(Error::invalid("section: scale", other, expected))
+            }
+        }
+    }
+
+    /// The degrees of freedom n.
+    pub fn dof(&self) -> usize {
+        self.planes.len()
+    }
+
+    /// The chart of each plane.
+    pub fn planes(&self) -> &[Option<AreaDensity>] {
+        &self.planes
+    }
+
+    /// The largest error of a density.
+    pub fn error(&self) -> f64 {
+        self.planes.iter().flatten().map(AreaDensity::error).fold(0.0, max_or_nan)
+    }
+
+    /// Points in rows of 2n numbers, from data to canonical coordinates: NaN in a plane whose box a point is outside of.
+    pub fn to_canonical(&self, points: &mut [f64]) {
+        self.each(points, AreaDensity::to_canonical);
+    }
+
+    /// And back.
+    pub fn to_data(&self, points: &mut [f64]) {
+        self.each(points, AreaDensity::to_data);
+    }
+
+    fn each(&self, points: &mut [f64], chart: impl Fn(&AreaDensity, [f64; 2]) -> [f64; 2]) {
+        let dof = self.dof();
+        for z in points.chunks_exact_mut(2 * dof) {
+            for (j, plane) in self.planes.iter().enumerate() {
+                let Some(plane) = plane else { continue };
+                [z[j], z[dof + j]] = chart(plane, [z[j], z[dof + j]]);
+            }
+        }
+    }
+
+    /// Fails at the first point of some data that is outside of the box of a plane.
+    ///
+    /// # Errors
+    /// With the row and the point.
+    pub fn check_points(&self, place: &str, points: &[f64]) -> Result<(), Error> {
+        let dof = self.dof();
+        for (row, z) in points.chunks_exact(2 * dof).enumerate() {
+            for (j, plane) in self.planes.iter().enumerate() {
+                let Some(plane) = plane else { continue };
+                let (x, y) = (z[j], z[dof + j]);
+                if !plane.contains(x, y) {
+                    let ([a, b], [c, d]) = (plane.low, plane.high);
+                    let found = format!("({x}, {y}) in row {row} (counted from 0)");
+                    let expected = format!("points of the section, from ({a}, {b}) to ({c}, {d})");
+                    return Err(Error::content(place, expected, found));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The Jacobian of a map between data from that between canonical coordinates, 2n × 2n numbers row by row, at a point
+    /// and its image, both of data.
+    pub(crate) fn jacobian_of_data(&self, jacobian: &mut [f64], from: &[f64], to: &[f64]) {
+        let dof = self.dof();
+        let dim = 2 * dof;
+        for (j, plane) in self.planes.iter().enumerate() {
+            let Some(plane) = plane else { continue };
+            // Columns: ∂/∂x = ∂p/∂x ∂/∂p, ∂/∂y = ∂/∂q + ∂p/∂y ∂/∂p.
+            let [by_x, by_y] = plane.slopes([from[j], from[dof + j]]);
+            for row in jacobian.chunks_exact_mut(dim) {
+                let (q, p) = (row[j], row[dof + j]);
+                (row[j], row[dof + j]) = (by_x * p, by_y.mul_add(p, q));
+            }
+            // Rows: δy = δq, δx = (δp − ∂p/∂y δq)/∂p/∂x.
+            let [by_x, by_y] = plane.slopes([to[j], to[dof + j]]);
+            for column in 0..dim {
+                let (q, p) = (jacobian[j * dim + column], jacobian[(dof + j) * dim + column]);
+                jacobian[j * dim + column] = (-by_y).mul_add(q, p) / by_x;
+                jacobian[(dof + j) * dim + column] = q;
+            }
+        }
+    }
+}

@@ -1,0 +1,368 @@
+//! Magnetic fields of coils by the law of Biot and Savart, and the field lines in them.
+
+use crate::error::Error;
+use crate::scalar::{Elementary, max_or_nan};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
+
+/// A closed filament that carries a current: x(t) = Σ_k c_k cos 2πkt + s_k sin 2πkt, 0 ≤ t < 1, in metres.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coil {
+    /// c_k of x, y and z, k from 0.
+    pub cosines: Vec<[f64; 3]>,
+    /// s_k, as many; those of k = 0 are none.
+    pub sines: Vec<[f64; 3]>,
+    /// Its current in the direction of growing t, in amperes.
+    pub current: f64,
+}
+
+impl Coil {
+    /// The trigonometric interpolation of points of a closed curve at equal distances of a parameter: that of a
+    /// smooth curve by N points has an error that falls faster than any power of N.
+    ///
+    /// # Errors
+    /// [`Error::CountOutOfRange`] of fewer than three points, [`Error::OutOfRange`] of a number that is not finite.
+    pub fn of_points(points: &[[f64; 3]], current: f64) -> Result<Self, Error> {
+        let count = points.len();
+        Error::check_count_range("points of a coil", count, 3, MOST_POINTS)?;
+        for v in points.iter().flatten().chain([&current]) {
+            Error::check_finite("coil", *v)?;
+        }
+        let modes = count / 2 + 1;
+        let (mut cosines, mut sines) = (vec![[0.0; 3]; modes], vec![[0.0; 3]; modes]);
+        for k in 0..modes {
+            // The highest of an even number of points is its own mirror image.
+            let share = if k == 0 || 2 * k == count { 1.0 } else { 2.0 } / count as f64;
+            for (number, point) in points.iter().enumerate() {
+                let (s, c) =
+                    Elementary::sin_cos(TAU * ((k * number) % count) as f64 / count as f64);
+                for axis in 0..3 {
+                    cosines[k][axis] += share * c * point[axis];
+                    sines[k][axis] += share * s * point[axis];
+                }
+            }
+        }
+        Ok(Self { cosines, sines, current })
+    }
+
+    /// x(t) and dx/dt.
+    pub fn at(&self, t: f64) -> ([f64; 3], [f64; 3]) {
+        let (mut point, mut tangent) = ([0.0; 3], [0.0; 3]);
+        for (k, (cosine, sine)) in self.cosines.iter().zip(&self.sines).enumerate() {
+            let turns = TAU * k as f64;
+            let (s, c) = Elementary::sin_cos(turns * t);
+            for axis in 0..3 {
+                point[axis] += c * cosine[axis] + s * sine[axis];
+                tangent[axis] += turns * (c * sine[axis] - s * cosine[axis]);
+            }
+        }
+        (point, tangent)
+    }
+
+    /// The same coil, turned about the z axis by an angle; with `flipped`, half a turn about the x axis comes first,
+    /// and the current runs the other way: the image under the symmetry of a stellarator.
+    fn turned(&self, angle: f64, flipped: bool) -> Self {
+        let (s, c) = Elementary::sin_cos(angle);
+        let sign = if flipped { -1.0 } else { 1.0 };
+        let turn = |modes: &[[f64; 3]]| -> Vec<[f64; 3]> {
+            modes
+                .iter()
+                .map(|[x, y, z]| [c * x - s * sign * y, s * x + c * sign * y, sign * z])
+                .collect()
+        };
+        Self {
+            cosines: turn(&self.cosines),
+            sines: turn(&self.sines),
+            current: sign * self.current,
+        }
+    }
+}
+
+/// A coil is of no more points or modes than this.
+const MOST_POINTS: usize = 1 << 16;
+
+/// The coils of one period of a machine, and what symmetry makes of them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CoilSet {
+    /// The coils that are given.
+    pub coils: Vec<Coil>,
+    /// The field periods N: turned by 2π/N the machine is the same.
+    pub periods: u32,
+    /// Half a turn about the x axis is a symmetry of the machine, in which currents change their direction.
+    pub stellarator_symmetric: bool,
+}
+
+impl CoilSet {
+    /// All coils of the machine.
+    ///
+    /// # Errors
+    /// When there is no coil with a current, or no or too many periods.
+    pub fn all(&self) -> Result<Vec<Coil>, Error> {
+        Error::check_count_range("periods", self.periods as usize, 1, 1000)?;
+        let carry = self.coils.iter().filter(|coil| coil.current != 0.0);
+        let mut all = Vec::new();
+        for coil in carry {
+            for period in 0..self.periods {
+                let angle = TAU * f64::from(period) / f64::from(self.periods);
+                all.push(coil.turned(angle, false));
+                if self.stellarator_symmetric {
+                    all.push(coil.turned(angle, true));
+                }
+            }
+        }
+        match all.is_empty() {
+            true => Err(Error::invalid("coils", "no coil with a current", "at least one")),
+            false => Ok(all),
+        }
+    }
+}
+
+/// Coils by formula: helical windings of a torsatron, and a pair of rings that cancel its vertical field.
+///
+/// Winding j of l runs at φ round the torus and at θ = (N/l)φ + 2πj/l round the circle of radius a about
+/// R₀: R = R₀ + a cos θ, Z = −a sin θ. The rings are at a radius and at heights ± theirs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Torsatron {
+    /// l, the number of windings.
+    pub windings: u32,
+    /// N, the field periods: a multiple of l.
+    pub periods: u32,
+    /// R₀, in metres.
+    pub major_radius: f64,
+    /// a, in metres.
+    pub minor_radius: f64,
+    /// The current of each winding, in amperes.
+    pub current: f64,
+    /// The radius of the rings, in metres.
+    pub ring_radius: f64,
+    /// The height of one of them, in metres, and of the other below.
+    pub ring_height: f64,
+    /// The current of a ring, as a share of that of a winding.
+    pub ring_share: f64,
+}
+
+impl Default for Torsatron {
+    /// l = 2, N = 10, with sizes near those of the Large Helical Device: an axis at R = 3.7 m with surfaces to 0.3 m
+    /// around it, ι from 0.4 to 1.
+    fn default() -> Self {
+        Self {
+            windings: 2,
+            periods: 10,
+            major_radius: 3.9,
+            minor_radius: 0.975,
+            current: 5e6,
+            ring_radius: 5.55,
+            ring_height: 1.55,
+            ring_share: -0.6,
+        }
+    }
+}
+
+impl Torsatron {
+    /// Its coils.
+    ///
+    /// # Errors
+    /// When N is no multiple of l, or a size is not positive or a > R₀.
+    pub fn coils(&self) -> Result<CoilSet, Error> {
+        Error::check_count_range("coils.windings", self.windings as usize, 1, 10)?;
+        Error::check_count_range("coils.periods", self.periods as usize, 1, 1000)?;
+        if !self.periods.is_multiple_of(self.windings) {
+            let expected = format!("a multiple of {} windings", self.windings);
+            return Err(Error::invalid("coils.periods", self.periods, expected));
+        }
+        for (name, value, most) in [
+            ("coils.major_radius", self.major_radius, f64::MAX),
+            ("coils.minor_radius", self.minor_radius, self.major_radius),
+            ("coils.ring_radius", self.ring_radius, f64::MAX),
+        ] {
+            Error::check_range(name, value, Error::LEAST_POSITIVE, most)?;
+        }
+        for (name, value) in [
+            ("coils.current", self.current),
+            ("coils.ring_height", self.ring_height),
+            ("coils.ring_share", self.ring_share),
+        ] {
+            Error::check_finite(name, value)?;
+        }
+        let winds = f64::from(self.periods / self.windings);
+        // Twice the highest mode, and more.
+        let samples = 4 * (self.periods / self.windings) as usize + 8;
+        let mut coils = Vec::new();
+        for winding in 0..self.windings {
+            let points: Vec<[f64; 3]> = (0..samples)
+                .map(|k| {
+                    let phi = TAU * k as f64 / samples as f64;
+                    let shift = TAU * f64::from(winding) / f64::from(self.windings);
+                    let (s, c) = Elementary::sin_cos(winds * phi + shift);
+                    let radius = self.major_radius + self.minor_radius * c;
+                    let (sin, cos) = Elementary::sin_cos(phi);
+                    [radius * cos, radius * sin, -self.minor_radius * s]
+                })
+                .collect();
+            coils.push(Coil::of_points(&points, self.current)?);
+        }
+        for height in [self.ring_height, -self.ring_height] {
+            let r = self.ring_radius;
+            coils.push(Coil {
+                cosines: vec![[0.0, 0.0, height], [r, 0.0, 0.0]],
+                sines: vec![[0.0; 3], [0.0, r, 0.0]],
+                current: self.ring_share * self.current,
+            });
+        }
+        // Windings and rings are all there; turning by a period exchanges the windings.
+        Ok(CoilSet { coils, periods: 1, stellarator_symmetric: false })
+    }
+}
+
+/// One point of the quadrature along a coil.
+#[derive(Clone, Copy, Debug)]
+struct Element {
+    at: [f64; 3],
+    /// μ₀I/4π dx/dt Δt, in tesla metres squared.
+    current: [f64; 3],
+}
+
+/// The magnetic field of filament coils, in tesla, by the trapezoidal rule along each, whose error falls
+/// exponentially with the points where they are closer to one another than the coil is to the place.
+///
+/// B(r) = μ₀/4π Σ I ∮ dx × (r − x)/|r − x|³.
+#[derive(Clone, Debug)]
+pub struct CoilField {
+    elements: Vec<Element>,
+    /// The longest distance of neighbouring points along a coil.
+    spacing: f64,
+}
+
+impl CoilField {
+    /// μ₀/4π in tesla metres an ampere, to the ten digits by which it differs from 10⁻⁷ since 2019.
+    const MU_0_OVER_4_PI: f64 = 1e-7;
+
+    /// Of these coils, with so many points along each.
+    ///
+    /// # Errors
+    /// When there is no coil, a mode of one is not seen by so many points, a number is not finite, or coils
+    /// carry no current.
+    pub fn new(coils: &[Coil], points: usize) -> Result<Self, Error> {
+        Error::check_count_range("points along a coil", points, 3, MOST_POINTS)?;
+        let (mut elements, mut spacing) = (Vec::new(), 0.0);
+        for (number, coil) in coils.iter().enumerate() {
+            let place = || format!("coil {}", number + 1);
+            Error::check_count("sines", coil.cosines.len(), coil.sines.len())
+                .map_err(|e| e.with_place(place()))?;
+            let order = coil.cosines.len().saturating_sub(1);
+            if points <= 2 * order {
+                let expected = format!("more than {}, twice the modes of {}", 2 * order, place());
+                return Err(Error::invalid("points along a coil", points, expected));
+            }
+            let numbers = coil.cosines.iter().chain(&coil.sines).flatten();
+            for v in numbers.chain([&coil.current]) {
+                Error::check_finite("coil", *v).map_err(|e| e.with_place(place()))?;
+            }
+            if coil.current == 0.0 {
+                continue;
+            }
+            for k in 0..points {
+                let (at, tangent) = coil.at(k as f64 / points as f64);
+                let share = Self::MU_0_OVER_4_PI * coil.current / points as f64;
+                let length = libm::sqrt(tangent.iter().map(|v| v * v).sum());
+                spacing = f64::max(spacing, length / points as f64);
+                elements.push(Element { at, current: tangent.map(|v| v * share) });
+            }
+        }
+        if elements.is_empty() {
+            return Err(Error::invalid("coils", "no coil with a current", "at least one"));
+        }
+        Ok(Self { elements, spacing })
+    }
+
+    /// The largest distance of a point of a coil from the origin.
+    pub fn extent(&self) -> f64 {
+        let squares = self.elements.iter().map(|e| e.at.iter().map(|v| v * v).sum::<f64>());
+        libm::sqrt(squares.fold(0.0, max_or_nan))
+    }
+
+    /// How many points its coils have.
+    pub fn points(&self) -> usize {
+        self.elements.len()
+    }
+
+    /// B at (x, y, z), Cartesian.
+    #[inline(always)]
+    pub fn at<S: Elementary>(&self, place: [S; 3]) -> [S; 3] {
+        let mut field = [S::zero(); 3];
+        for Element { at, current } in &self.elements {
+            let [x, y, z] = std::array::from_fn(|k| place[k] - S::from_f64(at[k]));
+            let [a, b, c] = current.map(S::from_f64);
+            let square = x.mul_add(x, y.mul_add(y, z * z));
+            let inverse = S::from_f64(1.0) / (square * square.sqrt());
+            let cross = [b * z - c * y, c * x - a * z, a * y - b * x];
+            for k in 0..3 {
+                field[k] = cross[k].mul_add(inverse, field[k]);
+            }
+        }
+        field
+    }
+
+    /// B_R, B_φ and B_Z at (R, φ, Z).
+    #[inline(always)]
+    pub fn cylindrical<S: Elementary>(&self, radius: S, phi: f64, height: S) -> [S; 3] {
+        let (sin, cos) = Elementary::sin_cos(phi);
+        let (s, c) = (S::from_f64(sin), S::from_f64(cos));
+        let [x, y, z] = self.at([radius * c, radius * s, height]);
+        [x * c + y * s, y * c - x * s, z]
+    }
+
+    /// dR/dφ and dZ/dφ of the field line through (R, Z) at φ: R B_R/B_φ and R B_Z/B_φ.
+    #[inline(always)]
+    pub fn line<S: Elementary>(&self, place: &[S], phi: f64, out: &mut [S]) {
+        let [by_radius, by_angle, by_height] = self.cylindrical(place[0], phi, place[1]);
+        let share = place[0] / by_angle;
+        (out[0], out[1]) = (share * by_radius, share * by_height);
+    }
+
+    /// Fails where (R, Z) at φ is so near a coil that its points do not act as a line, or where the toroidal
+    /// field vanishes or points in the other direction than `sign`.
+    ///
+    /// # Errors
+    /// With the place.
+    pub fn check_at(&self, [radius, height]: [f64; 2], phi: f64, sign: f64) -> Result<(), Error> {
+        let place = || format!("(R, Z) = ({radius}, {height}) at φ = {phi}");
+        let (s, c) = Elementary::sin_cos(phi);
+        let point = [radius * c, radius * s, height];
+        let distance = self.distance(point);
+        if !(distance >= NEAREST * self.spacing) {
+            let expected = format!(
+                "at least {NEAREST} times {:.3e} m, the distance of its points",
+                self.spacing
+            );
+            let found = format!("{distance:.3e} m");
+            return Err(Error::invalid("distance from a coil", found, expected).with_place(place()));
+        }
+        let [_, toroidal, _] = self.cylindrical(radius, phi, height);
+        if !(toroidal * sign > 0.0) {
+            let expected = "the sign that it has on the axis";
+            return Err(
+                Error::invalid("B_φ", format!("{toroidal:.3e} T"), expected).with_place(place())
+            );
+        }
+        Ok(())
+    }
+
+    /// The distance of a place from the nearest point of a coil.
+    pub fn distance(&self, place: [f64; 3]) -> f64 {
+        let mut least = f64::INFINITY;
+        for Element { at, .. } in &self.elements {
+            let square: f64 = at.iter().zip(place).map(|(a, b)| (a - b) * (a - b)).sum();
+            if square.is_nan() {
+                return f64::NAN;
+            }
+            least = f64::min(least, square);
+        }
+        libm::sqrt(least)
+    }
+}
+
+/// Points of a coil act as a line from so many of their distances on: there the trapezoidal rule errs by
+/// e^{−2π·2}, some 10⁻⁵ of the field of that coil.
+const NEAREST: f64 = 2.0;

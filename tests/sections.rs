@@ -1,0 +1,450 @@
+//! Coils and their field lines, sections whose area form is not canonical, maps by polynomials, and what is asked of
+//! maps of a plane.
+
+use gyroceptron::Error;
+use gyroceptron::flow::{FormDefect, LineMap, Pairs, PolynomialMap, Trajectories, Window, sample};
+use gyroceptron::measure::adiabatic::log_slope;
+use gyroceptron::measure::orbits::{
+    lyapunov_exponent, periodic_orbit, periodic_orbits, rotation_numbers,
+};
+use gyroceptron::network::Rollout;
+use gyroceptron::phase::{AreaDensity, Section};
+use gyroceptron::random::Stream;
+use gyroceptron::scalar::{Dual, max_or_nan};
+use gyroceptron::system::{Coil, CoilField, CoilSet, Oscillators, Torsatron};
+use std::f64::consts::{PI, TAU};
+
+/// A period of the torsatron.
+const PERIOD: f64 = TAU / 10.0;
+
+fn torsatron(points: usize) -> CoilField {
+    let coils = Torsatron::default().coils().expect("sound").all().expect("coils");
+    CoilField::new(&coils, points).expect("a field")
+}
+
+/// A circle of radius 1 in the plane z = 0 with the current 1.
+fn ring() -> Coil {
+    let points: Vec<[f64; 3]> =
+        (0..8).map(|k| TAU * k as f64 / 8.0).map(|t| [t.cos(), t.sin(), 0.0]).collect();
+    Coil::of_points(&points, 1.0).expect("a coil")
+}
+
+/// On the axis of a ring B_z = μ₀I/2 a²/(a² + z²)^{3/2}.
+#[test]
+fn a_ring_has_the_field_of_the_formula_on_its_axis() {
+    let field = CoilField::new(&[ring()], 64).expect("a field");
+    for z in [0.0f64, 0.3, -1.0, 4.0] {
+        let expected = TAU * 1e-7 / (1.0 + z * z).powf(1.5);
+        let [x, y, found] = field.at([0.0, 0.0, z]);
+        assert!((found / expected - 1.0).abs() < 1e-14, "{z}: {found} {expected}");
+        assert!(x.abs() < 1e-21 && y.abs() < 1e-21, "{x} {y}");
+    }
+}
+
+/// Outside of filaments div B = 0 and curl B = 0, by duals; a field of one component turned round has neither.
+#[test]
+fn fields_have_no_divergence_and_no_curl() {
+    let field = torsatron(240);
+    let derivatives = |place: [f64; 3], sign: f64| {
+        let lifted: [Dual<f64, 3>; 3] = std::array::from_fn(|k| Dual::variable(place[k], k));
+        let mut rows = field.at(lifted).map(|v| v.eps);
+        rows[2] = rows[2].map(|v| v * sign);
+        let size = rows.iter().flatten().map(|v| v.abs()).fold(0.0, max_or_nan);
+        let divergence = rows[0][0] + rows[1][1] + rows[2][2];
+        let curl = [rows[2][1] - rows[1][2], rows[0][2] - rows[2][0], rows[1][0] - rows[0][1]];
+        curl.iter().chain([&divergence]).map(|v| v.abs()).fold(0.0, max_or_nan) / size
+    };
+    for place in [[3.8, 0.3, 0.1], [2.0, -3.2, -0.2]] {
+        assert!(derivatives(place, 1.0) < 1e-13, "{}", derivatives(place, 1.0));
+        assert!(derivatives(place, -1.0) > 1e-2);
+    }
+}
+
+/// Doubling the points squares the error: it falls exponentially.
+#[test]
+fn points_along_coils_converge_exponentially() {
+    let exact = torsatron(640).cylindrical(3.75, 0.1, 0.2);
+    let error = |points: usize| {
+        let found: [f64; 3] = torsatron(points).cylindrical(3.75, 0.1, 0.2);
+        found.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
+    };
+    let [coarse, fine] = [error(60), error(120)];
+    assert!(coarse < 1e-3 && fine < 1e-6 && error(240) < 1e-12, "{coarse} {fine} {}", error(240));
+    assert!(fine.ln() / coarse.ln() > 1.7, "{coarse} {fine}");
+}
+
+/// Coils of one half-period give the machine: its field turns with it, and (B_R, B_φ, B_Z) at (R, −φ, −Z) is
+/// (−B_R, B_φ, B_Z).
+#[test]
+fn symmetry_makes_the_machine_of_its_coils() {
+    let points: Vec<[f64; 3]> = (0..32)
+        .map(|k| TAU * k as f64 / 32.0)
+        .map(|t| [3.0 + 0.8 * t.cos(), 0.4 + 0.1 * t.sin(), 0.9 * t.sin() + 0.2 * t.cos()])
+        .collect();
+    let coils = vec![Coil::of_points(&points, 1e5).expect("a coil")];
+    let set = CoilSet { coils, periods: 5, stellarator_symmetric: true };
+    let all = set.all().expect("coils");
+    assert_eq!(all.len(), 10);
+    let field = CoilField::new(&all, 80).expect("a field");
+    let (r, phi, z) = (3.1, 0.2, 0.15);
+    let here: [f64; 3] = field.cylindrical(r, phi, z);
+    let turned = field.cylindrical(r, phi + TAU / 5.0, z);
+    let mirrored = field.cylindrical(r, -phi, -z);
+    for k in 0..3 {
+        let sign = if k == 0 { -1.0 } else { 1.0 };
+        assert!((here[k] - turned[k]).abs() < 1e-15, "{here:?} {turned:?}");
+        assert!((here[k] - sign * mirrored[k]).abs() < 1e-15, "{here:?} {mirrored:?}");
+    }
+    // Without the symmetry it is another field.
+    let half = CoilSet { stellarator_symmetric: false, ..set }.all().expect("coils");
+    let field = CoilField::new(&half, 80).expect("a field");
+    let [one, other]: [[f64; 3]; 2] =
+        [field.cylindrical(r, phi, z), field.cylindrical(r, -phi, -z)];
+    assert!((one[1] - other[1]).abs() > 1e-3, "{one:?} {other:?}");
+}
+
+#[test]
+fn field_lines_are_of_order_eight() {
+    let field = torsatron(60);
+    let points = [3.96, 0.0, 4.0, 0.05, 3.92, -0.05];
+    let map = LineMap::new(&field, 0.0, PERIOD, 64).expect("a map");
+    let exact = map.trajectories(&points, 1).expect("lines");
+    let steps = [4, 5, 6, 8];
+    let errors = steps.map(|steps| {
+        let found = map.with_steps(steps).trajectories(&points, 1).expect("lines");
+        found.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
+    });
+    let sizes = steps.map(|steps| 1.0 / steps as f64);
+    let slope = log_slope(&sizes, &errors);
+    assert!((slope - 8.0).abs() < 0.8, "{slope} {errors:?}");
+}
+
+/// B_φ dR∧dZ is kept, and so det J of the map between canonical coordinates is 1; with the area dR∧dZ it is not.
+#[test]
+fn field_lines_keep_the_flux() {
+    let field = torsatron(120);
+    let phi = 0.1;
+    let map = LineMap::new(&field, phi, PERIOD, 32).expect("a map");
+    let axis = map.axis([3.9, 0.0]).expect("an axis");
+    let (image, _) = map.with_jacobian(axis);
+    assert!((image[0] - axis[0]).abs() + (image[1] - axis[1]).abs() < 1e-12);
+    let toroidal = |r: f64, z: f64| field.cylindrical(r, phi, z)[1];
+    for offset in [[0.0, 0.0], [0.06, 0.02], [-0.03, 0.08]] {
+        let place = [axis[0] + offset[0], axis[1] + offset[1]];
+        let (image, [[a, b], [c, d]]) = map.with_jacobian(place);
+        let area = a * d - b * c;
+        let flux = area * toroidal(image[0], image[1]) / toroidal(place[0], place[1]);
+        assert!((flux - 1.0).abs() < 1e-10, "{flux}");
+        assert!(offset == [0.0, 0.0] || (area - 1.0).abs() > 1e-4, "{area}");
+        // By differences.
+        let h = 1e-6;
+        let moved =
+            map.trajectories(&[place[0] + h, place[1], place[0] - h, place[1]], 1).expect("lines");
+        assert!(((moved[0] - moved[2]) / (2.0 * h) - a).abs() < 1e-7);
+    }
+}
+
+#[test]
+fn lines_are_calibrated_and_lost_ones_are_nan() {
+    let field = torsatron(60);
+    let sound = [3.96, 0.0, 4.0, 0.05];
+    let (map, error) = LineMap::calibrated(&field, 0.0, PERIOD, &sound, 1e-8).expect("a map");
+    assert!(error <= 1e-8 / 256.0 && map.steps() >= 16, "{error} {}", map.steps());
+    // The same bits together and alone.
+    let together = map.trajectories(&sound, 3).expect("lines");
+    for (m, start) in sound.chunks(2).enumerate() {
+        let alone = map.trajectories(start, 3).expect("lines");
+        for t in 0..3 {
+            assert_eq!(alone[2 * t..2 * t + 2], together[4 * t + 2 * m..4 * t + 2 * m + 2]);
+        }
+    }
+    // On a coil.
+    let on_coil = [3.9 + 0.975, 0.0];
+    let lost = map.trajectories(&on_coil, 2).expect("states");
+    assert!(lost.iter().all(|v| v.is_nan()), "{lost:?}");
+    let far = LineMap::calibrated(&field, 0.0, PERIOD, &on_coil, 1e-8);
+    assert!(matches!(far, Err(Error::NoConvergence { .. })));
+}
+
+#[test]
+fn bad_coils_are_refused() {
+    let said = |error: Error| error.to_string();
+    assert!(Coil::of_points(&[[0.0; 3]; 2], 1.0).is_err());
+    assert!(Coil::of_points(&[[0.0, f64::NAN, 0.0]; 5], 1.0).is_err());
+    let text = said(CoilField::new(&[ring()], 8).expect_err("too few"));
+    assert!(text.contains("more than 8"), "{text}");
+    let none = Coil { current: 0.0, ..ring() };
+    assert!(CoilField::new(std::slice::from_ref(&none), 64).is_err());
+    let set = CoilSet { coils: vec![none], periods: 1, stellarator_symmetric: false };
+    assert!(set.all().is_err());
+    let set = CoilSet { coils: vec![ring()], periods: 0, stellarator_symmetric: false };
+    assert!(set.all().is_err());
+    let odd = Torsatron { periods: 5, ..Torsatron::default() };
+    let text = said(odd.coils().expect_err("no multiple"));
+    assert!(text.contains("multiple of 2"), "{text}");
+    // Near a coil, and where the field turns round.
+    let field = CoilField::new(&[ring()], 64).expect("a field");
+    let text = said(field.check_at([1.01, 0.0], 0.0, 1.0).expect_err("too near"));
+    assert!(text.contains("distance from a coil") && text.contains("1.01"), "{text}");
+    let toroidal = torsatron(120);
+    let sign = f64::signum(toroidal.cylindrical(3.9, 0.0, 0.0)[1]);
+    assert!(toroidal.check_at([3.9, 0.0], 0.0, sign).is_ok());
+    assert!(toroidal.check_at([3.9, 0.0], 0.0, -sign).is_err());
+}
+
+/// A density whose integral is known: ρ = e^{x}(2 + sin y).
+fn density(x: f64, y: f64) -> f64 {
+    x.exp() * (2.0 + y.sin())
+}
+
+fn made() -> AreaDensity {
+    AreaDensity::of_function(density, [-0.5, -1.0], [1.5, 2.0], 3.0).expect("a chart")
+}
+
+#[test]
+fn charts_integrate_the_density_and_come_back() {
+    let chart = made();
+    assert!(chart.error() < 1e-13, "{}", chart.error());
+    let mut stream = Stream::new(7, "places");
+    for _ in 0..200 {
+        let (x, y) = (stream.uniform(-0.5, 1.5), stream.uniform(-1.0, 2.0));
+        let [q, p] = chart.to_canonical([x, y]);
+        let expected = (x.exp() - 0.5f64.exp()) * (2.0 + y.sin()) / 3.0;
+        assert_eq!(q, y);
+        assert!((p - expected).abs() < 1e-13, "{p} {expected}");
+        let [there, again] = chart.to_data([q, p]);
+        assert!((there - x).abs() < 1e-13 && again == y, "{there} {x}");
+        let [by_x, by_y] = chart.slopes([x, y]);
+        assert!((by_x - density(x, y) / 3.0).abs() < 1e-12);
+        assert!((by_y - (x.exp() - 0.5f64.exp()) * y.cos() / 3.0).abs() < 1e-11);
+    }
+    // The corners, and beyond.
+    for corner in [[-0.5, -1.0], [1.5, 2.0], [-0.5, 2.0]] {
+        let back = chart.to_data(chart.to_canonical(corner));
+        assert!((back[0] - corner[0]).abs() < 1e-13, "{back:?} {corner:?}");
+    }
+    assert!(chart.to_canonical([1.6, 0.0])[1].is_nan());
+    assert!(chart.to_data([0.0, 10.0])[0].is_nan() && chart.to_data([3.0, 0.0])[0].is_nan());
+}
+
+#[test]
+fn charts_of_tables_say_their_error() {
+    let grid = |count: usize, low: f64, high: f64| -> Vec<f64> {
+        (0..count).map(|k| low + (high - low) * k as f64 / (count - 1) as f64).collect()
+    };
+    let (x, y) = (grid(81, -0.5, 1.5), grid(101, -1.0, 2.0));
+    let values = |noise: f64| -> Vec<f64> {
+        let mut stream = Stream::new(3, "noise");
+        let at = |y: f64| x.iter().map(move |x| density(*x, y)).collect::<Vec<_>>();
+        y.iter().flat_map(|y| at(*y)).map(|v| v + noise * stream.uniform(-1.0, 1.0)).collect()
+    };
+    let fitted = AreaDensity::of_grid(&x, &y, &values(0.0), 3.0).expect("a chart");
+    assert!(fitted.error() < 1e-9, "{} {:?}", fitted.error(), fitted.degrees());
+    let noisy = AreaDensity::of_grid(&x, &y, &values(1e-3), 3.0).expect("a chart");
+    assert!(noisy.error() > 1e-5, "{}", noisy.error());
+    let mut worst = 0.0;
+    for place in [[0.1, 0.2], [1.4, -0.9], [0.7, 1.7]] {
+        let [one, other] = [&fitted, &made()].map(|chart| chart.to_canonical(place)[1]);
+        worst = max_or_nan(worst, (one - other).abs());
+    }
+    assert!(worst < 1e-8, "{worst}");
+}
+
+#[test]
+fn bad_sections_are_refused() {
+    let of = |f: fn(f64, f64) -> f64, high: f64, scale: f64| {
+        AreaDensity::of_function(f, [0.0, 0.0], [high, 1.0], scale)
+    };
+    assert!(of(density, 1.0, 1.0).is_ok());
+    assert!(of(density, 0.0, 1.0).is_err() && of(density, 1.0, 0.0).is_err());
+    let text = of(|x, _| x - 0.5, 1.0, 1.0).expect_err("negative").to_string();
+    assert!(text.contains("positive") && text.contains("(x, y)"), "{text}");
+    assert!(of(|x, _| 1.0 / x, 1.0, f64::NAN).is_err());
+    assert!(of(|_, _| f64::NAN, 1.0, 1.0).is_err());
+    let axis: Vec<f64> = (0..10).map(f64::from).collect();
+    assert!(AreaDensity::of_grid(&axis, &axis, &[1.0; 99], 1.0).is_err());
+    let mut values = [1.0; 100];
+    values[57] = -1.0;
+    let text = AreaDensity::of_grid(&axis, &axis, &values, 1.0).expect_err("negative").to_string();
+    assert!(text.contains("(7, 5)"), "{text}");
+    let back: Vec<f64> = axis.iter().rev().copied().collect();
+    assert!(AreaDensity::of_grid(&back, &axis, &[1.0; 100], 1.0).is_err());
+    // A plane without a chart has the scale 1.
+    assert!(Section::new(vec![Some(made()), None]).is_err());
+    assert!(Section::new(vec![None]).is_err());
+    let section = Section::of_plane(made());
+    assert!(section.check(2).is_err());
+    let text = section.check_points("pairs", &[0.0, 0.0, 5.0, 0.0]).expect_err("outside");
+    assert!(text.to_string().contains("row 1"), "{text}");
+}
+
+/// The standard map of strength k: p′ = p + k sin q, q′ = q + p′.
+fn standard(k: f64, z: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let p = z[1] + k * z[0].sin();
+    let slope = k * z[0].cos();
+    (vec![z[0] + p, p], vec![1.0 + slope, 1.0, slope, 1.0])
+}
+
+/// Residues ∓k/4 of the fixed points, and about ¼ of the orbits of the golden sequence where its circle is about to
+/// break.
+#[test]
+fn residues_are_those_of_the_standard_map() {
+    let k = 0.971_635;
+    for (q, expected) in [(0.0, -k / 4.0), (PI, k / 4.0)] {
+        let found = periodic_orbit(&|z| Ok(standard(k, z)), &[q + 0.1, 0.05], 1).expect("found");
+        assert!((found.points[0][0] - q).abs() < 1e-12 && found.points[0][1].abs() < 1e-12);
+        assert!((found.residue() - expected).abs() < 1e-12, "{}", found.residue());
+    }
+    // 8/13 and 13/21 turns: a whole number of them is taken off at the end of a period.
+    for (turns, period) in [(8.0, 13), (13.0, 21)] {
+        let each = turns / period as f64;
+        let guesses: Vec<Vec<f64>> =
+            (0..80).map(|i| vec![PI, TAU * (each + 0.1 * (i as f64 / 80.0 - 0.5))]).collect();
+        let around = |z: &[f64]| {
+            let (mut now, mut all) = (z.to_vec(), [1.0, 0.0, 0.0, 1.0]);
+            for _ in 0..period {
+                let (image, j) = standard(k, &now);
+                now = image;
+                all = [
+                    j[0] * all[0] + j[1] * all[2],
+                    j[0] * all[1] + j[1] * all[3],
+                    j[2] * all[0] + j[3] * all[2],
+                    j[2] * all[1] + j[3] * all[3],
+                ];
+            }
+            now[0] -= TAU * turns;
+            Ok((now, all.to_vec()))
+        };
+        let found = periodic_orbits(&around, &guesses, 1, 1e-6).expect("searched");
+        let residues: Vec<f64> = found.iter().map(|orbit| orbit.residue()).collect();
+        let near = |r: &&f64| (**r - 0.25).abs() < 0.02;
+        assert!(residues.iter().any(|r| near(&r)), "{period}: {residues:?}");
+    }
+}
+
+#[test]
+fn orbits_are_given_once_around() {
+    // A fixed point comes back after two steps too.
+    let found = periodic_orbit(&|z| Ok(standard(0.5, z)), &[PI + 0.05, 0.05], 2).expect("found");
+    assert_eq!(found.period(), 1);
+    assert!((found.residue() - 0.125).abs() < 1e-12 && found.missed < 1e-12, "{found:?}");
+    // −1 times a shear: the origin alone, from all guesses.
+    let half = |z: &[f64]| Ok((vec![-z[0], -z[1] - 0.1 * z[0]], vec![-1.0, 0.0, -0.1, -1.0]));
+    let at_rest = periodic_orbits(&half, &[vec![0.3, 0.2], vec![-0.1, 0.4]], 1, 1e-6);
+    let at_rest = at_rest.expect("searched");
+    assert_eq!(at_rest.len(), 1, "{at_rest:?}");
+    assert!((at_rest[0].trace() + 2.0).abs() < 1e-12);
+    // And none of period 2, which every point on a line has.
+    let shorter = periodic_orbits(&|z| Ok(standard(0.5, z)), &[vec![PI, 0.01]], 2, 1e-6);
+    assert!(shorter.expect("searched").is_empty());
+    // None to be found: p grows at every step.
+    let never = |z: &[f64]| Ok((vec![z[0] + z[1], z[1] + 1.0], vec![1.0, 1.0, 0.0, 1.0]));
+    assert!(periodic_orbit(&never, &[0.0, 0.0], 3).is_err());
+    assert!(periodic_orbit(&half, &[0.0, 0.0], 0).is_err());
+}
+
+/// Weighted averages find the turning of a conjugated rotation to rounding; a chaotic orbit says that they do not.
+#[test]
+fn rotation_numbers_converge_on_curves_and_not_in_chaos() {
+    let omega = (5f64.sqrt() - 1.0) / 2.0;
+    let states: Vec<f64> = (0..4000)
+        .flat_map(|t| {
+            let angle: f64 = TAU * omega * f64::from(t);
+            let angle = angle + 0.3 * angle.sin();
+            [angle.cos(), angle.sin()]
+        })
+        .collect();
+    let orbit = Trajectories::new(states.clone(), 2, 1).expect("an orbit");
+    let found = rotation_numbers(&orbit, omega, |z| z[1].atan2(z[0]))[0];
+    assert!((found.turns - omega).abs() < 1e-13, "{found:?}");
+    assert!(found.error < 1e-11, "{found:?}");
+    // The mean of as many growths is right to 1/N.
+    let angle = |t: usize| states[2 * t + 1].atan2(states[2 * t]);
+    let plain: f64 = (1..4000)
+        .map(|t| (angle(t) - angle(t - 1) - omega * TAU).rem_euclid(TAU))
+        .map(|d| if d > PI { d - TAU } else { d })
+        .sum();
+    assert!((plain / (TAU * 3999.0)).abs() > 1e-6, "{plain}");
+    let mut z = vec![0.1, 0.05];
+    let mut states = Vec::new();
+    for _ in 0..4000 {
+        z = standard(3.0, &z).0;
+        states.extend(&z);
+    }
+    let orbit = Trajectories::new(states, 2, 1).expect("an orbit");
+    let chaotic = rotation_numbers(&orbit, 0.0, |z| z[0])[0];
+    assert!(chaotic.error > 1e-4, "{chaotic:?}");
+    let alone = Trajectories::new(vec![1.0, 0.0], 2, 1).expect("a state");
+    assert!(rotation_numbers(&alone, 0.0, |z| z[0])[0].error.is_nan());
+}
+
+/// ln(K/2) of the standard map for large K; 0 of a rotation.
+#[test]
+fn neighbours_part_as_fast_as_is_known() {
+    let k = 20.0;
+    let found = lyapunov_exponent(&|z| Ok(standard(k, z)), &[0.3, 0.4], 20_000).expect("an orbit");
+    assert!((found - f64::ln(k / 2.0)).abs() < 0.05, "{found}");
+    let regular = lyapunov_exponent(&|z| Ok(standard(0.1, z)), &[PI + 0.1, 0.0], 20_000);
+    let regular = regular.expect("an orbit");
+    assert!(regular.abs() < 1e-2, "{regular}");
+}
+
+/// What is a polynomial is found to rounding, and at no lower degree.
+#[test]
+fn polynomial_maps_reproduce_polynomials() {
+    // Hénon's map, of degree 2.
+    let henon = |z: &[f64]| [0.3 * z[0] + z[1] - z[0] * z[0], -z[0]];
+    let mut stream = Stream::new(5, "points");
+    let input: Vec<f64> = (0..400).map(|_| stream.uniform(-1.0, 2.0)).collect();
+    let output: Vec<f64> = input.chunks(2).flat_map(henon).collect();
+    let pairs = Pairs::new("pairs", 1, input, output).expect("pairs");
+    let fitted = PolynomialMap::fit(&pairs, 2).expect("a map");
+    assert_eq!(fitted.parameters(), 12);
+    assert!(fitted.error_on(&pairs) < 1e-13, "{}", fitted.error_on(&pairs));
+    assert!(PolynomialMap::fit(&pairs, 1).expect("a map").error_on(&pairs) > 1e-2);
+    let (best, error) = PolynomialMap::fit_best(&pairs, 7).expect("a map");
+    assert!(best.degree() >= 2 && error < 1e-12, "{} {error}", best.degree());
+    let jacobian = fitted.jacobian(&[0.5, -0.2]);
+    for (found, expected) in jacobian.iter().zip([-0.7, 1.0, -1.0, 0.0]) {
+        assert!((found - expected).abs() < 1e-12, "{jacobian:?}");
+    }
+    // Orbits in lanes are those of one step after another, whatever goes beside.
+    let start: Vec<f64> = (0..26).map(|k| 0.02 * f64::from(k) - 0.2).collect();
+    let states = fitted.rollout(&start, Rollout { steps: 6, every: 2 }).expect("orbits");
+    assert_eq!(states.len(), 4 * start.len());
+    for (m, z) in start.chunks(2).enumerate() {
+        let mut z = z.to_vec();
+        for t in 0..4 {
+            assert_eq!(states[t * start.len() + 2 * m..][..2], z[..], "{m} {t}");
+            (0..2).for_each(|_| fitted.step(&mut z));
+        }
+    }
+    // Too few pairs, and a coordinate that says nothing.
+    assert!(PolynomialMap::fit(&pairs, 30).is_err());
+    let flat = Pairs::new("flat", 1, vec![0.0, 1.0, 0.0, 2.0], vec![0.0; 4]).expect("pairs");
+    assert!(PolynomialMap::fit(&flat, 0).is_err());
+}
+
+/// Pairs of a symplectic map keep the form; those of the same map in other coordinates do not, nor with friction.
+#[test]
+fn a_form_that_is_not_kept_is_seen() {
+    let window = Window { low: vec![-0.8; 4], high: vec![0.8; 4], samples: 3000 };
+    let points = sample(&[window], 2, &mut Stream::new(1, "points")).expect("points");
+    let (pairs, _) = Pairs::of_flow(&Oscillators { epsilon: 0.05 }, points, 2.0).expect("pairs");
+    let kept = FormDefect::of(&pairs).expect("enough");
+    assert!(!kept.is_seen(), "{kept:?}");
+    let moved = |points: &[f64], change: fn(&[f64]) -> [f64; 4]| -> Vec<f64> {
+        points.chunks(4).flat_map(change).collect()
+    };
+    // Another coordinate: p₁ ↦ p₁ + ⅕p₁³.
+    let bent = |z: &[f64]| [z[0], z[1], z[2] + 0.2 * z[2].powi(3), z[3]];
+    let other = Pairs::new("bent", 2, moved(pairs.input(), bent), moved(pairs.output(), bent));
+    let seen = FormDefect::of(&other.expect("pairs")).expect("enough");
+    assert!(seen.is_seen() && seen.median > 1e-3, "{seen:?}");
+    let damped = |z: &[f64]| [z[0], z[1] * 0.98, z[2], z[3] * 0.98];
+    let other = Pairs::new("damped", 2, pairs.input().to_vec(), moved(pairs.output(), damped));
+    let seen = FormDefect::of(&other.expect("pairs")).expect("enough");
+    assert!(seen.is_seen() && (seen.median - 0.04).abs() < 0.01, "{seen:?}");
+    // Of a handful nothing is said.
+    assert!(FormDefect::of(&pairs.rows(0..4)).is_none());
+}
