@@ -286,8 +286,12 @@ fn arrangements_are_kept_in_files() {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, architecture, _) in arrangements() {
         let model = model(&architecture);
-        let stored =
-            StoredModel { model: model.clone(), units: None, provenance: Provenance::of("test") };
+        let stored = StoredModel {
+            model: model.clone(),
+            units: None,
+            section: None,
+            provenance: Provenance::of("test"),
+        };
         let text = model_text(&stored).expect("finite");
         let back = parse_model("m.json", text.as_bytes()).expect("as written").model;
         assert_eq!(back.architecture(), &architecture, "{name}");
@@ -669,8 +673,12 @@ fn an_architecture_that_was_edited_is_refused() {
         .of_time(3.0)
         .with(Block::new(Part::Chart, Layers::TurnedKick(vec![2])))
         .with(Block::new(Part::SlowMap, Layers::Twist(vec![2, 3])));
-    let stored =
-        StoredModel { model: model(&architecture), units: None, provenance: Provenance::of("x") };
+    let stored = StoredModel {
+        model: model(&architecture),
+        units: None,
+        section: None,
+        provenance: Provenance::of("x"),
+    };
     let text = model_text(&stored).expect("finite").replace("\n        ", " ");
     assert!(parse_model("m.json", text.as_bytes()).is_ok());
     for (from, to) in [

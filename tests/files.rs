@@ -121,8 +121,11 @@ fn models_keep_their_bits() {
         couplings(),
     ] {
         let provenance = Provenance { seed: Some(u64::MAX), ..Provenance::of("test") };
-        save_model(&path, &StoredModel { model: model.clone(), units: None, provenance })
-            .expect("written");
+        save_model(
+            &path,
+            &StoredModel { model: model.clone(), units: None, section: None, provenance },
+        )
+        .expect("written");
         let back = load_model(&path).expect("read");
         assert_eq!(back.model.architecture(), model.architecture());
         let bits = |m: &Model| {
@@ -147,7 +150,7 @@ fn boxes_that_are_none_are_refused() {
     ] {
         let region = Some(Region { low, high });
         let provenance = Provenance { region: region.clone(), ..Provenance::of("test") };
-        save_model(&path, &StoredModel { model: model(), units: None, provenance })
+        save_model(&path, &StoredModel { model: model(), units: None, section: None, provenance })
             .expect("written");
         let read = load_model(&path);
         assert_eq!(read.is_ok(), fits, "{region:?}");
@@ -161,7 +164,12 @@ fn boxes_that_are_none_are_refused() {
 fn broken_models_are_refused() {
     let folder = folder();
     let path = folder.path().join("model.json");
-    let stored = StoredModel { model: model(), units: None, provenance: Provenance::of("test") };
+    let stored = StoredModel {
+        model: model(),
+        units: None,
+        section: None,
+        provenance: Provenance::of("test"),
+    };
     save_model(&path, &stored).expect("written");
     let whole = std::fs::read_to_string(&path).expect("read");
     let with = |from: &str, to: &str| {
@@ -169,7 +177,7 @@ fn broken_models_are_refused() {
         std::fs::write(&path, whole.replacen(from, to, 1)).expect("written");
         load_model(&path)
     };
-    names(with("\"version\": 3", "\"version\": 4"), &["model.json", "4", "3", "newer"]);
+    names(with("\"version\": 3", "\"version\": 5"), &["model.json", "5", "4", "newer"]);
     names(with("gyroceptron-model", "gyroceptron-checkpoint"), &["model.json", "checkpoint"]);
     names(with("\"epsilon\": 0.01", "\"epsilon\": null"), &["model.json"]);
     names(with("\"epsilon\": 0.01", "\"epsilon\": 1e999"), &["model.json"]);
@@ -530,8 +538,12 @@ fn normal_form() -> Model {
 fn a_normal_form_comes_back() {
     let (folder, model) = (folder(), normal_form());
     let file = folder.path().join("m.json");
-    let stored =
-        StoredModel { model: model.clone(), units: None, provenance: Provenance::of("test") };
+    let stored = StoredModel {
+        model: model.clone(),
+        units: None,
+        section: None,
+        provenance: Provenance::of("test"),
+    };
     save_model(&file, &stored).expect("written");
     let back = load_model(&file).expect("read").model;
     assert_eq!(back.architecture(), model.architecture());

@@ -432,7 +432,7 @@ fn a_form_that_is_not_kept_is_seen() {
     let points = sample(&[window], 2, &mut Stream::new(1, "points")).expect("points");
     let (pairs, _) = Pairs::of_flow(&Oscillators { epsilon: 0.05 }, points, 2.0).expect("pairs");
     let kept = FormDefect::of(&pairs).expect("enough");
-    assert!(!kept.is_seen(), "{kept:?}");
+    assert!(!kept.is_seen(0.0), "{kept:?}");
     let moved = |points: &[f64], change: fn(&[f64]) -> [f64; 4]| -> Vec<f64> {
         points.chunks(4).flat_map(change).collect()
     };
@@ -440,11 +440,13 @@ fn a_form_that_is_not_kept_is_seen() {
     let bent = |z: &[f64]| [z[0], z[1], z[2] + 0.2 * z[2].powi(3), z[3]];
     let other = Pairs::new("bent", 2, moved(pairs.input(), bent), moved(pairs.output(), bent));
     let seen = FormDefect::of(&other.expect("pairs")).expect("enough");
-    assert!(seen.is_seen() && seen.median > 1e-3, "{seen:?}");
+    assert!(seen.is_seen(0.0) && seen.median > 1e-3, "{seen:?}");
     let damped = |z: &[f64]| [z[0], z[1] * 0.98, z[2], z[3] * 0.98];
     let other = Pairs::new("damped", 2, pairs.input().to_vec(), moved(pairs.output(), damped));
     let seen = FormDefect::of(&other.expect("pairs")).expect("enough");
-    assert!(seen.is_seen() && (seen.median - 0.04).abs() < 0.01, "{seen:?}");
+    assert!(seen.is_seen(0.0) && (seen.median - 0.04).abs() < 0.01, "{seen:?}");
+    // Nothing is seen that is below what is known of the form.
+    assert!(!seen.is_seen(0.02), "{seen:?}");
     // Of a handful nothing is said.
     assert!(FormDefect::of(&pairs.rows(0..4)).is_none());
 }

@@ -226,7 +226,7 @@ fn a_network_in_units_is_symplectic() {
 }
 
 fn stored(units: Option<Units>) -> StoredModel {
-    StoredModel { model: model(), units, provenance: Provenance::of("test") }
+    StoredModel { model: model(), units, section: None, provenance: Provenance::of("test") }
 }
 
 #[test]

@@ -268,6 +268,11 @@ pub struct Train {
     /// turn in circles, kept with the model and undone wherever it is used, or those of the data.
     #[arg(long, value_enum, default_value_t = UnitsOf::Fitted)]
     pub units: UnitsOf,
+    /// Of pairs of one degree of freedom whose columns x, y have the area form ρ dx∧dy, such as R, Z of a magnetic
+    /// field with ρ = B_φ: an .npz file of ρ on a grid, with arrays x, y and density (a row for each y). The
+    /// model is trained in canonical coordinates, keeps the chart, and predicts x, y.
+    #[arg(long, value_name = "FILE.npz")]
+    pub section: Option<PathBuf>,
     /// The seed of weights and of the held-out choice.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,

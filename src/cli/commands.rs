@@ -343,12 +343,18 @@ fn import(arguments: &Import) -> Result<Status, Error> {
         flow_time: flow_time.or(arguments.flow_time),
         ..Provenance::of("import")
     };
-    save_model(&arguments.output, &StoredModel { model: model.clone(), units, provenance })?;
+    let stored = StoredModel { model: model.clone(), units, section: None, provenance };
+    save_model(&arguments.output, &stored)?;
     describe(&model, &arguments.output, arguments.json)
 }
 
 fn export(arguments: &Export) -> Result<Status, Error> {
     let stored = load_model(&arguments.model)?;
+    if stored.section.is_some() {
+        let expected =
+            "one whose data has canonical columns: no tensor holds the charts of a section";
+        return Err(Error::invalid("--model", arguments.model.display(), expected));
+    }
     guard_output("--output", &arguments.output, arguments.overwrite, &[&arguments.model])?;
     export_weights(&arguments.output, &stored.model, stored.units.as_ref())?;
     describe(&stored.model, &arguments.output, arguments.json)

@@ -9,7 +9,7 @@ use super::output::{json, out, width};
 use super::progress::{Progress, line};
 use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
-use gyroceptron::io::{Checkpoints, StoredModel, load_model, read_pairs, save_model};
+use gyroceptron::io::{Checkpoints, StoredModel, load_model, read_pairs, read_section, save_model};
 use gyroceptron::layer::TorusAction;
 use gyroceptron::network::{LayerSizes, NetworkSpec};
 use gyroceptron::scene::render::terminal;
@@ -143,6 +143,7 @@ fn fit_of(arguments: &Train) -> Result<(String, Fit), Error> {
         flow_time: arguments.flow_time,
         theta: arguments.theta,
         training: options(arguments, base.training.clone())?,
+        section: arguments.section.as_deref().map(read_section).transpose()?,
         units: arguments.units == UnitsOf::Fitted,
         validation: arguments.validation,
         seed: arguments.seed,
@@ -192,6 +193,9 @@ fn command(arguments: &Train, problem: &Problem, theta: Option<f64>) -> String {
     if arguments.units == UnitsOf::Data {
         out.push_str(" --units data");
     }
+    if let Some(section) = &arguments.section {
+        out.push_str(&format!(" --section {}", section.display()));
+    }
     format!(
         "`{out} --output MODEL.json --scene as-run.toml` with the file of that name beside this report, the same pairs"
     )
@@ -238,6 +242,7 @@ fn is_finished(arguments: &Train, problem: &Problem) -> bool {
         provenance.seed == Some(arguments.seed)
             && provenance.data.as_deref() == Some(&problem.digest)
             && *stored.model.architecture() == problem.architecture
+            && stored.section == problem.section
     })
 }
 

@@ -345,13 +345,14 @@ impl FormDefect {
         })
     }
 
-    /// Whether the pairs are of no symplectic map, as far as can be seen: NaN is none.
-    pub fn is_seen(&self) -> bool {
+    /// Whether the pairs are of no symplectic map, as far as can be seen, where the form is known to within `known` of
+    /// it: NaN is none.
+    pub fn is_seen(&self, known: f64) -> bool {
         /// What is seen stands so far above what two fits differ by.
         const ABOVE: f64 = 5.0;
         /// Rounding of a fit.
         const LEAST: f64 = 1e-11;
-        !(self.median <= ABOVE * self.resolution || self.median <= LEAST)
+        !(self.median <= ABOVE * max_or_nan(self.resolution, known) || self.median <= LEAST)
     }
 }
 

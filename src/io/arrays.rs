@@ -4,6 +4,7 @@ use super::npy::{Array, read_array, write_array};
 use super::{read_bytes, write_atomically};
 use crate::error::Error;
 use crate::flow::{Condition, Pairs, Trajectories, check_finite};
+use crate::phase::{AreaDensity, Section};
 use crate::train::FamilyPairs;
 use std::io::Cursor;
 use std::path::Path;
@@ -158,6 +159,57 @@ pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
         pairs = pairs.under(&epsilons, &times).map_err(|e| e.with_place(place))?;
     }
     Ok(PairsFile { pairs, has_epsilons, has_times, unused, single_precision })
+}
+
+/// Reads the chart of a section of one degree of freedom from an `.npz` file: `x` (A) and `y` (B), numbers that grow,
+/// and `density` (B, A), ρ at each pair of them; `scale`, one number, what ∫ρ dx is divided by, is 1 unless it is there.
+///
+/// # Errors
+/// When the file is missing or corrupt, an array is missing or of another shape; those of [`AreaDensity::of_grid`].
+pub fn read_section(path: &Path) -> Result<Section, Error> {
+    let place = path.display().to_string();
+    let mut archive = Archive::open(&place, read_bytes(path)?)?;
+    let [x, y, density] = ["x", "y", "density"].map(|name| archive.array(name));
+    let (x, y, density) = (x?, y?, density?);
+    let shape = density.matrix_shape(&format!("{place}: density"))?;
+    if shape != (y.values.len(), x.values.len()) {
+        let expected = format!("shape ({}, {}), a row for each y", y.values.len(), x.values.len());
+        return Err(Error::content(format!("{place}: density"), expected, format!("{shape:?}")));
+    }
+    let scale = match archive.names().iter().any(|name| name == "scale") {
+        false => 1.0,
+        true => {
+            let values = archive.array("scale")?.values;
+            Error::check_count(&format!("{place}: scale: numbers"), 1, values.len())?;
+            values[0]
+        }
+    };
+    let chart = AreaDensity::of_grid(&x.values, &y.values, &density.values, scale);
+    Ok(Section::of_plane(chart.map_err(|e| e.with_place(&place))?))
+}
+
+/// Writes what [`read_section`] reads.
+///
+/// # Errors
+/// [`Error::Write`]; [`Error::WrongCount`] unless there is one density for each pair of coordinates.
+pub fn write_section(
+    path: &Path,
+    x: &[f64],
+    y: &[f64],
+    density: &[f64],
+    scale: f64,
+) -> Result<(), Error> {
+    Error::check_count("density: numbers", x.len() * y.len(), density.len())?;
+    let sizes = [x.len() as u64, y.len() as u64];
+    write_archive(
+        path,
+        &[
+            ("x", &sizes[..1], x),
+            ("y", &sizes[1..], y),
+            ("density", &[sizes[1], sizes[0]], density),
+            ("scale", &[1], &[scale]),
+        ],
+    )
 }
 
 /// Points read from a file, and what was noticed.

@@ -6,7 +6,7 @@ use crate::digest;
 use crate::error::Error;
 use crate::flow::{OutsidePolynomials, PolynomialExit, Region};
 use crate::network::{Architecture, Invariant, Model, Pace, Rollout, map_jacobians, map_points};
-use crate::phase::{Direction, Units};
+use crate::phase::{Direction, Section, Units};
 use crate::train::{Checkpoint, Fitted};
 use rayon::prelude::*;
 use serde::de::DeserializeOwned;
@@ -15,8 +15,11 @@ use std::path::Path;
 
 /// The newest model format that this version reads, and the one it writes: an architecture is a
 /// list of blocks, and the digest covers it. In formats 1 and 2 (with units) it has a name, and the
-/// digest covers parameters and units alone.
-const MODEL_VERSION: u64 = 3;
+/// digest covers parameters and units alone. Format 4 has a section, which the digest covers too; a model without one is
+/// written in format 3.
+const MODEL_VERSION: u64 = 4;
+/// The format of a model without a section, and the first whose architecture is a list of blocks.
+const BLOCKS_VERSION: u64 = 3;
 /// The newest checkpoint format that this version reads, and the one it writes.
 const CHECKPOINT_VERSION: u64 = 1;
 
@@ -61,6 +64,9 @@ pub struct StoredModel {
     pub model: Model,
     /// The units of the data that it stands for, where they are not its own.
     pub units: Option<Units>,
+    /// The charts of the data, where its columns are x₁ … xₙ, y₁ … yₙ and not canonical: the units are those of what
+    /// is canonical.
+    pub section: Option<Section>,
     /// Where it comes from.
     pub provenance: Provenance,
 }
@@ -77,7 +83,8 @@ impl StoredModel {
             region: problem.region.clone(),
             ..Provenance::of(name)
         };
-        Self { model: fitted.model().clone(), units: problem.units.clone(), provenance }
+        let (units, section) = (problem.units.clone(), problem.section.clone());
+        Self { model: fitted.model().clone(), units, section, provenance }
     }
 
     /// [`Model::at`], in the same units; its held-out error is not known.
@@ -140,21 +147,26 @@ impl StoredModel {
         request: Rollout,
         pace: &mut Pace<'_>,
     ) -> Result<Vec<f64>, Error> {
-        let states = match &self.units {
-            None => self.model.rollout_at_pace(initial, request, pace)?,
-            Some(units) => {
+        self.check_points("initial points", initial)?;
+        let states = match self.has_own_coordinates() {
+            true => self.model.rollout_at_pace(initial, request, pace)?,
+            false => {
                 let mut start = initial.to_vec();
-                units.to_network(&mut start);
+                self.to_network(&mut start);
                 let mut states = self.model.rollout_at_pace(&start, request, pace)?;
-                units.to_data(&mut states);
+                self.to_data(&mut states);
                 states[..initial.len()].copy_from_slice(initial);
                 states
             }
         };
         let Some(index) = states.iter().position(|v| !v.is_finite()) else { return Ok(states) };
         let (row, state) = (index % initial.len(), index / initial.len());
+        let what = match self.section {
+            None => "roll-out",
+            Some(_) => "roll-out, or left the box of its section",
+        };
         Err(Error::Diverged {
-            what: "roll-out".into(),
+            what: what.into(),
             place: format!(
                 "row {} of the input, at the latest after {} steps",
                 row / (2 * self.model.composition().dof()),
@@ -176,7 +188,7 @@ impl StoredModel {
         }
         let outside = |z: &[f64]| {
             let mut z = z.to_vec();
-            self.units.iter().for_each(|units| units.to_network(&mut z));
+            self.to_network(&mut z);
             let first = || OutsidePolynomials { reach: self.model.reach(&z) };
             (!self.model.is_in_box(&z)).then(first)
         };
@@ -190,12 +202,10 @@ impl StoredModel {
     /// # Errors
     /// Those of [`map_points`].
     pub fn map_points(&self, direction: Direction, points: &mut [f64]) -> Result<(), Error> {
-        let Some(units) = &self.units else {
-            return map_points(self.model.composition(), direction, points);
-        };
-        units.to_network(points);
+        self.check_points("points", points)?;
+        self.to_network(points);
         map_points(self.model.composition(), direction, points)?;
-        units.to_data(points);
+        self.to_data(points);
         Ok(())
     }
 
@@ -207,16 +217,23 @@ impl StoredModel {
         let map = self.model.composition();
         let dim = 2 * map.dof();
         let mut out = vec![0.0; points.len() * dim];
-        let Some(units) = &self.units else {
-            map_jacobians(map, points, &mut out)?;
-            return Ok(out);
-        };
-        let mut points = points.to_vec();
-        units.to_network(&mut points);
-        map_jacobians(map, &points, &mut out)?;
-        let factors = units.factors();
-        for (index, entry) in out.iter_mut().enumerate() {
-            *entry = *entry * factors[index / dim % dim] / factors[index % dim];
+        self.check_points("points", points)?;
+        let mut there = points.to_vec();
+        self.to_network(&mut there);
+        map_jacobians(map, &there, &mut out)?;
+        if let Some(units) = &self.units {
+            let factors = units.factors();
+            for (index, entry) in out.iter_mut().enumerate() {
+                *entry = *entry * factors[index / dim % dim] / factors[index % dim];
+            }
+        }
+        if let Some(section) = &self.section {
+            map_points(map, Direction::Forward, &mut there)?;
+            self.to_data(&mut there);
+            let both = points.chunks_exact(dim).zip(there.chunks_exact(dim));
+            for (jacobian, (from, to)) in out.chunks_exact_mut(dim * dim).zip(both) {
+                section.jacobian_of_data(jacobian, from, to);
+            }
         }
         Ok(out)
     }
@@ -224,12 +241,37 @@ impl StoredModel {
     /// [`Model::invariant`] at points of the data, in units of their actions.
     pub fn invariant(&self) -> Option<Invariant<'_>> {
         let own = self.model.invariant()?;
-        let Some(units) = &self.units else { return Some(own) };
+        if self.has_own_coordinates() {
+            return Some(own);
+        }
+        let area = self.units.as_ref().map_or(1.0, Units::area);
         Some(Box::new(move |z| {
             let mut point = z.to_vec();
-            units.to_network(&mut point);
-            units.area() * own(&point)
+            self.to_network(&mut point);
+            area * own(&point)
         }))
+    }
+
+    /// Fails at a point outside of the section.
+    fn check_points(&self, place: &str, points: &[f64]) -> Result<(), Error> {
+        self.section.as_ref().map_or(Ok(()), |section| section.check_points(place, points))
+    }
+
+    /// Whether the data is in the coordinates of the network.
+    fn has_own_coordinates(&self) -> bool {
+        self.units.is_none() && self.section.is_none()
+    }
+
+    /// Points from the coordinates of the data to those of the network: NaN outside of a section.
+    pub(crate) fn to_network(&self, points: &mut [f64]) {
+        self.section.iter().for_each(|section| section.to_canonical(points));
+        self.units.iter().for_each(|units| units.to_network(points));
+    }
+
+    /// And back.
+    fn to_data(&self, points: &mut [f64]) {
+        self.units.iter().for_each(|units| units.to_data(points));
+        self.section.iter().for_each(|section| section.to_data(points));
     }
 }
 
@@ -242,9 +284,11 @@ struct ModelFile<A = Architecture> {
     architecture: A,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     units: Option<Units>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    section: Option<Section>,
     provenance: Provenance,
-    /// SHA-256 of the architecture, the bits of the parameters and of the units: a flipped digit is
-    /// another model.
+    /// SHA-256 of the architecture, the bits of the parameters and of the units, and of the section, if there is
+    /// one: a flipped digit is another model.
     digest: String,
     parameters: Vec<f64>,
 }
@@ -254,9 +298,14 @@ fn digest_of(
     architecture: &Architecture,
     parameters: &[f64],
     units: Option<&Units>,
+    section: Option<&Section>,
 ) -> Result<String, Error> {
-    let text = serde_json::to_string(architecture)
+    let mut text = serde_json::to_string(architecture)
         .map_err(|reason| Error::invalid("architecture", reason, "numbers that JSON can hold"))?;
+    if let Some(section) = section {
+        text += &serde_json::to_string(section)
+            .map_err(|reason| Error::invalid("section", reason, "numbers that JSON can hold"))?;
+    }
     let numbers = digest_of_numbers(parameters, units);
     Ok(digest::of_bytes(format!("{text}\n{numbers}").as_bytes()))
 }
@@ -270,9 +319,10 @@ fn digest_of_numbers(parameters: &[f64], units: Option<&Units>) -> String {
 impl ModelFile<Named> {
     /// The same with its list of blocks.
     fn into_blocks(self) -> ModelFile {
-        let Self { format, version, architecture, units, provenance, digest, parameters } = self;
+        let Self { format, version, architecture, units, section, provenance, digest, parameters } =
+            self;
         let architecture = architecture.into();
-        ModelFile { format, version, architecture, units, provenance, digest, parameters }
+        ModelFile { format, version, architecture, units, section, provenance, digest, parameters }
     }
 }
 
@@ -334,11 +384,17 @@ pub fn model_text(stored: &StoredModel) -> Result<String, Error> {
     let (architecture, parameters) = (stored.model.architecture(), stored.model.parameters());
     let file = ModelFile {
         format: MODEL_FORMAT.into(),
-        version: MODEL_VERSION,
+        version: if stored.section.is_some() { MODEL_VERSION } else { BLOCKS_VERSION },
         architecture: architecture.clone(),
         units: stored.units.clone(),
+        section: stored.section.clone(),
         provenance: stored.provenance.clone(),
-        digest: digest_of(architecture, parameters, stored.units.as_ref())?,
+        digest: digest_of(
+            architecture,
+            parameters,
+            stored.units.as_ref(),
+            stored.section.as_ref(),
+        )?,
         parameters: parameters.to_vec(),
     };
     let text = serde_json::to_string_pretty(&file)
@@ -369,7 +425,7 @@ pub fn load_model(path: &Path) -> Result<StoredModel, Error> {
 /// Those of [`load_model`].
 pub fn parse_model(place: &str, bytes: &[u8]) -> Result<StoredModel, Error> {
     let (version, value) = parse_header(place, bytes, MODEL_FORMAT, MODEL_VERSION)?;
-    let of_names = version < MODEL_VERSION;
+    let of_names = version < BLOCKS_VERSION;
     let file = match of_names {
         false => parse_content(place, value, MODEL_FORMAT)?,
         true => parse_content::<ModelFile<Named>>(place, value, MODEL_FORMAT)?.into_blocks(),
@@ -385,7 +441,12 @@ pub fn parse_model(place: &str, bytes: &[u8]) -> Result<StoredModel, Error> {
     }
     let digest = match of_names {
         true => digest_of_numbers(&file.parameters, file.units.as_ref()),
-        false => digest_of(&file.architecture, &file.parameters, file.units.as_ref())?,
+        false => digest_of(
+            &file.architecture,
+            &file.parameters,
+            file.units.as_ref(),
+            file.section.as_ref(),
+        )?,
     };
     if digest != file.digest {
         let [name, expected] = match of_names {
@@ -406,7 +467,11 @@ pub fn parse_model(place: &str, bytes: &[u8]) -> Result<StoredModel, Error> {
     if let Some(units) = &file.units {
         units.check(&format!("{place}: units"), model.composition().dof())?;
     }
-    Ok(StoredModel { model, units: file.units, provenance: file.provenance })
+    if let Some(section) = &file.section {
+        section.check(model.composition().dof()).map_err(|e| e.with_place(place))?;
+    }
+    let (units, section) = (file.units, file.section);
+    Ok(StoredModel { model, units, section, provenance: file.provenance })
 }
 
 #[derive(Serialize, Deserialize)]

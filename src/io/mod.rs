@@ -13,8 +13,8 @@ mod tensor_bundle;
 mod weights;
 
 pub use arrays::{
-    PairsFile, PointsFile, parse_pairs, parse_points, read_pairs, read_points, read_trajectories,
-    write_pairs, write_points, write_trajectories,
+    PairsFile, PointsFile, parse_pairs, parse_points, read_pairs, read_points, read_section,
+    read_trajectories, write_pairs, write_points, write_section, write_trajectories,
 };
 pub use checkpoints::Checkpoints;
 pub use json::{

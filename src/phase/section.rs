@@ -34,6 +34,8 @@ const MOST_DEGREE: usize = 96;
 const DEGREES: [usize; 7] = [6, 12, 18, 24, 36, 48, MOST_DEGREE];
 /// An error over the largest density below which no higher degree is tried: what rounding leaves of sums of products.
 const AS_GOOD: f64 = 2e-14;
+/// So many higher degrees are tried after the best so far.
+const PATIENCE: usize = 6;
 /// Newton steps for x, bisections among them.
 const STEPS: usize = 80;
 
@@ -171,14 +173,18 @@ impl AreaDensity {
             }
             error / size
         };
-        // Of nodes at equal distances a polynomial of degree above twice the root of their number is no sure fit.
-        let most = 2 * x.len().min(y.len()).div_ceil(2).isqrt();
-        let degrees = 2..=most.min(MOST_DEGREE);
+        // Between nodes at equal distances a polynomial of too high a degree swings: the others tell.
+        let most = x.len().min(y.len()).div_ceil(2) - 1;
         let mut best: Option<(usize, f64)> = None;
-        for degree in degrees {
+        for degree in 2..=most.min(MOST_DEGREE) {
             let error = judged(&fitted(degree, 2));
-            if best.is_none_or(|(_, least)| error < least) {
-                best = Some((degree, error));
+            match best {
+                Some((found, least)) if !(error < least) => {
+                    if degree > found + PATIENCE {
+                        break;
+                    }
+                }
+                _ => best = Some((degree, error)),
             }
         }
         let (degree, error) = best.ok_or_else(|| {
@@ -448,6 +454,24 @@ impl Section {
                 Err(Error::invalid("section: scale", other, expected))
             }
         }
+    }
+
+    /// The section in words, for a reader of a report.
+    pub fn describe(&self) -> String {
+        let planes =
+            self.planes.iter().enumerate().filter_map(|(j, plane)| Some((j + 1, plane.as_ref()?)));
+        let words = planes.map(|(j, plane)| {
+            let ([a, b], [c, d]) = (plane.low, plane.high);
+            format!(
+                "plane {j}: x from {a:.6} to {c:.6}, y from {b:.6} to {d:.6}, a density of degrees {} and {} that errs by {:.1e}",
+                plane.degrees[0], plane.degrees[1], plane.error
+            )
+        });
+        format!(
+            "The columns of the data are x1 … xn, y1 … yn of a section; the network is trained in q = y and \
+             p = ∫ρ dx/scale ({})",
+            words.collect::<Vec<_>>().join("; ")
+        )
     }
 
     /// The degrees of freedom n.

@@ -436,6 +436,7 @@ impl Model {
     fn __eq__(&self, other: &Self) -> bool {
         self.architecture() == other.architecture()
             && self.stored.units.is_some() == other.stored.units.is_some()
+            && self.stored.section == other.stored.section
             && self.bits().eq(other.bits())
     }
 

@@ -181,8 +181,8 @@ pub(super) fn learn_at(
         region: data.region(),
         ..Provenance::of(scene.name)
     };
-    let stored =
-        StoredModel { model: outcome.model.clone(), units: data.units.clone(), provenance };
+    let (model, units) = (outcome.model.clone(), data.units.clone());
+    let stored = StoredModel { model, units, section: None, provenance };
     save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
     let held_out_error = held_out_error(&outcome, &options.loss, data.validation())?;
     Ok(Trained { spec, network, initial, stages, outcome, held_out_error })

@@ -21,7 +21,7 @@ pub(super) fn read_network(
         let model = import_weights(path, &action, target.epsilon(), None)?;
         let (data, flow_time) = (Some(file_digest(path)?), Some(time));
         let provenance = Provenance { data, flow_time, ..Provenance::of("import") };
-        return Ok(StoredModel { model, units: None, provenance });
+        return Ok(StoredModel { model, units: None, section: None, provenance });
     }
     let stored = load_model(path)?;
     let place = path.display().to_string();
@@ -48,7 +48,7 @@ pub(super) fn read_network(
             return of_another(format!("a model of flow time {time}"), own.to_string());
         }
     }
-    if stored.units.is_some() {
+    if stored.units.is_some() || stored.section.is_some() {
         let expected = "a model in the coordinates of the system";
         return of_another(expected.into(), "one with units of its own".into());
     }

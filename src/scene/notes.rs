@@ -41,8 +41,8 @@ fn starts_of_orbits(stored: &StoredModel, options: &CertificateOptions) -> Vec<f
             stream.uniform(centre - half, centre + half)
         })
         .collect();
-    if let (Some(units), Some(_)) = (&stored.units, &stored.provenance.region) {
-        units.to_network(&mut points);
+    if stored.provenance.region.is_some() {
+        stored.to_network(&mut points);
     }
     points
 }

@@ -6,11 +6,11 @@ use super::{
     TrainingObserver, TrainingOptions, TrainingStage, train_schedule,
 };
 use crate::error::Error;
-use crate::flow::{Condition, Pairs, Region};
+use crate::flow::{Condition, FormDefect, Pairs, Region};
 use crate::layer::TorusAction;
 use crate::measure::trajectories::{root_mean_square, rotation_error};
 use crate::network::{Architecture, InitialWeights, Model, NetworkSpec};
-use crate::phase::Units;
+use crate::phase::{Section, Units};
 use std::fmt;
 
 /// A fit of a network to pairs (z, P(z)): what is known of them, and how to train.
@@ -49,6 +49,9 @@ pub struct Fit {
     pub theta: Option<f64>,
     /// How to train. A ramp takes its stages from pairs of several ε or flow times.
     pub training: TrainingOptions,
+    /// The charts of pairs whose columns are x₁ … xₙ, y₁ … yₙ with another area form than dq∧dp. None: they are
+    /// q₁ … qₙ, p₁ … pₙ.
+    pub section: Option<Section>,
     /// Whether units are fitted to the pairs, in which they are of order one and turn in circles.
     pub units: bool,
     /// The share that is held out, at least 0 and less than 1.
@@ -76,6 +79,7 @@ impl Default for Fit {
             flow_time: None,
             theta: None,
             training,
+            section: None,
             units: true,
             validation: 0.1,
             seed: 0,
@@ -132,6 +136,10 @@ pub enum FitNote {
     Units(Units),
     /// So many of so many pairs have ε below 0.
     NegativeEpsilons(usize, usize),
+    /// The pairs are in the charts of a section.
+    Section(Section),
+    /// The pairs do not keep the form that the network keeps.
+    Form(FormDefect, bool),
     /// What is recommended, where nothing else was asked for.
     Recommended(String),
 }
@@ -146,6 +154,20 @@ impl fmt::Display for FitNote {
                 f,
                 "{count} of {all} pairs have ε below 0. ε keeps its sign: it multiplies what the \
                  network adds to the rotation, and a prediction for these pairs needs the same sign"
+            ),
+            Self::Section(section) => f.write_str(&section.describe()),
+            Self::Form(defect, charted) => write!(
+                f,
+                "These pairs do not keep {} by {:.1e} in the median, as a polynomial map of degree {} fitted to \
+                 them has it, which tells no less than {:.1e}. The network keeps it whatever its weights: {}?",
+                if *charted { "the area of the section" } else { "dq∧dp" },
+                defect.median,
+                defect.degree,
+                defect.resolution,
+                match charted {
+                    true => "is this the right density",
+                    false => "are q and p canonical, and is there no friction",
+                }
             ),
             Self::Recommended(text) => f.write_str(text),
         }
@@ -258,9 +280,17 @@ impl Fit {
     /// or a stage of the ramp has no pairs.
     pub fn prepare(&self, data: impl Into<FamilyPairs>) -> Result<Problem, Error> {
         self.check()?;
-        let data = data.into();
+        let mut data = data.into();
         let mut notes = Vec::new();
         let digest = data.pairs.digest();
+        let given = data.pairs.region();
+        if let Some(section) = &self.section {
+            data.pairs = self.in_charts(&data.pairs, section)?;
+            notes.push(FitNote::Section(section.clone()));
+        }
+        let known = self.section.as_ref().map_or(0.0, Section::error);
+        let defect = FormDefect::of(&data.pairs).filter(|defect| defect.is_seen(known));
+        notes.extend(defect.map(|defect| FitNote::Form(defect, self.section.is_some())));
         let action = self.circles(&data.pairs, &mut notes)?;
         let family = Family::new(self, &data);
         let epsilon = family.epsilon;
@@ -301,6 +331,7 @@ impl Fit {
         };
         let Prepared { pairs, held_out, units, region, nearest, angles, flow_time: time } =
             preparation.prepare(pairs)?;
+        let region = if self.section.is_some() { given } else { region };
         notes.extend(units.clone().map(FitNote::Units));
         let loss = self.training.loss.for_pairs(&action, &nearest, &pairs)?;
         let training = TrainingOptions { loss, ..self.training.clone() };
@@ -321,12 +352,25 @@ impl Fit {
             pairs,
             held_out,
             units,
+            section: self.section.clone(),
             region,
             flow_time: family.time,
             digest,
             seed: self.seed,
             notes,
             stages,
+        })
+    }
+
+    /// The pairs in the canonical coordinates of a section.
+    fn in_charts(&self, pairs: &Pairs, section: &Section) -> Result<Pairs, Error> {
+        section.check(pairs.dof()).map_err(|e| e.with_place(&self.place))?;
+        for (name, points) in ["input", "output"].into_iter().zip(pairs.points()) {
+            section.check_points(&format!("{}: {name}", self.place), points)?;
+        }
+        pairs.transformed(&self.place, |_, points| {
+            section.to_canonical(points);
+            Ok(())
         })
     }
 
@@ -549,6 +593,8 @@ pub struct Problem {
     pub held_out: Option<Pairs>,
     /// The units of the data, where they are not those of the pairs here.
     pub units: Option<Units>,
+    /// The charts of the data, where its columns are not canonical.
+    pub section: Option<Section>,
     /// The box around all pairs, in units of the data.
     pub region: Option<Region>,
     /// The flow time of the pairs, where it is known.

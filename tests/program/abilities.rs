@@ -649,6 +649,7 @@ fn changed(one: &Fit, other: &Fit) -> BTreeMap<&'static str, bool> {
             flow_time,
             theta,
             training,
+            section,
             units,
             validation,
             seed,

@@ -11,4 +11,5 @@ mod refusals;
 mod reports;
 mod resuming;
 mod scenes;
+mod section;
 mod training;

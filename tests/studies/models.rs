@@ -162,7 +162,8 @@ weights = { kind = "normal", scale = 0.15 }
     let weights = vec![0.1; shape.parameter_count()];
     let wide = Model::new(shape.architecture(1.0), weights).expect("a network");
     let provenance = Provenance::of("by hand");
-    save_model(&path, &StoredModel { model: wide, units: None, provenance }).expect("written");
+    save_model(&path, &StoredModel { model: wide, units: None, section: None, provenance })
+        .expect("written");
     with("normal.json", "ours.json", &["a model of 2 degrees of freedom", "3"]);
     // A run there would remove or replace it.
     let told = failed_in(kept.path(), &scene);

@@ -1,0 +1,199 @@
+//! Pairs of a surface of section whose area form is not dq∧dp: from a file of its density to predictions.
+
+use crate::helpers::{folder, refuses, succeeds, text};
+use gyroceptron::flow::{LineMap, Pairs};
+use gyroceptron::io::{
+    load_model, read_points, read_trajectories, write_pairs, write_points, write_section,
+};
+use gyroceptron::scalar::max_or_nan;
+use gyroceptron::system::{CoilField, Torsatron};
+use std::f64::consts::TAU;
+use std::path::Path;
+
+/// R and Z of the box of the section.
+const LOW: [f64; 2] = [3.8, -0.35];
+const HIGH: [f64; 2] = [4.1, 0.35];
+
+/// Pairs of field lines of a torsatron over a period in pairs.npz, B_φ on a grid in section.npz, a density that is
+/// uniform in uniform.npz, and two points in z.npy.
+fn write_files(folder: &Path) -> Pairs {
+    let coils = Torsatron::default().coils().expect("sound").all().expect("coils");
+    let field = CoilField::new(&coils, 60).expect("a field");
+    let map = LineMap::new(&field, 0.0, TAU / 10.0, 16).expect("a map");
+    let [r, z] = map.axis([3.95, 0.0]).expect("an axis");
+    let lines = 8;
+    let start: Vec<f64> = (1..=lines).flat_map(|k| [r + 0.008 * k as f64, z]).collect();
+    let after = map.trajectories(&start, 50).expect("lines");
+    let all = [start, after].concat();
+    let row = 2 * lines;
+    let pairs = Pairs::new("lines", 1, all[..50 * row].to_vec(), all[row..].to_vec());
+    let pairs = pairs.expect("pairs");
+    write_pairs(&folder.join("pairs.npz"), &pairs).expect("written");
+    let grid = |axis: usize| -> Vec<f64> {
+        let at = |k: usize| LOW[axis] + (HIGH[axis] - LOW[axis]) * k as f64 / 40.0;
+        (0..=40).map(at).collect()
+    };
+    let (x, y) = (grid(0), grid(1));
+    let at = |y: f64| x.iter().map(move |x| (*x, y)).collect::<Vec<_>>();
+    let toroidal = |(x, y): (f64, f64)| field.cylindrical(x, 0.0, y)[1];
+    let density: Vec<f64> = y.iter().flat_map(|y| at(*y)).map(toroidal).collect();
+    let scale = density[density.len() / 2];
+    write_section(&folder.join("section.npz"), &x, &y, &density, scale).expect("written");
+    let ones = vec![1.0; density.len()];
+    write_section(&folder.join("uniform.npz"), &x, &y, &ones, 1.0).expect("written");
+    write_points(&folder.join("z.npy"), &[2, 2], &pairs.input()[..4]).expect("written");
+    pairs
+}
+
+const TRAIN: [&str; 12] = [
+    "train",
+    "--data",
+    "pairs.npz",
+    "--circle-action",
+    "1",
+    "--kicks",
+    "3x1^4",
+    "--twists",
+    "1x1^3",
+    "--starts",
+    "1",
+    "--iterations=25",
+];
+
+fn train<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    TRAIN.iter().chain(more).copied().collect()
+}
+
+#[test]
+fn a_section_is_charted_and_its_points_are_predicted() {
+    let folder = folder();
+    let folder = folder.path();
+    let pairs = write_files(folder);
+    let trained = succeeds(folder, &train(&["--section", "section.npz", "--output", "model.json"]));
+    let said = text(&trained.stderr);
+    assert!(said.contains("x1 … xn, y1 … yn of a section"), "{said}");
+    assert!(!said.contains("do not keep"), "{said}");
+    let report = std::fs::read_to_string(folder.join("model-report/report.md")).expect("a report");
+    assert!(report.contains("--section section.npz"), "{report}");
+
+    let predict = ["predict", "--model", "model.json", "--input", "z.npy", "--steps", "3"];
+    let both: Vec<&str> = predict.iter().chain(&["--output", "t.npy"]).copied().collect();
+    succeeds(folder, &both);
+    let states = read_trajectories(&folder.join("t.npy"), 1).expect("states");
+    assert_eq!((states.states(), states.count()), (4, 2));
+    // Two neighbouring lines, one state of all lines after another.
+    let expected = |t: usize, m: usize| &pairs.output()[2 * (8 * (t - 1) + m)..][..2];
+    let mut error = 0.0;
+    for t in 1..4 {
+        for m in 0..2 {
+            let both = states.state(t, m).iter().zip(expected(t, m));
+            error = both.map(|(a, b)| (a - b).abs()).fold(error, max_or_nan);
+        }
+    }
+    assert!(error < 1e-3, "{error}");
+    assert_eq!(
+        states.state(0, 1),
+        &read_points(&folder.join("z.npy"), 1).expect("read").points[2..]
+    );
+    succeeds(folder, &["verify", "--model", "model.json", "--samples", "20"]);
+
+    // Of the model itself: there and back, exact derivatives, the flux.
+    let stored = load_model(&folder.join("model.json")).expect("a model");
+    let chart = stored.section.as_ref().expect("a section").planes()[0].as_ref().expect("a chart");
+    let density = |z: &[f64]| chart.density(z[0], z[1]);
+    let start = pairs.input()[4..6].to_vec();
+    let mut z = start.clone();
+    stored.map_points(gyroceptron::phase::Direction::Forward, &mut z).expect("an image");
+    let jacobian = stored.jacobians(&start).expect("a Jacobian");
+    let determinant = jacobian[0] * jacobian[3] - jacobian[1] * jacobian[2];
+    let flux = determinant * density(&z) / density(&start);
+    assert!((flux - 1.0).abs() < 1e-12, "{flux}");
+    assert!((determinant - 1.0).abs() > 1e-5, "{determinant}");
+    for k in 0..2 {
+        let h = 1e-6;
+        let moved = [h, -h].map(|h| {
+            let mut z = start.clone();
+            z[k] += h;
+            stored.map_points(gyroceptron::phase::Direction::Forward, &mut z).expect("an image");
+            z
+        });
+        for row in 0..2 {
+            let slope = (moved[0][row] - moved[1][row]) / (2.0 * h);
+            assert!((slope - jacobian[2 * row + k]).abs() < 1e-7, "{slope} {jacobian:?}");
+        }
+    }
+    stored.map_points(gyroceptron::phase::Direction::Inverse, &mut z).expect("back");
+    assert!(z.iter().zip(&start).all(|(a, b)| (a - b).abs() < 1e-12), "{z:?} {start:?}");
+    assert!(stored.invariant().expect("one")(&start).is_finite());
+
+    // A density that was edited, tensors without it, points beyond it.
+    let file = std::fs::read_to_string(folder.join("model.json")).expect("read");
+    let edited = file.replacen("\"scale\": 2.", "\"scale\": 3.", 1);
+    assert_ne!(edited, file);
+    std::fs::write(folder.join("edited.json"), edited).expect("written");
+    let edited = [
+        "predict",
+        "--model",
+        "edited.json",
+        "--input",
+        "z.npy",
+        "--steps",
+        "1",
+        "--output",
+        "u.npy",
+    ];
+    refuses(folder, &edited, &["edited.json", "digest"]);
+    let export = ["export", "--model", "model.json", "--output", "weights.npz"];
+    refuses(folder, &export, &["section"]);
+    write_points(&folder.join("far.npy"), &[1, 2], &[5.0, 0.0]).expect("written");
+    let far = [
+        "predict",
+        "--model",
+        "model.json",
+        "--input",
+        "far.npy",
+        "--steps",
+        "1",
+        "--output",
+        "u.npy",
+    ];
+    refuses(folder, &far, &["(5, 0)", "points of the section"]);
+}
+
+/// Another density than that of the pairs is told before anything is trained, and so are pairs without one.
+#[test]
+fn pairs_that_keep_no_area_are_told() {
+    let folder = folder();
+    let folder = folder.path();
+    write_files(folder);
+    let quick = ["--iterations=1", "--overwrite", "--output", "model.json"];
+    for (section, words) in [
+        (&["--section", "uniform.npz"][..], "do not keep the area of the section"),
+        (&[][..], "do not keep dq∧dp"),
+    ] {
+        let arguments: Vec<&str> =
+            TRAIN[..11].iter().chain(section).chain(&quick).copied().collect();
+        let said = text(&succeeds(folder, &arguments).stderr);
+        assert!(said.contains(words), "{said}");
+    }
+}
+
+#[test]
+fn bad_sections_are_refused() {
+    let folder = folder();
+    let folder = folder.path();
+    let pairs = write_files(folder);
+    let with = |file: &'static str| train(&["--section", file, "--output", "model.json"]);
+    refuses(folder, &with("absent.npz"), &["absent.npz"]);
+    refuses(folder, &with("pairs.npz"), &["pairs.npz: x", "input"]);
+    let axis: Vec<f64> = (0..10).map(f64::from).collect();
+    let mut density = vec![1.0; 100];
+    write_section(&folder.join("elsewhere.npz"), &axis, &axis, &density, 1.0).expect("written");
+    let z = pairs.input().chunks(2).find(|z| z[1] < 0.0).expect("below the middle");
+    refuses(folder, &with("elsewhere.npz"), &["pairs.npz: input", &z[1].to_string()]);
+    density[42] = 0.0;
+    write_section(&folder.join("zero.npz"), &axis, &axis, &density, 1.0).expect("written");
+    refuses(folder, &with("zero.npz"), &["zero.npz", "(2, 4)", "positive"]);
+    write_section(&folder.join("scale.npz"), &axis, &axis, &[1.0; 100], -1.0).expect("written");
+    refuses(folder, &with("scale.npz"), &["scale.npz", "scale"]);
+}
