@@ -213,7 +213,7 @@ impl PolynomialMap {
             }
             let mut first = S::from_f64(1.0);
             for (axis, k) in run.iter().enumerate() {
-                first = first * tables[axis * count + k];
+                first *= tables[axis * count + k];
             }
             for k in 0..dim {
                 image[k] = first.mul_add(inner[k], image[k]);

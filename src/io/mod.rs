@@ -5,6 +5,7 @@
 
 mod arrays;
 mod checkpoints;
+mod coils;
 mod json;
 mod legacy;
 mod npy;
@@ -17,6 +18,7 @@ pub use arrays::{
     read_trajectories, write_pairs, write_points, write_section, write_trajectories,
 };
 pub use checkpoints::Checkpoints;
+pub use coils::{parse_coils, read_coils};
 pub use json::{
     Provenance, StoredModel, earlier_checkpoint, load_checkpoint, load_model, model_text,
     parse_model, save_checkpoint, save_model,

@@ -532,7 +532,7 @@ impl Section {
 
     /// The Jacobian of a map between data from that between canonical coordinates, 2n × 2n numbers row by row, at a point
     /// and its image, both of data.
-    pub(crate) fn jacobian_of_data(&self, jacobian: &mut [f64], from: &[f64], to: &[f64]) {
+    pub fn jacobian_of_data(&self, jacobian: &mut [f64], from: &[f64], to: &[f64]) {
         let dof = self.dof();
         let dim = 2 * dof;
         for (j, plane) in self.planes.iter().enumerate() {

@@ -266,7 +266,7 @@ impl CoilField {
                 let (at, tangent) = coil.at(k as f64 / points as f64);
                 let share = Self::MU_0_OVER_4_PI * coil.current / points as f64;
                 let length = libm::sqrt(tangent.iter().map(|v| v * v).sum());
-                spacing = f64::max(spacing, length / points as f64);
+                spacing = max_or_nan(spacing, length / points as f64);
                 elements.push(Element { at, current: tangent.map(|v| v * share) });
             }
         }
@@ -357,6 +357,7 @@ impl CoilField {
             if square.is_nan() {
                 return f64::NAN;
             }
+            // no NaN: given back above
             least = f64::min(least, square);
         }
         libm::sqrt(least)

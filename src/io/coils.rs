@@ -1,0 +1,88 @@
+//! Coils by their Fourier modes, as text.
+
+use super::read_bytes;
+use crate::error::Error;
+use crate::system::{Coil, CoilSet};
+use std::path::Path;
+
+/// Columns of a coil: sine and cosine of x, of y and of z.
+const COLUMNS: usize = 6;
+
+/// Reads coils from a text file as simsopt writes and reads them: a line for each mode, from 0 on, and in it sine and cosine
+/// of x, sine and cosine of y, sine and cosine of z of one coil after another, with commas or spaces between, in metres;
+/// empty lines and such as begin with # say nothing. `currents` are those of the coils, in amperes, of which symmetry
+/// makes the machine.
+///
+/// # Errors
+/// When the file cannot be read, a line has another number of numbers than the first, one that is no finite number, or no
+/// whole coils; when there are other than one current for each coil.
+pub fn read_coils(
+    path: &Path,
+    currents: &[f64],
+    periods: u32,
+    stellarator_symmetric: bool,
+) -> Result<CoilSet, Error> {
+    parse_coils(
+        &path.display().to_string(),
+        &read_bytes(path)?,
+        currents,
+        periods,
+        stellarator_symmetric,
+    )
+}
+
+/// [`read_coils`] of bytes; `place` names them in errors.
+///
+/// # Errors
+/// Those of [`read_coils`].
+pub fn parse_coils(
+    place: &str,
+    bytes: &[u8],
+    currents: &[f64],
+    periods: u32,
+    stellarator_symmetric: bool,
+) -> Result<CoilSet, Error> {
+    let text = std::str::from_utf8(bytes)
+        .map_err(|reason| Error::content(place, "lines of numbers", reason))?;
+    let mut rows: Vec<Vec<f64>> = Vec::new();
+    for (number, line) in text.lines().enumerate() {
+        let line = line.trim();
+        if line.is_empty() || line.starts_with('#') {
+            continue;
+        }
+        let place = || format!("{place}:{}", number + 1);
+        let separators = |c: char| c == ',' || c.is_whitespace();
+        let words = line.split(separators).filter(|word| !word.is_empty());
+        let parse = |word: &str| match word.parse::<f64>() {
+            Ok(value) if value.is_finite() => Ok(value),
+            _ => Err(Error::content(place(), "finite numbers", format!("`{word}`"))),
+        };
+        let row: Vec<f64> = words.map(parse).collect::<Result<_, _>>()?;
+        let expected = rows.first().map_or(row.len().next_multiple_of(COLUMNS), Vec::len);
+        if row.len() != expected {
+            let expected = match rows.is_empty() {
+                true => format!("a multiple of {COLUMNS} numbers, {COLUMNS} for each coil"),
+                false => format!("{expected} numbers, as in the first line"),
+            };
+            return Err(Error::content(place(), expected, row.len()));
+        }
+        rows.push(row);
+    }
+    let Some(first) = rows.first() else {
+        return Err(Error::content(place, "a line for each mode", "none"));
+    };
+    let count = first.len() / COLUMNS;
+    Error::check_count(&format!("{place}: currents"), count, currents.len())?;
+    let coils = currents.iter().enumerate().map(|(k, &current)| {
+        let modes = |part: usize| -> Vec<[f64; 3]> {
+            let of =
+                |row: &Vec<f64>| std::array::from_fn(|axis| row[COLUMNS * k + 2 * axis + part]);
+            rows.iter().map(of).collect()
+        };
+        let (mut sines, cosines) = (modes(0), modes(1));
+        // That of mode 0 is none.
+        sines[0] = [0.0; 3];
+        Coil { cosines, sines, current }
+    });
+    Ok(CoilSet { coils: coils.collect(), periods, stellarator_symmetric })
+}
