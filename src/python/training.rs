@@ -6,7 +6,7 @@ use super::circles::Circles;
 use super::trained::{Trained, warn};
 use crate::error::Error;
 use crate::flow::Pairs;
-use crate::io::{Checkpoints, StoredModel};
+use crate::io::{Checkpoints, StoredModel, read_section};
 use crate::network::{Alternating, Block, LayerSizes, NetworkSpec};
 use crate::scene::{Folder, NextStep, OwnTraining, Scene, TrainingTimes};
 use crate::train::{
@@ -175,6 +175,8 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// numbers: of the planes in the loss and in the held-out error that chooses the model.
 /// theta, theta_fixed, theta_penalty: the angle to start from, the nearest rotation's unless given,
 /// whether it stays, and what its squared distance from there adds to the loss.
+/// section: of pairs (x, y) of one degree of freedom with the area form rho dx dy, an .npz file of rho on a grid: arrays x, y
+/// and density, (len(y), len(x)), and scale, one number, 1 unless given. The model then takes and gives x, y.
 /// units: "fitted", in which pairs are of order one and turn in circles, or those of the "data".
 /// validation: the share that is held out. seed: of the weights and of that choice.
 /// report: a folder for a report with plots, which says whether to trust the model.
@@ -193,7 +195,7 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
     near_identity=None, kicks=None, twists=None, turned_twists=None, perturbation=None, layers=None, radius=None, blocks=None, optimiser=None,
     iterations=None, starts=None, ramp=None, near_identity_penalty=None, loss_weights=None, patience=None,
     target=None, plateau=None, epsilon=None, flow_time=None, theta=None, theta_fixed=false,
-    theta_penalty=None, units="fitted", validation=0.1, seed=0, report=None, checkpoint=None,
+    theta_penalty=None, section=None, units="fitted", validation=0.1, seed=0, report=None, checkpoint=None,
     resume=false, callback=None
 ))]
 #[allow(clippy::too_many_arguments)]
@@ -228,6 +230,7 @@ pub(super) fn train(
     theta: Option<f64>,
     theta_fixed: bool,
     theta_penalty: Option<f64>,
+    section: Option<PathBuf>,
     units: &str,
     validation: f64,
     seed: u64,
@@ -294,6 +297,7 @@ pub(super) fn train(
             target: target.unwrap_or(training.target),
             ..training
         },
+        section: section.as_deref().map(read_section).transpose()?,
         units: match units {
             "fitted" => true,
             "data" => false,

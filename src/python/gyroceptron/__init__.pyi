@@ -176,6 +176,7 @@ def train(
     theta: float | None = None,
     theta_fixed: bool = False,
     theta_penalty: float | None = None,
+    section: str | PathLike[str] | None = None,
     units: Literal["fitted", "data"] = "fitted",
     validation: float = 0.1,
     seed: int = 0,
