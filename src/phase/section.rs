@@ -469,7 +469,7 @@ impl Section {
         });
         format!(
             "The columns of the data are x1 … xn, y1 … yn of a section; the network is trained in q = y and \
-             p = ∫ρ dx/scale ({})",
+             p = ∫ρ dx/scale ({}). q1 … qn, p1 … pn of a report are these",
             words.collect::<Vec<_>>().join("; ")
         )
     }

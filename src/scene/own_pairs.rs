@@ -162,6 +162,18 @@ impl OwnTraining<'_> {
         if let Some(told) = FitNote::of_negative_epsilons(pairs) {
             trust.results.details.push(Block::Text(format!("- {told}.\n")));
         }
+        for note in &problem.notes {
+            match note {
+                FitNote::Section(section) => {
+                    trust.results.data["section_error"] = json!(section.error());
+                }
+                FitNote::Form(defect, _) => {
+                    trust.results.data["form_defect"] = json!(defect.median);
+                }
+                _ => continue,
+            }
+            trust.results.details.push(Block::Text(format!("- {note}\n")));
+        }
         if let Some(units) = units {
             trust.results.details.push(Block::Text(format!(
                 "- {}. Errors of each component are in units of the data, all others in those of \

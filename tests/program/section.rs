@@ -75,6 +75,7 @@ fn a_section_is_charted_and_its_points_are_predicted() {
     assert!(!said.contains("do not keep"), "{said}");
     let report = std::fs::read_to_string(folder.join("model-report/report.md")).expect("a report");
     assert!(report.contains("--section section.npz"), "{report}");
+    assert!(report.contains("of a section") && !report.contains("do not keep"), "{report}");
 
     let predict = ["predict", "--model", "model.json", "--input", "z.npy", "--steps", "3"];
     let both: Vec<&str> = predict.iter().chain(&["--output", "t.npy"]).copied().collect();
@@ -175,6 +176,9 @@ fn pairs_that_keep_no_area_are_told() {
             TRAIN[..11].iter().chain(section).chain(&quick).copied().collect();
         let said = text(&succeeds(folder, &arguments).stderr);
         assert!(said.contains(words), "{said}");
+        let report = folder.join("model-report");
+        let report = std::fs::read_to_string(report.join("report.md")).expect("a report");
+        assert!(report.contains(words), "{report}");
     }
 }
 
