@@ -493,6 +493,7 @@ fn a_million_periods_of_field_lines() {
     let field = torsatron(160);
     let map = LineMap::new(&field, 0.0, PERIOD, 32).expect("a map");
     let axis = map.axis([3.95, 0.0]).expect("an axis");
+    assert!((axis[0] - 3.9575).abs() < 1e-3 && axis[1].abs() < 1e-9, "{axis:?}");
     // Lines from the axis out to 0.1 m, of equal areas; every eighth is held out.
     let (lines, periods, reach) = (64, 80, 0.1);
     let radius = |share: f64| axis[0] + reach * share.sqrt();
@@ -596,7 +597,8 @@ fn a_million_periods_of_field_lines() {
             .collect();
         let [a, b, c] = [far[0], far[1], far[2]];
         println!(
-            "{name}: turns a period differ by {differ:.1e}; after 10⁴, 10⁵, 10⁶ periods off the surface by {a:.1e}, {b:.1e}, {c:.1e} m"
+            "{name}: turns a period differ by {differ:.1e}; after 10⁴, 10⁵, 10⁶ periods off the surface by \
+             {a:.1e}, {b:.1e}, {c:.1e} m"
         );
         far
     };

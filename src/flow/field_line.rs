@@ -136,7 +136,7 @@ impl<'a> LineMap<'a> {
     /// # Errors
     /// [`Error::NoConvergence`] where it finds none.
     pub fn axis(&self, guess: [f64; 2]) -> Result<[f64; 2], Error> {
-        /// From where a field line goes round the axis.
+        /// At most.
         const STEPS: usize = 20;
         let mut place = guess;
         let mut size = f64::NAN;

@@ -12,8 +12,8 @@ use rayon::prelude::*;
 /// A map whose image is a polynomial of a total degree, in products of Chebyshev polynomials over the box of its pairs,
 /// with the coefficients nearest to them. It is not symplectic.
 ///
-/// Source: Berz, Modern Map Methods in Particle Beam Physics, Academic Press (1999), for maps by polynomials and what they
-/// are used for; Trefethen, Approximation Theory and Approximation Practice, SIAM (2013), for the basis.
+/// Source: Berz, Modern Map Methods in Particle Beam Physics, Academic Press (1999), for maps by polynomials and what
+/// they are used for; Trefethen, Approximation Theory and Approximation Practice, SIAM (2013), for the basis.
 #[derive(Clone, Debug)]
 pub struct PolynomialMap {
     dim: usize,
@@ -33,7 +33,7 @@ const MOST_TERMS: usize = 10_000;
 const PAIRS_A_TERM: usize = 2;
 /// Numbers of a matrix of all terms at all pairs, at most: 1 GiB.
 const MOST_NUMBERS: usize = 1 << 27;
-/// Points that a vector register goes through the runs with.
+/// A map is of no more coordinates.
 const DIM: usize = 8;
 
 /// How many products of a total degree of at most `degree` there are in so many coordinates; None of too many.
@@ -62,8 +62,8 @@ impl PolynomialMap {
     /// The fit of this total degree to pairs of one map.
     ///
     /// # Errors
-    /// When there are fewer than two pairs a term, more than 10,000 terms, a coordinate of the pairs does not vary, or pairs
-    /// are of several maps.
+    /// When there are fewer than two pairs a term, more than 10,000 terms, a coordinate of the pairs does not vary,
+    /// or pairs are of several maps.
     pub fn fit(pairs: &Pairs, degree: usize) -> Result<Self, Error> {
         let dim = 2 * pairs.dof();
         if !pairs.conditions().is_empty() {
@@ -107,8 +107,8 @@ impl PolynomialMap {
         Ok(out)
     }
 
-    /// The fit of the degree, of those up to `most` and by twos, whose error on every fifth pair, which it has not seen, is
-    /// least; and that error, the root mean square distance.
+    /// The fit of the degree, of those up to `most` and by twos, whose error on every fifth pair, which it has not
+    /// seen, is least; and that error, the root mean square distance.
     ///
     /// # Errors
     /// Those of [`PolynomialMap::fit`] of degree 1.
@@ -320,10 +320,14 @@ impl FormDefect {
     pub fn of(pairs: &Pairs) -> Option<Self> {
         const MOST_DEGREE: usize = 24;
         const POINTS: usize = 256;
-        /// A matrix of more numbers takes longer than a moment.
-        const PAIRS: usize = 5000;
+        /// Least squares of more take longer than a moment, and every training waits for them.
+        const PAIRS: usize = 3000;
+        const TERMS: usize = 800;
+        let small =
+            |degree: &usize| terms(2 * pairs.dof(), *degree).is_some_and(|count| count <= TERMS);
+        let most = (1..=MOST_DEGREE).take_while(small).last()?;
         let pairs = pairs.thinned(PAIRS);
-        let (best, _) = PolynomialMap::fit_best(&pairs, MOST_DEGREE).ok()?;
+        let (best, _) = PolynomialMap::fit_best(&pairs, most).ok()?;
         let other = PolynomialMap::fit(&pairs, best.degree().checked_sub(2)?.max(1)).ok()?;
         let dim = 2 * pairs.dof();
         let sample = pairs.thinned(POINTS);

@@ -162,7 +162,8 @@ pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
 }
 
 /// Reads the chart of a section of one degree of freedom from an `.npz` file: `x` (A) and `y` (B), numbers that grow,
-/// and `density` (B, A), ρ at each pair of them; `scale`, one number, what ∫ρ dx is divided by, is 1 unless it is there.
+/// and `density` (B, A), ρ at each pair of them; `scale`, one number, what ∫ρ dx is divided by, is 1 unless it is
+/// there.
 ///
 /// # Errors
 /// When the file is missing or corrupt, an array is missing or of another shape; those of [`AreaDensity::of_grid`].

@@ -15,8 +15,8 @@ use std::path::Path;
 
 /// The newest model format that this version reads, and the one it writes: an architecture is a
 /// list of blocks, and the digest covers it. In formats 1 and 2 (with units) it has a name, and the
-/// digest covers parameters and units alone. Format 4 has a section, which the digest covers too; a model without one is
-/// written in format 3.
+/// digest covers parameters and units alone. Format 4 has a section, which the digest covers too; a model without one
+/// is written in format 3.
 const MODEL_VERSION: u64 = 4;
 /// The format of a model without a section, and the first whose architecture is a list of blocks.
 const BLOCKS_VERSION: u64 = 3;

@@ -133,8 +133,8 @@ impl AreaDensity {
     /// node is nearest to the others. `values` are those at the first y, x by x, then at the next.
     ///
     /// # Errors
-    /// When coordinates do not grow, there are fewer than eight along an axis or not one value for each pair of them, the
-    /// scale is not positive, or ρ is not positive and finite somewhere, with the place.
+    /// When coordinates do not grow, there are fewer than eight along an axis or not one value for each pair of them,
+    /// the scale is not positive, or ρ is not positive and finite somewhere, with the place.
     pub fn of_grid(x: &[f64], y: &[f64], values: &[f64], scale: f64) -> Result<Self, Error> {
         for (name, axis) in [("section: x", x), ("section: y", y)] {
             Error::check_count_range(&format!("{name}: numbers"), axis.len(), 8, 1 << 10)?;
@@ -463,7 +463,8 @@ impl Section {
         let words = planes.map(|(j, plane)| {
             let ([a, b], [c, d]) = (plane.low, plane.high);
             format!(
-                "plane {j}: x from {a:.6} to {c:.6}, y from {b:.6} to {d:.6}, a density of degrees {} and {} that errs by {:.1e}",
+                "plane {j}: x from {a:.6} to {c:.6}, y from {b:.6} to {d:.6}, a density of degrees {} and {} \
+                 that errs by {:.1e}",
                 plane.degrees[0], plane.degrees[1], plane.error
             )
         });
@@ -489,7 +490,8 @@ impl Section {
         self.planes.iter().flatten().map(AreaDensity::error).fold(0.0, max_or_nan)
     }
 
-    /// Points in rows of 2n numbers, from data to canonical coordinates: NaN in a plane whose box a point is outside of.
+    /// Points in rows of 2n numbers, from data to canonical coordinates: NaN in a plane whose box a point is outside
+    /// of.
     pub fn to_canonical(&self, points: &mut [f64]) {
         self.each(points, AreaDensity::to_canonical);
     }
@@ -530,8 +532,8 @@ impl Section {
         Ok(())
     }
 
-    /// The Jacobian of a map between data from that between canonical coordinates, 2n × 2n numbers row by row, at a point
-    /// and its image, both of data.
+    /// The Jacobian of a map between data from that between canonical coordinates, 2n × 2n numbers row by row, at a
+    /// point and its image, both of data.
     pub fn jacobian_of_data(&self, jacobian: &mut [f64], from: &[f64], to: &[f64]) {
         let dof = self.dof();
         let dim = 2 * dof;

@@ -175,8 +175,9 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// numbers: of the planes in the loss and in the held-out error that chooses the model.
 /// theta, theta_fixed, theta_penalty: the angle to start from, the nearest rotation's unless given,
 /// whether it stays, and what its squared distance from there adds to the loss.
-/// section: of pairs (x, y) of one degree of freedom with the area form rho dx dy, an .npz file of rho on a grid: arrays x, y
-/// and density, (len(y), len(x)), and scale, one number, 1 unless given. The model then takes and gives x, y.
+/// section: of pairs (x, y) of one degree of freedom with the area form rho dx dy, an .npz file of rho on a
+/// grid: arrays x, y and density, (len(y), len(x)), and scale, one number, 1 unless given. The model then
+/// takes and gives x, y.
 /// units: "fitted", in which pairs are of order one and turn in circles, or those of the "data".
 /// validation: the share that is held out. seed: of the weights and of that choice.
 /// report: a folder for a report with plots, which says whether to trust the model.

@@ -143,8 +143,8 @@ pub struct Torsatron {
 }
 
 impl Default for Torsatron {
-    /// l = 2, N = 10, with sizes near those of the Large Helical Device: an axis at R = 3.7 m with surfaces to 0.3 m
-    /// around it, ι from 0.4 to 1.
+    /// l = 2, N = 10, with sizes near those of the Large Helical Device: its axis is at R = 3.958 m, with surfaces to
+    /// 0.16 m outside of it and |ι| from 0.61 beside it to 0.73.
     fn default() -> Self {
         Self {
             windings: 2,
@@ -235,7 +235,7 @@ pub struct CoilField {
 }
 
 impl CoilField {
-    /// μ₀/4π in tesla metres an ampere, to the ten digits by which it differs from 10⁻⁷ since 2019.
+    /// μ₀/4π in tesla metres an ampere, to the nine digits in which it is still 10⁻⁷ since 2019.
     const MU_0_OVER_4_PI: f64 = 1e-7;
 
     /// Of these coils, with so many points along each.

@@ -161,7 +161,7 @@ fn a_section_is_charted_and_its_points_are_predicted() {
     refuses(folder, &far, &["(5, 0)", "points of the section"]);
 }
 
-/// Another density than that of the pairs is told before anything is trained, and so are pairs without one.
+/// `train` says so of another density than that of the pairs, and of pairs without one.
 #[test]
 fn pairs_that_keep_no_area_are_told() {
     let folder = folder();
