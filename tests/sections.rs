@@ -2,13 +2,16 @@
 //! maps of a plane.
 
 use gyroceptron::Error;
-use gyroceptron::flow::{FormDefect, LineMap, Pairs, PolynomialMap, Trajectories, Window, sample};
+use gyroceptron::flow::{
+    FormDefect, LineMap, LineRequest, LineSection, Pairs, PolynomialMap, TabulatedLines,
+    Trajectories, Window, sample,
+};
 use gyroceptron::io::StoredModel;
 use gyroceptron::io::parse_coils;
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::adiabatic::log_slope;
 use gyroceptron::measure::orbits::{
-    lyapunov_exponent, periodic_orbit, periodic_orbits, rotation_numbers,
+    InvariantCircle, lyapunov_exponent, periodic_orbit, periodic_orbits, rotation_numbers,
 };
 use gyroceptron::network::{LayerSizes, NetworkSpec, Rollout};
 use gyroceptron::phase::{AreaDensity, Direction, Section};
@@ -457,6 +460,158 @@ fn polynomial_maps_reproduce_polynomials() {
     assert!(PolynomialMap::fit(&pairs, 30).is_err());
     let flat = Pairs::new("flat", 1, vec![0.0, 1.0, 0.0, 2.0], vec![0.0; 4]).expect("pairs");
     assert!(PolynomialMap::fit(&flat, 0).is_err());
+}
+
+fn request() -> LineRequest {
+    LineRequest { phi: 0.0, angle: PERIOD, reach: 0.1, guess: None, error: 1e-9 }
+}
+
+/// A part of a section finds its axis, and as many points of coils and steps as it needs, and keeps the flux to
+/// rounding: with points that a turn by a period does not take to points, the area form at its end is another one.
+#[test]
+fn sections_find_their_axis_and_keep_the_flux() {
+    let coils = Torsatron::default().coils().expect("sound").all().expect("coils");
+    let section = LineSection::new(&coils, request()).expect("a section");
+    let axis = section.axis();
+    assert!((axis[0] - 3.957_531_97).abs() < 1e-7 && axis[1].abs() < 1e-9, "{axis:?}");
+    assert!(section.error() < 1e-11, "{}", section.error());
+    assert_eq!(section.field().points() % (10 * coils.len()), 0);
+    let starts = section.starts(4);
+    assert!(
+        (starts[6] - axis[0] - 0.1).abs() < 1e-15 && (starts[0] - axis[0] - 0.05).abs() < 1e-15
+    );
+    let defect = |field: &CoilField| {
+        let map = LineMap::new(field, 0.0, PERIOD, 48).expect("a map");
+        let of = |place: [f64; 2]| {
+            let (image, [[a, b], [c, d]]) = map.with_jacobian(place);
+            let toroidal = |[r, z]: [f64; 2]| -> f64 { field.cylindrical(r, 0.0, z)[1] };
+            ((a * d - b * c) * toroidal(image) / toroidal(place) - 1.0).abs()
+        };
+        let places = starts.chunks(2).map(|z| of([z[0], z[1]]));
+        places.fold(0.0, max_or_nan)
+    };
+    let [even, odd] = [60, 63].map(|points| CoilField::new(&coils, points).expect("a field"));
+    let [even, odd] = [&even, &odd].map(defect);
+    assert!(even < 1e-12 && odd > 1e-6, "{even} {odd}");
+    // The chart is of the section: the box is around points of it.
+    let chart = section.chart(&starts).expect_err("no extent along Z");
+    assert!(chart.to_string().contains("interval"), "{chart}");
+    let lines = section.map().trajectories(&starts, 20).expect("lines");
+    let chart = section.chart(&lines).expect("a chart");
+    assert!(
+        chart.error() < 1e-12 && chart.planes()[0].as_ref().expect("one").contains(axis[0], 0.0)
+    );
+}
+
+#[test]
+fn sections_without_an_axis_or_within_coils_are_refused() {
+    let coils = Torsatron::default().coils().expect("sound").all().expect("coils");
+    let said =
+        |request: LineRequest| LineSection::new(&coils, request).expect_err("refused").to_string();
+    let far = said(LineRequest { reach: 0.9, ..request() });
+    assert!(far.contains("reach") || far.contains("distance from a coil"), "{far}");
+    let nowhere = said(LineRequest { guess: Some([0.01, 9.0]), ..request() });
+    assert!(nowhere.contains("axis"), "{nowhere}");
+    for bad in [
+        LineRequest { reach: 0.0, ..request() },
+        LineRequest { angle: f64::NAN, ..request() },
+        LineRequest { phi: f64::INFINITY, ..request() },
+        LineRequest { error: 0.0, ..request() },
+        LineRequest { guess: Some([f64::NAN, 0.0]), ..request() },
+    ] {
+        said(bad);
+    }
+    // A ring alone has no lines that go round it in φ.
+    let none = LineSection::new(&[ring()], request()).expect_err("no axis").to_string();
+    assert!(none.contains("magnetic axis"), "{none}");
+}
+
+/// Through planes lines go where they go in the field of the coils, the nearer the higher the degree; what leaves
+/// the part that planes were fitted to is lost.
+#[test]
+fn planes_stand_for_the_field() {
+    let field = torsatron(60);
+    let map = LineMap::new(&field, 0.0, PERIOD, 8).expect("a map");
+    let axis = map.axis([3.95, 0.0]).expect("an axis");
+    let start: Vec<f64> = (1..=16).flat_map(|k| [axis[0] + 0.1 * k as f64 / 16.0, 0.0]).collect();
+    let lines = [start.clone(), map.trajectories(&start, 24).expect("lines")].concat();
+    let exact = map.trajectories(&start[..8], 40).expect("lines");
+    let errors = [6, 10, 14].map(|degree| {
+        let planes = TabulatedLines::new(&map, &lines, degree).expect("planes");
+        assert_eq!((planes.steps(), planes.planes()), (8, 89));
+        let found = planes.trajectories(&start[..8], 40).expect("lines");
+        found.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
+    });
+    assert!(errors[0] > 20.0 * errors[1] && errors[1] > 20.0 * errors[2], "{errors:?}");
+    assert!(errors[2] < 1e-9, "{errors:?}");
+    let planes = TabulatedLines::new(&map, &lines, 14).expect("planes");
+    assert_eq!(planes.bytes(), 89 * 2 * 120 * 8);
+    let place = [axis[0] + 0.06, 0.02];
+    let ((one, a), (other, b)) = (map.with_jacobian(place), planes.with_jacobian(place));
+    let pairs = one.iter().chain(a.as_flattened()).zip(other.iter().chain(b.as_flattened()));
+    let apart = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+    assert!(apart < 1e-8, "{apart}");
+    let all = planes.rollout(&start, Rollout { steps: 6, every: 3 }).expect("orbits");
+    assert_eq!(all[..32], start[..]);
+    let last = planes.trajectories(&start, 6).expect("lines");
+    assert_eq!(all[64..], last[5 * 32..]);
+    let beyond = planes.trajectories(&[axis[0] + 0.3, 0.0, place[0], place[1]], 2).expect("states");
+    assert!(beyond[0].is_nan() && beyond[4].is_nan() && beyond[2].is_finite(), "{beyond:?}");
+    assert!(TabulatedLines::new(&map, &start, 14).is_err(), "too few points");
+    assert!(TabulatedLines::new(&map, &[axis[0] + 2.0, 0.0], 1).is_err(), "a lost line");
+    assert!(planes.rollout(&start, Rollout { steps: 6, every: 0 }).is_err());
+}
+
+/// A curve of a few modes is found from an orbit on it, with its turning, its area and distances from it; chaos is told.
+#[test]
+fn invariant_circles_are_fitted_to_orbits() {
+    let turns = (5f64.sqrt() - 1.0) / 2.0;
+    let curve = |u: f64| {
+        let t = TAU * u;
+        [3.0 + t.cos() + 0.1 * (2.0 * t).cos(), 0.5 * t.sin() - 0.05 * (3.0 * t).sin()]
+    };
+    let orbit: Vec<f64> = (0..600).flat_map(|n| curve(0.3 + turns * f64::from(n))).collect();
+    // The turning is known to 1e-7 only.
+    let circle = InvariantCircle::of_orbit(&orbit, turns + 1e-7).expect("a curve");
+    assert!(circle.error < 1e-12, "{}", circle.error);
+    assert!((circle.turns - turns).abs() < 1e-14, "{}", circle.turns - turns);
+    // Green's theorem, by a polygon of many points.
+    let polygon: Vec<[f64; 2]> = (0..20_000).map(|k| curve(f64::from(k) / 20_000.0)).collect();
+    let area: f64 = (0..polygon.len())
+        .map(|k| {
+            let ([a, b], [c, d]) = (polygon[k], polygon[(k + 1) % polygon.len()]);
+            0.5 * (a * d - c * b)
+        })
+        .sum();
+    assert!((circle.area() / area - 1.0).abs() < 1e-6, "{} {area}", circle.area());
+    // Off the curve along its normal.
+    let h = 1e-6;
+    let places: Vec<f64> = (0..40)
+        .flat_map(|k| {
+            let u = f64::from(k) / 40.0;
+            let ([x, y], [a, b], [c, d]) = (curve(u), curve(u + h), curve(u - h));
+            let (dx, dy) = (a - c, b - d);
+            let length = dx.hypot(dy);
+            [x + 1e-3 * dy / length, y - 1e-3 * dx / length]
+        })
+        .collect();
+    for distance in circle.distances(&places) {
+        assert!((distance - 1e-3).abs() < 1e-10, "{distance}");
+    }
+    assert!(circle.distances(&orbit).into_iter().fold(0.0, max_or_nan) < 1e-12);
+    assert!(circle.distances(&[f64::NAN, 0.0])[0].is_nan());
+    let (around, modes) = (circle.points(8), circle.modes());
+    assert_eq!((around.len(), modes >= 3), (16, true));
+    let mut z = vec![0.1, 0.05];
+    let mut chaos = Vec::new();
+    for _ in 0..400 {
+        z = standard(3.0, &z).0;
+        chaos.extend([z[0].rem_euclid(TAU), z[1].rem_euclid(TAU)]);
+    }
+    let none = InvariantCircle::of_orbit(&chaos, 0.1).expect("a fit");
+    assert!(none.error > 0.5, "{}", none.error);
+    assert!(InvariantCircle::of_orbit(&orbit[..100], turns).is_err());
+    assert!(InvariantCircle::of_orbit(&orbit, f64::NAN).is_err());
 }
 
 /// Pairs of a symplectic map keep the form; those of the same map in other coordinates do not, nor with friction.

@@ -1,7 +1,8 @@
 //! The commands.
 
 use super::arguments::{
-    Arguments, Command, Export, Import, Outside, Predict, Run, Verify, circle_action, positive,
+    Arguments, CoilArguments, Command, Export, Import, Outside, Predict, Run, Verify,
+    circle_action, positive,
 };
 use super::guards::{check_ending, guard_output, use_threads};
 use super::output::{json, out, status_of, width};
@@ -20,8 +21,8 @@ use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model
 use gyroceptron::random::Stream;
 use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{
-    Folder, Note, Scene, catalogue, certificate_table, default_scene, find, own_invariance_fault,
-    run,
+    CoilFile, Coils, Folder, LineData, Note, Scene, catalogue, certificate_table, default_scene,
+    find, own_invariance_fault, run,
 };
 use rayon::prelude::*;
 use serde_json::json;
@@ -65,6 +66,7 @@ fn run_scene(arguments: &Run) -> Result<Status, Error> {
             return Err(Error::invalid("--weights", &scene.name, expected));
         }
     }
+    scene = with_coils(scene, &arguments.coils)?;
     let (with_files, lacking) = scene.without_parts_that_lack_files();
     scene = with_files;
     for part in lacking {
@@ -95,6 +97,42 @@ fn run_scene(arguments: &Run) -> Result<Status, Error> {
         line("A CHECK DOES NOT HOLD: see the table above or the report");
     }
     Ok(status_of(report.holds()))
+}
+
+/// The scene with the machine that is asked for.
+fn with_coils(scene: Scene, arguments: &CoilArguments) -> Result<Scene, Error> {
+    let CoilArguments { coils, currents, field_periods, asymmetric, section_at, reach, axis } =
+        arguments;
+    let axis = match axis[..] {
+        [] => None,
+        [radius, height] => Some([radius, height]),
+        _ => return Err(Error::invalid("--axis", format!("{axis:?}"), "two numbers, R,Z")),
+    };
+    let coils = match (coils, field_periods) {
+        (Some(file), Some(periods)) => Some(Coils::File(CoilFile {
+            path: std::path::absolute(file).map_err(|reason| Error::read(file, reason))?,
+            currents: currents.clone(),
+            periods: *periods,
+            stellarator_symmetric: !asymmetric,
+        })),
+        _ => None,
+    };
+    if coils.is_none() && section_at.is_none() && reach.is_none() && axis.is_none() {
+        return Ok(scene);
+    }
+    let name = scene.name.clone();
+    let (scene, any) = scene.with_lines(&|lines| LineData {
+        coils: coils.clone().unwrap_or(lines.coils),
+        section: section_at.unwrap_or(lines.section),
+        reach: reach.unwrap_or(lines.reach),
+        axis: axis.or(lines.axis),
+        ..lines
+    });
+    if !any {
+        let expected = "a scene of field lines of coils, such as coils";
+        return Err(Error::invalid("--coils, --section-at, --reach or --axis", name, expected));
+    }
+    Ok(scene)
 }
 
 fn scenes(as_json: bool, show: Option<&str>) -> Result<Status, Error> {

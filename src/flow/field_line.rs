@@ -7,6 +7,7 @@ use crate::error::Error;
 use crate::network::{TOGETHER, load_groups};
 use crate::scalar::{Dual, Elementary, Kernel, Pack, max_or_nan, on_independent_lanes};
 use crate::system::CoilField;
+use rayon::prelude::*;
 
 /// The map of (R, Z) in the half-plane at φ to where its field line is after the toroidal angle of the map: by the
 /// method of order 8 of Dormand and Prince.
@@ -103,32 +104,40 @@ impl<'a> LineMap<'a> {
         }
         let request = Request { interval: self.angle, steps: self.steps, kept: maps };
         let mut states = request.run_blocks(2, initial, &|initial, states| {
-            on_independent_lanes(Lines { map: *self, kept: maps, initial, states });
+            on_independent_lanes(Lines { map: self, kept: maps, initial, states });
             Ok(())
         })?;
-        let (extent, row) = (self.field.extent(), initial.len());
-        for k in (0..states.len()).step_by(2) {
-            let lost = k >= row && states[k - row].is_nan();
-            let (radius, height) = (states[k], states[k + 1]);
-            // NaN is within nothing.
-            if lost || !(radius > 0.0 && libm::hypot(radius, height) <= extent) {
-                states[k..k + 2].fill(f64::NAN);
-            }
-        }
+        let extent = self.field.extent();
+        lose(&mut states, initial.len(), |[radius, height]| {
+            radius > 0.0 && libm::hypot(radius, height) <= extent
+        });
         Ok(states)
     }
 
-    /// The image of a point, for any number type.
-    #[inline(always)]
-    fn take<S: Elementary>(&self, place: &mut [S]) {
-        Tableau::DORMAND_PRINCE_8.of_field(&FromSection(*self), place, self.angle, self.steps);
+    /// dR/dφ and dZ/dφ at points of the half-plane `angle` beyond the section.
+    pub(super) fn slopes(&self, points: &[f64], angle: f64) -> Vec<f64> {
+        const BLOCK: usize = 64;
+        let mut out = vec![0.0; points.len()];
+        let blocks = points.par_chunks(BLOCK).zip(out.par_chunks_mut(BLOCK));
+        blocks.for_each(|(points, out)| {
+            on_independent_lanes(Slopes { field: self.field, phi: self.phi + angle, points, out });
+        });
+        out
+    }
+
+    /// The map over a part of this one, of one step, from an angle beyond the section on.
+    pub(super) fn part(&self, from: f64, angle: f64) -> Self {
+        Self { phi: self.phi + from, angle, steps: 1, ..*self }
+    }
+
+    /// How far lines are followed.
+    pub fn angle(&self) -> f64 {
+        self.angle
     }
 
     /// The image of a point and the Jacobian of the map there, by duals.
     pub fn with_jacobian(&self, place: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2]) {
-        let mut z: [Dual<f64, 2>; 2] = [Dual::variable(place[0], 0), Dual::variable(place[1], 1)];
-        self.take(&mut z);
-        (z.map(|v| v.re), z.map(|v| v.eps))
+        self.image_and_jacobian(place)
     }
 
     /// The fixed point near a guess, by Newton's method: of one period, the magnetic axis.
@@ -158,19 +167,73 @@ impl<'a> LineMap<'a> {
     }
 }
 
+/// A map of a section by its field lines.
+pub(super) trait SectionMap: Sync {
+    /// The image of a point, for any number type.
+    fn take<S: Elementary>(&self, place: &mut [S]);
+
+    /// The image of a point and the Jacobian of the map there, by duals.
+    fn image_and_jacobian(&self, place: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2]) {
+        let mut z: [Dual<f64, 2>; 2] = [Dual::variable(place[0], 0), Dual::variable(place[1], 1)];
+        self.take(&mut z);
+        (z.map(|v| v.re), z.map(|v| v.eps))
+    }
+}
+
+impl SectionMap for LineMap<'_> {
+    #[inline(always)]
+    fn take<S: Elementary>(&self, place: &mut [S]) {
+        Tableau::DORMAND_PRINCE_8.of_field(&FromSection(*self), place, self.angle, self.steps);
+    }
+}
+
+/// States, (T, M, 2) after those of one map, become NaN from the first on that is not within.
+pub(super) fn lose(states: &mut [f64], row: usize, within: impl Fn([f64; 2]) -> bool) {
+    for k in (0..states.len()).step_by(2) {
+        let lost = k >= row && states[k - row].is_nan();
+        // NaN is within nothing.
+        if lost || !within([states[k], states[k + 1]]) {
+            states[k..k + 2].fill(f64::NAN);
+        }
+    }
+}
+
 /// By how much halving a step divides the error of a method of order 8.
 const ORDER_8: f64 = 256.0;
 
 /// The lines through some points, on lanes.
-struct Lines<'a> {
-    map: LineMap<'a>,
-    kept: usize,
-    initial: &'a [f64],
+pub(super) struct Lines<'a, M> {
+    pub(super) map: &'a M,
+    pub(super) kept: usize,
+    pub(super) initial: &'a [f64],
     /// All states of one line after another.
-    states: &'a mut [f64],
+    pub(super) states: &'a mut [f64],
 }
 
-impl Kernel for Lines<'_> {
+/// Slopes of lines, on lanes.
+struct Slopes<'a> {
+    field: &'a CoilField,
+    phi: f64,
+    points: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl Kernel for Slopes<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Pack>(self) {
+        let Self { field, phi, points, out } = self;
+        let (mut z, mut slope) = ([V::zero(); 2], [V::zero(); 2]);
+        for (points, out) in points.chunks(2 * V::LANES).zip(out.chunks_mut(2 * V::LANES)) {
+            load_groups(points, 2, &mut z);
+            field.line(&z, phi, &mut slope);
+            store_states(&slope, out, 0, 1);
+        }
+    }
+}
+
+impl<M: SectionMap> Kernel for Lines<'_, M> {
     type Output = ();
 
     #[inline(always)]

@@ -19,6 +19,7 @@ mod equivariance;
 pub mod fuzz;
 mod horizon;
 mod implicit;
+mod invariant_circle;
 mod inversion;
 mod jacobian;
 pub mod laws;
@@ -77,6 +78,7 @@ pub mod trajectories {
 
 /// Periodic orbits, rotation numbers and what else people ask of a map.
 pub mod orbits {
+    pub use super::invariant_circle::InvariantCircle;
     pub use super::periodic::{
         PeriodicOrbit, WithJacobian, lyapunov_exponent, periodic_orbit, periodic_orbits,
     };

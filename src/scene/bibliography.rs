@@ -239,3 +239,40 @@ pub(super) const AVERAGING: &str = "@book{SandersVerhulstMurdock2007,
   doi = {10.1007/978-0-387-48918-6}
 }
 ";
+
+/// Maps by polynomials.
+pub(super) const MAP_METHODS: &str = "@book{Berz1999,
+  author = {Berz, Martin},
+  title = {Modern Map Methods in Particle Beam Physics},
+  series = {Advances in Imaging and Electron Physics},
+  volume = {108},
+  publisher = {Academic Press},
+  year = {1999}
+}
+";
+
+/// Rotation numbers by weighted averages.
+pub(super) const BIRKHOFF_AVERAGES: &str = "@article{DasSaikiSanderYorke2017,
+  author = {Das, Suddhasattwa and Saiki, Yoshitaka and Sander, Evelyn and Yorke, James A.},
+  title = {Quantitative quasiperiodicity},
+  journal = {Nonlinearity},
+  volume = {30},
+  number = {11},
+  pages = {4111--4140},
+  year = {2017},
+  doi = {10.1088/1361-6544/aa84c2}
+}
+";
+
+/// Residues of periodic orbits.
+pub(super) const RESIDUES: &str = "@article{Greene1979,
+  author = {Greene, John M.},
+  title = {A method for determining a stochastic transition},
+  journal = {Journal of Mathematical Physics},
+  volume = {20},
+  number = {6},
+  pages = {1183--1201},
+  year = {1979},
+  doi = {10.1063/1.524170}
+}
+";

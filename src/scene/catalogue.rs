@@ -35,6 +35,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "family",
         "field-lines",
         "jolts",
+        "coils",
         "full-orbit",
         "two-modes",
         "dissipative",

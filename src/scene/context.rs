@@ -4,6 +4,7 @@ use super::data_sets::DataSets;
 use super::declared::Declared;
 use super::event::{Event, Observer};
 use super::folder::Folder;
+use super::line_data::TracedLines;
 use super::log::{Log, Stage, TrainingTimes};
 use super::part::Part;
 use super::setup::{Data, FlowBy, Need};
@@ -46,6 +47,8 @@ pub(super) struct Context<'a> {
     /// Training and held-out points of the windows and their orbits.
     points: Option<Rc<[Vec<f64>; 2]>>,
     data: Option<Rc<DataSets>>,
+    /// Field lines, where the data is of them.
+    lines: Option<Rc<TracedLines>>,
     /// At other ε and flow times.
     data_elsewhere: Vec<(f64, f64, Rc<DataSets>)>,
     /// See `all_models`.
@@ -88,6 +91,7 @@ impl<'a> Context<'a> {
             earlier_times: earlier_times(folder).unwrap_or_default(),
             points: None,
             data: None,
+            lines: None,
             data_elsewhere: Vec::new(),
             models: None,
             references: Vec::new(),
@@ -158,6 +162,11 @@ impl<'a> Context<'a> {
                 self.stage(&name, |_| DataSets::of_file(file, time, declared.validation, seed))?;
             return Ok(Rc::clone(self.data.insert(Rc::new(made))));
         }
+        if declared.lines.is_some() {
+            let (lines, target) = (self.lines()?, self.target()?);
+            let made = DataSets::of_lines(&lines, target, time, seed)?;
+            return Ok(Rc::clone(self.data.insert(Rc::new(made))));
+        }
         let system = self.system()?;
         let made = self.stage(OWN_PAIRS, |context| {
             let points = context.points(declared)?;
@@ -170,6 +179,20 @@ impl<'a> Context<'a> {
             made
         })?;
         Ok(Rc::clone(self.data.insert(Rc::new(made))))
+    }
+
+    /// The field lines of the set-up.
+    pub(super) fn lines(&mut self) -> Result<Rc<TracedLines>, RunError> {
+        if let Some(lines) = &self.lines {
+            return Ok(Rc::clone(lines));
+        }
+        let declared = self.scene.setup.data.as_ref().ok_or_else(|| self.missing(Need::Data))?;
+        let lines = declared.lines.as_ref().ok_or_else(|| {
+            let place = format!("scene {}", self.scene.name);
+            Error::Missing { place, key: "data.lines", needed_by: "a study".into() }
+        })?;
+        let made = self.stage(LINES, |_| TracedLines::new(lines, declared))?;
+        Ok(Rc::clone(self.lines.insert(Rc::new(made))))
     }
 
     /// The pairs of the same points at another ε and flow time.
@@ -338,6 +361,9 @@ impl<'a> Context<'a> {
         self.training_times.push(times);
     }
 }
+
+/// The stage in which field lines are traced.
+pub(super) const LINES: &str = "field lines of the coils";
 
 /// The stage in which the pairs of a scene are made.
 const OWN_PAIRS: &str = "reference flow of the training and held-out points";

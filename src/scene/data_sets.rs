@@ -1,13 +1,14 @@
 //! The pairs of a scene, from windows or of a file.
 
+use super::line_data::TracedLines;
 use super::setup::{Data, FlowBy};
-use super::target_flow::FileData;
+use super::target_flow::{FileData, TargetFlow};
 use crate::error::Error;
 use crate::flow::{Pairs, Region};
 use crate::io::read_pairs;
 use crate::layer::TorusAction;
 use crate::measure::trajectories::{limiting_flow_error, root_mean_square, rotation_error};
-use crate::phase::Units;
+use crate::phase::{Section, Units};
 use crate::scalar::max_or_nan;
 use crate::system::{Counted, Hamiltonian, NearlyPeriodic, System};
 use crate::train::{Preparation, Prepared};
@@ -24,6 +25,8 @@ pub(super) struct DataSets {
     pub(super) reference_error: f64,
     /// The units of the file that the pairs are of, where they are not those of the pairs here.
     pub(super) units: Option<Units>,
+    /// The chart of a section between those units and the data, and the box of the data in its coordinates.
+    pub(super) section: Option<(Section, Region)>,
     /// The mean squared error of the exact limiting rotation alone, on the pairs that choose
     /// among the models of a training.
     pub(super) rotation_error: Option<f64>,
@@ -49,8 +52,17 @@ impl DataSets {
         };
         let rotation_error =
             held_out.as_ref().map(|held_out| limiting_flow_error(system, held_out, time));
-        let (validation, units, nearest) = (None, None, None);
-        Ok(Self { training, held_out, validation, reference_error, units, rotation_error, nearest })
+        let (validation, units, nearest, section) = (None, None, None, None);
+        Ok(Self {
+            training,
+            held_out,
+            validation,
+            reference_error,
+            units,
+            section,
+            rotation_error,
+            nearest,
+        })
     }
 
     /// The pairs of a file, made ready as by `gyroceptron train`.
@@ -82,9 +94,71 @@ impl DataSets {
             preparation.prepare(pairs)?;
         let judge = held_out.as_ref().unwrap_or(&training);
         let rotation_error = Some(rotation_error(&action, &nearest, judge));
-        let (validation, reference_error) = (None, f64::NAN);
+        let (validation, reference_error, section) = (None, f64::NAN, None);
         let nearest = Some((action, nearest));
-        Ok(Self { training, held_out, validation, reference_error, units, rotation_error, nearest })
+        Ok(Self {
+            training,
+            held_out,
+            validation,
+            reference_error,
+            units,
+            section,
+            rotation_error,
+            nearest,
+        })
+    }
+
+    /// The pairs of field lines, in the canonical chart of their section and units of their own.
+    pub(super) fn of_lines(
+        lines: &TracedLines,
+        target: TargetFlow<'_>,
+        time: f64,
+        seed: u64,
+    ) -> Result<Self, Error> {
+        let charted = |pairs: &Pairs| {
+            let moved = |points: &[f64]| {
+                let mut points = points.to_vec();
+                lines.chart.to_canonical(&mut points);
+                points
+            };
+            Pairs::new("field lines", 1, moved(pairs.input()), moved(pairs.output()))
+        };
+        let action = TorusAction::from(target.circle_action());
+        let preparation = Preparation {
+            place: "data.lines",
+            action: &action,
+            epsilon: target.epsilon(),
+            flow_time: Some(time),
+            of_order_one: true,
+            theta: None,
+            units: true,
+            validation: 0.0,
+            seed,
+        };
+        let Prepared { pairs: training, units, nearest, .. } =
+            preparation.prepare(charted(&lines.training)?)?;
+        let in_units = |pairs: &Pairs| {
+            let pairs = charted(pairs)?;
+            units.as_ref().map_or(Ok(pairs.clone()), |units| pairs.to_network("data.lines", units))
+        };
+        let held_out = lines.held_out.as_ref().map(in_units).transpose()?;
+        let judge = held_out.as_ref().unwrap_or(&training);
+        let rotation_error = Some(rotation_error(&action, &nearest, judge));
+        let both = [Some(&lines.training), lines.held_out.as_ref()].into_iter().flatten();
+        let region = Region::around(2, both.flat_map(|pairs| [pairs.input(), pairs.output()]));
+        let section = region.map(|region| (lines.chart.clone(), region));
+        let (validation, nearest) = (None, Some((action, nearest)));
+        let reference_error = lines.section.error();
+        Ok(Self {
+            training,
+            held_out,
+            validation,
+            reference_error,
+            units,
+            section,
+            rotation_error,
+            nearest,
+        })
     }
 
     /// The pairs of a family of maps: of each ε and flow time a share of the points. What is held
@@ -133,8 +207,17 @@ impl DataSets {
         let rotation_error =
             validation.as_ref().map(|validation| squares / validation.len() as f64);
         let held_out = Some(held_out);
-        let (units, nearest) = (None, None);
-        Ok(Self { training, held_out, validation, reference_error, units, rotation_error, nearest })
+        let (units, nearest, section) = (None, None, None);
+        Ok(Self {
+            training,
+            held_out,
+            validation,
+            reference_error,
+            units,
+            section,
+            rotation_error,
+            nearest,
+        })
     }
 
     /// The same with other pairs of the system for training and held out.
@@ -148,13 +231,25 @@ impl DataSets {
         let held_out = self.held_out.as_ref().map(|pairs| change("held-out", pairs)).transpose()?;
         let rotation_error =
             held_out.as_ref().map(|held_out| limiting_flow_error(system, held_out, time));
-        let (validation, units, nearest) = (None, None, None);
+        let (validation, units, nearest, section) = (None, None, None, None);
         let reference_error = self.reference_error;
-        Ok(Self { training, held_out, validation, reference_error, units, rotation_error, nearest })
+        Ok(Self {
+            training,
+            held_out,
+            validation,
+            reference_error,
+            units,
+            section,
+            rotation_error,
+            nearest,
+        })
     }
 
     /// The box around the pairs, training and held out, in units of the data.
     pub(super) fn region(&self) -> Option<Region> {
+        if let Some((_, region)) = &self.section {
+            return Some(region.clone());
+        }
         let both = [Some(&self.training), self.held_out.as_ref()].into_iter().flatten();
         let ends = both.flat_map(|pairs| [pairs.input(), pairs.output()]);
         let mut region = Region::around(2 * self.training.dof(), ends)?;

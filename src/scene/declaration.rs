@@ -1,9 +1,10 @@
 //! What a scene can be asked, and its other forms.
 
 use super::declared::Declared;
+use super::line_data::{Coils, LineData};
 use super::network_file::read_network;
 use super::registry::{AnyStudy, Scene};
-use super::setup::{SeededTraining, Setup, check_name};
+use super::setup::{Data, SeededTraining, Setup, check_name};
 use super::study::pairs::PairsStudy;
 use super::study::shared::Study;
 use super::study::training::TrainingStudy;
@@ -125,9 +126,15 @@ impl Scene {
     /// [`Error::Read`] when the current folder is not known.
     pub fn with_files_from(mut self, folder: &Path) -> Result<Self, Error> {
         let Setup { data, models, .. } = &mut self.setup;
-        let of_data = data.iter_mut().flat_map(|data| [&mut data.pairs, &mut data.trajectories]);
-        let of_networks = models.iter_mut().map(|model| &mut model.network.path);
-        for path in of_data.chain(of_networks).flatten() {
+        let mut paths = Vec::new();
+        if let Some(Data { pairs, trajectories, lines, .. }) = data {
+            paths.extend([pairs, trajectories].into_iter().flatten());
+            if let Some(LineData { coils: Coils::File(file), .. }) = lines {
+                paths.push(&mut file.path);
+            }
+        }
+        paths.extend(models.iter_mut().filter_map(|model| model.network.path.as_mut()));
+        for path in paths {
             let joined = folder.join(&*path);
             *path = std::path::absolute(&joined).map_err(|reason| Error::read(&joined, reason))?;
         }
@@ -144,6 +151,9 @@ impl Scene {
     /// With the network's name and the file.
     pub fn check_networks(&self, folder: &Path) -> Result<(), Error> {
         self.studies.iter().try_for_each(|any| any.study().check_files(&self.setup))?;
+        if let Some(lines) = self.setup.data.as_ref().and_then(|data| data.lines.as_ref()) {
+            lines.check_files()?;
+        }
         let true_path = |path: &Path| path.canonicalize().or_else(|_| std::path::absolute(path));
         for model in &self.setup.models {
             let Some(path) = &model.network.path else { continue };
@@ -186,8 +196,9 @@ impl Scene {
     }
 
     /// A short form of the scene, to see all of it: a quarter of the iterations of
-    /// training and of the pairs, or of the length of orbits, one start, one draw of twists and one seed for each network,
-    /// orbits of random networks of a tenth of the length and the longest of a thousandth.
+    /// training and of the pairs, or of the length of orbits (of field lines half as many, half as long), one start, one
+    /// draw of twists and one seed for each network, orbits of random networks of a tenth of the length and the longest
+    /// of a thousandth.
     pub fn quick(mut self) -> Self {
         let fewer = |training: &mut TrainingOptions| {
             let shorter = |iterations: u64| (iterations / 4).max(20).min(iterations);
@@ -208,9 +219,13 @@ impl Scene {
             model.seeds = None;
         }
         if let Some(data) = &mut self.setup.data {
-            match data.orbit {
-                1 => data.windows.iter_mut().for_each(|w| w.samples = w.samples.div_ceil(4)),
-                _ => data.orbit = data.orbit.div_ceil(4).max(2),
+            if let Some(lines) = &mut data.lines {
+                (lines.lines, data.orbit) = (lines.lines.div_ceil(2), data.orbit.div_ceil(2));
+            } else {
+                match data.orbit {
+                    1 => data.windows.iter_mut().for_each(|w| w.samples = w.samples.div_ceil(4)),
+                    _ => data.orbit = data.orbit.div_ceil(4).max(2),
+                }
             }
         }
         self.studies.iter_mut().for_each(|any| any.study_mut().shorten());
@@ -241,6 +256,22 @@ impl Scene {
         }
         let with = |part: Self| {
             let (part, of_part) = part.with_weights(file);
+            any |= of_part;
+            part
+        };
+        self.parts = self.parts.into_iter().map(with).collect();
+        (self, any)
+    }
+
+    /// The scene with the field lines of its data, and of that of its parts, changed; whether there are any.
+    pub fn with_lines(mut self, change: &dyn Fn(LineData) -> LineData) -> (Self, bool) {
+        let mut any = false;
+        if let Some(data) = &mut self.setup.data {
+            any = data.lines.is_some();
+            data.lines = data.lines.take().map(change);
+        }
+        let with = |part: Self| {
+            let (part, of_part) = part.with_lines(change);
             any |= of_part;
             part
         };

@@ -182,7 +182,8 @@ pub(super) fn learn_at(
         ..Provenance::of(scene.name)
     };
     let (model, units) = (outcome.model.clone(), data.units.clone());
-    let stored = StoredModel { model, units, section: None, provenance };
+    let section = data.section.as_ref().map(|(section, _)| section.clone());
+    let stored = StoredModel { model, units, section, provenance };
     save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
     let held_out_error = held_out_error(&outcome, &options.loss, data.validation())?;
     Ok(Trained { spec, network, initial, stages, outcome, held_out_error })

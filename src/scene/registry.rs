@@ -4,8 +4,8 @@ use super::setup::{Data, ModelSpec, Setup};
 use super::study::shared::Study;
 use super::study::{
     actions, adiabatic_horizon, adiabatic_profiles, claims, dissipation, family, long_steps, noise,
-    overview, own_invariant, rollout, slow_manifold, surfaces, tanh, trajectories, which_action,
-    work_precision,
+    overview, own_invariant, poincare, rollout, slow_manifold, surfaces, tanh, trajectories,
+    which_action, work_precision,
 };
 use crate::measure::certificate::CertificateOptions;
 use crate::system::System;
@@ -150,6 +150,8 @@ studies! {
     dissipation: Dissipation(dissipation::DissipationOptions),
     /// Surfaces of field lines over many turns.
     surfaces: Surfaces(surfaces::SurfacesOptions),
+    /// Maps of a section of the field of coils.
+    poincare: Poincare(poincare::PoincareOptions),
     /// Which circle action the pairs have.
     which_action: WhichAction(which_action::WhichActionOptions),
     /// The structure certificate of each network.

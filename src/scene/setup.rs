@@ -4,6 +4,7 @@ use crate::error::Error;
 use crate::flow::{Integrator, Pairs, ReferenceTrajectories, Window, whole_periods};
 use crate::layer::CircleAction;
 use crate::network::{InitialWeights, NetworkSpec};
+use crate::scene::line_data::LineData;
 use crate::scene::target_flow::{FileData, TargetFlow};
 use crate::system::{Counted, Hamiltonian, System};
 use crate::train::TrainingOptions;
@@ -43,6 +44,9 @@ pub struct Data {
     /// relative path is from the folder of the scene's file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pairs: Option<PathBuf>,
+    /// Field lines of coils in place of windows and a system.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lines: Option<LineData>,
     /// An `.npy` file of (T, M, 2n) numbers, the trajectories that others are compared with: T states,
     /// one every so many flow times as the roll-out keeps them, of M initial points.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -276,8 +280,10 @@ impl Setup {
 
     /// What the networks stand for.
     pub(super) fn target(&self) -> Option<TargetFlow<'_>> {
-        let file = || self.data.as_ref().and_then(Data::file).map(TargetFlow::File);
-        self.system.as_ref().map(TargetFlow::System).or_else(file)
+        let data = self.data.as_ref();
+        let file = || data.and_then(Data::file).map(TargetFlow::File);
+        let lines = || data.and_then(|data| data.lines.as_ref()).map(TargetFlow::Lines);
+        self.system.as_ref().map(TargetFlow::System).or_else(file).or_else(lines)
     }
 
     /// All trainings.
@@ -341,22 +347,29 @@ impl Setup {
         if let Some(target) = self.target() {
             self.check_against(target)?;
         }
-        let of_file = self.data.as_ref().and_then(Data::file).is_some();
+        let of_file = self.data.as_ref().is_some_and(Data::is_of_one_map);
         let foreign = |model: &&ModelSpec| model.network.is_of_file();
         if let (true, Some(model)) = (of_file, self.models.iter().find(foreign)) {
-            let expected = "networks to train, beside pairs of a file";
+            let expected = "networks to train, beside pairs of a file or of field lines";
             return Err(Error::invalid("models", &model.name, expected));
         }
         let mut trainings = self.models.iter().map(|model| self.training_of(model));
         if of_file && self.system.is_some() {
             return Err(Error::invalid(
-                "data.pairs",
+                if self.data.as_ref().is_some_and(|data| data.lines.is_some()) {
+                    "data.lines"
+                } else {
+                    "data.pairs"
+                },
                 "a system",
-                "no system beside pairs of a file",
+                "no system beside pairs of a file or field lines of coils",
             ));
         }
-        if let (true, Some(training)) = (of_file, trainings.find(|t| !t.ramp.is_empty())) {
-            let expected = "no ramp: the pairs of a file are of one flow time and one ε";
+        if let (true, Some(training)) = (
+            of_file,
+            trainings.find(|t| t.ramp.iter().any(|s| s.flow_time.is_some() || s.epsilon.is_some())),
+        ) {
+            let expected = "no ramp of flow times or ε: the pairs are of one";
             return Err(Error::invalid("training.ramp", training.ramp.len(), expected));
         }
         Ok(())
@@ -432,6 +445,11 @@ impl Data {
         !(self.epsilons.is_empty() && self.flow_times.is_empty())
     }
 
+    /// Whether all pairs are of one map that no system gives.
+    fn is_of_one_map(&self) -> bool {
+        self.pairs.is_some() || self.lines.is_some()
+    }
+
     /// The files, where pairs are of one.
     pub(super) fn file(&self) -> Option<FileData<'_>> {
         Some(FileData {
@@ -455,16 +473,21 @@ impl Data {
             ("epsilons", !self.epsilons.is_empty()),
             ("flow_times", !self.flow_times.is_empty()),
             ("relative", self.relative),
-            ("orbit", self.orbit != 1),
         ];
         let refused = |keys: &[(&str, bool)], expected: &str| {
             let key = keys.iter().find(|(_, given)| *given).map(|(key, _)| format!("data.{key}"));
             key.map_or(Ok(()), |key| Err(Error::invalid("data", key, expected)))
         };
+        if self.lines.is_some() {
+            refused(&of_file, "it beside data.pairs, a file, only")?;
+            refused(&[("pairs", self.pairs.is_some())], "field lines, or pairs of a file")?;
+            return refused(&of_windows, "field lines of coils, or points of windows");
+        }
         if self.pairs.is_none() {
             return refused(&of_file, "it beside data.pairs, a file, only");
         }
         refused(&of_windows, "pairs of a file, or of windows")?;
+        refused(&[("orbit", self.orbit != 1)], "pairs of a file, or of windows")?;
         for (key, given) in &of_file[1..] {
             if !given {
                 return Err(Error::invalid(
@@ -489,11 +512,14 @@ impl Data {
             let expected = format!("at most {most}");
             return Err(Error::invalid("data.windows.samples", window.samples, expected));
         }
-        if self.pairs.is_some() {
+        if let Some(lines) = &self.lines {
+            lines.check()?;
+        }
+        if self.is_of_one_map() {
             return match self.validation < 1.0 {
                 true => Ok(()),
                 false => {
-                    let expected = "a share below 1 of the pairs of a file";
+                    let expected = "a share below 1 of the pairs of a file or of field lines";
                     Err(Error::invalid("data.validation", self.validation, expected))
                 }
             };

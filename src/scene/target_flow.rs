@@ -1,5 +1,6 @@
 //! What the networks of a scene stand for: a system of the crate, or pairs of a file.
 
+use super::line_data::LineData;
 use crate::error::Error;
 use crate::flow::{Pairs, Trajectories};
 use crate::io::{read_pairs, read_trajectories};
@@ -16,6 +17,8 @@ pub(super) enum TargetFlow<'a> {
     System(&'a System),
     /// Of which there are pairs only.
     File(FileData<'a>),
+    /// Field lines of coils.
+    Lines(&'a LineData),
 }
 
 /// Pairs of one's own.
@@ -58,6 +61,8 @@ impl<'a> TargetFlow<'a> {
         match self {
             Self::System(system) => system.circle_action(),
             Self::File(file) => file.circle_action.clone(),
+            // Lines go round the axis.
+            Self::Lines(_) => CircleAction::new([1]),
         }
     }
 
@@ -65,6 +70,7 @@ impl<'a> TargetFlow<'a> {
         match self {
             Self::System(system) => system.dof(),
             Self::File(file) => file.circle_action.dof(),
+            Self::Lines(_) => 1,
         }
     }
 
@@ -72,6 +78,7 @@ impl<'a> TargetFlow<'a> {
         match self {
             Self::System(system) => system.epsilon(),
             Self::File(file) => file.epsilon,
+            Self::Lines(lines) => lines.epsilon,
         }
     }
 
@@ -79,7 +86,7 @@ impl<'a> TargetFlow<'a> {
     pub(super) fn system(self) -> Option<&'a System> {
         match self {
             Self::System(system) => Some(system),
-            Self::File(_) => None,
+            Self::File(_) | Self::Lines(_) => None,
         }
     }
 
@@ -88,7 +95,7 @@ impl<'a> TargetFlow<'a> {
     pub(super) fn angle(self, time: f64, pairs: &Pairs) -> f64 {
         match self {
             Self::System(system) => system.limiting_frequency() * time,
-            Self::File(file) => fit_rotation(pairs, file.circle_action),
+            Self::File(_) | Self::Lines(_) => fit_rotation(pairs, &self.circle_action()),
         }
     }
 
@@ -96,7 +103,9 @@ impl<'a> TargetFlow<'a> {
     pub(super) fn is_turned_by(self, action: &TorusAction) -> bool {
         match self {
             Self::System(system) => multiples(system, action).is_some(),
-            Self::File(file) => action.multiples_of::<f64>(file.circle_action).is_some(),
+            Self::File(_) | Self::Lines(_) => {
+                action.multiples_of::<f64>(&self.circle_action()).is_some()
+            }
         }
     }
 
@@ -112,7 +121,7 @@ impl<'a> TargetFlow<'a> {
                 angles.iter_mut().for_each(|angle| *angle *= theta);
                 Some(angles)
             }
-            Self::File(_) => {
+            Self::File(_) | Self::Lines(_) => {
                 let circles = action.circles().iter();
                 Some(circles.map(|circle| fit_rotation(pairs, circle)).collect())
             }

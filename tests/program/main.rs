@@ -2,6 +2,7 @@
 
 mod abilities;
 mod architectures;
+mod coils;
 mod helpers;
 #[path = "../judgement.rs"]
 mod judgement;

@@ -4,6 +4,7 @@
 use super::shared::Study;
 use super::work_precision::citations;
 use crate::flow::{Condition, Integrator, Pairs};
+use crate::scene::bibliography::DORMAND_PRINCE;
 use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
@@ -23,6 +24,9 @@ impl Study for PairsStudy {
     }
 
     fn cites(&self, scene: &Declared<'_>) -> Vec<&'static str> {
+        if scene.setup.data.as_ref().is_some_and(|data| data.lines.is_some()) {
+            return vec![DORMAND_PRINCE];
+        }
         let of_data = |data: &Data| data.flow.map(|flow| flow.integrator);
         citations(scene.setup.data.as_ref().and_then(of_data).into_iter())
     }
@@ -59,7 +63,11 @@ impl Study for PairsStudy {
         let declared = context.scene.setup.data.as_ref().and_then(|data| data.flow);
         let error = data.reference_error;
         let file = context.scene.setup.data.as_ref().and_then(Data::file);
+        let of_lines = context.scene.setup.data.as_ref().is_some_and(|data| data.lines.is_some());
         let flow = match declared {
+            None if of_lines => format!(
+                "lines in the field of coils, the method of order 8 of Dormand and Prince; largest error of a map {error:.1e} m"
+            ),
             None if file.is_some() => "of a file: its error is not known".to_owned(),
             Some(FlowBy { integrator, step }) => {
                 let (name, step) = (integrator.name(), Format::Setting.number(step));
@@ -78,13 +86,19 @@ impl Study for PairsStudy {
         facts.fact("reference flow", flow);
         if let Some(error) = data.rotation_error {
             let text = format!("held-out mean squared error {error:.3e}");
-            let name =
-                if file.is_some() { "nearest rotation alone" } else { "limiting rotation alone" };
+            let name = if file.is_some() || of_lines {
+                "nearest rotation alone"
+            } else {
+                "limiting rotation alone"
+            };
             facts.fact(name, text);
         }
         if let Some(units) = &data.units {
             facts.fact("units", format!("{}; errors of each component are in units of the data, mean squared errors and \
                  distances in these", units.describe()));
+        }
+        if let Some((section, _)) = &data.section {
+            facts.fact("section", section.describe());
         }
         let results = Section {
             details: vec![Block::Table(facts)],

@@ -67,7 +67,7 @@ impl RolloutOptions {
         let (interval, kept) = (self.interval(context.flow_time()?), self.request().kept());
         match context.target()? {
             TargetFlow::System(system) => context.reference(system, &self.initial, interval, kept),
-            TargetFlow::File(_) => context.trajectories_of_file(kept),
+            TargetFlow::File(_) | TargetFlow::Lines(_) => context.trajectories_of_file(kept),
         }
     }
 
@@ -109,6 +109,9 @@ impl Study for RolloutOptions {
                 trajectories.ok_or_else(|| {
                     Error::invalid("rollout", "no data.trajectories", "it, to compare with")
                 })
+            }
+            TargetFlow::Lines(_) => {
+                Err(Error::invalid("rollout", "field lines of coils", "the study `poincare`"))
             }
         }
     }
@@ -152,7 +155,7 @@ impl Study for RolloutOptions {
         }
         let data = match target {
             TargetFlow::System(_) => None,
-            TargetFlow::File(_) => Some(context.data()?),
+            TargetFlow::File(_) | TargetFlow::Lines(_) => Some(context.data()?),
         };
         let of_reference =
             system.map(|system| Change::of(reference, |z| system.adiabatic_invariant(z)));
@@ -168,7 +171,7 @@ impl Study for RolloutOptions {
             names: match target {
                 TargetFlow::System(_) => initial_names(&initial),
                 // Of numbers that nobody chose.
-                TargetFlow::File(_) => {
+                TargetFlow::File(_) | TargetFlow::Lines(_) => {
                     (1..=initial.len()).map(|m| format!("trajectory {m}")).collect()
                 }
             },
@@ -191,7 +194,7 @@ impl Study for RolloutOptions {
                 error => format!("the reference's own error at the end is {error:.1e}"),
             },
             match target {
-                TargetFlow::File(_) => {
+                TargetFlow::File(_) | TargetFlow::Lines(_) => {
                     "The initial points are those of the file; portraits and the errors of each \
                      component are in units of the data, and where units were fitted to the pairs, \
                      distances and invariants in these"
@@ -216,7 +219,7 @@ impl Study for RolloutOptions {
         }
         let of_components = match target {
             TargetFlow::System(_) => Vec::new(),
-            TargetFlow::File(_) => orbits.component_errors(&networks),
+            TargetFlow::File(_) | TargetFlow::Lines(_) => orbits.component_errors(&networks),
         };
         if !of_components.is_empty() {
             details.push(Block::Heading("Errors by component, in units of the data".into()));

@@ -85,8 +85,10 @@ impl Study for WorkPrecisionOptions {
         Error::check_count_range("points", self.points, 1, MOST)?;
         Error::check_count_range("rounds", self.rounds, 1, MOST_ROUNDS)?;
         let target = scene.setup.target();
-        if let (Some(TargetFlow::File(_)), Some(entry)) = (target, self.integrators.first()) {
-            let expected = "none: the equations that pairs of a file are of are not known";
+        if let (Some(TargetFlow::File(_) | TargetFlow::Lines(_)), Some(entry)) =
+            (target, self.integrators.first())
+        {
+            let expected = "none beside pairs of a file or field lines of coils";
             return Err(Error::invalid("integrators", entry.integrator.name(), expected));
         }
         for entry in &self.integrators {

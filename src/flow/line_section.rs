@@ -1,0 +1,235 @@
+//! A part of a section around the magnetic axis, and the lines of force through it.
+
+use super::{LineMap, Region};
+use crate::error::Error;
+use crate::phase::{AreaDensity, Section};
+use crate::scalar::max_or_nan;
+use crate::system::{Coil, CoilField};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
+
+/// Which lines of which section are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LineRequest {
+    /// φ of the section, in radians.
+    pub phi: f64,
+    /// The toroidal angle of a map, in radians: a period of the field, or several.
+    pub angle: f64,
+    /// How far from the axis lines begin at most, outwards along R, in metres.
+    pub reach: f64,
+    /// (R, Z) near the axis; without it the axis is looked for.
+    pub guess: Option<[f64; 2]>,
+    /// What the map may err by, in metres.
+    pub error: f64,
+}
+
+/// A section of the field of coils around its magnetic axis: the field with as many points along each coil, and the map
+/// with as many steps, as the wanted error asks for.
+#[derive(Clone, Debug)]
+pub struct LineSection {
+    field: CoilField,
+    request: LineRequest,
+    steps: usize,
+    axis: [f64; 2],
+    error: f64,
+}
+
+/// Points along each coil that are tried first, …
+const FEWEST_POINTS: usize = 120;
+/// … and at most.
+const MOST_POINTS: usize = 2000;
+/// By how much more each time.
+const GROWTH: f64 = 1.5;
+/// The angle of a map is a whole part of a turn to within this, …
+const WHOLE: f64 = 1e-9;
+/// … of at most so many.
+const MOST_PARTS: f64 = 100.0;
+/// A map errs by less than what it differs from one of half as many steps by over this, a fourth of 2⁸.
+const STEPS_GAIN: f64 = 64.0;
+/// Steps of a map that find the axis.
+const COARSE: usize = 24;
+/// Lines by which a map is judged.
+const JUDGES: usize = 8;
+
+impl LineSection {
+    /// The section of these coils, all of a machine.
+    ///
+    /// # Errors
+    /// When the request is out of range, no axis is found, it is near a coil or B_φ changes its sign between it and the reach,
+    /// or 1,024 steps of a map or 2,000 points along a coil are too few for the error.
+    pub fn new(coils: &[Coil], request: LineRequest) -> Result<Self, Error> {
+        const LEAST_ERROR: f64 = 1e-13;
+        Error::check_finite("phi", request.phi)?;
+        Error::check_range("angle", request.angle, Error::LEAST_POSITIVE, f64::MAX)?;
+        Error::check_range("reach", request.reach, Error::LEAST_POSITIVE, f64::MAX)?;
+        Error::check_range("error", request.error, LEAST_ERROR, 1.0)?;
+        for v in request.guess.iter().flatten() {
+            Error::check_finite("axis", *v)?;
+        }
+        let modes = coils.iter().map(|coil| coil.cosines.len()).max().unwrap_or(0);
+        let LineRequest { phi, angle, .. } = request;
+        // Turned by the angle of a map, coils have to be the same point by point: else the area form at the end
+        // of the map is another one than at its beginning, and lines drift.
+        let parts = (TAU / angle).round();
+        let whole = (TAU / angle - parts).abs() <= WHOLE * parts && parts <= MOST_PARTS;
+        let parts = if whole { parts as usize } else { 1 };
+        let symmetric = |points: usize| points.next_multiple_of(parts);
+        let mut points = symmetric(FEWEST_POINTS.max(2 * modes));
+        let mut field = CoilField::new(coils, points)?;
+        let mut axis = axis_of(&field, coils, &request)?;
+        let starts = |axis| starts(axis, request.reach, JUDGES);
+        check_kept(&LineMap::new(&field, phi, angle, COARSE)?, axis, &starts(axis))?;
+        // What steps half as long change is the error of the longer ones, by 2⁸ more than theirs.
+        let change = request.error * STEPS_GAIN;
+        let (map, _) = LineMap::calibrated(&field, phi, angle, &starts(axis), change)?;
+        let mut steps = map.steps();
+        let places = judged(&map, &starts(axis))?;
+        let mut before = map.trajectories(&places, 1)?;
+        loop {
+            let more = symmetric((points as f64 * GROWTH) as usize);
+            let finer = CoilField::new(coils, more)?;
+            let map = LineMap::new(&finer, phi, angle, steps)?;
+            let after = map.trajectories(&places, 1)?;
+            let pairs = after.iter().zip(&before);
+            let moved = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+            // Of so many more points the error is below what fewer had by far.
+            if moved <= request.error {
+                break;
+            }
+            if more > MOST_POINTS {
+                let what = "the field of coils".into();
+                return Err(Error::NoConvergence { what, iterations: more, change: moved });
+            }
+            (points, before, field) = (more, after, finer);
+        }
+        axis = LineMap::new(&field, phi, angle, steps)?.axis(axis)?;
+        let all = starts(axis);
+        let (map, error) = LineMap::calibrated(&field, phi, angle, &all, change)?;
+        steps = if map.steps() > steps { map.steps() } else { steps };
+        let toroidal: f64 = field.cylindrical(axis[0], phi, axis[1])[1];
+        for place in all.chunks_exact(2) {
+            field.check_at([place[0], place[1]], phi, toroidal.signum())?;
+        }
+        Ok(Self { field, request, steps, axis, error })
+    }
+
+    /// The field.
+    pub fn field(&self) -> &CoilField {
+        &self.field
+    }
+
+    /// What was wanted.
+    pub fn request(&self) -> &LineRequest {
+        &self.request
+    }
+
+    /// The magnetic axis, (R, Z).
+    pub fn axis(&self) -> [f64; 2] {
+        self.axis
+    }
+
+    /// Turns about the axis in a map of a line beside it, from R towards Z, at most half of one; NaN where lines
+    /// leave the axis.
+    pub fn turns(&self) -> f64 {
+        let (_, [[a, _], [c, d]]) = self.map().with_jacobian(self.axis);
+        let turns = libm::acos(0.5 * (a + d)) / TAU;
+        if c < 0.0 { -turns } else { turns }
+    }
+
+    /// What the map errs by on lines between axis and reach, in metres.
+    pub fn error(&self) -> f64 {
+        self.error
+    }
+
+    /// The map.
+    pub fn map(&self) -> LineMap<'_> {
+        let LineRequest { phi, angle, .. } = self.request;
+        LineMap::new(&self.field, phi, angle, self.steps).expect("the request was checked")
+    }
+
+    /// Where lines begin, (R, Z) in rows: outwards from the axis to the reach, with equal areas between the circles about the
+    /// axis through them.
+    pub fn starts(&self, lines: usize) -> Vec<f64> {
+        starts(self.axis, self.request.reach, lines)
+    }
+
+    /// The canonical chart of a box a little wider than these points, of ρ = |B_φ| over that on the axis: x = R, y = Z.
+    ///
+    /// # Errors
+    /// Those of [`AreaDensity::of_function`]: where B_φ vanishes in the box.
+    pub fn chart(&self, points: &[f64]) -> Result<Section, Error> {
+        /// By so much of its extent the box is wider than that of the points.
+        const WIDER: f64 = 0.08;
+        Error::check_rows("points of a section", points.len(), 2)?;
+        let none = || Error::invalid("points of a section", "none", "at least one");
+        let Region { low, high } = Region::around(2, [points]).ok_or_else(none)?.widened(WIDER);
+        let of = |r: f64, z: f64| -> f64 { self.field.cylindrical(r, self.request.phi, z)[1] };
+        let at_axis = of(self.axis[0], self.axis[1]);
+        let density = |r: f64, z: f64| at_axis.signum() * of(r, z);
+        let (low, high) = ([low[0], low[1]], [high[0], high[1]]);
+        Ok(Section::of_plane(AreaDensity::of_function(density, low, high, at_axis.abs())?))
+    }
+}
+
+fn starts(axis: [f64; 2], reach: f64, lines: usize) -> Vec<f64> {
+    let radius = |k: usize| reach * libm::sqrt(k as f64 / lines as f64);
+    (1..=lines).flat_map(|k| [axis[0] + radius(k), axis[1]]).collect()
+}
+
+/// Fails where a line is lost within one map.
+fn check_kept(map: &LineMap<'_>, axis: [f64; 2], starts: &[f64]) -> Result<(), Error> {
+    let images = map.trajectories(starts, 1)?;
+    let pairs = starts.chunks_exact(2).zip(images.chunks_exact(2));
+    match pairs.into_iter().find(|(_, image)| !image[0].is_finite()) {
+        None => Ok(()),
+        Some((start, _)) => {
+            let found = format!("a line from (R, Z) = ({}, {}) that is lost", start[0], start[1]);
+            let [radius, height] = axis;
+            let expected =
+                format!("a shorter one: about the axis at ({radius}, {height}) lines stay");
+            Err(Error::invalid("reach", found, expected))
+        }
+    }
+}
+
+/// Points along a few lines, where fields of more and fewer points are compared: they go round the section.
+fn judged(map: &LineMap<'_>, starts: &[f64]) -> Result<Vec<f64>, Error> {
+    const MAPS: usize = 8;
+    let mut points = starts.to_vec();
+    points.extend(map.trajectories(starts, MAPS)?);
+    // Lines may be lost later than in the first map, which was calibrated.
+    Ok(points.chunks_exact(2).filter(|z| z[0].is_finite()).flatten().copied().collect())
+}
+
+/// The axis near the guess, or the one nearest to the middle of the coils about which lines turn.
+fn axis_of(field: &CoilField, coils: &[Coil], request: &LineRequest) -> Result<[f64; 2], Error> {
+    /// Places on either side of the middle.
+    const PLACES: i32 = 12;
+    let map = LineMap::new(field, request.phi, request.angle, COARSE)?;
+    if let Some(guess) = request.guess {
+        return map.axis(guess);
+    }
+    let (mut low, mut high) = (f64::INFINITY, 0.0f64);
+    for coil in coils {
+        for k in 0..FEWEST_POINTS {
+            let (point, _) = coil.at(k as f64 / FEWEST_POINTS as f64);
+            let radius = libm::hypot(point[0], point[1]);
+            // no NaN: coils were checked by the field
+            (low, high) = (f64::min(low, radius), f64::max(high, radius));
+        }
+    }
+    let (middle, step) = (0.5 * (low + high), 0.5 * (high - low) / f64::from(PLACES + 1));
+    let offsets = (0..=2 * PLACES).map(|k| if k % 2 == 0 { k / 2 } else { -(k + 1) / 2 });
+    for offset in offsets {
+        let guess = [middle + step * f64::from(offset), 0.0];
+        let Ok(place) = map.axis(guess) else { continue };
+        let (_, [[a, _], [_, d]]) = map.with_jacobian(place);
+        let within = place[0] > low && place[0] < high;
+        if within && (a + d).abs() < 2.0 {
+            return Ok(place);
+        }
+    }
+    let found = format!("none at Z = 0 between R = {low:.4} and {high:.4} m");
+    Err(Error::invalid("magnetic axis", found, "one about which lines turn, or a guess of it"))
+}

@@ -1,0 +1,182 @@
+//! Invariant circles of maps of a plane, by Fourier series.
+
+use crate::error::Error;
+use crate::scalar::{Elementary, max_or_nan};
+use faer::Mat;
+use faer::linalg::solvers::SolveLstsq;
+use std::f64::consts::TAU;
+
+/// A closed curve K(θ) = c₀ + Σ_k c_k cos kθ + s_k sin kθ on which a map of a plane turns: P(K(θ)) = K(θ + 2πν).
+///
+/// It is fitted to an orbit by least squares, so that where the orbit is on a smooth curve its error falls faster than
+/// any power of the number of modes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InvariantCircle {
+    /// ν, turns a map.
+    pub turns: f64,
+    /// The largest distance of the later half of the orbit, of which the fit knew nothing, from where the curve has it.
+    /// On an island chain and in chaos it is of the size of these.
+    pub error: f64,
+    /// c_k and s_k of both coordinates: c₀, and c₁, s₁, c₂, s₂, ….
+    modes: Vec<[f64; 2]>,
+}
+
+/// The modes of a curve, at most.
+const MOST_MODES: usize = 96;
+/// So many states for each unknown.
+const STATES_A_TERM: usize = 3;
+
+impl InvariantCircle {
+    /// The curve on which an orbit is, its states of two numbers one after another, that turns by about `turns` a map, of as many
+    /// modes as bring it nearest to states it has not seen.
+    ///
+    /// # Errors
+    /// [`Error::CountOutOfRange`] of fewer than 64 states, [`Error::OutOfRange`] of numbers that are not finite.
+    pub fn of_orbit(orbit: &[f64], turns: f64) -> Result<Self, Error> {
+        const LEAST: usize = 64;
+        const GROWTH: f64 = 1.5;
+        Error::check_rows("states", orbit.len(), 2)?;
+        let states = orbit.len() / 2;
+        Error::check_count_range("states", states, LEAST, usize::MAX)?;
+        Error::check_finite("turns", turns)?;
+        orbit.iter().try_for_each(|v| Error::check_finite("states", *v))?;
+        let seen = states / 2;
+        let mut best: Option<Self> = None;
+        let mut modes = 4;
+        while modes <= MOST_MODES && STATES_A_TERM * (2 * modes + 1) <= seen {
+            let found = Self::fit(orbit, seen, turns, modes);
+            let better = best.as_ref().is_none_or(|best| found.error < best.error);
+            let worse = best.as_ref().is_some_and(|best| found.error > 10.0 * best.error);
+            if better {
+                best = Some(found);
+            }
+            if worse {
+                break;
+            }
+            modes = (modes as f64 * GROWTH) as usize;
+        }
+        Ok(best.expect("64 states are enough for four modes"))
+    }
+
+    /// Of so many modes, fitted to the first `seen` states, judged by the others.
+    fn fit(orbit: &[f64], seen: usize, turns: f64, modes: usize) -> Self {
+        const REFINEMENTS: usize = 4;
+        // Counted from the middle, so that a little more turning does not shift the curve.
+        let middle = (seen - 1) as f64 / 2.0;
+        let right = Mat::from_fn(seen, 2, |n, axis| orbit[2 * n + axis]);
+        let mut out = Self { turns, error: f64::NAN, modes: Vec::new() };
+        for _ in 0..REFINEMENTS {
+            let rows: Vec<Vec<f64>> =
+                (0..seen).map(|n| terms((n as f64 - middle) * out.turns, modes)).collect();
+            let matrix = Mat::from_fn(seen, 2 * modes + 1, |n, k| rows[n][k]);
+            let solution = matrix.qr().solve_lstsq(&right);
+            out.modes = (0..2 * modes + 1).map(|k| [solution[(k, 0)], solution[(k, 1)]]).collect();
+            // The turning that leaves least: δν = ⟨r, n K′⟩/⟨n K′, n K′⟩.
+            let (mut above, mut below) = (0.0, 0.0);
+            for n in 0..seen {
+                let count = n as f64 - middle;
+                let (point, slope) = out.at(count * out.turns);
+                for axis in 0..2 {
+                    let along = count * slope[axis];
+                    above += (orbit[2 * n + axis] - point[axis]) * along;
+                    below += along * along;
+                }
+            }
+            if below > 0.0 {
+                out.turns += above / below;
+            }
+        }
+        let missed = (seen..orbit.len() / 2).map(|n| {
+            let (point, _) = out.at((n as f64 - middle) * out.turns);
+            libm::hypot(point[0] - orbit[2 * n], point[1] - orbit[2 * n + 1])
+        });
+        out.error = missed.fold(0.0, max_or_nan);
+        out
+    }
+
+    /// How many modes it has.
+    pub fn modes(&self) -> usize {
+        self.modes.len() / 2
+    }
+
+    /// K and dK/du at θ = 2πu.
+    pub fn at(&self, u: f64) -> ([f64; 2], [f64; 2]) {
+        let (mut point, mut slope) = (self.modes[0], [0.0; 2]);
+        for (k, pair) in self.modes[1..].chunks_exact(2).enumerate() {
+            let turns = (k + 1) as f64;
+            let (s, c) = Elementary::sin_cos(TAU * libm::remainder(turns * u, 1.0));
+            for axis in 0..2 {
+                let (cosine, sine) = (pair[0][axis], pair[1][axis]);
+                point[axis] += cosine * c + sine * s;
+                slope[axis] += TAU * turns * (sine * c - cosine * s);
+            }
+        }
+        (point, slope)
+    }
+
+    /// So many points of the curve at equal distances of θ, two numbers each.
+    pub fn points(&self, count: usize) -> Vec<f64> {
+        (0..count).flat_map(|k| self.at(k as f64 / count as f64).0).collect()
+    }
+
+    /// The area within the curve, with the sign of its direction: ½∮(x dy − y dx) = π Σ k (c_k × s_k).
+    pub fn area(&self) -> f64 {
+        let of = |(k, pair): (usize, &[[f64; 2]])| {
+            let [c, s] = [pair[0], pair[1]];
+            (k + 1) as f64 * (c[0] * s[1] - c[1] * s[0])
+        };
+        0.5 * TAU * self.modes[1..].chunks_exact(2).enumerate().map(of).sum::<f64>()
+    }
+
+    /// The distance of each of some points, two numbers each, from the curve: NaN of what is not finite.
+    pub fn distances(&self, points: &[f64]) -> Vec<f64> {
+        let count = 8 * self.modes() + 8;
+        let around = self.points(count);
+        points
+            .chunks_exact(2)
+            .map(|place| {
+                let square = |k: &usize| {
+                    let (x, y) = (around[2 * k] - place[0], around[2 * k + 1] - place[1]);
+                    x * x + y * y
+                };
+                let nearest = (0..count).min_by(|a, b| square(a).total_cmp(&square(b)));
+                self.distance_near(place, nearest.expect("points") as f64 / count as f64)
+            })
+            .collect()
+    }
+
+    /// By Newton's method for (K − z)·K′ = 0 from a place near.
+    fn distance_near(&self, place: &[f64], from: f64) -> f64 {
+        const STEPS: usize = 8;
+        let apart = |u: f64| {
+            let (point, slope) = self.at(u);
+            ([point[0] - place[0], point[1] - place[1]], slope)
+        };
+        let mut u = from;
+        let (first, _) = apart(u);
+        let mut least = libm::hypot(first[0], first[1]);
+        for _ in 0..STEPS {
+            let (off, slope) = apart(u);
+            // The curvature is left out: the points are near the curve.
+            let step = (off[0] * slope[0] + off[1] * slope[1])
+                / (slope[0] * slope[0] + slope[1] * slope[1]);
+            u -= step;
+            let (off, _) = apart(u);
+            let found = libm::hypot(off[0], off[1]);
+            // A NaN stays.
+            least = if least.is_nan() || found >= least { least } else { found };
+        }
+        least
+    }
+}
+
+/// 1, cos 2πu, sin 2πu, cos 4πu, ….
+fn terms(u: f64, modes: usize) -> Vec<f64> {
+    let mut out = Vec::with_capacity(2 * modes + 1);
+    out.push(1.0);
+    for k in 1..=modes {
+        let (s, c) = Elementary::sin_cos(TAU * libm::remainder(k as f64 * u, 1.0));
+        out.extend([c, s]);
+    }
+    out
+}

@@ -1,0 +1,880 @@
+//! Maps of a section of the field of coils: networks beside polynomials, tabulated planes and tracing.
+
+use super::rollout::orbit_color;
+use super::section_maps::{
+    Chain, Judge, Judged, NamedMap, OrbitFound, Resonance, SURE, SectionMap,
+};
+use super::shared::{Study, finite};
+use super::work_precision::MOST_ROUNDS;
+use crate::error::Error;
+use crate::flow::{PolynomialMap, TabulatedLines, Trajectories};
+use crate::io::{Provenance, StoredModel};
+use crate::measure::{
+    orbits::{InvariantCircle, rotation_numbers},
+    timing::{Comparison, Method, TrajectoryMethods, break_even},
+};
+use crate::network::Rollout;
+use crate::scalar::max_or_nan;
+use crate::scene::bibliography::{BIRKHOFF_AVERAGES, DORMAND_PRINCE, MAP_METHODS, RESIDUES};
+use crate::scene::context::{Context, LINES, RunError};
+use crate::scene::declared::Declared;
+use crate::scene::figure::{Axis, Figure, Panel, SameAxes, Series, Style};
+use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};
+use crate::scene::line_data::TracedLines;
+use crate::scene::setup::{MOST, Need};
+use crate::scene::trained::Trained;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::rc::Rc;
+
+const POINCARE: &str = "poincare";
+const ROTATION: &str = "rotation";
+const SURFACES: &str = "off-surface";
+
+/// Fewer maps tell no rotation, and no curve.
+const LEAST_MAPS: usize = 128;
+/// The states of more do not fit into memory.
+const MOST_MAPS: usize = 1_000_000;
+/// No polynomial is of a higher degree.
+const MOST_DEGREE: usize = 60;
+
+/// Maps of a section of the field of coils.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PoincareOptions {
+    /// So many lines, between axis and reach, are judged one by one and on their curves.
+    pub lines: usize,
+    /// Over so many maps their points are compared one by one.
+    pub early: usize,
+    /// Over so many the reference follows lines, to know their curves and how fast they turn.
+    pub reference: usize,
+    /// Planes through which it does; without, it follows them in the field of the coils, which takes long.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference_planes: Option<Planes>,
+    /// Maps, growing, before which points of networks and polynomials are looked for on the curves of the
+    /// reference, …
+    pub counts: Vec<usize>,
+    /// … so many points of each line.
+    pub last: usize,
+    /// Lines of the profile of rotation.
+    pub profile: usize,
+    /// The highest period of the orbits that are looked for; 0 looks for none but the axis.
+    pub orbits: usize,
+    /// How often each time is taken.
+    pub rounds: usize,
+    /// Degrees of polynomials of least squares, as rivals.
+    #[serde(default)]
+    pub polynomials: Vec<usize>,
+    /// Tabulated planes, as rivals.
+    #[serde(default)]
+    pub planes: Vec<Planes>,
+    /// Tracing in the field of the coils, as a rival: with as many steps as the reference, over these.
+    #[serde(default)]
+    pub tracing: Vec<usize>,
+}
+
+/// Planes on which the field of coils is a polynomial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Planes {
+    /// There are as many steps in a map as the reference has, over this.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub fewer: usize,
+    /// The degree on each plane.
+    pub degree: usize,
+}
+
+fn one() -> usize {
+    1
+}
+
+fn is_one(count: &usize) -> bool {
+    *count == 1
+}
+
+/// As many steps as the reference has, over a number.
+fn steps_of(lines: &TracedLines, fewer: usize) -> usize {
+    lines.section.map().steps().div_ceil(fewer)
+}
+
+impl Planes {
+    fn check(&self, name: &str) -> Result<(), Error> {
+        Error::check_count_range(&format!("{name}.fewer"), self.fewer, 1, 1024)?;
+        Error::check_count_range(&format!("{name}.degree"), self.degree, 1, MOST_DEGREE)
+    }
+}
+
+impl Study for PoincareOptions {
+    fn name(&self) -> &'static str {
+        "poincare"
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::TargetFlow, Need::FlowTime, Need::Data, Need::Models]
+    }
+
+    fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
+        Error::check_count_range("lines", self.lines, 1, 1000)?;
+        Error::check_count_range("early", self.early, 1, MOST_MAPS)?;
+        Error::check_count_range("reference", self.reference, LEAST_MAPS, MOST_MAPS)?;
+        Error::check_count_range("counts", self.counts.len(), 1, 100)?;
+        Error::check_count_range("last", self.last, 1, MOST_MAPS)?;
+        Error::check_count_range("profile", self.profile, 2, 10_000)?;
+        Error::check_count_range("orbits", self.orbits, 0, 1000)?;
+        Error::check_count_range("rounds", self.rounds, 1, MOST_ROUNDS)?;
+        for pair in self.counts.windows(2) {
+            if pair[0] >= pair[1] {
+                let found = format!("{} after {}", pair[1], pair[0]);
+                return Err(Error::invalid("counts", found, "numbers that grow"));
+            }
+        }
+        self.counts.iter().try_for_each(|&n| Error::check_count_range("counts", n, 1, MOST))?;
+        for &degree in &self.polynomials {
+            Error::check_count_range("polynomials", degree, 1, MOST_DEGREE)?;
+        }
+        self.planes.iter().try_for_each(|planes| planes.check("planes"))?;
+        self.reference_planes.iter().try_for_each(|planes| planes.check("reference_planes"))?;
+        for &fewer in &self.tracing {
+            Error::check_count_range("tracing", fewer, 1, 1024)?;
+        }
+        let data = scene.setup.data.as_ref();
+        if let Some(data) = data
+            && data.lines.is_none()
+        {
+            return Err(Error::invalid("data", "no data.lines", "field lines of coils"));
+        }
+        if let Some((data, lines)) = data.and_then(|data| Some((data, data.lines.as_ref()?))) {
+            let kept = lines.lines as f64 * (1.0 - data.validation);
+            let pairs = kept * data.orbit as f64;
+            let of_planes = self.planes.iter().chain(&self.reference_planes);
+            let degrees = of_planes.map(|planes| planes.degree).chain(self.polynomials.clone());
+            for degree in degrees {
+                let least = 2 * terms_of(degree);
+                if pairs < least as f64 {
+                    let found = format!("{degree} for {pairs:.0} pairs to train with");
+                    let expected = format!("at least {least} pairs: more lines or longer ones");
+                    return Err(Error::invalid("degree", found, expected));
+                }
+            }
+        }
+        if let Some(data) = data
+            && !(data.validation > 0.0)
+        {
+            return Err(Error::invalid("data.validation", data.validation, "lines held out"));
+        }
+        Ok(())
+    }
+
+    fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
+        vec![POINCARE, ROTATION, SURFACES]
+    }
+
+    fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
+        vec![DORMAND_PRINCE, MAP_METHODS, BIRKHOFF_AVERAGES, RESIDUES]
+    }
+
+    /// Less of all.
+    fn shorten(&mut self) {
+        const LONGEST: usize = 10_000;
+        self.counts.retain(|count| *count <= LONGEST);
+        if self.counts.is_empty() {
+            self.counts.push(LONGEST);
+        }
+        self.profile = (self.profile / 4).max(2);
+        self.reference = (self.reference / 4).max(LEAST_MAPS);
+        self.rounds = self.rounds.min(3);
+    }
+
+    fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
+        let lines = context.lines()?;
+        // What may fail, before anything is trained.
+        let reference = context.stage("field of the reference", |_| self.reference(&lines))?;
+        let held_out = lines.held_out.as_ref().unwrap_or(&lines.training);
+        let judge = context.stage("lines of the reference", |_| self.judge(&lines, &reference))?;
+        let mut rivals: Vec<NamedMap<'_>> = Vec::new();
+        for &degree in &self.polynomials {
+            let name = format!("polynomial of degree {degree}");
+            let map = context.stage(&name, |_| PolynomialMap::fit(&lines.training, degree))?;
+            let (parameters, setting) = (Some(map.parameters()), Some(degree));
+            rivals.push(NamedMap { name, setting, parameters, map: SectionMap::Polynomial(map) });
+        }
+        for planes in &self.planes {
+            let steps = steps_of(&lines, planes.fewer);
+            let name = format!("planes of degree {}, {steps} steps", planes.degree);
+            let map = context.stage(&name, |_| planes.of(&lines))?;
+            let parameters = Some(map.bytes() / size_of::<f64>());
+            let setting = Some(steps);
+            rivals.push(NamedMap { name, setting, parameters, map: SectionMap::Tabulated(map) });
+        }
+        for &fewer in &self.tracing {
+            let steps = steps_of(&lines, fewer);
+            let map = SectionMap::Coils(lines.section.map().with_steps(steps));
+            let name = format!("coils, {steps} steps");
+            rivals.push(NamedMap { name, setting: Some(steps), parameters: None, map });
+        }
+        let models = context.models()?;
+        let data = context.data()?;
+        let stored = |trained: &Rc<Trained>| NamedMap {
+            name: trained.spec.name.clone(),
+            setting: None,
+            parameters: Some(trained.model().composition().parameters().len()),
+            map: SectionMap::Network(Box::new(StoredModel {
+                model: trained.model().clone(),
+                units: data.units.clone(),
+                section: Some(lines.chart.clone()),
+                provenance: Provenance::of(context.scene.name),
+            })),
+        };
+        let mut maps: Vec<NamedMap<'_>> = models.iter().map(stored).collect();
+        let networks = maps.len();
+        maps.append(&mut rivals);
+        let mut found = Vec::new();
+        for named in &maps {
+            let stage = format!("lines of {}", named.name);
+            let mut judged = context.stage(&stage, |_| judge.of(named))?;
+            if judged.one == [0.0; 2] {
+                // It is the reference itself, of which this much is known.
+                judged.one = [lines.section.error(); 2];
+            }
+            found.push(judged);
+            if context.interrupted() {
+                return Err(RunError::Interrupted);
+            }
+        }
+        let fixed = context
+            .stage("periodic orbits", |_| self.orbits_of(&lines, &judge, &maps, &reference))?;
+        if context.interrupted() {
+            return Err(RunError::Interrupted);
+        }
+        let timed = context.stage("run times", |_| {
+            self.timed(&maps, &judge, [held_out.input(), held_out.output()])
+        })?;
+        let mut figures = Vec::new();
+        if context.draws(POINCARE) {
+            figures.push(self.portrait(&judge, &maps[..networks], &reference)?);
+        }
+        if context.draws(ROTATION) {
+            figures.push(rotation_figure(&lines, &judge, &found));
+        }
+        if context.draws(SURFACES) {
+            figures.push(surfaces_figure(&found));
+        }
+        let results = Results { options: self, lines: &lines, judge: &judge, found: &found };
+        let summary = vec![
+            Block::Text(results.words()),
+            Block::Table(results.table()),
+            Block::Text("The furthest of all lines from its curve:".into()),
+            Block::Table(results.off()),
+            Block::Text(fixed.words(&lines)),
+            Block::Table(fixed.table()),
+        ];
+        let paid = Paid {
+            lines: context.seconds_of(LINES),
+            training: context
+                .training_times()
+                .iter()
+                .map(|times| (times.model.clone(), times.points.last().map_or(0.0, |p| p.1)))
+                .collect(),
+        };
+        let times = vec![
+            Block::Text(results.words_of_times(&timed, &paid)),
+            Block::Table(results.times(&timed, &paid)),
+        ];
+        let circles = judge.circles.iter();
+        let circles: Vec<_> = circles
+            .map(|circle| circle.as_ref().map(|one| json!({ "modes": one.modes(), "error": one.error, "turns": one.turns, "area": one.area() })))
+            .collect();
+        Ok(Findings {
+            title: "Field lines of coils".into(),
+            results: Section {
+                summary,
+                data: json!({
+                    "axis": judge.axis,
+                    "lost": lines.lost,
+                    "reference_error": lines.section.error(),
+                    "curves": circles,
+                    "methods": found,
+                    "orbits": fixed,
+                }),
+                ..Section::default()
+            },
+            timings: Section { summary: times, data: json!(timed), ..Section::default() },
+            figures,
+            ..Findings::default()
+        })
+    }
+}
+
+/// Terms of a polynomial of two coordinates.
+fn terms_of(degree: usize) -> usize {
+    (degree + 1) * (degree + 2) / 2
+}
+
+impl Planes {
+    /// Fitted along the lines that a scene is trained with.
+    fn of(&self, lines: &TracedLines) -> Result<TabulatedLines, Error> {
+        /// Points for each term of a polynomial.
+        const POINTS_A_TERM: usize = 4;
+        let points = lines.training.thinned(POINTS_A_TERM * terms_of(self.degree));
+        TabulatedLines::new(
+            &lines.section.map().with_steps(steps_of(lines, self.fewer)),
+            points.input(),
+            self.degree,
+        )
+    }
+}
+
+impl PoincareOptions {
+    /// What follows the lines of the reference over many maps.
+    fn reference<'a>(&self, lines: &'a TracedLines) -> Result<SectionMap<'a>, Error> {
+        match self.reference_planes {
+            None => Ok(SectionMap::Coils(lines.section.map())),
+            Some(planes) => Ok(SectionMap::Tabulated(planes.of(lines)?)),
+        }
+    }
+
+    fn judge<'a>(
+        &'a self,
+        lines: &'a TracedLines,
+        reference: &SectionMap<'_>,
+    ) -> Result<Judge<'a>, Error> {
+        let (axis, reach) = (lines.section.axis(), lines.section.request().reach);
+        // A line that is lost ends what is known.
+        // no NaN: distances of places that lines were traced from
+        let reach = lines.lost.iter().copied().fold(reach, f64::min);
+        let along = |count: usize| -> Vec<f64> {
+            let radius = |k: usize| reach * (k as f64 + 0.5) / count as f64;
+            (0..count).flat_map(|k| [axis[0] + radius(k), axis[1]]).collect()
+        };
+        let initial = along(self.lines);
+        let map = lines.section.map();
+        let early = [initial.clone(), map.trajectories(&initial, self.early)?].concat();
+        let early = Trajectories::new(early, 2, self.lines)?;
+        let near = lines.section.turns();
+        let request = Rollout { steps: self.reference, every: 1 };
+        let held_out = lines.held_out.as_ref().unwrap_or(&lines.training);
+        let mut judge = Judge {
+            axis,
+            pairs: [held_out.input(), held_out.output()],
+            initial,
+            early,
+            circles: Vec::new(),
+            profile: along(self.profile),
+            maps: self.reference,
+            near,
+            rotation: Vec::new(),
+            counts: &self.counts,
+            last: self.last,
+        };
+        let profile =
+            Trajectories::new(reference.rollout(&judge.profile, request)?, 2, self.profile)?;
+        judge.rotation = rotation_numbers(&profile, near, judge.angle());
+        let orbits = Trajectories::new(reference.rollout(&judge.initial, request)?, 2, self.lines)?;
+        let turns = rotation_numbers(&orbits, near, judge.angle());
+        for (m, turns) in turns.iter().enumerate() {
+            let orbit: Vec<f64> = orbits.orbit(m).flatten().copied().collect();
+            let circle = match orbit.iter().all(|v| v.is_finite()) {
+                true => Some(InvariantCircle::of_orbit(&orbit, turns.turns)?),
+                false => None,
+            };
+            judge.circles.push(circle.filter(|circle| circle.error <= SMOOTH));
+        }
+        Ok(judge)
+    }
+
+    /// The axis, of the field of the coils, and the orbits of the lowest resonance, of the reference; and those of
+    /// networks and polynomials.
+    fn orbits_of(
+        &self,
+        lines: &TracedLines,
+        judge: &Judge<'_>,
+        maps: &[NamedMap<'_>],
+        reference: &SectionMap<'_>,
+    ) -> Result<Fixed, Error> {
+        let coils = SectionMap::Coils(lines.section.map());
+        let whole = Resonance { turns: 0, maps: 1 };
+        let at_axis = |map: &SectionMap<'_>| {
+            let found = judge.chain(map, whole, &[judge.axis.to_vec()]);
+            found.map(|chain| chain.centre.or(chain.corner))
+        };
+        let found = Resonance::lowest(&judge.rotation, self.orbits);
+        let found = found.and_then(|one| Some((one, judge.radius_of(one)?)));
+        let mut of_reference = Chain { centre: None, corner: None, width: None };
+        let mut guesses = Vec::new();
+        if let Some((resonance, radius)) = found {
+            guesses = judge.guesses(reference, resonance, radius)?;
+            of_reference = judge.chain(reference, resonance, &guesses)?;
+        }
+        let island = found.zip(of_reference.centre.as_ref()).and_then(|((resonance, _), orbit)| {
+            let maps = Judge::maps_of_island(resonance, orbit)?;
+            Some((resonance, outermost(orbit, judge.axis), maps))
+        });
+        let width = |map: &SectionMap<'_>| match &island {
+            Some((resonance, centre, maps)) => judge.width(map, *resonance, centre, *maps),
+            None => Ok(None),
+        };
+        of_reference.width = width(reference)?;
+        let mut all = Vec::new();
+        for named in maps.iter().filter(|named| named.is_fast()) {
+            let mut chain = Chain { centre: None, corner: None, width: None };
+            if let Some((resonance, _)) = found
+                && (of_reference.centre.is_some() || of_reference.corner.is_some())
+            {
+                chain = judge.chain(&named.map, resonance, &guesses)?;
+                chain.width = width(&named.map)?;
+            }
+            let axis = at_axis(&named.map)?;
+            all.push(OrbitsOf { name: named.name.clone(), axis, chain });
+        }
+        let axis = at_axis(&coils)?;
+        let resonance = found.map(|(resonance, _)| resonance);
+        Ok(Fixed { resonance, axis, chain: of_reference, found: all })
+    }
+
+    /// Networks, polynomials and planes over the early maps; tracing in the field of the coils over one, of the
+    /// held-out points, since it takes long.
+    fn timed(
+        &self,
+        maps: &[NamedMap<'_>],
+        judge: &Judge<'_>,
+        [input, output]: [&[f64]; 2],
+    ) -> Result<[Comparison; 2], Error> {
+        /// A few rounds of seconds each.
+        const SLOW_ROUNDS: usize = 3;
+        let count = self.lines;
+        let copies = TrajectoryMethods::copies_of(count);
+        let initial = judge.initial.repeat(copies);
+        let first = &judge.initial[..2];
+        let request = Rollout { steps: self.early, every: self.early };
+        let last = judge.early.values()[2 * count * self.early..].to_vec();
+        let mut methods = Vec::new();
+        for named in maps.iter().filter(|named| !matches!(named.map, SectionMap::Coils(_))) {
+            let from =
+                |initial: &[f64]| Ok(named.map.rollout(initial, request)?.split_off(initial.len()));
+            let initial = &initial;
+            let setting = named.setting.map(|setting| setting as f64);
+            let method = Method::new(&named.name, setting, move || from(initial));
+            methods.push(method.beside_alone(self.early as f64, move || from(first)));
+        }
+        let fast = TrajectoryMethods {
+            methods,
+            reference: &last,
+            reference_error: f64::NAN,
+            dim: 2,
+            trajectories: count,
+            copies,
+            time: self.early as f64,
+        };
+        let together = (2 * TrajectoryMethods::LEAST).min(input.len());
+        let one = Rollout { steps: 1, every: 1 };
+        let mut methods = Vec::new();
+        for named in maps.iter().filter(|named| matches!(named.map, SectionMap::Coils(_))) {
+            let from = move |initial: &[f64]| {
+                Ok(named.map.rollout(initial, one)?.split_off(initial.len()))
+            };
+            let setting = named.setting.map(|setting| setting as f64);
+            let method = Method::new(&named.name, setting, move || from(&input[..together]));
+            methods.push(method.beside_alone(1.0, move || from(&input[..2])));
+        }
+        let slow = TrajectoryMethods {
+            methods,
+            reference: &output[..together],
+            reference_error: f64::NAN,
+            dim: 2,
+            trajectories: together / 2,
+            copies: 1,
+            time: 1.0,
+        };
+        Ok([fast.compare(self.rounds)?, slow.compare(self.rounds.min(SLOW_ROUNDS))?])
+    }
+
+    /// The last points of each line, of the reference and of networks after the most maps.
+    fn portrait(
+        &self,
+        judge: &Judge<'_>,
+        networks: &[NamedMap<'_>],
+        reference: &SectionMap<'_>,
+    ) -> Result<Figure, Error> {
+        const POINTS: usize = 400;
+        let row = judge.initial.len();
+        let panel = |title: String, states: Vec<f64>| -> Result<Panel, Error> {
+            let orbits = Trajectories::new(states, 2, self.lines)?;
+            let series = (0..self.lines).map(|m| {
+                let points = orbits.orbit(m).map(|z| (z[0], z[1])).collect();
+                Series::unnamed(orbit_color(m), Style::Dots, points)
+            });
+            Ok(Panel {
+                title,
+                x_label: "R [m]".into(),
+                y_label: "Z [m]".into(),
+                square: true,
+                series: series.collect(),
+                ..Panel::default()
+            })
+        };
+        let states = reference.rollout(&judge.initial, Rollout { steps: POINTS, every: 1 })?;
+        let mut panels = vec![panel("reference".into(), states)?];
+        let most = self.counts.last().copied().unwrap_or(1);
+        for named in networks {
+            let before = Rollout { steps: most, every: most };
+            let here = named.map.rollout(&judge.initial, before)?.split_off(row);
+            let states = named.map.rollout(&here, Rollout { steps: POINTS, every: 1 })?;
+            panels.push(panel(format!("{}, after {most} maps", named.name), states)?);
+        }
+        let caption = "The section: points of each line, map after map.";
+        let figure = Figure::in_a_row(POINCARE, caption, panels);
+        Ok(Figure { columns: 2, same_axes: SameAxes::First, ..figure })
+    }
+}
+
+/// A curve that misses points of its own line by more is none, in metres.
+const SMOOTH: f64 = 1e-6;
+
+/// The point of an orbit that is furthest from the axis outwards along R.
+fn outermost(orbit: &OrbitFound, axis: [f64; 2]) -> Vec<f64> {
+    let off = |point: &&Vec<f64>| (libm::atan2(point[1] - axis[1], point[0] - axis[0])).abs();
+    let nearest = orbit.points.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
+    nearest.expect("an orbit has points").clone()
+}
+
+/// The radii and rotation of the reference and the others: the profile, and by how much it differs.
+fn rotation_figure(lines: &TracedLines, judge: &Judge<'_>, found: &[Judged]) -> Figure {
+    let per_turn = lines.maps_a_turn();
+    let radii = || judge.profile.chunks_exact(2).map(|z| z[0] - judge.axis[0]);
+    let own = radii().zip(&judge.rotation).filter(|(_, found)| found.error <= SURE);
+    let own = own.map(|(r, found)| (r, found.turns.abs() * per_turn)).collect();
+    let mut profile =
+        vec![Series { name: "reference".into(), color: 0, style: Style::Line, points: own }];
+    let mut errors = Vec::new();
+    let judged = found.iter().filter(|one| !one.rotation.is_empty());
+    for (number, one) in judged.enumerate() {
+        let color = number + 1;
+        if one.setting.is_none() {
+            let points = radii().zip(&one.rotation).map(|(r, f)| (r, f.turns.abs() * per_turn));
+            profile.push(Series {
+                name: one.name.clone(),
+                color,
+                style: Style::Dots,
+                points: points.collect(),
+            });
+        }
+        let pairs = radii().zip(one.rotation.iter().zip(&judge.rotation));
+        let points = pairs.filter(|(_, (_, own))| own.error <= SURE);
+        let points = points.map(|(r, (a, b))| (r, (a.turns - b.turns).abs() * per_turn)).collect();
+        errors.push(Series { name: one.name.clone(), color, style: Style::Line, points });
+    }
+    let x_label = "distance from the axis at the start [m]";
+    let panels = vec![
+        Panel {
+            title: "ι".into(),
+            x_label: x_label.into(),
+            y_label: "|ι|".into(),
+            series: profile,
+            ..Panel::default()
+        },
+        Panel {
+            title: "Difference from the reference".into(),
+            x_label: x_label.into(),
+            y_label: "|Δι|".into(),
+            y: Axis::Log,
+            series: errors,
+            ..Panel::default()
+        },
+    ];
+    Figure::in_a_row(ROTATION, "Turns about the axis for one around the machine.", panels)
+}
+
+fn surfaces_figure(found: &[Judged]) -> Figure {
+    let series = found.iter().filter(|one| !one.off.is_empty()).enumerate().map(|(color, one)| {
+        let points =
+            one.off.iter().filter_map(|(count, _)| Some((*count as f64, one.off_at(*count)?)));
+        let name = one.name.clone();
+        Series { name, color, style: Style::Marked, points: points.collect() }
+    });
+    let panel = Panel {
+        title: "Distance from the surfaces of the reference".into(),
+        x_label: "maps".into(),
+        y_label: "largest of all lines [m]".into(),
+        x: Axis::Log,
+        y: Axis::Log,
+        series: series.collect(),
+        ..Panel::default()
+    };
+    Figure::in_a_row(SURFACES, "How far lines drift off their surfaces.", vec![panel])
+}
+
+/// Orbits that come back.
+#[derive(Serialize)]
+struct Fixed {
+    resonance: Option<Resonance>,
+    axis: Option<OrbitFound>,
+    chain: Chain,
+    found: Vec<OrbitsOf>,
+}
+
+#[derive(Serialize)]
+struct OrbitsOf {
+    name: String,
+    axis: Option<OrbitFound>,
+    chain: Chain,
+}
+
+impl Fixed {
+    fn words(&self, lines: &TracedLines) -> String {
+        let axis = match &self.axis {
+            Some(axis) => format!(
+                "The magnetic axis of the coils is at R = {:.9}, Z = {} m, with Tr M = {:.9}.",
+                axis.points[0][0],
+                Format::Exponent(1).number(axis.points[0][1]),
+                axis.trace
+            ),
+            None => "The magnetic axis of the coils is no isolated fixed point.".into(),
+        };
+        let Some(resonance) = self.resonance else {
+            return format!(
+                "{axis} No resonance of the periods that are looked for is in the profile."
+            );
+        };
+        let orbit = |kind: &str, orbit: &Option<OrbitFound>| match orbit {
+            Some(orbit) => format!("{kind} one with residue {:.6e}", orbit.residue),
+            None => format!("{kind} none that is told from a curve of such points"),
+        };
+        let width = match self.chain.width {
+            Some(width) => format!("; its island is {:.4} mm wide", 1e3 * width),
+            None if self.chain.centre.is_some() => "; its island is too narrow to be told".into(),
+            None => String::new(),
+        };
+        format!(
+            "{axis} Orbits that come back after {} times around it in {} maps, |ι| = {:.6}: {}, {}{width}. They are found by \
+             Newton's method with exact Jacobians; small residues leave open where on their curve they are, and say how \
+             much of an error is seen there.",
+            resonance.turns,
+            resonance.maps,
+            resonance.value() * lines.maps_a_turn(),
+            orbit("as a centre", &self.chain.centre),
+            orbit("as a corner", &self.chain.corner)
+        )
+    }
+
+    fn table(&self) -> Table {
+        let mut table = Table::new([
+            ("method", Format::Exact),
+            ("axis is off by [m]", Format::Exponent(1)),
+            ("its Tr M by", Format::Exponent(1)),
+            ("centre off by [m]", Format::Exponent(1)),
+            ("its Tr M by", Format::Exponent(1)),
+            ("corner off by [m]", Format::Exponent(1)),
+            ("its Tr M by", Format::Exponent(1)),
+            ("island [mm]", Format::Fixed(4)),
+        ]);
+        let compare = |own: &Option<OrbitFound>, other: &Option<OrbitFound>| match (own, other) {
+            (Some(own), Some(other)) => {
+                [Some(own.apart(other)), Some((own.trace - other.trace).abs())]
+            }
+            _ => [None, None],
+        };
+        for of in &self.found {
+            let [axis, trace] = compare(&self.axis, &of.axis);
+            let [centre, of_centre] = compare(&self.chain.centre, &of.chain.centre);
+            let [corner, of_corner] = compare(&self.chain.corner, &of.chain.corner);
+            table.push([
+                of.name.clone().into(),
+                axis.into(),
+                trace.into(),
+                centre.into(),
+                of_centre.into(),
+                corner.into(),
+                of_corner.into(),
+                of.chain.width.map(|width| 1e3 * width).into(),
+            ]);
+        }
+        table
+    }
+}
+
+/// Seconds before the first map.
+struct Paid {
+    lines: f64,
+    training: Vec<(String, f64)>,
+}
+
+impl Paid {
+    fn of(&self, network: &str) -> f64 {
+        let own = self.training.iter().find(|(name, _)| name == network);
+        self.lines + own.map_or(0.0, |(_, seconds)| *seconds)
+    }
+}
+
+struct Results<'a> {
+    options: &'a PoincareOptions,
+    lines: &'a TracedLines,
+    judge: &'a Judge<'a>,
+    found: &'a [Judged],
+}
+
+impl Results<'_> {
+    fn words(&self) -> String {
+        let PoincareOptions { lines: count, early, reference, profile, last, .. } = self.options;
+        let request = self.lines.section.request();
+        let smooth: Vec<&InvariantCircle> = self.judge.circles.iter().flatten().collect();
+        let worst = smooth.iter().map(|circle| circle.error).fold(0.0, max_or_nan);
+        let mut sure: Vec<f64> = self
+            .judge
+            .rotation
+            .iter()
+            .filter(|found| found.error <= SURE)
+            .map(|found| found.turns.abs() * self.lines.maps_a_turn())
+            .collect();
+        sure.sort_by(f64::total_cmp);
+        let end = |value: Option<&f64>| value.copied().unwrap_or(f64::NAN);
+        let (low, high) = (end(sure.first()), end(sure.last()));
+        let through = match self.options.reference_planes {
+            None => String::new(),
+            Some(planes) => {
+                format!(
+                    " (through {} planes of degree {})",
+                    planes_of(steps_of(self.lines, planes.fewer)),
+                    planes.degree
+                )
+            }
+        };
+        let lost = match self.lines.lost.len() {
+            0 => String::new(),
+            some => format!(" {some} lines are lost and left out."),
+        };
+        format!(
+            "The section φ = {:.6}, a map over {} of {} field periods, lines to {} m from the axis.{lost} A map of the \
+             reference, {} steps in the field of {} points of coils, errs by {:.1e} m. A map: root mean square and \
+             largest distance on held-out lines. Early: root mean square over {early} maps of {count} lines. The \
+             reference is followed over {reference} maps{through}: {} of these lines are on smooth curves, known to \
+             {worst:.1e} m, from which the last {last} points before each number of maps are measured. |ι| is from {low:.6} to {high:.6} on {} of {profile} lines, where two halves of a line agree to {SURE:.0e} \
+             turns a map. Lengths are in metres.",
+            request.phi,
+            self.lines.periods,
+            self.lines.of_machine,
+            request.reach,
+            self.lines.section.map().steps(),
+            self.lines.section.field().points(),
+            self.lines.section.error(),
+            smooth.len(),
+            sure.len(),
+        )
+    }
+
+    fn table(&self) -> Table {
+        let mut table = Table::new([
+            ("method", Format::Exact),
+            ("numbers", Format::Exact),
+            ("a map [m]", Format::Exponent(1)),
+            ("largest", Format::Exponent(1)),
+            ("early", Format::Exponent(1)),
+            ("|Δι|, median", Format::Exponent(1)),
+            ("largest", Format::Exponent(1)),
+        ]);
+        let per_turn = self.lines.maps_a_turn();
+        for of in self.found {
+            let mut row: Vec<Cell> = vec![
+                of.name.clone().into(),
+                of.parameters.into(),
+                of.one[0].into(),
+                of.one[1].into(),
+                of.early.into(),
+            ];
+            row.extend(of.turns.map(|turns| finite(turns * per_turn).into()));
+            table.push(row);
+        }
+        table
+    }
+
+    /// The largest distance from the surfaces, by the number of maps.
+    fn off(&self) -> Table {
+        let counts = self.options.counts.iter();
+        let heading = |n: &usize| (format!("after {n} maps [m]"), Format::Exponent(1));
+        let method = std::iter::once(("method".to_owned(), Format::Exact));
+        let mut table = Table::new(method.chain(counts.clone().map(heading)));
+        for of in self.found.iter().filter(|of| !of.off.is_empty()) {
+            let off = counts.clone().map(|n| match of.off_at(*n) {
+                Some(off) if off.is_nan() => Cell::Text("lost".into()),
+                off => off.into(),
+            });
+            table.push(std::iter::once(of.name.clone().into()).chain(off));
+        }
+        table
+    }
+
+    fn words_of_times(&self, timed: &[Comparison; 2], paid: &Paid) -> String {
+        let mut out = format!(
+            "One thread; medians of repeated runs in turn, and in brackets their quartiles: with {} lines or more \
+             together, and with one alone. Networks, polynomials and planes over {} maps, of which the last is \
+             kept; in the field of the coils one map. The {} maps of the lines of the data took {:.1} s (all threads).",
+            timed[0].together, self.options.early, self.lines.maps, paid.lines
+        );
+        out.push_str(
+            " The fastest tracing is that of no larger error a map, in the field of the coils or through planes. A \
+             network pays for its data and training after so many maps of one line in place of it.",
+        );
+        out
+    }
+
+    /// The fastest of some methods that errs no more in a map.
+    fn fastest<'b>(
+        &self,
+        timed: &'b [Comparison; 2],
+        error: f64,
+        wanted: impl Fn(&Judged) -> bool,
+    ) -> Option<(&'b str, f64)> {
+        let methods = timed.iter().flat_map(|comparison| &comparison.methods);
+        let as_good = methods.filter_map(|one| {
+            let judged = self.found.iter().find(|judged| judged.name == one.name)?;
+            let good = wanted(judged) && judged.one[0] <= error;
+            good.then(|| Some((&one.name[..], one.seconds?.median)))?
+        });
+        as_good.min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    fn times(&self, timed: &[Comparison; 2], paid: &Paid) -> Table {
+        const MICRO: f64 = 1e6;
+        let mut table = Table::new([
+            ("method", Format::Exact),
+            ("µs a map", Format::Magnitude),
+            ("one alone", Format::Magnitude),
+            ("in the field as long", Format::Factor),
+            ("through planes", Format::Factor),
+            ("pays after maps", Format::Exponent(1)),
+            ("than planes", Format::Exponent(1)),
+        ]);
+        for method in timed.iter().flat_map(|comparison| &comparison.methods) {
+            let Some(judged) = self.found.iter().find(|one| one.name == method.name) else {
+                continue;
+            };
+            let own =
+                method.seconds.map(|spread| spread.median).filter(|_| judged.parameters.is_some());
+            let (network, error) = (judged.setting.is_none(), judged.one[0]);
+            let coils = self.fastest(timed, error, |one| one.parameters.is_none());
+            let planes =
+                self.fastest(timed, error, |one| one.is_tracing && one.parameters.is_some());
+            let factor = |rival: Option<(&str, f64)>| Some(rival?.1 / own?);
+            let pays = |rival: Option<(&str, f64)>| {
+                let (own, (_, seconds)) = (own.filter(|_| network)?, rival?);
+                break_even(paid.of(&method.name), own, seconds)
+            };
+            table.push([
+                method.name.clone().into(),
+                method.seconds.map(|spread| spread.scaled(MICRO)).into(),
+                method.alone.map(|spread| spread.scaled(MICRO)).into(),
+                factor(coils).into(),
+                factor(planes.filter(|_| !judged.is_tracing)).into(),
+                pays(coils).into(),
+                pays(planes).into(),
+            ]);
+        }
+        table
+    }
+}
+
+/// How many planes so many steps need.
+fn planes_of(steps: usize) -> usize {
+    /// Different nodes of a step but its end.
+    const NODES: usize = 11;
+    NODES * steps + 1
+}

@@ -1,0 +1,424 @@
+//! Maps of a section of field lines, in metres: networks and their rivals, and what is asked of each.
+
+use crate::error::Error;
+use crate::flow::{LineMap, PolynomialMap, TabulatedLines, Trajectories};
+use crate::io::StoredModel;
+use crate::measure::{
+    orbits::{InvariantCircle, PeriodicOrbit, RotationNumber, periodic_orbits, rotation_numbers},
+    timing::root_mean_square_distance,
+    trajectories::{LockedInterval, locked_interval, winding_numbers},
+};
+use crate::network::Rollout;
+use crate::scalar::max_or_nan;
+use serde::Serialize;
+use std::f64::consts::TAU;
+
+/// A map of points (R, Z) in metres.
+pub(super) enum SectionMap<'a> {
+    /// A network in the chart of its section.
+    Network(Box<StoredModel>),
+    /// Polynomials of least squares.
+    Polynomial(PolynomialMap),
+    /// Lines through tabulated planes.
+    Tabulated(TabulatedLines),
+    /// Lines in the field of the coils.
+    Coils(LineMap<'a>),
+}
+
+impl SectionMap<'_> {
+    /// States (steps/every + 1, M, 2) of the orbits of M points: from where a line is lost they are NaN.
+    pub(super) fn rollout(&self, initial: &[f64], request: Rollout) -> Result<Vec<f64>, Error> {
+        match self {
+            Self::Network(model) => match model.rollout(initial, request) {
+                Ok(states) => Ok(states),
+                // Of the other lines there is something to be said.
+                Err(_) => Ok(line_by_line(initial, request, &|start| {
+                    model.rollout(start, request).unwrap_or_else(|_| lost(start, request))
+                })),
+            },
+            Self::Polynomial(map) => map.rollout(initial, request),
+            Self::Tabulated(lines) => lines.rollout(initial, request),
+            Self::Coils(map) => {
+                let moved = map.trajectories(initial, request.steps)?;
+                let states = moved.chunks_exact(initial.len());
+                let kept = states.skip(request.every - 1).step_by(request.every);
+                Ok([initial].into_iter().chain(kept).flatten().copied().collect())
+            }
+        }
+    }
+
+    /// The image of a point and the Jacobian there, row by row.
+    pub(super) fn with_jacobian(&self, z: &[f64]) -> Result<(Vec<f64>, Vec<f64>), Error> {
+        let of_lines =
+            |(image, jacobian): ([f64; 2], [[f64; 2]; 2])| (image.to_vec(), jacobian.concat());
+        match self {
+            Self::Network(model) => {
+                let image = model.rollout(z, Rollout { steps: 1, every: 1 })?.split_off(z.len());
+                Ok((image, model.jacobians(z)?))
+            }
+            Self::Polynomial(map) => {
+                let mut image = z.to_vec();
+                map.step(&mut image);
+                Ok((image, map.jacobian(z)))
+            }
+            Self::Tabulated(lines) => Ok(of_lines(lines.with_jacobian([z[0], z[1]]))),
+            Self::Coils(map) => Ok(of_lines(map.with_jacobian([z[0], z[1]]))),
+        }
+    }
+}
+
+fn lost(start: &[f64], request: Rollout) -> Vec<f64> {
+    let mut states = vec![f64::NAN; request.kept() * start.len()];
+    states[..start.len()].copy_from_slice(start);
+    states
+}
+
+fn line_by_line(initial: &[f64], request: Rollout, each: &dyn Fn(&[f64]) -> Vec<f64>) -> Vec<f64> {
+    let mut out = vec![f64::NAN; request.kept() * initial.len()];
+    for (m, start) in initial.chunks_exact(2).enumerate() {
+        for (t, state) in each(start).chunks_exact(2).enumerate() {
+            out[t * initial.len() + 2 * m..][..2].copy_from_slice(state);
+        }
+    }
+    out
+}
+
+/// A map with its name.
+pub(super) struct NamedMap<'a> {
+    pub(super) name: String,
+    /// A degree or a number of steps, where there are several of one kind.
+    pub(super) setting: Option<usize>,
+    /// Its numbers, where they are fitted to pairs.
+    pub(super) parameters: Option<usize>,
+    pub(super) map: SectionMap<'a>,
+}
+
+impl NamedMap<'_> {
+    /// Whether a million maps are a moment's work.
+    pub(super) fn is_fast(&self) -> bool {
+        matches!(self.map, SectionMap::Network(_) | SectionMap::Polynomial(_))
+    }
+}
+
+/// What the reference knows of the lines.
+pub(super) struct Judge<'a> {
+    /// The axis about which angles are taken.
+    pub(super) axis: [f64; 2],
+    /// Held-out points and their images.
+    pub(super) pairs: [&'a [f64]; 2],
+    /// Where the judged lines begin, and so many of their points afterwards.
+    pub(super) initial: Vec<f64>,
+    pub(super) early: Trajectories,
+    /// The curve that each line is on; none of a line that is on no smooth one.
+    pub(super) circles: Vec<Option<InvariantCircle>>,
+    /// Where the lines of the profile begin.
+    pub(super) profile: Vec<f64>,
+    /// Maps by which rotation is told.
+    pub(super) maps: usize,
+    /// Turns a map near the axis.
+    pub(super) near: f64,
+    /// The rotation of the reference.
+    pub(super) rotation: Vec<RotationNumber>,
+    /// Maps, growing, before which points are looked for on the curves, …
+    pub(super) counts: &'a [usize],
+    /// … so many.
+    pub(super) last: usize,
+}
+
+/// How well a map does.
+#[derive(Clone, Serialize)]
+pub(super) struct Judged {
+    pub(super) name: String,
+    pub(super) setting: Option<usize>,
+    pub(super) parameters: Option<usize>,
+    /// It follows lines from plane to plane.
+    pub(super) is_tracing: bool,
+    /// Of one map: root mean square and largest distance, in metres.
+    pub(super) one: [f64; 2],
+    /// Root mean square distance along the early points.
+    pub(super) early: f64,
+    /// Number of maps, and the largest distance from the curve of each line.
+    pub(super) off: Vec<(usize, Vec<f64>)>,
+    /// The rotation of each line of the profile, in turns a map, and its error.
+    pub(super) rotation: Vec<RotationTurns>,
+    /// Median and largest difference from those of the reference, where it is sure of them, in turns a map.
+    pub(super) turns: [f64; 2],
+}
+
+/// [`RotationNumber`], to be written.
+#[derive(Clone, Copy, Serialize)]
+pub(super) struct RotationTurns {
+    pub(super) turns: f64,
+    pub(super) error: f64,
+}
+
+impl Judged {
+    /// The largest distance of all lines after so many maps; None where it was not asked.
+    pub(super) fn off_at(&self, count: usize) -> Option<f64> {
+        let (_, off) = self.off.iter().find(|(maps, _)| *maps == count)?;
+        Some(off.iter().copied().fold(0.0, max_or_nan))
+    }
+}
+
+/// Rotation is sure where the averages over both halves differ by no more, in turns a map.
+pub(super) const SURE: f64 = 1e-9;
+
+impl Judge<'_> {
+    pub(super) fn angle(&self) -> impl Fn(&[f64]) -> f64 + Sync + use<> {
+        let [radius, height] = self.axis;
+        move |z| libm::atan2(z[1] - height, z[0] - radius)
+    }
+
+    pub(super) fn of(&self, named: &NamedMap<'_>) -> Result<Judged, Error> {
+        let [input, output] = self.pairs;
+        let one = Rollout { steps: 1, every: 1 };
+        let image = named.map.rollout(input, one)?.split_off(input.len());
+        let largest = image.chunks_exact(2).zip(output.chunks_exact(2));
+        let largest =
+            largest.map(|(a, b)| libm::hypot(a[0] - b[0], a[1] - b[1])).fold(0.0, max_or_nan);
+        let steps = self.early.states() - 1;
+        let orbit = named.map.rollout(&self.initial, Rollout { steps, every: 1 })?;
+        let row = self.initial.len();
+        let early = root_mean_square_distance(&orbit[row..], &self.early.values()[row..], 2);
+        let off = match named.is_fast() {
+            true => self.off(&named.map)?,
+            false => Vec::new(),
+        };
+        let rotation = self.rotation_of(&named.map)?;
+        let turns = self.differences(&rotation);
+        Ok(Judged {
+            name: named.name.clone(),
+            setting: named.setting,
+            parameters: named.parameters,
+            is_tracing: !named.is_fast(),
+            one: [root_mean_square_distance(&image, output, 2), largest],
+            early,
+            off,
+            rotation: rotation
+                .iter()
+                .map(|found| RotationTurns { turns: found.turns, error: found.error })
+                .collect(),
+            turns,
+        })
+    }
+
+    /// The rotation of the lines of the profile; none by coils, which take too long.
+    fn rotation_of(&self, map: &SectionMap<'_>) -> Result<Vec<RotationNumber>, Error> {
+        if matches!(map, SectionMap::Coils(_)) {
+            return Ok(Vec::new());
+        }
+        let states = map.rollout(&self.profile, Rollout { steps: self.maps, every: 1 })?;
+        let orbits = Trajectories::new(states, 2, self.profile.len() / 2)?;
+        Ok(rotation_numbers(&orbits, self.near, self.angle()))
+    }
+
+    fn differences(&self, found: &[RotationNumber]) -> [f64; 2] {
+        let pairs = found.iter().zip(&self.rotation).filter(|(_, own)| own.error <= SURE);
+        let mut all: Vec<f64> = pairs.map(|(a, b)| (a.turns - b.turns).abs()).collect();
+        if all.is_empty() {
+            return [f64::NAN; 2];
+        }
+        all.sort_by(f64::total_cmp);
+        [all[all.len() / 2], all.iter().copied().fold(0.0, max_or_nan)]
+    }
+
+    /// The largest distance of the last points before each count from the curve of their line.
+    fn off(&self, map: &SectionMap<'_>) -> Result<Vec<(usize, Vec<f64>)>, Error> {
+        let row = self.initial.len();
+        let (mut here, mut done, mut out) = (self.initial.clone(), 0, Vec::new());
+        for &count in self.counts {
+            let first = count.saturating_sub(self.last).max(done);
+            if first > done {
+                let steps = first - done;
+                here = map.rollout(&here, Rollout { steps, every: steps })?.split_off(row);
+            }
+            let states = map.rollout(&here, Rollout { steps: count - first, every: 1 })?;
+            here = states[states.len() - row..].to_vec();
+            let orbits = Trajectories::new(states, 2, row / 2)?;
+            let each = self.circles.iter().enumerate().map(|(m, circle)| match circle {
+                None => 0.0,
+                Some(circle) => {
+                    let points: Vec<f64> = orbits.orbit(m).flatten().copied().collect();
+                    circle.distances(&points).into_iter().fold(0.0, max_or_nan)
+                }
+            });
+            out.push((count, each.collect()));
+            done = count;
+        }
+        Ok(out)
+    }
+}
+
+/// Periodic orbits of one rotation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub(super) struct Resonance {
+    /// Turns about the axis …
+    pub(super) turns: usize,
+    /// … in so many maps.
+    pub(super) maps: usize,
+}
+
+impl Resonance {
+    /// The one of the fewest maps, at most so many, whose rotation is between two of a profile.
+    pub(super) fn lowest(rotation: &[RotationNumber], most: usize) -> Option<Self> {
+        let sure = rotation.iter().filter(|found| found.error <= SURE);
+        let turns: Vec<f64> = sure.map(|found| found.turns.abs()).collect();
+        let (mut low, mut high) = (f64::INFINITY, 0.0);
+        for &value in &turns {
+            // no NaN: its error would be one
+            (low, high) = (f64::min(low, value), f64::max(high, value));
+        }
+        (1..=most).find_map(|maps| {
+            let turns = (low * maps as f64).ceil() as usize;
+            let found = turns as f64 / maps as f64;
+            (turns > 0 && found > low && found < high).then_some(Self { turns, maps })
+        })
+    }
+
+    pub(super) fn value(self) -> f64 {
+        self.turns as f64 / self.maps as f64
+    }
+}
+
+/// What a map makes of a resonance.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Chain {
+    /// The orbit about which lines turn, its residue, …
+    pub(super) centre: Option<OrbitFound>,
+    /// … and the one that they leave.
+    pub(super) corner: Option<OrbitFound>,
+    /// The width of the island through the centre, on the ray from the axis, in metres.
+    pub(super) width: Option<f64>,
+}
+
+/// A periodic orbit, in a report.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct OrbitFound {
+    pub(super) points: Vec<Vec<f64>>,
+    pub(super) trace: f64,
+    pub(super) residue: f64,
+}
+
+impl OrbitFound {
+    fn of(orbit: &PeriodicOrbit) -> Self {
+        let (trace, residue) = (orbit.trace(), orbit.residue());
+        Self { points: orbit.points.clone(), trace, residue }
+    }
+
+    /// The largest distance of a point of the other orbit from the nearest of this one.
+    pub(super) fn apart(&self, other: &Self) -> f64 {
+        let from = |point: &Vec<f64>| {
+            let of = |own: &Vec<f64>| libm::hypot(own[0] - point[0], own[1] - point[1]);
+            // no NaN: Newton's method has found both
+            self.points.iter().map(of).fold(f64::INFINITY, f64::min)
+        };
+        other.points.iter().map(from).fold(0.0, max_or_nan)
+    }
+}
+
+/// Residues below are those of a curve whose points all come back but for rounding.
+const LEAST_RESIDUE: f64 = 1e-9;
+
+impl Judge<'_> {
+    /// Where the rotation of the reference crosses that of a resonance, outwards from the axis: a distance, in metres.
+    pub(super) fn radius_of(&self, resonance: Resonance) -> Option<f64> {
+        let value = resonance.value();
+        let mut before: Option<(f64, f64)> = None;
+        for (place, found) in self.profile.chunks_exact(2).zip(&self.rotation) {
+            if !(found.error <= SURE) {
+                continue;
+            }
+            let (radius, turns) = (place[0] - self.axis[0], found.turns.abs() - value);
+            if let Some((other, of_other)) = before
+                && of_other * turns <= 0.0
+            {
+                return Some(other + (radius - other) * of_other / (of_other - turns));
+            }
+            before = Some((radius, turns));
+        }
+        None
+    }
+
+    /// The orbits of a resonance from guesses near the curve at a distance from the axis; the first map gives them, and the others go
+    /// on from its.
+    pub(super) fn chain(
+        &self,
+        map: &SectionMap<'_>,
+        resonance: Resonance,
+        guesses: &[Vec<f64>],
+    ) -> Result<Chain, Error> {
+        /// Orbits nearer to one another are one.
+        const APART: f64 = 1e-6;
+        let with_jacobian = |z: &[f64]| map.with_jacobian(z);
+        let found = periodic_orbits(&with_jacobian, guesses, resonance.maps, APART)?;
+        let resolved = |orbit: &&PeriodicOrbit| orbit.residue().abs() > LEAST_RESIDUE;
+        let of = |centre: bool| {
+            let mut orbits = found.iter().filter(resolved);
+            orbits.find(|orbit| (orbit.residue() > 0.0) == centre).map(OrbitFound::of)
+        };
+        Ok(Chain { centre: of(true), corner: of(false), width: None })
+    }
+
+    /// Points from which orbits of a resonance are looked for: of one that begins where the rotation is its, and between them.
+    pub(super) fn guesses(
+        &self,
+        map: &SectionMap<'_>,
+        resonance: Resonance,
+        radius: f64,
+    ) -> Result<Vec<Vec<f64>>, Error> {
+        let start = [self.axis[0] + radius, self.axis[1]];
+        let request = Rollout { steps: resonance.maps - 1, every: 1 };
+        let states = map.rollout(&start, request)?;
+        let angle = self.angle();
+        let mut points: Vec<Vec<f64>> = states.chunks_exact(2).map(<[f64]>::to_vec).collect();
+        points.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
+        let next = points.iter().cycle().skip(1);
+        let between = points.iter().zip(next).map(|(a, b)| {
+            let middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+            // The chord is within the curve.
+            let [off, height] = [middle[0] - self.axis[0], middle[1] - self.axis[1]];
+            let of = |z: &[f64]| libm::hypot(z[0] - self.axis[0], z[1] - self.axis[1]);
+            let wanted = 0.5 * (of(a) + of(b)) / libm::hypot(off, height);
+            vec![wanted.mul_add(off, self.axis[0]), wanted.mul_add(height, self.axis[1])]
+        });
+        Ok([vec![start.to_vec()], between.take(1).collect(), points[..1].to_vec()].concat())
+    }
+
+    /// How many maps tell an island from a line that only turns about as fast: several times round its centre. None
+    /// where that takes too many.
+    pub(super) fn maps_of_island(resonance: Resonance, centre: &OrbitFound) -> Option<usize> {
+        const ROUND: f64 = 8.0;
+        const MOST: f64 = 20_000.0;
+        // Tr M = 2 cos ω for a time of `maps`.
+        let omega = 2.0 * libm::asin(libm::sqrt(centre.residue.clamp(0.0, 1.0)));
+        let maps = ROUND * resonance.maps as f64 * TAU / omega;
+        (maps <= MOST).then_some(maps.ceil() as usize)
+    }
+
+    /// The part of the ray from the axis through the centre of an island on which lines stay in it, as so many maps
+    /// tell.
+    pub(super) fn width(
+        &self,
+        map: &SectionMap<'_>,
+        resonance: Resonance,
+        centre: &[f64],
+        maps: usize,
+    ) -> Result<Option<f64>, Error> {
+        /// An island is looked for so far on either side, as a share of the distance from the axis.
+        const REACH: f64 = 0.15;
+        let [across, along] = [centre[0] - self.axis[0], centre[1] - self.axis[1]];
+        let radius = libm::hypot(across, along);
+        let (value, steps) = (resonance.value() * self.near.signum(), maps);
+        let locked = |radii: &[f64]| -> Result<Vec<bool>, Error> {
+            let place =
+                |r: &f64| [self.axis[0] + r * across / radius, self.axis[1] + r * along / radius];
+            let initial: Vec<f64> = radii.iter().flat_map(place).collect();
+            let states = map.rollout(&initial, Rollout { steps, every: 1 })?;
+            let orbits = Trajectories::new(states, 2, radii.len())?;
+            let found = winding_numbers(&orbits, value, self.angle());
+            let within = 1.0 / resonance.maps as f64;
+            Ok(found.iter().map(|w| (w - value).abs() * (steps as f64) < within).collect())
+        };
+        Ok(locked_interval(radius, REACH * radius, locked)?.map(LockedInterval::width))
+    }
+}

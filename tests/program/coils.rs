@@ -1,0 +1,163 @@
+//! The scene of field lines of coils: of built-in coils and of a file, its report, its model, and what it refuses.
+
+use crate::helpers::{call, folder, refuses, succeeds, text};
+use gyroceptron::io::{load_model, read_trajectories, write_points};
+use gyroceptron::system::Torsatron;
+use std::fmt::Write;
+use std::path::Path;
+
+/// A scene of seconds.
+fn scene(coils: &str) -> String {
+    format!(
+        r#"
+name = "lines"
+seed = 1
+flow_time = 1.0
+plots = ["poincare", "rotation", "off-surface"]
+[data]
+validation = 0.25
+orbit = 48
+lines = {{ coils = {coils}, lines = 24, reach = 0.05, error = 1e-6 }}
+[training]
+iterations = 40
+optimiser = {{ kind = "levenberg-marquardt" }}
+[poincare]
+lines = 3
+early = 10
+reference = 200
+reference_planes = {{ degree = 6 }}
+counts = [200, 2000]
+last = 20
+profile = 8
+orbits = 20
+rounds = 1
+polynomials = [6]
+planes = [{{ fewer = 2, degree = 6 }}]
+tracing = [2, 1]
+[[models]]
+name = "jolts"
+network = {{ kind = "normal-form", kicks = {{ count = 3, width = 1, degree = 6 }}, twists = {{ count = 1, width = 1, degree = 4 }}, perturbation = {{ count = 4, width = 1, degree = 6 }} }}
+weights = {{ kind = "normal", scale = 0.15 }}
+"#
+    )
+}
+
+/// The coils of the torsatron as a file has them: a line for each mode.
+fn write_coils(path: &Path) -> Vec<f64> {
+    let coils = Torsatron::default().coils().expect("sound").coils;
+    let modes = coils.iter().map(|coil| coil.cosines.len()).max().expect("coils");
+    let mut lines = String::from("# a torsatron\n");
+    for k in 0..modes {
+        for (number, coil) in coils.iter().enumerate() {
+            let of = |all: &[[f64; 3]], axis: usize| all.get(k).map_or(0.0, |mode| mode[axis]);
+            for axis in 0..3 {
+                let (sine, cosine) = (of(&coil.sines, axis), of(&coil.cosines, axis));
+                let comma = if number + axis == 0 { "" } else { ", " };
+                write!(lines, "{comma}{sine:e}, {cosine:e}").expect("written");
+            }
+        }
+        lines.push('\n');
+    }
+    std::fs::write(path, lines).expect("written");
+    coils.iter().map(|coil| coil.current).collect()
+}
+
+#[test]
+fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
+    let folder = folder();
+    let path = folder.path();
+    std::fs::write(path.join("lines.toml"), scene(r#"{ kind = "torsatron" }"#)).expect("written");
+    let said = text(&succeeds(path, &["run", "lines.toml", "--out", "a"]).stdout);
+    for words in ["polynomial of degree 6", "planes of degree 6", "coils, 8 steps", "magnetic axis"]
+    {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    let report = std::fs::read_to_string(path.join("a/report.json")).expect("a report");
+    let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+    let found = &report["studies"]["poincare"];
+    let axis = found["axis"][0].as_f64().expect("an axis");
+    assert!((axis - 3.957_53).abs() < 1e-4, "{axis}");
+    let methods = found["methods"].as_array().expect("methods");
+    let error = |name: &str| {
+        let of = methods.iter().find(|one| one["name"] == name).expect("a method");
+        of["one"][0].as_f64().expect("an error")
+    };
+    assert!(error("jolts") < 1e-5 && error("polynomial of degree 6") < 1e-5, "{found}");
+    // Half of the steps that the reference needs; that itself is known to its estimate.
+    assert!(error("coils, 8 steps") > 1e-11 && error("coils, 16 steps") > 0.0, "{found}");
+    for figure in ["poincare.svg", "rotation.csv", "off-surface.svg"] {
+        assert!(path.join("a").join(figure).is_file(), "{figure}");
+    }
+    // The model is of R and Z in metres.
+    let stored = load_model(&path.join("a/model.json")).expect("a model");
+    let region = stored.provenance.region.as_ref().expect("a box");
+    assert!(region.low[0] > 3.8 && region.high[0] < 4.1 && region.low[1] < 0.0, "{region:?}");
+    write_points(&path.join("z.npy"), &[1, 2], &[axis, 0.0]).expect("written");
+    let predict = [
+        "predict",
+        "--model",
+        "a/model.json",
+        "--input",
+        "z.npy",
+        "--steps",
+        "1",
+        "--output",
+        "o.npy",
+    ];
+    succeeds(path, &predict);
+    let moved = read_trajectories(&path.join("o.npy"), 1).expect("states");
+    let image = moved.state(1, 0);
+    assert!((image[0] - axis).abs() < 1e-4 && image[1].abs() < 1e-4, "{image:?}");
+
+    // The same machine from a file, by options: the same lines.
+    let currents = write_coils(&path.join("coils.dat"));
+    let currents: Vec<String> = currents.iter().map(f64::to_string).collect();
+    let currents = currents.join(",");
+    let own = ["--coils", "coils.dat", "--currents", &currents, "--field-periods", "10"];
+    // In the file is the whole machine, which periods make ten times. What is found of it before lines are lost:
+    let run =
+        ["run", "lines.toml", "--out", "b", "--asymmetric", "--axis", "3.95,0", "--reach", "0.9"];
+    refuses(path, &[&run[..], &own[..4]].concat(), &["--field-periods"]);
+    let found = call(path, &[&run[..], &own].concat());
+    let said = text(&found.stderr);
+    assert!(said.contains("the axis at (3.9575"), "{said}");
+    let as_run = std::fs::read_to_string(path.join("b/as-run.toml")).expect("a scene");
+    assert!(as_run.contains("coils.dat") && as_run.contains("stellarator_symmetric = false"));
+}
+
+#[test]
+fn bad_machines_are_refused_before_anything_is_written() {
+    let folder = folder();
+    let path = folder.path();
+    let run = |toml: &str, more: &[&str], words: &[&str]| {
+        std::fs::write(path.join("lines.toml"), toml).expect("written");
+        refuses(path, &[&["run", "lines.toml", "--out", "a"], more].concat(), words);
+    };
+    let sound = scene(r#"{ kind = "torsatron" }"#);
+    run(&scene(r#"{ kind = "torsatron", periods = 5 }"#), &[], &["multiple of 2"]);
+    run(&scene(r#"{ kind = "torsatron", minor = 5 }"#), &[], &["minor"]);
+    run(&sound.replace("reach = 0.05", "reach = -1"), &[], &["reach"]);
+    run(&sound.replace("lines = 24", "lines = 2"), &[], &["lines"]);
+    run(&sound.replace("validation = 0.25", "validation = 0"), &[], &["validation", "held out"]);
+    run(&sound.replace("counts = [200, 2000]", "counts = [200, 20]"), &[], &["counts"]);
+    run(&sound.replace("orbit = 48", "orbit = 10"), &["--quick"], &["degree"]);
+    run(&sound.replace("[6]", "[40]"), &[], &["degree", "pairs to train with"]);
+    run(&sound, &["--axis", "3.9"], &["--axis", "two numbers"]);
+    run(&sound, &["--coils", "none.dat", "--currents", "1", "--field-periods", "5"], &["none.dat"]);
+    std::fs::write(path.join("short.dat"), "0,0,0,0,0,0\n1,1,1\n").expect("written");
+    let short = ["--coils", "short.dat", "--currents", "1", "--field-periods", "5"];
+    run(&sound, &short, &["short.dat:2"]);
+    let two = ["--coils", "short.dat", "--currents", "1,2", "--field-periods", "5"];
+    std::fs::write(path.join("short.dat"), "0,0,0,0,0,0\n0,1,1,0,0,0\n").expect("written");
+    run(&sound, &two, &["currents"]);
+    refuses(path, &["run", "jolts", "--reach", "0.1", "--out", "a"], &["field lines of coils"]);
+    let with_system = format!("{sound}\n[system]\nkind = \"oscillators\"\nepsilon = 0.1\n");
+    run(&with_system, &[], &["no system beside"]);
+    // What only tracing tells.
+    std::fs::write(path.join("lines.toml"), sound).expect("written");
+    let far = call(path, &["run", "lines.toml", "--out", "a", "--reach", "0.9"]);
+    assert_eq!(far.status.code(), Some(2));
+    let said = text(&far.stderr);
+    assert!(said.contains("reach") && said.contains("(R, Z)"), "{said}");
+    assert!(!path.join("a/report.json").exists());
+}
