@@ -2,6 +2,8 @@
 
 mod arrays;
 mod circles;
+mod lines;
+mod orbits;
 mod trained;
 mod training;
 
@@ -377,6 +379,27 @@ impl Model {
         array(py, values, points.shape(&[], &[]))
     }
 
+    /// The different orbits of exactly `period` steps that Newton's method finds from `guesses`, (N, 2n), with exact
+    /// Jacobians, in units of the data: a list of dictionaries with points (period, 2n), multiplier, the Jacobian of a
+    /// whole period (2n, 2n), its trace, Greene's residue (2 - trace)/4, and by how much the orbit misses its beginning.
+    /// Orbits with points within `apart` are one; guesses that lead to none are passed over. Raises Error as `predict`.
+    #[pyo3(signature = (guesses, period=1, apart=1e-6))]
+    fn periodic_orbits<'py>(
+        &self,
+        py: Python<'py>,
+        guesses: Rows<'py>,
+        period: usize,
+        apart: f64,
+    ) -> PyResult<Bound<'py, PyList>> {
+        orbits::of_model(py, &self.stored, &guesses, period, apart)
+    }
+
+    /// How fast neighbours of the orbit from `point`, 2n numbers, part: ln of their growth a step over `steps` steps, in
+    /// units of the data. Raises Error as `predict`.
+    fn lyapunov_exponent(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
+        orbits::exponent(py, &self.stored, &point, steps)
+    }
+
     /// Measures the structure of the network at seeded points, uniform in |z_i| <= radius in its
     /// own units. Raises Error when there are no samples or the radius is not positive.
     #[pyo3(signature = (samples=200, radius=1.6, seed=0))]
@@ -488,6 +511,10 @@ fn _restore(text: &str, trained: Option<TrainedParts>) -> PyResult<Model> {
 /// The module `gyroceptron._native`.
 #[pymodule]
 mod _native {
+    #[pymodule_export]
+    use super::lines::FieldLines;
+    #[pymodule_export]
+    use super::orbits::{PyInvariantCircle, rotation_number};
     #[pymodule_export]
     use super::training::train;
     #[pymodule_export]

@@ -4,6 +4,26 @@ Points are rows of 2n numbers, q1 ... qn, p1 ... pn. All numbers are float64; re
 have the bits that the program ``gyroceptron`` gives.
 """
 
-from ._native import Certificate, Error, Model, __version__, load, train
+from ._native import (
+    Certificate,
+    Error,
+    FieldLines,
+    InvariantCircle,
+    Model,
+    __version__,
+    load,
+    rotation_number,
+    train,
+)
 
-__all__ = ["Certificate", "Error", "Model", "__version__", "load", "train"]
+__all__ = [
+    "Certificate",
+    "Error",
+    "FieldLines",
+    "InvariantCircle",
+    "Model",
+    "__version__",
+    "load",
+    "rotation_number",
+    "train",
+]

@@ -5,7 +5,17 @@ from typing import Any, Literal, SupportsFloat, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Certificate", "Error", "Model", "__version__", "load", "train"]
+__all__ = [
+    "Certificate",
+    "Error",
+    "FieldLines",
+    "InvariantCircle",
+    "Model",
+    "__version__",
+    "load",
+    "rotation_number",
+    "train",
+]
 
 __version__: str
 
@@ -27,6 +37,13 @@ class _Record(TypedDict):
     iteration: int
     loss: float
     held_out: float | None
+
+class _PeriodicOrbit(TypedDict):
+    points: NDArray[np.float64]
+    multiplier: NDArray[np.float64]
+    trace: float
+    residue: float
+    missed: float
 
 class Certificate:
     """The measured structure of a model, `Model.verify`."""
@@ -118,6 +135,12 @@ class Model:
         """The derivatives of one step at points (..., 2n): (..., 2n, 2n)."""
     def invariant(self, points: ArrayLike) -> NDArray[np.float64]:
         """The invariant of the network at points (..., 2n): (...)."""
+    def periodic_orbits(
+        self, guesses: ArrayLike, period: int = 1, apart: float = 1e-6
+    ) -> list[_PeriodicOrbit]:
+        """The orbits of exactly so many steps that Newton's method finds from guesses (N, 2n)."""
+    def lyapunov_exponent(self, point: ArrayLike, steps: int) -> float:
+        """How fast neighbours of the orbit from a point part: ln of their growth a step."""
     def verify(self, samples: int = 200, radius: float = 1.6, seed: int = 0) -> Certificate:
         """Measures the structure of the network at seeded points."""
     def at(self, epsilon: float | None = None, flow_time: float | None = None) -> Model:
@@ -128,6 +151,65 @@ class Model:
     def __hash__(self) -> int: ...
     def __copy__(self) -> Model: ...
     def __deepcopy__(self, _memo: dict[int, Any]) -> Model: ...
+
+class InvariantCircle:
+    """The closed curve on which an orbit (T, 2) of a map of a plane is, by a Fourier series."""
+
+    def __init__(self, orbit: ArrayLike, turns: float) -> None: ...
+    @property
+    def turns(self) -> float:
+        """Turns in a step, as the curve has them."""
+    @property
+    def error(self) -> float:
+        """The largest distance of the later half of the orbit from where the curve has it."""
+    @property
+    def area(self) -> float:
+        """The area within, with the sign of its direction."""
+    def points(self, count: int) -> NDArray[np.float64]:
+        """So many points at equal distances of the angle: (count, 2)."""
+    def distances(self, points: ArrayLike) -> NDArray[np.float64]:
+        """The distances of points (..., 2) from the curve: (...)."""
+
+class FieldLines:
+    """Field lines of coils, and the map of a section by them: points are (..., 2), R and Z in metres."""
+
+    def __init__(
+        self,
+        coils: str | PathLike[str] | None = None,
+        currents: Sequence[float] | None = None,
+        field_periods: int | None = None,
+        *,
+        stellarator_symmetric: bool = True,
+        section: float = 0.0,
+        periods: int = 1,
+        reach: float = 0.1,
+        axis: tuple[float, float] | None = None,
+        error: float = 1e-10,
+    ) -> None: ...
+    @property
+    def axis(self) -> list[float]:
+        """R and Z of the magnetic axis, in metres."""
+    @property
+    def error(self) -> float:
+        """What a map errs by, in metres."""
+    @property
+    def turns(self) -> float:
+        """Turns about the axis in a map of a line beside it, from R towards Z."""
+    def starts(self, lines: int) -> NDArray[np.float64]:
+        """Where lines begin, (lines, 2): outwards from the axis to the reach."""
+    def trace(self, points: ArrayLike, maps: int) -> NDArray[np.float64]:
+        """The points of lines, map after map: (maps + 1, ..., 2); NaN of a line that is lost."""
+    def jacobian(self, points: ArrayLike) -> NDArray[np.float64]:
+        """The derivatives of a map at points (..., 2): (..., 2, 2)."""
+    def write_section(
+        self, path: str | PathLike[str], points: ArrayLike, overwrite: bool = False
+    ) -> None:
+        """Writes B_phi on a grid around points: a file that train takes as its section."""
+
+def rotation_number(
+    orbit: ArrayLike, centre: tuple[float, float], near: float = 0.0
+) -> tuple[float, float]:
+    """Turns a step of an orbit (T, 2) about a centre, and their error."""
 
 def load(path: str | PathLike[str]) -> Model:
     """Reads a model file."""

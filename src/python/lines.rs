@@ -1,0 +1,172 @@
+//! Field lines of coils in Python.
+
+use super::arrays::{Rows, array, points_of};
+use super::interruptible;
+use crate::error::Error;
+use crate::flow::{LineRequest, LineSection};
+use crate::io::{read_coils, write_section};
+use crate::system::Torsatron;
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use std::f64::consts::TAU;
+use std::path::PathBuf;
+
+/// Field lines of coils around the magnetic axis, and the map of a section phi = constant by them. Points are (..., 2),
+/// R and Z in metres.
+///
+/// `coils` is a text file with a line for each Fourier mode, in it sine and cosine of x, of y and of z of one coil after
+/// another, in metres; `currents` those of the coils, in amperes; `field_periods` how often the machine repeats, and
+/// `stellarator_symmetric` whether half a turn about the x axis is a symmetry too. Without a file it is a torsatron of ten
+/// periods. `section` is where the section is, in field periods, `periods` how many a map leads over, `reach` how far from
+/// the axis lines begin at most, in metres, `axis` a guess of it, and `error` what a map may err by, in metres. Raises Error
+/// when a file or a number is unsound, and where there is no axis or a line is lost.
+#[pyclass(frozen, module = "gyroceptron", name = "FieldLines")]
+pub(super) struct FieldLines {
+    section: LineSection,
+}
+
+/// The machine that is there without a file.
+fn torsatron() -> Torsatron {
+    Torsatron::default()
+}
+
+#[pymethods]
+impl FieldLines {
+    #[new]
+    #[pyo3(signature = (coils=None, currents=None, field_periods=None, *, stellarator_symmetric=true, section=0.0,
+        periods=1, reach=0.1, axis=None, error=1e-10))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn new(
+        py: Python<'_>,
+        coils: Option<PathBuf>,
+        currents: Option<Vec<f64>>,
+        field_periods: Option<u32>,
+        stellarator_symmetric: bool,
+        section: f64,
+        periods: u32,
+        reach: f64,
+        axis: Option<[f64; 2]>,
+        error: f64,
+    ) -> PyResult<Self> {
+        let (set, of_machine, guess) = match coils {
+            Some(path) => {
+                let missing = |name: &str| Error::invalid(name, "None", "it beside coils");
+                let currents = currents.ok_or_else(|| missing("currents"))?;
+                let of_machine = field_periods.ok_or_else(|| missing("field_periods"))?;
+                let set = read_coils(&path, &currents, of_machine, stellarator_symmetric)?;
+                (set, of_machine, axis)
+            }
+            None => {
+                if currents.is_some() || field_periods.is_some() {
+                    let expected = "None without coils, a file";
+                    return Err(Error::invalid("currents, field_periods", "given", expected).into());
+                }
+                let own = torsatron();
+                (own.coils()?, own.periods, axis.or(Some([own.major_radius, 0.0])))
+            }
+        };
+        Error::check_count_range("periods", periods as usize, 1, 1000)?;
+        Error::check_finite("section", section)?;
+        let coils = set.all()?;
+        let of_machine = f64::from(of_machine);
+        let (phi, angle) = (TAU * section / of_machine, TAU * f64::from(periods) / of_machine);
+        let request = LineRequest { phi, angle, reach, guess, error };
+        Ok(Self { section: py.detach(|| LineSection::new(&coils, request))? })
+    }
+
+    /// R and Z of the magnetic axis, in metres.
+    #[getter]
+    fn axis(&self) -> [f64; 2] {
+        self.section.axis()
+    }
+
+    /// What a map errs by, in metres.
+    #[getter]
+    fn error(&self) -> f64 {
+        self.section.error()
+    }
+
+    /// Turns about the axis in a map of a line beside it, from R towards Z; NaN where lines leave the axis.
+    #[getter]
+    fn turns(&self) -> f64 {
+        self.section.turns()
+    }
+
+    /// Where lines begin, (lines, 2): outwards from the axis to the reach, with equal areas between them.
+    fn starts<'py>(&self, py: Python<'py>, lines: usize) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        Error::check_count_range("lines", lines, 1, 1 << 24)?;
+        array(py, self.section.starts(lines), vec![lines, 2])
+    }
+
+    /// The points of lines through `points`, (..., 2), map after map: (maps + 1, ..., 2). A line that leaves the machine or
+    /// runs into a coil is NaN from there on.
+    fn trace<'py>(
+        &self,
+        py: Python<'py>,
+        points: Rows<'py>,
+        maps: usize,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let points = points_of("points", &points, 1)?;
+        Error::check_count_range("maps", maps, 1, 1 << 32)?;
+        let row = points.values.len();
+        let states = interruptible(py, |pace| {
+            let mut states = points.values.clone();
+            let mut done = 0;
+            while done < maps {
+                let count = pace.part(1).min(maps - done);
+                let here = states[states.len() - row..].to_vec();
+                states.extend(self.section.map().trajectories(&here, count)?);
+                pace.pause("field lines", count)?;
+                done += count;
+            }
+            Ok(states)
+        })?;
+        array(py, states, points.shape(&[maps + 1], &[2]))
+    }
+
+    /// The derivatives of a map at `points`, (..., 2), by dual numbers: (..., 2, 2).
+    fn jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        points: Rows<'py>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let points = points_of("points", &points, 1)?;
+        let map = self.section.map();
+        let values = super::by_parts(py, "Jacobians", 2, &points.values, |part| {
+            let of = |z: &[f64]| map.with_jacobian([z[0], z[1]]).1;
+            Ok(part.chunks_exact(2).flat_map(of).flatten().collect())
+        })?;
+        array(py, values, points.shape(&[], &[2, 2]))
+    }
+
+    /// Writes B_phi, over that on the axis, on a grid of a box a little wider than that of `points`, (..., 2): a file that
+    /// `train` takes as its `section`. An existing file is kept unless `overwrite`.
+    #[pyo3(signature = (path, points, overwrite=false))]
+    fn write_section(&self, path: PathBuf, points: Rows<'_>, overwrite: bool) -> PyResult<()> {
+        /// Nodes of the grid along each axis: with them the density is known to some 1e-12.
+        const NODES: usize = 65;
+        let points = points_of("points", &points, 1)?;
+        if path.exists() && !overwrite {
+            return Err(Error::FileExists { path }.into());
+        }
+        let chart = self.section.chart(&points.values)?;
+        let Some(density) = chart.planes()[0].as_ref() else { return Ok(()) };
+        let grid = |axis: usize| -> Vec<f64> {
+            let (low, high) = (density.low()[axis], density.high()[axis]);
+            (0..NODES).map(|k| low + (high - low) * k as f64 / (NODES - 1) as f64).collect()
+        };
+        let (x, y) = (grid(0), grid(1));
+        let values: Vec<f64> =
+            y.iter().flat_map(|y| x.iter().map(|x| density.density(*x, *y))).collect();
+        Ok(write_section(&path, &x, &y, &values, density.scale())?)
+    }
+
+    fn __repr__(&self) -> String {
+        let [radius, height] = self.section.axis();
+        let request = self.section.request();
+        format!(
+            "<gyroceptron.FieldLines: phi {:.6}, axis at ({radius:.6}, {height:.6}), lines to {} m from it>",
+            request.phi, request.reach
+        )
+    }
+}

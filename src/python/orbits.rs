@@ -1,0 +1,146 @@
+//! What is asked of the orbits of a map, in Python.
+
+use super::arrays::{Rows, array, points_of, rows_of};
+use crate::error::Error;
+use crate::flow::Trajectories;
+use crate::io::StoredModel;
+use crate::measure::orbits::{
+    InvariantCircle, PeriodicOrbit, lyapunov_exponent, periodic_orbits, rotation_numbers,
+};
+use crate::network::Rollout;
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+/// An image in units of the data, with the Jacobian there.
+pub(super) fn with_jacobian(
+    stored: &StoredModel,
+    z: &[f64],
+) -> Result<(Vec<f64>, Vec<f64>), Error> {
+    let image = stored.rollout(z, Rollout { steps: 1, every: 1 })?.split_off(z.len());
+    Ok((image, stored.jacobians(z)?))
+}
+
+fn as_dict<'py>(py: Python<'py>, orbit: PeriodicOrbit) -> PyResult<Bound<'py, PyDict>> {
+    let (period, dim) = (orbit.period(), orbit.points[0].len());
+    let found = PyDict::new(py);
+    found.set_item("trace", orbit.trace())?;
+    found.set_item("residue", orbit.residue())?;
+    found.set_item("missed", orbit.missed)?;
+    found.set_item("points", array(py, orbit.points.concat(), vec![period, dim])?)?;
+    found.set_item("multiplier", array(py, orbit.multiplier_matrix, vec![dim, dim])?)?;
+    Ok(found)
+}
+
+/// See `Model.periodic_orbits`.
+pub(super) fn of_model<'py>(
+    py: Python<'py>,
+    stored: &StoredModel,
+    guesses: &Rows<'_>,
+    period: usize,
+    apart: f64,
+) -> PyResult<Bound<'py, PyList>> {
+    let dof = stored.model.composition().dof();
+    let guesses = rows_of("guesses", guesses, dof)?;
+    let guesses: Vec<Vec<f64>> = guesses.chunks_exact(2 * dof).map(<[f64]>::to_vec).collect();
+    let found = py.detach(|| {
+        let map = |z: &[f64]| with_jacobian(stored, z);
+        periodic_orbits(&map, &guesses, period, apart)
+    })?;
+    let all = found.into_iter().map(|orbit| as_dict(py, orbit));
+    PyList::new(py, all.collect::<PyResult<Vec<_>>>()?)
+}
+
+/// See `Model.lyapunov_exponent`.
+pub(super) fn exponent(
+    py: Python<'_>,
+    stored: &StoredModel,
+    point: &Rows<'_>,
+    steps: usize,
+) -> PyResult<f64> {
+    let point = points_of("point", point, stored.model.composition().dof())?;
+    if !point.leading.is_empty() {
+        let found = format!("an array of {} dimensions", point.leading.len() + 1);
+        return Err(Error::invalid("point", found, "one point of 2n numbers").into());
+    }
+    Ok(py.detach(|| {
+        lyapunov_exponent(&|z: &[f64]| with_jacobian(stored, z), &point.values, steps)
+    })?)
+}
+
+/// The rotation number of an orbit (T, 2) of a map of a plane about `centre`, in turns a step, by weighted Birkhoff
+/// averages: (turns, error), the error being the difference of the two halves. Of the growths of the angle that whole turns
+/// tell apart it takes those within half a turn of `near`. Raises Error of arrays of other shapes.
+#[pyfunction]
+#[pyo3(signature = (orbit, centre, near=0.0))]
+pub(super) fn rotation_number(
+    orbit: Rows<'_>,
+    centre: [f64; 2],
+    near: f64,
+) -> PyResult<(f64, f64)> {
+    let orbit = Trajectories::new(rows_of("orbit", &orbit, 1)?, 2, 1)?;
+    Error::check_finite("near", near)?;
+    centre.iter().try_for_each(|v| Error::check_finite("centre", *v))?;
+    let angle = |z: &[f64]| libm::atan2(z[1] - centre[1], z[0] - centre[0]);
+    let found = rotation_numbers(&orbit, near, angle)[0];
+    Ok((found.turns, found.error))
+}
+
+/// The closed curve on which an orbit (T, 2) of a map of a plane is, by a Fourier series fitted to its first half: `turns`
+/// is about how far it turns in a step, in turns. Raises Error of fewer than 64 states.
+#[pyclass(frozen, module = "gyroceptron", name = "InvariantCircle")]
+pub(super) struct PyInvariantCircle(InvariantCircle);
+
+#[pymethods]
+impl PyInvariantCircle {
+    #[new]
+    fn new(py: Python<'_>, orbit: Rows<'_>, turns: f64) -> PyResult<Self> {
+        let orbit = rows_of("orbit", &orbit, 1)?;
+        Ok(Self(py.detach(|| InvariantCircle::of_orbit(&orbit, turns))?))
+    }
+
+    /// Turns in a step, as the curve has them.
+    #[getter]
+    fn turns(&self) -> f64 {
+        self.0.turns
+    }
+
+    /// The largest distance of the later half of the orbit, which the fit has not seen, from where the curve has it: large
+    /// on islands and in chaos.
+    #[getter]
+    fn error(&self) -> f64 {
+        self.0.error
+    }
+
+    /// The area within, with the sign of its direction.
+    #[getter]
+    fn area(&self) -> f64 {
+        self.0.area()
+    }
+
+    /// So many points at equal distances of the angle: (count, 2).
+    fn points<'py>(&self, py: Python<'py>, count: usize) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        Error::check_count_range("count", count, 1, 1 << 24)?;
+        array(py, self.0.points(count), vec![count, 2])
+    }
+
+    /// The distances of `points`, (..., 2), from the curve: (...).
+    fn distances<'py>(
+        &self,
+        py: Python<'py>,
+        points: Rows<'py>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let points = points_of("points", &points, 1)?;
+        array(py, self.0.distances(&points.values), points.shape(&[], &[]))
+    }
+
+    fn __repr__(&self) -> String {
+        let circle = &self.0;
+        format!(
+            "<gyroceptron.InvariantCircle: {} modes, {:.12} turns a step, error {:.1e}>",
+            circle.modes(),
+            circle.turns,
+            circle.error
+        )
+    }
+}

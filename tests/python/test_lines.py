@@ -1,0 +1,88 @@
+"""Field lines of coils, and what is asked of maps of a plane."""
+
+import numpy as np
+import pytest
+
+import gyroceptron
+
+
+@pytest.fixture(scope="module")
+def lines():
+    return gyroceptron.FieldLines(reach=0.06, error=1e-6)
+
+
+def test_lines_are_traced_and_learnt(lines, tmp_path):
+    radius, height = lines.axis
+    assert abs(radius - 3.95753) < 1e-4 and abs(height) < 1e-9
+    assert 0 < lines.error < 1e-6 and -0.07 < lines.turns < -0.06
+    start = lines.starts(12)
+    assert start.shape == (12, 2) and abs(start[-1, 0] - radius - 0.06) < 1e-14
+    states = lines.trace(start, 40)
+    assert states.shape == (41, 12, 2) and (states[0] == start).all()
+    h = 1e-6
+    ends = [lines.trace(start[3] + [step, 0], 1)[-1] for step in (h, -h)]
+    jacobian = lines.jacobian(start[3])
+    assert np.abs((ends[0] - ends[1]) / (2 * h) - jacobian[:, 0]).max() < 1e-6
+    section = tmp_path / "section.npz"
+    lines.write_section(section, states)
+    with pytest.raises(gyroceptron.Error, match="overwrite=True"):
+        lines.write_section(section, states)
+    model = gyroceptron.train(
+        states[:-1].reshape(-1, 2),
+        states[1:].reshape(-1, 2),
+        [1],
+        section=section,
+        kicks=(4, 1, 6),
+        twists=(1, 1, 4),
+        perturbation=(4, 1, 6),
+        starts=1,
+        iterations=40,
+    )
+    found = model.predict(states[0], 40)
+    assert np.abs(found - states).max() < 1e-4
+    # The axis is a fixed point of the model: lines turn about it as fast as about that of the field.
+    (orbit,) = model.periodic_orbits([[radius, 0.0]])
+    assert np.abs(orbit["points"] - lines.axis).max() < 1e-5
+    assert abs(orbit["trace"] - np.trace(lines.jacobian([radius, height]))) < 1e-3
+    assert orbit["residue"] == pytest.approx((2 - orbit["trace"]) / 4)
+    assert np.abs(orbit["multiplier"] - model.jacobian(orbit["points"][0])).max() < 1e-12
+    assert orbit["missed"] < 1e-12
+    assert abs(model.lyapunov_exponent(states[0, 5], 500)) < 0.05
+    with pytest.raises(gyroceptron.Error, match="one point"):
+        model.lyapunov_exponent(states[0], 500)
+
+
+def test_rotation_and_curves_are_found():
+    turns = (5**0.5 - 1) / 2
+    u = 2 * np.pi * turns * np.arange(400)
+    orbit = np.stack([1 + np.cos(u) + 0.1 * np.cos(2 * u), 0.5 * np.sin(u)], 1)
+    found, error = gyroceptron.rotation_number(orbit, (1.0, 0.0), 0.6)
+    assert abs(found - turns) < 1e-7 and error < 1e-5
+    circle = gyroceptron.InvariantCircle(orbit, found)
+    assert abs(circle.turns - turns) < 1e-13 and circle.error < 1e-12
+    assert abs(circle.area - np.pi / 2) < 1e-12
+    assert circle.points(5).shape == (5, 2)
+    assert circle.distances(orbit[:8]).max() < 1e-12
+    assert circle.distances([[2.1 + 1e-3, 0.0]])[0] == pytest.approx(1e-3)
+    assert "InvariantCircle" in repr(circle)
+
+
+def test_bad_lines_are_refused(lines, tmp_path):
+    def refused(match, *given, **named):
+        with pytest.raises(gyroceptron.Error, match=match):
+            gyroceptron.FieldLines(*given, **named)
+
+    refused("reach", reach=0.9)
+    refused("reach", reach=-1.0)
+    refused("currents", currents=[1.0])
+    refused("currents", tmp_path / "coils.dat")
+    refused("coils.dat", tmp_path / "coils.dat", [1.0], 5)
+    short = tmp_path / "short.dat"
+    short.write_text("0,0,0,0,0,0\n1,1,1\n")
+    refused("short.dat:2", short, [1.0], 5)
+    with pytest.raises(gyroceptron.Error, match="columns"):
+        lines.trace([[1.0, 2.0, 3.0]], 2)
+    # On a coil.
+    assert np.isnan(lines.trace([3.9 + 0.975, 0.0], 2)[1:]).all()
+    with pytest.raises(gyroceptron.Error, match="states"):
+        gyroceptron.InvariantCircle(np.zeros((10, 2)), 0.1)
