@@ -84,7 +84,7 @@ pub struct Run {
 #[command(next_help_heading = "Coils")]
 pub struct CoilArguments {
     /// Coils of your own in place of the scene's: text with a line for each Fourier mode, and in it sine and cosine of
-    /// x, of y and of z of one coil after another, in metres.
+    /// x, of y and of z of one coil after another, in metres; or an .npz with points (C, N, 3), N of each of C coils.
     #[arg(long, value_name = "FILE", requires_all = ["currents", "field_periods"])]
     pub coils: Option<PathBuf>,
     /// The current of each coil of the file, in amperes.

@@ -1,5 +1,7 @@
-//! Coils by their Fourier modes, as text.
+//! Coils by their Fourier modes, as text, or by points, as arrays.
 
+use super::arrays::Archive;
+use super::npy::Array;
 use super::read_bytes;
 use crate::error::Error;
 use crate::system::{Coil, CoilSet};
@@ -10,11 +12,12 @@ const COLUMNS: usize = 6;
 
 /// Reads coils from a text file as simsopt writes and reads them: a line for each mode, from 0 on, and in it sine and
 /// cosine of x, sine and cosine of y, sine and cosine of z of one coil after another, with commas or spaces between,
-/// in metres; empty lines and such as begin with # say nothing. `currents` are those of the coils, in amperes, of
-/// which symmetry makes the machine.
+/// in metres; empty lines and such as begin with # say nothing. A file that ends in `.npz` has an array `points`, (C, N, 3):
+/// N points (x, y, z) of each of C closed coils at equal distances of a parameter, between which a trigonometric
+/// polynomial goes ([`Coil::of_points`]). `currents` are those of the coils, in amperes, of which symmetry makes the machine.
 ///
 /// # Errors
-/// When the file cannot be read, a line has another number of numbers than the first, one that is no finite number,
+/// When the file cannot be read, has no such array, a line has another number of numbers than the first, one that is no finite number,
 /// or no whole coils; when there are other than one current for each coil.
 pub fn read_coils(
     path: &Path,
@@ -22,13 +25,30 @@ pub fn read_coils(
     periods: u32,
     stellarator_symmetric: bool,
 ) -> Result<CoilSet, Error> {
-    parse_coils(
-        &path.display().to_string(),
-        &read_bytes(path)?,
-        currents,
-        periods,
-        stellarator_symmetric,
-    )
+    let place = path.display().to_string();
+    let bytes = read_bytes(path)?;
+    if path.extension().is_some_and(|ending| ending == "npz") {
+        let coils = coils_of_points(&place, bytes, currents)?;
+        return Ok(CoilSet { coils, periods, stellarator_symmetric });
+    }
+    parse_coils(&place, &bytes, currents, periods, stellarator_symmetric)
+}
+
+fn coils_of_points(place: &str, bytes: Vec<u8>, currents: &[f64]) -> Result<Vec<Coil>, Error> {
+    let Array { shape, values, .. } = Archive::open(place, bytes)?.array("points")?;
+    let [count, points, 3] = shape[..] else {
+        let expected = "an array (C, N, 3), N points of each of C coils";
+        return Err(Error::content(format!("{place}: points"), expected, format!("{shape:?}")));
+    };
+    Error::check_count(&format!("{place}: currents"), count, currents.len())?;
+    let place = |number: usize| format!("{place}: coil {}", number + 1);
+    let of = |(number, current): (usize, &f64)| {
+        let row = 3 * points;
+        let rows = values[number * row..(number + 1) * row].chunks_exact(3);
+        let rows: Vec<[f64; 3]> = rows.map(|z| [z[0], z[1], z[2]]).collect();
+        Coil::of_points(&rows, *current).map_err(|e| e.with_place(place(number)))
+    };
+    currents.iter().enumerate().map(of).collect()
 }
 
 /// [`read_coils`] of bytes; `place` names them in errors.

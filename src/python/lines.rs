@@ -15,7 +15,7 @@ use std::path::PathBuf;
 /// R and Z in metres.
 ///
 /// `coils` is a text file with a line for each Fourier mode, in it sine and cosine of x, of y and of z of one coil after
-/// another, in metres; `currents` those of the coils, in amperes; `field_periods` how often the machine repeats, and
+/// another, in metres, or an .npz with points (C, N, 3), N points of each of C coils; `currents` those of the coils, in amperes; `field_periods` how often the machine repeats, and
 /// `stellarator_symmetric` whether half a turn about the x axis is a symmetry too. Without a file it is a torsatron of ten
 /// periods. `section` is where the section is, in field periods, `periods` how many a map leads over, `reach` how far from
 /// the axis lines begin at most, in metres, `axis` a guess of it, and `error` what a map may err by, in metres. Raises Error

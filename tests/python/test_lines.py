@@ -67,6 +67,39 @@ def test_rotation_and_curves_are_found():
     assert "InvariantCircle" in repr(circle)
 
 
+def torsatron():
+    """The built-in coils by points: two windings and two rings."""
+    t = 2 * np.pi * np.arange(60) / 60
+    rows = []
+    for shift in (0, np.pi):
+        radius = 3.9 + 0.975 * np.cos(5 * t + shift)
+        height = -0.975 * np.sin(5 * t + shift)
+        rows.append(np.stack([radius * np.cos(t), radius * np.sin(t), height], 1))
+    for height in (1.55, -1.55):
+        rows.append(np.stack([5.55 * np.cos(t), 5.55 * np.sin(t), np.full(60, height)], 1))
+    return np.stack(rows)
+
+
+def test_coils_are_read_by_points(lines, tmp_path):
+    path = tmp_path / "coils.npz"
+    np.savez(path, points=torsatron())
+    # All coils are there: ten periods make ten times as many in their places.
+    currents = [5e6, 5e6, -3e6, -3e6]
+    made = gyroceptron.FieldLines(
+        path, currents, 10, stellarator_symmetric=False, reach=0.02, error=1e-3
+    )
+    assert np.abs(np.subtract(made.axis, lines.axis)).max() < 1e-4
+    assert abs(made.turns - lines.turns) < 1e-3
+    with pytest.raises(gyroceptron.Error, match="currents: expected 4, found 1"):
+        gyroceptron.FieldLines(path, [1.0], 10)
+    np.savez(path, points=torsatron()[0])
+    with pytest.raises(gyroceptron.Error, match="points of each of C coils"):
+        gyroceptron.FieldLines(path, currents, 10)
+    np.savez(path, other=torsatron())
+    with pytest.raises(gyroceptron.Error, match="points"):
+        gyroceptron.FieldLines(path, currents, 10)
+
+
 def test_bad_lines_are_refused(lines, tmp_path):
     def refused(match, *given, **named):
         with pytest.raises(gyroceptron.Error, match=match):

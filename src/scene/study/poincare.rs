@@ -359,6 +359,7 @@ impl PoincareOptions {
             initial,
             early,
             circles: Vec::new(),
+            after: Vec::new(),
             profile: along(self.profile),
             maps: self.reference,
             near,
@@ -370,6 +371,7 @@ impl PoincareOptions {
             Trajectories::new(reference.rollout(&judge.profile, request)?, 2, self.profile)?;
         judge.rotation = rotation_numbers(&profile, near, judge.angle());
         let orbits = Trajectories::new(reference.rollout(&judge.initial, request)?, 2, self.lines)?;
+        judge.after = orbits.values()[2 * self.lines * self.reference..].to_vec();
         let turns = rotation_numbers(&orbits, near, judge.angle());
         for (m, turns) in turns.iter().enumerate() {
             let orbit: Vec<f64> = orbits.orbit(m).flatten().copied().collect();
@@ -431,8 +433,8 @@ impl PoincareOptions {
         Ok(Fixed { resonance, axis, chain: of_reference, found: all })
     }
 
-    /// Networks, polynomials and planes over the early maps; tracing in the field of the coils over one, of the
-    /// held-out points, since it takes long.
+    /// Networks and polynomials over as many maps as the reference, so that going in and out of a chart counts
+    /// little; tracing, which takes long, over one map of held-out points.
     fn timed(
         &self,
         maps: &[NamedMap<'_>],
@@ -441,51 +443,40 @@ impl PoincareOptions {
     ) -> Result<[Comparison; 2], Error> {
         /// A few rounds of seconds each.
         const SLOW_ROUNDS: usize = 3;
-        let count = self.lines;
+        let lines = || judge.initial.chunks_exact(2).zip(judge.after.chunks_exact(2));
+        let kept = || lines().filter(|(_, after)| after[0].is_finite());
+        let once: Vec<f64> = kept().flat_map(|(start, _)| start).copied().collect();
+        let last: Vec<f64> = kept().flat_map(|(_, after)| after).copied().collect();
+        let count = once.len() / 2;
         let copies = TrajectoryMethods::copies_of(count);
-        let initial = judge.initial.repeat(copies);
-        let first = &judge.initial[..2];
-        let request = Rollout { steps: self.early, every: self.early };
-        let last = judge.early.values()[2 * count * self.early..].to_vec();
-        let mut methods = Vec::new();
-        for named in maps.iter().filter(|named| !matches!(named.map, SectionMap::Coils(_))) {
-            let from =
-                |initial: &[f64]| Ok(named.map.rollout(initial, request)?.split_off(initial.len()));
-            let initial = &initial;
-            let setting = named.setting.map(|setting| setting as f64);
-            let method = Method::new(&named.name, setting, move || from(initial));
-            methods.push(method.beside_alone(self.early as f64, move || from(first)));
-        }
-        let fast = TrajectoryMethods {
-            methods,
-            reference: &last,
-            reference_error: f64::NAN,
-            dim: 2,
-            trajectories: count,
-            copies,
-            time: self.early as f64,
-        };
         let together = (2 * TrajectoryMethods::LEAST).min(input.len());
-        let one = Rollout { steps: 1, every: 1 };
-        let mut methods = Vec::new();
-        for named in maps.iter().filter(|named| matches!(named.map, SectionMap::Coils(_))) {
-            let from = move |initial: &[f64]| {
-                Ok(named.map.rollout(initial, one)?.split_off(initial.len()))
+        let long = TimedLines { initial: once.repeat(copies), maps: self.reference };
+        let short = TimedLines { initial: input[..together].to_vec(), maps: 1 };
+        let (fast, slow): (Vec<_>, Vec<_>) = maps.iter().partition(|named| named.is_fast());
+        let compare =
+            |methods: &[&NamedMap<'_>], runs: &TimedLines, reference, lines, copies, rounds| {
+                let all = TrajectoryMethods {
+                    methods: methods.iter().map(|named| runs.method(named)).collect(),
+                    reference,
+                    reference_error: f64::NAN,
+                    dim: 2,
+                    trajectories: lines,
+                    copies,
+                    time: runs.maps as f64,
+                };
+                all.compare(rounds)
             };
-            let setting = named.setting.map(|setting| setting as f64);
-            let method = Method::new(&named.name, setting, move || from(&input[..together]));
-            methods.push(method.beside_alone(1.0, move || from(&input[..2])));
-        }
-        let slow = TrajectoryMethods {
-            methods,
-            reference: &output[..together],
-            reference_error: f64::NAN,
-            dim: 2,
-            trajectories: together / 2,
-            copies: 1,
-            time: 1.0,
-        };
-        Ok([fast.compare(self.rounds)?, slow.compare(self.rounds.min(SLOW_ROUNDS))?])
+        Ok([
+            compare(&fast, &long, &last, count, copies, self.rounds)?,
+            compare(
+                &slow,
+                &short,
+                &output[..together],
+                together / 2,
+                1,
+                if self.rounds < SLOW_ROUNDS { self.rounds } else { SLOW_ROUNDS },
+            )?,
+        ])
     }
 
     /// The last points of each line, of the reference and of networks after the most maps.
@@ -524,6 +515,25 @@ impl PoincareOptions {
         let caption = "The section: points of each line, map after map.";
         let figure = Figure::in_a_row(POINCARE, caption, panels);
         Ok(Figure { columns: 2, same_axes: SameAxes::First, ..figure })
+    }
+}
+
+/// Lines that are followed over so many maps, of which the last is kept.
+struct TimedLines {
+    initial: Vec<f64>,
+    maps: usize,
+}
+
+impl TimedLines {
+    /// Together, and the first alone.
+    fn method<'b>(&'b self, named: &'b NamedMap<'_>) -> Method<'b> {
+        let request = Rollout { steps: self.maps, every: self.maps };
+        let from = move |initial: &[f64]| -> Result<Vec<f64>, Error> {
+            Ok(named.map.rollout(initial, request)?.split_off(initial.len()))
+        };
+        let setting = named.setting.map(|setting| setting as f64);
+        Method::new(&named.name, setting, move || from(&self.initial))
+            .beside_alone(self.maps as f64, move || from(&self.initial[..2]))
     }
 }
 
@@ -805,9 +815,9 @@ impl Results<'_> {
     fn words_of_times(&self, timed: &[Comparison; 2], paid: &Paid) -> String {
         let mut out = format!(
             "One thread; medians of repeated runs in turn, and in brackets their quartiles: with {} lines or more \
-             together, and with one alone. Networks, polynomials and planes over {} maps, of which the last is \
-             kept; in the field of the coils one map. The {} maps of the lines of the data took {:.1} s (all threads).",
-            timed[0].together, self.options.early, self.lines.maps, paid.lines
+             together, and with one alone. Networks and polynomials over {} maps, of which the last is kept; \
+             in the field of the coils and through planes one map. The {} maps of the lines of the data took {:.1} s (all threads).",
+            timed[0].together, self.options.reference, self.lines.maps, paid.lines
         );
         out.push_str(
             " The fastest tracing is that of no larger error a map, in the field of the coils or through planes. A \
