@@ -11,7 +11,8 @@ use gyroceptron::io::parse_coils;
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::adiabatic::log_slope;
 use gyroceptron::measure::orbits::{
-    InvariantCircle, lyapunov_exponent, periodic_orbit, periodic_orbits, rotation_numbers,
+    Branch, InvariantCircle, lyapunov_exponent, manifold, periodic_orbit, periodic_orbits,
+    rotation_numbers, smaller_alignment_index,
 };
 use gyroceptron::network::{LayerSizes, NetworkSpec, Rollout};
 use gyroceptron::phase::{AreaDensity, Direction, Section};
@@ -424,6 +425,113 @@ fn neighbours_part_as_fast_as_is_known() {
     let regular = lyapunov_exponent(&|z| Ok(standard(0.1, z)), &[PI + 0.1, 0.0], 20_000);
     let regular = regular.expect("an orbit");
     assert!(regular.abs() < 1e-2, "{regular}");
+}
+
+/// The unstable manifold of the fixed point at 0 of the standard map: backwards its points come back to it, along
+/// the other direction of a reversible map the stable one is its mirror image, and where they meet, on q = π by symmetry,
+/// an orbit goes from the fixed point to it again.
+#[test]
+fn manifolds_leave_the_fixed_point_and_meet() {
+    let k = 1.2;
+    let map = |z: &mut [f64]| {
+        let image = standard(k, z).0;
+        z.copy_from_slice(&image);
+        Ok(())
+    };
+    let fixed = periodic_orbit(&|z| Ok(standard(k, z)), &[0.01, 0.0], 1).expect("found");
+    assert!((fixed.trace() - 2.0 - k).abs() < 1e-12);
+    let branch = Branch { forward: true, start: 1e-6, spacing: 0.01, length: 9.0 };
+    let points = manifold(&map, &fixed, branch).expect("a manifold");
+    let rows: Vec<&[f64]> = points.chunks(2).collect();
+    let apart = rows.windows(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1]));
+    let apart: Vec<f64> = apart.collect();
+    assert!(apart.iter().copied().fold(0.0, max_or_nan) <= 0.01);
+    let length: f64 = apart.iter().sum();
+    assert!((9.0..9.02).contains(&length), "{length}");
+    // The other side is the image under z ↦ −z.
+    let other = manifold(&map, &fixed, Branch { forward: false, ..branch }).expect("a manifold");
+    assert!(points.iter().zip(&other).all(|(a, b)| (a + b).abs() < 1e-9));
+    // Backwards: q = q′ − p′, p = p′ − K sin q.
+    for z in rows.iter().step_by(20) {
+        let (mut q, mut p) = (z[0], z[1]);
+        for _ in 0..60 {
+            q -= p;
+            p -= k * q.sin();
+            if q.hypot(p) < 1e-5 {
+                break;
+            }
+        }
+        assert!(q.hypot(p) < 1e-5, "{z:?} {q} {p}");
+    }
+    // Where it first crosses q = π, finer: forward the orbit comes to (2π, 0).
+    let fine = Branch { spacing: 1e-4, length: 5.0, ..branch };
+    let fine = manifold(&map, &fixed, fine).expect("a manifold");
+    let side = if fine[2] > 0.0 { 1.0 } else { -1.0 };
+    let rows: Vec<&[f64]> = fine.chunks(2).collect();
+    let cross = rows.windows(2).find(|p| side * p[0][0] < PI && side * p[1][0] >= PI);
+    let cross = cross.expect("a crossing");
+    let share = (PI - side * cross[0][0]) / (side * cross[1][0] - side * cross[0][0]);
+    let at = |axis: usize| cross[0][axis] + share * (cross[1][axis] - cross[0][axis]);
+    let mut z = vec![side * at(0), side * at(1)];
+    let mut comes = false;
+    for _ in 0..30 {
+        z = standard(k, &z).0;
+        comes |= (z[0] - TAU).hypot(z[1]) < 2e-3;
+    }
+    assert!(comes, "{z:?}");
+    let centre = periodic_orbit(&|z| Ok(standard(k, z)), &[PI + 0.01, 0.0], 1).expect("found");
+    assert!(manifold(&map, &centre, branch).is_err());
+    assert!(manifold(&map, &fixed, Branch { spacing: 0.0, ..branch }).is_err());
+    assert!(manifold(&map, &fixed, Branch { spacing: 1e-9, ..branch }).is_err());
+}
+
+/// Points at which a period changes sides: the branch of λ < 0 is that of two periods.
+#[test]
+fn manifolds_of_orbits_that_change_sides_are_of_two_periods() {
+    let turned = |z: &mut [f64]| {
+        (z[0], z[1]) = (-2.0 * z[0], -0.5 * z[1] + 0.1 * z[0] * z[0]);
+        Ok(())
+    };
+    let with = |z: &[f64]| {
+        let mut image = z.to_vec();
+        turned(&mut image)?;
+        Ok((image, vec![-2.0, 0.0, 0.2 * z[0], -0.5]))
+    };
+    let fixed = periodic_orbit(&with, &[0.01, 0.02], 1).expect("found");
+    let branch = Branch { forward: true, start: 1e-7, spacing: 0.05, length: 3.0 };
+    let points = manifold(&turned, &fixed, branch).expect("a manifold");
+    // y = c x² is invariant: c 4x² = −½ c x² + 0.1 x².
+    for z in points.chunks(2) {
+        assert!(z[0].signum() == points[0].signum());
+        assert!((z[1] - 0.1 / 4.5 * z[0] * z[0]).abs() < 1e-6, "{z:?}");
+    }
+}
+
+/// Exponentially on chaotic orbits, as the square of the number of maps on curves, not at all with more coordinates.
+#[test]
+fn alignment_tells_chaos_from_curves() {
+    let of = |k: f64, z: [f64; 2], maps: usize| {
+        smaller_alignment_index(&|z| Ok(standard(k, z)), &z, maps).expect("an orbit")
+    };
+    assert!(of(6.0, [0.3, 0.4], 30) < 1e-14);
+    let [one, ten] = [of(0.1, [PI + 0.5, 0.0], 1000), of(0.1, [PI + 0.5, 0.0], 10_000)];
+    assert!(one > 1e-9 && (one / ten).log10() > 1.0 && (one / ten).log10() < 3.0, "{one} {ten}");
+    // Two rotations that do not know of one another.
+    let turn = |z: &[f64]| {
+        let (mut image, mut jacobian) = (vec![0.0; 4], vec![0.0; 16]);
+        for (j, angle) in [0.3f64, 0.7].into_iter().enumerate() {
+            let (s, c) = angle.sin_cos();
+            (image[j], image[j + 2]) = (c * z[j] + s * z[j + 2], c * z[j + 2] - s * z[j]);
+            jacobian[4 * j + j] = c;
+            jacobian[4 * j + j + 2] = s;
+            jacobian[4 * (j + 2) + j] = -s;
+            jacobian[4 * (j + 2) + j + 2] = c;
+        }
+        Ok((image, jacobian))
+    };
+    let stays = smaller_alignment_index(&turn, &[0.1, 0.2, 0.3, 0.4], 500).expect("an orbit");
+    assert!((stays - 2f64.sqrt()).abs() < 1e-9, "{stays}");
+    assert!(smaller_alignment_index(&turn, &[0.1; 4], 0).is_err());
 }
 
 /// What is a polynomial is found to rounding, and at no lower degree.

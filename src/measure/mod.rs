@@ -24,6 +24,7 @@ mod inversion;
 mod jacobian;
 pub mod laws;
 mod level_set;
+mod manifold;
 mod measurable;
 mod measured_coupling;
 mod measured_network;
@@ -79,6 +80,7 @@ pub mod trajectories {
 /// Periodic orbits, rotation numbers and what else people ask of a map.
 pub mod orbits {
     pub use super::invariant_circle::InvariantCircle;
+    pub use super::manifold::{Branch, PlaneMap, manifold, smaller_alignment_index};
     pub use super::periodic::{
         PeriodicOrbit, WithJacobian, lyapunov_exponent, periodic_orbit, periodic_orbits,
     };

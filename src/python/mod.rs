@@ -11,6 +11,7 @@ use crate::error::Error;
 use crate::flow::Region;
 use crate::io::{StoredModel, load_model, model_text, parse_model, save_model};
 use crate::measure::certificate::{CertificateOptions, certify_unless_stopped};
+use crate::measure::orbits::{Branch, lyapunov_exponent, smaller_alignment_index};
 use crate::network::{Architecture, Pace, Rollout};
 use crate::phase::Direction;
 use crate::scene::own_invariance_fault;
@@ -397,7 +398,34 @@ impl Model {
     /// How fast neighbours of the orbit from `point`, 2n numbers, part: ln of their growth a step over `steps` steps, in
     /// units of the data. Raises Error as `predict`.
     fn lyapunov_exponent(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
-        orbits::exponent(py, &self.stored, &point, steps)
+        orbits::of_orbit(py, &self.stored, &point, steps, lyapunov_exponent)
+    }
+
+    /// The smaller alignment index of the orbit from `point`, 2n numbers, after `steps` steps, in units of the data: near 0
+    /// to rounding in chaos, as 1/steps^2 on a curve of a map of a plane. Raises Error as `predict`.
+    fn alignment_index(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
+        orbits::of_orbit(py, &self.stored, &point, steps, smaller_alignment_index)
+    }
+
+    /// A branch of the unstable manifold, or of the stable one, of the orbit of `period` steps near `guess`, of a map of a
+    /// plane in units of the data: its points from `start` away from the orbit on, along the eigenvector or, with
+    /// forward=False, against it, `spacing` apart at most and over `length`: (N, 2). Raises Error as `predict`, and where
+    /// there is no orbit that points leave.
+    #[pyo3(signature = (guess, period=1, *, stable=false, forward=true, start=1e-6, spacing=1e-2, length=1.0))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn manifold<'py>(
+        &self,
+        py: Python<'py>,
+        guess: Rows<'py>,
+        period: usize,
+        stable: bool,
+        forward: bool,
+        start: f64,
+        spacing: f64,
+        length: f64,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let branch = Branch { forward, start, spacing, length };
+        orbits::manifold_of(py, &self.stored, &guess, period, stable, branch)
     }
 
     /// Measures the structure of the network at seeded points, uniform in |z_i| <= radius in its

@@ -5,9 +5,11 @@ use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::io::StoredModel;
 use crate::measure::orbits::{
-    InvariantCircle, PeriodicOrbit, lyapunov_exponent, periodic_orbits, rotation_numbers,
+    Branch, InvariantCircle, PeriodicOrbit, WithJacobian, manifold, periodic_orbit,
+    periodic_orbits, rotation_numbers,
 };
 use crate::network::Rollout;
+use crate::phase::Direction;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -51,21 +53,55 @@ pub(super) fn of_model<'py>(
     PyList::new(py, all.collect::<PyResult<Vec<_>>>()?)
 }
 
-/// See `Model.lyapunov_exponent`.
-pub(super) fn exponent(
-    py: Python<'_>,
-    stored: &StoredModel,
-    point: &Rows<'_>,
-    steps: usize,
-) -> PyResult<f64> {
+/// One point of 2n numbers.
+fn point_of(stored: &StoredModel, point: &Rows<'_>) -> PyResult<Vec<f64>> {
     let point = points_of("point", point, stored.model.composition().dof())?;
     if !point.leading.is_empty() {
         let found = format!("an array of {} dimensions", point.leading.len() + 1);
         return Err(Error::invalid("point", found, "one point of 2n numbers").into());
     }
-    Ok(py.detach(|| {
-        lyapunov_exponent(&|z: &[f64]| with_jacobian(stored, z), &point.values, steps)
-    })?)
+    Ok(point.values)
+}
+
+/// What is asked of one orbit of a map with its Jacobian.
+type OfOrbit = fn(WithJacobian<'_>, &[f64], usize) -> Result<f64, Error>;
+
+/// See `Model.lyapunov_exponent` and `Model.alignment_index`.
+pub(super) fn of_orbit(
+    py: Python<'_>,
+    stored: &StoredModel,
+    point: &Rows<'_>,
+    steps: usize,
+    of: OfOrbit,
+) -> PyResult<f64> {
+    let point = point_of(stored, point)?;
+    Ok(py.detach(|| of(&|z: &[f64]| with_jacobian(stored, z), &point, steps))?)
+}
+
+/// See `Model.manifold`.
+pub(super) fn manifold_of<'py>(
+    py: Python<'py>,
+    stored: &StoredModel,
+    guess: &Rows<'_>,
+    period: usize,
+    stable: bool,
+    branch: Branch,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let guess = point_of(stored, guess)?;
+    Error::check_count("guess: numbers", 2, guess.len())?;
+    let points = py.detach(|| {
+        let mut orbit = periodic_orbit(&|z: &[f64]| with_jacobian(stored, z), &guess, period)?;
+        let direction = if stable { Direction::Inverse } else { Direction::Forward };
+        if stable {
+            // The inverse goes round the other way, with the inverse of M, whose determinant is 1.
+            orbit.points[1..].reverse();
+            let [a, b, c, d] = [0, 1, 2, 3].map(|k| orbit.multiplier_matrix[k]);
+            orbit.multiplier_matrix = vec![d, -b, -c, a];
+        }
+        manifold(&|z: &mut [f64]| stored.map_points(direction, z), &orbit, branch)
+    })?;
+    let count = points.len() / 2;
+    array(py, points, vec![count, 2])
 }
 
 /// The rotation number of an orbit (T, 2) of a map of a plane about `centre`, in turns a step, by weighted Birkhoff

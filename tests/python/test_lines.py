@@ -67,6 +67,34 @@ def test_rotation_and_curves_are_found():
     assert "InvariantCircle" in repr(circle)
 
 
+def test_manifolds_and_chaos_of_a_model():
+    """A pendulum that is kicked: z -> (q + p', p + K sin q), learnt by one HenonNet of polynomials."""
+    rng = np.random.default_rng(3)
+    q, p = rng.uniform(-1.5, 1.5, (2, 600))
+    kicked = p + 0.6 * np.sin(q)
+    before, after = np.stack([q, p], 1), np.stack([q + kicked, kicked], 1)
+    model = gyroceptron.train(
+        before, after, [1], architecture="henon-net", layers=(3, 1, 9), iterations=150, starts=1
+    )
+    (orbit,) = model.periodic_orbits([[0.01, 0.0]])
+    assert abs(orbit["residue"] + 0.15) < 0.02
+    short = dict(start=1e-5, spacing=0.02, length=1.2)
+    out = model.manifold([0.01, 0.0], **short)
+    assert out.shape[1] == 2 and np.abs(np.diff(out, axis=0)).max() <= 0.02
+    # Backwards the unstable one comes to the fixed point, forwards the stable one does.
+    back = model.manifold([0.01, 0.0], stable=True, **short)
+    z, w = out[-1], back[-1]
+    for _ in range(14):
+        z, w = model.inverse(z), model.predict(w)[-1]
+    fixed = orbit["points"][0]
+    assert np.abs(z - fixed).max() < 1e-2 and np.abs(w - fixed).max() < 1e-2
+    other = model.manifold([0.01, 0.0], forward=False, **short)
+    assert np.dot(out[-1] - fixed, other[-1] - fixed) < 0
+    assert 0 <= model.alignment_index(fixed, 40) < 1e-12
+    with pytest.raises(gyroceptron.Error, match="residue"):
+        model.manifold([np.pi, 0.0], **short)
+
+
 def torsatron():
     """The built-in coils by points: two windings and two rings."""
     t = 2 * np.pi * np.arange(60) / 60

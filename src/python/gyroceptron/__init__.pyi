@@ -141,6 +141,20 @@ class Model:
         """The orbits of exactly so many steps that Newton's method finds from guesses (N, 2n)."""
     def lyapunov_exponent(self, point: ArrayLike, steps: int) -> float:
         """How fast neighbours of the orbit from a point part: ln of their growth a step."""
+    def alignment_index(self, point: ArrayLike, steps: int) -> float:
+        """The smaller alignment index of the orbit from a point: near 0 to rounding in chaos."""
+    def manifold(
+        self,
+        guess: ArrayLike,
+        period: int = 1,
+        *,
+        stable: bool = False,
+        forward: bool = True,
+        start: float = 1e-6,
+        spacing: float = 1e-2,
+        length: float = 1.0,
+    ) -> NDArray[np.float64]:
+        """A branch of a manifold of the orbit near a guess, of a map of a plane: (N, 2)."""
     def verify(self, samples: int = 200, radius: float = 1.6, seed: int = 0) -> Certificate:
         """Measures the structure of the network at seeded points."""
     def at(self, epsilon: float | None = None, flow_time: float | None = None) -> Model:

@@ -1,0 +1,144 @@
+//! Stable and unstable manifolds of periodic orbits of maps of a plane.
+
+use super::periodic::PeriodicOrbit;
+use crate::error::Error;
+
+/// A map of points of a plane: `z` ← its image.
+pub type PlaneMap<'a> = &'a (dyn Fn(&mut [f64]) -> Result<(), Error> + 'a);
+
+/// How a branch of a manifold is followed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Branch {
+    /// Along the eigenvector, or against it.
+    pub forward: bool,
+    /// The distance from the orbit at which the branch begins, where it is a straight line to second order in this.
+    pub start: f64,
+    /// Neighbouring points are so near, …
+    pub spacing: f64,
+    /// … and the branch is so long, at most.
+    pub length: f64,
+}
+
+/// Points at most: more are a mistake.
+const MOST: usize = 1_000_000;
+/// Applications of the map to one point, at most.
+const MOST_MAPS: usize = 10_000;
+
+/// The points of one branch of the manifold that leaves a periodic orbit under repeated maps, two numbers each, from near
+/// the orbit outwards: the unstable manifold for a map, the stable one for its inverse with the orbit of that.
+///
+/// A segment along the eigenvector of M whose eigenvalue λ is the larger, from `start` to |λ| times that, is moved on as
+/// often as it takes, with points put in where neighbours are further apart than the spacing. At λ < 0, where the maps of a
+/// period change sides, two periods are one.
+///
+/// Source: Krauskopf, Osinga et al., <https://doi.org/10.1142/S0218127405012533>, for the ways of computing manifolds.
+///
+/// # Errors
+/// Those of the map; when the orbit is none that points leave, |Tr M| ≤ 2, a number of the branch is out of range, or there
+/// would be more than 10⁶ points.
+pub fn manifold(
+    map: PlaneMap<'_>,
+    orbit: &PeriodicOrbit,
+    branch: Branch,
+) -> Result<Vec<f64>, Error> {
+    let Branch { forward, start, spacing, length } = branch;
+    for (name, value) in [("start", start), ("spacing", spacing), ("length", length)] {
+        Error::check_range(name, value, Error::LEAST_POSITIVE, f64::MAX)?;
+    }
+    Error::check_count("coordinates of the orbit", 2, orbit.points[0].len())?;
+    let (trace, residue) = (orbit.trace(), orbit.residue());
+    if !(trace.abs() > 2.0) {
+        let expected = "an orbit that points leave: |Tr M| > 2";
+        return Err(Error::invalid("residue", residue, expected));
+    }
+    // det M = 1.
+    let own = 0.5 * (trace + trace.signum() * libm::sqrt(trace * trace - 4.0));
+    let [a, b, c, d] = [0, 1, 2, 3].map(|k| orbit.multiplier_matrix[k]);
+    // Of the two rows of M − λ the larger tells the direction.
+    let (one, other) = ([b, own - a], [own - d, c]);
+    let size = |v: [f64; 2]| libm::hypot(v[0], v[1]);
+    let vector = if size(one) >= size(other) { one } else { other };
+    let sign = if forward { 1.0 } else { -1.0 };
+    let unit = vector.map(|v| sign * v / size(vector));
+    let (periods, factor) = if own < 0.0 { (2, own * own) } else { (1, own) };
+    let maps = periods * orbit.period();
+    // A point by the share of the way from the beginning of the segment to its end, in ln of the distance, and how often it
+    // is moved on: u = 3.25 is the point at a quarter after three times round.
+    let at = |u: f64| -> Result<[f64; 2], Error> {
+        let times = u.floor();
+        let distance = start * libm::pow(factor, u - times);
+        let mut z = [0, 1].map(|k| orbit.points[0][k] + distance * unit[k]);
+        for _ in 0..times as usize * maps {
+            map(&mut z)?;
+        }
+        Ok(z)
+    };
+    let most = (MOST_MAPS / maps).max(1) as f64;
+    let mut step = 0.1;
+    let (mut u, mut here) = (0.0, at(0.0)?);
+    let (mut out, mut gone) = (here.to_vec(), 0.0);
+    while gone < length && u < most {
+        let next = at(u + step)?;
+        let apart = libm::hypot(next[0] - here[0], next[1] - here[1]);
+        if !apart.is_finite() {
+            break;
+        }
+        if apart > spacing && step > f64::EPSILON * (1.0 + u) * 8.0 {
+            step *= 0.5;
+            continue;
+        }
+        if out.len() >= 2 * MOST {
+            let found = format!("more than {MOST} points");
+            return Err(Error::invalid("branch", found, "a wider spacing or a shorter one"));
+        }
+        (u, here) = (u + step, next);
+        gone += apart;
+        out.extend(next);
+        if apart < 0.5 * spacing {
+            step = if step < 0.25 { step * 1.6 } else { 0.4 };
+        }
+    }
+    Ok(out)
+}
+
+/// The smaller alignment index after so many maps: of two vectors of unit length that are carried along an orbit, the
+/// smaller of |v + w| and |v − w|.
+///
+/// On a chaotic orbit it falls exponentially, e^{−(σ₁ − σ₂)N}; on a regular one of a map of a plane as 1/N², of more
+/// coordinates it stays. Vectors begin along the first two coordinates.
+///
+/// Source: Skokos, <https://doi.org/10.1088/0305-4470/34/47/309>.
+///
+/// # Errors
+/// Those of the map; [`Error::CountOutOfRange`] of no map and of fewer than two coordinates.
+pub fn smaller_alignment_index(
+    map: super::periodic::WithJacobian<'_>,
+    z: &[f64],
+    maps: usize,
+) -> Result<f64, Error> {
+    Error::check_count_range("maps", maps, 1, usize::MAX)?;
+    let dim = z.len();
+    Error::check_count_range("coordinates", dim, 2, usize::MAX)?;
+    let unit = |axis: usize| (0..dim).map(|k| f64::from(u8::from(k == axis))).collect::<Vec<f64>>();
+    let (mut now, mut vectors) = (z.to_vec(), [unit(0), unit(1)]);
+    for _ in 0..maps {
+        let (image, jacobian) = map(&now)?;
+        for vector in &mut vectors {
+            let next: Vec<f64> = jacobian
+                .chunks_exact(dim)
+                .map(|row| row.iter().zip(&*vector).map(|(a, b)| a * b).sum())
+                .collect();
+            let length = libm::sqrt(next.iter().map(|v| v * v).sum::<f64>());
+            *vector = next.into_iter().map(|v| v / length).collect();
+        }
+        now = image;
+    }
+    let [v, w] = &vectors;
+    let of = |sign: f64| {
+        let squares = v.iter().zip(w).map(|(a, b)| (a + sign * b) * (a + sign * b));
+        libm::sqrt(squares.sum::<f64>())
+    };
+    let (sum, difference) = (of(1.0), of(-1.0));
+    // Both are NaN or none is.
+    Ok(if sum < difference { sum } else { difference })
+}
