@@ -6,20 +6,17 @@ use gyroceptron::flow::{
     FormDefect, LineMap, LineRequest, LineSection, Pairs, PolynomialMap, TabulatedLines,
     Trajectories, Window, sample,
 };
-use gyroceptron::io::StoredModel;
 use gyroceptron::io::parse_coils;
-use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::adiabatic::log_slope;
 use gyroceptron::measure::orbits::{
     Branch, InvariantCircle, lyapunov_exponent, manifold, periodic_orbit, periodic_orbits,
     rotation_numbers, smaller_alignment_index,
 };
-use gyroceptron::network::{LayerSizes, NetworkSpec, Rollout};
-use gyroceptron::phase::{AreaDensity, Direction, Section};
+use gyroceptron::network::Rollout;
+use gyroceptron::phase::{AreaDensity, Section};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Dual, max_or_nan};
 use gyroceptron::system::{Coil, CoilField, CoilSet, Oscillators, Torsatron};
-use gyroceptron::train::Fit;
 use std::f64::consts::{PI, TAU};
 
 /// A period of the torsatron.
@@ -427,8 +424,8 @@ fn neighbours_part_as_fast_as_is_known() {
     assert!(regular.abs() < 1e-2, "{regular}");
 }
 
-/// The unstable manifold of the fixed point at 0 of the standard map: backwards its points come back to it, along
-/// the other direction of a reversible map the stable one is its mirror image, and where they meet, on q = π by symmetry,
+/// The unstable manifold of the fixed point at 0 of the standard map: backwards its points come back to it, along the
+/// other direction of a reversible map the stable one is its mirror image, and where they meet, on q = π by symmetry,
 /// an orbit goes from the fixed point to it again.
 #[test]
 fn manifolds_leave_the_fixed_point_and_meet() {
@@ -670,7 +667,8 @@ fn planes_stand_for_the_field() {
     assert!(planes.rollout(&start, Rollout { steps: 6, every: 0 }).is_err());
 }
 
-/// A curve of a few modes is found from an orbit on it, with its turning, its area and distances from it; chaos is told.
+/// A curve of a few modes is found from an orbit on it, with its turning, its area and distances from it; chaos is
+/// told.
 #[test]
 fn invariant_circles_are_fitted_to_orbits() {
     let turns = (5f64.sqrt() - 1.0) / 2.0;
@@ -746,141 +744,4 @@ fn a_form_that_is_not_kept_is_seen() {
     assert!(!seen.is_seen(0.02), "{seen:?}");
     // Of a handful nothing is said.
     assert!(FormDefect::of(&pairs.rows(0..4)).is_none());
-}
-
-/// Field lines of a torsatron over 10⁶ periods, by a map of jolts and by polynomials of least squares. Prints what the
-/// README has of it.
-#[test]
-#[ignore = "takes a minute: traces 12 lines over 3,000 periods and trains"]
-fn a_million_periods_of_field_lines() {
-    let field = torsatron(160);
-    let map = LineMap::new(&field, 0.0, PERIOD, 32).expect("a map");
-    let axis = map.axis([3.95, 0.0]).expect("an axis");
-    assert!((axis[0] - 3.9575).abs() < 1e-3 && axis[1].abs() < 1e-9, "{axis:?}");
-    // Lines from the axis out to 0.1 m, of equal areas; every eighth is held out.
-    let (lines, periods, reach) = (64, 80, 0.1);
-    let radius = |share: f64| axis[0] + reach * share.sqrt();
-    let start: Vec<f64> =
-        (1..=lines).flat_map(|k| [radius(k as f64 / lines as f64), axis[1]]).collect();
-    let clock = std::time::Instant::now();
-    let all = [start.clone(), map.trajectories(&start, periods).expect("lines")].concat();
-    let seconds_of_pairs = clock.elapsed().as_secs_f64();
-    let end = all.len() - 2 * lines;
-    let pairs = Pairs::new("lines", 1, all[..end].to_vec(), all[2 * lines..].to_vec());
-    let pairs = pairs.expect("pairs");
-    let part =
-        |held: bool| pairs.rows((0..pairs.len()).filter(|row| (row % lines % 8 == 3) == held));
-    let (kept, held) = (part(false), part(true));
-    let region = pairs.region().expect("a box");
-    let margin = |axis: usize| 0.08 * (region.high[axis] - region.low[axis]);
-    let toroidal = |r: f64, z: f64| field.cylindrical(r, 0.0, z)[1];
-    let chart = AreaDensity::of_function(
-        toroidal,
-        [0, 1].map(|k| region.low[k] - margin(k)),
-        [0, 1].map(|k| region.high[k] + margin(k)),
-        toroidal(axis[0], axis[1]),
-    );
-    let network = NetworkSpec::named("normal-form")
-        .and_then(|of| of.with_size("kicks", LayerSizes::parse("kicks", "10x1^12")?))
-        .and_then(|of| of.with_size("twists", LayerSizes::parse("twists", "1x1^8")?))
-        .and_then(|of| of.with_size("perturbation", LayerSizes::parse("kicks", "14x1^12")?));
-    let mut fit = Fit {
-        section: Some(Section::of_plane(chart.expect("a chart"))),
-        action: Some(CircleAction::new([1]).into()),
-        network: Some(network.expect("a network")),
-        ..Fit::default()
-    }
-    .with_iterations(200);
-    fit.training.starts = None;
-    let clock = std::time::Instant::now();
-    let fitted = fit.run(kept.clone()).expect("trained");
-    let seconds = clock.elapsed().as_secs_f64();
-    let stored = StoredModel::of_fit(&fitted, "torsatron");
-    let parameters = stored.model.parameters().len();
-    let error = |image: &[f64]| {
-        let squares = image.iter().zip(held.output()).map(|(a, b)| (a - b) * (a - b));
-        (squares.sum::<f64>() / held.len() as f64).sqrt()
-    };
-    let mut image = held.input().to_vec();
-    stored.map_points(Direction::Forward, &mut image).expect("images");
-    println!(
-        "{} pairs in {seconds_of_pairs:.1} s; {parameters} parameters in {seconds:.1} s: {:.1e} m a period",
-        kept.len(),
-        error(&image)
-    );
-    assert!(error(&image) < 2e-9);
-
-    let initial: Vec<f64> =
-        (0..12).flat_map(|k| [axis[0] + reach * (0.08 + 0.08 * k as f64), axis[1]]).collect();
-    let traced = map.trajectories(&initial, 3000).expect("lines");
-    let traced = Trajectories::new([initial.clone(), traced].concat(), 2, 12).expect("states");
-    let polar = |z: &[f64]| {
-        let (r, z) = (z[0] - axis[0], z[1] - axis[1]);
-        (z.atan2(r), r.hypot(z))
-    };
-    let surfaces: Vec<Vec<(f64, f64)>> = (0..12)
-        .map(|m| {
-            let mut points: Vec<_> = traced.orbit(m).map(polar).collect();
-            points.sort_by(|a, b| a.0.total_cmp(&b.0));
-            points
-        })
-        .collect();
-    // By how much the radius differs from that of the surface at the same angle, cubic between four points of it.
-    let off = |m: usize, z: &[f64]| {
-        let (angle, radius) = polar(z);
-        let points = &surfaces[m];
-        let next = points.partition_point(|point| point.0 < angle) as i64;
-        let count = points.len() as i64;
-        let nodes = [-2, -1, 0, 1].map(|k| {
-            let (at, turns) = ((next + k).rem_euclid(count), (next + k).div_euclid(count));
-            (points[at as usize].0 + TAU * turns as f64, points[at as usize].1)
-        });
-        let term = |(i, node): (usize, &(f64, f64))| {
-            let others = nodes.iter().enumerate().filter(|(k, _)| *k != i);
-            others.map(|(_, other)| (angle - other.0) / (node.0 - other.0)).product::<f64>()
-                * node.1
-        };
-        (nodes.iter().enumerate().map(term).sum::<f64>() - radius).abs()
-    };
-    let turns = rotation_numbers(&traced, -0.06, |z| polar(z).0);
-    let judge = |name: &str, roll: &dyn Fn(Rollout) -> Vec<f64>| {
-        let of = |steps: usize, every: usize| {
-            Trajectories::new(roll(Rollout { steps, every }), 2, 12).expect("states")
-        };
-        let own = rotation_numbers(&of(3000, 1), -0.06, |z| polar(z).0);
-        let pairs = own.iter().zip(&turns).map(|(a, b)| (a.turns - b.turns).abs());
-        let differ = pairs.fold(0.0, max_or_nan);
-        let far: Vec<f64> = [10_000, 100_000, 1_000_000]
-            .iter()
-            .map(|&steps| {
-                let states = of(steps, steps / 500);
-                let last = |m: usize| states.orbit(m).skip(400).map(move |z| off(m, z));
-                (0..12).flat_map(last).fold(0.0, max_or_nan)
-            })
-            .collect();
-        let [a, b, c] = [far[0], far[1], far[2]];
-        println!(
-            "{name}: turns a period differ by {differ:.1e}; after 10⁴, 10⁵, 10⁶ periods off the surface by \
-             {a:.1e}, {b:.1e}, {c:.1e} m"
-        );
-        far
-    };
-    let own = judge("map of jolts", &|request| stored.rollout(&initial, request).expect("orbits"));
-    let mut drifts = Vec::new();
-    for degree in [12, 16, 20] {
-        let polynomial = PolynomialMap::fit(&kept, degree).expect("a map");
-        let mut image = held.input().to_vec();
-        image.chunks_mut(2).for_each(|z| polynomial.step(z));
-        println!(
-            "degree {degree}, {} numbers: {:.1e} m a period",
-            polynomial.parameters(),
-            error(&image)
-        );
-        drifts.push(judge("polynomial", &|request| {
-            polynomial.rollout(&initial, request).expect("orbits")
-        }));
-    }
-    // No growth; a polynomial that errs as much a period drifts in proportion to the number.
-    assert!(own[2] < 2e-6 && own[2] < 2.0 * own[0], "{own:?}");
-    assert!(drifts[0][2] > 5.0 * drifts[0][1] && drifts[0][2] > 10.0 * own[2], "{drifts:?}");
 }

@@ -56,8 +56,8 @@ impl LineSection {
     /// The section of these coils, all of a machine.
     ///
     /// # Errors
-    /// When the request is out of range, no axis is found, it is near a coil or B_φ changes its sign between it and the reach,
-    /// or 1,024 steps of a map or 2,000 points along a coil are too few for the error.
+    /// When the request is out of range, no axis is found, it is near a coil or B_φ changes its sign between it and the
+    /// reach, or 1,024 steps of a map or 2,000 points along a coil are too few for the error.
     pub fn new(coils: &[Coil], request: LineRequest) -> Result<Self, Error> {
         const LEAST_ERROR: f64 = 1e-13;
         Error::check_finite("phi", request.phi)?;
@@ -148,8 +148,8 @@ impl LineSection {
         LineMap::new(&self.field, phi, angle, self.steps).expect("the request was checked")
     }
 
-    /// Where lines begin, (R, Z) in rows: outwards from the axis to the reach, with equal areas between the circles about the
-    /// axis through them.
+    /// Where lines begin, (R, Z) in rows: outwards from the axis to the reach, with equal areas between the circles
+    /// about the axis through them.
     pub fn starts(&self, lines: usize) -> Vec<f64> {
         starts(self.axis, self.request.reach, lines)
     }

@@ -11,14 +11,15 @@ use std::path::Path;
 const COLUMNS: usize = 6;
 
 /// Reads coils from a text file as simsopt writes and reads them: a line for each mode, from 0 on, and in it sine and
-/// cosine of x, sine and cosine of y, sine and cosine of z of one coil after another, with commas or spaces between,
-/// in metres; empty lines and such as begin with # say nothing. A file that ends in `.npz` has an array `points`, (C, N, 3):
-/// N points (x, y, z) of each of C closed coils at equal distances of a parameter, between which a trigonometric
-/// polynomial goes ([`Coil::of_points`]). `currents` are those of the coils, in amperes, of which symmetry makes the machine.
+/// cosine of x, sine and cosine of y, sine and cosine of z of one coil after another, with commas or spaces between, in
+/// metres; empty lines and such as begin with # say nothing. A file that ends in `.npz` has an array `points`, (C, N,
+/// 3): N points (x, y, z) of each of C closed coils at equal distances of a parameter, between which a trigonometric
+/// polynomial goes ([`Coil::of_points`]). `currents` are those of the coils, in amperes, of which symmetry makes the
+/// machine.
 ///
 /// # Errors
-/// When the file cannot be read, has no such array, a line has another number of numbers than the first, one that is no finite number,
-/// or no whole coils; when there are other than one current for each coil.
+/// When the file cannot be read, has no such array, a line has another number of numbers than the first, one that is no
+/// finite number, or no whole coils; when there are other than one current for each coil.
 pub fn read_coils(
     path: &Path,
     currents: &[f64],

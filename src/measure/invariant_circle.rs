@@ -27,8 +27,8 @@ const MOST_MODES: usize = 96;
 const STATES_A_TERM: usize = 3;
 
 impl InvariantCircle {
-    /// The curve on which an orbit is, its states of two numbers one after another, that turns by about `turns` a map, of as many
-    /// modes as bring it nearest to states it has not seen.
+    /// The curve on which an orbit is, its states of two numbers one after another, that turns by about `turns` a map,
+    /// of as many modes as bring it nearest to states it has not seen.
     ///
     /// # Errors
     /// [`Error::CountOutOfRange`] of fewer than 64 states, [`Error::OutOfRange`] of numbers that are not finite.

@@ -24,18 +24,18 @@ const MOST: usize = 1_000_000;
 /// Applications of the map to one point, at most.
 const MOST_MAPS: usize = 10_000;
 
-/// The points of one branch of the manifold that leaves a periodic orbit under repeated maps, two numbers each, from near
-/// the orbit outwards: the unstable manifold for a map, the stable one for its inverse with the orbit of that.
+/// The points of one branch of the manifold that leaves a periodic orbit under repeated maps, two numbers each, from
+/// near the orbit outwards: the unstable manifold for a map, the stable one for its inverse with the orbit of that.
 ///
-/// A segment along the eigenvector of M whose eigenvalue λ is the larger, from `start` to |λ| times that, is moved on as
-/// often as it takes, with points put in where neighbours are further apart than the spacing. At λ < 0, where the maps of a
-/// period change sides, two periods are one.
+/// A segment along the eigenvector of M whose eigenvalue λ is the larger, from `start` to |λ| times that, is moved on
+/// as often as it takes, with points put in where neighbours are further apart than the spacing. At λ < 0, where the
+/// maps of a period change sides, two periods are one.
 ///
 /// Source: Krauskopf, Osinga et al., <https://doi.org/10.1142/S0218127405012533>, for the ways of computing manifolds.
 ///
 /// # Errors
-/// Those of the map; when the orbit is none that points leave, |Tr M| ≤ 2, a number of the branch is out of range, or there
-/// would be more than 10⁶ points.
+/// Those of the map; when the orbit is none that points leave, |Tr M| ≤ 2, a number of the branch is out of range, or
+/// there would be more than 10⁶ points.
 pub fn manifold(
     map: PlaneMap<'_>,
     orbit: &PeriodicOrbit,
@@ -62,8 +62,8 @@ pub fn manifold(
     let unit = vector.map(|v| sign * v / size(vector));
     let (periods, factor) = if own < 0.0 { (2, own * own) } else { (1, own) };
     let maps = periods * orbit.period();
-    // A point by the share of the way from the beginning of the segment to its end, in ln of the distance, and how often it
-    // is moved on: u = 3.25 is the point at a quarter after three times round.
+    // A point by the share of the way from the beginning of the segment to its end, in ln of the distance, and how
+    // often it is moved on: u = 3.25 is the point at a quarter after three times round.
     let at = |u: f64| -> Result<[f64; 2], Error> {
         let times = u.floor();
         let distance = start * libm::pow(factor, u - times);

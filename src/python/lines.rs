@@ -15,11 +15,12 @@ use std::path::PathBuf;
 /// R and Z in metres.
 ///
 /// `coils` is a text file with a line for each Fourier mode, in it sine and cosine of x, of y and of z of one coil after
-/// another, in metres, or an .npz with points (C, N, 3), N points of each of C coils; `currents` those of the coils, in amperes; `field_periods` how often the machine repeats, and
+/// another, in metres, or an .npz with points (C, N, 3), N points of each of C coils; `currents` those of the coils, in
+/// amperes; `field_periods` how often the machine repeats, and
 /// `stellarator_symmetric` whether half a turn about the x axis is a symmetry too. Without a file it is a torsatron of ten
-/// periods. `section` is where the section is, in field periods, `periods` how many a map leads over, `reach` how far from
-/// the axis lines begin at most, in metres, `axis` a guess of it, and `error` what a map may err by, in metres. Raises Error
-/// when a file or a number is unsound, and where there is no axis or a line is lost.
+/// periods. `section` is where the section is, in field periods, `periods` how many a map leads over, `reach` how far
+/// from the axis lines begin at most, in metres, `axis` a guess of it, and `error` what a map may err by, in metres.
+/// Raises Error when a file or a number is unsound, and where there is no axis or a line is lost.
 #[pyclass(frozen, module = "gyroceptron", name = "FieldLines")]
 pub(super) struct FieldLines {
     section: LineSection,
@@ -98,8 +99,8 @@ impl FieldLines {
         array(py, self.section.starts(lines), vec![lines, 2])
     }
 
-    /// The points of lines through `points`, (..., 2), map after map: (maps + 1, ..., 2). A line that leaves the machine or
-    /// runs into a coil is NaN from there on.
+    /// The points of lines through `points`, (..., 2), map after map: (maps + 1, ..., 2). A line that leaves the
+    /// machine or runs into a coil is NaN from there on.
     fn trace<'py>(
         &self,
         py: Python<'py>,
@@ -139,7 +140,8 @@ impl FieldLines {
         array(py, values, points.shape(&[], &[2, 2]))
     }
 
-    /// Writes B_phi, over that on the axis, on a grid of a box a little wider than that of `points`, (..., 2): a file that
+    /// Writes B_phi, over that on the axis, on a grid of a box a little wider than that of `points`, (..., 2): a file
+    /// that
     /// `train` takes as its `section`. An existing file is kept unless `overwrite`.
     #[pyo3(signature = (path, points, overwrite=false))]
     fn write_section(&self, path: PathBuf, points: Rows<'_>, overwrite: bool) -> PyResult<()> {

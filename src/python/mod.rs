@@ -382,8 +382,9 @@ impl Model {
 
     /// The different orbits of exactly `period` steps that Newton's method finds from `guesses`, (N, 2n), with exact
     /// Jacobians, in units of the data: a list of dictionaries with points (period, 2n), multiplier, the Jacobian of a
-    /// whole period (2n, 2n), its trace, Greene's residue (2 - trace)/4, and by how much the orbit misses its beginning.
-    /// Orbits with points within `apart` are one; guesses that lead to none are passed over. Raises Error as `predict`.
+    /// whole period (2n, 2n), its trace, Greene's residue (2 - trace)/4, and by how much the orbit misses its
+    /// beginning. Orbits with points within `apart` are one; guesses that lead to none are passed over. Raises Error as
+    /// `predict`.
     #[pyo3(signature = (guesses, period=1, apart=1e-6))]
     fn periodic_orbits<'py>(
         &self,
@@ -395,22 +396,22 @@ impl Model {
         orbits::of_model(py, &self.stored, &guesses, period, apart)
     }
 
-    /// How fast neighbours of the orbit from `point`, 2n numbers, part: ln of their growth a step over `steps` steps, in
-    /// units of the data. Raises Error as `predict`.
+    /// How fast neighbours of the orbit from `point`, 2n numbers, part: ln of their growth a step over `steps` steps,
+    /// in units of the data. Raises Error as `predict`.
     fn lyapunov_exponent(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
         orbits::of_orbit(py, &self.stored, &point, steps, lyapunov_exponent)
     }
 
-    /// The smaller alignment index of the orbit from `point`, 2n numbers, after `steps` steps, in units of the data: near 0
-    /// to rounding in chaos, as 1/steps^2 on a curve of a map of a plane. Raises Error as `predict`.
+    /// The smaller alignment index of the orbit from `point`, 2n numbers, after `steps` steps, in units of the data:
+    /// near 0 to rounding in chaos, as 1/steps^2 on a curve of a map of a plane. Raises Error as `predict`.
     fn alignment_index(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
         orbits::of_orbit(py, &self.stored, &point, steps, smaller_alignment_index)
     }
 
-    /// A branch of the unstable manifold, or of the stable one, of the orbit of `period` steps near `guess`, of a map of a
-    /// plane in units of the data: its points from `start` away from the orbit on, along the eigenvector or, with
-    /// forward=False, against it, `spacing` apart at most and over `length`: (N, 2). Raises Error as `predict`, and where
-    /// there is no orbit that points leave.
+    /// A branch of the unstable manifold, or of the stable one, of the orbit of `period` steps near `guess`, of a map
+    /// of a plane in units of the data: its points from `start` away from the orbit on, along the eigenvector or, with
+    /// forward=False, against it, `spacing` apart at most and over `length`: (N, 2). Raises Error as `predict`, and
+    /// where there is no orbit that points leave.
     #[pyo3(signature = (guess, period=1, *, stable=false, forward=true, start=1e-6, spacing=1e-2, length=1.0))]
     #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     fn manifold<'py>(

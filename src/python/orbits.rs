@@ -105,8 +105,8 @@ pub(super) fn manifold_of<'py>(
 }
 
 /// The rotation number of an orbit (T, 2) of a map of a plane about `centre`, in turns a step, by weighted Birkhoff
-/// averages: (turns, error), the error being the difference of the two halves. Of the growths of the angle that whole turns
-/// tell apart it takes those within half a turn of `near`. Raises Error of arrays of other shapes.
+/// averages: (turns, error), the error being the difference of the two halves. Of the growths of the angle that whole
+/// turns tell apart it takes those within half a turn of `near`. Raises Error of arrays of other shapes.
 #[pyfunction]
 #[pyo3(signature = (orbit, centre, near=0.0))]
 pub(super) fn rotation_number(
@@ -122,8 +122,8 @@ pub(super) fn rotation_number(
     Ok((found.turns, found.error))
 }
 
-/// The closed curve on which an orbit (T, 2) of a map of a plane is, by a Fourier series fitted to its first half: `turns`
-/// is about how far it turns in a step, in turns. Raises Error of fewer than 64 states.
+/// The closed curve on which an orbit (T, 2) of a map of a plane is, by a Fourier series fitted to its first half:
+/// `turns` is about how far it turns in a step, in turns. Raises Error of fewer than 64 states.
 #[pyclass(frozen, module = "gyroceptron", name = "InvariantCircle")]
 pub(super) struct PyInvariantCircle(InvariantCircle);
 
@@ -141,8 +141,8 @@ impl PyInvariantCircle {
         self.0.turns
     }
 
-    /// The largest distance of the later half of the orbit, which the fit has not seen, from where the curve has it: large
-    /// on islands and in chaos.
+    /// The largest distance of the later half of the orbit, which the fit has not seen, from where the curve has it:
+    /// large on islands and in chaos.
     #[getter]
     fn error(&self) -> f64 {
         self.0.error

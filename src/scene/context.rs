@@ -198,7 +198,7 @@ impl<'a> Context<'a> {
     /// The pairs of the same points at another ε and flow time.
     pub(super) fn data_at(&mut self, epsilon: f64, time: f64) -> Result<Rc<DataSets>, RunError> {
         let family = self.scene.setup.data.as_ref().is_some_and(Data::is_family);
-        if !family && (epsilon, time) == (self.system()?.epsilon(), self.flow_time()?) {
+        if !family && (epsilon, time) == (self.target()?.epsilon(), self.flow_time()?) {
             return self.data();
         }
         let same = |made: &&(f64, f64, Rc<DataSets>)| (made.0, made.1) == (epsilon, time);

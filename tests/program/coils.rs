@@ -2,6 +2,7 @@
 
 use crate::helpers::{call, folder, refuses, succeeds, text};
 use gyroceptron::io::{load_model, read_trajectories, write_points};
+use gyroceptron::scalar::max_or_nan;
 use gyroceptron::system::Torsatron;
 use std::fmt::Write;
 use std::path::Path;
@@ -20,12 +21,13 @@ orbit = 48
 lines = {{ coils = {coils}, lines = 24, reach = 0.05, error = 1e-6 }}
 [training]
 iterations = 40
+ramp = [{{ degree = 3, iterations = 20 }}]
 optimiser = {{ kind = "levenberg-marquardt" }}
 [poincare]
 lines = 3
 early = 10
 reference = 200
-reference_planes = {{ degree = 6 }}
+reference_planes = {{ degree = 10 }}
 counts = [200, 2000]
 last = 20
 profile = 8
@@ -85,6 +87,20 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     assert!(error("jolts") < 1e-5 && error("polynomial of degree 6") < 1e-5, "{found}");
     // Half of the steps that the reference needs; that itself is known to its estimate.
     assert!(error("coils, 8 steps") > 1e-11 && error("coils, 16 steps") > 0.0, "{found}");
+    // The map of jolts is on its surfaces after ten times as many periods; the polynomial, which errs less a period, is
+    // ten times as far off.
+    let off = |name: &str| {
+        let of = methods.iter().find(|one| one["name"] == name).expect("a method");
+        let largest = |count: usize| {
+            let lines = of["off"][count][1].as_array().expect("lines");
+            lines.iter().map(|v| v.as_f64().expect("a number")).fold(0.0, max_or_nan)
+        };
+        [largest(0), largest(1)]
+    };
+    let ([own, later], [other, drifted]) = (off("jolts"), off("polynomial of degree 6"));
+    assert!(found["curves"].as_array().expect("curves").iter().all(|c| c.is_object()), "{found}");
+    assert!(own > 0.0 && later < 1.5 * own && later < 1e-6, "{own} {later}");
+    assert!(drifted > 5.0 * other && drifted > 10.0 * later, "{other} {drifted} {later}");
     for figure in ["poincare.svg", "rotation.csv", "off-surface.svg"] {
         assert!(path.join("a").join(figure).is_file(), "{figure}");
     }

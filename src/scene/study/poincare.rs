@@ -282,7 +282,12 @@ impl Study for PoincareOptions {
         ];
         let circles = judge.circles.iter();
         let circles: Vec<_> = circles
-            .map(|circle| circle.as_ref().map(|one| json!({ "modes": one.modes(), "error": one.error, "turns": one.turns, "area": one.area() })))
+            .map(|circle| {
+                circle.as_ref().map(|one| {
+                    let (modes, area) = (one.modes(), one.area());
+                    json!({ "modes": modes, "error": one.error, "turns": one.turns, "area": area })
+                })
+            })
             .collect();
         Ok(Findings {
             title: "Field lines of coils".into(),
@@ -655,9 +660,9 @@ impl Fixed {
             None => String::new(),
         };
         format!(
-            "{axis} Orbits that come back after {} times around it in {} maps, |ι| = {:.6}: {}, {}{width}. They are found by \
-             Newton's method with exact Jacobians; small residues leave open where on their curve they are, and say how \
-             much of an error is seen there.",
+            "{axis} Orbits that come back after {} times around it in {} maps, |ι| = {:.6}: {}, {}{width}. They are \
+             found by Newton's method with exact Jacobians; small residues leave open where on their curve they are, and \
+             say how much of an error is seen there.",
             resonance.turns,
             resonance.maps,
             resonance.value() * lines.maps_a_turn(),
@@ -736,8 +741,15 @@ impl Results<'_> {
             .map(|found| found.turns.abs() * self.lines.maps_a_turn())
             .collect();
         sure.sort_by(f64::total_cmp);
-        let end = |value: Option<&f64>| value.copied().unwrap_or(f64::NAN);
-        let (low, high) = (end(sure.first()), end(sure.last()));
+        let agree = format!("two halves of a line agree to {SURE:.0e} turns a map");
+        let profile = match sure[..] {
+            [] => format!("On none of {profile} lines {agree}: |ι| is not told."),
+            [low, .., high] => format!(
+                "|ι| is from {low:.6} to {high:.6} on {} of {profile} lines, on which {agree}.",
+                sure.len()
+            ),
+            [alone] => format!("|ι| is {alone:.6} on one of {profile} lines, on which {agree}."),
+        };
         let through = match self.options.reference_planes {
             None => String::new(),
             Some(planes) => {
@@ -757,8 +769,8 @@ impl Results<'_> {
              reference, {} steps in the field of {} points of coils, errs by {:.1e} m. A map: root mean square and \
              largest distance on held-out lines. Early: root mean square over {early} maps of {count} lines. The \
              reference is followed over {reference} maps{through}: {} of these lines are on smooth curves, known to \
-             {worst:.1e} m, from which the last {last} points before each number of maps are measured. |ι| is from {low:.6} to {high:.6} on {} of {profile} lines, where two halves of a line agree to {SURE:.0e} \
-             turns a map. Lengths are in metres.",
+             {worst:.1e} m, from which the last {last} points before each number of maps are measured. {profile} \
+             Lengths are in metres.",
             request.phi,
             self.lines.periods,
             self.lines.of_machine,
@@ -767,7 +779,6 @@ impl Results<'_> {
             self.lines.section.field().points(),
             self.lines.section.error(),
             smooth.len(),
-            sure.len(),
         )
     }
 
@@ -816,7 +827,8 @@ impl Results<'_> {
         let mut out = format!(
             "One thread; medians of repeated runs in turn, and in brackets their quartiles: with {} lines or more \
              together, and with one alone. Networks and polynomials over {} maps, of which the last is kept; \
-             in the field of the coils and through planes one map. The {} maps of the lines of the data took {:.1} s (all threads).",
+             in the field of the coils and through planes one map. The {} maps of the lines of the data took \
+             {:.1} s (all threads).",
             timed[0].together, self.options.reference, self.lines.maps, paid.lines
         );
         out.push_str(

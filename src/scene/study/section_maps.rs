@@ -341,8 +341,8 @@ impl Judge<'_> {
         None
     }
 
-    /// The orbits of a resonance from guesses near the curve at a distance from the axis; the first map gives them, and the others go
-    /// on from its.
+    /// The orbits of a resonance from guesses near the curve at a distance from the axis; the first map gives them, and
+    /// the others go on from its.
     pub(super) fn chain(
         &self,
         map: &SectionMap<'_>,
@@ -361,7 +361,8 @@ impl Judge<'_> {
         Ok(Chain { centre: of(true), corner: of(false), width: None })
     }
 
-    /// Points from which orbits of a resonance are looked for: of one that begins where the rotation is its, and between them.
+    /// Points from which orbits of a resonance are looked for: of one that begins where the rotation is its, and
+    /// between them.
     pub(super) fn guesses(
         &self,
         map: &SectionMap<'_>,
@@ -389,8 +390,8 @@ impl Judge<'_> {
     /// How many maps tell an island from a line that only turns about as fast: several times round its centre. None
     /// where that takes too many.
     pub(super) fn maps_of_island(resonance: Resonance, centre: &OrbitFound) -> Option<usize> {
-        const ROUND: f64 = 8.0;
-        const MOST: f64 = 20_000.0;
+        const ROUND: f64 = 3.0;
+        const MOST: f64 = 10_000.0;
         // Tr M = 2 cos ω for a time of `maps`.
         let omega = 2.0 * libm::asin(libm::sqrt(centre.residue.clamp(0.0, 1.0)));
         let maps = ROUND * resonance.maps as f64 * TAU / omega;
