@@ -191,7 +191,8 @@ impl<'a> Context<'a> {
             let place = format!("scene {}", self.scene.name);
             Error::Missing { place, key: "data.lines", needed_by: "a study".into() }
         })?;
-        let made = self.stage(LINES, |_| TracedLines::new(lines, declared))?;
+        let made =
+            self.stage(LINES, |_| TracedLines::new(lines, declared.orbit, declared.validation))?;
         Ok(Rc::clone(self.lines.insert(Rc::new(made))))
     }
 

@@ -1,6 +1,5 @@
 //! Field lines of coils as the data of a scene.
 
-use super::setup::{Data, MOST};
 use crate::error::Error;
 use crate::flow::{LineRequest, LineSection, Pairs};
 use crate::io::read_coils;
@@ -74,7 +73,9 @@ fn usual_epsilon() -> f64 {
     0.01
 }
 
-/// Fewer lines fill no section.
+/// More lines are a mistake.
+const MOST_LINES: usize = 1_000_000;
+/// Fewer fill no section.
 const LEAST_LINES: usize = 4;
 
 impl Coils {
@@ -111,7 +112,7 @@ impl LineData {
         let counts = [
             ("coils.periods", self.coils.periods() as usize, 1, 1000),
             ("periods", self.periods as usize, 1, 1000),
-            ("lines", self.lines, LEAST_LINES, MOST),
+            ("lines", self.lines, LEAST_LINES, MOST_LINES),
         ];
         for (name, found, least, most) in counts {
             Error::check_count_range(name, found, least, most).map_err(place)?;
@@ -153,7 +154,8 @@ impl TracedLines {
         f64::from(self.of_machine) / f64::from(self.periods)
     }
 
-    pub(super) fn new(lines: &LineData, data: &Data) -> Result<Self, Error> {
+    /// Lines over so many maps, of which a share is held out.
+    pub(super) fn new(lines: &LineData, maps: usize, validation: f64) -> Result<Self, Error> {
         let coils = lines.coils.set()?.all()?;
         let of_machine = lines.coils.periods();
         let guess = lines.axis.or(match &lines.coils {
@@ -169,13 +171,13 @@ impl TracedLines {
         };
         let section = LineSection::new(&coils, request).map_err(|e| e.with_place("data.lines"))?;
         let turns = section.turns().abs();
-        if !(turns * data.orbit as f64 >= 1.0) {
+        if !(turns * maps as f64 >= 1.0) {
             let expected =
                 format!("{:.0} maps at least, in which lines go round the section", 1.0 / turns);
-            return Err(Error::invalid("data.orbit", data.orbit, expected));
+            return Err(Error::invalid("data.orbit", maps, expected));
         }
         let starts = section.starts(lines.lines);
-        let (count, maps) = (lines.lines, data.orbit);
+        let count = lines.lines;
         let states = [&starts[..], &section.map().trajectories(&starts, maps)?].concat();
         let state = |t: usize, m: usize| {
             let at = 2 * (t * count + m);
@@ -194,9 +196,9 @@ impl TracedLines {
             return Err(Error::invalid("data.lines.reach", found, expected));
         }
         // Neither the innermost nor the outermost.
-        let held = |number: usize| match data.validation > 0.0 {
+        let held = |number: usize| match validation > 0.0 {
             true => {
-                let each = ((1.0 / data.validation).round() as usize).max(2);
+                let each = ((1.0 / validation).round() as usize).max(2);
                 number % each == each / 2 && number + 1 < kept.len() && number > 0
             }
             false => false,
