@@ -15,7 +15,7 @@ BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 
 
 def test_the_example_trains_a_pendulum(capsys):
-    [example] = [block for block in BLOCKS if "import gyroceptron" in block]
+    [example] = [block for block in BLOCKS if "a pendulum of period" in block]
     names = {}
     exec(example, names)
     model = names["model"]
@@ -24,6 +24,17 @@ def test_the_example_trains_a_pendulum(capsys):
     assert names["orbits"].shape == (101, 8, 2)
     action = model.invariant(names["points"][:8])
     assert np.median(names["drift"] / action) < 0.1
+
+
+def test_field_lines_are_learnt_and_asked(tmp_path, monkeypatch):
+    [example] = [block for block in BLOCKS if "FieldLines" in block]
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    exec(example, names)
+    exact = np.trace(names["lines"].jacobian(names["lines"].axis))
+    assert abs(names["axis"]["trace"] - exact) < 1e-4
+    assert abs(names["turns"] - names["lines"].turns) < 1e-3 and names["error"] < 1e-8
+    assert names["circle"].error < 1e-6
 
 
 @pytest.mark.parametrize("scale", [1.0, 100.0])

@@ -298,6 +298,7 @@ impl Study for PoincareOptions {
                     "lost": lines.lost,
                     "reference_error": lines.section.error(),
                     "curves": circles,
+                    "off_curves": judge.curves,
                     "methods": found,
                     "orbits": fixed,
                 }),
@@ -364,6 +365,7 @@ impl PoincareOptions {
             initial,
             early,
             circles: Vec::new(),
+            curves: 0.0,
             after: Vec::new(),
             profile: along(self.profile),
             maps: self.reference,
@@ -384,7 +386,13 @@ impl PoincareOptions {
                 true => Some(InvariantCircle::of_orbit(&orbit, turns.turns)?),
                 false => None,
             };
-            judge.circles.push(circle.filter(|circle| circle.error <= SMOOTH));
+            let circle = circle.filter(|circle| circle.error <= SMOOTH);
+            if let Some(circle) = &circle {
+                let unseen = &orbit[2 * (self.reference / 2)..];
+                let off = circle.distances(unseen).into_iter().fold(0.0, max_or_nan);
+                judge.curves = max_or_nan(judge.curves, off);
+            }
+            judge.circles.push(circle);
         }
         Ok(judge)
     }
@@ -732,7 +740,7 @@ impl Results<'_> {
         let PoincareOptions { lines: count, early, reference, profile, last, .. } = self.options;
         let request = self.lines.section.request();
         let smooth: Vec<&InvariantCircle> = self.judge.circles.iter().flatten().collect();
-        let worst = smooth.iter().map(|circle| circle.error).fold(0.0, max_or_nan);
+        let worst = self.judge.curves;
         let mut sure: Vec<f64> = self
             .judge
             .rotation
@@ -768,9 +776,9 @@ impl Results<'_> {
             "The section φ = {:.6}, a map over {} of {} field periods, lines to {} m from the axis.{lost} A map of the \
              reference, {} steps in the field of {} points of coils, errs by {:.1e} m. A map: root mean square and \
              largest distance on held-out lines. Early: root mean square over {early} maps of {count} lines. The \
-             reference is followed over {reference} maps{through}: {} of these lines are on smooth curves, known to \
-             {worst:.1e} m, from which the last {last} points before each number of maps are measured. {profile} \
-             Lengths are in metres.",
+             reference is followed over {reference} maps{through}: {} of these lines are on smooth curves, off which \
+             their later points are by {worst:.1e} m, and from which the last {last} points before each number of \
+             maps are measured. {profile} Lengths are in metres.",
             request.phi,
             self.lines.periods,
             self.lines.of_machine,

@@ -111,6 +111,8 @@ pub(super) struct Judge<'a> {
     pub(super) early: Trajectories,
     /// The curve that each line is on; none of a line that is on no smooth one.
     pub(super) circles: Vec<Option<InvariantCircle>>,
+    /// The largest distance of a point of the reference, of those that the fits have not seen, from its curve.
+    pub(super) curves: f64,
     /// Where the judged lines are after the maps of the reference.
     pub(super) after: Vec<f64>,
     /// Where the lines of the profile begin.
