@@ -81,14 +81,14 @@ pub struct Run {
 
 /// The machine of a scene of field lines, such as `coils`.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Coils")]
 pub struct CoilArguments {
     /// Coils of your own in place of the scene's: text with a line for each Fourier mode, and in it sine and cosine of
     /// x, of y and of z of one coil after another, in metres; or an .npz with points (C, N, 3), N of each of C coils.
-    #[arg(long, value_name = "FILE", requires_all = ["currents", "field_periods"])]
+    #[arg(help_heading = "Coils", long, value_name = "FILE", requires_all = ["currents", "field_periods"])]
     pub coils: Option<PathBuf>,
     /// The current of each coil of the file, in amperes.
     #[arg(
+        help_heading = "Coils",
         long,
         value_name = "I,I,…",
         value_delimiter = ',',
@@ -97,19 +97,25 @@ pub struct CoilArguments {
     )]
     pub currents: Vec<f64>,
     /// The field periods of the machine: turned by a period its coils are all there.
-    #[arg(long, value_name = "N", requires = "coils")]
+    #[arg(help_heading = "Coils", long, value_name = "N", requires = "coils")]
     pub field_periods: Option<u32>,
     /// Half a turn about the x axis is no symmetry of the machine: the coils of a whole period are in the file.
-    #[arg(long, requires = "coils")]
+    #[arg(help_heading = "Coils", long, requires = "coils")]
     pub asymmetric: bool,
     /// Where the section is, in field periods: 0 and 0.5 are planes of symmetry.
-    #[arg(long, value_name = "PERIODS", allow_negative_numbers = true)]
+    #[arg(help_heading = "Coils", long, value_name = "PERIODS", allow_negative_numbers = true)]
     pub section_at: Option<f64>,
     /// How far from the magnetic axis lines begin at most, in metres.
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
+    #[arg(help_heading = "Coils", long, value_name = "METRES", allow_negative_numbers = true)]
     pub reach: Option<f64>,
     /// (R, Z) near the magnetic axis, in metres, where it is not found without.
-    #[arg(long, value_name = "R,Z", value_delimiter = ',', allow_negative_numbers = true)]
+    #[arg(
+        help_heading = "Coils",
+        long,
+        value_name = "R,Z",
+        value_delimiter = ',',
+        allow_negative_numbers = true
+    )]
     pub axis: Vec<f64>,
 }
 

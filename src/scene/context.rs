@@ -191,8 +191,11 @@ impl<'a> Context<'a> {
             let place = format!("scene {}", self.scene.name);
             Error::Missing { place, key: "data.lines", needed_by: "a study".into() }
         })?;
-        let made =
-            self.stage(LINES, |_| TracedLines::new(lines, declared.orbit, declared.validation))?;
+        let made = self.stage(LINES, |context| {
+            let stopped = || context.interrupted();
+            TracedLines::new(lines, declared.orbit, declared.validation, &stopped)
+        })?;
+        let made = made.ok_or(RunError::Interrupted)?;
         Ok(Rc::clone(self.lines.insert(Rc::new(made))))
     }
 

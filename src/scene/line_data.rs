@@ -154,8 +154,16 @@ impl TracedLines {
         f64::from(self.of_machine) / f64::from(self.periods)
     }
 
-    /// Lines over so many maps, of which a share is held out.
-    pub(super) fn new(lines: &LineData, maps: usize, validation: f64) -> Result<Self, Error> {
+    /// Lines over so many maps, of which a share is held out; None where `stopped` says so, which is asked every few
+    /// maps.
+    pub(super) fn new(
+        lines: &LineData,
+        maps: usize,
+        validation: f64,
+        stopped: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, Error> {
+        /// A few seconds of many lines in the field of many coils.
+        const MAPS: usize = 4;
         let coils = lines.coils.set()?.all()?;
         let of_machine = lines.coils.periods();
         let guess = lines.axis.or(match &lines.coils {
@@ -178,7 +186,15 @@ impl TracedLines {
         }
         let starts = section.starts(lines.lines);
         let count = lines.lines;
-        let states = [&starts[..], &section.map().trajectories(&starts, maps)?].concat();
+        let mut states = starts.clone();
+        for first in (0..maps).step_by(MAPS) {
+            if stopped() {
+                return Ok(None);
+            }
+            let here = states[states.len() - starts.len()..].to_vec();
+            let part = if first + MAPS < maps { MAPS } else { maps - first };
+            states.extend(section.map().trajectories(&here, part)?);
+        }
         let state = |t: usize, m: usize| {
             let at = 2 * (t * count + m);
             [states[at], states[at + 1]]
@@ -223,6 +239,6 @@ impl TracedLines {
         all.extend(held_out.iter().flat_map(Pairs::points));
         let chart = section.chart(&all.concat())?;
         let (maps, periods) = (maps * count, lines.periods);
-        Ok(Self { section, chart, training, held_out, lost, periods, of_machine, maps })
+        Ok(Some(Self { section, chart, training, held_out, lost, periods, of_machine, maps }))
     }
 }

@@ -3,6 +3,7 @@
 use crate::helpers::{call, folder, refuses, succeeds, text};
 use gyroceptron::io::{load_model, read_trajectories, write_points};
 use gyroceptron::scalar::max_or_nan;
+use gyroceptron::scene::{Event, Folder, Observer, parse, run};
 use gyroceptron::system::Torsatron;
 use std::fmt::Write;
 use std::path::Path;
@@ -141,34 +142,77 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     assert!(as_run.contains("coils.dat") && as_run.contains("stellarator_symmetric = false"));
 }
 
+/// Stops a run once a stage has begun.
+struct StopsIn {
+    stage: &'static str,
+    reached: bool,
+}
+
+impl Observer for StopsIn {
+    fn event(&mut self, event: Event<'_>) {
+        self.reached |= matches!(event, Event::Stage(name) if name == self.stage);
+    }
+
+    fn interrupted(&self) -> bool {
+        self.reached
+    }
+}
+
+/// A run that is stopped while lines are traced goes on to the bits of one that is not.
+#[test]
+fn tracing_can_be_stopped_and_gone_on_with() {
+    let folder = folder();
+    let scene = parse("lines.toml", &scene(r#"{ kind = "torsatron" }"#)).expect("a scene");
+    let start = |name: &str, resume: bool, stage: &'static str| {
+        let path = folder.path().join(name);
+        let out = Folder::open(&path, resume, false).expect("a folder");
+        run(&scene, &out, &mut StopsIn { stage, reached: false }).expect("a run").is_some()
+    };
+    assert!(start("whole", false, "none"));
+    assert!(!start("parts", false, "field lines of the coils"));
+    assert!(!start("parts", true, "lines of the reference"));
+    assert!(start("parts", true, "none"));
+    let [whole, parts] = ["whole", "parts"]
+        .map(|name| std::fs::read(folder.path().join(name).join("report.json")).expect("a report"));
+    assert!(whole == parts);
+}
+
 #[test]
 fn bad_machines_are_refused_before_anything_is_written() {
     let folder = folder();
     let path = folder.path();
-    let run = |toml: &str, more: &[&str], words: &[&str]| {
+    let refused = |toml: &str, more: &[&str], words: &[&str]| {
         std::fs::write(path.join("lines.toml"), toml).expect("written");
         refuses(path, &[&["run", "lines.toml", "--out", "a"], more].concat(), words);
     };
     let sound = scene(r#"{ kind = "torsatron" }"#);
-    run(&scene(r#"{ kind = "torsatron", periods = 5 }"#), &[], &["multiple of 2"]);
-    run(&scene(r#"{ kind = "torsatron", minor = 5 }"#), &[], &["minor"]);
-    run(&sound.replace("reach = 0.05", "reach = -1"), &[], &["reach"]);
-    run(&sound.replace("lines = 24", "lines = 2"), &[], &["lines"]);
-    run(&sound.replace("validation = 0.25", "validation = 0"), &[], &["validation", "held out"]);
-    run(&sound.replace("counts = [200, 2000]", "counts = [200, 20]"), &[], &["counts"]);
-    run(&sound.replace("orbit = 48", "orbit = 10"), &["--quick"], &["degree"]);
-    run(&sound.replace("[6]", "[40]"), &[], &["degree", "pairs to train with"]);
-    run(&sound, &["--axis", "3.9"], &["--axis", "two numbers"]);
-    run(&sound, &["--coils", "none.dat", "--currents", "1", "--field-periods", "5"], &["none.dat"]);
+    refused(&scene(r#"{ kind = "torsatron", periods = 5 }"#), &[], &["multiple of 2"]);
+    refused(&scene(r#"{ kind = "torsatron", minor = 5 }"#), &[], &["minor"]);
+    refused(&sound.replace("reach = 0.05", "reach = -1"), &[], &["reach"]);
+    refused(&sound.replace("lines = 24", "lines = 2"), &[], &["lines"]);
+    refused(
+        &sound.replace("validation = 0.25", "validation = 0"),
+        &[],
+        &["validation", "held out"],
+    );
+    refused(&sound.replace("counts = [200, 2000]", "counts = [200, 20]"), &[], &["counts"]);
+    refused(&sound.replace("orbit = 48", "orbit = 10"), &["--quick"], &["degree"]);
+    refused(&sound.replace("[6]", "[40]"), &[], &["degree", "pairs to train with"]);
+    refused(&sound, &["--axis", "3.9"], &["--axis", "two numbers"]);
+    refused(
+        &sound,
+        &["--coils", "none.dat", "--currents", "1", "--field-periods", "5"],
+        &["none.dat"],
+    );
     std::fs::write(path.join("short.dat"), "0,0,0,0,0,0\n1,1,1\n").expect("written");
     let short = ["--coils", "short.dat", "--currents", "1", "--field-periods", "5"];
-    run(&sound, &short, &["short.dat:2"]);
+    refused(&sound, &short, &["short.dat:2"]);
     let two = ["--coils", "short.dat", "--currents", "1,2", "--field-periods", "5"];
     std::fs::write(path.join("short.dat"), "0,0,0,0,0,0\n0,1,1,0,0,0\n").expect("written");
-    run(&sound, &two, &["currents"]);
+    refused(&sound, &two, &["currents"]);
     refuses(path, &["run", "jolts", "--reach", "0.1", "--out", "a"], &["field lines of coils"]);
     let with_system = format!("{sound}\n[system]\nkind = \"oscillators\"\nepsilon = 0.1\n");
-    run(&with_system, &[], &["no system beside"]);
+    refused(&with_system, &[], &["no system beside"]);
     // What only tracing tells.
     std::fs::write(path.join("lines.toml"), sound).expect("written");
     let far = call(path, &["run", "lines.toml", "--out", "a", "--reach", "0.9"]);

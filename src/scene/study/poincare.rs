@@ -190,7 +190,9 @@ impl Study for PoincareOptions {
         // What may fail, before anything is trained.
         let reference = context.stage("field of the reference", |_| self.reference(&lines))?;
         let held_out = lines.held_out.as_ref().unwrap_or(&lines.training);
-        let judge = context.stage("lines of the reference", |_| self.judge(&lines, &reference))?;
+        let judge = context.stage("lines of the reference", |context| {
+            self.judge(&lines, &reference, &|| context.interrupted())
+        })?;
         let mut rivals: Vec<NamedMap<'_>> = Vec::new();
         for &degree in &self.polynomials {
             let name = format!("polynomial of degree {degree}");
@@ -343,7 +345,12 @@ impl PoincareOptions {
         &'a self,
         lines: &'a TracedLines,
         reference: &SectionMap<'_>,
-    ) -> Result<Judge<'a>, Error> {
+        stopped: &dyn Fn() -> bool,
+    ) -> Result<Judge<'a>, RunError> {
+        let followed = |map: &SectionMap<'_>, initial: &[f64], maps: usize| {
+            let states = map.followed(initial, maps, stopped)?.ok_or(RunError::Interrupted)?;
+            Ok::<_, RunError>(Trajectories::new(states, 2, initial.len() / 2)?)
+        };
         let (axis, reach) = (lines.section.axis(), lines.section.request().reach);
         // A line that is lost ends what is known.
         // no NaN: distances of places that lines were traced from
@@ -353,11 +360,8 @@ impl PoincareOptions {
             (0..count).flat_map(|k| [axis[0] + radius(k), axis[1]]).collect()
         };
         let initial = along(self.lines);
-        let map = lines.section.map();
-        let early = [initial.clone(), map.trajectories(&initial, self.early)?].concat();
-        let early = Trajectories::new(early, 2, self.lines)?;
+        let early = followed(&SectionMap::Coils(lines.section.map()), &initial, self.early)?;
         let near = lines.section.turns();
-        let request = Rollout { steps: self.reference, every: 1 };
         let held_out = lines.held_out.as_ref().unwrap_or(&lines.training);
         let mut judge = Judge {
             axis,
@@ -374,10 +378,9 @@ impl PoincareOptions {
             counts: &self.counts,
             last: self.last,
         };
-        let profile =
-            Trajectories::new(reference.rollout(&judge.profile, request)?, 2, self.profile)?;
+        let profile = followed(reference, &judge.profile, self.reference)?;
         judge.rotation = rotation_numbers(&profile, near, judge.angle());
-        let orbits = Trajectories::new(reference.rollout(&judge.initial, request)?, 2, self.lines)?;
+        let orbits = followed(reference, &judge.initial, self.reference)?;
         judge.after = orbits.values()[2 * self.lines * self.reference..].to_vec();
         let turns = rotation_numbers(&orbits, near, judge.angle());
         for (m, turns) in turns.iter().enumerate() {

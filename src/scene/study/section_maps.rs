@@ -67,6 +67,35 @@ impl SectionMap<'_> {
     }
 }
 
+impl SectionMap<'_> {
+    /// All states of the orbits of M points over so many maps, as [`SectionMap::rollout`]; None where `stopped` says
+    /// so, which is asked every few seconds.
+    pub(super) fn followed(
+        &self,
+        initial: &[f64],
+        maps: usize,
+        stopped: &dyn Fn() -> bool,
+    ) -> Result<Option<Vec<f64>>, Error> {
+        let most = match self {
+            Self::Coils(_) => 1,
+            Self::Tabulated(_) => 50,
+            Self::Network(_) | Self::Polynomial(_) => maps,
+        };
+        let (mut states, mut done) = (initial.to_vec(), 0);
+        while done < maps {
+            if stopped() {
+                return Ok(None);
+            }
+            let steps = if done + most < maps { most } else { maps - done };
+            let here = states[states.len() - initial.len()..].to_vec();
+            let moved = self.rollout(&here, Rollout { steps, every: 1 })?;
+            states.extend_from_slice(&moved[initial.len()..]);
+            done += steps;
+        }
+        Ok(Some(states))
+    }
+}
+
 fn lost(start: &[f64], request: Rollout) -> Vec<f64> {
     let mut states = vec![f64::NAN; request.kept() * start.len()];
     states[..start.len()].copy_from_slice(start);
