@@ -35,6 +35,25 @@ pub(super) struct DataSets {
 }
 
 impl DataSets {
+    /// Pairs in the coordinates of their system.
+    fn plain(
+        training: Pairs,
+        held_out: Option<Pairs>,
+        reference_error: f64,
+        rotation_error: Option<f64>,
+    ) -> Self {
+        Self {
+            training,
+            held_out,
+            validation: None,
+            reference_error,
+            units: None,
+            section: None,
+            rotation_error,
+            nearest: None,
+        }
+    }
+
     pub(super) fn of_flow(
         data: &Data,
         system: &Counted<'_, System>,
@@ -52,17 +71,7 @@ impl DataSets {
         };
         let rotation_error =
             held_out.as_ref().map(|held_out| limiting_flow_error(system, held_out, time));
-        let (validation, units, nearest, section) = (None, None, None, None);
-        Ok(Self {
-            training,
-            held_out,
-            validation,
-            reference_error,
-            units,
-            section,
-            rotation_error,
-            nearest,
-        })
+        Ok(Self::plain(training, held_out, reference_error, rotation_error))
     }
 
     /// The pairs of a file, made ready as by `gyroceptron train`.
@@ -94,17 +103,12 @@ impl DataSets {
             preparation.prepare(pairs)?;
         let judge = held_out.as_ref().unwrap_or(&training);
         let rotation_error = Some(rotation_error(&action, &nearest, judge));
-        let (validation, reference_error, section) = (None, f64::NAN, None);
+        let reference_error = f64::NAN;
         let nearest = Some((action, nearest));
         Ok(Self {
-            training,
-            held_out,
-            validation,
-            reference_error,
             units,
-            section,
-            rotation_error,
             nearest,
+            ..Self::plain(training, held_out, reference_error, rotation_error)
         })
     }
 
@@ -147,17 +151,13 @@ impl DataSets {
         let both = [Some(&lines.training), lines.held_out.as_ref()].into_iter().flatten();
         let region = Region::around(2, both.flat_map(|pairs| [pairs.input(), pairs.output()]));
         let section = region.map(|region| (lines.chart.clone(), region));
-        let (validation, nearest) = (None, Some((action, nearest)));
+        let nearest = Some((action, nearest));
         let reference_error = lines.section.error();
         Ok(Self {
-            training,
-            held_out,
-            validation,
-            reference_error,
             units,
             section,
-            rotation_error,
             nearest,
+            ..Self::plain(training, held_out, reference_error, rotation_error)
         })
     }
 
@@ -207,17 +207,7 @@ impl DataSets {
         let rotation_error =
             validation.as_ref().map(|validation| squares / validation.len() as f64);
         let held_out = Some(held_out);
-        let (units, nearest, section) = (None, None, None);
-        Ok(Self {
-            training,
-            held_out,
-            validation,
-            reference_error,
-            units,
-            section,
-            rotation_error,
-            nearest,
-        })
+        Ok(Self { validation, ..Self::plain(training, held_out, reference_error, rotation_error) })
     }
 
     /// The same with other pairs of the system for training and held out.
@@ -231,18 +221,8 @@ impl DataSets {
         let held_out = self.held_out.as_ref().map(|pairs| change("held-out", pairs)).transpose()?;
         let rotation_error =
             held_out.as_ref().map(|held_out| limiting_flow_error(system, held_out, time));
-        let (validation, units, nearest, section) = (None, None, None, None);
         let reference_error = self.reference_error;
-        Ok(Self {
-            training,
-            held_out,
-            validation,
-            reference_error,
-            units,
-            section,
-            rotation_error,
-            nearest,
-        })
+        Ok(Self::plain(training, held_out, reference_error, rotation_error))
     }
 
     /// The box around the pairs, training and held out, in units of the data.

@@ -102,6 +102,8 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     assert!(found["curves"].as_array().expect("curves").iter().all(|c| c.is_object()), "{found}");
     assert!(own > 0.0 && later < 1.5 * own && later < 1e-6, "{own} {later}");
     assert!(drifted > 5.0 * other && drifted > 10.0 * later, "{other} {drifted} {later}");
+    // What the reference is known to stands beside it.
+    assert!(error("planes of degree 6, 8 steps") > error("coils, 16 steps"), "{found}");
     for figure in ["poincare.svg", "rotation.csv", "off-surface.svg"] {
         assert!(path.join("a").join(figure).is_file(), "{figure}");
     }
@@ -140,6 +142,29 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     assert!(said.contains("the axis at (3.9575"), "{said}");
     let as_run = std::fs::read_to_string(path.join("b/as-run.toml")).expect("a scene");
     assert!(as_run.contains("coils.dat") && as_run.contains("stellarator_symmetric = false"));
+}
+
+/// Lines that are on no smooth curve, here since too few maps tell one, are not 0 off: the report leaves them open.
+#[test]
+fn lines_without_a_curve_are_not_near_it() {
+    let folder = folder();
+    let few = scene(r#"{ kind = "torsatron" }"#).replace(
+        "reference_planes = { degree = 10 }",
+        "reference_planes = { fewer = 16, degree = 2 }",
+    );
+    std::fs::write(folder.path().join("lines.toml"), few).expect("written");
+    succeeds(folder.path(), &["run", "lines.toml", "--out", "a"]);
+    let report = std::fs::read_to_string(folder.path().join("a/report.json")).expect("a report");
+    let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+    let found = &report["studies"]["poincare"];
+    assert!(found["curves"].as_array().expect("curves").iter().all(|c| c.is_null()), "{found}");
+    for of in found["methods"].as_array().expect("methods") {
+        for after in of["off"].as_array().expect("counts") {
+            assert!(after[1].as_array().expect("lines").iter().all(|v| v.is_null()), "{after}");
+        }
+    }
+    let text = std::fs::read_to_string(folder.path().join("a/report.md")).expect("a report");
+    assert!(text.contains("| jolts | – | – |"), "{text}");
 }
 
 /// Stops a run once a stage has begun.

@@ -66,7 +66,8 @@ impl Study for PairsStudy {
         let of_lines = context.scene.setup.data.as_ref().is_some_and(|data| data.lines.is_some());
         let flow = match declared {
             None if of_lines => format!(
-                "lines in the field of coils, the method of order 8 of Dormand and Prince; largest error of a map {error:.1e} m"
+                "lines in the field of coils, the method of order 8 of Dormand and Prince; largest \
+                 error of a map {error:.1e} m"
             ),
             None if file.is_some() => "of a file: its error is not known".to_owned(),
             Some(FlowBy { integrator, step }) => {

@@ -11,7 +11,7 @@ use crate::flow::{PolynomialMap, TabulatedLines, Trajectories};
 use crate::io::{Provenance, StoredModel};
 use crate::measure::{
     orbits::{InvariantCircle, rotation_numbers},
-    timing::{Comparison, Method, TrajectoryMethods, break_even},
+    timing::{Comparison, Method, TrajectoryMethods, break_even, root_mean_square_distance},
 };
 use crate::network::Rollout;
 use crate::scalar::max_or_nan;
@@ -234,9 +234,10 @@ impl Study for PoincareOptions {
         for named in &maps {
             let stage = format!("lines of {}", named.name);
             let mut judged = context.stage(&stage, |_| judge.of(named))?;
-            if judged.one == [0.0; 2] {
-                // It is the reference itself, of which this much is known.
-                judged.one = [lines.section.error(); 2];
+            let steps = lines.section.map().steps();
+            if matches!(named.map, SectionMap::Coils(_)) && named.setting == Some(steps) {
+                // The reference itself: of it its estimate is known.
+                (judged.one, judged.early) = ([lines.section.error(); 2], f64::NAN);
             }
             found.push(judged);
             if context.interrupted() {
@@ -370,6 +371,7 @@ impl PoincareOptions {
             early,
             circles: Vec::new(),
             curves: 0.0,
+            planes: f64::NAN,
             after: Vec::new(),
             profile: along(self.profile),
             maps: self.reference,
@@ -378,6 +380,11 @@ impl PoincareOptions {
             counts: &self.counts,
             last: self.last,
         };
+        let [input, output] = judge.pairs;
+        if let SectionMap::Tabulated(planes) = reference {
+            let image = planes.trajectories(input, 1)?;
+            judge.planes = root_mean_square_distance(&image, output, 2);
+        }
         let profile = followed(reference, &judge.profile, self.reference)?;
         judge.rotation = rotation_numbers(&profile, near, judge.angle());
         let orbits = followed(reference, &judge.initial, self.reference)?;
@@ -663,7 +670,7 @@ impl Fixed {
         };
         let orbit = |kind: &str, orbit: &Option<OrbitFound>| match orbit {
             Some(orbit) => format!("{kind} one with residue {:.6e}", orbit.residue),
-            None => format!("{kind} none that is told from a curve of such points"),
+            None => format!("{kind} none that differs from a curve of such points"),
         };
         let width = match self.chain.width {
             Some(width) => format!("; its island is {:.4} mm wide", 1e3 * width),
@@ -765,9 +772,10 @@ impl Results<'_> {
             None => String::new(),
             Some(planes) => {
                 format!(
-                    " (through {} planes of degree {})",
+                    " (through {} planes of degree {}, which err by {:.1e} m a map on held-out lines)",
                     planes_of(steps_of(self.lines, planes.fewer)),
-                    planes.degree
+                    planes.degree,
+                    self.judge.planes
                 )
             }
         };
@@ -810,7 +818,7 @@ impl Results<'_> {
                 of.parameters.into(),
                 of.one[0].into(),
                 of.one[1].into(),
-                of.early.into(),
+                finite(of.early).into(),
             ];
             row.extend(of.turns.map(|turns| finite(turns * per_turn).into()));
             table.push(row);

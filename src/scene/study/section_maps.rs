@@ -142,11 +142,13 @@ pub(super) struct Judge<'a> {
     pub(super) circles: Vec<Option<InvariantCircle>>,
     /// The largest distance of a point of the reference, of those that the fits have not seen, from its curve.
     pub(super) curves: f64,
+    /// What planes that the reference goes through err by in a map, root mean square on held-out lines.
+    pub(super) planes: f64,
     /// Where the judged lines are after the maps of the reference.
     pub(super) after: Vec<f64>,
     /// Where the lines of the profile begin.
     pub(super) profile: Vec<f64>,
-    /// Maps by which rotation is told.
+    /// Maps over which rotation is averaged.
     pub(super) maps: usize,
     /// Turns a map near the axis.
     pub(super) near: f64,
@@ -157,6 +159,9 @@ pub(super) struct Judge<'a> {
     /// … so many.
     pub(super) last: usize,
 }
+
+/// A number of maps, and a distance from its curve for each line that has one.
+type OffCurves = (usize, Vec<Option<f64>>);
 
 /// How well a map does.
 #[derive(Clone, Serialize)]
@@ -170,8 +175,8 @@ pub(super) struct Judged {
     pub(super) one: [f64; 2],
     /// Root mean square distance along the early points.
     pub(super) early: f64,
-    /// Number of maps, and the largest distance from the curve of each line.
-    pub(super) off: Vec<(usize, Vec<f64>)>,
+    /// Number of maps, and the largest distance from the curve of each line; none of a line that is on no smooth one.
+    pub(super) off: Vec<OffCurves>,
     /// The rotation of each line of the profile, in turns a map, and its error.
     pub(super) rotation: Vec<RotationTurns>,
     /// Median and largest difference from those of the reference, where it is sure of them, in turns a map.
@@ -186,10 +191,11 @@ pub(super) struct RotationTurns {
 }
 
 impl Judged {
-    /// The largest distance of all lines after so many maps; None where it was not asked.
+    /// The largest distance of all lines after so many maps; None where it was not asked, or no line is on a smooth
+    /// curve.
     pub(super) fn off_at(&self, count: usize) -> Option<f64> {
         let (_, off) = self.off.iter().find(|(maps, _)| *maps == count)?;
-        Some(off.iter().copied().fold(0.0, max_or_nan))
+        off.iter().flatten().copied().reduce(max_or_nan)
     }
 }
 
@@ -256,7 +262,7 @@ impl Judge<'_> {
     }
 
     /// The largest distance of the last points before each count from the curve of their line.
-    fn off(&self, map: &SectionMap<'_>) -> Result<Vec<(usize, Vec<f64>)>, Error> {
+    fn off(&self, map: &SectionMap<'_>) -> Result<Vec<OffCurves>, Error> {
         let row = self.initial.len();
         let (mut here, mut done, mut out) = (self.initial.clone(), 0, Vec::new());
         for &count in self.counts {
@@ -268,12 +274,9 @@ impl Judge<'_> {
             let states = map.rollout(&here, Rollout { steps: count - first, every: 1 })?;
             here = states[states.len() - row..].to_vec();
             let orbits = Trajectories::new(states, 2, row / 2)?;
-            let each = self.circles.iter().enumerate().map(|(m, circle)| match circle {
-                None => 0.0,
-                Some(circle) => {
-                    let points: Vec<f64> = orbits.orbit(m).flatten().copied().collect();
-                    circle.distances(&points).into_iter().fold(0.0, max_or_nan)
-                }
+            let each = self.circles.iter().enumerate().map(|(m, circle)| {
+                let points: Vec<f64> = orbits.orbit(m).flatten().copied().collect();
+                circle.as_ref()?.distances(&points).into_iter().reduce(max_or_nan)
             });
             out.push((count, each.collect()));
             done = count;
