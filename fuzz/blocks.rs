@@ -5,7 +5,8 @@ use arbitrary::Unstructured;
 use gyroceptron::layer::{Activation, CircleAction, MOST_DEGREES, RidgeFunction, TorusAction};
 use gyroceptron::measure::ratios::differing_components;
 use gyroceptron::network::{
-    Architecture, Block, InitialWeights, Layers, Model, Modules, Part, Scale,
+    Architecture, Block, ControlRange, Controls, InitialWeights, Layers, Model, Modules, Part,
+    Scale,
 };
 use gyroceptron::phase::Map;
 use gyroceptron::scalar::max_or_nan;
@@ -30,7 +31,7 @@ pub fn blocks(data: &[u8]) -> Result<Outcome, String> {
         reads_back(block)?;
     }
     let faults = faults(&architecture);
-    let count = parameter_counts(&architecture).into_iter().fold(0, u128::saturating_add);
+    let count = all_parameters(&architecture);
     if count < 1 << 60 && architecture.parameter_count() as u128 != count {
         return Err(format!("{} parameters for {count}", architecture.parameter_count()));
     }
@@ -86,9 +87,25 @@ pub fn blocks(data: &[u8]) -> Result<Outcome, String> {
         .initialise(InitialWeights::Glorot, 1.1, seed)
         .map_err(|reason| format!("no initial weights: {reason}"))?;
     let z = numbers(u, 2 * architecture.dof);
-    let outcome = inverts(&model, &z, in_range(&architecture, &weights, &z))?;
-    is_its_parts(&model, &z)?;
-    let scaled = model.composition().near_identity_part();
+    // At given controls it is a map of none.
+    let plain = match &architecture.controls {
+        None => model.clone(),
+        Some(controls) => {
+            let small = weights.iter().all(|v| v.abs() <= 1e3);
+            let share =
+                if small { f64::from(u.arbitrary::<u8>().unwrap_or(0)) / 255.0 } else { 0.5 };
+            let value = |range: &ControlRange| share.mul_add(range.high - range.low, range.low);
+            let values: Vec<f64> = match small {
+                true => controls.ranges.iter().map(value).collect(),
+                false => controls.nominal(),
+            };
+            model.at_controls(&values).map_err(|reason| format!("at {values:?}: {reason}"))?
+        }
+    };
+    let (of_plain, weights) = (plain.architecture(), plain.parameters());
+    let outcome = inverts(&plain, &z, in_range(of_plain, weights, &z))?;
+    is_its_parts(&plain, &z)?;
+    let scaled = plain.composition().near_identity_part();
     for zero in [0.0, -0.0] {
         if differing_components(&scaled.with_epsilon(zero), &z) > 0 {
             return Err(format!("moved at ε = {zero:?}: {z:?}"));
@@ -189,8 +206,21 @@ fn architecture(u: &mut Unstructured<'_>) -> Architecture {
     let (epsilon, flow_time) = (number(u), number(u));
     let mut blocks: Vec<Block> = (0..small(u, 5) - 1).map(|_| block(u)).collect();
     blocks.iter_mut().for_each(|block| block.ridges = ridges(u));
-    let drawn = Architecture { dof, circles, epsilon, flow_time, blocks };
+    let controls = u.arbitrary::<u8>().unwrap_or(0).is_multiple_of(8).then(|| controls(u));
+    let controls = controls.filter(|controls| !controls.ranges.is_empty());
+    let drawn = Architecture { dof, circles, epsilon, flow_time, blocks, controls };
     if sound { mended(drawn) } else { drawn }
+}
+
+/// A few controls, whose names may be the same and whose ranges may be none.
+fn controls(u: &mut Unstructured<'_>) -> Controls {
+    let range = |u: &mut Unstructured<'_>| ControlRange {
+        name: pick(u, &["a", "b", "c", ""]).into(),
+        low: number(u),
+        high: number(u),
+    };
+    let ranges = (0..small(u, 4) - 1).map(|_| range(u)).collect();
+    Controls { ranges, degree: small(u, 4) - 1 }
 }
 
 /// A list without faults, near the one that was drawn: most of those are refused.
@@ -198,6 +228,15 @@ fn mended(mut drawn: Architecture) -> Architecture {
     let finite = |value: f64| if value.is_finite() { value } else { 0.5 };
     drawn.dof = drawn.dof.clamp(1, 3);
     (drawn.epsilon, drawn.flow_time) = (finite(drawn.epsilon), finite(drawn.flow_time));
+    if let Some(controls) = &mut drawn.controls {
+        controls.degree = controls.degree.max(1);
+        for (range, name) in controls.ranges.iter_mut().zip(["a", "b", "c", "d"]) {
+            range.name = name.into();
+            if !(range.low < range.high && (0.5 * (range.high - range.low)).is_normal()) {
+                (range.low, range.high) = (-1.0, 1.0);
+            }
+        }
+    }
     let dof = drawn.dof;
     drawn.circles.truncate(4);
     for circle in &mut drawn.circles {
@@ -353,9 +392,19 @@ fn parameter_counts(architecture: &Architecture) -> Vec<u128> {
     architecture.blocks.iter().map(of_block).chain([circles]).collect()
 }
 
+/// Those of all products of controls.
+fn all_parameters(architecture: &Architecture) -> u128 {
+    let nominal = parameter_counts(architecture).into_iter().fold(0, u128::saturating_add);
+    let terms = architecture.controls.as_ref().map_or(1, |controls| {
+        let (count, degree) = (controls.ranges.len(), controls.degree);
+        (1..=degree).fold(1, |terms, k| terms * (count + k) / k)
+    });
+    nominal.saturating_mul(terms as u128)
+}
+
 /// All that is wrong with a list, each with the words that an error of it has.
 fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
-    let Architecture { dof, circles, epsilon, flow_time, blocks } = architecture;
+    let Architecture { dof, circles, epsilon, flow_time, blocks, controls } = architecture;
     let mut out: Vec<Vec<String>> = Vec::new();
     let mut fault = |is: bool, words: &[&dyn ToString]| {
         if is {
@@ -383,7 +432,20 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
     let most = (0..(*dof).min(MOST_PLANES)).filter(turned).count().min(4);
     let too_many = blocks.iter().any(is_twist) && circles.len() > most;
     fault(too_many, &[&"circles of the actions of a twist", &circles.len()]);
-    let count = plus(&parameter_counts(architecture));
+    if let Some(Controls { ranges, degree }) = controls {
+        fault(*degree == 0, &[&"controls: degree", &0]);
+        for (number, ControlRange { name, low, high }) in ranges.iter().enumerate() {
+            fault(name.is_empty(), &[&"name of a control"]);
+            for value in [low, high] {
+                fault(!value.is_finite(), &[name, &format!("{value:?}")]);
+            }
+            let extent = low < high && (0.5 * (high - low)).is_normal();
+            fault(!extent, &[&"control", name, low, high]);
+            let twice = ranges[..number].iter().any(|other| other.name == *name);
+            fault(twice, &[&"names of controls", name]);
+        }
+    }
+    let count = all_parameters(architecture);
     fault(count > MOST_PARAMETERS, &[&"parameters of the architecture"]);
     let first = |part: Part| blocks.iter().find(|block| block.part == part);
     for (number, block) in blocks.iter().enumerate() {

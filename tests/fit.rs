@@ -231,7 +231,7 @@ fn pairs_of_negative_epsilon_are_counted() {
     let family = family.expect("a family");
     let note = FitNote::of_negative_epsilons(&family);
     let doubled = family.with_conditions(|condition| (2.0 * condition.epsilon, 0.5));
-    let first = doubled.conditions()[0];
+    let first = &doubled.conditions()[0];
     assert_eq!((first.epsilon, first.time, first.pairs), (0.2, 0.5, 2));
     assert_eq!(note, Some(FitNote::NegativeEpsilons(3, 6)));
 }

@@ -1,6 +1,7 @@
 //! From pairs to trained models, and the files of both.
 
 mod blocks;
+mod controls;
 mod family;
 mod files;
 mod fit;

@@ -134,6 +134,10 @@ pub struct Verify {
     /// The model to certify.
     #[arg(long, value_name = "FILE", conflicts_with = "random")]
     pub model: Option<PathBuf>,
+    /// Values of controls of a model that depends on some, such as planar=0.02; the others are in the middle of their
+    /// ranges.
+    #[arg(long, value_name = "NAME=VALUE,…", value_delimiter = ',', requires = "model")]
+    pub at: Vec<String>,
     /// Certify so many gyroceptrons with random weights [default: 10].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub random: Option<i64>,
@@ -315,6 +319,14 @@ pub struct Train {
     /// model is trained in canonical coordinates, keeps the chart, and predicts x, y.
     #[arg(long, value_name = "FILE.npz")]
     pub section: Option<PathBuf>,
+    /// The names of the controls that the pairs depend on, whose values are the columns of the array `lambda`
+    /// [default: lambda, or lambda1, lambda2 and so on].
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    pub controls: Vec<String>,
+    /// The total degree of the polynomials that parameters are of the controls [default: the highest up to 4 of which
+    /// there are fewer terms than values to learn].
+    #[arg(long, value_name = "D", allow_negative_numbers = true)]
+    pub control_degree: Option<i64>,
     /// The seed of weights and of the held-out choice.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
@@ -374,6 +386,10 @@ pub struct Predict {
     /// Another flow time than the model's, for one that has learnt several.
     #[arg(long, allow_negative_numbers = true)]
     pub flow_time: Option<f64>,
+    /// Values of controls of a model that depends on some, such as planar=0.02; the others are in the middle of their
+    /// ranges.
+    #[arg(long, value_name = "NAME=VALUE,…", value_delimiter = ',')]
+    pub at: Vec<String>,
     /// Applications of the map.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub steps: i64,
@@ -388,7 +404,7 @@ pub struct Predict {
     #[arg(long, value_name = "FILE.npy")]
     pub invariant: Option<PathBuf>,
     /// What to do with kept states outside the box of the training points, or outside that of the
-    /// network's polynomials, if it has any.
+    /// network's polynomials, if it has any, and with values of controls outside of their ranges.
     #[arg(long, value_enum, default_value_t = Outside::Warn)]
     pub outside: Outside,
     /// Replace an existing file.

@@ -177,7 +177,8 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
     let mut own_units = None;
     let (target, result) = match &arguments.model {
         Some(path) => {
-            let stored = load_model(path)?;
+            let (stored, told) = at_controls(load_model(path)?, &arguments.at)?;
+            told.iter().for_each(|text| line(&format!("note: {text}")));
             own_units.clone_from(&stored.units);
             if let Some(fault) = own_invariance_fault(&stored, &options) {
                 line(&format!("note: {fault}"));
@@ -232,6 +233,68 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
     Ok(status_of(result.holds()))
 }
 
+/// What is said of the values of controls.
+enum ControlsNote {
+    /// None were given, and these are used.
+    Nominal(String),
+    /// One is outside of its range.
+    Outside(String),
+}
+
+impl ControlsNote {
+    fn is_outside(&self) -> bool {
+        matches!(self, Self::Outside(_))
+    }
+}
+
+impl std::fmt::Display for ControlsNote {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (Self::Nominal(text) | Self::Outside(text)) = self;
+        f.write_str(text)
+    }
+}
+
+/// A model at the values of its controls that an option has, and what is to be said of them.
+fn at_controls(
+    stored: StoredModel,
+    given: &[String],
+) -> Result<(StoredModel, Option<ControlsNote>), Error> {
+    let Some(controls) = stored.model.architecture().controls.clone() else {
+        return match given.first() {
+            None => Ok((stored, None)),
+            Some(found) => {
+                let expected = "none: the model depends on no controls";
+                Err(Error::invalid("--at", found, expected))
+            }
+        };
+    };
+    let pair = |text: &String| -> Result<(String, f64), Error> {
+        let expected = "NAME=VALUE, such as planar=0.02";
+        let wrong = || Error::invalid("--at", text, expected);
+        let (name, value) = text.split_once('=').ok_or_else(wrong)?;
+        Ok((name.trim().to_owned(), value.trim().parse().map_err(|_| wrong())?))
+    };
+    let pairs: Vec<(String, f64)> = given.iter().map(pair).collect::<Result<_, _>>()?;
+    let values = controls.values(pairs.iter().map(|(name, value)| (&**name, *value)));
+    let values = values.map_err(|e| e.with_place("--at"))?;
+    let names = controls.ranges.iter().map(|range| &range.name);
+    let words: Vec<String> =
+        names.zip(&values).map(|(name, value)| format!("{name}={value}")).collect();
+    let note = match controls.first_outside(&values) {
+        Some((range, value)) => Some(ControlsNote::Outside(range.outside(value))),
+        None if given.is_empty() => Some(ControlsNote::Nominal(format!(
+            "at the middle of the controls, {}; --at takes others",
+            words.join(", ")
+        ))),
+        None => None,
+    };
+    let at = stored.at_controls(&values)?;
+    if let Some(section) = &at.section {
+        section.check(section.dof()).map_err(|e| e.with_place("--at"))?;
+    }
+    Ok((at, note))
+}
+
 fn predict(arguments: &Predict) -> Result<Status, Error> {
     use_threads(&arguments.common)?;
     let request = Rollout {
@@ -247,7 +310,11 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     if let Some(invariant) = &arguments.invariant {
         check_ending("--invariant", invariant, "npy")?;
     }
-    let stored = load_model(&arguments.model)?.member(arguments.epsilon, arguments.flow_time)?;
+    let loaded = load_model(&arguments.model)?;
+    let (stored, of_controls) = at_controls(loaded, &arguments.at)?;
+    let stored = stored.member(arguments.epsilon, arguments.flow_time)?;
+    let asked = arguments.outside != Outside::Ignore;
+    let of_controls = of_controls.filter(|note| asked || !note.is_outside());
     guard_output("--output", &arguments.output, arguments.overwrite, &inputs)?;
     if let Some(invariant) = &arguments.invariant {
         if stored.invariant().is_none() {
@@ -285,15 +352,21 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
         stored.rollout(&initial, request).map_err(|e| e.with_place(arguments.model.display()))?;
     let region = stored.provenance.region.as_ref().filter(|_| arguments.outside != Outside::Ignore);
     let left = region.and_then(|region| region.left_by(&values, points, request.every));
-    let asked = arguments.outside != Outside::Ignore;
     let beyond = asked.then(|| stored.leaves_polynomials(&values, points, request.every)).flatten();
     let told = left.iter().zip(region).map(|(left, region)| left.describe(region));
     let told: Vec<String> = told.chain(beyond.iter().map(PolynomialExit::describe)).collect();
     told.iter().for_each(|text| line(&format!("note: {text}")));
-    if !told.is_empty() && arguments.outside == Outside::Stop {
+    of_controls.iter().for_each(|text| line(&format!("note: {text}")));
+    let beyond_range = of_controls.as_ref().is_some_and(ControlsNote::is_outside);
+    if (beyond_range || !told.is_empty()) && arguments.outside == Outside::Stop {
         line("nothing is written");
         if arguments.common.json {
-            let left = json!({ "output": null, "outside": left, "outside_polynomials": beyond });
+            let left = json!({
+                "output": null,
+                "outside": left,
+                "outside_polynomials": beyond,
+                "outside_controls": beyond_range,
+            });
             json(&left)?;
         }
         return Ok(Status::CheckFailed);
@@ -311,6 +384,7 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
             "invariant": arguments.invariant.as_ref().map(|file| file.display().to_string()),
             "outside": left,
             "outside_polynomials": beyond,
+            "outside_controls": beyond_range,
         }))?;
     } else {
         out(&format!(

@@ -15,9 +15,9 @@ use gyroceptron::network::{LayerSizes, NetworkSpec};
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{Folder, Note, Observer, OwnTraining, Scene, TrainingTimes, next_command};
 use gyroceptron::train::{
-    AdamOptions, Checkpoint, Control, Fit, FitNote, LbfgsOptions, LevenbergMarquardtOptions, Loss,
-    Optimiser, Plateau, Problem, Progress as TrainingProgress, Starts, Stop, TrainingObserver,
-    TrainingOptions, TrainingStage,
+    AdamOptions, Checkpoint, Control, ControlOptions, Fit, FitNote, LbfgsOptions,
+    LevenbergMarquardtOptions, Loss, Optimiser, Plateau, Problem, Progress as TrainingProgress,
+    Starts, Stop, TrainingObserver, TrainingOptions, TrainingStage,
 };
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -143,6 +143,12 @@ fn fit_of(arguments: &Train) -> Result<(String, Fit), Error> {
         flow_time: arguments.flow_time,
         theta: arguments.theta,
         training: options(arguments, base.training.clone())?,
+        controls: ControlOptions {
+            names: arguments.controls.clone(),
+            degree: { arguments.control_degree }
+                .map(|degree| positive("--control-degree", degree))
+                .transpose()?,
+        },
         section: arguments.section.as_deref().map(read_section).transpose()?,
         units: arguments.units == UnitsOf::Fitted,
         validation: arguments.validation,
@@ -189,6 +195,11 @@ fn command(arguments: &Train, problem: &Problem, theta: Option<f64>) -> String {
     }
     if let Some(penalty) = arguments.theta_penalty {
         out.push_str(&format!(" --theta-penalty {penalty}"));
+    }
+    if let Some(controls) = &problem.architecture.controls {
+        let names: Vec<&str> = controls.ranges.iter().map(|range| &*range.name).collect();
+        let degree = controls.degree;
+        out.push_str(&format!(" --controls {} --control-degree {degree}", names.join(",")));
     }
     if arguments.units == UnitsOf::Data {
         out.push_str(" --units data");

@@ -9,6 +9,7 @@ use crate::random::Stream;
 use crate::scalar::max_or_nan;
 use crate::system::{Hamiltonian, System};
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// A box in phase space and how many points to draw in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -94,7 +95,7 @@ fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// The map that some pairs are of, in a family of maps.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Condition {
     /// The parameter ε of the system.
     pub epsilon: f64,
@@ -104,6 +105,8 @@ pub struct Condition {
     pub weight: f64,
     /// How many pairs are of it.
     pub pairs: usize,
+    /// The values of the controls λ; none of a family without.
+    pub controls: Vec<f64>,
 }
 
 /// Pairs (z, P(z)) of a map: two arrays (N, 2n), columns q₁…qₙ, p₁…pₙ. Or of a family
@@ -142,7 +145,23 @@ impl Pairs {
     /// # Errors
     /// When there is not one finite number for each pair, or a time is not positive.
     pub fn under(self, epsilons: &[f64], times: &[f64]) -> Result<Self, Error> {
+        self.under_controls(epsilons, times, &[])
+    }
+
+    /// [`Pairs::under`], each under the values of controls too: as many for each pair, row by row.
+    ///
+    /// # Errors
+    /// Those of [`Pairs::under`]; when there are not as many finite values for each pair.
+    pub fn under_controls(
+        self,
+        epsilons: &[f64],
+        times: &[f64],
+        controls: &[f64],
+    ) -> Result<Self, Error> {
         let count = self.len();
+        let columns = controls.len() / count;
+        Error::check_count("values of controls", columns * count, controls.len())?;
+        check_finite("controls", controls, columns.max(1))?;
         Error::check_count("values of ε", count, epsilons.len())?;
         Error::check_count("flow times", count, times.len())?;
         epsilons.iter().try_for_each(|epsilon| Error::check_finite("epsilon", *epsilon))?;
@@ -153,10 +172,13 @@ impl Pairs {
         const MOST: usize = 1000;
         let mut conditions: Vec<Condition> = Vec::new();
         let mut of_row = Vec::with_capacity(count);
-        for (&epsilon, &time) in epsilons.iter().zip(times) {
-            let same = |c: &Condition| c.epsilon == epsilon && c.time == time;
+        for (row, (&epsilon, &time)) in epsilons.iter().zip(times).enumerate() {
+            let controls = &controls[row * columns..(row + 1) * columns];
+            let same =
+                |c: &Condition| c.epsilon == epsilon && c.time == time && c.controls == controls;
             let found = conditions.iter().position(same).unwrap_or_else(|| {
-                conditions.push(Condition { epsilon, time, weight: 1.0, pairs: 0 });
+                let (weight, pairs, controls) = (1.0, 0, controls.to_vec());
+                conditions.push(Condition { epsilon, time, weight, pairs, controls });
                 conditions.len() - 1
             });
             Error::check_count_range("maps of a family", conditions.len(), 1, MOST)?;
@@ -194,9 +216,9 @@ impl Pairs {
 
     /// These pairs with other values of ε and times for each of their conditions.
     #[must_use]
-    pub fn with_conditions(mut self, of: impl Fn(Condition) -> (f64, f64)) -> Self {
+    pub fn with_conditions(mut self, of: impl Fn(&Condition) -> (f64, f64)) -> Self {
         for condition in &mut self.conditions {
-            (condition.epsilon, condition.time) = of(*condition);
+            (condition.epsilon, condition.time) = of(condition);
         }
         self
     }
@@ -228,9 +250,31 @@ impl Pairs {
         &self.conditions
     }
 
+    /// Of pairs whose conditions differ in the values of controls alone, those at the values nearest to the middle of
+    /// their ranges, as pairs of one map; of others, all as they are.
+    pub(crate) fn at_middle_of_controls(&self) -> Cow<'_, Self> {
+        let Some(first) = self.conditions.first() else { return Cow::Borrowed(self) };
+        let same = |c: &Condition| c.epsilon == first.epsilon && c.time == first.time;
+        if first.controls.is_empty() || !self.conditions.iter().all(same) {
+            return Cow::Borrowed(self);
+        }
+        let values: Vec<&[f64]> = self.conditions.iter().map(|c| &*c.controls).collect();
+        let ends = ends_of(&values);
+        let far = |condition: &Condition| off_middle(&condition.controls, &ends);
+        let (mut first, mut nearest) = (0, (f64::INFINITY, 0..0));
+        for condition in &self.conditions {
+            let run = first..first + condition.pairs;
+            first = run.end;
+            if far(condition) < nearest.0 {
+                nearest = (far(condition), run);
+            }
+        }
+        Cow::Owned(Self { conditions: Vec::new(), ..self.rows(nearest.1) })
+    }
+
     /// Inputs and outputs of each run, with its condition; None where all pairs are of one
     /// map.
-    pub(crate) fn runs(&self) -> Vec<(Option<Condition>, &[f64], &[f64])> {
+    pub(crate) fn runs(&self) -> Vec<(Option<&Condition>, &[f64], &[f64])> {
         if self.conditions.is_empty() {
             return vec![(None, &self.input, &self.output)];
         }
@@ -238,7 +282,7 @@ impl Pairs {
         for condition in &self.conditions {
             let numbers = first..first + condition.pairs * 2 * self.dof;
             first = numbers.end;
-            out.push((Some(*condition), &self.input[numbers.clone()], &self.output[numbers]));
+            out.push((Some(condition), &self.input[numbers.clone()], &self.output[numbers]));
         }
         out
     }
@@ -251,7 +295,7 @@ impl Pairs {
     pub(crate) fn transformed(
         &self,
         place: &str,
-        map: impl Fn(Option<Condition>, &mut [f64]) -> Result<(), Error>,
+        map: impl Fn(Option<&Condition>, &mut [f64]) -> Result<(), Error>,
     ) -> Result<Self, Error> {
         let (mut input, mut output) = (Vec::new(), Vec::new());
         for (condition, inputs, outputs) in self.runs() {
@@ -407,6 +451,38 @@ impl Pairs {
         (take(kept_rows), Some(take(held_rows)))
     }
 
+    /// Splits off all pairs of a share of the maps that controls tell apart, chosen by `stream`, one at least: (rest,
+    /// split off). Those at an end of the range of a control stay, and so do those nearest to the middle of all ranges.
+    /// None where there are fewer than five values of the controls, or where none could be left out.
+    pub fn split_by_controls(&self, fraction: f64, stream: &mut Stream) -> Option<(Self, Self)> {
+        const FEWEST: usize = 5;
+        let mut values: Vec<&[f64]> = self.conditions.iter().map(|c| &*c.controls).collect();
+        values.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+        values.dedup();
+        if values.len() < FEWEST || values[0].is_empty() || !(fraction > 0.0) {
+            return None;
+        }
+        let ends = ends_of(&values);
+        let middle =
+            values.iter().min_by(|a, b| off_middle(a, &ends).total_cmp(&off_middle(b, &ends)));
+        let inner = |row: &&[f64]| {
+            let within = |(value, [low, high]): (&f64, &[f64; 2])| value > low && value < high;
+            row.iter().zip(&ends).all(within) && Some(row) != middle
+        };
+        let mut inner: Vec<&[f64]> = values.iter().copied().filter(inner).collect();
+        stream.shuffle(&mut inner);
+        let wanted = ((values.len() as f64 * fraction).round() as usize).max(1);
+        inner.truncate(wanted);
+        let (mut first, mut rows) = (0, [Vec::new(), Vec::new()]);
+        for condition in &self.conditions {
+            let held_out = inner.contains(&&*condition.controls);
+            rows[usize::from(held_out)].extend(first..first + condition.pairs);
+            first += condition.pairs;
+        }
+        let [kept, held_out] = rows;
+        (!held_out.is_empty()).then(|| (self.rows(kept), self.rows(held_out)))
+    }
+
     /// The pairs of these rows; those of a condition together, where there are several.
     ///
     /// # Panics
@@ -462,10 +538,31 @@ impl Pairs {
     pub fn digest(&self) -> String {
         let dof = self.dof as f64;
         let of = |c: &Condition| [c.epsilon, c.time, c.weight, c.pairs as f64];
-        let conditions: Vec<f64> = self.conditions.iter().flat_map(of).collect();
+        let conditions: Vec<f64> = self
+            .conditions
+            .iter()
+            .flat_map(|c| of(c).into_iter().chain(c.controls.clone()))
+            .collect();
         let numbers = std::iter::once(&dof).chain(&self.input).chain(&self.output);
         digest::of_numbers(numbers.chain(&conditions))
     }
+}
+
+/// The ends of the range of each control.
+fn ends_of(values: &[&[f64]]) -> Vec<[f64; 2]> {
+    let end = |k: usize, of: fn(f64, f64) -> f64| values.iter().map(|row| row[k]).reduce(of);
+    let count = values.first().map_or(0, |row| row.len());
+    // no NaN: values of conditions are finite
+    let both = |k: usize| [end(k, f64::min), end(k, f64::max)].map(Option::unwrap_or_default);
+    (0..count).map(both).collect()
+}
+
+/// The square of how far values are from the middle of their ranges, each over its range.
+fn off_middle(values: &[f64], ends: &[[f64; 2]]) -> f64 {
+    let from_middle = |(value, [low, high]): (&f64, &[f64; 2])| {
+        if low < high { (value - 0.5 * (low + high)) / (high - low) } else { 0.0 }
+    };
+    values.iter().zip(ends).map(from_middle).map(|u| u * u).sum()
 }
 
 /// Fails at the first number of an array of `columns` columns that is NaN or

@@ -199,7 +199,7 @@ pub(super) fn lose(states: &mut [f64], row: usize, within: impl Fn([f64; 2]) -> 
 }
 
 /// By how much halving a step divides the error of a method of order 8.
-const ORDER_8: f64 = 256.0;
+pub(super) const ORDER_8: f64 = 256.0;
 
 /// The lines through some points, on lanes.
 pub(super) struct Lines<'a, M> {

@@ -1,5 +1,6 @@
 //! A part of a section around the magnetic axis, and the lines of force through it.
 
+use super::field_line::ORDER_8;
 use super::{LineMap, Region};
 use crate::error::Error;
 use crate::phase::{AreaDensity, Section};
@@ -29,6 +30,8 @@ pub struct LineRequest {
 #[derive(Clone, Debug)]
 pub struct LineSection {
     field: CoilField,
+    /// Along each coil.
+    points: usize,
     request: LineRequest,
     steps: usize,
     axis: [f64; 2],
@@ -111,7 +114,30 @@ impl LineSection {
         for place in all.chunks_exact(2) {
             field.check_at([place[0], place[1]], phi, toroidal.signum())?;
         }
-        Ok(Self { field, request, steps, axis, error })
+        Ok(Self { field, points, request, steps, axis, error })
+    }
+
+    /// The same section of other coils near these: with as many points along each and as many steps, from whose axis
+    /// theirs is found. What the map errs by is what half as many steps change.
+    ///
+    /// # Errors
+    /// Those of [`CoilField::new`], [`LineMap::axis`] and [`LineSection::new`].
+    pub fn with_coils(&self, coils: &[Coil]) -> Result<Self, Error> {
+        let field = CoilField::new(coils, self.points)?;
+        let mut out = Self { field, ..self.clone() };
+        out.axis = out.map().axis(self.axis)?;
+        let all = starts(out.axis, self.request.reach, JUDGES);
+        check_kept(&out.map(), out.axis, &all)?;
+        let images = [self.steps, self.steps.div_ceil(2)]
+            .map(|steps| out.map().with_steps(steps).trajectories(&all, 1));
+        let [fine, coarse] = images;
+        let pairs = fine?.into_iter().zip(coarse?);
+        out.error = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan) / ORDER_8;
+        let sign: f64 = out.field.cylindrical(out.axis[0], self.request.phi, out.axis[1])[1];
+        for place in all.chunks_exact(2) {
+            out.field.check_at([place[0], place[1]], self.request.phi, sign.signum())?;
+        }
+        Ok(out)
     }
 
     /// The field.
@@ -122,6 +148,11 @@ impl LineSection {
     /// What was wanted.
     pub fn request(&self) -> &LineRequest {
         &self.request
+    }
+
+    /// Points along each coil.
+    pub fn points(&self) -> usize {
+        self.points
     }
 
     /// The magnetic axis, (R, Z).
@@ -159,16 +190,47 @@ impl LineSection {
     /// # Errors
     /// Those of [`AreaDensity::of_function`]: where B_φ vanishes in the box.
     pub fn chart(&self, points: &[f64]) -> Result<Section, Error> {
+        Ok(Section::of_plane(self.density(points)?))
+    }
+
+    /// [`LineSection::chart`] of a field that depends on controls: the coils of each, with the currents that a unit of
+    /// it adds.
+    ///
+    /// # Errors
+    /// Those of [`LineSection::chart`] and [`CoilField::new`].
+    pub fn chart_by_controls(
+        &self,
+        points: &[f64],
+        controls: &[Vec<Coil>],
+    ) -> Result<Section, Error> {
+        let [r, z] = self.axis;
+        let sign = self.toroidal(&self.field, r, z).signum();
+        let field = |coils: &Vec<Coil>| CoilField::new(coils, self.points);
+        let fields: Vec<CoilField> = controls.iter().map(field).collect::<Result<_, _>>()?;
+        let densities: Vec<_> = fields
+            .iter()
+            .map(|field| move |r: f64, z: f64| sign * self.toroidal(field, r, z))
+            .collect();
+        let changes: Vec<&dyn Fn(f64, f64) -> f64> =
+            densities.iter().map(|density| density as &dyn Fn(f64, f64) -> f64).collect();
+        Ok(Section::of_plane(self.density(points)?.with_changes(&changes)?))
+    }
+
+    /// B_φ on the section.
+    fn toroidal(&self, field: &CoilField, r: f64, z: f64) -> f64 {
+        field.cylindrical(r, self.request.phi, z)[1]
+    }
+
+    fn density(&self, points: &[f64]) -> Result<AreaDensity, Error> {
         /// By so much of its extent the box is wider than that of the points.
         const WIDER: f64 = 0.08;
         Error::check_rows("points of a section", points.len(), 2)?;
         let none = || Error::invalid("points of a section", "none", "at least one");
         let Region { low, high } = Region::around(2, [points]).ok_or_else(none)?.widened(WIDER);
-        let of = |r: f64, z: f64| -> f64 { self.field.cylindrical(r, self.request.phi, z)[1] };
-        let at_axis = of(self.axis[0], self.axis[1]);
-        let density = |r: f64, z: f64| at_axis.signum() * of(r, z);
+        let at_axis = self.toroidal(&self.field, self.axis[0], self.axis[1]);
+        let density = |r: f64, z: f64| at_axis.signum() * self.toroidal(&self.field, r, z);
         let (low, high) = ([low[0], low[1]], [high[0], high[1]]);
-        Ok(Section::of_plane(AreaDensity::of_function(density, low, high, at_axis.abs())?))
+        AreaDensity::of_function(density, low, high, at_axis.abs())
     }
 }
 

@@ -4,6 +4,7 @@ use super::npy::{Array, read_array, write_array};
 use super::{read_bytes, write_atomically};
 use crate::error::Error;
 use crate::flow::{Condition, Pairs, Trajectories, check_finite};
+use crate::network::Controls;
 use crate::phase::{AreaDensity, Section};
 use crate::train::FamilyPairs;
 use std::io::Cursor;
@@ -75,7 +76,7 @@ pub(super) fn write_archive(path: &Path, arrays: &[(&str, &[u64], &[f64])]) -> R
 const MOST_WITHOUT_ZIP64: usize = u32::MAX as usize - (1 << 20);
 
 /// The arrays of a file of pairs.
-const ARRAYS: [&str; 4] = ["input", "output", "epsilon", "flow_time"];
+const ARRAYS: [&str; 5] = ["input", "output", "epsilon", "flow_time", "lambda"];
 
 /// Pairs read from a file, and what was noticed.
 #[derive(Debug)]
@@ -87,6 +88,8 @@ pub struct PairsFile {
     pub has_epsilons: bool,
     /// The file has a flow time for each pair.
     pub has_times: bool,
+    /// The number of values of controls (`lambda`) for each pair.
+    pub controls: usize,
     /// The names of its other arrays, which say nothing of pairs.
     pub unused: Vec<String>,
     /// An array held single precision.
@@ -100,8 +103,8 @@ impl From<PairsFile> for FamilyPairs {
     }
 }
 
-/// Reads `input` and `output`, both (N, 2n), from an `.npz` file; and `epsilon` and
-/// `flow_time`, N numbers each, where pairs are of a family of maps.
+/// Reads `input` and `output`, both (N, 2n), from an `.npz` file; and, where pairs are of a family of maps,
+/// `epsilon` and `flow_time`, N numbers each, and `lambda`, the values of controls, (N,) or (N, controls).
 ///
 /// # Errors
 /// When the file is missing or corrupt, an array is missing, of another shape
@@ -153,12 +156,28 @@ pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
     };
     let (epsilons, times) = (of_rows("epsilon")?, of_rows("flow_time")?);
     let (has_epsilons, has_times) = (epsilons.is_some(), times.is_some());
-    if has_epsilons || has_times {
+    let mut controls = Vec::new();
+    if names.iter().any(|name| name == "lambda") {
+        let place = format!("{place}: lambda");
+        let array = archive.array("lambda")?;
+        single_precision |= array.single;
+        let (rows, columns) = match array.shape[..] {
+            [rows] => (rows, 1),
+            _ => array.matrix_shape(&place)?,
+        };
+        Error::check_count(&format!("{place}: rows"), pairs.len(), rows)?;
+        Error::check_count_range(&format!("{place}: columns"), columns, 1, Controls::MOST)?;
+        check_finite(&place, &array.values, columns)?;
+        controls = array.values;
+    }
+    let count = controls.len() / pairs.len();
+    if has_epsilons || has_times || count > 0 {
         let or_one = |values: Option<Vec<f64>>| values.unwrap_or_else(|| vec![1.0; pairs.len()]);
         let (epsilons, times) = (or_one(epsilons), or_one(times));
-        pairs = pairs.under(&epsilons, &times).map_err(|e| e.with_place(place))?;
+        let family = pairs.under_controls(&epsilons, &times, &controls);
+        pairs = family.map_err(|e| e.with_place(place))?;
     }
-    Ok(PairsFile { pairs, has_epsilons, has_times, unused, single_precision })
+    Ok(PairsFile { pairs, has_epsilons, has_times, controls: count, unused, single_precision })
 }
 
 /// Reads the chart of a section of one degree of freedom from an `.npz` file: `x` (A) and `y` (B), numbers that grow,
@@ -290,7 +309,7 @@ pub fn write_trajectories(path: &Path, trajectories: &Trajectories) -> Result<()
     write_points(path, &shape.map(|n| n as u64), trajectories.values())
 }
 
-/// Writes pairs as an `.npz` of `input` and `output`.
+/// Writes pairs as an `.npz` that [`read_pairs`] reads.
 ///
 /// # Errors
 /// [`Error::Write`].
@@ -303,8 +322,17 @@ pub fn write_pairs(path: &Path, pairs: &Pairs) -> Result<(), Error> {
     let (epsilons, times) = (of_rows(|run| run.epsilon), of_rows(|run| run.time));
     let rows = &shape[..1];
     let mut arrays = vec![("input", &shape[..], pairs.input()), ("output", &shape, pairs.output())];
-    if !pairs.conditions().is_empty() {
+    // Where controls alone tell maps apart, an ε and a flow time of 1 say nothing.
+    let tell = |run: &Condition| run.controls.is_empty() || run.epsilon != 1.0 || run.time != 1.0;
+    if pairs.conditions().iter().any(tell) {
         arrays.extend([("epsilon", rows, &epsilons[..]), ("flow_time", rows, &times)]);
+    }
+    let columns = pairs.conditions().first().map_or(0, |run| run.controls.len());
+    let of_run = |run: &Condition| std::iter::repeat_n(run.controls.clone(), run.pairs);
+    let controls: Vec<f64> = pairs.conditions().iter().flat_map(of_run).flatten().collect();
+    let of_controls = [shape[0], columns as u64];
+    if columns > 0 {
+        arrays.push(("lambda", &of_controls, &controls));
     }
     write_archive(path, &arrays)
 }

@@ -15,9 +15,11 @@ use std::path::Path;
 
 /// The newest model format that this version reads, and the one it writes: an architecture is a
 /// list of blocks, and the digest covers it. In formats 1 and 2 (with units) it has a name, and the
-/// digest covers parameters and units alone. Format 4 has a section, which the digest covers too; a model without one
-/// is written in format 3.
-const MODEL_VERSION: u64 = 4;
+/// digest covers parameters and units alone. Format 4 has a section, which the digest covers too; format 5 an
+/// architecture with controls. A model with neither is written in format 3.
+const MODEL_VERSION: u64 = 5;
+/// The format of a model with a section.
+const SECTION_VERSION: u64 = 4;
 /// The format of a model without a section, and the first whose architecture is a list of blocks.
 const BLOCKS_VERSION: u64 = 3;
 /// The newest checkpoint format that this version reads, and the one it writes.
@@ -216,23 +218,31 @@ impl StoredModel {
     pub fn jacobians(&self, points: &[f64]) -> Result<Vec<f64>, Error> {
         let map = self.model.composition();
         let dim = 2 * map.dof();
-        let mut out = vec![0.0; points.len() * dim];
         self.check_points("points", points)?;
         let mut there = points.to_vec();
         self.to_network(&mut there);
-        map_jacobians(map, &there, &mut out)?;
-        if let Some(units) = &self.units {
-            let factors = units.factors();
-            for (index, entry) in out.iter_mut().enumerate() {
-                *entry = *entry * factors[index / dim % dim] / factors[index % dim];
-            }
-        }
+        let mut out = self.jacobians_in_chart(&there)?;
         if let Some(section) = &self.section {
             map_points(map, Direction::Forward, &mut there)?;
             self.to_data(&mut there);
             let both = points.chunks_exact(dim).zip(there.chunks_exact(dim));
             for (jacobian, (from, to)) in out.chunks_exact_mut(dim * dim).zip(both) {
                 section.jacobian_of_data(jacobian, from, to);
+            }
+        }
+        Ok(out)
+    }
+
+    /// ∂P/∂z in the canonical coordinates of the data at points of the network.
+    pub(super) fn jacobians_in_chart(&self, there: &[f64]) -> Result<Vec<f64>, Error> {
+        let map = self.model.composition();
+        let dim = 2 * map.dof();
+        let mut out = vec![0.0; there.len() * dim];
+        map_jacobians(map, there, &mut out)?;
+        if let Some(units) = &self.units {
+            let factors = units.factors();
+            for (index, entry) in out.iter_mut().enumerate() {
+                *entry = *entry * factors[index / dim % dim] / factors[index % dim];
             }
         }
         Ok(out)
@@ -253,7 +263,7 @@ impl StoredModel {
     }
 
     /// Fails at a point outside of the section.
-    fn check_points(&self, place: &str, points: &[f64]) -> Result<(), Error> {
+    pub(super) fn check_points(&self, place: &str, points: &[f64]) -> Result<(), Error> {
         self.section.as_ref().map_or(Ok(()), |section| section.check_points(place, points))
     }
 
@@ -269,7 +279,7 @@ impl StoredModel {
     }
 
     /// And back.
-    fn to_data(&self, points: &mut [f64]) {
+    pub(super) fn to_data(&self, points: &mut [f64]) {
         self.units.iter().for_each(|units| units.to_data(points));
         self.section.iter().for_each(|section| section.to_data(points));
     }
@@ -384,7 +394,11 @@ pub fn model_text(stored: &StoredModel) -> Result<String, Error> {
     let (architecture, parameters) = (stored.model.architecture(), stored.model.parameters());
     let file = ModelFile {
         format: MODEL_FORMAT.into(),
-        version: if stored.section.is_some() { MODEL_VERSION } else { BLOCKS_VERSION },
+        version: match (&architecture.controls, &stored.section) {
+            (Some(_), _) => MODEL_VERSION,
+            (None, Some(_)) => SECTION_VERSION,
+            (None, None) => BLOCKS_VERSION,
+        },
         architecture: architecture.clone(),
         units: stored.units.clone(),
         section: stored.section.clone(),

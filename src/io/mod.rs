@@ -9,6 +9,7 @@ mod coils;
 mod json;
 mod legacy;
 mod npy;
+mod stored_controls;
 mod tensor;
 mod tensor_bundle;
 mod weights;

@@ -2,7 +2,7 @@
 
 use super::drift::log_slope;
 use crate::error::Error;
-use crate::flow::{Pairs, Trajectories};
+use crate::flow::{Condition, Pairs, Trajectories};
 use crate::layer::{TorusAction, Turn};
 use crate::network::{Composition, map_points};
 use crate::phase::Direction;
@@ -273,7 +273,8 @@ pub fn predictions(map: &Composition<f64>, pairs: &Pairs) -> Result<Vec<f64>, Er
     for (condition, input, _) in pairs.runs() {
         let first = moved.len();
         moved.extend_from_slice(input);
-        let at = condition.map(|condition| map.at(condition.epsilon, condition.time));
+        let member = |of: &Condition| map.member(of.epsilon, of.time, &of.controls);
+        let at = condition.map(member).transpose()?;
         map_points(at.as_ref().unwrap_or(map), Direction::Forward, &mut moved[first..])?;
     }
     Ok(moved)

@@ -11,6 +11,7 @@ mod adjoint;
 mod averaging;
 mod certify;
 mod circle_axioms;
+mod control_response;
 mod coordinate;
 mod defect;
 mod determinant;
@@ -79,6 +80,7 @@ pub mod trajectories {
 
 /// Periodic orbits, rotation numbers and what else people ask of a map.
 pub mod orbits {
+    pub use super::control_response::{AtControls, OrbitResponse};
     pub use super::invariant_circle::InvariantCircle;
     pub use super::manifold::{Branch, PlaneMap, manifold, smaller_alignment_index};
     pub use super::periodic::{

@@ -39,7 +39,7 @@ pub fn rotation_numbers(
 }
 
 /// The weighted average of values along an orbit; NaN of none.
-fn birkhoff_average(values: &[f64]) -> f64 {
+pub(super) fn birkhoff_average(values: &[f64]) -> f64 {
     let count = values.len() as f64 + 1.0;
     let (mut sum, mut weights) = (0.0, 0.0);
     for (k, value) in values.iter().enumerate() {

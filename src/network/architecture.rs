@@ -2,6 +2,7 @@
 
 use super::block::{Block, Layers, Part, Surroundings};
 use super::composition::Composition;
+use super::controls::Controls;
 use crate::error::Error;
 use crate::layer::{CircleAction, FastPlanes, RidgeFunction, TorusAction};
 use crate::phase::Direction;
@@ -62,6 +63,9 @@ pub struct Architecture {
     pub flow_time: f64,
     /// The blocks.
     pub blocks: Vec<Block>,
+    /// What its parameters are polynomials of, if anything.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub controls: Option<Controls>,
 }
 
 fn one() -> f64 {
@@ -100,7 +104,8 @@ impl Structure {
 impl Architecture {
     /// A network of n degrees of freedom without blocks, the identity.
     pub fn new(dof: usize) -> Self {
-        Self { dof, circles: Vec::new(), epsilon: 1.0, flow_time: 1.0, blocks: Vec::new() }
+        let (circles, blocks, controls) = (Vec::new(), Vec::new(), None);
+        Self { dof, circles, epsilon: 1.0, flow_time: 1.0, blocks, controls }
     }
 
     /// On a circle action, or on another circle beside those that it has.
@@ -128,6 +133,11 @@ impl Architecture {
     pub fn with(mut self, block: Block) -> Self {
         self.blocks.push(block);
         self
+    }
+
+    /// With parameters that are polynomials of controls.
+    pub fn with_controls(self, controls: Option<Controls>) -> Self {
+        Self { controls, ..self }
     }
 
     /// What the blocks make of it.
@@ -244,16 +254,28 @@ impl Architecture {
         Surroundings { dof: self.dof, arguments: self.circles.len() + slow, slow }
     }
 
-    /// The number of parameters: those of the blocks and an angle for each circle.
+    /// The number of parameters: those of the blocks and an angle for each circle, as many times as there are
+    /// products of controls.
     pub fn parameter_count(&self) -> usize {
+        self.nominal_count().saturating_mul(self.terms())
+    }
+
+    /// How many products its parameters are sums over.
+    fn terms(&self) -> usize {
+        self.controls.as_ref().map_or(1, Controls::terms)
+    }
+
+    /// The number of parameters of its map at given controls.
+    pub(crate) fn nominal_count(&self) -> usize {
         let of = self.surroundings();
         let blocks = self.blocks.iter().map(|block| block.parameter_count(of));
         blocks.fold(self.circles.len(), usize::saturating_add)
     }
 
-    /// Where the angles of the circles are among the parameters: at the end.
+    /// Where the angles of the circles are among the parameters: at the end, before those of products of
+    /// controls.
     pub fn angles(&self) -> Range<usize> {
-        let end = self.parameter_count();
+        let end = self.nominal_count();
         end - self.circles.len()..end
     }
 
@@ -288,7 +310,11 @@ impl Architecture {
         if self.has_circle() {
             out.push((Self::THETA.into(), [1, self.circles.len()]));
         }
-        out
+        let Some(controls) = &self.controls else { return out };
+        let of = |prefix: String| {
+            out.iter().map(move |(name, shape)| (format!("{prefix}{name}"), *shape))
+        };
+        controls.prefixes().into_iter().flat_map(of).collect()
     }
 
     /// The kinds of tensor of a block, with their sizes, in the order of the parameters.
@@ -330,6 +356,7 @@ impl Architecture {
         if self.has_circle() && self.blocks.iter().any(|block| block.layers.needs_circles()) {
             FastPlanes::new(&TorusAction::new(self.circles.clone())?)?;
         }
+        self.controls.as_ref().map_or(Ok(()), Controls::check)?;
         let count = self.parameter_count();
         Error::check_count_range("parameters of the architecture", count, 0, MOST_PARAMETERS)?;
         let of = self.surroundings();
@@ -392,10 +419,15 @@ impl Architecture {
         }
     }
 
+    /// The identity over all parameters of the network.
+    fn without_steps<P: Real>(&self, epsilon: P, parameters: Vec<P>) -> Composition<P> {
+        Composition::new(self.dof, parameters, epsilon).on_controls(self.controls.as_ref())
+    }
+
     /// The steps of these blocks of a part, over all parameters of the network.
     fn steps_of<P: Real>(&self, part: Part, of: &Composition<P>) -> Composition<P> {
         let planes = self.action().and_then(|action| FastPlanes::new(&action).ok());
-        let mut out = Composition::new(self.dof, of.parameters().to_vec(), of.epsilon());
+        let mut out = self.without_steps(of.epsilon(), of.parameters().to_vec());
         for (block, range) in self.blocks.iter().zip(self.block_ranges()) {
             if block.part == part {
                 let (start, of) = (range.start, self.surroundings());
@@ -412,7 +444,7 @@ impl Architecture {
         epsilon: P,
         parameters: &[P],
     ) -> Composition<P> {
-        let over = Composition::new(self.dof, parameters.to_vec(), epsilon);
+        let over = self.without_steps(epsilon, parameters.to_vec());
         self.steps_of(part, &over)
     }
 
@@ -422,7 +454,7 @@ impl Architecture {
         epsilon: P,
         parameters: &[P],
     ) -> [Composition<P>; 2] {
-        let over = Composition::new(self.dof, parameters.to_vec(), epsilon);
+        let over = self.without_steps(epsilon, parameters.to_vec());
         let of = |part| self.steps_of(part, &over);
         let (mut chart, mut inner) = (over.clone(), over.clone());
         chart.push_all(&of(Part::Chart), 0, Direction::Forward);
@@ -438,7 +470,7 @@ impl Architecture {
     /// The whole map.
     pub(super) fn composition<P: Real>(&self, epsilon: P, parameters: Vec<P>) -> Composition<P> {
         let [chart, inner] = self.chart_and_inner_map(epsilon, &parameters);
-        let mut out = Composition::new(self.dof, parameters, epsilon);
+        let mut out = self.without_steps(epsilon, parameters);
         out.push_all(&chart, 0, Direction::Inverse);
         out.push_all(&inner, 0, Direction::Forward);
         out.push_all(&chart, 0, Direction::Forward);

@@ -1,5 +1,6 @@
 //! A composition of steps over one flat parameter vector.
 
+use super::controls::Controls;
 use super::step::{Kind, Step, Visitor};
 use crate::error::Error;
 use crate::layer::{ElementaryMap, TorusAction, Turn, TwistShears};
@@ -7,6 +8,7 @@ use crate::phase::{Direction, Map};
 use crate::scalar::{Over, Pack, Real, Scalar, Task, max_or_nan};
 use std::marker::PhantomData;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// A map given as a sequence of steps.
 ///
@@ -21,6 +23,8 @@ pub struct Composition<P> {
     epsilon: P,
     /// One for each turn of a step, prepared for the angles it points to.
     turns: Vec<Turn<P>>,
+    /// What the parameters are polynomials of: those that steps point to are the constant terms.
+    controls: Option<Arc<Controls>>,
 }
 
 /// A visitor whose work on each shear is compiled as a function of its own, for the
@@ -177,7 +181,8 @@ const STACK: usize = 16;
 impl<P: Scalar> Composition<P> {
     /// A composition without steps: the identity in `dof` degrees of freedom.
     pub(super) fn new(dof: usize, parameters: Vec<P>, epsilon: P) -> Self {
-        Self { dof, steps: Vec::new(), parameters, epsilon, turns: Vec::new() }
+        let (steps, turns, controls) = (Vec::new(), Vec::new(), None);
+        Self { dof, steps, parameters, epsilon, turns, controls }
     }
 
     /// Appends a step.
@@ -220,7 +225,8 @@ impl<P: Scalar> Composition<P> {
             return Err(Error::invalid("epsilon", found, format!("{:?}", self.epsilon)));
         }
         let epsilon = if scaled(self) { self.epsilon } else { other.epsilon };
-        let mut out = Self { epsilon, ..self.clone() };
+        // It is a map of no controls: both are at the middle of their ranges.
+        let mut out = Self { epsilon, controls: None, ..self.clone() };
         out.push_all(other, self.parameters.len(), direction);
         out.parameters.extend_from_slice(&other.parameters);
         Ok(out)
@@ -288,7 +294,8 @@ impl<P: Scalar> Composition<P> {
                 }
             }
         }
-        Ok(Composition { dof: self.dof, steps, parameters, epsilon, turns })
+        let controls = self.controls.clone();
+        Ok(Composition { dof: self.dof, steps, parameters, epsilon, turns, controls })
     }
 
     /// This member of a family of maps at another ε and `time` times its flow time: the
@@ -312,13 +319,75 @@ impl<P: Scalar> Composition<P> {
         out
     }
 
+    /// This member of a family of maps: [`Composition::at`] these values of its controls too, or at the middle of
+    /// their ranges where there are none.
+    ///
+    /// # Errors
+    /// Those of [`Composition::at_controls`].
+    pub fn member(&self, epsilon: P, time: P, controls: &[P]) -> Result<Self, Error>
+    where
+        P: Real,
+    {
+        match self.controls.is_none() || controls.is_empty() {
+            true => Ok(self.at(epsilon, time)),
+            false => Ok(self.at_controls(controls)?.at(epsilon, time)),
+        }
+    }
+
     /// The parameters with the angles of the circles `time` times.
     pub(super) fn parameters_at(&self, time: P) -> Vec<P> {
         let mut parameters = self.parameters.clone();
-        for angle in &mut parameters[self.angles()] {
-            *angle *= time;
+        let (angles, size) = (self.angles(), parameters.len() / self.terms());
+        for of_term in parameters.chunks_exact_mut(size.max(1)) {
+            for angle in &mut of_term[angles.clone()] {
+                *angle *= time;
+            }
         }
         parameters
+    }
+
+    /// What its parameters are polynomials of, if anything.
+    pub fn controls(&self) -> Option<&Controls> {
+        self.controls.as_deref()
+    }
+
+    /// How many products of controls its parameters are sums over.
+    fn terms(&self) -> usize {
+        self.controls().map_or(1, Controls::terms)
+    }
+
+    /// Its parameters are polynomials of these.
+    pub(super) fn on_controls(self, controls: Option<&Controls>) -> Self {
+        Self { controls: controls.cloned().map(Arc::new), ..self }
+    }
+
+    /// The parameters at these [products of controls](Controls::products).
+    pub(super) fn parameters_of(&self, products: &[P]) -> Vec<P> {
+        let size = self.parameters.len() / products.len();
+        let (constant, rest) = self.parameters.split_at(size);
+        let mut out = constant.to_vec();
+        for (product, of_term) in products[1..].iter().zip(rest.chunks_exact(size.max(1))) {
+            for (sum, parameter) in out.iter_mut().zip(of_term) {
+                *sum = product.mul_add(*parameter, *sum);
+            }
+        }
+        out
+    }
+
+    /// The map at these values of its controls, as a map of none: its parameters are θ(λ).
+    ///
+    /// # Errors
+    /// When there is not one value for each control.
+    pub fn at_controls(&self, values: &[P]) -> Result<Self, Error>
+    where
+        P: Real,
+    {
+        let count = self.controls().map_or(0, |controls| controls.ranges.len());
+        Error::check_count("values of controls", count, values.len())?;
+        let Some(controls) = &self.controls else { return Ok(self.clone()) };
+        let parameters = self.parameters_of(&controls.products(values));
+        let plain = Self { controls: None, parameters: parameters.clone(), ..self.clone() };
+        plain.with_parameters(parameters, self.epsilon)
     }
 
     /// The steps, in the order of application.
@@ -339,7 +408,8 @@ impl<P: Scalar> Composition<P> {
 
     /// The inverse map, as a composition of its own.
     pub fn inverted(&self) -> Self {
-        let mut out = Self::new(self.dof, self.parameters.clone(), self.epsilon);
+        let (steps, turns) = (Vec::new(), Vec::new());
+        let mut out = Self { steps, turns, ..self.clone() };
         out.push_all(self, 0, Direction::Inverse);
         out
     }

@@ -10,7 +10,7 @@
 //!
 //! The parameters are one flat vector: those of each block, in the order of the list, each its
 //! layers in the order of application, and an angle θ for each circle at the end.
-//! [`Architecture::tensors`] names them all. A Hénon layer of width h in n degrees of freedom owns
+//! [`Architecture::tensors`] names them all. Of a network with [`Controls`] as many follow for each product of them. A Hénon layer of width h in n degrees of freedom owns
 //! h(n + 2) + n consecutive numbers: `W` (n × h, row by row), `b` (h), `w` (h), `η` (n). A turned
 //! kick is its n angles and `W`, `b`, `w`; a twist shear `W` (d × h, the rows of the actions
 //! first), `b`, `w` and, the first, third and so on, the rows of the upper triangle of `Q` (d × d).
@@ -23,6 +23,7 @@ mod batch;
 mod bind;
 mod block;
 mod composition;
+mod controls;
 mod init;
 mod jacobians;
 mod model;
@@ -36,6 +37,7 @@ pub use architecture::{Architecture, Structure};
 pub use batch::{Rollout, map_points, map_points_at_pace, rollout, rollout_at_pace};
 pub use block::{Alternating, Block, Layers, Modules, Part, Scale};
 pub use composition::{Composition, Recording};
+pub use controls::{ControlRange, Controls};
 pub use init::InitialWeights;
 pub use jacobians::{map_jacobians, map_jacobians_by_duals};
 pub use model::{Invariant, Model};

@@ -276,6 +276,17 @@ impl<P: Scalar> Model<P> {
 }
 
 impl<P: Real> Model<P> {
+    /// The network at these values of its controls: one of none, whose parameters are θ(λ). Over
+    /// [duals](crate::scalar::Dual) it has the derivatives by λ.
+    ///
+    /// # Errors
+    /// When there is not one value for each control.
+    pub fn at_controls(&self, values: &[P]) -> Result<Self, Error> {
+        let composition = self.composition.at_controls(values)?;
+        let architecture = self.architecture.clone().with_controls(None);
+        Ok(Self { architecture, composition })
+    }
+
     /// This network at another ε.
     pub fn with_epsilon(&self, epsilon: P) -> Self {
         Self {
@@ -416,6 +427,8 @@ impl Architecture {
             }
         }
         parameters.extend(self.circles.iter().map(|_| theta));
+        // Controls change nothing to begin with.
+        parameters.resize(self.parameter_count(), 0.0);
         Model::new(self.clone(), parameters)
     }
 }

@@ -211,6 +211,11 @@ impl Model {
             return Ok(self.clone());
         }
         let architecture = self.architecture();
+        if let Some(controls) = &architecture.controls {
+            let names: Vec<&str> = controls.ranges.iter().map(|range| &*range.name).collect();
+            let expected = "none: a network at given values of its controls has no other powers";
+            return Err(Error::invalid("controls", names.join(", "), expected));
+        }
         let shears = architecture.twist_shears();
         let all = m.saturating_mul(shears);
         Error::check_count_range("twist shears", all, 0, MOST_REPEATS)?;
@@ -269,12 +274,13 @@ impl Model {
         }
     }
 
-    /// T_ε with the angles of its circles, as a network of its own.
+    /// T_ε with the angles of its circles, as a network of its own; of one with controls, at the middle of their
+    /// ranges.
     ///
     /// # Errors
     /// Those of [`Model::new`].
     pub(crate) fn slow_map_alone(&self) -> Result<Self, Error> {
-        let mut architecture = self.architecture().clone();
+        let mut architecture = self.architecture().clone().with_controls(None);
         architecture.blocks.retain(|block| block.part == Part::SlowMap);
         let mut parameters = Vec::new();
         for (block, range) in

@@ -24,6 +24,9 @@ pub struct AreaDensity {
     degrees: [usize; 2],
     /// c_jk, those of one k after those of the one before.
     coefficients: Vec<f64>,
+    /// ∂c_jk/∂λ of each control that the density depends on.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    changes: Vec<Vec<f64>>,
     /// The largest difference of this ρ from the one that was given, where they were compared, over the largest |ρ|.
     error: f64,
 }
@@ -109,8 +112,8 @@ impl AreaDensity {
                 coefficients[k * count + j] = value;
             }
         }
-        let mut out =
-            Self { low, high, scale, degrees: [degree; 2], coefficients, error: f64::NAN };
+        let (degrees, changes) = ([degree; 2], Vec::new());
+        let mut out = Self { low, high, scale, degrees, coefficients, changes, error: f64::NAN };
         let (mut error, mut size) = (0.0, 0.0);
         for k in 0..=count {
             for j in 0..=count {
@@ -160,7 +163,8 @@ impl AreaDensity {
             let rows = values.chunks_exact(x.len()).step_by(stride);
             let kept: Vec<f64> = rows.flat_map(|row| row.iter().step_by(stride)).copied().collect();
             let coefficients = grid_coefficients(&xs, &ys, &kept, low, high, degree);
-            Self { low, high, scale, degrees: [degree; 2], coefficients, error: f64::NAN }
+            let (degrees, changes) = ([degree; 2], Vec::new());
+            Self { low, high, scale, degrees, coefficients, changes, error: f64::NAN }
         };
         let judged = |of: &Self| {
             let mut error = 0.0;
@@ -208,8 +212,58 @@ impl AreaDensity {
         }
         let count = (self.degrees[0] + 1) * (self.degrees[1] + 1);
         Error::check_count("section: coefficients", count, self.coefficients.len())?;
-        self.coefficients.iter().try_for_each(|c| Error::check_finite("section", *c))?;
+        for change in &self.changes {
+            Error::check_count("section: coefficients of a control", count, change.len())?;
+        }
+        let all = self.coefficients.iter().chain(self.changes.iter().flatten());
+        all.into_iter().try_for_each(|c| Error::check_finite("section", *c))?;
         self.check_positive()
+    }
+
+    /// With a density that is linear in controls, this one and each of these times a control: as is B_φ in the currents
+    /// of coils. They are interpolated at the degrees of this one.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where one is not finite, with the place.
+    pub fn with_changes(mut self, changes: &[&dyn Fn(f64, f64) -> f64]) -> Result<Self, Error> {
+        let [degree, _] = self.degrees;
+        // Its error counts as a share of what it is added to.
+        let size = self.coefficients[0].abs();
+        for change in changes {
+            let made = Self::interpolating(change, self.low, self.high, self.scale, degree)?;
+            let own = made.coefficients.iter().map(|c| c.abs()).fold(0.0, max_or_nan);
+            self.error = max_or_nan(self.error, made.error * own / size);
+            self.changes.push(made.coefficients);
+        }
+        Ok(self)
+    }
+
+    /// The chart where the controls are so far from the values that it stands for; as it is where its density depends
+    /// on none.
+    ///
+    /// # Errors
+    /// When there is not one number for each control. Whether ρ is positive there [`AreaDensity::check`] tells.
+    pub fn at(&self, offsets: &[f64]) -> Result<Self, Error> {
+        if self.changes.is_empty() {
+            return Ok(self.clone());
+        }
+        Error::check_count("controls of a section", self.changes.len(), offsets.len())?;
+        let mut out = Self { changes: Vec::new(), ..self.clone() };
+        for (offset, change) in offsets.iter().zip(&self.changes) {
+            for (sum, c) in out.coefficients.iter_mut().zip(change) {
+                *sum = offset.mul_add(*c, *sum);
+            }
+        }
+        Ok(out)
+    }
+
+    /// ∂p/∂λ at (x, y) of the control of this number; 0 of a density that depends on none.
+    pub fn by_control(&self, number: usize, [x, y]: [f64; 2]) -> f64 {
+        let Some(change) = self.changes.get(number) else { return 0.0 };
+        let coefficients = change.clone();
+        let alone = Self { coefficients, changes: Vec::new(), ..self.clone() };
+        let [_, p] = alone.to_canonical([x, y]);
+        p
     }
 
     /// Fails unless ρ is positive on a grid finer than its degrees.
@@ -475,6 +529,16 @@ impl Section {
         )
     }
 
+    /// The charts where the controls are so far from the values that they stand for.
+    ///
+    /// # Errors
+    /// Those of [`AreaDensity::at`].
+    pub fn at(&self, offsets: &[f64]) -> Result<Self, Error> {
+        let of =
+            |plane: &Option<AreaDensity>| plane.as_ref().map(|plane| plane.at(offsets)).transpose();
+        Ok(Self { planes: self.planes.iter().map(of).collect::<Result<_, _>>()? })
+    }
+
     /// The degrees of freedom n.
     pub fn dof(&self) -> usize {
         self.planes.len()
@@ -532,6 +596,29 @@ impl Section {
         Ok(())
     }
 
+    /// What a change of the control of this number does to (q, p) of a point of data that stays where it is: 2n numbers.
+    pub fn by_control(&self, number: usize, point: &[f64]) -> Vec<f64> {
+        let dof = self.dof();
+        let mut out = vec![0.0; 2 * dof];
+        for (j, plane) in self.planes.iter().enumerate() {
+            let at = [point[j], point[dof + j]];
+            out[dof + j] = plane.as_ref().map_or(0.0, |plane| plane.by_control(number, at));
+        }
+        out
+    }
+
+    /// A direction of 2n numbers at a point of data, from canonical coordinates to those of the data.
+    pub fn direction_to_data(&self, direction: &mut [f64], at: &[f64]) {
+        let dof = self.dof();
+        for (j, plane) in self.planes.iter().enumerate() {
+            let Some(plane) = plane else { continue };
+            // δy = δq, δx = (δp − ∂p/∂y δq)/∂p/∂x.
+            let [by_x, by_y] = plane.slopes([at[j], at[dof + j]]);
+            let (q, p) = (direction[j], direction[dof + j]);
+            (direction[j], direction[dof + j]) = ((-by_y).mul_add(q, p) / by_x, q);
+        }
+    }
+
     /// The Jacobian of a map between data from that between canonical coordinates, 2n × 2n numbers row by row, at a
     /// point and its image, both of data.
     pub fn jacobian_of_data(&self, jacobian: &mut [f64], from: &[f64], to: &[f64]) {
@@ -545,13 +632,11 @@ impl Section {
                 let (q, p) = (row[j], row[dof + j]);
                 (row[j], row[dof + j]) = (by_x * p, by_y.mul_add(p, q));
             }
-            // Rows: δy = δq, δx = (δp − ∂p/∂y δq)/∂p/∂x.
-            let [by_x, by_y] = plane.slopes([to[j], to[dof + j]]);
-            for column in 0..dim {
-                let (q, p) = (jacobian[j * dim + column], jacobian[(dof + j) * dim + column]);
-                jacobian[j * dim + column] = (-by_y).mul_add(q, p) / by_x;
-                jacobian[(dof + j) * dim + column] = q;
-            }
+        }
+        for column in 0..dim {
+            let mut direction: Vec<f64> = (0..dim).map(|i| jacobian[i * dim + column]).collect();
+            self.direction_to_data(&mut direction, to);
+            (0..dim).for_each(|i| jacobian[i * dim + column] = direction[i]);
         }
     }
 }

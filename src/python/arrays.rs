@@ -73,7 +73,7 @@ fn is_masked(given: &Bound<'_, PyAny>, masked: &Bound<'_, PyAny>, depth: usize) 
 }
 
 /// The numbers of an array and its shape.
-fn read(name: &str, rows: &Rows<'_>) -> PyResult<(Vec<f64>, Vec<usize>)> {
+pub(super) fn read(name: &str, rows: &Rows<'_>) -> PyResult<(Vec<f64>, Vec<usize>)> {
     let given = &rows.0;
     let numpy = given.py().import("numpy")?;
     let masked = numpy.getattr("ma")?.getattr("MaskedArray")?;
@@ -112,6 +112,16 @@ pub(super) fn points_of(name: &str, rows: &Rows<'_>, dof: usize) -> PyResult<Poi
     Error::check_count_range(&format!("{name}: rows"), count, 1, usize::MAX)?;
     crate::flow::check_finite(name, &values, columns)?;
     Ok(Points { values, leading })
+}
+
+/// One point of 2n numbers.
+pub(super) fn point_of(name: &str, point: &Rows<'_>, dof: usize) -> PyResult<Vec<f64>> {
+    let point = points_of(name, point, dof)?;
+    if !point.leading.is_empty() {
+        let found = format!("an array of {} dimensions", point.leading.len() + 1);
+        return Err(Error::invalid(name, found, "one point of 2n numbers").into());
+    }
+    Ok(point.values)
 }
 
 /// The numbers of an array of shape (N, 2n), row by row.

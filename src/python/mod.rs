@@ -2,6 +2,7 @@
 
 mod arrays;
 mod circles;
+mod controls;
 mod lines;
 mod orbits;
 mod trained;
@@ -463,16 +464,88 @@ impl Model {
         }
     }
 
-    /// The same weights at another epsilon or flow time, of a model that has learnt several; its trust,
-    /// history and held-out error are not known. Raises Error of networks without a circle action, and for a
-    /// flow time where that of the model is not known.
-    #[pyo3(signature = (epsilon=None, flow_time=None))]
-    fn at(&self, epsilon: Option<f64>, flow_time: Option<f64>) -> PyResult<Self> {
-        let trained = match (epsilon, flow_time) {
-            (None, None) => self.trained.clone(),
-            _ => None,
-        };
-        Ok(Self { stored: self.stored.clone().member(epsilon, flow_time)?, trained })
+    /// The same weights at another epsilon or flow time, of a model that has learnt several, or at values of its
+    /// controls by their names, such as model.at(planar=0.02): then it is a model of none, the others being in the
+    /// middle of their ranges. Its trust, history and held-out error are not known. Warns (UserWarning) of a value
+    /// outside of its range. Raises Error of networks without a circle action, for a flow time where that of the model
+    /// is not known, and of controls that it does not have.
+    #[pyo3(signature = (epsilon=None, flow_time=None, **controls))]
+    fn at(
+        &self,
+        py: Python<'_>,
+        epsilon: Option<f64>,
+        flow_time: Option<f64>,
+        controls: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let values = controls::values_of(&self.stored, controls)?;
+        let (mut stored, mut trained) = (self.stored.clone(), self.trained.clone());
+        if controls.is_some() {
+            let (at, outside) = controls::at(&stored, &values)?;
+            outside.map_or(Ok(()), |note| warn(py, &note))?;
+            (stored, trained) = (at, None);
+        }
+        if epsilon.is_some() || flow_time.is_some() {
+            trained = None;
+        }
+        Ok(Self { stored: stored.member(epsilon, flow_time)?, trained })
+    }
+
+    /// The controls that it depends on: a dictionary of the ranges (low, high) that it has learnt. It is used in the
+    /// middle of them, unless `at` takes others.
+    #[getter]
+    fn controls<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let found = PyDict::new(py);
+        let controls = self.stored.model.architecture().controls.iter();
+        for range in controls.flat_map(|controls| &controls.ranges) {
+            found.set_item(&range.name, (range.low, range.high))?;
+        }
+        Ok(found)
+    }
+
+    /// The derivatives of one step at `points`, (..., 2n), by the controls at these values of them, exact, in units of
+    /// the data: (..., 2n, controls). Raises Error as `at`, and of points outside of the section.
+    #[pyo3(signature = (points, **controls))]
+    fn control_derivatives<'py>(
+        &self,
+        py: Python<'py>,
+        points: Rows<'py>,
+        controls: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let values = controls::values_of(&self.stored, controls)?;
+        controls::derivatives(py, &self.stored, &points, &values)
+    }
+
+    /// The periodic orbit near `guess`, 2n numbers, at these values of the controls, as `periodic_orbits` gives one, with
+    /// `moved`, (2n, controls), the derivatives of its first point by the controls, and `trace_by`, (controls,), those
+    /// of its trace. Raises Error as `at`, and where there is no orbit.
+    #[pyo3(signature = (guess, period=1, **controls))]
+    fn orbit_response<'py>(
+        &self,
+        py: Python<'py>,
+        guess: Rows<'py>,
+        period: usize,
+        controls: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let values = controls::values_of(&self.stored, controls)?;
+        controls::orbit_response(py, &self.stored, &guess, period, &values)
+    }
+
+    /// The turns a step of the orbit from `start` about `centre`, two numbers each, of a map of a plane at these values
+    /// of the controls, averaged over `steps` steps, and (controls,) their derivatives by the controls. Raises Error as
+    /// `at`, and of an orbit that leaves the finite numbers.
+    #[pyo3(signature = (start, centre, steps=1000, **controls))]
+    fn rotation_response<'py>(
+        &self,
+        py: Python<'py>,
+        start: [f64; 2],
+        centre: [f64; 2],
+        steps: usize,
+        controls: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
+        let values = controls::values_of(&self.stored, controls)?;
+        let of = || self.stored.rotation_response(&values, start, centre, steps);
+        let (turns, changes) = py.detach(of)?;
+        Ok((turns, PyArray1::from_vec(py, changes)))
     }
 
     /// Writes the model file, which the program and `load` read. Raises Error when there is a file of that

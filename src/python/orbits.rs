@@ -1,6 +1,6 @@
 //! What is asked of the orbits of a map, in Python.
 
-use super::arrays::{Rows, array, points_of, rows_of};
+use super::arrays::{Rows, array, point_of, points_of, rows_of};
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::io::StoredModel;
@@ -23,7 +23,7 @@ pub(super) fn with_jacobian(
     Ok((image, stored.jacobians(z)?))
 }
 
-fn as_dict<'py>(py: Python<'py>, orbit: PeriodicOrbit) -> PyResult<Bound<'py, PyDict>> {
+pub(super) fn as_dict<'py>(py: Python<'py>, orbit: PeriodicOrbit) -> PyResult<Bound<'py, PyDict>> {
     let (period, dim) = (orbit.period(), orbit.points[0].len());
     let found = PyDict::new(py);
     found.set_item("trace", orbit.trace())?;
@@ -53,16 +53,6 @@ pub(super) fn of_model<'py>(
     PyList::new(py, all.collect::<PyResult<Vec<_>>>()?)
 }
 
-/// One point of 2n numbers.
-fn point_of(stored: &StoredModel, point: &Rows<'_>) -> PyResult<Vec<f64>> {
-    let point = points_of("point", point, stored.model.composition().dof())?;
-    if !point.leading.is_empty() {
-        let found = format!("an array of {} dimensions", point.leading.len() + 1);
-        return Err(Error::invalid("point", found, "one point of 2n numbers").into());
-    }
-    Ok(point.values)
-}
-
 /// What is asked of one orbit of a map with its Jacobian.
 type OfOrbit = fn(WithJacobian<'_>, &[f64], usize) -> Result<f64, Error>;
 
@@ -74,7 +64,7 @@ pub(super) fn of_orbit(
     steps: usize,
     of: OfOrbit,
 ) -> PyResult<f64> {
-    let point = point_of(stored, point)?;
+    let point = point_of("point", point, stored.model.composition().dof())?;
     Ok(py.detach(|| of(&|z: &[f64]| with_jacobian(stored, z), &point, steps))?)
 }
 
@@ -87,7 +77,7 @@ pub(super) fn manifold_of<'py>(
     stable: bool,
     branch: Branch,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    let guess = point_of(stored, guess)?;
+    let guess = point_of("point", guess, stored.model.composition().dof())?;
     Error::check_count("guess: numbers", 2, guess.len())?;
     let points = py.detach(|| {
         let mut orbit = periodic_orbit(&|z: &[f64]| with_jacobian(stored, z), &guess, period)?;

@@ -3,6 +3,7 @@
 use super::Model;
 use super::arrays::{Rows, dof_of, rows_of};
 use super::circles::Circles;
+use super::controls::columns_of;
 use super::trained::{Trained, warn};
 use crate::error::Error;
 use crate::flow::Pairs;
@@ -10,11 +11,12 @@ use crate::io::{Checkpoints, StoredModel, read_section};
 use crate::network::{Alternating, Block, LayerSizes, NetworkSpec};
 use crate::scene::{Folder, NextStep, OwnTraining, Scene, TrainingTimes};
 use crate::train::{
-    AdamOptions, Checkpoint, Control, FamilyPairs, Fit, FitNote, LbfgsOptions,
+    AdamOptions, Checkpoint, Control, ControlOptions, FamilyPairs, Fit, FitNote, LbfgsOptions,
     LevenbergMarquardtOptions, Loss, Optimiser, Plateau, Progress, RampStage, Starts, Stop,
     TrainingObserver, TrainingOptions, TrainingStage,
 };
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -175,6 +177,9 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// numbers: of the planes in the loss and in the held-out error that chooses the model.
 /// theta, theta_fixed, theta_penalty: the angle to start from, the nearest rotation's unless given,
 /// whether it stays, and what its squared distance from there adds to the loss.
+/// controls: what else the pairs depend on, such as currents: a dictionary of arrays (N,), the values of each for
+/// each pair. The parameters are polynomials of them, and Model.at takes values between. control_degree: the total
+/// degree, unless given the highest up to 4 of which there are fewer terms than values to learn.
 /// section: of pairs (x, y) of one degree of freedom with the area form rho dx dy, an .npz file of rho on a
 /// grid: arrays x, y and density, (len(y), len(x)), and scale, one number, 1 unless given. The model then
 /// takes and gives x, y.
@@ -196,7 +201,7 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
     near_identity=None, kicks=None, twists=None, turned_twists=None, perturbation=None, layers=None, radius=None, blocks=None, optimiser=None,
     iterations=None, starts=None, ramp=None, near_identity_penalty=None, loss_weights=None, patience=None,
     target=None, plateau=None, epsilon=None, flow_time=None, theta=None, theta_fixed=false,
-    theta_penalty=None, section=None, units="fitted", validation=0.1, seed=0, report=None, checkpoint=None,
+    theta_penalty=None, controls=None, control_degree=None, section=None, units="fitted", validation=0.1, seed=0, report=None, checkpoint=None,
     resume=false, callback=None
 ))]
 #[allow(clippy::too_many_arguments)]
@@ -231,6 +236,8 @@ pub(super) fn train(
     theta: Option<f64>,
     theta_fixed: bool,
     theta_penalty: Option<f64>,
+    controls: Option<Bound<'_, PyDict>>,
+    control_degree: Option<usize>,
     section: Option<PathBuf>,
     units: &str,
     validation: f64,
@@ -247,7 +254,8 @@ pub(super) fn train(
     let (input, output) = (rows_of("input", &input, dof)?, rows_of("output", &output, dof)?);
     let pairs = Pairs::new("pairs", dof, input, output)?;
     let ((epsilon, epsilons), (flow_time, times)) = (condition(epsilon), condition(flow_time));
-    let data = FamilyPairs::under(pairs, epsilons.as_deref(), times.as_deref())?;
+    let (names, values) = controls.map(|of| columns_of(&of, pairs.len())).transpose()?.unzip();
+    let data = FamilyPairs::under(pairs, epsilons.as_deref(), times.as_deref(), values.as_deref())?;
     let shapes =
         Shapes { psi, near_identity, kicks, twists, turned_twists, perturbation, layers, radius };
     let blocks = blocks.map(|blocks| blocks_of(py, blocks)).transpose()?.unwrap_or_default();
@@ -298,6 +306,7 @@ pub(super) fn train(
             target: target.unwrap_or(training.target),
             ..training
         },
+        controls: ControlOptions { names: names.unwrap_or_default(), degree: control_degree },
         section: section.as_deref().map(read_section).transpose()?,
         units: match units {
             "fitted" => true,

@@ -8,6 +8,7 @@ use crate::flow::{Pairs, Region};
 use crate::io::read_pairs;
 use crate::layer::TorusAction;
 use crate::measure::trajectories::{limiting_flow_error, root_mean_square, rotation_error};
+use crate::network::Controls;
 use crate::phase::{Section, Units};
 use crate::scalar::max_or_nan;
 use crate::system::{Counted, Hamiltonian, NearlyPeriodic, System};
@@ -30,6 +31,8 @@ pub(super) struct DataSets {
     /// The mean squared error of the exact limiting rotation alone, on the pairs that choose
     /// among the models of a training.
     pub(super) rotation_error: Option<f64>,
+    /// What networks depend on.
+    pub(super) controls: Option<Controls>,
     /// The rotation nearest to the pairs of a file, by its angle.
     pub(super) nearest: Option<(TorusAction, Vec<f64>)>,
 }
@@ -50,6 +53,7 @@ impl DataSets {
             units: None,
             section: None,
             rotation_error,
+            controls: None,
             nearest: None,
         }
     }
@@ -84,7 +88,7 @@ impl DataSets {
         let place = file.pairs.display().to_string();
         let pairs = read_pairs(file.pairs)?.pairs;
         if !pairs.conditions().is_empty() {
-            let found = "epsilon or flow_time of each pair";
+            let found = "epsilon, flow_time or lambda of each pair";
             return Err(Error::content(place, "pairs of one map", found));
         }
         let action = TorusAction::from(file.circle_action.clone());
@@ -120,12 +124,12 @@ impl DataSets {
         seed: u64,
     ) -> Result<Self, Error> {
         let charted = |pairs: &Pairs| {
-            let moved = |points: &[f64]| {
-                let mut points = points.to_vec();
-                lines.chart.to_canonical(&mut points);
-                points
-            };
-            Pairs::new("field lines", 1, moved(pairs.input()), moved(pairs.output()))
+            let pairs = pairs.transformed("field lines", |condition, points| {
+                let values = condition.map_or(&[][..], |condition| &condition.controls);
+                lines.chart_at(values)?.to_canonical(points);
+                Ok(())
+            })?;
+            Ok::<_, Error>(pairs.with_conditions(|condition| (target.epsilon(), condition.time)))
         };
         let action = TorusAction::from(target.circle_action());
         let preparation = Preparation {
@@ -152,11 +156,12 @@ impl DataSets {
         let region = Region::around(2, both.flat_map(|pairs| [pairs.input(), pairs.output()]));
         let section = region.map(|region| (lines.chart.clone(), region));
         let nearest = Some((action, nearest));
-        let reference_error = lines.section.error();
+        let reference_error = lines.error;
         Ok(Self {
             units,
             section,
             nearest,
+            controls: lines.controls.clone(),
             ..Self::plain(training, held_out, reference_error, rotation_error)
         })
     }

@@ -125,7 +125,9 @@ pub(super) fn learn_at(
         return of_file(context, data, spec);
     }
     let architecture = spec.network.architecture(&action.into(), epsilon, time)?;
-    let architecture = architecture.in_box_of(data.training.points());
+    let architecture =
+        architecture.in_box_of(data.training.points()).with_controls(data.controls.clone());
+    options.check_for(&architecture)?;
     let theta = target.angle(time, &data.training);
     // The check of the set-up has found them.
     let angles = target.angles(&architecture, theta, &data.training);

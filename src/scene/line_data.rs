@@ -3,8 +3,11 @@
 use crate::error::Error;
 use crate::flow::{LineRequest, LineSection, Pairs};
 use crate::io::read_coils;
+use crate::network::Controls;
 use crate::phase::Section;
-use crate::system::{CoilSet, Torsatron};
+use crate::scalar::max_or_nan;
+use crate::system::{Coil, CoilSet, Torsatron};
+use crate::train::ControlOptions;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use std::path::PathBuf;
@@ -59,6 +62,83 @@ pub struct LineData {
     /// ε, by which the perturbation of a nearly-integrable network is scaled.
     #[serde(default = "usual_epsilon")]
     pub epsilon: f64,
+    /// What networks depend on, if anything.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub controls: Option<LineControls>,
+}
+
+/// Currents that are controls of a machine: at each of the values as many lines are traced.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LineControls {
+    /// The controls.
+    pub list: Vec<LineControl>,
+    /// Values of all of them that are learnt: a row for each machine.
+    pub values: Vec<Vec<f64>>,
+    /// Values between them, whose lines are held out too: what is learnt of the others is judged by them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub held_out: Vec<Vec<f64>>,
+    /// The total degree of the polynomials that parameters are of them; the highest that the values tell, up to 4,
+    /// unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub degree: Option<usize>,
+}
+
+/// A control of a machine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LineControl {
+    /// Its name.
+    pub name: String,
+    /// What a unit of it adds to the current of each coil that is given, in amperes: of a torsatron those of the
+    /// windings and of the two rings.
+    pub currents: Vec<f64>,
+}
+
+impl LineControls {
+    /// How a network depends on them.
+    pub(super) fn of_network(&self) -> Result<Controls, Error> {
+        let rows: Vec<&[f64]> = self.values.iter().map(Vec::as_slice).collect();
+        let names = self.list.iter().map(|control| control.name.clone()).collect();
+        let options = ControlOptions { names, degree: self.degree };
+        let none = || Error::invalid("controls", "no values", "at least two");
+        options.of_values(&rows)?.ok_or_else(none)
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        Error::check_count_range("controls.values", self.values.len(), 2, 1000)?;
+        let mut before: Vec<&Vec<f64>> = Vec::new();
+        let rows = self.values.iter().map(|row| ("controls.values", row));
+        for (name, row) in rows.chain(self.held_out.iter().map(|row| ("controls.held_out", row))) {
+            Error::check_count(name, self.list.len(), row.len())?;
+            row.iter().try_for_each(|value| Error::check_finite(name, *value))?;
+            if before.contains(&row) {
+                let found = format!("{row:?} twice");
+                return Err(Error::invalid(name, found, "other values in each row"));
+            }
+            before.push(row);
+        }
+        for control in &self.list {
+            let name = format!("controls.{}.currents", control.name);
+            control.currents.iter().try_for_each(|v| Error::check_finite(&name, *v))?;
+            if control.currents.iter().all(|current| *current == 0.0) {
+                return Err(Error::invalid(
+                    &name,
+                    "none",
+                    "what a unit of it adds to the currents",
+                ));
+            }
+        }
+        let ranges = self.of_network()?;
+        for row in &self.held_out {
+            if let Some((range, value)) = ranges.first_outside(row) {
+                let expected =
+                    format!("values of {} from {} to {}", range.name, range.low, range.high);
+                return Err(Error::invalid("controls.held_out", value, expected));
+            }
+        }
+        Ok(())
+    }
 }
 
 fn one() -> u32 {
@@ -120,19 +200,104 @@ impl LineData {
         Error::check_finite("section", self.section).map_err(place)?;
         Error::check_finite("epsilon", self.epsilon).map_err(place)?;
         Error::check_range("reach", self.reach, Error::LEAST_POSITIVE, f64::MAX).map_err(place)?;
+        if let Some(controls) = &self.controls {
+            controls.check().map_err(place)?;
+            if let Coils::Torsatron(torsatron) = &self.coils {
+                let set = torsatron.coils()?;
+                controls.list.iter().try_for_each(|c| check_currents(&set, c)).map_err(place)?;
+            }
+        }
         Error::check_range("error", self.error, Error::LEAST_POSITIVE, 1.0).map_err(place)
     }
 
-    /// Fails where a file of coils cannot be read.
+    /// Fails where a file of coils cannot be read, or has another number of them than a control has currents.
     pub(super) fn check_files(&self) -> Result<(), Error> {
-        self.coils.set()?.all().map(|_| ())
+        let set = self.coils.set()?;
+        let list = self.controls.iter().flat_map(|controls| &controls.list);
+        list.into_iter()
+            .try_for_each(|control| check_currents(&set, control))
+            .map_err(|e| e.with_place("data.lines"))?;
+        set.all().map(|_| ())
     }
+
+    /// The middle of the range of each control; none of a machine without.
+    pub(super) fn nominal(&self) -> Result<Vec<f64>, Error> {
+        self.controls.as_ref().map_or(Ok(Vec::new()), |of| Ok(of.of_network()?.nominal()))
+    }
+
+    /// The coils at these values of the controls.
+    pub(super) fn coils_at(&self, values: &[f64]) -> Result<Vec<Coil>, Error> {
+        let mut set = self.coils.set()?;
+        let list = self.controls.iter().flat_map(|controls| &controls.list);
+        for (control, value) in list.zip(values) {
+            let more: Vec<f64> = control.currents.iter().map(|current| value * current).collect();
+            set = set.with_more(&more)?;
+        }
+        set.all()
+    }
+
+    /// The section at these values of the controls, like that of the middle of their ranges.
+    pub(super) fn section_like(
+        &self,
+        nominal: &LineSection,
+        values: &[f64],
+    ) -> Result<LineSection, Error> {
+        let place = || format!("data.lines: controls {values:?}");
+        nominal.with_coils(&self.coils_at(values)?).map_err(|e| e.with_place(place()))
+    }
+
+    /// The section in the middle of the ranges of the controls.
+    fn nominal_section(&self) -> Result<LineSection, Error> {
+        let of_formula = match &self.coils {
+            Coils::Torsatron(torsatron) => Some([torsatron.major_radius, 0.0]),
+            Coils::File(_) => None,
+        };
+        let request = LineRequest {
+            phi: TAU * self.section / f64::from(self.coils.periods()),
+            angle: self.angle(),
+            reach: self.reach,
+            guess: self.axis.or(of_formula),
+            error: self.error,
+        };
+        let coils = self.coils_at(&self.nominal()?)?;
+        LineSection::new(&coils, request).map_err(|e| e.with_place("data.lines"))
+    }
+
+    /// Lines of a section over so many maps, state by state; None where `stopped` says so, which is asked every few
+    /// maps.
+    pub(super) fn traced(
+        section: &LineSection,
+        lines: usize,
+        maps: usize,
+        stopped: &dyn Fn() -> bool,
+    ) -> Result<Option<Vec<f64>>, Error> {
+        /// A few seconds of many lines in the field of many coils.
+        const MAPS: usize = 4;
+        let starts = section.starts(lines);
+        let mut states = starts.clone();
+        for first in (0..maps).step_by(MAPS) {
+            if stopped() {
+                return Ok(None);
+            }
+            let here = states[states.len() - starts.len()..].to_vec();
+            let part = if first + MAPS < maps { MAPS } else { maps - first };
+            states.extend(section.map().trajectories(&here, part)?);
+        }
+        Ok(Some(states))
+    }
+}
+
+/// Fails where a control has another number of currents than there are coils.
+fn check_currents(set: &CoilSet, control: &LineControl) -> Result<(), Error> {
+    let name = format!("controls.{}.currents", control.name);
+    Error::check_count(&name, set.coils.len(), control.currents.len())
 }
 
 /// The lines of a scene, traced.
 pub(super) struct TracedLines {
+    /// The section, at the middle of the range of each control.
     pub(super) section: LineSection,
-    /// The canonical chart of the section.
+    /// The canonical chart of the section, and what controls change of it.
     pub(super) chart: Section,
     /// In metres, (R, Z): of the lines that are trained with, …
     pub(super) training: Pairs,
@@ -146,6 +311,81 @@ pub(super) struct TracedLines {
     pub(super) of_machine: u32,
     /// Maps of all lines that were traced.
     pub(super) maps: usize,
+    /// How networks depend on the controls.
+    pub(super) controls: Option<Controls>,
+    /// What the maps of the reference err by, the worst of them, in metres.
+    pub(super) error: f64,
+}
+
+/// Lines of one machine, traced.
+struct OfMachine {
+    starts: Vec<f64>,
+    states: Vec<f64>,
+    count: usize,
+    maps: usize,
+    /// The numbers of those that stayed.
+    kept: Vec<usize>,
+}
+
+impl OfMachine {
+    /// None where `stopped` says so.
+    fn traced(
+        lines: &LineData,
+        section: &LineSection,
+        maps: usize,
+        stopped: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, Error> {
+        let turns = section.turns().abs();
+        if !(turns * maps as f64 >= 1.0) {
+            let expected =
+                format!("{:.0} maps at least, in which lines go round the section", 1.0 / turns);
+            return Err(Error::invalid("data.orbit", maps, expected));
+        }
+        let count = lines.lines;
+        let Some(states) = LineData::traced(section, count, maps, stopped)? else {
+            return Ok(None);
+        };
+        let starts = section.starts(count);
+        let end = &states[2 * maps * count..];
+        let stays = |m: &usize| end[2 * m].is_finite() && end[2 * m + 1].is_finite();
+        let kept: Vec<usize> = (0..count).filter(stays).collect();
+        if kept.len() < LEAST_LINES {
+            let found = format!("{} of {count} lines over {maps} maps", kept.len());
+            let expected = "a reach within which lines stay in the machine";
+            return Err(Error::invalid("data.lines.reach", found, expected));
+        }
+        Ok(Some(Self { starts, states, count, maps, kept }))
+    }
+
+    /// How far out the others begin.
+    fn lost(&self, section: &LineSection) -> impl Iterator<Item = f64> + '_ {
+        let axis = section.axis()[0];
+        let left = (0..self.count).filter(|m| !self.kept.contains(m));
+        left.map(move |m| self.starts[2 * m] - axis)
+    }
+
+    /// The rows of the pairs of the lines that are held out, or of the others: inputs and outputs.
+    fn rows(&self, validation: f64, held_out: bool) -> [Vec<f64>; 2] {
+        // Neither the innermost nor the outermost.
+        let held = |number: usize| match validation > 0.0 {
+            true => {
+                let each = ((1.0 / validation).round() as usize).max(2);
+                number % each == each / 2 && number + 1 < self.kept.len() && number > 0
+            }
+            false => false,
+        };
+        let of: Vec<usize> = (0..self.kept.len()).filter(|k| held(*k) == held_out).collect();
+        [0, 1].map(|shift| {
+            let mut rows = Vec::with_capacity(2 * self.maps * of.len());
+            for t in 0..self.maps {
+                for &k in &of {
+                    let at = 2 * ((t + shift) * self.count + self.kept[k]);
+                    rows.extend_from_slice(&self.states[at..at + 2]);
+                }
+            }
+            rows
+        })
+    }
 }
 
 impl TracedLines {
@@ -162,83 +402,90 @@ impl TracedLines {
         validation: f64,
         stopped: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, Error> {
-        /// A few seconds of many lines in the field of many coils.
-        const MAPS: usize = 4;
-        let coils = lines.coils.set()?.all()?;
-        let of_machine = lines.coils.periods();
-        let guess = lines.axis.or(match &lines.coils {
-            Coils::Torsatron(torsatron) => Some([torsatron.major_radius, 0.0]),
-            Coils::File(_) => None,
-        });
-        let request = LineRequest {
-            phi: TAU * lines.section / f64::from(of_machine),
-            angle: lines.angle(),
-            reach: lines.reach,
-            guess,
-            error: lines.error,
+        let nominal = lines.nominal()?;
+        let section = lines.nominal_section()?;
+        let machines = match &lines.controls {
+            None => vec![nominal],
+            Some(of) => of.values.iter().chain(&of.held_out).cloned().collect(),
         };
-        let section = LineSection::new(&coils, request).map_err(|e| e.with_place("data.lines"))?;
-        let turns = section.turns().abs();
-        if !(turns * maps as f64 >= 1.0) {
-            let expected =
-                format!("{:.0} maps at least, in which lines go round the section", 1.0 / turns);
-            return Err(Error::invalid("data.orbit", maps, expected));
-        }
-        let starts = section.starts(lines.lines);
-        let count = lines.lines;
-        let mut states = starts.clone();
-        for first in (0..maps).step_by(MAPS) {
-            if stopped() {
-                return Ok(None);
-            }
-            let here = states[states.len() - starts.len()..].to_vec();
-            let part = if first + MAPS < maps { MAPS } else { maps - first };
-            states.extend(section.map().trajectories(&here, part)?);
-        }
-        let state = |t: usize, m: usize| {
-            let at = 2 * (t * count + m);
-            [states[at], states[at + 1]]
-        };
-        let (mut lost, mut kept) = (Vec::new(), Vec::new());
-        for m in 0..count {
-            match state(maps, m).iter().all(|v| v.is_finite()) {
-                true => kept.push(m),
-                false => lost.push(starts[2 * m] - section.axis()[0]),
-            }
-        }
-        if kept.len() < LEAST_LINES {
-            let found = format!("{} of {count} lines over {maps} maps", kept.len());
-            let expected = "a reach within which lines stay in the machine";
-            return Err(Error::invalid("data.lines.reach", found, expected));
-        }
-        // Neither the innermost nor the outermost.
-        let held = |number: usize| match validation > 0.0 {
-            true => {
-                let each = ((1.0 / validation).round() as usize).max(2);
-                number % each == each / 2 && number + 1 < kept.len() && number > 0
-            }
-            false => false,
-        };
-        let pairs = |wanted: bool| -> Result<Option<Pairs>, Error> {
-            let of: Vec<usize> = (0..kept.len()).filter(|k| held(*k) == wanted).collect();
-            if of.is_empty() {
-                return Ok(None);
-            }
-            let rows = |shift: usize| {
-                let mut rows = Vec::with_capacity(2 * maps * of.len());
-                for t in 0..maps {
-                    of.iter().for_each(|&k| rows.extend(state(t + shift, kept[k])));
-                }
-                rows
+        let learnt = lines.controls.as_ref().map_or(1, |controls| controls.values.len());
+        let (mut lost, mut error) = (Vec::new(), section.error());
+        let (mut rows, mut values) = ([(); 2].map(|()| [Vec::new(), Vec::new()]), [vec![], vec![]]);
+        for (number, at) in machines.iter().enumerate() {
+            let own = match lines.controls {
+                None => None,
+                Some(_) => Some(lines.section_like(&section, at)?),
             };
-            Pairs::new("field lines", 1, rows(0), rows(1)).map(Some)
+            let of = own.as_ref().unwrap_or(&section);
+            let Some(traced) = OfMachine::traced(lines, of, maps, stopped)? else {
+                return Ok(None);
+            };
+            lost.extend(traced.lost(of));
+            error = max_or_nan(error, of.error());
+            for (held_out, (rows, values)) in rows.iter_mut().zip(&mut values).enumerate() {
+                let [input, output] = match (number < learnt, held_out) {
+                    (true, _) => traced.rows(validation, held_out == 1),
+                    (false, 1) => traced.rows(0.0, false),
+                    (false, _) => continue,
+                };
+                (0..input.len() / 2).for_each(|_| values.extend_from_slice(at));
+                rows[0].extend(input);
+                rows[1].extend(output);
+            }
+        }
+        let [training, held_out] = rows;
+        let [of_training, of_held_out] = values;
+        let pairs = |[input, output]: [Vec<f64>; 2], values: Vec<f64>| {
+            let count = input.len() / 2;
+            let pairs = Pairs::new("field lines", 1, input, output)?;
+            match lines.controls {
+                None => Ok(pairs),
+                Some(_) => pairs.under_controls(&vec![1.0; count], &vec![1.0; count], &values),
+            }
         };
-        let training = pairs(false)?.expect("half of the lines at least");
-        let held_out = pairs(true)?;
+        let training = pairs(training, of_training)?;
+        let none = held_out[0].is_empty();
+        let held_out = (!none).then(|| pairs(held_out, of_held_out)).transpose()?;
         let mut all = training.points().to_vec();
         all.extend(held_out.iter().flat_map(Pairs::points));
-        let chart = section.chart(&all.concat())?;
-        let (maps, periods) = (maps * count, lines.periods);
-        Ok(Some(Self { section, chart, training, held_out, lost, periods, of_machine, maps }))
+        let points = all.concat();
+        let controls = lines.controls.as_ref().map(LineControls::of_network).transpose()?;
+        let chart = match &lines.controls {
+            None => section.chart(&points)?,
+            Some(controls) => {
+                let set = || lines.coils.set();
+                let coils = |of: &LineControl| set()?.with_currents(&of.currents)?.all();
+                let coils: Vec<_> = controls.list.iter().map(coils).collect::<Result<_, _>>()?;
+                let chart = section.chart_by_controls(&points, &coils)?;
+                let middle = lines.nominal()?;
+                for at in &controls.values {
+                    let offsets: Vec<f64> = at.iter().zip(&middle).map(|(a, b)| a - b).collect();
+                    let there = chart.at(&offsets).and_then(|there| there.check(1));
+                    there.map_err(|e| e.with_place(format!("controls {at:?}")))?;
+                }
+                chart
+            }
+        };
+        let (maps, periods) = (maps * lines.lines * machines.len(), lines.periods);
+        let of_machine = lines.coils.periods();
+        Ok(Some(Self {
+            section,
+            chart,
+            training,
+            held_out,
+            lost,
+            periods,
+            of_machine,
+            maps,
+            controls,
+            error,
+        }))
+    }
+
+    /// The chart at these values of the controls.
+    pub(super) fn chart_at(&self, values: &[f64]) -> Result<Section, Error> {
+        let nominal = self.controls.as_ref().map(Controls::nominal).unwrap_or_default();
+        let offsets: Vec<f64> = values.iter().zip(nominal).map(|(a, b)| a - b).collect();
+        self.chart.at(&offsets)
     }
 }

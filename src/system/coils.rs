@@ -93,6 +93,27 @@ pub struct CoilSet {
 }
 
 impl CoilSet {
+    /// With these currents added, one for each coil that is given.
+    ///
+    /// # Errors
+    /// [`Error::WrongCount`].
+    pub fn with_more(mut self, currents: &[f64]) -> Result<Self, Error> {
+        Error::check_count("currents", self.coils.len(), currents.len())?;
+        for (coil, more) in self.coils.iter_mut().zip(currents) {
+            coil.current += more;
+        }
+        Ok(self)
+    }
+
+    /// With these currents, one for each coil that is given.
+    ///
+    /// # Errors
+    /// [`Error::WrongCount`].
+    pub fn with_currents(mut self, currents: &[f64]) -> Result<Self, Error> {
+        self.coils.iter_mut().for_each(|coil| coil.current = 0.0);
+        self.with_more(currents)
+    }
+
     /// All coils of the machine.
     ///
     /// # Errors

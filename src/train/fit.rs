@@ -1,15 +1,15 @@
 //! From pairs to a model: the one way of the program, of Python and of library users.
 
 use super::{
-    ActionFit, Control, Judgement, LevenbergMarquardtOptions, Loss, Optimiser, Outcome, Plateau,
-    Preparation, Prepared, Progress, RampStage, Reading, Rings, Scheduled, StageData, Starts,
-    TrainingObserver, TrainingOptions, TrainingStage, train_schedule,
+    ActionFit, Control, ControlOptions, Judgement, LevenbergMarquardtOptions, Loss, Optimiser,
+    Outcome, Plateau, Preparation, Prepared, Progress, RampStage, Reading, Rings, Scheduled,
+    StageData, Starts, TrainingObserver, TrainingOptions, TrainingStage, train_schedule,
 };
 use crate::error::Error;
 use crate::flow::{Condition, FormDefect, Pairs, Region};
 use crate::layer::TorusAction;
 use crate::measure::trajectories::{root_mean_square, rotation_error};
-use crate::network::{Architecture, InitialWeights, Model, NetworkSpec};
+use crate::network::{Architecture, Controls, InitialWeights, Model, NetworkSpec};
 use crate::phase::{Section, Units};
 use std::fmt;
 
@@ -49,6 +49,8 @@ pub struct Fit {
     pub theta: Option<f64>,
     /// How to train. A ramp takes its stages from pairs of several ε or flow times.
     pub training: TrainingOptions,
+    /// The names of the controls that the pairs depend on, and how the network does.
+    pub controls: ControlOptions,
     /// The charts of pairs whose columns are x₁ … xₙ, y₁ … yₙ with another area form than dq∧dp. None: they are
     /// q₁ … qₙ, p₁ … pₙ.
     pub section: Option<Section>,
@@ -79,6 +81,7 @@ impl Default for Fit {
             flow_time: None,
             theta: None,
             training,
+            controls: ControlOptions::default(),
             section: None,
             units: true,
             validation: 0.1,
@@ -99,21 +102,24 @@ pub struct FamilyPairs {
 }
 
 impl FamilyPairs {
-    /// Pairs under the ε and the flow time of each of them, where these are given.
+    /// Pairs under the ε, the flow time and the values of controls of each of them, where these are given: see
+    /// [`Pairs::under_controls`].
     ///
     /// # Errors
-    /// Those of [`Pairs::under`].
+    /// Those of [`Pairs::under_controls`].
     pub fn under(
         pairs: Pairs,
         epsilons: Option<&[f64]>,
         times: Option<&[f64]>,
+        controls: Option<&[f64]>,
     ) -> Result<Self, Error> {
         let (has_epsilons, has_times) = (epsilons.is_some(), times.is_some());
-        if !(has_epsilons || has_times) {
+        if !(has_epsilons || has_times || controls.is_some()) {
             return Ok(pairs.into());
         }
         let ones = vec![1.0; pairs.len()];
-        let pairs = pairs.under(epsilons.unwrap_or(&ones), times.unwrap_or(&ones))?;
+        let (epsilons, times) = (epsilons.unwrap_or(&ones), times.unwrap_or(&ones));
+        let pairs = pairs.under_controls(epsilons, times, controls.unwrap_or_default())?;
         Ok(Self { pairs, has_epsilons, has_times })
     }
 }
@@ -140,6 +146,8 @@ pub enum FitNote {
     Section(Section),
     /// The pairs do not keep the form that the network keeps.
     Form(FormDefect, bool),
+    /// The network depends on these controls; all pairs of so many values of them are held out.
+    Controls(Controls, usize),
     /// What is recommended, where nothing else was asked for.
     Recommended(String),
 }
@@ -156,6 +164,17 @@ impl fmt::Display for FitNote {
                  network adds to the rotation, and a prediction for these pairs needs the same sign"
             ),
             Self::Section(section) => f.write_str(&section.describe()),
+            Self::Controls(controls, held_out) => {
+                write!(f, "{}. ", controls.describe())?;
+                match held_out {
+                    0 => f.write_str(
+                        "No values of them are held out, of fewer than five none can be: the held-out error says \
+                         nothing of values between those of the pairs",
+                    ),
+                    1 => f.write_str("All pairs at one value between the others are held out"),
+                    _ => write!(f, "All pairs at {held_out} values between the others are held out"),
+                }
+            }
             Self::Form(defect, charted) => write!(
                 f,
                 "These pairs do not keep {} by {:.1e} in the median, as a polynomial map of degree {} fitted to \
@@ -181,6 +200,11 @@ impl FitNote {
         let count = below.map(|condition| condition.pairs).sum();
         (count > 0).then(|| Self::NegativeEpsilons(count, pairs.len()))
     }
+}
+
+/// Whether some pairs are at these values of controls.
+fn is_learnt(pairs: &Pairs, values: &[f64]) -> bool {
+    pairs.conditions().iter().any(|condition| condition.controls == values)
 }
 
 /// ε unless it is given.
@@ -303,7 +327,7 @@ impl Fit {
         };
         self.check_network(&network, &action)?;
         let any = network.architecture(&action, epsilon, 1.0)?;
-        if !pairs.conditions().is_empty() && !any.has_circle() {
+        if (data.has_epsilons || data.has_times) && !any.has_circle() {
             let found = format!("epsilon or flow_time in {}", self.place);
             return Err(Error::invalid("architecture", found, "a gyroceptron to learn a family"));
         }
@@ -333,10 +357,20 @@ impl Fit {
             preparation.prepare(pairs)?;
         let region = if self.section.is_some() { given } else { region };
         notes.extend(units.clone().map(FitNote::Units));
+        let controls = self.controls.of_pairs(&pairs).map_err(|e| e.with_place(&self.place))?;
+        if let Some(controls) = &controls {
+            let of = held_out.as_ref().map_or(&[][..], Pairs::conditions);
+            let held_out = of.iter().filter(|one| !is_learnt(&pairs, &one.controls)).count();
+            notes.push(FitNote::Controls(controls.clone(), held_out));
+        }
         let loss = self.training.loss.for_pairs(&action, &nearest, &pairs)?;
         let training = TrainingOptions { loss, ..self.training.clone() };
-        let architecture = network.architecture(&action, epsilon, time)?.in_box_of(pairs.points());
+        let architecture = network
+            .architecture(&action, epsilon, time)?
+            .in_box_of(pairs.points())
+            .with_controls(controls);
         architecture.check()?;
+        self.training.check_for(&architecture)?;
         let ramp = training.ramp.iter();
         let stages = ramp
             .map(|stage| family.stage(stage, time, &pairs, held_out.as_ref()))
@@ -473,7 +507,7 @@ impl Family {
     }
 
     /// ε of a condition and its time over the network's.
-    fn place(&self, condition: Condition) -> (f64, f64) {
+    fn place(&self, condition: &Condition) -> (f64, f64) {
         let epsilon = if self.has_epsilons { condition.epsilon } else { self.epsilon };
         let time = match self.time {
             Some(own) if self.has_times => condition.time / own,

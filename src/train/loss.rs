@@ -156,6 +156,8 @@ pub(super) struct Term<'a> {
     /// they are: 0 of angles that are fixed.
     pub(super) angles: Range<usize>,
     pub(super) time: f64,
+    /// The parameters of `map` are the sums of those of the network times these products of controls.
+    pub(super) products: Vec<f64>,
 }
 
 impl<'a> Objective<'a> {
@@ -248,6 +250,7 @@ impl<'a> Objective<'a> {
 
     /// What is summed, at the parameters of `map`.
     pub(super) fn terms<'s>(&'s self, map: &'s Composition<f64>) -> Vec<Term<'s>> {
+        let map_of = map;
         assert!(
             map.dof() == self.pairs.dof(),
             "a map of {} dof on pairs of {} dof",
@@ -259,20 +262,30 @@ impl<'a> Objective<'a> {
         for (condition, input, output) in self.pairs.runs() {
             let (map, time, factor) = match condition {
                 None => (Cow::Borrowed(map), 1.0, 1.0),
-                Some(Condition { epsilon, time, weight, .. }) => {
-                    (Cow::Owned(map.at(epsilon, time)), time, weight)
+                Some(Condition { epsilon, time, weight, controls, .. }) => {
+                    let member = map.member(*epsilon, *time, controls);
+                    (Cow::Owned(member.expect("values of its controls")), *time, *weight)
                 }
+            };
+            let products = match (condition, map_of.controls()) {
+                (Some(Condition { controls, .. }), Some(of)) if !controls.is_empty() => {
+                    of.products(controls)
+                }
+                _ => vec![1.0],
             };
             let weights = self.weights.iter().map(|weight| factor * weight).collect();
             let time = if self.angles_fixed { 0.0 } else { time };
             let angles = angles.clone();
             let near_identity = (self.penalty > 0.0).then(|| map.near_identity_part());
-            terms.push(Term { map, weights, input, output, angles: angles.clone(), time });
+            let of_pairs =
+                Term { map, weights, input, output, angles: angles.clone(), time, products };
+            let products = of_pairs.products.clone();
+            terms.push(of_pairs);
             if let Some(map) = near_identity {
                 let dim = self.weights.len();
                 let weights = vec![self.penalty / dim as f64; dim];
                 let (map, output) = (Cow::Owned(map), input);
-                terms.push(Term { map, weights, input, output, angles, time });
+                terms.push(Term { map, weights, input, output, angles, time, products });
             }
         }
         terms
@@ -305,7 +318,7 @@ impl<'a> Objective<'a> {
             let kind = work::Kind::Gradient;
             for (value, part) in term.block_results(kind, |b| on_lanes::<WIDTH, _>(Gradient(b))) {
                 total += value;
-                term.add(part, term.time, gradient);
+                term.add(part, gradient);
             }
         }
         let count = self.pairs.len() as f64;
@@ -335,7 +348,7 @@ impl<'a> Objective<'a> {
                 on_lanes::<WIDTH, _>(BendGradient { blocks, beside })
             });
             for part in parts {
-                term.add(part, term.time, &mut gradient);
+                term.add(part, &mut gradient);
             }
         }
         for g in &mut gradient {
@@ -352,7 +365,7 @@ impl<'a> Objective<'a> {
         for term in self.terms(map) {
             let kind = work::Kind::Curvature;
             for part in term.block_results(kind, |b| on_lanes::<WIDTH, _>(Curvature(b))) {
-                term.add(part, term.time * term.time, &mut diagonal);
+                term.add_squares(part, &mut diagonal);
             }
         }
         for d in &mut diagonal {
@@ -366,14 +379,24 @@ impl<'a> Objective<'a> {
 }
 
 impl Term<'_> {
-    /// `sums` += what a kernel found for the parameters of the term's map, whose angles are
-    /// those of the network times a factor.
-    fn add(&self, mut part: Vec<f64>, factor: f64, sums: &mut [f64]) {
+    /// `sums` += the derivatives by the parameters of the network, of those by the parameters of the term's map.
+    fn add(&self, part: Vec<f64>, sums: &mut [f64]) {
+        self.add_with(part, |factor| factor, sums);
+    }
+
+    /// [`Term::add`] of sums of squares of derivatives.
+    fn add_squares(&self, part: Vec<f64>, sums: &mut [f64]) {
+        self.add_with(part, |factor| factor * factor, sums);
+    }
+
+    fn add_with(&self, mut part: Vec<f64>, of: impl Fn(f64) -> f64, sums: &mut [f64]) {
         for angle in &mut part[self.angles.clone()] {
-            *angle *= factor;
+            *angle *= of(self.time);
         }
-        for (sum, more) in sums.iter_mut().zip(part) {
-            *sum += more;
+        for (product, sums) in self.products.iter().zip(sums.chunks_mut(part.len().max(1))) {
+            for (sum, more) in sums.iter_mut().zip(&part) {
+                *sum = of(*product).mul_add(*more, *sum);
+            }
         }
     }
 

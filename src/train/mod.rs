@@ -15,6 +15,7 @@
 mod action_fit;
 mod adam;
 mod checkpoint;
+mod control_options;
 mod fit;
 mod judgement;
 mod kernels;
@@ -37,6 +38,7 @@ mod units_fit;
 pub use action_fit::ActionFit;
 pub use adam::AdamOptions;
 pub use checkpoint::Checkpoint;
+pub use control_options::ControlOptions;
 pub use fit::{FamilyPairs, Fit, FitNote, Fitted, InitialModels, Problem};
 pub use judgement::{Judgement, Limit, Orbits, PlaneError, Trust};
 pub use lbfgs::{LbfgsOptions, Scaling};

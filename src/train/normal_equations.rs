@@ -94,33 +94,76 @@ impl Objective<'_> {
     /// and over the blocks in their order: the same bits on any number of threads.
     pub fn normal_equations(&self, map: &Composition<f64>) -> NormalEquations {
         let count = map.parameters().len();
-        let mut tiles = Tile::all(count + 1);
-        for term in self.terms(map) {
-            term.add_to(&mut tiles);
-        }
         let factor = 2.0 / self.pairs().len() as f64;
-        let mut matrix = Mat::zeros(count, count);
-        let mut gradient = vec![0.0; count];
-        let mut loss = 0.0;
-        for Tile { rows, columns, sums } in &tiles {
+        let terms = self.terms(map);
+        let mut out = if map.controls().is_none() {
+            let mut tiles = Tile::all(count + 1);
+            terms.iter().for_each(|term| term.add_to(&mut tiles));
+            NormalEquations::of_tiles(&tiles, count, factor)
+        } else {
+            let (matrix, gradient) = (Mat::zeros(count, count), vec![0.0; count]);
+            let mut out = NormalEquations { matrix, gradient, loss: 0.0 };
+            for term in &terms {
+                let own = term.map.parameters().len();
+                let mut tiles = Tile::all(own + 1);
+                term.add_to(&mut tiles);
+                out.add(&NormalEquations::of_tiles(&tiles, own, factor), &term.products);
+            }
+            out
+        };
+        for (k, pull) in self.angle_pulls(map) {
+            out.matrix[(k, k)] += 2.0 * self.angle_stiffness();
+            out.gradient[k] += 2.0 * pull;
+        }
+        out.loss += self.angle_cost(map);
+        out
+    }
+}
+
+impl NormalEquations {
+    /// What the tiles of so many parameters have summed.
+    fn of_tiles(tiles: &[Tile], count: usize, factor: f64) -> Self {
+        let (matrix, gradient) = (Mat::zeros(count, count), vec![0.0; count]);
+        let mut out = Self { matrix, gradient, loss: 0.0 };
+        for Tile { rows, columns, sums } in tiles {
             for (j, column) in columns.clone().enumerate() {
                 for (i, row) in rows.clone().enumerate().filter(|(_, row)| *row >= column) {
                     let sum = factor * sums[(i, j)];
                     if row < count {
-                        matrix[(row, column)] = sum;
+                        out.matrix[(row, column)] = sum;
                     } else if column < count {
-                        gradient[column] = sum;
+                        out.gradient[column] = sum;
                     } else {
-                        loss = 0.5 * sum;
+                        out.loss = 0.5 * sum;
                     }
                 }
             }
         }
-        for (k, pull) in self.angle_pulls(map) {
-            matrix[(k, k)] += 2.0 * self.angle_stiffness();
-            gradient[k] += 2.0 * pull;
+        out
+    }
+
+    /// += those of a map whose parameters are the sums of these ones times products of controls: a row of the
+    /// Jacobian by all parameters is that of the map, once for each product and times it.
+    fn add(&mut self, of: &Self, products: &[f64]) {
+        let size = of.gradient.len();
+        for (b, right) in products.iter().enumerate() {
+            for (g, part) in self.gradient[b * size..][..size].iter_mut().zip(&of.gradient) {
+                *g = right.mul_add(*part, *g);
+            }
+            for (a, left) in products.iter().enumerate().skip(b) {
+                let both = left * right;
+                for column in 0..size {
+                    // Only the lower triangle of the map's matrix is there.
+                    let first = if a == b { column } else { 0 };
+                    for row in first..size {
+                        let entry = of.matrix[(row.max(column), row.min(column))];
+                        let sum = &mut self.matrix[(a * size + row, b * size + column)];
+                        *sum = both.mul_add(entry, *sum);
+                    }
+                }
+            }
         }
-        NormalEquations { matrix, gradient, loss: loss + self.angle_cost(map) }
+        self.loss += of.loss;
     }
 }
 

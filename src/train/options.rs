@@ -205,6 +205,16 @@ impl TrainingOptions {
         if let Some(fresh) = self.fresh_twists.filter(|_| !has(Part::SlowMap)) {
             return Err(not_a_normal_form(fresh.count));
         }
+        if architecture.controls.is_some() {
+            let expected = "none with controls, which twists alone do not have";
+            let repeats = self.ramp.iter().map(RampStage::times).find(|times| *times > 1);
+            if let Some(repeats) = repeats {
+                return Err(Error::invalid("training.ramp.repeats", repeats, expected));
+            }
+            if let Some(fresh) = self.fresh_twists {
+                return Err(Error::invalid("training.fresh_twists", fresh.count, expected));
+            }
+        }
         RampStage::check_degrees(&self.ramp, architecture)?;
         RampStage::check_repeats(&self.ramp, architecture)
     }

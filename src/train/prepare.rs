@@ -102,8 +102,12 @@ impl Preparation<'_> {
             false => slow_time(&pairs, action, &nearest) / epsilon.abs(),
         };
         let flow_time = self.flow_time.unwrap_or_else(slow);
-        let (pairs, held_out) =
-            pairs.split(validation, &mut Stream::new(self.seed, "data/held-out"));
+        let mut stream = Stream::new(self.seed, "data/held-out");
+        // Pairs at values that are learnt would say nothing of values between them.
+        let (pairs, held_out) = match pairs.split_by_controls(validation, &mut stream) {
+            Some((pairs, held_out)) => (pairs, Some(held_out)),
+            None => pairs.split(validation, &mut stream),
+        };
         Ok(Prepared { pairs, held_out, units, region, nearest, angles, flow_time })
     }
 }

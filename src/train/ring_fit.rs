@@ -71,7 +71,7 @@ impl Rings {
         let turns = architecture.is_of_order_one() && architecture.twist_shears() > 0;
         let leads_up = options.ramp.iter().any(|stage| stage.flow_time.is_some());
         let action = architecture.action().filter(|_| turns && !leads_up)?;
-        Self::of(pairs, &action)
+        Self::of(&pairs.at_middle_of_controls(), &action)
     }
 
     /// The actions and the angles of all circles, ring by ring.

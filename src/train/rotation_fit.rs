@@ -20,7 +20,7 @@ use std::f64::consts::TAU;
 pub fn fit_rotation(pairs: &Pairs, action: &CircleAction) -> f64 {
     assert!(action.dof() == pairs.dof());
     let mut runs = pairs.runs();
-    let time = |run: &Option<Condition>| run.map_or(1.0, |condition| condition.time);
+    let time = |run: &Option<&Condition>| run.map_or(1.0, |condition| condition.time);
     runs.sort_by(|(a, ..), (b, ..)| time(a).total_cmp(&time(b)));
     let mut frequency: Option<f64> = None;
     for of_time in runs.chunk_by(|(a, ..), (b, ..)| time(a) == time(b)) {
@@ -38,7 +38,7 @@ pub(super) fn divisor(weights: &[i32]) -> f64 {
 }
 
 /// The nearest angle for runs of pairs of one flow time.
-fn nearest(runs: &[(Option<Condition>, &[f64], &[f64])], action: &CircleAction) -> f64 {
+fn nearest(runs: &[(Option<&Condition>, &[f64], &[f64])], action: &CircleAction) -> f64 {
     let n = action.dof();
     let mut cosine = vec![0.0; n];
     let mut sine = vec![0.0; n];

@@ -328,7 +328,7 @@ impl PairsOf {
         }
         let Some([epsilons, times]) = conditions else { return (pairs.clone().into(), pairs) };
         let written = pairs.clone().under(&epsilons, &times).expect("a family");
-        let family = FamilyPairs::under(pairs, Some(&epsilons), Some(&times));
+        let family = FamilyPairs::under(pairs, Some(&epsilons), Some(&times), None);
         (family.expect("a family"), written)
     }
 
@@ -650,6 +650,7 @@ fn changed(one: &Fit, other: &Fit) -> BTreeMap<&'static str, bool> {
             theta,
             training,
             section,
+            controls,
             units,
             validation,
             seed,

@@ -157,8 +157,25 @@ class Model:
         """A branch of a manifold of the orbit near a guess, of a map of a plane: (N, 2)."""
     def verify(self, samples: int = 200, radius: float = 1.6, seed: int = 0) -> Certificate:
         """Measures the structure of the network at seeded points."""
-    def at(self, epsilon: float | None = None, flow_time: float | None = None) -> Model:
-        """The same weights at another epsilon or flow time."""
+    def at(
+        self, epsilon: float | None = None, flow_time: float | None = None, **controls: float
+    ) -> Model:
+        """The same weights at another epsilon or flow time, or at values of its controls."""
+    @property
+    def controls(self) -> dict[str, tuple[float, float]]:
+        """The controls that it depends on, with their ranges."""
+    def control_derivatives(self, points: ArrayLike, **controls: float) -> NDArray[np.float64]:
+        """The derivatives of one step by the controls, (..., 2n, controls)."""
+    def orbit_response(self, guess: ArrayLike, period: int = 1, **controls: float) -> dict[str, Any]:
+        """A periodic orbit, and its derivatives and those of its trace by the controls."""
+    def rotation_response(
+        self,
+        start: tuple[float, float],
+        centre: tuple[float, float],
+        steps: int = 1000,
+        **controls: float,
+    ) -> tuple[float, NDArray[np.float64]]:
+        """The turns a step of an orbit about a centre, and their derivatives by the controls."""
     def save(self, path: str | PathLike[str], overwrite: bool = False) -> None:
         """Writes the model file."""
     def __eq__(self, other: object) -> bool: ...
@@ -272,6 +289,8 @@ def train(
     theta: float | None = None,
     theta_fixed: bool = False,
     theta_penalty: float | None = None,
+    controls: dict[str, ArrayLike] | None = None,
+    control_degree: int | None = None,
     section: str | PathLike[str] | None = None,
     units: Literal["fitted", "data"] = "fitted",
     validation: float = 0.1,

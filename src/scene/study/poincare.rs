@@ -143,6 +143,11 @@ impl Study for PoincareOptions {
         {
             return Err(Error::invalid("data", "no data.lines", "field lines of coils"));
         }
+        if let Some(controls) = data.and_then(|data| data.lines.as_ref()?.controls.as_ref()) {
+            let names: Vec<&str> = controls.list.iter().map(|one| &*one.name).collect();
+            let expected = "none: lines of several machines are those of the study `controls`";
+            return Err(Error::invalid("data.lines.controls", names.join(", "), expected));
+        }
         if let Some((data, lines)) = data.and_then(|data| Some((data, data.lines.as_ref()?))) {
             let kept = lines.lines as f64 * (1.0 - data.validation);
             let pairs = kept * data.orbit as f64;

@@ -1,0 +1,186 @@
+//! What a change of a control does to a map, to its periodic orbits and to how fast its orbits turn: exact derivatives,
+//! by dual numbers.
+
+use super::periodic::PeriodicOrbit;
+use super::rotation::birkhoff_average;
+use crate::error::Error;
+use crate::network::Model;
+use crate::phase::Map;
+use crate::scalar::Dual;
+use faer::Mat;
+use faer::linalg::solvers::Solve;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// A number, its derivative by one variable inside, by another outside, and by both.
+type Twice = Dual<Dual<f64, 1>, 1>;
+
+/// A number with these derivatives inside and outside.
+fn twice(value: f64, inner: f64, outer: f64) -> Twice {
+    let mut out = Twice::constant(Dual { re: value, eps: [inner] });
+    out.eps[0] = Dual::constant(outer);
+    out
+}
+
+/// A network with controls, at values of them.
+#[derive(Clone, Copy, Debug)]
+pub struct AtControls<'a> {
+    model: &'a Model,
+    values: &'a [f64],
+}
+
+impl<'a> AtControls<'a> {
+    /// Of this network.
+    ///
+    /// # Errors
+    /// When there is not one finite value for each control.
+    pub fn new(model: &'a Model, values: &'a [f64]) -> Result<Self, Error> {
+        let count = model.composition().controls().map_or(0, |controls| controls.ranges.len());
+        Error::check_count_range("controls of the model", count, 1, usize::MAX)?;
+        Error::check_count("values of controls", count, values.len())?;
+        values.iter().try_for_each(|value| Error::check_finite("control", *value))?;
+        Ok(Self { model, values })
+    }
+
+    fn dim(&self) -> usize {
+        2 * self.model.composition().dof()
+    }
+
+    /// The network whose outer variable is this control; none of them where there is none of this number.
+    fn along(&self, control: Option<usize>) -> Result<Model<Twice>, Error> {
+        let outer = |number| if Some(number) == control { 1.0 } else { 0.0 };
+        let values: Vec<Twice> =
+            self.values.iter().enumerate().map(|(k, value)| twice(*value, 0.0, outer(k))).collect();
+        self.model.lift::<Twice>().at_controls(&values)
+    }
+
+    /// ∂P/∂λ at points of 2n numbers: 2n × controls numbers each, row by row.
+    ///
+    /// # Errors
+    /// [`Error::WrongCount`] of points that are no whole rows.
+    pub fn derivatives(&self, points: &[f64]) -> Result<Vec<f64>, Error> {
+        let (dim, count) = (self.dim(), self.values.len());
+        Error::check_rows("points", points.len(), dim)?;
+        let mut out = vec![0.0; points.len() * count];
+        for control in 0..count {
+            let map = self.along(Some(control))?;
+            out.par_chunks_mut(dim * count).zip(points.par_chunks(dim)).for_each(|(out, point)| {
+                let mut z: Vec<Twice> = point.iter().map(|v| twice(*v, 0.0, 0.0)).collect();
+                map.forward(&mut z);
+                for (row, moved) in z.iter().enumerate() {
+                    out[row * count + control] = moved.eps[0].re;
+                }
+            });
+        }
+        Ok(out)
+    }
+
+    /// How a periodic orbit of the network at these values moves, and how Tr M changes on the way: z* = Pᵏ(z*; λ) gives
+    /// dz*/dλ = (1 − M)⁻¹ ∂Pᵏ/∂λ, and with it dTr M/dλ = Σ_j ∂²Pᵏ_j/∂z_j∂λ + Σ_i ∂²Pᵏ_j/∂z_j∂z_i dz*_i/dλ.
+    ///
+    /// # Errors
+    /// Where M has the eigenvalue 1: [`Error::Invalid`].
+    pub fn orbit_response(&self, orbit: &PeriodicOrbit) -> Result<OrbitResponse, Error> {
+        let (dim, count) = (self.dim(), self.values.len());
+        let start = &orbit.points[0];
+        Error::check_count("coordinates of an orbit", dim, start.len())?;
+        // The image by so many maps, with the inner variable z_j and the outer one z_i or a control.
+        let round = |map: &Model<Twice>, inner: usize, outer: Option<usize>| -> Vec<Twice> {
+            let one = |k: usize, of: Option<usize>| if of == Some(k) { 1.0 } else { 0.0 };
+            let coordinate = |(k, v): (usize, &f64)| twice(*v, one(k, Some(inner)), one(k, outer));
+            let mut z: Vec<Twice> = start.iter().enumerate().map(coordinate).collect();
+            (0..orbit.period()).for_each(|_| map.forward(&mut z));
+            z
+        };
+        let fixed = self.along(None)?;
+        // ∂Tr M/∂z_i.
+        let gradient: Vec<f64> = (0..dim)
+            .map(|i| (0..dim).map(|j| round(&fixed, j, Some(i))[j].eps[0].eps[0]).sum())
+            .collect();
+        let matrix = &orbit.multiplier_matrix;
+        let one = |i: usize, k: usize| if i == k { 1.0 } else { 0.0 };
+        let left = Mat::from_fn(dim, dim, |i, k| one(i, k) - matrix[i * dim + k]);
+        let (mut moved, mut traces) = (vec![0.0; dim * count], Vec::with_capacity(count));
+        for control in 0..count {
+            let map = self.along(Some(control))?;
+            let images: Vec<Vec<Twice>> = (0..dim).map(|j| round(&map, j, None)).collect();
+            let right = Mat::from_fn(dim, 1, |i, _| images[0][i].eps[0].re);
+            let step = left.partial_piv_lu().solve(&right);
+            let mut trace: f64 = (0..dim).map(|j| images[j][j].eps[0].eps[0]).sum();
+            for i in 0..dim {
+                moved[i * count + control] = step[(i, 0)];
+                trace = gradient[i].mul_add(step[(i, 0)], trace);
+            }
+            if !trace.is_finite() {
+                let found = format!("an orbit through {start:?}");
+                let expected = "one whose M has no eigenvalue 1: it moves with the controls";
+                return Err(Error::invalid("periodic orbit", found, expected));
+            }
+            traces.push(trace);
+        }
+        Ok(OrbitResponse { moved, traces })
+    }
+
+    /// The turns of an orbit of a network of one degree of freedom about a centre in a map, as
+    /// [`rotation_numbers`](super::orbits::rotation_numbers) has them, and their derivatives by the controls, while the
+    /// first point moves with each by `start_moved`, 2 × controls numbers row by row.
+    ///
+    /// The angle grows by its change along the orbit, whose weighted average converges as that of the angle does.
+    ///
+    /// # Errors
+    /// When the network is of more degrees of freedom; [`Error::Diverged`] of an orbit that leaves the finite numbers.
+    pub fn rotation_response(
+        &self,
+        start: [f64; 2],
+        start_moved: &[f64],
+        centre: [f64; 2],
+        maps: usize,
+    ) -> Result<(f64, Vec<f64>), Error> {
+        Error::check_count("degrees of freedom", 1, self.model.composition().dof())?;
+        Error::check_count_range("maps", maps, 4, usize::MAX)?;
+        let count = self.values.len();
+        Error::check_count("changes of the first point", 2 * count, start_moved.len())?;
+        let follow = |control: usize| -> Result<(f64, f64), Error> {
+            let map = self.along(Some(control))?;
+            let first = |k: usize| twice(start[k], 0.0, start_moved[k * count + control]);
+            let mut z = [first(0), first(1)];
+            let (mut growths, mut changes) = (Vec::with_capacity(maps), Vec::with_capacity(maps));
+            let mut before = angle_and_change(&z, centre);
+            for number in 0..maps {
+                map.forward(&mut z);
+                let now = angle_and_change(&z, centre);
+                if !(now.0.is_finite() && now.1.is_finite()) {
+                    let place = format!("map {}", number + 1);
+                    return Err(Error::Diverged { what: "an orbit".into(), place });
+                }
+                growths.push(libm::remainder(now.0 - before.0, TAU));
+                changes.push(now.1 - before.1);
+                before = now;
+            }
+            // Of growths near half a turn the sign is that of the first.
+            let near = growths[0];
+            let growths: Vec<f64> =
+                growths.iter().map(|g| near + libm::remainder(g - near, TAU)).collect();
+            Ok((birkhoff_average(&growths) / TAU, birkhoff_average(&changes) / TAU))
+        };
+        let all: Vec<(f64, f64)> = (0..count).map(follow).collect::<Result<_, _>>()?;
+        let turns = all.first().map_or(f64::NAN, |(turns, _)| *turns);
+        Ok((turns, all.into_iter().map(|(_, change)| change).collect()))
+    }
+}
+
+/// The angle of a point about a centre, and its derivative by the outer variable.
+fn angle_and_change(z: &[Twice; 2], centre: [f64; 2]) -> (f64, f64) {
+    let [x, y] = [0, 1].map(|k| z[k].re.re - centre[k]);
+    let [dx, dy] = [0, 1].map(|k| z[k].eps[0].re);
+    (libm::atan2(y, x), (x * dy - y * dx) / (x * x + y * y))
+}
+
+/// What a change of each control does to a periodic orbit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OrbitResponse {
+    /// dz*/dλ: 2n × controls numbers, row by row.
+    pub moved: Vec<f64>,
+    /// dTr M/dλ of each control.
+    pub traces: Vec<f64>,
+}

@@ -1,0 +1,80 @@
+//! The controls that pairs depend on, and how a network does.
+
+use crate::error::Error;
+use crate::flow::Pairs;
+use crate::network::{ControlRange, Controls};
+use serde::{Deserialize, Serialize};
+
+/// What is said of controls; their ranges are those of the pairs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ControlOptions {
+    /// Their names, in the order of the columns. Without: `lambda`, or `lambda1`, `lambda2` and so on.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub names: Vec<String>,
+    /// The total degree of the polynomials that parameters are of them. Without: the highest up to 4 of which
+    /// there are fewer products than values in the pairs, so that no value is learnt by heart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub degree: Option<usize>,
+}
+
+impl ControlOptions {
+    /// The highest degree that is chosen.
+    pub const USUAL: usize = 4;
+
+    /// The controls of these pairs; None where they have none.
+    ///
+    /// # Errors
+    /// When there are more or fewer names than columns, or a control has one value only; those of
+    /// [`Controls::check`].
+    pub fn of_pairs(&self, pairs: &Pairs) -> Result<Option<Controls>, Error> {
+        let rows: Vec<&[f64]> = pairs.conditions().iter().map(|c| &*c.controls).collect();
+        self.of_values(&rows)
+    }
+
+    /// The controls that take these values, a row for each map.
+    ///
+    /// # Errors
+    /// Those of [`ControlOptions::of_pairs`].
+    pub fn of_values(&self, rows: &[&[f64]]) -> Result<Option<Controls>, Error> {
+        let count = rows.first().map_or(0, |row| row.len());
+        if count == 0 {
+            return match (self.names.first(), self.degree) {
+                (None, None) => Ok(None),
+                (name, degree) => {
+                    let degree = degree.map(|degree| format!("a degree of {degree}"));
+                    let found = name.cloned().or(degree).unwrap_or_default();
+                    let expected = "none: the pairs have no values of controls (`lambda`)";
+                    Err(Error::invalid("controls", found, expected))
+                }
+            };
+        }
+        if !self.names.is_empty() {
+            Error::check_count("names of controls", count, self.names.len())?;
+        }
+        let range = |k: usize| {
+            let values = || rows.iter().map(|row| row[k]);
+            // no NaN: values of conditions are finite
+            let (low, high) = (values().reduce(f64::min), values().reduce(f64::max));
+            let name = match self.names.get(k) {
+                Some(name) => name.clone(),
+                None if count == 1 => "lambda".into(),
+                None => format!("lambda{}", k + 1),
+            };
+            ControlRange { name, low: low.unwrap_or(0.0), high: high.unwrap_or(0.0) }
+        };
+        let mut maps = rows.to_vec();
+        maps.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+        maps.dedup();
+        let of = |degree| Controls { ranges: (0..count).map(range).collect(), degree };
+        let controls = match self.degree {
+            Some(degree) => of(degree),
+            None => {
+                let learnt = |degree: &usize| of(*degree).terms() < maps.len();
+                of((1..=Self::USUAL).take_while(learnt).last().unwrap_or(1))
+            }
+        };
+        controls.check()?;
+        Ok(Some(controls))
+    }
+}
