@@ -1,15 +1,18 @@
 //! Networks whose parameters are polynomials of controls: their maps, their fit, and their files.
 
 use gyroceptron::Error;
-use gyroceptron::flow::Pairs;
-use gyroceptron::io::{StoredModel, read_pairs, write_pairs};
+use gyroceptron::flow::{Pairs, Trajectories};
+use gyroceptron::io::{
+    Provenance, StoredModel, load_model, parse_model, read_pairs, save_model, write_pairs,
+};
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::certificate::{CertificateOptions, certify};
+use gyroceptron::measure::orbits::{AtControls, PeriodicOrbit, rotation_numbers};
 use gyroceptron::network::{
     Architecture, Block, ControlRange, Controls, GyroceptronShape, HenonShape, InitialWeights,
-    Layers, Model, NetworkSpec, Part,
+    Layers, Model, NetworkSpec, Part, Rollout,
 };
-use gyroceptron::phase::Map;
+use gyroceptron::phase::{AreaDensity, Map, Section, Units};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::train::{
@@ -265,4 +268,254 @@ fn a_fit_learns_what_the_controls_do() {
             (error(at, &model.at_controls(&at).expect("two values")), error(at, model));
         assert!(found < 2e-4 && nominal > 30.0 * found, "{at:?}: {found:e}, without {nominal:e}");
     }
+}
+
+/// f′ from values at −2h, −h, h and 2h, to fourth order.
+fn slope(values: impl Fn(f64) -> f64, h: f64) -> f64 {
+    (8.0 * (values(h) - values(-h)) - (values(2.0 * h) - values(-2.0 * h))) / (12.0 * h)
+}
+
+/// A model of the data with units and a section whose density depends on both controls.
+fn stored(model: &Model) -> StoredModel {
+    let density =
+        AreaDensity::of_function(|x, y| 1.0 + 0.2 * x + 0.1 * y * y, [-2.0; 2], [2.0; 2], 1.3);
+    let changes: [&dyn Fn(f64, f64) -> f64; 2] = [&|x, y| 0.05 * x * y, &|x, _| 0.03 + 0.02 * x];
+    let density = density.and_then(|density| density.with_changes(&changes)).expect("positive");
+    StoredModel {
+        model: model.clone(),
+        units: Some(Units::new(vec![0.1, -0.05], vec![0.5, 2.0]).expect("units")),
+        section: Some(Section::of_plane(density)),
+        provenance: Provenance::of("test"),
+    }
+}
+
+/// Exact derivatives by duals against differences, of the network and in coordinates of the data, whose chart depends
+/// on the controls too.
+#[test]
+fn derivatives_by_controls_are_those_of_differences() {
+    let (values, h) = ([0.4, 0.7], 1e-3);
+    for model in models() {
+        let points = [0.3, -0.2, -0.1, 0.25];
+        let exact = AtControls::new(&model, &values).and_then(|at| at.derivatives(&points));
+        let exact = exact.expect("two values");
+        let of_data = stored(&model).control_derivatives(&values, &points).expect("in the section");
+        for control in 0..2 {
+            let at = |by: f64| {
+                let mut moved = values;
+                moved[control] += by;
+                moved
+            };
+            for k in 0..4 {
+                let by_differences = |by: f64| {
+                    let mut z = points[k / 2 * 2..][..2].to_vec();
+                    model.at_controls(&at(by)).expect("two values").forward(&mut z);
+                    z[k % 2]
+                };
+                let found = exact[2 * k + control];
+                close(found, slope(by_differences, h), 1e-10, "of the network");
+                let by_differences = |by: f64| {
+                    let mut z = points[k / 2 * 2..][..2].to_vec();
+                    let there = stored(&model).at_controls(&at(by)).expect("two values");
+                    there
+                        .map_points(gyroceptron::phase::Direction::Forward, &mut z)
+                        .expect("finite");
+                    z[k % 2]
+                };
+                let found = of_data[2 * k + control];
+                close(found, slope(by_differences, h), 1e-9, "of the data");
+                assert!(found != 0.0);
+            }
+        }
+    }
+}
+
+/// A fixed point and how fast an orbit turns about it, their derivatives against differences.
+#[test]
+fn orbits_respond_to_controls_as_differences_say() {
+    let (values, h) = ([0.4, 0.7], 1e-3);
+    const MAPS: usize = 3000;
+    let (mut found, mut turned) = (0, 0);
+    for model in models() {
+        let stored = stored(&model);
+        let at = |control: usize, by: f64| {
+            let mut moved = values;
+            moved[control] += by;
+            stored.at_controls(&moved).expect("two values")
+        };
+        // A map of no circle need not have one.
+        let guesses = (0..49).map(|k| [f64::from(k % 7 - 3) / 4.0, f64::from(k / 7 - 3) / 4.0]);
+        let near = |guess: [f64; 2]| at(0, 0.0).periodic_orbit(&guess, 1).ok();
+        let turned_about = |orbit: &PeriodicOrbit| orbit.trace().abs() < 1.9;
+        let mut orbits: Vec<PeriodicOrbit> = guesses.filter_map(near).collect();
+        orbits.sort_by_key(|orbit| !turned_about(orbit));
+        let Some(orbit) = orbits.into_iter().next() else { continue };
+        let trace = orbit.trace();
+        found += 1;
+        let response = stored.orbit_response(&values, &orbit).expect("it moves");
+        for control in 0..2 {
+            let there =
+                |by: f64| at(control, by).periodic_orbit(&orbit.points[0], 1).expect("near");
+            for k in 0..2 {
+                let by_differences = slope(|by| there(by).points[0][k], h);
+                close(response.moved[2 * k + control], by_differences, 1e-8, "a point");
+            }
+            let by_differences = slope(|by| there(by).trace(), h);
+            close(response.traces[control], by_differences, 1e-8, "Tr M");
+        }
+        if trace.abs() >= 1.9 {
+            continue;
+        }
+        turned += 1;
+        let centre = [orbit.points[0][0], orbit.points[0][1]];
+        let start = [centre[0] + 0.05, centre[1]];
+        let (turns, changes) =
+            stored.rotation_response(&values, start, centre, MAPS).expect("an orbit");
+        let turning = |control: usize, by: f64| {
+            let states = at(control, by).rollout(&start, Rollout { steps: MAPS, every: 1 });
+            let orbit = Trajectories::new(states.expect("finite"), 2, 1).expect("states");
+            let angle = |z: &[f64]| (z[1] - centre[1]).atan2(z[0] - centre[0]);
+            rotation_numbers(&orbit, turns, angle)[0].turns
+        };
+        close(turns, turning(0, 0.0), 1e-12, "turns");
+        for (control, change) in changes.into_iter().enumerate() {
+            close(change, slope(|by| turning(control, by), h), 1e-8, "their change");
+        }
+    }
+    assert!(found >= 1 && turned >= 1, "{found} orbits, {turned} of which others turn about");
+}
+
+/// The chart is that of the density at the controls, which is linear in them.
+#[test]
+fn a_section_follows_its_controls() {
+    let nominal = |x: f64, y: f64| 2.0 + 0.3 * x - 0.1 * x * y;
+    let change = |x: f64, y: f64| 0.4 * y + 0.2 * x * x;
+    let made = AreaDensity::of_function(nominal, [-1.0; 2], [1.0; 2], 2.0);
+    let made = made.and_then(|made| made.with_changes(&[&change])).expect("positive");
+    let there = |x: f64, y: f64| nominal(x, y) + 0.7 * change(x, y);
+    let wanted = AreaDensity::of_function(there, [-1.0; 2], [1.0; 2], 2.0).expect("positive");
+    let at = made.at(&[0.7]).expect("one number");
+    for place in [[0.3, -0.4], [-0.9, 0.8]] {
+        let (found, own) = (at.to_canonical(place), wanted.to_canonical(place));
+        close(found[1], own[1], 1e-14, "p");
+        let by_differences = slope(|by| made.at(&[by]).expect("one").to_canonical(place)[1], 1e-2);
+        close(made.by_control(0, place), by_differences, 1e-12, "∂p/∂λ");
+    }
+    assert!(made.at(&[1.0, 2.0]).is_err());
+    // Far away there is no chart.
+    assert!(made.at(&[9.0]).expect("one number").check().is_err());
+}
+
+/// What a file of a model has, and what it has not.
+#[test]
+fn models_and_pairs_with_controls_come_back_from_their_files() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("model.json");
+    for model in models() {
+        let stored = stored(&model);
+        save_model(&path, &stored).expect("written");
+        let text = std::fs::read_to_string(&path).expect("text");
+        assert!(text.contains("\"version\":5") || text.contains("\"version\": 5"), "{text}");
+        let back = load_model(&path).expect("read");
+        assert_eq!(back.model.architecture(), model.architecture());
+        assert_eq!(back.model.parameters(), model.parameters());
+        assert_eq!(back.section, stored.section);
+        // At given controls it is a model of none, in the format of those.
+        let plain = stored.at_controls(&[0.0, 1.0]).expect("two values");
+        save_model(&path, &plain).expect("written");
+        let text = std::fs::read_to_string(&path).expect("text");
+        assert!(!text.contains("controls") && !text.contains("changes"), "{text}");
+        let other = text.replacen("0.", "1.", 1);
+        assert!(parse_model("other", other.as_bytes()).is_err(), "a digit was changed");
+        std::fs::remove_file(&path).expect("there");
+    }
+    let pairs = family(3);
+    let path = folder.path().join("pairs.npz");
+    write_pairs(&path, &pairs).expect("written");
+    let file = read_pairs(&path).expect("read");
+    assert_eq!((file.controls, file.has_epsilons, file.has_times), (2, false, false));
+    assert_eq!(file.pairs, pairs);
+}
+
+/// All pairs at some inner values judge the others; the ends and the middle stay.
+#[test]
+fn whole_values_are_held_out() {
+    let grid: Vec<[f64; 2]> = (0..9).map(|k| [f64::from(k) - 4.0, f64::from(k) / 2.0]).collect();
+    let (pairs, values) = pairs_of_henon(&grid, 10, 2);
+    let ones = vec![1.0; pairs.len()];
+    let pairs = pairs.under_controls(&ones, &ones, &values).expect("values");
+    for seed in 0..20 {
+        let split = pairs.split_by_controls(0.3, &mut Stream::new(seed, "held"));
+        let (kept, held_out) = split.expect("nine values");
+        let of = |pairs: &Pairs| -> Vec<f64> {
+            pairs.conditions().iter().map(|condition| condition.controls[0]).collect()
+        };
+        assert_eq!((of(&kept).len(), of(&held_out).len(), held_out.len()), (6, 3, 30));
+        assert!([-4.0, 0.0, 4.0].iter().all(|value| of(&kept).contains(value)), "{:?}", of(&kept));
+    }
+    let few = pairs.rows(0..40);
+    assert!(few.split_by_controls(0.3, &mut Stream::new(0, "held")).is_none());
+    assert!(pairs.split_by_controls(0.0, &mut Stream::new(0, "held")).is_none());
+}
+
+#[test]
+fn what_controls_cannot_be_is_refused() {
+    let says = |result: Result<Controls, Error>, words: &str| {
+        let reason = result.expect_err(words).to_string();
+        assert!(reason.contains(words), "{reason}");
+    };
+    let checked = |controls: Controls| controls.check().map(|()| controls);
+    let of = |ranges: Vec<ControlRange>, degree| checked(Controls { ranges, degree });
+    says(of(vec![range("a", 1.0, 1.0)], 1), "from 1 to 1");
+    says(of(vec![range("a", f64::NAN, 1.0)], 1), "a");
+    says(of(vec![range("a", 0.0, 1.0), range("a", 0.0, 1.0)], 1), "`a` twice");
+    says(of(vec![range("a=1", 0.0, 1.0)], 1), "`a=1`");
+    says(of(vec![range("a", 0.0, 1.0)], 0), "degree");
+    says(of(Vec::new(), 1), "controls");
+    let rows: Vec<[f64; 1]> = vec![[0.5], [0.5]];
+    let rows: Vec<&[f64]> = rows.iter().map(|row| &row[..]).collect();
+    let options = |names: &[&str], degree| ControlOptions {
+        names: names.iter().map(|name| (*name).into()).collect(),
+        degree,
+    };
+    let made = |options: ControlOptions, rows: &[&[f64]]| {
+        options.of_values(rows).map(|made| made.expect("controls"))
+    };
+    says(made(options(&[], None), &rows), "from 0.5 to 0.5");
+    says(made(options(&["a", "b"], None), &[&[0.0], &[1.0]]), "names of controls");
+    says(made(options(&["a"], None), &[]), "lambda");
+    // The highest degree of which there are fewer terms than values, up to 4.
+    for (values, degree) in [(2, 1), (3, 1), (4, 2), (5, 3), (6, 4), (40, 4)] {
+        let rows: Vec<[f64; 1]> = (0..values).map(|k| [f64::from(k)]).collect();
+        let rows: Vec<&[f64]> = rows.iter().map(|row| &row[..]).collect();
+        assert_eq!(made(options(&[], None), &rows).expect("values").degree, degree);
+    }
+    // What has twists by parts has no controls.
+    let (pairs, values) = pairs_of_henon(&[[0.0, 0.0], [1.0, 1.0]], 30, 1);
+    let data = || FamilyPairs::under(pairs.clone(), None, None, Some(&values)).expect("values");
+    let mut fit = fit();
+    fit.controls = options(&[], Some(1));
+    fit.network = Some(NetworkSpec::named("normal-form").expect("a name"));
+    fit.training.ramp = vec![RampStage {
+        flow_time: None,
+        epsilon: None,
+        repeats: Some(2),
+        degree: None,
+        iterations: 1,
+    }];
+    fit.training.fresh_twists = Some(FreshTwists { count: 1, iterations: 1 });
+    let reason = fit.prepare(data()).expect_err("twists alone").to_string();
+    assert!(reason.contains("controls"), "{reason}");
+    let model = &models()[0];
+    assert!(model.iterated(2).expect_err("of another kind").to_string().contains("a, b"));
+    assert!(AtControls::new(model, &[0.0]).is_err());
+    let plain = model.at_controls(&[0.0, 0.0]).expect("two values");
+    assert!(AtControls::new(&plain, &[]).is_err());
+    let values = two().values([("b", 0.25)]).expect("a name");
+    assert_eq!(values, [1.0, 0.25]);
+    assert!(two().values([("c", 0.25)]).expect_err("a name").to_string().contains("one of a, b"));
+    assert!(two().values([("b", 0.25), ("b", 0.5)]).is_err());
+    assert_eq!(
+        two().first_outside(&[1.0, 1.5]).map(|(range, value)| (&*range.name, value)),
+        Some(("b", 1.5))
+    );
 }

@@ -3,6 +3,7 @@
 mod abilities;
 mod architectures;
 mod coils;
+mod controls;
 mod helpers;
 #[path = "../judgement.rs"]
 mod judgement;
