@@ -1,7 +1,7 @@
 //! Networks whose parameters are polynomials of controls: their maps, their fit, and their files.
 
 use gyroceptron::Error;
-use gyroceptron::flow::{Pairs, Trajectories};
+use gyroceptron::flow::{Pairs, PolynomialFamily, Trajectories};
 use gyroceptron::io::{
     Provenance, StoredModel, load_model, parse_model, read_pairs, save_model, write_pairs,
 };
@@ -518,4 +518,43 @@ fn what_controls_cannot_be_is_refused() {
         two().first_outside(&[1.0, 1.5]).map(|(range, value)| (&*range.name, value)),
         Some(("b", 1.5))
     );
+}
+
+/// Polynomials in the coordinates and in the controls are found again; at given controls they are those of one map.
+#[test]
+fn polynomials_follow_their_controls() {
+    let grid: Vec<[f64; 2]> =
+        (0..9).map(|k| [f64::from(k % 3) - 1.0, f64::from(k / 3) - 1.0]).collect();
+    let (plain, values) = pairs_of_henon(&grid, 30, 8);
+    let ones = vec![1.0; plain.len()];
+    let pairs = plain.clone().under_controls(&ones, &ones, &values).expect("values");
+    let ranges = vec![range("a", -1.0, 1.0), range("b", -1.0, 1.0)];
+    let controls = Controls { ranges, degree: 2 };
+    let family = PolynomialFamily::fit(&pairs, 2, &controls).expect("enough pairs");
+    // Six products of q and p, six of the controls, for q and for p.
+    assert_eq!(family.parameters(), 6 * 6 * 2);
+    // The sine and the cosine of a quadratic angle are no polynomials of second degree, nor their product with a strength.
+    let error = |at: [f64; 2]| {
+        family.at(&at).expect("two values").error_on(&pairs_of_henon(&[at], 50, 6).0)
+    };
+    assert!(error([0.5, -0.5]) < 3e-4, "{:e}", error([0.5, -0.5]));
+    // At one value of the first control, and linear in the other, it is exact.
+    let line: Vec<[f64; 2]> = (0..4).map(|k| [0.0, f64::from(k) / 3.0]).collect();
+    let (plain, values) = pairs_of_henon(&line, 30, 9);
+    let values: Vec<f64> = values.chunks_exact(2).map(|row| row[1]).collect();
+    let ones = vec![1.0; plain.len()];
+    let pairs = plain.under_controls(&ones, &ones, &values).expect("values");
+    let controls = Controls { ranges: vec![range("b", 0.0, 1.0)], degree: 1 };
+    let family = PolynomialFamily::fit(&pairs, 2, &controls).expect("enough pairs");
+    let error =
+        family.at(&[0.45]).expect("a value").error_on(&pairs_of_henon(&[[0.0, 0.45]], 50, 6).0);
+    assert!(error < 1e-14, "{error:e}");
+    assert!(family.at(&[0.45, 1.0]).is_err());
+    let reason = PolynomialFamily::fit(&pairs, 30, &controls).expect_err("too many").to_string();
+    assert!(reason.contains("two pairs for each term"), "{reason}");
+    assert!(PolynomialFamily::fit(&family_of_none(), 2, &controls).is_err());
+}
+
+fn family_of_none() -> Pairs {
+    pairs_of_henon(&[[0.0, 0.0]], 30, 9).0
 }

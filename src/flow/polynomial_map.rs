@@ -3,7 +3,7 @@
 use super::request::store_states;
 use super::{Pairs, Region};
 use crate::error::Error;
-use crate::network::{Rollout, load_groups};
+use crate::network::{Controls, Rollout, load_groups};
 use crate::scalar::{Dual, Kernel, Pack, Scalar, max_or_nan, on_independent_lanes};
 use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
@@ -65,12 +65,25 @@ impl PolynomialMap {
     /// When there are fewer than two pairs a term, more than 10,000 terms, a coordinate of the pairs does not vary,
     /// or pairs are of several maps.
     pub fn fit(pairs: &Pairs, degree: usize) -> Result<Self, Error> {
-        let dim = 2 * pairs.dof();
         if !pairs.conditions().is_empty() {
             let count = pairs.conditions().len();
             return Err(Error::invalid("pairs", format!("{count} maps"), "pairs of one map"));
         }
+        let mut fitted = Self::nearest(pairs, degree, None)?;
+        Ok(fitted.pop().expect("one map"))
+    }
+
+    /// The fit to pairs of several maps of polynomials whose coefficients are polynomials of controls: one for each of
+    /// their products, of which the map at some controls is the sum.
+    pub(super) fn nearest(
+        pairs: &Pairs,
+        degree: usize,
+        controls: Option<&Controls>,
+    ) -> Result<Vec<Self>, Error> {
+        let dim = 2 * pairs.dof();
+        let of_controls = controls.map_or(1, Controls::terms);
         let count = terms(dim, degree).filter(|_| dim <= DIM);
+        let count = count.and_then(|count| count.checked_mul(of_controls));
         let sound = |count: &usize| {
             count * PAIRS_A_TERM <= pairs.len()
                 && count.checked_mul(pairs.len()).is_some_and(|all| all <= MOST_NUMBERS)
@@ -93,18 +106,44 @@ impl PolynomialMap {
             factors.push(2.0 / (high - low));
         }
         let runs = runs(dim, degree);
-        let mut out = Self { dim, degree, centre, factors, runs, coefficients: Vec::new() };
+        let out = Self { dim, degree, centre, factors, runs, coefficients: Vec::new() };
+        let of_row: Vec<Vec<f64>> = match controls {
+            None => Vec::new(),
+            Some(controls) => {
+                let runs = pairs.conditions().iter();
+                runs.flat_map(|run| {
+                    std::iter::repeat_n(controls.products(&run.controls), run.pairs)
+                })
+                .collect()
+            }
+        };
         let rows: Vec<Vec<f64>> =
             pairs.input().par_chunks_exact(dim).map(|z| out.products(z)).collect();
-        let matrix = Mat::from_fn(pairs.len(), count, |i, k| rows[i][k]);
+        let alone = count / of_controls;
+        let factor = |i: usize, m: usize| of_row.get(i).map_or(1.0, |products| products[m]);
+        let matrix =
+            Mat::from_fn(pairs.len(), count, |i, k| factor(i, k / alone) * rows[i][k % alone]);
         let right = Mat::from_fn(pairs.len(), dim, |i, k| pairs.output()[i * dim + k]);
         let solution = matrix.qr().solve_lstsq(&right);
-        out.coefficients =
+        let coefficients: Vec<f64> =
             (0..count * dim).map(|index| solution[(index / dim, index % dim)]).collect();
-        if let Some(bad) = out.coefficients.iter().find(|c| !c.is_finite()) {
+        if let Some(bad) = coefficients.iter().find(|c| !c.is_finite()) {
             return Err(Error::invalid("coefficient of a polynomial map", bad, "a finite number"));
         }
-        Ok(out)
+        let of = |own: &[f64]| Self { coefficients: own.to_vec(), ..out.clone() };
+        Ok(coefficients.chunks_exact(alone * dim).map(of).collect())
+    }
+
+    /// The sum of maps over the same box, each times a factor.
+    pub(super) fn total(maps: &[Self], factors: &[f64]) -> Self {
+        let mut out = maps[0].clone();
+        out.coefficients.fill(0.0);
+        for (map, factor) in maps.iter().zip(factors) {
+            for (sum, c) in out.coefficients.iter_mut().zip(&map.coefficients) {
+                *sum = factor.mul_add(*c, *sum);
+            }
+        }
+        out
     }
 
     /// The fit of the degree, of those up to `most` and by twos, whose error on every fifth pair, which it has not

@@ -217,6 +217,7 @@ lines = 4
 maps = 8
 difference = 0.02
 turning = 200
+polynomials = [4]
 aims = [0.002, 1.0]
 [[models]]
 name = "jolts"

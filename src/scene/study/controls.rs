@@ -4,10 +4,10 @@
 use super::section_maps::SectionMap;
 use super::shared::Study;
 use crate::error::Error;
-use crate::flow::{LineMap, LineSection, Trajectories};
+use crate::flow::{LineMap, LineSection, PolynomialFamily, Trajectories};
 use crate::io::{Provenance, StoredModel};
 use crate::measure::{
-    orbits::{PeriodicOrbit, rotation_numbers},
+    orbits::{periodic_orbit, rotation_numbers},
     timing::root_mean_square_distance,
 };
 use crate::network::Rollout;
@@ -42,6 +42,9 @@ pub struct ControlsOptions {
     pub difference: f64,
     /// The turns of a line half-way to the reach are averaged over so many maps.
     pub turning: usize,
+    /// Degrees of polynomials of least squares in R and Z, whose coefficients are polynomials of the controls, as rivals.
+    #[serde(default)]
+    pub polynomials: Vec<usize>,
     /// Changes of |ι| on the axis for which the first control is looked for.
     #[serde(default)]
     pub aims: Vec<f64>,
@@ -49,6 +52,8 @@ pub struct ControlsOptions {
 
 /// Fewer maps tell no rotation.
 const LEAST_TURNING: usize = 128;
+/// No polynomial is of a higher degree.
+const MOST_DEGREE: usize = 60;
 /// The states of more do not fit into memory.
 const MOST_MAPS: usize = 1_000_000;
 /// Newton steps for an aim.
@@ -71,6 +76,9 @@ impl Study for ControlsOptions {
         Error::check_count_range("turning", self.turning, LEAST_TURNING, MOST_MAPS)?;
         Error::check_count_range("unseen", self.unseen.len(), 1, MOST)?;
         Error::check_range("difference", self.difference, 1e-6, 0.25)?;
+        for &degree in &self.polynomials {
+            Error::check_count_range("polynomials", degree, 1, MOST_DEGREE)?;
+        }
         self.aims.iter().try_for_each(|aim| Error::check_finite("aims", *aim))?;
         let Some(data) = scene.setup.data.as_ref() else { return Ok(()) };
         let controls = data.lines.as_ref().and_then(|lines| lines.controls.as_ref());
@@ -142,7 +150,8 @@ impl Study for ControlsOptions {
             let one = context.stage(&format!("controls of {name}"), |_| {
                 let mut judged = Vec::new();
                 for truth in &truths {
-                    judged.push(truth.judge(&stored, lines.maps_a_turn())?);
+                    let at = Box::new(stored.at_controls(&truth.values)?);
+                    judged.push(truth.judge(&SectionMap::Network(at), lines.maps_a_turn())?);
                 }
                 let derivatives = machine.derivatives(self, &stored, &truths[0])?;
                 let aims = machine.aims(self, &stored, &slopes)?;
@@ -150,7 +159,26 @@ impl Study for ControlsOptions {
             })?;
             found.push(one);
         }
-        let results = Results { options: self, truths: &truths, slopes: &slopes, found: &found };
+        let mut rivals = Vec::new();
+        for &degree in &self.polynomials {
+            let name = format!("polynomial of degree {degree}");
+            let one = context.stage(&name, |_| {
+                let family = PolynomialFamily::fit(&lines.training, degree, of)?;
+                let mut judged = Vec::new();
+                for truth in &truths {
+                    let map = SectionMap::Polynomial(family.at(&truth.values)?);
+                    judged.push(truth.judge(&map, lines.maps_a_turn())?);
+                }
+                Ok::<_, Error>(Rival {
+                    name: name.clone(),
+                    parameters: family.parameters(),
+                    judged,
+                })
+            })?;
+            rivals.push(one);
+        }
+        let (truths, found) = (&truths, &found);
+        let results = Results { options: self, truths, slopes: &slopes, found, rivals: &rivals };
         let names: Vec<String> = of.ranges.iter().map(|range| range.name.clone()).collect();
         let mut summary = vec![
             Block::Text(results.words(&of.describe(), &machine)),
@@ -193,6 +221,7 @@ impl Study for ControlsOptions {
                     "reference": truths.iter().map(Truth::data).collect::<Vec<_>>(),
                     "slopes": slopes,
                     "networks": found,
+                    "rivals": rivals,
                 }),
                 ..Section::default()
             },
@@ -291,6 +320,14 @@ struct Aims {
     /// Of a query of the network, and of the coils.
     #[serde(skip)]
     seconds: [f64; 2],
+}
+
+/// Another family of maps, beside networks.
+#[derive(Serialize)]
+struct Rival {
+    name: String,
+    parameters: usize,
+    judged: Vec<AtValues>,
 }
 
 #[derive(Serialize)]
@@ -583,10 +620,8 @@ fn turns(states: Vec<f64>, near: f64, centre: [f64; 2]) -> Result<f64, Error> {
 }
 
 impl Truth {
-    fn judge(&self, stored: &StoredModel, maps_a_turn: f64) -> Result<AtValues, Error> {
-        let at = stored.at_controls(&self.values)?;
-        let orbit: Option<PeriodicOrbit> = at.periodic_orbit(&self.axis, 1).ok();
-        let map = SectionMap::Network(Box::new(at));
+    fn judge(&self, map: &SectionMap<'_>, maps_a_turn: f64) -> Result<AtValues, Error> {
+        let orbit = periodic_orbit(&|z: &[f64]| map.with_jacobian(z), &self.axis, 1).ok();
         let [input, output] = &self.pairs;
         let image = map.rollout(input, Rollout { steps: 1, every: 1 })?.split_off(input.len());
         let one = root_mean_square_distance(&image, output, 2);
@@ -625,25 +660,31 @@ struct Results<'a> {
     truths: &'a [Truth],
     slopes: &'a Slopes,
     found: &'a [OfNetwork],
+    rivals: &'a [Rival],
 }
 
 impl Results<'_> {
-    /// The worst error of a map of each network, at values that are learnt and at others.
-    fn worst(&self, network: &OfNetwork, learnt: bool) -> f64 {
-        let both = self.truths.iter().zip(&network.judged);
+    /// Networks and rivals, each with what it comes to at all values.
+    fn all(&self) -> impl Iterator<Item = (&str, &[AtValues])> {
+        let networks = self.found.iter().map(|one| (one.name.as_str(), &one.judged[..]));
+        networks.chain(self.rivals.iter().map(|one| (one.name.as_str(), &one.judged[..])))
+    }
+
+    /// The worst error of a map of a method, at values that are learnt and at others.
+    fn worst(&self, judged: &[AtValues], learnt: bool) -> f64 {
+        let both = self.truths.iter().zip(judged);
         both.filter(|(truth, _)| truth.learnt == learnt).map(|(_, at)| at.one).fold(0.0, max_or_nan)
     }
 
     fn words(&self, described: &str, machine: &Machine<'_>) -> String {
-        let of = |network: &OfNetwork| {
+        let of = |(name, judged): (&str, &[AtValues])| {
             format!(
-                "{} errs by {} m a map at most at values that it was trained with, and by {} m at others between them",
-                network.name,
-                Format::Exponent(1).number(self.worst(network, true)),
-                Format::Exponent(1).number(self.worst(network, false)),
+                "{name} errs by {} m a map at most at values that it was fitted to, and by {} m at others between them",
+                Format::Exponent(1).number(self.worst(judged, true)),
+                Format::Exponent(1).number(self.worst(judged, false)),
             )
         };
-        let networks: Vec<String> = self.found.iter().map(of).collect();
+        let networks: Vec<String> = self.all().map(of).collect();
         let error = self.truths.iter().map(|truth| truth.error).fold(0.0, max_or_nan);
         format!(
             "{described}: networks were trained with lines of {} machines, {} pairs of each in the mean. {} lines of each, \
@@ -662,7 +703,7 @@ impl Results<'_> {
         let mut table = Table::new([
             (names.join(", "), Format::Exact),
             ("learnt".into(), Format::Exact),
-            ("network".into(), Format::Exact),
+            ("method".into(), Format::Exact),
             ("a map, rms [m]".into(), Format::Exponent(1)),
             (after, Format::Exponent(1)),
             ("axis off by [m]".into(), Format::Exponent(1)),
@@ -671,12 +712,12 @@ impl Results<'_> {
             ("its Tr M by".into(), Format::Exponent(1)),
         ]);
         for (number, truth) in self.truths.iter().enumerate() {
-            for network in self.found {
-                let at = &network.judged[number];
+            for (name, judged) in self.all() {
+                let at = &judged[number];
                 table.push([
                     truth.words().into(),
                     if truth.learnt { "yes" } else { "no" }.into(),
-                    network.name.as_str().into(),
+                    name.into(),
                     at.one.into(),
                     at.after.into(),
                     at.axis.into(),
@@ -783,15 +824,15 @@ impl Results<'_> {
     /// Errors of a map against the first control.
     fn figure(&self, names: &[String]) -> Figure {
         let mut series = Vec::new();
-        for (number, network) in self.found.iter().enumerate() {
+        for (number, (name, judged)) in self.all().enumerate() {
             for (learnt, style) in [(true, Style::Marked), (false, Style::Dots)] {
-                let both = self.truths.iter().zip(&network.judged);
+                let both = self.truths.iter().zip(judged);
                 let of = both.filter(|(truth, _)| truth.learnt == learnt);
                 let mut points: Vec<(f64, f64)> =
                     of.map(|(truth, at)| (truth.values[0], at.one)).collect();
                 points.sort_by(|a, b| a.0.total_cmp(&b.0));
                 let words = if learnt { "learnt" } else { "others" };
-                let name = format!("{}, {words}", network.name);
+                let name = format!("{name}, {words}");
                 series.push(Series {
                     name,
                     color: 2 * number + usize::from(!learnt),

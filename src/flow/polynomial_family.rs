@@ -1,0 +1,46 @@
+//! Maps by polynomials that depend on controls.
+
+use super::{Pairs, PolynomialMap};
+use crate::error::Error;
+use crate::network::Controls;
+
+/// Maps by polynomials of least squares whose coefficients are polynomials of controls, as the parameters of a network
+/// are ([`Controls`]): what fits pairs of several machines in a moment and keeps no structure.
+#[derive(Clone, Debug)]
+pub struct PolynomialFamily {
+    controls: Controls,
+    /// One for each product of the controls.
+    maps: Vec<PolynomialMap>,
+}
+
+impl PolynomialFamily {
+    /// The fit of this total degree in the coordinates to pairs under values of these controls.
+    ///
+    /// # Errors
+    /// Those of [`PolynomialMap::fit`], there being a term for each of its own and each product of the controls; when
+    /// pairs have values of more or fewer controls.
+    pub fn fit(pairs: &Pairs, degree: usize, controls: &Controls) -> Result<Self, Error> {
+        controls.check()?;
+        let count = controls.ranges.len();
+        let found = pairs.conditions().iter().map(|run| run.controls.len());
+        for found in found.chain(pairs.conditions().is_empty().then_some(0)) {
+            Error::check_count("values of controls", count, found)?;
+        }
+        let maps = PolynomialMap::nearest(pairs, degree, Some(controls))?;
+        Ok(Self { controls: controls.clone(), maps })
+    }
+
+    /// The map at these values of the controls.
+    ///
+    /// # Errors
+    /// When there is not one value for each.
+    pub fn at(&self, values: &[f64]) -> Result<PolynomialMap, Error> {
+        Error::check_count("values of controls", self.controls.ranges.len(), values.len())?;
+        Ok(PolynomialMap::total(&self.maps, &self.controls.products(values)))
+    }
+
+    /// How many coefficients it has.
+    pub fn parameters(&self) -> usize {
+        self.maps.iter().map(PolynomialMap::parameters).sum()
+    }
+}
