@@ -17,6 +17,7 @@ mod defect;
 mod determinant;
 mod drift;
 mod equivariance;
+mod frequency;
 pub mod fuzz;
 mod horizon;
 mod implicit;
@@ -81,6 +82,7 @@ pub mod trajectories {
 /// Periodic orbits, rotation numbers and what else people ask of a map.
 pub mod orbits {
     pub use super::control_response::{AtControls, OrbitResponse};
+    pub use super::frequency::{SpectralLine, Tunes, spectral_lines, tunes};
     pub use super::invariant_circle::InvariantCircle;
     pub use super::manifold::{Branch, PlaneMap, manifold, smaller_alignment_index};
     pub use super::periodic::{

@@ -1,0 +1,241 @@
+//! Frequencies of quasi-periodic signals, and the tunes of orbits, by windowed frequency analysis.
+
+use crate::flow::Trajectories;
+use crate::scalar::Elementary;
+use faer::Mat;
+use faer::linalg::solvers::Solve;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// A line of a spectrum: the term (x + iy)·e^{2πiνt} of a signal at the times t = 0, 1, …
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpectralLine {
+    /// ν, in turns from one number of the signal to the next, between −½ and ½.
+    pub frequency: f64,
+    /// x and y.
+    pub amplitude: [f64; 2],
+}
+
+impl SpectralLine {
+    /// |x + iy|.
+    pub fn size(&self) -> f64 {
+        libm::hypot(self.amplitude[0], self.amplitude[1])
+    }
+}
+
+/// So many numbers are looked through for the highest peak.
+const FIRST: usize = 512;
+/// Numbers of a signal, at least.
+const LEAST: usize = 16;
+/// Steps of a search between two neighbours of a peak.
+const STEPS: usize = 60;
+
+/// The strongest lines of a signal f(t) = x + iy, one after another: of each the frequency at which |∫ f w e^{−2πiνt}| has its
+/// maximum with the window w of Hann, and the amplitudes of all that are found by least squares in this product.
+///
+/// The frequency of a line alone is right to rounding; beside others it errs by N⁻⁴ for N numbers. Peaks are looked for
+/// in the first 512 numbers, and followed in twice as many until there are no more: the work is that of a few sums over
+/// the signal. Fewer than 16 numbers have no lines.
+///
+/// Source: Laskar, <https://doi.org/10.1016/0019-1035(90)90084-M>; its convergence:
+/// <https://arxiv.org/abs/math/0305364>.
+pub fn spectral_lines(signal: &[[f64; 2]], count: usize) -> Vec<SpectralLine> {
+    let mut found: Vec<SpectralLine> = Vec::new();
+    if signal.len() < LEAST || !signal.iter().flatten().all(|v| v.is_finite()) {
+        return found;
+    }
+    let mut rest = signal.to_vec();
+    for _ in 0..count {
+        let frequency = peak(&rest);
+        if found.iter().any(|line| line.frequency == frequency) {
+            break;
+        }
+        found.push(SpectralLine { frequency, amplitude: [0.0; 2] });
+        fit_amplitudes(signal, &mut found);
+        rest.copy_from_slice(signal);
+        for line in &found {
+            for (t, value) in rest.iter_mut().enumerate() {
+                let [x, y] = term(line, t);
+                *value = [value[0] - x, value[1] - y];
+            }
+        }
+    }
+    found
+}
+
+/// A line at a time.
+fn term(line: &SpectralLine, time: usize) -> [f64; 2] {
+    let (sin, cos) = turned(line.frequency, time as f64);
+    let [x, y] = line.amplitude;
+    [x * cos - y * sin, x * sin + y * cos]
+}
+
+/// Sine and cosine of ν t turns.
+fn turned(frequency: f64, time: f64) -> (f64, f64) {
+    let turns = frequency * time;
+    Elementary::sin_cos(TAU * (turns - turns.round()))
+}
+
+/// The window of Hann at a time of so many.
+fn window(time: usize, count: usize) -> f64 {
+    let (_, cos) = Elementary::sin_cos(TAU * time as f64 / (count - 1) as f64);
+    1.0 - cos
+}
+
+/// Σ f w e^{−2πiνt} over the first `count` numbers, over their number.
+fn transform(signal: &[[f64; 2]], count: usize, frequency: f64) -> [f64; 2] {
+    let mut sum = [0.0; 2];
+    for (t, [x, y]) in signal[..count].iter().enumerate() {
+        let (sin, cos) = turned(frequency, t as f64);
+        let w = window(t, count) / count as f64;
+        sum[0] += w * (x * cos + y * sin);
+        sum[1] += w * (y * cos - x * sin);
+    }
+    sum
+}
+
+fn size(signal: &[[f64; 2]], count: usize, frequency: f64) -> f64 {
+    let [x, y] = transform(signal, count, frequency);
+    x * x + y * y
+}
+
+/// The frequency of the highest peak.
+fn peak(signal: &[[f64; 2]]) -> f64 {
+    let mut count = FIRST.min(signal.len());
+    let grid = 2 * count;
+    let place = |k: usize| k as f64 / grid as f64 - 0.5;
+    let sizes: Vec<f64> = (0..grid).map(|k| size(signal, count, place(k))).collect();
+    let best = (0..grid).max_by(|a, b| sizes[*a].total_cmp(&sizes[*b])).unwrap_or(0);
+    let mut frequency = highest(signal, count, place(best), 1.0 / grid as f64);
+    while count < signal.len() {
+        let before = count;
+        count = (2 * count).min(signal.len());
+        // Half the width of the peak of as many as before, which is one of twice as many.
+        frequency = highest(signal, count, frequency, 0.5 / before as f64);
+    }
+    frequency - frequency.round()
+}
+
+/// The maximum within so much of a place, by golden section.
+fn highest(signal: &[[f64; 2]], count: usize, place: f64, within: f64) -> f64 {
+    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let (mut low, mut high) = (place - within, place + within);
+    let at = |frequency: f64| size(signal, count, frequency);
+    let (mut a, mut b) = (high - golden * (high - low), low + golden * (high - low));
+    let (mut of_a, mut of_b) = (at(a), at(b));
+    // Where squares differ by less than their rounding, a parabola through points further apart is nearer.
+    let coarse = 1e-3 / count as f64;
+    for _ in 0..STEPS {
+        if high - low <= coarse {
+            break;
+        }
+        if of_a > of_b {
+            (high, b, of_b) = (b, a, of_a);
+            a = high - golden * (high - low);
+            of_a = at(a);
+        } else {
+            (low, a, of_a) = (a, b, of_b);
+            b = low + golden * (high - low);
+            of_b = at(b);
+        }
+    }
+    slope_root(signal, count, 0.5 * (low + high), coarse)
+}
+
+/// Where the derivative of |Σ f w e^{−2πiνt}|² is 0, near a maximum, by the secant method: it is known to rounding where
+/// the square itself is flat.
+fn slope_root(signal: &[[f64; 2]], count: usize, place: f64, step: f64) -> f64 {
+    let slope = |frequency: f64| {
+        let (mut sum, mut moment) = ([0.0; 2], [0.0; 2]);
+        let middle = 0.5 * (count - 1) as f64;
+        for (t, [x, y]) in signal[..count].iter().enumerate() {
+            let (sin, cos) = turned(frequency, t as f64);
+            let w = window(t, count) / count as f64;
+            let [re, im] = [w * (x * cos + y * sin), w * (y * cos - x * sin)];
+            sum = [sum[0] + re, sum[1] + im];
+            let t = (t as f64 - middle) / middle;
+            moment = [moment[0] + t * im, moment[1] - t * re];
+        }
+        sum[0] * moment[0] + sum[1] * moment[1]
+    };
+    let (mut a, mut b) = (place - step, place + step);
+    let (mut of_a, mut of_b) = (slope(a), slope(b));
+    for _ in 0..STEPS {
+        let next = b - of_b * (b - a) / (of_b - of_a);
+        if !next.is_finite() || (next - place).abs() > 4.0 * step {
+            break;
+        }
+        (a, of_a) = (b, of_b);
+        (b, of_b) = (next, slope(next));
+        if (b - a).abs() <= f64::EPSILON {
+            break;
+        }
+    }
+    if (b - place).abs() <= 4.0 * step { b } else { place }
+}
+
+/// The amplitudes of all lines, by least squares in the product of the window.
+fn fit_amplitudes(signal: &[[f64; 2]], lines: &mut [SpectralLine]) {
+    let (count, size) = (signal.len(), lines.len());
+    // Of e^{2πiν_k t} with one another: real and imaginary parts of a Hermitian matrix, as a real one of twice the size.
+    let ones = vec![[1.0, 0.0]; count];
+    let products: Vec<[f64; 2]> = (0..size * size)
+        .map(|index| {
+            let (i, k) = (index / size, index % size);
+            transform(&ones, count, lines[i].frequency - lines[k].frequency)
+        })
+        .collect();
+    let matrix = Mat::from_fn(2 * size, 2 * size, |row, column| {
+        let [re, im] = products[row / 2 * size + column / 2];
+        match (row % 2, column % 2) {
+            (0, 0) | (1, 1) => re,
+            (0, 1) => -im,
+            _ => im,
+        }
+    });
+    let right: Vec<[f64; 2]> =
+        lines.iter().map(|line| transform(signal, count, line.frequency)).collect();
+    let right = Mat::from_fn(2 * size, 1, |row, _| right[row / 2][row % 2]);
+    let solution = matrix.partial_piv_lu().solve(&right);
+    for (k, line) in lines.iter_mut().enumerate() {
+        line.amplitude = [solution[(2 * k, 0)], solution[(2 * k + 1, 0)]];
+    }
+}
+
+/// How fast an orbit turns in each plane.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tunes {
+    /// The turns of each plane in a map, between −½ and ½, from p towards q as a circle action turns; NaN of a plane that
+    /// does not turn, or of an orbit that leaves the finite numbers.
+    pub turns: Vec<f64>,
+    /// The differences of the tunes of the two halves of the orbit: small on an invariant torus, and a sign of chaos
+    /// where they are not.
+    pub changes: Vec<f64>,
+}
+
+/// The tunes of each trajectory, of rows q₁ … qₙ, p₁ … pₙ: the frequencies of the strongest lines of q_j + i p_j about their
+/// means.
+///
+/// Source: as [`spectral_lines`]; Papaphilippou, <https://doi.org/10.1063/1.4884495>, for their use in rings.
+pub fn tunes(orbits: &Trajectories) -> Vec<Tunes> {
+    let dof = orbits.dim() / 2;
+    let of = |m: usize| {
+        let states: Vec<&[f64]> = orbits.orbit(m).collect();
+        let half = states.len() / 2;
+        let in_plane = |j: usize, of: &[&[f64]]| -> f64 {
+            let mut signal: Vec<[f64; 2]> = of.iter().map(|z| [z[j], z[dof + j]]).collect();
+            let count = signal.len();
+            // What the window makes of a mean is a line of frequency 0.
+            let [x, y] = if count < LEAST { [f64::NAN; 2] } else { transform(&signal, count, 0.0) };
+            signal.iter_mut().for_each(|z| *z = [z[0] - x, z[1] - y]);
+            spectral_lines(&signal, 1).first().map_or(f64::NAN, |line| -line.frequency)
+        };
+        let turns = (0..dof).map(|j| in_plane(j, &states)).collect();
+        let changes = (0..dof).map(|j| {
+            let apart = in_plane(j, &states[half..]) - in_plane(j, &states[..half]);
+            (apart - apart.round()).abs()
+        });
+        Tunes { turns, changes: changes.collect() }
+    };
+    (0..orbits.count()).into_par_iter().map(of).collect()
+}

@@ -1,0 +1,90 @@
+//! Frequencies of quasi-periodic signals, and tunes of orbits.
+
+use gyroceptron::flow::Trajectories;
+use gyroceptron::measure::orbits::{rotation_numbers, spectral_lines, tunes};
+use std::f64::consts::TAU;
+
+fn signal(lines: &[(f64, [f64; 2])], count: usize) -> Vec<[f64; 2]> {
+    let at = |t: usize| {
+        let mut sum = [0.0; 2];
+        for (frequency, [x, y]) in lines {
+            let (sin, cos) = libm::sincos(TAU * frequency * t as f64);
+            sum = [sum[0] + x * cos - y * sin, sum[1] + x * sin + y * cos];
+        }
+        sum
+    };
+    (0..count).map(at).collect()
+}
+
+/// Alone to rounding; beside others by the fourth power of their number, and their amplitudes with them.
+#[test]
+fn lines_of_a_spectrum_are_found() {
+    let alone = [(0.283_185_307, [0.3, -0.4])];
+    let found = spectral_lines(&signal(&alone, 700), 1)[0];
+    assert!((found.frequency - alone[0].0).abs() < 2e-14, "{found:?}");
+    assert!((found.size() - 0.5).abs() < 1e-12, "{found:?}");
+    // In the order of their sizes, one of them near the border of ±½ turns.
+    let lines = [
+        (0.283_185_307, [1.0, 0.0]),
+        (-0.141_421_356, [0.2, 0.1]),
+        (0.499_3, [0.0, 0.05]),
+        (0.271_828, [0.004, -0.003]),
+    ];
+    let errors = |count: usize| -> Vec<f64> {
+        let found = spectral_lines(&signal(&lines, count), lines.len());
+        assert_eq!(found.len(), lines.len());
+        let both = found.iter().zip(&lines);
+        both.map(|(found, (frequency, [x, y]))| {
+            let apart = found.frequency - frequency;
+            let amplitude = (found.amplitude[0] - x).hypot(found.amplitude[1] - y);
+            assert!(amplitude < 1e-2 * x.hypot(*y), "{found:?} for {frequency}");
+            (apart - apart.round()).abs()
+        })
+        .collect()
+    };
+    let (short, long) = (errors(1000), errors(8000));
+    assert!(short[0] < 1e-8 && long.iter().all(|error| *error < 1e-8), "{short:?} {long:?}");
+    // 8⁴ times less, where it is not yet rounding.
+    assert!(long[0] < short[0] / 100.0, "{short:?} {long:?}");
+    assert!(spectral_lines(&signal(&lines, 15), 2).is_empty());
+    let mut broken = signal(&lines, 100);
+    broken[50][1] = f64::NAN;
+    assert!(spectral_lines(&broken, 1).is_empty());
+}
+
+/// A pair of pendulum-like maps that do not know of each other, from [`rotation_numbers`] by another way; and chaos.
+#[test]
+fn tunes_are_rotation_numbers_and_tell_chaos() {
+    let kicked = |strength: f64, angle: f64, z: &mut [f64; 2]| {
+        let (sin, cos) = libm::sincos(TAU * angle);
+        let p = z[1] - strength * z[0] * z[0];
+        *z = [cos * z[0] + sin * p, -sin * z[0] + cos * p];
+    };
+    let follow = |strength: f64, start: f64, count: usize| -> Vec<f64> {
+        let (mut a, mut b) = ([start, 0.0], [0.05, 0.02]);
+        let mut out = Vec::new();
+        for _ in 0..count {
+            out.extend([a[0], b[0], a[1], b[1]]);
+            kicked(strength, 0.29, &mut a);
+            kicked(0.3, -0.2160, &mut b);
+        }
+        out
+    };
+    let orbit = Trajectories::new(follow(1.0, 0.1, 2000), 4, 1).expect("states");
+    let found = &tunes(&orbit)[0];
+    for (j, near) in [(0, 0.29), (1, -0.216)] {
+        let plane: Vec<f64> = orbit.orbit(0).flat_map(|z| [z[j], z[2 + j]]).collect();
+        let plane = Trajectories::new(plane, 2, 1).expect("states");
+        // The angle of a circle action goes from p to q.
+        let other = rotation_numbers(&plane, near, |z| z[0].atan2(z[1]))[0].turns;
+        assert!((found.turns[j] - other).abs() < 1e-9, "{} {other}", found.turns[j]);
+        assert!(found.changes[j] < 1e-8, "{found:?}");
+        assert!((other - near).abs() > 1e-6, "it turns as without a kick");
+    }
+    // Near the border of what stays.
+    let chaotic = Trajectories::new(follow(1.0, 0.5355, 2000), 4, 1).expect("states");
+    let chaotic = &tunes(&chaotic)[0];
+    assert!(!(chaotic.changes[0] < 1e-6) && chaotic.changes[1] < 1e-8, "{chaotic:?}");
+    let few = Trajectories::new(follow(1.0, 0.1, 10), 4, 1).expect("states");
+    assert!(tunes(&few)[0].turns[0].is_nan());
+}
