@@ -1,7 +1,9 @@
-//! Frequencies of quasi-periodic signals, and tunes of orbits.
+//! Frequencies of quasi-periodic signals, tunes of orbits, how long they stay, and how far out.
 
 use gyroceptron::flow::Trajectories;
-use gyroceptron::measure::orbits::{rotation_numbers, spectral_lines, tunes};
+use gyroceptron::measure::orbits::{
+    dynamic_aperture, maps_survived, rotation_numbers, spectral_lines, tunes,
+};
 use std::f64::consts::TAU;
 
 fn signal(lines: &[(f64, [f64; 2])], count: usize) -> Vec<[f64; 2]> {
@@ -87,4 +89,70 @@ fn tunes_are_rotation_numbers_and_tell_chaos() {
     assert!(!(chaotic.changes[0] < 1e-6) && chaotic.changes[1] < 1e-8, "{chaotic:?}");
     let few = Trajectories::new(follow(1.0, 0.1, 10), 4, 1).expect("states");
     assert!(tunes(&few)[0].turns[0].is_nan());
+}
+
+/// Hénon's quadratic map, followed for a block of maps at once.
+fn henon(points: &[f64], maps: usize) -> Vec<f64> {
+    let (sin, cos) = libm::sincos(TAU * 0.2114);
+    let (mut here, mut out) = (points.to_vec(), Vec::new());
+    for _ in 0..maps {
+        for z in here.chunks_exact_mut(2) {
+            let p = z[1] - z[0] * z[0];
+            (z[0], z[1]) = (cos * z[0] + sin * p, -sin * z[0] + cos * p);
+        }
+        out.extend_from_slice(&here);
+    }
+    out
+}
+
+/// Orbit by orbit and map by map, across the blocks that are followed at once.
+#[test]
+fn orbits_survive_until_they_leave() {
+    let stays = |z: &[f64]| z.iter().all(|v| v.abs() <= 2.0);
+    let starts: Vec<f64> = (0..60).flat_map(|k| [0.02 * f64::from(k), 0.1]).collect();
+    let maps = 150;
+    let follow = |points: &[f64], maps: usize| Ok(henon(points, maps));
+    let found = maps_survived(&follow, &starts, 2, maps, &stays).expect("points");
+    for (start, found) in starts.chunks_exact(2).zip(&found) {
+        let orbit = henon(start, maps);
+        let own = orbit.chunks_exact(2).position(|z| !stays(z)).map(|t| t + 1);
+        assert_eq!(*found, own, "{start:?}");
+    }
+    let lost = found.iter().flatten();
+    assert!(lost.clone().any(|t| *t < 10) && lost.clone().any(|t| *t > 64), "{found:?}");
+    assert!(found.iter().filter(|lost| lost.is_none()).count() > 10);
+    // What is lost has no number: it does not stay.
+    let follow = |points: &[f64], maps: usize| Ok(vec![f64::NAN; maps * points.len()]);
+    assert_eq!(maps_survived(&follow, &starts[..4], 2, 5, &stays).expect("points"), [Some(1); 2]);
+    assert!(maps_survived(&follow, &starts[..3], 2, 5, &stays).is_err());
+}
+
+/// The aperture is where the first of the points along a ray is lost.
+#[test]
+fn the_aperture_is_as_far_as_all_stay() {
+    let stays = |z: &[f64]| z.iter().all(|v| v.abs() <= 2.0);
+    let follow = |points: &[f64], maps: usize| Ok(henon(points, maps));
+    let radii: Vec<f64> = (1..=100).map(|k| 0.01 * f64::from(k)).collect();
+    let directions: Vec<Vec<f64>> = (0..8)
+        .map(|k| {
+            let (sin, cos) = libm::sincos(TAU * f64::from(k) / 8.0);
+            vec![cos, sin]
+        })
+        .collect();
+    let aperture = |maps: usize| {
+        dynamic_aperture(&follow, &[0.0, 0.0], &directions, &radii, maps, &stays).expect("rays")
+    };
+    let (short, long) = (aperture(20), aperture(2000));
+    for ((direction, of_short), of_long) in directions.iter().zip(&short).zip(&long) {
+        let survives = |radius: f64| {
+            let start = [radius * direction[0], radius * direction[1]];
+            henon(&start, 2000).chunks_exact(2).all(stays)
+        };
+        assert!(*of_long > 0.2 && of_long <= of_short, "{of_long} {of_short}");
+        assert!(survives(*of_long) && !survives(of_long + 0.01), "{of_long}");
+    }
+    let first = dynamic_aperture(&follow, &[0.0, 0.0], &[vec![1.0, 0.0]], &[5.0], 9, &stays);
+    assert_eq!(first.expect("a ray"), [0.0]);
+    assert!(dynamic_aperture(&follow, &[0.0, 0.0], &directions, &[0.2, 0.1], 9, &stays).is_err());
+    assert!(dynamic_aperture(&follow, &[0.0, 0.0], &[vec![1.0]], &[0.1], 9, &stays).is_err());
 }

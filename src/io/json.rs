@@ -5,6 +5,7 @@ use super::{read_bytes, write_atomically};
 use crate::digest;
 use crate::error::Error;
 use crate::flow::{OutsidePolynomials, PolynomialExit, Region};
+use crate::measure::orbits::maps_survived;
 use crate::network::{Architecture, Invariant, Model, Pace, Rollout, map_jacobians, map_points};
 use crate::phase::{Direction, Section, Units};
 use crate::train::{Checkpoint, Fitted};
@@ -175,6 +176,31 @@ impl StoredModel {
                 state * request.every
             ),
         })
+    }
+
+    /// The maps after which each orbit from these points of the data is outside of a region for the first time; None of
+    /// those that stay in it for all `maps`, as [`maps_survived`] has it.
+    ///
+    /// # Errors
+    /// Those of [`StoredModel::rollout`], but for orbits that are lost; when the region is of another dimension.
+    pub fn maps_survived(
+        &self,
+        points: &[f64],
+        maps: usize,
+        within: &Region,
+    ) -> Result<Vec<Option<usize>>, Error> {
+        let dim = 2 * self.model.composition().dof();
+        Error::check_count("coordinates of the region", dim, within.low.len())?;
+        self.check_points("points", points)?;
+        let follow = |here: &[f64], maps: usize| {
+            let mut start = here.to_vec();
+            self.to_network(&mut start);
+            let mut states = self.model.rollout(&start, Rollout { steps: maps, every: 1 })?;
+            self.to_data(&mut states);
+            Ok(states.split_off(here.len()))
+        };
+        let stays = |z: &[f64]| within.first_outside(z).is_none();
+        maps_survived(&follow, points, dim, maps, &stays)
     }
 
     /// What of some trajectories, (T, M, 2n) with one state in `every` kept of M = `points` of

@@ -44,6 +44,7 @@ mod samples;
 mod series_invariant;
 mod stopping;
 mod surfaces;
+mod survival;
 mod symplecticity;
 mod tally;
 mod work_precision;
@@ -89,6 +90,7 @@ pub mod orbits {
         PeriodicOrbit, WithJacobian, lyapunov_exponent, periodic_orbit, periodic_orbits,
     };
     pub use super::rotation::{RotationNumber, rotation_numbers};
+    pub use super::survival::{Follow, dynamic_aperture, maps_survived};
 }
 
 /// Error against run time: the methods of a comparison and the fastest of them.

@@ -17,7 +17,7 @@ use crate::network::{Architecture, Pace, Rollout};
 use crate::phase::Direction;
 use crate::scene::own_invariance_fault;
 use arrays::{Points, Rows, array, points_of};
-use numpy::{PyArray1, PyArrayDyn};
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use rayon::prelude::*;
@@ -381,6 +381,38 @@ impl Model {
         array(py, values, points.shape(&[], &[]))
     }
 
+    /// The steps after which each orbit from `points`, (..., 2n), is outside of the box from `low` to `high`, 2n numbers
+    /// each, for the first time, and `steps` + 1 of those that stay: (...), integers. The box is that of the training
+    /// points unless given. Raises Error as `predict`, but for orbits that are lost, and where no box is known.
+    #[pyo3(signature = (points, steps, low=None, high=None))]
+    fn survival<'py>(
+        &self,
+        py: Python<'py>,
+        points: Rows<'py>,
+        steps: usize,
+        low: Option<Vec<f64>>,
+        high: Option<Vec<f64>>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
+        let points = self.points(&points)?;
+        let unknown = || Error::invalid("survival", "no box", "low and high: the model has none");
+        let own = self.stored.provenance.region.clone();
+        let region = match (low, high, own) {
+            (Some(low), Some(high), _) => Region { low, high },
+            (low, high, own) => {
+                let own = own.ok_or_else(unknown)?;
+                Region { low: low.unwrap_or(own.low), high: high.unwrap_or(own.high) }
+            }
+        };
+        for (name, corner) in [("low", &region.low), ("high", &region.high)] {
+            Error::check_count(name, 2 * self.dof(), corner.len())?;
+        }
+        let found = py.detach(|| self.stored.maps_survived(&points.values, steps, &region))?;
+        let last = |lost: Option<usize>| lost.unwrap_or(steps + 1) as i64;
+        let found: Vec<i64> = found.into_iter().map(last).collect();
+        let flat = PyArray1::from_vec(py, found);
+        flat.reshape(points.shape(&[], &[]))
+    }
+
     /// The different orbits of exactly `period` steps that Newton's method finds from `guesses`, (N, 2n), with exact
     /// Jacobians, in units of the data: a list of dictionaries with points (period, 2n), multiplier, the Jacobian of a
     /// whole period (2n, 2n), its trace, Greene's residue (2 - trace)/4, and by how much the orbit misses its
@@ -616,7 +648,7 @@ mod _native {
     #[pymodule_export]
     use super::lines::FieldLines;
     #[pymodule_export]
-    use super::orbits::{PyInvariantCircle, rotation_number};
+    use super::orbits::{PyInvariantCircle, rotation_number, tunes};
     #[pymodule_export]
     use super::training::train;
     #[pymodule_export]

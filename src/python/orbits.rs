@@ -1,12 +1,12 @@
 //! What is asked of the orbits of a map, in Python.
 
-use super::arrays::{Rows, array, point_of, points_of, rows_of};
+use super::arrays::{Rows, array, point_of, points_of, read, rows_of};
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::io::StoredModel;
 use crate::measure::orbits::{
     Branch, InvariantCircle, PeriodicOrbit, WithJacobian, manifold, periodic_orbit,
-    periodic_orbits, rotation_numbers,
+    periodic_orbits, rotation_numbers, tunes as tunes_of,
 };
 use crate::network::Rollout;
 use crate::phase::Direction;
@@ -92,6 +92,35 @@ pub(super) fn manifold_of<'py>(
     })?;
     let count = points.len() / 2;
     array(py, points, vec![count, 2])
+}
+
+/// The tunes of orbits, (T, 2n) or (T, M, 2n), T states of each, in every plane: (turns, changes), both (n,) or (M, n).
+/// Turns are those of a step from p towards q, between -1/2 and 1/2, by windowed frequency analysis; changes are the
+/// differences of those of the two halves: small on an invariant torus, and a sign of chaos where they are not. NaN of
+/// orbits of fewer than 32 states or that are lost. Raises Error of arrays of other shapes.
+#[pyfunction]
+pub(super) fn tunes<'py>(
+    py: Python<'py>,
+    orbits: Rows<'py>,
+) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
+    let (values, shape) = read("orbits", &orbits)?;
+    let (count, dim) = match shape[..] {
+        [_, dim] => (1, dim),
+        [_, count, dim] => (count, dim),
+        _ => (0, 0),
+    };
+    if count == 0 || dim == 0 || !dim.is_multiple_of(2) {
+        let found = format!("an array of shape {shape:?}");
+        return Err(Error::invalid("orbits", found, "(T, 2n) or (T, M, 2n)").into());
+    }
+    let orbits = Trajectories::new(values, dim, count)?;
+    let found = py.detach(|| tunes_of(&orbits));
+    let of = |values: Vec<f64>| {
+        let alone = shape.len() == 2;
+        array(py, values, if alone { vec![dim / 2] } else { vec![count, dim / 2] })
+    };
+    let turns = found.iter().flat_map(|one| one.turns.clone()).collect();
+    Ok((of(turns)?, of(found.into_iter().flat_map(|one| one.changes).collect())?))
 }
 
 /// The rotation number of an orbit (T, 2) of a map of a plane about `centre`, in turns a step, by weighted Birkhoff

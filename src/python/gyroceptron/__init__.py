@@ -14,6 +14,7 @@ from ._native import (
     load,
     rotation_number,
     train,
+    tunes,
 )
 
 __all__ = [
@@ -26,4 +27,5 @@ __all__ = [
     "load",
     "rotation_number",
     "train",
+    "tunes",
 ]

@@ -139,6 +139,14 @@ class Model:
         self, guesses: ArrayLike, period: int = 1, apart: float = 1e-6
     ) -> list[_PeriodicOrbit]:
         """The orbits of exactly so many steps that Newton's method finds from guesses (N, 2n)."""
+    def survival(
+        self,
+        points: ArrayLike,
+        steps: int,
+        low: Sequence[float] | None = None,
+        high: Sequence[float] | None = None,
+    ) -> NDArray[np.int64]:
+        """The steps after which each orbit leaves a box, and one more than all of those that stay."""
     def lyapunov_exponent(self, point: ArrayLike, steps: int) -> float:
         """How fast neighbours of the orbit from a point part: ln of their growth a step."""
     def alignment_index(self, point: ArrayLike, steps: int) -> float:
@@ -236,6 +244,9 @@ class FieldLines:
         self, path: str | PathLike[str], points: ArrayLike, overwrite: bool = False
     ) -> None:
         """Writes B_phi on a grid around points: a file that train takes as its section."""
+
+def tunes(orbits: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The turns a step of orbits (T, M, 2n) in every plane, and by how much their halves differ."""
 
 def rotation_number(
     orbit: ArrayLike, centre: tuple[float, float], near: float = 0.0

@@ -1,0 +1,80 @@
+//! How long orbits stay, and how far out they do: survival by turns, and the dynamic aperture.
+
+use crate::error::Error;
+
+/// What follows orbits: the states after 1, …, so many maps of points in rows, one state of all after another. States of
+/// an orbit that is lost are NaN or anything else that does not stay.
+pub type Follow<'a> = &'a (dyn Fn(&[f64], usize) -> Result<Vec<f64>, Error> + 'a);
+
+/// The maps after which each orbit is outside for the first time, counted from 1; None of those that stay for all `maps`.
+/// `dim` numbers are a point, and `stays` says whether one is inside: a NaN is not.
+///
+/// # Errors
+/// Those of `follow`; when there are no whole points.
+pub fn maps_survived(
+    follow: Follow<'_>,
+    starts: &[f64],
+    dim: usize,
+    maps: usize,
+    stays: &dyn Fn(&[f64]) -> bool,
+) -> Result<Vec<Option<usize>>, Error> {
+    /// States that are held at once.
+    const PART: usize = 64;
+    Error::check_rows("points", starts.len(), dim)?;
+    let mut out = vec![None; starts.len() / dim];
+    let mut kept: Vec<usize> = (0..out.len()).collect();
+    let mut here = starts.to_vec();
+    let mut done = 0;
+    while done < maps && !kept.is_empty() {
+        let part = PART.min(maps - done);
+        let states = follow(&here, part)?;
+        Error::check_count("numbers of states", part * here.len(), states.len())?;
+        for (k, orbit) in kept.iter().enumerate() {
+            let leaves = |t: &usize| !stays(&states[t * here.len() + k * dim..][..dim]);
+            out[*orbit] = (0..part).find(leaves).map(|t| done + t + 1);
+        }
+        let last = &states[(part - 1) * here.len()..];
+        let stay = kept.iter().enumerate().filter(|(_, orbit)| out[**orbit].is_none());
+        let (rows, still): (Vec<&[f64]>, Vec<usize>) =
+            stay.map(|(k, orbit)| (&last[k * dim..][..dim], *orbit)).unzip();
+        (here, kept, done) = (rows.concat(), still, done + part);
+    }
+    Ok(out)
+}
+
+/// The dynamic aperture along rays from the closed orbit: of each, the largest of the radii up to which all points
+/// centre + radius·direction stay for so many maps; 0 where the first is lost.
+///
+/// # Errors
+/// Those of [`maps_survived`]; when radii do not grow from above 0, or a direction is of other than `dim` numbers.
+pub fn dynamic_aperture(
+    follow: Follow<'_>,
+    centre: &[f64],
+    directions: &[Vec<f64>],
+    radii: &[f64],
+    maps: usize,
+    stays: &dyn Fn(&[f64]) -> bool,
+) -> Result<Vec<f64>, Error> {
+    let dim = centre.len();
+    let mut before = 0.0;
+    for radius in radii {
+        if !(*radius > before && radius.is_finite()) {
+            let found = format!("{radius} after {before}");
+            return Err(Error::invalid("radii", found, "numbers that grow from above 0"));
+        }
+        before = *radius;
+    }
+    let mut starts = Vec::with_capacity(directions.len() * radii.len() * dim);
+    for direction in directions {
+        Error::check_count("numbers of a direction", dim, direction.len())?;
+        for radius in radii {
+            starts.extend(centre.iter().zip(direction).map(|(c, d)| radius.mul_add(*d, *c)));
+        }
+    }
+    let survived = maps_survived(follow, &starts, dim, maps, stays)?;
+    let of_ray = survived.chunks(radii.len().max(1)).map(|of_ray| {
+        let stay = of_ray.iter().take_while(|lost| lost.is_none()).count();
+        stay.checked_sub(1).map_or(0.0, |last| radii[last])
+    });
+    Ok(of_ray.take(directions.len()).collect())
+}
