@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The map of a storage ring beside tracking element by element, and the table of their errors and times.
 
-    python3 benches/peers/ring.py [--turns N] [--pairs N] [--iterations N] [--rays N] [--short]
+    python3 benches/peers/ring.py [cell] [momenta] [--turns N] [--pairs N] [--iterations N] [--rays N] [--short]
 
 Makes a virtual environment of its own in target/peers (accelerator-toolbox, NumPy and SciPy from PyPI, and this package
 as it stands), takes the hybrid multi-bend cell that accelerator-toolbox ships, 32 of which are a ring of 844 m, and lets
@@ -16,7 +16,6 @@ Tracking takes most of the time: seven minutes for 300 turns of 1,430 particles.
 
 import argparse
 import itertools
-import json
 import os
 import pathlib
 import subprocess
@@ -44,7 +43,7 @@ def environment():
     for what in (PACKAGES, ["--no-deps", "--force-reinstall", str(ROOT)]):
         if subprocess.run([python, "-m", "pip", "install", "--quiet", *what], check=False).returncode != 0:
             sys.exit(f"{', '.join(what)} could not be installed: nothing is compared")
-    threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "RAYON_NUM_THREADS": "1"}
     os.execve(python, [python, *sys.argv], os.environ | threads)
 
 
@@ -165,7 +164,9 @@ def table(head, rows):
     print(flush=True)
 
 
-def on_momentum(cell, options, network):
+def on_momentum(cell, options):
+    starts = 1 if options.short else 3
+    network = dict(kicks=(8, 4, 8), twists=(1, 8, 5), perturbation=(10, 4, 8), starts=starts, validation=0.1)
     before = cell.ball(options.pairs, 1)
     after, making = seconds(lambda: cell.track(before))
     unseen = cell.ball(2000, 2)
@@ -227,7 +228,8 @@ def on_momentum(cell, options, network):
     )
 
 
-def off_momentum(cell, options, network):
+def off_momentum(cell, options):
+    network = dict(kicks=(6, 3, 6), twists=(1, 6, 4), perturbation=(8, 3, 6), starts=1, validation=0.15, control_degree=3)
     deltas = np.linspace(-0.02, 0.02, 13)
     count = options.pairs // 8
     before = np.concatenate([cell.ball(count, 10 + k, RADIUS / 2) for k in range(len(deltas))])
@@ -261,19 +263,22 @@ def off_momentum(cell, options, network):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", default=["cell", "momenta"], help="cell, momenta")
     parser.add_argument("--turns", type=int, default=300, help="turns that a particle has to survive")
     parser.add_argument("--pairs", type=int, default=8000, help="pairs to train with")
     parser.add_argument("--iterations", type=int, default=500)
     parser.add_argument("--rays", type=int, default=13)
     parser.add_argument("--short", action="store_true", help="few of all, to see that it runs")
     options = parser.parse_args()
+    if unknown := set(options.parts) - {"cell", "momenta"}:
+        parser.error(f"{', '.join(unknown)}: cell or momenta")
     if options.short:
         options.turns, options.pairs, options.iterations, options.rays = 5, 2000, 20, 3
-    network = dict(kicks=(8, 4, 8), twists=(1, 8, 5), perturbation=(10, 4, 8), starts=1 if options.short else 3, validation=0.1)
-    print(json.dumps(network))
     cell = Cell()
-    on_momentum(cell, options, network)
-    off_momentum(cell, options, network)
+    if "cell" in options.parts:
+        on_momentum(cell, options)
+    if "momenta" in options.parts:
+        off_momentum(cell, options)
 
 
 main()

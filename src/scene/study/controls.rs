@@ -161,8 +161,8 @@ impl Study for ControlsOptions {
         }
         let mut rivals = Vec::new();
         for &degree in &self.polynomials {
-            let name = format!("polynomial of degree {degree}");
-            let one = context.stage(&name, |_| {
+            let name = format!("degree {degree}");
+            let one = context.stage(&format!("polynomial of {name}"), |_| {
                 let family = PolynomialFamily::fit(&lines.training, degree, of)?;
                 let mut judged = Vec::new();
                 for truth in &truths {
@@ -182,7 +182,7 @@ impl Study for ControlsOptions {
         let names: Vec<String> = of.ranges.iter().map(|range| range.name.clone()).collect();
         let mut summary = vec![
             Block::Text(results.words(&of.describe(), &machine)),
-            Block::Table(results.at_values(&names)),
+            Block::Table(results.at_values(&names, false)),
             Block::Text(
                 "Derivatives by the controls, in the middle of their ranges: exact, by dual numbers through the network, \
                  and by differences of the network and of lines of the coils."
@@ -212,10 +212,15 @@ impl Study for ControlsOptions {
             figures.push(results.figure(&names));
         }
         let timed: Vec<_> = found.iter().map(|one| (&one.name, &one.aims.seconds)).collect();
+        let details = vec![
+            Block::Text("At values that were learnt:".into()),
+            Block::Table(results.at_values(&names, true)),
+        ];
         Ok(Findings {
             title: "Controls".into(),
             results: Section {
                 summary,
+                details,
                 data: json!({
                     "controls": of,
                     "reference": truths.iter().map(Truth::data).collect::<Vec<_>>(),
@@ -223,7 +228,6 @@ impl Study for ControlsOptions {
                     "networks": found,
                     "rivals": rivals,
                 }),
-                ..Section::default()
             },
             timings: Section { summary: times, data: json!(timed), ..Section::default() },
             figures,
@@ -688,7 +692,8 @@ impl Results<'_> {
         let error = self.truths.iter().map(|truth| truth.error).fold(0.0, max_or_nan);
         format!(
             "{described}: networks were trained with lines of {} machines, {} pairs of each in the mean. {} lines of each, \
-             over {} maps, are compared here; maps of the reference err by {} m. {}.",
+             over {} maps, are compared here; maps of the reference err by {} m. {}. At values that none was fitted to: the \
+             root mean square of one map, the furthest line after all, how far off the axis is, its |ι| and Tr M.",
             self.truths.iter().filter(|truth| truth.learnt).count(),
             machine.lines.training.len() / self.truths.iter().filter(|truth| truth.learnt).count(),
             self.options.lines,
@@ -698,25 +703,25 @@ impl Results<'_> {
         )
     }
 
-    fn at_values(&self, names: &[String]) -> Table {
-        let after = format!("furthest after {} [m]", self.options.maps);
+    /// At values that are learnt, or at others.
+    fn at_values(&self, names: &[String], learnt: bool) -> Table {
+        let after = format!("after {} [m]", self.options.maps);
         let mut table = Table::new([
             (names.join(", "), Format::Exact),
-            ("learnt".into(), Format::Exact),
             ("method".into(), Format::Exact),
-            ("a map, rms [m]".into(), Format::Exponent(1)),
+            ("rms [m]".into(), Format::Exponent(1)),
             (after, Format::Exponent(1)),
-            ("axis off by [m]".into(), Format::Exponent(1)),
-            ("its |ι|".into(), Format::Fixed(9)),
+            ("axis [m]".into(), Format::Exponent(1)),
+            ("its |ι|".into(), Format::Fixed(6)),
             ("off by".into(), Format::Exponent(1)),
-            ("its Tr M by".into(), Format::Exponent(1)),
+            ("Tr M".into(), Format::Exponent(1)),
         ]);
-        for (number, truth) in self.truths.iter().enumerate() {
+        let truths = self.truths.iter().enumerate();
+        for (number, truth) in truths.filter(|(_, truth)| truth.learnt == learnt) {
             for (name, judged) in self.all() {
                 let at = &judged[number];
                 table.push([
                     truth.words().into(),
-                    if truth.learnt { "yes" } else { "no" }.into(),
                     name.into(),
                     at.one.into(),
                     at.after.into(),
