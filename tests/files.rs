@@ -177,7 +177,7 @@ fn broken_models_are_refused() {
         std::fs::write(&path, whole.replacen(from, to, 1)).expect("written");
         load_model(&path)
     };
-    names(with("\"version\": 3", "\"version\": 5"), &["model.json", "5", "4", "newer"]);
+    names(with("\"version\": 3", "\"version\": 6"), &["model.json", "6", "5", "newer"]);
     names(with("gyroceptron-model", "gyroceptron-checkpoint"), &["model.json", "checkpoint"]);
     names(with("\"epsilon\": 0.01", "\"epsilon\": null"), &["model.json"]);
     names(with("\"epsilon\": 0.01", "\"epsilon\": 1e999"), &["model.json"]);

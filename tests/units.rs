@@ -288,7 +288,7 @@ fn files_keep_units() {
         ("30.0", "31.0", "digest"),
         ("0.25", "0.5", "digest"),
         ("\"centre\"", "\"center\"", "center"),
-        ("\"version\": 3", "\"version\": 5", "newer"),
+        ("\"version\": 3", "\"version\": 6", "newer"),
     ] {
         assert!(text.contains(from));
         let told = parse_model("m.json", text.replacen(from, to, 1).as_bytes()).expect_err(word);

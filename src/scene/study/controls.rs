@@ -830,7 +830,7 @@ impl Results<'_> {
     fn figure(&self, names: &[String]) -> Figure {
         let mut series = Vec::new();
         for (number, (name, judged)) in self.all().enumerate() {
-            for (learnt, style) in [(true, Style::Marked), (false, Style::Dots)] {
+            for (learnt, style) in [(true, Style::Dashed), (false, Style::Marked)] {
                 let both = self.truths.iter().zip(judged);
                 let of = both.filter(|(truth, _)| truth.learnt == learnt);
                 let mut points: Vec<(f64, f64)> =
