@@ -217,7 +217,7 @@ def on_momentum(cell, options):
     head = ["", "numbers", "a cell, rms", "tunes differ at 0.2, 1.1, 2.2, 3.3, 4.4 and 5.5 mm by"]
     table([*head, f"aperture of {options.turns} turns, mean and largest", "time", "as fast"], rows)
     together = np.repeat(starts[:2], 32, axis=0)
-    _, own_turn = seconds(lambda: model.predict(together, steps=CELLS * 1000, every=CELLS * 1000))
+    _, own_turn = seconds(lambda: model.predict(together, CELLS * 1000, CELLS * 1000, "ignore"))
     _, of_ring = seconds(lambda: cell.track(together, CELLS * 20))
     own_turn, of_ring = own_turn / 64e3, of_ring / (64 * 20)
     print(
@@ -254,7 +254,7 @@ def off_momentum(cell, options):
     def tunes_at(delta, states):
         return gyroceptron.tunes(states(delta))[0][0]
 
-    by_map = lambda delta: model.at(delta=delta).predict(start, steps=1024)  # noqa: E731
+    by_map = lambda delta: model.at(delta=delta).predict(start, 1024, outside="ignore")  # noqa: E731
     by_tracking = lambda delta: cell.track(start, 1024, delta=delta, every=1)  # noqa: E731
     found = [(tunes_at(step, way) - tunes_at(-step, way)) / (2 * step) for way in (by_map, by_tracking)]
     words = [", ".join(f"{v:.5f}" for v in values) for values in found]

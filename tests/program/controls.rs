@@ -200,7 +200,7 @@ validation = 0.25
 orbit = 30
 [data.lines]
 coils = {{ kind = "torsatron" }}
-lines = 8
+lines = 6
 reach = 0.04
 error = 1e-6
 [data.lines.controls]
@@ -213,10 +213,10 @@ iterations = 60
 optimiser = {{ kind = "levenberg-marquardt" }}
 [controls]
 unseen = [{unseen}]
-lines = 4
-maps = 8
+lines = 3
+maps = 6
 difference = 0.02
-turning = 200
+turning = 128
 polynomials = [4]
 aims = [0.002, 1.0]
 [[models]]
