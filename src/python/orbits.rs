@@ -94,15 +94,15 @@ pub(super) fn manifold_of<'py>(
     array(py, points, vec![count, 2])
 }
 
+/// A tuple of them.
+type TwoArrays<'py> = (Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>);
+
 /// The tunes of orbits, (T, 2n) or (T, M, 2n), T states of each, in every plane: (turns, changes), both (n,) or (M, n).
 /// Turns are those of a step from p towards q, between -1/2 and 1/2, by windowed frequency analysis; changes are the
 /// differences of those of the two halves: small on an invariant torus, and a sign of chaos where they are not. NaN of
 /// orbits of fewer than 32 states or that are lost. Raises Error of arrays of other shapes.
 #[pyfunction]
-pub(super) fn tunes<'py>(
-    py: Python<'py>,
-    orbits: Rows<'py>,
-) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
+pub(super) fn tunes<'py>(py: Python<'py>, orbits: Rows<'py>) -> PyResult<TwoArrays<'py>> {
     let (values, shape) = read("orbits", &orbits)?;
     let (count, dim) = match shape[..] {
         [_, dim] => (1, dim),
@@ -120,7 +120,8 @@ pub(super) fn tunes<'py>(
         array(py, values, if alone { vec![dim / 2] } else { vec![count, dim / 2] })
     };
     let turns = found.iter().flat_map(|one| one.turns.clone()).collect();
-    Ok((of(turns)?, of(found.into_iter().flat_map(|one| one.changes).collect())?))
+    let changes = found.into_iter().flat_map(|one| one.changes).collect();
+    Ok((of(turns)?, of(changes)?))
 }
 
 /// The rotation number of an orbit (T, 2) of a map of a plane about `centre`, in turns a step, by weighted Birkhoff

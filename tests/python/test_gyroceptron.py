@@ -284,7 +284,8 @@ def test_stubs_say_what_there_is():
     assert names == set(gyroceptron.__all__)
 
     def parameters(node):
-        return [a.arg for a in (*node.args.args, *node.args.kwonlyargs)]
+        rest = [node.args.kwarg] if node.args.kwarg else []
+        return [a.arg for a in (*node.args.args, *node.args.kwonlyargs, *rest)]
 
     for name, node in functions.items():
         signature = inspect.signature(getattr(gyroceptron, name))
