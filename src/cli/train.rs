@@ -11,9 +11,11 @@ use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
 use gyroceptron::io::{Checkpoints, StoredModel, load_model, read_pairs, read_section, save_model};
 use gyroceptron::layer::TorusAction;
-use gyroceptron::network::{LayerSizes, NetworkSpec};
+use gyroceptron::network::{Controls, LayerSizes, NetworkSpec};
 use gyroceptron::scene::render::terminal;
-use gyroceptron::scene::{Folder, Note, Observer, OwnTraining, Scene, TrainingTimes, next_command};
+use gyroceptron::scene::{
+    Folder, NextStep, Note, Observer, OwnTraining, Scene, TrainingTimes, next_command,
+};
 use gyroceptron::train::{
     AdamOptions, Checkpoint, Control, ControlOptions, Fit, FitNote, LbfgsOptions,
     LevenbergMarquardtOptions, Loss, Optimiser, Plateau, Problem, Progress as TrainingProgress,
@@ -382,9 +384,12 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let angles = fitted.model().angles().to_vec();
     let parameters = fitted.model().parameters().len();
     let units = fitted.problem.units.clone();
-    let next = &|step| {
+    let example = fitted.problem.architecture.controls.as_ref().map(Controls::example);
+    let next = &|step: NextStep| {
         let typed: Vec<String> = std::env::args().skip(1).collect();
-        next_command(&typed, step, &arguments.output)
+        let at = example.as_ref().filter(|_| step == NextStep::Predict);
+        let at = at.map(|values| format!(" --at {values}")).unwrap_or_default();
+        next_command(&typed, step, &arguments.output) + &at
     };
     let report = OwnTraining { name, fitted, times, command, next }
         .report(&Folder::open_report(&report_folder, true)?)?;

@@ -160,6 +160,14 @@ impl Controls {
         )
     }
 
+    /// Values of all of them as an option takes them: `a=0.25,b=3`, a fourth into each range.
+    pub fn example(&self) -> String {
+        let value = |range: &ControlRange| {
+            format!("{}={}", range.name, 0.25f64.mul_add(range.high - range.low, range.low))
+        };
+        self.ranges.iter().map(value).collect::<Vec<_>>().join(",")
+    }
+
     /// The middle of each range.
     pub fn nominal(&self) -> Vec<f64> {
         self.ranges.iter().map(ControlRange::nominal).collect()

@@ -85,6 +85,7 @@ fn a_model_takes_values_of_its_controls() {
     assert!(told.contains("one value between the others are held out"), "{told}");
     let report = std::fs::read_to_string(path.join("model-report/report.md")).expect("a report");
     assert!(report.contains("--controls coil --control-degree 4"), "{report}");
+    assert!(report.contains("--output TRAJECTORIES.npy --at coil=-0.5"), "{report}");
     // A library user comes to the same bits.
     let named = NetworkSpec::named("normal-form").expect("a name");
     let sizes = [("kicks", 4, 4), ("twists", 1, 3), ("perturbation", 4, 4)];
