@@ -12,7 +12,7 @@ use gyroceptron::network::{
     Architecture, Block, ControlRange, Controls, GyroceptronShape, HenonShape, InitialWeights,
     Layers, Model, NetworkSpec, Part, Rollout,
 };
-use gyroceptron::phase::{AreaDensity, Map, Section, Units};
+use gyroceptron::phase::{AreaDensity, Change, Map, Section, Units};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::train::{
@@ -279,7 +279,7 @@ fn slope(values: impl Fn(f64) -> f64, h: f64) -> f64 {
 fn stored(model: &Model) -> StoredModel {
     let density =
         AreaDensity::of_function(|x, y| 1.0 + 0.2 * x + 0.1 * y * y, [-2.0; 2], [2.0; 2], 1.3);
-    let changes: [&dyn Fn(f64, f64) -> f64; 2] = [&|x, y| 0.05 * x * y, &|x, _| 0.03 + 0.02 * x];
+    let changes: [Change<'_>; 2] = [(&|x, y| 0.05 * x * y, 2.0), (&|x, _| 0.03 + 0.02 * x, 0.5)];
     let density = density.and_then(|density| density.with_changes(&changes)).expect("positive");
     StoredModel {
         model: model.clone(),
@@ -390,7 +390,7 @@ fn a_section_follows_its_controls() {
     let nominal = |x: f64, y: f64| 2.0 + 0.3 * x - 0.1 * x * y;
     let change = |x: f64, y: f64| 0.4 * y + 0.2 * x * x;
     let made = AreaDensity::of_function(nominal, [-1.0; 2], [1.0; 2], 2.0);
-    let made = made.and_then(|made| made.with_changes(&[&change])).expect("positive");
+    let made = made.and_then(|made| made.with_changes(&[(&change, 0.7)])).expect("positive");
     let there = |x: f64, y: f64| nominal(x, y) + 0.7 * change(x, y);
     let wanted = AreaDensity::of_function(there, [-1.0; 2], [1.0; 2], 2.0).expect("positive");
     let at = made.at(&[0.7]).expect("one number");
@@ -434,6 +434,20 @@ fn models_and_pairs_with_controls_come_back_from_their_files() {
     let file = read_pairs(&path).expect("read");
     assert_eq!((file.controls, file.has_epsilons, file.has_times), (2, false, false));
     assert_eq!(file.pairs, pairs);
+}
+
+/// Pairs of several machines at one ε, that of the network, are of no family of ε.
+#[test]
+fn controls_alone_say_nothing_of_epsilon() {
+    let (pairs, values) = pairs_of_henon(&[[0.0, 0.0], [1.0, 1.0], [0.0, 1.0]], 5, 1);
+    let ones = vec![1.0; pairs.len()];
+    let data = FamilyPairs::from(pairs.under_controls(&ones, &ones, &values).expect("values"));
+    assert_eq!((data.has_epsilons, data.has_times), (false, false));
+    // A change that is none has no error of its own.
+    let density =
+        AreaDensity::of_function(|x, _| 2.0 + x, [-1.0; 2], [1.0; 2], 1.0).expect("positive");
+    let same = density.clone().with_changes(&[(&|_, _| 0.0, 1.0)]).expect("finite");
+    assert_eq!(same.error(), density.error());
 }
 
 /// All pairs at some inner values judge the others; the ends and the middle stay.
@@ -489,8 +503,17 @@ fn what_controls_cannot_be_is_refused() {
         let rows: Vec<&[f64]> = rows.iter().map(|row| &row[..]).collect();
         assert_eq!(made(options(&[], None), &rows).expect("values").degree, degree);
     }
+    // Two values of one control do not tell its square, nor values on a line two controls apart.
+    let grid: Vec<[f64; 2]> = (0..20).map(|k| [f64::from(k % 2), f64::from(k / 2)]).collect();
+    let grid: Vec<&[f64]> = grid.iter().map(|row| &row[..]).collect();
+    assert_eq!(made(options(&[], None), &grid).expect("values").degree, 1);
+    says(made(options(&[], Some(2)), &grid), "do not tell these apart");
+    let line: Vec<[f64; 2]> = (0..20).map(|k| [f64::from(k), 2.0 * f64::from(k)]).collect();
+    let line: Vec<&[f64]> = line.iter().map(|row| &row[..]).collect();
+    says(made(options(&[], None), &line), "do not tell these apart");
+    says(of(vec![range("epsilon", 0.0, 1.0)], 1), "`epsilon`");
     // What has twists by parts has no controls.
-    let (pairs, values) = pairs_of_henon(&[[0.0, 0.0], [1.0, 1.0]], 30, 1);
+    let (pairs, values) = pairs_of_henon(&[[0.0, 0.0], [1.0, 1.0], [0.0, 1.0]], 30, 1);
     let data = || FamilyPairs::under(pairs.clone(), None, None, Some(&values)).expect("values");
     let mut fit = fit();
     fit.controls = options(&[], Some(1));
@@ -510,6 +533,10 @@ fn what_controls_cannot_be_is_refused() {
     assert!(AtControls::new(model, &[0.0]).is_err());
     let plain = model.at_controls(&[0.0, 0.0]).expect("two values");
     assert!(AtControls::new(&plain, &[]).is_err());
+    // An orbit has no angle about where it begins.
+    let at = AtControls::new(model, &[0.0, 0.0]).expect("two values");
+    let at_centre = at.rotation_response([0.1, 0.2], &[0.0; 4], [0.1, 0.2], 100);
+    assert!(at_centre.expect_err("no angle").to_string().contains("centre"));
     let values = two().values([("b", 0.25)]).expect("a name");
     assert_eq!(values, [1.0, 0.25]);
     assert!(two().values([("c", 0.25)]).expect_err("a name").to_string().contains("one of a, b"));

@@ -87,6 +87,14 @@ fn tunes_are_rotation_numbers_and_tell_chaos() {
     let chaotic = Trajectories::new(follow(1.0, 0.5355, 2000), 4, 1).expect("states");
     let chaotic = &tunes(&chaotic)[0];
     assert!(!(chaotic.changes[0] < 1e-6) && chaotic.changes[1] < 1e-8, "{chaotic:?}");
+    // Far from where it turns about, which is no line of its spectrum; and what does not turn.
+    let mut shifted = follow(1.0, 0.1, 2000);
+    shifted.chunks_exact_mut(4).for_each(|z| (z[0], z[1], z[3]) = (z[0] + 100.0, 7.0, 0.5));
+    let shifted = &tunes(&Trajectories::new(shifted, 4, 1).expect("states"))[0];
+    assert!((shifted.turns[0] - found.turns[0]).abs() < 1e-9, "{shifted:?}");
+    assert!(shifted.turns[1].is_nan() && shifted.changes[1].is_nan(), "{shifted:?}");
+    let still = Trajectories::new(vec![0.0; 400], 4, 1).expect("states");
+    assert!(tunes(&still)[0].turns.iter().all(|turns| turns.is_nan()));
     let few = Trajectories::new(follow(1.0, 0.1, 10), 4, 1).expect("states");
     assert!(tunes(&few)[0].turns[0].is_nan());
 }
@@ -153,6 +161,8 @@ fn the_aperture_is_as_far_as_all_stay() {
     }
     let first = dynamic_aperture(&follow, &[0.0, 0.0], &[vec![1.0, 0.0]], &[5.0], 9, &stays);
     assert_eq!(first.expect("a ray"), [0.0]);
+    let none = dynamic_aperture(&follow, &[0.0, 0.0], &directions, &[], 9, &stays);
+    assert_eq!(none.expect("rays"), [0.0; 8]);
     assert!(dynamic_aperture(&follow, &[0.0, 0.0], &directions, &[0.2, 0.1], 9, &stays).is_err());
     assert!(dynamic_aperture(&follow, &[0.0, 0.0], &[vec![1.0]], &[0.1], 9, &stays).is_err());
 }

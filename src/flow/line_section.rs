@@ -3,7 +3,7 @@
 use super::field_line::ORDER_8;
 use super::{LineMap, Region};
 use crate::error::Error;
-use crate::phase::{AreaDensity, Section};
+use crate::phase::{AreaDensity, Change, Section};
 use crate::scalar::max_or_nan;
 use crate::system::{Coil, CoilField};
 use serde::{Deserialize, Serialize};
@@ -194,25 +194,27 @@ impl LineSection {
     }
 
     /// [`LineSection::chart`] of a field that depends on controls: the coils of each, with the currents that a unit of
-    /// it adds.
+    /// it adds, and the furthest that it is changed by.
     ///
     /// # Errors
     /// Those of [`LineSection::chart`] and [`CoilField::new`].
     pub fn chart_by_controls(
         &self,
         points: &[f64],
-        controls: &[Vec<Coil>],
+        controls: &[(Vec<Coil>, f64)],
     ) -> Result<Section, Error> {
         let [r, z] = self.axis;
         let sign = self.toroidal(&self.field, r, z).signum();
-        let field = |coils: &Vec<Coil>| CoilField::new(coils, self.points);
+        let field = |(coils, _): &(Vec<Coil>, f64)| CoilField::new(coils, self.points);
         let fields: Vec<CoilField> = controls.iter().map(field).collect::<Result<_, _>>()?;
         let densities: Vec<_> = fields
             .iter()
             .map(|field| move |r: f64, z: f64| sign * self.toroidal(field, r, z))
             .collect();
-        let changes: Vec<&dyn Fn(f64, f64) -> f64> =
-            densities.iter().map(|density| density as &dyn Fn(f64, f64) -> f64).collect();
+        let both = densities.iter().zip(controls);
+        let changes: Vec<Change<'_>> = both
+            .map(|(density, (_, furthest))| (density as &dyn Fn(f64, f64) -> f64, *furthest))
+            .collect();
         Ok(Section::of_plane(self.density(points)?.with_changes(&changes)?))
     }
 

@@ -143,6 +143,7 @@ impl StoredModel {
         maps: usize,
     ) -> Result<(f64, Vec<f64>), Error> {
         let at = self.at_controls(values)?;
+        Error::check_count("degrees of freedom", 1, at.model.composition().dof())?;
         let count = values.len();
         let mut points = [start, centre].concat();
         at.check_points("points", &points)?;

@@ -144,8 +144,12 @@ impl<'a> AtControls<'a> {
             let map = self.along(Some(control))?;
             let first = |k: usize| twice(start[k], 0.0, start_moved[k * count + control]);
             let mut z = [first(0), first(1)];
-            let (mut growths, mut changes) = (Vec::with_capacity(maps), Vec::with_capacity(maps));
+            let (mut growths, mut changes) = (Vec::new(), Vec::new());
             let mut before = angle_and_change(&z, centre);
+            if !(before.0.is_finite() && before.1.is_finite()) {
+                let expected = "another point than the centre, of finite numbers";
+                return Err(Error::invalid("start", format!("{start:?}"), expected));
+            }
             for number in 0..maps {
                 map.forward(&mut z);
                 let now = angle_and_change(&z, centre);

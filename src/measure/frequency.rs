@@ -1,7 +1,7 @@
 //! Frequencies of quasi-periodic signals, and the tunes of orbits, by windowed frequency analysis.
 
 use crate::flow::Trajectories;
-use crate::scalar::Elementary;
+use crate::scalar::{Elementary, max_or_nan};
 use faer::Mat;
 use faer::linalg::solvers::Solve;
 use rayon::prelude::*;
@@ -27,6 +27,8 @@ impl SpectralLine {
 const FIRST: usize = 512;
 /// Numbers of a signal, at least.
 const LEAST: usize = 16;
+/// What is so much smaller than a signal is rounding of it.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
 /// Steps of a search between two neighbours of a peak.
 const STEPS: usize = 60;
 
@@ -46,6 +48,9 @@ pub fn spectral_lines(signal: &[[f64; 2]], count: usize) -> Vec<SpectralLine> {
     }
     let mut rest = signal.to_vec();
     for _ in 0..count {
+        if !(largest(&rest) > ROUNDING * largest(signal)) {
+            break;
+        }
         let frequency = peak(&rest);
         if found.iter().any(|line| line.frequency == frequency) {
             break;
@@ -61,6 +66,11 @@ pub fn spectral_lines(signal: &[[f64; 2]], count: usize) -> Vec<SpectralLine> {
         }
     }
     found
+}
+
+/// The largest number of a signal.
+fn largest(signal: &[[f64; 2]]) -> f64 {
+    signal.iter().flatten().map(|v| v.abs()).fold(0.0, max_or_nan)
 }
 
 /// A line at a time.
@@ -225,10 +235,17 @@ pub fn tunes(orbits: &Trajectories) -> Vec<Tunes> {
         let in_plane = |j: usize, of: &[&[f64]]| -> f64 {
             let mut signal: Vec<[f64; 2]> = of.iter().map(|z| [z[j], z[dof + j]]).collect();
             let count = signal.len();
-            // What the window makes of a mean is a line of frequency 0.
-            let [x, y] = if count < LEAST { [f64::NAN; 2] } else { transform(&signal, count, 0.0) };
+            if count < LEAST {
+                return f64::NAN;
+            }
+            let size = largest(&signal);
+            // What the window makes of a mean is a line of frequency 0; its weights add up to this.
+            let weights = (count - 1) as f64 / count as f64;
+            let [x, y] = transform(&signal, count, 0.0).map(|v| v / weights);
             signal.iter_mut().for_each(|z| *z = [z[0] - x, z[1] - y]);
-            spectral_lines(&signal, 1).first().map_or(f64::NAN, |line| -line.frequency)
+            let turns = largest(&signal) > ROUNDING * size;
+            let line = spectral_lines(&signal, usize::from(turns));
+            line.first().map_or(f64::NAN, |line| -line.frequency)
         };
         let turns = (0..dof).map(|j| in_plane(j, &states)).collect();
         let changes = (0..dof).map(|j| {

@@ -71,10 +71,13 @@ pub fn dynamic_aperture(
             starts.extend(centre.iter().zip(direction).map(|(c, d)| radius.mul_add(*d, *c)));
         }
     }
+    if radii.is_empty() {
+        return Ok(vec![0.0; directions.len()]);
+    }
     let survived = maps_survived(follow, &starts, dim, maps, stays)?;
-    let of_ray = survived.chunks(radii.len().max(1)).map(|of_ray| {
+    let of_ray = survived.chunks(radii.len()).map(|of_ray| {
         let stay = of_ray.iter().take_while(|lost| lost.is_none()).count();
         stay.checked_sub(1).map_or(0.0, |last| radii[last])
     });
-    Ok(of_ray.take(directions.len()).collect())
+    Ok(of_ray.collect())
 }

@@ -59,6 +59,9 @@ pub struct Controls {
 impl Controls {
     /// No more are taken.
     pub const MOST: usize = 64;
+    /// Names of what else a model is asked at.
+    const TAKEN: [&str; 8] =
+        ["epsilon", "flow_time", "points", "guess", "period", "start", "centre", "steps"];
     /// No polynomial is of a higher degree.
     pub const MOST_DEGREE: usize = 8;
     /// A network has so many times the parameters of one without controls, at most.
@@ -76,6 +79,11 @@ impl Controls {
             let is_plain = |c: char| c.is_alphanumeric() || c == '-' || c == '_';
             if name.is_empty() || !name.chars().all(is_plain) {
                 let expected = "letters, digits, `-` and `_`";
+                return Err(Error::invalid("name of a control", format!("`{name}`"), expected));
+            }
+            if Self::TAKEN.contains(&&**name) {
+                let expected =
+                    "another one: that is the name of something else that is asked of a model";
                 return Err(Error::invalid("name of a control", format!("`{name}`"), expected));
             }
             if self.ranges[..number].iter().any(|other| other.name == *name) {

@@ -11,7 +11,7 @@
 mod section;
 mod units;
 
-pub use section::{AreaDensity, Section};
+pub use section::{AreaDensity, Change, Section};
 pub use units::{InUnits, Units};
 
 use serde::{Deserialize, Serialize};

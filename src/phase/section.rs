@@ -31,6 +31,9 @@ pub struct AreaDensity {
     error: f64,
 }
 
+/// What a unit of a control adds to a density, and the furthest that it is changed by.
+pub type Change<'a> = (&'a dyn Fn(f64, f64) -> f64, f64);
+
 /// The highest degree along an axis.
 const MOST_DEGREE: usize = 96;
 /// The degrees that are tried, one after another.
@@ -125,7 +128,8 @@ impl AreaDensity {
                 error = max_or_nan(error, (out.density(x, y) - given).abs());
             }
         }
-        out.error = error / size;
+        // Of a change that is none anywhere, the series is none too.
+        out.error = if size == 0.0 { error } else { error / size };
         match out.error.is_finite() {
             true => Ok(out),
             false => Err(positive_expected(f64::NAN, [low[0], low[1]], "within the box")),
@@ -220,19 +224,20 @@ impl AreaDensity {
         self.check_positive()
     }
 
-    /// With a density that is linear in controls, this one and each of these times a control: as is B_φ in the currents
-    /// of coils. They are interpolated at the degrees of this one.
+    /// With a density that is linear in controls, this one and each of these times how far a control is from the value
+    /// that this one stands for: as is B_φ in the currents of coils. They are interpolated at the degrees of this one;
+    /// their errors count at the furthest value, beside each.
     ///
     /// # Errors
     /// [`Error::Invalid`] where one is not finite, with the place.
-    pub fn with_changes(mut self, changes: &[&dyn Fn(f64, f64) -> f64]) -> Result<Self, Error> {
+    pub fn with_changes(mut self, changes: &[Change<'_>]) -> Result<Self, Error> {
         let [degree, _] = self.degrees;
         // Its error counts as a share of what it is added to.
         let size = self.coefficients[0].abs();
-        for change in changes {
+        for (change, furthest) in changes {
             let made = Self::interpolating(change, self.low, self.high, self.scale, degree)?;
             let own = made.coefficients.iter().map(|c| c.abs()).fold(0.0, max_or_nan);
-            self.error = max_or_nan(self.error, made.error * own / size);
+            self.error = max_or_nan(self.error, furthest.abs() * made.error * own / size);
             self.changes.push(made.coefficients);
         }
         Ok(self)

@@ -65,6 +65,18 @@ pub(super) fn at(stored: &StoredModel, values: &[f64]) -> PyResult<(StoredModel,
     Ok((at, note))
 }
 
+/// [`values_of`] keywords, at which the section has a chart; with a warning where one is outside of its range.
+pub(super) fn checked(
+    py: Python<'_>,
+    stored: &StoredModel,
+    given: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Vec<f64>> {
+    let values = values_of(stored, given)?;
+    let (_, outside) = at(stored, &values)?;
+    outside.map_or(Ok(()), |note| super::trained::warn(py, &note))?;
+    Ok(values)
+}
+
 /// See `Model.control_derivatives`.
 pub(super) fn derivatives<'py>(
     py: Python<'py>,

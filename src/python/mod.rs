@@ -406,6 +406,8 @@ impl Model {
         for (name, corner) in [("low", &region.low), ("high", &region.high)] {
             Error::check_count(name, 2 * self.dof(), corner.len())?;
         }
+        region.check("box", self.dof())?;
+        Error::check_count_range("steps", steps, 1, i64::MAX as usize - 1)?;
         let found = py.detach(|| self.stored.maps_survived(&points.values, steps, &region))?;
         let last = |lost: Option<usize>| lost.unwrap_or(steps + 1) as i64;
         let found: Vec<i64> = found.into_iter().map(last).collect();
@@ -543,7 +545,7 @@ impl Model {
         points: Rows<'py>,
         controls: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let values = controls::values_of(&self.stored, controls)?;
+        let values = controls::checked(py, &self.stored, controls)?;
         controls::derivatives(py, &self.stored, &points, &values)
     }
 
@@ -558,7 +560,7 @@ impl Model {
         period: usize,
         controls: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let values = controls::values_of(&self.stored, controls)?;
+        let values = controls::checked(py, &self.stored, controls)?;
         controls::orbit_response(py, &self.stored, &guess, period, &values)
     }
 
@@ -574,7 +576,7 @@ impl Model {
         steps: usize,
         controls: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
-        let values = controls::values_of(&self.stored, controls)?;
+        let values = controls::checked(py, &self.stored, controls)?;
         let of = || self.stored.rotation_response(&values, start, centre, steps);
         let (turns, changes) = py.detach(of)?;
         Ok((turns, PyArray1::from_vec(py, changes)))

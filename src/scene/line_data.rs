@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::flow::{LineRequest, LineSection, Pairs};
 use crate::io::read_coils;
-use crate::network::Controls;
+use crate::network::{ControlRange, Controls};
 use crate::phase::Section;
 use crate::scalar::max_or_nan;
 use crate::system::{Coil, CoilSet, Torsatron};
@@ -454,8 +454,13 @@ impl TracedLines {
             None => section.chart(&points)?,
             Some(controls) => {
                 let set = || lines.coils.set();
-                let coils = |of: &LineControl| set()?.with_currents(&of.currents)?.all();
-                let coils: Vec<_> = controls.list.iter().map(coils).collect::<Result<_, _>>()?;
+                let ranges = controls.of_network()?.ranges;
+                let coils = |(of, range): (&LineControl, &ControlRange)| {
+                    let coils = set()?.with_currents(&of.currents)?.all()?;
+                    Ok::<_, Error>((coils, 0.5 * (range.high - range.low)))
+                };
+                let both = controls.list.iter().zip(&ranges);
+                let coils: Vec<_> = both.map(coils).collect::<Result<_, _>>()?;
                 let chart = section.chart_by_controls(&points, &coils)?;
                 let middle = lines.nominal()?;
                 for at in &controls.values {

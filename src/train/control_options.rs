@@ -13,7 +13,8 @@ pub struct ControlOptions {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub names: Vec<String>,
     /// The total degree of the polynomials that parameters are of them. Without: the highest up to 4 of which
-    /// there are fewer products than values in the pairs, so that no value is learnt by heart.
+    /// there are fewer products than values in the pairs, so that no value is learnt by heart, and which these values
+    /// tell apart; 1 of two values.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub degree: Option<usize>,
 }
@@ -70,11 +71,49 @@ impl ControlOptions {
         let controls = match self.degree {
             Some(degree) => of(degree),
             None => {
-                let learnt = |degree: &usize| of(*degree).terms() < maps.len();
+                let learnt = |degree: &usize| {
+                    let controls = of(*degree);
+                    controls.terms() < maps.len() && are_told(&controls, &maps)
+                };
                 of((1..=Self::USUAL).take_while(learnt).last().unwrap_or(1))
             }
         };
         controls.check()?;
+        if !are_told(&controls, &maps) {
+            let found = format!("{} products of degree {}", controls.terms(), controls.degree);
+            let expected = format!(
+                "a lower degree, or more values: the {} that the pairs have do not tell these apart",
+                maps.len()
+            );
+            return Err(Error::invalid("controls", found, expected));
+        }
         Ok(Some(controls))
     }
+}
+
+/// Whether no product of the controls is a sum of others at these values, by Gram and Schmidt's method.
+fn are_told(controls: &Controls, rows: &[&[f64]]) -> bool {
+    /// Of a product that is told, at least so much is left of its size.
+    const LEFT: f64 = 1e-6;
+    if controls.check().is_err() || controls.terms() > rows.len() {
+        return false;
+    }
+    let of_rows: Vec<Vec<f64>> = rows.iter().map(|row| controls.products(row)).collect();
+    let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+    let mut before: Vec<Vec<f64>> = Vec::new();
+    for k in 0..controls.terms() {
+        let mut column: Vec<f64> = of_rows.iter().map(|products| products[k]).collect();
+        let size = dot(&column, &column).sqrt();
+        for unit in &before {
+            let part = dot(&column, unit);
+            column.iter_mut().zip(unit).for_each(|(v, u)| *v -= part * u);
+        }
+        let left = dot(&column, &column).sqrt();
+        if !(left > LEFT * size) {
+            return false;
+        }
+        column.iter_mut().for_each(|v| *v /= left);
+        before.push(column);
+    }
+    true
 }

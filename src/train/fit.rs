@@ -126,7 +126,9 @@ impl FamilyPairs {
 
 impl From<Pairs> for FamilyPairs {
     fn from(pairs: Pairs) -> Self {
-        let known = !pairs.conditions().is_empty();
+        // Where controls alone tell maps apart, an ε and a flow time of 1 say nothing.
+        let tells = |c: &Condition| c.controls.is_empty() || c.epsilon != 1.0 || c.time != 1.0;
+        let known = pairs.conditions().iter().any(tells);
         Self { pairs, has_epsilons: known, has_times: known }
     }
 }
@@ -360,7 +362,11 @@ impl Fit {
         let controls = self.controls.of_pairs(&pairs).map_err(|e| e.with_place(&self.place))?;
         if let Some(controls) = &controls {
             let of = held_out.as_ref().map_or(&[][..], Pairs::conditions);
-            let held_out = of.iter().filter(|one| !is_learnt(&pairs, &one.controls)).count();
+            let mut held_out: Vec<&[f64]> = of.iter().map(|one| &*one.controls).collect();
+            held_out.retain(|values| !is_learnt(&pairs, values));
+            held_out.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+            held_out.dedup();
+            let held_out = held_out.len();
             notes.push(FitNote::Controls(controls.clone(), held_out));
         }
         let loss = self.training.loss.for_pairs(&action, &nearest, &pairs)?;

@@ -193,19 +193,24 @@ impl Judgement {
         let share = planes[worst].share;
         let left = rotation_errors(action, angles, judge);
         let pooled = root_mean_square(&errors) / (left.iter().sum::<f64>() / dim as f64).sqrt();
-        let starts = &judge.input()[..dim * judge.len().min(ORBITS)];
+        // Orbits are of one machine: the first that judges.
+        let first = judge.conditions().first().filter(|first| !first.controls.is_empty());
+        let at_first = first.map(|first| outcome.model.at_controls(&first.controls)).transpose()?;
+        let model = at_first.as_ref().unwrap_or(&outcome.model);
+        let most = first.map_or(judge.len(), |first| first.pairs).min(ORBITS);
+        let starts = &judge.input()[..dim * most];
         let both: Vec<&Pairs> = [Some(pairs), held_out].into_iter().flatten().collect();
         let region =
             Region::around(dim, both.iter().flat_map(|pairs| [pairs.input(), pairs.output()]));
         let count = starts.len() / dim;
-        let states = outcome.model.rollout(starts, Rollout { steps: STEPS, every: 1 })?;
+        let states = model.rollout(starts, Rollout { steps: STEPS, every: 1 })?;
         let orbits = region.as_ref().map(|region| orbits(&states, count, region));
         // Pairs of several maps do not tell what one of them does to an action.
         let swings = match pairs.conditions() {
             [] => PlaneSwing::measure(&both, action, angles, &states, count),
             _ => Vec::new(),
         };
-        let own = OwnInvariance::measure(&outcome.model, starts, STEPS);
+        let own = OwnInvariance::measure(model, starts, STEPS);
         let limit = limit(outcome.loss, outcome.best.validation, &outcome.history);
 
         let (mut no, mut long, mut care) = (Vec::new(), Vec::new(), Vec::new());

@@ -122,6 +122,7 @@ impl Study for ControlsOptions {
         let missing = || Error::invalid("data", "no data.lines.controls", "controls of a machine");
         let (declared, of) = declared.zip(lines.controls.as_ref()).ok_or_else(missing)?;
         let machine = Machine { declared, lines: &lines };
+        let held_out = declared.controls.as_ref().map_or(0, |controls| controls.held_out.len());
         let rows = declared.controls.iter().flat_map(|controls| &controls.values);
         let rows = rows.map(|row| (row, true)).chain(self.unseen.iter().map(|row| (row, false)));
         // What may fail, before anything is trained.
@@ -202,7 +203,7 @@ impl Study for ControlsOptions {
             Block::Text(format!(
                 "Lines of {} machines took {:.1} s, before any training. To know the axis, ι there and its derivative at \
                  other values:",
-                truths.len() - self.unseen.len(),
+                truths.len() - self.unseen.len() + held_out,
                 context.seconds_of(LINES)
             )),
             Block::Table(results.times()),
@@ -310,6 +311,8 @@ struct Aim {
     change: f64,
     value: f64,
     steps: usize,
+    /// The network has it there.
+    met: bool,
     /// What the coils make of it, beyond what was wanted.
     missed: f64,
     /// The value that the coils lead to by themselves, and how often they were asked.
@@ -557,11 +560,12 @@ impl Machine<'_> {
             }
             out
         };
-        let here = query(nominal[0], &mut centre.to_vec())?.0;
+        let here = timed(0, &mut || Ok(query(nominal[0], &mut centre.to_vec())?.0))?;
         let coils_here = timed(1, &mut || of_coils(nominal[0]))?;
         let mut list = Vec::new();
         for &change in &options.aims {
             let (mut value, mut steps, mut guess) = (nominal[0], 0, centre.to_vec());
+            let mut met = false;
             while steps < STEPS && ranges[0].contains(value) {
                 let mut slope = f64::NAN;
                 let found = timed(0, &mut || {
@@ -571,19 +575,21 @@ impl Machine<'_> {
                 })?;
                 steps += 1;
                 let missed = here + change - found;
-                if missed.abs() <= MET {
+                met = missed.abs() <= MET;
+                if met {
                     break;
                 }
                 value += missed / slope;
             }
-            let outside = !ranges[0].contains(value);
+            // One that is no number has led nowhere.
+            let outside = value.is_finite() && !ranges[0].contains(value);
             let (mut missed, mut by_coils) = (f64::NAN, None);
-            if !outside {
+            if met {
                 missed = timed(1, &mut || of_coils(value))? - coils_here - change;
                 let mut ask = |value: f64| Ok(timed(1, &mut || of_coils(value))? - coils_here);
                 by_coils = secant(&mut ask, nominal[0], slopes.iota[0], change)?;
             }
-            list.push(Aim { change, value, steps, missed, of_coils: by_coils, outside });
+            list.push(Aim { change, value, steps, met, missed, of_coils: by_coils, outside });
         }
         Ok(Aims { list, seconds })
     }
@@ -601,7 +607,8 @@ fn secant(
     const NEAR: f64 = 1e-10;
     let (mut before, mut value) = ((start, 0.0), start + wanted / slope);
     for asked in 1..=STEPS {
-        let found = ask(value)?;
+        // Far from where it began there may be no axis.
+        let Ok(found) = ask(value) else { return Ok(None) };
         if (found - wanted).abs() <= NEAR {
             return Ok(Some((value, asked)));
         }
@@ -793,9 +800,10 @@ impl Results<'_> {
                 table.push([
                     (*change).into(),
                     network.name.as_str().into(),
-                    match aim.outside {
-                        true => "outside of the range".into(),
-                        false => aim.value.into(),
+                    match (aim.met, aim.outside) {
+                        (true, _) => aim.value.into(),
+                        (false, true) => "outside of the range".into(),
+                        (false, false) => "not found".into(),
                     },
                     aim.steps.into(),
                     aim.missed.into(),
