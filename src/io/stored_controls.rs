@@ -130,8 +130,8 @@ impl StoredModel {
         Ok(response)
     }
 
-    /// The turns of an orbit of one degree of freedom about a centre in a map at these values of the controls, and their
-    /// derivatives by the controls while the first point stays where it is; both are points of the data.
+    /// The turns of an orbit of one degree of freedom about a centre in a map at these values of the controls, and
+    /// their derivatives by the controls while the first point stays where it is; both are points of the data.
     ///
     /// # Errors
     /// Those of [`StoredModel::at_controls`] and [`AtControls::rotation_response`].

@@ -32,8 +32,9 @@ const ROUNDING: f64 = 64.0 * f64::EPSILON;
 /// Steps of a search between two neighbours of a peak.
 const STEPS: usize = 60;
 
-/// The strongest lines of a signal f(t) = x + iy, one after another: of each the frequency at which |∫ f w e^{−2πiνt}| has its
-/// maximum with the window w of Hann, and the amplitudes of all that are found by least squares in this product.
+/// The strongest lines of a signal f(t) = x + iy, one after another: of each the frequency at which |∫ f w e^{−2πiνt}|
+/// has its maximum with the window w of Hann, and the amplitudes of all that are found by least squares in this
+/// product.
 ///
 /// The frequency of a line alone is right to rounding; beside others it errs by N⁻⁴ for N numbers. Peaks are looked for
 /// in the first 512 numbers, and followed in twice as many until there are no more: the work is that of a few sums over
@@ -133,7 +134,7 @@ fn highest(signal: &[[f64; 2]], count: usize, place: f64, within: f64) -> f64 {
     let at = |frequency: f64| size(signal, count, frequency);
     let (mut a, mut b) = (high - golden * (high - low), low + golden * (high - low));
     let (mut of_a, mut of_b) = (at(a), at(b));
-    // Where squares differ by less than their rounding, a parabola through points further apart is nearer.
+    // Nearer to the maximum squares differ by less than their rounding: there the derivative is asked.
     let coarse = 1e-3 / count as f64;
     for _ in 0..STEPS {
         if high - low <= coarse {
@@ -152,8 +153,8 @@ fn highest(signal: &[[f64; 2]], count: usize, place: f64, within: f64) -> f64 {
     slope_root(signal, count, 0.5 * (low + high), coarse)
 }
 
-/// Where the derivative of |Σ f w e^{−2πiνt}|² is 0, near a maximum, by the secant method: it is known to rounding where
-/// the square itself is flat.
+/// Where the derivative of |Σ f w e^{−2πiνt}|² is 0, near a maximum, by the secant method: it is known to rounding
+/// where the square itself is flat.
 fn slope_root(signal: &[[f64; 2]], count: usize, place: f64, step: f64) -> f64 {
     let slope = |frequency: f64| {
         let (mut sum, mut moment) = ([0.0; 2], [0.0; 2]);
@@ -187,7 +188,8 @@ fn slope_root(signal: &[[f64; 2]], count: usize, place: f64, step: f64) -> f64 {
 /// The amplitudes of all lines, by least squares in the product of the window.
 fn fit_amplitudes(signal: &[[f64; 2]], lines: &mut [SpectralLine]) {
     let (count, size) = (signal.len(), lines.len());
-    // Of e^{2πiν_k t} with one another: real and imaginary parts of a Hermitian matrix, as a real one of twice the size.
+    // Of e^{2πiν_k t} with one another: real and imaginary parts of a Hermitian matrix, as a real one of twice the
+    // size.
     let ones = vec![[1.0, 0.0]; count];
     let products: Vec<[f64; 2]> = (0..size * size)
         .map(|index| {
@@ -215,16 +217,16 @@ fn fit_amplitudes(signal: &[[f64; 2]], lines: &mut [SpectralLine]) {
 /// How fast an orbit turns in each plane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tunes {
-    /// The turns of each plane in a map, between −½ and ½, from p towards q as a circle action turns; NaN of a plane that
-    /// does not turn, or of an orbit that leaves the finite numbers.
+    /// The turns of each plane in a map, between −½ and ½, from p towards q as a circle action turns; NaN of a plane
+    /// that does not turn, or of an orbit that leaves the finite numbers.
     pub turns: Vec<f64>,
     /// The differences of the tunes of the two halves of the orbit: small on an invariant torus, and a sign of chaos
     /// where they are not.
     pub changes: Vec<f64>,
 }
 
-/// The tunes of each trajectory, of rows q₁ … qₙ, p₁ … pₙ: the frequencies of the strongest lines of q_j + i p_j about their
-/// means.
+/// The tunes of each trajectory, of rows q₁ … qₙ, p₁ … pₙ: the frequencies of the strongest lines of q_j + i p_j about
+/// their means.
 ///
 /// Source: as [`spectral_lines`]; Papaphilippou, <https://doi.org/10.1063/1.4884495>, for their use in rings.
 pub fn tunes(orbits: &Trajectories) -> Vec<Tunes> {

@@ -2,11 +2,12 @@
 
 use crate::error::Error;
 
-/// What follows orbits: the states after 1, …, so many maps of points in rows, one state of all after another. States of
-/// an orbit that is lost are NaN or anything else that does not stay.
+/// What follows orbits: the states after 1, …, so many maps of points in rows, one state of all after another. States
+/// of an orbit that is lost are NaN or anything else that does not stay.
 pub type Follow<'a> = &'a (dyn Fn(&[f64], usize) -> Result<Vec<f64>, Error> + 'a);
 
-/// The maps after which each orbit is outside for the first time, counted from 1; None of those that stay for all `maps`.
+/// The maps after which each orbit is outside for the first time, counted from 1; None of those that stay for all
+/// `maps`.
 /// `dim` numbers are a point, and `stays` says whether one is inside: a NaN is not.
 ///
 /// # Errors

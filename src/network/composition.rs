@@ -298,9 +298,9 @@ impl<P: Scalar> Composition<P> {
         Ok(Composition { dof: self.dof, steps, parameters, epsilon, turns, controls })
     }
 
-    /// This member of a family of maps at another ε and `time` times its flow time: the
-    /// angles of its circles and the times of its twists and of its couplings near the identity grow with it. A map without
-    /// circles is of no family, and stays what it is.
+    /// This member of a family of maps at another ε and `time` times its flow time: the angles of its circles and the
+    /// times of its twists and of its couplings near the identity grow with it. A map without circles is of no family,
+    /// and stays what it is.
     ///
     /// Of a map with several turns, as [`Composition::followed_by`] makes, the first alone is
     /// taken for its circles. The factors of nested calls multiply, those of ε do not.

@@ -10,13 +10,14 @@
 //!
 //! The parameters are one flat vector: those of each block, in the order of the list, each its
 //! layers in the order of application, and an angle θ for each circle at the end.
-//! [`Architecture::tensors`] names them all. Of a network with [`Controls`] as many follow for each product of them. A Hénon layer of width h in n degrees of freedom owns
-//! h(n + 2) + n consecutive numbers: `W` (n × h, row by row), `b` (h), `w` (h), `η` (n). A turned
-//! kick is its n angles and `W`, `b`, `w`; a twist shear `W` (d × h, the rows of the actions
-//! first), `b`, `w` and, the first, third and so on, the rows of the upper triangle of `Q` (d × d).
-//! A coupling is its n angles and `W` (n × h), `b`, `A` (n × h), `a`, `B` (n × h), `β`. A linear
-//! module is its symmetric matrices, each by the rows of its upper triangle, and 2n numbers of its
-//! translation; an activation module has n.
+//! [`Architecture::tensors`] names them all. Of a network with [`Controls`] as many follow for
+//! each product of them. A Hénon layer of width h in n degrees of freedom owns h(n + 2) + n
+//! consecutive numbers: `W` (n × h, row by row), `b` (h), `w` (h), `η` (n). A turned kick is its n
+//! angles and `W`, `b`, `w`; a twist shear `W` (d × h, the rows of the actions first), `b`, `w`
+//! and, the first, third and so on, the rows of the upper triangle of `Q` (d × d). A coupling is
+//! its n angles and `W` (n × h), `b`, `A` (n × h), `a`, `B` (n × h), `β`. A linear module is its
+//! symmetric matrices, each by the rows of its upper triangle, and 2n numbers of its translation;
+//! an activation module has n.
 
 mod architecture;
 mod batch;

@@ -88,13 +88,12 @@ use serde::{Deserialize, Serialize};
 /// P commutes with the action conjugated by χ, and 𝔍∘χ⁻¹, the actions in the coordinates
 /// of the normal form, are invariants of P, exactly, for all weights and all time.
 ///
-/// With one fast plane, or a circle for each, nearly-periodic Hamiltonian flows are χ∘Φ_θ∘T_ε∘χ⁻¹
-/// to all orders in ε (Kruskal, <https://doi.org/10.1063/1.1724285>) with some T_ε that commutes
-/// with Φ. That T_ε need not be a composition of twists: what twists and
-/// [turned twists](crate::layer::TwistShears::turned) reach to first order is proved in `normal_form.rs`. One circle over
-/// several fast planes leaves more generators invariant than functions of 𝔍 and y, such as
-/// q₁q₂ + p₁p₂ for weights (1, 1): these are left out, and the ratios of the planes'
-/// frequencies are those of the weights.
+/// With one fast plane, or a circle for each, nearly-periodic Hamiltonian flows are χ∘Φ_θ∘T_ε∘χ⁻¹ to all orders in ε
+/// (Kruskal, <https://doi.org/10.1063/1.1724285>) with some T_ε that commutes with Φ. That T_ε need not be a
+/// composition of twists: what twists and [turned twists](crate::layer::TwistShears::turned) reach to first order is
+/// proved in `normal_form.rs`. One circle over several fast planes leaves more generators invariant than functions of 𝔍
+/// and y, such as q₁q₂ + p₁p₂ for weights (1, 1): these are left out, and the ratios of the planes' frequencies are
+/// those of the weights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NormalFormShape {

@@ -601,7 +601,8 @@ impl Section {
         Ok(())
     }
 
-    /// What a change of the control of this number does to (q, p) of a point of data that stays where it is: 2n numbers.
+    /// What a change of the control of this number does to (q, p) of a point of data that stays where it is: 2n
+    /// numbers.
     pub fn by_control(&self, number: usize, point: &[f64]) -> Vec<f64> {
         let dof = self.dof();
         let mut out = vec![0.0; 2 * dof];

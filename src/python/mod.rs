@@ -381,9 +381,10 @@ impl Model {
         array(py, values, points.shape(&[], &[]))
     }
 
-    /// The steps after which each orbit from `points`, (..., 2n), is outside of the box from `low` to `high`, 2n numbers
-    /// each, for the first time, and `steps` + 1 of those that stay: (...), integers. The box is that of the training
-    /// points unless given. Raises Error as `predict`, but for orbits that are lost, and where no box is known.
+    /// The steps after which each orbit from `points`, (..., 2n), is outside of the box from `low` to `high`, 2n
+    /// numbers each, for the first time, and `steps` + 1 of those that stay: (...), integers. The box is that of the
+    /// training points unless given. Raises Error as `predict`, but for orbits that are lost, and where no box is
+    /// known.
     #[pyo3(signature = (points, steps, low=None, high=None))]
     fn survival<'py>(
         &self,
@@ -549,7 +550,8 @@ impl Model {
         controls::derivatives(py, &self.stored, &points, &values)
     }
 
-    /// The periodic orbit near `guess`, 2n numbers, at these values of the controls, as `periodic_orbits` gives one, with
+    /// The periodic orbit near `guess`, 2n numbers, at these values of the controls, as `periodic_orbits` gives one,
+    /// with
     /// `moved`, (2n, controls), the derivatives of its first point by the controls, and `trace_by`, (controls,), those
     /// of its trace. Raises Error as `at`, and where there is no orbit.
     #[pyo3(signature = (guess, period=1, **controls))]

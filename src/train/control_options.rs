@@ -73,13 +73,13 @@ impl ControlOptions {
             None => {
                 let learnt = |degree: &usize| {
                     let controls = of(*degree);
-                    controls.terms() < maps.len() && are_told(&controls, &maps)
+                    controls.terms() < maps.len() && are_independent(&controls, &maps)
                 };
                 of((1..=Self::USUAL).take_while(learnt).last().unwrap_or(1))
             }
         };
         controls.check()?;
-        if !are_told(&controls, &maps) {
+        if !are_independent(&controls, &maps) {
             let found = format!("{} products of degree {}", controls.terms(), controls.degree);
             let expected = format!(
                 "a lower degree, or more values: the {} that the pairs have do not tell these apart",
@@ -92,8 +92,8 @@ impl ControlOptions {
 }
 
 /// Whether no product of the controls is a sum of others at these values, by Gram and Schmidt's method.
-fn are_told(controls: &Controls, rows: &[&[f64]]) -> bool {
-    /// Of a product that is told, at least so much is left of its size.
+fn are_independent(controls: &Controls, rows: &[&[f64]]) -> bool {
+    /// A product that is no sum of others keeps at least this share of its size.
     const LEFT: f64 = 1e-6;
     if controls.check().is_err() || controls.terms() > rows.len() {
         return false;

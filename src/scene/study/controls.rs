@@ -42,7 +42,8 @@ pub struct ControlsOptions {
     pub difference: f64,
     /// The turns of a line half-way to the reach are averaged over so many maps.
     pub turning: usize,
-    /// Degrees of polynomials of least squares in R and Z, whose coefficients are polynomials of the controls, as rivals.
+    /// Degrees of polynomials of least squares in R and Z, whose coefficients are polynomials of the controls, as
+    /// rivals.
     #[serde(default)]
     pub polynomials: Vec<usize>,
     /// Changes of |ι| on the axis for which the first control is looked for.
