@@ -2,7 +2,9 @@
 
 use super::{Outcome, file_of, inverts, number, numbers, small};
 use arbitrary::Unstructured;
-use gyroceptron::layer::{Activation, CircleAction, MOST_DEGREES, RidgeFunction, TorusAction};
+use gyroceptron::layer::{
+    Activation, CircleAction, MOST_DEGREES, Reversor, RidgeFunction, TorusAction,
+};
 use gyroceptron::measure::ratios::differing_components;
 use gyroceptron::network::{
     Architecture, Block, ControlRange, Controls, InitialWeights, Layers, Model, Modules, Part,
@@ -208,7 +210,12 @@ fn architecture(u: &mut Unstructured<'_>) -> Architecture {
     blocks.iter_mut().for_each(|block| block.ridges = ridges(u));
     let controls = u.arbitrary::<u8>().unwrap_or(0).is_multiple_of(8).then(|| controls(u));
     let controls = controls.filter(|controls| !controls.ranges.is_empty());
-    let drawn = Architecture { dof, circles, epsilon, flow_time, blocks, controls };
+    let reversor = match u.arbitrary::<u8>().unwrap_or(0) % 16 {
+        0 => Some(Reversor::Positions),
+        1 => Some(Reversor::Momenta),
+        _ => None,
+    };
+    let drawn = Architecture { dof, circles, epsilon, flow_time, blocks, reversor, controls };
     if sound { mended(drawn) } else { drawn }
 }
 
@@ -248,6 +255,14 @@ fn mended(mut drawn: Architecture) -> Architecture {
         *circle = CircleAction::new(weights);
     }
     let has = |blocks: &[Block], part: Part| blocks.iter().any(|block| block.part == part);
+    if drawn.reversor.is_some() {
+        let (allowed, other) = match drawn.circles.is_empty() {
+            true => (&[Part::None][..], Part::None),
+            false => (&[Part::Chart, Part::SlowMap, Part::Perturbation][..], Part::Chart),
+        };
+        let others = drawn.blocks.iter_mut().filter(|block| !allowed.contains(&block.part));
+        others.for_each(|block| block.part = other);
+    }
     let near_identity = has(&drawn.blocks, Part::NearIdentity);
     for (number, block) in drawn.blocks.iter_mut().enumerate() {
         if near_identity && block.part == Part::Perturbation {
@@ -280,7 +295,8 @@ fn mended(mut drawn: Architecture) -> Architecture {
             *own = widths;
         }
         let needs_epsilon = matches!(block.part, Part::Perturbation | Part::NearIdentity)
-            || (near_identity && matches!(block.part, Part::Chart | Part::SlowMap));
+            || (near_identity && matches!(block.part, Part::Chart | Part::SlowMap))
+            || (drawn.reversor.is_some() && block.part == Part::Chart);
         if block.part == Part::Conjugation {
             block.scale = Scale::None;
         } else if needs_epsilon && !block.scale.has_epsilon() {
@@ -404,7 +420,8 @@ fn all_parameters(architecture: &Architecture) -> u128 {
 
 /// All that is wrong with a list, each with the words that an error of it has.
 fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
-    let Architecture { dof, circles, epsilon, flow_time, blocks, controls } = architecture;
+    let Architecture { dof, circles, epsilon, flow_time, blocks, reversor, controls } =
+        architecture;
     let mut out: Vec<Vec<String>> = Vec::new();
     let mut fault = |is: bool, words: &[&dyn ToString]| {
         if is {
@@ -495,6 +512,15 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
         let has_time = matches!(scale, Scale::Time | Scale::EpsilonTime);
         let still = *part == Part::NearIdentity && has_time && *flow_time == 0.0;
         fault(still, &[&"flow_time", &0]);
+        if reversor.is_some() && layers.count() > 0 {
+            let fits = match part {
+                Part::None => circles.is_empty(),
+                Part::Chart | Part::Perturbation => has_epsilon,
+                Part::SlowMap => true,
+                Part::Conjugation | Part::NearIdentity => false,
+            };
+            fault(!fits, &[name, &"of a reversible map"]);
+        }
         if let Some(near_identity) = first(Part::NearIdentity) {
             let other = *part == Part::Perturbation;
             fault(other, &[&"blocks", &near_identity.name, name]);
@@ -528,19 +554,39 @@ fn reads_back(block: &Block) -> Result<(), String> {
     }
 }
 
-/// What is applied one after the other: a block or its inverse, or the turn of the circles (None).
+/// What is applied: a block, the turn of the circles, or the reflection of a reversible map.
+#[derive(Clone, Copy)]
+enum Applied {
+    Block(usize),
+    Turn,
+    Reflection,
+}
+
+/// What is applied one after the other, or its inverse.
 ///
-/// P = R∘I_ε∘χ∘K_ε∘Φ_θ∘T_ε∘χ⁻¹, χ = ψ∘ψ_ε.
-fn order(architecture: &Architecture) -> Vec<(Option<usize>, bool)> {
+/// P = R∘I_ε∘χ∘K_ε∘Φ_θ∘T_ε∘χ⁻¹, χ = ψ∘ψ_ε; P = A∘Φ_θ∘T_ε∘S∘A⁻¹∘S, A = R∘ψ_ε∘K_ε, of a reversible
+/// map, where T_ε is a part of A if some planes stand still.
+fn order(architecture: &Architecture) -> Vec<(Applied, bool)> {
     let of = |part: Part| {
         let blocks = architecture.blocks.iter().enumerate();
         let own = blocks.filter(move |(_, block)| block.part == part);
-        own.map(|(number, _)| (Some(number), false)).collect::<Vec<_>>()
+        own.map(|(number, _)| (Applied::Block(number), false)).collect::<Vec<_>>()
     };
+    let undone =
+        |of: &[(Applied, bool)]| of.iter().rev().map(|(what, _)| (*what, true)).collect::<Vec<_>>();
     let chart = [of(Part::Chart), of(Part::Conjugation)].concat();
-    let turn = Vec::from_iter((!architecture.circles.is_empty()).then_some((None, false)));
+    let turn = Vec::from_iter((!architecture.circles.is_empty()).then_some((Applied::Turn, false)));
+    if architecture.reversor.is_some() {
+        let (mut slow, mut half) = (of(Part::SlowMap), Vec::new());
+        if slow_planes(architecture) > 0 {
+            half.append(&mut slow);
+        }
+        half.extend([of(Part::Perturbation), of(Part::Chart), of(Part::None)].concat());
+        let reflection = vec![(Applied::Reflection, false)];
+        return [reflection.clone(), undone(&half), reflection, slow, turn, half].concat();
+    }
     [
-        chart.iter().rev().map(|(number, _)| (*number, true)).collect(),
+        undone(&chart),
         of(Part::SlowMap),
         turn,
         of(Part::Perturbation),
@@ -561,7 +607,15 @@ fn is_its_parts(model: &Model, z: &[f64]) -> Result<(), String> {
         let start = end;
         end += count as usize;
         let only = Block { part: Part::None, ..block.clone() };
-        let architecture = Architecture { blocks: vec![only], ..architecture.clone() };
+        let halved = architecture.reversor.is_some()
+            && block.part == Part::SlowMap
+            && slow_planes(architecture) > 0;
+        let architecture = Architecture {
+            blocks: vec![only],
+            flow_time: architecture.flow_time / if halved { 2.0 } else { 1.0 },
+            reversor: None,
+            ..architecture.clone()
+        };
         let own = Model::new(architecture, [&weights[start..end], angles].concat());
         alone.push(own.map_err(|reason| format!("{block:?} alone: {reason}"))?.part(Part::None));
     }
@@ -578,10 +632,13 @@ fn is_its_parts(model: &Model, z: &[f64]) -> Result<(), String> {
         }
         let mut by_parts = z.to_vec();
         for (number, inverse) in order {
-            match (number, &turn) {
-                (Some(number), _) => apply(&alone[number], inverse != back, &mut by_parts),
-                (None, Some(turn)) => apply(turn, inverse != back, &mut by_parts),
-                (None, None) => {}
+            match (number, &turn, architecture.reversor) {
+                (Applied::Block(number), ..) => {
+                    apply(&alone[number], inverse != back, &mut by_parts);
+                }
+                (Applied::Turn, Some(turn), _) => apply(turn, inverse != back, &mut by_parts),
+                (Applied::Reflection, _, Some(reversor)) => reversor.apply(&mut by_parts),
+                _ => {}
             }
         }
         let mut whole = z.to_vec();
@@ -607,12 +664,11 @@ fn in_range(architecture: &Architecture, weights: &[f64], z: &[f64]) -> bool {
     let there_and_back = order.iter().chain(order.iter().rev()).chain(&order);
     let mut reach = max_or_nan(size(z), 1.0);
     for (number, _) in there_and_back {
-        let Some(Block { scale, layers, ridges, .. }) =
-            number.map(|number| &architecture.blocks[number])
-        else {
+        let Applied::Block(number) = *number else {
             reach *= 2.0;
             continue;
         };
+        let Block { scale, layers, ridges, .. } = &architecture.blocks[number];
         let of_epsilon = if scale.has_epsilon() { architecture.epsilon } else { 1.0 };
         let of_time = if scale.has_time() { architecture.flow_time } else { 1.0 };
         let s = (of_epsilon * of_time).abs().max(1.0);

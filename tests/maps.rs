@@ -13,5 +13,6 @@ mod normal_form;
 mod own_maps;
 mod polynomials;
 mod ratios;
+mod reversible;
 mod rooms;
 mod units;

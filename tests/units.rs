@@ -459,6 +459,7 @@ fn a_preparation_tells_the_angle_and_the_slow_time() {
         of_order_one: false,
         theta: None,
         units: false,
+        reversors: &[],
         validation: 0.1,
         seed: 3,
     };

@@ -109,6 +109,21 @@ impl<S: Scalar> Map<S> for Skew {
     }
 }
 
+/// p₁ += 1e-9·q₁: a symplectic shear.
+struct Behind;
+
+impl<S: Scalar> Map<S> for Behind {
+    fn dof(&self) -> usize {
+        2
+    }
+    fn forward(&self, z: &mut [S]) {
+        z[2] = z[0].mul_add(S::from_f64(1e-9), z[2]);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        z[2] = z[0].mul_add(S::from_f64(-1e-9), z[2]);
+    }
+}
+
 impl Map<f64> for Broken {
     fn dof(&self) -> usize {
         2
@@ -130,6 +145,10 @@ impl Measurable for Broken {
         if self.fault == Fault::SkewModule {
             let skew = Box::new(TrackedStep { map: Skew, direction });
             if inverse { steps.insert(0, skew) } else { steps.push(skew) }
+        }
+        if self.fault == Fault::ShearBehind {
+            let behind = Box::new(TrackedStep { map: Behind, direction });
+            if inverse { steps.insert(0, behind) } else { steps.push(behind) }
         }
         steps
     }

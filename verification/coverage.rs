@@ -156,6 +156,7 @@ fn the_conformance_page_names_what_there_is() {
         "normal_form",
         "polynomials",
         "precision",
+        "reversible",
         "symp_net",
         "torus",
     ];

@@ -26,6 +26,7 @@ mod normal_form;
 mod polynomials;
 mod precision;
 mod report;
+mod reversible;
 mod samples;
 mod seeds;
 mod soundness;

@@ -3,7 +3,7 @@
 
 use crate::{
     adiabatic, blocks, coupling, gradients, nearly_integrable, normal_form, polynomials, precision,
-    suite, symp_net, tanh, tolerances, torus,
+    reversible, suite, symp_net, tanh, tolerances, torus,
 };
 use gyroceptron::layer::{
     CircleAction, HenonLayer, HenonMap, Kick, KickForm, Potential, TanhPotential,
@@ -127,10 +127,14 @@ pub enum Fault {
     PolynomialCoefficient,
     /// A normal form whose chart has weights off by 1e-9.
     OtherChart,
+    /// A symplectic shear by 1e-9 behind a reversible map.
+    ShearBehind,
+    /// A reversible map that claims to be so by the other reflection.
+    OtherReversor,
 }
 
 impl Fault {
-    const ALL: [Self; 51] = [
+    const ALL: [Self; 53] = [
         Self::MissingTranspose,
         Self::OwnHalf,
         Self::OuterWeights,
@@ -182,6 +186,8 @@ impl Fault {
         Self::PolynomialSkew,
         Self::PolynomialCoefficient,
         Self::OtherChart,
+        Self::ShearBehind,
+        Self::OtherReversor,
     ];
 
     /// A map that is broken, rather than something beside it.
@@ -761,6 +767,7 @@ fn rows_of(fault: Fault) -> Vec<Row> {
             rows.extend(nearly_integrable::rows_of_mutant(fault));
             rows.extend(blocks::rows_of_mutant(fault));
             rows.extend(polynomials::rows_of_mutant(fault));
+            rows.extend(reversible::rows_of_mutant(fault));
             rows.extend(coupling::rows_of_mutant(fault));
             rows
         }
@@ -770,6 +777,7 @@ fn rows_of(fault: Fault) -> Vec<Row> {
                 rows.extend(nearly_integrable::rows_of_mutant(fault));
                 rows.extend(blocks::rows_of_mutant(fault));
                 rows.extend(polynomials::rows_of_mutant(fault));
+                rows.extend(reversible::rows_of_mutant(fault));
             }
             rows.extend(coupling::rows_of_mutant(fault));
             rows
@@ -788,6 +796,7 @@ fn rows_of(fault: Fault) -> Vec<Row> {
             rows.extend(nearly_integrable::rows_of_mutant(fault));
             rows
         }
+        Fault::ShearBehind | Fault::OtherReversor => reversible::rows_of_mutant(fault),
         Fault::TorusInverse | Fault::TorusPullback => torus::rows_of_mutant(fault),
         _ => map_rows(fault),
     }

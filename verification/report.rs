@@ -3,7 +3,7 @@
 use crate::{
     adiabatic, blocks, circle_action, coupling, determinant, evaluation, exact_relations,
     gradients, inversion, near_identity, near_periodicity, nearly_integrable, normal_form,
-    polynomials, precision, suite, symp_net, symplecticity, tanh, tolerances, torus,
+    polynomials, precision, reversible, suite, symp_net, symplecticity, tanh, tolerances, torus,
 };
 use gyroceptron::measure::certificate::{Row, Verdict};
 use gyroceptron::scene::{CERTIFICATE_HEADINGS, certificate_cells};
@@ -16,7 +16,7 @@ pub struct Law {
     pub stated: usize,
 }
 
-pub const LAWS: [Law; 19] = [
+pub const LAWS: [Law; 20] = [
     Law { file: "symplecticity", rows: symplecticity::rows, stated: symplecticity::STATED },
     Law { file: "inversion", rows: inversion::rows, stated: inversion::STATED },
     Law { file: "near_identity", rows: near_identity::rows, stated: near_identity::STATED },
@@ -41,6 +41,7 @@ pub const LAWS: [Law; 19] = [
     },
     Law { file: "blocks", rows: blocks::rows, stated: blocks::STATED },
     Law { file: "polynomials", rows: polynomials::rows, stated: polynomials::STATED },
+    Law { file: "reversible", rows: reversible::rows, stated: reversible::STATED },
     Law { file: "coupling", rows: coupling::rows, stated: coupling::STATED },
     Law { file: "tanh", rows: tanh::rows, stated: tanh::STATED },
     Law { file: "precision", rows: precision::rows, stated: precision::STATED },

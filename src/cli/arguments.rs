@@ -239,6 +239,10 @@ pub struct Train {
     /// times the largest of the pairs].
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub radius: Option<f64>,
+    /// A map that is reversible for all weights, S∘P∘S = P⁻¹: S changes the signs of the `positions` or of
+    /// the `momenta`. It is A∘Φ_θ∘T_ε∘S∘A⁻¹∘S, A being the kicks and the perturbation, or the network.
+    #[arg(long, value_name = "HALF")]
+    pub reversor: Option<String>,
     /// Layers and neurons of ψ, such as 10x8.
     #[arg(long, value_name = "LAYERSxWIDTH[^DEGREE]")]
     pub psi: Option<String>,

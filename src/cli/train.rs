@@ -10,7 +10,7 @@ use super::progress::{Progress, line};
 use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
 use gyroceptron::io::{Checkpoints, StoredModel, load_model, read_pairs, read_section, save_model};
-use gyroceptron::layer::TorusAction;
+use gyroceptron::layer::{Reversor, TorusAction};
 use gyroceptron::network::{Controls, LayerSizes, NetworkSpec};
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
@@ -46,10 +46,13 @@ fn network(arguments: &Train, before: Option<NetworkSpec>) -> Result<Option<Netw
         let option = option_of(key);
         sizes.push((key, LayerSizes::parse(&option, text)?));
     }
+    let reversor = arguments.reversor.as_deref().map(Reversor::find).transpose();
+    let reversor = reversor.map_err(|e| e.with_place(option_of("reversor")))?;
+    let has_parts = arguments.radius.is_some() || reversor.is_some();
     let network = match (&arguments.architecture, before) {
         (Some(name), _) => NetworkSpec::named(name)?,
         (None, Some(network)) => network,
-        (None, None) if sizes.is_empty() && arguments.radius.is_none() => return Ok(None),
+        (None, None) if sizes.is_empty() && !has_parts => return Ok(None),
         (None, None) if sizes.is_empty() => NetworkSpec::named("normal-form")?,
         (None, None) => {
             let keys: Vec<&str> = sizes.iter().map(|(key, _)| *key).collect();
@@ -61,6 +64,10 @@ fn network(arguments: &Train, before: Option<NetworkSpec>) -> Result<Option<Netw
     }
     let with = |network: NetworkSpec, (key, size)| network.with_size(key, size);
     let network = sizes.into_iter().try_fold(network, with)?;
+    let network = match reversor {
+        Some(reversor) => network.reversible(reversor)?,
+        None => network,
+    };
     let boxed =
         |radius| network.clone().with_radius(radius).map_err(|e| e.with_place(option_of("radius")));
     arguments.radius.map_or(Ok(network.clone()), boxed).map(Some)

@@ -14,6 +14,7 @@
 //!   which commutes with the torus action.
 //!   A turned one ([`TwistShears::turned`]) is in coordinates of the slow planes turned by angles of
 //!   its own.
+//! - [`Reversor`], [`Reflection`]: the reflection that maps a reversible map to its inverse.
 //! - [`LinearModule`], [`ActivationModule`]: the modules of SympNets.
 //!
 //! [`HenonMap`], [`HenonLayer`] are the paper's H\[V, η\] and its fourth iterate,
@@ -28,6 +29,7 @@ mod linear_module;
 mod polynomial;
 mod potential;
 mod quadratic_form;
+mod reversor;
 mod ridge;
 mod turn;
 mod turned;
@@ -43,6 +45,7 @@ pub use linear_module::{LinearModule, linear_module_parameter_count};
 pub use polynomial::{ActionInterval, PolynomialPotential};
 pub use potential::{Potential, TanhPotential};
 pub(crate) use quadratic_form::symmetric_len;
+pub use reversor::{Reflection, Reversor};
 pub use ridge::{MOST_DEGREES, RidgeFunction, RidgePotential, Ridges};
 pub use turn::{CircleAction, PlaneTurn, TorusAction, Turn, TurnStep, quarter_turns};
 pub use turned::{Turned, TurnedCoupling, TurnedKick};

@@ -11,6 +11,7 @@ use super::{
     equivariance::NormalFormed,
     measurable::{Measurable, NearlyPeriodic},
 };
+use crate::layer::Reversor;
 use crate::network::{Block, Layers, Model, Part, Structure};
 use crate::phase::{Direction, Map};
 use crate::scalar::max_or_nan;
@@ -233,6 +234,7 @@ impl fmt::Display for Certificate {
 /// | nearly integrable | those of [`certify_map`], and at ε = 0 those of a normal form |
 /// | mixed | those of [`certify_map`], I₀ = Id, P₀ = ψ∘Φ_θ∘ψ⁻¹ and the axioms of the circle action |
 ///
+/// Those with a [reversor](Reversor) obey [`laws::reversibility`] too.
 /// Networks of Hénon layers alone: [`laws::exact_relations`] too. Where a layer is not symplectic,
 /// symplecticity is reported and not claimed. Cost: some 200 evaluations over dual numbers a
 /// sample.
@@ -310,6 +312,9 @@ pub fn certify_all(models: &[Model], mut options: CertificateOptions) -> Certifi
                 out
             }
         };
+        if let Some(reversor) = architecture.reversor {
+            out.push(reversibility(model, reversor, points));
+        }
         if structure_has_generator(model) {
             out.push(laws::formula_of_generator(model, points));
         }
@@ -362,6 +367,20 @@ pub fn certify_map(map: &dyn Measurable, options: CertificateOptions) -> Certifi
     Certificate::of(options, tallies).within(map)
 }
 
+/// The laws of a map that is reversible, S∘P∘S = P⁻¹: those of [`certify_map`], and
+/// [`laws::reversibility`].
+pub fn certify_reversible(
+    map: &dyn Measurable,
+    reversor: Reversor,
+    options: CertificateOptions,
+) -> Certificate {
+    let samples = samples_of(map, options);
+    let symplecticity = laws::symplecticity_of_any(map, samples.points());
+    let mut tallies = of_map_with(symplecticity, map, &samples);
+    tallies.push(reversibility(map, reversor, samples.points()));
+    Certificate::of(options, tallies).within(map)
+}
+
 /// The laws of a nearly-periodic map P_ε = I_ε∘ψ∘Φ_θ∘ψ⁻¹: those of
 /// [`certify_map`], the inversion of ψ and I_ε, I₀ = Id, P₀ = ψ∘Φ_θ∘ψ⁻¹, the
 /// slopes of I_ε in ε, the axioms of the circle action, plain and conjugated,
@@ -385,6 +404,12 @@ pub fn certify_nearly_periodic(
 /// keeps the actions: not those of one with a perturbation, for which [`certify`] asks at ε = 0 only.
 pub fn certify_normal_form(map: &dyn NormalFormed, options: CertificateOptions) -> Certificate {
     Certificate::of(options, of_normal_form(map, &samples_of(map, options))).within(map)
+}
+
+/// [`laws::reversibility`], which says what S is.
+fn reversibility(map: &dyn Measurable, reversor: Reversor, points: &[f64]) -> Tally {
+    let equation = format!("S∘P∘S∘P = Id, {}", reversor.equation());
+    laws::reversibility(map, reversor, points).stating(&equation)
 }
 
 fn samples_of(map: &(impl Measurable + ?Sized), options: CertificateOptions) -> Samples {

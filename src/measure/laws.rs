@@ -19,10 +19,12 @@ use super::{
     coordinate::Coordinate,
     equivariance::{NormalFormed, action_ratio, equivariance_ratio},
     measurable::{Measurable, NearlyPeriodic},
+    measured_step::{MeasuredStep, ShearMap, TrackedStep},
     rounding::RoundingPropagation,
     samples::CertificateOptions,
     symplecticity::symplecticity_ratio,
 };
+use crate::layer::{Reflection, Reversor};
 use crate::network::Model;
 use crate::phase::{Direction, Map};
 use crate::random::Stream;
@@ -410,6 +412,22 @@ pub fn normal_form(map: &dyn NormalFormed, points: &[f64]) -> Tally {
         Conditioned::Ratio(count as f64)
     });
     Tally::of_counts("composition", "P = χ∘Φ_θT_ε∘χ⁻¹, bitwise").extend_at(points, dim, counts)
+}
+
+/// S∘P∘S∘P = Id of a reversible map, by [`ThereAndBack`]: what should be P⁻¹ is P between two
+/// reflections.
+pub fn reversibility(map: &dyn Measurable, reversor: Reversor, points: &[f64]) -> Tally {
+    let (dof, forward) = (map.dof(), Direction::Forward);
+    let reflection = || -> Box<dyn MeasuredStep> {
+        let map = ShearMap(Reflection { dof, reversor });
+        Box::new(TrackedStep { map, direction: forward })
+    };
+    let mut back = vec![reflection()];
+    back.extend(map.measured_steps(forward));
+    back.push(reflection());
+    let both = ThereAndBack::new(map.measured_steps(forward), back).within(map.domain());
+    let results = each_point(points, 2 * dof).map(|z| both.ratio(z));
+    Tally::of_ratios("reversibility", "S∘P∘S∘P = Id").extend_at(points, 2 * dof, results)
 }
 
 /// What a map in normal form has of one: [`normal_form`], [`equivariance`] and [`actions`].

@@ -130,15 +130,19 @@ impl Measurable for Model {
         self.architecture().name().unwrap_or("blocks")
     }
 
-    /// Those of a network of Hénon layers alone, and the steps of one of couplings alone. Twists
+    /// Those of a network of Hénon layers alone, and the steps of one of couplings alone or of a
+    /// reversible one of Hénon layers. Twists
     /// and modules are not measured apart.
     fn layers(&self) -> Layers<'_> {
         let architecture = self.architecture();
         let of_couplings = |block: &Block| matches!(block.layers, BlockLayers::TurnedCoupling(_));
-        if architecture.blocks.iter().all(of_couplings) {
+        let apart = architecture.is_of_henon_layers();
+        if architecture.blocks.iter().all(of_couplings)
+            || (apart && architecture.reversor.is_some())
+        {
             return forward_layers(self.composition().step_by_step());
         }
-        if !architecture.is_of_henon_layers() {
+        if !apart {
             return Vec::new();
         }
         let forward = |part| forward_layers(self.henon_layers(part));

@@ -4,7 +4,7 @@ use super::block::{Block, Layers, Part, Surroundings};
 use super::composition::Composition;
 use super::controls::Controls;
 use crate::error::Error;
-use crate::layer::{CircleAction, FastPlanes, RidgeFunction, TorusAction};
+use crate::layer::{CircleAction, FastPlanes, Reversor, RidgeFunction, TorusAction};
 use crate::phase::Direction;
 use crate::scalar::{Real, max_or_nan};
 use serde::{Deserialize, Serialize};
@@ -24,7 +24,12 @@ const MOST_PLANES: usize = 1000;
 /// P = R∘I_ε∘χ∘K_ε∘Φ_θ∘T_ε∘χ⁻¹, χ = ψ∘ψ_ε,
 ///
 /// with the [parts](Part) that its blocks play; several blocks of a part are applied in the order
-/// of the list. Without circles it is R∘I_ε. From the list follow the [`Model`](super::Model), the number and the
+/// of the list. Without circles it is R∘I_ε. With a [reversor](Architecture::reversor) S it is
+///
+/// P = A∘Φ_θ∘T_ε∘S∘A⁻¹∘S, A = ψ_ε∘K_ε,
+///
+/// or R∘S∘R⁻¹∘S without circles: S∘P∘S = P⁻¹ for all weights. (Where no circle turns some of the
+/// planes, S∘T_ε∘S is not T_ε⁻¹, and A = ψ_ε∘K_ε∘T_ε of half the flow time.) From the list follow the [`Model`](super::Model), the number and the
 /// order of the parameters (those of the blocks, each the layers in the order of application, then
 /// θ), the names of its tensors, its initial weights, what is invariant, and which laws
 /// [`certify`](crate::measure::certificate::certify) asks for.
@@ -63,6 +68,9 @@ pub struct Architecture {
     pub flow_time: f64,
     /// The blocks.
     pub blocks: Vec<Block>,
+    /// S, where the map is reversible for all weights.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reversor: Option<Reversor>,
     /// What its parameters are polynomials of, if anything.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub controls: Option<Controls>,
@@ -84,7 +92,8 @@ pub enum Structure {
     NormalForm,
     /// P_ε = χ∘K_ε∘Φ_θ∘T∘χ⁻¹: in normal form at ε = 0.
     NearlyIntegrable,
-    /// P_ε = I_ε∘χ∘Φ_θ∘T_ε∘χ⁻¹, whose χ is ψ and T the identity at ε = 0: nearly periodic.
+    /// P_ε = I_ε∘χ∘Φ_θ∘T_ε∘χ⁻¹, whose χ is ψ and T the identity at ε = 0: nearly periodic. So is
+    /// P_ε = A∘Φ_θ∘T_ε∘S∘A⁻¹∘S, whose A is the identity at ε = 0.
     Mixed,
 }
 
@@ -104,14 +113,19 @@ impl Structure {
 impl Architecture {
     /// A network of n degrees of freedom without blocks, the identity.
     pub fn new(dof: usize) -> Self {
-        let (circles, blocks, controls) = (Vec::new(), Vec::new(), None);
-        Self { dof, circles, epsilon: 1.0, flow_time: 1.0, blocks, controls }
+        let (circles, blocks, reversor, controls) = (Vec::new(), Vec::new(), None, None);
+        Self { dof, circles, epsilon: 1.0, flow_time: 1.0, blocks, reversor, controls }
     }
 
     /// On a circle action, or on another circle beside those that it has.
     pub fn on_circle(mut self, circle: CircleAction) -> Self {
         self.circles.push(circle);
         self
+    }
+
+    /// Reversible by S.
+    pub fn reversible(self, reversor: Option<Reversor>) -> Self {
+        Self { reversor, ..self }
     }
 
     /// On the circles of a torus action.
@@ -145,6 +159,11 @@ impl Architecture {
         let has = |part: Part| self.part(part).next().is_some();
         if self.circles.is_empty() || has(Part::None) {
             return Structure::Plain;
+        }
+        if self.reversor.is_some() {
+            let mut slow = self.part(Part::SlowMap).filter(|block| block.layers.count() > 0);
+            let of_order_one = slow.any(|block| !block.scale.has_epsilon());
+            return if of_order_one { Structure::NearlyIntegrable } else { Structure::Mixed };
         }
         match (has(Part::NearIdentity), has(Part::Chart) || has(Part::SlowMap)) {
             (true, false) => Structure::NearlyPeriodic,
@@ -222,8 +241,17 @@ impl Architecture {
 
     /// Whether ε scales its slow map: it is of order one in a map that is nearly integrable.
     pub fn is_of_order_one(&self) -> bool {
-        let mut own = self.part(Part::Chart).chain(self.part(Part::SlowMap)).peekable();
-        own.peek().is_some() && own.all(|block| !block.scale.has_epsilon())
+        let mut slow = self.part(Part::SlowMap).peekable();
+        let has_slow = slow.peek().is_some();
+        let slow_is = slow.all(|block| !block.scale.has_epsilon());
+        let mut chart = self.part(Part::Chart).peekable();
+        // A chart of a reversible map is near the identity, as its perturbation is.
+        if self.reversor.is_some() {
+            return has_slow && slow_is;
+        }
+        (has_slow || chart.peek().is_some())
+            && slow_is
+            && chart.all(|block| !block.scale.has_epsilon())
     }
 
     /// Whether its circles turn the planes of the data, to leading order: it has twists, which are of
@@ -394,8 +422,33 @@ impl Architecture {
         }
     }
 
+    /// Fails where a block cannot be one of a reversible map.
+    fn check_reversible(&self) -> Result<(), Error> {
+        let mut own = self.blocks.iter().filter(|block| block.layers.count() > 0);
+        let refused = |block: &Block, expected: &str| {
+            let name = format!("`{}` of a reversible map", block.name);
+            Err(Error::invalid(&name, block.part.symbol(), expected))
+        };
+        let plain = !self.has_circle();
+        own.try_for_each(|block| match block.part {
+            Part::None if plain => Ok(()),
+            Part::None => refused(block, "no map R beside circles, which is not reversible by S"),
+            Part::Conjugation => {
+                let expected = "no conjugation of order one: ψ∘Φ_θ∘ψ⁻¹ is reversible by ψ∘S∘ψ⁻¹, \
+                                which is not S";
+                refused(block, expected)
+            }
+            Part::NearIdentity => refused(block, "a chart ψ_ε in place of I_ε"),
+            Part::Chart | Part::Perturbation if !block.scale.has_epsilon() => {
+                refused(block, "a scale with ε, to be nearly periodic or nearly integrable")
+            }
+            _ => Ok(()),
+        })
+    }
+
     /// Fails where parts do not go together.
     fn check_parts(&self) -> Result<(), Error> {
+        self.reversor.map_or(Ok(()), |_| self.check_reversible())?;
         let first = |part: Part| self.part(part).next();
         let (Some(near_identity), perturbation) =
             (first(Part::NearIdentity), first(Part::Perturbation))
@@ -448,7 +501,7 @@ impl Architecture {
         self.steps_of(part, &over)
     }
 
-    /// χ = ψ∘ψ_ε, and K_ε∘Φ_θ∘T_ε.
+    /// χ = ψ∘ψ_ε, and K_ε∘Φ_θ∘T_ε. Of a reversible map the chart is the identity.
     pub(super) fn chart_and_inner_map<P: Real>(
         &self,
         epsilon: P,
@@ -457,6 +510,9 @@ impl Architecture {
         let over = self.without_steps(epsilon, parameters.to_vec());
         let of = |part| self.steps_of(part, &over);
         let (mut chart, mut inner) = (over.clone(), over.clone());
+        if let Some(reversor) = self.reversor {
+            return [chart, self.reversible_composition(reversor, over)];
+        }
         chart.push_all(&of(Part::Chart), 0, Direction::Forward);
         chart.push_all(&of(Part::Conjugation), 0, Direction::Forward);
         inner.push_all(&of(Part::SlowMap), 0, Direction::Forward);
@@ -467,6 +523,36 @@ impl Architecture {
         [chart, inner]
     }
 
+    /// A∘Φ_θ∘T_ε∘S∘A⁻¹∘S, A = R∘ψ_ε∘K_ε.
+    fn reversible_composition<P: Real>(
+        &self,
+        reversor: Reversor,
+        over: Composition<P>,
+    ) -> Composition<P> {
+        let mut half = over.clone();
+        // S∘T∘S = T⁻¹ of functions of the actions alone; of slow coordinates it is T_{h/2} that is mirrored.
+        let is_mirrored = self.surroundings().slow > 0;
+        if is_mirrored {
+            let of_half_the_time = Self { flow_time: self.flow_time / 2.0, ..self.clone() };
+            half.push_all(&of_half_the_time.steps_of(Part::SlowMap, &over), 0, Direction::Forward);
+        }
+        for part in [Part::Perturbation, Part::Chart, Part::None] {
+            half.push_all(&self.steps_of(part, &over), 0, Direction::Forward);
+        }
+        let mut out = over.clone();
+        out.push_reflection(reversor);
+        out.push_all(&half, 0, Direction::Inverse);
+        out.push_reflection(reversor);
+        if !is_mirrored {
+            out.push_all(&self.steps_of(Part::SlowMap, &over), 0, Direction::Forward);
+        }
+        if let Some(action) = self.action() {
+            out.push_turn(&action, self.angles());
+        }
+        out.push_all(&half, 0, Direction::Forward);
+        out
+    }
+
     /// The whole map.
     pub(super) fn composition<P: Real>(&self, epsilon: P, parameters: Vec<P>) -> Composition<P> {
         let [chart, inner] = self.chart_and_inner_map(epsilon, &parameters);
@@ -474,7 +560,11 @@ impl Architecture {
         out.push_all(&chart, 0, Direction::Inverse);
         out.push_all(&inner, 0, Direction::Forward);
         out.push_all(&chart, 0, Direction::Forward);
-        for part in [Part::NearIdentity, Part::None] {
+        let rest: &[Part] = match self.reversor {
+            Some(_) => &[],
+            None => &[Part::NearIdentity, Part::None],
+        };
+        for &part in rest {
             let steps = self.steps_of(part, &out);
             out.push_all(&steps, 0, Direction::Forward);
         }

@@ -3,8 +3,8 @@
 use super::composition::Composition;
 use super::step::{Kind, Step, Visitor};
 use crate::layer::{
-    ActivationModule, AffineCoupling, ElementaryMap, LinearModule, RidgeFunction, RidgePotential,
-    TurnStep, TurnedCoupling, TurnedKick, Twist,
+    ActivationModule, AffineCoupling, ElementaryMap, LinearModule, Reflection, RidgeFunction,
+    RidgePotential, TurnStep, TurnedCoupling, TurnedKick, Twist,
 };
 use crate::scalar::Scalar;
 
@@ -100,6 +100,7 @@ impl<P: Scalar> Composition<P> {
                 let module = ActivationModule { dof, activation, factors, scale, target };
                 visitor.visit(if inverse { module.inverse() } else { module })
             }
+            Kind::Reflection(reversor) => visitor.visit(Reflection { dof: self.dof(), reversor }),
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::controls::Controls;
 use super::step::{Kind, Step, Visitor};
 use crate::error::Error;
-use crate::layer::{ElementaryMap, TorusAction, Turn, TwistShears};
+use crate::layer::{ElementaryMap, Reversor, TorusAction, Turn, TwistShears};
 use crate::phase::{Direction, Map};
 use crate::scalar::{Over, Pack, Real, Scalar, Task, max_or_nan};
 use std::marker::PhantomData;
@@ -248,9 +248,11 @@ impl<P: Scalar> Composition<P> {
     }
 
     /// The steps that ε scales, alone, over the same parameters: I_ε of a gyroceptron; of
-    /// one in normal form, whose other steps stand between them, ψ_ε∘T_ε∘ψ_ε⁻¹.
+    /// one in normal form, whose other steps stand between them, ψ_ε∘T_ε∘ψ_ε⁻¹. The reflections of
+    /// a reversible map stay in it.
     pub fn near_identity_part(&self) -> Self {
-        let steps = self.steps.iter().filter(|step| step.near_identity).cloned().collect();
+        let is_part = |step: &&Step| step.near_identity || matches!(step.kind, Kind::Reflection(_));
+        let steps = self.steps.iter().filter(is_part).cloned().collect();
         Self { steps, ..self.clone() }
     }
 
@@ -603,6 +605,13 @@ impl<P: Real> Composition<P> {
         let mut out = Self::new(action.dof(), angles, P::from_f64(1.0));
         out.push_turn(action, 0..count);
         Ok(out)
+    }
+
+    /// Appends the reflection of a reversible map.
+    pub(super) fn push_reflection(&mut self, reversor: Reversor) {
+        let (kind, parameters) = (Kind::Reflection(reversor), 0..0);
+        let (inverse, near_identity, time) = (false, false, None);
+        self.steps.push(Step { kind, parameters, inverse, near_identity, time });
     }
 
     /// Prepares the turns of the slow planes of each shear of a turned twist, whose parameters begin

@@ -317,7 +317,8 @@ impl Model {
 
     /// The blocks of its chart, if it is built on a circle and has a slow map.
     fn is_of_chart(&self, index: usize) -> bool {
-        matches!(self.architecture().blocks[index].part, Part::Conjugation | Part::Chart)
+        let part = self.architecture().blocks[index].part;
+        self.architecture().reversor.is_none() && matches!(part, Part::Conjugation | Part::Chart)
     }
 
     /// K_ε∘Φ_θ∘T_ε of a network with a slow map, as one whose chart is the identity; of any other

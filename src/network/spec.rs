@@ -1,13 +1,13 @@
 //! Networks as scenes, options and keywords declare them: by a name and sizes, or by blocks.
 
 use super::architecture::Architecture;
-use super::block::{Alternating, Block, MOST_LAYERS};
+use super::block::{Alternating, Block, MOST_LAYERS, Part, Scale};
 use super::named::{
     CouplingGyroceptronShape, GyroceptronShape, HenonShape, KickedGyroceptronShape, SympNetShape,
 };
 use super::normal_form::NormalFormShape;
 use crate::error::Error;
-use crate::layer::{Activation, CircleAction, RidgeFunction, TorusAction};
+use crate::layer::{Activation, CircleAction, Reversor, RidgeFunction, TorusAction};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -293,6 +293,9 @@ pub struct NetworkSpec {
     /// See [`SympNetShape::plain`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plain: Option<bool>,
+    /// S of a map that is reversible for all weights.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reversor: Option<Reversor>,
     /// Φ; the system's, unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub circle_action: Option<CircleAction>,
@@ -408,6 +411,16 @@ impl NetworkSpec {
         Ok(self)
     }
 
+    /// With this reversor.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when it is of a file.
+    pub fn reversible(mut self, reversor: Reversor) -> Result<Self, Error> {
+        self.reversor = Some(reversor);
+        self.check()?;
+        Ok(self)
+    }
+
     /// The size of a part: what is given, or the default.
     pub fn size(&self, key: &str) -> Option<LayerSizes> {
         self.given(key).or_else(|| {
@@ -477,6 +490,10 @@ impl NetworkSpec {
             let found = format!("{} blocks of kind {}", self.blocks.len(), self.kind);
             return Err(Error::invalid("network", found, "blocks of kind `blocks`, and no others"));
         }
+        if let (Some(reversor), true) = (self.reversor, self.is_of_file()) {
+            let expected = "none beside a file: it is that of its network";
+            return Err(Error::invalid("reversor", reversor.name(), expected));
+        }
         if self.path.is_some() && !self.is_of_file() {
             let found = format!("a path of kind {}", self.kind);
             return Err(Error::invalid("network", found, "a path of kind `file` only"));
@@ -529,6 +546,7 @@ impl NetworkSpec {
             if self.has_circle() {
                 out = out.on_torus(placed.action).at_epsilon(epsilon);
             }
+            out.reversor = self.reversor;
             out.blocks = self.blocks.clone();
             out = self.boxed(out);
             out.flow_time = if out.has_flow_time() { flow_time } else { 1.0 };
@@ -541,7 +559,13 @@ impl NetworkSpec {
                 (format!("{circles} circles"), format!("one of a {}", named.name));
             return Err(Error::invalid("circle action", found, expected));
         }
-        let mut out = (named.make)(self, &placed);
+        let mut out = (named.make)(self, &placed).reversible(self.reversor);
+        if self.reversor.is_some() {
+            // A of a reversible map is near the identity, whatever its slow map is.
+            for block in out.blocks.iter_mut().filter(|block| block.part == Part::Chart) {
+                block.scale = Scale::Epsilon;
+            }
+        }
         for block in &mut out.blocks {
             let size = named.key_of(block).and_then(|key| self.size(key));
             if let Some(degree) = size.and_then(|size| size.degree) {
@@ -567,7 +591,11 @@ impl Architecture {
         let is_it = |named: &&NamedArchitecture| {
             // With any of its parts given, which decides what it has.
             (0..1_usize << named.sizes.len()).any(|given| {
-                let mut spec = NetworkSpec { kind: named.name.into(), ..NetworkSpec::default() };
+                let mut spec = NetworkSpec {
+                    kind: named.name.into(),
+                    reversor: self.reversor,
+                    ..NetworkSpec::default()
+                };
                 let sizes = named.sizes.iter().enumerate();
                 for (_, (key, default)) in sizes.filter(|(number, _)| given >> number & 1 == 1) {
                     let (count, width) = default.unwrap_or((1, 1));
@@ -589,7 +617,7 @@ impl Architecture {
             (&a.name, a.part, a.scale) == (&b.name, b.part, b.scale)
                 && a.layers.name() == b.layers.name()
         };
-        self.circles == other.circles
+        (&self.circles, self.reversor) == (&other.circles, other.reversor)
             && self.blocks.len() == other.blocks.len()
             && self.blocks.iter().zip(&other.blocks).all(alike)
     }

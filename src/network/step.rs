@@ -1,8 +1,8 @@
 //! The kinds of step, and the one place where a step is bound to its parameters.
 
 use crate::layer::{
-    Activation, ElementaryMap, Kick, KickForm, RidgeFunction, RidgePotential, Ridges, TurnStep,
-    TurnedCoupling, TurnedKick, Twist, TwistShears,
+    Activation, ElementaryMap, Kick, KickForm, Reversor, RidgeFunction, RidgePotential, Ridges,
+    TurnStep, TurnedCoupling, TurnedKick, Twist, TwistShears,
 };
 use crate::phase::Half;
 use crate::scalar::Scalar;
@@ -76,6 +76,8 @@ pub enum Kind {
         /// The half that it changes.
         target: Half,
     },
+    /// The reflection of a reversible map; not symplectic alone, and there twice.
+    Reflection(Reversor),
 }
 
 impl Kind {
@@ -84,7 +86,10 @@ impl Kind {
         match self {
             Self::Twist { shears, .. } => shears.angles(),
             Self::Turn { .. } | Self::TurnedKick { .. } | Self::TurnedCoupling { .. } => &[0],
-            Self::Kick { .. } | Self::Linear { .. } | Self::Activation { .. } => &[],
+            Self::Kick { .. }
+            | Self::Linear { .. }
+            | Self::Activation { .. }
+            | Self::Reflection(_) => &[],
         }
     }
 
@@ -105,7 +110,10 @@ impl Kind {
             | Self::TurnedKick { prepared, .. }
             | Self::TurnedCoupling { prepared, .. } => Some(prepared),
             Self::Twist { prepared, .. } => prepared.as_mut(),
-            Self::Kick { .. } | Self::Linear { .. } | Self::Activation { .. } => None,
+            Self::Kick { .. }
+            | Self::Linear { .. }
+            | Self::Activation { .. }
+            | Self::Reflection(_) => None,
         }
     }
 }

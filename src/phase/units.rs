@@ -1,6 +1,6 @@
 //! Units in which data is of order one: a shift and a factor for each column.
 
-use super::Map;
+use super::{Half, Map};
 use crate::error::Error;
 use crate::scalar::{Scalar, constant};
 use serde::{Deserialize, Serialize};
@@ -89,6 +89,15 @@ impl Units {
     /// The diagonal of S.
     pub fn factors(&self) -> &[f64] {
         &self.factors
+    }
+
+    /// The same units, with the centre of a half of the coordinates at 0.
+    pub fn about_zero(mut self, half: Half) -> Self {
+        let dof = self.dof();
+        for j in 0..dof {
+            self.centre[half.index(dof, j)] = 0.0;
+        }
+        self
     }
 
     /// s: an area dq∧dp of the data over that of the network, and the unit of actions.

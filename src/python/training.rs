@@ -8,6 +8,7 @@ use super::trained::{Trained, warn};
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::io::{Checkpoints, StoredModel, read_section};
+use crate::layer::Reversor;
 use crate::network::{Alternating, Block, LayerSizes, NetworkSpec};
 use crate::scene::{Folder, NextStep, OwnTraining, Scene, TrainingTimes};
 use crate::train::{
@@ -157,6 +158,8 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// in place of neurons. A normal form with a perturbation is nearly integrable, of order one without it.
 /// radius: the box of polynomials, in units of the network: coordinates from -radius to radius. 1.1 times
 /// the largest of the pairs unless given.
+/// reversor: "positions" or "momenta", whose signs S changes, of a map with S P S = P^-1 for all weights,
+/// P = A Phi T S A^-1 S: A is the kicks and the perturbation, or the network.
 /// blocks: a network of your own in place of a named architecture: a list of dictionaries with layer
 /// ("henon", "turned-kick", "twist", "turned-twist", "turned-coupling", "symp-net"), widths, part ("conjugation",
 /// "chart", "slow-map", "perturbation", "near-identity", "none"), and scale and name where they are
@@ -198,7 +201,7 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 #[pyfunction]
 #[pyo3(signature = (
     input, output, circle_action=Circles::Auto, *, recipe=None, scene=None, architecture=None, psi=None,
-    near_identity=None, kicks=None, twists=None, turned_twists=None, perturbation=None, layers=None, radius=None, blocks=None, optimiser=None,
+    near_identity=None, kicks=None, twists=None, turned_twists=None, perturbation=None, layers=None, radius=None, reversor=None, blocks=None, optimiser=None,
     iterations=None, starts=None, ramp=None, near_identity_penalty=None, loss_weights=None, patience=None,
     target=None, plateau=None, epsilon=None, flow_time=None, theta=None, theta_fixed=false,
     theta_penalty=None, controls=None, control_degree=None, section=None, units="fitted", validation=0.1, seed=0, report=None, checkpoint=None,
@@ -221,6 +224,7 @@ pub(super) fn train(
     perturbation: Shape,
     layers: Shape,
     radius: Option<f64>,
+    reversor: Option<&str>,
     blocks: Option<Bound<'_, PyAny>>,
     optimiser: Option<&str>,
     iterations: Option<u64>,
@@ -256,8 +260,18 @@ pub(super) fn train(
     let ((epsilon, epsilons), (flow_time, times)) = (condition(epsilon), condition(flow_time));
     let (names, values) = controls.map(|of| columns_of(&of, pairs.len())).transpose()?.unzip();
     let data = FamilyPairs::under(pairs, epsilons.as_deref(), times.as_deref(), values.as_deref())?;
-    let shapes =
-        Shapes { psi, near_identity, kicks, twists, turned_twists, perturbation, layers, radius };
+    let reversor = reversor.map(Reversor::find).transpose()?;
+    let shapes = Shapes {
+        psi,
+        near_identity,
+        kicks,
+        twists,
+        turned_twists,
+        perturbation,
+        layers,
+        radius,
+        reversor,
+    };
     let blocks = blocks.map(|blocks| blocks_of(py, blocks)).transpose()?.unwrap_or_default();
     let network = shapes.network(architecture, base.network.clone(), blocks)?;
     let mut training = base.training.clone();
@@ -396,6 +410,7 @@ struct Shapes {
     perturbation: Shape,
     layers: Shape,
     radius: Option<f64>,
+    reversor: Option<Reversor>,
 }
 
 impl Shapes {
@@ -425,12 +440,17 @@ impl Shapes {
             _ if !blocks.is_empty() => NetworkSpec::of_blocks(blocks),
             (Some(name), _) => NetworkSpec::named(name)?,
             (None, Some(network)) => network,
-            (None, None) if keys.is_empty() => return Ok(None),
+            (None, None) if keys.is_empty() && self.reversor.is_none() => return Ok(None),
+            (None, None) if keys.is_empty() => NetworkSpec::named("normal-form")?,
             (None, None) => NetworkSpec::with_parts(&keys)?,
         };
         let with =
             |network: NetworkSpec, (key, size): (&str, LayerSizes)| network.with_size(key, size);
         let network = sizes.into_iter().try_fold(network, with)?;
+        let network = match self.reversor {
+            Some(reversor) => network.reversible(reversor)?,
+            None => network,
+        };
         self.radius.map_or(Ok(network.clone()), |radius| network.with_radius(radius)).map(Some)
     }
 }

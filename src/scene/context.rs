@@ -12,6 +12,7 @@ use super::target_flow::TargetFlow;
 use super::trained::Trained;
 use crate::error::Error;
 use crate::flow::{Pairs, ReferenceTrajectories, Trajectories, Window, orbits_of, sample_of};
+use crate::layer::Reversor;
 use crate::measure::trajectories::limiting_flow_error;
 use crate::network::Rollout;
 use crate::random::Stream;
@@ -156,15 +157,19 @@ impl<'a> Context<'a> {
         }
         let declared = self.scene.setup.data.as_ref().ok_or_else(|| self.missing(Need::Data))?;
         let (time, seed) = (self.flow_time()?, self.scene.seed);
+        let models = self.scene.setup.models.iter();
+        let reversors: Vec<Reversor> = models.filter_map(|model| model.network.reversor).collect();
+        let reversors = &reversors[..];
         if let Some(file) = declared.file() {
             let name = format!("pairs of {}", file.pairs.display());
-            let made =
-                self.stage(&name, |_| DataSets::of_file(file, time, declared.validation, seed))?;
+            let made = self.stage(&name, |_| {
+                DataSets::of_file(file, time, declared.validation, reversors, seed)
+            })?;
             return Ok(Rc::clone(self.data.insert(Rc::new(made))));
         }
         if declared.lines.is_some() {
             let (lines, target) = (self.lines()?, self.target()?);
-            let made = DataSets::of_lines(&lines, target, time, seed)?;
+            let made = DataSets::of_lines(&lines, target, time, reversors, seed)?;
             return Ok(Rc::clone(self.data.insert(Rc::new(made))));
         }
         let system = self.system()?;

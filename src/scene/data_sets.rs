@@ -6,7 +6,7 @@ use super::target_flow::{FileData, TargetFlow};
 use crate::error::Error;
 use crate::flow::{Pairs, Region};
 use crate::io::read_pairs;
-use crate::layer::TorusAction;
+use crate::layer::{Reversor, TorusAction};
 use crate::measure::trajectories::{limiting_flow_error, root_mean_square, rotation_error};
 use crate::network::Controls;
 use crate::phase::{Section, Units};
@@ -83,6 +83,7 @@ impl DataSets {
         file: FileData<'_>,
         time: f64,
         validation: f64,
+        reversors: &[Reversor],
         seed: u64,
     ) -> Result<Self, Error> {
         let place = file.pairs.display().to_string();
@@ -100,6 +101,7 @@ impl DataSets {
             of_order_one: false,
             theta: None,
             units: true,
+            reversors,
             validation,
             seed,
         };
@@ -121,6 +123,7 @@ impl DataSets {
         lines: &TracedLines,
         target: TargetFlow<'_>,
         time: f64,
+        reversors: &[Reversor],
         seed: u64,
     ) -> Result<Self, Error> {
         let charted = |pairs: &Pairs| {
@@ -140,6 +143,7 @@ impl DataSets {
             of_order_one: true,
             theta: None,
             units: true,
+            reversors,
             validation: 0.0,
             seed,
         };

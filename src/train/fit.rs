@@ -352,6 +352,7 @@ impl Fit {
             of_order_one,
             theta: self.theta,
             units: self.units,
+            reversors: any.reversor.as_slice(),
             validation: self.validation,
             seed: self.seed,
         };

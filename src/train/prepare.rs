@@ -3,7 +3,7 @@
 use super::{fit_rotation, fit_units, slow_time};
 use crate::error::Error;
 use crate::flow::{Pairs, Region};
-use crate::layer::TorusAction;
+use crate::layer::{Reversor, TorusAction};
 use crate::phase::Units;
 use crate::random::Stream;
 
@@ -25,6 +25,9 @@ pub struct Preparation<'a> {
     pub theta: Option<f64>,
     /// Whether units are fitted to them.
     pub units: bool,
+    /// S of the networks that are reversible: units keep the origin of the half whose signs it
+    /// changes.
+    pub reversors: &'a [Reversor],
     /// The share that is held out.
     pub validation: f64,
     /// The seed of the held-out choice.
@@ -90,6 +93,8 @@ impl Preparation<'_> {
         }
         let region = pairs.region();
         let units = if self.units { fit_units(&pairs, action) } else { None };
+        let units = { self.reversors.iter() }
+            .fold(units, |units, reversor| Some(units?.about_zero(reversor.half())));
         let pairs = match &units {
             None => pairs,
             Some(units) => pairs.to_network(place, units)?,

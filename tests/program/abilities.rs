@@ -5,7 +5,7 @@ use crate::helpers::{command, folder, succeeds, text};
 use gyroceptron::Error;
 use gyroceptron::flow::{Pairs, Window};
 use gyroceptron::io::{Checkpoints, StoredModel, load_checkpoint, save_model, write_pairs};
-use gyroceptron::layer::{Activation, CircleAction, TorusAction};
+use gyroceptron::layer::{Activation, CircleAction, Reversor, TorusAction};
 use gyroceptron::network::{Alternating, Block, LayerSizes, Layers, Modules, NetworkSpec, Part};
 use gyroceptron::scene::{Folder, OwnTraining, TrainingTimes, parse};
 use gyroceptron::system::Oscillators;
@@ -240,6 +240,9 @@ const CASES: &[Case] = &[
         let sizes = [("kicks", of_degree(2, 2, 3)), ("twists", of_degree(2, 2, 2))];
         let network = named("normal-form", &sizes).expect("a normal form");
         fit.network = network.with_radius(1.5).ok();
+    }),
+    ("a reversible map", |fit| {
+        fit.network = fit.network.take().and_then(|of| of.reversible(Reversor::Momenta).ok());
     }),
     ("polynomials in the box of the pairs, in stages", |fit| {
         fit.network = named("normal-form", &[("kicks", of_degree(2, 2, 4)), ("twists", of(2, 2))]);

@@ -285,6 +285,7 @@ def train(
     perturbation: _Layers | None = None,
     layers: _Layers | None = None,
     radius: float | None = None,
+    reversor: Literal["positions", "momenta"] | None = None,
     blocks: Sequence[Mapping[str, Any]] | None = None,
     optimiser: Literal["l-bfgs", "lm", "adam"] | None = None,
     iterations: int | None = None,
