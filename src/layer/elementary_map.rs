@@ -1,6 +1,6 @@
 //! What a step of a network is: an elementary map bound to its parameters.
 
-use crate::scalar::{Over, Pack, Scalar};
+use crate::scalar::{Over, Pack, Scalar, Series};
 
 /// An elementary map bound to its parameters, whose inverse is of the same kind: a shear, a few
 /// shears that belong together, a rotation of planes, a coupling. All but the
@@ -49,6 +49,14 @@ pub trait ElementaryMap<P: Scalar>: Copy {
     #[inline(always)]
     fn apply_inverse<S: Over<P>>(&self, z: &mut [S], scratch: &mut [S]) {
         self.inverse().apply(z, scratch);
+    }
+
+    /// [`ElementaryMap::apply`] to points of 2n numbers that stand after one another: the same bits.
+    #[inline(always)]
+    fn apply_each<S: Over<P>>(&self, points: &mut [S], scratch: &mut [S]) {
+        for z in points.chunks_exact_mut(2 * self.dof()) {
+            self.apply(z, scratch);
+        }
     }
 
     /// [`ElementaryMap::apply`], keeping in `tape` (of [`ElementaryMap::tape_len`]) what
@@ -105,4 +113,20 @@ pub trait ElementaryMap<P: Scalar>: Copy {
 pub trait OfMomenta<P: Scalar>: ElementaryMap<P> {
     /// Whether it moves nothing, whatever the point.
     fn is_identity(&self) -> bool;
+
+    /// What it is, if it is a kick of one plane by one polynomial.
+    fn of_a_plane(&self) -> Option<PlaneKick<'_, P>> {
+        None
+    }
+}
+
+/// p += c f(q/ρ), f a series of Chebyshev polynomials.
+#[derive(Clone, Copy, Debug)]
+pub struct PlaneKick<'a, P> {
+    /// f.
+    pub series: Series<'a, P>,
+    /// 1/ρ.
+    pub inverse_radius: f64,
+    /// c.
+    pub scale: P,
 }

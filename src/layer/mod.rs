@@ -38,7 +38,7 @@ mod unrolled;
 
 pub use activation_module::{Activation, ActivationModule};
 pub use coupling::{AffineCoupling, coupling_parameter_count};
-pub use elementary_map::{ElementaryMap, OfMomenta};
+pub use elementary_map::{ElementaryMap, OfMomenta, PlaneKick};
 pub use henon::{HenonLayer, HenonMap, KickForm, layer_parameter_count};
 pub use kick::Kick;
 pub use linear_module::{LinearModule, linear_module_parameter_count};

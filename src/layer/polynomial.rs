@@ -90,6 +90,13 @@ impl<'a, P: Copy> PolynomialPotential<'a, P> {
         Series::new(self.coefficients, self.degree, self.width, first)
     }
 
+    /// The one polynomial that it has of one coordinate, and 1/ρ.
+    #[inline(always)]
+    pub(super) fn of_one_coordinate(&self) -> Option<(Series<'a, P>, f64)> {
+        let is_one = self.w_in.is_empty() && self.actions.is_empty();
+        is_one.then(|| (self.series(0), self.inverse_half(0)))
+    }
+
     /// ∂x_i/∂y_i.
     #[inline(always)]
     fn inverse_half(&self, i: usize) -> f64 {

@@ -268,6 +268,43 @@ impl<P: Copy> PlaneTurn<P> {
     }
 }
 
+impl<P: Scalar> PlaneTurn<P> {
+    /// (q, p) of M points turned by the angle, or back.
+    #[inline(always)]
+    pub(super) fn apply_together<S: Over<P>, const M: usize>(
+        &self,
+        q: &mut [S; M],
+        p: &mut [S; M],
+        inverse: bool,
+    ) {
+        let turns = if inverse { (4 - self.quarter_turns) % 4 } else { self.quarter_turns };
+        if self.turns_first() != inverse {
+            for m in 0..M {
+                quarter_turns(turns, &mut q[m], &mut p[m]);
+            }
+        }
+        if !self.s.is_zero() {
+            let (t, s) = if inverse { (-self.t, -self.s) } else { (self.t, self.s) };
+            // A tangent that underflows adds nothing: 0·p would turn −0 into 0.
+            let bends = !t.is_zero();
+            for m in 0..M {
+                if bends {
+                    q[m] = q[m].increment(t, p[m]);
+                }
+                p[m] = p[m].increment(-s, q[m]);
+                if bends {
+                    q[m] = q[m].increment(t, p[m]);
+                }
+            }
+        }
+        if self.turns_first() == inverse {
+            for m in 0..M {
+                quarter_turns(turns, &mut q[m], &mut p[m]);
+            }
+        }
+    }
+}
+
 /// Turns (q, p) clockwise by `count` right angles, exactly.
 #[inline(always)]
 pub fn quarter_turns<S: Scalar>(count: u8, q: &mut S, p: &mut S) {
@@ -354,25 +391,7 @@ impl<P: Scalar> Turn<P> {
         let (q, p) = z.split_at_mut(self.dof);
         for plane in &self.planes {
             let (q, p) = (&mut q[plane.plane], &mut p[plane.plane]);
-            let turns = if inverse { (4 - plane.quarter_turns) % 4 } else { plane.quarter_turns };
-            if plane.turns_first() != inverse {
-                quarter_turns(turns, q, p);
-            }
-            if !plane.s.is_zero() {
-                let (t, s) = if inverse { (-plane.t, -plane.s) } else { (plane.t, plane.s) };
-                // A tangent that underflows adds nothing: 0·p would turn −0 into 0.
-                let bends = !t.is_zero();
-                if bends {
-                    *q = q.increment(t, *p);
-                }
-                *p = p.increment(-s, *q);
-                if bends {
-                    *q = q.increment(t, *p);
-                }
-            }
-            if plane.turns_first() == inverse {
-                quarter_turns(turns, q, p);
-            }
+            plane.apply_together(std::array::from_mut(q), std::array::from_mut(p), inverse);
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Shears in coordinates turned by angles of their own.
 
-use super::{AffineCoupling, ElementaryMap, Kick, OfMomenta, RidgePotential, Turn};
+use super::{
+    AffineCoupling, ElementaryMap, Kick, OfMomenta, PlaneKick, PlaneTurn, RidgePotential, Turn,
+};
 use crate::phase::Half;
 use crate::scalar::{Over, Pack, Scalar};
 
@@ -50,6 +52,46 @@ impl<P: Scalar, const D: usize> OfMomenta<P> for Kick<'_, P, RidgePotential<'_, 
     #[inline(always)]
     fn is_identity(&self) -> bool {
         Kick::is_identity(self)
+    }
+
+    #[inline(always)]
+    fn of_a_plane(&self) -> Option<PlaneKick<'_, P>> {
+        match &self.potential {
+            RidgePotential::Polynomial(of) => {
+                let (series, inverse_radius) = of.of_one_coordinate()?;
+                Some(PlaneKick { series, inverse_radius, scale: self.scale })
+            }
+            RidgePotential::Tanh(_) => None,
+        }
+    }
+}
+
+/// Points of a plane that are kicked together: what one of them waits for is computed while
+/// another waits.
+const TOGETHER: usize = 4;
+
+impl<P: Scalar> PlaneKick<'_, P> {
+    /// M points of a plane, each (q, p): turned, kicked and turned back.
+    #[inline(always)]
+    fn kick<S: Over<P>, const M: usize>(&self, turn: &PlaneTurn<P>, points: &mut [S]) {
+        let points: &mut [S] = &mut points[..2 * M];
+        let (mut q, mut p) = ([S::zero(); M], [S::zero(); M]);
+        for m in 0..M {
+            (q[m], p[m]) = (points[2 * m], points[2 * m + 1]);
+        }
+        turn.apply_together(&mut q, &mut p, false);
+        let mut s = q;
+        for s in &mut s {
+            *s *= S::from_f64(self.inverse_radius);
+        }
+        let f = S::series_each::<M>(s, self.series.repeated());
+        for m in 0..M {
+            p[m] = p[m].increment(self.scale, S::zero() + f[m]);
+        }
+        turn.apply_together(&mut q, &mut p, true);
+        for m in 0..M {
+            (points[2 * m], points[2 * m + 1]) = (q[m], p[m]);
+        }
     }
 }
 
@@ -118,6 +160,29 @@ impl<P: Scalar, T: OfMomenta<P>> ElementaryMap<P> for Turned<'_, P, T> {
         self.turn.apply(z, false);
         self.shear.apply(z, scratch);
         self.turn.apply(z, true);
+    }
+
+    #[inline(always)]
+    fn apply_each<S: Over<P>>(&self, points: &mut [S], scratch: &mut [S]) {
+        if self.shear.is_identity() {
+            return;
+        }
+        // Once compiled for each number that is no register, nothing of this would be faster.
+        if S::SPECIALISED
+            && let (Some(kick), [turn]) = (self.shear.of_a_plane(), self.turn.planes())
+        {
+            let mut groups = points.chunks_exact_mut(2 * TOGETHER);
+            for group in &mut groups {
+                kick.kick::<S, TOGETHER>(turn, group);
+            }
+            for point in groups.into_remainder().chunks_exact_mut(2) {
+                kick.kick::<S, 1>(turn, point);
+            }
+            return;
+        }
+        for z in points.chunks_exact_mut(2 * self.shear.dof()) {
+            self.apply(z, scratch);
+        }
     }
 
     /// The momenta before and after the shear are kept behind what the shear keeps, whose

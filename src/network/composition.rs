@@ -61,9 +61,7 @@ impl<P: Scalar, S: Over<P>, T: ElementaryMap<P>> Task for OfEach<P, T, Apply<'_,
     #[inline(always)]
     fn run(self) {
         let Apply { z, scratch } = self.work;
-        for z in z.chunks_exact_mut(2 * self.shear.dof()) {
-            self.shear.apply(z, scratch);
-        }
+        self.shear.apply_each(z, scratch);
     }
 }
 

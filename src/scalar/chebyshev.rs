@@ -12,6 +12,8 @@ pub struct Series<'a, P> {
     first: usize,
     /// How many coefficients each has.
     count: usize,
+    /// All K are the same series.
+    repeated: bool,
 }
 
 impl<'a, P> Series<'a, P> {
@@ -22,7 +24,13 @@ impl<'a, P> Series<'a, P> {
     #[inline(always)]
     pub fn new(coefficients: &'a [P], count: usize, row: usize, first: usize) -> Self {
         assert!(coefficients.len() == count * row);
-        Self { coefficients, row, first, count }
+        Self { coefficients, row, first, count, repeated: false }
+    }
+
+    /// The first of them K times: one series of K arguments.
+    #[inline(always)]
+    pub fn repeated(self) -> Self {
+        Self { repeated: true, ..self }
     }
 
     /// Those from number `more` on of these.
@@ -62,9 +70,15 @@ impl<'a, P> Series<'a, P> {
     }
 
     #[inline(always)]
-    fn at<const K: usize>(&self, m: usize) -> &'a [P; K] {
+    fn at<const K: usize>(&self, m: usize) -> [P; K]
+    where
+        P: Copy,
+    {
         let begin = m * self.row + self.first;
-        self.coefficients[begin..begin + K].first_chunk().expect("K of them")
+        if self.repeated {
+            return [self.coefficients[begin]; K];
+        }
+        *self.coefficients[begin..begin + K].first_chunk().expect("K of them")
     }
 }
 
@@ -101,8 +115,8 @@ impl<S: Scalar, const K: usize, const ORDER: usize> Chains<S, K, ORDER> {
             }
         }
         for pair in (0..count / 2).rev() {
-            step(&mut out.even, &double, series.at(2 * pair));
-            step(&mut out.odd, &double, series.at(2 * pair + 1));
+            step(&mut out.even, &double, &series.at(2 * pair));
+            step(&mut out.odd, &double, &series.at(2 * pair + 1));
         }
         (out, double)
     }
