@@ -1,10 +1,10 @@
 //! Maps of a surface of section by the field lines of coils.
 
 use super::Tableau;
-use super::request::{Request, store_states};
+use super::request::{Request, TOGETHER, store_states};
 use super::runge_kutta::Field;
 use crate::error::Error;
-use crate::network::{TOGETHER, load_groups};
+use crate::network::load_groups;
 use crate::scalar::{Dual, Elementary, Kernel, Pack, max_or_nan, on_independent_lanes};
 use crate::system::CoilField;
 use rayon::prelude::*;

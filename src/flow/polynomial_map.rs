@@ -3,7 +3,7 @@
 use super::request::store_states;
 use super::{Pairs, Region};
 use crate::error::Error;
-use crate::network::{Controls, Rollout, load_groups};
+use crate::network::{Controls, Rollout, load_groups, store_groups};
 use crate::scalar::{Dual, Kernel, Pack, Scalar, max_or_nan, on_independent_lanes};
 use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
@@ -317,6 +317,14 @@ impl Kernel for Orbits<'_> {
 
     #[inline(always)]
     fn run<V: Pack>(self) -> Vec<f64> {
+        let few = self.initial.len() <= V::LANES * self.map.dim;
+        match (self.map.dim, few) {
+            (2, false) => return self.together::<V, 2, TOGETHER>(),
+            (2, true) => return self.together::<V, 2, 1>(),
+            (4, false) => return self.together::<V, 4, TOGETHER>(),
+            (4, true) => return self.together::<V, 4, 1>(),
+            _ => {}
+        }
         let Self { map, request, initial, states } = self;
         let dim = map.dim;
         let mut out = vec![0.0; states * initial.len()];
@@ -339,6 +347,100 @@ impl Kernel for Orbits<'_> {
             }
         }
         out
+    }
+}
+
+/// Groups of points on lanes that are moved together: while the last results of one are awaited, the processor has the
+/// others.
+const TOGETHER: usize = 4;
+
+impl Orbits<'_> {
+    /// The orbits, of D coordinates and G groups at a time: the bits of [`PolynomialMap::step`].
+    #[inline(always)]
+    fn together<V: Pack, const D: usize, const G: usize>(self) -> Vec<f64> {
+        let Self { map, request, initial, states } = self;
+        let mut out = vec![0.0; states * initial.len()];
+        let mut tables = vec![[V::zero(); G]; D * (map.degree + 1)];
+        let mut lanes = vec![V::zero(); G * D];
+        let mut shown = vec![0.0; G * V::LANES * D];
+        let lefts: Vec<usize> =
+            map.runs.iter().map(|run| map.degree - run.iter().sum::<usize>()).collect();
+        let together = G * V::LANES * D;
+        for (number, groups) in initial.chunks(together).enumerate() {
+            let first = number * together;
+            let size = load_groups(groups, D, &mut lanes);
+            for t in 0..states {
+                if t > 0 {
+                    for _ in 0..request.every {
+                        map.move_together::<V, D, G>(&lefts, &mut tables, &mut lanes);
+                    }
+                }
+                store_groups(&lanes[..size], D, &mut shown[..groups.len()]);
+                out[t * initial.len() + first..][..groups.len()]
+                    .copy_from_slice(&shown[..groups.len()]);
+            }
+        }
+        out
+    }
+}
+
+impl PolynomialMap {
+    /// z ← its image for each of the points of D coordinates; `lefts` are the degrees that runs leave for the last.
+    #[inline(always)]
+    fn move_together<S: Scalar, const D: usize, const G: usize>(
+        &self,
+        lefts: &[usize],
+        tables: &mut [[S; G]],
+        z: &mut [S],
+    ) {
+        let count = self.degree + 1;
+        for (axis, table) in tables.chunks_exact_mut(count).enumerate() {
+            let mut s = [S::zero(); G];
+            for (g, s) in s.iter_mut().enumerate() {
+                let moved = z[g * D + axis] - S::from_f64(self.centre[axis]);
+                *s = moved * S::from_f64(self.factors[axis]);
+            }
+            let mut terms = [[S::from_f64(1.0); G], s];
+            for entry in table {
+                *entry = terms[0];
+                let mut next = s;
+                for g in 0..G {
+                    next[g] = (s[g] + s[g]).mul_add(terms[1][g], -terms[0][g]);
+                }
+                terms = [terms[1], next];
+            }
+        }
+        let mut image = [[S::zero(); G]; D];
+        let mut coefficients = &self.coefficients[..];
+        for (run, left) in self.runs.iter().zip(lefts) {
+            let mut inner = [[S::zero(); G]; D];
+            for power in &tables[(D - 1) * count..][..=*left] {
+                let (term, rest) = coefficients.split_first_chunk::<D>().expect("a term");
+                coefficients = rest;
+                for k in 0..D {
+                    let c = S::from_f64(term[k]);
+                    for g in 0..G {
+                        inner[k][g] = power[g].mul_add(c, inner[k][g]);
+                    }
+                }
+            }
+            let mut first = [S::from_f64(1.0); G];
+            for (axis, k) in run.iter().enumerate() {
+                for g in 0..G {
+                    first[g] *= tables[axis * count + k][g];
+                }
+            }
+            for k in 0..D {
+                for g in 0..G {
+                    image[k][g] = first[g].mul_add(inner[k][g], image[k][g]);
+                }
+            }
+        }
+        for g in 0..G {
+            for k in 0..D {
+                z[g * D + k] = image[k][g];
+            }
+        }
     }
 }
 

@@ -1,10 +1,14 @@
 //! Trajectories of many points: the blocks that threads share, and the lanes of a block.
 
 use crate::error::Error;
-use crate::network::{TOGETHER, load_groups};
+use crate::network::load_groups;
 use crate::scalar::{Kernel, Pack, WIDTH, on_independent_lanes};
 use crate::system::Hamiltonian;
 use rayon::prelude::*;
+
+/// Groups of points that make each step together: while the last results of one are awaited, the
+/// processor has the others.
+pub(super) const TOGETHER: usize = 4;
 
 /// Trajectories of one task, at most.
 const BLOCK: usize = 4 * WIDTH;

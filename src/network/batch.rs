@@ -12,7 +12,7 @@ const BLOCK: usize = 32 * WIDTH;
 
 /// Groups of points that make each step together: while the last results of one
 /// are awaited, the processor has the others.
-pub(crate) const TOGETHER: usize = 4;
+const TOGETHER: usize = 8;
 
 /// Neurons of one point in the lanes.
 pub(crate) const NEURONS: usize = 4;
@@ -57,7 +57,7 @@ pub(crate) fn load_groups<V: Pack>(points: &[f64], dim: usize, lanes: &mut [V]) 
 }
 
 #[inline(always)]
-fn store_groups<V: Pack>(lanes: &[V], dim: usize, points: &mut [f64]) {
+pub(crate) fn store_groups<V: Pack>(lanes: &[V], dim: usize, points: &mut [f64]) {
     for (group, lanes) in points.chunks_mut(V::LANES * dim).zip(lanes.chunks_exact(dim)) {
         store(lanes, dim, group);
     }

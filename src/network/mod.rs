@@ -50,5 +50,5 @@ pub use pace::Pace;
 pub use spec::{Circles, LayerSizes, NamedArchitecture, NetworkSpec};
 pub use step::{Kind, Step, Visitor};
 
-pub(crate) use batch::{NEURONS, TOGETHER, load, load_groups};
+pub(crate) use batch::{NEURONS, load, load_groups, store_groups};
 pub(crate) use normal_form::MOST_REPEATS;
