@@ -132,6 +132,13 @@ fn with_coils(scene: Scene, arguments: &CoilArguments) -> Result<Scene, Error> {
         let expected = "a scene of field lines of coils, such as coils";
         return Err(Error::invalid("--coils, --section-at, --reach or --axis", name, expected));
     }
+    let (scene, left) = scene.without_models_that_need_a_mirror();
+    for model in left {
+        line(&format!(
+            "model {model} is left out: it is reversible, and maps of this section are not; those of the sections at 0 \
+             and 0.5 of coils with stellarator symmetry are"
+        ));
+    }
     Ok(scene)
 }
 

@@ -4,7 +4,7 @@ use super::declared::Declared;
 use super::line_data::{Coils, LineData};
 use super::network_file::read_network;
 use super::registry::{AnyStudy, Scene};
-use super::setup::{Data, SeededTraining, Setup, check_name};
+use super::setup::{Data, ModelSpec, SeededTraining, Setup, check_name};
 use super::study::pairs::PairsStudy;
 use super::study::shared::Study;
 use super::study::training::TrainingStudy;
@@ -277,6 +277,29 @@ impl Scene {
         };
         self.parts = self.parts.into_iter().map(with).collect();
         (self, any)
+    }
+
+    /// The scene without the reversible networks whose maps of a section are not reversible, and their names; with all
+    /// of them, where there are no others.
+    pub fn without_models_that_need_a_mirror(mut self) -> (Self, Vec<String>) {
+        let lines = self.setup.data.as_ref().and_then(|data| data.lines.as_ref());
+        let fits = |model: &ModelSpec| match (lines, model.network.reversor) {
+            (Some(lines), Some(reversor)) => lines.check_reversor(reversor).is_ok(),
+            _ => true,
+        };
+        let (kept, left): (Vec<_>, Vec<_>) = self.setup.models.iter().cloned().partition(fits);
+        let mut names = Vec::new();
+        if !kept.is_empty() {
+            names.extend(left.into_iter().map(|model| model.name));
+            self.setup.models = kept;
+        }
+        let with = |part: Self| {
+            let (part, of_part) = part.without_models_that_need_a_mirror();
+            names.extend(of_part);
+            part
+        };
+        self.parts = self.parts.into_iter().map(with).collect();
+        (self, names)
     }
 
     /// BibTeX entries of what the studies use, each once.

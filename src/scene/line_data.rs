@@ -3,6 +3,7 @@
 use crate::error::Error;
 use crate::flow::{LineRequest, LineSection, Pairs};
 use crate::io::read_coils;
+use crate::layer::Reversor;
 use crate::network::{ControlRange, Controls};
 use crate::phase::Section;
 use crate::scalar::max_or_nan;
@@ -167,6 +168,14 @@ impl Coils {
         }
     }
 
+    /// Whether half a turn about the x axis maps the machine to itself.
+    fn is_symmetric(&self) -> bool {
+        match self {
+            Self::Torsatron(_) => true,
+            Self::File(file) => file.stellarator_symmetric,
+        }
+    }
+
     fn set(&self) -> Result<CoilSet, Error> {
         match self {
             Self::Torsatron(torsatron) => torsatron.coils(),
@@ -181,6 +190,25 @@ impl LineData {
     /// The toroidal angle of a map.
     fn angle(&self) -> f64 {
         TAU * f64::from(self.periods) / f64::from(self.coils.periods())
+    }
+
+    /// Whether lines run backwards in the mirror Z → −Z of the section: q = Z then changes its sign, and p = ∫ρ dR
+    /// does not.
+    fn is_mirrored(&self) -> bool {
+        self.coils.is_symmetric() && (2.0 * self.section).fract() == 0.0
+    }
+
+    /// Fails where maps of the section are not reversible so.
+    pub(super) fn check_reversor(&self, reversor: Reversor) -> Result<(), Error> {
+        let expected = match reversor {
+            Reversor::Momenta => "positions, the reflection of Z, of maps of a section",
+            Reversor::Positions if self.is_mirrored() => return Ok(()),
+            Reversor::Positions => {
+                "none: the section at 0 or half a field period of coils with stellarator symmetry is mirrored, others \
+                 are not"
+            }
+        };
+        Err(Error::invalid("reversor", reversor.name(), expected))
     }
 
     /// Fails unless numbers are in range; a file is not read.

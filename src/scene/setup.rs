@@ -310,6 +310,10 @@ impl Setup {
             check_name(&model.name).map_err(|e| e.with_place("models"))?;
             let place = || format!("models.{}.network", model.name);
             model.network.check().map_err(|e| e.with_place(place()))?;
+            let lines = self.data.as_ref().and_then(|data| data.lines.as_ref());
+            if let (Some(lines), Some(reversor)) = (lines, model.network.reversor) {
+                lines.check_reversor(reversor).map_err(|e| e.with_place(place()))?;
+            }
             if let Some(seeds) = model.seeds {
                 let most = MOST_SEEDS as usize;
                 let found = usize::try_from(seeds).unwrap_or(usize::MAX);

@@ -2,6 +2,7 @@
 
 use crate::helpers::{call, folder, refuses, succeeds, text};
 use gyroceptron::io::{load_model, read_trajectories, write_points};
+use gyroceptron::layer::Reversor;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{Event, Folder, Observer, parse, run};
 use gyroceptron::system::Torsatron;
@@ -44,6 +45,14 @@ weights = {{ kind = "normal", scale = 0.15 }}
 "#
     )
 }
+
+/// A model beside the others.
+const REVERSIBLE: &str = r#"
+[[models]]
+name = "reversible"
+network = { kind = "normal-form", reversor = "positions", kicks = { count = 3, width = 1, degree = 6 }, twists = { count = 1, width = 1, degree = 4 }, perturbation = { count = 0, width = 1 } }
+weights = { kind = "normal", scale = 0.15 }
+"#;
 
 /// The coils of the torsatron as a file has them: a line for each mode.
 fn write_coils(path: &Path) -> Vec<f64> {
@@ -128,20 +137,70 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     let image = moved.state(1, 0);
     assert!((image[0] - axis).abs() < 1e-4 && image[1].abs() < 1e-4, "{image:?}");
 
-    // The same machine from a file, by options: the same lines.
+    // The same machine from a file, by options: the same lines. It is not said to be symmetric.
+    let both = format!("{}{REVERSIBLE}", scene(r#"{ kind = "torsatron" }"#));
+    std::fs::write(path.join("both.toml"), &both).expect("written");
     let currents = write_coils(&path.join("coils.dat"));
     let currents: Vec<String> = currents.iter().map(f64::to_string).collect();
     let currents = currents.join(",");
     let own = ["--coils", "coils.dat", "--currents", &currents, "--field-periods", "10"];
     // In the file is the whole machine, which periods make ten times. What is found of it before lines are lost:
     let run =
-        ["run", "lines.toml", "--out", "b", "--asymmetric", "--axis", "3.95,0", "--reach", "0.9"];
+        ["run", "both.toml", "--out", "b", "--asymmetric", "--axis", "3.95,0", "--reach", "0.9"];
     refuses(path, &[&run[..], &own[..4]].concat(), &["--field-periods"]);
     let found = call(path, &[&run[..], &own].concat());
     let said = text(&found.stderr);
     assert!(said.contains("the axis at (3.9575"), "{said}");
+    assert!(said.contains("model reversible is left out"), "{said}");
     let as_run = std::fs::read_to_string(path.join("b/as-run.toml")).expect("a scene");
     assert!(as_run.contains("coils.dat") && as_run.contains("stellarator_symmetric = false"));
+    assert!(as_run.contains("jolts") && !as_run.contains("reversor"), "{as_run}");
+
+    // In a scene of your own it is a mistake that is said.
+    let between = both.replace("lines = 24,", "section = 0.25, lines = 24,");
+    std::fs::write(path.join("between.toml"), between).expect("written");
+    let run = ["run", "between.toml", "--out", "c"];
+    refuses(path, &run, &["models.reversible.network", "positions", "half a field period"]);
+    std::fs::write(path.join("momenta.toml"), both.replace("\"positions\"", "\"momenta\""))
+        .expect("written");
+    refuses(path, &["run", "momenta.toml", "--out", "c"], &["momenta", "the reflection of Z"]);
+}
+
+/// Maps of a section that is mirrored are learnt as such: with half the numbers, none of which can break it.
+#[test]
+fn a_section_that_is_mirrored_has_a_reversible_map() {
+    let folder = folder();
+    let path = folder.path();
+    let of_one = scene(r#"{ kind = "torsatron" }"#);
+    let begin = of_one.find("[poincare]").expect("a study");
+    let own = of_one[..begin].replace("plots = [\"poincare\", \"rotation\", \"off-surface\"]", "");
+    std::fs::write(path.join("lines.toml"), format!("{own}{REVERSIBLE}")).expect("written");
+    succeeds(path, &["run", "lines.toml", "--out", "a"]);
+    let model = path.join("a/model.json");
+    let stored = load_model(&model).expect("a model");
+    assert_eq!(stored.model.architecture().reversor, Some(Reversor::Positions));
+    let report = std::fs::read_to_string(path.join("a/report.json")).expect("a report");
+    let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+    let error = report["studies"]["training"].to_string();
+    assert!(error.contains("reversible"), "{error}");
+    // Three maps there, mirrored, and three back.
+    let start = [3.99, 0.02];
+    let ends = |from: [f64; 2]| {
+        write_points(&path.join("z.npy"), &[1, 2], &from).expect("written");
+        let model = model.to_str().expect("text");
+        let predict = ["predict", "--model", model, "--input", "z.npy", "--steps", "3"];
+        succeeds(path, &[&predict[..], &["--output", "o.npy", "--overwrite"]].concat());
+        let moved = read_trajectories(&path.join("o.npy"), 1).expect("states");
+        let [r, z] = moved.state(3, 0) else { panic!("a point of two numbers") };
+        [*r, -z]
+    };
+    let there = ends(start);
+    assert!((there[0] - start[0]).abs() > 1e-3, "{there:?}");
+    let back = ends(there);
+    let apart = (back[0] - start[0]).hypot(back[1] - start[1]);
+    assert!(apart < 1e-12, "{apart:e}");
+    let said = text(&succeeds(path, &["verify", "--model", "a/model.json"]).stdout);
+    assert!(said.contains("reversibility") && said.contains("S(q, p) = (−q, p)"), "{said}");
 }
 
 /// Lines that are on no smooth curve, here since too few maps tell one, are not 0 off: the report leaves them open.
