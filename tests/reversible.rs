@@ -13,7 +13,7 @@ use gyroceptron::network::{
 };
 use gyroceptron::phase::{InUnits, Map};
 use gyroceptron::scalar::{Elementary, max_or_nan};
-use gyroceptron::train::Fit;
+use gyroceptron::train::{Fit, FitNote, ReversalDefect};
 
 fn options() -> CertificateOptions {
     CertificateOptions { samples: 30, ..Default::default() }
@@ -290,6 +290,75 @@ fn reversors_are_declared_by_name() {
     }
 }
 
+/// What is said of pairs and a reversor.
+fn reversals(fit: &Fit, pairs: &Pairs) -> Vec<ReversalDefect> {
+    let problem = fit.prepare(pairs.clone()).expect("pairs that it can be fitted to");
+    let of = |note: &FitNote| match note {
+        FitNote::Reversal(defect) => {
+            assert!(note.to_string().contains(defect.reversor.equation()), "{note}");
+            Some(*defect)
+        }
+        _ => None,
+    };
+    problem.notes.iter().filter_map(of).collect()
+}
+
+/// Pairs that are reversible are recognised where a network could be so without giving up an
+/// invariant, and those that are not where it is so.
+#[test]
+fn pairs_are_asked_whether_they_are_reversible() {
+    let pairs_of = |map: &Pendulum, bias: f64| {
+        let [mut input, mut output] = [Vec::new(), Vec::new()];
+        for i in 0..24 {
+            for j in 0..24 {
+                let mut z = [0.04 * f64::from(i) - 0.46, 0.04 * f64::from(j) - 0.46];
+                input.extend(z);
+                (0..8).for_each(|_| map.forward(&mut z));
+                output.extend([z[0], z[1] + bias * z[0] * z[0]]);
+            }
+        }
+        Pairs::new("pendulum", 1, input, output).expect("whole")
+    };
+    let network = |kind: &str, reversor: Option<Reversor>| {
+        let network = NetworkSpec::named(kind).expect("a name");
+        let network = match reversor {
+            Some(reversor) => network.reversible(reversor).expect("a kind that has one"),
+            None => network,
+        };
+        let action = Some(TorusAction::from(CircleAction::new([1])));
+        Fit { network: Some(network), action, ..Fit::default() }
+    };
+    let sound = pairs_of(&Pendulum { step: 0.1, symmetric: true }, 0.0);
+    // Euler's method is not reversible by S, and neither is a kick behind a map that is.
+    let euler = pairs_of(&Pendulum { step: 0.1, symmetric: false }, 0.0);
+    let biased = pairs_of(&Pendulum { step: 0.1, symmetric: true }, 1e-3);
+    let henon = network("henon-net", None);
+    let [defect] = reversals(&henon, &sound)[..] else { panic!("a reversor is found") };
+    assert!(!defect.is_seen() && defect.median < 1e-6, "{defect:?}");
+    let text = defect.to_string();
+    assert!(text.contains("\"positions\"") && text.contains("half the numbers"), "{text}");
+    assert_eq!(reversals(&henon, &euler), []);
+    assert_eq!(reversals(&henon, &biased), []);
+    // A normal form has exact invariants, which it is not asked to give up.
+    assert_eq!(reversals(&network("normal-form", None), &sound), []);
+    for reversor in Reversor::ALL {
+        let reversible = network("normal-form", Some(reversor));
+        assert_eq!(reversals(&reversible, &sound), []);
+        for pairs in [&euler, &biased] {
+            let [defect] = reversals(&reversible, pairs)[..] else { panic!("it is seen") };
+            assert!(defect.is_seen() && defect.reversor == reversor, "{defect:?}");
+            assert!(defect.median > 1e-5 && defect.median < 1.0, "{defect:?}");
+            let text = defect.to_string();
+            assert!(text.contains("is S the right reflection?"), "{text}");
+        }
+    }
+    // Where the mirrored points are not among those of the pairs, nothing is known.
+    let above = sound.input().chunks_exact(2).zip(sound.output().chunks_exact(2)).enumerate();
+    let is = |z: &[f64]| z[0] > 0.05 && z[1] > 0.05;
+    let rows = above.filter(|(_, (z, w))| is(z) && is(w)).map(|(row, _)| row);
+    assert_eq!(reversals(&henon, &sound.rows(rows.collect::<Vec<_>>())), []);
+}
+
 /// Pairs of half a plane, in units that are none of a network: the reflection is that of the data,
 /// and a map that is fitted has it everywhere.
 #[test]
@@ -322,6 +391,7 @@ fn a_fit_is_reversible_in_the_coordinates_of_the_data() {
     let mut fit = Fit { network: Some(network), epsilon: Some(1.0), ..Fit::default() };
     fit.action = Some(TorusAction::from(CircleAction::new([1])));
     fit.training.iterations = 60;
+    assert_eq!(reversals(&fit, &pairs), []);
     let fitted = fit.run(pairs.clone()).expect("it trains");
     let (model, units) = (fitted.model(), fitted.problem.units.as_ref());
     let units = units.expect("the data is large");

@@ -37,7 +37,7 @@ pub use line_section::{LineRequest, LineSection};
 pub use multi_revolution::MultiRevolution;
 pub use orbits::orbits_of;
 pub use polynomial_family::PolynomialFamily;
-pub use polynomial_map::{FormDefect, PolynomialMap};
+pub use polynomial_map::{FormDefect, PolynomialMap, TwoFits};
 pub use reference::{Reference, ReferenceValue};
 pub use region::{Exit, OutsidePolynomials, OutsideRegion, PolynomialExit, Region, RegionExit};
 pub use runge_kutta::{natural_runge_kutta_4, runge_kutta_4};

@@ -261,6 +261,12 @@ impl PolynomialMap {
         out.copy_from_slice(&image[..dim]);
     }
 
+    /// Whether a point is in the box of the pairs.
+    pub fn is_inside(&self, z: &[f64]) -> bool {
+        let sizes = z.iter().zip(&self.centre).zip(&self.factors).map(|((v, c), f)| (v - c) * f);
+        sizes.fold(0.0, |largest: f64, size| max_or_nan(largest, size.abs())) <= 1.0
+    }
+
     /// Its Jacobian at a point: 2n × 2n numbers, row by row.
     pub fn jacobian(&self, z: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; self.dim * self.dim];
@@ -456,13 +462,21 @@ pub struct FormDefect {
     pub degree: usize,
 }
 
-impl FormDefect {
+/// Least squares of more pairs take longer than a moment, and every training waits for them.
+const PAIRS: usize = 3000;
+
+/// Two polynomial maps that are fitted to pairs: what both say is known of the map of the pairs.
+#[derive(Clone, Debug)]
+pub struct TwoFits {
+    best: PolynomialMap,
+    /// Of two degrees less.
+    other: PolynomialMap,
+}
+
+impl TwoFits {
     /// Of pairs of one map; None where there are too few of them for a fit that tells anything.
     pub fn of(pairs: &Pairs) -> Option<Self> {
         const MOST_DEGREE: usize = 24;
-        const POINTS: usize = 256;
-        /// Least squares of more take longer than a moment, and every training waits for them.
-        const PAIRS: usize = 3000;
         const TERMS: usize = 800;
         let small =
             |degree: &usize| terms(2 * pairs.dof(), *degree).is_some_and(|count| count <= TERMS);
@@ -470,24 +484,44 @@ impl FormDefect {
         let pairs = pairs.thinned(PAIRS);
         let (best, _) = PolynomialMap::fit_best(&pairs, most).ok()?;
         let other = PolynomialMap::fit(&pairs, best.degree().checked_sub(2)?.max(1)).ok()?;
+        Some(Self { best, other })
+    }
+
+    /// The fit of the least error, and one of two degrees less.
+    pub fn maps(&self) -> [&PolynomialMap; 2] {
+        [&self.best, &self.other]
+    }
+
+    /// How far its pairs are from those of a symplectic map.
+    pub fn form_defect(&self, pairs: &Pairs) -> FormDefect {
+        const POINTS: usize = 256;
         let dim = 2 * pairs.dof();
-        let sample = pairs.thinned(POINTS);
+        let sample = pairs.thinned(PAIRS).thinned(POINTS);
         let (mut defects, mut differences) = (Vec::new(), Vec::new());
         for z in sample.input().chunks_exact(dim) {
-            let [one, two] = [&best, &other].map(|map| defect(&map.jacobian(z), dim));
+            let [one, two] = self.maps().map(|map| defect(&map.jacobian(z), dim));
             let pair = one.iter().zip(&two).map(|(a, b)| (a - b).abs());
             differences.push(pair.fold(0.0, max_or_nan));
             defects.push(one.into_iter().map(f64::abs).fold(0.0, max_or_nan));
         }
-        let median = |mut values: Vec<f64>| {
-            values.sort_by(f64::total_cmp);
-            values[values.len() / 2]
-        };
-        Some(Self {
+        FormDefect {
             median: median(defects),
             resolution: median(differences),
-            degree: best.degree(),
-        })
+            degree: self.best.degree(),
+        }
+    }
+}
+
+/// The upper median.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+impl FormDefect {
+    /// Of pairs of one map; None where there are too few of them for a fit that tells anything.
+    pub fn of(pairs: &Pairs) -> Option<Self> {
+        Some(TwoFits::of(pairs)?.form_defect(pairs))
     }
 
     /// Whether the pairs are of no symplectic map, as far as can be seen, where the form is known to within `known` of

@@ -170,6 +170,9 @@ impl OwnTraining<'_> {
                 FitNote::Form(defect, _) => {
                     trust.results.data["form_defect"] = json!(defect.median);
                 }
+                FitNote::Reversal(defect) => {
+                    trust.results.data["reversal_defect"] = json!(defect.median);
+                }
                 _ => continue,
             }
             trust.results.details.push(Block::Text(format!("- {note}\n")));

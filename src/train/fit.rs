@@ -2,11 +2,11 @@
 
 use super::{
     ActionFit, Control, ControlOptions, Judgement, LevenbergMarquardtOptions, Loss, Optimiser,
-    Outcome, Plateau, Preparation, Prepared, Progress, RampStage, Reading, Rings, Scheduled,
-    StageData, Starts, TrainingObserver, TrainingOptions, TrainingStage, train_schedule,
+    Outcome, Plateau, Preparation, Prepared, Progress, RampStage, Reading, ReversalDefect, Rings,
+    Scheduled, StageData, Starts, TrainingObserver, TrainingOptions, TrainingStage, train_schedule,
 };
 use crate::error::Error;
-use crate::flow::{Condition, FormDefect, Pairs, Region};
+use crate::flow::{Condition, FormDefect, Pairs, Region, TwoFits};
 use crate::layer::TorusAction;
 use crate::measure::trajectories::{root_mean_square, rotation_error};
 use crate::network::{Architecture, Controls, InitialWeights, Model, NetworkSpec};
@@ -148,6 +148,8 @@ pub enum FitNote {
     Section(Section),
     /// The pairs do not keep the form that the network keeps.
     Form(FormDefect, bool),
+    /// The pairs are reversible by a reflection, or are not as the network is.
+    Reversal(ReversalDefect),
     /// The network depends on these controls; all pairs of so many values of them are held out.
     Controls(Controls, usize),
     /// What is recommended, where nothing else was asked for.
@@ -190,6 +192,7 @@ impl fmt::Display for FitNote {
                     false => "are q and p canonical, and is there no friction",
                 }
             ),
+            Self::Reversal(defect) => write!(f, "{defect}"),
             Self::Recommended(text) => f.write_str(text),
         }
     }
@@ -315,7 +318,9 @@ impl Fit {
             notes.push(FitNote::Section(section.clone()));
         }
         let known = self.section.as_ref().map_or(0.0, Section::error);
-        let defect = FormDefect::of(&data.pairs).filter(|defect| defect.is_seen(known));
+        let fits = TwoFits::of(&data.pairs);
+        let defect = fits.as_ref().map(|fits| fits.form_defect(&data.pairs));
+        let defect = defect.filter(|defect| defect.is_seen(known));
         notes.extend(defect.map(|defect| FitNote::Form(defect, self.section.is_some())));
         let action = self.circles(&data.pairs, &mut notes)?;
         let family = Family::new(self, &data);
@@ -329,6 +334,8 @@ impl Fit {
         };
         self.check_network(&network, &action)?;
         let any = network.architecture(&action, epsilon, 1.0)?;
+        let reversal = fits.and_then(|fits| ReversalDefect::worth_saying(&pairs, &fits, &any));
+        notes.extend(reversal.map(FitNote::Reversal));
         if (data.has_epsilons || data.has_times) && !any.has_circle() {
             let found = format!("epsilon or flow_time in {}", self.place);
             return Err(Error::invalid("architecture", found, "a gyroceptron to learn a family"));

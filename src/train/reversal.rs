@@ -1,0 +1,109 @@
+//! Whether pairs are those of a reversible map.
+
+use crate::flow::{Pairs, TwoFits};
+use crate::layer::Reversor;
+use crate::network::{Architecture, Structure};
+use std::fmt;
+
+/// How far pairs (z, w) are from those of a map F that is reversible, F(Sw) = Sz, as polynomial maps that are fitted to
+/// them tell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReversalDefect {
+    /// S.
+    pub reversor: Reversor,
+    /// The median of |F(Sw) − Sz| over pairs, in units of the root mean square motion |w − z|.
+    pub median: f64,
+    /// The same of the difference of two fits at Sw: below it nothing is seen.
+    pub resolution: f64,
+}
+
+impl ReversalDefect {
+    /// What is seen stands so far above what two fits differ by.
+    const ABOVE: f64 = 5.0;
+    /// Fits that differ by more than this know too little to recommend anything.
+    const KNOWN: f64 = 1e-3;
+    /// Of the mirrored points so many have to be where the pairs are.
+    const POINTS: usize = 64;
+
+    /// Of pairs of one map and fits to them; None where too few mirrored points are in their box.
+    pub fn of(pairs: &Pairs, fits: &TwoFits, reversor: Reversor) -> Option<Self> {
+        const SAMPLE: usize = 1024;
+        let dim = 2 * pairs.dof();
+        let sample = pairs.thinned(SAMPLE);
+        let [best, other] = fits.maps();
+        let distance = |a: &[f64], b: &[f64]| {
+            a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+        };
+        let (mut defects, mut differences, mut squares) = (Vec::new(), Vec::new(), 0.0);
+        for (z, w) in sample.input().chunks_exact(dim).zip(sample.output().chunks_exact(dim)) {
+            squares += distance(z, w).powi(2);
+            let [mut start, mut end] = [w, z].map(<[f64]>::to_vec);
+            reversor.apply(&mut start);
+            reversor.apply(&mut end);
+            if !best.is_inside(&start) {
+                continue;
+            }
+            let [mut one, mut two] = [start.clone(), start];
+            best.step(&mut one);
+            other.step(&mut two);
+            defects.push(distance(&one, &end));
+            differences.push(distance(&one, &two));
+        }
+        if defects.len() < Self::POINTS {
+            return None;
+        }
+        let motion = (squares / sample.len() as f64).sqrt();
+        let median = |mut values: Vec<f64>| {
+            values.sort_by(f64::total_cmp);
+            values[values.len() / 2] / motion
+        };
+        Some(Self { reversor, median: median(defects), resolution: median(differences) })
+    }
+
+    /// Whether the pairs are of no map that is reversible by S, as far as can be seen: NaN is none.
+    pub fn is_seen(&self) -> bool {
+        !(self.median <= Self::ABOVE * self.resolution)
+    }
+
+    /// What to say of pairs that a network of this architecture is to learn, if anything: that its reversor is not
+    /// theirs, or that they have one which it could have without giving up an invariant.
+    pub(super) fn worth_saying(
+        pairs: &Pairs,
+        fits: &TwoFits,
+        architecture: &Architecture,
+    ) -> Option<Self> {
+        if let Some(reversor) = architecture.reversor {
+            return Self::of(pairs, fits, reversor).filter(Self::is_seen);
+        }
+        let gives_up_nothing =
+            matches!(architecture.structure(), Structure::Plain | Structure::NearlyIntegrable);
+        if !gives_up_nothing {
+            return None;
+        }
+        let is_theirs = |of: &Self| !of.is_seen() && of.resolution <= Self::KNOWN;
+        Reversor::ALL.into_iter().filter_map(|s| Self::of(pairs, fits, s)).find(is_theirs)
+    }
+}
+
+impl fmt::Display for ReversalDefect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { reversor, median, resolution } = self;
+        match self.is_seen() {
+            true => write!(
+                f,
+                "These pairs are of no map that is reversible by {}: mirrored, they are off its inverse by {median:.1e} of \
+                 the motion in the median, as a polynomial map fitted to them has it; two such fits differ by \
+                 {resolution:.1e}. The network is reversible whatever its weights: is S the right reflection?",
+                reversor.equation()
+            ),
+            false => write!(
+                f,
+                "These pairs are of a map that is reversible by {}, to within {:.1e} of the motion: with the reversor \
+                 \"{}\" a network is so for all weights, and has half the numbers for the same kicks",
+                reversor.equation(),
+                median.max(*resolution),
+                reversor.name()
+            ),
+        }
+    }
+}
