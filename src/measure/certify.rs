@@ -299,15 +299,14 @@ pub fn certify_all(models: &[Model], mut options: CertificateOptions) -> Certifi
             Structure::NormalForm if symplectic => of_normal_form(model, &samples),
             Structure::NearlyIntegrable if symplectic => {
                 let mut out = of_map_resolved_by_steps(model, &samples);
-                let at_zero = model.with_epsilon(0.0);
-                out.extend(laws::nearly_integrable(model, &at_zero, &samples));
+                out.extend(at_zero(model, &samples));
                 out
             }
             structure => {
                 let mut out = of_any_map(model, &samples);
                 out.extend(match structure {
                     Structure::NormalForm => laws::integrable(model, &samples),
-                    _ => laws::nearly_integrable(model, &model.with_epsilon(0.0), &samples),
+                    _ => at_zero(model, &samples),
                 });
                 out
             }
@@ -476,6 +475,15 @@ fn volumes_not_claimed(mut tallies: Vec<Tally>) -> Vec<Tally> {
         *tally = tally.clone().stating("det J = 1, not claimed");
     }
     tallies
+}
+
+/// What a nearly-integrable map has of an integrable one.
+fn at_zero(model: &Model, samples: &Samples) -> Vec<Tally> {
+    let at_zero = model.with_epsilon(0.0);
+    match model.architecture().reversor {
+        Some(_) => laws::reversible_at_zero(&at_zero, samples),
+        None => laws::nearly_integrable(model, &at_zero, samples),
+    }
 }
 
 /// The laws of I_ε∘χ∘Φ_θ∘T_ε∘χ⁻¹: those of the map, and that it is nearly periodic.

@@ -445,10 +445,21 @@ pub fn nearly_integrable(
     samples: &Samples,
 ) -> Vec<Tally> {
     let whole = normal_form(map, samples.points()).stating("P = χ∘K_εΦ_θT∘χ⁻¹, bitwise");
-    // ε does not scale T.
-    let of_order_one = |tally: Tally| tally.where_("ε = 0").restating("T_ε", "T");
-    let at_zero = integrable(at_zero, samples).into_iter().map(of_order_one);
+    let at_zero = integrable(at_zero, samples).into_iter().map(of_order_one_at_zero);
     std::iter::once(whole).chain(at_zero).collect()
+}
+
+/// What a reversible map P = A∘Φ_θT∘S∘A⁻¹∘S has at ε = 0, where A is the identity: that it commutes with
+/// the action, and keeps its invariants.
+pub fn reversible_at_zero(at_zero: &dyn NormalFormed, samples: &Samples) -> Vec<Tally> {
+    let mut out = vec![equivariance(at_zero, samples)];
+    out.extend(actions(at_zero, samples.points()));
+    out.into_iter().map(of_order_one_at_zero).collect()
+}
+
+/// ε does not scale T.
+fn of_order_one_at_zero(tally: Tally) -> Tally {
+    tally.where_("ε = 0").restating("T_ε", "T")
 }
 
 /// P∘(χΦ_αχ⁻¹) = (χΦ_αχ⁻¹)∘P for angles α of all circles, by [`equivariance_ratio`].
