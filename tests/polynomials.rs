@@ -2,12 +2,12 @@
 
 use gyroceptron::Error;
 use gyroceptron::layer::{
-    CircleAction, PolynomialPotential, Potential, RidgeFunction, Ridges, TorusAction,
+    CircleAction, PolynomialPotential, Potential, Reversor, RidgeFunction, Ridges, TorusAction,
 };
 use gyroceptron::network::{
-    Architecture, Block, InitialWeights, LayerSizes, Layers, Model, NetworkSpec, Part,
+    Architecture, Block, InitialWeights, LayerSizes, Layers, Model, NetworkSpec, Part, map_points,
 };
-use gyroceptron::phase::Map;
+use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{DoubleDouble, Dual, Over, Scalar, Series, Tracked, max_or_nan};
 
@@ -219,6 +219,38 @@ fn recorded_passes_have_the_same_bits() {
 
 /// With directions of all angles, jolts of degree d are all polynomials of degree d: a monomial of
 /// both coordinates is a sum of d + 1 of them.
+/// Kicks of a plane go several points together, whatever the number of points: each has the bits that it has alone.
+#[test]
+fn kicks_of_a_plane_have_the_same_bits_together() {
+    for reversor in [None, Some(Reversor::Positions)] {
+        let block = |part, degree| {
+            let layers = Layers::TurnedKick(vec![1; 5]);
+            Block::new(part, layers).of_polynomials(degree).in_box(2.0)
+        };
+        let architecture = Architecture::new(1)
+            .on_circle(CircleAction::new([1]))
+            .at_epsilon(0.8)
+            .reversible(reversor)
+            .with(block(Part::Chart, 9))
+            .with(block(Part::Perturbation, 4));
+        let weights = InitialWeights::Normal { scale: 0.3 };
+        let model = architecture.initialise(weights, 1.1, 3).expect("a sound architecture");
+        for count in [1, 9, 70, 333] {
+            let points: Vec<f64> = drawn(2 * count, "points").iter().map(|v| 0.4 * v).collect();
+            for direction in [Direction::Forward, Direction::Inverse] {
+                let mut together = points.clone();
+                map_points(model.composition(), direction, &mut together).expect("whole points");
+                for (moved, start) in together.chunks_exact(2).zip(points.chunks_exact(2)) {
+                    let mut alone = start.to_vec();
+                    model.run(direction, &mut alone);
+                    assert_eq!(moved, alone, "{count} points, {direction:?}");
+                    assert_ne!(moved, start);
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn jolts_make_monomials() {
     // q²p² of degree 4 from five directions: Σ_k a_k (q cos φ_k + p sin φ_k)⁴.

@@ -336,7 +336,10 @@ fn pairs_are_asked_whether_they_are_reversible() {
     let [defect] = reversals(&henon, &sound)[..] else { panic!("a reversor is found") };
     assert!(!defect.is_seen() && defect.median < 1e-6, "{defect:?}");
     let text = defect.to_string();
-    assert!(text.contains("\"positions\"") && text.contains("half the numbers"), "{text}");
+    assert!(
+        text.contains("\"positions\"") && text.contains("uses each of its kicks twice"),
+        "{text}"
+    );
     assert_eq!(reversals(&henon, &euler), []);
     assert_eq!(reversals(&henon, &biased), []);
     // A normal form has exact invariants, which it is not asked to give up.

@@ -550,15 +550,24 @@ fn polynomial_maps_reproduce_polynomials() {
     for (found, expected) in jacobian.iter().zip([-0.7, 1.0, -1.0, 0.0]) {
         assert!((found - expected).abs() < 1e-12, "{jacobian:?}");
     }
-    // Orbits in lanes are those of one step after another, whatever goes beside.
-    let start: Vec<f64> = (0..26).map(|k| 0.02 * f64::from(k) - 0.2).collect();
-    let states = fitted.rollout(&start, Rollout { steps: 6, every: 2 }).expect("orbits");
-    assert_eq!(states.len(), 4 * start.len());
-    for (m, z) in start.chunks(2).enumerate() {
-        let mut z = z.to_vec();
-        for t in 0..4 {
-            assert_eq!(states[t * start.len() + 2 * m..][..2], z[..], "{m} {t}");
-            (0..2).for_each(|_| fitted.step(&mut z));
+    // Orbits in lanes are those of one step after another, however many go beside: of 2, 4 and 6 coordinates.
+    for dof in 1..=3 {
+        let dim = 2 * dof;
+        let input: Vec<f64> = (0..400 * dim).map(|_| stream.uniform(-1.0, 1.0)).collect();
+        let output = input.iter().map(|v| 0.4 * v - 0.2 * v * v).collect();
+        let pairs = Pairs::new("pairs", dof, input, output).expect("pairs");
+        let fitted = PolynomialMap::fit(&pairs, 3).expect("a map");
+        for points in [1, 8, 13, 75] {
+            let start: Vec<f64> = (0..points * dim).map(|_| stream.uniform(-0.5, 0.5)).collect();
+            let states = fitted.rollout(&start, Rollout { steps: 6, every: 2 }).expect("orbits");
+            assert_eq!(states.len(), 4 * start.len());
+            for (m, z) in start.chunks(dim).enumerate() {
+                let mut z = z.to_vec();
+                for t in 0..4 {
+                    assert_eq!(states[t * start.len() + dim * m..][..dim], z[..], "{m} {t}");
+                    (0..2).for_each(|_| fitted.step(&mut z));
+                }
+            }
         }
     }
     // Too few pairs, and a coordinate that says nothing.

@@ -7,7 +7,6 @@ use crate::watched::watched;
 use crate::{normal_form, suite};
 use gyroceptron::layer::{Activation, Reversor};
 use gyroceptron::measure::{
-    NormalFormed,
     certificate::{Row, Tally, Verdict, merged},
     laws::{self, Samples},
 };
@@ -93,13 +92,11 @@ fn cases() -> impl Strategy<Value = Case> {
     )
 }
 
-/// At ε = 0 nothing is left but Φ_θ∘T_ε, which commutes with the circles and keeps their actions.
-fn at_zero(network: &dyn NormalFormed, points: &[f64]) -> Vec<Tally> {
-    let two = points[..4 * network.dof()].to_vec();
+/// What is left at ε = 0.
+fn at_zero(network: &Model, points: &[f64]) -> Vec<Tally> {
+    let two = points[..4 * network.architecture().dof].to_vec();
     let samples = Samples::new(two, vec![[0.7, -1.9], [3.0, 5.1]]);
-    let mut out = vec![laws::equivariance(network, &samples)];
-    out.extend(laws::actions(network, samples.points()));
-    out
+    laws::reversible_at_zero(network, &samples)
 }
 
 fn measure(case: &Case) -> Vec<Tally> {

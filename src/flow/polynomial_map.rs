@@ -1,10 +1,10 @@
 //! Maps by polynomials of least squares: what fits pairs in a moment and keeps no structure.
 
-use super::request::store_states;
+use super::request::TOGETHER;
 use super::{Pairs, Region};
 use crate::error::Error;
 use crate::network::{Controls, Rollout, load_groups, store_groups};
-use crate::scalar::{Dual, Kernel, Pack, Scalar, max_or_nan, on_independent_lanes};
+use crate::scalar::{Dual, Kernel, Pack, Scalar, max_or_nan, median_or_nan, on_independent_lanes};
 use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
 use rayon::prelude::*;
@@ -21,10 +21,19 @@ pub struct PolynomialMap {
     centre: Vec<f64>,
     /// One over half the extent of the box along each coordinate.
     factors: Vec<f64>,
-    /// The degrees in all coordinates but the last, of each run of terms in the last one from 0 to what is left.
-    runs: Vec<Vec<usize>>,
+    /// Terms in the last coordinate from degree 0 on, run after run.
+    runs: Vec<Run>,
     /// The coefficients of all terms, run after run, those of all outputs of a term together.
     coefficients: Vec<f64>,
+}
+
+/// Terms that differ in their degree in the last coordinate alone.
+#[derive(Clone, Debug)]
+struct Run {
+    /// The degrees in all coordinates but the last.
+    degrees: Vec<usize>,
+    /// The highest degree in the last one.
+    left: usize,
 }
 
 /// A map has no more terms.
@@ -45,13 +54,16 @@ fn terms(dim: usize, degree: usize) -> Option<usize> {
     (count <= MOST_TERMS).then_some(count)
 }
 
-/// The degrees in the first coordinates, all that leave one of at least 0 for the last.
-fn runs(dim: usize, degree: usize) -> Vec<Vec<usize>> {
-    let mut out = vec![Vec::new()];
+/// All that leave a degree of at least 0 for the last coordinate.
+fn runs(dim: usize, degree: usize) -> Vec<Run> {
+    let mut out = vec![Run { degrees: Vec::new(), left: degree }];
     for _ in 1..dim {
-        let longer = |run: &Vec<usize>| -> Vec<Vec<usize>> {
-            let left = degree - run.iter().sum::<usize>();
-            (0..=left).map(|k| run.iter().copied().chain([k]).collect()).collect()
+        let longer = |run: &Run| -> Vec<Run> {
+            let of = |k: usize| Run {
+                degrees: run.degrees.iter().copied().chain([k]).collect(),
+                left: run.left - k,
+            };
+            (0..=run.left).map(of).collect()
         };
         out = out.iter().flat_map(longer).collect();
     }
@@ -193,34 +205,15 @@ impl PolynomialMap {
 
     /// The value of each term.
     fn products(&self, z: &[f64]) -> Vec<f64> {
-        let tables = self.tables(z);
+        let mut tables = vec![[0.0]; self.dim * (self.degree + 1)];
+        self.fill(z, &mut tables);
         let (last, mut out) = (self.dim - 1, Vec::new());
         let count = self.degree + 1;
-        for run in &self.runs {
+        for Run { degrees, left } in &self.runs {
             let first: f64 =
-                run.iter().enumerate().map(|(axis, k)| tables[axis * count + k]).product();
-            let left = self.degree - run.iter().sum::<usize>();
-            out.extend((0..=left).map(|k| first * tables[last * count + k]));
+                degrees.iter().enumerate().map(|(axis, k)| tables[axis * count + k][0]).product();
+            out.extend((0..=*left).map(|k| first * tables[last * count + k][0]));
         }
-        out
-    }
-
-    /// T_k of each coordinate, k up to the degree.
-    #[inline(always)]
-    fn fill<S: Scalar>(&self, z: &[S], tables: &mut [S]) {
-        for (axis, table) in tables.chunks_exact_mut(self.degree + 1).enumerate() {
-            let s = (z[axis] - S::from_f64(self.centre[axis])) * S::from_f64(self.factors[axis]);
-            let (twice, mut terms) = (s + s, [S::from_f64(1.0), s]);
-            for entry in table {
-                *entry = terms[0];
-                terms = [terms[1], twice.mul_add(terms[1], -terms[0])];
-            }
-        }
-    }
-
-    fn tables<S: Scalar>(&self, z: &[S]) -> Vec<S> {
-        let mut out = vec![S::zero(); self.dim * (self.degree + 1)];
-        self.fill(z, &mut out);
         out
     }
 
@@ -231,34 +224,71 @@ impl PolynomialMap {
     #[inline(always)]
     pub fn step<S: Scalar>(&self, z: &mut [S]) {
         assert!(z.len() == self.dim);
-        let tables = self.tables(z);
-        self.sum(&tables, z);
+        let mut tables = vec![[S::zero()]; self.dim * (self.degree + 1)];
+        self.move_together::<S, 0, 1>(&mut tables, z);
     }
 
-    /// `out` ← the sums of all terms.
+    /// T_k of each coordinate of G points, k up to the degree.
     #[inline(always)]
-    fn sum<S: Scalar>(&self, tables: &[S], out: &mut [S]) {
-        let (dim, count) = (self.dim, self.degree + 1);
-        let last = &tables[(dim - 1) * count..];
-        let mut image = [S::zero(); DIM];
-        let mut terms = self.coefficients.chunks_exact(dim);
-        for run in &self.runs {
-            let left = self.degree - run.iter().sum::<usize>();
-            let mut inner = [S::zero(); DIM];
-            for (power, term) in last[..=left].iter().zip(&mut terms) {
-                for (inner, c) in inner.iter_mut().zip(term) {
-                    *inner = power.mul_add(S::from_f64(*c), *inner);
+    fn fill<S: Scalar, const G: usize>(&self, z: &[S], tables: &mut [[S; G]]) {
+        for (axis, table) in tables.chunks_exact_mut(self.degree + 1).enumerate() {
+            let mut s = [S::zero(); G];
+            for (g, s) in s.iter_mut().enumerate() {
+                let moved = z[g * self.dim + axis] - S::from_f64(self.centre[axis]);
+                *s = moved * S::from_f64(self.factors[axis]);
+            }
+            let mut terms = [[S::from_f64(1.0); G], s];
+            for entry in table {
+                *entry = terms[0];
+                let mut next = s;
+                for g in 0..G {
+                    next[g] = (s[g] + s[g]).mul_add(terms[1][g], -terms[0][g]);
                 }
-            }
-            let mut first = S::from_f64(1.0);
-            for (axis, k) in run.iter().enumerate() {
-                first *= tables[axis * count + k];
-            }
-            for k in 0..dim {
-                image[k] = first.mul_add(inner[k], image[k]);
+                terms = [terms[1], next];
             }
         }
-        out.copy_from_slice(&image[..dim]);
+    }
+
+    /// z ← its image for each of G points, of D coordinates where that is known at compile time, and not 0; the same
+    /// bits for each, whatever D and G are. `tables` are space for 2n(d + 1) numbers of each.
+    #[inline(always)]
+    fn move_together<S: Scalar, const D: usize, const G: usize>(
+        &self,
+        tables: &mut [[S; G]],
+        z: &mut [S],
+    ) {
+        let dim = if D > 0 { D } else { self.dim };
+        let count = self.degree + 1;
+        self.fill(z, tables);
+        let mut image = [[S::zero(); G]; DIM];
+        let mut terms = self.coefficients.chunks_exact(dim);
+        for Run { degrees, left } in &self.runs {
+            let mut inner = [[S::zero(); G]; DIM];
+            for (power, term) in tables[(dim - 1) * count..][..=*left].iter().zip(&mut terms) {
+                for k in 0..dim {
+                    let c = S::from_f64(term[k]);
+                    for g in 0..G {
+                        inner[k][g] = power[g].mul_add(c, inner[k][g]);
+                    }
+                }
+            }
+            let mut first = [S::from_f64(1.0); G];
+            for (axis, k) in degrees.iter().enumerate() {
+                for g in 0..G {
+                    first[g] *= tables[axis * count + k][g];
+                }
+            }
+            for k in 0..dim {
+                for g in 0..G {
+                    image[k][g] = first[g].mul_add(inner[k][g], image[k][g]);
+                }
+            }
+        }
+        for g in 0..G {
+            for k in 0..dim {
+                z[g * dim + k] = image[k][g];
+            }
+        }
     }
 
     /// Whether a point is in the box of the pairs.
@@ -325,128 +355,41 @@ impl Kernel for Orbits<'_> {
     fn run<V: Pack>(self) -> Vec<f64> {
         let few = self.initial.len() <= V::LANES * self.map.dim;
         match (self.map.dim, few) {
-            (2, false) => return self.together::<V, 2, TOGETHER>(),
-            (2, true) => return self.together::<V, 2, 1>(),
-            (4, false) => return self.together::<V, 4, TOGETHER>(),
-            (4, true) => return self.together::<V, 4, 1>(),
-            _ => {}
+            (2, false) => self.together::<V, 2, TOGETHER>(),
+            (2, true) => self.together::<V, 2, 1>(),
+            (4, false) => self.together::<V, 4, TOGETHER>(),
+            (4, true) => self.together::<V, 4, 1>(),
+            _ => self.together::<V, 0, 1>(),
         }
-        let Self { map, request, initial, states } = self;
-        let dim = map.dim;
-        let mut out = vec![0.0; states * initial.len()];
-        let mut tables = map.tables(&vec![V::zero(); dim]);
-        let mut z = vec![V::zero(); dim];
-        let mut shown = vec![0.0; V::LANES * dim];
-        for (number, group) in initial.chunks(V::LANES * dim).enumerate() {
-            let first = number * V::LANES * dim;
-            load_groups(group, dim, &mut z);
-            for t in 0..states {
-                if t > 0 {
-                    for _ in 0..request.every {
-                        map.fill(&z, &mut tables);
-                        map.sum(&tables, &mut z);
-                    }
-                }
-                store_states(&z, &mut shown, 0, 1);
-                out[t * initial.len() + first..][..group.len()]
-                    .copy_from_slice(&shown[..group.len()]);
-            }
-        }
-        out
     }
 }
 
-/// Groups of points on lanes that are moved together: while the last results of one are awaited, the processor has the
-/// others.
-const TOGETHER: usize = 4;
-
 impl Orbits<'_> {
-    /// The orbits, of D coordinates and G groups at a time: the bits of [`PolynomialMap::step`].
+    /// The orbits of G groups at a time, of D coordinates where that is not 0.
     #[inline(always)]
     fn together<V: Pack, const D: usize, const G: usize>(self) -> Vec<f64> {
         let Self { map, request, initial, states } = self;
+        let dim = map.dim;
         let mut out = vec![0.0; states * initial.len()];
-        let mut tables = vec![[V::zero(); G]; D * (map.degree + 1)];
-        let mut lanes = vec![V::zero(); G * D];
-        let mut shown = vec![0.0; G * V::LANES * D];
-        let lefts: Vec<usize> =
-            map.runs.iter().map(|run| map.degree - run.iter().sum::<usize>()).collect();
-        let together = G * V::LANES * D;
+        let mut tables = vec![[V::zero(); G]; dim * (map.degree + 1)];
+        let mut lanes = vec![V::zero(); G * dim];
+        let mut shown = vec![0.0; G * V::LANES * dim];
+        let together = G * V::LANES * dim;
         for (number, groups) in initial.chunks(together).enumerate() {
             let first = number * together;
-            let size = load_groups(groups, D, &mut lanes);
+            let size = load_groups(groups, dim, &mut lanes);
             for t in 0..states {
                 if t > 0 {
                     for _ in 0..request.every {
-                        map.move_together::<V, D, G>(&lefts, &mut tables, &mut lanes);
+                        map.move_together::<V, D, G>(&mut tables, &mut lanes);
                     }
                 }
-                store_groups(&lanes[..size], D, &mut shown[..groups.len()]);
+                store_groups(&lanes[..size], dim, &mut shown[..groups.len()]);
                 out[t * initial.len() + first..][..groups.len()]
                     .copy_from_slice(&shown[..groups.len()]);
             }
         }
         out
-    }
-}
-
-impl PolynomialMap {
-    /// z ← its image for each of the points of D coordinates; `lefts` are the degrees that runs leave for the last.
-    #[inline(always)]
-    fn move_together<S: Scalar, const D: usize, const G: usize>(
-        &self,
-        lefts: &[usize],
-        tables: &mut [[S; G]],
-        z: &mut [S],
-    ) {
-        let count = self.degree + 1;
-        for (axis, table) in tables.chunks_exact_mut(count).enumerate() {
-            let mut s = [S::zero(); G];
-            for (g, s) in s.iter_mut().enumerate() {
-                let moved = z[g * D + axis] - S::from_f64(self.centre[axis]);
-                *s = moved * S::from_f64(self.factors[axis]);
-            }
-            let mut terms = [[S::from_f64(1.0); G], s];
-            for entry in table {
-                *entry = terms[0];
-                let mut next = s;
-                for g in 0..G {
-                    next[g] = (s[g] + s[g]).mul_add(terms[1][g], -terms[0][g]);
-                }
-                terms = [terms[1], next];
-            }
-        }
-        let mut image = [[S::zero(); G]; D];
-        let mut coefficients = &self.coefficients[..];
-        for (run, left) in self.runs.iter().zip(lefts) {
-            let mut inner = [[S::zero(); G]; D];
-            for power in &tables[(D - 1) * count..][..=*left] {
-                let (term, rest) = coefficients.split_first_chunk::<D>().expect("a term");
-                coefficients = rest;
-                for k in 0..D {
-                    let c = S::from_f64(term[k]);
-                    for g in 0..G {
-                        inner[k][g] = power[g].mul_add(c, inner[k][g]);
-                    }
-                }
-            }
-            let mut first = [S::from_f64(1.0); G];
-            for (axis, k) in run.iter().enumerate() {
-                for g in 0..G {
-                    first[g] *= tables[axis * count + k][g];
-                }
-            }
-            for k in 0..D {
-                for g in 0..G {
-                    image[k][g] = first[g].mul_add(inner[k][g], image[k][g]);
-                }
-            }
-        }
-        for g in 0..G {
-            for k in 0..D {
-                z[g * D + k] = image[k][g];
-            }
-        }
     }
 }
 
@@ -505,17 +448,11 @@ impl TwoFits {
             defects.push(one.into_iter().map(f64::abs).fold(0.0, max_or_nan));
         }
         FormDefect {
-            median: median(defects),
-            resolution: median(differences),
+            median: median_or_nan(defects),
+            resolution: median_or_nan(differences),
             degree: self.best.degree(),
         }
     }
-}
-
-/// The upper median.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }
 
 impl FormDefect {

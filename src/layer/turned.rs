@@ -167,7 +167,7 @@ impl<P: Scalar, T: OfMomenta<P>> ElementaryMap<P> for Turned<'_, P, T> {
         if self.shear.is_identity() {
             return;
         }
-        // Once compiled for each number that is no register, nothing of this would be faster.
+        // For numbers that are no vector registers it takes compilation, and is no faster.
         if S::SPECIALISED
             && let (Some(kick), [turn]) = (self.shear.of_a_plane(), self.turn.planes())
         {

@@ -131,8 +131,7 @@ impl Measurable for Model {
     }
 
     /// Those of a network of Hénon layers alone, and the steps of one of couplings alone or of a
-    /// reversible one of Hénon layers. Twists
-    /// and modules are not measured apart.
+    /// reversible one of Hénon layers. Twists and modules are not measured apart.
     fn layers(&self) -> Layers<'_> {
         let architecture = self.architecture();
         let of_couplings = |block: &Block| matches!(block.layers, BlockLayers::TurnedCoupling(_));

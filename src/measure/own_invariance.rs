@@ -5,7 +5,7 @@ use super::{
     near_identity::near_identity_rms,
 };
 use crate::network::{Model, Structure};
-use crate::scalar::max_or_nan;
+use crate::scalar::median_or_nan;
 
 /// The change of a network's own invariant μ along its own orbits: medians over orbits.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,8 +71,8 @@ impl OwnInvariance {
         (!drifts.is_empty()).then(|| Self {
             unperturbed,
             iterations,
-            drift: median(drifts),
-            exponent: median(exponents),
+            drift: median_or_nan(drifts),
+            exponent: median_or_nan(exponents),
             moved,
             resonance: resonance.map(|resonance| resonance.to_string()),
         })
@@ -94,11 +94,4 @@ impl OwnInvariance {
             )
         })
     }
-}
-
-/// The upper median; NaN if a number is.
-pub(super) fn median(mut values: Vec<f64>) -> f64 {
-    let largest = values.iter().copied().fold(0.0, max_or_nan);
-    values.sort_by(f64::total_cmp);
-    if largest.is_nan() { largest } else { values[values.len() / 2] }
 }

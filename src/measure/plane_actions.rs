@@ -1,10 +1,9 @@
 //! How far the action of each plane moves along orbits of a map, beside pairs of the flow.
 
 use super::accuracy::root_mean_square;
-use super::own_invariance::median;
 use crate::flow::Pairs;
 use crate::layer::TorusAction;
-use crate::scalar::max_or_nan;
+use crate::scalar::{max_or_nan, median_or_nan};
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 
@@ -85,7 +84,7 @@ impl PlaneSwing {
             Self {
                 step: root_mean_square(&changes),
                 range,
-                swing: median(swings),
+                swing: median_or_nan(swings),
                 beyond,
                 allowed: tells.then(|| Self::STEPS / seen),
             }

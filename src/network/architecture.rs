@@ -241,17 +241,10 @@ impl Architecture {
 
     /// Whether ε scales its slow map: it is of order one in a map that is nearly integrable.
     pub fn is_of_order_one(&self) -> bool {
-        let mut slow = self.part(Part::SlowMap).peekable();
-        let has_slow = slow.peek().is_some();
-        let slow_is = slow.all(|block| !block.scale.has_epsilon());
-        let mut chart = self.part(Part::Chart).peekable();
-        // A chart of a reversible map is near the identity, as its perturbation is.
-        if self.reversor.is_some() {
-            return has_slow && slow_is;
-        }
-        (has_slow || chart.peek().is_some())
-            && slow_is
-            && chart.all(|block| !block.scale.has_epsilon())
+        // The chart of a reversible map is near the identity, as its perturbation is.
+        let chart = self.part(Part::Chart).filter(|_| self.reversor.is_none());
+        let mut own = chart.chain(self.part(Part::SlowMap)).peekable();
+        own.peek().is_some() && own.all(|block| !block.scale.has_epsilon())
     }
 
     /// Whether its circles turn the planes of the data, to leading order: it has twists, which are of

@@ -255,6 +255,13 @@ pub fn max_or_nan(a: f64, b: f64) -> f64 {
     if a.is_nan() || b <= a { a } else { b }
 }
 
+/// The upper median of one number at least; NaN if any is.
+pub(crate) fn median_or_nan(mut values: Vec<f64>) -> f64 {
+    let largest = values.iter().copied().fold(f64::NEG_INFINITY, max_or_nan);
+    values.sort_by(f64::total_cmp);
+    if largest.is_nan() { largest } else { values[values.len() / 2] }
+}
+
 /// Implements `+=` and the like.
 macro_rules! assigning {
     ([$($generics:tt)*] $number:ty) => {

@@ -3,6 +3,7 @@
 use crate::flow::{Pairs, TwoFits};
 use crate::layer::Reversor;
 use crate::network::{Architecture, Structure};
+use crate::scalar::median_or_nan;
 use std::fmt;
 
 /// How far pairs (z, w) are from those of a map F that is reversible, F(Sw) = Sz, as polynomial maps that are fitted to
@@ -53,14 +54,12 @@ impl ReversalDefect {
             return None;
         }
         let motion = (squares / sample.len() as f64).sqrt();
-        let median = |mut values: Vec<f64>| {
-            values.sort_by(f64::total_cmp);
-            values[values.len() / 2] / motion
-        };
-        Some(Self { reversor, median: median(defects), resolution: median(differences) })
+        let [median, resolution] =
+            [defects, differences].map(|of: Vec<f64>| median_or_nan(of) / motion);
+        Some(Self { reversor, median, resolution })
     }
 
-    /// Whether the pairs are of no map that is reversible by S, as far as can be seen: NaN is none.
+    /// Whether the pairs are of no map that is reversible by S, as far as can be seen. A NaN is seen.
     pub fn is_seen(&self) -> bool {
         !(self.median <= Self::ABOVE * self.resolution)
     }
@@ -91,15 +90,16 @@ impl fmt::Display for ReversalDefect {
         match self.is_seen() {
             true => write!(
                 f,
-                "These pairs are of no map that is reversible by {}: mirrored, they are off its inverse by {median:.1e} of \
-                 the motion in the median, as a polynomial map fitted to them has it; two such fits differ by \
-                 {resolution:.1e}. The network is reversible whatever its weights: is S the right reflection?",
+                "These pairs are of no map that is reversible by {}: mirrored, they are off its inverse by \
+                 {median:.1e} of the motion in the median, as a polynomial map fitted to them has it; two such fits \
+                 differ by {resolution:.1e}. The network is reversible whatever its weights: is S the right \
+                 reflection?",
                 reversor.equation()
             ),
             false => write!(
                 f,
-                "These pairs are of a map that is reversible by {}, to within {:.1e} of the motion: with the reversor \
-                 \"{}\" a network is so for all weights, and has half the numbers for the same kicks",
+                "These pairs are of a map that is reversible by {}, to within {:.1e} of the motion. With the reversor \
+                 \"{}\" a network is so for all weights, and uses each of its kicks twice",
                 reversor.equation(),
                 median.max(*resolution),
                 reversor.name()
