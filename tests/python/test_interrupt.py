@@ -51,7 +51,7 @@ def interrupted_after(seconds, call):
 @pytest.mark.parametrize("which", ["model", "normal_form"])
 @pytest.mark.parametrize(
     "points, steps, every",
-    [(1, HUGE, HUGE), (1, 3 * 10**6, 1), (700, HUGE, HUGE), (700, HUGE, HUGE // 5), (50_000, 100, 1)],
+    [(1, HUGE, HUGE), (1, 3 * 10**6, 1), (700, HUGE, HUGE), (700, HUGE, HUGE // 5), (50_000, 300, 1)],
 )
 def test_predict(request, pairs, which, points, steps, every):
     model = request.getfixturevalue(which)
@@ -60,7 +60,8 @@ def test_predict(request, pairs, which, points, steps, every):
     def call():
         model.predict(initial, steps, every, outside="ignore")
 
-    assert interrupted_after(0.3, call) < 1.0
+    # Long before the shortest of them would end.
+    assert interrupted_after(0.1, call) < 1.0
 
 
 @pytest.mark.parametrize("method", ["inverse", "jacobian", "invariant"])
