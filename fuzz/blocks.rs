@@ -219,6 +219,16 @@ fn architecture(u: &mut Unstructured<'_>) -> Architecture {
     if sound { mended(drawn) } else { drawn }
 }
 
+/// A list without faults whose steps are shears: neither twists nor couplings.
+pub fn of_shears(u: &mut Unstructured<'_>) -> Architecture {
+    let mut drawn = mended(architecture(u));
+    drawn.controls = None;
+    drawn.blocks.retain(|block| {
+        !block.layers.commutes_with_circles() && !matches!(block.layers, Layers::TurnedCoupling(_))
+    });
+    drawn
+}
+
 /// A few controls, whose names may be the same and whose ranges may be none.
 fn controls(u: &mut Unstructured<'_>) -> Controls {
     let range = |u: &mut Unstructured<'_>| ControlRange {

@@ -3,8 +3,10 @@
 #![allow(dead_code)]
 
 mod blocks;
+mod grid;
 
 pub use blocks::blocks;
+pub use grid::grid;
 
 use arbitrary::Unstructured;
 use gyroceptron::io::{
@@ -417,7 +419,7 @@ fn tensors(format: WeightsFormat, data: &[u8]) -> Result<Outcome, String> {
 }
 
 /// The targets by name.
-pub const TARGETS: [(&str, Property); 12] = [
+pub const TARGETS: [(&str, Property); 13] = [
     ("henon_layer", henon_layer),
     ("henon_net", henon_net),
     ("near_identity", near_identity),
@@ -426,6 +428,7 @@ pub const TARGETS: [(&str, Property); 12] = [
     ("normal_form", normal_form),
     ("coupling_gyroceptron", coupling_gyroceptron),
     ("blocks", blocks),
+    ("grid", grid),
     ("model", model),
     ("scene", scene),
     ("npz", npz),

@@ -10,6 +10,7 @@ mod generators;
 mod layers;
 mod networks;
 mod normal_form;
+mod on_grid;
 mod own_maps;
 mod polynomials;
 mod ratios;

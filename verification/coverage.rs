@@ -21,11 +21,12 @@ const ADAPTORS: [&str; 9] = [
     "&M",
 ];
 /// The number types that a law runs on, or a test of `tests/` covers.
-const NUMBERS: [(&str, &str); 9] = [
+const NUMBERS: [(&str, &str); 10] = [
     ("f64", "symplecticity"),
     ("f32", "precision"),
     ("DoubleDouble", "precision"),
     ("Dual<S, N>", "gradients"),
+    ("OnGrid<V, G>", "on_grid"),
     ("Lanes", "evaluation"),
     ("Ymm", "evaluation"),
     ("Zmm", "evaluation"),
@@ -154,6 +155,7 @@ fn the_conformance_page_names_what_there_is() {
         "exact_relations",
         "nearly_integrable",
         "normal_form",
+        "on_grid",
         "polynomials",
         "precision",
         "reversible",

@@ -23,6 +23,7 @@ mod near_identity;
 mod near_periodicity;
 mod nearly_integrable;
 mod normal_form;
+mod on_grid;
 mod polynomials;
 mod precision;
 mod report;

@@ -2,8 +2,8 @@
 //! law has to reject one.
 
 use crate::{
-    adiabatic, blocks, coupling, gradients, nearly_integrable, normal_form, polynomials, precision,
-    reversible, suite, symp_net, tanh, tolerances, torus,
+    adiabatic, blocks, coupling, gradients, nearly_integrable, normal_form, on_grid, polynomials,
+    precision, reversible, suite, symp_net, tanh, tolerances, torus,
 };
 use gyroceptron::layer::{
     CircleAction, HenonLayer, HenonMap, Kick, KickForm, Potential, TanhPotential,
@@ -131,10 +131,18 @@ pub enum Fault {
     ShearBehind,
     /// A reversible map that claims to be so by the other reflection.
     OtherReversor,
+    /// The result of a shear is rounded to a grid, not its increment.
+    GridRoundsResult,
+    /// Increments are rounded down to a grid: the inverse does not subtract what was added.
+    GridRoundsDown,
+    /// Increments are rounded to every 64th point of a grid.
+    GridTooCoarse,
+    /// The result of a rotation is rounded to a grid.
+    GridRotation,
 }
 
 impl Fault {
-    const ALL: [Self; 53] = [
+    const ALL: [Self; 57] = [
         Self::MissingTranspose,
         Self::OwnHalf,
         Self::OuterWeights,
@@ -188,6 +196,10 @@ impl Fault {
         Self::OtherChart,
         Self::ShearBehind,
         Self::OtherReversor,
+        Self::GridRoundsResult,
+        Self::GridRoundsDown,
+        Self::GridTooCoarse,
+        Self::GridRotation,
     ];
 
     /// A map that is broken, rather than something beside it.
@@ -215,6 +227,10 @@ impl Fault {
                 | Self::PolynomialSkew
                 | Self::PolynomialCoefficient
                 | Self::OtherChart
+                | Self::GridRoundsResult
+                | Self::GridRoundsDown
+                | Self::GridTooCoarse
+                | Self::GridRotation
         )
     }
 }
@@ -768,6 +784,7 @@ fn rows_of(fault: Fault) -> Vec<Row> {
             rows.extend(blocks::rows_of_mutant(fault));
             rows.extend(polynomials::rows_of_mutant(fault));
             rows.extend(reversible::rows_of_mutant(fault));
+            rows.extend(on_grid::rows_of_mutant(fault));
             rows.extend(coupling::rows_of_mutant(fault));
             rows
         }
@@ -778,6 +795,7 @@ fn rows_of(fault: Fault) -> Vec<Row> {
                 rows.extend(blocks::rows_of_mutant(fault));
                 rows.extend(polynomials::rows_of_mutant(fault));
                 rows.extend(reversible::rows_of_mutant(fault));
+                rows.extend(on_grid::rows_of_mutant(fault));
             }
             rows.extend(coupling::rows_of_mutant(fault));
             rows
@@ -797,6 +815,10 @@ fn rows_of(fault: Fault) -> Vec<Row> {
             rows
         }
         Fault::ShearBehind | Fault::OtherReversor => reversible::rows_of_mutant(fault),
+        Fault::GridRoundsResult
+        | Fault::GridRoundsDown
+        | Fault::GridTooCoarse
+        | Fault::GridRotation => on_grid::rows_of_mutant(fault),
         Fault::TorusInverse | Fault::TorusPullback => torus::rows_of_mutant(fault),
         _ => map_rows(fault),
     }

@@ -2,7 +2,7 @@
 
 use crate::{
     adiabatic, blocks, circle_action, coupling, determinant, evaluation, exact_relations,
-    gradients, inversion, near_identity, near_periodicity, nearly_integrable, normal_form,
+    gradients, inversion, near_identity, near_periodicity, nearly_integrable, normal_form, on_grid,
     polynomials, precision, reversible, suite, symp_net, symplecticity, tanh, tolerances, torus,
 };
 use gyroceptron::measure::certificate::{Row, Verdict};
@@ -16,7 +16,7 @@ pub struct Law {
     pub stated: usize,
 }
 
-pub const LAWS: [Law; 20] = [
+pub const LAWS: [Law; 21] = [
     Law { file: "symplecticity", rows: symplecticity::rows, stated: symplecticity::STATED },
     Law { file: "inversion", rows: inversion::rows, stated: inversion::STATED },
     Law { file: "near_identity", rows: near_identity::rows, stated: near_identity::STATED },
@@ -42,6 +42,7 @@ pub const LAWS: [Law; 20] = [
     Law { file: "blocks", rows: blocks::rows, stated: blocks::STATED },
     Law { file: "polynomials", rows: polynomials::rows, stated: polynomials::STATED },
     Law { file: "reversible", rows: reversible::rows, stated: reversible::STATED },
+    Law { file: "on_grid", rows: on_grid::rows, stated: on_grid::STATED },
     Law { file: "coupling", rows: coupling::rows, stated: coupling::STATED },
     Law { file: "tanh", rows: tanh::rows, stated: tanh::STATED },
     Law { file: "precision", rows: precision::rows, stated: precision::STATED },

@@ -91,6 +91,15 @@ pub const DRIFT_SLOPE: f64 = 2e-4;
 /// two points each it is as much within four standard deviations (0.013).
 pub const ILL_CONDITIONED_SHARE: f64 = 0.15;
 
+/// The distance of a map on a grid from that of plain numbers, over the sum of the bounds of both: a bound.
+pub const GRID_DISTANCE: f64 = 1.0;
+/// What is seen of the bound: it adds the largest errors of all increments with one sign. Of the few increments of
+/// one layer some nearly add up; a sixth of that leaves room for other samples.
+pub const GRID_DISTANCE_SEEN: f64 = 0.1;
+/// Where a bound to first order holds: the second order is some 10 (weights of 10, in curvatures of 100, whose
+/// errors are a hundredth of the sum) times as much again.
+pub const GRID_LINEAR: f64 = 1e-3;
+
 /// Confidence of all intervals.
 pub const CONFIDENCE: f64 = 0.99;
 

@@ -5,6 +5,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use gyroceptron::Error;
 use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::network::NamedArchitecture;
+use gyroceptron::scalar::GridNumbers;
 use gyroceptron::train::RampStage;
 use std::path::PathBuf;
 
@@ -376,6 +377,24 @@ pub enum Outside {
     Ignore,
 }
 
+/// [`GridNumbers`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum GridKind {
+    /// 64-bit integers.
+    Integers,
+    /// f64 that stay on the grid.
+    Floats,
+}
+
+impl From<GridKind> for GridNumbers {
+    fn from(kind: GridKind) -> Self {
+        match kind {
+            GridKind::Integers => Self::Integers,
+            GridKind::Floats => Self::Floats,
+        }
+    }
+}
+
 #[derive(Debug, Args)]
 pub struct Predict {
     /// The model.
@@ -394,9 +413,17 @@ pub struct Predict {
     /// ranges.
     #[arg(long, value_name = "NAME=VALUE,…", value_delimiter = ',')]
     pub at: Vec<String>,
-    /// Applications of the map.
+    /// Applications of the map, or of its inverse: of -1000, a thousand steps back.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub steps: i64,
+    /// Round every increment to a grid of 2^-BITS in the network's coordinates, so that as many steps back
+    /// lead to the first state, bit for bit. Of networks whose steps are shears: no twists, no couplings.
+    #[arg(long, value_name = "BITS", allow_negative_numbers = true)]
+    pub grid: Option<i64>,
+    /// What holds the places of the grid: integers of 64 bits, which wrap, or floats, which are a little faster and
+    /// stop where an orbit leaves their range.
+    #[arg(long, value_enum, requires = "grid", default_value_t = GridKind::Integers)]
+    pub grid_numbers: GridKind,
     /// Keep one state in so many.
     #[arg(long, value_name = "K", default_value_t = 1, allow_negative_numbers = true)]
     pub every: i64,

@@ -17,8 +17,12 @@ use gyroceptron::io::{
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::certificate::{CertificateOptions, certify, certify_all};
-use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model, Rollout};
+use gyroceptron::network::{
+    Architecture, Course, GyroceptronShape, InitialWeights, Model, Pace, Rollout,
+};
+use gyroceptron::phase::Direction;
 use gyroceptron::random::Stream;
+use gyroceptron::scalar::Grid;
 use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{
     CoilFile, Coils, Folder, LineData, Note, Scene, catalogue, certificate_table, default_scene,
@@ -225,7 +229,7 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
         }))?;
     } else {
         out(&format!(
-            "{target}: {}\n{} points each, uniform in |z_i| ≤ {}, seed {}{}\n{}",
+            "{target}: {}\nsampled: {} points each, uniform in |z_i| ≤ {}, seed {}{}; nothing is shown of others\n{}",
             result.summary(),
             options.samples,
             result.options.radius,
@@ -304,10 +308,18 @@ fn at_controls(
 
 fn predict(arguments: &Predict) -> Result<Status, Error> {
     use_threads(&arguments.common)?;
-    let request = Rollout {
-        steps: positive("--steps", arguments.steps)?,
-        every: positive("--every", arguments.every)?,
-    };
+    let direction = if arguments.steps < 0 { Direction::Inverse } else { Direction::Forward };
+    let steps = usize::try_from(arguments.steps.unsigned_abs()).ok().filter(|steps| *steps > 0);
+    let expected = "at least 1, or at most -1 for steps back";
+    let steps = steps.ok_or_else(|| Error::invalid("--steps", arguments.steps, expected))?;
+    let request = Rollout { steps, every: positive("--every", arguments.every)? };
+    let grid = arguments.grid.map(|bits| {
+        // What is no count is none of bits, and no grid has so many.
+        let bits =
+            u32::try_from(bits).map_err(|_| Error::invalid("--grid", bits, "0 to 62 bits"))?;
+        Grid::new(bits, arguments.grid_numbers.into()).map_err(|e| e.with_place("--grid"))
+    });
+    let course = Course { direction, grid: grid.transpose()? };
     if request.every > request.steps {
         let expected = format!("at most {} steps, so that one is taken", request.steps);
         return Err(Error::invalid("--every", request.every, expected));
@@ -355,8 +367,19 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     }
     let initial = file.points;
     let points = initial.len() / dim;
-    let values =
-        stored.rollout(&initial, request).map_err(|e| e.with_place(arguments.model.display()))?;
+    let rolled = stored
+        .rollout_along(course, &initial, request, &mut Pace::unbroken())
+        .map_err(|e| e.with_place(arguments.model.display()))?;
+    let values = rolled.states;
+    let rounded = course.grid.filter(|_| !rolled.is_exact).map(|grid| {
+        format!(
+            "a state at the end is rounded in the file, since a grid of {} bits is finer than its numbers are there: \
+             --steps {} from the file ends near the first state, not at it",
+            grid.bits(),
+            -arguments.steps
+        )
+    });
+    rounded.iter().for_each(|text| line(&format!("note: {text}")));
     let region = stored.provenance.region.as_ref().filter(|_| arguments.outside != Outside::Ignore);
     let left = region.and_then(|region| region.left_by(&values, points, request.every));
     let beyond = asked.then(|| stored.leaves_polynomials(&values, points, request.every)).flatten();
@@ -392,6 +415,12 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
             "outside": left,
             "outside_polynomials": beyond,
             "outside_controls": beyond_range,
+            "grid": course.grid.map(|grid| json!({
+                "bits": grid.bits(),
+                "numbers": grid.numbers().name(),
+                "first_state_moved_by_at_most": grid.rounding(),
+                "leads_back": rolled.is_exact,
+            })),
         }))?;
     } else {
         out(&format!(

@@ -6,7 +6,9 @@ use crate::digest;
 use crate::error::Error;
 use crate::flow::{OutsidePolynomials, PolynomialExit, Region};
 use crate::measure::orbits::maps_survived;
-use crate::network::{Architecture, Invariant, Model, Pace, Rollout, map_jacobians, map_points};
+use crate::network::{
+    Architecture, Course, Invariant, Model, Pace, Rollout, map_jacobians, map_points,
+};
 use crate::phase::{Direction, Section, Units};
 use crate::train::{Checkpoint, Fitted};
 use rayon::prelude::*;
@@ -58,6 +60,16 @@ impl Provenance {
             ..Self::default()
         }
     }
+}
+
+/// Trajectories in units of the data.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RolledOut {
+    /// The states kept, (T, M, 2n).
+    pub states: Vec<f64>,
+    /// Whether the last of them, made on a grid, lead back: whether each, as the `f64` that it is in these
+    /// units, is next to the point of the grid that it stands for. False without a grid.
+    pub is_exact: bool,
 }
 
 /// A model with its units and provenance, as a file holds it.
@@ -150,19 +162,42 @@ impl StoredModel {
         request: Rollout,
         pace: &mut Pace<'_>,
     ) -> Result<Vec<f64>, Error> {
+        Ok(self.rollout_along(Course::default(), initial, request, pace)?.states)
+    }
+
+    /// [`Model::rollout_along`] of points of the data. On a grid, which is one of the network's coordinates, the
+    /// first state kept is the point of the grid next to the initial one.
+    ///
+    /// # Errors
+    /// Those of [`Model::rollout_along`]; [`Error::Diverged`] when a state is not of finite numbers.
+    pub fn rollout_along(
+        &self,
+        course: Course,
+        initial: &[f64],
+        request: Rollout,
+        pace: &mut Pace<'_>,
+    ) -> Result<RolledOut, Error> {
         self.check_points("initial points", initial)?;
-        let states = match self.has_own_coordinates() {
-            true => self.model.rollout_at_pace(initial, request, pace)?,
-            false => {
-                let mut start = initial.to_vec();
-                self.to_network(&mut start);
-                let mut states = self.model.rollout_at_pace(&start, request, pace)?;
-                self.to_data(&mut states);
-                states[..initial.len()].copy_from_slice(initial);
-                states
-            }
+        let mut states = initial.to_vec();
+        self.to_network(&mut states);
+        states = self.model.rollout_along(course, &states, request, pace)?;
+        let on_grid = states.split_off(states.len() - initial.len());
+        states.extend_from_slice(&on_grid);
+        self.to_data(&mut states);
+        let is_exact = course.grid.is_some_and(|grid| {
+            let mut back = states[states.len() - initial.len()..].to_vec();
+            self.to_network(&mut back);
+            let places = |of: &[f64]| grid.quantise(of).ok();
+            // The largest place that is an f64 itself.
+            let most = grid.spacing() * (1_u64 << 53) as f64;
+            on_grid.iter().all(|value| value.abs() <= most) && places(&on_grid) == places(&back)
+        });
+        if course.grid.is_none() {
+            states[..initial.len()].copy_from_slice(initial);
+        }
+        let Some(index) = states.iter().position(|v| !v.is_finite()) else {
+            return Ok(RolledOut { states, is_exact });
         };
-        let Some(index) = states.iter().position(|v| !v.is_finite()) else { return Ok(states) };
         let (row, state) = (index % initial.len(), index / initial.len());
         let what = match self.section {
             None => "roll-out",

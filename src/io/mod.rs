@@ -21,8 +21,8 @@ pub use arrays::{
 pub use checkpoints::Checkpoints;
 pub use coils::{parse_coils, read_coils};
 pub use json::{
-    Provenance, StoredModel, earlier_checkpoint, load_checkpoint, load_model, model_text,
-    parse_model, save_checkpoint, save_model,
+    Provenance, RolledOut, StoredModel, earlier_checkpoint, load_checkpoint, load_model,
+    model_text, parse_model, save_checkpoint, save_model,
 };
 pub use tensor::Tensor;
 pub use weights::{

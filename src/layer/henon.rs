@@ -44,8 +44,8 @@ impl<P: Scalar, S: Over<P>, V: Potential<S>> Map<S> for HenonMap<'_, P, V> {
         }
         for i in 0..n {
             let (x, y) = (z[i], z[n + i]);
-            z[i] = y + S::embed(self.eta[i]);
-            z[n + i] = gradient[i].mul_add_parameter(self.epsilon, -x);
+            z[i] = y.increment(P::from_f64(1.0), S::embed(self.eta[i]));
+            z[n + i] = (-x).increment(self.epsilon, gradient[i]);
         }
     }
 
@@ -53,12 +53,14 @@ impl<P: Scalar, S: Over<P>, V: Potential<S>> Map<S> for HenonMap<'_, P, V> {
     fn inverse(&self, z: &mut [S]) {
         let n = self.potential.dof();
         let mut gradient = vec![S::zero(); n];
-        let shifted: Vec<S> = (0..n).map(|i| z[i] - S::embed(self.eta[i])).collect();
+        let minus_one = P::from_f64(-1.0);
+        let shifted: Vec<S> =
+            (0..n).map(|i| z[i].increment(minus_one, S::embed(self.eta[i]))).collect();
         if !self.epsilon.is_zero() {
             self.potential.gradient(&shifted, &mut gradient);
         }
         for i in 0..n {
-            z[i] = gradient[i].mul_add_parameter(self.epsilon, -z[n + i]);
+            z[i] = (-z[n + i]).increment(self.epsilon, gradient[i]);
             z[n + i] = shifted[i];
         }
     }

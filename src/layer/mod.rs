@@ -6,7 +6,8 @@
 //!   [`Potential`] of the other half; [`TanhPotential`] is the one with a hidden
 //!   layer, [`PolynomialPotential`] one of polynomials over a box, [`RidgePotential`] either.
 //! - [`Turn`], [`TurnStep`]: each plane rotated by its angle, as three shears a
-//!   plane; [`CircleAction`] and [`TorusAction`] say which planes turn together.
+//!   plane; [`CircleAction`] and [`TorusAction`] say which planes turn together, by an angle in
+//!   radians or by a [`TurnFraction`], whose sums are exact.
 //! - [`AffineCoupling`]: the momenta scaled and shifted by functions of the positions; not
 //!   symplectic.
 //! - [`Turned`]: a kick or a coupling in coordinates turned by angles of its own.
@@ -32,6 +33,7 @@ mod quadratic_form;
 mod reversor;
 mod ridge;
 mod turn;
+mod turn_fraction;
 mod turned;
 mod twist;
 mod unrolled;
@@ -48,5 +50,6 @@ pub(crate) use quadratic_form::symmetric_len;
 pub use reversor::{Reflection, Reversor};
 pub use ridge::{MOST_DEGREES, RidgeFunction, RidgePotential, Ridges};
 pub use turn::{CircleAction, PlaneTurn, TorusAction, Turn, TurnStep, quarter_turns};
+pub use turn_fraction::TurnFraction;
 pub use turned::{Turned, TurnedCoupling, TurnedKick};
 pub use twist::{FastPlanes, Twist, TwistShears};

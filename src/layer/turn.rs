@@ -356,6 +356,10 @@ impl<P: Scalar> Turn<P> {
         &self.planes
     }
 
+    pub(super) fn planes_mut(&mut self) -> &mut [PlaneTurn<P>] {
+        &mut self.planes
+    }
+
     /// The degrees of freedom n.
     pub fn dof(&self) -> usize {
         self.dof

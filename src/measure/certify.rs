@@ -235,7 +235,8 @@ impl fmt::Display for Certificate {
 /// | mixed | those of [`certify_map`], I₀ = Id, P₀ = ψ∘Φ_θ∘ψ⁻¹ and the axioms of the circle action |
 ///
 /// Those with a [reversor](Reversor) obey [`laws::reversibility`] too, and have
-/// [`laws::reversible_at_zero`] of a normal form at ε = 0.
+/// [`laws::reversible_at_zero`] of a normal form at ε = 0. Those whose steps are shears obey
+/// [`laws::inversion_on_grid`].
 /// Networks of Hénon layers alone: [`laws::exact_relations`] too. Where a layer is not symplectic,
 /// symplecticity is reported and not claimed. Cost: some 200 evaluations over dual numbers a
 /// sample.
@@ -312,6 +313,9 @@ pub fn certify_all(models: &[Model], mut options: CertificateOptions) -> Certifi
                 out
             }
         };
+        if model.composition().check_on_grid().is_ok() {
+            out.push(laws::inversion_on_grid(model, points));
+        }
         if let Some(reversor) = architecture.reversor {
             out.push(reversibility(model, reversor, points));
         }

@@ -11,6 +11,7 @@ use super::inversion::{Conditioned, ThereAndBack};
 use super::near_identity::{
     differing_components, near_identity_generator, near_identity_size, near_identity_undoing,
 };
+use super::on_grid::{GridMap, inversion_on_grids, moves_on_grid};
 use super::relations::Relation;
 use super::stopping::until_stopped;
 use super::symplecticity::symplecticity_resolution;
@@ -204,6 +205,16 @@ pub fn evaluation(map: &dyn Measurable, points: &[f64]) -> Tally {
     }
     let results = until_stopped(counts).map(|count| Conditioned::Ratio(count as f64));
     tally.extend_at(points, dim, results)
+}
+
+/// P⁻¹∘P = P∘P⁻¹ = Id on grids of integers, wrapping included, and of floats, bit for bit: a count of
+/// [differing coordinates](super::ratios::differing_places).
+pub fn inversion_on_grid(map: &dyn GridMap, points: &[f64]) -> Tally {
+    let dim = 2 * map.dof();
+    let moves = points.chunks_exact(dim).any(|z| moves_on_grid(map, z));
+    Tally::of_counts("inversion on a grid", "P⁻¹∘P = P∘P⁻¹ = Id, bitwise")
+        .extend_at(points, dim, each_point(points, dim).map(|z| inversion_on_grids(map, z)))
+        .vacuous_if(!moves)
 }
 
 /// P(z + L) = P(z) for the circumference L of each coordinate that is an

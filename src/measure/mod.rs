@@ -33,6 +33,7 @@ mod measured_network;
 mod measured_step;
 mod measured_twist;
 mod near_identity;
+mod on_grid;
 mod own_invariance;
 mod periodic;
 mod plane_actions;
@@ -54,6 +55,7 @@ pub use equivariance::NormalFormed;
 pub use implicit::{Implicit, Solved};
 pub use jacobian::{Differentiable, jacobian, jacobians_by_differences};
 pub use measurable::{Layers, Measurable, NearlyPeriodic, OneStep, Steps, WithDomain};
+pub use on_grid::{GridMap, GridMove};
 
 /// Adiabatic invariants: their drift, averages, level sets, resonances, and the actions of planes.
 pub mod adiabatic {
@@ -129,6 +131,7 @@ pub mod ratios {
         differing_components, near_identity_generator, near_identity_rms, near_identity_size,
         near_identity_undoing,
     };
+    pub use super::on_grid::differing_places;
     pub use super::relations::Relation;
     pub use super::rounding::RoundingPropagation;
     pub use super::symplecticity::{symplecticity_ratio, symplecticity_scale};

@@ -3,7 +3,7 @@
 use super::{Composition, Pace};
 use crate::error::Error;
 use crate::phase::Direction;
-use crate::scalar::{Kernel, Pack, WIDTH, on_lanes};
+use crate::scalar::{Grid, Kernel, Pack, WIDTH, on_lanes};
 use crate::work;
 use rayon::prelude::*;
 
@@ -12,7 +12,7 @@ const BLOCK: usize = 32 * WIDTH;
 
 /// Groups of points that make each step together: while the last results of one
 /// are awaited, the processor has the others.
-const TOGETHER: usize = 8;
+pub(super) const TOGETHER: usize = 8;
 
 /// Neurons of one point in the lanes.
 pub(crate) const NEURONS: usize = 4;
@@ -224,6 +224,22 @@ impl Rollout {
     }
 }
 
+/// How a roll-out goes: by the map or by its inverse, with plain numbers or on a grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Course {
+    /// By the map, or by its inverse.
+    pub direction: Direction,
+    /// The grid to which increments are rounded, so that a way back is exact.
+    pub grid: Option<Grid>,
+}
+
+impl Default for Course {
+    /// By the map, with plain numbers.
+    fn default() -> Self {
+        Self { direction: Direction::Forward, grid: None }
+    }
+}
+
 /// The trajectories of the map from each of the points in `initial`: an array
 /// (T, M, 2n) with T = [`Rollout::kept`], the first entry being the input.
 ///
@@ -256,7 +272,30 @@ pub fn rollout_at_pace(
     request: Rollout,
     pace: &mut Pace<'_>,
 ) -> Result<Vec<f64>, Error> {
-    check_points(initial, 2 * map.dof())?;
+    let dim = 2 * map.dof();
+    check_points(initial, dim)?;
+    let mut state = initial.to_vec();
+    let run = |points: &mut [f64], every: usize, kept: &mut [f64]| {
+        if points.len() == dim {
+            let direction = Direction::Forward;
+            let single = SingleTrajectory { map, direction, every, point: points, kept };
+            return on_lanes::<NEURONS, _>(single);
+        }
+        on_lanes::<WIDTH, _>(Trajectories { map, every, points, kept });
+    };
+    states_of(dim, initial, &mut state, request, pace, run)
+}
+
+/// The states kept of a roll-out of points whose coordinates are `initial`: `run` moves some of `state`, so many
+/// steps to each state that it keeps.
+pub(super) fn states_of<T: Send>(
+    dim: usize,
+    initial: &[f64],
+    state: &mut [T],
+    request: Rollout,
+    pace: &mut Pace<'_>,
+    run: impl Fn(&mut [T], usize, &mut [f64]) + Sync,
+) -> Result<Vec<f64>, Error> {
     Error::check_count_range("every", request.every, 1, usize::MAX)?;
     let kept = request.kept();
     let too_many = || {
@@ -267,17 +306,10 @@ pub fn rollout_at_pace(
     out.try_reserve_exact(size).map_err(|_| too_many())?;
     out.extend_from_slice(initial);
     out.resize(size, 0.0);
-    let mut state = initial.to_vec();
-    let dim = 2 * map.dof();
     let block = block_size(initial.len() / dim) * dim;
-    let run = |points: &mut [f64], every: usize, kept: &mut [f64]| {
+    let run = |points: &mut [T], every: usize, kept: &mut [f64]| {
         work::count(work::Kind::Evaluation, kept.len() / dim * every);
-        if points.len() == dim {
-            let direction = Direction::Forward;
-            let single = SingleTrajectory { map, direction, every, point: points, kept };
-            return on_lanes::<NEURONS, _>(single);
-        }
-        on_lanes::<WIDTH, _>(Trajectories { map, every, points, kept });
+        run(points, every, kept);
     };
     let kept = &mut out[initial.len()..];
     if initial.is_empty() {
@@ -286,7 +318,7 @@ pub fn rollout_at_pace(
     if initial.len() <= block {
         let size = initial.len();
         in_parts(pace, request.every, kept.len() / size, size / dim, |part, pace| {
-            run(&mut state, part.steps, &mut kept[part.states(size)]);
+            run(state, part.steps, &mut kept[part.states(size)]);
             pace.pause(ROLLOUT, part.evaluations(size / dim))
         })?;
         return Ok(out);

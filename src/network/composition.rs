@@ -3,7 +3,7 @@
 use super::controls::Controls;
 use super::step::{Kind, Step, Visitor};
 use crate::error::Error;
-use crate::layer::{ElementaryMap, Reversor, TorusAction, Turn, TwistShears};
+use crate::layer::{ElementaryMap, Reversor, TorusAction, Turn, TurnFraction, TwistShears};
 use crate::phase::{Direction, Map};
 use crate::scalar::{Over, Pack, Real, Scalar, Task, max_or_nan};
 use std::marker::PhantomData;
@@ -638,6 +638,20 @@ impl<P: Real> Composition<P> {
         let kind = Kind::Turn { prepared };
         let (parameters, inverse, near_identity, time) = (angles, false, false, None);
         self.steps.push(Step { kind, parameters, inverse, near_identity, time });
+    }
+}
+
+impl Composition<f64> {
+    /// [`Composition::of_turn`] by exact fractions of a full turn; its parameters are the angles in
+    /// radians.
+    ///
+    /// # Errors
+    /// Those of [`Composition::of_turn`].
+    pub fn of_turn_fractions(action: &TorusAction, angles: &[TurnFraction]) -> Result<Self, Error> {
+        let radians = angles.iter().map(|angle| angle.radians()).collect();
+        let mut out = Self::of_turn(action, radians)?;
+        out.turns = vec![action.turn_by_fractions(angles)];
+        Ok(out)
     }
 }
 

@@ -30,12 +30,13 @@ mod jacobians;
 mod model;
 pub mod named;
 mod normal_form;
+mod on_grid;
 mod pace;
 mod spec;
 mod step;
 
 pub use architecture::{Architecture, Structure};
-pub use batch::{Rollout, map_points, map_points_at_pace, rollout, rollout_at_pace};
+pub use batch::{Course, Rollout, map_points, map_points_at_pace, rollout, rollout_at_pace};
 pub use block::{Alternating, Block, Layers, Modules, Part, Scale};
 pub use composition::{Composition, Recording};
 pub use controls::{ControlRange, Controls};
@@ -46,6 +47,7 @@ pub use named::{
     CouplingGyroceptronShape, GyroceptronShape, HenonShape, KickedGyroceptronShape, SympNetShape,
 };
 pub use normal_form::NormalFormShape;
+pub use on_grid::{GridPoints, grid_rollout};
 pub use pace::Pace;
 pub use spec::{Circles, LayerSizes, NamedArchitecture, NetworkSpec};
 pub use step::{Kind, Step, Visitor};

@@ -1,10 +1,11 @@
 //! A network: its architecture, and the map that its parameters make of it.
 
 use super::architecture::{Architecture, Structure};
-use super::batch::{Rollout, map_points, map_points_at_pace, rollout_at_pace};
+use super::batch::{Course, Rollout, map_points, map_points_at_pace, rollout_at_pace};
 use super::block::{Block, Layers, Part};
 use super::composition::Composition;
 use super::init::InitialWeights;
+use super::on_grid::{GridPoints, grid_rollout};
 use super::pace::Pace;
 use crate::error::Error;
 use crate::layer::{CircleAction, HenonLayer, RidgeFunction};
@@ -12,6 +13,7 @@ use crate::phase::{Direction, Map};
 use crate::random::Stream;
 use crate::scalar::{Over, Real, Scalar, max_or_nan};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 /// A function of a point that a network keeps or nearly keeps.
@@ -118,14 +120,42 @@ impl Model {
         request: Rollout,
         pace: &mut Pace<'_>,
     ) -> Result<Vec<f64>, Error> {
+        self.rollout_along(Course::default(), initial, request, pace)
+    }
+
+    /// [`Model::rollout_at_pace`] by the map or its inverse, with plain numbers or on a grid of the
+    /// network's coordinates, where the first state kept is the point of the grid next to the initial one.
+    ///
+    /// # Errors
+    /// Those of [`Model::rollout`], or those of [`GridPoints::nearest`] and [`grid_rollout`];
+    /// [`Error::Stopped`].
+    pub fn rollout_along(
+        &self,
+        course: Course,
+        initial: &[f64],
+        request: Rollout,
+        pace: &mut Pace<'_>,
+    ) -> Result<Vec<f64>, Error> {
+        if let Some(grid) = course.grid {
+            self.composition.check_on_grid()?;
+            let mut points = GridPoints::nearest(grid, initial)?;
+            return grid_rollout(&self.composition, course.direction, &mut points, request, pace);
+        }
+        let along = |map: Cow<'_, Composition<f64>>, pace: &mut Pace<'_>, start: &[f64]| {
+            let map = match course.direction {
+                Direction::Forward => map,
+                Direction::Inverse => Cow::Owned(map.inverted()),
+            };
+            rollout_at_pace(&map, start, request, pace)
+        };
         let (Structure::NormalForm | Structure::NearlyIntegrable) = self.architecture.structure()
         else {
-            return rollout_at_pace(&self.composition, initial, request, pace);
+            return along(Cow::Borrowed(&self.composition), pace, initial);
         };
         let [chart, inner] = self.chart_and_inner_map();
         let mut start = initial.to_vec();
         map_points(&chart, Direction::Inverse, &mut start)?;
-        let mut states = rollout_at_pace(&inner, &start, request, pace)?;
+        let mut states = along(Cow::Owned(inner), pace, &start)?;
         states[..initial.len()].copy_from_slice(initial);
         let kept = &mut states[initial.len()..];
         map_points_at_pace(&chart, Direction::Forward, kept, pace)?;

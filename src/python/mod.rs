@@ -13,8 +13,9 @@ use crate::flow::Region;
 use crate::io::{StoredModel, load_model, model_text, parse_model, save_model};
 use crate::measure::certificate::{CertificateOptions, certify_unless_stopped};
 use crate::measure::orbits::{Branch, lyapunov_exponent, smaller_alignment_index};
-use crate::network::{Architecture, Pace, Rollout};
+use crate::network::{Architecture, Course, Pace, Rollout};
 use crate::phase::Direction;
+use crate::scalar::{Grid, GridNumbers};
 use crate::scene::own_invariance_fault;
 use arrays::{Points, Rows, array, points_of};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
@@ -285,18 +286,34 @@ impl Model {
     /// training points by more than a hundredth of its width: "warn" (UserWarning), "stop" (an Error)
     /// or "ignore"; and when one leaves the box of the network's polynomials, if it has any.
     ///
+    /// Negative `steps` are of the inverse map. With grid=B every increment is rounded to a grid of 2^-B in the
+    /// coordinates of the network, and the first state to it: as many steps back lead there, bit for bit, from
+    /// the float64 that are returned (UserWarning where these are too coarse for that). `grid_numbers` is "integers",
+    /// which wrap, or "floats", which raise Error where an orbit leaves their range. Networks with twists or
+    /// couplings are no bijections of a grid: Error.
+    ///
     /// Raises Error when points are no real, finite numbers, have a mask or another last dimension, or a
     /// state leaves the finite numbers. Ctrl-C stops it within a second, as the other methods.
-    #[pyo3(signature = (points, steps=1, every=1, outside="warn"))]
+    #[pyo3(signature = (points, steps=1, every=1, outside="warn", grid=None, grid_numbers="integers"))]
+    #[allow(clippy::too_many_arguments)]
     fn predict<'py>(
         &self,
         py: Python<'py>,
         points: Rows<'py>,
-        steps: usize,
+        steps: isize,
         every: usize,
         outside: &str,
+        grid: Option<u32>,
+        grid_numbers: &str,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let direction = if steps < 0 { Direction::Inverse } else { Direction::Forward };
+        let steps = steps.unsigned_abs();
         Error::check_count_range("steps", steps, 1, usize::MAX)?;
+        let numbers = GridNumbers::ALL.into_iter().find(|numbers| numbers.name() == grid_numbers);
+        let numbers = numbers
+            .ok_or_else(|| Error::invalid("grid_numbers", grid_numbers, "integers or floats"))?;
+        let grid = grid.map(|bits| Grid::new(bits, numbers)).transpose()?;
+        let course = Course { direction, grid };
         Error::check_count_range("every", every, 1, steps)?;
         if !["warn", "stop", "ignore"].contains(&outside) {
             return Err(Error::invalid("outside", outside, "warn, stop or ignore").into());
@@ -309,7 +326,16 @@ impl Model {
         let points = self.points(&points)?;
         let initial = &points.values;
         let request = Rollout { steps, every };
-        let states = interruptible(py, |pace| self.stored.rollout_at_pace(initial, request, pace))?;
+        let rolled =
+            interruptible(py, |pace| self.stored.rollout_along(course, initial, request, pace))?;
+        let states = rolled.states;
+        if grid.is_some() && !rolled.is_exact {
+            warn(
+                py,
+                "a state at the end is rounded to float64, which is coarser than the grid there: \
+                      steps back from it end near the first state, not at it",
+            )?;
+        }
         let (dim, region) = (2 * self.dof(), self.stored.provenance.region.as_ref());
         let count = initial.len() / dim;
         if outside != "ignore" {

@@ -60,6 +60,10 @@ impl Lanewise for f64 {
         self > limit
     }
     #[inline(always)]
+    fn all_negative(self) -> bool {
+        self < 0.0
+    }
+    #[inline(always)]
     fn one_by_one(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self) {
         f(self)
     }
@@ -74,6 +78,14 @@ impl Lanewise for f64 {
     #[inline(always)]
     fn negated_where(self, sign: Self) -> Self {
         f64::from_bits(self.to_bits() ^ (sign.to_bits() & (1 << 63)))
+    }
+    #[inline(always)]
+    fn plus_bits(self, other: Self) -> Self {
+        f64::from_bits(self.to_bits().wrapping_add(other.to_bits()))
+    }
+    #[inline(always)]
+    fn minus_bits(self, other: Self) -> Self {
+        f64::from_bits(self.to_bits().wrapping_sub(other.to_bits()))
     }
 }
 

@@ -187,6 +187,10 @@ impl<const L: usize> Lanewise for Lanes<L> {
         self.0.iter().any(|lane| *lane > limit)
     }
     #[inline(always)]
+    fn all_negative(self) -> bool {
+        self.0.iter().all(|lane| *lane < 0.0)
+    }
+    #[inline(always)]
     fn one_by_one(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self) {
         let mut out = (self, self);
         for i in 0..L {
@@ -207,6 +211,16 @@ impl<const L: usize> Lanewise for Lanes<L> {
     #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn negated_where(self, sign: Self) -> Self {
         self.zip(sign, sign, |x, sign, _| x.negated_where(sign))
+    }
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
+    fn plus_bits(self, other: Self) -> Self {
+        self.zip(other, other, |x, other, _| x.plus_bits(other))
+    }
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
+    fn minus_bits(self, other: Self) -> Self {
+        self.zip(other, other, |x, other, _| x.minus_bits(other))
     }
 }
 

@@ -33,6 +33,9 @@ pub trait Lanewise: Elementary {
     /// Whether a lane is above `limit`; no NaN is.
     fn any_above(self, limit: f64) -> bool;
 
+    /// Whether all lanes are below 0; no NaN is.
+    fn all_negative(self) -> bool;
+
     /// `f` of one lane after another.
     fn one_by_one(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self);
 
@@ -44,6 +47,12 @@ pub trait Lanewise: Elementary {
 
     /// self, negated where `sign` has a minus sign.
     fn negated_where(self, sign: Self) -> Self;
+
+    /// The sum of the bits of each lane, as integers that wrap.
+    fn plus_bits(self, other: Self) -> Self;
+
+    /// The difference of the bits of each lane, as integers that wrap.
+    fn minus_bits(self, other: Self) -> Self;
 }
 
 /// Adding it rounds a number below 2⁵¹ to an integer, which is then in the low bits.

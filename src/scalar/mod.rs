@@ -7,6 +7,7 @@
 //! | `f32`, [`DoubleDouble`] | does the defect shrink with the unit roundoff? |
 //! | [`Dual`] | what is the exact Jacobian? |
 //! | [`Tracked`] | how large can the rounding error be? |
+//! | [`OnGrid`] | is the inverse exact, bit for bit? |
 //!
 //! Weights have a number type of their own, so that a constant weight costs a
 //! dual number nothing: `S: Over<P>` says that a state of type `S` can be moved
@@ -18,8 +19,10 @@ mod double_double;
 mod dual;
 mod exp;
 mod float;
+mod grid;
 mod lanes;
 mod lanewise;
+mod on_grid;
 mod on_lanes;
 #[allow(unsafe_code)]
 mod simd;
@@ -31,8 +34,10 @@ pub use chebyshev::Series;
 pub(crate) use chebyshev::scales;
 pub use double_double::DoubleDouble;
 pub use dual::{Dual, dual_variables_made};
+pub use grid::{Floats, Grid, GridNumbers, Integers, Place};
 pub use lanes::Lanes;
 pub use lanewise::WIDTH;
+pub use on_grid::{FloatOnGrid, IntegerOnGrid, OnGrid};
 pub use on_lanes::tanh_sech2_of_all;
 pub(crate) use on_lanes::{on_independent_lanes, on_lanes};
 pub(crate) use simd::{Kernel, Pack};

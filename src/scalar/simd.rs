@@ -406,6 +406,12 @@ mod x86 {
             );
             negated_where(self, sign) =
                 _mm256_xor_pd(self.0, _mm256_and_pd(_mm256_set1_pd(-0.0), sign.0));
+            plus_bits(self, other) = _mm256_castsi256_pd(
+                _mm256_add_epi64(_mm256_castpd_si256(self.0), _mm256_castpd_si256(other.0)),
+            );
+            minus_bits(self, other) = _mm256_castsi256_pd(
+                _mm256_sub_epi64(_mm256_castpd_si256(self.0), _mm256_castpd_si256(other.0)),
+            );
         }
         #[inline(always)]
         fn bit_as_sign<const BIT: u32>(self) -> Self {
@@ -421,6 +427,14 @@ mod x86 {
             unsafe {
                 let above = _mm256_cmp_pd::<_CMP_GT_OQ>(self.0, _mm256_set1_pd(limit));
                 _mm256_movemask_pd(above) != 0
+            }
+        }
+        #[inline(always)]
+        fn all_negative(self) -> bool {
+            // SAFETY: see the module.
+            unsafe {
+                let below = _mm256_cmp_pd::<_CMP_LT_OQ>(self.0, _mm256_setzero_pd());
+                _mm256_movemask_pd(below) == 15
             }
         }
         #[inline(always)]
@@ -533,6 +547,12 @@ mod x86 {
             );
             negated_where(self, sign) =
                 _mm512_xor_pd(self.0, _mm512_and_pd(_mm512_set1_pd(-0.0), sign.0));
+            plus_bits(self, other) = _mm512_castsi512_pd(
+                _mm512_add_epi64(_mm512_castpd_si512(self.0), _mm512_castpd_si512(other.0)),
+            );
+            minus_bits(self, other) = _mm512_castsi512_pd(
+                _mm512_sub_epi64(_mm512_castpd_si512(self.0), _mm512_castpd_si512(other.0)),
+            );
             // The bits of self where the mask is set, else those of `sign`.
             with_sign_of(self, sign) = _mm512_castsi512_pd(_mm512_ternarylogic_epi64::<0xe4>(
                 _mm512_castpd_si512(self.0),
@@ -552,6 +572,11 @@ mod x86 {
         fn any_above(self, limit: f64) -> bool {
             // SAFETY: see the module.
             unsafe { _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0, _mm512_set1_pd(limit)) != 0 }
+        }
+        #[inline(always)]
+        fn all_negative(self) -> bool {
+            // SAFETY: see the module.
+            unsafe { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(self.0, _mm512_setzero_pd()) == u8::MAX }
         }
         #[inline(always)]
         fn one_by_one(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self) {
@@ -647,6 +672,8 @@ mod x86 {
             select_negative(negative, otherwise);
             with_sign_of(sign);
             negated_where(sign);
+            plus_bits(other);
+            minus_bits(other);
         }
         #[inline(always)]
         fn bit_as_sign<const BIT: u32>(self) -> Self {
@@ -655,6 +682,10 @@ mod x86 {
         #[inline(always)]
         fn any_above(self, limit: f64) -> bool {
             self.0.any_above(limit) || self.1.any_above(limit)
+        }
+        #[inline(always)]
+        fn all_negative(self) -> bool {
+            self.0.all_negative() && self.1.all_negative()
         }
         #[inline(always)]
         fn one_by_one(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self) {

@@ -47,6 +47,18 @@ pub(super) const JOLTS: &str = "@incollection{DragtAbell1996,
 }
 ";
 
+/// Exact bijections of a grid.
+pub(super) const GRIDS: &str = "@article{ReinTamayo2018,
+  author = {Rein, Hanno and Tamayo, Daniel},
+  title = {{JANUS}: a bit-wise reversible integrator for {N}-body dynamics},
+  journal = {Monthly Notices of the Royal Astronomical Society},
+  volume = {473},
+  year = {2018},
+  eprint = {1704.07715},
+  archivePrefix = {arXiv}
+}
+";
+
 /// Sums of Chebyshev polynomials.
 pub(super) const CLENSHAW: &str = "@article{Clenshaw1955,
   author = {Clenshaw, C. W.},

@@ -46,6 +46,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "noise",
         "trajectories",
         "adiabatic-profiles",
+        "there-and-back",
         "near-identity-penalty",
         "published-weights",
         "adiabatic-horizon",

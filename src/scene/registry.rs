@@ -5,7 +5,7 @@ use super::study::shared::Study;
 use super::study::{
     actions, adiabatic_horizon, adiabatic_profiles, claims, controls, dissipation, family,
     long_steps, noise, overview, own_invariant, poincare, rollout, slow_manifold, surfaces, tanh,
-    trajectories, which_action, work_precision,
+    there_and_back, trajectories, which_action, work_precision,
 };
 use crate::measure::certificate::CertificateOptions;
 use crate::system::System;
@@ -168,6 +168,8 @@ studies! {
     noise: Noise(noise::NoiseOptions),
     /// Error against run time of tanh and sech².
     tanh: Tanh(tanh::TanhOptions),
+    /// Steps forward and as many back, on grids and with plain numbers.
+    there_and_back: ThereAndBack(there_and_back::ThereAndBackOptions),
     /// The adiabatic invariant of a random network along its orbit.
     adiabatic_profiles: AdiabaticProfiles(adiabatic_profiles::AdiabaticProfilesOptions),
     /// How long the adiabatic invariant of random networks stays.

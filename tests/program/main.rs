@@ -4,6 +4,7 @@ mod abilities;
 mod architectures;
 mod coils;
 mod controls;
+mod grid;
 mod helpers;
 #[path = "../judgement.rs"]
 mod judgement;

@@ -150,7 +150,7 @@ fn bad_arguments_are_named() {
         &["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "model.json"],
         &["model.json"],
     );
-    for (steps, every) in [("0", "1"), ("-5", "1"), ("5", "0"), ("5", "-1")] {
+    for (steps, every) in [("0", "1"), ("-5", "0"), ("5", "0"), ("5", "-1")] {
         refuses(
             path,
             &[

@@ -10,7 +10,7 @@ fn a_scene_runs_to_a_report() {
     let folder = with_scene("small.toml", SCENE);
     let output = succeeds(folder.path(), &["run", "small.toml"]);
     let summary = text(&output.stdout);
-    assert!(summary.contains("holds: 24 laws") && !summary.contains("symplecticity"));
+    assert!(summary.contains("holds: 25 laws") && !summary.contains("symplecticity"));
     let out = folder.path().join("gyroceptron-out/small");
     let report = std::fs::read_to_string(out.join("report.md")).expect("a report");
     for words in ["seed 3", "Structure certificate", "held-out mean squared error", "μ₀"] {

@@ -85,3 +85,33 @@ def test_what_a_training_tells_stays_with_its_model(tmp_path, pairs, model):
     assert loaded.trust is None and loaded.history is None and loaded.notes == []
     other = own.at(epsilon=0.04)
     assert other.trust is None and other.history is None
+
+
+@pytest.mark.parametrize("numbers", ["integers", "floats"])
+def test_steps_back_on_a_grid_lead_to_the_first_state(model, numbers):
+    points = np.array([[0.3, -0.2, 0.1, 0.4], [0.1, 0.2, -0.5, 0.0]])
+    grid = {"grid": 40, "grid_numbers": numbers}
+    there = model.predict(points, 500, every=500, **grid)
+    assert abs(there[0] - points).max() <= 2.0**-41
+    back = model.predict(there[-1], -500, every=500, **grid)
+    assert back[0].tobytes() == there[-1].tobytes()
+    assert back[-1].tobytes() == there[0].tobytes()
+    plain = model.predict(model.predict(points, 500)[-1], -500)[-1]
+    assert abs(plain - points).max() < 1e-9 and plain.tobytes() != points.tobytes()
+
+
+def test_a_grid_that_does_not_do_is_refused(pairs, model):
+    points = np.full((1, 4), 0.3)
+    with pytest.raises(gyroceptron.Error, match="at most 62"):
+        model.predict(points, grid=63)
+    with pytest.raises(gyroceptron.Error, match="at most 50"):
+        model.predict(points, grid=51, grid_numbers="floats")
+    with pytest.raises(gyroceptron.Error, match="integers or floats"):
+        model.predict(points, grid=40, grid_numbers="decimals")
+    with pytest.raises(gyroceptron.Error, match="at least 1"):
+        model.predict(points, 0)
+    with pytest.warns(UserWarning, match="coarser than the grid"):
+        model.predict(points * 3, 5, grid=60)
+    twisted = gyroceptron.train(*pairs, [1, 0], epsilon=0.05, iterations=1)
+    with pytest.raises(gyroceptron.Error, match="a twist"):
+        twisted.predict(points, grid=40)

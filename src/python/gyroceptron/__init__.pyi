@@ -127,8 +127,10 @@ class Model:
         steps: int = 1,
         every: int = 1,
         outside: Literal["warn", "stop", "ignore"] = "warn",
+        grid: int | None = None,
+        grid_numbers: Literal["integers", "floats"] = "integers",
     ) -> NDArray[np.float64]:
-        """Trajectories from points (..., 2n): (steps // every + 1, ..., 2n)."""
+        """Trajectories from points (..., 2n): (abs(steps) // every + 1, ..., 2n); steps < 0 go back."""
     def inverse(self, points: ArrayLike) -> NDArray[np.float64]:
         """The points that go to points (..., 2n) in one step: (..., 2n)."""
     def jacobian(self, points: ArrayLike) -> NDArray[np.float64]:

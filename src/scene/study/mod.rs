@@ -26,6 +26,7 @@ pub mod slow_manifold;
 pub(super) mod step_tables;
 pub mod surfaces;
 pub mod tanh;
+pub mod there_and_back;
 pub mod training;
 pub mod trajectories;
 pub(super) mod trust;
