@@ -175,6 +175,74 @@ fn an_interrupted_horizon_goes_on_to_the_same_numbers() {
     refused(&HORIZON.replace("count = 1,", "count = 5000,"), &["count"]);
 }
 
+const THERE_AND_BACK: &str = r#"
+name = "back"
+title = "there and back"
+seed = 1
+plots = ["there-and-back"]
+
+[there_and_back]
+bits = 44
+steps = 1000
+rounds = 1
+
+[[there_and_back.networks]]
+name = "mild"
+circle_action = [1, 0]
+psi = { count = 3, width = 4 }
+near_identity = { count = 2, width = 4 }
+epsilon = 0.3
+theta = 3.8832220774509327
+weights = { kind = "normal", scale = 0.3 }
+initial = [[1.0, 0.3, 0.0, 0.0], [0.5, -0.4, 0.2, 0.1]]
+
+[[there_and_back.networks]]
+name = "large"
+circle_action = [1]
+psi = { count = 3, width = 4 }
+near_identity = { count = 2, width = 4 }
+epsilon = 1.0
+theta = 0.7
+weights = { kind = "normal", scale = 12.0 }
+initial = [[1.0, 0.3]]
+"#;
+
+/// A study that says of each kind of numbers whether the way back is exact, and where orbits leave their range.
+#[test]
+fn ways_there_and_back_are_exact_on_grids_alone() {
+    let scene = parse("back", THERE_AND_BACK).expect("a scene");
+    let folder = temporary();
+    let report = run_in(folder.path(), &scene);
+    let findings = report.study("there_and_back").expect("a study");
+    assert_eq!(findings.verdict, Some(true));
+    let data = findings.results.data.as_array().expect("rows").clone();
+    let of = |network: &str, by: &str| {
+        let found = data.iter().find(|row| row["network"] == network && row["by"] == by);
+        found.expect("a row").clone()
+    };
+    for by in ["integers", "floats on the grid"] {
+        assert_eq!(of("mild", by)["return_error"], 0.0);
+    }
+    assert!(of("mild", "plain f64")["return_error"].as_f64().expect("a number") > 0.0);
+    assert_eq!(of("large", "integers")["return_error"], 0.0);
+    assert_eq!(of("large", "floats on the grid")["in_range"], false);
+    // What a grid changes of μ is far below what ε does.
+    let drift = |by| of("mild", by)["drift"].as_f64().expect("a number");
+    assert!((drift("integers") - drift("plain f64")).abs() < 1e-3 * drift("plain f64"));
+    let svg = std::fs::read_to_string(folder.path().join("there-and-back.svg")).expect("drawn");
+    assert!(svg.contains("mild") && svg.contains("steps N"));
+    for (from, to, word) in [
+        ("bits = 44", "bits = 51", "at most 50"),
+        ("steps = 1000", "steps = 1001", "a multiple of 1000"),
+        ("initial = [[1.0, 0.3]]", "initial = [[1.0]]", "large"),
+        ("initial = [[1.0, 0.3]]", "initial = []", "initial"),
+        ("count = 3, width = 4", "count = 3, width = 0", "mild"),
+    ] {
+        assert!(THERE_AND_BACK.contains(from));
+        refused(&THERE_AND_BACK.replacen(from, to, 1), &[word]);
+    }
+}
+
 pub(crate) const PROFILES: &str = r#"
 name = "adiabatic-profiles"
 seed = 1
