@@ -3,7 +3,9 @@
 use super::controls::Controls;
 use super::step::{Kind, Step, Visitor};
 use crate::error::Error;
-use crate::layer::{ElementaryMap, Reversor, TorusAction, Turn, TurnFraction, TwistShears};
+use crate::layer::{
+    ElementaryMap, Reversor, TorusAction, Turn, TurnFraction, TurnedCoupling, Twist, TwistShears,
+};
 use crate::phase::{Direction, Map};
 use crate::scalar::{Over, Pack, Real, Scalar, Task, max_or_nan};
 use std::marker::PhantomData;
@@ -64,6 +66,32 @@ impl<P: Scalar, S: Over<P>, T: ElementaryMap<P>> Task for OfEach<P, T, Apply<'_,
         self.shear.apply_each(z, scratch);
     }
 }
+
+/// [`Apply`] of shears alone: what is no bijection of a grid is not compiled for numbers on one.
+struct ApplyShears<'s, S>(Apply<'s, S>);
+
+impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for ApplyShears<'_, S> {
+    type Output = ();
+    const SPECIALISED: bool = S::SPECIALISED;
+
+    #[inline(always)]
+    fn visit(self, shear: impl ElementaryMap<P> + 'a) {
+        S::outlined(OfEach { shear, work: self.0, parameters: PhantomData });
+    }
+
+    #[inline(always)]
+    fn visit_twist<const D: usize>(self, _: Twist<'a, P, D>) {
+        unreachable!("{NO_SHEAR}");
+    }
+
+    #[inline(always)]
+    fn visit_coupling<const D: usize>(self, _: TurnedCoupling<'a, P, D>) {
+        unreachable!("{NO_SHEAR}");
+    }
+}
+
+/// What a caller has to have asked.
+const NO_SHEAR: &str = "`Composition::check_on_grid` refuses it";
 
 /// A step of all points, filling the tape of each.
 struct ForwardRecorded<'s, S> {
@@ -464,6 +492,21 @@ impl<P: Scalar> Composition<P> {
             // One loop for both: the step is compiled into it once.
             let number = if undo { self.steps.len() - 1 - number } else { number };
             self.bind(&self.steps[number], undo, Apply { z, scratch });
+        }
+    }
+
+    /// [`Composition::apply`] of a map that [`Composition::check_on_grid`] lets pass.
+    #[inline(always)]
+    pub(super) fn apply_shears<S: Over<P>>(
+        &self,
+        direction: Direction,
+        z: &mut [S],
+        scratch: &mut [S],
+    ) {
+        let undo = direction == Direction::Inverse;
+        for number in 0..self.steps.len() {
+            let number = if undo { self.steps.len() - 1 - number } else { number };
+            self.bind(&self.steps[number], undo, ApplyShears(Apply { z, scratch }));
         }
     }
 

@@ -167,7 +167,7 @@ impl<G: Places> Kernel for GridTrajectories<'_, G> {
             let lanes = &mut lanes[..count * dim];
             for state in kept.chunks_exact_mut(size) {
                 for _ in 0..every {
-                    map.apply(direction, lanes, &mut scratch);
+                    map.apply_shears(direction, lanes, &mut scratch);
                 }
                 let state = &mut state[first..first + groups.len()];
                 for (state, lanes) in state.chunks_mut(one).zip(lanes.chunks_exact(dim)) {
