@@ -29,6 +29,9 @@
 //! # Ok::<(), Error>(())
 //! ```
 //!
+//! The [`guide`] explains the words, shows how to use the crate from Rust, Python and the shell, and has
+//! what was measured.
+//!
 //! # Where things are
 //!
 //! In reading order; arrows between modules point upwards in this list only.
@@ -70,6 +73,7 @@ pub mod conformance;
 mod digest;
 pub mod error;
 pub mod flow;
+pub mod guide;
 #[cfg(feature = "files")]
 pub mod io;
 pub mod layer;

@@ -241,11 +241,11 @@ fn scenes_on_files_that_cannot_be_are_refused() {
     }
 }
 
-/// The scene of the README, as it stands there.
+/// The scene of the guide, as it stands there.
 #[test]
-fn the_readme_shows_a_scene() {
-    let readme = include_str!("../README.md");
-    let block = readme.split("```toml").nth(1).expect("a scene").split("```").next();
+fn the_guide_shows_a_scene() {
+    let chapter = include_str!("../src/guide/program.md");
+    let block = chapter.split("```toml").nth(1).expect("a scene").split("```").next();
     let block = block.expect("its end").lines().map(str::trim).collect::<Vec<_>>().join("\n");
     let folder = tempfile::tempdir().expect("a folder");
     write_data(folder.path(), 1.0);

@@ -447,7 +447,7 @@ pub struct Predict {
 
 #[derive(Debug, Args)]
 pub struct Import {
-    /// The tensors, under the names of the README, or the index of a TensorFlow
+    /// The tensors, under the names of the guide (`src/guide/program.md`), or the index of a TensorFlow
     /// checkpoint of the published code.
     #[arg(long, value_name = "FILE.safetensors|FILE.npz|FILE.index")]
     pub weights: PathBuf,

@@ -34,15 +34,15 @@ pub struct OnGrid<V, G> {
     place: G,
 }
 
-/// A coordinate on a grid of [integers](GridNumbers::Integers).
+/// A coordinate on a grid of [integers](super::GridNumbers::Integers).
 pub type IntegerOnGrid = OnGrid<f64, Integers<f64>>;
 
-/// A coordinate on a grid of [floats](GridNumbers::Floats).
+/// A coordinate on a grid of [floats](super::GridNumbers::Floats).
 pub type FloatOnGrid = OnGrid<f64, Floats<f64>>;
 
 impl<G: Place<f64>> OnGrid<f64, G> {
     /// The coordinate k·2⁻ᴮ with k = `place` and B = `bits`, at most
-    /// [`GridNumbers::most_bits`].
+    /// [`GridNumbers::most_bits`](super::GridNumbers::most_bits).
     pub fn at(place: i64, bits: u32) -> Self {
         Self::from_lanes(f64::from_bits(place as u64), bits)
     }

@@ -5,6 +5,7 @@ mod architectures;
 mod coils;
 mod controls;
 mod grid;
+mod guide;
 mod helpers;
 #[path = "../judgement.rs"]
 mod judgement;

@@ -1,4 +1,4 @@
-"""What the README shows, as it stands there."""
+"""What the README and the guide show, as it stands there."""
 
 import pathlib
 import re
@@ -10,8 +10,35 @@ import pytest
 
 import gyroceptron
 
-README = (pathlib.Path(__file__).parents[2] / "README.md").read_text()
-BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+ROOT = pathlib.Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text()
+CHAPTERS = [path.read_text() for path in sorted((ROOT / "src/guide").glob("*.md"))]
+
+
+def blocks_of(text):
+    return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+
+
+BLOCKS = [block for text in [README, *CHAPTERS] for block in blocks_of(text)]
+
+
+def test_the_readme_trains_in_a_dozen_lines(capsys):
+    [example] = blocks_of(README)
+    assert len([line for line in example.splitlines() if line]) <= 12
+    names = {}
+    exec(example, names)
+    assert capsys.readouterr().out.startswith("yes") and names["model"].validation < 1e-8
+    assert names["orbits"].shape == (101, 8, 2)
+
+
+def test_the_readme_is_short_and_its_links_lead_somewhere():
+    lines = README.splitlines()
+    assert len(lines) <= 200
+    assert all(len(line) <= 125 for line in lines if not line.startswith("|"))
+    links = re.findall(r"\]\(([^)#]+)[^)]*\)", README)
+    for link in [link for link in links if "://" not in link]:
+        assert (ROOT / link).exists(), link
+    assert len(set(links)) > 20
 
 
 def test_the_example_trains_a_pendulum(capsys):

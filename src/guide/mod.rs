@@ -1,0 +1,43 @@
+//! The guide: concepts, how to use the crate, and what was measured with it.
+//!
+//! | to learn | chapter |
+//! |---|---|
+//! | what the words mean | [`concepts`] |
+//! | the library, from pairs to a model; networks and Hamiltonians of your own | [`library`] |
+//! | the program: training on your pairs, predictions, scenes, file formats | [`program`] |
+//! | the module for Python | [`python`] |
+//! | which options to choose | [`choosing`] |
+//! | what holds for all weights, what does not, exact inversion on a grid | [`guarantees`] |
+//! | the network in 40 lines of NumPy | [`weights`] |
+//! | where things are in the source, and how to add to it | [`source`] |
+//! | each definition of the paper | [`conformance`](crate::conformance) |
+//!
+//! What was measured, each with the command that measures it:
+//!
+//! | scene | chapter |
+//! |---|---|
+//! | `paper`: the paper's experiments | [`paper`] |
+//! | `long-steps`: exact invariants, long steps, fourteen rivals | [`long_steps`] |
+//! | `family`: one network for several ε and flow times | [`family`] |
+//! | `field-lines`, `jolts`: surfaces and islands over 100,000 turns | [`field_lines`] |
+//! | `coils`, `controls`: coils, Wendelstein 7-X, machines that change, storage rings | [`coils`] |
+//! | `full-orbit`: a charged particle over 10,000 gyrations | [`particle`] |
+//! | `two-modes`: two fast frequencies | [`two_modes`] |
+//! | `dissipative`: a flow with friction | [`dissipation`] |
+//! | `stiff`: ε from 1e-2 to 1e-8 | [`stiff`] |
+//! | `noise`: pairs with noise or a gap | [`noise`] |
+//! | `slow-manifold`: what the learnt invariant is worth | [`invariant_worth`] |
+//! | all: figures of speed and error in one table | [`figures`] |
+
+macro_rules! chapters {
+    ($($name:ident)*) => {
+        $(#[doc = include_str!(concat!(stringify!($name), ".md"))]
+        pub mod $name {})*
+    };
+}
+
+chapters! {
+    concepts library program python choosing guarantees weights source
+    paper long_steps family field_lines coils particle two_modes dissipation stiff noise
+    invariant_worth figures
+}

@@ -1,0 +1,79 @@
+//! The commands that README and guide show.
+
+use crate::helpers::{call, folder, succeeds, text, write_data};
+use gyroceptron::io::write_points;
+use gyroceptron::scene::find;
+use std::path::Path;
+
+/// The lines of blocks of commands that call the program, as words, without their comments.
+fn commands(markdown: &str) -> Vec<Vec<String>> {
+    let mut out = Vec::new();
+    let mut inside = false;
+    for line in markdown.lines().map(str::trim) {
+        if line.starts_with("```") {
+            inside = line == "```sh";
+        }
+        let Some(command) = line.strip_prefix("gyroceptron ").filter(|_| inside) else { continue };
+        let command = command.split('#').next().unwrap_or_default();
+        out.push(command.split_whitespace().map(str::to_owned).collect());
+    }
+    out
+}
+
+fn chapters() -> Vec<(String, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut files = vec![root.join("README.md"), root.join("verification/README.md")];
+    for entry in std::fs::read_dir(root.join("src/guide")).expect("the guide") {
+        files.push(entry.expect("an entry").path());
+    }
+    let read = |path: &std::path::PathBuf| {
+        (path.display().to_string(), std::fs::read_to_string(path).expect("text"))
+    };
+    files.iter().filter(|path| path.extension().is_some_and(|e| e == "md")).map(read).collect()
+}
+
+/// The program of the README, line by line, but for the length of its training.
+#[test]
+fn the_readmes_commands_run() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let readme = include_str!("../../README.md");
+    let commands = commands(readme);
+    assert!(commands.len() >= 4, "{commands:?}");
+    for command in commands {
+        let mut arguments: Vec<&str> = command.iter().map(String::as_str).collect();
+        if arguments[0] == "train" {
+            arguments.extend(["--iterations", "5", "--starts", "1", "--circle-action", "1,0"]);
+        }
+        succeeds(path, &arguments);
+    }
+    assert!(path.join("t.npy").exists());
+}
+
+/// All others are of options that there are, and of scenes that there are.
+#[test]
+fn the_guides_commands_are_of_options_that_there_are() {
+    let folder = folder();
+    let path = folder.path();
+    write_points(&path.join("z.npy"), &[1, 2], &[0.0, 0.0]).expect("written");
+    let mut count = 0;
+    for (file, chapter) in chapters() {
+        for command in commands(&chapter) {
+            let mut arguments: Vec<&str> = command.iter().map(String::as_str).collect();
+            if let ["run", scene, ..] = arguments[..]
+                && !scene.starts_with('-')
+                && !scene.ends_with(".toml")
+            {
+                assert!(find(scene).is_ok(), "{file}: {command:?}");
+            }
+            arguments.push("--help");
+            let output = call(path, &arguments);
+            assert!(output.status.success(), "{file}: {command:?}: {}", text(&output.stderr));
+            count += 1;
+        }
+    }
+    assert!(count > 25, "{count}");
+    // An option that there is not is seen.
+    assert!(!call(path, &["predict", "--grids", "4", "--help"]).status.success());
+}
