@@ -34,7 +34,7 @@ def test_the_readme_trains_in_a_dozen_lines(capsys):
 def test_the_readme_is_short_and_its_links_lead_somewhere():
     lines = README.splitlines()
     assert len(lines) <= 200
-    assert all(len(line) <= 125 for line in lines if not line.startswith("|"))
+    assert all(len(line) <= 120 for line in lines if not line.startswith("|"))
     links = re.findall(r"\]\(([^)#]+)[^)]*\)", README)
     for link in [link for link in links if "://" not in link]:
         assert (ROOT / link).exists(), link
