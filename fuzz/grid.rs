@@ -26,9 +26,9 @@ pub fn grid(data: &[u8]) -> Result<Outcome, String> {
     if model.composition().check_on_grid().is_err() {
         return Ok(Outcome::Refused);
     }
-    let bits = u32::from(u.arbitrary::<u8>().unwrap_or(44) % 63);
     let numbers = GridNumbers::ALL[usize::from(u.arbitrary::<u8>().unwrap_or(0) % 2)];
-    let Ok(grid) = Grid::new(bits, numbers) else { return Ok(Outcome::Refused) };
+    let bits = u32::from(u.arbitrary::<u8>().unwrap_or(44)) % (numbers.most_bits() + 1);
+    let grid = Grid::new(bits, numbers).map_err(|reason| reason.to_string())?;
     let dim = 2 * model.architecture().dof;
     let places: Vec<i64> = match numbers {
         GridNumbers::Integers => (0..dim).map(|_| u.arbitrary().unwrap_or(1)).collect(),

@@ -3,7 +3,9 @@
 use gyroceptron::layer::{
     Activation, CircleAction, HenonLayer, Reversor, TorusAction, TurnFraction,
 };
-use gyroceptron::measure::{GridMap, OneStep, certificate::Verdict, laws};
+use gyroceptron::measure::{
+    GridMap, OneStep, certificate::Verdict, laws, ratios::differing_places,
+};
 use gyroceptron::network::{
     Composition, CouplingGyroceptronShape, Course, GridPoints, GyroceptronShape, HenonShape,
     InitialWeights, KickedGyroceptronShape, Model, NormalFormShape, Pace, Rollout, SympNetShape,
@@ -12,7 +14,7 @@ use gyroceptron::network::{
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{
-    FloatOnGrid, Grid, GridNumbers, IntegerOnGrid, Integers, OnGrid, Over, Scalar, Simd,
+    FloatOnGrid, Grid, GridNumbers, IntegerOnGrid, Integers, OnGrid, Over, Scalar, Simd, max_or_nan,
 };
 use std::collections::HashSet;
 
@@ -375,7 +377,7 @@ fn quantising_moves_a_point_by_half_the_spacing_at_most() {
         let mut largest = 0.0_f64;
         for value in points(2, 50) {
             let place = grid.quantise(&[value]).expect("small")[0];
-            largest = largest.max((grid.value(place) - value).abs());
+            largest = max_or_nan(largest, (grid.value(place) - value).abs());
         }
         assert!(largest <= grid.rounding() && largest > 0.5 * grid.rounding(), "{bits} {largest}");
     }
@@ -397,4 +399,131 @@ fn quantising_moves_a_point_by_half_the_spacing_at_most() {
     assert_eq!(lost.increment(1.0, IntegerOnGrid::from_f64(1.0)).place(), None);
     assert_eq!((-on(i64::MIN)).place(), Some(i64::MIN));
     assert_eq!(Scalar::abs(on(-3)).place(), None);
+}
+
+/// z ← z with q += p, on one point.
+struct Drift;
+
+impl<S: Over<f64>> Map<S> for Drift {
+    fn dof(&self) -> usize {
+        1
+    }
+    fn forward(&self, z: &mut [S]) {
+        z[0] = z[0].increment(1.0, z[1]);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        z[0] = z[0].increment(-1.0, z[1]);
+    }
+}
+
+/// What is in range there is so on the way back, up to the very end of the range.
+#[test]
+fn floats_that_stay_in_range_do_so_on_the_way_back() {
+    let grid = grid(50, GridNumbers::Floats);
+    let end = (1_i64 << 51) - 1;
+    let unit = 1_i64 << 50;
+    for (places, stays) in [
+        ([9 * unit / 10, 7 * unit / 10], true),
+        ([end, 0], true),
+        ([-end, 0], true),
+        ([end - 5, 5], true),
+        ([end - 5, 6], false),
+        ([-unit, 2 * unit - 1], true),
+        ([0, -end], true),
+        ([-1, -end], false),
+    ] {
+        let found = differing_places(&OneStep(Drift), Direction::Forward, grid, &places);
+        assert_eq!(found, stays.then_some(0), "{places:?}");
+    }
+    // Places that floats do not hold are none of theirs.
+    for place in [1_i64 << 51, i64::MIN, -(1 << 51)] {
+        assert_eq!(FloatOnGrid::at(place, 50).place(), None);
+    }
+    let mut beyond = GridPoints::new(grid, vec![0; 3].into_iter().chain([1 << 51]).collect());
+    let (request, pace) = (Rollout { steps: 1, every: 1 }, &mut Pace::unbroken());
+    let moved = grid_rollout(
+        gyroceptron(0.3, 0.3).composition(),
+        Direction::Forward,
+        &mut beyond,
+        request,
+        pace,
+    );
+    assert!(moved.is_err());
+}
+
+/// Φ_{−θ}∘Φ_θ = Id on a small torus at every state, also at those that are their own negatives.
+#[test]
+fn turns_are_undone_where_integers_wrap() {
+    type Small = OnGrid<f64, Integers<f64, 8>>;
+    let circle = CircleAction::new([1]);
+    for k in -64_i64..64 {
+        let theta = TurnFraction::new(k << 57);
+        let [there, back] = [theta, -theta].map(|theta| circle.turn_by_fraction(theta));
+        for q in (-128..128).step_by(5).chain([127]) {
+            for p in [-128, -127, -1, 0, 3, 64, 127] {
+                let mut z = [q, p].map(|place| Small::at(place, 5));
+                there.forward(&mut z);
+                back.forward(&mut z);
+                assert_eq!(z.map(|z| z.place()), [Some(q), Some(p)], "{theta:?}");
+            }
+        }
+    }
+    assert_eq!(TurnFraction::of_turn(1 << 62, 3), TurnFraction::of_turn(1, 3));
+    assert_eq!(TurnFraction::of_turn(-1, 3), -TurnFraction::of_turn(1, 3));
+    assert_eq!(TurnFraction::of_turn(i64::MIN, 4), TurnFraction::default());
+}
+
+/// 0 has one sign on a grid, and numbers on none are plain.
+#[test]
+fn the_number_is_a_function_of_the_place() {
+    let zero = |z: f64| z.to_bits() == 0;
+    let (integer, float) = (IntegerOnGrid::at(0, 44), FloatOnGrid::at(0, 44));
+    assert!(zero(gyroceptron::scalar::Real::value(-integer)));
+    assert!(zero(gyroceptron::scalar::Real::value(-float)));
+    let plain = IntegerOnGrid::from_f64(0.75);
+    let moved = plain.increment(0.5, IntegerOnGrid::from_f64(0.1));
+    assert_eq!(gyroceptron::scalar::Real::value(moved), 0.8);
+    assert_eq!(gyroceptron::scalar::Real::value(-plain), -0.75);
+    assert!(moved.is_of_no_increments() && (-plain).is_of_no_increments());
+    let moved = FloatOnGrid::from_f64(0.75).increment(0.5, FloatOnGrid::from_f64(0.1));
+    assert_eq!(gyroceptron::scalar::Real::value(moved), 0.8);
+    assert!(moved.is_of_no_increments());
+}
+
+/// Points near the ends of 64 bits beside points far from them, in one register, and parts of a
+/// roll-out that end between the states that are kept.
+#[test]
+fn far_points_and_pauses_change_nothing() {
+    let model = gyroceptron(0.7, 0.3);
+    let mut stream = Stream::new(3, "far");
+    let near = GridPoints::nearest(grid(44, GridNumbers::Integers), &points(2, 50)).expect("small");
+    let mut places = near.places().to_vec();
+    for place in places.iter_mut().step_by(7) {
+        *place = (stream.uniform(-1.0, 1.0) * 2_f64.powi(63)) as i64;
+    }
+    let start = GridPoints::new(grid(44, GridNumbers::Integers), places);
+    let request = Rollout { steps: 300, every: 100 };
+    let mut whole = start.clone();
+    let map = model.composition();
+    let states = grid_rollout(map, Direction::Forward, &mut whole, request, &mut Pace::unbroken());
+    let mut go_on = || true;
+    let mut parts = start.clone();
+    let by_parts =
+        grid_rollout(map, Direction::Forward, &mut parts, request, &mut Pace::asking(&mut go_on));
+    assert_eq!(states.expect("integers"), by_parts.expect("integers"));
+    assert_eq!(whole, parts);
+    for (z, end) in start.places().chunks_exact(4).zip(whole.places().chunks_exact(4)) {
+        let mut alone: Vec<_> = z.iter().map(|&k| IntegerOnGrid::at(k, 44)).collect();
+        (0..300).for_each(|_| model.forward(&mut alone));
+        let alone: Vec<_> = alone.iter().map(|z| z.place().expect("on the grid")).collect();
+        assert_eq!(alone, end);
+    }
+    // A point that leaves a small range between two parts has left it.
+    let floats = GridPoints::nearest(grid(50, GridNumbers::Floats), &points(2, 50)).expect("small");
+    let left = |pace: &mut Pace<'_>| {
+        let mut here = floats.clone();
+        let moved = grid_rollout(map, Direction::Forward, &mut here, request, pace);
+        moved.expect_err("a range of 2").to_string()
+    };
+    assert_eq!(left(&mut Pace::unbroken()), left(&mut Pace::asking(&mut || true)));
 }

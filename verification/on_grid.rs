@@ -406,8 +406,8 @@ impl<const FAULT: u8> Place<f64> for Faulty<FAULT> {
     fn places(self, value: f64) -> f64 {
         self.sound.places(value)
     }
-    fn is_on_grid(self, value: f64) -> f64 {
-        self.sound.is_on_grid(value)
+    fn is_on_grid(self) -> f64 {
+        self.sound.is_on_grid()
     }
     fn moved(self, value: f64, by: f64) -> (f64, Self) {
         let spacing = Grid::new(BITS, GridNumbers::Integers).expect("a grid").spacing();

@@ -22,7 +22,7 @@ use gyroceptron::network::{
 };
 use gyroceptron::phase::Direction;
 use gyroceptron::random::Stream;
-use gyroceptron::scalar::Grid;
+use gyroceptron::scalar::{Grid, GridNumbers, max_or_nan};
 use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{
     CoilFile, Coils, Folder, LineData, Note, Scene, catalogue, certificate_table, default_scene,
@@ -315,9 +315,10 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     let request = Rollout { steps, every: positive("--every", arguments.every)? };
     let grid = arguments.grid.map(|bits| {
         // What is no count is none of bits, and no grid has so many.
-        let bits =
-            u32::try_from(bits).map_err(|_| Error::invalid("--grid", bits, "0 to 62 bits"))?;
-        Grid::new(bits, arguments.grid_numbers.into()).map_err(|e| e.with_place("--grid"))
+        let numbers = GridNumbers::from(arguments.grid_numbers);
+        let expected = || format!("0 to {} bits", numbers.most_bits());
+        let bits = u32::try_from(bits).map_err(|_| Error::invalid("--grid", bits, expected()))?;
+        Grid::new(bits, numbers).map_err(|e| e.with_place("--grid"))
     });
     let course = Course { direction, grid: grid.transpose()? };
     if request.every > request.steps {
@@ -371,12 +372,16 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
         .rollout_along(course, &initial, request, &mut Pace::unbroken())
         .map_err(|e| e.with_place(arguments.model.display()))?;
     let values = rolled.states;
+    // In units of the data.
+    let apart = initial.iter().zip(&values).map(|(a, b)| (a - b).abs());
+    let moved = apart.fold(0.0, max_or_nan);
     let rounded = course.grid.filter(|_| !rolled.is_exact).map(|grid| {
         format!(
             "a state at the end is rounded in the file, since a grid of {} bits is finer than its numbers are there: \
-             --steps {} from the file ends near the first state, not at it",
+             --steps {}{} from the file ends near the first state, not at it",
             grid.bits(),
-            -arguments.steps
+            if direction == Direction::Forward { "-" } else { "" },
+            request.steps / request.every * request.every
         )
     });
     rounded.iter().for_each(|text| line(&format!("note: {text}")));
@@ -418,7 +423,7 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
             "grid": course.grid.map(|grid| json!({
                 "bits": grid.bits(),
                 "numbers": grid.numbers().name(),
-                "first_state_moved_by_at_most": grid.rounding(),
+                "first_state_moved_by": moved,
                 "leads_back": rolled.is_exact,
             })),
         }))?;

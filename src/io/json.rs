@@ -180,7 +180,11 @@ impl StoredModel {
         self.check_points("initial points", initial)?;
         let mut states = initial.to_vec();
         self.to_network(&mut states);
-        states = self.model.rollout_along(course, &states, request, pace)?;
+        let place = |e: Error| match (&e, self.has_own_coordinates()) {
+            (Error::Invalid { .. }, false) => e.with_place("in the network's units"),
+            _ => e,
+        };
+        states = self.model.rollout_along(course, &states, request, pace).map_err(place)?;
         let on_grid = states.split_off(states.len() - initial.len());
         states.extend_from_slice(&on_grid);
         self.to_data(&mut states);
@@ -188,9 +192,9 @@ impl StoredModel {
             let mut back = states[states.len() - initial.len()..].to_vec();
             self.to_network(&mut back);
             let places = |of: &[f64]| grid.quantise(of).ok();
-            // The largest place that is an f64 itself.
+            // Beyond this not every place is an f64 itself.
             let most = grid.spacing() * (1_u64 << 53) as f64;
-            on_grid.iter().all(|value| value.abs() <= most) && places(&on_grid) == places(&back)
+            on_grid.iter().all(|value| value.abs() < most) && places(&on_grid) == places(&back)
         });
         if course.grid.is_none() {
             states[..initial.len()].copy_from_slice(initial);

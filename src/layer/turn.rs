@@ -214,7 +214,7 @@ impl From<CircleAction> for TorusAction {
 pub struct PlaneTurn<P> {
     /// j, the plane.
     pub plane: usize,
-    /// Quarter turns, 0 … 3, taken off the angle so that |angle′| ≤ π/4.
+    /// Quarter turns, 0 … 3, taken off the angle so that |angle′| ≤ π/4; 6 for two of them after the shears.
     pub quarter_turns: u8,
     /// t = tan(angle′/2) = s/(1 + c).
     pub t: P,
@@ -260,11 +260,12 @@ impl<P: Real> PlaneTurn<P> {
 }
 
 impl<P: Copy> PlaneTurn<P> {
-    /// Whether the quarter turns come before the shears. For one and for three
-    /// of them the order is opposite, so that Φ_{−θ} undoes Φ_θ step by step.
+    /// Whether the quarter turns come before the shears. For one and for three of them the order is
+    /// opposite, so that Φ_{−θ} undoes Φ_θ step by step; a half turn commutes with shears, but for a
+    /// coordinate on a grid of integers that is its own negative.
     #[inline(always)]
     pub fn turns_first(&self) -> bool {
-        self.quarter_turns != 3
+        !matches!(self.quarter_turns, 3 | 6)
     }
 }
 
@@ -277,7 +278,7 @@ impl<P: Scalar> PlaneTurn<P> {
         p: &mut [S; M],
         inverse: bool,
     ) {
-        let turns = if inverse { (4 - self.quarter_turns) % 4 } else { self.quarter_turns };
+        let turns = if inverse { (8 - self.quarter_turns) % 4 } else { self.quarter_turns };
         if self.turns_first() != inverse {
             for m in 0..M {
                 quarter_turns(turns, &mut q[m], &mut p[m]);

@@ -33,13 +33,14 @@ impl TurnFraction {
     /// # Panics
     /// When the denominator is 0.
     pub fn of_turn(numerator: i64, denominator: u32) -> Self {
-        let (numerator, denominator) = (i128::from(numerator), i128::from(denominator));
+        let denominator = i128::from(denominator);
+        let numerator = i128::from(numerator).rem_euclid(denominator);
         let k = ((numerator << 65) + denominator).div_euclid(2 * denominator);
         // Of whole turns nothing is left.
         Self(k as i64)
     }
 
-    /// The nearest angle to one in radians.
+    /// The nearest angle to one in radians; 0 of a number that is not finite.
     pub fn of_radians(theta: f64) -> Self {
         let turns = theta % TAU / TAU;
         // A full turn, which rounding may make of an angle next to it, is none.
@@ -68,7 +69,8 @@ impl TurnFraction {
         match self.0 < 0 {
             false => PlaneTurn { plane, quarter_turns: (quarters % 4) as u8, t, s },
             true => {
-                PlaneTurn { plane, quarter_turns: ((4 - quarters % 4) % 4) as u8, t: -t, s: -s }
+                let quarter_turns = [0, 3, 6, 1][(quarters % 4) as usize];
+                PlaneTurn { plane, quarter_turns, t: -t, s: -s }
             }
         }
     }

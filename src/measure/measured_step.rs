@@ -526,7 +526,7 @@ pub fn turn_steps<'a>(turn: &Turn<f64>, direction: Direction) -> MeasuredSteps<'
             let coefficient = if inverse { -coefficient } else { coefficient };
             Box::new(PlaneShear { dof, plane, target, coefficient }) as Box<dyn MeasuredStep>
         };
-        let count = if inverse { (4 - of.quarter_turns) % 4 } else { of.quarter_turns };
+        let count = if inverse { (8 - of.quarter_turns) % 4 } else { of.quarter_turns };
         let turns = Box::new(QuarterTurns { dof, plane, count });
         let mut shears = vec![
             shear(Half::Position, of.t),

@@ -101,7 +101,8 @@ fn move_numbers<G: Place<f64>>(
 }
 
 /// How many coordinates a map and then its inverse (or the inverse and then the map, by `first`)
-/// change: all of them where the map is not of increments. None where the point leaves the range of the grid.
+/// change: all of them where the map is not of increments, or leaves the range of the grid on the way back alone. None
+/// where it does so on the way there.
 pub fn differing_places(
     map: &dyn GridMap,
     first: Direction,
@@ -112,8 +113,9 @@ pub fn differing_places(
     for direction in [first, first.reversed()] {
         match map.move_places(direction, grid, &mut places) {
             GridMove::Moved => {}
-            GridMove::LeftRange => return None,
-            GridMove::NoIncrement => return Some(start.len()),
+            GridMove::LeftRange if direction == first => return None,
+            // What was in range there is so on the way back.
+            GridMove::LeftRange | GridMove::NoIncrement => return Some(start.len()),
         }
     }
     Some(places.iter().zip(start).filter(|(a, b)| a != b).count())

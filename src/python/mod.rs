@@ -287,14 +287,14 @@ impl Model {
     /// or "ignore"; and when one leaves the box of the network's polynomials, if it has any.
     ///
     /// Negative `steps` are of the inverse map. With grid=B every increment is rounded to a grid of 2^-B in the
-    /// coordinates of the network, and the first state to it: as many steps back lead there, bit for bit, from
-    /// the float64 that are returned (UserWarning where these are too coarse for that). `grid_numbers` is "integers",
+    /// coordinates of the network, and the first state to it: as many steps back from the last state lead there, bit for
+    /// bit (UserWarning where float64 are too coarse for that). `grid_numbers` is "integers", the default,
     /// which wrap, or "floats", which raise Error where an orbit leaves their range. Networks with twists or
     /// couplings are no bijections of a grid: Error.
     ///
     /// Raises Error when points are no real, finite numbers, have a mask or another last dimension, or a
     /// state leaves the finite numbers. Ctrl-C stops it within a second, as the other methods.
-    #[pyo3(signature = (points, steps=1, every=1, outside="warn", grid=None, grid_numbers="integers"))]
+    #[pyo3(signature = (points, steps=1, every=1, outside="warn", grid=None, grid_numbers=None))]
     #[allow(clippy::too_many_arguments)]
     fn predict<'py>(
         &self,
@@ -303,16 +303,23 @@ impl Model {
         steps: isize,
         every: usize,
         outside: &str,
-        grid: Option<u32>,
-        grid_numbers: &str,
+        grid: Option<i64>,
+        grid_numbers: Option<&str>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let direction = if steps < 0 { Direction::Inverse } else { Direction::Forward };
         let steps = steps.unsigned_abs();
         Error::check_count_range("steps", steps, 1, usize::MAX)?;
-        let numbers = GridNumbers::ALL.into_iter().find(|numbers| numbers.name() == grid_numbers);
-        let numbers = numbers
-            .ok_or_else(|| Error::invalid("grid_numbers", grid_numbers, "integers or floats"))?;
-        let grid = grid.map(|bits| Grid::new(bits, numbers)).transpose()?;
+        if let (None, Some(numbers)) = (grid, grid_numbers) {
+            return Err(Error::invalid("grid_numbers", numbers, "an option of a grid").into());
+        }
+        let name = grid_numbers.unwrap_or(GridNumbers::Integers.name());
+        let numbers = GridNumbers::ALL.into_iter().find(|numbers| numbers.name() == name);
+        let numbers =
+            numbers.ok_or_else(|| Error::invalid("grid_numbers", name, "integers or floats"))?;
+        let expected = || format!("0 to {} bits", numbers.most_bits());
+        let bits =
+            |bits: i64| u32::try_from(bits).map_err(|_| Error::invalid("grid", bits, expected()));
+        let grid = grid.map(|own| Grid::new(bits(own)?, numbers)).transpose()?;
         let course = Course { direction, grid };
         Error::check_count_range("every", every, 1, steps)?;
         if !["warn", "stop", "ignore"].contains(&outside) {

@@ -58,7 +58,6 @@ impl GridNumbers {
     const fn width(self) -> u32 {
         match self {
             Self::Integers => 64,
-            // 51 bits and a sign, less what the test of the range is rounded by.
             Self::Floats => 52,
         }
     }
@@ -150,14 +149,8 @@ const fn magic(bits: u32) -> f64 {
 /// Of the magic number, a little less than 2⁵¹⁻ᴮ.
 const NEAR: f64 = 0.333;
 
-/// The magic number of what is on no grid.
+/// The magic number of what is on no grid. That of [`Integers`] has the other sign, so that it is near nothing.
 const NONE: f64 = f64::INFINITY;
-
-/// Negative in each lane whose magnitude is far from the end of the range of a grid, NaN of a NaN.
-#[inline(always)]
-fn beyond<V: Lanewise>(reach: V, magic: V) -> V {
-    magic.mul_add(V::from_f64(-NEAR), reach)
-}
 
 /// How a number is kept on its grid.
 ///
@@ -175,8 +168,8 @@ pub trait Place<V>: Copy + Debug + Send + Sync + 'static {
     fn places(self, value: V) -> V;
 
     /// A finite number in each lane that is on the grid; NaN in one that has left its range or the finite
-    /// numbers, ∞ in one that was no sum of increments.
-    fn is_on_grid(self, value: V) -> V;
+    /// numbers, ±∞ in one that was no sum of increments.
+    fn is_on_grid(self) -> V;
 
     /// The number moved by the nearest point of the grid to `by`, an odd function of it.
     fn moved(self, value: V, by: V) -> (V, Self);
@@ -225,6 +218,12 @@ fn value_of(place: i64, magic: f64) -> f64 {
 }
 
 impl<V: Lanewise, const W: u32> Integers<V, W> {
+    /// Whether each lane is on the grid, and a magnitude in it far from 2⁵¹⁻ᴮ.
+    #[inline(always)]
+    fn is_near(self, magnitude: V) -> bool {
+        self.magic.mul_add(V::from_f64(-NEAR), magnitude).all_negative()
+    }
+
     /// From places that are not known to be small.
     #[inline(always)]
     fn any(places: V, magic: V) -> (V, Self) {
@@ -235,8 +234,10 @@ impl<V: Lanewise, const W: u32> Integers<V, W> {
     }
 }
 
-/// An increment, or a change of sign, that may wrap: rare, and not to be compiled into each step.
+/// An increment, or a change of sign, that may wrap, or of a number on no grid: rare, and not to be compiled
+/// into each step.
 struct Far<'a, V, const W: u32> {
+    value: V,
     from: Integers<V, W>,
     by: Option<V>,
     out: &'a mut (V, Integers<V, W>),
@@ -246,27 +247,30 @@ impl<V: Lanewise, const W: u32> Task for Far<'_, V, W> {
     #[inline(always)]
     fn run(self) {
         let Integers { places, magic } = self.from;
-        let Some(by) = self.by else {
-            *self.out = Integers::any(V::zero().minus_bits(places), magic);
-            return;
+        let (plain, places, magic) = match self.by {
+            None => (V::zero() - self.value, V::zero().minus_bits(places), magic),
+            Some(by) => {
+                let steps = by.pair_by_pair(magic, |by, magic| {
+                    let on_grid = by.is_finite() && magic.is_finite();
+                    f64::from_bits(if on_grid { whole_steps(by, magic) } else { 0 } as u64)
+                });
+                // What is not finite has left the grid. What was never on one is still on none.
+                let magic = by.pair_by_pair(magic, |by, magic| {
+                    let stays = by.is_finite() || magic == -NONE;
+                    if stays { magic } else { f64::NAN }
+                });
+                (self.value + by, places.plus_bits(steps), magic)
+            }
         };
-        let steps = by.pair_by_pair(magic, |by, magic| {
-            let on_grid = by.is_finite() && magic.is_finite();
-            f64::from_bits(if on_grid { whole_steps(by, magic) } else { 0 } as u64)
-        });
-        // What is not finite has left the grid. What was never on one is still on none.
-        let magic = by.pair_by_pair(magic, |by, magic| match by.is_finite() || magic == NONE {
-            true => magic,
-            false => f64::NAN,
-        });
-        *self.out = Integers::any(places.plus_bits(steps), magic);
+        let (value, place) = Integers::any(places, magic);
+        *self.out = ((-magic).select_above(f64::MAX, plain, value), place);
     }
 }
 
 impl<V: Lanewise, const W: u32> Place<V> for Integers<V, W> {
     #[inline(always)]
     fn none() -> Self {
-        Self { places: V::zero(), magic: V::from_f64(NONE) }
+        Self { places: V::zero(), magic: V::from_f64(-NONE) }
     }
 
     #[inline(always)]
@@ -280,16 +284,16 @@ impl<V: Lanewise, const W: u32> Place<V> for Integers<V, W> {
     }
 
     #[inline(always)]
-    fn is_on_grid(self, _: V) -> V {
+    fn is_on_grid(self) -> V {
         self.magic
     }
 
     #[inline(always)]
     fn moved(self, value: V, by: V) -> (V, Self) {
-        // A NaN is not known to be near either.
-        if W < 64 || !beyond(by.abs() + value.abs(), self.magic).all_negative() {
+        // A NaN is not known to be near, and what is on no grid is not either.
+        if W < 64 || !self.is_near(by.abs() + value.abs()) {
             let mut out = (value, self);
-            V::outlined(Far { from: self, by: Some(by), out: &mut out });
+            V::outlined(Far { value, from: self, by: Some(by), out: &mut out });
             return out;
         }
         let steps = (by + self.magic).minus_bits(self.magic);
@@ -299,12 +303,13 @@ impl<V: Lanewise, const W: u32> Place<V> for Integers<V, W> {
 
     #[inline(always)]
     fn negated(self, value: V) -> (V, Self) {
-        if W < 64 || !beyond(value.abs(), self.magic).all_negative() {
+        if W < 64 || !self.is_near(value.abs()) {
             let mut out = (value, self);
-            V::outlined(Far { from: self, by: None, out: &mut out });
+            V::outlined(Far { value, from: self, by: None, out: &mut out });
             return out;
         }
-        (-value, Self { places: V::zero().minus_bits(self.places), ..self })
+        // 0 has one sign: the number is a function of the place.
+        (V::zero() - value, Self { places: V::zero().minus_bits(self.places), ..self })
     }
 }
 
@@ -312,6 +317,15 @@ impl<V: Lanewise, const W: u32> Place<V> for Integers<V, W> {
 #[derive(Clone, Copy, Debug)]
 pub struct Floats<V> {
     magic: V,
+}
+
+impl<V: Lanewise> Floats<V> {
+    /// The magic number, NaN where this is not below 2⁵¹⁻ᴮ, a third of it: the sign is exact.
+    #[inline(always)]
+    fn within(self, number: V) -> V {
+        let room = number.abs().mul_add(V::from_f64(-3.0), self.magic);
+        room.select_above(0.0, self.magic, V::from_f64(f64::NAN))
+    }
 }
 
 impl<V: Lanewise> Place<V> for Floats<V> {
@@ -323,7 +337,11 @@ impl<V: Lanewise> Place<V> for Floats<V> {
     #[inline(always)]
     fn at(places: V, bits: u32) -> (V, Self) {
         let magic = V::from_f64(magic(bits));
-        (places.plus_bits(magic) - magic, Self { magic })
+        let within = places.pair_by_pair(magic, |place, magic| {
+            let is_held = (place.to_bits() as i64).unsigned_abs() < 1 << 51;
+            if is_held { magic } else { f64::NAN }
+        });
+        (places.plus_bits(magic) - magic, Self { magic: within })
     }
 
     #[inline(always)]
@@ -332,23 +350,21 @@ impl<V: Lanewise> Place<V> for Floats<V> {
     }
 
     #[inline(always)]
-    fn is_on_grid(self, value: V) -> V {
-        // A value that is NaN stays so.
-        value.pair_by_pair(self.magic, |value, magic| match value.is_nan() && magic != NONE {
-            true => value,
-            false => magic,
-        })
+    fn is_on_grid(self) -> V {
+        self.magic
     }
 
+    /// Of the increment and of the result, so that what was in range there is so on the way back.
     #[inline(always)]
     fn moved(self, value: V, by: V) -> (V, Self) {
-        let out = value + ((by + self.magic) - self.magic);
-        let beyond = beyond(by.abs() + value.abs(), self.magic);
-        (out, Self { magic: beyond.select_above(0.0, V::from_f64(f64::NAN), self.magic) })
+        let rounded = (by + self.magic) - self.magic;
+        let out = value + self.magic.select_above(f64::MAX, by, rounded);
+        let magic = Self { magic: self.within(by) }.within(out);
+        (out, Self { magic })
     }
 
     #[inline(always)]
     fn negated(self, value: V) -> (V, Self) {
-        (-value, self)
+        (V::zero() - value, self)
     }
 }

@@ -49,12 +49,12 @@ impl<G: Place<f64>> OnGrid<f64, G> {
 
     /// Whether it became something else than itself plus increments, and is on no grid since.
     pub fn is_of_no_increments(self) -> bool {
-        self.place.is_on_grid(self.value).is_infinite()
+        self.place.is_on_grid().is_infinite()
     }
 
     /// k, where it is on the grid.
     pub fn place(self) -> Option<i64> {
-        let on_grid = self.place.is_on_grid(self.value).is_finite();
+        let on_grid = self.place.is_on_grid().is_finite();
         on_grid.then(|| self.place.places(self.value).to_bits() as i64)
     }
 }
@@ -73,7 +73,7 @@ impl<V, G: Place<V>> OnGrid<V, G> {
     where
         V: Copy,
     {
-        (self.place.places(self.value), self.place.is_on_grid(self.value))
+        (self.place.places(self.value), self.place.is_on_grid())
     }
 
     /// A number between two increments.

@@ -108,6 +108,10 @@ def test_a_grid_that_does_not_do_is_refused(pairs, model):
         model.predict(points, grid=51, grid_numbers="floats")
     with pytest.raises(gyroceptron.Error, match="integers or floats"):
         model.predict(points, grid=40, grid_numbers="decimals")
+    with pytest.raises(gyroceptron.Error, match="0 to 62 bits"):
+        model.predict(points, grid=-1)
+    with pytest.raises(gyroceptron.Error, match="an option of a grid"):
+        model.predict(points, grid_numbers="floats")
     with pytest.raises(gyroceptron.Error, match="at least 1"):
         model.predict(points, 0)
     with pytest.warns(UserWarning, match="coarser than the grid"):

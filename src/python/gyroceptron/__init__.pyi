@@ -128,7 +128,7 @@ class Model:
         every: int = 1,
         outside: Literal["warn", "stop", "ignore"] = "warn",
         grid: int | None = None,
-        grid_numbers: Literal["integers", "floats"] = "integers",
+        grid_numbers: Literal["integers", "floats"] | None = None,
     ) -> NDArray[np.float64]:
         """Trajectories from points (..., 2n): (abs(steps) // every + 1, ..., 2n); steps < 0 go back."""
     def inverse(self, points: ArrayLike) -> NDArray[np.float64]:

@@ -71,14 +71,14 @@ impl RandomGyroceptron {
         shape.architecture(self.epsilon).initialise(self.weights, self.theta, seed)
     }
 
-    fn check(&self) -> Result<(), Error> {
+    fn check(&self, grid: Grid) -> Result<(), Error> {
         let place = |e: Error| e.with_place(format!("networks: {}", self.name));
         self.model(0).map_err(place)?;
         Error::check_count_range("initial", self.initial.len(), 1, MOST).map_err(place)?;
         for z in &self.initial {
             let dim = 2 * self.circle_action.dof();
             Error::check_count("numbers of an initial point", dim, z.len()).map_err(place)?;
-            z.iter().try_for_each(|v| Error::check_finite("initial", *v)).map_err(place)?;
+            grid.quantise(z).map_err(place)?;
         }
         Ok(())
     }
@@ -109,7 +109,8 @@ impl Study for ThereAndBackOptions {
         }
         Error::check_count_range("rounds", self.rounds, 1, MOST_ROUNDS)?;
         Error::check_count_range("networks", self.networks.len(), 1, MOST)?;
-        self.networks.iter().try_for_each(RandomGyroceptron::check)
+        let integers = Grid::new(self.bits, GridNumbers::Integers)?;
+        self.networks.iter().try_for_each(|network| network.check(integers))
     }
 
     fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
@@ -210,6 +211,8 @@ struct Way<'a> {
 }
 
 struct Found {
+    /// Whether it ended at its start to the last bit.
+    is_undone: bool,
     /// The largest difference between a coordinate at the start and after the way back.
     error: f64,
     /// The largest coordinate of the states kept.
@@ -225,7 +228,7 @@ struct Found {
 impl Way<'_> {
     /// Whether it ended at its start to the last bit, or has no end.
     fn is_undone(&self) -> bool {
-        self.found.as_ref().is_none_or(|found| found.error == 0.0)
+        self.found.as_ref().is_none_or(|found| found.is_undone)
     }
 
     fn data(&self, options: &ThereAndBackOptions) -> serde_json::Value {
@@ -282,30 +285,33 @@ impl ThereAndBackOptions {
             let request = Rollout { every, ..request };
             model.rollout_along(numbers.course(direction), from, request, pace)
         };
-        let out_of_range =
-            |error: &Error| matches!(error, Error::Diverged { .. } | Error::Invalid { .. });
+        let of_floats = by.is_some_and(|grid| grid.numbers() == GridNumbers::Floats);
+        let out_of_range = |error: &Error| {
+            of_floats && matches!(error, Error::Diverged { .. } | Error::Invalid { .. })
+        };
         let states = match move_by(Direction::Forward, &initial, request.every) {
-            Err(error) if by.is_some() && out_of_range(&error) => {
+            Err(error) if out_of_range(&error) => {
                 return Ok(Way { network, numbers, by, found: None });
             }
             states => states?,
         };
         // What a grid made of the initial points.
         let start = states[..initial.len()].to_vec();
-        let back = match by {
+        let (back, is_undone) = match by {
             None => {
                 let end = &states[states.len() - initial.len()..];
                 let back = move_by(Direction::Inverse, end, self.steps)?;
-                back[initial.len()..].to_vec()
+                (back[initial.len()..].to_vec(), back[initial.len()..] == start)
             }
             // From the places themselves: an f64 may be too coarse for one.
             Some(grid) => {
-                let mut points = GridPoints::nearest(grid, &initial)?;
+                let first = GridPoints::nearest(grid, &initial)?;
+                let mut points = first.clone();
                 let whole = Rollout { steps: self.steps, every: self.steps };
                 for direction in [Direction::Forward, Direction::Inverse] {
                     grid_rollout(model.composition(), direction, &mut points, whole, pace)?;
                 }
-                points.coordinates()
+                (points.coordinates(), points == first)
             }
         };
         let difference = |(a, b): (&f64, &f64)| (a - b).abs();
@@ -322,6 +328,7 @@ impl ThereAndBackOptions {
             along.push(((t * request.every) as f64, most));
         }
         let found = Found {
+            is_undone,
             error,
             largest,
             drift: (0..count).map(of_orbit).fold(0.0, max_or_nan),
@@ -385,7 +392,7 @@ fn table(ways: &[Way<'_>], bits: u32) -> Table {
             table.push(head.into_iter().chain([none(), reason.into(), none(), none(), none()]));
             continue;
         };
-        let word = if found.error == 0.0 { "yes" } else { "no" };
+        let word = if found.is_undone { "yes" } else { "no" };
         table.push(head.into_iter().chain([
             found.largest.into(),
             word.into(),
