@@ -31,7 +31,9 @@
 
 macro_rules! chapters {
     ($($name:ident)*) => {
-        $(#[doc = include_str!(concat!(stringify!($name), ".md"))]
+        // Of two definitions of a link the first holds: here that of rustdoc, elsewhere the file's own.
+        $(#[doc = include_str!("rustdoc-links.txt")]
+        #[doc = include_str!(concat!(stringify!($name), ".md"))]
         pub mod $name {})*
     };
 }

@@ -77,3 +77,33 @@ fn the_guides_commands_are_of_options_that_there_are() {
     // An option that there is not is seen.
     assert!(!call(path, &["predict", "--grids", "4", "--help"]).status.success());
 }
+
+/// A link between chapters is one in the files and one in the documentation that is made of them.
+#[test]
+fn links_between_chapters_lead_to_chapters() {
+    let guide = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/guide");
+    let of_rustdoc = std::fs::read_to_string(guide.join("rustdoc-links.txt")).expect("links");
+    let slug = |heading: &str| -> String {
+        let kept = heading.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+        kept.collect::<String>().trim().to_lowercase().replace(' ', "-")
+    };
+    let mut count = 0;
+    for (file, chapter) in chapters() {
+        for definition in
+            chapter.lines().filter(|line| line.starts_with('[') && line.contains("]: "))
+        {
+            let (label, target) = definition[1..].split_once("]: ").expect("a definition");
+            assert!(chapter.contains(&format!("][{label}]")), "{file}: {label} is not used");
+            assert!(of_rustdoc.contains(&format!("[{label}]: crate::guide::{label}\n")), "{label}");
+            let (page, anchor) = target.split_once('#').unwrap_or((target, ""));
+            let page = std::fs::read_to_string(guide.join(page)).expect("a chapter");
+            let mut headings = page.lines().filter(|line| line.starts_with('#'));
+            let found = headings.any(|line| slug(line.trim_start_matches('#')) == anchor);
+            assert!(anchor.is_empty() || found, "{file}: {target}");
+            count += 1;
+        }
+        // Those without a definition would be none in the files.
+        assert!(!chapter.contains("](crate::"), "{file}");
+    }
+    assert!(count > 15, "{count}");
+}
