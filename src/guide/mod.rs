@@ -7,6 +7,7 @@
 //! | the program: training on your pairs, predictions, scenes, file formats | [`program`] |
 //! | the module for Python | [`python`] |
 //! | which options to choose | [`choosing`] |
+//! | your own map under the laws, on a grid, and under fuzzing | [`own_map`] |
 //! | what holds for all weights, what does not, exact inversion on a grid | [`guarantees`] |
 //! | the network in 40 lines of NumPy | [`weights`] |
 //! | where things are in the source, and how to add to it | [`source`] |
@@ -39,7 +40,7 @@ macro_rules! chapters {
 }
 
 chapters! {
-    concepts library program python choosing guarantees weights source
+    concepts library program python choosing own_map guarantees weights source
     paper long_steps family field_lines coils particle two_modes dissipation stiff noise
     invariant_worth figures
 }
