@@ -229,7 +229,7 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
         }))?;
     } else {
         out(&format!(
-            "{target}: {}\nsampled: {} points each, uniform in |z_i| ≤ {}, seed {}{}; nothing is shown of others\n{}",
+            "{target}: {}\nsampled: {} points each, uniform in |z_i| ≤ {}, seed {}{}; other points are not tested\n{}",
             result.summary(),
             options.samples,
             result.options.radius,

@@ -14,7 +14,7 @@ use crate::scalar::{FloatOnGrid, Grid, GridNumbers, IntegerOnGrid, OnGrid, Place
 /// ```
 /// use gyroceptron::measure::{OneStep, laws};
 /// use gyroceptron::phase::Map;
-/// use gyroceptron::scalar::{Over, constant};
+/// use gyroceptron::scalar::Over;
 ///
 /// /// p ← p + K sin q, q ← q + p.
 /// struct StandardMap(f64);

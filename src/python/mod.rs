@@ -287,8 +287,8 @@ impl Model {
     /// or "ignore"; and when one leaves the box of the network's polynomials, if it has any.
     ///
     /// Negative `steps` are of the inverse map. With grid=B every increment is rounded to a grid of 2^-B in the
-    /// coordinates of the network, and the first state to it: as many steps back from the last state lead there, bit for
-    /// bit (UserWarning where float64 are too coarse for that). `grid_numbers` is "integers", the default,
+    /// coordinates of the network, and the first state to it: as many steps back from the last state lead there, bit
+    /// for bit (UserWarning where float64 are too coarse for that). `grid_numbers` is "integers", the default,
     /// which wrap, or "floats", which raise Error where an orbit leaves their range. Networks with twists or
     /// couplings are no bijections of a grid: Error.
     ///
