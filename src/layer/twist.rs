@@ -192,6 +192,34 @@ impl TwistShears {
         Self { planes, turned, function, intervals, neurons, begins }
     }
 
+    /// What turns a plane that there is nothing beside: its weight, and of each shear the derivative of its function
+    /// of the action.
+    #[cfg(feature = "proofs")]
+    pub(crate) fn of_plane(&self, parameters: &[f64]) -> (i32, Vec<crate::measure::proof::Slope>) {
+        use crate::measure::proof::Slope;
+        debug_assert!(self.planes.dof == 1);
+        let slope = |number: usize| {
+            let own = &parameters[self.parameters(number)];
+            let ridges = self.ridges(number);
+            let (functions, form) = own.split_at(ridges.parameter_count(1));
+            let mut slope = Slope::of_ridges(ridges, functions);
+            match (&mut slope, self.function) {
+                (Slope::Tanh { linear, .. }, _) => *linear = form.first().map_or(0.0, |q| *q),
+                (
+                    Slope::Chebyshev { centre, inverse_half, factor, .. },
+                    RidgeFunction::Polynomial { radius, .. },
+                ) => {
+                    let interval = self.intervals[0];
+                    (*centre, *inverse_half) = (interval.centre, interval.inverse_half);
+                    *factor = radius * interval.inverse_half;
+                }
+                _ => {}
+            }
+            slope
+        };
+        (self.planes.weights[0], (0..self.count()).map(slope).collect())
+    }
+
     /// Where the angles of each turned shear begin among the parameters; none of others.
     pub(crate) fn angles(&self) -> &[usize] {
         if self.turned { &self.begins[..self.count()] } else { &[] }

@@ -37,6 +37,8 @@ mod on_grid;
 mod own_invariance;
 mod periodic;
 mod plane_actions;
+#[cfg(feature = "proofs")]
+pub mod proof;
 mod relations;
 mod rotation;
 mod rounding;

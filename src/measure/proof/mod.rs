@@ -1,0 +1,18 @@
+//! Theorems about a map of a plane, by numbers that enclose.
+
+mod ball;
+mod curve;
+mod number;
+mod plane_map;
+mod rotation_number;
+mod rough;
+mod search;
+mod taylor;
+mod theorem;
+
+pub use ball::Ball;
+pub use number::{Coordinate, Function, Jet, Number};
+pub use plane_map::{PlaneMap, PlaneStep, Prepared, Slope};
+pub use rotation_number::RotationNumber;
+pub use search::{Ray, candidates, turns_of_orbit};
+pub use theorem::{Candidate, Constants, Failure};

@@ -1,0 +1,70 @@
+//! Discs around doubles, for bounds that need few digits.
+
+use super::ball::{Ball, up};
+use super::number::Number;
+use super::taylor::{Complex, complex_sin_cos, complex_tanh, expm1_above, tanh_moves};
+
+/// All complex numbers no further from a centre than a radius.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rough {
+    centre: Complex,
+    radius: f64,
+}
+
+impl Rough {
+    pub fn new(centre: Complex, radius: f64) -> Self {
+        Self { centre, radius }
+    }
+
+    /// An upper bound of the moduli in it.
+    pub fn magnitude(self) -> f64 {
+        up(self.centre.above() + self.radius)
+    }
+
+    /// With what rounding adds to an operation.
+    fn rounded(centre: Complex, radius: f64) -> Self {
+        let size = up(centre.re.abs() + centre.im.abs());
+        Self { centre, radius: up(radius + up(size * (4.0 * f64::EPSILON))) }
+    }
+}
+
+impl Number for Rough {
+    fn of(value: f64) -> Self {
+        Self::new(Complex::new(value, 0.0), 0.0)
+    }
+
+    fn plus(self, other: Self) -> Self {
+        Self::rounded(self.centre.plus(other.centre), up(self.radius + other.radius))
+    }
+
+    /// Rounding errs by √5·2⁻⁵³ of the product of the moduli.
+    fn times(self, other: Self) -> Self {
+        let (a, b) = (self.centre.above(), other.centre.above());
+        let spread = up(up(a * other.radius) + up(self.radius * up(b + other.radius)));
+        let rounding = up(up(a * b) * (4.0 * f64::EPSILON));
+        Self::new(self.centre.times(other.centre), up(spread + rounding))
+    }
+
+    fn scaled(self, factor: f64) -> Self {
+        Self::rounded(self.centre.scaled(factor), up(self.radius * factor.abs()))
+    }
+
+    fn scaled_by(self, factor: Ball) -> Self {
+        let radius = up(factor.parts()[1].abs() + factor.radius());
+        self.times(Self::new(Complex::new(factor.centre(), 0.0), radius))
+    }
+
+    fn tanh(self) -> Self {
+        let (t, margin) = complex_tanh(self.centre);
+        let modulus = up(t.above() + margin);
+        let slope = up(1.0 + up(modulus * modulus));
+        Self::new(t, up(margin + tanh_moves(modulus, slope, self.radius)))
+    }
+
+    fn sin_cos(self) -> (Self, Self) {
+        let (s, c, margin) = complex_sin_cos(self.centre);
+        let size = up(up(s.above() + c.above()) + margin);
+        let radius = up(margin + up(size * expm1_above(self.radius)));
+        (Self::new(s, radius), Self::new(c, radius))
+    }
+}

@@ -1,0 +1,435 @@
+//! Taylor models: enclosures of analytic functions on a disc.
+
+use super::ball::{Ball, down, up};
+use super::number::{Function, Number};
+use super::rough::Rough;
+
+/// A complex number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Complex {
+    pub re: f64,
+    pub im: f64,
+}
+
+impl Complex {
+    pub const ZERO: Self = Self { re: 0.0, im: 0.0 };
+
+    pub fn new(re: f64, im: f64) -> Self {
+        Self { re, im }
+    }
+    pub fn plus(self, o: Self) -> Self {
+        Self::new(self.re + o.re, self.im + o.im)
+    }
+    pub fn times(self, o: Self) -> Self {
+        Self::new(self.re * o.re - self.im * o.im, self.re * o.im + self.im * o.re)
+    }
+    pub fn scaled(self, f: f64) -> Self {
+        Self::new(self.re * f, self.im * f)
+    }
+    /// An upper bound of the modulus.
+    #[inline(always)]
+    pub fn above(self) -> f64 {
+        up(up((self.re * self.re + self.im * self.im).sqrt()) * (1.0 + 4.0 * f64::EPSILON))
+    }
+    /// A lower bound of it.
+    pub fn below(self) -> f64 {
+        // Squares that underflow are of moduli below 10⁻¹⁵⁰.
+        let modulus = (self.re * self.re + self.im * self.im).sqrt();
+        down(down(modulus * (1.0 - 4.0 * f64::EPSILON)) - 1e-150)
+    }
+}
+
+/// The degree of the polynomials.
+pub(super) const DEGREE: usize = 6;
+
+/// 2⁻⁴⁷: more than what rounding adds to a sum of products of all coefficients, relative to the product of the sums of
+/// their moduli. Each coefficient of a product is a sum of no more than 7 products of complex numbers, which errs
+/// by (7 + √5)·2⁻⁵³ of the sum of their moduli; the rest is for the norms.
+const ROUNDING: f64 = 64.0 * f64::EPSILON / 2.0;
+
+/// A polynomial in s on the disc |s| ≤ 1, and how far from it at most the function is that it stands for.
+///
+/// Operations hold the results for all analytic functions in their arguments. A function that has a pole within
+/// what its argument holds, or is not known to have none, has the remainder ∞.
+///
+/// Source: Makino and Berz, Taylor models and other validated functional inclusion methods, International
+/// Journal of Pure and Applied Mathematics 4 (2003).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Taylor {
+    c: [Complex; DEGREE + 1],
+    remainder: f64,
+}
+
+impl Taylor {
+    /// A polynomial, and the remainder.
+    pub fn new(c: [Complex; DEGREE + 1], remainder: f64) -> Self {
+        Self { c, remainder }
+    }
+
+    /// A number, known to within `radius`.
+    pub fn constant(value: Complex, radius: f64) -> Self {
+        let mut c = [Complex::ZERO; DEGREE + 1];
+        c[0] = value;
+        Self { c, remainder: radius }
+    }
+
+    /// With so much more around it.
+    pub fn widened(self, by: f64) -> Self {
+        Self { remainder: up(self.remainder + by), ..self }
+    }
+
+    /// The sum of the moduli of the coefficients from `first` on, upwards.
+    #[inline(always)]
+    fn norm_from(&self, first: usize) -> f64 {
+        let mut sum = 0.0;
+        for k in first..=DEGREE {
+            sum = up(sum + self.c[k].above());
+        }
+        sum
+    }
+
+    /// How far from its value in the centre it is at most.
+    fn spread(&self) -> f64 {
+        up(self.norm_from(1) + self.remainder)
+    }
+
+    /// An upper bound of its modulus.
+    pub fn above(&self) -> f64 {
+        up(self.norm_from(0) + self.remainder)
+    }
+
+    /// A lower bound of its modulus.
+    pub fn below(&self) -> f64 {
+        down(self.c[0].below() - self.spread())
+    }
+
+    /// The value in the centre, of the polynomial.
+    pub fn centre(&self) -> Complex {
+        self.c[0]
+    }
+
+    /// How far it may be from its polynomial.
+    pub fn remainder(&self) -> f64 {
+        self.remainder
+    }
+
+    /// 1/f. The remainder is that of g for a polynomial g: 1/f − g = (1 − fg)/f.
+    pub fn inverse(self) -> Self {
+        let Complex { re, im } = self.c[0];
+        let square = re * re + im * im;
+        let first = Complex::new(re / square, -im / square);
+        let mut g = Self::constant(first, 0.0);
+        for k in 1..=DEGREE {
+            let mut sum = Complex::ZERO;
+            for j in 1..=k {
+                sum = sum.plus(self.c[j].times(g.c[k - j]));
+            }
+            g.c[k] = sum.times(first).scaled(-1.0);
+        }
+        let missed = Self::of(1.0).minus(self.times(g)).above();
+        Self { remainder: up(missed / self.below()), ..g }
+    }
+
+    /// The coefficients, rounded, of (g, h) with g′ = aw′ and h′ = bw′; `rates` gives those of a and b from the
+    /// coefficients of g and h up to a degree.
+    fn solve(
+        &self,
+        start: [Complex; 2],
+        mut rates: impl FnMut(&[[Complex; DEGREE + 1]; 2], usize) -> [Complex; 2],
+    ) -> [[Complex; DEGREE + 1]; 2] {
+        let mut out = [[Complex::ZERO; DEGREE + 1]; 2];
+        let mut slopes = [[Complex::ZERO; DEGREE + 1]; 2];
+        (out[0][0], out[1][0]) = (start[0], start[1]);
+        for k in 1..=DEGREE {
+            let rate = rates(&out, k - 1);
+            for g in 0..2 {
+                slopes[g][k - 1] = rate[g];
+                let mut sum = Complex::ZERO;
+                for j in 1..=k {
+                    sum = sum.plus(self.c[j].times(slopes[g][k - j]).scaled(j as f64));
+                }
+                out[g][k] = sum.scaled(1.0 / k as f64);
+            }
+        }
+        out
+    }
+
+    /// The derivative of the polynomial.
+    fn slope(&self) -> Self {
+        let mut out = Self::of(0.0);
+        let mut sum = 0.0;
+        for k in 1..=DEGREE {
+            out.c[k - 1] = self.c[k].scaled(k as f64);
+            sum = up(sum + out.c[k - 1].above());
+        }
+        out.remainder = up(sum * f64::EPSILON);
+        out
+    }
+
+    /// The polynomial alone.
+    fn polynomial(&self) -> Self {
+        Self { remainder: 0.0, ..*self }
+    }
+}
+
+/// An upper bound of tan d for d ≥ 0; ∞ for d > 1. (tan d − d)/d³ grows, and tan 1 < 1.5575.
+fn tan_above(d: f64) -> f64 {
+    if d <= 1.0 { up(d + up(0.5575 * up(d * up(d * d)))) } else { f64::INFINITY }
+}
+
+/// An upper bound of e^d − 1 for d ≥ 0: (e^d − 1 − d)/d² grows, and e < 2.7183.
+pub(super) fn expm1_above(d: f64) -> f64 {
+    if d <= 1.0 { up(d + up(0.7183 * up(d * d))) } else { exp_above(d) }
+}
+
+/// An upper bound of e^d for d ≥ 0.
+fn exp_above(d: f64) -> f64 {
+    if d <= 600.0 { up(real_exp(d) * (1.0 + SLACK)) } else { f64::INFINITY }
+}
+
+/// 2⁻⁴³: more than the relative error of [`real_exp`] and the absolute one of [`real_sin_cos`].
+pub(super) const SLACK: f64 = 1024.0 * f64::EPSILON / 2.0;
+
+/// Σ_{k ≥ first} x^k/k! in steps of `step`.
+fn real_series(x: f64, first: usize, step: usize, alternating: bool) -> f64 {
+    const LAST: usize = 18;
+    let power = if step == 2 { if alternating { -x * x } else { x * x } } else { x };
+    let mut k = first + (LAST - first) / step * step;
+    let mut sum = 1.0;
+    while k > first {
+        let divisor = if step == 2 { (k * (k - 1)) as f64 } else { k as f64 };
+        sum = 1.0 + power * sum / divisor;
+        k -= step;
+    }
+    if first == 1 { sum * x } else { sum }
+}
+
+/// e^x for |x| ≤ 600, to 2⁻⁴³ relative.
+///
+/// x − k ln 2 errs by 2⁻⁵⁰: the product of k with the first part of ln 2 (33 bits) and the difference are exact, the
+/// rest is below 2⁻²³. For |r| ≤ 0.36 Horner's rule errs by (3·18)·2⁻⁵³e^0.36, the series by 0.36¹⁹/19! < 2⁻⁸⁰.
+pub(super) fn real_exp(x: f64) -> f64 {
+    const HIGH: f64 = 0.693_147_180_369_123_8;
+    const LOW: f64 = 1.908_214_929_270_587_7e-10;
+    let k = libm::round(x / std::f64::consts::LN_2);
+    let rest = (x - k * HIGH) - k * LOW;
+    libm::ldexp(real_series(rest, 0, 1, false), k as i32)
+}
+
+/// (sin x, cos x) for |x| ≤ 10⁶, to 2⁻⁴³; NaN beyond.
+///
+/// For |r| ≤ 0.79 the series err by 0.79¹⁸/18! < 2⁻⁵⁸, Horner's rule by (3·9)·2⁻⁵³·cosh 0.79.
+pub(super) fn real_sin_cos(x: f64) -> (f64, f64) {
+    const HIGH: f64 = 1.570_796_326_734_125_6;
+    const LOW: f64 = 6.077_100_506_506_192e-11;
+    if !(x.abs() <= 1e6) {
+        return (f64::NAN, f64::NAN);
+    }
+    let k = libm::round(x / std::f64::consts::FRAC_PI_2);
+    let rest = (x - k * HIGH) - k * LOW;
+    let (s, c) = (real_series(rest, 1, 2, true), real_series(rest, 0, 2, true));
+    match (k as i64).rem_euclid(4) {
+        0 => (s, c),
+        1 => (c, -s),
+        2 => (-s, -c),
+        _ => (-c, s),
+    }
+}
+
+/// tanh(x + iy) = (sinh 2x + i sin 2y)/(cosh 2x + cos 2y), and a bound of its error.
+pub(super) fn complex_tanh(w: Complex) -> (Complex, f64) {
+    if !(w.re.abs() <= 20.0) {
+        // |tanh w ∓ 1| = 2e^{−2|x|}/|1 + e^{−2|w|}|.
+        let side = if w.re > 20.0 { 1.0 } else { -1.0 };
+        return (Complex::new(side, 0.0), if w.re.is_nan() { f64::NAN } else { 1e-16 });
+    }
+    let e = real_exp(2.0 * w.re);
+    let (sinh, cosh) = (0.5 * (e - 1.0 / e), 0.5 * (e + 1.0 / e));
+    let (sin, cos) = real_sin_cos(2.0 * w.im);
+    let below = cosh + cos;
+    let t = Complex::new(sinh / below, sin / below);
+    // Numerators err by 2·SLACK·cosh, the denominator by as much.
+    let off = up(4.0 * SLACK * up(1.0 + cosh));
+    let margin = up(up(off * up(1.0 + t.above())) / down(below - off));
+    (t, if below > off { margin } else { f64::INFINITY })
+}
+
+/// (sin, cos) of x + iy, and a bound of the error of either.
+pub(super) fn complex_sin_cos(w: Complex) -> (Complex, Complex, f64) {
+    if !(w.im.abs() <= 100.0) {
+        return (Complex::ZERO, Complex::ZERO, f64::INFINITY);
+    }
+    let e = real_exp(w.im);
+    let (sinh, cosh) = (0.5 * (e - 1.0 / e), 0.5 * (e + 1.0 / e));
+    let (sin, cos) = real_sin_cos(w.re);
+    let (s, c) = (Complex::new(sin * cosh, cos * sinh), Complex::new(cos * cosh, -sin * sinh));
+    (s, c, 8.0 * SLACK * cosh)
+}
+
+/// How far tanh(x + h) is from t = tanh x for |h| ≤ d: tan d·|1 − t²|/(1 − |t| tan d), ∞ where a pole may be.
+///
+/// tanh(x + h) = (t + T)/(1 + tT) with T = tanh h, |T| ≤ tan |h|.
+pub(super) fn tanh_moves(t: f64, slope: f64, d: f64) -> f64 {
+    let tan = tan_above(d);
+    let below = down(1.0 - up(t * tan));
+    if below > 0.0 { up(up(tan * slope) / below) } else { f64::INFINITY }
+}
+
+/// Without bounds, for searches: the tanh of what is no less than ½π from the real line is NaN.
+impl Number for Complex {
+    fn of(value: f64) -> Self {
+        Self::new(value, 0.0)
+    }
+    fn plus(self, other: Self) -> Self {
+        Complex::plus(self, other)
+    }
+    fn times(self, other: Self) -> Self {
+        Complex::times(self, other)
+    }
+    fn scaled(self, factor: f64) -> Self {
+        Complex::scaled(self, factor)
+    }
+    fn scaled_by(self, factor: Ball) -> Self {
+        Complex::scaled(self, factor.centre())
+    }
+    fn tanh(self) -> Self {
+        let within = self.im.abs() < std::f64::consts::FRAC_PI_2;
+        if within { complex_tanh(self).0 } else { Self::new(f64::NAN, f64::NAN) }
+    }
+    fn sin_cos(self) -> (Self, Self) {
+        let (s, c, _) = complex_sin_cos(self);
+        (s, c)
+    }
+}
+
+impl Number for Taylor {
+    fn of(value: f64) -> Self {
+        Self::constant(Complex::new(value, 0.0), 0.0)
+    }
+
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        let mut out = self;
+        let mut sum = 0.0;
+        for k in 0..=DEGREE {
+            out.c[k] = self.c[k].plus(other.c[k]);
+            sum += out.c[k].re.abs() + out.c[k].im.abs();
+        }
+        out.remainder = up(up(self.remainder + other.remainder) + up(sum * (16.0 * f64::EPSILON)));
+        out
+    }
+
+    #[inline(always)]
+    fn times(self, other: Self) -> Self {
+        let mut out = Self::of(0.0);
+        let (a, b): ([f64; DEGREE + 1], [f64; DEGREE + 1]) =
+            (self.c.map(Complex::above), other.c.map(Complex::above));
+        let (mut norm_a, mut norm_b, mut beyond) = (0.0, 0.0, 0.0);
+        for i in 0..=DEGREE {
+            norm_a = up(norm_a + a[i]);
+            norm_b = up(norm_b + b[i]);
+            for j in 0..=DEGREE {
+                if i + j <= DEGREE {
+                    out.c[i + j] = out.c[i + j].plus(self.c[i].times(other.c[j]));
+                } else {
+                    beyond += a[i] * b[j];
+                }
+            }
+        }
+        let product = up(norm_a * norm_b);
+        let rounding = up(up(product * ROUNDING) + up(beyond * (1.0 + 64.0 * f64::EPSILON)));
+        let spread = up(up(norm_a * other.remainder)
+            + up(up(norm_b + other.remainder) * self.remainder));
+        out.remainder = up(spread + rounding);
+        out
+    }
+
+    #[inline(always)]
+    fn scaled(self, factor: f64) -> Self {
+        let mut out = self;
+        let mut sum = 0.0;
+        for k in 0..=DEGREE {
+            out.c[k] = self.c[k].scaled(factor);
+            sum += out.c[k].re.abs() + out.c[k].im.abs();
+        }
+        out.remainder = up(up(self.remainder * factor.abs()) + up(sum * (16.0 * f64::EPSILON)));
+        out
+    }
+
+    fn scaled_by(self, factor: Ball) -> Self {
+        let off = up(up(factor.parts()[1].abs()) + factor.radius());
+        let more = up(self.above() * off);
+        self.scaled(factor.centre()).widened(more)
+    }
+
+    /// The coefficients are those of t′ = (1 − t²)w′. For a polynomial g with the defect d = g′ − (1 − g²)w′ the error
+    /// e = tanh w − g has e′ = −(tanh w + g)ew′ − d, so that on the disc |e| ≤ (|e(0)| + |d|) exp((|tanh w| + |g|)|w′|).
+    ///
+    /// |Im w| is to be below ½π: where it is so on the edge of a strip it is so within, and there is no pole of tanh.
+    fn tanh(self) -> Self {
+        let (t, margin) = complex_tanh(self.c[0]);
+        let far = up(self.c[0].im.abs() + self.spread());
+        if !(far < std::f64::consts::FRAC_PI_2) {
+            return Self::constant(t, f64::INFINITY);
+        }
+        let [c, _] = self.solve([t, Complex::ZERO], |[t, _], k| {
+            let mut square = Complex::ZERO;
+            for j in 0..=k {
+                square = square.plus(t[j].times(t[k - j]));
+            }
+            let one = if k == 0 { 1.0 } else { 0.0 };
+            [Complex::new(one - square.re, -square.im), Complex::ZERO]
+        });
+        let g = Self { c, remainder: 0.0 };
+        let w_slope = self.polynomial().slope();
+        let rate = Self::of(1.0).minus(g.times(g)).times(w_slope);
+        let defect = g.slope().minus(rate).above();
+        let modulus = up(t.above() + margin);
+        let bent = up(1.0 + up(modulus * modulus));
+        let reached = up(modulus + tanh_moves(modulus, bent, self.norm_from(1)));
+        let growth = up(up(reached + g.above()) * w_slope.above());
+        let out = g.widened(up(up(margin + defect) * exp_above(growth)));
+        // The remainder of the argument.
+        let all = out.above();
+        let bent = up(1.0 + up(all * all));
+        let moved = tanh_moves(all, bent, self.remainder);
+        out.widened(moved)
+    }
+
+    /// The coefficients are those of S′ = Cw′ and C′ = −Sw′; with the defects d of both the errors are at most
+    /// (|e(0)| + |d|) exp |w′| together.
+    fn sin_cos(self) -> (Self, Self) {
+        let (s, c, margin) = complex_sin_cos(self.c[0]);
+        let [sines, cosines] = self.solve([s, c], |[s, c], k| [c[k], s[k].scaled(-1.0)]);
+        let (s, c) = (Self { c: sines, remainder: 0.0 }, Self { c: cosines, remainder: 0.0 });
+        let slope = self.polynomial().slope();
+        let defects = up(s.slope().minus(c.times(slope)).above()
+            + c.slope().plus(s.times(slope)).above());
+        let off = up(up(up(2.0 * margin) + defects) * exp_above(slope.above()));
+        let (s, c) = (s.widened(off), c.widened(off));
+        // |sin(w + e) − sin w| ≤ |sin w|(cosh |e| − 1) + |cos w| sinh |e|.
+        let moved = up(up(s.above() + c.above()) * expm1_above(self.remainder));
+        (s.widened(moved), c.widened(moved))
+    }
+
+    /// f(x + e) is no further than |e| sup |f′| from f(x), and |f′(x + e)| no further than |e| sup |f″| from that: the
+    /// last bound is that of a [disc](Rough).
+    fn through<const K: usize>(self, function: &impl Function) -> [Self; K] {
+        let r = self.remainder;
+        let x = self.polynomial();
+        let exact: [Self; 4] = if K > 1 {
+            function.derivatives(x)
+        } else {
+            let [f, slope] = function.derivatives(x);
+            [f, slope, slope, slope]
+        };
+        let disc = Rough::new(self.c[0], self.spread());
+        let rough: [Rough; 5] = function.derivatives(disc);
+        let mut out = [x; K];
+        for k in 0..K {
+            let slope = up(exact[k + 1].above() + up(r * rough[k + 2].magnitude()));
+            out[k] = exact[k].widened(up(r * slope));
+        }
+        out
+    }
+}

@@ -1,0 +1,619 @@
+//! The theorem: its hypotheses, checked in numbers that enclose.
+
+use super::ball::{Ball, down, up};
+use super::curve::{Curve, OnLine, Part, Wave, phases, roots_of_unity};
+use super::number::{Jet, Number};
+use super::plane_map::{PlaneMap, Prepared};
+use super::rotation_number::{Divisors, RotationNumber};
+use super::taylor::Taylor;
+use crate::error::Error;
+
+/// A curve that is nearly invariant, and where the theorem is to be tried on it.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// ω: F(K(φ)) is nearly K(φ + ω).
+    pub omega: RotationNumber,
+    /// c_k of both components for k = 0 … M, K(φ) = Σ_{|k| ≤ M} c_k e^{2πikφ}: real and imaginary parts, each the
+    /// sum of two doubles.
+    pub modes: Vec<[[f64; 2]; 4]>,
+    /// ρ: the strip |Im φ| ≤ ρ on which the theorem is applied.
+    pub rho: f64,
+    /// ρ̂ > ρ: that on which F∘K is known to be analytic and bounded.
+    pub rho_hat: f64,
+    /// The number of points at which F∘K is enclosed, a power of two.
+    pub points: usize,
+}
+
+/// The numbers of the theorem that are made from a candidate: bounds on the strip, all rounded outward.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constants {
+    /// γ: |kω − m| ≥ γ/k.
+    pub gamma: f64,
+    /// |F∘K − K(· + ω)| on |Im φ| ≤ ρ.
+    pub residual: f64,
+    /// The part of it that is from modes beyond the points: aliasing and truncation.
+    pub aliasing: f64,
+    /// |F∘K| on |Im φ| ≤ ρ̂, less the centre of K.
+    pub image: f64,
+    /// |K′|.
+    pub tangent: f64,
+    /// |N|, N = JK′/(K′·K′).
+    pub normal: f64,
+    /// |DF·N|.
+    pub moved_normal: f64,
+    /// |T|, T the part of DF·N along K′(· + ω).
+    pub torsion: f64,
+    /// |⟨T⟩| at least.
+    pub mean_torsion: f64,
+    /// |D²F| around the strip.
+    pub second: f64,
+    /// κ of the first step.
+    pub kappa: f64,
+    /// 16κ|E| at the first step from which on it halves its exponent.
+    pub margin: f64,
+    /// How many steps are taken one by one before.
+    pub steps: usize,
+    /// How far the invariant circle is from K at most, on the real line.
+    pub distance: f64,
+}
+
+/// Why a theorem is not proved: the inequality that fails, and by how much.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Failure {
+    /// The inequality, with its number in the guide.
+    pub inequality: &'static str,
+    /// What was found.
+    pub found: f64,
+    /// What it was to be below, or above.
+    pub needed: f64,
+}
+
+/// The largest lengths of a strip's parts, and the least, over 1.
+const FIRST_PARTS: usize = 256;
+const MOST_HALVINGS: u32 = 7;
+
+/// Below what part of the quantity a remainder is taken as good.
+const FINE: f64 = 0.02;
+
+/// The parts of a line around a curve one after another; a part that is not good enough is halved.
+fn along(
+    line: &OnLine,
+    mut take: impl FnMut(&Part, bool) -> bool,
+) -> bool {
+    fn one(
+        line: &OnLine,
+        centre: f64,
+        half: f64,
+        halvings: u32,
+        take: &mut impl FnMut(&Part, bool) -> bool,
+    ) -> bool {
+        if take(&line.part(centre, half), halvings == 0) {
+            return true;
+        }
+        if halvings == 0 {
+            return false;
+        }
+        let half = 0.5 * half;
+        one(line, centre - half, half, halvings - 1, take)
+            && one(line, centre + half, half, halvings - 1, take)
+    }
+    let half = 0.5 / FIRST_PARTS as f64;
+    (0..FIRST_PARTS).all(|number| {
+        let centre = (2 * number + 1) as f64 * half;
+        one(line, centre, half, MOST_HALVINGS, &mut take)
+    })
+}
+
+/// The Euclidean norm of complex numbers of which upper bounds are known.
+fn norm(parts: &[f64]) -> f64 {
+    let mut sum = 0.0;
+    for part in parts {
+        sum = up(sum + up(part * part));
+    }
+    up(sum.sqrt())
+}
+
+/// The larger one; NaN where either is.
+fn larger(a: f64, b: f64) -> f64 {
+    crate::scalar::max_or_nan(a, b)
+}
+
+fn is_fine(value: &Taylor, size: f64) -> bool {
+    value.remainder() <= FINE * size
+}
+
+/// a × b.
+fn cross<N: Number>(a: [N; 2], b: [N; 2]) -> N {
+    a[0].times(b[1]).minus(a[1].times(b[0]))
+}
+
+/// What is bounded along the edge of the strip.
+struct OnStrip {
+    tangent: f64,
+    /// |K′·K′| at least.
+    square: f64,
+    normal: f64,
+    moved_normal: f64,
+    torsion: f64,
+    /// |DF|.
+    first: f64,
+    second: f64,
+}
+
+/// Turns of arguments as they pass by: how often they go around 0.
+#[derive(Default)]
+struct Winding {
+    last: Option<super::taylor::Complex>,
+    first: Option<super::taylor::Complex>,
+    turns: f64,
+}
+
+impl Winding {
+    fn pass(&mut self, to: super::taylor::Complex) {
+        if let Some(from) = self.last {
+            let (re, im) = (from.re * to.re + from.im * to.im, from.re * to.im - from.im * to.re);
+            self.turns += libm::atan2(im, re) / std::f64::consts::TAU;
+        }
+        self.first.get_or_insert(to);
+        self.last = Some(to);
+    }
+
+    fn close(mut self) -> i64 {
+        if let Some(first) = self.first {
+            self.pass(first);
+        }
+        libm::round(self.turns) as i64
+    }
+}
+
+impl Candidate {
+    fn curve(&self, cylinder: bool) -> Curve<Ball> {
+        let wave = |re: [f64; 2], im: [f64; 2]| {
+            Wave::new(Ball::new(re[0], re[1], 0.0), Ball::new(im[0], im[1], 0.0))
+        };
+        let modes = self.modes.iter().map(|[a, b, c, d]| [wave(*a, *b), wave(*c, *d)]);
+        Curve { modes: modes.collect(), cylinder }
+    }
+
+    /// Fails unless it is of a form that the theorem is about.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] and [`Error::OutOfRange`] with the number.
+    pub fn check(&self) -> Result<(), Error> {
+        let most = self.points / 4;
+        Error::check_count_range("modes of a circle", self.modes.len(), 2, most + 1)?;
+        if !self.points.is_power_of_two() || self.points > 1 << 13 {
+            let expected = "a power of two, at most 8192";
+            return Err(Error::invalid("points of a proof", self.points, expected));
+        }
+        for value in self.modes.iter().flatten().flatten() {
+            Error::check_finite("modes of a circle", *value)?;
+        }
+        let constant = self.modes[0];
+        if constant[1] != [0.0; 2] || constant[3] != [0.0; 2] {
+            return Err(Error::invalid("constant mode of a circle", constant[1][0], "a real number"));
+        }
+        if !(self.rho > 0.0 && self.rho < self.rho_hat && self.rho_hat < 1.0) {
+            let expected = format!("above 0 and below that of ρ̂, {}", self.rho_hat);
+            return Err(Error::invalid("width of the strip of a proof", self.rho, expected));
+        }
+        Ok(())
+    }
+
+    /// Whether the theorem holds for the map with this candidate: its constants, or the inequality that fails.
+    ///
+    /// # Errors
+    /// Those of [`PlaneMap::check_symplectic`] and [`Candidate::check`].
+    pub fn prove(&self, map: &PlaneMap) -> Result<Result<Constants, Failure>, Error> {
+        map.check_symplectic()?;
+        self.check()?;
+        Ok(self.constants(&map.prepared()))
+    }
+
+    fn constants(&self, map: &Prepared<'_>) -> Result<Constants, Failure> {
+        let omega = self.omega.value();
+        let curve = self.curve(map.cylinder());
+        let phases = phases(omega, self.points);
+        let divisors = Divisors::new(&self.omega);
+        let image = self.image_bound(map, &curve, &phases)?;
+        let (residual, aliasing) = self.residual(map, &curve, &phases, omega, image)?;
+        // What K and K′ may change by in all steps.
+        let tangent = curve_size(&curve);
+        let room = Room { point: 1e-9 * tangent, slope: 1e-5 * tangent };
+        let strip = self.on_strip(map, &curve, &phases, room)?;
+        let mean = self.mean_torsion(map, &curve, &phases, strip.torsion);
+        let bounds = Bounds::with_room(&strip, mean, room)?;
+        bounds.close(&divisors, self.rho, residual, room).map(|closed| Constants {
+            gamma: divisors.gamma(),
+            residual,
+            aliasing,
+            image,
+            tangent: strip.tangent,
+            normal: strip.normal,
+            moved_normal: strip.moved_normal,
+            torsion: strip.torsion,
+            mean_torsion: mean,
+            second: strip.second,
+            kappa: closed.kappa,
+            margin: closed.margin,
+            steps: closed.steps,
+            distance: closed.distance,
+        })
+    }
+
+    /// |F∘K − c₀| on |Im φ| ≤ ρ̂: on its edge, the maximum of the modulus. The steps refuse poles on the way.
+    fn image_bound(
+        &self,
+        map: &Prepared<'_>,
+        curve: &Curve<Ball>,
+        phases: &[Wave<Ball>],
+    ) -> Result<f64, Failure> {
+        let line = OnLine::new(curve, phases, self.rho_hat);
+        let centre = curve.modes[0].each_ref().map(|c| c.re.centre());
+        let mut bound = 0.0;
+        let done = along(&line, |part, last| {
+            let mut z = part.point;
+            map.apply(&mut z);
+            let z = [0, 1].map(|k| z[k].minus(Taylor::of(centre[k])));
+            let z = if map.cylinder() { [z[0].minus(part.turns()), z[1]] } else { z };
+            let size = norm(&z.map(|z| z.above()));
+            let good = size.is_finite() && (last || z.iter().all(|z| is_fine(z, size)));
+            if good {
+                bound = larger(bound, size);
+            }
+            good
+        });
+        let failure = |found| Failure {
+            inequality: "(1) F∘K is analytic and bounded on |Im φ| ≤ ρ̂, no pole of tanh near",
+            found,
+            needed: self.rho_hat,
+        };
+        if done && bound.is_finite() { Ok(bound) } else { Err(failure(f64::INFINITY)) }
+    }
+
+    /// |E| on |Im φ| ≤ ρ, and the part of it that is not from the coefficients of the points.
+    fn residual(
+        &self,
+        map: &Prepared<'_>,
+        curve: &Curve<Ball>,
+        phases: &[Wave<Ball>],
+        omega: Ball,
+        image: f64,
+    ) -> Result<(f64, f64), Failure> {
+        let roots = roots_of_unity(self.points);
+        let error = error_of(map, curve, phases, omega, self.points, &roots);
+        let tau = Ball::TAU;
+        let power = |count: usize, width: f64| {
+            tau.scaled(count as f64).times(Ball::of(width).negated()).exp()
+        };
+        let (n, rho_hat) = (self.points, self.rho_hat);
+        let rest = down(1.0 - power(n, rho_hat).upper());
+        let growth = |k: usize| tau.scaled(k as f64 * 1.0).times(Ball::of(self.rho)).exp().upper();
+        // A mode of F∘K is |F_k| ≤ image·e^{−2πkρ̂}: from some k on that is less than what is known of it otherwise,
+        // and a geometric sum.
+        let narrowing = Ball::of(rho_hat).minus(Ball::of(self.rho));
+        let step = tau.times(narrowing).negated().exp().upper();
+        let beyond = |k: usize| {
+            let first = tau.scaled(k as f64).times(narrowing).negated().exp().upper();
+            up(up(2.0 * image) * up(first / down(1.0 - step)))
+        };
+        let aliased = |k: usize| {
+            let two = up(power(n - k, rho_hat).upper() + power(n + k, rho_hat).upper());
+            up(up(image * two) / rest)
+        };
+        let (mut sum, mut alias, mut best) = (0.0, 0.0, (f64::INFINITY, f64::INFINITY));
+        for (k, [x, y]) in error.modes.iter().enumerate() {
+            let both = if k == 0 { 1.0 } else { 2.0 };
+            let (growth, aliased) = (both * growth(k), aliased(k));
+            let own = norm(&[x.above(), y.above()]);
+            sum = up(sum + up(growth * own));
+            alias = up(alias + up(growth * aliased));
+            if k + 1 < self.modes.len() {
+                continue;
+            }
+            let rest = up(alias + beyond(k + 1));
+            let total = up(sum + rest);
+            if total < best.0 {
+                best = (total, rest);
+            }
+        }
+        match best.0.is_finite() {
+            true => Ok(best),
+            false => Err(Failure {
+                inequality: "(2) |E| is finite",
+                found: sum,
+                needed: f64::MAX,
+            }),
+        }
+    }
+
+    /// Bounds along |Im φ| = ρ, with K and what is around it.
+    fn on_strip(
+        &self,
+        map: &Prepared<'_>,
+        curve: &Curve<Ball>,
+        phases: &[Wave<Ball>],
+        room: Room,
+    ) -> Result<OnStrip, Failure> {
+        let line = OnLine::new(curve, phases, self.rho);
+        let mut out = OnStrip {
+            tangent: 0.0,
+            square: f64::INFINITY,
+            normal: 0.0,
+            moved_normal: 0.0,
+            torsion: 0.0,
+            first: 0.0,
+            second: 0.0,
+        };
+        let mut winding = Winding::default();
+        let done = along(&line, |part, last| {
+            let mut z = [0, 1].map(|axis| {
+                Jet::<Taylor, true>::start(part.point[axis].widened(room.point), axis)
+            });
+            map.apply(&mut z);
+            let (slope, next) = (part.slope, part.next_slope);
+            let square = |l: [Taylor; 2]| l[0].times(l[0]).plus(l[1].times(l[1]));
+            let own_square = square(slope);
+            if !(own_square.below() > 0.0) {
+                return false;
+            }
+            let normal = |l: [Taylor; 2], square: Taylor| {
+                let inverse = square.inverse();
+                [l[1].scaled(-1.0).times(inverse), l[0].times(inverse)]
+            };
+            let (n, next_n) = (normal(slope, own_square), normal(next, square(next)));
+            let moved =
+                z.map(|row| row.first[0].times(n[0]).plus(row.first[1].times(n[1])));
+            let torsion = cross(moved, next_n);
+            let sizes = |v: [Taylor; 2]| norm(&v.map(|v| v.above()));
+            let second = norm(&z.map(|row| {
+                let [a, b, c] = row.second.map(|h| h.above());
+                norm(&[a, b, b, c])
+            }));
+            let first = norm(&z.map(|row| norm(&row.first.map(|d| d.above()))));
+            let values = [sizes(moved), torsion.above(), second, first];
+            let good = values.iter().all(|v| v.is_finite())
+                && (last
+                    || moved.iter().all(|m| is_fine(m, values[0]))
+                        && z.iter().flat_map(|row| row.second).all(|h| is_fine(&h, second)));
+            if !good {
+                return false;
+            }
+            out.tangent = larger(out.tangent, sizes(slope));
+            out.square = if own_square.below() < out.square { own_square.below() } else { out.square };
+            out.normal = larger(out.normal, sizes(n));
+            out.moved_normal = larger(out.moved_normal, values[0]);
+            out.torsion = larger(out.torsion, values[1]);
+            out.second = larger(out.second, second);
+            out.first = larger(out.first, first);
+            winding.pass(own_square.centre());
+            true
+        });
+        let turns = winding.close();
+        let failure = |inequality, found, needed| Err(Failure { inequality, found, needed });
+        if !done {
+            let what = "(3) K′·K′ has no zero and DF, D²F are bounded on |Im φ| ≤ ρ";
+            return failure(what, f64::INFINITY, self.rho);
+        }
+        if turns != 0 {
+            let what = "(3) K′·K′ has no zero on |Im φ| ≤ ρ: it goes around 0 along the edge";
+            return failure(what, turns as f64, 0.0);
+        }
+        Ok(out)
+    }
+
+    /// |⟨T⟩| at least: the mean at points on the real line, and what aliasing may add.
+    fn mean_torsion(
+        &self,
+        map: &Prepared<'_>,
+        curve: &Curve<Ball>,
+        phases: &[Wave<Ball>],
+        torsion: f64,
+    ) -> f64 {
+        let count = (self.points / 2).max(2 * self.modes.len()).next_power_of_two();
+        let roots = roots_of_unity(count);
+        let mut sum = Ball::of(0.0);
+        for (_, moved, next_normal) in frames(map, curve, phases, count, &roots) {
+            sum = sum.plus(cross(moved, next_normal));
+        }
+        let e = Ball::TAU.scaled(count as f64).times(Ball::of(self.rho)).negated().exp().upper();
+        let aliasing = up(up(2.0 * torsion) * up(e / down(1.0 - e)));
+        down(sum.scaled(1.0 / count as f64).mignitude() - aliasing)
+    }
+}
+
+/// A bound of |K′| to measure lengths with: it need not be sharp.
+fn curve_size(curve: &Curve<Ball>) -> f64 {
+    let modes = curve.modes.iter().enumerate();
+    let of = |(k, [x, y]): (usize, &[Wave<Ball>; 2])| {
+        2.0 * std::f64::consts::TAU * k as f64 * norm(&[x.above(), y.above()])
+    };
+    modes.map(of).sum::<f64>() + if curve.cylinder { 1.0 } else { 0.0 }
+}
+
+/// The coefficients of F∘K − K(· + ω) from the values at so many points, up to half as many.
+pub(super) fn error_of(
+    map: &Prepared<'_>,
+    curve: &Curve<Ball>,
+    phases: &[Wave<Ball>],
+    omega: Ball,
+    count: usize,
+    roots: &[Wave<Ball>],
+) -> Curve<Ball> {
+    let mut values = curve.values(count, roots);
+    for (j, z) in values.iter_mut().enumerate() {
+        let turns = Ball::of(j as f64 / count as f64);
+        if map.cylinder() {
+            z[0] = z[0].plus(turns);
+        }
+        map.apply(z);
+        if map.cylinder() {
+            z[0] = z[0].minus(turns);
+        }
+    }
+    let mut out = Curve::of_values(&values, roots, count / 2 - 1, map.cylinder());
+    let rotated = curve.rotated(phases);
+    for (mode, own) in out.modes.iter_mut().zip(&rotated.modes) {
+        for axis in 0..2 {
+            mode[axis] = mode[axis].minus(own[axis]);
+        }
+    }
+    if map.cylinder() {
+        out.modes[0][0].re = out.modes[0][0].re.minus(omega);
+    }
+    out
+}
+
+/// The points K, DF·N and N(φ + ω) at equal distances.
+fn frames<'a>(
+    map: &'a Prepared<'a>,
+    curve: &Curve<Ball>,
+    phases: &[Wave<Ball>],
+    count: usize,
+    roots: &[Wave<Ball>],
+) -> impl Iterator<Item = ([Ball; 2], [Ball; 2], [Ball; 2])> {
+    let mut points = curve.values(count, roots);
+    let slope = curve.slope(Ball::TAU);
+    let [mut slopes, mut next] =
+        [slope.values(count, roots), slope.rotated(phases).values(count, roots)];
+    if curve.cylinder {
+        for (j, point) in points.iter_mut().enumerate() {
+            point[0] = point[0].plus(Ball::of(j as f64 / count as f64));
+        }
+        for slope in slopes.iter_mut().chain(&mut next) {
+            slope[0] = slope[0].plus(Ball::of(1.0));
+        }
+    }
+    let normal = |l: [Ball; 2]| {
+        let square = l[0].times(l[0]).plus(l[1].times(l[1]));
+        [l[1].negated().over(square), l[0].over(square)]
+    };
+    points.into_iter().zip(slopes).zip(next).map(move |((point, slope), next)| {
+        let mut z = [0, 1].map(|axis| Jet::<Ball, false>::start(point[axis], axis));
+        map.apply(&mut z);
+        let n = normal(slope);
+        let moved = z.map(|row| row.first[0].times(n[0]).plus(row.first[1].times(n[1])));
+        (point, moved, normal(next))
+    })
+}
+
+/// How far K and K′ may go from where they are in all steps.
+#[derive(Clone, Copy, Debug)]
+struct Room {
+    point: f64,
+    slope: f64,
+}
+
+/// Bounds for every curve within the room.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    tangent: f64,
+    normal: f64,
+    moved_normal: f64,
+    torsion: f64,
+    /// 1/|⟨T⟩|.
+    inverse_mean: f64,
+    second: f64,
+}
+
+/// What has come of the recursion.
+struct Closed {
+    kappa: f64,
+    margin: f64,
+    steps: usize,
+    distance: f64,
+}
+
+impl Bounds {
+    fn with_room(strip: &OnStrip, mean: f64, room: Room) -> Result<Self, Failure> {
+        let (l, n, eta) = (strip.tangent, strip.normal, room.slope);
+        let tangent = up(l + eta);
+        let change = up(up(2.0 * up(l * eta)) + up(eta * eta));
+        let square = down(strip.square - change);
+        let normal = up(tangent / square);
+        // |Ñ − N| ≤ η₁/m̃ + ℓ(2ℓη₁ + η₁²)/(m m̃).
+        let normal_change =
+            up(up(eta / square) + up(up(l * change) / down(strip.square * square)));
+        let moved_change = up(up(strip.second * up(room.point * normal))
+            + up(strip.first * normal_change));
+        let moved_normal = up(strip.moved_normal + moved_change);
+        let torsion_change =
+            up(up(moved_change * normal) + up(strip.moved_normal * normal_change));
+        let torsion = up(strip.torsion + torsion_change);
+        let mean = down(mean - torsion_change);
+        let failure = |inequality, found, needed| Err(Failure { inequality, found, needed });
+        if !(square > 0.0) {
+            return failure("(4) |K′·K′| stays away from 0 in all steps", strip.square, change);
+        }
+        if !(mean > 0.0) {
+            return failure("(5) |⟨T⟩| stays away from 0 in all steps", mean, torsion_change);
+        }
+        let _ = n;
+        Ok(Self {
+            tangent,
+            normal,
+            moved_normal,
+            torsion,
+            inverse_mean: up(1.0 / mean),
+            second: strip.second,
+        })
+    }
+
+    /// κ(δ) and C_Δ(δ), with |E₊| ≤ κ|E|² and |Δ| ≤ C_Δ|E|.
+    fn step(&self, a: f64, delta: f64) -> [f64; 2] {
+        let Self { tangent, normal, moved_normal, torsion, inverse_mean, second } = *self;
+        let x_n = up(up(inverse_mean * normal)
+            + up(up(1.0 + up(inverse_mean * torsion)) * up(a * tangent)));
+        let x_l = up(a * up(normal + up(torsion * x_n)));
+        let c = up(up(tangent * x_l) + up(normal * x_n));
+        let linear = up(up(0.5 * normal) + up(x_l + up(up(normal * moved_normal) * x_n)));
+        let kappa = up(up(linear / delta) + up(0.5 * up(second * up(c * c))));
+        [kappa, c]
+    }
+
+    /// The recursion e₊ = κ(δ)e², δ halved at each step.
+    fn close(
+        &self,
+        divisors: &Divisors,
+        rho: f64,
+        residual: f64,
+        room: Room,
+    ) -> Result<Closed, Failure> {
+        const MOST_STEPS: usize = 12;
+        let failure = |inequality, found, needed| Err(Failure { inequality, found, needed });
+        let (mut delta, mut e) = (down(rho / 7.0), residual);
+        let (mut moved, mut bent, mut first) = (0.0, 0.0, None);
+        let mut before = f64::INFINITY;
+        for steps in 0..=MOST_STEPS {
+            let [scaling, c_scaling] = self.step(divisors.scaling_bound(delta), delta);
+            let margin = up(16.0 * up(scaling * e));
+            let [kappa, c] = self.step(divisors.bound(delta), delta);
+            let first = *first.get_or_insert(kappa);
+            if margin < 0.01 {
+                // From here on e falls by 0.01/16 or more a step, where C_Δ grows by 4 and C_Δ/δ by 8.
+                let step = up(c_scaling * e);
+                moved = up(moved + up(step * 1.01));
+                bent = up(bent + up(up(step / delta) * 1.01));
+                if !(moved <= room.point) {
+                    return failure("(7) Σ C_Δ|E| leaves K in its room", moved, room.point);
+                }
+                if !(bent <= room.slope) {
+                    return failure("(8) Σ C_Δ|E|/δ leaves K′ in its room", bent, room.slope);
+                }
+                return Ok(Closed { kappa: first, margin, steps, distance: moved });
+            }
+            moved = up(moved + up(c * e));
+            bent = up(bent + up(up(c * e) / delta));
+            let next = up(kappa * up(e * e));
+            if !(next < before) || !(next < e) {
+                break;
+            }
+            before = next;
+            e = next;
+            // Exact.
+            delta *= 0.5;
+        }
+        let kappa = first.unwrap_or(f64::NAN);
+        failure("(6) κ|E| < 1: the first step makes the error smaller", up(kappa * residual), 1.0)
+    }
+}
