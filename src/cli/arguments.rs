@@ -35,6 +35,10 @@ pub enum Command {
     },
     /// Certify the structure of a model, or of networks with random weights.
     Verify(Verify),
+    /// Prove that a model has invariant circles that no orbit crosses.
+    Prove(Prove),
+    /// Verify a file of proofs again, without any search.
+    CheckProof(CheckProof),
     /// Train a gyroceptron on pairs of one's own.
     Train(Box<Train>),
     /// Roll a model out from given points.
@@ -151,6 +155,57 @@ pub struct Verify {
     /// The seed of points, angles and random weights.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+#[derive(Debug, Args)]
+pub struct Prove {
+    /// The model, of one degree of freedom.
+    #[arg(long, value_name = "FILE")]
+    pub model: PathBuf,
+    /// Rotation numbers of circles, in turns a map and without whole turns: golden, 0.6180 (the number farthest from
+    /// fractions that rounds to it), [0; 1, 2, (1)] (a continued fraction that ends in ones); separated by semicolons
+    /// or given several times.
+    #[arg(long = "frequency", visible_alias = "frequencies", value_name = "OMEGA;…")]
+    pub frequencies: Vec<String>,
+    /// Two circles, and that no orbit between them ever leaves.
+    #[arg(long, num_args = 2, value_names = ["OMEGA", "OMEGA"], conflicts_with = "frequencies")]
+    pub between: Vec<String>,
+    /// Where no frequency is given, so many that are spread over what the model has.
+    #[arg(long, value_name = "N", default_value_t = 8, allow_negative_numbers = true)]
+    pub circles: i64,
+    /// Where the ray begins that circles are looked for on, in the coordinates of the normal form [default: the fixed
+    /// point near 0].
+    #[arg(long, value_name = "Q,P", value_delimiter = ',', allow_negative_numbers = true)]
+    pub from: Vec<f64>,
+    /// Where it ends.
+    #[arg(
+        long,
+        value_name = "Q,P",
+        value_delimiter = ',',
+        allow_negative_numbers = true,
+        default_value = "1,0"
+    )]
+    pub to: Vec<f64>,
+    /// The file of the proofs [default: the model's name with .proof.json].
+    #[arg(long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Replace what is there.
+    #[arg(long)]
+    pub overwrite: bool,
+    #[command(flatten)]
+    pub common: Common,
+}
+
+#[derive(Debug, Args)]
+pub struct CheckProof {
+    /// The file of proofs.
+    #[arg(value_name = "FILE")]
+    pub proof: PathBuf,
+    /// The model that they are about.
+    #[arg(long, value_name = "FILE")]
+    pub model: PathBuf,
     #[command(flatten)]
     pub common: Common,
 }

@@ -7,6 +7,7 @@ use super::arguments::{
 use super::guards::{check_ending, guard_output, use_threads};
 use super::output::{json, out, status_of, width};
 use super::progress::{Progress, line};
+use super::prove::{check_proof, prove};
 use super::train::train_pairs;
 use super::{Status, cite};
 use gyroceptron::Error;
@@ -37,6 +38,8 @@ pub fn dispatch(arguments: Arguments) -> Result<Status, Error> {
         Command::Run(arguments) => run_scene(&arguments),
         Command::Scenes { json, show } => scenes(json, show.as_deref()),
         Command::Verify(arguments) => verify(&arguments),
+        Command::Prove(arguments) => prove(&arguments),
+        Command::CheckProof(arguments) => check_proof(&arguments),
         Command::Train(arguments) => train_pairs(&arguments),
         Command::Predict(arguments) => predict(&arguments),
         Command::Import(arguments) => import(&arguments),

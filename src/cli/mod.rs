@@ -6,6 +6,7 @@ mod commands;
 mod guards;
 mod output;
 mod progress;
+mod prove;
 mod train;
 
 use clap::error::ErrorKind;

@@ -87,6 +87,15 @@ pub struct StoredModel {
 }
 
 impl StoredModel {
+    /// The digest of the file that it is written to: of architecture, weights, units and charts.
+    ///
+    /// # Errors
+    /// When a number is not finite, which JSON cannot hold.
+    pub fn digest(&self) -> Result<String, Error> {
+        let (architecture, parameters) = (self.model.architecture(), self.model.parameters());
+        digest_of(architecture, parameters, self.units.as_ref(), self.section.as_ref())
+    }
+
     /// What a fit has made, with its units and where it comes from; `name` says what trained it.
     pub fn of_fit(fitted: &Fitted, name: &str) -> Self {
         let Fitted { problem, training } = fitted;
@@ -417,7 +426,7 @@ fn parse_document<T: DeserializeOwned>(
 }
 
 /// A document and its version.
-fn parse_header(
+pub(super) fn parse_header(
     place: &str,
     bytes: &[u8],
     format: &str,
@@ -441,7 +450,7 @@ fn parse_header(
     Ok((version, value))
 }
 
-fn parse_content<T: DeserializeOwned>(
+pub(super) fn parse_content<T: DeserializeOwned>(
     place: &str,
     value: serde_json::Value,
     format: &str,

@@ -9,6 +9,8 @@ mod coils;
 mod json;
 mod legacy;
 mod npy;
+#[cfg(feature = "proofs")]
+mod proofs;
 mod stored_controls;
 mod tensor;
 mod tensor_bundle;
@@ -24,6 +26,8 @@ pub use json::{
     Provenance, RolledOut, StoredModel, earlier_checkpoint, load_checkpoint, load_model,
     model_text, parse_model, save_checkpoint, save_model,
 };
+#[cfg(feature = "proofs")]
+pub use proofs::{Nested, ProofFile};
 pub use tensor::Tensor;
 pub use weights::{
     WeightsFormat, assemble_architecture, assemble_weights, export_weights, import_weights,

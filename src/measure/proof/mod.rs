@@ -1,6 +1,7 @@
 //! Theorems about a map of a plane, by numbers that enclose.
 
 mod ball;
+mod circles;
 mod curve;
 mod number;
 mod plane_map;
@@ -11,6 +12,10 @@ mod taylor;
 mod theorem;
 
 pub use ball::Ball;
+pub use circles::{
+    Circle, FixedPoint, Verdict, fixed_point_near, prove_circle, rotation_numbers,
+    rounding_of_a_step,
+};
 pub use number::{Coordinate, Function, Jet, Number};
 pub use plane_map::{PlaneMap, PlaneStep, Prepared, Slope};
 pub use rotation_number::RotationNumber;

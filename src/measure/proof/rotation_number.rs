@@ -35,30 +35,25 @@ impl RotationNumber {
         Ok(Self { quotients })
     }
 
-    /// The noble number within `tolerance` of x, between 0 and 1, that is farthest from fractions: the largest γ.
+    /// The noble number within `tolerance` of x, between 0 and 1, that is farthest from fractions: that of the largest γ
+    /// among those that begin like x or like a number near it.
     pub fn near(x: f64, tolerance: f64) -> Option<Self> {
         let mut best: Option<Self> = None;
-        let (mut quotients, mut rest) = (Vec::new(), x);
-        while quotients.len() < MOST_QUOTIENTS && rest > 1e-9 {
-            let a = (1.0 / rest).floor();
-            rest = 1.0 / rest - a;
-            // A last quotient more or less by one, too.
-            for last in [a - 1.0, a, a + 1.0] {
-                if !(last >= 1.0 && last <= f64::from(LARGEST_QUOTIENT)) {
-                    continue;
+        for from in [x, x - 0.5 * tolerance, x + 0.5 * tolerance, x - 0.8 * tolerance, x + 0.8 * tolerance] {
+            let (mut quotients, mut rest) = (Vec::new(), from);
+            while quotients.len() < MOST_QUOTIENTS && rest > 1e-9 {
+                let a = (1.0 / rest).floor();
+                if !(a >= 1.0 && a <= f64::from(LARGEST_QUOTIENT)) {
+                    break;
                 }
-                let mut all = quotients.clone();
-                all.push(last as u32);
-                let Ok(found) = Self::new(all) else { continue };
+                quotients.push(a as u32);
+                rest = 1.0 / rest - a;
+                let Ok(found) = Self::new(quotients.clone()) else { break };
                 let near = (found.value().centre() - x).abs() <= tolerance;
                 if near && best.as_ref().is_none_or(|best| found.gamma() > best.gamma()) {
                     best = Some(found);
                 }
             }
-            if !(a <= f64::from(LARGEST_QUOTIENT)) {
-                break;
-            }
-            quotients.push(a as u32);
         }
         best
     }

@@ -103,6 +103,11 @@ impl Taylor {
         down(self.c[0].below() - self.spread())
     }
 
+    /// iz.
+    pub fn times_i(self) -> Self {
+        Self { c: self.c.map(|c| Complex::new(-c.im, c.re)), ..self }
+    }
+
     /// The value in the centre, of the polynomial.
     pub fn centre(&self) -> Complex {
         self.c[0]

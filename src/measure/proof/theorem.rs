@@ -7,9 +7,10 @@ use super::plane_map::{PlaneMap, Prepared};
 use super::rotation_number::{Divisors, RotationNumber};
 use super::taylor::Taylor;
 use crate::error::Error;
+use serde::{Deserialize, Serialize};
 
 /// A curve that is nearly invariant, and where the theorem is to be tried on it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
     /// ω: F(K(φ)) is nearly K(φ + ω).
     pub omega: RotationNumber,
@@ -25,7 +26,8 @@ pub struct Candidate {
 }
 
 /// The numbers of the theorem that are made from a candidate: bounds on the strip, all rounded outward.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Constants {
     /// γ: |kω − m| ≥ γ/k.
     pub gamma: f64,
@@ -68,6 +70,13 @@ pub struct Failure {
     pub needed: f64,
 }
 
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { inequality, found, needed } = self;
+        write!(f, "{inequality}: found {found:.3e} against {needed:.3e}")
+    }
+}
+
 /// The largest lengths of a strip's parts, and the least, over 1.
 const FIRST_PARTS: usize = 256;
 const MOST_HALVINGS: u32 = 7;
@@ -76,7 +85,7 @@ const MOST_HALVINGS: u32 = 7;
 const FINE: f64 = 0.02;
 
 /// The parts of a line around a curve one after another; a part that is not good enough is halved.
-fn along(
+pub(super) fn along(
     line: &OnLine,
     mut take: impl FnMut(&Part, bool) -> bool,
 ) -> bool {
@@ -142,14 +151,14 @@ struct OnStrip {
 
 /// Turns of arguments as they pass by: how often they go around 0.
 #[derive(Default)]
-struct Winding {
+pub(super) struct Winding {
     last: Option<super::taylor::Complex>,
     first: Option<super::taylor::Complex>,
     turns: f64,
 }
 
 impl Winding {
-    fn pass(&mut self, to: super::taylor::Complex) {
+    pub fn pass(&mut self, to: super::taylor::Complex) {
         if let Some(from) = self.last {
             let (re, im) = (from.re * to.re + from.im * to.im, from.re * to.im - from.im * to.re);
             self.turns += libm::atan2(im, re) / std::f64::consts::TAU;
@@ -158,7 +167,7 @@ impl Winding {
         self.last = Some(to);
     }
 
-    fn close(mut self) -> i64 {
+    pub fn close(mut self) -> i64 {
         if let Some(first) = self.first {
             self.pass(first);
         }
@@ -167,7 +176,7 @@ impl Winding {
 }
 
 impl Candidate {
-    fn curve(&self, cylinder: bool) -> Curve<Ball> {
+    pub(super) fn curve(&self, cylinder: bool) -> Curve<Ball> {
         let wave = |re: [f64; 2], im: [f64; 2]| {
             Wave::new(Ball::new(re[0], re[1], 0.0), Ball::new(im[0], im[1], 0.0))
         };
@@ -288,7 +297,7 @@ impl Candidate {
         };
         let (n, rho_hat) = (self.points, self.rho_hat);
         let rest = down(1.0 - power(n, rho_hat).upper());
-        let growth = |k: usize| tau.scaled(k as f64 * 1.0).times(Ball::of(self.rho)).exp().upper();
+        let growth = |k: usize| tau.scaled(k as f64).times(Ball::of(self.rho)).exp().upper();
         // A mode of F∘K is |F_k| ≤ image·e^{−2πkρ̂}: from some k on that is less than what is known of it otherwise,
         // and a geometric sum.
         let narrowing = Ball::of(rho_hat).minus(Ball::of(self.rho));
@@ -526,7 +535,7 @@ struct Closed {
 
 impl Bounds {
     fn with_room(strip: &OnStrip, mean: f64, room: Room) -> Result<Self, Failure> {
-        let (l, n, eta) = (strip.tangent, strip.normal, room.slope);
+        let (l, eta) = (strip.tangent, room.slope);
         let tangent = up(l + eta);
         let change = up(up(2.0 * up(l * eta)) + up(eta * eta));
         let square = down(strip.square - change);
@@ -548,7 +557,6 @@ impl Bounds {
         if !(mean > 0.0) {
             return failure("(5) |⟨T⟩| stays away from 0 in all steps", mean, torsion_change);
         }
-        let _ = n;
         Ok(Self {
             tangent,
             normal,

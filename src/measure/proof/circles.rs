@@ -1,0 +1,296 @@
+//! Proofs of circles from their rotation numbers alone, and what proved circles enclose.
+
+use super::ball::{Ball, up};
+use super::curve::{OnLine, Wave, phases};
+use super::number::{Jet, Number};
+use super::plane_map::{PlaneMap, Prepared};
+use super::rotation_number::RotationNumber;
+use super::search::{Ray, candidates, turns_of_orbit};
+use super::taylor::Taylor;
+use super::theorem::{Candidate, Constants, Failure, Winding, along};
+use crate::error::Error;
+
+/// A curve with a proof that an invariant circle is near it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Circle {
+    /// The curve, and the strips.
+    pub candidate: Candidate,
+    /// The numbers of the theorem.
+    pub constants: Constants,
+}
+
+/// What has come of the attempt to prove a circle.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Verdict {
+    /// There is one.
+    Proved(Box<Circle>),
+    /// There is a curve, and for it an inequality does not hold. There may be a circle all the same.
+    NotProved(Failure),
+    /// No curve was found, with the reason.
+    NotFound(String),
+}
+
+impl Failure {
+    /// What may help.
+    pub fn advice(&self) -> &'static str {
+        match self.inequality.as_bytes().get(1) {
+            Some(b'1') => {
+                "polynomial kicks have no poles, and smaller weights have them farther away; a rotation number of larger γ \
+                 needs a narrower strip"
+            }
+            Some(b'3' | b'4') => "a circle farther from islands, whose K′ bends less",
+            Some(b'5') => "a model whose rotation number changes across circles: where it does not, the theorem says nothing",
+            _ => {
+                "a rotation number farther from fractions of small denominators, or a circle farther from islands; or more \
+                 digits than two doubles have"
+            }
+        }
+    }
+}
+
+/// Tries to prove that the map has an invariant circle of this rotation number that crosses the ray: the curve, the widths of
+/// the strips and the number of modes and points are searched.
+///
+/// # Errors
+/// [`Error::Invalid`] of a map that is not symplectic by its kinds of step.
+pub fn prove_circle(map: &PlaneMap, ray: Ray, omega: &RotationNumber) -> Result<Verdict, Error> {
+    map.check_symplectic()?;
+    let found = match candidates(map, ray, omega) {
+        Ok(found) => found,
+        Err(reason) => return Ok(Verdict::NotFound(reason.to_string())),
+    };
+    let mut nearest: Option<Failure> = None;
+    for candidate in found {
+        match candidate.prove(map)? {
+            Ok(constants) => {
+                return Ok(Verdict::Proved(Box::new(Circle { candidate, constants })));
+            }
+            Err(failure) => {
+                // The one that came farthest, then by least.
+                let farther = nearest.as_ref().is_none_or(|nearest| {
+                    failure.inequality > nearest.inequality
+                        || failure.inequality == nearest.inequality && failure.found < nearest.found
+                });
+                if farther {
+                    nearest = Some(failure);
+                }
+            }
+        }
+    }
+    Ok(nearest.map_or_else(|| Verdict::NotFound("no candidate".into()), Verdict::NotProved))
+}
+
+/// The fixed point near a point, by Newton's method; None where there is none near.
+pub fn fixed_point_near(map: &PlaneMap, guess: [f64; 2]) -> Option<[f64; 2]> {
+    const STEPS: usize = 30;
+    let map = map.prepared();
+    let mut z = guess;
+    for _ in 0..STEPS {
+        let mut image = [0, 1].map(|axis| Jet::<f64, false>::start(z[axis], axis));
+        map.apply(&mut image);
+        let off = [0, 1].map(|k| image[k].value - z[k]);
+        let [[a, b], [c, d]] = [0, 1].map(|k| image[k].first);
+        let (a, d) = (a - 1.0, d - 1.0);
+        let determinant = a * d - b * c;
+        let step = [(d * off[0] - b * off[1]) / determinant, (a * off[1] - c * off[0]) / determinant];
+        z = [0, 1].map(|k| z[k] - step[k]);
+        let size = step[0].abs().max(step[1].abs());
+        if !size.is_finite() || size > 1e3 {
+            return None;
+        }
+        if size < 1e-14 {
+            return Some(z);
+        }
+    }
+    None
+}
+
+/// A fixed point that is proved: the only one in a box, and the trace of the derivative there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FixedPoint {
+    /// The middle of the box.
+    pub middle: [f64; 2],
+    /// Half its sides.
+    pub radius: f64,
+    /// Tr DF is between these.
+    pub trace: [f64; 2],
+}
+
+impl FixedPoint {
+    /// Proves that a box around a point has one fixed point of the map in it, by Krawczyk's test: with G = F − id and C near
+    /// G′⁻¹, the box z + [−r, r]² has one where −CG(z) + (1 − CG′(box))[−r, r]² is within [−r, r]².
+    ///
+    /// Source: Krawczyk, <https://doi.org/10.1007/BF02234767>.
+    pub fn prove(map: &PlaneMap, middle: [f64; 2]) -> Option<Self> {
+        let map = map.prepared();
+        let derivative = |radius: f64| {
+            let mut z = [0, 1].map(|axis| {
+                Jet::<Ball, false>::start(Ball::of(middle[axis]).widened(radius), axis)
+            });
+            map.apply(&mut z);
+            z.map(|row| row.first)
+        };
+        let mut image = middle.map(Ball::of);
+        map.apply(&mut image);
+        let off = [0, 1].map(|k| image[k].minus(Ball::of(middle[k])));
+        let one = Ball::of(1.0);
+        let less_one = |m: [[Ball; 2]; 2]| [[m[0][0].minus(one), m[0][1]], [m[1][0], m[1][1].minus(one)]];
+        let [[a, b], [c, d]] = less_one(derivative(0.0)).map(|row| row.map(Ball::centre));
+        let determinant = a * d - b * c;
+        let inverse = [[d, -b], [-c, a]].map(|row| row.map(|x| x / determinant));
+        for radius in [1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-5] {
+            let m = derivative(radius);
+            let g = less_one(m);
+            let mut inside = true;
+            for i in 0..2 {
+                let moved = off[0].scaled(inverse[i][0]).plus(off[1].scaled(inverse[i][1]));
+                let mut sum = moved.magnitude();
+                for j in 0..2 {
+                    let product = g[0][j].scaled(inverse[i][0]).plus(g[1][j].scaled(inverse[i][1]));
+                    let own = Ball::of(if i == j { 1.0 } else { 0.0 });
+                    sum = up(sum + up(own.minus(product).magnitude() * radius));
+                }
+                inside &= sum < radius;
+            }
+            if inside {
+                let trace = m[0][0].plus(m[1][1]);
+                return Some(Self { middle, radius, trace: [trace.lower(), trace.upper()] });
+            }
+        }
+        None
+    }
+
+    /// Whether nearby points go around it: |Tr DF| < 2 for certain. None where the trace may be on either side.
+    pub fn is_elliptic(&self) -> Option<bool> {
+        let [low, high] = self.trace;
+        if low > -2.0 && high < 2.0 {
+            Some(true)
+        } else if low > 2.0 || high < -2.0 {
+            Some(false)
+        } else {
+            None
+        }
+    }
+}
+
+/// So many rotation numbers far from fractions, spread over what orbits on the ray have.
+pub fn rotation_numbers(map: &PlaneMap, ray: Ray, count: usize) -> Vec<RotationNumber> {
+    const PLACES: usize = 48;
+    let mut turns: Vec<f64> = Vec::new();
+    for k in 0..PLACES {
+        let part = (k as f64 + 0.5) / PLACES as f64;
+        let place = [0, 1].map(|axis| ray.from[axis] + part * (ray.to[axis] - ray.from[axis]));
+        let own = turns_of_orbit(map, ray.from, place);
+        if !own.is_finite() {
+            break;
+        }
+        // Whole turns are unknown: near the one before.
+        let last = turns.last().copied().unwrap_or(own);
+        turns.push(own - libm::round(own - last));
+    }
+    let low = turns.iter().copied().fold(f64::INFINITY, |a, b| if b < a { b } else { a }); // no NaN: all are finite
+    let high = turns.iter().copied().fold(f64::NEG_INFINITY, |a, b| if b > a { b } else { a }); // no NaN: all are finite
+    let width = (high - low) / count as f64;
+    let mut out: Vec<RotationNumber> = Vec::new();
+    for k in 0..count {
+        let middle = low + (k as f64 + 0.5) * width;
+        let part = middle - libm::floor(middle);
+        if let Some(found) = RotationNumber::near(part, 0.45 * width)
+            && !out.contains(&found)
+        {
+            out.push(found);
+        }
+    }
+    out
+}
+
+impl Circle {
+    /// ω.
+    pub fn omega(&self) -> &RotationNumber {
+        &self.candidate.omega
+    }
+
+    /// Points of the curve, two numbers each.
+    pub fn points(&self, count: usize) -> Vec<f64> {
+        let mut out = Vec::with_capacity(2 * count);
+        for j in 0..count {
+            let turns = j as f64 / count as f64;
+            let mut z = [0.0; 2];
+            for (k, mode) in self.candidate.modes.iter().enumerate() {
+                let phase = k as f64 * turns;
+                let (s, c) = libm::sincos(std::f64::consts::TAU * (phase - libm::round(phase)));
+                let both = if k == 0 { 1.0 } else { 2.0 };
+                for axis in 0..2 {
+                    z[axis] += both * (mode[2 * axis][0] * c - mode[2 * axis + 1][0] * s);
+                }
+            }
+            out.extend(z);
+        }
+        out
+    }
+
+    /// The area within the curve, to the rounding of doubles.
+    pub fn area(&self) -> f64 {
+        let of = |(k, [a, b, c, d]): (usize, &[[f64; 2]; 4])| {
+            // π Σ k·2(x × y) of the complex coefficients x = a + ib, y = c + id.
+            4.0 * std::f64::consts::PI * k as f64 * (b[0] * c[0] - a[0] * d[0])
+        };
+        self.candidate.modes.iter().enumerate().map(of).sum::<f64>().abs()
+    }
+
+    /// Proves that the circle goes around a point once: around all that is no farther than `around` from it.
+    ///
+    /// # Errors
+    /// [`Failure`] with the inequality that does not hold.
+    pub fn goes_around(&self, point: [f64; 2], around: f64) -> Result<(), Failure> {
+        let curve = self.candidate.curve(false);
+        let phases: Vec<Wave<Ball>> = phases(self.omega().value(), curve.modes.len());
+        let line = OnLine::new(&curve, &phases, 0.0);
+        let off = up(self.constants.distance + around);
+        let mut winding = Winding::default();
+        let done = along(&line, |part, _| {
+            let [x, y] = [0, 1].map(|k| part.point[k].minus(Taylor::of(point[k])));
+            let apart = x.plus(y.times_i());
+            let far = apart.below() > off;
+            if far {
+                winding.pass(apart.centre());
+            }
+            far
+        });
+        let inequality = "(9) the circle is farther from the point than it is known";
+        if !done {
+            return Err(Failure { inequality, found: f64::NAN, needed: off });
+        }
+        let turns = winding.close();
+        let inequality = "(10) the circle goes once around the point";
+        match turns.abs() {
+            1 => Ok(()),
+            _ => Err(Failure { inequality, found: turns as f64, needed: 1.0 }),
+        }
+    }
+
+    /// Proves that this circle has another one, of another rotation number, within: then no orbit leaves what is between
+    /// them.
+    ///
+    /// # Errors
+    /// [`Failure`], also where both have the same rotation number.
+    pub fn encloses(&self, inner: &Self) -> Result<(), Failure> {
+        if self.omega() == inner.omega() {
+            let inequality = "(11) the rotation numbers of both differ";
+            let found = self.omega().value().centre();
+            return Err(Failure { inequality, found, needed: found });
+        }
+        let first: Vec<f64> = inner.points(1);
+        let rounding = 1e-12 * (1.0 + first[0].abs() + first[1].abs());
+        self.goes_around([first[0], first[1]], up(inner.constants.distance + rounding))
+    }
+}
+
+/// How far the image of a point is from that of its rounded roll-out: one step of the map in doubles against its enclosure.
+pub fn rounding_of_a_step(map: &PlaneMap, point: [f64; 2], rounded: [f64; 2]) -> f64 {
+    let map: Prepared<'_> = map.prepared();
+    let mut z = point.map(Ball::of);
+    map.apply(&mut z);
+    let off = [0, 1].map(|k| z[k].minus(Ball::of(rounded[k])).magnitude());
+    up(up(off[0] * off[0] + off[1] * off[1]).sqrt())
+}
