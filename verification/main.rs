@@ -26,6 +26,7 @@ mod normal_form;
 mod on_grid;
 mod polynomials;
 mod precision;
+mod proofs;
 mod report;
 mod reversible;
 mod samples;

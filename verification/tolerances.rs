@@ -268,3 +268,12 @@ mod needed {
         is_needed("VIOLATION_RATE", none, VIOLATION_RATE, one);
     }
 }
+
+/// A map of a dozen steps in balls of two doubles: 2⁻¹⁰³ for each of some thousand operations, by factors
+/// of steps that move points by their size.
+pub const OF_TWO_DOUBLES: f64 = 1e-24;
+/// The same in doubles.
+pub const OF_A_MAP: f64 = 1e-11;
+/// Areas that shrink by no more than this a map the numbers of a proof may take for rounding: it is 10⁻¹²
+/// that they are to see, and what is less the kinds of step refuse.
+pub const SMALLEST_DISSIPATION: f64 = 5e-13;

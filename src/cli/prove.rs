@@ -69,8 +69,8 @@ fn verdicts(tried: &[(RotationNumber, Verdict)]) -> Table {
     for (omega, verdict) in tried {
         let (mut numbers, said) = (vec![None; 5], match verdict {
             Verdict::Proved(_) => "proved".to_owned(),
-            Verdict::NotProved(failure) => format!("not proved: {}", failure.inequality),
-            Verdict::NotFound(_) => "not proved: no curve".to_owned(),
+            Verdict::NotProved(failure) => format!("not proved {}", failure.number()),
+            Verdict::NotFound(_) => "not proved (0)".to_owned(),
         });
         if let Verdict::Proved(circle) = verdict {
             let Constants { residual, kappa, margin, distance, .. } = circle.constants;
@@ -164,10 +164,9 @@ pub fn prove(arguments: &Prove) -> Result<Status, Error> {
                     ProofFile::new(&stored, kept.clone())?.save(&output)?;
                     line(&format!("{omega}: proved"));
                 }
-                Verdict::NotProved(failure) => {
-                    line(&format!("{omega}: not proved: {failure}; what may help: {}", failure.advice()));
+                Verdict::NotProved(_) | Verdict::NotFound(_) => {
+                    line(&format!("{omega}: not proved"));
                 }
-                Verdict::NotFound(reason) => line(&format!("{omega}: not proved: {reason}")),
             }
             Ok((omega, verdict))
         })
@@ -207,6 +206,16 @@ pub fn prove(arguments: &Prove) -> Result<Status, Error> {
             ))?;
         }
         out(&terminal::table(&verdicts(&tried), width()))?;
+        for (omega, verdict) in &tried {
+            match verdict {
+                Verdict::NotProved(failure) => out(&format!(
+                    "{omega}: {failure}; what may help: {}\n",
+                    failure.advice()
+                ))?,
+                Verdict::NotFound(reason) => out(&format!("{omega}: (0) no curve: {reason}\n"))?,
+                Verdict::Proved(_) => {}
+            }
+        }
         for text in &said {
             out(&format!("{text}\n"))?;
         }
@@ -232,13 +241,14 @@ fn statement(proofs: &ProofFile) -> Vec<String> {
         }
         if k - first > 1 {
             out.push(format!(
-                "proved: no orbit of this map between the circles of {} and {} turns leaves, in any number of maps",
+                "proved: no orbit of this map that begins between the circles of {} and {} turns leaves, in any number of maps; \
+                 nor does one that begins within the latter",
                 turns(first),
                 turns(k - 1)
             ));
         } else {
             out.push(format!(
-                "proved: no orbit of this map within the circle of {} turns leaves, in any number of maps",
+                "proved: no orbit of this map that begins within the circle of {} turns leaves, in any number of maps",
                 turns(first)
             ));
         }

@@ -31,6 +31,11 @@ pub enum Verdict {
 }
 
 impl Failure {
+    /// The number of the inequality, in brackets.
+    pub fn number(&self) -> &'static str {
+        self.inequality.split_inclusive(')').next().unwrap_or_default()
+    }
+
     /// What may help.
     pub fn advice(&self) -> &'static str {
         match self.inequality.as_bytes().get(1) {

@@ -163,7 +163,7 @@ impl std::str::FromStr for RotationNumber {
 
 /// Upper bounds of the solution of ξ(φ) − ξ(φ + ω) = η(φ) − ⟨η⟩ by |η|.
 #[derive(Clone, Debug)]
-pub(super) struct Divisors {
+pub struct Divisors {
     /// Lower bounds of 4 sin²πkω, k = 1, 2, ….
     squares: Vec<f64>,
     gamma: f64,
@@ -173,6 +173,7 @@ pub(super) struct Divisors {
 const DIVISORS: usize = 1500;
 
 impl Divisors {
+    /// Those of a rotation number.
     pub fn new(omega: &RotationNumber) -> Self {
         let (value, gamma) = (omega.value(), omega.gamma());
         let square = |k: usize| {
@@ -188,12 +189,6 @@ impl Divisors {
     /// γ.
     pub fn gamma(&self) -> f64 {
         self.gamma
-    }
-
-    /// With a γ that is not that of the rotation number.
-    #[doc(hidden)]
-    pub fn with_gamma(self, gamma: f64) -> Self {
-        Self { gamma, ..self }
     }
 
     /// 1/(√96 γδ): an A(δ) that doubles where δ halves.

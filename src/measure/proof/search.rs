@@ -358,6 +358,20 @@ pub fn candidates(
     candidates_from(map, first, omega)
 }
 
+/// Those near a curve that is given by its modes, as [`Candidate::modes`] has them.
+///
+/// # Errors
+/// [`Error::Invalid`] where Newton's method finds no curve.
+pub fn candidates_near(
+    map: &PlaneMap,
+    modes: &[[[f64; 2]; 4]],
+    omega: &RotationNumber,
+) -> Result<Vec<Candidate>, Error> {
+    let wave = |re: [f64; 2], im: [f64; 2]| Wave::new(re[0] + re[1], im[0] + im[1]);
+    let modes = modes.iter().map(|[a, b, c, d]| [wave(*a, *b), wave(*c, *d)]).collect();
+    candidates_from(&map.prepared(), Curve { modes, cylinder: map.cylinder }, omega)
+}
+
 fn candidates_from(
     map: &Prepared<'_>,
     first: Curve<f64>,
@@ -375,12 +389,10 @@ fn candidates_from(
         .collect();
     let widest = widest_strip(map, &curve);
     let mut out = Vec::new();
-    for shrunk in [1.0, 0.8, 0.6] {
-        for part in [0.25, 0.17, 0.35] {
-            let rho_hat = widest * shrunk;
-            let (omega, modes) = (omega.clone(), modes.clone());
-            out.push(Candidate { omega, modes, rho: part * rho_hat, rho_hat, points });
-        }
+    for (shrunk, part) in [(1.0, 0.25), (1.0, 0.17), (0.8, 0.25), (0.8, 0.17), (0.6, 0.2)] {
+        let rho_hat = widest * shrunk;
+        let (omega, modes) = (omega.clone(), modes.clone());
+        out.push(Candidate { omega, modes, rho: part * rho_hat, rho_hat, points });
     }
     Ok(out)
 }

@@ -6,24 +6,28 @@ use super::rough::Rough;
 
 /// A complex number.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Complex {
+pub struct Complex {
+    /// The real part.
     pub re: f64,
+    /// The imaginary part.
     pub im: f64,
 }
 
 impl Complex {
+    /// 0.
     pub const ZERO: Self = Self { re: 0.0, im: 0.0 };
 
+    /// re + i·im.
     pub fn new(re: f64, im: f64) -> Self {
         Self { re, im }
     }
-    pub fn plus(self, o: Self) -> Self {
+    pub(super) fn plus(self, o: Self) -> Self {
         Self::new(self.re + o.re, self.im + o.im)
     }
-    pub fn times(self, o: Self) -> Self {
+    pub(super) fn times(self, o: Self) -> Self {
         Self::new(self.re * o.re - self.im * o.im, self.re * o.im + self.im * o.re)
     }
-    pub fn scaled(self, f: f64) -> Self {
+    pub(super) fn scaled(self, f: f64) -> Self {
         Self::new(self.re * f, self.im * f)
     }
     /// An upper bound of the modulus.
@@ -40,7 +44,7 @@ impl Complex {
 }
 
 /// The degree of the polynomials.
-pub(super) const DEGREE: usize = 6;
+pub const DEGREE: usize = 6;
 
 /// 2⁻⁴⁷: more than what rounding adds to a sum of products of all coefficients, relative to the product of the sums of
 /// their moduli. Each coefficient of a product is a sum of no more than 7 products of complex numbers, which errs
@@ -55,7 +59,7 @@ const ROUNDING: f64 = 64.0 * f64::EPSILON / 2.0;
 /// Source: Makino and Berz, Taylor models and other validated functional inclusion methods, International
 /// Journal of Pure and Applied Mathematics 4 (2003).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Taylor {
+pub struct Taylor {
     c: [Complex; DEGREE + 1],
     remainder: f64,
 }
@@ -111,6 +115,12 @@ impl Taylor {
     /// The value in the centre, of the polynomial.
     pub fn centre(&self) -> Complex {
         self.c[0]
+    }
+
+    /// The polynomial at a point of the disc, rounded.
+    pub fn at(&self, s: Complex) -> Complex {
+        let start = Complex::ZERO;
+        self.c.iter().rev().fold(start, |sum, c| sum.times(s).plus(*c))
     }
 
     /// How far it may be from its polynomial.

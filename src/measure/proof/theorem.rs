@@ -219,6 +219,24 @@ impl Candidate {
         Ok(self.constants(&map.prepared()))
     }
 
+    /// [`Candidate::prove`] by the numbers alone, whatever the kinds of step: what is not symplectic is to fail, too.
+    #[doc(hidden)]
+    pub fn prove_by_numbers(&self, map: &PlaneMap) -> Result<Constants, Failure> {
+        self.constants(&map.prepared())
+    }
+
+    /// |E| on the strip, and the part of it that is from aliasing and truncation.
+    #[doc(hidden)]
+    pub fn residual_bounds(&self, map: &PlaneMap) -> Result<[f64; 2], Failure> {
+        let map = &map.prepared();
+        let curve = self.curve(map.cylinder());
+        let omega = self.omega.value();
+        let phases = phases(omega, self.points);
+        let image = self.image_bound(map, &curve, &phases)?;
+        let (residual, aliasing) = self.residual(map, &curve, &phases, omega, image)?;
+        Ok([residual, aliasing])
+    }
+
     fn constants(&self, map: &Prepared<'_>) -> Result<Constants, Failure> {
         let omega = self.omega.value();
         let curve = self.curve(map.cylinder());

@@ -1,0 +1,486 @@
+//! Proofs of invariant circles: enclosures against 320-bit values and against the maps themselves, the theorem on the
+//! standard map and on networks, and what each part of it is to refuse.
+
+use crate::tolerances;
+use astro_float::{BigFloat, Consts, RoundingMode};
+use gyroceptron::layer::{CircleAction, Reversor, TorusAction};
+use gyroceptron::measure::proof::{
+    Ball, Candidate, Circle, Complex, Divisors, Failure, FixedPoint, Jet, Number, PlaneMap,
+    PlaneStep, Ray, RotationNumber, Slope, Taylor, Verdict, candidates, candidates_near,
+    fixed_point_near, prove_circle, rotation_numbers,
+};
+use gyroceptron::network::{InitialWeights, Model, NetworkSpec, NormalFormShape};
+use gyroceptron::phase::{Half, Map};
+use gyroceptron::random::Stream;
+use gyroceptron::scalar::{DoubleDouble, Scalar};
+use std::f64::consts::{FRAC_PI_2, LN_2, PI};
+
+const BITS: usize = 320;
+const NEAREST: RoundingMode = RoundingMode::ToEven;
+
+fn wide(ball: Ball) -> BigFloat {
+    let [high, low] = ball.parts();
+    BigFloat::from_f64(high, BITS).add(&BigFloat::from_f64(low, BITS), BITS, NEAREST)
+}
+
+/// Whether a value is in a ball.
+fn holds(ball: Ball, value: &BigFloat) -> bool {
+    let apart = wide(ball).sub(value, BITS, NEAREST).abs();
+    apart.cmp(&BigFloat::from_f64(ball.radius(), BITS)).is_some_and(|order| order <= 0)
+}
+
+fn double(stream: &mut Stream) -> f64 {
+    let exponent = stream.uniform(-30.0, 30.0).round() as i32;
+    stream.uniform(-2.0, 2.0) * 2.0_f64.powi(exponent)
+}
+
+/// A point of 106 bits, and arguments at edges.
+fn points(stream: &mut Stream, count: usize) -> Vec<Ball> {
+    let edges = [0.0, 1.0, -1.0, 0.5, LN_2, LN_2 / 64.0, FRAC_PI_2, PI, 1e-300, 20.0, 149.9, -150.1];
+    let edges = edges.into_iter().map(Ball::of);
+    let drawn = (0..count).map(|_| {
+        let high = double(stream);
+        Ball::new(high, high * stream.uniform(-1.0, 1.0) * f64::EPSILON * 0.25, 0.0)
+    });
+    edges.chain(drawn.collect::<Vec<_>>()).collect()
+}
+
+/// How many operations do not hold their value, with balls that `change` makes of the results.
+fn missed(change: impl Fn(Ball) -> Ball) -> usize {
+    let mut stream = Stream::new(crate::suite::SEED, "balls");
+    let mut constants = Consts::new().expect("memory");
+    let all = points(&mut stream, 1200 * crate::suite::times());
+    let mut missed = 0;
+    let (mut all_of_them, mut refused) = (0, 0);
+    let mut count = |ball: Ball, value: BigFloat| {
+        all_of_them += 1;
+        // What overflows on the way has no finite radius.
+        if !ball.radius().is_finite() {
+            refused += 1;
+        } else {
+            missed += usize::from(!holds(change(ball), &value));
+        }
+    };
+    for pair in all.windows(2) {
+        let ([a, b], [x, y]) = ([pair[0], pair[1]], [wide(pair[0]), wide(pair[1])]);
+        count(a.plus(b), x.add(&y, BITS, NEAREST));
+        count(a.minus(b), x.sub(&y, BITS, NEAREST));
+        count(a.times(b), x.mul(&y, BITS, NEAREST));
+        if b.centre() != 0.0 {
+            count(a.over(b), x.div(&y, BITS, NEAREST));
+        }
+        if a.centre() > 0.0 {
+            count(a.sqrt(), x.sqrt(BITS, NEAREST));
+        }
+        if a.centre().abs() < 500.0 {
+            count(a.exp(), x.exp(BITS, NEAREST, &mut constants));
+            count(a.tanh(), x.tanh(BITS, NEAREST, &mut constants));
+        }
+        if a.centre().abs() < 1e6 {
+            let (s, c) = a.sin_cos();
+            count(s, x.sin(BITS, NEAREST, &mut constants));
+            count(c, x.cos(BITS, NEAREST, &mut constants));
+        }
+    }
+    assert!(100 * refused < all_of_them, "{refused} of {all_of_them}");
+    missed
+}
+
+#[test]
+fn balls_hold_the_values_of_320_bits() {
+    assert_eq!(missed(|ball| ball), 0);
+    // A radius that is not updated, and one that is of one double alone but too small.
+    assert!(missed(Ball::exact) > 0);
+    assert!(missed(|ball| Ball::new(ball.centre(), 0.0, ball.radius())) > 0);
+}
+
+#[test]
+fn what_is_no_number_is_in_no_ball() {
+    let none = Ball::of(f64::NAN);
+    for ball in [
+        none.plus(Ball::of(1.0)),
+        Ball::of(1.0).over(Ball::of(0.0)),
+        Ball::of(1.0).over(Ball::of(1e-3).widened(1e-2)),
+        Ball::of(-1.0).sqrt(),
+        Ball::of(1e200).times(Ball::of(1e200)),
+        Ball::of(700.0).exp(),
+        Ball::of(f64::INFINITY).tanh().minus(Ball::of(f64::INFINITY)),
+    ] {
+        let magnitude = ball.magnitude();
+        assert!(!(magnitude < f64::MAX), "{ball:?}");
+    }
+}
+
+/// f(w) for a complex w from balls: sin and tanh by their formulas in real functions.
+fn exact_complex(w: [Ball; 2]) -> [[Ball; 2]; 2] {
+    let [x, y] = w;
+    let (e, inverse) = (y.exp(), y.negated().exp());
+    let (cosh, sinh) = (e.plus(inverse).scaled(0.5), e.minus(inverse).scaled(0.5));
+    let (s, c) = x.sin_cos();
+    let sine = [s.times(cosh), c.times(sinh)];
+    let (e, inverse) = (x.scaled(2.0).exp(), x.scaled(-2.0).exp());
+    let (cosh, sinh) = (e.plus(inverse).scaled(0.5), e.minus(inverse).scaled(0.5));
+    let (s, c) = y.scaled(2.0).sin_cos();
+    let below = cosh.plus(c);
+    [sine, [sinh.over(below), s.over(below)]]
+}
+
+#[test]
+fn taylor_models_hold_complex_values() {
+    let mut stream = Stream::new(crate::suite::SEED, "taylor models");
+    let (mut looked_at, mut tight) = (0, 0);
+    for _ in 0..300 * crate::suite::times() {
+        let size = 10.0_f64.powf(stream.uniform(-3.0, -0.3));
+        let mut c = [Complex::ZERO; 7];
+        c[0] = Complex::new(stream.uniform(-3.0, 3.0), stream.uniform(-1.2, 1.2));
+        for (k, c) in c.iter_mut().enumerate().skip(1) {
+            let size = size.powi(k as i32);
+            *c = Complex::new(size * stream.uniform(-1.0, 1.0), size * stream.uniform(-1.0, 1.0));
+        }
+        let model = Taylor::new(c, 0.0);
+        let (sine, _) = model.sin_cos();
+        let results = [sine, model.tanh(), model.times(model), model.inverse()];
+        for _ in 0..4 {
+            // On the circle, where they are worst.
+            let (s, co) = libm::sincos(stream.uniform(0.0, 2.0 * PI));
+            let place = Complex::new(s, co);
+            let mut w = [Ball::of(0.0); 2];
+            for c in c.iter().rev() {
+                let [re, im] = w;
+                w = [
+                    re.scaled(s).minus(im.scaled(co)).plus(Ball::of(c.re)),
+                    re.scaled(co).plus(im.scaled(s)).plus(Ball::of(c.im)),
+                ];
+            }
+            let [sine, tanh] = exact_complex(w);
+            let [re, im] = w;
+            let square = [re.times(re).minus(im.times(im)), re.times(im).scaled(2.0)];
+            let norm = re.times(re).plus(im.times(im));
+            let inverse = [re.over(norm), im.negated().over(norm)];
+            for (model, value) in results.iter().zip([sine, tanh, square, inverse]) {
+                let near = model.at(place);
+                let off = [near.re - value[0].centre(), near.im - value[1].centre()];
+                let off = libm::hypot(off[0], off[1]);
+                // The point is on the circle to a rounding, and so is what is compared.
+                let slack = 64.0 * f64::EPSILON * (1.0 + libm::hypot(near.re, near.im));
+                assert!(off <= model.remainder() + slack, "{off} {model:?} {w:?}");
+                looked_at += 1;
+                tight += usize::from(off > 0.01 * model.remainder());
+            }
+        }
+    }
+    // They are not merely large.
+    assert!(10 * tight > looked_at, "{tight} of {looked_at}");
+}
+
+#[test]
+fn a_pole_within_a_model_makes_it_unbounded() {
+    let mut c = [Complex::ZERO; 7];
+    (c[0], c[1]) = (Complex::new(0.1, 1.0), Complex::new(0.7, 0.0));
+    assert!(Taylor::new(c, 0.0).tanh().remainder() == f64::INFINITY);
+    c[1] = Complex::new(0.1, 0.0);
+    assert!(Taylor::new(c, 0.0).tanh().remainder().is_finite());
+}
+
+/// γ is below k|kω − m| for so many k.
+fn is_below_all(omega: &RotationNumber, gamma: f64) -> bool {
+    let value = omega.value().centre();
+    (1..20_000).all(|k| {
+        let turns = k as f64 * value;
+        // Rounding of k·ω is k·10⁻¹⁶.
+        let off = (turns - turns.round()).abs() + k as f64 * f64::EPSILON;
+        gamma <= k as f64 * off
+    })
+}
+
+#[test]
+fn rotation_numbers_are_as_far_from_fractions_as_they_say() {
+    for text in ["golden", "[0; 7, (1)]", "[0; 1, 2, 5, (1)]", "0.6853", "0.60", "[0; 1, 1, 30, 2, (1)]"] {
+        let omega: RotationNumber = text.parse().expect(text);
+        let gamma = omega.gamma();
+        assert!(is_below_all(&omega, gamma), "{text}: {gamma}");
+        assert!(!is_below_all(&omega, 2.0 * gamma), "{text}: {gamma}");
+        let again: RotationNumber = omega.to_string().parse().expect("as it is written");
+        assert_eq!(again, omega);
+    }
+    let golden: RotationNumber = "golden".parse().expect("golden");
+    let value = 0.5 * (5.0_f64.sqrt() - 1.0);
+    assert!((golden.value().centre() - value).abs() <= f64::EPSILON);
+    for (text, why) in [
+        ("2/3", "rational"),
+        ("[0; 1, 2]", "rational"),
+        ("1.618", "whole turns"),
+        ("0", "whole turns"),
+        ("nan", "whole turns"),
+        ("[1; (1)]", "continued fraction"),
+        ("[0; 0, (1)]", "quotient"),
+        ("", "continued fraction"),
+    ] {
+        let found = text.parse::<RotationNumber>().expect_err(text).to_string();
+        assert!(found.contains(why), "{text}: {found}");
+    }
+}
+
+#[test]
+fn small_divisors_are_bounded() {
+    for text in ["golden", "[0; 1, 2, 5, (1)]", "[0; 7, (1)]"] {
+        let omega: RotationNumber = text.parse().expect(text);
+        let (divisors, value) = (Divisors::new(&omega), omega.value().centre());
+        for delta in [0.1, 0.01, 0.001] {
+            let bound = divisors.bound(delta);
+            assert!(bound <= divisors.scaling_bound(delta));
+            // The literal sum, and |ξ| of the η whose modes are all as large as they may be at one point.
+            let mut sum = 0.0;
+            for k in 1..40_000 {
+                let s = libm::sin(PI * libm::remainder(k as f64 * value, 1.0));
+                sum += libm::exp(-4.0 * PI * k as f64 * delta) / (4.0 * s * s);
+            }
+            let literal = 2.0 * f64::sqrt(sum);
+            assert!(bound >= literal && bound <= 1.001 * literal, "{text} {delta}: {bound} {literal}");
+        }
+    }
+}
+
+/// The standard map p += (K/2π) sin 2πx, x += p.
+fn standard_map(k: f64) -> PlaneMap {
+    let shear = |target, factor, slope| PlaneStep::Shear {
+        target,
+        factor,
+        reflect: false,
+        shift: 0.0,
+        slope,
+    };
+    PlaneMap {
+        steps: vec![
+            shear(Half::Momentum, k / (2.0 * PI), Slope::Sine),
+            shear(Half::Position, 1.0, Slope::Linear(1.0)),
+        ],
+        cylinder: true,
+    }
+}
+
+/// Candidates for the golden circle, by continuation from none.
+fn golden_circle(k: f64) -> Result<Vec<Candidate>, gyroceptron::Error> {
+    let golden: RotationNumber = "golden".parse()?;
+    let mut modes = vec![[[0.0; 2]; 4]];
+    modes[0][2][0] = golden.value().centre();
+    let mut now = 0.0;
+    loop {
+        now = f64::min(now + 0.2, k);
+        let found = candidates_near(&standard_map(now), &modes, &golden)?;
+        if now == k {
+            return Ok(found);
+        }
+        modes.clone_from(&found[0].modes);
+    }
+}
+
+#[test]
+fn golden_circles_of_the_standard_map_are_proved_below_the_critical_one() {
+    for k in [0.5, 0.8, 0.9] {
+        let found = golden_circle(k).expect("a curve");
+        let map = standard_map(k);
+        let mut verdicts = found.iter().map(|candidate| candidate.prove(&map).expect("symplectic"));
+        assert!(verdicts.any(|verdict| verdict.is_ok()), "K = {k}");
+    }
+    // Greene's critical value is 0.971635….
+    match golden_circle(0.98) {
+        Err(_) => {}
+        Ok(found) => {
+            let map = standard_map(0.98);
+            assert!(found.iter().all(|candidate| candidate.prove(&map).expect("symplectic").is_err()));
+        }
+    }
+}
+
+#[test]
+fn there_is_no_circle_in_an_island() {
+    // At K = 0.9 the island of the fixed point reaches to p = ±0.3: orbits with turns near 0 go around it.
+    let omega: RotationNumber = "[0; 40, (1)]".parse().expect("a number");
+    let ray = Ray { from: [0.5, 0.0], to: [0.5, 0.5] };
+    let verdict = prove_circle(&standard_map(0.9), ray, &omega).expect("symplectic");
+    assert!(!matches!(verdict, Verdict::Proved(_)), "{verdict:?}");
+}
+
+/// A nearly integrable map of a plane that turns by about a third.
+fn model(epsilon: f64, seed: u64) -> Model {
+    let shape = NormalFormShape {
+        action: TorusAction::from(CircleAction::new([1])),
+        psi: Vec::new(),
+        kicks: vec![3; 2],
+        twists: vec![4],
+        turned_twists: Vec::new(),
+        flow_time: 1.0,
+        perturbation: Some(vec![3; 3]),
+    };
+    let weights = InitialWeights::Normal { scale: 0.6 };
+    shape.architecture(epsilon).initialise(weights, 2.3, seed).expect("a network")
+}
+
+const RAY: Ray = Ray { from: [0.0; 2], to: [1.2, 0.0] };
+
+fn proved(map: &PlaneMap) -> Vec<Circle> {
+    let fixed = fixed_point_near(map, [0.0; 2]).expect("a fixed point");
+    let ray = Ray { from: fixed, ..RAY };
+    let verdicts = rotation_numbers(map, ray, 2).into_iter().map(|omega| {
+        let verdict = prove_circle(map, ray, &omega).expect("symplectic");
+        match verdict {
+            Verdict::Proved(circle) => *circle,
+            other => panic!("{omega}: {other:?}"),
+        }
+    });
+    verdicts.collect()
+}
+
+#[test]
+fn circles_of_a_network_are_proved_and_nested_and_what_is_wrong_is_refused() {
+    let map = PlaneMap::of_model(&model(0.01, 3)).expect("of one degree of freedom");
+    let mut circles = proved(&map);
+    circles.sort_by(|a, b| a.area().total_cmp(&b.area()));
+    let [inner, outer] = &circles[..] else { panic!("{} circles", circles.len()) };
+    assert_eq!(outer.encloses(inner), Ok(()));
+    assert!(inner.encloses(outer).is_err() && inner.encloses(inner).is_err());
+    let fixed = fixed_point_near(&map, [0.0; 2]).expect("a fixed point");
+    let point = FixedPoint::prove(&map, fixed).expect("a proof");
+    assert_eq!(point.is_elliptic(), Some(true));
+    assert!(FixedPoint::prove(&map, [0.3, 0.2]).is_none());
+
+    // The orbit of a point of the curve stays by the proved circle.
+    let (mut z, candidate) = ([outer.points(1)[0], outer.points(1)[1]], &outer.candidate);
+    let turns = candidate.omega.value().centre();
+    let count = 1 << 10;
+    let curve = outer.points(count);
+    for n in 1..200 {
+        map.prepared().apply(&mut z);
+        let place = (n as f64 * turns).rem_euclid(1.0) * count as f64;
+        let near = place.round() as usize % count;
+        let apart = libm::hypot(curve[2 * near] - z[0], curve[2 * near + 1] - z[1]);
+        // Half the distance of neighbouring points, at most.
+        assert!(apart <= outer.constants.tangent / count as f64, "{n}: {apart}");
+    }
+
+    let refused = |name: &str, candidate: &Candidate, map: &PlaneMap| {
+        let found: Result<_, Failure> = candidate.prove_by_numbers(map);
+        assert!(found.is_err(), "{name}: {found:?}");
+    };
+    assert!(candidate.prove_by_numbers(&map).is_ok());
+    // A coefficient that is off.
+    let mut off = candidate.clone();
+    off.modes[2][0][0] += 1e-6;
+    refused("a coefficient off by 1e-6", &off, &map);
+    // A strip across a pole.
+    let across = Candidate { rho_hat: 0.7, ..candidate.clone() };
+    refused("a strip across a pole", &across, &map);
+    // Another rotation number.
+    let other = Candidate { omega: inner.candidate.omega.clone(), ..candidate.clone() };
+    refused("another rotation number", &other, &map);
+    // So few points that what is above their modes is seen by the bound of aliasing alone.
+    let truncated = candidate.modes[..candidate.modes.len() / 4].to_vec();
+    let coarse = Candidate { modes: truncated, ..candidate.clone() };
+    refused("a quarter of the modes", &coarse, &map);
+
+    // Areas that shrink, by the numbers, and whatever the numbers by the kind of step.
+    for excess in [1e-6, 1e-9, 1e-12, 1e-15] {
+        let mut shrinking = map.clone();
+        shrinking.steps.push(PlaneStep::Scaling { target: Half::Momentum, excess: -excess });
+        let found = candidate.prove(&shrinking).expect_err("a kind of step").to_string();
+        assert!(found.contains("not symplectic"), "{found}");
+        assert!(prove_circle(&shrinking, RAY, &candidate.omega).is_err());
+        if excess > tolerances::SMALLEST_DISSIPATION {
+            let ray = Ray { from: fixed, ..RAY };
+            if let Ok(found) = candidates(&shrinking, ray, &candidate.omega) {
+                for candidate in &found {
+                    refused("areas that shrink", candidate, &shrinking);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn aliasing_is_bounded() {
+    // A curve with few points: the coefficients that its points see are all but exact, those beyond are not seen.
+    let map = PlaneMap::of_model(&model(0.01, 3)).expect("of one degree of freedom");
+    let candidate = proved(&map).remove(0).candidate;
+    let modes = candidate.modes[..12].to_vec();
+    let coarse = Candidate { modes: modes.clone(), points: 64, ..candidate.clone() };
+    let fine = Candidate { modes, points: 512, ..candidate };
+    let [coarse, fine] = [coarse, fine].map(|candidate| residual_and_aliasing(&candidate, &map));
+    // More points see what few cannot: the bound with aliasing holds it, the coefficients alone do not.
+    assert!(coarse[0] >= fine[0] - fine[1], "{coarse:?} {fine:?}");
+    assert!(coarse[0] - coarse[1] < fine[0] - fine[1], "{coarse:?} {fine:?}");
+}
+
+fn residual_and_aliasing(candidate: &Candidate, map: &PlaneMap) -> [f64; 2] {
+    candidate.residual_bounds(map).expect("bounded")
+}
+
+/// The evaluator against the maps of the crate, with random weights.
+#[test]
+fn maps_of_a_proof_are_the_maps_of_models() {
+    let mut kinds = 0;
+    for (number, text) in NETWORKS.iter().enumerate() {
+        let spec: NetworkSpec = serde_json::from_str(text).expect(text);
+        let architecture = spec.architecture(&TorusAction::from(CircleAction::new([2])), 0.1, 0.7).expect(text);
+        let weights = InitialWeights::Normal { scale: 0.4 };
+        let model = architecture.initialise(weights, 0.9, number as u64).expect(text);
+        let map = PlaneMap::of_model(&model).expect(text);
+        assert!(map.check_symplectic().is_ok());
+        let (exact, literal) = (model.lift::<DoubleDouble>(), map.prepared());
+        let inner = exact.in_conjugated_coordinates();
+        let mut stream = Stream::new(crate::suite::SEED, text);
+        for _ in 0..8 {
+            let start = [stream.uniform(-0.9, 0.9), stream.uniform(-0.9, 0.9)];
+            let mut wide = start.map(DoubleDouble::from_f64);
+            inner.forward(&mut wide);
+            let mut balls = start.map(Ball::of);
+            literal.apply(&mut balls);
+            let mut z = start;
+            literal.apply(&mut z);
+            let jets = [0, 1].map(|axis| Jet::<Ball, false>::start(Ball::of(start[axis]), axis));
+            let mut jets = jets;
+            literal.apply(&mut jets);
+            for k in 0..2 {
+                let (high, low) = wide[k].parts();
+                let apart = balls[k].minus(Ball::new(high, low, 0.0)).exact().magnitude();
+                assert!(apart < tolerances::OF_TWO_DOUBLES, "{text}: {apart}");
+                assert!((z[k] - high).abs() < tolerances::OF_A_MAP, "{text}: {}", z[k] - high);
+                assert!(balls[k].radius() < tolerances::OF_TWO_DOUBLES, "{text}: {:?}", balls[k]);
+            }
+            let [a, b] = [jets[0].first, jets[1].first];
+            let determinant = a[0].times(b[1]).minus(a[1].times(b[0])).minus(Ball::of(1.0));
+            assert!(determinant.magnitude() < tolerances::OF_TWO_DOUBLES, "{text}: {determinant:?}");
+        }
+        kinds += 1;
+    }
+    assert_eq!(kinds, NETWORKS.len());
+}
+
+const NETWORKS: [&str; 6] = [
+    r#"{"kind": "gyroceptron", "psi": {"count": 2, "width": 3}, "near_identity": {"count": 2, "width": 3}}"#,
+    r#"{"kind": "henon-net", "layers": {"count": 2, "width": 3}}"#,
+    r#"{"kind": "symp-net", "layers": {"count": 2, "width": 3}}"#,
+    r#"{"kind": "normal-form", "kicks": {"count": 3, "width": 4}, "twists": {"count": 1, "width": 5}, "perturbation": {"count": 2, "width": 3}}"#,
+    r#"{"kind": "normal-form", "radius": 1.0, "kicks": {"count": 3, "width": 1, "degree": 6}, "twists": {"count": 1, "width": 1, "degree": 4}, "perturbation": {"count": 2, "width": 1, "degree": 5}}"#,
+    r#"{"kind": "normal-form", "kicks": {"count": 2, "width": 4}, "twists": {"count": 1, "width": 5}, "perturbation": {"count": 2, "width": 3}, "reversor": "momenta"}"#,
+];
+
+#[test]
+fn maps_that_no_theorem_is_about_are_refused() {
+    let spec: NetworkSpec = serde_json::from_str(NETWORKS[0]).expect("a network");
+    let two = spec.architecture(&TorusAction::from(CircleAction::new([1, 0])), 0.1, 1.0).expect("a network");
+    let two = two.initialise(InitialWeights::Glorot, 1.0, 1).expect("weights");
+    let found = PlaneMap::of_model(&two).expect_err("two degrees of freedom").to_string();
+    assert!(found.contains("one degree of freedom"), "{found}");
+    let once = PlaneMap { steps: vec![PlaneStep::Reflection(Reversor::Momenta.half())], cylinder: false };
+    assert!(once.check_symplectic().is_err());
+    let drift = PlaneStep::Shear {
+        target: Half::Momentum,
+        factor: 1e-3,
+        reflect: false,
+        shift: 0.0,
+        slope: Slope::Constant(1.0),
+    };
+    let map = PlaneMap { steps: vec![drift], cylinder: true };
+    assert!(map.check_symplectic().expect_err("a flux").to_string().contains("not exact"));
+}
