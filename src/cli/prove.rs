@@ -29,8 +29,22 @@ fn pair(name: &str, numbers: &[f64]) -> Result<[f64; 2], Error> {
     }
 }
 
+/// The parts between commas, but for those of continued fractions.
+fn outside_brackets(text: &str) -> Vec<&str> {
+    let (mut depth, mut first, mut out) = (0_i32, 0, Vec::new());
+    for (place, letter) in text.char_indices() {
+        depth += i32::from(letter == '[') - i32::from(letter == ']');
+        if letter == ',' && depth == 0 {
+            out.push(&text[first..place]);
+            first = place + 1;
+        }
+    }
+    out.push(&text[first..]);
+    out
+}
+
 fn frequencies(arguments: &Prove) -> Result<Vec<RotationNumber>, Error> {
-    let listed = arguments.frequencies.iter().flat_map(|text| text.split(';'));
+    let listed = arguments.frequencies.iter().flat_map(|text| outside_brackets(text));
     let listed = listed.chain(arguments.between.iter().map(String::as_str));
     let mut out: Vec<RotationNumber> = Vec::new();
     for text in listed.filter(|text| !text.trim().is_empty()) {

@@ -9,6 +9,7 @@
 //! | which options to choose | [`choosing`] |
 //! | your own map under the laws, on a grid, and under fuzzing | [`own_map`] |
 //! | what holds for all weights, what does not, exact inversion on a grid | [`guarantees`] |
+//! | theorems about a model: curves that no orbit crosses | [`proofs`] |
 //! | the network in 40 lines of NumPy | [`weights`] |
 //! | where things are in the source, and how to add to it | [`source`] |
 //! | each definition of the paper | [`conformance`](crate::conformance) |
@@ -40,7 +41,7 @@ macro_rules! chapters {
 }
 
 chapters! {
-    concepts library program python choosing own_map guarantees weights source
+    concepts library program python choosing own_map guarantees proofs weights source
     paper long_steps family field_lines coils particle two_modes dissipation stiff noise
     invariant_worth figures
 }

@@ -50,7 +50,8 @@ impl RotationNumber {
                 rest = 1.0 / rest - a;
                 let Ok(found) = Self::new(quotients.clone()) else { break };
                 let near = (found.value().centre() - x).abs() <= tolerance;
-                if near && best.as_ref().is_none_or(|best| found.gamma() > best.gamma()) {
+                // Of two that are as far the first, which is shorter or nearer.
+                if near && best.as_ref().is_none_or(|best| found.gamma() > 1.01 * best.gamma()) {
                     best = Some(found);
                 }
             }
