@@ -36,7 +36,8 @@ fn double(stream: &mut Stream) -> f64 {
 
 /// A point of 106 bits, and arguments at edges.
 fn points(stream: &mut Stream, count: usize) -> Vec<Ball> {
-    let edges = [0.0, 1.0, -1.0, 0.5, LN_2, LN_2 / 64.0, FRAC_PI_2, PI, 1e-300, 20.0, 149.9, -150.1];
+    let edges =
+        [0.0, 1.0, -1.0, 0.5, LN_2, LN_2 / 64.0, FRAC_PI_2, PI, 1e-300, 20.0, 149.9, -150.1];
     let edges = edges.into_iter().map(Ball::of);
     let drawn = (0..count).map(|_| {
         let high = double(stream);
@@ -195,7 +196,9 @@ fn is_below_all(omega: &RotationNumber, gamma: f64) -> bool {
 
 #[test]
 fn rotation_numbers_are_as_far_from_fractions_as_they_say() {
-    for text in ["golden", "[0; 7, (1)]", "[0; 1, 2, 5, (1)]", "0.6853", "0.60", "[0; 1, 1, 30, 2, (1)]"] {
+    for text in
+        ["golden", "[0; 7, (1)]", "[0; 1, 2, 5, (1)]", "0.6853", "0.60", "[0; 1, 1, 30, 2, (1)]"]
+    {
         let omega: RotationNumber = text.parse().expect(text);
         let gamma = omega.gamma();
         assert!(is_below_all(&omega, gamma), "{text}: {gamma}");
@@ -236,7 +239,10 @@ fn small_divisors_are_bounded() {
                 sum += libm::exp(-4.0 * PI * k as f64 * delta) / (4.0 * s * s);
             }
             let literal = 2.0 * f64::sqrt(sum);
-            assert!(bound >= literal && bound <= 1.001 * literal, "{text} {delta}: {bound} {literal}");
+            assert!(
+                bound >= literal && bound <= 1.001 * literal,
+                "{text} {delta}: {bound} {literal}"
+            );
         }
     }
 }
@@ -288,7 +294,9 @@ fn golden_circles_of_the_standard_map_are_proved_below_the_critical_one() {
         Err(_) => {}
         Ok(found) => {
             let map = standard_map(0.98);
-            assert!(found.iter().all(|candidate| candidate.prove(&map).expect("symplectic").is_err()));
+            assert!(
+                found.iter().all(|candidate| candidate.prove(&map).expect("symplectic").is_err())
+            );
         }
     }
 }
@@ -421,7 +429,8 @@ fn maps_of_a_proof_are_the_maps_of_models() {
     let mut kinds = 0;
     for (number, text) in NETWORKS.iter().enumerate() {
         let spec: NetworkSpec = serde_json::from_str(text).expect(text);
-        let architecture = spec.architecture(&TorusAction::from(CircleAction::new([2])), 0.1, 0.7).expect(text);
+        let architecture =
+            spec.architecture(&TorusAction::from(CircleAction::new([2])), 0.1, 0.7).expect(text);
         let weights = InitialWeights::Normal { scale: 0.4 };
         let model = architecture.initialise(weights, 0.9, number as u64).expect(text);
         let map = PlaneMap::of_model(&model).expect(text);
@@ -449,7 +458,10 @@ fn maps_of_a_proof_are_the_maps_of_models() {
             }
             let [a, b] = [jets[0].first, jets[1].first];
             let determinant = a[0].times(b[1]).minus(a[1].times(b[0])).minus(Ball::of(1.0));
-            assert!(determinant.magnitude() < tolerances::OF_TWO_DOUBLES, "{text}: {determinant:?}");
+            assert!(
+                determinant.magnitude() < tolerances::OF_TWO_DOUBLES,
+                "{text}: {determinant:?}"
+            );
         }
         kinds += 1;
     }
@@ -468,11 +480,14 @@ const NETWORKS: [&str; 6] = [
 #[test]
 fn maps_that_no_theorem_is_about_are_refused() {
     let spec: NetworkSpec = serde_json::from_str(NETWORKS[0]).expect("a network");
-    let two = spec.architecture(&TorusAction::from(CircleAction::new([1, 0])), 0.1, 1.0).expect("a network");
+    let two = spec
+        .architecture(&TorusAction::from(CircleAction::new([1, 0])), 0.1, 1.0)
+        .expect("a network");
     let two = two.initialise(InitialWeights::Glorot, 1.0, 1).expect("weights");
     let found = PlaneMap::of_model(&two).expect_err("two degrees of freedom").to_string();
     assert!(found.contains("one degree of freedom"), "{found}");
-    let once = PlaneMap { steps: vec![PlaneStep::Reflection(Reversor::Momenta.half())], cylinder: false };
+    let once =
+        PlaneMap { steps: vec![PlaneStep::Reflection(Reversor::Momenta.half())], cylinder: false };
     assert!(once.check_symplectic().is_err());
     let drift = PlaneStep::Shear {
         target: Half::Momentum,

@@ -6,21 +6,12 @@ use super::guards::{check_ending, guard_output, use_threads};
 use super::output::{json, out, status_of, width};
 use super::progress::line;
 use gyroceptron::Error;
-use gyroceptron::io::{ProofFile, StoredModel, load_model};
-use gyroceptron::measure::proof::{
-    Circle, Constants, Failure, FixedPoint, PlaneMap, Ray, RotationNumber, Verdict, fixed_point_near,
-    prove_circle, rotation_numbers,
-};
-use gyroceptron::scene::render::terminal;
+use gyroceptron::io::{ABOUT_PROOFS, ProofFile, ProofRequest, Proofs, load_model};
+use gyroceptron::measure::proof::{Constants, PlaneMap, RotationNumber, Verdict};
 use gyroceptron::scene::findings::{Cell, Format, Table};
-use rayon::prelude::*;
+use gyroceptron::scene::render::terminal;
 use serde_json::json;
 use std::path::PathBuf;
-use std::sync::Mutex;
-
-/// What it is about, said first.
-const ABOUT: &str = "about the map of real numbers with these weights, its turns exact rotations, in the coordinates of its \
-    normal form: not about the rounded map of doubles, nor about what the model was trained on";
 
 fn pair(name: &str, numbers: &[f64]) -> Result<[f64; 2], Error> {
     match numbers {
@@ -60,32 +51,20 @@ fn frequencies(arguments: &Prove) -> Result<Vec<RotationNumber>, Error> {
     Ok(out)
 }
 
-/// Fails where a curve is outside the box of a polynomial.
-fn check_box(stored: &StoredModel, circle: &Circle) -> Result<(), Error> {
-    let [chart, _] = stored.model.chart_and_inner_map();
-    let mut points = circle.points(256);
-    for point in points.chunks_exact_mut(2) {
-        gyroceptron::network::map_points(&chart, gyroceptron::phase::Direction::Forward, point)?;
-    }
-    let reach = stored.model.largest_reach(&points);
-    if reach > 1.0 {
-        let expected = "a curve within the box of the polynomials, where they were trained";
-        let name = format!("circle of {}", circle.omega());
-        return Err(Error::invalid(&name, format!("{reach:.3} of the box"), expected));
-    }
-    Ok(())
-}
-
 /// What has come of each rotation number.
 fn verdicts(tried: &[(RotationNumber, Verdict)]) -> Table {
-    let headings = ["rotation number", "turns", "γ", "ρ", "|E|", "κ", "16κ|E|", "distance", "verdict"];
+    let headings =
+        ["rotation number", "turns", "γ", "ρ", "|E|", "κ", "16κ|E|", "distance", "verdict"];
     let mut table = Table::new(headings.map(|heading| (heading, Format::Exact)));
     for (omega, verdict) in tried {
-        let (mut numbers, said) = (vec![None; 5], match verdict {
-            Verdict::Proved(_) => "proved".to_owned(),
-            Verdict::NotProved(failure) => format!("not proved {}", failure.number()),
-            Verdict::NotFound(_) => "not proved (0)".to_owned(),
-        });
+        let (mut numbers, said) = (
+            vec![None; 5],
+            match verdict {
+                Verdict::Proved(_) => "proved".to_owned(),
+                Verdict::NotProved(failure) => format!("not proved {}", failure.number()),
+                Verdict::NotFound(_) => "not proved (0)".to_owned(),
+            },
+        );
         if let Verdict::Proved(circle) = verdict {
             let Constants { residual, kappa, margin, distance, .. } = circle.constants;
             numbers = [circle.candidate.rho, residual, kappa, margin, distance].map(Some).to_vec();
@@ -102,35 +81,6 @@ fn verdicts(tried: &[(RotationNumber, Verdict)]) -> Table {
     table
 }
 
-fn failure_of(failure: &Failure) -> serde_json::Value {
-    json!({
-        "inequality": failure.inequality,
-        "found": failure.found.is_finite().then_some(failure.found),
-        "needed": failure.needed,
-        "advice": failure.advice(),
-    })
-}
-
-fn verdict_of((omega, verdict): &(RotationNumber, Verdict)) -> serde_json::Value {
-    let (name, circle, failure, reason) = match verdict {
-        Verdict::Proved(circle) => ("proved", Some(circle), None, None),
-        Verdict::NotProved(failure) => ("not proved", None, Some(failure_of(failure)), None),
-        Verdict::NotFound(reason) => ("not proved", None, None, Some(reason)),
-    };
-    json!({
-        "rotation_number": omega.to_string(),
-        "turns": omega.value().centre(),
-        "gamma": omega.gamma(),
-        "verdict": name,
-        "failure": failure,
-        "reason": reason,
-        "rho": circle.map(|c| c.candidate.rho),
-        "modes": circle.map(|c| c.candidate.modes.len()),
-        "area": circle.map(|c| c.area()),
-        "constants": circle.map(|c| c.constants),
-    })
-}
-
 pub fn prove(arguments: &Prove) -> Result<Status, Error> {
     use_threads(&arguments.common)?;
     let output = arguments.output.clone().unwrap_or_else(|| {
@@ -141,74 +91,44 @@ pub fn prove(arguments: &Prove) -> Result<Status, Error> {
     check_ending("--output", &output, "json")?;
     let count = positive("--circles", arguments.circles)?;
     let to = pair("--to", &arguments.to)?;
-    let mut wanted = frequencies(arguments)?;
-    let stored = load_model(&arguments.model)?;
-    let place = |error: Error| error.with_place(arguments.model.display());
-    let map = PlaneMap::of_model(&stored.model).map_err(place)?;
-    map.check_symplectic().map_err(place)?;
-    guard_output("--output", &output, arguments.overwrite, &[&arguments.model])?;
-    let fixed = fixed_point_near(&map, [0.0; 2]);
-    let from = match (&arguments.from[..], fixed) {
-        ([], Some(fixed)) => fixed,
-        ([], None) => [0.0; 2],
-        (given, _) => pair("--from", given)?,
+    let from = match &arguments.from[..] {
+        [] => None,
+        given => Some(pair("--from", given)?),
     };
-    let proved_point = fixed.and_then(|fixed| FixedPoint::prove(&map, fixed));
-    let ray = Ray { from, to };
-    line(ABOUT);
-    if wanted.is_empty() {
-        wanted = rotation_numbers(&map, ray, count);
-        if wanted.is_empty() {
-            let found = format!("from {from:?} to {to:?}");
-            let expected = "a ray with orbits that turn around its beginning at different rates";
-            return Err(Error::invalid("--from and --to", found, expected));
-        }
-    }
+    let request = ProofRequest { numbers: frequencies(arguments)?, circles: count, from, to };
+    let stored = load_model(&arguments.model)?;
+    guard_output("--output", &output, arguments.overwrite, &[&arguments.model])?;
+    PlaneMap::of_model(&stored.model)
+        .map_err(|error| error.with_place(arguments.model.display()))?;
+    line(&format!("about {ABOUT_PROOFS}"));
     // What is proved is kept whenever the program is stopped.
-    let kept: Mutex<Vec<Circle>> = Mutex::new(Vec::new());
-    let tried: Vec<Result<(RotationNumber, Verdict), Error>> = wanted
-        .into_par_iter()
-        .map(|omega| {
-            let verdict = prove_circle(&map, ray, &omega)?;
-            match &verdict {
-                Verdict::Proved(circle) => {
-                    check_box(&stored, circle)?;
-                    let mut kept = kept.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-                    kept.push((**circle).clone());
-                    ProofFile::new(&stored, kept.clone())?.save(&output)?;
-                    line(&format!("{omega}: proved"));
-                }
-                Verdict::NotProved(_) | Verdict::NotFound(_) => {
-                    line(&format!("{omega}: not proved"));
-                }
-            }
-            Ok((omega, verdict))
-        })
-        .collect();
-    let tried: Vec<(RotationNumber, Verdict)> = tried.into_iter().collect::<Result<_, Error>>()?;
-    let circles = kept.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    let all = circles.len() == tried.len();
-    let proofs = ProofFile::new(&stored, circles)?;
-    let said = statement(&proofs);
+    let found = |omega: &RotationNumber, verdict: &Verdict, file: &ProofFile| match verdict {
+        Verdict::Proved(_) => {
+            file.save(&output)?;
+            line(&format!("{omega}: proved"));
+            Ok(())
+        }
+        Verdict::NotProved(_) | Verdict::NotFound(_) => {
+            line(&format!("{omega}: not proved"));
+            Ok(())
+        }
+    };
+    let proofs = Proofs::of_model(&stored, &request, found)
+        .map_err(|error| error.with_place(arguments.model.display()))?;
+    let any = !proofs.file.circles.is_empty();
+    if any {
+        // In one order, whichever was proved first.
+        proofs.file.save(&output)?;
+    }
+    let said = proofs.file.statements();
     if arguments.common.json {
-        json(&json!({
-            "target": arguments.model.display().to_string(),
-            "about": ABOUT,
-            "crate_version": env!("CARGO_PKG_VERSION"),
-            "output": (!proofs.circles.is_empty()).then(|| output.display().to_string()),
-            "circles": tried.iter().map(verdict_of).collect::<Vec<_>>(),
-            "nested": proofs.nested,
-            "statement": said,
-            "fixed_point": proved_point.map(|point| json!({
-                "middle": point.middle,
-                "radius": point.radius,
-                "trace": point.trace,
-                "residue": point.trace.map(|trace| 0.25 * (2.0 - trace)),
-                "elliptic": point.is_elliptic(),
-            })),
-        }))?;
+        let mut document = proofs.document();
+        document["target"] = arguments.model.display().to_string().into();
+        document["output"] = any.then(|| output.display().to_string()).into();
+        json(&document)?;
     } else {
-        if let Some(point) = proved_point {
+        let tried = &proofs.tried;
+        if let Some(point) = proofs.fixed_point {
             let kind = match point.is_elliptic() {
                 Some(true) => "elliptic (an O-point)",
                 Some(false) => "hyperbolic (an X-point)",
@@ -219,13 +139,12 @@ pub fn prove(arguments: &Prove) -> Result<Status, Error> {
                 point.radius, point.middle[0], point.middle[1], point.trace[0], point.trace[1]
             ))?;
         }
-        out(&terminal::table(&verdicts(&tried), width()))?;
-        for (omega, verdict) in &tried {
+        out(&terminal::table(&verdicts(tried), width()))?;
+        for (omega, verdict) in tried {
             match verdict {
-                Verdict::NotProved(failure) => out(&format!(
-                    "{omega}: {failure}; what may help: {}\n",
-                    failure.advice()
-                ))?,
+                Verdict::NotProved(failure) => {
+                    out(&format!("{omega}: {failure}; what may help: {}\n", failure.advice()))?
+                }
                 Verdict::NotFound(reason) => out(&format!("{omega}: (0) no curve: {reason}\n"))?,
                 Verdict::Proved(_) => {}
             }
@@ -233,42 +152,15 @@ pub fn prove(arguments: &Prove) -> Result<Status, Error> {
         for text in &said {
             out(&format!("{text}\n"))?;
         }
-        if !proofs.circles.is_empty() {
+        if any {
             out(&format!(
                 "{}: {} circles; gyroceptron check-proof verifies them again\n",
                 output.display(),
-                proofs.circles.len()
+                proofs.file.circles.len()
             ))?;
         }
     }
-    Ok(status_of(all && !proofs.circles.is_empty()))
-}
-
-/// What follows of the circles, in words.
-fn statement(proofs: &ProofFile) -> Vec<String> {
-    let turns = |k: usize| format!("{:.4}", proofs.circles[k].omega().value().centre());
-    let mut out = Vec::new();
-    let mut first = 0;
-    for k in 1..=proofs.circles.len() {
-        if k < proofs.circles.len() && proofs.is_nested(k - 1, k) {
-            continue;
-        }
-        if k - first > 1 {
-            out.push(format!(
-                "proved: no orbit of this map that begins between the circles of {} and {} turns leaves, in any number of maps; \
-                 nor does one that begins within the latter",
-                turns(first),
-                turns(k - 1)
-            ));
-        } else {
-            out.push(format!(
-                "proved: no orbit of this map that begins within the circle of {} turns leaves, in any number of maps",
-                turns(first)
-            ));
-        }
-        first = k;
-    }
-    out
+    Ok(status_of(proofs.holds()))
 }
 
 pub fn check_proof(arguments: &CheckProof) -> Result<Status, Error> {
@@ -276,15 +168,15 @@ pub fn check_proof(arguments: &CheckProof) -> Result<Status, Error> {
     let stored = load_model(&arguments.model)?;
     let proofs = ProofFile::load(&arguments.proof)?;
     proofs.check(&stored).map_err(|error| error.with_place(arguments.proof.display()))?;
-    let said = statement(&proofs);
+    let said = proofs.statements();
     if arguments.common.json {
         json(&json!({
             "target": arguments.model.display().to_string(),
             "proof": arguments.proof.display().to_string(),
-            "about": ABOUT,
+            "about": ABOUT_PROOFS,
             "holds": true,
             "circles": proofs.circles.len(),
-            "statement": said,
+            "statements": said,
         }))?;
     } else {
         out(&format!("{}: {} circles hold\n", arguments.proof.display(), proofs.circles.len()))?;

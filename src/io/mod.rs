@@ -27,7 +27,7 @@ pub use json::{
     model_text, parse_model, save_checkpoint, save_model,
 };
 #[cfg(feature = "proofs")]
-pub use proofs::{Nested, ProofFile};
+pub use proofs::{ABOUT as ABOUT_PROOFS, Nested, ProofFile, ProofRequest, Proofs};
 pub use tensor::Tensor;
 pub use weights::{
     WeightsFormat, assemble_architecture, assemble_weights, export_weights, import_weights,

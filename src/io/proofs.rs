@@ -4,10 +4,17 @@ use super::json::{parse_content, parse_header};
 use super::{StoredModel, read_bytes, write_atomically};
 use crate::digest;
 use crate::error::Error;
-use crate::measure::proof::{Candidate, Circle, Constants, PlaneMap, RotationNumber};
+use crate::measure::proof::{
+    Candidate, Circle, Constants, FixedPoint, PlaneMap, Ray, RotationNumber, Verdict,
+    fixed_point_near, prove_circle, rotation_numbers,
+};
+use crate::network::map_points;
+use crate::phase::Direction;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
 const FORMAT: &str = "gyroceptron-proof";
 const VERSION: u64 = 1;
@@ -59,7 +66,8 @@ struct Text {
     digest: String,
 }
 
-const ABOUT: &str = "the map of real numbers with these weights, its turns exact rotations, in the coordinates of its \
+/// What a proof is about.
+pub const ABOUT: &str = "the map of real numbers with these weights, its turns exact rotations, in the coordinates of its \
     normal form: not the rounded map of doubles, not what the model was trained on";
 
 fn hex(mode: &[[f64; 2]; 4]) -> String {
@@ -92,6 +100,30 @@ impl ProofFile {
     /// Whether circles from one number to another are nested, each in the next.
     pub fn is_nested(&self, inner: usize, outer: usize) -> bool {
         (inner + 1..=outer).all(|k| self.nested.contains(&Nested { inner: k - 1, outer: k }))
+    }
+
+    /// What follows of the circles, in words.
+    pub fn statements(&self) -> Vec<String> {
+        let turns = |k: usize| format!("{:.4}", self.circles[k].omega().value().centre());
+        let (mut out, mut first) = (Vec::new(), 0);
+        for k in 1..=self.circles.len() {
+            if k < self.circles.len() && self.is_nested(k - 1, k) {
+                continue;
+            }
+            let last = turns(k - 1);
+            out.push(match k - first {
+                1 => format!(
+                    "proved: no orbit of this map that begins within the circle of {last} turns leaves, in any number of maps"
+                ),
+                _ => format!(
+                    "proved: no orbit of this map that begins between the circles of {} and {last} turns leaves, in any \
+                     number of maps; nor does one that begins within the latter",
+                    turns(first)
+                ),
+            });
+            first = k;
+        }
+        out
     }
 
     fn text(&self) -> Result<Text, Error> {
@@ -146,10 +178,10 @@ impl ProofFile {
                 Error::content(place, "128 hexadecimal digits a mode", what)
             };
             let modes = entry.modes.iter().map(|text| of_hex(text).ok_or_else(|| wrong(text)));
-            let omega: RotationNumber = entry
-                .rotation_number
-                .parse()
-                .map_err(|reason: Error| reason.with_place(format!("{place}: circles[{number}]")))?;
+            let omega: RotationNumber =
+                entry.rotation_number.parse().map_err(|reason: Error| {
+                    reason.with_place(format!("{place}: circles[{number}]"))
+                })?;
             let candidate = Candidate {
                 omega,
                 modes: modes.collect::<Result<_, _>>()?,
@@ -178,7 +210,11 @@ impl ProofFile {
     pub fn check(&self, stored: &StoredModel) -> Result<(), Error> {
         let own = stored.digest()?;
         if own != self.model {
-            return Err(Error::invalid("proof", format!("of the model {}", self.model), format!("one of this model, {own}")));
+            return Err(Error::invalid(
+                "proof",
+                format!("of the model {}", self.model),
+                format!("one of this model, {own}"),
+            ));
         }
         let map = PlaneMap::of_model(&stored.model)?;
         let checked: Vec<Result<(), Error>> = self
@@ -187,7 +223,11 @@ impl ProofFile {
             .map(|circle| {
                 let omega = circle.omega();
                 let wrong = |found: String| {
-                    Err(Error::invalid(&format!("proof of {omega}"), found, "a theorem that holds with these constants"))
+                    Err(Error::invalid(
+                        &format!("proof of {omega}"),
+                        found,
+                        "a theorem that holds with these constants",
+                    ))
                 };
                 match circle.candidate.prove(&map)? {
                     Err(failure) => wrong(failure.to_string()),
@@ -210,6 +250,156 @@ impl ProofFile {
     }
 }
 
+/// What is to be proved of a model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ProofRequest {
+    /// The rotation numbers of circles; where there are none, so many that are spread over what the model has.
+    pub numbers: Vec<RotationNumber>,
+    /// How many.
+    pub circles: usize,
+    /// Where the ray begins that circles are looked for on, in the coordinates of the normal form: the fixed point near 0 where
+    /// it is None.
+    pub from: Option<[f64; 2]>,
+    /// Where it ends.
+    pub to: [f64; 2],
+}
+
+impl Default for ProofRequest {
+    fn default() -> Self {
+        Self { numbers: Vec::new(), circles: 8, from: None, to: [1.0, 0.0] }
+    }
+}
+
+/// What has come of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proofs {
+    /// Each rotation number with its verdict.
+    pub tried: Vec<(RotationNumber, Verdict)>,
+    /// What is proved.
+    pub file: ProofFile,
+    /// The fixed point near 0, where it is proved.
+    pub fixed_point: Option<FixedPoint>,
+}
+
+impl Proofs {
+    /// Proves circles of a model, several at a time; `found` is called with each verdict as it comes, and with all that is
+    /// proved up to then.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] of a model that the theorem is not about, a ray without orbits that turn at different rates, or a
+    /// circle outside the box of polynomials; what `found` returns.
+    pub fn of_model(
+        stored: &StoredModel,
+        request: &ProofRequest,
+        found: impl Fn(&RotationNumber, &Verdict, &ProofFile) -> Result<(), Error> + Sync,
+    ) -> Result<Self, Error> {
+        let map = PlaneMap::of_model(&stored.model)?;
+        map.check_symplectic()?;
+        let fixed = fixed_point_near(&map, [0.0; 2]);
+        let from = request.from.or(fixed).unwrap_or_default();
+        let ray = Ray { from, to: request.to };
+        for value in from.iter().chain(&request.to) {
+            Error::check_finite("ends of the ray", *value)?;
+        }
+        let mut numbers = request.numbers.clone();
+        if numbers.is_empty() {
+            numbers = rotation_numbers(&map, ray, request.circles);
+        }
+        if numbers.is_empty() {
+            let ends = format!("from {from:?} to {:?}", request.to);
+            let expected = "a ray with orbits that turn around its beginning at different rates";
+            return Err(Error::invalid("ends of the ray", ends, expected));
+        }
+        let none = ProofFile { model: stored.digest()?, circles: Vec::new(), nested: Vec::new() };
+        let kept: Mutex<Vec<Circle>> = Mutex::new(Vec::new());
+        let prove = |omega: RotationNumber| {
+            let verdict = prove_circle(&map, ray, &omega)?;
+            let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Verdict::Proved(circle) = &verdict {
+                check_box(stored, circle)?;
+                kept.push((**circle).clone());
+                found(&omega, &verdict, &ProofFile::new(stored, kept.clone())?)?;
+            } else {
+                found(&omega, &verdict, &none)?;
+            }
+            Ok((omega, verdict))
+        };
+        let tried: Vec<Result<_, Error>> = numbers.into_par_iter().map(prove).collect();
+        let tried = tried.into_iter().collect::<Result<_, Error>>()?;
+        let circles = kept.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let file = ProofFile::new(stored, circles)?;
+        let fixed_point = fixed.and_then(|fixed| FixedPoint::prove(&map, fixed));
+        Ok(Self { tried, file, fixed_point })
+    }
+
+    /// Whether all that was asked for is proved.
+    pub fn holds(&self) -> bool {
+        self.tried.iter().all(|(_, verdict)| matches!(verdict, Verdict::Proved(_)))
+    }
+
+    /// All of it as a JSON document.
+    pub fn document(&self) -> serde_json::Value {
+        json!({
+            "about": ABOUT,
+            "crate_version": env!("CARGO_PKG_VERSION"),
+            "model": self.file.model,
+            "holds": self.holds(),
+            "circles": self.tried.iter().map(verdict_of).collect::<Vec<_>>(),
+            "nested": self.file.nested,
+            "statements": self.file.statements(),
+            "fixed_point": self.fixed_point.map(|point| json!({
+                "middle": point.middle,
+                "radius": point.radius,
+                "trace": point.trace,
+                "residue": [0.25 * (2.0 - point.trace[1]), 0.25 * (2.0 - point.trace[0])],
+                "elliptic": point.is_elliptic(),
+            })),
+        })
+    }
+}
+
+fn verdict_of((omega, verdict): &(RotationNumber, Verdict)) -> serde_json::Value {
+    let (name, circle, failure, reason) = match verdict {
+        Verdict::Proved(circle) => ("proved", Some(circle), None, None),
+        Verdict::NotProved(failure) => ("not proved", None, Some(failure), None),
+        Verdict::NotFound(reason) => ("not proved", None, None, Some(reason)),
+    };
+    json!({
+        "rotation_number": omega.to_string(),
+        "turns": omega.value().centre(),
+        "gamma": omega.gamma(),
+        "verdict": name,
+        "failure": failure.map(|failure| json!({
+            "inequality": failure.inequality,
+            "found": failure.found.is_finite().then_some(failure.found),
+            "needed": failure.needed,
+            "advice": failure.advice(),
+        })),
+        "reason": reason,
+        "rho": circle.map(|c| c.candidate.rho),
+        "modes": circle.map(|c| c.candidate.modes.len()),
+        "area": circle.map(|c| c.area()),
+        "constants": circle.map(|c| c.constants),
+    })
+}
+
+/// Fails where a curve is outside the box of polynomials.
+fn check_box(stored: &StoredModel, circle: &Circle) -> Result<(), Error> {
+    const POINTS: usize = 256;
+    let [chart, _] = stored.model.chart_and_inner_map();
+    let mut points = circle.points(POINTS);
+    for point in points.chunks_exact_mut(2) {
+        map_points(&chart, Direction::Forward, point)?;
+    }
+    let reach = stored.model.largest_reach(&points);
+    if !(reach <= 1.0) {
+        let expected = "a curve within the box of the polynomials, where they were trained";
+        let name = format!("circle of {}", circle.omega());
+        return Err(Error::invalid(&name, format!("{reach:.3} of the box"), expected));
+    }
+    Ok(())
+}
+
 impl Text {
     fn own_digest(&self) -> Result<String, Error> {
         let circles: Vec<_> = self
@@ -219,8 +409,14 @@ impl Text {
                 (&c.rotation_number, c.value, c.rho, c.rho_hat, c.points, &c.constants, &c.modes)
             })
             .collect();
-        let text = serde_json::to_string(&(&self.about, &self.crate_version, &self.model, &self.nested, circles))
-            .map_err(|reason| Error::invalid("proof", reason, "numbers that JSON can hold"))?;
+        let text = serde_json::to_string(&(
+            &self.about,
+            &self.crate_version,
+            &self.model,
+            &self.nested,
+            circles,
+        ))
+        .map_err(|reason| Error::invalid("proof", reason, "numbers that JSON can hold"))?;
         Ok(digest::of_bytes(text.as_bytes()))
     }
 }

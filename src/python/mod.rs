@@ -5,6 +5,7 @@ mod circles;
 mod controls;
 mod lines;
 mod orbits;
+mod proofs;
 mod trained;
 mod training;
 
@@ -686,6 +687,8 @@ mod _native {
     use super::lines::FieldLines;
     #[pymodule_export]
     use super::orbits::{PyInvariantCircle, rotation_number, tunes};
+    #[pymodule_export]
+    use super::proofs::{check_proof, prove};
     #[pymodule_export]
     use super::training::train;
     #[pymodule_export]

@@ -89,22 +89,13 @@ static ROOTS_OF_TWO: LazyLock<[Ball; 32]> = LazyLock::new(|| {
 
 impl Ball {
     /// π.
-    pub const PI: Self = Self {
-        high: std::f64::consts::PI,
-        low: 1.224_646_799_147_353_2e-16,
-        radius: 3.1e-33,
-    };
+    pub const PI: Self =
+        Self { high: std::f64::consts::PI, low: 1.224_646_799_147_353_2e-16, radius: 3.1e-33 };
     /// 2π.
-    pub const TAU: Self = Self {
-        high: std::f64::consts::TAU,
-        low: 2.449_293_598_294_706_4e-16,
-        radius: 6.2e-33,
-    };
-    const LN_2: Self = Self {
-        high: std::f64::consts::LN_2,
-        low: 2.319_046_813_846_299_6e-17,
-        radius: 5.8e-34,
-    };
+    pub const TAU: Self =
+        Self { high: std::f64::consts::TAU, low: 2.449_293_598_294_706_4e-16, radius: 6.2e-33 };
+    const LN_2: Self =
+        Self { high: std::f64::consts::LN_2, low: 2.319_046_813_846_299_6e-17, radius: 5.8e-34 };
 
     /// The sum of two doubles, with the radius.
     pub fn new(high: f64, low: f64, radius: f64) -> Self {
@@ -309,7 +300,7 @@ impl Number for Ball {
         (s.widened(self.radius), c.widened(self.radius))
     }
 
-    /// f(x + e) is no further than |e| sup |f′| from f(x): bounds of the slopes are [rough](Rough).
+    /// f(x + e) is no further than |e| sup |f′| from f(x): bounds of the slopes are those of discs of doubles.
     fn through<const K: usize>(self, function: &impl Function) -> [Self; K] {
         let mut out: [Self; K] = function.derivatives(self.exact());
         if self.radius != 0.0 {

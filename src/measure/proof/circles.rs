@@ -44,7 +44,9 @@ impl Failure {
                  needs a narrower strip"
             }
             Some(b'3' | b'4') => "a circle farther from islands, whose K′ bends less",
-            Some(b'5') => "a model whose rotation number changes across circles: where it does not, the theorem says nothing",
+            Some(b'5') => {
+                "a model whose rotation number changes across circles: where it does not, the theorem says nothing"
+            }
             _ => {
                 "a rotation number farther from fractions of small denominators, or a circle farther from islands; or more \
                  digits than two doubles have"
@@ -97,7 +99,8 @@ pub fn fixed_point_near(map: &PlaneMap, guess: [f64; 2]) -> Option<[f64; 2]> {
         let [[a, b], [c, d]] = [0, 1].map(|k| image[k].first);
         let (a, d) = (a - 1.0, d - 1.0);
         let determinant = a * d - b * c;
-        let step = [(d * off[0] - b * off[1]) / determinant, (a * off[1] - c * off[0]) / determinant];
+        let step =
+            [(d * off[0] - b * off[1]) / determinant, (a * off[1] - c * off[0]) / determinant];
         z = [0, 1].map(|k| z[k] - step[k]);
         let size = step[0].abs().max(step[1].abs());
         if !size.is_finite() || size > 1e3 {
@@ -139,7 +142,8 @@ impl FixedPoint {
         map.apply(&mut image);
         let off = [0, 1].map(|k| image[k].minus(Ball::of(middle[k])));
         let one = Ball::of(1.0);
-        let less_one = |m: [[Ball; 2]; 2]| [[m[0][0].minus(one), m[0][1]], [m[1][0], m[1][1].minus(one)]];
+        let less_one =
+            |m: [[Ball; 2]; 2]| [[m[0][0].minus(one), m[0][1]], [m[1][0], m[1][1].minus(one)]];
         let [[a, b], [c, d]] = less_one(derivative(0.0)).map(|row| row.map(Ball::centre));
         let determinant = a * d - b * c;
         let inverse = [[d, -b], [-c, a]].map(|row| row.map(|x| x / determinant));

@@ -2,9 +2,9 @@
 
 use super::ball::{Ball, up};
 use super::number::Number;
+use super::taylor::{Complex, DEGREE, SLACK, Taylor, real_exp, real_sin_cos};
 use crate::scalar::max_or_nan;
 use std::f64::consts::TAU;
-use super::taylor::{Complex, DEGREE, SLACK, Taylor, real_exp, real_sin_cos};
 
 /// A complex number of two real ones of a kind.
 #[derive(Clone, Copy, Debug)]
@@ -97,12 +97,7 @@ pub(super) struct Curve<T> {
 
 impl<T: Number> Curve<T> {
     /// Of the values of both components at equal distances, a power of two of them; so many modes.
-    pub fn of_values(
-        values: &[[T; 2]],
-        roots: &[Wave<T>],
-        most: usize,
-        cylinder: bool,
-    ) -> Self {
+    pub fn of_values(values: &[[T; 2]], roots: &[Wave<T>], most: usize, cylinder: bool) -> Self {
         let count = values.len();
         let mut z: Vec<Wave<T>> = values.iter().map(|[x, y]| Wave::new(*x, *y)).collect();
         transform(&mut z, roots, true);
@@ -193,7 +188,9 @@ impl OnLine {
         let (mut modes, mut off, mut growth) = (Vec::new(), Vec::new(), Vec::new());
         for (k, (a, b)) in curve.modes.iter().zip(&rotated.modes).enumerate() {
             modes.push([a.map(narrow), b.map(narrow)]);
-            let rounded = |c: &Wave<Ball>| up(up(c.above() * f64::EPSILON) + up(c.re.radius() + c.im.radius()));
+            let rounded = |c: &Wave<Ball>| {
+                up(up(c.above() * f64::EPSILON) + up(c.re.radius() + c.im.radius()))
+            };
             let all = a.iter().chain(b).map(rounded);
             off.push(all.fold(0.0, |sum, x| up(sum + x)));
             let turns = TAU * k as f64 * rho;

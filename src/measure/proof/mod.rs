@@ -12,16 +12,16 @@ mod taylor;
 mod theorem;
 
 pub use ball::Ball;
-#[doc(hidden)]
-pub use rotation_number::Divisors;
-#[doc(hidden)]
-pub use taylor::{Complex, Taylor};
 pub use circles::{
     Circle, FixedPoint, Verdict, fixed_point_near, prove_circle, rotation_numbers,
     rounding_of_a_step,
 };
 pub use number::{Coordinate, Function, Jet, Number};
 pub use plane_map::{PlaneMap, PlaneStep, Prepared, Slope};
+#[doc(hidden)]
+pub use rotation_number::Divisors;
 pub use rotation_number::RotationNumber;
 pub use search::{Ray, candidates, candidates_near, turns_of_orbit};
+#[doc(hidden)]
+pub use taylor::{Complex, Taylor};
 pub use theorem::{Candidate, Constants, Failure};

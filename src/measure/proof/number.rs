@@ -161,8 +161,7 @@ impl<N: Number, const SECOND: bool> Coordinate for Jet<N, SECOND> {
         let mut out = self;
         out.value = self.value.times(other.value);
         for k in 0..2 {
-            out.first[k] =
-                self.first[k].times(other.value).plus(self.value.times(other.first[k]));
+            out.first[k] = self.first[k].times(other.value).plus(self.value.times(other.first[k]));
         }
         if SECOND {
             for (k, (i, j)) in PAIRS.into_iter().enumerate() {

@@ -2,7 +2,9 @@
 
 use super::{Ball, Coordinate, Function, Number};
 use crate::error::Error;
-use crate::layer::{Activation, PolynomialPotential, RidgeFunction, Ridges, TanhPotential, TorusAction};
+use crate::layer::{
+    Activation, PolynomialPotential, RidgeFunction, Ridges, TanhPotential, TorusAction,
+};
 use crate::network::{Composition, Kind, Model};
 use crate::phase::Half;
 
@@ -351,7 +353,8 @@ impl PlaneMap {
                     steps.extend(own);
                 }
                 Kind::Activation { activation, target } => {
-                    let (activation, factor) = (*activation, parameters.first().map_or(1.0, |a| *a));
+                    let (activation, factor) =
+                        (*activation, parameters.first().map_or(1.0, |a| *a));
                     steps.push(PlaneStep::Shear {
                         target: *target,
                         factor: signed,
@@ -378,7 +381,9 @@ impl PlaneMap {
                 PlaneStep::Scaling { excess, .. } => {
                     format!("not symplectic: step {number} scales a coordinate by 1 + {excess:e}")
                 }
-                PlaneStep::Turn { .. } | PlaneStep::Twist { .. } | PlaneStep::TurnedShear { .. }
+                PlaneStep::Turn { .. }
+                | PlaneStep::Twist { .. }
+                | PlaneStep::TurnedShear { .. }
                     if self.cylinder =>
                 {
                     format!("step {number}, a turn of a cylinder")
@@ -388,7 +393,9 @@ impl PlaneMap {
                         && *target == Half::Momentum
                         && !matches!(slope, Slope::Sine) =>
                 {
-                    format!("not exact: step {number} changes the momenta by what is not of mean 0 around a cylinder")
+                    format!(
+                        "not exact: step {number} changes the momenta by what is not of mean 0 around a cylinder"
+                    )
                 }
                 PlaneStep::Reflection(_) => {
                     reflections += 1;
@@ -475,13 +482,8 @@ impl Slope {
                 Self::Tanh { neurons, linear: 0.0 }
             }
             RidgeFunction::Polynomial { degree, radius } => {
-                let of = PolynomialPotential::new(
-                    1,
-                    [ridges.width, degree],
-                    radius,
-                    &[],
-                    parameters,
-                );
+                let of =
+                    PolynomialPotential::new(1, [ridges.width, degree], radius, &[], parameters);
                 let [_, coefficients] = of.weights();
                 Self::Chebyshev {
                     centre: 0.0,

@@ -39,7 +39,9 @@ impl RotationNumber {
     /// among those that begin like x or like a number near it.
     pub fn near(x: f64, tolerance: f64) -> Option<Self> {
         let mut best: Option<Self> = None;
-        for from in [x, x - 0.5 * tolerance, x + 0.5 * tolerance, x - 0.8 * tolerance, x + 0.8 * tolerance] {
+        for from in
+            [x, x - 0.5 * tolerance, x + 0.5 * tolerance, x - 0.8 * tolerance, x + 0.8 * tolerance]
+        {
             let (mut quotients, mut rest) = (Vec::new(), from);
             while quotients.len() < MOST_QUOTIENTS && rest > 1e-9 {
                 let a = (1.0 / rest).floor();
@@ -128,8 +130,10 @@ impl std::str::FromStr for RotationNumber {
 
     fn from_str(text: &str) -> Result<Self, Error> {
         let text = text.trim();
-        let expected = "golden, a continued fraction such as [0; 1, 2, (1)], or a decimal between 0 and 1";
-        let wrong = |why: &str| Err(Error::invalid("rotation number", format!("{text}{why}"), expected));
+        let expected =
+            "golden, a continued fraction such as [0; 1, 2, (1)], or a decimal between 0 and 1";
+        let wrong =
+            |why: &str| Err(Error::invalid("rotation number", format!("{text}{why}"), expected));
         if text == "golden" {
             return Self::new(Vec::new());
         }
@@ -157,7 +161,9 @@ impl std::str::FromStr for RotationNumber {
         let tolerance = 0.5 * libm::pow(10.0, -(digits as f64));
         match Self::near(value, tolerance) {
             Some(found) => Ok(found),
-            None => wrong(", with no noble number of small quotients so near: give it fewer or more digits"),
+            None => wrong(
+                ", with no noble number of small quotients so near: give it fewer or more digits",
+            ),
         }
     }
 }

@@ -84,9 +84,8 @@ fn place_on_ray(map: &Prepared<'_>, ray: Ray, omega: f64) -> Option<[f64; 2]> {
     let place = |k: usize| (k as f64 + 0.5) / PLACES as f64;
     let found: Vec<f64> = (0..PLACES).map(|k| off(place(k))).collect();
     // Not where the difference jumps from half a turn to its opposite.
-    let crosses = |k: &usize| {
-        found[*k] * found[k + 1] <= 0.0 && (found[*k] - found[k + 1]).abs() < 0.3
-    };
+    let crosses =
+        |k: &usize| found[*k] * found[k + 1] <= 0.0 && (found[*k] - found[k + 1]).abs() < 0.3;
     let k = (0..PLACES - 1).find(crosses)?;
     let (mut low, mut high) = (place(k), place(k + 1));
     let mut of_low = found[k];
@@ -412,8 +411,7 @@ fn widest_strip(map: &Prepared<'_>, curve: &Curve<Ball>) -> f64 {
                 let growth = libm::exp(TAU * k as f64 * rho);
                 for axis in 0..2 {
                     let inward = mode[axis].times(Wave::new(c / growth, s / growth));
-                    let outward =
-                        mode[axis].conjugate().times(Wave::new(c * growth, -s * growth));
+                    let outward = mode[axis].conjugate().times(Wave::new(c * growth, -s * growth));
                     z[axis] = z[axis].plus(inward);
                     if k > 0 {
                         z[axis] = z[axis].plus(outward);

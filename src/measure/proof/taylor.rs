@@ -353,8 +353,8 @@ impl Number for Taylor {
         }
         let product = up(norm_a * norm_b);
         let rounding = up(up(product * ROUNDING) + up(beyond * (1.0 + 64.0 * f64::EPSILON)));
-        let spread = up(up(norm_a * other.remainder)
-            + up(up(norm_b + other.remainder) * self.remainder));
+        let spread =
+            up(up(norm_a * other.remainder) + up(up(norm_b + other.remainder) * self.remainder));
         out.remainder = up(spread + rounding);
         out
     }
@@ -418,8 +418,8 @@ impl Number for Taylor {
         let [sines, cosines] = self.solve([s, c], |[s, c], k| [c[k], s[k].scaled(-1.0)]);
         let (s, c) = (Self { c: sines, remainder: 0.0 }, Self { c: cosines, remainder: 0.0 });
         let slope = self.polynomial().slope();
-        let defects = up(s.slope().minus(c.times(slope)).above()
-            + c.slope().plus(s.times(slope)).above());
+        let defects =
+            up(s.slope().minus(c.times(slope)).above() + c.slope().plus(s.times(slope)).above());
         let off = up(up(up(2.0 * margin) + defects) * exp_above(slope.above()));
         let (s, c) = (s.widened(off), c.widened(off));
         // |sin(w + e) − sin w| ≤ |sin w|(cosh |e| − 1) + |cos w| sinh |e|.
@@ -428,7 +428,7 @@ impl Number for Taylor {
     }
 
     /// f(x + e) is no further than |e| sup |f′| from f(x), and |f′(x + e)| no further than |e| sup |f″| from that: the
-    /// last bound is that of a [disc](Rough).
+    /// last bound is that of a disc of doubles.
     fn through<const K: usize>(self, function: &impl Function) -> [Self; K] {
         let r = self.remainder;
         let x = self.polynomial();

@@ -85,10 +85,7 @@ const MOST_HALVINGS: u32 = 7;
 const FINE: f64 = 0.02;
 
 /// The parts of a line around a curve one after another; a part that is not good enough is halved.
-pub(super) fn along(
-    line: &OnLine,
-    mut take: impl FnMut(&Part, bool) -> bool,
-) -> bool {
+pub(super) fn along(line: &OnLine, mut take: impl FnMut(&Part, bool) -> bool) -> bool {
     fn one(
         line: &OnLine,
         centre: f64,
@@ -200,7 +197,11 @@ impl Candidate {
         }
         let constant = self.modes[0];
         if constant[1] != [0.0; 2] || constant[3] != [0.0; 2] {
-            return Err(Error::invalid("constant mode of a circle", constant[1][0], "a real number"));
+            return Err(Error::invalid(
+                "constant mode of a circle",
+                constant[1][0],
+                "a real number",
+            ));
         }
         if !(self.rho > 0.0 && self.rho < self.rho_hat && self.rho_hat < 1.0) {
             let expected = format!("above 0 and below that of ρ̂, {}", self.rho_hat);
@@ -346,11 +347,7 @@ impl Candidate {
         }
         match best.0.is_finite() {
             true => Ok(best),
-            false => Err(Failure {
-                inequality: "(2) |E| is finite",
-                found: sum,
-                needed: f64::MAX,
-            }),
+            false => Err(Failure { inequality: "(2) |E| is finite", found: sum, needed: f64::MAX }),
         }
     }
 
@@ -374,9 +371,8 @@ impl Candidate {
         };
         let mut winding = Winding::default();
         let done = along(&line, |part, last| {
-            let mut z = [0, 1].map(|axis| {
-                Jet::<Taylor, true>::start(part.point[axis].widened(room.point), axis)
-            });
+            let mut z = [0, 1]
+                .map(|axis| Jet::<Taylor, true>::start(part.point[axis].widened(room.point), axis));
             map.apply(&mut z);
             let (slope, next) = (part.slope, part.next_slope);
             let square = |l: [Taylor; 2]| l[0].times(l[0]).plus(l[1].times(l[1]));
@@ -389,8 +385,7 @@ impl Candidate {
                 [l[1].scaled(-1.0).times(inverse), l[0].times(inverse)]
             };
             let (n, next_n) = (normal(slope, own_square), normal(next, square(next)));
-            let moved =
-                z.map(|row| row.first[0].times(n[0]).plus(row.first[1].times(n[1])));
+            let moved = z.map(|row| row.first[0].times(n[0]).plus(row.first[1].times(n[1])));
             let torsion = cross(moved, next_n);
             let sizes = |v: [Taylor; 2]| norm(&v.map(|v| v.above()));
             let second = norm(&z.map(|row| {
@@ -407,7 +402,8 @@ impl Candidate {
                 return false;
             }
             out.tangent = larger(out.tangent, sizes(slope));
-            out.square = if own_square.below() < out.square { own_square.below() } else { out.square };
+            out.square =
+                if own_square.below() < out.square { own_square.below() } else { out.square };
             out.normal = larger(out.normal, sizes(n));
             out.moved_normal = larger(out.moved_normal, values[0]);
             out.torsion = larger(out.torsion, values[1]);
@@ -559,13 +555,11 @@ impl Bounds {
         let square = down(strip.square - change);
         let normal = up(tangent / square);
         // |Ñ − N| ≤ η₁/m̃ + ℓ(2ℓη₁ + η₁²)/(m m̃).
-        let normal_change =
-            up(up(eta / square) + up(up(l * change) / down(strip.square * square)));
-        let moved_change = up(up(strip.second * up(room.point * normal))
-            + up(strip.first * normal_change));
+        let normal_change = up(up(eta / square) + up(up(l * change) / down(strip.square * square)));
+        let moved_change =
+            up(up(strip.second * up(room.point * normal)) + up(strip.first * normal_change));
         let moved_normal = up(strip.moved_normal + moved_change);
-        let torsion_change =
-            up(up(moved_change * normal) + up(strip.moved_normal * normal_change));
+        let torsion_change = up(up(moved_change * normal) + up(strip.moved_normal * normal_change));
         let torsion = up(strip.torsion + torsion_change);
         let mean = down(mean - torsion_change);
         let failure = |inequality, found, needed| Err(Failure { inequality, found, needed });
@@ -588,8 +582,9 @@ impl Bounds {
     /// κ(δ) and C_Δ(δ), with |E₊| ≤ κ|E|² and |Δ| ≤ C_Δ|E|.
     fn step(&self, a: f64, delta: f64) -> [f64; 2] {
         let Self { tangent, normal, moved_normal, torsion, inverse_mean, second } = *self;
-        let x_n = up(up(inverse_mean * normal)
-            + up(up(1.0 + up(inverse_mean * torsion)) * up(a * tangent)));
+        let x_n =
+            up(up(inverse_mean * normal)
+                + up(up(1.0 + up(inverse_mean * torsion)) * up(a * tangent)));
         let x_l = up(a * up(normal + up(torsion * x_n)));
         let c = up(up(tangent * x_l) + up(normal * x_n));
         let linear = up(up(0.5 * normal) + up(x_l + up(up(normal * moved_normal) * x_n)));

@@ -12,7 +12,9 @@ __all__ = [
     "InvariantCircle",
     "Model",
     "__version__",
+    "check_proof",
     "load",
+    "prove",
     "rotation_number",
     "train",
 ]
@@ -254,6 +256,21 @@ def rotation_number(
     orbit: ArrayLike, centre: tuple[float, float], near: float = 0.0
 ) -> tuple[float, float]:
     """Turns a step of an orbit (T, 2) about a centre, and their error."""
+
+def prove(
+    model: Model,
+    frequencies: Sequence[str] | None = None,
+    *,
+    circles: int = 8,
+    start: Sequence[float] | None = None,
+    end: Sequence[float] = (1.0, 0.0),
+    output: str | PathLike[str] | None = None,
+    overwrite: bool = False,
+) -> dict[str, Any]:
+    """Proves that a model of one degree of freedom has invariant circles, which no orbit crosses."""
+
+def check_proof(model: Model, path: str | PathLike[str]) -> dict[str, Any]:
+    """Verifies a file of proofs of a model again, without any search."""
 
 def load(path: str | PathLike[str]) -> Model:
     """Reads a model file."""

@@ -1,0 +1,103 @@
+//! Theorems about a model file.
+
+use crate::helpers::{call, folder, refuses, succeeds, text, with_model};
+use gyroceptron::io::{Provenance, StoredModel, save_model};
+use gyroceptron::layer::{CircleAction, TorusAction};
+use gyroceptron::network::{InitialWeights, NormalFormShape};
+use serde_json::Value;
+use std::path::Path;
+
+/// A folder with nearly integrable maps of a plane, `m.json` and `other.json`.
+fn with_maps() -> tempfile::TempDir {
+    let folder = folder();
+    for (name, seed) in [("m.json", 3), ("other.json", 4)] {
+        let shape = NormalFormShape {
+            action: TorusAction::from(CircleAction::new([1])),
+            psi: Vec::new(),
+            kicks: vec![3; 2],
+            twists: vec![4],
+            turned_twists: Vec::new(),
+            flow_time: 1.0,
+            perturbation: Some(vec![3; 3]),
+        };
+        let weights = InitialWeights::Normal { scale: 0.6 };
+        let model = shape.architecture(0.01).initialise(weights, 2.3, seed).expect("a network");
+        let provenance = Provenance::of("test");
+        let stored = StoredModel { model, units: None, section: None, provenance };
+        save_model(&folder.path().join(name), &stored).expect("written");
+    }
+    folder
+}
+
+fn prove(path: &Path, more: &[&str]) -> Value {
+    let arguments = [&["prove", "--model", "m.json", "--json"], more].concat();
+    let output = succeeds(path, &arguments);
+    serde_json::from_slice(&output.stdout).expect("one JSON document")
+}
+
+#[test]
+fn proofs_are_written_and_verified_again() {
+    let folder = with_maps();
+    let path = folder.path();
+    let found = prove(path, &["--circles", "2", "--threads", "1"]);
+    let circles = found["circles"].as_array().expect("circles");
+    assert_eq!(circles.len(), 2);
+    let mut turns = Vec::new();
+    for circle in circles {
+        assert_eq!(circle["verdict"], "proved");
+        assert!(circle["constants"]["residual"].as_f64().expect("a number") < 1e-12);
+        turns.push(format!("{:.6}", circle["turns"].as_f64().expect("a number")));
+    }
+    assert_eq!(found["statements"].as_array().expect("words").len(), 1);
+    assert!(found["statements"][0].as_str().expect("words").contains("between the circles"));
+    assert_eq!(found["fixed_point"]["elliptic"], true);
+    let again = succeeds(path, &["check-proof", "m.proof.json", "--model", "m.json"]);
+    assert!(text(&again.stdout).contains("2 circles hold"));
+    // The same file on any number of threads, and by the same numbers as decimals.
+    let first = std::fs::read(path.join("m.proof.json")).expect("a file");
+    prove(path, &["--circles", "2", "--threads", "2", "--output", "two.json"]);
+    assert!(first == std::fs::read(path.join("two.json")).expect("a file"));
+    let [one, other] = &turns[..] else { panic!("two circles") };
+    let between = prove(path, &["--between", one, other, "--output", "three.json"]);
+    assert_eq!(between["statements"], found["statements"]);
+
+    // Edited, of another model, no proof at all.
+    let file = text(&first);
+    let digit = file.find("\"modes\"").expect("modes") + 40;
+    let mut edited = file.clone().into_bytes();
+    edited[digit] = if edited[digit] == b'3' { b'4' } else { b'3' };
+    std::fs::write(path.join("edited.json"), &edited).expect("written");
+    refuses(path, &["check-proof", "edited.json", "--model", "m.json"], &["edited.json", "digest"]);
+    refuses(path, &["check-proof", "m.proof.json", "--model", "other.json"], &["this model"]);
+    refuses(path, &["check-proof", "m.json", "--model", "m.json"], &["gyroceptron-proof"]);
+    refuses(path, &["prove", "--model", "m.json"], &["m.proof.json", "--overwrite"]);
+}
+
+#[test]
+fn what_is_not_proved_says_why() {
+    let folder = with_maps();
+    let path = folder.path();
+    // Next to no turning: no orbit on the ray has it.
+    let arguments = ["prove", "--model", "m.json", "--frequencies", "[0; 9000, (1)]"];
+    let output = call(path, &arguments);
+    assert_eq!(output.status.code(), Some(1));
+    let said = text(&output.stdout);
+    assert!(said.contains("(0)") && said.contains("no orbit on the ray"), "{said}");
+    assert!(!path.join("m.proof.json").exists());
+}
+
+#[test]
+fn what_no_theorem_is_about_is_refused() {
+    let folder = with_maps();
+    let path = folder.path();
+    let of = |more: &[&'static str]| [&["prove", "--model", "m.json"], more].concat();
+    refuses(path, &of(&["--frequencies", "2/3"]), &["2/3", "rational"]);
+    refuses(path, &of(&["--frequencies", "golden,[0; 1, 2]"]), &["rational"]);
+    refuses(path, &of(&["--frequencies", "1.5"]), &["whole turns"]);
+    refuses(path, &of(&["--between", "golden", "golden"]), &["--between", "differ"]);
+    refuses(path, &of(&["--to", "1"]), &["--to", "Q,P"]);
+    refuses(path, &of(&["--circles", "0"]), &["--circles"]);
+    refuses(path, &of(&["--output", "proof.txt"]), &["--output", ".json"]);
+    let two = with_model();
+    refuses(two.path(), &["prove", "--model", "model.json"], &["one degree of freedom"]);
+}
