@@ -36,8 +36,21 @@ fn double(stream: &mut Stream) -> f64 {
 
 /// A point of 106 bits, and arguments at edges.
 fn points(stream: &mut Stream, count: usize) -> Vec<Ball> {
-    let edges =
-        [0.0, 1.0, -1.0, 0.5, LN_2, LN_2 / 64.0, FRAC_PI_2, PI, 1e-300, 20.0, 149.9, -150.1];
+    let edges = [
+        0.0,
+        1.0,
+        -1.0,
+        0.5,
+        LN_2,
+        LN_2 / 64.0,
+        FRAC_PI_2,
+        PI,
+        1e-300,
+        20.0,
+        149.9,
+        -150.1,
+        150.005,
+    ];
     let edges = edges.into_iter().map(Ball::of);
     let drawn = (0..count).map(|_| {
         let high = double(stream);

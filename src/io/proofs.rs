@@ -76,7 +76,7 @@ fn hex(mode: &[[f64; 2]; 4]) -> String {
 
 fn of_hex(text: &str) -> Option<[[f64; 2]; 4]> {
     let mut out = [[0.0; 2]; 4];
-    if text.len() != 128 || !text.is_ascii() {
+    if text.len() != 128 || !text.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f')) {
         return None;
     }
     for (k, value) in out.iter_mut().flatten().enumerate() {
@@ -182,12 +182,18 @@ impl ProofFile {
                 entry.rotation_number.parse().map_err(|reason: Error| {
                     reason.with_place(format!("{place}: circles[{number}]"))
                 })?;
+            if omega.value().centre() != entry.value {
+                let expected = format!("the value of {omega}");
+                let place = format!("{place}: circles[{number}].value");
+                return Err(Error::content(place, expected, entry.value));
+            }
             let candidate = Candidate {
                 omega,
                 modes: modes.collect::<Result<_, _>>()?,
                 rho: entry.rho,
                 rho_hat: entry.rho_hat,
                 points: entry.points,
+                cylinder: false,
             };
             Ok(Circle { candidate, constants: entry.constants })
         };
@@ -216,6 +222,9 @@ impl ProofFile {
                 format!("one of this model, {own}"),
             ));
         }
+        if self.circles.is_empty() {
+            return Err(Error::invalid("proof", "no circle", "one at least"));
+        }
         let map = PlaneMap::of_model(&stored.model)?;
         let checked: Vec<Result<(), Error>> = self
             .circles
@@ -234,7 +243,7 @@ impl ProofFile {
                     Ok(constants) if constants != circle.constants => {
                         wrong(format!("other constants, κ = {:e}", constants.kappa))
                     }
-                    Ok(_) => Ok(()),
+                    Ok(_) => check_box(stored, circle),
                 }
             })
             .collect();

@@ -225,9 +225,9 @@ impl Ball {
 
     /// tanh x = (1 − e)/(1 + e), e = exp(−2x), at the centre; its slope is at most 1.
     fn tanh_of_centre(self) -> Self {
-        // 1 − tanh x < 2e^{−2x}.
+        // 1 − tanh x < 2e^{−2x} < 1.03·10⁻¹³⁰.
         if self.high > 150.0 {
-            return Self::of(1.0).widened(1e-130);
+            return Self::of(1.0).widened(2e-130);
         }
         let one = Self::of(1.0);
         let e = self.exact().scaled(-2.0).exp();

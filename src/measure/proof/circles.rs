@@ -250,49 +250,75 @@ impl Circle {
     /// Proves that the circle goes around a point once: around all that is no farther than `around` from it.
     ///
     /// # Errors
-    /// [`Failure`] with the inequality that does not hold.
+    /// [`Failure`] with the inequality that does not hold; that of a circle of a cylinder, which goes around no point.
     pub fn goes_around(&self, point: [f64; 2], around: f64) -> Result<(), Failure> {
-        let curve = self.candidate.curve(false);
-        let phases: Vec<Wave<Ball>> = phases(self.omega().value(), curve.modes.len());
-        let line = OnLine::new(&curve, &phases, 0.0);
-        let off = up(self.constants.distance + around);
-        let mut winding = Winding::default();
-        let done = along(&line, |part, _| {
-            let [x, y] = [0, 1].map(|k| part.point[k].minus(Taylor::of(point[k])));
-            let apart = x.plus(y.times_i());
-            let far = apart.below() > off;
-            if far {
-                winding.pass(apart.centre());
-            }
-            far
-        });
-        let inequality = "(9) the circle is farther from the point than it is known";
-        if !done {
-            return Err(Failure { inequality, found: f64::NAN, needed: off });
-        }
-        let turns = winding.close();
-        let inequality = "(10) the circle goes once around the point";
-        match turns.abs() {
-            1 => Ok(()),
-            _ => Err(Failure { inequality, found: turns as f64, needed: 1.0 }),
-        }
+        goes_around(&self.candidate, self.constants.distance, point, around)
     }
 
-    /// Proves that this circle has another one, of another rotation number, within: then no orbit leaves what is between
-    /// them.
+    /// Proves that this circle has another one within: then no orbit leaves what is between them.
     ///
     /// # Errors
-    /// [`Failure`], also where both have the same rotation number.
+    /// [`Failure`].
     pub fn encloses(&self, inner: &Self) -> Result<(), Failure> {
-        if self.omega() == inner.omega() {
-            let inequality = "(11) the rotation numbers of both differ";
-            let found = self.omega().value().centre();
-            return Err(Failure { inequality, found, needed: found });
-        }
-        let first: Vec<f64> = inner.points(1);
-        let rounding = 1e-12 * (1.0 + first[0].abs() + first[1].abs());
-        self.goes_around([first[0], first[1]], up(inner.constants.distance + rounding))
+        let [x, y] = inner.candidate.start();
+        let centre = [x.centre(), y.centre()];
+        let off = [x, y].map(|x| up(up(x.parts()[1].abs()) + x.radius()));
+        let around = up(inner.constants.distance + up(off[0] + off[1]));
+        self.goes_around(centre, around)
     }
+}
+
+impl Candidate {
+    /// K(0).
+    fn start(&self) -> [Ball; 2] {
+        let mut out = [Ball::of(0.0); 2];
+        for (k, mode) in self.curve().modes.iter().enumerate() {
+            let both = if k == 0 { 1.0 } else { 2.0 };
+            for axis in 0..2 {
+                out[axis] = out[axis].plus(mode[axis].re.scaled(both));
+            }
+        }
+        out
+    }
+}
+
+/// [`Circle::goes_around`] for what is no farther than `distance` from a curve.
+pub(super) fn goes_around(
+    candidate: &Candidate,
+    distance: f64,
+    point: [f64; 2],
+    around: f64,
+) -> Result<(), Failure> {
+    let once = "(10) the circle goes once around the point";
+    if candidate.cylinder {
+        return Err(Failure { inequality: once, found: 0.0, needed: 1.0 });
+    }
+    let curve = candidate.curve();
+    let phases: Vec<Wave<Ball>> = phases(candidate.omega.value(), curve.modes.len());
+    let line = OnLine::new(&curve, &phases, 0.0);
+    let off = up(distance + around);
+    let (mut winding, mut least) = (Winding::default(), f64::INFINITY);
+    let done = along(&line, |part, last| {
+        let [x, y] = [0, 1].map(|k| part.point[k].minus(Taylor::of(point[k])));
+        let apart = x.plus(y.times_i());
+        let below = apart.below();
+        if below > off {
+            winding.pass(apart.centre());
+        }
+        if (below > off || last) && !(below >= least) {
+            least = below;
+        }
+        below > off
+    });
+    if !done {
+        let inequality = "(9) the circle is farther from the point than it is known";
+        return Err(Failure { inequality, found: least, needed: off });
+    }
+    let turns = winding.close();
+    if turns.abs() == 1.0 {
+        return Ok(());
+    }
+    Err(Failure { inequality: once, found: turns, needed: 1.0 })
 }
 
 /// How far the image of a point is from that of its rounded roll-out: one step of the map in doubles against its enclosure.

@@ -100,7 +100,7 @@ impl RotationNumber {
         let mut gamma = f64::INFINITY;
         for (n, next) in complete.iter().enumerate() {
             let own = Ball::of(1.0).over(next.plus(ratio)).lower();
-            gamma = if own < gamma { own } else { gamma };
+            gamma = if own >= gamma { gamma } else { own };
             if let Some(&a) = quotients.get(n) {
                 ratio = Ball::of(1.0).over(Ball::of(a.into()).plus(ratio));
             }

@@ -58,6 +58,11 @@ impl Number for Rough {
         let (t, margin) = complex_tanh(self.centre);
         let modulus = up(t.above() + margin);
         let slope = up(1.0 + up(modulus * modulus));
+        // As of a Taylor model: no value of what is on the edge of a strip is half π or more from the real line.
+        let far = up(self.centre.im.abs() + self.radius);
+        if !(far < std::f64::consts::FRAC_PI_2) {
+            return Self::new(t, f64::INFINITY);
+        }
         Self::new(t, up(margin + tanh_moves(modulus, slope, self.radius)))
     }
 

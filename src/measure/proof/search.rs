@@ -391,7 +391,8 @@ fn candidates_from(
     for (shrunk, part) in [(1.0, 0.25), (1.0, 0.17), (0.8, 0.25), (0.8, 0.17), (0.6, 0.2)] {
         let rho_hat = widest * shrunk;
         let (omega, modes) = (omega.clone(), modes.clone());
-        out.push(Candidate { omega, modes, rho: part * rho_hat, rho_hat, points });
+        let (rho, cylinder) = (part * rho_hat, map.cylinder());
+        out.push(Candidate { omega, modes, rho, rho_hat, points, cylinder });
     }
     Ok(out)
 }
@@ -423,8 +424,11 @@ fn widest_strip(map: &Prepared<'_>, curve: &Curve<Ball>) -> f64 {
             }
             let mut image = z.map(|z| Complex::new(z.re, z.im));
             map.apply(&mut image);
-            for z in image {
-                largest = crate::scalar::max_or_nan(largest, z.above());
+            for axis in 0..2 {
+                let shift = if curve.cylinder && axis == 0 { turns } else { 0.0 };
+                let centre = modes[0][axis].re + shift;
+                let off = libm::hypot(image[axis].re - centre, image[axis].im);
+                largest = crate::scalar::max_or_nan(largest, off);
             }
         }
         largest
@@ -432,7 +436,7 @@ fn widest_strip(map: &Prepared<'_>, curve: &Curve<Ball>) -> f64 {
     let real = size(0.0);
     let (mut rho, mut best) = (1e-3, 1e-3);
     for _ in 0..60 {
-        if !(size(rho) < 3.0 * real + 1.0) {
+        if !(size(rho) < 3.0 * real) {
             break;
         }
         best = rho;

@@ -33,7 +33,7 @@ impl Complex {
     /// An upper bound of the modulus.
     #[inline(always)]
     pub fn above(self) -> f64 {
-        up(up((self.re * self.re + self.im * self.im).sqrt()) * (1.0 + 4.0 * f64::EPSILON))
+        up(up(up(self.re * self.re) + up(self.im * self.im)).sqrt())
     }
     /// A lower bound of it.
     pub fn below(self) -> f64 {
@@ -272,7 +272,8 @@ pub(super) fn complex_tanh(w: Complex) -> (Complex, f64) {
 /// (sin, cos) of x + iy, and a bound of the error of either.
 pub(super) fn complex_sin_cos(w: Complex) -> (Complex, Complex, f64) {
     if !(w.im.abs() <= 100.0) {
-        return (Complex::ZERO, Complex::ZERO, f64::INFINITY);
+        let none = Complex::new(f64::NAN, f64::NAN);
+        return (none, none, f64::INFINITY);
     }
     let e = real_exp(w.im);
     let (sinh, cosh) = (0.5 * (e - 1.0 / e), 0.5 * (e + 1.0 / e));
