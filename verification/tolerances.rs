@@ -274,6 +274,6 @@ mod needed {
 pub const OF_TWO_DOUBLES: f64 = 1e-24;
 /// The same in doubles.
 pub const OF_A_MAP: f64 = 1e-11;
-/// Areas that shrink by no more than this a map the numbers of a proof may take for rounding: it is 10⁻¹²
-/// that they are to see, and what is less the kinds of step refuse.
-pub const SMALLEST_DISSIPATION: f64 = 5e-13;
+/// Areas that shrink by no more than this a map the numbers of a proof do not see where κ is 10⁶, as in the small
+/// network of the tests: κ times it is to be of order one. What is less the kinds of step refuse.
+pub const SMALLEST_DISSIPATION: f64 = 5e-10;

@@ -59,6 +59,18 @@ pub(super) const GRIDS: &str = "@article{ReinTamayo2018,
 }
 ";
 
+/// Invariant circles that numbers prove.
+pub(super) const PROVED_CIRCLES: &str = "@article{FiguerasHaroLuque2017,
+  author = {Figueras, Jordi-Llu{\\'\\i}s and Haro, Alex and Luque, Alejandro},
+  title = {Rigorous computer-assisted application of {KAM} theory: a modern approach},
+  journal = {Foundations of Computational Mathematics},
+  volume = {17},
+  pages = {1123--1193},
+  year = {2017},
+  doi = {10.1007/s10208-016-9339-3}
+}
+";
+
 /// Sums of Chebyshev polynomials.
 pub(super) const CLENSHAW: &str = "@article{Clenshaw1955,
   author = {Clenshaw, C. W.},

@@ -47,6 +47,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "trajectories",
         "adiabatic-profiles",
         "there-and-back",
+        "confinement",
         "near-identity-penalty",
         "published-weights",
         "adiabatic-horizon",

@@ -3,9 +3,9 @@
 use super::setup::{Data, ModelSpec, Setup};
 use super::study::shared::Study;
 use super::study::{
-    actions, adiabatic_horizon, adiabatic_profiles, claims, controls, dissipation, family,
-    long_steps, noise, overview, own_invariant, poincare, rollout, slow_manifold, surfaces, tanh,
-    there_and_back, trajectories, which_action, work_precision,
+    actions, adiabatic_horizon, adiabatic_profiles, claims, confinement, controls, dissipation,
+    family, long_steps, noise, overview, own_invariant, poincare, rollout, slow_manifold, surfaces,
+    tanh, there_and_back, trajectories, which_action, work_precision,
 };
 use crate::measure::certificate::CertificateOptions;
 use crate::system::System;
@@ -154,6 +154,8 @@ studies! {
     poincare: Poincare(poincare::PoincareOptions),
     /// Maps of a machine at values of its controls that were never traced.
     controls: Controls(controls::ControlsOptions),
+    /// Curves of maps of a plane that no orbit crosses, with proofs.
+    confinement: Confinement(confinement::ConfinementOptions),
     /// Which circle action the pairs have.
     which_action: WhichAction(which_action::WhichActionOptions),
     /// The structure certificate of each network.

@@ -424,3 +424,54 @@ fn own_invariants_are_told_by_their_orders() {
     refused(&OWN.replace("every = 10", "every = 500"), &["own_invariant", "every"]);
     refused(&OWN.replace("[[0.7, 0.1, 0.0, 0.2]", "[[0.7, 0.1, 0.0]"), &["initial"]);
 }
+
+const CONFINEMENT: &str = r#"
+name = "curves"
+title = "curves that no orbit crosses"
+seed = 1
+flow_time = 6.283185307179586
+plots = ["confinement"]
+
+[system]
+kind = "field-lines"
+epsilon = 0.0
+
+[data]
+windows = [{ low = [-0.8, -0.8], high = [0.8, 0.8], samples = 60 }]
+
+[training]
+iterations = 12
+optimiser = { kind = "levenberg-marquardt" }
+
+[[models]]
+name = "integrable"
+network = { kind = "normal-form", kicks = { count = 2, width = 2 }, twists = { count = 1, width = 3 }, perturbation = { count = 0, width = 2 } }
+weights = { kind = "normal", scale = 0.3 }
+
+[confinement]
+circles = 2
+to = [0.7, 0.0]
+orbits = 3
+steps = 50
+"#;
+
+/// A study that proves curves of a trained model: those of an integrable one are all there.
+#[test]
+fn curves_of_a_trained_model_are_proved() {
+    let scene = parse("curves", CONFINEMENT).expect("a scene");
+    let folder = temporary();
+    let report = run_in(folder.path(), &scene);
+    let findings = report.study("confinement").expect("a study");
+    let data = &findings.results.data[0];
+    let verdicts = data["circles"].as_array().expect("circles");
+    assert_eq!(verdicts.len(), 2);
+    assert!(verdicts.iter().all(|circle| circle["verdict"] == "proved"), "{verdicts:?}");
+    assert_eq!(data["nested"].as_array().expect("pairs").len(), 1);
+    let share = data["enclosed_share"].as_f64().expect("a number");
+    assert!(share > 0.5 && share < 1.0, "{share}");
+    let svg = std::fs::read_to_string(folder.path().join("confinement.svg")).expect("drawn");
+    assert!(svg.contains("proved"));
+    refused(&CONFINEMENT.replace("circles = 2", "circles = 0"), &["circles"]);
+    refused(&CONFINEMENT.replace("to = [0.7, 0.0]", "to = [nan, 0.0]"), &["to"]);
+    refused(&CONFINEMENT.replace("steps = 50", "steps = 0"), &["steps"]);
+}

@@ -21,7 +21,7 @@ pub use plane_map::{PlaneMap, PlaneStep, Prepared, Slope};
 #[doc(hidden)]
 pub use rotation_number::Divisors;
 pub use rotation_number::RotationNumber;
-pub use search::{Ray, candidates, candidates_near, turns_of_orbit};
+pub use search::{Ray, candidates, candidates_near, place_on_ray, turns_of_orbit};
 #[doc(hidden)]
 pub use taylor::{Complex, Taylor};
 pub use theorem::{Candidate, Constants, Failure};

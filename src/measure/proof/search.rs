@@ -74,7 +74,7 @@ fn turns_of(map: &Prepared<'_>, about: [f64; 2], start: [f64; 2]) -> f64 {
 }
 
 /// The place on the ray whose orbit turns by ω, or by what whole turns leave of it.
-fn place_on_ray(map: &Prepared<'_>, ray: Ray, omega: f64) -> Option<[f64; 2]> {
+fn place_on_ray_of(map: &Prepared<'_>, ray: Ray, omega: f64) -> Option<[f64; 2]> {
     const PLACES: usize = 24;
     const HALVINGS: usize = 44;
     let off = |part: f64| {
@@ -99,6 +99,11 @@ fn place_on_ray(map: &Prepared<'_>, ray: Ray, omega: f64) -> Option<[f64; 2]> {
         }
     }
     Some(ray.at(0.5 * (low + high)))
+}
+
+/// The place on the ray whose orbit turns by a rotation number; None where there is none.
+pub fn place_on_ray(map: &PlaneMap, ray: Ray, omega: &RotationNumber) -> Option<[f64; 2]> {
+    place_on_ray_of(&map.prepared(), ray, omega.value().centre())
 }
 
 /// The modes of the curve that an orbit is on, z_n = K(nω).
@@ -346,7 +351,7 @@ pub fn candidates(
     let fail = |found: &str, expected: &str| {
         Err(Error::invalid("circle", format!("{omega}: {found}"), expected.to_owned()))
     };
-    let Some(start) = place_on_ray(map, ray, value.centre()) else {
+    let Some(start) = place_on_ray_of(map, ray, value.centre()) else {
         return fail(
             "no orbit on the ray turns by it",
             "a rotation number between those of the ends of the ray",

@@ -9,6 +9,7 @@ pub mod adiabatic_horizon;
 pub mod adiabatic_profiles;
 pub mod certificate;
 pub mod claims;
+pub mod confinement;
 pub mod controls;
 pub mod dissipation;
 pub mod family;

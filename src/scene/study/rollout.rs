@@ -717,7 +717,7 @@ impl Orbits<'_> {
 }
 
 /// The colour of level sets.
-const GREY: usize = 6;
+pub(super) const GREY: usize = 6;
 
 /// The colour of an orbit: not that of level sets.
 pub(super) fn orbit_color(m: usize) -> usize {
