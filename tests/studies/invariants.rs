@@ -437,6 +437,7 @@ kind = "field-lines"
 epsilon = 0.0
 
 [data]
+validation = 0.25
 windows = [{ low = [-0.8, -0.8], high = [0.8, 0.8], samples = 60 }]
 
 [training]
