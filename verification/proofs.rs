@@ -285,7 +285,7 @@ fn golden_circle(k: f64) -> Result<Vec<Candidate>, gyroceptron::Error> {
     modes[0][2][0] = golden.value().centre();
     let mut now = 0.0;
     loop {
-        now = f64::min(now + 0.2, k); // no NaN: both are numbers
+        now = if now + 0.2 < k { now + 0.2 } else { k };
         let found = candidates_near(&standard_map(now), &modes, &golden)?;
         if now == k {
             return Ok(found);
