@@ -192,32 +192,21 @@ impl TwistShears {
         Self { planes, turned, function, intervals, neurons, begins }
     }
 
-    /// What turns a plane that there is nothing beside: its weight, and of each shear the derivative of its function
-    /// of the action.
+    /// What turns a plane that there is nothing beside: its weight, and of each shear the ridge functions of the action, the
+    /// interval of it where they are polynomials, their parameters, and the factor of its square in the quadratic form.
     #[cfg(feature = "proofs")]
-    pub(crate) fn of_plane(&self, parameters: &[f64]) -> (i32, Vec<crate::measure::proof::Slope>) {
-        use crate::measure::proof::Slope;
+    pub(crate) fn of_plane<'a>(
+        &self,
+        parameters: &'a [f64],
+    ) -> (i32, Vec<(Ridges, Option<ActionInterval>, &'a [f64], f64)>) {
         debug_assert!(self.planes.dof == 1);
-        let slope = |number: usize| {
-            let own = &parameters[self.parameters(number)];
-            let ridges = self.ridges(number);
+        let shear = |number: usize| {
+            let (own, ridges) = (&parameters[self.parameters(number)], self.ridges(number));
             let (functions, form) = own.split_at(ridges.parameter_count(1));
-            let mut slope = Slope::of_ridges(ridges, functions);
-            match (&mut slope, self.function) {
-                (Slope::Tanh { linear, .. }, _) => *linear = form.first().map_or(0.0, |q| *q),
-                (
-                    Slope::Chebyshev { centre, inverse_half, factor, .. },
-                    RidgeFunction::Polynomial { radius, .. },
-                ) => {
-                    let interval = self.intervals[0];
-                    (*centre, *inverse_half) = (interval.centre, interval.inverse_half);
-                    *factor = radius * interval.inverse_half;
-                }
-                _ => {}
-            }
-            slope
+            let interval = self.intervals.first().copied();
+            (ridges, interval, functions, form.first().copied().unwrap_or(0.0))
         };
-        (self.planes.weights[0], (0..self.count()).map(slope).collect())
+        (self.planes.weights[0], (0..self.count()).map(shear).collect())
     }
 
     /// Where the angles of each turned shear begin among the parameters; none of others.

@@ -1,24 +1,12 @@
 //! Balls: intervals of real numbers around a double-double centre.
 
-use super::number::{Function, Number};
+use super::number::{Constant, Function, Number};
 use super::rough::Rough;
-use super::taylor::Complex;
+use super::rounded::{Complex, down, up};
 use std::sync::LazyLock;
 
 /// 2⁻¹⁰³, more than the relative error of a sum or a product of double-doubles.
 const ROUNDING: f64 = 1.0 / ((1_u128 << 103) as f64);
-
-/// An upper bound of the exact result, which the rounded one of a single operation on non-negative numbers is of.
-#[inline(always)]
-pub(super) fn up(rounded: f64) -> f64 {
-    rounded + (rounded * (2.0 * f64::EPSILON) + f64::MIN_POSITIVE)
-}
-
-/// A lower bound of it.
-#[inline(always)]
-pub(super) fn down(rounded: f64) -> f64 {
-    (rounded - (rounded * (2.0 * f64::EPSILON) + f64::MIN_POSITIVE)).max(0.0)
-}
 
 #[inline(always)]
 fn two_sum(a: f64, b: f64) -> (f64, f64) {
@@ -111,6 +99,11 @@ impl Ball {
     /// The centre: its high and its low part.
     pub fn parts(self) -> [f64; 2] {
         [self.high, self.low]
+    }
+
+    /// As a factor of other kinds of numbers.
+    pub fn constant(self) -> Constant {
+        Constant { high: self.high, low: self.low, radius: self.radius }
     }
 
     /// The radius.
@@ -270,8 +263,8 @@ impl Number for Ball {
         self.times(Self::of(factor))
     }
 
-    fn scaled_by(self, factor: Ball) -> Self {
-        self.times(factor)
+    fn scaled_by(self, factor: Constant) -> Self {
+        self.times(Self { high: factor.high, low: factor.low, radius: factor.radius })
     }
 
     fn tanh(self) -> Self {

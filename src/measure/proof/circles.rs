@@ -1,13 +1,14 @@
 //! Proofs of circles from their rotation numbers alone, and what proved circles enclose.
 
-use super::ball::{Ball, up};
-use super::curve::{OnLine, Wave, phases};
+use super::ball::Ball;
+use super::failure::Failure;
 use super::number::{Jet, Number};
 use super::plane_map::{PlaneMap, Prepared};
 use super::rotation_number::RotationNumber;
+use super::rounded::up;
 use super::search::{Ray, candidates, turns_of_orbit};
-use super::taylor::Taylor;
-use super::theorem::{Candidate, Constants, Failure, Winding, along};
+use super::theorem::{Candidate, Constants};
+use super::winding::goes_around;
 use crate::error::Error;
 
 /// A curve with a proof that an invariant circle is near it.
@@ -28,31 +29,6 @@ pub enum Verdict {
     NotProved(Failure),
     /// No curve was found, with the reason.
     NotFound(String),
-}
-
-impl Failure {
-    /// The number of the inequality, in brackets.
-    pub fn number(&self) -> &'static str {
-        self.inequality.split_inclusive(')').next().unwrap_or_default()
-    }
-
-    /// What may help.
-    pub fn advice(&self) -> &'static str {
-        match self.inequality.as_bytes().get(1) {
-            Some(b'1') => {
-                "polynomial kicks have no poles, and smaller weights have them farther away; a rotation number of larger γ \
-                 needs a narrower strip"
-            }
-            Some(b'3' | b'4') => "a circle farther from islands, whose K′ bends less",
-            Some(b'5') => {
-                "a model whose rotation number changes across circles: where it does not, the theorem says nothing"
-            }
-            _ => {
-                "a rotation number farther from fractions of small denominators, or a circle farther from islands; or more \
-                 digits than two doubles have"
-            }
-        }
-    }
 }
 
 /// Tries to prove that the map has an invariant circle of this rotation number that crosses the ray: the curve, the widths of
@@ -252,7 +228,7 @@ impl Circle {
     /// # Errors
     /// [`Failure`] with the inequality that does not hold; that of a circle of a cylinder, which goes around no point.
     pub fn goes_around(&self, point: [f64; 2], around: f64) -> Result<(), Failure> {
-        goes_around(&self.candidate, self.constants.distance, point, around)
+        goes_around(&self.candidate.curve(), self.constants.distance, point, around)
     }
 
     /// Proves that this circle has another one within: then no orbit leaves what is between them.
@@ -280,45 +256,6 @@ impl Candidate {
         }
         out
     }
-}
-
-/// [`Circle::goes_around`] for what is no farther than `distance` from a curve.
-pub(super) fn goes_around(
-    candidate: &Candidate,
-    distance: f64,
-    point: [f64; 2],
-    around: f64,
-) -> Result<(), Failure> {
-    let once = "(10) the circle goes once around the point";
-    if candidate.cylinder {
-        return Err(Failure { inequality: once, found: 0.0, needed: 1.0 });
-    }
-    let curve = candidate.curve();
-    let phases: Vec<Wave<Ball>> = phases(candidate.omega.value(), curve.modes.len());
-    let line = OnLine::new(&curve, &phases, 0.0);
-    let off = up(distance + around);
-    let (mut winding, mut least) = (Winding::default(), f64::INFINITY);
-    let done = along(&line, |part, last| {
-        let [x, y] = [0, 1].map(|k| part.point[k].minus(Taylor::of(point[k])));
-        let apart = x.plus(y.times_i());
-        let below = apart.below();
-        if below > off {
-            winding.pass(apart.centre());
-        }
-        if (below > off || last) && !(below >= least) {
-            least = below;
-        }
-        below > off
-    });
-    if !done {
-        let inequality = "(9) the circle is farther from the point than it is known";
-        return Err(Failure { inequality, found: least, needed: off });
-    }
-    let turns = winding.close();
-    if turns.abs() == 1.0 {
-        return Ok(());
-    }
-    Err(Failure { inequality: once, found: turns, needed: 1.0 })
 }
 
 /// How far the image of a point is from that of its rounded roll-out: one step of the map in doubles against its enclosure.

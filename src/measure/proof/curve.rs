@@ -1,8 +1,9 @@
 //! Closed curves of a plane by Fourier series, on real numbers and on strips around them.
 
-use super::ball::{Ball, up};
+use super::ball::Ball;
 use super::number::Number;
-use super::taylor::{Complex, DEGREE, SLACK, Taylor, real_exp, real_sin_cos};
+use super::rounded::{Complex, SLACK, real_exp, real_sin_cos, up};
+use super::taylor::{DEGREE, Taylor};
 use crate::scalar::max_or_nan;
 use std::f64::consts::TAU;
 

@@ -1,5 +1,25 @@
 //! What a map of a plane is evaluated in: numbers, enclosures, and their derivatives.
 
+use super::rounded::up;
+
+/// A real number that no double is: within a radius of the sum of two.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constant {
+    /// The first double.
+    pub high: f64,
+    /// The second one.
+    pub low: f64,
+    /// The radius.
+    pub radius: f64,
+}
+
+impl Constant {
+    /// How far it is from the first double at most.
+    pub fn off(self) -> f64 {
+        up(self.low.abs() + self.radius)
+    }
+}
+
 /// Numbers and enclosures of numbers.
 ///
 /// Operations on enclosures hold all results of the operation on numbers in them.
@@ -17,7 +37,7 @@ pub trait Number: Copy {
     /// The product with a double.
     fn scaled(self, factor: f64) -> Self;
     /// The product with a constant that no double is.
-    fn scaled_by(self, factor: super::Ball) -> Self;
+    fn scaled_by(self, factor: Constant) -> Self;
     /// The tanh.
     fn tanh(self) -> Self;
     /// The sine and the cosine.
@@ -43,8 +63,8 @@ impl Number for f64 {
     fn scaled(self, factor: f64) -> Self {
         self * factor
     }
-    fn scaled_by(self, factor: super::Ball) -> Self {
-        self * factor.centre()
+    fn scaled_by(self, factor: Constant) -> Self {
+        self * factor.high
     }
     fn tanh(self) -> Self {
         use crate::scalar::Scalar;
@@ -70,7 +90,7 @@ pub trait Coordinate: Copy {
     /// The product with a double.
     fn scaled(self, factor: f64) -> Self;
     /// The product with a constant that no double is.
-    fn scaled_by(self, factor: super::Ball) -> Self;
+    fn scaled_by(self, factor: Constant) -> Self;
     /// A constant added.
     fn shifted(self, by: f64) -> Self;
     /// A function of it.
@@ -89,7 +109,7 @@ impl<N: Number> Coordinate for N {
     fn scaled(self, factor: f64) -> Self {
         Number::scaled(self, factor)
     }
-    fn scaled_by(self, factor: super::Ball) -> Self {
+    fn scaled_by(self, factor: Constant) -> Self {
         Number::scaled_by(self, factor)
     }
     fn shifted(self, by: f64) -> Self {
@@ -179,7 +199,7 @@ impl<N: Number, const SECOND: bool> Coordinate for Jet<N, SECOND> {
         self.each(|x| x.scaled(factor))
     }
 
-    fn scaled_by(self, factor: super::Ball) -> Self {
+    fn scaled_by(self, factor: Constant) -> Self {
         self.each(|x| x.scaled_by(factor))
     }
 

@@ -1,9 +1,11 @@
 //! Maps of a plane as lists of analytic steps.
 
-use super::{Ball, Coordinate, Function, Number};
+use super::ball::Ball;
+use super::number::{Constant, Coordinate, Function, Number};
 use crate::error::Error;
 use crate::layer::{
-    Activation, PolynomialPotential, RidgeFunction, Ridges, TanhPotential, TorusAction,
+    ActionInterval, Activation, PolynomialPotential, RidgeFunction, Ridges, TanhPotential,
+    TorusAction,
 };
 use crate::network::{Composition, Kind, Model};
 use crate::phase::Half;
@@ -145,7 +147,7 @@ impl Function for Slope {
                 }
             }
             Self::Sine => {
-                let tau = Ball::TAU;
+                let tau = Ball::TAU.constant();
                 let (s, c) = x.scaled_by(tau).sin_cos();
                 let (once, twice) = (c.scaled_by(tau), s.scaled(-1.0).scaled_by(tau));
                 let twice = twice.scaled_by(tau);
@@ -241,7 +243,7 @@ fn turn<C: Coordinate>(z: &mut [C; 2], s: C, c: C) {
 pub struct Prepared<'a> {
     map: &'a PlaneMap,
     /// Of each step; of those that turn by nothing of their own (0, 1).
-    turns: Vec<(Ball, Ball)>,
+    turns: Vec<(Constant, Constant)>,
 }
 
 impl PlaneMap {
@@ -254,7 +256,8 @@ impl PlaneMap {
             }
             _ => (Ball::of(0.0), Ball::of(1.0)),
         };
-        Prepared { map: self, turns: self.steps.iter().map(turn).collect() }
+        let turns = self.steps.iter().map(turn).map(|(s, c)| (s.constant(), c.constant()));
+        Prepared { map: self, turns: turns.collect() }
     }
 
     /// The map of a model of one degree of freedom, in the coordinates of its normal form where it has one.
@@ -322,10 +325,9 @@ impl PlaneMap {
                 }
                 Kind::Twist { shears, .. } => {
                     let (weight, slopes) = shears.of_plane(parameters);
-                    steps.extend(slopes.into_iter().map(|slope| PlaneStep::Twist {
-                        factor: signed,
-                        weight,
-                        slope,
+                    steps.extend(slopes.into_iter().map(|(ridges, interval, own, form)| {
+                        let slope = Slope::of_action(ridges, interval, own, form);
+                        PlaneStep::Twist { factor: signed, weight, slope }
                     }));
                 }
                 Kind::Linear { first, translated } => {
@@ -472,8 +474,31 @@ impl Prepared<'_> {
 }
 
 impl Slope {
+    /// G′ of ridge functions of an action, in an interval where they are polynomials, and of half the square of it.
+    fn of_action(
+        ridges: Ridges,
+        interval: Option<ActionInterval>,
+        parameters: &[f64],
+        form: f64,
+    ) -> Self {
+        let mut out = Self::of_ridges(ridges, parameters);
+        match (&mut out, ridges.function, interval) {
+            (Self::Tanh { linear, .. }, ..) => *linear = form,
+            (
+                Self::Chebyshev { centre, inverse_half, factor, .. },
+                RidgeFunction::Polynomial { radius, .. },
+                Some(interval),
+            ) => {
+                (*centre, *inverse_half) = (interval.centre, interval.inverse_half);
+                *factor = radius * interval.inverse_half;
+            }
+            _ => {}
+        }
+        out
+    }
+
     /// V′ of ridge functions of one coordinate.
-    pub(crate) fn of_ridges(ridges: Ridges, parameters: &[f64]) -> Self {
+    fn of_ridges(ridges: Ridges, parameters: &[f64]) -> Self {
         match ridges.function {
             RidgeFunction::Tanh => {
                 let neurons = TanhPotential::<f64>::new(1, ridges.width, parameters);

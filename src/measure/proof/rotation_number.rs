@@ -1,7 +1,8 @@
 //! Rotation numbers that are far from all fractions, and sums of small divisors.
 
-use super::ball::{Ball, down, up};
+use super::ball::Ball;
 use super::number::Number;
+use super::rounded::{down, up};
 use crate::error::Error;
 
 /// The noble number [0; a₁, …, a_r, 1, 1, …]: a continued fraction that ends in ones.

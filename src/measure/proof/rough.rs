@@ -1,8 +1,7 @@
 //! Discs around doubles, for bounds that need few digits.
 
-use super::ball::{Ball, up};
-use super::number::Number;
-use super::taylor::{Complex, complex_sin_cos, complex_tanh, expm1_above, tanh_moves};
+use super::number::{Constant, Number};
+use super::rounded::{Complex, complex_sin_cos, complex_tanh, expm1_above, tanh_moves, up};
 
 /// All complex numbers no further from a centre than a radius.
 #[derive(Clone, Copy, Debug)]
@@ -49,9 +48,8 @@ impl Number for Rough {
         Self::rounded(self.centre.scaled(factor), up(self.radius * factor.abs()))
     }
 
-    fn scaled_by(self, factor: Ball) -> Self {
-        let radius = up(factor.parts()[1].abs() + factor.radius());
-        self.times(Self::new(Complex::new(factor.centre(), 0.0), radius))
+    fn scaled_by(self, factor: Constant) -> Self {
+        self.times(Self::new(Complex::new(factor.high, 0.0), factor.off()))
     }
 
     fn tanh(self) -> Self {
@@ -71,5 +69,32 @@ impl Number for Rough {
         let size = up(up(s.above() + c.above()) + margin);
         let radius = up(margin + up(size * expm1_above(self.radius)));
         (Self::new(s, radius), Self::new(c, radius))
+    }
+}
+
+/// Without bounds, for searches: the tanh of what is no less than ½π from the real line is NaN.
+impl Number for Complex {
+    fn of(value: f64) -> Self {
+        Self::new(value, 0.0)
+    }
+    fn plus(self, other: Self) -> Self {
+        Complex::plus(self, other)
+    }
+    fn times(self, other: Self) -> Self {
+        Complex::times(self, other)
+    }
+    fn scaled(self, factor: f64) -> Self {
+        Complex::scaled(self, factor)
+    }
+    fn scaled_by(self, factor: Constant) -> Self {
+        Complex::scaled(self, factor.high)
+    }
+    fn tanh(self) -> Self {
+        let within = self.im.abs() < std::f64::consts::FRAC_PI_2;
+        if within { complex_tanh(self).0 } else { Self::new(f64::NAN, f64::NAN) }
+    }
+    fn sin_cos(self) -> (Self, Self) {
+        let (s, c, _) = complex_sin_cos(self);
+        (s, c)
     }
 }

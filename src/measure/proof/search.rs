@@ -5,7 +5,7 @@ use super::curve::{Curve, Wave, phases, roots_of_unity, transform};
 use super::number::{Jet, Number};
 use super::plane_map::{PlaneMap, Prepared};
 use super::rotation_number::RotationNumber;
-use super::taylor::Complex;
+use super::rounded::Complex;
 use super::theorem::{Candidate, error_of};
 use crate::error::Error;
 use std::f64::consts::TAU;

@@ -1,12 +1,14 @@
 //! The theorem: its hypotheses, checked in numbers that enclose.
 
-use super::ball::{Ball, down, up};
-use super::circles::goes_around;
-use super::curve::{Curve, OnLine, Part, Wave, phases, roots_of_unity};
+use super::ball::Ball;
+use super::curve::{Curve, OnLine, Wave, phases, roots_of_unity};
+use super::failure::Failure;
 use super::number::{Jet, Number};
 use super::plane_map::{PlaneMap, Prepared};
 use super::rotation_number::{Divisors, RotationNumber};
+use super::rounded::{down, up};
 use super::taylor::Taylor;
+use super::winding::{Winding, along, goes_around};
 use crate::error::Error;
 use serde::{Deserialize, Serialize};
 
@@ -62,59 +64,11 @@ pub struct Constants {
     pub distance: f64,
 }
 
-/// Why a theorem is not proved: the inequality that fails, and by how much.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Failure {
-    /// The inequality, with its number in the guide.
-    pub inequality: &'static str,
-    /// What was found.
-    pub found: f64,
-    /// What it was to be below, or above.
-    pub needed: f64,
-}
-
-impl std::fmt::Display for Failure {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { inequality, found, needed } = self;
-        write!(f, "{inequality}: found {found:.3e} against {needed:.3e}")
-    }
-}
-
 /// Curves are not as large as this.
 const MOST_OF_MODES: f64 = 1e50;
 
-/// The largest lengths of a strip's parts, and the least, over 1.
-const FIRST_PARTS: usize = 256;
-const MOST_HALVINGS: u32 = 7;
-
 /// Below what part of the quantity a remainder is taken as good.
 const FINE: f64 = 0.02;
-
-/// The parts of a line around a curve one after another; a part that is not good enough is halved.
-pub(super) fn along(line: &OnLine, mut take: impl FnMut(&Part, bool) -> bool) -> bool {
-    fn one(
-        line: &OnLine,
-        centre: f64,
-        half: f64,
-        halvings: u32,
-        take: &mut impl FnMut(&Part, bool) -> bool,
-    ) -> bool {
-        if take(&line.part(centre, half), halvings == 0) {
-            return true;
-        }
-        if halvings == 0 {
-            return false;
-        }
-        let half = 0.5 * half;
-        one(line, centre - half, half, halvings - 1, take)
-            && one(line, centre + half, half, halvings - 1, take)
-    }
-    let half = 0.5 / FIRST_PARTS as f64;
-    (0..FIRST_PARTS).all(|number| {
-        let centre = (2 * number + 1) as f64 * half;
-        one(line, centre, half, MOST_HALVINGS, &mut take)
-    })
-}
 
 /// The Euclidean norm of complex numbers of which upper bounds are known.
 fn norm(parts: &[f64]) -> f64 {
@@ -150,33 +104,6 @@ struct OnStrip {
     /// |DF|.
     first: f64,
     second: f64,
-}
-
-/// Turns of arguments as they pass by: how often they go around 0.
-#[derive(Default)]
-pub(super) struct Winding {
-    last: Option<super::taylor::Complex>,
-    first: Option<super::taylor::Complex>,
-    turns: f64,
-}
-
-impl Winding {
-    pub fn pass(&mut self, to: super::taylor::Complex) {
-        if let Some(from) = self.last {
-            let (re, im) = (from.re * to.re + from.im * to.im, from.re * to.im - from.im * to.re);
-            self.turns += libm::atan2(im, re) / std::f64::consts::TAU;
-        }
-        self.first.get_or_insert(to);
-        self.last = Some(to);
-    }
-
-    /// How often; NaN where that is not known.
-    pub fn close(mut self) -> f64 {
-        if let Some(first) = self.first {
-            self.pass(first);
-        }
-        libm::round(self.turns)
-    }
 }
 
 impl Candidate {
@@ -244,7 +171,7 @@ impl Candidate {
             if !self.cylinder {
                 // That it goes around once, so that ω is its rotation number, and it has an inside.
                 let centre = [self.modes[0][0][0], self.modes[0][2][0]];
-                goes_around(self, constants.distance, centre, 0.0)?;
+                goes_around(&self.curve(), constants.distance, centre, 0.0)?;
             }
             Ok(constants)
         }))

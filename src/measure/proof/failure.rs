@@ -1,0 +1,44 @@
+//! Why a theorem is not proved.
+
+/// Why a theorem is not proved: the inequality that fails, and by how much.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Failure {
+    /// The inequality, with its number in the guide.
+    pub inequality: &'static str,
+    /// What was found.
+    pub found: f64,
+    /// What it was to be below, or above.
+    pub needed: f64,
+}
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { inequality, found, needed } = self;
+        write!(f, "{inequality}: found {found:.3e} against {needed:.3e}")
+    }
+}
+
+impl Failure {
+    /// The number of the inequality, in brackets.
+    pub fn number(&self) -> &'static str {
+        self.inequality.split_inclusive(')').next().unwrap_or_default()
+    }
+
+    /// What may help.
+    pub fn advice(&self) -> &'static str {
+        match self.inequality.as_bytes().get(1) {
+            Some(b'1') => {
+                "polynomial kicks have no poles, and smaller weights have them farther away; a rotation number of larger γ \
+                 needs a narrower strip"
+            }
+            Some(b'3' | b'4') => "a circle farther from islands, whose K′ bends less",
+            Some(b'5') => {
+                "a model whose rotation number changes across circles: where it does not, the theorem says nothing"
+            }
+            _ => {
+                "a rotation number farther from fractions of small denominators, or a circle farther from islands; or more \
+                 digits than two doubles have"
+            }
+        }
+    }
+}

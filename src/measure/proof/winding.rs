@@ -1,0 +1,105 @@
+//! Along curves and the edges of strips: parts one after another, and how often values go around 0.
+
+use super::ball::Ball;
+use super::curve::{Curve, OnLine, Part, phases};
+use super::failure::Failure;
+use super::number::Number;
+use super::rounded::{Complex, up};
+use super::taylor::Taylor;
+
+/// The largest lengths of a strip's parts, and the least, over 1.
+const FIRST_PARTS: usize = 256;
+const MOST_HALVINGS: u32 = 7;
+
+/// The parts of a line around a curve one after another; a part that is not good enough is halved.
+pub(super) fn along(line: &OnLine, mut take: impl FnMut(&Part, bool) -> bool) -> bool {
+    fn one(
+        line: &OnLine,
+        centre: f64,
+        half: f64,
+        halvings: u32,
+        take: &mut impl FnMut(&Part, bool) -> bool,
+    ) -> bool {
+        if take(&line.part(centre, half), halvings == 0) {
+            return true;
+        }
+        if halvings == 0 {
+            return false;
+        }
+        let half = 0.5 * half;
+        one(line, centre - half, half, halvings - 1, take)
+            && one(line, centre + half, half, halvings - 1, take)
+    }
+    let half = 0.5 / FIRST_PARTS as f64;
+    (0..FIRST_PARTS).all(|number| {
+        let centre = (2 * number + 1) as f64 * half;
+        one(line, centre, half, MOST_HALVINGS, &mut take)
+    })
+}
+
+/// Turns of arguments as they pass by: how often they go around 0.
+#[derive(Default)]
+pub(super) struct Winding {
+    last: Option<Complex>,
+    first: Option<Complex>,
+    turns: f64,
+}
+
+impl Winding {
+    pub fn pass(&mut self, to: Complex) {
+        if let Some(from) = self.last {
+            let (re, im) = (from.re * to.re + from.im * to.im, from.re * to.im - from.im * to.re);
+            self.turns += libm::atan2(im, re) / std::f64::consts::TAU;
+        }
+        self.first.get_or_insert(to);
+        self.last = Some(to);
+    }
+
+    /// How often; NaN where that is not known.
+    pub fn close(mut self) -> f64 {
+        if let Some(first) = self.first {
+            self.pass(first);
+        }
+        libm::round(self.turns)
+    }
+}
+
+/// Whether a curve that is no farther than `distance` from this one goes around a point once, and around all that is no
+/// farther than `around` from it.
+pub(super) fn goes_around(
+    curve: &Curve<Ball>,
+    distance: f64,
+    point: [f64; 2],
+    around: f64,
+) -> Result<(), Failure> {
+    let once = "(10) the circle goes once around the point";
+    if curve.cylinder {
+        return Err(Failure { inequality: once, found: 0.0, needed: 1.0 });
+    }
+    // K′(φ + ω) is not looked at.
+    let phases = phases(Ball::of(0.0), curve.modes.len());
+    let line = OnLine::new(curve, &phases, 0.0);
+    let off = up(distance + around);
+    let (mut winding, mut least) = (Winding::default(), f64::INFINITY);
+    let done = along(&line, |part, last| {
+        let [x, y] = [0, 1].map(|k| part.point[k].minus(Taylor::of(point[k])));
+        let apart = x.plus(y.times_i());
+        let below = apart.below();
+        if below > off {
+            winding.pass(apart.centre());
+        }
+        if (below > off || last) && !(below >= least) {
+            least = below;
+        }
+        below > off
+    });
+    if !done {
+        let inequality = "(9) the circle is farther from the point than it is known";
+        return Err(Failure { inequality, found: least, needed: off });
+    }
+    let turns = winding.close();
+    if turns.abs() == 1.0 {
+        return Ok(());
+    }
+    Err(Failure { inequality: once, found: turns, needed: 1.0 })
+}
