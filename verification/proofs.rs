@@ -86,11 +86,11 @@ fn missed(change: impl Fn(Ball) -> Ball) -> usize {
         if a.centre() > 0.0 {
             count(a.sqrt(), x.sqrt(BITS, NEAREST));
         }
-        if a.centre().abs() < 500.0 {
+        if a.centre().abs() < tolerances::MOST_OF_EXP {
             count(a.exp(), x.exp(BITS, NEAREST, &mut constants));
             count(a.tanh(), x.tanh(BITS, NEAREST, &mut constants));
         }
-        if a.centre().abs() < 1e6 {
+        if a.centre().abs() < tolerances::MOST_OF_SIN {
             let (s, c) = a.sin_cos();
             count(s, x.sin(BITS, NEAREST, &mut constants));
             count(c, x.cos(BITS, NEAREST, &mut constants));
@@ -179,7 +179,7 @@ fn taylor_models_hold_complex_values() {
                 let slack = 64.0 * f64::EPSILON * (1.0 + libm::hypot(near.re, near.im));
                 assert!(off <= model.remainder() + slack, "{off} {model:?} {w:?}");
                 looked_at += 1;
-                tight += usize::from(off > 0.01 * model.remainder());
+                tight += usize::from(off > tolerances::TIGHT * model.remainder());
             }
         }
     }
@@ -253,7 +253,7 @@ fn small_divisors_are_bounded() {
             }
             let literal = 2.0 * f64::sqrt(sum);
             assert!(
-                bound >= literal && bound <= 1.001 * literal,
+                bound >= literal && bound <= tolerances::OF_DIVISORS * literal,
                 "{text} {delta}: {bound} {literal}"
             );
         }

@@ -277,3 +277,12 @@ pub const OF_A_MAP: f64 = 1e-11;
 /// Areas that shrink by no more than this a map the numbers of a proof do not see where κ is 10⁶, as in the small
 /// network of the tests: κ times it is to be of order one. What is less the kinds of step refuse.
 pub const SMALLEST_DISSIPATION: f64 = 5e-10;
+/// Arguments of exp and tanh in balls: e^600 is the most that they hold.
+pub const MOST_OF_EXP: f64 = 500.0;
+/// Of sine and cosine: beyond 10⁹ quarter turns they hold all of [−1, 1].
+pub const MOST_OF_SIN: f64 = 1e6;
+/// A remainder of a Taylor model that is a hundred times the error at a point of its edge is not merely large: rounding
+/// makes it so where the model is narrow.
+pub const TIGHT: f64 = 0.01;
+/// The bound of small divisors sums 1500 of them as they are: the rest is less than a thousandth.
+pub const OF_DIVISORS: f64 = 1.001;
