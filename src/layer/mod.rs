@@ -52,4 +52,6 @@ pub use ridge::{MOST_DEGREES, RidgeFunction, RidgePotential, Ridges};
 pub use turn::{CircleAction, PlaneTurn, TorusAction, Turn, TurnStep, quarter_turns};
 pub use turn_fraction::TurnFraction;
 pub use turned::{Turned, TurnedCoupling, TurnedKick};
+#[cfg(feature = "proofs")]
+pub(crate) use twist::OfAction;
 pub use twist::{FastPlanes, Twist, TwistShears};

@@ -152,6 +152,19 @@ pub struct TwistShears {
     begins: Vec<usize>,
 }
 
+/// The function of one action that a shear of a twist is made of.
+#[cfg(feature = "proofs")]
+pub(crate) struct OfAction<'a> {
+    /// Its ridge functions.
+    pub ridges: Ridges,
+    /// The interval of the action, where they are polynomials.
+    pub interval: Option<ActionInterval>,
+    /// Their parameters.
+    pub functions: &'a [f64],
+    /// The factor of half the square of the action.
+    pub form: f64,
+}
+
 impl RidgeFunction {
     /// The parameters of the quadratic form beside a shear's ridge functions in so many
     /// arguments: only the first, the third and so on have one, and none of polynomials.
@@ -192,19 +205,15 @@ impl TwistShears {
         Self { planes, turned, function, intervals, neurons, begins }
     }
 
-    /// What turns a plane that there is nothing beside: its weight, and of each shear the ridge functions of the action, the
-    /// interval of it where they are polynomials, their parameters, and the factor of its square in the quadratic form.
+    /// What turns a plane that there is nothing beside: its weight, and the functions of its action.
     #[cfg(feature = "proofs")]
-    pub(crate) fn of_plane<'a>(
-        &self,
-        parameters: &'a [f64],
-    ) -> (i32, Vec<(Ridges, Option<ActionInterval>, &'a [f64], f64)>) {
+    pub(crate) fn of_plane<'a>(&self, parameters: &'a [f64]) -> (i32, Vec<OfAction<'a>>) {
         debug_assert!(self.planes.dof == 1);
         let shear = |number: usize| {
             let (own, ridges) = (&parameters[self.parameters(number)], self.ridges(number));
             let (functions, form) = own.split_at(ridges.parameter_count(1));
             let interval = self.intervals.first().copied();
-            (ridges, interval, functions, form.first().copied().unwrap_or(0.0))
+            OfAction { ridges, interval, functions, form: form.first().copied().unwrap_or(0.0) }
         };
         (self.planes.weights[0], (0..self.count()).map(shear).collect())
     }

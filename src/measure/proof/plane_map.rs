@@ -4,8 +4,7 @@ use super::ball::Ball;
 use super::number::{Constant, Coordinate, Function, Number};
 use crate::error::Error;
 use crate::layer::{
-    ActionInterval, Activation, PolynomialPotential, RidgeFunction, Ridges, TanhPotential,
-    TorusAction,
+    Activation, OfAction, PolynomialPotential, RidgeFunction, Ridges, TanhPotential, TorusAction,
 };
 use crate::network::{Composition, Kind, Model};
 use crate::phase::Half;
@@ -325,9 +324,10 @@ impl PlaneMap {
                 }
                 Kind::Twist { shears, .. } => {
                     let (weight, slopes) = shears.of_plane(parameters);
-                    steps.extend(slopes.into_iter().map(|(ridges, interval, own, form)| {
-                        let slope = Slope::of_action(ridges, interval, own, form);
-                        PlaneStep::Twist { factor: signed, weight, slope }
+                    steps.extend(slopes.into_iter().map(|of| PlaneStep::Twist {
+                        factor: signed,
+                        weight,
+                        slope: Slope::of_action(of),
                     }));
                 }
                 Kind::Linear { first, translated } => {
@@ -475,13 +475,9 @@ impl Prepared<'_> {
 
 impl Slope {
     /// G′ of ridge functions of an action, in an interval where they are polynomials, and of half the square of it.
-    fn of_action(
-        ridges: Ridges,
-        interval: Option<ActionInterval>,
-        parameters: &[f64],
-        form: f64,
-    ) -> Self {
-        let mut out = Self::of_ridges(ridges, parameters);
+    fn of_action(of: OfAction<'_>) -> Self {
+        let OfAction { ridges, interval, functions, form } = of;
+        let mut out = Self::of_ridges(ridges, functions);
         match (&mut out, ridges.function, interval) {
             (Self::Tanh { linear, .. }, ..) => *linear = form,
             (
