@@ -16,7 +16,7 @@ def model():
     cosine, sine = np.cos(angle), np.sin(angle)
     q, p = points.T
     images = np.stack([q * cosine + p * sine, p * cosine - q * sine], axis=1)
-    return gyroceptron.train(points, images, [1], kicks=[2], twists=[3], iterations=60)
+    return gyroceptron.train(points, images, [1], kicks=(2, 2), twists=(1, 3), iterations=60)
 
 
 def test_circles_are_proved_and_verified_again(model, tmp_path):
