@@ -263,7 +263,7 @@ def prove(
     *,
     circles: int = 8,
     start: Sequence[float] | None = None,
-    end: Sequence[float] = (1.0, 0.0),
+    end: Sequence[float] = ...,
     output: str | PathLike[str] | None = None,
     overwrite: bool = False,
 ) -> dict[str, Any]:
