@@ -16,7 +16,7 @@ fn of_json<'py>(py: Python<'py>, value: &serde_json::Value) -> PyResult<Bound<'p
 /// `frequencies` are rotation numbers in turns a map, clockwise and without whole turns: "golden", a continued fraction that
 /// ends in ones such as "[0; 1, 2, (1)]", or a decimal as text, which stands for the number farthest from fractions that
 /// rounds to it; without them `circles` of them are spread over what the model has. Circles are looked for on the ray from
-/// `start`, the fixed point near 0 where it is None, to `end`, in the coordinates of the normal form. `output` is a file
+/// `start`, the fixed point near 0 where it is None, to `end`, (1, 0), in the coordinates of the normal form. `output` is a file
 /// for what is proved, which `check_proof` verifies again.
 ///
 /// Returns a dictionary: a dictionary of "circles" for each number with its "verdict", "proved" or "not proved", and why;
