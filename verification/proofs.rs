@@ -5,9 +5,9 @@ use crate::tolerances;
 use astro_float::{BigFloat, Consts, RoundingMode};
 use gyroceptron::layer::{CircleAction, Reversor, TorusAction};
 use gyroceptron::measure::proof::{
-    Ball, Candidate, Circle, Complex, Divisors, Failure, FixedPoint, Jet, Number, PlaneMap,
-    PlaneStep, Ray, RotationNumber, Slope, Taylor, Verdict, candidates, candidates_near,
-    fixed_point_near, prove_circle, rotation_numbers,
+    Ball, Candidate, Circle, Complex, Divisors, Failure, FixedPoint, Jet, NobleNumber, Number,
+    PlaneMap, PlaneStep, Ray, Slope, Taylor, Verdict, candidates, candidates_near,
+    fixed_point_near, noble_numbers, prove_circle,
 };
 use gyroceptron::network::{InitialWeights, Model, NetworkSpec, NormalFormShape};
 use gyroceptron::phase::{Half, Map};
@@ -197,7 +197,7 @@ fn a_pole_within_a_model_makes_it_unbounded() {
 }
 
 /// γ is below k|kω − m| for so many k.
-fn is_below_all(omega: &RotationNumber, gamma: f64) -> bool {
+fn is_below_all(omega: &NobleNumber, gamma: f64) -> bool {
     let value = omega.value().centre();
     (1..20_000).all(|k| {
         let turns = k as f64 * value;
@@ -212,14 +212,14 @@ fn rotation_numbers_are_as_far_from_fractions_as_they_say() {
     for text in
         ["golden", "[0; 7, (1)]", "[0; 1, 2, 5, (1)]", "0.6853", "0.60", "[0; 1, 1, 30, 2, (1)]"]
     {
-        let omega: RotationNumber = text.parse().expect(text);
+        let omega: NobleNumber = text.parse().expect(text);
         let gamma = omega.gamma();
         assert!(is_below_all(&omega, gamma), "{text}: {gamma}");
         assert!(!is_below_all(&omega, 2.0 * gamma), "{text}: {gamma}");
-        let again: RotationNumber = omega.to_string().parse().expect("as it is written");
+        let again: NobleNumber = omega.to_string().parse().expect("as it is written");
         assert_eq!(again, omega);
     }
-    let golden: RotationNumber = "golden".parse().expect("golden");
+    let golden: NobleNumber = "golden".parse().expect("golden");
     let value = 0.5 * (5.0_f64.sqrt() - 1.0);
     assert!((golden.value().centre() - value).abs() <= f64::EPSILON);
     for (text, why) in [
@@ -232,7 +232,7 @@ fn rotation_numbers_are_as_far_from_fractions_as_they_say() {
         ("[0; 0, (1)]", "quotient"),
         ("", "continued fraction"),
     ] {
-        let found = text.parse::<RotationNumber>().expect_err(text).to_string();
+        let found = text.parse::<NobleNumber>().expect_err(text).to_string();
         assert!(found.contains(why), "{text}: {found}");
     }
 }
@@ -240,7 +240,7 @@ fn rotation_numbers_are_as_far_from_fractions_as_they_say() {
 #[test]
 fn small_divisors_are_bounded() {
     for text in ["golden", "[0; 1, 2, 5, (1)]", "[0; 7, (1)]"] {
-        let omega: RotationNumber = text.parse().expect(text);
+        let omega: NobleNumber = text.parse().expect(text);
         let (divisors, value) = (Divisors::new(&omega), omega.value().centre());
         for delta in [0.1, 0.01, 0.001] {
             let bound = divisors.bound(delta);
@@ -280,7 +280,7 @@ fn standard_map(k: f64) -> PlaneMap {
 
 /// Candidates for the golden circle, by continuation from none.
 fn golden_circle(k: f64) -> Result<Vec<Candidate>, gyroceptron::Error> {
-    let golden: RotationNumber = "golden".parse()?;
+    let golden: NobleNumber = "golden".parse()?;
     let mut modes = vec![[[0.0; 2]; 4]];
     modes[0][2][0] = golden.value().centre();
     let mut now = 0.0;
@@ -325,7 +325,7 @@ fn golden_circles_of_the_standard_map_are_proved_below_the_critical_one() {
 #[test]
 fn there_is_no_circle_in_an_island() {
     // At K = 0.9 the island of the fixed point reaches to p = ±0.3: orbits with turns near 0 go around it.
-    let omega: RotationNumber = "[0; 40, (1)]".parse().expect("a number");
+    let omega: NobleNumber = "[0; 40, (1)]".parse().expect("a number");
     let ray = Ray { from: [0.5, 0.0], to: [0.5, 0.5] };
     let verdict = prove_circle(&standard_map(0.9), ray, &omega).expect("symplectic");
     assert!(!matches!(verdict, Verdict::Proved(_)), "{verdict:?}");
@@ -351,7 +351,7 @@ const RAY: Ray = Ray { from: [0.0; 2], to: [1.2, 0.0] };
 fn proved(map: &PlaneMap) -> Vec<Circle> {
     let fixed = fixed_point_near(map, [0.0; 2]).expect("a fixed point");
     let ray = Ray { from: fixed, ..RAY };
-    let verdicts = rotation_numbers(map, ray, 2).into_iter().map(|omega| {
+    let verdicts = noble_numbers(map, ray, 2).into_iter().map(|omega| {
         let verdict = prove_circle(map, ray, &omega).expect("symplectic");
         match verdict {
             Verdict::Proved(circle) => *circle,
@@ -389,17 +389,16 @@ fn circles_of_a_network_are_proved_and_nested_and_what_is_wrong_is_refused() {
     }
 
     let refused = |name: &str, candidate: &Candidate, map: &PlaneMap| {
-        let found: Result<_, Failure> = candidate.prove_by_numbers(map);
-        assert!(found.is_err(), "{name}: {found:?}");
+        refused_by("", name, candidate, map);
     };
     assert!(candidate.prove_by_numbers(&map).is_ok());
     // A coefficient that is off.
     let mut off = candidate.clone();
     off.modes[2][0][0] += 1e-6;
-    refused("a coefficient off by 1e-6", &off, &map);
+    refused_by("(6)", "a coefficient off by 1e-6", &off, &map);
     // A strip across a pole.
     let across = Candidate { rho_hat: 0.7, ..candidate.clone() };
-    refused("a strip across a pole", &across, &map);
+    refused_by("(1)", "a strip across a pole", &across, &map);
     // Another rotation number.
     let other = Candidate { omega: inner.candidate.omega.clone(), ..candidate.clone() };
     refused("another rotation number", &other, &map);
@@ -424,6 +423,88 @@ fn circles_of_a_network_are_proved_and_nested_and_what_is_wrong_is_refused() {
             }
         }
     }
+}
+
+/// That it fails, and by which inequality.
+fn refused_by(number: &str, name: &str, candidate: &Candidate, map: &PlaneMap) {
+    let found: Result<_, Failure> = candidate.prove_by_numbers(map);
+    let failed = found.as_ref().is_err_and(|failure| failure.inequality.starts_with(number));
+    assert!(failed, "{name}: {found:?}");
+}
+
+/// A circle of this radius around a point, its modes at `harmonic`.
+fn round(centre: [f64; 2], radius: f64, harmonic: usize, omega: &NobleNumber) -> Candidate {
+    let mut modes = vec![[[0.0; 2]; 4]; harmonic + 1];
+    (modes[0][0][0], modes[0][2][0]) = (centre[0], centre[1]);
+    // Clockwise: (cos 2πkφ, −sin 2πkφ).
+    (modes[harmonic][0][0], modes[harmonic][3][0]) = (0.5 * radius, 0.5 * radius);
+    let (omega, cylinder) = (omega.clone(), false);
+    Candidate { omega, modes, rho: 0.02, rho_hat: 0.1, points: 128, cylinder }
+}
+
+fn twist(weight: i32, by: f64) -> PlaneStep {
+    PlaneStep::Twist { factor: 1.0, weight, slope: Slope::Linear(by) }
+}
+
+/// p ← p + c of all points.
+fn shift(factor: f64) -> PlaneStep {
+    let (target, slope) = (Half::Momentum, Slope::Constant(1.0));
+    PlaneStep::Shear { target, factor, reflect: false, shift: 0.0, slope }
+}
+
+#[test]
+fn each_inequality_refuses_what_it_is_about() {
+    let omega: NobleNumber = "golden".parse().expect("golden");
+    // A rigid turn by ω, to a rounding of the angle: all circles are there, and none has torsion.
+    let angle = omega.value().scaled(2.0 * PI).centre();
+    let turn = PlaneStep::Turn { angle, weight: 1 };
+    let rigid = PlaneMap { steps: vec![turn.clone()], cylinder: false };
+    let circle = round([0.0; 2], 0.5, 1, &omega);
+    refused_by("(5)", "no torsion", &circle, &rigid);
+    // The same circle where the turn depends on the radius, and is by ω at this one.
+    let (action, by) = (0.125, 0.5);
+    let turn = PlaneStep::Turn { angle: angle - action * by, weight: 1 };
+    let map = PlaneMap { steps: vec![turn, twist(1, by)], cylinder: false };
+    let constants = circle.prove(&map).expect("symplectic").expect("proved");
+    let whole = Circle { candidate: circle.clone(), constants };
+    assert_eq!(whole.goes_around([0.1, 0.2], 0.0), Ok(()));
+    let number = |found: Result<(), Failure>| found.expect_err("refused").number();
+    assert_eq!(number(whole.goes_around([0.5, 0.0], 0.0)), "(9)");
+    assert_eq!(number(whole.goes_around([0.1, 0.2], 0.4)), "(9)");
+    assert_eq!(number(whole.goes_around([0.7, 0.2], 0.0)), "(10)");
+    // A point in place of a curve, and a curve with a cusp within the strip.
+    refused_by("(3)", "a point", &round([0.0; 2], 0.0, 1, &omega), &map);
+    let mut cusp = circle.clone();
+    cusp.modes.push([[0.12, 0.0], [0.0; 2], [0.0; 2], [0.12, 0.0]]);
+    refused_by("(3)", "a cusp", &cusp, &map);
+    // The circle passed twice is no circle of this rotation number.
+    let mut twice = round([0.0; 2], 0.5, 2, &omega);
+    let half = omega.value().scaled(4.0 * PI).centre();
+    let turn = PlaneStep::Turn { angle: half - action * by, weight: 1 };
+    let doubled = PlaneMap { steps: vec![turn, twist(1, by)], cylinder: false };
+    assert!(twice.prove_by_numbers(&doubled).is_ok());
+    let found = twice.prove(&doubled).expect("symplectic").expect_err("twice around");
+    assert_eq!(found.number(), "(10)");
+    twice.omega = "[0; 2, (1)]".parse().expect("a number");
+    refused_by("(6)", "another rotation number", &twice, &doubled);
+    // An error for which the steps converge, and go farther than the constants hold.
+    let mut shifted = map.clone();
+    shifted.steps.push(shift(1e-11));
+    refused_by("(7)", "a shift by more than the room", &circle, &shifted);
+    // Numbers that are none.
+    for step in [shift(f64::NAN), shift(f64::INFINITY), twist(1, f64::NAN)] {
+        let mut broken = map.clone();
+        broken.steps.push(step);
+        refused_by("", "no numbers", &circle, &broken);
+    }
+    let mut none = circle.clone();
+    none.modes[1][0][0] = f64::NAN;
+    assert!(none.prove(&map).is_err());
+    none.modes[1][0] = [1.0, 1.0];
+    assert!(none.prove(&map).is_err());
+    assert!(Candidate { rho: 0.2, ..circle.clone() }.prove(&map).is_err());
+    assert!(Candidate { points: 100, ..circle.clone() }.prove(&map).is_err());
+    assert!(Candidate { cylinder: true, ..circle }.prove(&map).is_err());
 }
 
 #[test]

@@ -166,7 +166,7 @@ pub struct Prove {
     pub model: PathBuf,
     /// Rotation numbers of circles, in turns a map and without whole turns: golden, 0.6180 (the number farthest from
     /// fractions that rounds to it), [0; 1, 2, (1)] (a continued fraction that ends in ones).
-    #[arg(long = "frequency", visible_alias = "frequencies", value_name = "OMEGA,…")]
+    #[arg(long, alias = "frequency", value_name = "OMEGA,…")]
     pub frequencies: Vec<String>,
     /// Two circles, and that no orbit between them ever leaves.
     #[arg(long, num_args = 2, value_names = ["OMEGA", "OMEGA"], conflicts_with = "frequencies")]

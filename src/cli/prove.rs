@@ -7,7 +7,7 @@ use super::output::{json, out, status_of, width};
 use super::progress::line;
 use gyroceptron::Error;
 use gyroceptron::io::{ABOUT_PROOFS, ProofFile, ProofRequest, Proofs, load_model};
-use gyroceptron::measure::proof::{Constants, PlaneMap, RotationNumber, Verdict};
+use gyroceptron::measure::proof::{Constants, NobleNumber, PlaneMap, Verdict};
 use gyroceptron::scene::findings::{Cell, Format, Table};
 use gyroceptron::scene::render::terminal;
 use serde_json::json;
@@ -34,12 +34,12 @@ fn outside_brackets(text: &str) -> Vec<&str> {
     out
 }
 
-fn frequencies(arguments: &Prove) -> Result<Vec<RotationNumber>, Error> {
+fn frequencies(arguments: &Prove) -> Result<Vec<NobleNumber>, Error> {
     let listed = arguments.frequencies.iter().flat_map(|text| outside_brackets(text));
     let listed = listed.chain(arguments.between.iter().map(String::as_str));
-    let mut out: Vec<RotationNumber> = Vec::new();
+    let mut out: Vec<NobleNumber> = Vec::new();
     for text in listed.filter(|text| !text.trim().is_empty()) {
-        let omega: RotationNumber = text.parse()?;
+        let omega: NobleNumber = text.parse()?;
         if !out.contains(&omega) {
             out.push(omega);
         }
@@ -52,7 +52,7 @@ fn frequencies(arguments: &Prove) -> Result<Vec<RotationNumber>, Error> {
 }
 
 /// What has come of each rotation number.
-fn verdicts(tried: &[(RotationNumber, Verdict)]) -> Table {
+fn verdicts(tried: &[(NobleNumber, Verdict)]) -> Table {
     let headings =
         ["rotation number", "turns", "γ", "ρ", "|E|", "κ", "16κ|E|", "distance", "verdict"];
     let mut table = Table::new(headings.map(|heading| (heading, Format::Exact)));
@@ -102,7 +102,7 @@ pub fn prove(arguments: &Prove) -> Result<Status, Error> {
         .map_err(|error| error.with_place(arguments.model.display()))?;
     line(&format!("about {ABOUT_PROOFS}"));
     // What is proved is kept whenever the program is stopped.
-    let found = |omega: &RotationNumber, verdict: &Verdict, file: &ProofFile| match verdict {
+    let found = |omega: &NobleNumber, verdict: &Verdict, file: &ProofFile| match verdict {
         Verdict::Proved(_) => {
             file.save(&output)?;
             line(&format!("{omega}: proved"));

@@ -5,8 +5,8 @@ use super::{StoredModel, read_bytes, write_atomically};
 use crate::digest;
 use crate::error::Error;
 use crate::measure::proof::{
-    Candidate, Circle, Constants, FixedPoint, PlaneMap, Ray, RotationNumber, Verdict,
-    fixed_point_near, prove_circle, rotation_numbers,
+    Candidate, Circle, Constants, FixedPoint, NobleNumber, PlaneMap, Ray, Verdict,
+    fixed_point_near, noble_numbers, prove_circle,
 };
 use crate::network::map_points;
 use crate::phase::Direction;
@@ -67,8 +67,8 @@ struct Text {
 }
 
 /// What a proof is about.
-pub const ABOUT: &str = "the map of real numbers with these weights, its turns exact rotations, in the coordinates of its \
-    normal form: not the rounded map of doubles, not what the model was trained on";
+pub const ABOUT: &str = "the map of real numbers with these weights, its turns exact rotations, in the \
+    coordinates of its normal form: not the rounded map of doubles, not what the model was trained on";
 
 fn hex(mode: &[[f64; 2]; 4]) -> String {
     mode.iter().flatten().map(|value| format!("{:016x}", value.to_bits())).collect()
@@ -111,13 +111,14 @@ impl ProofFile {
                 continue;
             }
             let last = turns(k - 1);
+            let trapped = "turns leaves, in any number of maps";
             out.push(match k - first {
                 1 => format!(
-                    "proved: no orbit of this map that begins within the circle of {last} turns leaves, in any number of maps"
+                    "proved: no orbit of this map that begins within the circle of {last} {trapped}"
                 ),
                 _ => format!(
-                    "proved: no orbit of this map that begins between the circles of {} and {last} turns leaves, in any \
-                     number of maps; nor does one that begins within the latter",
+                    "proved: no orbit of this map that begins between the circles of {} and {last} \
+                     {trapped}; nor does one that begins within the latter",
                     turns(first)
                 ),
             });
@@ -178,10 +179,9 @@ impl ProofFile {
                 Error::content(place, "128 hexadecimal digits a mode", what)
             };
             let modes = entry.modes.iter().map(|text| of_hex(text).ok_or_else(|| wrong(text)));
-            let omega: RotationNumber =
-                entry.rotation_number.parse().map_err(|reason: Error| {
-                    reason.with_place(format!("{place}: circles[{number}]"))
-                })?;
+            let omega: NobleNumber = entry.rotation_number.parse().map_err(|reason: Error| {
+                reason.with_place(format!("{place}: circles[{number}]"))
+            })?;
             if omega.value().centre() != entry.value {
                 let expected = format!("the value of {omega}");
                 let place = format!("{place}: circles[{number}].value");
@@ -208,8 +208,8 @@ impl ProofFile {
         Ok(Self { model: text.model, circles, nested: text.nested })
     }
 
-    /// Verifies all of it again, without any search: that the model is the one, that each circle's theorem holds with the
-    /// very constants, and that neighbours are nested as it says.
+    /// Verifies all of it again, without any search: that the model is the one, that each circle's theorem holds with
+    /// the very constants, and that neighbours are nested as it says.
     ///
     /// # Errors
     /// [`Error::Invalid`] with what does not hold.
@@ -263,11 +263,11 @@ impl ProofFile {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProofRequest {
     /// The rotation numbers of circles; where there are none, so many that are spread over what the model has.
-    pub numbers: Vec<RotationNumber>,
+    pub numbers: Vec<NobleNumber>,
     /// How many.
     pub circles: usize,
-    /// Where the ray begins that circles are looked for on, in the coordinates of the normal form: the fixed point near 0 where
-    /// it is None.
+    /// Where the ray begins that circles are looked for on, in the coordinates of the normal form: the fixed point
+    /// near 0 where it is None.
     pub from: Option<[f64; 2]>,
     /// Where it ends.
     pub to: [f64; 2],
@@ -283,7 +283,7 @@ impl Default for ProofRequest {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proofs {
     /// Each rotation number with its verdict.
-    pub tried: Vec<(RotationNumber, Verdict)>,
+    pub tried: Vec<(NobleNumber, Verdict)>,
     /// What is proved.
     pub file: ProofFile,
     /// The fixed point near 0, where it is proved.
@@ -291,16 +291,16 @@ pub struct Proofs {
 }
 
 impl Proofs {
-    /// Proves circles of a model, several at a time; `found` is called with each verdict as it comes, and with all that is
-    /// proved up to then.
+    /// Proves circles of a model, several at a time; `found` is called with each verdict as it comes, and with all
+    /// that is proved up to then.
     ///
     /// # Errors
-    /// [`Error::Invalid`] of a model that the theorem is not about, a ray without orbits that turn at different rates, or a
-    /// circle outside the box of polynomials; what `found` returns.
+    /// [`Error::Invalid`] of a model that the theorem is not about, a ray without orbits that turn at different
+    /// rates, or a circle outside the box of polynomials; what `found` returns.
     pub fn of_model(
         stored: &StoredModel,
         request: &ProofRequest,
-        found: impl Fn(&RotationNumber, &Verdict, &ProofFile) -> Result<(), Error> + Sync,
+        found: impl Fn(&NobleNumber, &Verdict, &ProofFile) -> Result<(), Error> + Sync,
     ) -> Result<Self, Error> {
         let map = PlaneMap::of_model(&stored.model)?;
         map.check_symplectic()?;
@@ -312,7 +312,7 @@ impl Proofs {
         }
         let mut numbers = request.numbers.clone();
         if numbers.is_empty() {
-            numbers = rotation_numbers(&map, ray, request.circles);
+            numbers = noble_numbers(&map, ray, request.circles);
         }
         if numbers.is_empty() {
             let ends = format!("from {from:?} to {:?}", request.to);
@@ -321,7 +321,7 @@ impl Proofs {
         }
         let none = ProofFile { model: stored.digest()?, circles: Vec::new(), nested: Vec::new() };
         let kept: Mutex<Vec<Circle>> = Mutex::new(Vec::new());
-        let prove = |omega: RotationNumber| {
+        let prove = |omega: NobleNumber| {
             let verdict = prove_circle(&map, ray, &omega)?;
             let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
             if let Verdict::Proved(circle) = &verdict {
@@ -367,7 +367,7 @@ impl Proofs {
     }
 }
 
-fn verdict_of((omega, verdict): &(RotationNumber, Verdict)) -> serde_json::Value {
+fn verdict_of((omega, verdict): &(NobleNumber, Verdict)) -> serde_json::Value {
     let (name, circle, failure, reason) = match verdict {
         Verdict::Proved(circle) => ("proved", Some(circle), None, None),
         Verdict::NotProved(failure) => ("not proved", None, Some(failure), None),

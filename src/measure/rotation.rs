@@ -38,13 +38,18 @@ pub fn rotation_numbers(
     (0..orbits.count()).into_par_iter().map(of).collect()
 }
 
+/// exp(−1/t(1 − t)) for so many values along an orbit, t between 0 and 1.
+pub(super) fn birkhoff_weights(count: usize) -> impl Iterator<Item = f64> {
+    (1..=count).map(move |k| {
+        let t = k as f64 / (count as f64 + 1.0);
+        libm::exp(-1.0 / (t * (1.0 - t)))
+    })
+}
+
 /// The weighted average of values along an orbit; NaN of none.
 pub(super) fn birkhoff_average(values: &[f64]) -> f64 {
-    let count = values.len() as f64 + 1.0;
     let (mut sum, mut weights) = (0.0, 0.0);
-    for (k, value) in values.iter().enumerate() {
-        let t = (k + 1) as f64 / count;
-        let weight = libm::exp(-1.0 / (t * (1.0 - t)));
+    for (value, weight) in values.iter().zip(birkhoff_weights(values.len())) {
         sum += weight * value;
         weights += weight;
     }

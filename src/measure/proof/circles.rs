@@ -2,14 +2,15 @@
 
 use super::ball::Ball;
 use super::failure::Failure;
+use super::noble_number::NobleNumber;
 use super::number::{Jet, Number};
 use super::plane_map::{PlaneMap, Prepared};
-use super::rotation_number::RotationNumber;
 use super::rounded::up;
 use super::search::{Ray, candidates, turns_of_orbit};
 use super::theorem::{Candidate, Constants};
 use super::winding::goes_around;
 use crate::error::Error;
+use crate::measure::periodic::periodic_orbit;
 
 /// A curve with a proof that an invariant circle is near it.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,12 +32,12 @@ pub enum Verdict {
     NotFound(String),
 }
 
-/// Tries to prove that the map has an invariant circle of this rotation number that crosses the ray: the curve, the widths of
-/// the strips and the number of modes and points are searched.
+/// Tries to prove that the map has an invariant circle of this rotation number that crosses the ray: the curve, the
+/// widths of the strips and the number of modes and points are searched.
 ///
 /// # Errors
 /// [`Error::Invalid`] of a map that is not symplectic by its kinds of step.
-pub fn prove_circle(map: &PlaneMap, ray: Ray, omega: &RotationNumber) -> Result<Verdict, Error> {
+pub fn prove_circle(map: &PlaneMap, ray: Ray, omega: &NobleNumber) -> Result<Verdict, Error> {
     map.check_symplectic()?;
     let found = match candidates(map, ray, omega) {
         Ok(found) => found,
@@ -65,28 +66,15 @@ pub fn prove_circle(map: &PlaneMap, ray: Ray, omega: &RotationNumber) -> Result<
 
 /// The fixed point near a point, by Newton's method; None where there is none near.
 pub fn fixed_point_near(map: &PlaneMap, guess: [f64; 2]) -> Option<[f64; 2]> {
-    const STEPS: usize = 30;
     let map = map.prepared();
-    let mut z = guess;
-    for _ in 0..STEPS {
+    let with_jacobian = |z: &[f64]| {
         let mut image = [0, 1].map(|axis| Jet::<f64, false>::start(z[axis], axis));
         map.apply(&mut image);
-        let off = [0, 1].map(|k| image[k].value - z[k]);
-        let [[a, b], [c, d]] = [0, 1].map(|k| image[k].first);
-        let (a, d) = (a - 1.0, d - 1.0);
-        let determinant = a * d - b * c;
-        let step =
-            [(d * off[0] - b * off[1]) / determinant, (a * off[1] - c * off[0]) / determinant];
-        z = [0, 1].map(|k| z[k] - step[k]);
-        let size = step[0].abs().max(step[1].abs());
-        if !size.is_finite() || size > 1e3 {
-            return None;
-        }
-        if size < 1e-14 {
-            return Some(z);
-        }
-    }
-    None
+        let jacobian = image.iter().flat_map(|row| row.first).collect();
+        Ok((image.map(|row| row.value).to_vec(), jacobian))
+    };
+    let found = periodic_orbit(&with_jacobian, &guess, 1).ok()?;
+    Some([found.points[0][0], found.points[0][1]])
 }
 
 /// A fixed point that is proved: the only one in a box, and the trace of the derivative there.
@@ -101,8 +89,8 @@ pub struct FixedPoint {
 }
 
 impl FixedPoint {
-    /// Proves that a box around a point has one fixed point of the map in it, by Krawczyk's test: with G = F − id and C near
-    /// G′⁻¹, the box z + [−r, r]² has one where −CG(z) + (1 − CG′(box))[−r, r]² is within [−r, r]².
+    /// Proves that a box around a point has one fixed point of the map in it, by Krawczyk's test: with G = F − id and
+    /// C near G′⁻¹, the box z + [−r, r]² has one where −CG(z) + (1 − CG′(box))[−r, r]² is within [−r, r]².
     ///
     /// Source: Krawczyk, <https://doi.org/10.1007/BF02234767>.
     pub fn prove(map: &PlaneMap, middle: [f64; 2]) -> Option<Self> {
@@ -159,7 +147,7 @@ impl FixedPoint {
 }
 
 /// So many rotation numbers far from fractions, spread over what orbits on the ray have.
-pub fn rotation_numbers(map: &PlaneMap, ray: Ray, count: usize) -> Vec<RotationNumber> {
+pub fn noble_numbers(map: &PlaneMap, ray: Ray, count: usize) -> Vec<NobleNumber> {
     const PLACES: usize = 48;
     let mut turns: Vec<f64> = Vec::new();
     for k in 0..PLACES {
@@ -173,14 +161,14 @@ pub fn rotation_numbers(map: &PlaneMap, ray: Ray, count: usize) -> Vec<RotationN
         let last = turns.last().copied().unwrap_or(own);
         turns.push(own - libm::round(own - last));
     }
-    let low = turns.iter().copied().fold(f64::INFINITY, |a, b| if b < a { b } else { a }); // no NaN: all are finite
-    let high = turns.iter().copied().fold(f64::NEG_INFINITY, |a, b| if b > a { b } else { a }); // no NaN: all are finite
+    turns.sort_by(f64::total_cmp);
+    let (Some(&low), Some(&high)) = (turns.first(), turns.last()) else { return Vec::new() };
     let width = (high - low) / count as f64;
-    let mut out: Vec<RotationNumber> = Vec::new();
+    let mut out: Vec<NobleNumber> = Vec::new();
     for k in 0..count {
         let middle = low + (k as f64 + 0.5) * width;
         let part = middle - libm::floor(middle);
-        if let Some(found) = RotationNumber::near(part, 0.45 * width)
+        if let Some(found) = NobleNumber::near(part, 0.45 * width)
             && !out.contains(&found)
         {
             out.push(found);
@@ -191,7 +179,7 @@ pub fn rotation_numbers(map: &PlaneMap, ray: Ray, count: usize) -> Vec<RotationN
 
 impl Circle {
     /// ω.
-    pub fn omega(&self) -> &RotationNumber {
+    pub fn omega(&self) -> &NobleNumber {
         &self.candidate.omega
     }
 
@@ -258,7 +246,8 @@ impl Candidate {
     }
 }
 
-/// How far the image of a point is from that of its rounded roll-out: one step of the map in doubles against its enclosure.
+/// How far the image of a point is from that of its rounded roll-out: one step of the map in doubles against its
+/// enclosure.
 pub fn rounding_of_a_step(map: &PlaneMap, point: [f64; 2], rounded: [f64; 2]) -> f64 {
     let map: Prepared<'_> = map.prepared();
     let mut z = point.map(Ball::of);

@@ -87,8 +87,8 @@ pub(super) fn transform<T: Number>(z: &mut [Wave<T>], roots: &[Wave<T>], negativ
     }
 }
 
-/// A real-analytic closed curve K(φ) = Σ_{|k| ≤ M} c_k e^{2πikφ} in a plane, c_{−k} the conjugate of c_k, or one around a
-/// cylinder, whose first component has φ added.
+/// A real-analytic closed curve K(φ) = Σ_{|k| ≤ M} c_k e^{2πikφ} in a plane, c_{−k} the conjugate of c_k, or one
+/// around a cylinder, whose first component has φ added.
 #[derive(Clone, Debug)]
 pub(super) struct Curve<T> {
     /// c_k of both components, from k = 0 to M.

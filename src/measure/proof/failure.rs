@@ -26,18 +26,19 @@ impl Failure {
 
     /// What may help.
     pub fn advice(&self) -> &'static str {
-        match self.inequality.as_bytes().get(1) {
-            Some(b'1') => {
-                "polynomial kicks have no poles, and smaller weights have them farther away; a rotation number of larger γ \
-                 needs a narrower strip"
+        match self.number() {
+            "(1)" => {
+                "polynomial kicks have no poles, and smaller weights have them farther away; a rotation number \
+                 of larger γ needs a narrower strip"
             }
-            Some(b'3' | b'4') => "a circle farther from islands, whose K′ bends less",
-            Some(b'5') => {
+            "(3)" | "(4)" => "a circle farther from islands, whose K′ bends less",
+            "(5)" => {
                 "a model whose rotation number changes across circles: where it does not, the theorem says nothing"
             }
+            "(9)" | "(10)" => "a circle that goes around the mean of its points",
             _ => {
-                "a rotation number farther from fractions of small denominators, or a circle farther from islands; or more \
-                 digits than two doubles have"
+                "a rotation number farther from fractions of small denominators, or a circle farther from \
+                 islands; or more digits than two doubles have"
             }
         }
     }

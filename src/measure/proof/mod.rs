@@ -4,9 +4,9 @@ mod ball;
 mod circles;
 mod curve;
 mod failure;
+mod noble_number;
 mod number;
 mod plane_map;
-mod rotation_number;
 mod rough;
 mod rounded;
 mod search;
@@ -16,15 +16,14 @@ mod winding;
 
 pub use ball::Ball;
 pub use circles::{
-    Circle, FixedPoint, Verdict, fixed_point_near, prove_circle, rotation_numbers,
-    rounding_of_a_step,
+    Circle, FixedPoint, Verdict, fixed_point_near, noble_numbers, prove_circle, rounding_of_a_step,
 };
 pub use failure::Failure;
+#[doc(hidden)]
+pub use noble_number::Divisors;
+pub use noble_number::NobleNumber;
 pub use number::{Constant, Coordinate, Function, Jet, Number};
 pub use plane_map::{PlaneMap, PlaneStep, Prepared, Slope};
-#[doc(hidden)]
-pub use rotation_number::Divisors;
-pub use rotation_number::RotationNumber;
 #[doc(hidden)]
 pub use rounded::Complex;
 pub use search::{Ray, candidates, candidates_near, place_on_ray, turns_of_orbit};

@@ -2,12 +2,13 @@
 
 use super::ball::Ball;
 use super::curve::{Curve, Wave, phases, roots_of_unity, transform};
+use super::noble_number::NobleNumber;
 use super::number::{Jet, Number};
 use super::plane_map::{PlaneMap, Prepared};
-use super::rotation_number::RotationNumber;
 use super::rounded::Complex;
 use super::theorem::{Candidate, error_of};
 use crate::error::Error;
+use crate::measure::rotation::{birkhoff_average, birkhoff_weights};
 use std::f64::consts::TAU;
 
 /// Where circles of a map are looked for: those that cross a ray from a point.
@@ -31,19 +32,6 @@ const LAST_POINTS: usize = 4096;
 const STATES: usize = 24_000;
 const STATES_OF_TURNS: usize = 1_500;
 
-/// The smooth weights of states on an orbit, exp(−1/(t(1 − t))), with which means converge faster than any power.
-///
-/// Source: Das, Saiki, Sander and Yorke, <https://doi.org/10.1088/1361-6544/aa84c2>.
-fn weights(count: usize) -> Vec<f64> {
-    let weight = |n: usize| {
-        let t = (n + 1) as f64 / (count + 1) as f64;
-        libm::exp(-1.0 / (t * (1.0 - t)))
-    };
-    let all: Vec<f64> = (0..count).map(weight).collect();
-    let sum: f64 = all.iter().sum();
-    all.into_iter().map(|w| w / sum).collect()
-}
-
 /// Clockwise turns from one point to another around a third, from −½ to ½; on a cylinder the way along it.
 fn turns_between(map: &Prepared<'_>, about: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     if map.cylinder() {
@@ -60,17 +48,17 @@ pub fn turns_of_orbit(map: &PlaneMap, about: [f64; 2], start: [f64; 2]) -> f64 {
 }
 
 fn turns_of(map: &Prepared<'_>, about: [f64; 2], start: [f64; 2]) -> f64 {
-    let weights = weights(STATES_OF_TURNS);
-    let (mut z, mut mean, mut first) = (start, 0.0, None);
-    for weight in weights {
+    let (mut z, mut first) = (start, None);
+    let mut growths = Vec::with_capacity(STATES_OF_TURNS);
+    for _ in 0..STATES_OF_TURNS {
         let before = z;
         map.apply(&mut z);
         let turns = turns_between(map, about, before, z);
         // All within half a turn of the first one.
         let first = *first.get_or_insert(turns);
-        mean += weight * (turns - libm::round(turns - first));
+        growths.push(turns - libm::round(turns - first));
     }
-    mean
+    birkhoff_average(&growths)
 }
 
 /// The place on the ray whose orbit turns by ω, or by what whole turns leave of it.
@@ -102,21 +90,21 @@ fn place_on_ray_of(map: &Prepared<'_>, ray: Ray, omega: f64) -> Option<[f64; 2]>
 }
 
 /// The place on the ray whose orbit turns by a rotation number; None where there is none.
-pub fn place_on_ray(map: &PlaneMap, ray: Ray, omega: &RotationNumber) -> Option<[f64; 2]> {
+pub fn place_on_ray(map: &PlaneMap, ray: Ray, omega: &NobleNumber) -> Option<[f64; 2]> {
     place_on_ray_of(&map.prepared(), ray, omega.value().centre())
 }
 
 /// The modes of the curve that an orbit is on, z_n = K(nω).
 fn modes_of_orbit(map: &Prepared<'_>, start: [f64; 2], omega: f64, most: usize) -> Curve<f64> {
-    let weights = weights(STATES);
+    let sum: f64 = birkhoff_weights(STATES).sum();
     let mut modes = vec![[Wave::<f64>::zero(); 2]; most + 1];
     let mut z = start;
-    for (n, weight) in weights.into_iter().enumerate() {
+    for (n, weight) in birkhoff_weights(STATES).enumerate() {
         let turns = n as f64 * omega;
         let turns = turns - libm::floor(turns);
         let value = if map.cylinder() { [z[0] - n as f64 * omega, z[1]] } else { z };
         let (s, c) = libm::sincos(TAU * turns);
-        let (mut re, mut im) = (weight, 0.0);
+        let (mut re, mut im) = (weight / sum, 0.0);
         for mode in &mut modes {
             for axis in 0..2 {
                 mode[axis].re += value[axis] * re;
@@ -341,11 +329,7 @@ fn refine(map: &Prepared<'_>, mut curve: Curve<f64>, omega: Ball) -> Option<Foun
 ///
 /// # Errors
 /// [`Error::Invalid`] where no orbit on the ray turns by ω, or Newton's method finds no curve.
-pub fn candidates(
-    map: &PlaneMap,
-    ray: Ray,
-    omega: &RotationNumber,
-) -> Result<Vec<Candidate>, Error> {
+pub fn candidates(map: &PlaneMap, ray: Ray, omega: &NobleNumber) -> Result<Vec<Candidate>, Error> {
     let map = &map.prepared();
     let value = omega.value();
     let fail = |found: &str, expected: &str| {
@@ -369,7 +353,7 @@ pub fn candidates(
 pub fn candidates_near(
     map: &PlaneMap,
     modes: &[[[f64; 2]; 4]],
-    omega: &RotationNumber,
+    omega: &NobleNumber,
 ) -> Result<Vec<Candidate>, Error> {
     let wave = |re: [f64; 2], im: [f64; 2]| Wave::new(re[0] + re[1], im[0] + im[1]);
     let modes = modes.iter().map(|[a, b, c, d]| [wave(*a, *b), wave(*c, *d)]).collect();
@@ -379,7 +363,7 @@ pub fn candidates_near(
 fn candidates_from(
     map: &Prepared<'_>,
     first: Curve<f64>,
-    omega: &RotationNumber,
+    omega: &NobleNumber,
 ) -> Result<Vec<Candidate>, Error> {
     let Some(Found { curve, points }) = refine(map, first, omega.value()) else {
         let found = format!("{omega}: Newton's method finds no curve");

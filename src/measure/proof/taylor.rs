@@ -210,8 +210,9 @@ impl Number for Taylor {
         self.scaled(factor.high).widened(more)
     }
 
-    /// The coefficients are those of t′ = (1 − t²)w′. For a polynomial g with the defect d = g′ − (1 − g²)w′ the error
-    /// e = tanh w − g has e′ = −(tanh w + g)ew′ − d, so that on the disc |e| ≤ (|e(0)| + |d|) exp((|tanh w| + |g|)|w′|).
+    /// The coefficients are those of t′ = (1 − t²)w′. For a polynomial g with the defect d = g′ − (1 − g²)w′ the
+    /// error e = tanh w − g has e′ = −(tanh w + g)ew′ − d, so that on the disc |e| ≤ (|e(0)| + |d|) exp((|tanh w| +
+    /// |g|)|w′|).
     ///
     /// |Im w| is to be below ½π: where it is so on the edge of a strip it is so within, and there is no pole of tanh.
     fn tanh(self) -> Self {

@@ -3,9 +3,9 @@
 use super::ball::Ball;
 use super::curve::{Curve, OnLine, Wave, phases, roots_of_unity};
 use super::failure::Failure;
+use super::noble_number::{Divisors, NobleNumber};
 use super::number::{Jet, Number};
 use super::plane_map::{PlaneMap, Prepared};
-use super::rotation_number::{Divisors, RotationNumber};
 use super::rounded::{down, up};
 use super::taylor::Taylor;
 use super::winding::{Winding, along, goes_around};
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
     /// ω: F(K(φ)) is nearly K(φ + ω).
-    pub omega: RotationNumber,
+    pub omega: NobleNumber,
     /// c_k of both components for k = 0 … M, K(φ) = Σ_{|k| ≤ M} c_k e^{2πikφ}: real and imaginary parts, each the
     /// sum of two doubles.
     pub modes: Vec<[[f64; 2]; 4]>,

@@ -5,9 +5,9 @@ use super::shared::Study;
 use crate::error::Error;
 use crate::io::{ProofRequest, Proofs, Provenance, StoredModel};
 use crate::measure::proof::{
-    Circle, Constants, PlaneMap, Ray, RotationNumber, Verdict, fixed_point_near, place_on_ray,
+    Circle, Constants, NobleNumber, PlaneMap, Ray, Verdict, fixed_point_near, place_on_ray,
 };
-use crate::network::{Composition, map_points};
+use crate::network::{Composition, Rollout, map_points, rollout};
 use crate::phase::Direction;
 use crate::scene::bibliography::PROVED_CIRCLES;
 use crate::scene::context::{Context, RunError};
@@ -76,7 +76,8 @@ impl Study for ConfinementOptions {
             let map = PlaneMap::of_model(&stored.model)?;
             let from = fixed_point_near(&map, [0.0; 2]).unwrap_or_default();
             let ray = Ray { from, to: self.to };
-            let share = share_within(&map, ray, proofs.file.circles.last());
+            let inner = stored.model.in_conjugated_coordinates();
+            let share = share_within(&inner, ray, proofs.file.circles.last())?;
             let proved = proofs.file.circles.len();
             summary.push(Block::Text(format!(
                 "`{name}`: {proved} of {} circles are proved. {}",
@@ -94,7 +95,7 @@ impl Study for ConfinementOptions {
             data.push(document);
             if draws {
                 let [chart, _] = stored.model.chart_and_inner_map();
-                panels.push(self.panel(name, &map, ray, &chart, &proofs)?);
+                panels.push(self.panel(name, [&chart, &inner], ray, &map, &proofs)?);
             }
         }
         let mut figures = Vec::new();
@@ -117,7 +118,7 @@ const INTRODUCTION: &str = "Theorems about the map of real numbers with these we
     the coordinates of its normal form: not about the rounded map of doubles, nor about what it was trained on.";
 
 /// What has come of each rotation number.
-fn table_of(tried: &[(RotationNumber, Verdict)]) -> Table {
+fn table_of(tried: &[(NobleNumber, Verdict)]) -> Table {
     let mut table = Table::new([
         ("rotation number", Format::Exact),
         ("turns", Format::Exact),
@@ -158,30 +159,24 @@ fn table_of(tried: &[(RotationNumber, Verdict)]) -> Table {
     table
 }
 
-/// An orbit of a map of a plane, in its own coordinates.
-fn orbit_of(map: &PlaneMap, start: [f64; 2], steps: usize) -> Vec<f64> {
-    let map = map.prepared();
-    let (mut z, mut out) = (start, Vec::with_capacity(2 * steps));
-    for _ in 0..steps {
-        out.extend(z);
-        map.apply(&mut z);
-    }
-    out
-}
-
 /// The area within a circle over that within the orbit from the end of the ray, its points joined by their angles
 /// around the beginning.
-fn share_within(map: &PlaneMap, ray: Ray, outermost: Option<&Circle>) -> Option<f64> {
-    const STATES: usize = 4000;
-    let states = orbit_of(map, ray.to, STATES);
+fn share_within(
+    map: &Composition<f64>,
+    ray: Ray,
+    outermost: Option<&Circle>,
+) -> Result<Option<f64>, Error> {
+    const STEPS: usize = 4000;
+    let Some(outermost) = outermost else { return Ok(None) };
+    let states = rollout(map, &ray.to, Rollout { steps: STEPS, every: 1 })?;
     let from = ray.from;
     let off = |z: &[f64]| [z[0] - from[0], z[1] - from[1]];
     let mut points: Vec<[f64; 2]> = states.chunks_exact(2).map(off).collect();
     points.sort_by(|a, b| libm::atan2(a[1], a[0]).total_cmp(&libm::atan2(b[1], b[0])));
     let next = points.iter().cycle().skip(1);
     let area: f64 = points.iter().zip(next).map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum();
-    let share = outermost?.area() / area;
-    share.is_finite().then_some(share)
+    let share = outermost.area() / area;
+    Ok(share.is_finite().then_some(share))
 }
 
 impl ConfinementOptions {
@@ -189,12 +184,14 @@ impl ConfinementOptions {
     fn panel(
         &self,
         name: &str,
-        map: &PlaneMap,
+        [chart, inner]: [&Composition<f64>; 2],
         ray: Ray,
-        chart: &Composition<f64>,
+        map: &PlaneMap,
         proofs: &Proofs,
     ) -> Result<Panel, Error> {
         const POINTS: usize = 512;
+        let orbit_of =
+            |start: [f64; 2]| rollout(inner, &start, Rollout { steps: self.steps, every: 1 });
         let in_data = |mut points: Vec<f64>| -> Result<Vec<(f64, f64)>, Error> {
             points.retain(|v| v.is_finite());
             map_points(chart, Direction::Forward, &mut points)?;
@@ -204,7 +201,7 @@ impl ConfinementOptions {
         for k in 0..self.orbits {
             let part = (k as f64 + 0.5) / self.orbits as f64;
             let start = [0, 1].map(|axis| ray.from[axis] + part * (ray.to[axis] - ray.from[axis]));
-            let points = in_data(orbit_of(map, start, self.steps))?;
+            let points = in_data(orbit_of(start)?)?;
             series.push(Series::unnamed(GREY, Style::Dots, points));
         }
         let named = |first: bool, name: &str| if first { name.to_owned() } else { String::new() };
@@ -214,7 +211,7 @@ impl ConfinementOptions {
                 continue;
             }
             if let Some(start) = place_on_ray(map, ray, omega) {
-                let points = in_data(orbit_of(map, start, self.steps))?;
+                let points = in_data(orbit_of(start)?)?;
                 let name = named(others == 0, "not proved");
                 series.push(Series { name, color: 1, style: Style::Dots, points });
                 others += 1;

@@ -9,7 +9,7 @@ use crate::error::Error;
 ///
 /// Noble numbers are irrational, and |kω − m| ≥ γ/k for all whole k ≥ 1 and m with a γ > 0.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RotationNumber {
+pub struct NobleNumber {
     quotients: Vec<u32>,
 }
 
@@ -17,7 +17,7 @@ pub struct RotationNumber {
 const MOST_QUOTIENTS: usize = 24;
 const LARGEST_QUOTIENT: u32 = 1_000_000;
 
-impl RotationNumber {
+impl NobleNumber {
     /// [0; a₁, …, a_r, 1, 1, …].
     ///
     /// # Errors
@@ -36,8 +36,8 @@ impl RotationNumber {
         Ok(Self { quotients })
     }
 
-    /// The noble number within `tolerance` of x, between 0 and 1, that is farthest from fractions: that of the largest γ
-    /// among those that begin like x or like a number near it.
+    /// The noble number within `tolerance` of x, between 0 and 1, that is farthest from fractions: that of the
+    /// largest γ among those that begin like x or like a number near it.
     pub fn near(x: f64, tolerance: f64) -> Option<Self> {
         let mut best: Option<Self> = None;
         for from in
@@ -116,7 +116,7 @@ fn golden() -> Ball {
 }
 
 /// [0; 1, 2, (1)].
-impl std::fmt::Display for RotationNumber {
+impl std::fmt::Display for NobleNumber {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let listed: Vec<String> =
             self.quotients.iter().map(u32::to_string).chain(["(1)".into()]).collect();
@@ -126,7 +126,7 @@ impl std::fmt::Display for RotationNumber {
 
 /// `golden`; a continued fraction, `[0; 1, 2, (1)]`; or a decimal, which stands for the noble number of the largest
 /// γ within half a unit of its last digit.
-impl std::str::FromStr for RotationNumber {
+impl std::str::FromStr for NobleNumber {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self, Error> {
@@ -182,7 +182,7 @@ const DIVISORS: usize = 1500;
 
 impl Divisors {
     /// Those of a rotation number.
-    pub fn new(omega: &RotationNumber) -> Self {
+    pub fn new(omega: &NobleNumber) -> Self {
         let (value, gamma) = (omega.value(), omega.gamma());
         let square = |k: usize| {
             let turns = value.scaled(k as f64);
