@@ -272,6 +272,10 @@ mod needed {
 /// A map of a dozen steps in balls of two doubles: 2⁻¹⁰³ for each of some thousand operations, by factors
 /// of steps that move points by their size.
 pub const OF_TWO_DOUBLES: f64 = 1e-24;
+/// The same in balls of three: 2⁻¹⁵⁴ in place of 2⁻¹⁰³.
+pub const OF_THREE_DOUBLES: f64 = 1e-39;
+/// What is left of a radius with a third double: 2⁻⁵³ and the factors of 2⁴ between the bounds of both.
+pub const OF_A_THIRD_WORD: f64 = 1e-14;
 /// The same in doubles.
 pub const OF_A_MAP: f64 = 1e-11;
 /// Areas that shrink by no more than this a map the numbers of a proof do not see where κ is 10⁶, as in the small

@@ -39,7 +39,7 @@ pub enum Command {
     Prove(Prove),
     /// Verify a file of proofs again, without any search.
     CheckProof(CheckProof),
-    /// Train a gyroceptron on pairs of one's own.
+    /// Train a network on your own pairs.
     Train(Box<Train>),
     /// Roll a model out from given points.
     Predict(Predict),
@@ -49,8 +49,9 @@ pub enum Command {
     Export(Export),
     /// What to cite, as BibTeX.
     Cite {
-        /// A built-in scene or a .toml file.
-        scene: Option<String>,
+        /// A built-in scene, a .toml file, or a file of proofs.
+        #[arg(value_name = "SCENE|FILE.toml|FILE.proof.json")]
+        target: Option<String>,
     },
 }
 

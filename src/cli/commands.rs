@@ -44,9 +44,8 @@ pub fn dispatch(arguments: Arguments) -> Result<Status, Error> {
         Command::Predict(arguments) => predict(&arguments),
         Command::Import(arguments) => import(&arguments),
         Command::Export(arguments) => export(&arguments),
-        Command::Cite { scene } => {
-            let scene = scene.as_deref().map(Scene::read).transpose()?;
-            out(&cite::bibtex(scene.as_ref()))?;
+        Command::Cite { target } => {
+            out(&cite::of(target.as_deref())?)?;
             Ok(Status::Done)
         }
     }

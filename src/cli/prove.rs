@@ -7,7 +7,7 @@ use super::output::{json, out, status_of, width};
 use super::progress::line;
 use gyroceptron::Error;
 use gyroceptron::io::{ABOUT_PROOFS, ProofFile, ProofRequest, Proofs, load_model};
-use gyroceptron::measure::proof::{Constants, NobleNumber, PlaneMap, Verdict};
+use gyroceptron::measure::proof::{Circle, Constants, NobleNumber, PlaneMap, Verdict};
 use gyroceptron::scene::findings::{Cell, Format, Table};
 use gyroceptron::scene::render::terminal;
 use serde_json::json;
@@ -52,30 +52,27 @@ fn frequencies(arguments: &Prove) -> Result<Vec<NobleNumber>, Error> {
 }
 
 /// What has come of each rotation number.
-fn verdicts(tried: &[(NobleNumber, Verdict)]) -> Table {
+fn verdicts<'a>(
+    tried: impl IntoIterator<Item = (&'a NobleNumber, Result<&'a Circle, String>)>,
+) -> Table {
     let headings =
         ["rotation number", "turns", "γ", "ρ", "|E|", "κ", "16κ|E|", "distance", "verdict"];
     let mut table = Table::new(headings.map(|heading| (heading, Format::Exact)));
-    for (omega, verdict) in tried {
-        let (mut numbers, said) = (
-            vec![None; 5],
-            match verdict {
-                Verdict::Proved(_) => "proved".to_owned(),
-                Verdict::NotProved(failure) => format!("not proved {}", failure.number()),
-                Verdict::NotFound(_) => "not proved (0)".to_owned(),
-            },
-        );
-        if let Verdict::Proved(circle) = verdict {
-            let Constants { residual, kappa, margin, distance, .. } = circle.constants;
-            numbers = [circle.candidate.rho, residual, kappa, margin, distance].map(Some).to_vec();
-        }
+    for (omega, proved) in tried {
+        let numbers = match proved {
+            Ok(Circle { candidate, constants }) => {
+                let Constants { residual, kappa, margin, distance, .. } = *constants;
+                [candidate.rho, residual, kappa, margin, distance].map(Some)
+            }
+            Err(_) => [None; 5],
+        };
         let mut row: Vec<Cell> = vec![
             omega.to_string().into(),
             format!("{:.6}", omega.value().centre()).into(),
             format!("{:.3}", omega.gamma()).into(),
         ];
         row.extend(numbers.iter().map(|x| x.map_or(String::new(), |x| format!("{x:.1e}")).into()));
-        row.push(said.into());
+        row.push(proved.map_or_else(|why| why, |_| "proved".to_owned()).into());
         table.push(row);
     }
     table
@@ -139,7 +136,15 @@ pub fn prove(arguments: &Prove) -> Result<Status, Error> {
                 point.radius, point.middle[0], point.middle[1], point.trace[0], point.trace[1]
             ))?;
         }
-        out(&terminal::table(&verdicts(tried), width()))?;
+        let rows = tried.iter().map(|(omega, verdict)| {
+            let proved = match verdict {
+                Verdict::Proved(circle) => Ok(&**circle),
+                Verdict::NotProved(failure) => Err(format!("not proved {}", failure.number())),
+                Verdict::NotFound(_) => Err("not proved (0)".to_owned()),
+            };
+            (omega, proved)
+        });
+        out(&terminal::table(&verdicts(rows), width()))?;
         for (omega, verdict) in tried {
             match verdict {
                 Verdict::NotProved(failure) => {
@@ -179,6 +184,8 @@ pub fn check_proof(arguments: &CheckProof) -> Result<Status, Error> {
             "statements": said,
         }))?;
     } else {
+        let rows = proofs.circles.iter().map(|circle| (circle.omega(), Ok(circle)));
+        out(&terminal::table(&verdicts(rows), width()))?;
         out(&format!("{}: {} circles hold\n", arguments.proof.display(), proofs.circles.len()))?;
         for text in &said {
             out(&format!("{text}\n"))?;

@@ -127,6 +127,14 @@ impl ProofFile {
         out
     }
 
+    /// The digest of the file: of the model, the curves, the constants and the nesting.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] of numbers that JSON does not hold.
+    pub fn digest(&self) -> Result<String, Error> {
+        Ok(self.text()?.digest)
+    }
+
     fn text(&self) -> Result<Text, Error> {
         let entry = |circle: &Circle| CircleEntry {
             rotation_number: circle.omega().to_string(),
@@ -296,7 +304,7 @@ impl Proofs {
     ///
     /// # Errors
     /// [`Error::Invalid`] of a model that the theorem is not about, a ray without orbits that turn at different
-    /// rates, or a circle outside the box of polynomials; what `found` returns.
+    /// rates, or a circle that was asked for and is outside the box of polynomials; what `found` returns.
     pub fn of_model(
         stored: &StoredModel,
         request: &ProofRequest,
@@ -322,10 +330,17 @@ impl Proofs {
         let none = ProofFile { model: stored.digest()?, circles: Vec::new(), nested: Vec::new() };
         let kept: Mutex<Vec<Circle>> = Mutex::new(Vec::new());
         let prove = |omega: NobleNumber| {
-            let verdict = prove_circle(&map, ray, &omega)?;
+            let mut verdict = prove_circle(&map, ray, &omega)?;
+            if let Verdict::Proved(circle) = &verdict
+                && let Err(outside) = check_box(stored, circle)
+            {
+                if !request.numbers.is_empty() {
+                    return Err(outside);
+                }
+                verdict = Verdict::NotFound(outside.to_string());
+            }
             let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
             if let Verdict::Proved(circle) = &verdict {
-                check_box(stored, circle)?;
                 kept.push((**circle).clone());
                 found(&omega, &verdict, &ProofFile::new(stored, kept.clone())?)?;
             } else {
@@ -382,6 +397,7 @@ fn verdict_of((omega, verdict): &(NobleNumber, Verdict)) -> serde_json::Value {
             "inequality": failure.inequality,
             "found": failure.found.is_finite().then_some(failure.found),
             "needed": failure.needed,
+            "rho": failure.strip,
             "advice": failure.advice(),
         })),
         "reason": reason,

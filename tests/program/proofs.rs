@@ -1,8 +1,9 @@
 //! Theorems about a model file.
 
 use crate::helpers::{call, folder, refuses, succeeds, text, with_model};
-use gyroceptron::io::{Provenance, StoredModel, save_model};
+use gyroceptron::io::{ProofFile, Proofs, Provenance, StoredModel, load_model, save_model};
 use gyroceptron::layer::{CircleAction, TorusAction};
+use gyroceptron::measure::proof::{Failure, NobleNumber, Verdict};
 use gyroceptron::network::{InitialWeights, NormalFormShape};
 use serde_json::Value;
 use std::path::Path;
@@ -52,7 +53,26 @@ fn proofs_are_written_and_verified_again() {
     assert!(found["statements"][0].as_str().expect("words").contains("between the circles"));
     assert_eq!(found["fixed_point"]["elliptic"], true);
     let again = succeeds(path, &["check-proof", "m.proof.json", "--model", "m.json"]);
-    assert!(text(&again.stdout).contains("2 circles hold"));
+    let again = text(&again.stdout);
+    assert!(again.contains("2 circles hold"));
+    // With the constants of each.
+    for circle in circles {
+        let omega = circle["rotation_number"].as_str().expect("a number");
+        let kappa = circle["constants"]["kappa"].as_f64().expect("a number");
+        assert!(again.contains(omega) && again.contains(&format!("{kappa:.1e}")), "{again}");
+        assert_eq!(circle["constants"]["words"], 2);
+    }
+    // What is cited is this file, and what its theorem rests on.
+    let cited = text(&succeeds(path, &["cite", "m.proof.json"]).stdout);
+    let file: Value =
+        serde_json::from_slice(&std::fs::read(path.join("m.proof.json")).expect("a file"))
+            .expect("one JSON document");
+    for key in ["digest", "model"] {
+        assert!(cited.contains(file[key].as_str().expect("a digest")), "{cited}");
+    }
+    let theory = "10.1007/s10208-016-9339-3";
+    assert!(cited.contains(theory) && cited.contains("2 invariant circles"), "{cited}");
+    refuses(path, &["cite", "m.json"], &["m.json", "gyroceptron-proof"]);
     // The same file on any number of threads, and by the same numbers as decimals.
     let first = std::fs::read(path.join("m.proof.json")).expect("a file");
     prove(path, &["--circles", "2", "--threads", "2", "--output", "two.json"]);
@@ -84,6 +104,25 @@ fn what_is_not_proved_says_why() {
     let said = text(&output.stdout);
     assert!(said.contains("(0)") && said.contains("no orbit on the ray"), "{said}");
     assert!(!path.join("m.proof.json").exists());
+}
+
+#[test]
+fn an_inequality_that_fails_is_in_the_document() {
+    let folder = with_maps();
+    let stored = load_model(&folder.path().join("m.json")).expect("a model");
+    let inequality = "(6) κ|E| < 1: the first step makes the error smaller";
+    let failure = Failure { inequality, found: 27.0, needed: 1.0, strip: Some(0.0015) };
+    assert!(failure.to_string().contains("ρ = 1.5e-3"), "{failure}");
+    let omega: NobleNumber = "golden".parse().expect("a number");
+    let proofs = Proofs {
+        tried: vec![(omega, Verdict::NotProved(failure))],
+        file: ProofFile::new(&stored, Vec::new()).expect("a digest"),
+        fixed_point: None,
+    };
+    let document = proofs.document();
+    let found = &document["circles"][0]["failure"];
+    assert_eq!((&document["holds"], &found["found"]), (&false.into(), &27.0.into()));
+    assert_eq!((&found["rho"], &found["inequality"]), (&0.0015.into(), &inequality.into()));
 }
 
 #[test]

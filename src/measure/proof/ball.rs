@@ -1,109 +1,132 @@
-//! Balls: intervals of real numbers around a double-double centre.
+//! Balls: intervals of real numbers around sums of two or three doubles.
 
+use super::centre::{Centre, ThreeWords, TwoWords};
 use super::number::{Constant, Function, Number};
 use super::rough::Rough;
 use super::rounded::{Complex, down, up};
 use std::sync::LazyLock;
 
-/// 2⁻¹⁰³, more than the relative error of a sum or a product of double-doubles.
-const ROUNDING: f64 = 1.0 / ((1_u128 << 103) as f64);
-
-#[inline(always)]
-fn two_sum(a: f64, b: f64) -> (f64, f64) {
-    let s = a + b;
-    let t = s - a;
-    (s, (a - (s - t)) + (b - t))
-}
-
-#[inline(always)]
-fn fast_two_sum(a: f64, b: f64) -> (f64, f64) {
-    let s = a + b;
-    (s, b - (s - a))
-}
-
-#[inline(always)]
-fn split(a: f64) -> (f64, f64) {
-    let c = 134_217_729.0 * a;
-    let high = c - (c - a);
-    (high, a - high)
-}
-
-/// a·b and its error, exact where neither overflows nor the error is below 2⁻¹⁰⁷⁴.
-#[inline(always)]
-fn two_product(a: f64, b: f64) -> (f64, f64) {
-    let p = a * b;
-    let ((ah, al), (bh, bl)) = (split(a), split(b));
-    (p, ((ah * bh - p) + ah * bl + al * bh) + al * bl)
-}
-
-/// All real numbers no further from a centre than a radius. The centre is the unevaluated sum of two doubles, so that
-/// a result is enclosed to some 30 digits.
+/// All real numbers no further from a centre than a radius. The centre is the unevaluated sum of two or three doubles,
+/// so that a result is enclosed to some 30 or 45 digits.
 ///
 /// Each operation holds the results for all numbers in its arguments: the radius takes up what rounding does to
 /// the centre. What is not finite, or a division by a ball with 0 in it, has the radius ∞ or NaN, with which no
 /// comparison that a proof makes is true.
-///
-/// Source: for the errors of sums (3·2⁻¹⁰⁶, relative) and products (7·2⁻¹⁰⁶) of double-doubles Joldes, Muller and
-/// Popescu, <https://doi.org/10.1145/3121432>, algorithms 6 and 10; 2⁻¹⁰³ is allowed for either.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ball {
-    high: f64,
-    low: f64,
+pub struct BallOf<C> {
+    centre: C,
     radius: f64,
 }
 
-/// 1/k!, for the series.
-const TERMS: usize = 34;
-static INVERSE_FACTORIALS: LazyLock<[Ball; TERMS]> = LazyLock::new(|| {
-    let mut out = [Ball::of(1.0); TERMS];
-    for k in 2..TERMS {
-        out[k] = out[k - 1].over(Ball::of(k as f64));
-    }
-    out
-});
+/// A ball around a sum of two doubles.
+pub type Ball = BallOf<TwoWords>;
+/// A ball around a sum of three.
+pub type FineBall = BallOf<ThreeWords>;
 
-/// 2^{j/32}: the squares of roots.
-static ROOTS_OF_TWO: LazyLock<[Ball; 32]> = LazyLock::new(|| {
-    let mut root = Ball::of(2.0);
-    for _ in 0..5 {
-        root = root.sqrt();
-    }
-    let mut out = [Ball::of(1.0); 32];
-    for j in 1..32 {
-        out[j] = out[j - 1].times(root);
-    }
-    out
-});
-
-impl Ball {
+/// A kind of centres that balls are made around, with its constants.
+#[doc(hidden)]
+pub trait BallCentre: Centre {
     /// π.
-    pub const PI: Self =
-        Self { high: std::f64::consts::PI, low: 1.224_646_799_147_353_2e-16, radius: 3.1e-33 };
+    const PI: BallOf<Self>;
     /// 2π.
-    pub const TAU: Self =
-        Self { high: std::f64::consts::TAU, low: 2.449_293_598_294_706_4e-16, radius: 6.2e-33 };
-    const LN_2: Self =
-        Self { high: std::f64::consts::LN_2, low: 2.319_046_813_846_299_6e-17, radius: 5.8e-34 };
+    const TAU: BallOf<Self>;
+    /// ln 2.
+    const LN_2: BallOf<Self>;
+    /// What series and reductions are made of.
+    fn tables() -> &'static Tables<Self>;
+    /// A constant, around this many doubles.
+    fn constant(constant: Constant) -> BallOf<Self>;
+}
 
-    /// The sum of two doubles, with the radius.
-    pub fn new(high: f64, low: f64, radius: f64) -> Self {
-        let (high, low) = two_sum(high, low);
-        Self { high, low, radius }
+/// What series and reductions are made of.
+#[doc(hidden)]
+pub struct Tables<C> {
+    /// 1/k!.
+    inverse_factorials: Vec<BallOf<C>>,
+    /// 2^{j/32}: the squares of roots.
+    roots_of_two: Vec<BallOf<C>>,
+}
+
+impl<C: BallCentre> Tables<C> {
+    fn new() -> Self {
+        let mut inverse_factorials = vec![BallOf::of(1.0); 2];
+        for k in 2..C::TRIGONOMETRIC.0 {
+            inverse_factorials.push(inverse_factorials[k - 1].over(BallOf::of(k as f64)));
+        }
+        let mut root = BallOf::of(2.0);
+        for _ in 0..5 {
+            root = root.sqrt();
+        }
+        let mut roots_of_two = vec![BallOf::of(1.0)];
+        for j in 1..32 {
+            roots_of_two.push(roots_of_two[j - 1].times(root));
+        }
+        Self { inverse_factorials, roots_of_two }
+    }
+}
+
+static OF_TWO: LazyLock<Tables<TwoWords>> = LazyLock::new(Tables::new);
+static OF_THREE: LazyLock<Tables<ThreeWords>> = LazyLock::new(Tables::new);
+
+const PI: [f64; 3] =
+    [std::f64::consts::PI, 1.224_646_799_147_353_2e-16, -2.994_769_809_718_339_7e-33];
+const LN_2: [f64; 3] =
+    [std::f64::consts::LN_2, 2.319_046_813_846_299_6e-17, 5.707_708_438_416_212e-34];
+
+impl BallCentre for TwoWords {
+    const PI: Ball = Ball { centre: Self::from_parts(PI[0], PI[1]), radius: 3.1e-33 };
+    const TAU: Ball = Ball { centre: Self::from_parts(2.0 * PI[0], 2.0 * PI[1]), radius: 6.2e-33 };
+    const LN_2: Ball = Ball { centre: Self::from_parts(LN_2[0], LN_2[1]), radius: 5.8e-34 };
+
+    fn tables() -> &'static Tables<Self> {
+        &OF_TWO
+    }
+
+    #[inline(always)]
+    fn constant(constant: Constant) -> Ball {
+        let Constant { high, low, radius, .. } = constant;
+        Ball { centre: Self::from_parts(high, low), radius }
+    }
+}
+
+impl BallCentre for ThreeWords {
+    const PI: FineBall = FineBall { centre: Self::from_parts(PI), radius: 1.15e-49 };
+    const TAU: FineBall = FineBall {
+        centre: Self::from_parts([2.0 * PI[0], 2.0 * PI[1], 2.0 * PI[2]]),
+        radius: 2.3e-49,
+    };
+    const LN_2: FineBall = FineBall { centre: Self::from_parts(LN_2), radius: 3.6e-50 };
+
+    fn tables() -> &'static Tables<Self> {
+        &OF_THREE
+    }
+
+    #[inline(always)]
+    fn constant(constant: Constant) -> FineBall {
+        let (words, radius) = constant.fine;
+        FineBall { centre: Self::from_parts(words), radius }
+    }
+}
+
+impl<C: BallCentre> BallOf<C> {
+    /// π.
+    pub const PI: Self = C::PI;
+    /// 2π.
+    pub const TAU: Self = C::TAU;
+
+    /// A ball around the sum of doubles, as many of them as it has.
+    pub fn around(words: [f64; 3], radius: f64) -> Self {
+        Self { centre: C::of_words(words), radius }
     }
 
     /// The centre, rounded to a double.
     pub fn centre(self) -> f64 {
-        self.high
+        self.centre.first()
     }
 
-    /// The centre: its high and its low part.
-    pub fn parts(self) -> [f64; 2] {
-        [self.high, self.low]
-    }
-
-    /// As a factor of other kinds of numbers.
-    pub fn constant(self) -> Constant {
-        Constant { high: self.high, low: self.low, radius: self.radius }
+    /// The centre: the doubles that it is the sum of, the larger ones first.
+    pub fn words(self) -> [f64; 3] {
+        self.centre.words()
     }
 
     /// The radius.
@@ -119,18 +142,19 @@ impl Ball {
     /// An upper bound of the absolute values in it.
     #[inline(always)]
     pub fn magnitude(self) -> f64 {
-        up(up(self.high.abs()) + self.radius)
+        up(self.centre.magnitude() + self.radius)
     }
 
     /// A lower bound of the absolute values in it, 0 where 0 is in it.
     #[inline(always)]
     pub fn mignitude(self) -> f64 {
-        down(down(self.high.abs()) - self.radius)
+        down(self.centre.mignitude() - self.radius)
     }
 
     /// No number in it is below this one.
     pub fn lower(self) -> f64 {
-        let low = self.high - up(self.high.abs() * f64::EPSILON + self.radius);
+        let first = self.centre();
+        let low = first - up(first.abs() * f64::EPSILON + self.radius);
         low - low.abs() * f64::EPSILON - f64::MIN_POSITIVE
     }
 
@@ -141,7 +165,7 @@ impl Ball {
 
     /// The opposite.
     pub fn negated(self) -> Self {
-        Self { high: -self.high, low: -self.low, ..self }
+        Self { centre: self.centre.negated(), ..self }
     }
 
     /// With so much more around it.
@@ -149,26 +173,27 @@ impl Ball {
         Self { radius: up(self.radius + by), ..self }
     }
 
-    /// The rounding of the centre that a result has come out at.
-    #[inline(always)]
-    fn rounding(high: f64) -> f64 {
-        up(high.abs() * ROUNDING)
-    }
-
-    /// The quotient: q + (x − qy)/y with a rounded q.
+    /// The quotient: q + (x − qy)/y with a rounded q, whose doubles are quotients of what is left.
     pub fn over(self, y: Self) -> Self {
-        let first = self.high / y.high;
-        let rest = self.exact().minus(y.exact().scaled(first));
-        let q = Self::new(first, rest.high / y.high, 0.0);
+        let (mut words, mut rest) = ([0.0; 3], self.exact());
+        words[0] = self.centre() / y.centre();
+        for k in 1..C::WORDS {
+            rest = rest.exact().minus(y.exact().scaled(words[k - 1]));
+            words[k] = rest.centre() / y.centre();
+        }
+        let q = Self::around(words, 0.0);
         let missed = self.minus(q.times(y)).magnitude();
         Self { radius: up(missed / y.mignitude()), ..q }
     }
 
     /// The square root: q + (x − q²)/(√x + q) with a rounded q; NaN of a ball with what is not positive in it.
     pub fn sqrt(self) -> Self {
-        let first = self.high.sqrt();
-        let rest = self.exact().minus(Self::of(first).times(Self::of(first)));
-        let q = Self::new(first, rest.high / (2.0 * first), 0.0);
+        let mut words = [self.centre().sqrt(), 0.0, 0.0];
+        for k in 1..C::WORDS {
+            let q = Self::around(words, 0.0);
+            words[k] = self.exact().minus(q.times(q)).centre() / (2.0 * words[0]);
+        }
+        let q = Self::around(words, 0.0);
         let missed = self.minus(q.times(q)).magnitude();
         let below = down(down(self.lower().sqrt()) + q.mignitude());
         Self { radius: if self.lower() > 0.0 { up(missed / below) } else { f64::NAN }, ..q }
@@ -176,7 +201,7 @@ impl Ball {
 
     /// Σ x^k/k! over k = first, first + step, … ≤ last.
     fn horner(self, first: usize, step: usize, alternating: bool, last: usize) -> Self {
-        let inverse = &*INVERSE_FACTORIALS;
+        let inverse = &C::tables().inverse_factorials;
         let mut power = if step == 2 { self.times(self) } else { self };
         if alternating {
             power = power.negated();
@@ -192,7 +217,7 @@ impl Ball {
 
     /// k and x − k·period of the centre, for the nearest whole k.
     fn reduced(self, period: Self) -> (f64, Self) {
-        let k = libm::round(self.high / period.high);
+        let k = libm::round(self.centre() / period.centre());
         (k, self.exact().minus(period.scaled(k)))
     }
 
@@ -200,17 +225,17 @@ impl Ball {
     ///
     /// The factor of a radius ε is e^ε − 1 ≤ ε + ε² for ε ≤ 1.
     pub fn exp(self) -> Self {
-        if self.high < -600.0 && self.radius <= 1.0 {
+        if self.centre() < -600.0 && self.radius <= 1.0 {
             return Self::of(0.0).widened(1e-258);
         }
-        if !(self.high.abs() <= 600.0 && self.radius <= 1.0) {
+        if !(self.centre().abs() <= 600.0 && self.radius <= 1.0) {
             return Self { radius: f64::NAN, ..self };
         }
-        let (n, rest) = self.reduced(Self::LN_2.scaled(1.0 / 32.0));
+        let (n, rest) = self.reduced(C::LN_2.scaled(1.0 / 32.0));
         let n = n as i32;
-        // 0.011¹⁴/14! < 10⁻³⁸, the rest of the series less than twice that.
-        let series = rest.horner(0, 1, false, 13).widened(2e-38);
-        let root = ROOTS_OF_TWO[n.rem_euclid(32) as usize];
+        let (terms, rest_of_series) = C::EXPONENTIAL;
+        let series = rest.horner(0, 1, false, terms - 1).widened(rest_of_series);
+        let root = C::tables().roots_of_two[n.rem_euclid(32) as usize];
         let centre = series.times(root).scaled(libm::ldexp(1.0, n.div_euclid(32)));
         let r = self.radius;
         centre.widened(up(centre.magnitude() * up(r + up(r * r))))
@@ -219,7 +244,7 @@ impl Ball {
     /// tanh x = (1 − e)/(1 + e), e = exp(−2x), at the centre; its slope is at most 1.
     fn tanh_of_centre(self) -> Self {
         // 1 − tanh x < 2e^{−2x} < 1.03·10⁻¹³⁰.
-        if self.high > 150.0 {
+        if self.centre() > 150.0 {
             return Self::of(1.0).widened(2e-130);
         }
         let one = Self::of(1.0);
@@ -228,19 +253,29 @@ impl Ball {
     }
 }
 
-impl Number for Ball {
+impl Ball {
+    /// The sum of two doubles, with the radius.
+    pub fn new(high: f64, low: f64, radius: f64) -> Self {
+        Self::around([high, low, 0.0], radius)
+    }
+
+    /// As a factor of other kinds of numbers; `fine` holds the same number.
+    pub fn constant(self, fine: FineBall) -> Constant {
+        let [high, low, _] = self.words();
+        Constant { high, low, radius: self.radius, fine: (fine.words(), fine.radius) }
+    }
+}
+
+impl<C: BallCentre> Number for BallOf<C> {
+    #[inline(always)]
     fn of(value: f64) -> Self {
-        Self { high: value, low: 0.0, radius: 0.0 }
+        Self { centre: C::of(value), radius: 0.0 }
     }
 
     #[inline(always)]
     fn plus(self, other: Self) -> Self {
-        let (sum, error) = two_sum(self.high, other.high);
-        let (low, rest) = two_sum(self.low, other.low);
-        let (high, low) = fast_two_sum(sum, error + low);
-        let (high, low) = fast_two_sum(high, rest + low);
-        let radius = up(up(self.radius + other.radius) + Self::rounding(high));
-        Self { high, low, radius }
+        let (centre, rounding) = self.centre.sum(other.centre);
+        Self { centre, radius: up(up(self.radius + other.radius) + rounding) }
     }
 
     #[inline(always)]
@@ -250,12 +285,10 @@ impl Number for Ball {
 
     #[inline(always)]
     fn times(self, other: Self) -> Self {
-        let (product, error) = two_product(self.high, other.high);
-        let low = error + (self.high * other.low + self.low * other.high);
-        let (high, low) = fast_two_sum(product, low);
-        let (a, b) = (up(self.high.abs()), up(other.high.abs()));
+        let (centre, rounding) = self.centre.product(other.centre);
+        let (a, b) = (self.centre.magnitude(), other.centre.magnitude());
         let spread = up(up(a * other.radius) + up(up(b + other.radius) * self.radius));
-        Self { high, low, radius: up(spread + Self::rounding(high)) }
+        Self { centre, radius: up(spread + rounding) }
     }
 
     #[inline(always)]
@@ -264,13 +297,13 @@ impl Number for Ball {
     }
 
     fn scaled_by(self, factor: Constant) -> Self {
-        self.times(Self { high: factor.high, low: factor.low, radius: factor.radius })
+        self.times(C::constant(factor))
     }
 
     fn tanh(self) -> Self {
-        let x = if self.high < 0.0 { self.negated() } else { self };
+        let x = if self.centre() < 0.0 { self.negated() } else { self };
         let t = x.tanh_of_centre().widened(self.radius);
-        if self.high < 0.0 { t.negated() } else { t }
+        if self.centre() < 0.0 { t.negated() } else { t }
     }
 
     /// Their slopes are at most 1.
@@ -281,8 +314,8 @@ impl Number for Ball {
             let all = Self::of(0.0).widened(1.0);
             return (all, all);
         }
-        // 0.8³⁴/34! < 10⁻⁴¹, the rest of either series less than twice that.
-        let series = |first| rest.horner(first, 2, true, TERMS - 1).widened(1e-40);
+        let (terms, rest_of_series) = C::TRIGONOMETRIC;
+        let series = |first| rest.horner(first, 2, true, terms - 1).widened(rest_of_series);
         let (s, c) = (series(1), series(0));
         let (s, c) = match (k as i64).rem_euclid(4) {
             0 => (s, c),
@@ -297,8 +330,8 @@ impl Number for Ball {
     fn through<const K: usize>(self, function: &impl Function) -> [Self; K] {
         let mut out: [Self; K] = function.derivatives(self.exact());
         if self.radius != 0.0 {
-            let centre = Complex::new(self.high, 0.0);
-            let rough = Rough::new(centre, up(self.low.abs() + self.radius));
+            let first = Complex::new(self.centre(), 0.0);
+            let rough = Rough::new(first, up(self.centre.rest() + self.radius));
             let [_, slopes @ ..]: [Rough; 4] = function.derivatives(rough);
             for k in 0..K {
                 out[k] = out[k].widened(up(self.radius * slopes[k].magnitude()));

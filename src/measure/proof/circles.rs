@@ -12,6 +12,9 @@ use super::winding::goes_around;
 use crate::error::Error;
 use crate::measure::periodic::periodic_orbit;
 
+/// From which κ|E| on no other strip is tried.
+const HOPELESS: f64 = 1e5;
+
 /// A curve with a proof that an invariant circle is near it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Circle {
@@ -55,8 +58,13 @@ pub fn prove_circle(map: &PlaneMap, ray: Ray, omega: &NobleNumber) -> Result<Ver
                     failure.inequality > nearest.inequality
                         || failure.inequality == nearest.inequality && failure.found < nearest.found
                 });
+                // From one strip to the next κ|E| changes by a hundred or so.
+                let hopeless = failure.number() == "(6)" && failure.found > HOPELESS;
                 if farther {
                     nearest = Some(failure);
+                }
+                if hopeless {
+                    break;
                 }
             }
         }
@@ -226,7 +234,7 @@ impl Circle {
     pub fn encloses(&self, inner: &Self) -> Result<(), Failure> {
         let [x, y] = inner.candidate.start();
         let centre = [x.centre(), y.centre()];
-        let off = [x, y].map(|x| up(up(x.parts()[1].abs()) + x.radius()));
+        let off = [x, y].map(|x| up(up(x.words()[1].abs()) + x.radius()));
         let around = up(inner.constants.distance + up(off[0] + off[1]));
         self.goes_around(centre, around)
     }

@@ -1,6 +1,6 @@
 //! Closed curves of a plane by Fourier series, on real numbers and on strips around them.
 
-use super::ball::Ball;
+use super::ball::{Ball, BallCentre, BallOf};
 use super::number::Number;
 use super::rounded::{Complex, SLACK, real_exp, real_sin_cos, up};
 use super::taylor::{DEGREE, Taylor};
@@ -45,7 +45,7 @@ impl<T: Number> Wave<T> {
     }
 }
 
-impl Wave<Ball> {
+impl<C: BallCentre> Wave<BallOf<C>> {
     /// An upper bound of the modulus.
     pub fn above(self) -> f64 {
         let (a, b) = (self.re.magnitude(), self.im.magnitude());
@@ -54,9 +54,9 @@ impl Wave<Ball> {
 }
 
 /// e^{2πik/N} for k < N, a power of two.
-pub(super) fn roots_of_unity(count: usize) -> Vec<Wave<Ball>> {
+pub(super) fn roots_of_unity<C: BallCentre>(count: usize) -> Vec<Wave<BallOf<C>>> {
     let root = |k: usize| {
-        let (s, c) = Ball::TAU.scaled(k as f64 / count as f64).sin_cos();
+        let (s, c) = BallOf::<C>::TAU.scaled(k as f64 / count as f64).sin_cos();
         Wave::new(c, s)
     };
     (0..count).map(root).collect()
@@ -144,11 +144,11 @@ impl<T: Number> Curve<T> {
 }
 
 /// e^{2πikω} for k from 0 to `most`.
-pub(super) fn phases(omega: Ball, most: usize) -> Vec<Wave<Ball>> {
+pub(super) fn phases<C: BallCentre>(omega: BallOf<C>, most: usize) -> Vec<Wave<BallOf<C>>> {
     let phase = |k: usize| {
         let turns = omega.scaled(k as f64);
-        let rest = turns.minus(Ball::of(libm::round(turns.centre())));
-        let (s, c) = rest.times(Ball::TAU).sin_cos();
+        let rest = turns.minus(BallOf::of(libm::round(turns.centre())));
+        let (s, c) = rest.times(BallOf::TAU).sin_cos();
         Wave::new(c, s)
     };
     (0..=most).map(phase).collect()
@@ -205,7 +205,7 @@ impl OnLine {
     ///
     /// The terms of a mode are c_k e^{2πikφ₀}(2πik·half·s)^m/m!. Rounding errs by less than 16·[`SLACK`] of the sum of
     /// the moduli of all terms: by 4 of them for the factors of each term, and 2⁻⁵³ times the number of terms of a
-    /// sum, at most 2¹³.
+    /// sum, at most 2¹³ + 1.
     pub fn part(&self, centre: f64, half: f64) -> Part {
         let mut sums = [[[Complex::ZERO; DEGREE + 1]; 2]; 3];
         let mut remainders = [0.0; 3];
@@ -260,7 +260,7 @@ impl OnLine {
             }
         }
         let models = |which: usize| {
-            // The sums of 2¹³ positive numbers.
+            // The sums of 2¹³ + 1 positive numbers.
             let remainder = up(remainders[which] * (1.0 + 1e-9));
             sums[which].map(|c| Taylor::new(c, remainder))
         };

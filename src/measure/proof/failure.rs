@@ -9,16 +9,26 @@ pub struct Failure {
     pub found: f64,
     /// What it was to be below, or above.
     pub needed: f64,
+    /// ρ of the strip on which it was tried, where it is of one of several.
+    pub strip: Option<f64>,
 }
 
 impl std::fmt::Display for Failure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { inequality, found, needed } = self;
-        write!(f, "{inequality}: found {found:.3e} against {needed:.3e}")
+        let Self { inequality, found, needed, strip } = self;
+        write!(f, "{inequality}: found {found:.3e} against {needed:.3e}")?;
+        match strip {
+            Some(rho) => write!(f, ", ρ = {rho:.1e}"),
+            None => Ok(()),
+        }
     }
 }
 
 impl Failure {
+    pub(super) fn new(inequality: &'static str, found: f64, needed: f64) -> Self {
+        Self { inequality, found, needed, strip: None }
+    }
+
     /// The number of the inequality, in brackets.
     pub fn number(&self) -> &'static str {
         self.inequality.split_inclusive(')').next().unwrap_or_default()
@@ -28,8 +38,8 @@ impl Failure {
     pub fn advice(&self) -> &'static str {
         match self.number() {
             "(1)" => {
-                "polynomial kicks have no poles, and smaller weights have them farther away; a rotation number \
-                 of larger γ needs a narrower strip"
+                "polynomial kicks have no poles, and smaller weights have them farther away; a circle farther \
+                 from the edge of what the model was trained on"
             }
             "(3)" | "(4)" => "a circle farther from islands, whose K′ bends less",
             "(5)" => {
@@ -38,7 +48,7 @@ impl Failure {
             "(9)" | "(10)" => "a circle that goes around the mean of its points",
             _ => {
                 "a rotation number farther from fractions of small denominators, or a circle farther from \
-                 islands; or more digits than two doubles have"
+                 islands; or more points and digits than the search goes to"
             }
         }
     }

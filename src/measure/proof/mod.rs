@@ -1,6 +1,7 @@
 //! Theorems about a map of a plane, by numbers that enclose.
 
 mod ball;
+mod centre;
 mod circles;
 mod curve;
 mod failure;
@@ -14,7 +15,10 @@ mod taylor;
 mod theorem;
 mod winding;
 
-pub use ball::Ball;
+#[doc(hidden)]
+pub use ball::BallCentre;
+pub use ball::{Ball, BallOf, FineBall};
+pub use centre::{Centre, ThreeWords, TwoWords};
 pub use circles::{
     Circle, FixedPoint, Verdict, fixed_point_near, noble_numbers, prove_circle, rounding_of_a_step,
 };

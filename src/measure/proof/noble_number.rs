@@ -1,6 +1,6 @@
 //! Rotation numbers that are far from all fractions, and sums of small divisors.
 
-use super::ball::Ball;
+use super::ball::{Ball, BallCentre, BallOf};
 use super::number::Number;
 use super::rounded::{down, up};
 use crate::error::Error;
@@ -69,15 +69,20 @@ impl NobleNumber {
 
     /// The number.
     pub fn value(&self) -> Ball {
-        let one = Ball::of(1.0);
+        self.enclosed()
+    }
+
+    /// The number, in balls of a kind.
+    pub fn enclosed<C: BallCentre>(&self) -> BallOf<C> {
+        let one = BallOf::of(1.0);
         self.complete_quotients().last().map_or_else(|| one.over(golden()), |x| one.over(*x))
     }
 
     /// ω_{r+1} = (1 + √5)/2, ω_r = a_r + 1/ω_{r+1}, …, ω₁.
-    fn complete_quotients(&self) -> Vec<Ball> {
+    fn complete_quotients<C: BallCentre>(&self) -> Vec<BallOf<C>> {
         let mut out = vec![golden()];
         for &a in self.quotients.iter().rev() {
-            let next = Ball::of(a.into()).plus(Ball::of(1.0).over(out[out.len() - 1]));
+            let next = BallOf::of(a.into()).plus(BallOf::of(1.0).over(out[out.len() - 1]));
             out.push(next);
         }
         out
@@ -91,7 +96,7 @@ impl NobleNumber {
     ///
     /// Source: Khinchin, Continued fractions (1964), §§ 6 and 13.
     pub fn gamma(&self) -> f64 {
-        let mut complete = self.complete_quotients();
+        let mut complete: Vec<Ball> = self.complete_quotients();
         complete.reverse();
         let mut quotients = self.quotients.clone();
         // One more of the ones.
@@ -111,8 +116,8 @@ impl NobleNumber {
 }
 
 /// (1 + √5)/2.
-fn golden() -> Ball {
-    Ball::of(5.0).sqrt().plus(Ball::of(1.0)).scaled(0.5)
+fn golden<C: BallCentre>() -> BallOf<C> {
+    BallOf::of(5.0).sqrt().plus(BallOf::of(1.0)).scaled(0.5)
 }
 
 /// [0; 1, 2, (1)].

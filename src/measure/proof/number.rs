@@ -11,6 +11,8 @@ pub struct Constant {
     pub low: f64,
     /// The radius.
     pub radius: f64,
+    /// The same number to more digits: within a radius of the sum of three doubles.
+    pub fine: ([f64; 3], f64),
 }
 
 impl Constant {

@@ -1,6 +1,6 @@
 //! Maps of a plane as lists of analytic steps.
 
-use super::ball::Ball;
+use super::ball::{Ball, BallCentre, BallOf, FineBall};
 use super::number::{Constant, Coordinate, Function, Number};
 use crate::error::Error;
 use crate::layer::{
@@ -146,7 +146,7 @@ impl Function for Slope {
                 }
             }
             Self::Sine => {
-                let tau = Ball::TAU.constant();
+                let tau = Ball::TAU.constant(FineBall::TAU);
                 let (s, c) = x.scaled_by(tau).sin_cos();
                 let (once, twice) = (c.scaled_by(tau), s.scaled(-1.0).scaled_by(tau));
                 let twice = twice.scaled_by(tau);
@@ -245,17 +245,26 @@ pub struct Prepared<'a> {
     turns: Vec<(Constant, Constant)>,
 }
 
+impl PlaneStep {
+    /// The sine and the cosine of what it turns by; of one that turns by nothing of its own 0 and 1.
+    fn turn<C: BallCentre>(&self) -> (BallOf<C>, BallOf<C>) {
+        match self {
+            Self::TurnedShear { angle, .. } => Number::sin_cos(BallOf::<C>::of(*angle)),
+            Self::Turn { angle, weight } => {
+                Number::sin_cos(Number::scaled(BallOf::<C>::of(*angle), (*weight).into()))
+            }
+            _ => (BallOf::of(0.0), BallOf::of(1.0)),
+        }
+    }
+}
+
 impl PlaneMap {
     /// With the sines and cosines of its turns.
     pub fn prepared(&self) -> Prepared<'_> {
-        let turn = |step: &PlaneStep| match step {
-            PlaneStep::TurnedShear { angle, .. } => Number::sin_cos(Ball::of(*angle)),
-            PlaneStep::Turn { angle, weight } => {
-                Number::sin_cos(Number::scaled(Ball::of(*angle), (*weight).into()))
-            }
-            _ => (Ball::of(0.0), Ball::of(1.0)),
-        };
-        let turns = self.steps.iter().map(turn).map(|(s, c)| (s.constant(), c.constant()));
+        let turns = self.steps.iter().map(|step| {
+            let ((s, c), (fine_s, fine_c)) = (step.turn(), step.turn());
+            (Ball::constant(s, fine_s), Ball::constant(c, fine_c))
+        });
         Prepared { map: self, turns: turns.collect() }
     }
 

@@ -1,7 +1,10 @@
 //! Discs around doubles, for bounds that need few digits.
 
 use super::number::{Constant, Number};
-use super::rounded::{Complex, complex_sin_cos, complex_tanh, expm1_above, tanh_moves, up};
+use super::rounded::{
+    Complex, complex_sin_cos, complex_tanh, expm1_above, off_the_slits, real_at_least, saturation,
+    tanh_moves, up,
+};
 
 /// All complex numbers no further from a centre than a radius.
 #[derive(Clone, Copy, Debug)]
@@ -56,12 +59,18 @@ impl Number for Rough {
         let (t, margin) = complex_tanh(self.centre);
         let modulus = up(t.above() + margin);
         let slope = up(1.0 + up(modulus * modulus));
-        // As of a Taylor model: no value of what is on the edge of a strip is half π or more from the real line.
-        let far = up(self.centre.im.abs() + self.radius);
-        if !(far < std::f64::consts::FRAC_PI_2) {
+        if !off_the_slits(self.centre, self.radius) {
             return Self::new(t, f64::INFINITY);
         }
-        Self::new(t, up(margin + tanh_moves(modulus, slope, self.radius)))
+        let moved = up(margin + tanh_moves(modulus, slope, self.radius));
+        // Where tanh is nearly ±1 all over the disc this is less.
+        let saturated = saturation(real_at_least(self.centre, self.radius));
+        let side = if self.centre.re > 0.0 { 1.0 } else { -1.0 };
+        if saturated < moved {
+            Self::new(Complex::new(side, 0.0), saturated)
+        } else {
+            Self::new(t, moved)
+        }
     }
 
     fn sin_cos(self) -> (Self, Self) {
@@ -72,7 +81,7 @@ impl Number for Rough {
     }
 }
 
-/// Without bounds, for searches: the tanh of what is no less than ½π from the real line is NaN.
+/// Without bounds, for searches: tanh is NaN on the slits.
 impl Number for Complex {
     fn of(value: f64) -> Self {
         Self::new(value, 0.0)
@@ -90,8 +99,7 @@ impl Number for Complex {
         Complex::scaled(self, factor.high)
     }
     fn tanh(self) -> Self {
-        let within = self.im.abs() < std::f64::consts::FRAC_PI_2;
-        if within { complex_tanh(self).0 } else { Self::new(f64::NAN, f64::NAN) }
+        if off_the_slits(self, 0.0) { complex_tanh(self).0 } else { Self::new(f64::NAN, f64::NAN) }
     }
     fn sin_cos(self) -> (Self, Self) {
         let (s, c, _) = complex_sin_cos(self);

@@ -146,6 +146,31 @@ pub(super) fn complex_sin_cos(w: Complex) -> (Complex, Complex, f64) {
     (s, c, 8.0 * SLACK * cosh)
 }
 
+/// Whether tanh is analytic around all w with Re w and Im w no farther than a radius from those of a centre: where
+/// none of them is on the slits Re w = 0, |Im w| ≥ ½π, on which its poles are.
+///
+/// The plane without the slits is simply connected. So a function whose values on the edge of a strip are off the
+/// slits takes none of the poles within, by the argument principle.
+pub(super) fn off_the_slits(centre: Complex, radius: f64) -> bool {
+    up(centre.im.abs() + radius) < std::f64::consts::FRAC_PI_2
+        || real_at_least(centre, radius) > 0.0
+}
+
+/// A lower bound of |Re w| around a centre; 0 where it may be 0.
+pub(super) fn real_at_least(centre: Complex, radius: f64) -> f64 {
+    down(centre.re.abs() - radius)
+}
+
+/// An upper bound of |tanh w − 1| for Re w ≥ x, and of |tanh w + 1| for Re w ≤ −x: 2e^{−2x}/(1 − e^{−2x}).
+pub(super) fn saturation(x: f64) -> f64 {
+    if !(x > 0.0) {
+        return f64::INFINITY;
+    }
+    let e = if x <= 250.0 { up(real_exp(-2.0 * x) * (1.0 + SLACK)) } else { 1e-200 };
+    let below = down(1.0 - e);
+    if below > 0.0 { up(up(2.0 * e) / below) } else { f64::INFINITY }
+}
+
 /// How far tanh(x + h) is from t = tanh x for |h| ≤ d: tan d·|1 − t²|/(1 − |t| tan d), ∞ where a pole may be.
 ///
 /// tanh(x + h) = (t + T)/(1 + tT) with T = tanh h, |T| ≤ tan |h|.

@@ -6,7 +6,7 @@ use super::noble_number::NobleNumber;
 use super::number::{Jet, Number};
 use super::plane_map::{PlaneMap, Prepared};
 use super::rounded::Complex;
-use super::theorem::{Candidate, error_of};
+use super::theorem::{Candidate, MOST_POINTS, error_of};
 use crate::error::Error;
 use crate::measure::rotation::{birkhoff_average, birkhoff_weights};
 use std::f64::consts::TAU;
@@ -28,7 +28,9 @@ impl Ray {
 
 /// The least, first and last numbers of points, and how many orbits' states make the first curve.
 const FIRST_POINTS: usize = 512;
-const LAST_POINTS: usize = 4096;
+const LAST_POINTS: usize = 8192;
+/// −ln of what aliasing and truncation may leave.
+const OF_ALIASING: f64 = 64.0;
 const STATES: usize = 24_000;
 const STATES_OF_TURNS: usize = 1_500;
 
@@ -48,15 +50,22 @@ pub fn turns_of_orbit(map: &PlaneMap, about: [f64; 2], start: [f64; 2]) -> f64 {
 }
 
 fn turns_of(map: &Prepared<'_>, about: [f64; 2], start: [f64; 2]) -> f64 {
-    let (mut z, mut first) = (start, None);
+    let mut z = start;
     let mut growths = Vec::with_capacity(STATES_OF_TURNS);
     for _ in 0..STATES_OF_TURNS {
         let before = z;
         map.apply(&mut z);
-        let turns = turns_between(map, about, before, z);
-        // All within half a turn of the first one.
-        let first = *first.get_or_insert(turns);
-        growths.push(turns - libm::round(turns - first));
+        growths.push(turns_between(map, about, before, z));
+    }
+    // All within half a turn of where most of them are, whole turns left out.
+    let (mut sines, mut cosines) = (0.0, 0.0);
+    for turns in &growths {
+        let (s, c) = libm::sincos(TAU * turns);
+        (sines, cosines) = (sines + s, cosines + c);
+    }
+    let middle = libm::atan2(sines, cosines) / TAU;
+    for turns in &mut growths {
+        *turns -= libm::round(*turns - middle);
     }
     birkhoff_average(&growths)
 }
@@ -239,11 +248,9 @@ fn largest<T: Number>(modes: &[[Wave<T>; 2]], size: impl Fn(T) -> f64) -> f64 {
 }
 
 /// Newton's method in doubles, with as many points as the coefficients need to fall to their rounding; then with the
-/// error to 30 digits, of which each correction takes off some.
+/// error to 30 digits, and more points until the coefficients fall to that.
 fn refine(map: &Prepared<'_>, mut curve: Curve<f64>, omega: Ball) -> Option<Found> {
     const ROUNDS: usize = 12;
-    const WIDE_ROUNDS: usize = 6;
-    const ROUNDED: f64 = 1e-29;
     let own = |x: f64| x;
     let mut points = FIRST_POINTS;
     loop {
@@ -285,14 +292,34 @@ fn refine(map: &Prepared<'_>, mut curve: Curve<f64>, omega: Ball) -> Option<Foun
     for mode in &mut curve.modes[0] {
         mode.im = Ball::of(0.0);
     }
+    loop {
+        refine_in_balls(map, &mut curve, omega, points);
+        let size = largest(&curve.modes[1..], Ball::centre);
+        // Coefficients that are rounding alone would grow on strips.
+        let noise = |k: &usize| largest(&curve.modes[*k..], Ball::centre) < 3e-30 * size;
+        let needed = (2..curve.modes.len()).find(noise);
+        if needed.is_none() && points < LAST_POINTS {
+            points *= 2;
+            curve.modes.resize(points / 4 + 1, [Wave::zero(); 2]);
+            continue;
+        }
+        curve.modes.truncate(needed.unwrap_or(curve.modes.len()));
+        return Some(Found { curve, points });
+    }
+}
+
+/// Newton's method with the error to 30 digits, of which each correction in doubles takes off some.
+fn refine_in_balls(map: &Prepared<'_>, curve: &mut Curve<Ball>, omega: Ball, points: usize) {
+    const ROUNDS: usize = 6;
+    const ROUNDED: f64 = 1e-29;
     let most = points / 4;
     let (roots, phases) = (roots_of_unity(points), phases(omega, points));
     let narrow_roots: Vec<_> = roots.iter().copied().map(narrow).collect();
     let narrow_phases: Vec<_> = phases.iter().copied().map(narrow).collect();
     let size = largest(&curve.modes[1..], Ball::centre);
     let mut before = f64::INFINITY;
-    for _ in 0..WIDE_ROUNDS {
-        let error = error_of(map, &curve, &phases, omega, points, &roots);
+    for _ in 0..ROUNDS {
+        let error = error_of(map, curve, &phases, omega, points, &roots);
         let found = largest(&error.modes[..most + 1], Ball::centre);
         if !(found < 0.1 * before) {
             break;
@@ -302,12 +329,13 @@ fn refine(map: &Prepared<'_>, mut curve: Curve<f64>, omega: Ball) -> Option<Foun
             modes: curve.modes.iter().map(|mode| mode.map(narrow)).collect(),
             cylinder: curve.cylinder,
         };
-        let (narrow_curve, error) = (all_narrow(&curve), all_narrow(&error));
+        let (narrow_curve, error) = (all_narrow(curve), all_narrow(&error));
         let delta = correction(map, &narrow_curve, &error, &narrow_phases, &narrow_roots);
         let delta = Curve::of_values(&delta, &narrow_roots, most, map.cylinder());
         for (mode, change) in curve.modes.iter_mut().zip(&delta.modes) {
             for axis in 0..2 {
-                let sum = mode[axis].plus(wide(change[axis]));
+                let [re, im] = [change[axis].re, change[axis].im].map(Ball::of);
+                let sum = mode[axis].plus(Wave::new(re, im));
                 mode[axis] = Wave::new(sum.re.exact(), sum.im.exact());
             }
         }
@@ -318,11 +346,6 @@ fn refine(map: &Prepared<'_>, mut curve: Curve<f64>, omega: Ball) -> Option<Foun
             break;
         }
     }
-    // Coefficients that are rounding alone would grow on strips.
-    let noise = |k: &usize| largest(&curve.modes[*k..], Ball::centre) < 3e-30 * size;
-    let needed = (2..=most).find(noise).unwrap_or(most + 1);
-    curve.modes.truncate(needed);
-    Some(Found { curve, points })
 }
 
 /// The candidates for a circle of this rotation number that crosses the ray, the most promising first.
@@ -369,7 +392,7 @@ fn candidates_from(
         let found = format!("{omega}: Newton's method finds no curve");
         return Err(Error::invalid("circle", found, "an orbit on a smooth curve"));
     };
-    let parts = |x: Ball| x.parts();
+    let parts = |x: Ball| [x.words()[0], x.words()[1]];
     let modes: Vec<[[f64; 2]; 4]> = curve
         .modes
         .iter()
@@ -381,6 +404,11 @@ fn candidates_from(
         let rho_hat = widest * shrunk;
         let (omega, modes) = (omega.clone(), modes.clone());
         let (rho, cylinder) = (part * rho_hat, map.cylinder());
+        // What aliasing and truncation leave is e^{−π(ρ̂ − ρ)n}.
+        let needed = OF_ALIASING / (std::f64::consts::PI * (rho_hat - rho));
+        let most = MOST_POINTS as f64;
+        let needed = (if needed < most { needed } else { most }) as usize;
+        let points = points.max(needed.next_power_of_two());
         out.push(Candidate { omega, modes, rho, rho_hat, points, cylinder });
     }
     Ok(out)

@@ -3,7 +3,8 @@
 use super::number::{Constant, Function, Number};
 use super::rough::Rough;
 use super::rounded::{
-    Complex, complex_sin_cos, complex_tanh, down, exp_above, expm1_above, tanh_moves, up,
+    Complex, complex_sin_cos, complex_tanh, down, exp_above, expm1_above, off_the_slits,
+    real_at_least, saturation, tanh_moves, up,
 };
 
 /// The degree of the polynomials.
@@ -13,6 +14,8 @@ pub const DEGREE: usize = 6;
 /// their moduli. Each coefficient of a product is a sum of no more than 7 products of complex numbers, which errs
 /// by (7 + √5)·2⁻⁵³ of the sum of their moduli; the rest is for the norms.
 const ROUNDING: f64 = 64.0 * f64::EPSILON / 2.0;
+/// From which |Re w| on tanh w is ±1 to the rounding of doubles.
+const SATURATED: f64 = 19.0;
 
 /// A polynomial in s on the disc |s| ≤ 1, and how far from it at most the function is that it stands for.
 ///
@@ -214,12 +217,16 @@ impl Number for Taylor {
     /// error e = tanh w − g has e′ = −(tanh w + g)ew′ − d, so that on the disc |e| ≤ (|e(0)| + |d|) exp((|tanh w| +
     /// |g|)|w′|).
     ///
-    /// |Im w| is to be below ½π: where it is so on the edge of a strip it is so within, and there is no pole of tanh.
+    /// w is to be off the slits of [`off_the_slits`]: where it is so on the edge of a strip there is no pole within.
     fn tanh(self) -> Self {
         let (t, margin) = complex_tanh(self.c[0]);
-        let far = up(self.c[0].im.abs() + self.spread());
-        if !(far < std::f64::consts::FRAC_PI_2) {
+        if !off_the_slits(self.c[0], self.spread()) {
             return Self::constant(t, f64::INFINITY);
+        }
+        let beyond = real_at_least(self.c[0], self.spread());
+        if beyond > SATURATED {
+            let side = if self.c[0].re > 0.0 { 1.0 } else { -1.0 };
+            return Self::constant(Complex::new(side, 0.0), saturation(beyond));
         }
         let [c, _] = self.solve([t, Complex::ZERO], |[t, _], k| {
             let mut square = Complex::ZERO;

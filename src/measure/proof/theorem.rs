@@ -1,6 +1,7 @@
 //! The theorem: its hypotheses, checked in numbers that enclose.
 
-use super::ball::Ball;
+use super::ball::{Ball, BallCentre, BallOf};
+use super::centre::{Centre, ThreeWords, TwoWords};
 use super::curve::{Curve, OnLine, Wave, phases, roots_of_unity};
 use super::failure::Failure;
 use super::noble_number::{Divisors, NobleNumber};
@@ -34,6 +35,8 @@ pub struct Candidate {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Constants {
+    /// How many doubles the values at points were enclosed with: two, or three where two did not do.
+    pub words: usize,
     /// γ: |kω − m| ≥ γ/k.
     pub gamma: f64,
     /// |F∘K − K(· + ω)| on |Im φ| ≤ ρ.
@@ -64,6 +67,8 @@ pub struct Constants {
     pub distance: f64,
 }
 
+/// The most points at which F∘K is enclosed.
+pub(super) const MOST_POINTS: usize = 1 << 14;
 /// Curves are not as large as this.
 const MOST_OF_MODES: f64 = 1e50;
 
@@ -93,6 +98,15 @@ fn cross<N: Number>(a: [N; 2], b: [N; 2]) -> N {
     a[0].times(b[1]).minus(a[1].times(b[0]))
 }
 
+/// Bounds of |E| on a strip.
+struct Residual {
+    all: f64,
+    /// The part of it that is not from the coefficients of the points.
+    aliasing: f64,
+    /// What the modes of K leave, without the rounding of the values: no bound, but what more digits may come to.
+    without_rounding: f64,
+}
+
 /// What is bounded along the edge of the strip.
 struct OnStrip {
     tangent: f64,
@@ -107,10 +121,9 @@ struct OnStrip {
 }
 
 impl Candidate {
-    pub(super) fn curve(&self) -> Curve<Ball> {
-        let wave = |re: [f64; 2], im: [f64; 2]| {
-            Wave::new(Ball::new(re[0], re[1], 0.0), Ball::new(im[0], im[1], 0.0))
-        };
+    pub(super) fn curve<C: BallCentre>(&self) -> Curve<BallOf<C>> {
+        let number = |[high, low]: [f64; 2]| BallOf::around([high, low, 0.0], 0.0);
+        let wave = |re: [f64; 2], im: [f64; 2]| Wave::new(number(re), number(im));
         let modes = self.modes.iter().map(|[a, b, c, d]| [wave(*a, *b), wave(*c, *d)]);
         Curve { modes: modes.collect(), cylinder: self.cylinder }
     }
@@ -122,8 +135,8 @@ impl Candidate {
     pub fn check(&self) -> Result<(), Error> {
         let most = self.points / 4;
         Error::check_count_range("modes of a circle", self.modes.len(), 2, most + 1)?;
-        if !self.points.is_power_of_two() || self.points > 1 << 13 {
-            let expected = "a power of two, at most 8192";
+        if !self.points.is_power_of_two() || self.points > MOST_POINTS {
+            let expected = format!("a power of two, at most {MOST_POINTS}");
             return Err(Error::invalid("points of a proof", self.points, expected));
         }
         for [high, low] in self.modes.iter().flatten() {
@@ -167,14 +180,15 @@ impl Candidate {
                 expected,
             ));
         }
-        Ok(self.constants(&map.prepared()).and_then(|constants| {
+        let proved = self.constants(&map.prepared()).and_then(|constants| {
             if !self.cylinder {
                 // That it goes around once, so that ω is its rotation number, and it has an inside.
                 let centre = [self.modes[0][0][0], self.modes[0][2][0]];
                 goes_around(&self.curve(), constants.distance, centre, 0.0)?;
             }
             Ok(constants)
-        }))
+        });
+        Ok(proved.map_err(|failure| Failure { strip: Some(self.rho), ..failure }))
     }
 
     /// [`Candidate::prove`] by the numbers alone, whatever the kinds of step: what is not symplectic is to fail, too.
@@ -187,12 +201,10 @@ impl Candidate {
     #[doc(hidden)]
     pub fn residual_bounds(&self, map: &PlaneMap) -> Result<[f64; 2], Failure> {
         let map = &map.prepared();
-        let curve = self.curve();
-        let omega = self.omega.value();
-        let phases = phases(omega, self.points);
-        let image = self.image_bound(map, &curve, &phases)?;
-        let (residual, aliasing) = self.residual(map, &curve, &phases, omega, image)?;
-        Ok([residual, aliasing])
+        let phases = phases(self.omega.value(), self.points);
+        let image = self.image_bound(map, &self.curve(), &phases)?;
+        let Residual { all, aliasing, .. } = self.residual::<TwoWords>(map, image)?;
+        Ok([all, aliasing])
     }
 
     fn constants(&self, map: &Prepared<'_>) -> Result<Constants, Failure> {
@@ -201,26 +213,37 @@ impl Candidate {
         let phases = phases(omega, self.points);
         let divisors = Divisors::new(&self.omega);
         let image = self.image_bound(map, &curve, &phases)?;
-        let (residual, aliasing) = self.residual(map, &curve, &phases, omega, image)?;
+        let mut residual = self.residual::<TwoWords>(map, image)?;
         // What K and K′ may change by in all steps.
         let tangent = curve_size(&curve);
         let room = Room { point: 1e-9 * tangent, slope: 1e-5 * tangent };
         let strip = self.on_strip(map, &curve, &phases, room)?;
         let mean = self.mean_torsion(map, &curve, &phases, strip.torsion);
         // Less room for K′ is enough, and more than a small torsion has.
-        let mut closed = Err(Failure { inequality: "(8) there is room", found: 0.0, needed: 0.0 });
-        for shrunk in [1.0, 1e-2, 1e-4] {
-            let room = Room { slope: shrunk * room.slope, ..room };
-            closed = Bounds::with_room(&strip, mean, room)
-                .and_then(|bounds| bounds.close(&divisors, self.rho, residual, room));
-            if closed.is_ok() {
-                break;
+        let close = |residual: f64| {
+            let mut closed = Err(Failure::new("(8) there is room", 0.0, 0.0));
+            for shrunk in [1.0, 1e-2, 1e-4] {
+                let room = Room { slope: shrunk * room.slope, ..room };
+                closed = Bounds::with_room(&strip, mean, room)
+                    .and_then(|bounds| bounds.close(&divisors, self.rho, residual, room));
+                if closed.is_ok() {
+                    break;
+                }
             }
+            closed
+        };
+        let (mut words, mut closed) = (TwoWords::WORDS, close(residual.all));
+        if closed.is_err() && close(residual.without_rounding).is_ok() {
+            // More digits can do what these could not.
+            words = ThreeWords::WORDS;
+            residual = self.residual::<ThreeWords>(map, image)?;
+            closed = close(residual.all);
         }
         closed.map(|closed| Constants {
+            words,
             gamma: divisors.gamma(),
-            residual,
-            aliasing,
+            residual: residual.all,
+            aliasing: residual.aliasing,
             image,
             tangent: strip.tangent,
             normal: strip.normal,
@@ -257,25 +280,17 @@ impl Candidate {
             }
             good
         });
-        let failure = |found| Failure {
-            inequality: "(1) F∘K is analytic and bounded on |Im φ| ≤ ρ̂, no pole of tanh near",
-            found,
-            needed: self.rho_hat,
-        };
+        let analytic = "(1) F∘K is analytic and bounded on |Im φ| ≤ ρ̂, no pole of tanh near";
+        let failure = |found| Failure::new(analytic, found, self.rho_hat);
         if done && bound.is_finite() { Ok(bound) } else { Err(failure(f64::INFINITY)) }
     }
 
-    /// |E| on |Im φ| ≤ ρ, and the part of it that is not from the coefficients of the points.
-    fn residual(
-        &self,
-        map: &Prepared<'_>,
-        curve: &Curve<Ball>,
-        phases: &[Wave<Ball>],
-        omega: Ball,
-        image: f64,
-    ) -> Result<(f64, f64), Failure> {
+    /// |E| on |Im φ| ≤ ρ with the values at points in balls of a kind.
+    fn residual<C: BallCentre>(&self, map: &Prepared<'_>, image: f64) -> Result<Residual, Failure> {
+        let omega = self.omega.enclosed::<C>();
+        let phases = phases(omega, self.points);
         let roots = roots_of_unity(self.points);
-        let error = error_of(map, curve, phases, omega, self.points, &roots);
+        let error = error_of(map, &self.curve(), &phases, omega, self.points, &roots);
         let tau = Ball::TAU;
         let power = |count: usize, width: f64| {
             tau.scaled(count as f64).times(Ball::of(width).negated()).exp()
@@ -295,25 +310,31 @@ impl Candidate {
             let two = up(power(n - k, rho_hat).upper() + power(n + k, rho_hat).upper());
             up(up(image * two) / rest)
         };
-        let (mut sum, mut alias, mut best) = (0.0, 0.0, (f64::INFINITY, f64::INFINITY));
+        let mut best =
+            Residual { all: f64::INFINITY, aliasing: f64::INFINITY, without_rounding: 0.0 };
+        let (mut sum, mut alias) = (0.0, 0.0);
         for (k, [x, y]) in error.modes.iter().enumerate() {
             let both = if k == 0 { 1.0 } else { 2.0 };
             let (growth, aliased) = (both * growth(k), aliased(k));
             let own = norm(&[x.above(), y.above()]);
             sum = up(sum + up(growth * own));
+            if k < self.modes.len() {
+                let exact = [x, y].map(|c| Wave::new(c.re.exact(), c.im.exact()).above());
+                best.without_rounding = up(best.without_rounding + up(growth * norm(&exact)));
+            }
             alias = up(alias + up(growth * aliased));
             if k + 1 < self.modes.len() {
                 continue;
             }
             let rest = up(alias + beyond(k + 1));
-            let total = up(sum + rest);
-            if total < best.0 {
-                best = (total, rest);
+            let all = up(sum + rest);
+            if all < best.all {
+                best = Residual { all, aliasing: rest, ..best };
             }
         }
-        match best.0.is_finite() {
+        match best.all.is_finite() {
             true => Ok(best),
-            false => Err(Failure { inequality: "(2) |E| is finite", found: sum, needed: f64::MAX }),
+            false => Err(Failure::new("(2) |E| is finite", sum, f64::MAX)),
         }
     }
 
@@ -379,7 +400,7 @@ impl Candidate {
             true
         });
         let turns = winding.close();
-        let failure = |inequality, found, needed| Err(Failure { inequality, found, needed });
+        let failure = |inequality, found, needed| Err(Failure::new(inequality, found, needed));
         if !done {
             let what = "(3) K′·K′ has no zero and DF, D²F are bounded on |Im φ| ≤ ρ";
             return failure(what, f64::INFINITY, self.rho);
@@ -421,17 +442,17 @@ fn curve_size(curve: &Curve<Ball>) -> f64 {
 }
 
 /// The coefficients of F∘K − K(· + ω) from the values at so many points, up to half as many.
-pub(super) fn error_of(
+pub(super) fn error_of<C: BallCentre>(
     map: &Prepared<'_>,
-    curve: &Curve<Ball>,
-    phases: &[Wave<Ball>],
-    omega: Ball,
+    curve: &Curve<BallOf<C>>,
+    phases: &[Wave<BallOf<C>>],
+    omega: BallOf<C>,
     count: usize,
-    roots: &[Wave<Ball>],
-) -> Curve<Ball> {
+    roots: &[Wave<BallOf<C>>],
+) -> Curve<BallOf<C>> {
     let mut values = curve.values(count, roots);
     for (j, z) in values.iter_mut().enumerate() {
-        let turns = Ball::of(j as f64 / count as f64);
+        let turns = BallOf::of(j as f64 / count as f64);
         if map.cylinder() {
             z[0] = z[0].plus(turns);
         }
@@ -528,7 +549,7 @@ impl Bounds {
         let torsion_change = up(up(moved_change * normal) + up(strip.moved_normal * normal_change));
         let torsion = up(strip.torsion + torsion_change);
         let (known, mean) = (mean, down(mean - torsion_change));
-        let failure = |inequality, found, needed| Err(Failure { inequality, found, needed });
+        let failure = |inequality, found, needed| Err(Failure::new(inequality, found, needed));
         if !(square > 0.0) {
             return failure("(4) |K′·K′| stays away from 0 in all steps", strip.square, change);
         }
@@ -567,7 +588,7 @@ impl Bounds {
         room: Room,
     ) -> Result<Closed, Failure> {
         const MOST_STEPS: usize = 12;
-        let failure = |inequality, found, needed| Err(Failure { inequality, found, needed });
+        let failure = |inequality, found, needed| Err(Failure::new(inequality, found, needed));
         let (mut delta, mut e) = (down(rho / 7.0), residual);
         let (mut moved, mut bent, mut first) = (0.0, 0.0, None);
         let mut before = f64::INFINITY;

@@ -74,7 +74,7 @@ pub(super) fn goes_around(
 ) -> Result<(), Failure> {
     let once = "(10) the circle goes once around the point";
     if curve.cylinder {
-        return Err(Failure { inequality: once, found: 0.0, needed: 1.0 });
+        return Err(Failure::new(once, 0.0, 1.0));
     }
     // K′(φ + ω) is not looked at.
     let phases = phases(Ball::of(0.0), curve.modes.len());
@@ -95,11 +95,11 @@ pub(super) fn goes_around(
     });
     if !done {
         let inequality = "(9) the circle is farther from the point than it is known";
-        return Err(Failure { inequality, found: least, needed: off });
+        return Err(Failure::new(inequality, least, off));
     }
     let turns = winding.close();
     if turns.abs() == 1.0 {
         return Ok(());
     }
-    Err(Failure { inequality: once, found: turns, needed: 1.0 })
+    Err(Failure::new(once, turns, 1.0))
 }
