@@ -293,12 +293,14 @@ fn refine(map: &Prepared<'_>, mut curve: Curve<f64>, omega: Ball) -> Option<Foun
         mode.im = Ball::of(0.0);
     }
     loop {
-        refine_in_balls(map, &mut curve, omega, points);
+        let error = refine_in_balls(map, &mut curve, omega, points);
         let size = largest(&curve.modes[1..], Ball::centre);
         // Coefficients that are rounding alone would grow on strips.
         let noise = |k: &usize| largest(&curve.modes[*k..], Ball::centre) < 3e-30 * size;
         let needed = (2..curve.modes.len()).find(noise);
-        if needed.is_none() && points < LAST_POINTS {
+        // More modes are of use to a curve that is invariant but for what they would bring.
+        let converged = error < 1e-24 * size;
+        if needed.is_none() && converged && points < LAST_POINTS {
             points *= 2;
             curve.modes.resize(points / 4 + 1, [Wave::zero(); 2]);
             continue;
@@ -308,8 +310,9 @@ fn refine(map: &Prepared<'_>, mut curve: Curve<f64>, omega: Ball) -> Option<Foun
     }
 }
 
-/// Newton's method with the error to 30 digits, of which each correction in doubles takes off some.
-fn refine_in_balls(map: &Prepared<'_>, curve: &mut Curve<Ball>, omega: Ball, points: usize) {
+/// Newton's method with the error to 30 digits, of which each correction in doubles takes off some: the largest
+/// coefficient of the error before the last one.
+fn refine_in_balls(map: &Prepared<'_>, curve: &mut Curve<Ball>, omega: Ball, points: usize) -> f64 {
     const ROUNDS: usize = 6;
     const ROUNDED: f64 = 1e-29;
     let most = points / 4;
@@ -346,6 +349,7 @@ fn refine_in_balls(map: &Prepared<'_>, curve: &mut Curve<Ball>, omega: Ball, poi
             break;
         }
     }
+    before
 }
 
 /// The candidates for a circle of this rotation number that crosses the ray, the most promising first.
