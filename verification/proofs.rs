@@ -312,26 +312,39 @@ fn standard_map(k: f64) -> PlaneMap {
     }
 }
 
-/// Candidates for the golden circle, by continuation from none.
-fn golden_circle(k: f64) -> Result<Vec<Candidate>, gyroceptron::Error> {
-    let golden: NobleNumber = "golden".parse()?;
-    let mut modes = vec![[[0.0; 2]; 4]];
-    modes[0][2][0] = golden.value().centre();
-    let mut now = 0.0;
-    loop {
-        now = if now + 0.2 < k { now + 0.2 } else { k };
-        let found = candidates_near(&standard_map(now), &modes, &golden)?;
-        if now == k {
-            return Ok(found);
+/// The golden circle of the standard map for one K after another, by continuation from none.
+struct GoldenCircle {
+    omega: NobleNumber,
+    k: f64,
+    modes: Vec<[[f64; 2]; 4]>,
+}
+
+impl GoldenCircle {
+    fn new() -> Self {
+        let omega: NobleNumber = "golden".parse().expect("a number");
+        let mut modes = vec![[[0.0; 2]; 4]];
+        modes[0][2][0] = omega.value().centre();
+        Self { omega, k: 0.0, modes }
+    }
+
+    /// Candidates for a larger K.
+    fn continued(&mut self, k: f64) -> Result<Vec<Candidate>, gyroceptron::Error> {
+        loop {
+            self.k = if self.k + 0.2 < k { self.k + 0.2 } else { k };
+            let found = candidates_near(&standard_map(self.k), &self.modes, &self.omega)?;
+            self.modes.clone_from(&found[0].modes);
+            if self.k == k {
+                return Ok(found);
+            }
         }
-        modes.clone_from(&found[0].modes);
     }
 }
 
 #[test]
 fn golden_circles_of_the_standard_map_are_proved_below_the_critical_one() {
+    let mut circle = GoldenCircle::new();
     for k in [0.5, 0.8, 0.9, 0.95] {
-        let found = golden_circle(k).expect("a curve");
+        let found = circle.continued(k).expect("a curve");
         let map = standard_map(k);
         let proved = found.iter().find_map(|candidate| {
             let constants = candidate.prove(&map).expect("symplectic").ok()?;
@@ -349,7 +362,7 @@ fn golden_circles_of_the_standard_map_are_proved_below_the_critical_one() {
         }
     }
     // Greene's critical value is 0.971635….
-    match golden_circle(0.98) {
+    match circle.continued(0.98) {
         Err(_) => {}
         Ok(found) => {
             let map = standard_map(0.98);
@@ -387,11 +400,12 @@ fn neurons_without_effect_do_not_narrow_the_strip() {
     };
     let plain = strip(&map).expect("proved before");
     let beside = strip(&neuron(400.0)).expect("as good as without it");
-    assert!(beside > 0.9 * plain, "{beside} {plain}");
+    assert!(beside > tolerances::AS_WIDE * plain, "{beside} {plain}");
     // Such an argument goes beyond ½π in the strip, which alone is no reason to refuse it.
     assert!(80.0 * circle.constants.tangent * beside > FRAC_PI_2);
     let across = strip(&neuron(0.0));
-    assert!(across.is_none_or(|across| across < 0.5 * plain), "{across:?} {plain}");
+    let narrow = |across: f64| across < tolerances::NARROWED * plain;
+    assert!(across.is_none_or(narrow), "{across:?} {plain}");
 }
 
 #[test]

@@ -274,6 +274,10 @@ mod needed {
 pub const OF_TWO_DOUBLES: f64 = 1e-24;
 /// The same in balls of three: 2⁻¹⁵⁴ in place of 2⁻¹⁰³.
 pub const OF_THREE_DOUBLES: f64 = 1e-39;
+/// A strip is as wide as another, to the steps of a search by a factor of 1.12.
+pub const AS_WIDE: f64 = 0.85;
+/// What a pole near a circle leaves of its strip at most.
+pub const NARROWED: f64 = 0.5;
 /// What is left of a radius with a third double: 2⁻⁵³ and the factors of 2⁴ between the bounds of both.
 pub const OF_A_THIRD_WORD: f64 = 1e-14;
 /// The same in doubles.
