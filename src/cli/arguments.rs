@@ -29,7 +29,7 @@ pub enum Command {
         /// One JSON document instead of a table.
         #[arg(long)]
         json: bool,
-        /// Print the file of this scene, to start one's own from.
+        /// Print the file of this scene, to start your own from.
         #[arg(long, value_name = "SCENE")]
         show: Option<String>,
     },

@@ -1,6 +1,6 @@
 //! What a fuzz target asserts of a map, for one input of any bytes.
 //!
-//! A target for a map of one's own is [`check`] of it:
+//! A target for your own map is [`check`] of it:
 //!
 //! ```
 //! use gyroceptron::measure::{OneStep, fuzz};

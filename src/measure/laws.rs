@@ -75,7 +75,7 @@ impl Samples {
         Self { points, angles }
     }
 
-    /// Samples of one's own, as many pairs of angles as points.
+    /// Your own samples, as many pairs of angles as points.
     pub fn new(points: Vec<f64>, angles: Vec<[f64; 2]>) -> Self {
         Self { points, angles }
     }

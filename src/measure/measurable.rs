@@ -199,7 +199,7 @@ impl NearlyPeriodic for Model {
 /// The scale of its rounding errors is found by running it on
 /// [`Tracked`](crate::scalar::Tracked) numbers: nothing has to be derived by hand. The bound is that
 /// of the worst case, so that a long computation is better given as a sequence
-/// of steps, each a `OneStep`, in a [`Measurable`] of one's own.
+/// of steps, each a `OneStep`, in your own [`Measurable`].
 #[derive(Clone, Copy, Debug)]
 pub struct OneStep<M>(pub M);
 

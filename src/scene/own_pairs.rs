@@ -1,4 +1,4 @@
-//! The report of a training on pairs of one's own.
+//! The report of a training on your own pairs.
 
 use super::findings::{Block, Format, StudyFindings};
 use super::folder::Folder;

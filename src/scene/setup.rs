@@ -162,7 +162,7 @@ pub(super) struct SeededTraining {
 }
 
 impl ModelSpec {
-    /// The weights that a network for pairs of one's own begins with.
+    /// The weights that a network for your own pairs begins with.
     pub const OWN_WEIGHTS: InitialWeights = InitialWeights::Normal { scale: 0.15 };
 
     /// One for each of its seeds.

@@ -21,7 +21,7 @@ pub(super) enum TargetFlow<'a> {
     Lines(&'a LineData),
 }
 
-/// Pairs of one's own.
+/// Your own pairs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FileData<'a> {
     /// The `.npz` file of pairs.

@@ -1,4 +1,4 @@
-//! Pairs of one's own, made ready for a network.
+//! Your own pairs, made ready for a network.
 
 use super::{fit_rotation, fit_units, slow_time};
 use crate::error::Error;

@@ -1,4 +1,4 @@
-//! How pairs of one's own are to be read: which columns are a plane, which planes turn.
+//! How your own pairs are to be read: which columns are a plane, which planes turn.
 
 use super::{ActionFit, fit_rotation, fit_units};
 use crate::flow::Pairs;

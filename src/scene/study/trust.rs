@@ -1,4 +1,4 @@
-//! Whether to trust the networks that were trained on pairs of one's own.
+//! Whether to trust the networks that were trained on your own pairs.
 
 use super::shared::Study;
 use crate::scene::context::{Context, RunError};
