@@ -412,7 +412,7 @@ fn candidates_from(
         let needed = OF_ALIASING / (std::f64::consts::PI * (rho_hat - rho));
         let most = MOST_POINTS as f64;
         let needed = (if needed < most { needed } else { most }) as usize;
-        let points = points.max(needed.next_power_of_two());
+        let points = if needed > points { needed.next_power_of_two() } else { points };
         out.push(Candidate { omega, modes, rho, rho_hat, points, cylinder });
     }
     Ok(out)
