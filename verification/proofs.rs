@@ -107,6 +107,11 @@ fn missed<C: BallCentre>(change: impl Fn(BallOf<C>) -> BallOf<C>) -> usize {
 fn balls_hold_the_values_of_320_bits() {
     assert_eq!(missed::<TwoWords>(|ball| ball), 0);
     assert_eq!(missed::<ThreeWords>(|ball| ball), 0);
+    // Words that cancel: the first is 0, and the bounds are not.
+    let small = 2.0_f64.powi(-60);
+    let cancelled = FineBall::around([1.0, small, -1.0], 0.0);
+    assert!(cancelled.upper() >= small && cancelled.lower() <= small, "{cancelled:?}");
+    assert!(cancelled.magnitude() >= small, "{cancelled:?}");
     // A radius that is not updated, and one that is too small for a centre of a double less.
     assert!(missed(Ball::exact) > 0);
     assert!(missed(FineBall::exact) > 0);
@@ -139,6 +144,7 @@ fn what_is_no_number_is_in_no_ball() {
         Ball::of(1.0).over(Ball::of(0.0)),
         Ball::of(1.0).over(Ball::of(1e-3).widened(1e-2)),
         Ball::of(-1.0).sqrt(),
+        none.sin_cos().0,
         Ball::of(1e200).times(Ball::of(1e200)),
         Ball::of(700.0).exp(),
         Ball::of(f64::INFINITY).tanh().minus(Ball::of(f64::INFINITY)),

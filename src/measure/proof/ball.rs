@@ -153,8 +153,7 @@ impl<C: BallCentre> BallOf<C> {
 
     /// No number in it is below this one.
     pub fn lower(self) -> f64 {
-        let first = self.centre();
-        let low = first - up(first.abs() * f64::EPSILON + self.radius);
+        let low = self.centre() - up(self.centre.rest() + self.radius);
         low - low.abs() * f64::EPSILON - f64::MIN_POSITIVE
     }
 
@@ -311,7 +310,8 @@ impl<C: BallCentre> Number for BallOf<C> {
         let half = Self::PI.scaled(0.5);
         let (k, rest) = self.reduced(half);
         if !(k.abs() <= 1e9) {
-            let all = Self::of(0.0).widened(1.0);
+            let no_number = self.centre().is_nan() || self.radius.is_nan();
+            let all = Self::of(0.0).widened(if no_number { f64::NAN } else { 1.0 });
             return (all, all);
         }
         let (terms, rest_of_series) = C::TRIGONOMETRIC;
