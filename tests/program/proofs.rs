@@ -4,7 +4,7 @@ use crate::helpers::{call, folder, refuses, succeeds, text, with_model};
 use gyroceptron::io::{ProofFile, Proofs, Provenance, StoredModel, load_model, save_model};
 use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::measure::proof::{Failure, NobleNumber, Verdict};
-use gyroceptron::network::{InitialWeights, NormalFormShape};
+use gyroceptron::network::{InitialWeights, NetworkSpec, NormalFormShape};
 use serde_json::Value;
 use std::path::Path;
 
@@ -104,6 +104,41 @@ fn what_is_not_proved_says_why() {
     let said = text(&output.stdout);
     assert!(said.contains("(0)") && said.contains("no orbit on the ray"), "{said}");
     assert!(!path.join("m.proof.json").exists());
+}
+
+#[test]
+fn a_circle_outside_the_box_of_polynomials_is_not_proved() {
+    let folder = folder();
+    let path = folder.path();
+    let text_of = r#"{"kind": "normal-form", "radius": 1.0,
+        "kicks": {"count": 2, "width": 1, "degree": 4}, "twists": {"count": 1, "width": 1, "degree": 4},
+        "perturbation": {"count": 1, "width": 1, "degree": 3}}"#;
+    let spec: NetworkSpec = serde_json::from_str(text_of).expect("a network");
+    let action = TorusAction::from(CircleAction::new([1]));
+    let architecture = spec.architecture(&action, 0.001, 1.0).expect("a network");
+    let weights = InitialWeights::Normal { scale: 0.1 };
+    let model = architecture.initialise(weights, 2.3, 3).expect("weights");
+    let provenance = Provenance::of("test");
+    let stored = StoredModel { model, units: None, section: None, provenance };
+    save_model(&path.join("m.json"), &stored).expect("written");
+    let arguments = ["prove", "--model", "m.json", "--json", "--circles", "6", "--to", "2.4,0"];
+    let output = call(path, &arguments);
+    let found: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
+    let circles = found["circles"].as_array().expect("circles");
+    let outside = |circle: &&Value| {
+        circle["reason"].as_str().is_some_and(|reason| reason.contains("of the box"))
+    };
+    // Those within are proved all the same.
+    assert!(circles.iter().any(|circle| circle["verdict"] == "proved"), "{found}");
+    let beyond = circles.iter().find(outside).unwrap_or_else(|| panic!("{found}"));
+    assert_eq!((&beyond["verdict"], output.status.code()), (&"not proved".into(), Some(1)));
+    // One that is asked for is refused with the reason.
+    let omega = beyond["rotation_number"].as_str().expect("a number");
+    let asked =
+        ["prove", "--model", "m.json", "--to", "2.4,0", "--overwrite", "--frequencies", omega];
+    let refused = call(path, &asked);
+    let said = text(&refused.stderr);
+    assert!(refused.status.code() == Some(2) && said.contains("of the box"), "{said}");
 }
 
 #[test]
