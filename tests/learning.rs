@@ -7,4 +7,5 @@ mod files;
 mod fit;
 mod polynomial_fit;
 mod schedule;
+mod source_code;
 mod training;

@@ -21,7 +21,7 @@ const ADAPTORS: [&str; 9] = [
     "&M",
 ];
 /// The number types that a law runs on, or a test of `tests/` covers.
-const NUMBERS: [(&str, &str); 10] = [
+const NUMBERS: [(&str, &str); 11] = [
     ("f64", "symplecticity"),
     ("f32", "precision"),
     ("DoubleDouble", "precision"),
@@ -32,6 +32,7 @@ const NUMBERS: [(&str, &str); 10] = [
     ("Zmm", "evaluation"),
     ("Pair", "evaluation"),
     ("Tracked", "gradients"),
+    ("Traced", "evaluation"),
 ];
 
 fn sources(folder: &Path, out: &mut Vec<PathBuf>) {

@@ -41,3 +41,37 @@ fn threads_do_not_change_a_bit() {
     assert_eq!(on(1), on(2));
     assert_eq!(on(1), on(3));
 }
+
+/// What a map writes down of itself, done again, is the map.
+#[test]
+fn traces_do_what_the_map_does() {
+    use gyroceptron::phase::Map;
+    use gyroceptron::scalar::Trace;
+    use proptest::strategy::{Strategy, ValueTree};
+    let mut runner = proptest::test_runner::TestRunner::deterministic();
+    for _ in 0..40 {
+        let case = wide(1, 8).new_tree(&mut runner).expect("a case").current();
+        let model = case.model();
+        let dim = 2 * Map::<f64>::dof(&model);
+        for inverse in [false, true] {
+            let trace = Trace::of(dim, |z| {
+                if inverse {
+                    model.inverse(z)
+                } else {
+                    model.forward(z)
+                }
+                z.to_vec()
+            });
+            for z in case.points(3).chunks_exact(dim) {
+                let mut moved = z.to_vec();
+                if inverse {
+                    model.inverse(&mut moved)
+                } else {
+                    model.forward(&mut moved)
+                }
+                let bits = |of: &[f64]| of.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+                assert_eq!(bits(&trace.evaluate(z)), bits(&moved));
+            }
+        }
+    }
+}

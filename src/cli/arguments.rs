@@ -45,7 +45,7 @@ pub enum Command {
     Predict(Predict),
     /// Make a model of weights trained elsewhere.
     Import(Import),
-    /// Write the weights of a model for others.
+    /// Write a model for others: its weights, or the map as source code.
     Export(Export),
     /// What to cite, as BibTeX.
     Cite {
@@ -527,14 +527,49 @@ pub struct Import {
     pub json: bool,
 }
 
+/// What `export` writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ExportFormat {
+    /// Weights as safetensors.
+    Safetensors,
+    /// Weights as arrays of NumPy.
+    Npz,
+    /// The map in C99: FILE.c, FILE.h, and FILE.f90 for Fortran.
+    C,
+}
+
+impl ExportFormat {
+    /// The ending of the file.
+    pub fn ending(self) -> &'static str {
+        match self {
+            Self::Safetensors => "safetensors",
+            Self::Npz => "npz",
+            Self::C => "c",
+        }
+    }
+}
+
 #[derive(Debug, Args)]
 pub struct Export {
     /// The model.
     #[arg(long, value_name = "FILE.json")]
     pub model: PathBuf,
     /// The file to write.
-    #[arg(long, value_name = "FILE.safetensors|FILE.npz")]
+    #[arg(long, value_name = "FILE.safetensors|FILE.npz|FILE.c")]
     pub output: PathBuf,
+    /// What to write [default: by the ending of the file].
+    #[arg(long, value_enum)]
+    pub format: Option<ExportFormat>,
+    /// Of source code: another ε than the model's, for one that has learnt several.
+    #[arg(long, allow_negative_numbers = true)]
+    pub epsilon: Option<f64>,
+    /// Of source code: another flow time than the model's, for one that has learnt several.
+    #[arg(long, allow_negative_numbers = true)]
+    pub flow_time: Option<f64>,
+    /// Of source code: values of controls of a model that depends on some, such as planar=0.02; the others are in the
+    /// middle of their ranges.
+    #[arg(long, value_name = "NAME=VALUE,…", value_delimiter = ',')]
+    pub at: Vec<String>,
     /// Replace an existing file.
     #[arg(long)]
     pub overwrite: bool,

@@ -1,7 +1,7 @@
 //! The commands.
 
 use super::arguments::{
-    Arguments, CoilArguments, Command, Export, Import, Outside, Predict, Run, Verify,
+    Arguments, CoilArguments, Command, Export, ExportFormat, Import, Outside, Predict, Run, Verify,
     circle_action, positive,
 };
 use super::guards::{check_ending, guard_output, use_threads};
@@ -10,11 +10,13 @@ use super::progress::{Progress, line};
 use super::prove::{check_proof, prove};
 use super::train::train_pairs;
 use super::{Status, cite};
+use clap::ValueEnum;
 use gyroceptron::Error;
 use gyroceptron::flow::PolynomialExit;
 use gyroceptron::io::{
-    Provenance, StoredModel, assemble_architecture, assemble_weights, export_weights, file_digest,
-    load_model, read_architecture, read_points, read_tensors, save_model, take_units, write_points,
+    Provenance, SourceCode, SourceLanguage, StoredModel, assemble_architecture, assemble_weights,
+    export_weights, file_digest, load_model, read_architecture, read_points, read_tensors,
+    save_model, take_units, write_points,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::certificate::{CertificateOptions, certify, certify_all};
@@ -504,6 +506,24 @@ fn import(arguments: &Import) -> Result<Status, Error> {
 }
 
 fn export(arguments: &Export) -> Result<Status, Error> {
+    let ending = arguments.output.extension().and_then(|ending| ending.to_str());
+    let mut formats = ExportFormat::value_variants().iter().copied();
+    let format = arguments.format.or_else(|| formats.find(|of| Some(of.ending()) == ending));
+    if let Some(format) = format {
+        check_ending("--output", &arguments.output, format.ending())?;
+    }
+    if format == Some(ExportFormat::C) {
+        return export_code(arguments, SourceLanguage::C);
+    }
+    let of_code = [
+        ("--epsilon", arguments.epsilon.map(|value| value.to_string())),
+        ("--flow-time", arguments.flow_time.map(|value| value.to_string())),
+        ("--at", arguments.at.first().cloned()),
+    ];
+    if let Some((option, Some(found))) = of_code.iter().find(|(_, found)| found.is_some()) {
+        let expected = "none: weights are of all members of a family, source code is of one";
+        return Err(Error::invalid(option, found, expected));
+    }
     let stored = load_model(&arguments.model)?;
     if stored.section.is_some() {
         let expected =
@@ -513,4 +533,24 @@ fn export(arguments: &Export) -> Result<Status, Error> {
     guard_output("--output", &arguments.output, arguments.overwrite, &[&arguments.model])?;
     export_weights(&arguments.output, &stored.model, stored.units.as_ref())?;
     describe(&stored.model, &arguments.output, arguments.json)
+}
+
+fn export_code(arguments: &Export, language: SourceLanguage) -> Result<Status, Error> {
+    let (stored, of_controls) = at_controls(load_model(&arguments.model)?, &arguments.at)?;
+    let stored = stored.member(arguments.epsilon, arguments.flow_time)?;
+    of_controls.iter().for_each(|text| line(&format!("note: {text}")));
+    let name = arguments.output.file_stem().unwrap_or_default().to_string_lossy();
+    let code = SourceCode::of(&stored, language, &name).map_err(|e| e.with_place("--output"))?;
+    let paths = code.paths(&arguments.output);
+    for path in &paths {
+        guard_output("--output", path, arguments.overwrite, &[&arguments.model])?;
+    }
+    code.write(&arguments.output)?;
+    let files: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+    if arguments.json {
+        json(&json!({ "files": files, "digest": stored.digest()? }))?;
+    } else {
+        out(&format!("{}: the map as source code\n", files.join(", ")))?;
+    }
+    Ok(Status::Done)
 }

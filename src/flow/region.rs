@@ -65,16 +65,23 @@ impl Region {
         out
     }
 
-    /// What of some trajectories, (T, M, 2n) with one state in `every` kept of M = `points` of
-    /// them, is outside by more than a hundredth of the width: a model that errs a little steps
-    /// over the border. None where nothing is.
-    pub fn left_by(&self, values: &[f64], points: usize, every: usize) -> Option<RegionExit> {
+    /// The box with a hundredth of its width more on each side, which trajectories count as outside of: a model
+    /// that errs a little steps over the border.
+    #[must_use]
+    pub fn with_margin(&self) -> Self {
         let mut around = self.widened(0.01);
         // A coordinate that never changes has no width.
         for (low, high) in around.low.iter_mut().zip(&mut around.high) {
             let rounding = 1e-9 * low.abs().max(high.abs());
             (*low, *high) = (*low - rounding, *high + rounding);
         }
+        around
+    }
+
+    /// What of some trajectories, (T, M, 2n) with one state in `every` kept of M = `points` of
+    /// them, is outside [with a margin](Region::with_margin). None where nothing is.
+    pub fn left_by(&self, values: &[f64], points: usize, every: usize) -> Option<RegionExit> {
+        let around = self.with_margin();
         let dim = self.low.len();
         let outside = |z: &[f64]| {
             let coordinate = around.first_outside(z)?;

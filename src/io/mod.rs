@@ -5,6 +5,7 @@
 
 mod arrays;
 mod checkpoints;
+mod code;
 mod coils;
 mod json;
 mod legacy;
@@ -21,6 +22,7 @@ pub use arrays::{
     read_trajectories, write_pairs, write_points, write_section, write_trajectories,
 };
 pub use checkpoints::Checkpoints;
+pub use code::{SourceCode, SourceLanguage};
 pub use coils::{parse_coils, read_coils};
 pub use json::{
     Provenance, RolledOut, StoredModel, earlier_checkpoint, load_checkpoint, load_model,

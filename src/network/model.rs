@@ -148,10 +148,9 @@ impl Model {
             };
             rollout_at_pace(&map, start, request, pace)
         };
-        let (Structure::NormalForm | Structure::NearlyIntegrable) = self.architecture.structure()
-        else {
+        if !self.rolls_out_in_chart() {
             return along(Cow::Borrowed(&self.composition), pace, initial);
-        };
+        }
         let [chart, inner] = self.chart_and_inner_map();
         let mut start = initial.to_vec();
         map_points(&chart, Direction::Inverse, &mut start)?;
@@ -160,6 +159,12 @@ impl Model {
         let kept = &mut states[initial.len()..];
         map_points_at_pace(&chart, Direction::Forward, kept, pace)?;
         Ok(states)
+    }
+
+    /// Whether roll-outs make all their steps in the coordinates of the chart χ.
+    pub(crate) fn rolls_out_in_chart(&self) -> bool {
+        let structure = self.architecture.structure();
+        matches!(structure, Structure::NormalForm | Structure::NearlyIntegrable)
     }
 
     /// The invariant of the network as a function of a point: the sum of 𝔍∘χ⁻¹ over its circles,
@@ -407,11 +412,13 @@ impl Model {
         self.composition.reach(z)
     }
 
+    /// What rounding may add to the reach of a point on the border of its polynomials' box.
+    pub(crate) const ROUNDING_OF_REACH: f64 = 1e-12;
+
     /// Whether a step from z stays in the box of its polynomials, but for rounding: an action of 0 is at
     /// its border.
     pub fn is_in_box(&self, z: &[f64]) -> bool {
-        const ROUNDING: f64 = 1e-12;
-        self.reach(z) <= 1.0 + ROUNDING
+        self.reach(z) <= 1.0 + Self::ROUNDING_OF_REACH
     }
 
     /// The largest [reach](Model::reach) of points, 2n numbers each.

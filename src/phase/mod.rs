@@ -11,6 +11,8 @@
 mod section;
 mod units;
 
+#[cfg(feature = "files")]
+pub(crate) use section::STEPS as CHART_STEPS;
 pub use section::{AreaDensity, Change, Section};
 pub use units::{InUnits, Units};
 

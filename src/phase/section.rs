@@ -43,7 +43,7 @@ const AS_GOOD: f64 = 2e-14;
 /// So many higher degrees are tried after the best so far.
 const PATIENCE: usize = 6;
 /// Newton steps for x, bisections among them.
-const STEPS: usize = 80;
+pub(crate) const STEPS: usize = 80;
 
 impl AreaDensity {
     /// The chart for a density that is given as a function, of the lowest degrees that err by rounding, or as little as
@@ -311,6 +311,11 @@ impl AreaDensity {
     /// The degrees in x and y.
     pub fn degrees(&self) -> [usize; 2] {
         self.degrees
+    }
+
+    /// c_jk of T_j(x) T_k(y) over the box, those of one k after those of the one before.
+    pub fn coefficients(&self) -> &[f64] {
+        &self.coefficients
     }
 
     /// Whether (x, y) is in the box.

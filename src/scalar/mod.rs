@@ -8,6 +8,7 @@
 //! | [`Dual`] | what is the exact Jacobian? |
 //! | [`Tracked`] | how large can the rounding error be? |
 //! | [`OnGrid`] | is the inverse exact, bit for bit? |
+//! | [`Traced`] | which operations is the map made of? |
 //!
 //! Weights have a number type of their own, so that a constant weight costs a
 //! dual number nothing: `S: Over<P>` says that a state of type `S` can be moved
@@ -28,6 +29,7 @@ mod on_lanes;
 mod simd;
 mod sin_cos;
 mod tanh;
+mod traced;
 mod tracked;
 
 pub use chebyshev::Series;
@@ -42,6 +44,7 @@ pub use on_lanes::tanh_sech2_of_all;
 pub(crate) use on_lanes::{on_independent_lanes, on_lanes};
 pub(crate) use simd::{Kernel, Pack};
 pub use simd::{Simd, tanh_sech2};
+pub use traced::{Operation, Trace, Traced, TracedKernel};
 pub use tracked::Tracked;
 
 use std::fmt::Debug;

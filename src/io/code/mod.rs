@@ -1,0 +1,134 @@
+//! Models as source code for other programs.
+//!
+//! Each step of a network is traced: it moves numbers that [record](crate::scalar::Traced) what it does with them. Steps
+//! of one kind and size make one function, which takes their numbers from a table.
+
+mod c;
+mod fortran;
+mod program;
+
+use super::{StoredModel, write_atomically};
+use crate::error::Error;
+use std::path::{Path, PathBuf};
+
+/// What a model can be written in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SourceLanguage {
+    /// C99: `NAME.c` and `NAME.h`, and `NAME.f90` for Fortran.
+    C,
+}
+
+impl SourceLanguage {
+    /// The ending of the file that a user names.
+    pub fn ending(self) -> &'static str {
+        match self {
+            Self::C => "c",
+        }
+    }
+}
+
+/// A model as source code.
+///
+/// Its functions are the map, its inverse, its iterates, its derivative along a direction, its invariant and whether a
+/// point is inside of the boxes that the model is made for, in the coordinates of the data. Compiled without contraction
+/// of products and sums, C gives the bits of [`StoredModel::rollout_along`].
+#[derive(Clone, Debug)]
+pub struct SourceCode {
+    /// The ending of each file and what is in it, the file that a user names first.
+    pub files: Vec<(&'static str, String)>,
+}
+
+/// The longest name: Fortran has 63 letters for the name of a function.
+const LONGEST: usize = 40;
+
+impl SourceCode {
+    /// The code of a model without controls, whose functions begin with `name`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] of a name that is no identifier, or of a model that depends on controls.
+    pub fn of(stored: &StoredModel, language: SourceLanguage, name: &str) -> Result<Self, Error> {
+        let within = |c: char| c.is_ascii_alphanumeric() || c == '_';
+        let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
+        if !(begins && name.chars().all(within) && name.len() <= LONGEST) {
+            let expected = format!(
+                "a letter and up to {} letters, digits and _: functions are named so",
+                LONGEST - 1
+            );
+            return Err(Error::invalid("name of the code", name, expected));
+        }
+        if let Some(controls) = stored.model.composition().controls() {
+            let names: Vec<&str> = controls.ranges.iter().map(|range| &*range.name).collect();
+            let expected = "a model at values of its controls";
+            return Err(Error::invalid("controls", names.join(", "), expected));
+        }
+        let program = program::Program::of(&stored.model)?;
+        let about = About::of(stored, name)?;
+        let files = match language {
+            SourceLanguage::C => vec![
+                ("c", c::source(stored, &program, &about)),
+                ("h", c::header(&program, &about)),
+                ("f90", fortran::source(&program, &about)),
+            ],
+        };
+        Ok(Self { files })
+    }
+
+    /// The files that [`SourceCode::write`] makes of this path: its own ending is that of the first.
+    pub fn paths(&self, path: &Path) -> Vec<PathBuf> {
+        self.files.iter().map(|(ending, _)| path.with_extension(ending)).collect()
+    }
+
+    /// Writes each file, whole or not at all.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn write(&self, path: &Path) -> Result<(), Error> {
+        for (path, (_, text)) in self.paths(path).iter().zip(&self.files) {
+            write_atomically(path, |file| file.write_all(text.as_bytes()))?;
+        }
+        Ok(())
+    }
+}
+
+/// What a reader of the code is to know of its model.
+struct About<'a> {
+    name: &'a str,
+    digest: String,
+    /// A sentence each.
+    lines: Vec<String>,
+}
+
+impl<'a> About<'a> {
+    fn of(stored: &StoredModel, name: &'a str) -> Result<Self, Error> {
+        let (map, digest) = (stored.model.composition(), stored.digest()?);
+        let mut lines = vec![
+            format!(
+                "A map of {} numbers, made by gyroceptron {}",
+                2 * map.dof(),
+                env!("CARGO_PKG_VERSION")
+            ),
+            format!("from the model with the digest {digest}."),
+        ];
+        let architecture = stored.model.architecture();
+        if architecture.is_symplectic() {
+            lines.push("It is symplectic and has an exact inverse, but for rounding.".into());
+        }
+        lines.push(match stored.provenance.flow_time {
+            Some(time) => format!("epsilon is {}, the flow time {time}.", architecture.epsilon),
+            None => format!("epsilon is {}.", architecture.epsilon),
+        });
+        lines.push(match &stored.section {
+            None => "Points are q1 ... qn, p1 ... pn, in the units of the data.".into(),
+            Some(_) => {
+                "Points are x1 ... xn, y1 ... yn of the section, in the units of the data.".into()
+            }
+        });
+        if let Some(region) = &stored.provenance.region {
+            let numbers =
+                |of: &[f64]| of.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(", ");
+            lines.push(format!("Training points lie between ({})", numbers(&region.low)));
+            lines.push(format!("and ({}).", numbers(&region.high)));
+        }
+        Ok(Self { name, digest, lines })
+    }
+}

@@ -1,0 +1,258 @@
+//! Models as source code: C that gives the bits of the crate.
+
+use gyroceptron::flow::Region;
+use gyroceptron::io::{Provenance, SourceCode, SourceLanguage, StoredModel};
+use gyroceptron::layer::{CircleAction, Reversor, TorusAction};
+use gyroceptron::network::{
+    Architecture, Course, InitialWeights, LayerSizes, NamedArchitecture, NetworkSpec, Pace, Rollout,
+};
+use gyroceptron::phase::{AreaDensity, Direction, Section, Units};
+use gyroceptron::random::Stream;
+use std::fmt::Write;
+use std::path::Path;
+use std::process::Command;
+
+const POINTS: usize = 5;
+const STEPS: usize = 7;
+
+fn stored(architecture: Architecture) -> StoredModel {
+    let made = architecture.in_box(1.1).initialise(InitialWeights::Normal { scale: 0.3 }, 0.7, 3);
+    let (units, section, provenance) = (None, None, Provenance::of("test"));
+    StoredModel { model: made.expect("sound"), units, section, provenance }
+}
+
+/// An architecture of small parts, if it can be of them and of so many dimensions, and all but `without` of those that
+/// it has only if they are given.
+fn small(
+    named: &NamedArchitecture,
+    action: &TorusAction,
+    degree: Option<usize>,
+    without: &[&str],
+) -> Option<Architecture> {
+    let mut spec = NetworkSpec::named(named.name).expect("it has this name");
+    let no_slow_plane =
+        (0..action.dof()).all(|j| action.circles().iter().any(|of| of.weights()[j] != 0));
+    for (key, _) in named.sizes.iter().filter(|(key, _)| !without.contains(key)) {
+        if *key == "turned_twists" && no_slow_plane {
+            continue;
+        }
+        // Of polynomials of one number there is one in a layer.
+        let width = if degree.is_some() && action.dof() == 1 { 1 } else { 3 };
+        let sizes = LayerSizes { degree, ..LayerSizes::uniform(2, width) };
+        spec = spec.with_size(key, sizes).expect("it has this part");
+    }
+    let made = spec.architecture(action, 0.05, 2.0).ok()?;
+    made.clone().in_box(2.0).check().ok()?;
+    Some(made)
+}
+
+/// Each architecture in one, two and three degrees of freedom, with tanh and with polynomials where it takes them.
+fn architectures() -> Vec<(String, Architecture)> {
+    let mut out = Vec::new();
+    for named in NamedArchitecture::ALL {
+        for dof in 1..=3 {
+            let weights: Vec<i32> = (0..dof).map(|j| 1 - j).collect();
+            let action = CircleAction::new(weights).into();
+            for (degree, kind) in [(None, "tanh"), (Some(5), "polynomials")] {
+                if let Some(made) = small(named, &action, degree, &[]) {
+                    out.push((format!("{}_{dof}_{kind}", named.name.replace('-', "_")), made));
+                }
+            }
+        }
+    }
+    out
+}
+
+/// And what is none of an architecture alone: units, a box, a section, a reversor, several circles.
+fn models() -> Vec<(String, StoredModel)> {
+    let mut out: Vec<(String, StoredModel)> =
+        architectures().into_iter().map(|(name, of)| (name, stored(of))).collect();
+    let named = |name: &str| {
+        NamedArchitecture::ALL.iter().find(|named| named.name == name).expect("it has this name")
+    };
+    let plane = CircleAction::new([1]).into();
+    let normal_form = |action: &TorusAction, degree| {
+        small(named("normal-form"), action, degree, &["psi", "perturbation"])
+            .expect("it can be of this")
+    };
+    for reversor in [Reversor::Positions, Reversor::Momenta] {
+        let made = normal_form(&plane, None).reversible(Some(reversor));
+        out.push((format!("reversible_{reversor:?}"), stored(made)));
+    }
+    let two = TorusAction::new(vec![CircleAction::new([1, 0, 0]), CircleAction::new([0, 0, -2])]);
+    out.push(("two_circles".into(), stored(normal_form(&two.expect("circles"), None))));
+    let units = Units::new(vec![0.1, 0.0, -0.3, 0.7], vec![1.5, 3.0, 0.8, 0.4]).expect("units");
+    let mut in_units = stored(normal_form(&CircleAction::new([1, 0]).into(), Some(4)));
+    in_units.units = Some(units);
+    in_units.provenance.region =
+        Some(Region { low: vec![-0.4; 4], high: vec![0.5, 1.0, 1.0, 1.0] });
+    out.push(("in_units".into(), in_units));
+    let density = |x: f64, y: f64| 2.0 + x * y + 0.3 * (x - y) * (x - y);
+    let chart = AreaDensity::of_function(density, [-2.0, -2.5], [2.0, 2.5], 3.0).expect("a chart");
+    let mut on_section = stored(normal_form(&plane, Some(4)));
+    on_section.units = Some(Units::new(vec![0.05, -0.1], vec![1.2, 0.9]).expect("units"));
+    on_section.section = Some(Section::of_plane(chart));
+    out.push(("on_section".into(), on_section));
+    out
+}
+
+fn bits(values: &[f64]) -> Vec<u64> {
+    values.iter().map(|value| value.to_bits()).collect()
+}
+
+/// What a program prints of a model, that the crate says too.
+struct Answers {
+    exact: Vec<u64>,
+    tangent: Vec<f64>,
+    inside: Vec<bool>,
+}
+
+fn answers_of(stored: &StoredModel, points: &[f64]) -> Answers {
+    let dim = 2 * stored.model.composition().dof();
+    let (mut exact, mut tangent, mut inside) = (Vec::new(), Vec::new(), Vec::new());
+    let moved = |z: &[f64], direction, steps| {
+        let (course, request) = (Course { direction, grid: None }, Rollout { steps, every: steps });
+        let states = stored.rollout_along(course, z, request, &mut Pace::unbroken());
+        states.expect("finite").states[z.len()..].to_vec()
+    };
+    for z in points.chunks_exact(dim) {
+        for steps in [1, STEPS] {
+            exact.extend(bits(&moved(z, Direction::Forward, steps)));
+            exact.extend(bits(&moved(z, Direction::Inverse, steps)));
+        }
+        exact.extend(stored.invariant().map(|of| of(z).to_bits()));
+        let jacobian = stored.jacobians(z).expect("points");
+        tangent.extend(jacobian.chunks_exact(dim).map(|row| row.iter().sum::<f64>()));
+        let region = stored.provenance.region.as_ref();
+        let in_region = region.is_none_or(|of| of.left_by(z, 1, 1).is_none());
+        inside.push(in_region && stored.leaves_polynomials(z, 1, 1).is_none());
+    }
+    Answers { exact, tangent, inside }
+}
+
+/// A program that moves points of each model and prints what becomes of them.
+fn driver(all: &[(String, StoredModel, Vec<f64>)]) -> String {
+    let mut out = String::from("#include <stdio.h>\n#include <string.h>\n#include <stdint.h>\n");
+    let mut main = String::new();
+    for (name, stored, points) in all {
+        let dim = 2 * stored.model.composition().dof();
+        let _ = writeln!(out, "#include \"{name}.h\"");
+        let _ = writeln!(
+            main,
+            "    if (strcmp({name}_digest(), \"{}\")) return 1;",
+            stored.digest().unwrap()
+        );
+        for z in points.chunks_exact(dim) {
+            let list: Vec<String> = z.iter().map(|v| format!("{v:?}")).collect();
+            let _ = writeln!(main, "    {{ const double at[{dim}] = {{{}}};", list.join(", "));
+            let _ = writeln!(main, "    double z[{dim}], v[{dim}];");
+            let then = |call: &str| {
+                format!("    memcpy(z, at, sizeof z); {name}_{call}; print(z, {dim});\n")
+            };
+            main += &then("map(z)");
+            main += &then("inverse(z)");
+            main += &then(&format!("iterate(z, {STEPS})"));
+            main += &then(&format!("iterate(z, -{STEPS})"));
+            if stored.invariant().is_some() {
+                let _ = writeln!(main, "    z[0] = {name}_invariant(at); print(z, 1);");
+            }
+            let _ = writeln!(
+                main,
+                "    for (int k = 0; k < {dim}; k++) {{ z[k] = at[k]; v[k] = 1.0; }}\n    {name}_tangent(z, v); \
+                 print(v, {dim});\n    print(z, {dim});\n    puts({name}_is_inside(at) ? \"1\" : \"0\"); }}"
+            );
+        }
+    }
+    let _ = write!(
+        out,
+        "static void print(const double *z, int count) {{ for (int k = 0; k < count; k++) {{ uint64_t b; \
+         memcpy(&b, z + k, 8); printf(\"%016llx\\n\", (unsigned long long)b); }} }}\n\
+         int main(void) {{\n{main}    return 0;\n}}\n"
+    );
+    out
+}
+
+fn compiler() -> Option<&'static str> {
+    let found = Command::new("cc").arg("--version").output().is_ok_and(|of| of.status.success());
+    if !found {
+        println!("no C compiler, cc, is here: the source code is not compiled");
+    }
+    found.then_some("cc")
+}
+
+fn compiled(folder: &Path, names: &[String], compiler: &str) {
+    let sources = names.iter().map(|name| format!("{name}.c"));
+    let done = Command::new(compiler)
+        .current_dir(folder)
+        .args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1", "-ffp-contract=off"])
+        .args(sources)
+        .args(["main.c", "-o", "program", "-lm"])
+        .output();
+    let done = done.expect("it runs");
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+}
+
+#[test]
+fn c_gives_the_bits_of_the_crate() {
+    let Some(compiler) = compiler() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut stream = Stream::new(5, "points");
+    let all: Vec<(String, StoredModel, Vec<f64>)> = models()
+        .into_iter()
+        .map(|(name, stored)| {
+            let dim = 2 * stored.model.composition().dof();
+            let points = (0..dim * POINTS).map(|_| stream.uniform(-0.8, 0.8)).collect();
+            (name, stored, points)
+        })
+        .collect();
+    assert!(all.len() > 30, "{} models", all.len());
+    for (name, stored, _) in &all {
+        let code = SourceCode::of(stored, SourceLanguage::C, name).expect("a map");
+        code.write(&folder.path().join(format!("{name}.c"))).expect("files");
+    }
+    std::fs::write(folder.path().join("main.c"), driver(&all)).expect("a file");
+    let names: Vec<String> = all.iter().map(|(name, ..)| name.clone()).collect();
+    compiled(folder.path(), &names, compiler);
+    let run = Command::new(folder.path().join("program")).output().expect("it runs");
+    assert!(run.status.success());
+    let text = String::from_utf8(run.stdout).expect("text");
+    let mut lines = text.lines();
+    let mut next = || u64::from_str_radix(lines.next().expect("a line"), 16).expect("bits");
+    let (mut outside, mut within) = (0, 0);
+    for (name, stored, points) in &all {
+        let dim = 2 * stored.model.composition().dof();
+        let answers = answers_of(stored, points);
+        let (mut exact, mut tangent) = (answers.exact.iter(), answers.tangent.iter());
+        let invariants = usize::from(stored.invariant().is_some());
+        for inside in answers.inside {
+            let image: Vec<u64> = (0..dim).map(|_| next()).collect();
+            assert_eq!(exact.by_ref().take(dim).copied().collect::<Vec<_>>(), image, "{name}");
+            for place in 0..3 * dim + invariants {
+                assert_eq!(exact.next(), Some(&next()), "{name}: number {place}");
+            }
+            for _ in 0..dim {
+                let (found, expected) = (f64::from_bits(next()), tangent.next().expect("as many"));
+                let error = (found - expected).abs() / (1.0 + expected.abs());
+                assert!(error < 1e-13, "{name}: {found} for {expected}");
+            }
+            for bits in image {
+                assert_eq!(bits, next(), "{name}: the image of the tangent map");
+            }
+            assert_eq!(next() == 1, inside, "{name}: is inside");
+            if inside { within += 1 } else { outside += 1 }
+        }
+    }
+    assert_eq!(lines.next(), None);
+    // Both answers were asked for.
+    assert!(outside > 5 && within > 100, "{outside} points outside, {within} inside");
+}
+
+#[test]
+fn what_is_no_name_is_refused() {
+    let model = stored(architectures().swap_remove(0).1);
+    for name in ["", "3d", "a-b", "é", "_a", &"a".repeat(41)] {
+        let error = SourceCode::of(&model, SourceLanguage::C, name).expect_err("no name");
+        assert!(error.to_string().contains("a letter"), "{error}");
+    }
+    assert!(SourceCode::of(&model, SourceLanguage::C, "int").is_ok());
+}
