@@ -12,11 +12,15 @@ use std::fmt::Write;
 use std::path::Path;
 use std::process::Command;
 
-const POINTS: usize = 5;
-const STEPS: usize = 7;
+const POINTS: usize = 4;
+
+/// How far a model is rolled out: one of them far.
+fn steps_of(name: &str) -> usize {
+    if name == "on_section" { 1_000_000 } else { 7 }
+}
 
 fn stored(architecture: Architecture) -> StoredModel {
-    let made = architecture.in_box(1.1).initialise(InitialWeights::Normal { scale: 0.3 }, 0.7, 3);
+    let made = architecture.in_box(1.5).initialise(InitialWeights::Normal { scale: 0.3 }, 0.7, 3);
     let (units, section, provenance) = (None, None, Provenance::of("test"));
     StoredModel { model: made.expect("sound"), units, section, provenance }
 }
@@ -46,11 +50,13 @@ fn small(
     Some(made)
 }
 
-/// Each architecture in one, two and three degrees of freedom, with tanh and with polynomials where it takes them.
+/// Each architecture in one and two degrees of freedom, some in three, with tanh and with polynomials where it takes them.
 fn architectures() -> Vec<(String, Architecture)> {
     let mut out = Vec::new();
     for named in NamedArchitecture::ALL {
-        for dof in 1..=3 {
+        // Three are for each kind of step in one of them.
+        let most = if named.name == "normal-form" || named.name == "symp-net" { 3 } else { 2 };
+        for dof in 1..=most {
             let weights: Vec<i32> = (0..dof).map(|j| 1 - j).collect();
             let action = CircleAction::new(weights).into();
             for (degree, kind) in [(None, "tanh"), (Some(5), "polynomials")] {
@@ -104,10 +110,11 @@ fn bits(values: &[f64]) -> Vec<u64> {
 struct Answers {
     exact: Vec<u64>,
     tangent: Vec<f64>,
-    inside: Vec<bool>,
+    /// Of a point, and of one four times as far out.
+    inside: Vec<[bool; 2]>,
 }
 
-fn answers_of(stored: &StoredModel, points: &[f64]) -> Answers {
+fn answers_of(name: &str, stored: &StoredModel, points: &[f64]) -> Answers {
     let dim = 2 * stored.model.composition().dof();
     let (mut exact, mut tangent, mut inside) = (Vec::new(), Vec::new(), Vec::new());
     let moved = |z: &[f64], direction, steps| {
@@ -116,7 +123,7 @@ fn answers_of(stored: &StoredModel, points: &[f64]) -> Answers {
         states.expect("finite").states[z.len()..].to_vec()
     };
     for z in points.chunks_exact(dim) {
-        for steps in [1, STEPS] {
+        for steps in [1, steps_of(name)] {
             exact.extend(bits(&moved(z, Direction::Forward, steps)));
             exact.extend(bits(&moved(z, Direction::Inverse, steps)));
         }
@@ -124,8 +131,12 @@ fn answers_of(stored: &StoredModel, points: &[f64]) -> Answers {
         let jacobian = stored.jacobians(z).expect("points");
         tangent.extend(jacobian.chunks_exact(dim).map(|row| row.iter().sum::<f64>()));
         let region = stored.provenance.region.as_ref();
-        let in_region = region.is_none_or(|of| of.left_by(z, 1, 1).is_none());
-        inside.push(in_region && stored.leaves_polynomials(z, 1, 1).is_none());
+        let is_inside = |z: &[f64]| {
+            let in_region = region.is_none_or(|of| of.left_by(z, 1, 1).is_none());
+            in_region && stored.leaves_polynomials(z, 1, 1).is_none()
+        };
+        let far: Vec<f64> = z.iter().map(|v| 4.0 * v).collect();
+        inside.push([is_inside(z), is_inside(&far)]);
     }
     Answers { exact, tangent, inside }
 }
@@ -151,15 +162,16 @@ fn driver(all: &[(String, StoredModel, Vec<f64>)]) -> String {
             };
             main += &then("map(z)");
             main += &then("inverse(z)");
-            main += &then(&format!("iterate(z, {STEPS})"));
-            main += &then(&format!("iterate(z, -{STEPS})"));
+            main += &then(&format!("iterate(z, {})", steps_of(name)));
+            main += &then(&format!("iterate(z, -{})", steps_of(name)));
             if stored.invariant().is_some() {
                 let _ = writeln!(main, "    z[0] = {name}_invariant(at); print(z, 1);");
             }
             let _ = writeln!(
                 main,
                 "    for (int k = 0; k < {dim}; k++) {{ z[k] = at[k]; v[k] = 1.0; }}\n    {name}_tangent(z, v); \
-                 print(v, {dim});\n    print(z, {dim});\n    puts({name}_is_inside(at) ? \"1\" : \"0\"); }}"
+                 print(v, {dim});\n    print(z, {dim});\n    for (int k = 0; k < {dim}; k++) z[k] = 4 * at[k];\n    \
+                 printf(\"%d\\n%d\\n\", {name}_is_inside(at), {name}_is_inside(z)); }}"
             );
         }
     }
@@ -201,11 +213,12 @@ fn c_gives_the_bits_of_the_crate() {
         .into_iter()
         .map(|(name, stored)| {
             let dim = 2 * stored.model.composition().dof();
-            let points = (0..dim * POINTS).map(|_| stream.uniform(-0.8, 0.8)).collect();
+            let count = if steps_of(&name) > 1000 { 1 } else { POINTS };
+            let points = (0..dim * count).map(|_| stream.uniform(-0.6, 0.6)).collect();
             (name, stored, points)
         })
         .collect();
-    assert!(all.len() > 30, "{} models", all.len());
+    assert!(all.len() > 20, "{} models", all.len());
     for (name, stored, _) in &all {
         let code = SourceCode::of(stored, SourceLanguage::C, name).expect("a map");
         code.write(&folder.path().join(format!("{name}.c"))).expect("files");
@@ -221,7 +234,7 @@ fn c_gives_the_bits_of_the_crate() {
     let (mut outside, mut within) = (0, 0);
     for (name, stored, points) in &all {
         let dim = 2 * stored.model.composition().dof();
-        let answers = answers_of(stored, points);
+        let answers = answers_of(name, stored, points);
         let (mut exact, mut tangent) = (answers.exact.iter(), answers.tangent.iter());
         let invariants = usize::from(stored.invariant().is_some());
         for inside in answers.inside {
@@ -238,13 +251,15 @@ fn c_gives_the_bits_of_the_crate() {
             for bits in image {
                 assert_eq!(bits, next(), "{name}: the image of the tangent map");
             }
-            assert_eq!(next() == 1, inside, "{name}: is inside");
-            if inside { within += 1 } else { outside += 1 }
+            for inside in inside {
+                assert_eq!(next() == 1, inside, "{name}: is inside");
+                if inside { within += 1 } else { outside += 1 }
+            }
         }
     }
     assert_eq!(lines.next(), None);
-    // Both answers were asked for.
-    assert!(outside > 5 && within > 100, "{outside} points outside, {within} inside");
+    // Both answers are there.
+    assert!(outside > 20 && within > 100, "{outside} points outside, {within} inside");
 }
 
 #[test]
