@@ -271,3 +271,45 @@ fn what_is_no_name_is_refused() {
     }
     assert!(SourceCode::of(&model, SourceLanguage::C, "int").is_ok());
 }
+
+#[test]
+fn fortran_calls_the_same_map() {
+    let Some(compiler) = compiler() else { return };
+    if !Command::new("gfortran").arg("--version").output().is_ok_and(|of| of.status.success()) {
+        println!("no Fortran compiler, gfortran, is here: the interface is not compiled");
+        return;
+    }
+    let (name, stored) = models().into_iter().find(|(name, _)| name == "in_units").expect("it");
+    let folder = tempfile::tempdir().expect("a folder");
+    let code = SourceCode::of(&stored, SourceLanguage::C, &name).expect("a map");
+    code.write(&folder.path().join("in_units.c")).expect("files");
+    let program = "program main\n  use in_units\n  use, intrinsic :: iso_c_binding\n  implicit none\n  \
+                   real(c_double) :: z(in_units_dim), v(in_units_dim), invariant\n  integer(c_int) :: inside\n  \
+                   z = [0.1d0, 0.2d0, -0.3d0, 0.4d0]\n  invariant = in_units_invariant(z)\n  \
+                   inside = in_units_is_inside(z)\n  call in_units_iterate(z, 5_c_long_long)\n  \
+                   print '(z16.16)', z\n  call in_units_iterate(z, -4_c_long_long)\n  \
+                   call in_units_inverse(z)\n  v = 1d0\n  call in_units_map(z)\n  \
+                   call in_units_tangent(z, v)\n  print '(z16.16)', invariant\n  print '(i0)', inside\nend program\n";
+    std::fs::write(folder.path().join("main.f90"), program).expect("a file");
+    let run = |command: &str, arguments: &[&str]| {
+        let done = Command::new(command).current_dir(folder.path()).args(arguments).output();
+        let done = done.expect("it runs");
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        String::from_utf8(done.stdout).expect("text")
+    };
+    run(compiler, &["-std=c99", "-O1", "-ffp-contract=off", "-c", "in_units.c"]);
+    run(
+        "gfortran",
+        &["-Wall", "-Werror", "in_units.f90", "main.f90", "in_units.o", "-o", "program", "-lm"],
+    );
+    let text = run(&folder.path().join("program").display().to_string(), &[]);
+    let z = [0.1, 0.2, -0.3, 0.4];
+    let (course, request) = (Course::default(), Rollout { steps: 5, every: 5 });
+    let states = stored.rollout_along(course, &z, request, &mut Pace::unbroken());
+    let mut numbers = states.expect("finite").states[4..].to_vec();
+    numbers.push(stored.invariant().expect("it has one")(&z));
+    let mut expected: Vec<String> =
+        bits(&numbers).iter().map(|bits| format!("{bits:016X}")).collect();
+    expected.push("1".into());
+    assert_eq!(text.split_whitespace().collect::<Vec<_>>(), expected);
+}
