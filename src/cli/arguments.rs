@@ -536,6 +536,10 @@ pub enum ExportFormat {
     Npz,
     /// The map in C99: FILE.c, FILE.h, and FILE.f90 for Fortran.
     C,
+    /// The map in Python, of arrays of JAX.
+    Jax,
+    /// The map in Python, of tensors of PyTorch.
+    Torch,
 }
 
 impl ExportFormat {
@@ -545,6 +549,7 @@ impl ExportFormat {
             Self::Safetensors => "safetensors",
             Self::Npz => "npz",
             Self::C => "c",
+            Self::Jax | Self::Torch => "py",
         }
     }
 }
@@ -555,9 +560,9 @@ pub struct Export {
     #[arg(long, value_name = "FILE.json")]
     pub model: PathBuf,
     /// The file to write.
-    #[arg(long, value_name = "FILE.safetensors|FILE.npz|FILE.c")]
+    #[arg(long, value_name = "FILE.safetensors|FILE.npz|FILE.c|FILE.py")]
     pub output: PathBuf,
-    /// What to write [default: by the ending of the file].
+    /// What to write [default: by the ending of the file, and jax for .py].
     #[arg(long, value_enum)]
     pub format: Option<ExportFormat>,
     /// Of source code: another ε than the model's, for one that has learnt several.

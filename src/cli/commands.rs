@@ -512,8 +512,14 @@ fn export(arguments: &Export) -> Result<Status, Error> {
     if let Some(format) = format {
         check_ending("--output", &arguments.output, format.ending())?;
     }
-    if format == Some(ExportFormat::C) {
-        return export_code(arguments, SourceLanguage::C);
+    let language = match format {
+        Some(ExportFormat::C) => Some(SourceLanguage::C),
+        Some(ExportFormat::Jax) => Some(SourceLanguage::Jax),
+        Some(ExportFormat::Torch) => Some(SourceLanguage::Torch),
+        Some(ExportFormat::Safetensors | ExportFormat::Npz) | None => None,
+    };
+    if let Some(language) = language {
+        return export_code(arguments, language);
     }
     let of_code = [
         ("--epsilon", arguments.epsilon.map(|value| value.to_string())),

@@ -355,7 +355,7 @@ impl AreaDensity {
     }
 
     /// ∫ from the middle to x of a series along x, over the scale.
-    fn integral(&self, series: &[f64]) -> Vec<f64> {
+    pub(crate) fn integral(&self, series: &[f64]) -> Vec<f64> {
         let half = 0.5 * (self.high[0] - self.low[0]) / self.scale;
         let of = |j: usize| series.get(j).copied().unwrap_or(0.0);
         let mut out = vec![0.0; series.len() + 1];

@@ -6,9 +6,11 @@
 mod c;
 mod fortran;
 mod program;
+mod python;
 
 use super::{StoredModel, write_atomically};
 use crate::error::Error;
+use python::Arrays;
 use std::path::{Path, PathBuf};
 
 /// What a model can be written in.
@@ -16,6 +18,10 @@ use std::path::{Path, PathBuf};
 pub enum SourceLanguage {
     /// C99: `NAME.c` and `NAME.h`, and `NAME.f90` for Fortran.
     C,
+    /// Python, of arrays of JAX.
+    Jax,
+    /// Python, of tensors of PyTorch.
+    Torch,
 }
 
 impl SourceLanguage {
@@ -23,6 +29,7 @@ impl SourceLanguage {
     pub fn ending(self) -> &'static str {
         match self {
             Self::C => "c",
+            Self::Jax | Self::Torch => "py",
         }
     }
 }
@@ -69,6 +76,12 @@ impl SourceCode {
                 ("h", c::header(&program, &about)),
                 ("f90", fortran::source(&program, &about)),
             ],
+            SourceLanguage::Jax => {
+                vec![("py", python::source(stored, &program, &about, Arrays::Jax))]
+            }
+            SourceLanguage::Torch => {
+                vec![("py", python::source(stored, &program, &about, Arrays::Torch))]
+            }
         };
         Ok(Self { files })
     }
