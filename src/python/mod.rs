@@ -11,7 +11,9 @@ mod training;
 
 use crate::error::Error;
 use crate::flow::Region;
-use crate::io::{StoredModel, load_model, model_text, parse_model, save_model};
+use crate::io::{
+    SourceCode, SourceLanguage, StoredModel, load_model, model_text, parse_model, save_model,
+};
 use crate::measure::certificate::{CertificateOptions, certify_unless_stopped};
 use crate::measure::orbits::{Branch, lyapunov_exponent, smaller_alignment_index};
 use crate::network::{Architecture, Course, Pace, Rollout};
@@ -153,6 +155,30 @@ struct Model {
 impl Model {
     fn architecture(&self) -> &Architecture {
         self.stored.model.architecture()
+    }
+
+    /// The map of its source code, with the other functions as its attributes.
+    fn function_of<'py>(
+        &self,
+        py: Python<'py>,
+        language: SourceLanguage,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let code = SourceCode::of(&self.stored, language, "model")?;
+        let (_, text) = &code.files[0];
+        let builtins = py.import("builtins")?;
+        let place = format!("<gyroceptron model {}>", self.stored.digest()?);
+        let names = PyDict::new(py);
+        // A module of its own: another model has a table of its own.
+        names.set_item("__name__", "gyroceptron_model")?;
+        let compiled = builtins.call_method1("compile", (text, place, "exec"))?;
+        builtins.call_method1("exec", (compiled, &names))?;
+        let out = names.as_any().get_item("map")?;
+        for name in ["inverse", "iterate", "invariant"] {
+            if let Some(function) = names.get_item(name)? {
+                out.setattr(name, function)?;
+            }
+        }
+        Ok(out)
     }
 
     fn points(&self, points: &Rows<'_>) -> PyResult<Points> {
@@ -626,6 +652,51 @@ impl Model {
             return Err(Error::FileExists { path }.into());
         }
         Ok(save_model(&path, &self.stored)?)
+    }
+
+    /// The map as source code, {file name: text}: "c", with a header and an interface for Fortran, "jax" or
+    /// "torch". Its functions are the map, its inverse, its iterates and its invariant, in units of the data. Raises
+    /// Error when `name` is no identifier, or the model depends on controls: `at` takes their values.
+    #[pyo3(signature = (language, name="model"))]
+    fn source_code<'py>(
+        &self,
+        py: Python<'py>,
+        language: &str,
+        name: &str,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let found = SourceLanguage::ALL.into_iter().find(|known| known.name() == language);
+        let found = found.ok_or_else(|| {
+            let names = SourceLanguage::ALL.map(SourceLanguage::name);
+            Error::invalid("language", language, names.join(", "))
+        })?;
+        let code = SourceCode::of(&self.stored, found, name)?;
+        let out = PyDict::new(py);
+        for (ending, text) in code.files {
+            out.set_item(format!("{name}.{ending}"), text)?;
+        }
+        Ok(out)
+    }
+
+    /// The map as a function of arrays (..., 2n) of JAX, to be differentiated and compiled: the same values to
+    /// rounding, where JAX computes in double precision (a UserWarning says if not). Its attributes `inverse`,
+    /// `iterate` (of points and a number of steps) and `invariant`, where there is one, are functions too. Raises
+    /// Error as `source_code`, and ImportError where there is no JAX.
+    fn to_jax<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let out = self.function_of(py, SourceLanguage::Jax)?;
+        let config = py.import("jax")?.getattr("config")?;
+        if !config.getattr("jax_enable_x64")?.is_truthy()? {
+            warn(
+                py,
+                "JAX computes in single precision: jax.config.update(\"jax_enable_x64\", True) before it makes arrays",
+            )?;
+        }
+        Ok(out)
+    }
+
+    /// The map as a function of tensors (..., 2n) of PyTorch, to be differentiated: as `to_jax`. Raises Error as
+    /// `source_code`, and ImportError where there is no PyTorch.
+    fn to_torch<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.function_of(py, SourceLanguage::Torch)
     }
 
     fn __eq__(&self, other: &Self) -> bool {

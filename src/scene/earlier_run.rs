@@ -1,7 +1,7 @@
 //! The folder of an earlier run: what is removed of it, and whether it is gone on with.
 
 use super::figure::{data_file_of, file_of};
-use super::folder::{AS_RUN, Folder, TIMINGS};
+use super::folder::{AS_RUN, Folder, HTML, TIMINGS};
 use super::parse::parse;
 use super::registry::{CHECKPOINTS, Scene};
 use crate::error::Error;
@@ -9,7 +9,7 @@ use crate::train::TrainingStage;
 use std::path::Path;
 
 /// The files that every report has.
-const REPORT: [&str; 3] = ["report.json", "report.md", AS_RUN];
+const REPORT: [&str; 4] = ["report.json", "report.md", HTML, AS_RUN];
 /// Files of a run that are of other use too.
 const KEPT: [&str; 2] = ["checkpoint", "model.json"];
 

@@ -227,6 +227,19 @@ impl Table {
         self.columns.iter().map(|(heading, _)| &heading[..])
     }
 
+    /// The rows as text, with the numbers that they are sorted by.
+    pub fn cells(&self) -> impl Iterator<Item = Vec<(String, Option<f64>)>> {
+        self.rows.iter().zip(self.text_rows()).map(|(row, text)| {
+            let numbers = row.iter().map(|cell| match cell {
+                Cell::Missing | Cell::Text(_) => None,
+                Cell::Number(value) => Some(*value),
+                Cell::Count(count) => Some(*count as f64),
+                Cell::Spread(spread) => Some(spread.median),
+            });
+            text.into_iter().zip(numbers).collect()
+        })
+    }
+
     /// The rows as text.
     pub fn text_rows(&self) -> impl Iterator<Item = Vec<String>> {
         self.rows.iter().map(|row| {

@@ -19,6 +19,8 @@ pub struct Folder {
 
 /// The scene as it was run: what a folder is resumed and repeated from.
 pub(super) const AS_RUN: &str = "as-run.toml";
+/// The report as a page.
+pub(super) const HTML: &str = "report.html";
 /// What depends on the machine.
 pub(super) const TIMINGS: &str = "timings.json";
 

@@ -22,6 +22,7 @@
 //! that names it.
 
 mod bibliography;
+mod citation;
 mod catalogue;
 mod command;
 mod context;
@@ -57,6 +58,7 @@ mod trained;
 mod trust;
 mod words;
 
+pub use citation::bibtex;
 pub use catalogue::{CatalogueEntry, catalogue, default_scene, find};
 pub use event::{Event, Observer};
 pub use findings::StudyFindings;

@@ -1,14 +1,15 @@
 //! Running a scene into a folder.
 
+use super::citation::bibtex;
 use super::command::as_part;
 use super::context::{Context, RunError};
 use super::event::{Event, Observer};
 use super::figure::data_file_of;
 use super::findings::StudyFindings;
-use super::folder::Folder;
+use super::folder::{Folder, HTML};
 use super::machine::Machine;
 use super::registry::Scene;
-use super::render::{json, markdown, svg};
+use super::render::{html, json, markdown, svg};
 use super::report::Report;
 use crate::error::Error;
 
@@ -75,5 +76,6 @@ pub(super) fn write(folder: &Folder, report: &Report) -> Result<(), Error> {
     }
     folder.save_timings(&json::timings(report))?;
     folder.save_text("report.md", &markdown(report))?;
+    folder.save_text(HTML, &html(report, &bibtex(Some(&report.scene)))?)?;
     folder.save_json("report.json", &json::report(report))
 }

@@ -17,4 +17,5 @@ mod reports;
 mod resuming;
 mod scenes;
 mod section;
+mod source_code;
 mod training;

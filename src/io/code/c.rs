@@ -338,10 +338,6 @@ pub(super) fn source(stored: &StoredModel, program: &Program, about: &About<'_>)
     if !planes.is_empty() {
         out += &charts(planes);
     }
-    let each_plane = |call: &dyn Fn(usize) -> String| -> String {
-        let with_chart = (0..planes.len()).filter(|j| planes[*j].is_some());
-        with_chart.map(|j| format!("    {}\n", call(j))).collect()
-    };
     let (mut to_units, mut from_units) = (String::new(), String::new());
     if let Some(units) = &stored.units {
         for (k, (centre, factor)) in units.centre().iter().zip(units.factors()).enumerate() {
@@ -350,10 +346,11 @@ pub(super) fn source(stored: &StoredModel, program: &Program, about: &About<'_>)
             let _ = writeln!(from_units, "    z[{k}] = fma(z[{k}], {factor}, {centre});");
         }
     }
-    let to_section =
-        each_plane(&|j| format!("chart_to_canonical(&chart_{j}, &z[{j}], &z[{}]);", dof + j));
+    let to_section = each_plane(stored, |j| {
+        format!("chart_to_canonical(&chart_{j}, &z[{j}], &z[{}]);", dof + j)
+    });
     let from_section =
-        each_plane(&|j| format!("chart_to_data(&chart_{j}, &z[{j}], &z[{}]);", dof + j));
+        each_plane(stored, |j| format!("chart_to_data(&chart_{j}, &z[{j}], &z[{}]);", dof + j));
     let _ = write!(
         out,
         "/* From the coordinates of the data to those of the network, and back. */\n\
@@ -373,7 +370,7 @@ pub(super) fn source(stored: &StoredModel, program: &Program, about: &About<'_>)
          void {name}_inverse(double z[{dim}]) {{\n    {name}_iterate(z, -1);\n}}\n\n",
         about.digest
     );
-    out += &tangent_of_data(stored, name, dim, &each_plane);
+    out += &tangent_of_data(stored, name, dim);
     out += &is_inside(stored, name, dim);
     if let Some((to_actions, actions)) = &program.invariant {
         let inputs: Vec<String> = (0..dim).map(|k| format!("z[{k}]")).collect();
@@ -393,17 +390,19 @@ pub(super) fn source(stored: &StoredModel, program: &Program, about: &About<'_>)
     out
 }
 
+/// A line for each plane with a chart, of its number.
+fn each_plane(stored: &StoredModel, line: impl Fn(usize) -> String) -> String {
+    let planes = stored.section.as_ref().map_or(&[][..], |section| section.planes());
+    let with_chart = (0..planes.len()).filter(|j| planes[*j].is_some());
+    with_chart.map(|j| format!("    {}\n", line(j))).collect()
+}
+
 /// The derivative in the coordinates of the data.
-fn tangent_of_data(
-    stored: &StoredModel,
-    name: &str,
-    dim: usize,
-    each_plane: &dyn Fn(&dyn Fn(usize) -> String) -> String,
-) -> String {
+fn tangent_of_data(stored: &StoredModel, name: &str, dim: usize) -> String {
     let dof = dim / 2;
     let (mut to, mut from) = (String::new(), String::new());
     // δq = δy, δp = ∂p/∂x δx + ∂p/∂y δy.
-    to += &each_plane(&|j| {
+    to += &each_plane(stored, |j| {
         let k = dof + j;
         format!(
             "chart_slopes(&chart_{j}, z[{j}], z[{k}], slopes);\n    w = v[{k}];\n    \
@@ -415,7 +414,7 @@ fn tangent_of_data(
         let _ = writeln!(to, "    v[{k}] = v[{k}] / {factor};");
         let _ = writeln!(from, "    v[{k}] = v[{k}] * {factor};");
     }
-    from += &each_plane(&|j| {
+    from += &each_plane(stored, |j| {
         let k = dof + j;
         format!(
             "chart_slopes(&chart_{j}, z[{j}], z[{k}], slopes);\n    w = v[{j}];\n    \

@@ -25,6 +25,18 @@ pub enum SourceLanguage {
 }
 
 impl SourceLanguage {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::C, Self::Jax, Self::Torch];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::C => "c",
+            Self::Jax => "jax",
+            Self::Torch => "torch",
+        }
+    }
+
     /// The ending of the file that a user names.
     pub fn ending(self) -> &'static str {
         match self {

@@ -190,6 +190,14 @@ class Model:
         """The turns a step of an orbit about a centre, and their derivatives by the controls."""
     def save(self, path: str | PathLike[str], overwrite: bool = False) -> None:
         """Writes the model file."""
+    def source_code(
+        self, language: Literal["c", "jax", "torch"], name: str = "model"
+    ) -> dict[str, str]:
+        """The map as source code, {file name: text}."""
+    def to_jax(self) -> Callable[[Any], Any]:
+        """The map as a function of arrays of JAX, with attributes inverse, iterate and invariant."""
+    def to_torch(self) -> Callable[[Any], Any]:
+        """The map as a function of tensors of PyTorch, with attributes inverse, iterate and invariant."""
     def __eq__(self, other: object) -> bool: ...
     def __hash__(self) -> int: ...
     def __copy__(self) -> Model: ...

@@ -116,7 +116,7 @@ fn write_timings(out: &mut String, report: &Report) -> Result {
 }
 
 /// A row for each stage, a column for all that any of them computed.
-fn stages(stages: &[Stage]) -> Table {
+pub(super) fn stages(stages: &[Stage]) -> Table {
     type Count = fn(&Stage) -> u64;
     let counts: [(&str, Count); 6] = [
         ("equations of motion", |s| s.work.vector_fields),

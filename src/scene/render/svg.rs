@@ -8,6 +8,7 @@ use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, Value
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use serde::Serialize;
 use std::ops::Range;
 use std::path::Path;
 
@@ -54,12 +55,31 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// # Errors
 /// [`Error::Write`].
 pub fn draw(path: &Path, figure: &Figure) -> Result<(), Error> {
-    let svg = drawing(figure).map_err(|e| Error::write(path, e))?;
+    let (svg, _) = drawing(figure).map_err(|e| Error::write(path, e))?;
     write_atomically(path, |out| out.write_all(svg.as_bytes()))
 }
 
-fn drawing(figure: &Figure) -> Result<String, Box<dyn std::error::Error>> {
-    let mut svg = String::new();
+/// Where the coordinate system of a panel is in the drawing.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Placed {
+    /// Its title.
+    title: String,
+    /// What is along its axes.
+    names: [String; 2],
+    /// Pixels of its corners: left, right, top, bottom.
+    #[serde(rename = "box")]
+    corners: [i32; 4],
+    /// The range of x, in powers of ten where it is logarithmic.
+    x: (f64, f64, bool),
+    /// The range of y.
+    y: (f64, f64, bool),
+}
+
+/// The text of a figure, and where its panels are.
+pub(super) fn drawing(
+    figure: &Figure,
+) -> Result<(String, Vec<Placed>), Box<dyn std::error::Error>> {
+    let (mut svg, mut placed) = (String::new(), Vec::new());
     {
         let columns = figure.columns.max(1);
         let rows = figure.panels.len().div_ceil(columns);
@@ -76,12 +96,23 @@ fn drawing(figure: &Figure) -> Result<String, Box<dyn std::error::Error>> {
         for ((area, panel), frame) in
             area.split_evenly((rows, columns)).iter().zip(&figure.panels).zip(all)
         {
-            draw_panel(area, panel, &frame)?;
+            let (across, along) = draw_panel(area, panel, &frame)?;
+            let range = |scale: &Scale| {
+                let logarithmic = scale.axis == Axis::Log;
+                (scale.range.start, scale.range.end, logarithmic)
+            };
+            placed.push(Placed {
+                title: panel.title.clone(),
+                names: [panel.x_label.clone(), panel.y_label.clone()],
+                corners: [across.start, across.end, along.start, along.end],
+                x: range(&frame.x),
+                y: range(&frame.y),
+            });
         }
         draw_names(&strip, &names)?;
         root.present()?;
     }
-    Ok(svg)
+    Ok((svg, placed))
 }
 
 /// A series in the list of names.
@@ -327,7 +358,12 @@ fn power(value: f64) -> String {
     if close { short } else { format!("{value:.1e}") }
 }
 
-fn draw_panel(area: &Area<'_>, panel: &Panel, frame: &Frame) -> Drawn {
+/// Draws a panel; the pixels of its coordinate system, along both axes.
+fn draw_panel(
+    area: &Area<'_>,
+    panel: &Panel,
+    frame: &Frame,
+) -> Result<(Range<i32>, Range<i32>), Box<dyn std::error::Error>> {
     let mut chart = ChartBuilder::on(area)
         .caption(&panel.title, ("sans-serif", 16))
         .margin(10)
@@ -381,5 +417,5 @@ fn draw_panel(area: &Area<'_>, panel: &Panel, frame: &Frame) -> Drawn {
             }
         }
     }
-    Ok(())
+    Ok(chart.plotting_area().get_pixel_range())
 }

@@ -1,0 +1,289 @@
+//! A report as one page of HTML, with its figures in it.
+
+use super::svg;
+use crate::error::Error;
+use crate::scene::figure::{Figure, data_file_of};
+use crate::scene::findings::{Block, Findings, Section, Table};
+use crate::scene::report::Report;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use pulldown_cmark::{Event, Parser};
+
+const STYLE: &str = include_str!("report.css");
+const SCRIPT: &str = include_str!("report.js");
+
+/// A report as a page: what it found first, figures, tables that can be sorted, how to repeat and to cite it. `citation`
+/// is BibTeX.
+///
+/// # Errors
+/// [`Error::Write`] of a figure that cannot be drawn.
+pub fn report(report: &Report, citation: &str) -> Result<String, Error> {
+    let scene = &report.scene;
+    let mut body = html! {
+        header {
+            h1 { (scene.name) }
+            p.subtitle { (scene.title) }
+        }
+        (verdict(report))
+    };
+    for study in &report.studies {
+        body = html! { (body) (of_study(&study.findings)?) };
+    }
+    if !report.parts.is_empty() {
+        body = html! {
+            (body)
+            h2 { "Parts" }
+            @for part in &report.parts {
+                h3 {
+                    a href={ (part.scene.name) "/report.html" } { (part.scene.name) } " " (badge(Some(part.holds())))
+                }
+                p.subtitle { (part.scene.title) }
+                @for study in &part.studies { (blocks(&study.findings.results.summary)) }
+            }
+        };
+    }
+    body = html! { (body) (timings(report)?) };
+    let folded = report.studies.iter().filter(|study| !study.findings.appendix.is_empty());
+    body = html! {
+        (body)
+        @for study in folded {
+            details {
+                summary { "Appendix: " (study.findings.title) }
+                (blocks(&study.findings.appendix))
+            }
+        }
+        h2 { "To repeat it" }
+        @match &report.repeat {
+            Some(what) => (markdown(&format!(
+                "{what} and gyroceptron {}: every number above but the timings comes out the same, bit for bit.",
+                env!("CARGO_PKG_VERSION")
+            ))),
+            None => {
+                pre { "gyroceptron run as-run.toml --out …" }
+                p {
+                    "With the file " code { "as-run.toml" } " beside this report and gyroceptron "
+                    (env!("CARGO_PKG_VERSION"))
+                    ": every number above but the timings comes out the same, bit for bit. Seed " (scene.seed) "."
+                }
+            },
+        }
+        h2 { "To cite it" }
+        details {
+            summary { "BibTeX" }
+            pre { (citation) }
+        }
+    };
+    Ok(page(&scene.name, &body))
+}
+
+/// A page of its own: `title` in its head, and no file beside it.
+pub fn page(title: &str, body: &Markup) -> String {
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="generator" content={ "gyroceptron " (env!("CARGO_PKG_VERSION")) };
+                title { (title) " – gyroceptron" }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                main { (body) }
+                script { (PreEscaped(SCRIPT)) }
+            }
+        }
+    }
+    .into_string()
+}
+
+/// What the whole run found, in a sentence.
+fn verdict(report: &Report) -> Markup {
+    let studies = |report: &Report| -> Vec<(String, bool)> {
+        let of = report.studies.iter().map(|study| &study.findings);
+        of.filter_map(|of| Some((of.title.clone(), of.verdict?))).collect()
+    };
+    let of_parts = report.parts.iter().flat_map(|part| {
+        studies(part).into_iter().map(|(title, holds)| (format!("{}: {title}", part.scene.name), holds))
+    });
+    let all: Vec<_> = studies(report).into_iter().chain(of_parts).collect();
+    let failing: Vec<&str> =
+        all.iter().filter(|(_, holds)| !holds).map(|(title, _)| &title[..]).collect();
+    // Whether to trust a training is the first thing that is said of one.
+    let trust = report.study("trust").and_then(|of| of.results.summary.first());
+    html! {
+        @if let Some(Block::Text(text)) = trust {
+            div.verdict { (markdown(text)) }
+        } @else if !failing.is_empty() {
+            div.verdict.fails role="status" {
+                strong { "A check does not hold: " } (failing.join("; ")) "."
+            }
+        } @else if all.is_empty() {
+            div.verdict role="status" { "This scene measures, and checks nothing." }
+        } @else {
+            div.verdict.holds role="status" {
+                strong { "All " (all.len()) " checks hold." }
+            }
+        }
+    }
+}
+
+fn badge(verdict: Option<bool>) -> Markup {
+    html! {
+        @match verdict {
+            None => {},
+            Some(true) => span.badge.holds { "holds" },
+            Some(false) => span.badge.fails { "does not hold" },
+        }
+    }
+}
+
+fn of_study(findings: &Findings) -> Result<Markup, Error> {
+    let Findings { title, verdict, results, figures, .. } = findings;
+    if results.is_empty() && figures.is_empty() {
+        return Ok(html! {});
+    }
+    Ok(html! {
+        section {
+            h2 { (title) " " (badge(*verdict)) }
+            (blocks(&results.summary))
+            (of_figures(figures, "")?)
+            (blocks(&results.details))
+        }
+    })
+}
+
+/// The part of the report that differs from machine to machine.
+fn timings(report: &Report) -> Result<Markup, Error> {
+    let mut out = html! {
+        h2 { "Timings on this machine" }
+        p { (report.machine.to_string()) }
+    };
+    let section = |title: &str, section: &Section| {
+        html! {
+            h3 { (title) }
+            (blocks(&section.summary))
+            (blocks(&section.details))
+        }
+    };
+    for study in report.studies.iter().filter(|study| !study.findings.timings.is_empty()) {
+        out = html! { (out) (section(&study.findings.title, &study.findings.timings)) };
+    }
+    for part in &report.parts {
+        let timed = part.studies.iter().map(|study| &study.findings);
+        for Findings { title, timings, figures, .. } in
+            timed.filter(|of| !of.timings.summary.is_empty())
+        {
+            let folder = format!("{}/", part.scene.name);
+            out = html! {
+                (out)
+                h3 { (part.scene.name) ": " (title) }
+                (blocks(&timings.summary))
+                (of_figures(figures, &folder)?)
+            };
+        }
+    }
+    if !report.stages.is_empty() {
+        let stages = super::markdown::stages(&report.stages);
+        out = html! {
+            (out)
+            details {
+                summary { "What was computed" }
+                (table(&stages))
+            }
+        };
+    }
+    Ok(out)
+}
+
+/// Text, tables and headings.
+pub fn blocks(blocks: &[Block]) -> Markup {
+    html! {
+        @for block in blocks {
+            @match block {
+                Block::Heading(heading) => h3 { (heading) },
+                Block::Text(text) => (markdown(text)),
+                Block::Table(of) => (table(of)),
+            }
+        }
+    }
+}
+
+/// A table whose headings sort it.
+fn table(of: &Table) -> Markup {
+    let headings: Vec<&str> = of.headings().collect();
+    let has_headings = headings.iter().any(|heading| !heading.is_empty());
+    html! {
+        div.scroll tabindex="0" role="region" aria-label="table" {
+            table {
+                @if has_headings {
+                    thead { tr {
+                        @for heading in &headings { th scope="col" { button type="button" { (markdown_line(heading)) } } }
+                    } }
+                }
+                tbody {
+                    @for row in of.cells() {
+                        tr {
+                            @for (column, (text, number)) in row.iter().enumerate() {
+                                @match (column, number) {
+                                    (0, None) => th scope="row" { (markdown_line(text)) },
+                                    (_, None) => td { (markdown_line(text)) },
+                                    (_, Some(number)) => td.number data-value=(number) { (text) },
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn of_figures(figures: &[Figure], folder: &str) -> Result<Markup, Error> {
+    let mut out = html! {};
+    for figure in figures {
+        let file = std::path::PathBuf::from(figure.file());
+        let (drawing, panels) = svg::drawing(figure).map_err(|e| Error::write(&file, e))?;
+        let panels = serde_json::to_string(&panels).map_err(|e| Error::write(&file, e))?;
+        // What stands before the element is no part of a page.
+        let begin = drawing.find("<svg").unwrap_or(0);
+        let drawing = drawing[begin..].replacen("<svg ", "<svg aria-hidden=\"true\" ", 1);
+        let data = format!("{folder}{}", data_file_of(figure.name));
+        out = html! {
+            (out)
+            figure {
+                div.plot tabindex="0" role="img" aria-label=(figure.caption) data-panels=(panels) {
+                    (PreEscaped(drawing))
+                }
+                div.readout aria-hidden="true" {}
+                figcaption {
+                    (markdown_line(&figure.caption)) " (" a href=(data) { "data" } "; "
+                    a href={ (folder) (figure.file()) } { "file" } ")"
+                    span.help { " – a double click or the keys + and − enlarge it" }
+                }
+            }
+        };
+    }
+    Ok(out)
+}
+
+/// Markdown as HTML: tags in it are text.
+fn markdown(text: &str) -> Markup {
+    let events = Parser::new(text).map(|event| match event {
+        Event::Html(tag) | Event::InlineHtml(tag) => Event::Text(tag),
+        other => other,
+    });
+    let mut out = String::new();
+    pulldown_cmark::html::push_html(&mut out, events);
+    PreEscaped(out)
+}
+
+/// A line of Markdown, which is no paragraph of its own.
+fn markdown_line(text: &str) -> Markup {
+    let PreEscaped(made) = markdown(text);
+    let line = made.trim().strip_prefix("<p>").and_then(|text| text.strip_suffix("</p>"));
+    match line {
+        Some(line) if !line.contains("<p>") => PreEscaped(line.to_owned()),
+        // What would be a list, or a heading, is a cell as it stands.
+        _ => html! { (text) },
+    }
+}
