@@ -121,7 +121,8 @@ fn verdict(report: &Report) -> Markup {
             div.verdict role="status" { "This scene measures, and checks nothing." }
         } @else {
             div.verdict.holds role="status" {
-                strong { "All " (all.len()) " checks hold." }
+                strong { @if all.len() == 1 { "The check holds: " } @else { "All " (all.len()) " checks hold: " } }
+                (all.iter().map(|(title, _)| &title[..]).collect::<Vec<_>>().join("; ")) "."
             }
         }
     }
@@ -200,7 +201,7 @@ pub fn blocks(blocks: &[Block]) -> Markup {
     html! {
         @for block in blocks {
             @match block {
-                Block::Heading(heading) => h3 { (heading) },
+                Block::Heading(heading) => h3 { (markdown_line(heading)) },
                 Block::Text(text) => (markdown(text)),
                 Block::Table(of) => (table(of)),
             }
@@ -246,7 +247,8 @@ fn of_figures(figures: &[Figure], folder: &str) -> Result<Markup, Error> {
         let panels = serde_json::to_string(&panels).map_err(|e| Error::write(&file, e))?;
         // What stands before the element is no part of a page.
         let begin = drawing.find("<svg").unwrap_or(0);
-        let drawing = drawing[begin..].replacen("<svg ", "<svg aria-hidden=\"true\" ", 1);
+        let drawing = dots_together(&drawing[begin..]);
+        let drawing = drawing.replacen("<svg ", "<svg aria-hidden=\"true\" ", 1);
         let data = format!("{folder}{}", data_file_of(figure.name));
         out = html! {
             (out)
@@ -286,4 +288,46 @@ fn markdown_line(text: &str) -> Markup {
         // What would be a list, or a heading, is a cell as it stands.
         _ => html! { (text) },
     }
+}
+
+/// The drawing with all dots of a colour that follow one another as one path: a tenth of the length.
+fn dots_together(svg: &str) -> String {
+    let (mut out, mut last) = (String::with_capacity(svg.len() / 4), "");
+    for line in svg.lines() {
+        let dot = dot(line);
+        match dot {
+            Some((_, color)) if color == last => {}
+            _ => {
+                if !last.is_empty() {
+                    out += "\"/>\n";
+                }
+                last = dot.map_or("", |(_, color)| color);
+                match dot {
+                    Some((_, color)) => {
+                        out += &format!(
+                            "<path fill=\"none\" stroke=\"{color}\" stroke-width=\"2\" stroke-linecap=\"round\" d=\""
+                        );
+                    }
+                    None => out = out + line + "\n",
+                }
+            }
+        }
+        if let Some(([x, y], _)) = dot {
+            out += &format!("M{x} {y}h0");
+        }
+    }
+    out
+}
+
+/// The place and the colour of a line that is a dot.
+fn dot(line: &str) -> Option<([&str; 2], &str)> {
+    let line = line.trim().strip_prefix("<circle ")?;
+    let value = |name: &str| {
+        let (_, rest) = line.split_once(&format!("{name}=\""))?;
+        rest.split('"').next()
+    };
+    if value(" r")? != "1" || value("opacity")? != "1" {
+        return None;
+    }
+    Some(([value("cx")?, value("cy")?], value("fill")?))
 }
