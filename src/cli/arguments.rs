@@ -156,6 +156,12 @@ pub struct Verify {
     /// The seed of points, angles and random weights.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
+    /// Write the certificate as a page too.
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
+    /// Replace an existing page.
+    #[arg(long, requires = "report")]
+    pub overwrite: bool,
     #[command(flatten)]
     pub common: Common,
 }

@@ -16,7 +16,7 @@ use gyroceptron::flow::PolynomialExit;
 use gyroceptron::io::{
     Provenance, SourceCode, SourceLanguage, StoredModel, assemble_architecture, assemble_weights,
     export_weights, file_digest, load_model, read_architecture, read_points, read_tensors,
-    save_model, take_units, write_points,
+    save_model, take_units, write_atomically, write_points,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::certificate::{CertificateOptions, certify, certify_all};
@@ -28,8 +28,8 @@ use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Grid, GridNumbers, max_or_nan};
 use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{
-    CoilFile, Coils, Folder, LineData, Note, Scene, catalogue, certificate_table, default_scene,
-    find, own_invariance_fault, run,
+    CoilFile, Coils, Folder, LineData, Note, Scene, bibtex, catalogue, certificate_table,
+    default_scene, find, own_invariance_fault, run,
 };
 use rayon::prelude::*;
 use serde_json::json;
@@ -99,7 +99,7 @@ fn run_scene(arguments: &Run) -> Result<Status, Error> {
         json(&render::json(&report))?;
     } else {
         out(&terminal::summary(&report, width()))?;
-        out(&format!("report: {}\n", path.join("report.md").display()))?;
+        out(&format!("report: {} and report.html\n", path.join("report.md").display()))?;
     }
     if !report.holds() {
         line("A CHECK DOES NOT HOLD: see the table above or the report");
@@ -189,15 +189,19 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
         seed: arguments.seed,
     };
     options.check()?;
-    let mut own_units = None;
+    if let Some(page) = &arguments.report {
+        check_ending("--report", page, "html")?;
+        let models: Vec<&Path> = arguments.model.iter().map(AsRef::as_ref).collect();
+        guard_output("--report", page, arguments.overwrite, &models)?;
+    }
+    let (mut own_units, mut notes) = (None, Vec::new());
     let (target, result) = match &arguments.model {
         Some(path) => {
             let (stored, told) = at_controls(load_model(path)?, &arguments.at)?;
-            told.iter().for_each(|text| line(&format!("note: {text}")));
+            notes.extend(told.iter().map(ToString::to_string));
             own_units.clone_from(&stored.units);
-            if let Some(fault) = own_invariance_fault(&stored, &options) {
-                line(&format!("note: {fault}"));
-            }
+            notes.extend(own_invariance_fault(&stored, &options).iter().map(ToString::to_string));
+            notes.iter().for_each(|text| line(&format!("note: {text}")));
             (path.display().to_string(), certify(&stored.model, options))
         }
         None => {
@@ -223,6 +227,12 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
             )
         }
     };
+    if let Some(page) = &arguments.report {
+        let command: Vec<String> = std::env::args().skip(1).collect();
+        let command = format!("gyroceptron {}", command.join(" "));
+        let text = render::html_certificate(&target, &result, &notes, &command, &bibtex(None));
+        write_atomically(page, |file| file.write_all(text.as_bytes()))?;
+    }
     if arguments.common.json {
         json(&json!({
             "target": target,

@@ -280,7 +280,7 @@ fn tell_finished(arguments: &Train, report_folder: &Path) -> Result<Status, Erro
             "finished": true,
         }))?;
     } else {
-        out(&format!("model: {model}\nreport: {}\n", report.display()))?;
+        out(&format!("model: {model}\nreport: {} and report.html\n", report.display()))?;
     }
     Ok(Status::Done)
 }
@@ -421,7 +421,11 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     } else {
         out(&terminal::summary(&report, width()))?;
         let report = report_folder.join("report.md");
-        out(&format!("model: {}\nreport: {}\n", arguments.output.display(), report.display()))?;
+        out(&format!(
+            "model: {}\nreport: {} and report.html\n",
+            arguments.output.display(),
+            report.display()
+        ))?;
     }
     Ok(Status::Done)
 }

@@ -19,7 +19,7 @@ use crate::measure::orbits::{Branch, lyapunov_exponent, smaller_alignment_index}
 use crate::network::{Architecture, Course, Pace, Rollout};
 use crate::phase::Direction;
 use crate::scalar::{Grid, GridNumbers};
-use crate::scene::own_invariance_fault;
+use crate::scene::{own_invariance_fault, render};
 use arrays::{Points, Rows, array, points_of};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
@@ -139,6 +139,11 @@ impl PyCertificate {
 
     fn __repr__(&self) -> String {
         format!("<Certificate: {}>", self.inner.summary())
+    }
+
+    /// The laws as a table, in a notebook.
+    fn _repr_html_(&self) -> String {
+        render::html_laws(&self.inner, &self.notes)
     }
 }
 
@@ -731,6 +736,29 @@ impl Model {
         let count = self.stored.model.composition().parameters().len();
         let plural = if self.dof() == 1 { "" } else { "s" };
         format!("<{}: {count} parameters, {} degree{plural} of freedom>", self.kind(), self.dof())
+    }
+
+    /// What it is as a table, in a notebook.
+    fn _repr_html_(&self) -> PyResult<String> {
+        let count = self.stored.model.composition().parameters().len();
+        let mut facts = vec![
+            ("parameters", count.to_string()),
+            ("degrees of freedom", self.dof().to_string()),
+            ("ε", self.epsilon().to_string()),
+        ];
+        facts.extend(self.flow_time().map(|time| ("flow time", time.to_string())));
+        if let Some(controls) = &self.architecture().controls {
+            let names: Vec<&str> = controls.ranges.iter().map(|range| &*range.name).collect();
+            facts.push(("controls", names.join(", ")));
+        }
+        let held_out = self.validation();
+        facts.extend(held_out.map(|error| ("held-out mean squared error", format!("{error:.3e}"))));
+        if let Some(trained) = &self.trained {
+            facts.push(("trust", trained.trust.verdict.to_string()));
+            facts.extend(trained.trust.reasons.iter().map(|reason| ("", reason.clone())));
+        }
+        facts.push(("digest", self.stored.digest()?));
+        Ok(render::html_facts(self.kind(), facts))
     }
 }
 

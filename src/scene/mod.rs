@@ -22,8 +22,8 @@
 //! that names it.
 
 mod bibliography;
-mod citation;
 mod catalogue;
+mod citation;
 mod command;
 mod context;
 mod data_sets;
@@ -58,8 +58,8 @@ mod trained;
 mod trust;
 mod words;
 
-pub use citation::bibtex;
 pub use catalogue::{CatalogueEntry, catalogue, default_scene, find};
+pub use citation::bibtex;
 pub use event::{Event, Observer};
 pub use findings::StudyFindings;
 pub use folder::Folder;

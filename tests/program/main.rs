@@ -11,6 +11,7 @@ mod helpers;
 mod judgement;
 #[path = "../own_scenes.rs"]
 mod own_scenes;
+mod pages;
 mod proofs;
 mod refusals;
 mod reports;

@@ -77,8 +77,10 @@ fn the_guides_programs_move_a_point_as_predict_does() {
 fn bad_exports_write_nothing() {
     let folder = with_model();
     let path = folder.path();
-    let export = |more: &[&str]| [&["export", "--model", "model.json"][..], more].concat();
-    let expect = |more: &[&str], words: &[&str]| refuses(path, &export(more), words);
+    let export = |more: &[&'static str]| -> Vec<&'static str> {
+        [&["export", "--model", "model.json"], more].concat()
+    };
+    let expect = |more: &[&'static str], words: &[&str]| refuses(path, &export(more), words);
     expect(&["--output", "a-b.c"], &["a-b", "letter"]);
     expect(&["--output", "m.py", "--format", "c"], &["--output", ".c"]);
     expect(&["--output", "m.npz", "--epsilon", "0.1"], &["--epsilon", "0.1"]);

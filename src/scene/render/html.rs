@@ -1,15 +1,21 @@
 //! A report as one page of HTML, with its figures in it.
 
+use super::markdown::{facts_of, stages};
 use super::svg;
 use crate::error::Error;
+use crate::measure::certificate::Certificate;
 use crate::scene::figure::{Figure, data_file_of};
 use crate::scene::findings::{Block, Findings, Section, Table};
 use crate::scene::report::Report;
+use crate::scene::study::certificate::certificate_table;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use pulldown_cmark::{Event, Parser};
 
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
+
+/// The study that says whether to trust a training, which is the first thing that is said of one.
+const TRUST: &str = "trust";
 
 /// A report as a page: what it found first, figures, tables that can be sorted, how to repeat and to cite it. `citation`
 /// is BibTeX.
@@ -24,9 +30,12 @@ pub fn report(report: &Report, citation: &str) -> Result<String, Error> {
             p.subtitle { (scene.title) }
         }
         (verdict(report))
+        (table(&facts_of(report)))
     };
     for study in &report.studies {
-        body = html! { (body) (of_study(&study.findings)?) };
+        // It is said above already.
+        let said = usize::from(study.name == TRUST);
+        body = html! { (body) (of_study(&study.findings, said)?) };
     }
     if !report.parts.is_empty() {
         body = html! {
@@ -51,13 +60,12 @@ pub fn report(report: &Report, citation: &str) -> Result<String, Error> {
                 (blocks(&study.findings.appendix))
             }
         }
-        h2 { "To repeat it" }
-        @match &report.repeat {
-            Some(what) => (markdown(&format!(
+        (to_repeat(match &report.repeat {
+            Some(what) => markdown(&format!(
                 "{what} and gyroceptron {}: every number above but the timings comes out the same, bit for bit.",
                 env!("CARGO_PKG_VERSION")
-            ))),
-            None => {
+            )),
+            None => html! {
                 pre { "gyroceptron run as-run.toml --out …" }
                 p {
                     "With the file " code { "as-run.toml" } " beside this report and gyroceptron "
@@ -65,18 +73,14 @@ pub fn report(report: &Report, citation: &str) -> Result<String, Error> {
                     ": every number above but the timings comes out the same, bit for bit. Seed " (scene.seed) "."
                 }
             },
-        }
-        h2 { "To cite it" }
-        details {
-            summary { "BibTeX" }
-            pre { (citation) }
-        }
+        }))
+        (to_cite(citation))
     };
     Ok(page(&scene.name, &body))
 }
 
 /// A page of its own: `title` in its head, and no file beside it.
-pub fn page(title: &str, body: &Markup) -> String {
+fn page(title: &str, body: &Markup) -> String {
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -96,6 +100,76 @@ pub fn page(title: &str, body: &Markup) -> String {
     .into_string()
 }
 
+/// A certificate as a page: its verdict first, a table of the laws, how to repeat it. `target` is what was certified.
+pub fn certificate(
+    target: &str,
+    certificate: &Certificate,
+    notes: &[String],
+    command: &str,
+    citation: &str,
+) -> String {
+    let options = &certificate.options;
+    let body = html! {
+        header {
+            h1 { "Structure certificate" }
+            p.subtitle { (target) }
+        }
+        (of_laws(certificate, notes))
+        p.note {
+            (options.samples) " points each, uniform in |zᵢ| ≤ " (options.radius) ", seed " (options.seed)
+            "; other points are not tested. A ratio is an error over the rounding scale of the computation that made it."
+        }
+        (to_repeat(html! { pre { (command) } }))
+        (to_cite(citation))
+    };
+    page("Structure certificate", &body)
+}
+
+fn to_repeat(what: Markup) -> Markup {
+    html! {
+        h2 { "To repeat it" }
+        (what)
+    }
+}
+
+fn to_cite(citation: &str) -> Markup {
+    html! {
+        h2 { "To cite it" }
+        details {
+            summary { "BibTeX" }
+            pre { (citation) }
+        }
+    }
+}
+
+/// The laws of a certificate, and what is to be known beside them: a part of a page.
+pub fn laws(certificate: &Certificate, notes: &[String]) -> String {
+    of_laws(certificate, notes).into_string()
+}
+
+fn of_laws(certificate: &Certificate, notes: &[String]) -> Markup {
+    let class = if certificate.holds() { "verdict holds" } else { "verdict fails" };
+    html! {
+        div class=(class) role="status" { (certificate.summary()) }
+        @let all: Vec<String> = notes.iter().cloned().chain(certificate.advice()).collect();
+        @if !all.is_empty() {
+            ul { @for text in &all { li { (markdown_line(text)) } } }
+        }
+        (table(&certificate_table(&certificate.rows)))
+    }
+}
+
+/// Names and values as a table: a part of a page.
+pub fn facts<'a>(title: &str, facts: impl IntoIterator<Item = (&'a str, String)>) -> String {
+    let mut of = Table::of_facts();
+    facts.into_iter().for_each(|(name, value)| of.fact(name, value));
+    html! {
+        strong { (title) }
+        (table(&of))
+    }
+    .into_string()
+}
+
 /// What the whole run found, in a sentence.
 fn verdict(report: &Report) -> Markup {
     let studies = |report: &Report| -> Vec<(String, bool)> {
@@ -103,16 +177,22 @@ fn verdict(report: &Report) -> Markup {
         of.filter_map(|of| Some((of.title.clone(), of.verdict?))).collect()
     };
     let of_parts = report.parts.iter().flat_map(|part| {
-        studies(part).into_iter().map(|(title, holds)| (format!("{}: {title}", part.scene.name), holds))
+        studies(part)
+            .into_iter()
+            .map(|(title, holds)| (format!("{}: {title}", part.scene.name), holds))
     });
     let all: Vec<_> = studies(report).into_iter().chain(of_parts).collect();
     let failing: Vec<&str> =
         all.iter().filter(|(_, holds)| !holds).map(|(title, _)| &title[..]).collect();
-    // Whether to trust a training is the first thing that is said of one.
-    let trust = report.study("trust").and_then(|of| of.results.summary.first());
+    let trust = report.study(TRUST).and_then(|of| of.results.summary.first());
     html! {
         @if let Some(Block::Text(text)) = trust {
-            div.verdict { (markdown(text)) }
+            @let class = match text {
+                text if text.starts_with("**yes") => "verdict holds",
+                text if text.starts_with("**no") => "verdict fails",
+                _ => "verdict",
+            };
+            div class=(class) role="status" { (markdown(text)) }
         } @else if !failing.is_empty() {
             div.verdict.fails role="status" {
                 strong { "A check does not hold: " } (failing.join("; ")) "."
@@ -138,7 +218,8 @@ fn badge(verdict: Option<bool>) -> Markup {
     }
 }
 
-fn of_study(findings: &Findings) -> Result<Markup, Error> {
+/// A study, but for so many of its first blocks.
+fn of_study(findings: &Findings, said: usize) -> Result<Markup, Error> {
     let Findings { title, verdict, results, figures, .. } = findings;
     if results.is_empty() && figures.is_empty() {
         return Ok(html! {});
@@ -146,7 +227,7 @@ fn of_study(findings: &Findings) -> Result<Markup, Error> {
     Ok(html! {
         section {
             h2 { (title) " " (badge(*verdict)) }
-            (blocks(&results.summary))
+            (blocks(&results.summary[said.min(results.summary.len())..]))
             (of_figures(figures, "")?)
             (blocks(&results.details))
         }
@@ -184,7 +265,7 @@ fn timings(report: &Report) -> Result<Markup, Error> {
         }
     }
     if !report.stages.is_empty() {
-        let stages = super::markdown::stages(&report.stages);
+        let stages = stages(&report.stages);
         out = html! {
             (out)
             details {
@@ -197,7 +278,7 @@ fn timings(report: &Report) -> Result<Markup, Error> {
 }
 
 /// Text, tables and headings.
-pub fn blocks(blocks: &[Block]) -> Markup {
+fn blocks(blocks: &[Block]) -> Markup {
     html! {
         @for block in blocks {
             @match block {

@@ -18,21 +18,7 @@ fn write_report(out: &mut String, report: &Report) -> Result {
     let scene = &report.scene;
     let version = env!("CARGO_PKG_VERSION");
     writeln!(out, "# {}\n\n{}", scene.name, scene.title)?;
-    let mut facts = Table::of_facts();
-    facts.fact("scene", format!("`{}`, seed {}", scene.name, scene.seed));
-    facts.fact("gyroceptron", version);
-    if let Some(system) = &scene.setup.system {
-        let json = serde_json::to_string(system).unwrap_or_default();
-        facts.fact("system", format!("`{json}`"));
-    }
-    if let Some(file) = scene.setup.data.as_ref().and_then(|data| data.file()) {
-        facts.fact("pairs of", format!("`{}`", file.pairs.display()));
-        let (weights, epsilon) = (file.circle_action.weights(), file.epsilon);
-        facts.fact("circle action, ε", format!("{weights:?}, {epsilon}"));
-    }
-    if let Some(time) = scene.setup.flow_time {
-        facts.fact("flow time", time.to_string());
-    }
+    let facts = facts_of(report);
     // A report that says itself how to repeat it begins with what it found.
     if report.repeat.is_none() {
         writeln!(out)?;
@@ -85,6 +71,27 @@ fn write_report(out: &mut String, report: &Report) -> Result {
          this report and gyroceptron {version}: every number above but the timings comes out the \
          same, bit for bit."
     )
+}
+
+/// What was run, and by what.
+pub(super) fn facts_of(report: &Report) -> Table {
+    let scene = &report.scene;
+    let mut facts = Table::of_facts();
+    facts.fact("scene", format!("`{}`, seed {}", scene.name, scene.seed));
+    facts.fact("gyroceptron", env!("CARGO_PKG_VERSION"));
+    if let Some(system) = &scene.setup.system {
+        let json = serde_json::to_string(system).unwrap_or_default();
+        facts.fact("system", format!("`{json}`"));
+    }
+    if let Some(file) = scene.setup.data.as_ref().and_then(|data| data.file()) {
+        facts.fact("pairs of", format!("`{}`", file.pairs.display()));
+        let (weights, epsilon) = (file.circle_action.weights(), file.epsilon);
+        facts.fact("circle action, ε", format!("{weights:?}, {epsilon}"));
+    }
+    if let Some(time) = scene.setup.flow_time {
+        facts.fact("flow time", time.to_string());
+    }
+    facts
 }
 
 /// The part of the report that differs from machine to machine.

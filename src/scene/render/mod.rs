@@ -7,6 +7,8 @@ pub(super) mod svg;
 #[cfg(feature = "cli")]
 pub mod terminal;
 
-pub use html::{blocks as html_blocks, page as html_page, report as html};
+pub use html::{
+    certificate as html_certificate, facts as html_facts, laws as html_laws, report as html,
+};
 pub use json::report as json;
 pub use markdown::report as markdown;
