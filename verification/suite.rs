@@ -10,6 +10,7 @@ use proptest::test_runner::{
     Config, FileFailurePersistence, RngAlgorithm, TestCaseError, TestRng, TestRunner,
 };
 use std::cell::RefCell;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The seed of the whole suite, in its snapshots. `GYROCEPTRON_SEED` gives
 /// another one, for which laws are checked and snapshots are not.
@@ -80,6 +81,27 @@ pub fn run<S: Strategy>(
     }
     let all = all.into_inner();
     all.iter().map(Tally::row).collect()
+}
+
+/// What becomes of each, by as many threads as there are processors. They are threads of their own: what waits for
+/// another thing that is made once must not stand on a task that makes it.
+pub fn at_once<T: Sync, R: Send>(all: &[T], make: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    let next = AtomicUsize::new(0);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut made: Vec<(usize, R)> = std::thread::scope(|scope| {
+        let work = || {
+            let mut own = Vec::new();
+            loop {
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                let Some(one) = all.get(index) else { return own };
+                own.push((index, make(one)));
+            }
+        };
+        let handles: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        handles.into_iter().flat_map(|handle| handle.join().expect("no panic")).collect()
+    });
+    made.sort_by_key(|(index, _)| *index);
+    made.into_iter().map(|(_, result)| result).collect()
 }
 
 /// What a single case does wrong. Whether the samples show anything is asked of
