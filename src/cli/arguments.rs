@@ -47,6 +47,10 @@ pub enum Command {
     Import(Import),
     /// Write a model for others: its weights, or the map as source code.
     Export(Export),
+    /// Print what completes commands in a shell.
+    Completions(Completions),
+    /// Write manual pages, one for each command.
+    Manual(Manual),
     /// What to cite, as BibTeX.
     Cite {
         /// A built-in scene, a .toml file, or a file of proofs.
@@ -531,6 +535,23 @@ pub struct Import {
     /// One JSON document instead of a line.
     #[arg(long)]
     pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Completions {
+    /// The shell: its documentation says where the text belongs.
+    #[arg(value_name = "SHELL")]
+    pub shell: clap_complete::Shell,
+}
+
+#[derive(Debug, Args)]
+pub struct Manual {
+    /// The folder to write to, such as ~/.local/share/man/man1.
+    #[arg(value_name = "FOLDER")]
+    pub folder: PathBuf,
+    /// Replace pages that are there.
+    #[arg(long)]
+    pub overwrite: bool,
 }
 
 /// What `export` writes.

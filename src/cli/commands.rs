@@ -9,7 +9,7 @@ use super::output::{json, out, status_of, width};
 use super::progress::{Progress, line};
 use super::prove::{check_proof, prove};
 use super::train::train_pairs;
-use super::{Status, cite};
+use super::{Status, about, cite};
 use clap::ValueEnum;
 use gyroceptron::Error;
 use gyroceptron::flow::PolynomialExit;
@@ -46,6 +46,8 @@ pub fn dispatch(arguments: Arguments) -> Result<Status, Error> {
         Command::Predict(arguments) => predict(&arguments),
         Command::Import(arguments) => import(&arguments),
         Command::Export(arguments) => export(&arguments),
+        Command::Completions(arguments) => about::completions(&arguments),
+        Command::Manual(arguments) => about::manual(&arguments),
         Command::Cite { target } => {
             out(&cite::of(target.as_deref())?)?;
             Ok(Status::Done)

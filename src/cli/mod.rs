@@ -1,5 +1,6 @@
 //! Argument parsing and printing.
 
+mod about;
 mod arguments;
 mod cite;
 mod commands;
@@ -122,7 +123,12 @@ fn refused(message: &str) -> ExitCode {
 }
 
 fn usage(error: &clap::Error) -> ExitCode {
-    if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
+    if error.kind() == ErrorKind::DisplayVersion {
+        let is_long = std::env::args().any(|word| word == "--version");
+        let text = if is_long { about::long_version() } else { about::version() };
+        return output::out(&text).map_or(ExitCode::from(BAD_INPUT), |()| ExitCode::SUCCESS);
+    }
+    if error.kind() == ErrorKind::DisplayHelp {
         let _ = error.print();
         return ExitCode::SUCCESS;
     }

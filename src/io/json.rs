@@ -20,7 +20,7 @@ use std::path::Path;
 /// list of blocks, and the digest covers it. In formats 1 and 2 (with units) it has a name, and the
 /// digest covers parameters and units alone. Format 4 has a section, which the digest covers too; format 5 an
 /// architecture with controls. A model with neither is written in format 3.
-const MODEL_VERSION: u64 = 5;
+pub const MODEL_VERSION: u64 = 5;
 /// The format of a model with a section.
 const SECTION_VERSION: u64 = 4;
 /// The format of a model without a section, and the first whose architecture is a list of blocks.

@@ -25,8 +25,8 @@ pub use checkpoints::Checkpoints;
 pub use code::{SourceCode, SourceLanguage};
 pub use coils::{parse_coils, read_coils};
 pub use json::{
-    Provenance, RolledOut, StoredModel, earlier_checkpoint, load_checkpoint, load_model,
-    model_text, parse_model, save_checkpoint, save_model,
+    MODEL_VERSION, Provenance, RolledOut, StoredModel, earlier_checkpoint, load_checkpoint,
+    load_model, model_text, parse_model, save_checkpoint, save_model,
 };
 #[cfg(feature = "proofs")]
 pub use proofs::{ABOUT as ABOUT_PROOFS, Nested, ProofFile, ProofRequest, Proofs};

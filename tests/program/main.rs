@@ -1,6 +1,7 @@
 //! The program, as its users call it.
 
 mod abilities;
+mod about;
 mod architectures;
 mod coils;
 mod controls;
