@@ -5,7 +5,7 @@ use super::arguments::{
     circle_action, positive,
 };
 use super::guards::{check_ending, guard_output, use_threads};
-use super::output::{json, out, status_of, width};
+use super::output::{json, out, status_of, typed_words, width};
 use super::progress::{Progress, line};
 use super::prove::{check_proof, prove};
 use super::train::train_pairs;
@@ -29,7 +29,7 @@ use gyroceptron::scalar::{Grid, GridNumbers, max_or_nan};
 use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{
     CoilFile, Coils, Folder, LineData, Note, Scene, bibtex, catalogue, certificate_table,
-    default_scene, find, own_invariance_fault, run,
+    command_line, default_scene, find, own_invariance_fault, run, without_page,
 };
 use rayon::prelude::*;
 use serde_json::json;
@@ -230,8 +230,7 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
         }
     };
     if let Some(page) = &arguments.report {
-        let command: Vec<String> = std::env::args().skip(1).collect();
-        let command = format!("gyroceptron {}", command.join(" "));
+        let command = command_line(&without_page(&typed_words()));
         let text = render::html_certificate(&target, &result, &notes, &command, &bibtex(None));
         write_atomically(page, |file| file.write_all(text.as_bytes()))?;
     }

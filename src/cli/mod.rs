@@ -89,7 +89,7 @@ fn option_named(error: &Error) -> Option<String> {
     };
     let name = name.trim_start_matches("training.").split([':', '.']).next()?;
     let option = name.replace(['_', ' '], "-");
-    let command = std::env::args().nth(1)?;
+    let command = std::env::args_os().nth(1)?;
     let program = arguments::Arguments::command();
     let own = program.find_subcommand(command)?;
     let is_there = own.get_arguments().any(|argument| argument.get_long() == Some(&option));
@@ -124,7 +124,7 @@ fn refused(message: &str) -> ExitCode {
 
 fn usage(error: &clap::Error) -> ExitCode {
     if error.kind() == ErrorKind::DisplayVersion {
-        let is_long = std::env::args().any(|word| word == "--version");
+        let is_long = std::env::args_os().any(|word| word == "--version");
         let text = if is_long { about::long_version() } else { about::version() };
         return output::out(&text).map_or(ExitCode::from(BAD_INPUT), |()| ExitCode::SUCCESS);
     }

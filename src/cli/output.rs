@@ -39,3 +39,8 @@ pub fn json(value: &impl Serialize) -> Result<(), Error> {
 pub fn status_of(holds: bool) -> Status {
     if holds { Status::Done } else { Status::CheckFailed }
 }
+
+/// The arguments that were typed, without the name of the program.
+pub fn typed_words() -> Vec<String> {
+    std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect()
+}

@@ -5,7 +5,7 @@ use super::arguments::{
     OptimiserName, Recipe, Train, UnitsOf, circle_action, option_of, positive, ramp,
 };
 use super::guards::{check_ending, guard_output, use_threads};
-use super::output::{json, out, width};
+use super::output::{json, out, typed_words, width};
 use super::progress::{Progress, line};
 use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
@@ -393,7 +393,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let units = fitted.problem.units.clone();
     let example = fitted.problem.architecture.controls.as_ref().map(Controls::example);
     let next = &|step: NextStep| {
-        let typed: Vec<String> = std::env::args().skip(1).collect();
+        let typed = typed_words();
         let at = example.as_ref().filter(|_| step == NextStep::Predict);
         let at = at.map(|values| format!(" --at {values}")).unwrap_or_default();
         next_command(&typed, step, &arguments.output) + &at

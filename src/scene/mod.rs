@@ -66,7 +66,7 @@ pub use folder::Folder;
 pub use line_data::{CoilFile, Coils, LineData};
 pub use log::{Stage, TrainingTimes};
 pub use machine::Machine;
-pub use next_command::next_command;
+pub use next_command::{command_line, next_command, without_page};
 pub use notes::{Note, own_invariance_fault};
 pub use own_pairs::{NextStep, OwnTraining};
 pub use parse::parse;

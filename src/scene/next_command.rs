@@ -34,8 +34,18 @@ pub fn next_command(typed: &[String], step: NextStep, model: &Path) -> String {
             with(&["--starts"], &["--starts", &starts.to_string(), "--overwrite"])
         }
     };
+    command_line(&words)
+}
+
+/// The program with these arguments, as a shell takes it.
+pub fn command_line(words: &[String]) -> String {
     let words: Vec<String> = words.iter().map(|word| quoted(word)).collect();
     format!("gyroceptron {}", words.join(" "))
+}
+
+/// The arguments without those that say where a page is written.
+pub fn without_page(typed: &[String]) -> Vec<String> {
+    without(typed, &["--report"], &["--overwrite"])
 }
 
 /// The arguments without these options and their values, and without these flags.

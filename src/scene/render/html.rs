@@ -9,7 +9,7 @@ use crate::scene::findings::{Block, Findings, Section, Table};
 use crate::scene::report::Report;
 use crate::scene::study::certificate::certificate_table;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use pulldown_cmark::{Event, Parser};
+use pulldown_cmark::{Event, Parser, Tag, TagEnd};
 
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
@@ -34,7 +34,8 @@ pub fn report(report: &Report, citation: &str) -> Result<String, Error> {
     };
     for study in &report.studies {
         // It is said above already.
-        let said = usize::from(study.name == TRUST);
+        let first = study.findings.results.summary.first();
+        let said = usize::from(study.name == TRUST && matches!(first, Some(Block::Text(_))));
         body = html! { (body) (of_study(&study.findings, said)?) };
     }
     if !report.parts.is_empty() {
@@ -55,8 +56,9 @@ pub fn report(report: &Report, citation: &str) -> Result<String, Error> {
     body = html! {
         (body)
         @for study in folded {
+            h2 { "Appendix: " (study.findings.title) }
             details {
-                summary { "Appendix: " (study.findings.title) }
+                summary { "Show" }
                 (blocks(&study.findings.appendix))
             }
         }
@@ -119,7 +121,10 @@ pub fn certificate(
             (options.samples) " points each, uniform in |zᵢ| ≤ " (options.radius) ", seed " (options.seed)
             "; other points are not tested. A ratio is an error over the rounding scale of the computation that made it."
         }
-        (to_repeat(html! { pre { (command) } }))
+        (to_repeat(html! {
+            pre { (command) }
+            p { "With gyroceptron " (env!("CARGO_PKG_VERSION")) ": every number above comes out the same, bit for bit." }
+        }))
         (to_cite(citation))
     };
     page("Structure certificate", &body)
@@ -150,7 +155,7 @@ pub fn laws(certificate: &Certificate, notes: &[String]) -> String {
 fn of_laws(certificate: &Certificate, notes: &[String]) -> Markup {
     let class = if certificate.holds() { "verdict holds" } else { "verdict fails" };
     html! {
-        div class=(class) role="status" { (certificate.summary()) }
+        div class=(class) { (certificate.summary()) }
         @let all: Vec<String> = notes.iter().cloned().chain(certificate.advice()).collect();
         @if !all.is_empty() {
             ul { @for text in &all { li { (markdown_line(text)) } } }
@@ -184,28 +189,48 @@ fn verdict(report: &Report) -> Markup {
     let all: Vec<_> = studies(report).into_iter().chain(of_parts).collect();
     let failing: Vec<&str> =
         all.iter().filter(|(_, holds)| !holds).map(|(title, _)| &title[..]).collect();
-    let trust = report.study(TRUST).and_then(|of| of.results.summary.first());
+    let trust = judgements(report);
     html! {
-        @if let Some(Block::Text(text)) = trust {
-            @let class = match text {
-                text if text.starts_with("**yes") => "verdict holds",
-                text if text.starts_with("**no") => "verdict fails",
-                _ => "verdict",
-            };
-            div class=(class) role="status" { (markdown(text)) }
+        @if !trust.is_empty() {
+            @let says = |word: &str| trust.iter().any(|(_, text)| text.starts_with(&format!("**{word}")));
+            @let class = if says("no") { "verdict fails" } else if says("care") { "verdict" } else { "verdict holds" };
+            div class=(class) {
+                @for (name, text) in &trust {
+                    @if let Some(name) = name { h3 { (markdown_line(name)) } }
+                    p { "Can it be trusted? " (markdown_line(text)) }
+                }
+            }
         } @else if !failing.is_empty() {
-            div.verdict.fails role="status" {
-                strong { "A check does not hold: " } (failing.join("; ")) "."
+            div.verdict.fails {
+                strong { @if failing.len() == 1 { "A check does not hold: " } @else { (failing.len()) " checks do not hold: " } }
+                (failing.join("; ")) "."
             }
         } @else if all.is_empty() {
-            div.verdict role="status" { "This scene measures, and checks nothing." }
+            div.verdict { "This scene measures, and checks nothing." }
         } @else {
-            div.verdict.holds role="status" {
+            div.verdict.holds {
                 strong { @if all.len() == 1 { "The check holds: " } @else { "All " (all.len()) " checks hold: " } }
                 (all.iter().map(|(title, _)| &title[..]).collect::<Vec<_>>().join("; ")) "."
             }
         }
     }
+}
+
+/// Whether to trust each training, with the name of it where there are several.
+fn judgements(report: &Report) -> Vec<(Option<&str>, &str)> {
+    let summary = report.study(TRUST).map_or(&[][..], |of| &of.results.summary);
+    if let Some(Block::Text(text)) = summary.first() {
+        return vec![(None, text.trim_end())];
+    }
+    let (mut out, mut name) = (Vec::new(), None);
+    for block in summary {
+        match block {
+            Block::Heading(heading) => name = Some(&heading[..]),
+            Block::Text(text) => out.push((name.take(), text.trim_end())),
+            Block::Table(_) => {}
+        }
+    }
+    out
 }
 
 fn badge(verdict: Option<bool>) -> Markup {
@@ -268,8 +293,9 @@ fn timings(report: &Report) -> Result<Markup, Error> {
         let stages = stages(&report.stages);
         out = html! {
             (out)
+            h3 { "What was computed" }
             details {
-                summary { "What was computed" }
+                summary { "Show" }
                 (table(&stages))
             }
         };
@@ -295,11 +321,11 @@ fn table(of: &Table) -> Markup {
     let headings: Vec<&str> = of.headings().collect();
     let has_headings = headings.iter().any(|heading| !heading.is_empty());
     html! {
-        div.scroll tabindex="0" role="region" aria-label="table" {
+        div.scroll {
             table {
                 @if has_headings {
                     thead { tr {
-                        @for heading in &headings { th scope="col" { button type="button" { (markdown_line(heading)) } } }
+                        @for heading in &headings { th scope="col" { (markdown_line(heading)) } }
                     } }
                 }
                 tbody {
@@ -309,6 +335,11 @@ fn table(of: &Table) -> Markup {
                                 @match (column, number) {
                                     (0, None) => th scope="row" { (markdown_line(text)) },
                                     (_, None) => td { (markdown_line(text)) },
+                                    (_, Some(number)) if number.is_nan() => td.number { (text) },
+                                    // JavaScript reads the word.
+                                    (_, Some(number)) if number.is_infinite() => {
+                                        td.number data-value=(if *number > 0.0 { "Infinity" } else { "-Infinity" }) { (text) }
+                                    },
                                     (_, Some(number)) => td.number data-value=(number) { (text) },
                                 }
                             }
@@ -329,19 +360,25 @@ fn of_figures(figures: &[Figure], folder: &str) -> Result<Markup, Error> {
         // What stands before the element is no part of a page.
         let begin = drawing.find("<svg").unwrap_or(0);
         let drawing = dots_together(&drawing[begin..]);
-        let drawing = drawing.replacen("<svg ", "<svg aria-hidden=\"true\" ", 1);
+        let width: f64 =
+            value_of(&drawing, " width").and_then(|text| text.parse().ok()).unwrap_or(0.0);
+        // Letters stay legible: what is wider than the window scrolls.
+        let own = format!("<svg aria-hidden=\"true\" style=\"min-width:{:.0}px\" ", 0.7 * width);
+        let drawing = drawing.replacen("<svg ", &own, 1);
         let data = format!("{folder}{}", data_file_of(figure.name));
         out = html! {
             (out)
             figure {
-                div.plot tabindex="0" role="img" aria-label=(figure.caption) data-panels=(panels) {
+                div.plot tabindex="0" role="group" aria-label=(figure.caption) data-panels=(panels) {
                     (PreEscaped(drawing))
                 }
                 div.readout aria-hidden="true" {}
                 figcaption {
-                    (markdown_line(&figure.caption)) " (" a href=(data) { "data" } "; "
-                    a href={ (folder) (figure.file()) } { "file" } ")"
-                    span.help { " – a double click or the keys + and − enlarge it" }
+                    (markdown_line(&figure.caption)) " (" a href=(data) { "numbers as CSV" } "; "
+                    a href={ (folder) (figure.file()) } { "figure as SVG" } ")"
+                    span.help {
+                        ". A double click or + enlarges it, − makes it smaller, 0 shows all of it, the arrows move it."
+                    }
                 }
             }
         };
@@ -349,9 +386,13 @@ fn of_figures(figures: &[Figure], folder: &str) -> Result<Markup, Error> {
     Ok(out)
 }
 
-/// Markdown as HTML: tags in it are text.
+/// Markdown as HTML: tags in it are text, and links are their words, since names of files are no addresses.
 fn markdown(text: &str) -> Markup {
-    let events = Parser::new(text).map(|event| match event {
+    let is_link = |event: &Event<'_>| {
+        let start = matches!(event, Event::Start(Tag::Link { .. } | Tag::Image { .. }));
+        start || matches!(event, Event::End(TagEnd::Link | TagEnd::Image))
+    };
+    let events = Parser::new(text).filter(|event| !is_link(event)).map(|event| match event {
         Event::Html(tag) | Event::InlineHtml(tag) => Event::Text(tag),
         other => other,
     });
@@ -403,12 +444,15 @@ fn dots_together(svg: &str) -> String {
 /// The place and the colour of a line that is a dot.
 fn dot(line: &str) -> Option<([&str; 2], &str)> {
     let line = line.trim().strip_prefix("<circle ")?;
-    let value = |name: &str| {
-        let (_, rest) = line.split_once(&format!("{name}=\""))?;
-        rest.split('"').next()
-    };
+    let value = |name: &str| value_of(line, name);
     if value(" r")? != "1" || value("opacity")? != "1" {
         return None;
     }
     Some(([value("cx")?, value("cy")?], value("fill")?))
+}
+
+/// The value of the first attribute of this name.
+fn value_of<'a>(text: &'a str, name: &str) -> Option<&'a str> {
+    let (_, rest) = text.split_once(&format!("{name}=\""))?;
+    rest.split('"').next()
 }

@@ -1,30 +1,41 @@
 "use strict";
-// Tables sort by the column whose heading is pressed.
-for (const button of document.querySelectorAll("th button")) {
+// Tables sort by the column whose heading is pressed; what is missing stays last.
+for (const heading of document.querySelectorAll("thead th")) {
+  const button = document.createElement("button");
+  button.type = "button";
+  button.append(...heading.childNodes);
+  heading.append(button);
   button.addEventListener("click", () => {
-    const heading = button.closest("th");
     const body = heading.closest("table").tBodies[0];
-    const column = heading.cellIndex;
-    const down = heading.getAttribute("aria-sort") === "ascending";
-    const key = (row) => row.cells[column].dataset.value;
-    const compare = (a, b) => {
+    const sign = heading.getAttribute("aria-sort") === "ascending" ? -1 : 1;
+    const cell = (row) => row.cells[heading.cellIndex];
+    const key = (row) => (cell(row).dataset.value === undefined ? NaN : Number(cell(row).dataset.value));
+    const missing = (row) => cell(row).textContent === "–";
+    const rows = [...body.rows].sort((a, b) => {
+      if (missing(a) !== missing(b)) return missing(a) ? 1 : -1;
       const [x, y] = [key(a), key(b)];
-      if (x !== undefined && y !== undefined) return x - y;
-      if (x !== y) return x === undefined ? 1 : -1;
-      return a.cells[column].textContent.localeCompare(b.cells[column].textContent);
-    };
-    const rows = [...body.rows].sort(compare);
-    if (down) rows.reverse();
+      if (Number.isNaN(x) !== Number.isNaN(y)) return Number.isNaN(x) ? 1 : -1;
+      if (!Number.isNaN(x)) return x === y ? 0 : sign * (x < y ? -1 : 1);
+      return sign * cell(a).textContent.localeCompare(cell(b).textContent, undefined, { numeric: true });
+    });
     body.append(...rows);
     for (const other of heading.parentNode.cells) other.removeAttribute("aria-sort");
-    heading.setAttribute("aria-sort", down ? "descending" : "ascending");
+    heading.setAttribute("aria-sort", sign === 1 ? "ascending" : "descending");
   });
 }
+// What scrolls can be reached by the keyboard.
+for (const box of document.querySelectorAll(".scroll"))
+  if (box.scrollWidth > box.clientWidth) box.tabIndex = 0;
 // What is folded is printed too.
+let opened = [];
 addEventListener("beforeprint", () => {
-  for (const details of document.querySelectorAll("details")) details.open = true;
+  opened = [...document.querySelectorAll("details:not([open])")];
+  for (const details of opened) details.open = true;
 });
-// Figures say what is under the pointer, and are enlarged by the wheel with Ctrl, or by the keys + and -.
+addEventListener("afterprint", () => {
+  for (const details of opened) details.open = false;
+});
+// Figures say what is under the pointer, and are enlarged by a double click or by keys.
 for (const plot of document.querySelectorAll(".plot")) {
   const svg = plot.querySelector("svg");
   const readout = plot.parentNode.querySelector(".readout");
@@ -41,7 +52,7 @@ for (const plot of document.querySelectorAll(".plot")) {
   };
   const value = (share, [low, high, log]) => {
     const at = low + share * (high - low);
-    return (log ? 10 ** at : at).toPrecision(4).replace(/\.?0+(e|$)/, "$1");
+    return String(Number((log ? 10 ** at : at).toPrecision(4)));
   };
   plot.addEventListener("pointermove", (event) => {
     const [px, py] = place(event);
@@ -68,19 +79,13 @@ for (const plot of document.querySelectorAll(".plot")) {
     show();
   };
   const middle = () => [view[0] + view[2] / 2, view[1] + view[3] / 2];
-  plot.addEventListener(
-    "wheel",
-    (event) => {
-      if (!event.ctrlKey) return;
-      event.preventDefault();
-      zoom(event.deltaY > 0 ? 1.25 : 0.8, place(event));
-    },
-    { passive: false },
-  );
-  plot.addEventListener("dblclick", (event) => zoom(0.5, place(event)));
+  plot.addEventListener("dblclick", (event) => zoom(event.shiftKey ? 2 : 0.5, place(event)));
+  addEventListener("beforeprint", () => svg.setAttribute("viewBox", whole.join(" ")));
+  addEventListener("afterprint", show);
   plot.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
     const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
-    if (event.key === "+") zoom(0.8, middle());
+    if (event.key === "+" || event.key === "=") zoom(0.8, middle());
     else if (event.key === "-") zoom(1.25, middle());
     else if (event.key === "0" || event.key === "Escape") zoom(64, middle());
     else if (moves[event.key] && view[2] < whole[2]) {
