@@ -129,11 +129,20 @@ fn answers_of(name: &str, stored: &StoredModel, points: &[f64]) -> Answers {
         }
         exact.extend(stored.invariant().map(|of| of(z).to_bits()));
         let jacobian = stored.jacobians(z).expect("points");
-        tangent.extend(jacobian.chunks_exact(dim).map(|row| row.iter().sum::<f64>()));
+        tangent.extend(jacobian.chunks_exact(dim).map(|row| {
+            row.iter().enumerate().map(|(k, of)| (1.0 - 0.7 * k as f64) * of).sum::<f64>()
+        }));
         let region = stored.provenance.region.as_ref();
         let is_inside = |z: &[f64]| {
-            let in_region = region.is_none_or(|of| of.left_by(z, 1, 1).is_none());
-            in_region && stored.leaves_polynomials(z, 1, 1).is_none()
+            let mut image = z.to_vec();
+            let moved = stored.map_points(Direction::Forward, &mut image).is_ok();
+            let both = [z, &image];
+            let in_region =
+                region.is_none_or(|of| both.iter().all(|z| of.left_by(z, 1, 1).is_none()));
+            moved
+                && in_region
+                && image.iter().all(|v| !v.is_nan())
+                && stored.leaves_polynomials(z, 1, 1).is_none()
         };
         let far: Vec<f64> = z.iter().map(|v| 4.0 * v).collect();
         inside.push([is_inside(z), is_inside(&far)]);
@@ -169,7 +178,7 @@ fn driver(all: &[(String, StoredModel, Vec<f64>)]) -> String {
             }
             let _ = writeln!(
                 main,
-                "    for (int k = 0; k < {dim}; k++) {{ z[k] = at[k]; v[k] = 1.0; }}\n    {name}_tangent(z, v); \
+                "    for (int k = 0; k < {dim}; k++) {{ z[k] = at[k]; v[k] = 1.0 - 0.7 * k; }}\n    {name}_tangent(z, v); \
                  print(v, {dim});\n    print(z, {dim});\n    for (int k = 0; k < {dim}; k++) z[k] = 4 * at[k];\n    \
                  printf(\"%d\\n%d\\n\", {name}_is_inside(at), {name}_is_inside(z)); }}"
             );
@@ -220,7 +229,7 @@ fn c_gives_the_bits_of_the_crate() {
         .collect();
     assert!(all.len() > 20, "{} models", all.len());
     for (name, stored, _) in &all {
-        let code = SourceCode::of(stored, SourceLanguage::C, name).expect("a map");
+        let code = SourceCode::of(stored, SourceLanguage::C, name, None).expect("a map");
         code.write(&folder.path().join(format!("{name}.c"))).expect("files");
     }
     std::fs::write(folder.path().join("main.c"), driver(&all)).expect("a file");
@@ -265,11 +274,15 @@ fn c_gives_the_bits_of_the_crate() {
 #[test]
 fn what_is_no_name_is_refused() {
     let model = stored(architectures().swap_remove(0).1);
-    for name in ["", "3d", "a-b", "é", "_a", &"a".repeat(41)] {
-        let error = SourceCode::of(&model, SourceLanguage::C, name).expect_err("no name");
+    for name in ["", "3d", "a-b", "é", "_a", "math", &"a".repeat(41)] {
+        let error = SourceCode::of(&model, SourceLanguage::C, name, None).expect_err("no name");
         assert!(error.to_string().contains("a letter"), "{error}");
     }
-    assert!(SourceCode::of(&model, SourceLanguage::C, "int").is_ok());
+    assert!(SourceCode::of(&model, SourceLanguage::C, "int", None).is_ok());
+    for name in ["jax", "class", "my-map"] {
+        let error = SourceCode::of(&model, SourceLanguage::Jax, name, None).expect_err("no name");
+        assert!(error.to_string().contains("Python imports"), "{error}");
+    }
 }
 
 #[test]
@@ -279,28 +292,32 @@ fn fortran_calls_the_same_map() {
         println!("no Fortran compiler, gfortran, is here: the interface is not compiled");
         return;
     }
-    let (name, stored) = models().into_iter().find(|(name, _)| name == "in_units").expect("it");
+    let (_, stored) = models().into_iter().find(|(name, _)| name == "in_units").expect("it");
+    // As long as a name can be.
+    let name = "in_units_".to_owned() + &"x".repeat(31);
     let folder = tempfile::tempdir().expect("a folder");
-    let code = SourceCode::of(&stored, SourceLanguage::C, &name).expect("a map");
-    code.write(&folder.path().join("in_units.c")).expect("files");
-    let program = "program main\n  use in_units\n  use, intrinsic :: iso_c_binding\n  implicit none\n  \
+    let code = SourceCode::of(&stored, SourceLanguage::C, &name, None).expect("a map");
+    code.write(&folder.path().join(format!("{name}.c"))).expect("files");
+    let program = "program main\n  use in_units_module\n  use, intrinsic :: iso_c_binding\n  implicit none\n  \
                    real(c_double) :: z(in_units_dim), v(in_units_dim), invariant\n  integer(c_int) :: inside\n  \
                    z = [0.1d0, 0.2d0, -0.3d0, 0.4d0]\n  invariant = in_units_invariant(z)\n  \
                    inside = in_units_is_inside(z)\n  call in_units_iterate(z, 5_c_long_long)\n  \
                    print '(z16.16)', z\n  call in_units_iterate(z, -4_c_long_long)\n  \
                    call in_units_inverse(z)\n  v = 1d0\n  call in_units_map(z)\n  \
                    call in_units_tangent(z, v)\n  print '(z16.16)', invariant\n  print '(i0)', inside\nend program\n";
+    let program = program.replace("in_units", &name);
     std::fs::write(folder.path().join("main.f90"), program).expect("a file");
+    let file = |ending: &str| format!("{name}.{ending}");
     let run = |command: &str, arguments: &[&str]| {
         let done = Command::new(command).current_dir(folder.path()).args(arguments).output();
         let done = done.expect("it runs");
         assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
         String::from_utf8(done.stdout).expect("text")
     };
-    run(compiler, &["-std=c99", "-O1", "-ffp-contract=off", "-c", "in_units.c"]);
+    run(compiler, &["-std=c99", "-O1", "-ffp-contract=off", "-c", &file("c")]);
     run(
         "gfortran",
-        &["-Wall", "-Werror", "in_units.f90", "main.f90", "in_units.o", "-o", "program", "-lm"],
+        &["-Wall", "-Werror", &file("f90"), "main.f90", &file("o"), "-o", "program", "-lm"],
     );
     let text = run(&folder.path().join("program").display().to_string(), &[]);
     let z = [0.1, 0.2, -0.3, 0.4];

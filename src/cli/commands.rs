@@ -532,6 +532,10 @@ fn export(arguments: &Export) -> Result<Status, Error> {
     if let Some(language) = language {
         return export_code(arguments, language);
     }
+    if format.is_none() {
+        let expected = "a name that ends in .safetensors, .npz, .c or .py";
+        return Err(Error::invalid("--output", arguments.output.display(), expected));
+    }
     let of_code = [
         ("--epsilon", arguments.epsilon.map(|value| value.to_string())),
         ("--flow-time", arguments.flow_time.map(|value| value.to_string())),
@@ -553,11 +557,28 @@ fn export(arguments: &Export) -> Result<Status, Error> {
 }
 
 fn export_code(arguments: &Export, language: SourceLanguage) -> Result<Status, Error> {
-    let (stored, of_controls) = at_controls(load_model(&arguments.model)?, &arguments.at)?;
+    let loaded = load_model(&arguments.model)?;
+    let (family, has_controls) =
+        (loaded.digest()?, loaded.model.composition().controls().is_some());
+    let (stored, of_controls) = at_controls(loaded, &arguments.at)?;
     let stored = stored.member(arguments.epsilon, arguments.flow_time)?;
     of_controls.iter().for_each(|text| line(&format!("note: {text}")));
+    let of_family = [
+        ("epsilon", arguments.epsilon.map(|value| value.to_string())),
+        ("flow time", arguments.flow_time.map(|value| value.to_string())),
+        ("controls", has_controls.then(|| arguments.at.join(", "))),
+    ];
+    let words =
+        of_family.iter().filter_map(|(name, value)| Some(format!("{name} {}", value.as_ref()?)));
+    let words: Vec<String> = words.collect();
+    let member = (!words.is_empty()).then(|| {
+        let of = words.join(", ").replace("controls ", "controls at ");
+        let of = if of.ends_with("at ") { format!("{of}the middle of their ranges") } else { of };
+        format!("a member ({of}) of the model with the digest {family}")
+    });
     let name = arguments.output.file_stem().unwrap_or_default().to_string_lossy();
-    let code = SourceCode::of(&stored, language, &name).map_err(|e| e.with_place("--output"))?;
+    let code = SourceCode::of(&stored, language, &name, member.as_deref())
+        .map_err(|e| e.with_place("--output"))?;
     let paths = code.paths(&arguments.output);
     for path in &paths {
         guard_output("--output", path, arguments.overwrite, &[&arguments.model])?;

@@ -168,7 +168,7 @@ impl Model {
         py: Python<'py>,
         language: SourceLanguage,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let code = SourceCode::of(&self.stored, language, "model")?;
+        let code = SourceCode::of(&self.stored, language, "model", None)?;
         let (_, text) = &code.files[0];
         let builtins = py.import("builtins")?;
         let place = format!("<gyroceptron model {}>", self.stored.digest()?);
@@ -660,8 +660,9 @@ impl Model {
     }
 
     /// The map as source code, {file name: text}: "c", with a header and an interface for Fortran, "jax" or
-    /// "torch". Its functions are the map, its inverse, its iterates and its invariant, in units of the data. Raises
-    /// Error when `name` is no identifier, or the model depends on controls: `at` takes their values.
+    /// "torch". Its functions are the map, its inverse, its iterates and its invariant, in units of the data; those of C,
+    /// which begin with `name`, are its derivative and whether a point is inside of its boxes too. Raises Error when
+    /// `name` is no name, or the model depends on controls: `at` takes their values, and another ε or flow time.
     #[pyo3(signature = (language, name="model"))]
     fn source_code<'py>(
         &self,
@@ -674,7 +675,7 @@ impl Model {
             let names = SourceLanguage::ALL.map(SourceLanguage::name);
             Error::invalid("language", language, names.join(", "))
         })?;
-        let code = SourceCode::of(&self.stored, found, name)?;
+        let code = SourceCode::of(&self.stored, found, name, None)?;
         let out = PyDict::new(py);
         for (ending, text) in code.files {
             out.set_item(format!("{name}.{ending}"), text)?;

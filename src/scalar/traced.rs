@@ -36,8 +36,10 @@ impl Traced {
 pub enum Operation {
     /// The input of this number.
     Input(usize),
-    /// A constant.
+    /// A constant of the code.
     Constant(f64),
+    /// A parameter of the map.
+    Parameter(f64),
     /// −x.
     Negative(Traced),
     /// x + y.
@@ -90,7 +92,7 @@ impl Operation {
 
     fn operands_mut(&mut self) -> Vec<&mut Traced> {
         match self {
-            Self::Input(_) | Self::Constant(_) | Self::Other(_) => Vec::new(),
+            Self::Input(_) | Self::Constant(_) | Self::Parameter(_) | Self::Other(_) => Vec::new(),
             Self::Negative(x)
             | Self::Magnitude(x)
             | Self::Kernel(_, _, x)
@@ -189,7 +191,7 @@ impl Trace {
             let of = |number: &Traced| values[number.place()];
             values.push(match operation {
                 Operation::Input(k) => inputs[*k],
-                Operation::Constant(value) => *value,
+                Operation::Constant(value) | Operation::Parameter(value) => *value,
                 Operation::Negative(x) => -of(x),
                 Operation::Sum(x, y) => of(x) + of(y),
                 Operation::Difference(x, y) => of(x) - of(y),
@@ -357,13 +359,12 @@ impl Lanewise for Traced {
 assigning!([] Traced);
 over_itself!([] Traced);
 
-/// Weights are constants of the trace.
 impl Over<f64> for Traced {
     fn embed(parameter: f64) -> Self {
-        Self::from_f64(parameter)
+        Self::of(Operation::Parameter(parameter))
     }
     fn mul_add_parameter(self, parameter: f64, addend: Self) -> Self {
-        self.mul_add(Self::from_f64(parameter), addend)
+        self.mul_add(Self::embed(parameter), addend)
     }
     fn series_each<const K: usize>(s: [Self; K], series: Series<'_, f64>) -> [Self; K] {
         RECORD.with_borrow_mut(|record| record.arguments.extend(s));

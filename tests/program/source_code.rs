@@ -35,8 +35,8 @@ fn run(folder: &std::path::Path, line: &str) -> Option<String> {
 fn the_guides_programs_move_a_point_as_predict_does() {
     let folder = with_model();
     let path = folder.path();
-    let said = succeeds(path, &["export", "--model", "model.json", "--output", "map.c"]);
-    assert!(text(&said.stdout).starts_with("map.c, map.h, map.f90"), "{}", text(&said.stdout));
+    let said = succeeds(path, &["export", "--model", "model.json", "--output", "ring.c"]);
+    assert!(text(&said.stdout).starts_with("ring.c, ring.h, ring.f90"), "{}", text(&said.stdout));
     write_points(&path.join("z.npy"), &[1, 4], &[0.8, 0.3, 0.0, 0.0]).expect("written");
     let steps = ["--steps", "100000", "--every", "100000"];
     let predict = ["predict", "--model", "model.json", "--input", "z.npy", "--output", "t.npy"];
@@ -61,16 +61,18 @@ fn the_guides_programs_move_a_point_as_predict_does() {
         .collect();
     assert_eq!(numbers, end[..2]);
     assert!(output.contains("the invariant moved by"), "{output}");
-    let fortran = "gfortran map.f90 main.f90 map.o -o main -lm";
+    let fortran = "gfortran ring.f90 main.f90 ring.o -o main -lm";
     assert!(include_str!("../../src/guide/source_code.md").contains(fortran));
-    // The guide's point has two numbers, the others of this model are 0.
+    write_points(&path.join("z.npy"), &[1, 4], &[0.8, 0.0, 0.0, 0.0]).expect("written");
+    succeeds(path, &[&predict[..], &steps, &["--overwrite"]].concat());
+    let end = last_numbers(&path.join("t.npy"), 4);
     if run(path, fortran).is_none() {
         return;
     }
     let output = run(path, "./main").expect("it is here");
-    let first: f64 =
-        output.split_whitespace().next().and_then(|v| v.parse().ok()).expect("a number");
-    assert!(first.is_finite());
+    let numbers: Vec<f64> =
+        output.split_whitespace().map(|v| v.parse().expect("a number")).collect();
+    assert_eq!(numbers[..4], end);
 }
 
 #[test]
@@ -84,8 +86,17 @@ fn bad_exports_write_nothing() {
     expect(&["--output", "a-b.c"], &["a-b", "letter"]);
     expect(&["--output", "m.py", "--format", "c"], &["--output", ".c"]);
     expect(&["--output", "m.npz", "--epsilon", "0.1"], &["--epsilon", "0.1"]);
+    expect(&["--output", "m.h"], &["--output", ".c or .py"]);
+    expect(&["--output", "jax.py"], &["jax", "hides no other module"]);
     expect(&["--output", "m.c", "--at", "k=1"], &["--at", "no controls"]);
     expect(&["--output", "m.c", "--flow-time", "-1"], &["flow_time", "-1"]);
+    // A member says of which family it is.
+    succeeds(path, &export(&["--output", "member.c", "--epsilon", "0.02"]));
+    let member = std::fs::read_to_string(path.join("member.c")).expect("written");
+    assert!(
+        member.contains("It is a member (epsilon 0.02) of the model with the digest"),
+        "{member}"
+    );
     // The header is no file to replace.
     std::fs::write(path.join("m.h"), "mine").expect("written");
     expect(&["--output", "m.c"], &["m.h"]);

@@ -64,6 +64,9 @@ def test_jax_has_the_values_and_derivatives(models, kind):
     assert_near(function.iterate(points, -5), model.predict(points, -5, outside="ignore")[-1], scale)
     assert_near(function.inverse(points), model.inverse(points), scale)
     assert_near(function.invariant(points), model.invariant(points), scale**2)
+    for wrong in (points[0, 0, 0], points[..., :3], np.ones((2, 6))):
+        with pytest.raises(ValueError, match="expected points"):
+            function(wrong)
     rows = points.reshape(-1, 4)[:3]
     for derivative in (jax.jacfwd, jax.jacrev):
         assert_near(jax.jit(jax.vmap(derivative(function)))(rows), model.jacobian(rows))
@@ -78,6 +81,8 @@ def test_torch_has_the_values_and_derivatives(models):
         assert_near(images.detach(), model.predict(points, 1, outside="ignore")[-1], scale)
         assert_near(function.iterate(tensor, -3).detach(), model.predict(points, -3, outside="ignore")[-1], scale)
         assert_near(function.invariant(tensor).detach(), model.invariant(points), scale**2)
+        with pytest.raises(ValueError, match="expected points"):
+            function(tensor[..., :3])
         images[..., 1].sum().backward()
         assert_near(tensor.grad, model.jacobian(points)[..., 1, :])
 

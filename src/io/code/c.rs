@@ -82,7 +82,7 @@ fn body(function: &Function, inputs: &[String], kernels: &mut Kernels) -> Body {
                 out.names.push(inputs[*k].clone());
                 continue;
             }
-            Operation::Constant(value) => {
+            Operation::Constant(value) | Operation::Parameter(value) => {
                 out.names.push(match place {
                     Some(place) => format!("c[{place}]"),
                     None if value.is_sign_negative() => format!("({})", number(*value)),
@@ -240,8 +240,8 @@ fn interface(program: &Program, name: &str) -> Vec<(String, String)> {
         (format!("void {name}_inverse(double z[{dim}])"), "A step back.".to_owned()),
         (
             format!("void {name}_iterate(double z[{dim}], long long steps)"),
-            "So many steps, or steps back where the number is negative. The coordinates of the data are left\n   \
-             once, and come back once: many calls of map round more often."
+            "So many steps, or steps back where the number is negative. The point is converted to the coordinates of\n   \
+             the network once and back once, so that n steps in one call round less than n calls of map."
                 .to_owned(),
         ),
         (
@@ -250,8 +250,8 @@ fn interface(program: &Program, name: &str) -> Vec<(String, String)> {
         ),
         (
             format!("int {name}_is_inside(const double z[{dim}])"),
-            "1 where z and the step from it are inside of the boxes that the model is made for, else 0: that of its\n   \
-             training points and a hundredth more, and those of its polynomials and sections."
+            "1 where z and the step from it are inside of the boxes that the model is made for, else 0. These are the\n   \
+             box of the training points, widened by a hundredth, and the boxes of its polynomials and sections."
                 .to_owned(),
         ),
     ];
@@ -432,23 +432,27 @@ fn tangent_of_data(stored: &StoredModel, name: &str, dim: usize) -> String {
 }
 
 fn is_inside(stored: &StoredModel, name: &str, dim: usize) -> String {
-    let mut tests = String::new();
-    if let Some(region) = &stored.provenance.region {
-        let region = region.with_margin();
-        for (k, (low, high)) in region.low.iter().zip(&region.high).enumerate() {
-            let _ = writeln!(
-                tests,
-                "    if (!(at[{k}] >= {} && at[{k}] <= {})) {{\n        return 0;\n    }}",
-                number(*low),
-                number(*high)
-            );
-        }
+    let mut out = String::new();
+    let mut region = String::new();
+    if let Some(box_of_points) = &stored.provenance.region {
+        let around = box_of_points.with_margin();
+        out += "/* Whether a point is in the box of the training points. */\n";
+        out += "static int is_in_region(const double *z) {\n    return ";
+        let within = around.low.iter().zip(&around.high).enumerate().map(|(k, (low, high))| {
+            format!("z[{k}] >= {} && z[{k}] <= {}", number(*low), number(*high))
+        });
+        out += &within.collect::<Vec<_>>().join("\n        && ");
+        out += ";\n}\n\n";
+        region =
+            "    if (!is_in_region(at) || !is_in_region(z)) {\n        return 0;\n    }\n".into();
     }
     let most = number(1.0 + crate::network::Model::ROUNDING_OF_REACH);
-    format!(
-        "int {name}_is_inside(const double at[{dim}]) {{\n    double z[{dim}], reach = 0.0;\n{tests}    \
+    let _ = write!(
+        out,
+        "int {name}_is_inside(const double at[{dim}]) {{\n    double z[{dim}], reach = 0.0;\n    \
          memcpy(z, at, sizeof z);\n    to_network(z);\n    to_chart(z, &reach);\n    step(z, &reach);\n    \
-         from_chart(z, &reach);\n    to_data(z);\n    for (int k = 0; k < {dim}; k++) {{\n        \
+         from_chart(z, &reach);\n    to_data(z);\n{region}    for (int k = 0; k < {dim}; k++) {{\n        \
          if (isnan(z[k])) {{\n            return 0;\n        }}\n    }}\n    return reach <= {most};\n}}\n\n"
-    )
+    );
+    out
 }

@@ -31,7 +31,8 @@ def chebyshev(series, s):
 def to_canonical(chart, x, y):
     s, t = chart.unit(0, x), chart.unit(1, y)
     p = chebyshev(chart.along_x(chart.primitive, chart.columns + 1, t), s)
-    inside = (xp.abs(s) <= 1.0) & (xp.abs(t) <= 1.0)
+    (left, bottom), (right, top) = chart.low, chart.high
+    inside = (x >= left) & (x <= right) & (y >= bottom) & (y <= top)
     nan = xp.full_like(p, float("nan"))
     return xp.where(inside, y, nan), xp.where(inside, p, nan)
 
@@ -48,7 +49,7 @@ def to_data(chart, q, p):
     fixed = [constant_of(c) for c in series], [constant_of(c) for c in density], constant_of(p)
     one = xp.ones_like(p)
     first, last = chebyshev(fixed[0], -one) - fixed[2], chebyshev(fixed[0], one) - fixed[2]
-    inside = (xp.abs(t) <= 1.0) & (first <= 1e-15 * (last - first)) & (last >= -1e-15 * (last - first))
+    inside = (q >= chart.low[1]) & (q <= chart.high[1]) & (first <= 1e-15 * (last - first)) & (last >= -1e-15 * (last - first))
     low, high, s = -one, one, constant_of(-first / (last - first) * 2.0 - 1.0)
 
     def halve(state):

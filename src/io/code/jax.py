@@ -1,9 +1,11 @@
+from functools import partial
+
 import jax
 import jax.numpy as xp
 
 
 def as_array(z):
-    """An array of floats: of 64 bits where jax.config has jax_enable_x64."""
+    """An array of floats: of 64 bits where jax.config has jax_enable_x64, else of 32."""
     z = xp.asarray(z)
     return z if xp.issubdtype(z.dtype, xp.floating) else z.astype(float)
 

@@ -61,27 +61,25 @@ pub struct SourceCode {
 const LONGEST: usize = 40;
 
 impl SourceCode {
-    /// The code of a model without controls, whose functions begin with `name`.
+    /// The code of a model without controls, whose functions in C and Fortran begin with `name`. `member` says what
+    /// it was taken from, where it is one of a family.
     ///
     /// # Errors
     /// [`Error::Invalid`] of a name that is no identifier, or of a model that depends on controls.
-    pub fn of(stored: &StoredModel, language: SourceLanguage, name: &str) -> Result<Self, Error> {
-        let within = |c: char| c.is_ascii_alphanumeric() || c == '_';
-        let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
-        if !(begins && name.chars().all(within) && name.len() <= LONGEST) {
-            let expected = format!(
-                "a letter and up to {} letters, digits and _: functions are named so",
-                LONGEST - 1
-            );
-            return Err(Error::invalid("name of the code", name, expected));
-        }
+    pub fn of(
+        stored: &StoredModel,
+        language: SourceLanguage,
+        name: &str,
+        member: Option<&str>,
+    ) -> Result<Self, Error> {
+        check_name(language, name)?;
         if let Some(controls) = stored.model.composition().controls() {
             let names: Vec<&str> = controls.ranges.iter().map(|range| &*range.name).collect();
             let expected = "a model at values of its controls";
             return Err(Error::invalid("controls", names.join(", "), expected));
         }
         let program = program::Program::of(&stored.model)?;
-        let about = About::of(stored, name)?;
+        let about = About::of(stored, name, member)?;
         let files = match language {
             SourceLanguage::C => vec![
                 ("c", c::source(stored, &program, &about)),
@@ -115,6 +113,77 @@ impl SourceCode {
     }
 }
 
+/// Names that hide a header of C or a module of Python, or are words of Python.
+const TAKEN_IN_C: [&str; 25] = [
+    "assert", "complex", "ctype", "errno", "fenv", "float", "inttypes", "iso646", "limits",
+    "locale", "math", "setjmp", "signal", "stdarg", "stdbool", "stddef", "stdint", "stdio",
+    "stdlib", "string", "tgmath", "time", "wchar", "wctype", "threads",
+];
+const TAKEN_IN_PYTHON: [&str; 42] = [
+    "jax",
+    "torch",
+    "numpy",
+    "functools",
+    "random",
+    "typing",
+    "math",
+    "False",
+    "None",
+    "True",
+    "and",
+    "as",
+    "assert",
+    "async",
+    "await",
+    "break",
+    "class",
+    "continue",
+    "def",
+    "del",
+    "elif",
+    "else",
+    "except",
+    "finally",
+    "for",
+    "from",
+    "global",
+    "if",
+    "import",
+    "in",
+    "is",
+    "lambda",
+    "nonlocal",
+    "not",
+    "or",
+    "pass",
+    "raise",
+    "return",
+    "try",
+    "while",
+    "with",
+    "yield",
+];
+
+/// Fails at a name that functions or a module cannot have.
+fn check_name(language: SourceLanguage, name: &str) -> Result<(), Error> {
+    let within = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
+    let (taken, why) = match language {
+        SourceLanguage::C => {
+            (&TAKEN_IN_C[..], "functions begin with it, and it hides no header of C")
+        }
+        SourceLanguage::Jax | SourceLanguage::Torch => {
+            (&TAKEN_IN_PYTHON[..], "Python imports the file by it, and it hides no other module")
+        }
+    };
+    let is_free = !taken.contains(&name);
+    if begins && name.chars().all(within) && name.len() <= LONGEST && is_free {
+        return Ok(());
+    }
+    let expected = format!("a letter and up to {} letters, digits and _: {why}", LONGEST - 1);
+    Err(Error::invalid("name of the code", name, expected))
+}
+
 /// What a reader of the code is to know of its model.
 struct About<'a> {
     name: &'a str,
@@ -124,7 +193,7 @@ struct About<'a> {
 }
 
 impl<'a> About<'a> {
-    fn of(stored: &StoredModel, name: &'a str) -> Result<Self, Error> {
+    fn of(stored: &StoredModel, name: &'a str, member: Option<&str>) -> Result<Self, Error> {
         let (map, digest) = (stored.model.composition(), stored.digest()?);
         let mut lines = vec![
             format!(
@@ -134,6 +203,7 @@ impl<'a> About<'a> {
             ),
             format!("from the model with the digest {digest}."),
         ];
+        lines.extend(member.map(|member| format!("It is {member}.")));
         let architecture = stored.model.architecture();
         if architecture.is_symplectic() {
             lines.push("It is symplectic and has an exact inverse, but for rounding.".into());

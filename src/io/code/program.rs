@@ -5,6 +5,7 @@ use crate::layer::ElementaryMap;
 use crate::network::{Composition, Kind, Model, Visitor};
 use crate::phase::Direction;
 use crate::scalar::{Operation, Scalar, Trace, Traced, constant};
+use std::collections::BTreeMap;
 
 /// A map as calls of functions one after another.
 pub(super) type Calls = Vec<Call>;
@@ -49,6 +50,8 @@ pub(super) struct Program {
     pub dim: usize,
     pub functions: Vec<Function>,
     pub table: Vec<f64>,
+    /// Where numbers that are in the table already begin.
+    places: BTreeMap<Vec<u64>, usize>,
     /// To the coordinates that steps are made in, which a roll-out goes to once.
     pub to_chart: Calls,
     pub from_chart: Calls,
@@ -68,6 +71,7 @@ impl Program {
             dim: 2 * model.composition().dof(),
             functions: Vec::new(),
             table: Vec::new(),
+            places: BTreeMap::new(),
             to_chart: none(),
             from_chart: none(),
             forward: none(),
@@ -126,14 +130,12 @@ impl Program {
                 number - 1
             });
             // Steps that share a layer share its numbers.
-            let known = self.table.windows(numbers.len().max(1));
-            let bits = |of: &[f64]| of.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-            let wanted = bits(&numbers);
-            let place = known.map(bits).position(|window| window == wanted);
-            let place = place.unwrap_or_else(|| {
+            let bits: Vec<u64> = numbers.iter().map(|value| value.to_bits()).collect();
+            let next = self.table.len();
+            let place = *self.places.entry(bits).or_insert(next);
+            if place == next {
                 self.table.extend(&numbers);
-                self.table.len() - numbers.len()
-            });
+            }
             out.push(Call { function, numbers: place });
         }
         Ok(out)
@@ -165,8 +167,8 @@ fn name_of(kind: &Kind) -> &'static str {
 }
 
 impl Function {
-    /// The operations of a trace that its results need. Constants go to `numbers`, where there is such a table, but for
-    /// those that any network has.
+    /// The operations of a trace that its results need. Parameters go to `numbers`, where there is such a table, and so do
+    /// constants but for those that any network has.
     pub fn of(
         name: String,
         trace: &Trace,
@@ -183,13 +185,20 @@ impl Function {
                 let expected = "steps of networks alone";
                 return Err(Error::invalid("source code", function, expected));
             }
-            if let Operation::Constant(value) = operation {
-                let of_any = value.to_bits() == 0 || [0.5, 1.0, 2.0, 4.0].contains(&value.abs());
-                if let (Some(numbers), false) = (&mut numbers, of_any) {
-                    number = Some(numbers.len());
-                    numbers.push(value);
-                    operation = Operation::Constant(0.0);
+            // What the code has of any network stays where it is.
+            let of_network = match operation {
+                Operation::Parameter(value) => Some(value),
+                Operation::Constant(value) => {
+                    let of_any =
+                        value.to_bits() == 0 || [0.5, 1.0, 2.0, 4.0].contains(&value.abs());
+                    Some(value).filter(|_| !of_any)
                 }
+                _ => None,
+            };
+            if let (Some(numbers), Some(value)) = (&mut numbers, of_network) {
+                number = Some(numbers.len());
+                numbers.push(value);
+                operation = Operation::Constant(0.0);
             }
             let result = Traced::at(lines.len());
             places[place] = Some(result);

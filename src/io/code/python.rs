@@ -43,7 +43,7 @@ fn body(function: &Function, inputs: &[String]) -> (String, Vec<String>) {
                 names.push(inputs[*k].clone());
                 continue;
             }
-            Operation::Constant(value) => {
+            Operation::Constant(value) | Operation::Parameter(value) => {
                 names.push(match place {
                     Some(place) => format!("c[{place}]"),
                     None if value.is_sign_negative() => format!("({})", number(*value)),
@@ -204,7 +204,9 @@ pub(super) fn source(
     };
     let _ = write!(
         out,
-        "\nDIM = {dim}\nDIGEST = \"{}\"\nTABLE = {}\n\n\n",
+        "\n# `map` is left out: it would replace that of Python.\n\
+         __all__ = [\"DIM\", \"DIGEST\", \"inverse\", \"iterate\"{}]\n\nDIM = {dim}\nDIGEST = \"{}\"\nTABLE = {}\n\n\n",
+        if program.invariant.is_some() { ", \"invariant\"" } else { "" },
         about.digest,
         list(&program.table)
     );
@@ -237,18 +239,26 @@ pub(super) fn source(
             })
             .collect()
     };
+    // What is not compiled once is compiled at each call.
+    let (compiled, iterated) = match arrays {
+        Arrays::Jax => ("@jax.jit\n", "@partial(jax.jit, static_argnames=\"steps\")\n"),
+        Arrays::Torch => ("", ""),
+    };
     let (to_section, from_section) = (each("to_canonical"), each("to_data"));
     let _ = write!(
         out,
-        "def to_network(z):\n    z = [z[..., k] for k in range(DIM)]\n{to_section}{to}    return tuple(z)\n\n\n\
+        "def to_network(z):\n    \
+         if z.ndim == 0 or z.shape[-1] != DIM:\n        \
+         raise ValueError(f\"expected points (..., {{DIM}}), found the shape {{tuple(z.shape)}}\")\n    \
+         z = [z[..., k] for k in range(DIM)]\n{to_section}{to}    return tuple(z)\n\n\n\
          def from_network(z):\n    z = list(z)\n{from}{from_section}    return xp.stack(z, -1)\n\n\n\
-         def iterate(z, steps):\n    \"\"\"So many steps of points (..., {dim}), or steps back where the number is \
+         {iterated}def iterate(z, steps):\n    \"\"\"So many steps of points (..., {dim}), or steps back where the number is \
          negative.\"\"\"\n    \
          z = to_chart(to_network(as_array(z)))\n    \
          z = times(step if steps >= 0 else step_back, abs(steps), z)\n    \
          return from_network(from_chart(z))\n\n\n\
-         def map(z):\n    \"\"\"A step of the map of points (..., {dim}).\"\"\"\n    return iterate(z, 1)\n\n\n\
-         def inverse(z):\n    \"\"\"A step back of points (..., {dim}).\"\"\"\n    return iterate(z, -1)\n"
+         {compiled}def map(z):\n    \"\"\"A step of the map of points (..., {dim}).\"\"\"\n    return iterate(z, 1)\n\n\n\
+         {compiled}def inverse(z):\n    \"\"\"A step back of points (..., {dim}).\"\"\"\n    return iterate(z, -1)\n"
     );
     if let Some((to_actions, actions)) = &program.invariant {
         let inputs = coordinates(dim);
@@ -257,7 +267,7 @@ pub(super) fn source(
         let area = stored.units.as_ref().map_or(1.0, Units::area);
         let _ = write!(
             out,
-            "def invariant(z):\n    \"\"\"The invariant of the model at points (..., {dim}).\"\"\"\n    \
+            "{compiled}def invariant(z):\n    \"\"\"The invariant of the model at points (..., {dim}).\"\"\"\n    \
              {} = to_actions(to_network(as_array(z)))\n{lines}    return {} * {}\n",
             tuple(&inputs),
             number(area),

@@ -3,8 +3,10 @@ import torch as xp
 
 
 def as_array(z):
-    """Tensors as they are, other numbers in double precision."""
-    return z if isinstance(z, torch.Tensor) else torch.as_tensor(z, dtype=torch.float64)
+    """Tensors of floats as they are, other numbers in double precision."""
+    if isinstance(z, torch.Tensor) and z.is_floating_point():
+        return z
+    return torch.as_tensor(z, dtype=torch.float64)
 
 
 def sech2(x):
