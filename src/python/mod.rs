@@ -659,6 +659,50 @@ impl Model {
         Ok(save_model(&path, &self.stored)?)
     }
 
+    /// Orbits of `steps` steps from `points`, (..., 2n), as dots in the plane (q, p) of this number, from 1 on, on axes of
+    /// matplotlib: `ax`, or those of the current figure. Returns the axes. Raises Error as `predict`, and ImportError
+    /// where there is no matplotlib.
+    #[pyo3(signature = (points, steps=1000, plane=1, ax=None))]
+    fn plot_portrait<'py>(
+        &self,
+        py: Python<'py>,
+        points: Rows<'py>,
+        steps: usize,
+        plane: usize,
+        ax: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        Error::check_count_range("steps", steps, 1, usize::MAX)?;
+        Error::check_count_range("plane", plane, 1, self.dof())?;
+        let ax = match ax {
+            Some(ax) => ax,
+            None => py.import("matplotlib.pyplot")?.call_method0("gca")?,
+        };
+        let points = self.points(&points)?;
+        let (initial, dim) = (&points.values, 2 * self.dof());
+        let request = Rollout { steps, every: 1 };
+        let along = Course::default();
+        let states =
+            interruptible(py, |pace| self.stored.rollout_along(along, initial, request, pace))?
+                .states;
+        let style = PyDict::new(py);
+        style.set_item("markersize", 1)?;
+        for orbit in 0..initial.len() / dim {
+            let of = |column: usize| -> Vec<f64> {
+                let begin = orbit * dim + column;
+                states.iter().skip(begin).step_by(initial.len()).copied().collect()
+            };
+            let (q, p) = (of(plane - 1), of(self.dof() + plane - 1));
+            ax.call_method("plot", (q, p, "."), Some(&style))?;
+        }
+        let names = match self.stored.section {
+            None => [format!("$q_{{{plane}}}$"), format!("$p_{{{plane}}}$")],
+            Some(_) => [format!("$x_{{{plane}}}$"), format!("$y_{{{plane}}}$")],
+        };
+        ax.call_method1("set_xlabel", (&names[0],))?;
+        ax.call_method1("set_ylabel", (&names[1],))?;
+        Ok(ax)
+    }
+
     /// The map as source code, {file name: text}: "c", with a header and an interface for Fortran, "jax" or
     /// "torch". Its functions are the map, its inverse, its iterates and its invariant, in units of the data; those of C,
     /// which begin with `name`, are its derivative and whether a point is inside of its boxes too. Raises Error when

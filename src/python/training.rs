@@ -16,8 +16,9 @@ use crate::train::{
     LevenbergMarquardtOptions, Loss, Optimiser, Plateau, Progress, RampStage, Starts, Stop,
     TrainingObserver, TrainingOptions, TrainingStage,
 };
+use pyo3::conversion::FromPyObjectOwned;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyList};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -50,7 +51,23 @@ impl LossWeights {
 }
 
 /// (layers, neurons).
-type Shape = Option<Sizes>;
+type Shape = Option<Sequence<Sizes>>;
+
+/// What Python writes as a tuple, or as a list.
+pub(super) struct Sequence<T>(T);
+
+impl<'a, 'py, T: FromPyObjectOwned<'py>> FromPyObject<'a, 'py> for Sequence<T> {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        let object = object.to_owned();
+        let tuple = match object.cast::<PyList>() {
+            Ok(list) => list.to_tuple().into_any(),
+            Err(_) => object,
+        };
+        tuple.extract().map(Self).map_err(Into::into)
+    }
+}
 
 /// A stage of a ramp: the flow time and the iterations, with the degree of polynomials between them.
 #[derive(FromPyObject)]
@@ -229,7 +246,7 @@ pub(super) fn train(
     optimiser: Option<&str>,
     iterations: Option<u64>,
     starts: Option<u64>,
-    ramp: Option<Vec<Stage>>,
+    ramp: Option<Vec<Sequence<Stage>>>,
     near_identity_penalty: Option<f64>,
     loss_weights: Option<LossWeights>,
     patience: Option<u64>,
@@ -297,7 +314,7 @@ pub(super) fn train(
     if let Some(weights) = loss_weights {
         training.loss = weights.loss()?;
     }
-    let stage = |stage| {
+    let stage = |Sequence(stage)| {
         let (flow_time, degree, iterations) = match stage {
             Stage::OfTime(time, iterations) => (Some(time), None, iterations),
             Stage::OfDegree(time, degree, iterations) => (time, Some(degree), iterations),
@@ -455,7 +472,7 @@ impl Shapes {
     }
 }
 
-fn layers(sizes: Sizes) -> LayerSizes {
+fn layers(Sequence(sizes): Sequence<Sizes>) -> LayerSizes {
     let (count, width, degree) = match sizes {
         Sizes::Neurons(count, width) => (count, width, None),
         Sizes::Polynomials(count, width, degree) => (count, width, Some(degree)),

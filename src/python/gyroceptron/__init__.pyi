@@ -26,6 +26,7 @@ _Layers = (
     | tuple[int, tuple[int, int]]
     | tuple[int, int, int]
     | tuple[int, tuple[int, int], int]
+    | list[int]
 )
 
 class Error(ValueError):
@@ -191,6 +192,10 @@ class Model:
         """The turns a step of an orbit about a centre, and their derivatives by the controls."""
     def save(self, path: str | PathLike[str], overwrite: bool = False) -> None:
         """Writes the model file."""
+    def plot_portrait(
+        self, points: ArrayLike, steps: int = 1000, plane: int = 1, ax: Any | None = None
+    ) -> Any:
+        """Orbits as dots in the plane (q, p) of this number, on axes of matplotlib."""
     def source_code(
         self, language: Literal["c", "jax", "torch"], name: str = "model"
     ) -> dict[str, str]:
