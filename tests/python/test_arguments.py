@@ -130,7 +130,7 @@ def test_no_message_names_an_option_of_the_program(tmp_path, pairs, model):
         model.save(path)
     assert "--" not in str(refused.value)
     # Commands of the program that a report says, to repeat what it shows.
-    commands = {"command.rs", "markdown.rs", "next_command.rs"}
+    commands = {"command.rs", "html.rs", "markdown.rs", "next_command.rs"}
     for source in SOURCES.rglob("*.rs"):
         if source.name in commands or source.is_relative_to(SOURCES / "cli"):
             continue
