@@ -246,7 +246,10 @@ impl Observer for StopsIn {
 #[test]
 fn tracing_can_be_stopped_and_gone_on_with() {
     let folder = folder();
-    let scene = parse("lines.toml", &scene(r#"{ kind = "torsatron" }"#)).expect("a scene");
+    let brief =
+        scene(r#"{ kind = "torsatron" }"#).replace("counts = [200, 2000]", "counts = [200, 400]");
+    assert!(brief.contains("[200, 400]"));
+    let scene = parse("lines.toml", &brief).expect("a scene");
     let start = |name: &str, resume: bool, stage: &'static str| {
         let path = folder.path().join(name);
         let out = Folder::open(&path, resume, false).expect("a folder");

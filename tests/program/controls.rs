@@ -270,11 +270,18 @@ fn a_machine_is_known_between_the_currents_that_were_traced() {
     let apart = aims[0]["value"].as_f64().expect("a value") - value.as_f64().expect("a value");
     assert!(apart.abs() < 1e-4 && asked.as_u64().expect("a count") >= 2, "{aims:?}");
     assert!(path.join("a/controls.svg").is_file());
-    // The same bits again, and by its model.
-    succeeds(path, &["run", "rings.toml", "--out", "b", "--threads", "1"]);
-    let bytes = |name: &str| std::fs::read(path.join(name)).expect("a file");
-    assert!(bytes("a/report.json") == bytes("b/report.json"));
-    assert!(bytes("a/model.json") == bytes("b/model.json"));
+    // The same lines and the same model on one thread, without the study.
+    let text_of = scene("[-0.0015], [0.0004]", "[0.0015]");
+    let (head, rest) = text_of.split_once("[controls]\n").expect("a study");
+    let (_, models) = rest.split_once("[[models]]").expect("a model");
+    let without = format!("{head}[[models]]{models}").replace("plots = [\"controls\"]\n", "");
+    std::fs::write(path.join("alone.toml"), without).expect("written");
+    succeeds(path, &["run", "alone.toml", "--out", "b", "--threads", "1"]);
+    let parameters = |name: &str| {
+        let model = load_model(&path.join(name)).expect("a model");
+        model.model.parameters().iter().map(|value| value.to_bits()).collect::<Vec<_>>()
+    };
+    assert!(parameters("a/model.json") == parameters("b/model.json"));
     write_points(&path.join("z.npy"), &[1, 2], &[3.97, 0.0]).expect("written");
     let fixed = ["predict", "--model", "a/model.json", "--input", "z.npy", "--steps", "5"];
     succeeds(path, &[&fixed[..], &["--at", "rings=0.0004", "--output", "z5.npy"]].concat());
