@@ -50,7 +50,8 @@ fn small(
     Some(made)
 }
 
-/// Each architecture in one and two degrees of freedom, some in three, with tanh and with polynomials where it takes them.
+/// Each architecture in one and two degrees of freedom, some in three, with tanh and with polynomials where it takes
+/// them.
 fn architectures() -> Vec<(String, Architecture)> {
     let mut out = Vec::new();
     for named in NamedArchitecture::ALL {

@@ -659,8 +659,8 @@ impl Model {
         Ok(save_model(&path, &self.stored)?)
     }
 
-    /// Orbits of `steps` steps from `points`, (..., 2n), as dots in the plane (q, p) of this number, from 1 on, on axes of
-    /// matplotlib: `ax`, or those of the current figure. Returns the axes. Raises Error as `predict`, and ImportError
+    /// Orbits of `steps` steps from `points`, (..., 2n), as dots in the plane (q, p) of this number, from 1 on, on axes
+    /// of matplotlib: `ax`, or those of the current figure. Returns the axes. Raises Error as `predict`, and ImportError
     /// where there is no matplotlib.
     #[pyo3(signature = (points, steps=1000, plane=1, ax=None))]
     fn plot_portrait<'py>(
@@ -704,8 +704,8 @@ impl Model {
     }
 
     /// The map as source code, {file name: text}: "c", with a header and an interface for Fortran, "jax" or
-    /// "torch". Its functions are the map, its inverse, its iterates and its invariant, in units of the data; those of C,
-    /// which begin with `name`, are its derivative and whether a point is inside of its boxes too. Raises Error when
+    /// "torch". Its functions are the map, its inverse, its iterates and its invariant, in units of the data; those of
+    /// C, which begin with `name`, are its derivative and whether a point is inside of its boxes too. Raises Error when
     /// `name` is no name, or the model depends on controls: `at` takes their values, and another ε or flow time.
     #[pyo3(signature = (language, name="model"))]
     fn source_code<'py>(

@@ -1,7 +1,7 @@
 //! Models as source code for other programs.
 //!
-//! Each step of a network is traced: it moves numbers that [record](crate::scalar::Traced) what it does with them. Steps
-//! of one kind and size make one function, which takes their numbers from a table.
+//! Each step of a network is traced: it moves numbers that [record](crate::scalar::Traced) what it does with them.
+//! Steps of one kind and size make one function, which takes their numbers from a table.
 
 mod c;
 mod fortran;
@@ -49,8 +49,8 @@ impl SourceLanguage {
 /// A model as source code.
 ///
 /// Its functions are the map, its inverse, its iterates, its derivative along a direction, its invariant and whether a
-/// point is inside of the boxes that the model is made for, in the coordinates of the data. Compiled without contraction
-/// of products and sums, C gives the bits of [`StoredModel::rollout_along`].
+/// point is inside of the boxes that the model is made for, in the coordinates of the data. Compiled without
+/// contraction of products and sums, C gives the bits of [`StoredModel::rollout_along`].
 #[derive(Clone, Debug)]
 pub struct SourceCode {
     /// The ending of each file and what is in it, the file that a user names first.

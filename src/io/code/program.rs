@@ -167,8 +167,8 @@ fn name_of(kind: &Kind) -> &'static str {
 }
 
 impl Function {
-    /// The operations of a trace that its results need. Parameters go to `numbers`, where there is such a table, and so do
-    /// constants but for those that any network has.
+    /// The operations of a trace that its results need. Parameters go to `numbers`, where there is such a table, and so
+    /// do constants but for those that any network has.
     pub fn of(
         name: String,
         trace: &Trace,

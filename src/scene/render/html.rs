@@ -17,8 +17,8 @@ const SCRIPT: &str = include_str!("report.js");
 /// The study that says whether to trust a training, which is the first thing that is said of one.
 const TRUST: &str = "trust";
 
-/// A report as a page: what it found first, figures, tables that can be sorted, how to repeat and to cite it. `citation`
-/// is BibTeX.
+/// A report as a page: what it found first, figures, tables that can be sorted, how to repeat and to cite it.
+/// `citation` is BibTeX.
 ///
 /// # Errors
 /// [`Error::Write`] of a figure that cannot be drawn.
