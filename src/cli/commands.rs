@@ -563,19 +563,20 @@ fn export_code(arguments: &Export, language: SourceLanguage) -> Result<Status, E
     let (stored, of_controls) = at_controls(loaded, &arguments.at)?;
     let stored = stored.member(arguments.epsilon, arguments.flow_time)?;
     of_controls.iter().for_each(|text| line(&format!("note: {text}")));
-    let of_family = [
-        ("epsilon", arguments.epsilon.map(|value| value.to_string())),
-        ("flow time", arguments.flow_time.map(|value| value.to_string())),
-        ("controls", has_controls.then(|| arguments.at.join(", "))),
-    ];
-    let words =
-        of_family.iter().filter_map(|(name, value)| Some(format!("{name} {}", value.as_ref()?)));
-    let words: Vec<String> = words.collect();
-    let member = (!words.is_empty()).then(|| {
-        let of = words.join(", ").replace("controls ", "controls at ");
-        let of = if of.ends_with("at ") { format!("{of}the middle of their ranges") } else { of };
-        format!("a member ({of}) of the model with the digest {family}")
-    });
+    let at = match &arguments.at[..] {
+        [] => "controls in the middle of their ranges".to_owned(),
+        given => format!("controls {}", given.join(", ")),
+    };
+    let words: Vec<String> = [
+        arguments.epsilon.map(|epsilon| format!("epsilon {epsilon}")),
+        arguments.flow_time.map(|time| format!("flow time {time}")),
+        has_controls.then_some(at),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    let member = (!words.is_empty())
+        .then(|| format!("a member ({}) of the model with the digest {family}", words.join(", ")));
     let name = arguments.output.file_stem().unwrap_or_default().to_string_lossy();
     let code = SourceCode::of(&stored, language, &name, member.as_deref())
         .map_err(|e| e.with_place("--output"))?;

@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_2_PI;
 
 /// Beyond it (some 10⁹) [`libm::sincos`] takes over: an angle whose neighbours are
 /// 1e-7 apart.
-const FAR: f64 = 1_073_741_824.0;
+pub(super) const FAR: f64 = 1_073_741_824.0;
 
 /// π/2 in three parts. The product of the first with the integer k leaves an exact
 /// difference; the second is rounded down, so that the third is positive and −0

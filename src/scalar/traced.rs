@@ -125,8 +125,6 @@ pub enum TracedKernel {
 impl TracedKernel {
     /// Its operations, of one input and two outputs.
     pub fn trace(self) -> Trace {
-        // Beyond it the crate takes libm's reduction of angles, which is no straight line.
-        const FAR: f64 = 1_073_741_824.0;
         Trace::of(1, |z| match self {
             Self::TanhSech2 => {
                 let ([t], [s]) = tanh::tanh_sech2_in_step([z[0]]);
@@ -135,7 +133,9 @@ impl TracedKernel {
             Self::SinCos => {
                 let (size, nan) = (Scalar::abs(z[0]), Traced::from_f64(f64::NAN));
                 let (sin, cos) = sin_cos::sin_cos(z[0]);
-                vec![size.select_above(FAR, nan, sin), size.select_above(FAR, nan, cos)]
+                // Beyond it libm's reduction of angles takes over, which is no straight line.
+                let near = |value| size.select_above(sin_cos::FAR, nan, value);
+                vec![near(sin), near(cos)]
             }
         })
     }

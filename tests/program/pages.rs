@@ -3,6 +3,9 @@
 use crate::helpers::{
     SMALL, call, folder, refuses, succeeds, text, two_parts, with_model, with_scene, write_data,
 };
+use gyroceptron::scene::findings::{Block, Findings, Section};
+use gyroceptron::scene::render::html;
+use gyroceptron::scene::{Machine, Report, StudyFindings, find};
 use std::path::Path;
 
 /// The text of a page, without its tags, styles and scripts.
@@ -179,5 +182,59 @@ fn a_scene_on_a_file_says_of_each_network_whether_to_trust_it() {
     let verdict = words(&format!("<p{}", verdict.split("<h2>").next().expect("a part")));
     for text in ["first", "second", "Can it be trusted? no"] {
         assert!(verdict.contains(text), "{verdict}");
+    }
+}
+
+/// A verdict that is neither yes nor no has no colour, and a part that checks nothing has none.
+#[test]
+fn a_page_is_as_sure_as_its_verdict() {
+    let page = |name: &'static str, verdict: Option<bool>, summary: &[&str], parts: Vec<Report>| {
+        let text = |text: &&str| Block::Text(format!("{text}."));
+        let summary = summary.iter().map(text).collect();
+        let results = Section { summary, ..Section::default() };
+        let findings =
+            Findings { title: "A study".into(), verdict, results, ..Findings::default() };
+        Report {
+            scene: find("quickstart").and_then(|entry| entry.scene()).expect("a scene"),
+            studies: vec![StudyFindings { name, findings }],
+            training_times: Vec::new(),
+            stages: Vec::new(),
+            machine: Machine::this(),
+            repeat: None,
+            parts,
+        }
+    };
+    let class = |report: &Report| {
+        let page = html(report, "").expect("a page");
+        page.split("<div class=\"verdict")
+            .nth(1)
+            .and_then(|rest| rest.split('"').next())
+            .map(str::to_owned)
+    };
+    for (text, expected) in [
+        ("**yes, within the box of the pairs**: a", " holds"),
+        ("**with care, within the box of the pairs**: a", ""),
+        ("**for single steps within the box of the pairs, not for long orbits**: a", ""),
+        ("**no**: a", " fails"),
+    ] {
+        assert_eq!(
+            class(&page("trust", None, &[text], Vec::new())).as_deref(),
+            Some(expected),
+            "{text}"
+        );
+    }
+    for (verdict, expected) in [(None, ""), (Some(true), " holds"), (Some(false), " fails")] {
+        let part = page("certificate", verdict, &["a"], Vec::new());
+        assert_eq!(class(&part).as_deref(), Some(expected));
+        let whole = html(&page("portrait", None, &["a"], vec![part]), "").expect("a page");
+        let (_, parts) = whole.split_once("<h2>Parts</h2>").expect("parts");
+        let shown = parts.split("</h3>").next().expect("a heading");
+        let badge = match verdict {
+            None => None,
+            Some(true) => Some(">holds<"),
+            Some(false) => Some(">does not hold<"),
+        };
+        assert_eq!(shown.contains("badge"), badge.is_some(), "{shown}");
+        assert!(badge.is_none_or(|words| shown.contains(words)), "{shown}");
     }
 }

@@ -86,6 +86,11 @@ impl SourceCode {
                 ("h", c::header(&program, &about)),
                 ("f90", fortran::source(&program, &about)),
             ],
+            SourceLanguage::Jax | SourceLanguage::Torch if program.works_on_bits() => {
+                let expected =
+                    "steps of arithmetic and elementary functions: Python has no bits of numbers";
+                return Err(Error::invalid("source code", "a step that works on bits", expected));
+            }
             SourceLanguage::Jax => {
                 vec![("py", python::source(stored, &program, &about, Arrays::Jax))]
             }

@@ -98,6 +98,22 @@ impl Program {
         Ok(out)
     }
 
+    /// Whether a step itself, and no kernel, looks at the bits of numbers.
+    pub fn works_on_bits(&self) -> bool {
+        let does = |line: &Line| {
+            matches!(
+                line.operation,
+                Operation::AtMost(..)
+                    | Operation::PowerOfLowBits(_)
+                    | Operation::BitAsSign(..)
+                    | Operation::SelectAbove(..)
+                    | Operation::SelectNegative(_)
+                    | Operation::NegatedWhere(..)
+            )
+        };
+        self.functions.iter().any(|function| function.lines.iter().any(does))
+    }
+
     fn calls_of(
         &mut self,
         map: &Composition<f64>,

@@ -75,7 +75,7 @@ fn body(function: &Function, inputs: &[String]) -> (String, Vec<String>) {
             | Operation::SelectAbove(..)
             | Operation::SelectNegative(_)
             | Operation::NegatedWhere(..)
-            | Operation::Other(_) => unreachable!("steps do not work on bits: kernels do"),
+            | Operation::Other(_) => unreachable!("`Program::works_on_bits` is asked before"),
         };
         let at = result.place();
         let _ = writeln!(out, "    t{at} = {value}");

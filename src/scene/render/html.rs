@@ -44,7 +44,9 @@ pub fn report(report: &Report, citation: &str) -> Result<String, Error> {
             h2 { "Parts" }
             @for part in &report.parts {
                 h3 {
-                    a href={ (part.scene.name) "/report.html" } { (part.scene.name) } " " (badge(Some(part.holds())))
+                    a href={ (part.scene.name) "/report.html" } { (part.scene.name) } " "
+                    // What checks nothing does not hold.
+                    (badge(checks(part).then(|| part.holds())))
                 }
                 p.subtitle { (part.scene.title) }
                 @for study in &part.studies { (blocks(&study.findings.results.summary)) }
@@ -192,8 +194,15 @@ fn verdict(report: &Report) -> Markup {
     let trust = judgements(report);
     html! {
         @if !trust.is_empty() {
-            @let says = |word: &str| trust.iter().any(|(_, text)| text.starts_with(&format!("**{word}")));
-            @let class = if says("no") { "verdict fails" } else if says("care") { "verdict" } else { "verdict holds" };
+            @let says = |word: &str, text: &str| text.starts_with(&format!("**{word}"));
+            // With care, or for single steps alone, is neither.
+            @let class = if trust.iter().any(|(_, text)| says("no", text)) {
+                "verdict fails"
+            } else if trust.iter().all(|(_, text)| says("yes", text)) {
+                "verdict holds"
+            } else {
+                "verdict"
+            };
             div class=(class) {
                 @for (name, text) in &trust {
                     @if let Some(name) = name { h3 { (markdown_line(name)) } }
@@ -202,7 +211,10 @@ fn verdict(report: &Report) -> Markup {
             }
         } @else if !failing.is_empty() {
             div.verdict.fails {
-                strong { @if failing.len() == 1 { "A check does not hold: " } @else { (failing.len()) " checks do not hold: " } }
+                strong {
+                    @if failing.len() == 1 { "A check does not hold: " }
+                    @else { (failing.len()) " checks do not hold: " }
+                }
                 (failing.join("; ")) "."
             }
         } @else if all.is_empty() {
@@ -231,6 +243,12 @@ fn judgements(report: &Report) -> Vec<(Option<&str>, &str)> {
         }
     }
     out
+}
+
+/// Whether any study of a run has a verdict.
+fn checks(report: &Report) -> bool {
+    let own = report.studies.iter().any(|study| study.findings.verdict.is_some());
+    own || report.parts.iter().any(checks)
 }
 
 fn badge(verdict: Option<bool>) -> Markup {
@@ -338,7 +356,8 @@ fn table(of: &Table) -> Markup {
                                     (_, Some(number)) if number.is_nan() => td.number { (text) },
                                     // JavaScript reads the word.
                                     (_, Some(number)) if number.is_infinite() => {
-                                        td.number data-value=(if *number > 0.0 { "Infinity" } else { "-Infinity" }) { (text) }
+                                        @let word = if *number > 0.0 { "Infinity" } else { "-Infinity" };
+                                        td.number data-value=(word) { (text) }
                                     },
                                     (_, Some(number)) => td.number data-value=(number) { (text) },
                                 }
