@@ -84,9 +84,21 @@ pub struct Run {
     /// Go on with the run in the folder, from its last checkpoint.
     #[arg(long, conflicts_with = "overwrite")]
     pub resume: bool,
-    /// Replace the run in the folder.
+    /// Replace the run in the folder; with --job that job of another scene, with --merge the report.
     #[arg(long)]
     pub overwrite: bool,
+    /// Print the jobs that the run consists of, a line of JSON each, for an engine that schedules; nothing is written.
+    #[arg(help_heading = "Many machines", long, conflicts_with_all = ["job", "merge", "resume", "overwrite"])]
+    pub plan: bool,
+    /// Do one job of the plan, in a folder of its own below that of the run.
+    #[arg(help_heading = "Many machines", long, value_name = "ID", conflicts_with_all = ["merge", "resume"])]
+    pub job: Option<String>,
+    /// The digest of the job in the plan: a job of another scene, version or file is refused.
+    #[arg(help_heading = "Many machines", long, value_name = "DIGEST", requires = "job")]
+    pub digest: Option<String>,
+    /// Make the report when all jobs are done: the same as that of a run on one machine.
+    #[arg(help_heading = "Many machines", long, conflicts_with = "resume")]
+    pub merge: bool,
 }
 
 /// The machine of a scene of field lines, such as `coils`.

@@ -9,7 +9,7 @@ use super::output::{json, out, status_of, typed_words, width};
 use super::progress::{Progress, line};
 use super::prove::{check_proof, prove};
 use super::train::train_pairs;
-use super::{Status, about, cite};
+use super::{Status, about, cite, jobs};
 use clap::ValueEnum;
 use gyroceptron::Error;
 use gyroceptron::flow::PolynomialExit;
@@ -85,6 +85,15 @@ fn run_scene(arguments: &Run) -> Result<Status, Error> {
     scene.complete()?;
     let path =
         arguments.out.clone().unwrap_or_else(|| Path::new("gyroceptron-out").join(&scene.name));
+    if arguments.plan {
+        return jobs::plan(&scene, &path);
+    }
+    if let Some(id) = &arguments.job {
+        return jobs::one(&scene, arguments, id, &path);
+    }
+    if arguments.merge {
+        return jobs::merge_all(&scene, arguments, &path);
+    }
     scene.check_networks(&path)?;
     let folder = Folder::open(&path, arguments.resume, arguments.overwrite)?;
     let mut progress = Progress::new();
@@ -97,16 +106,7 @@ fn run_scene(arguments: &Run) -> Result<Status, Error> {
         ));
         return Ok(Status::Interrupted);
     };
-    if arguments.common.json {
-        json(&render::json(&report))?;
-    } else {
-        out(&terminal::summary(&report, width()))?;
-        out(&format!("report: {} and report.html\n", path.join("report.md").display()))?;
-    }
-    if !report.holds() {
-        line("A CHECK DOES NOT HOLD: see the table above or the report");
-    }
-    Ok(status_of(report.holds()))
+    jobs::show(&report, &path, arguments.common.json)
 }
 
 /// The scene with the machine that is asked for.

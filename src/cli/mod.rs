@@ -5,6 +5,7 @@ mod arguments;
 mod cite;
 mod commands;
 mod guards;
+mod jobs;
 mod output;
 mod progress;
 mod prove;

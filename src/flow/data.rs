@@ -95,7 +95,8 @@ fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// The map that some pairs are of, in a family of maps.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Condition {
     /// The parameter ε of the system.
     pub epsilon: f64,
@@ -111,7 +112,8 @@ pub struct Condition {
 
 /// Pairs (z, P(z)) of a map: two arrays (N, 2n), columns q₁…qₙ, p₁…pₙ. Or of a family
 /// of maps: runs of them are under a [`Condition`] each.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Pairs {
     dof: usize,
     input: Vec<f64>,

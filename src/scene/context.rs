@@ -6,6 +6,7 @@ use super::event::{Event, Observer};
 use super::folder::Folder;
 use super::line_data::TracedLines;
 use super::log::{Log, Stage, TrainingTimes};
+use super::made_data::{Made, MadeData};
 use super::part::Part;
 use super::setup::{Data, FlowBy, Need};
 use super::target_flow::TargetFlow;
@@ -52,8 +53,8 @@ pub(super) struct Context<'a> {
     lines: Option<Rc<TracedLines>>,
     /// At other ε and flow times.
     data_elsewhere: Vec<(f64, f64, Rc<DataSets>)>,
-    /// See `all_models`.
-    pub(super) models: Option<Vec<Rc<Trained>>>,
+    /// The networks that are trained so far.
+    pub(super) learnt: Vec<Rc<Trained>>,
     references: Vec<(ReferenceRequest, Rc<ReferenceTrajectories>)>,
     /// See `rollouts`.
     pub(super) rollouts: Vec<(RolloutRequest, Rc<Vec<Trajectories>>)>,
@@ -94,7 +95,7 @@ impl<'a> Context<'a> {
             data: None,
             lines: None,
             data_elsewhere: Vec::new(),
-            models: None,
+            learnt: Vec::new(),
             references: Vec::new(),
             rollouts: Vec::new(),
         }
@@ -172,6 +173,9 @@ impl<'a> Context<'a> {
             let made = DataSets::of_lines(&lines, target, time, reversors, seed)?;
             return Ok(Rc::clone(self.data.insert(Rc::new(made))));
         }
+        if let Some(made) = self.made_pairs(None)? {
+            return Ok(Rc::clone(self.data.insert(made)));
+        }
         let system = self.system()?;
         let made = self.stage(OWN_PAIRS, |context| {
             let points = context.points(declared)?;
@@ -186,6 +190,17 @@ impl<'a> Context<'a> {
         Ok(Rc::clone(self.data.insert(Rc::new(made))))
     }
 
+    /// The pairs of the set-up, or those at an ε and a flow time, where a job has made them.
+    fn made_pairs(&mut self, at: Option<(f64, f64)>) -> Result<Option<Rc<DataSets>>, Error> {
+        match self.folder.made_data(at)? {
+            Some(MadeData { data: Made::Pairs(pairs), stages }) => {
+                self.log.add(stages);
+                Ok(Some(Rc::new((*pairs).into())))
+            }
+            _ => Ok(None),
+        }
+    }
+
     /// The field lines of the set-up.
     pub(super) fn lines(&mut self) -> Result<Rc<TracedLines>, RunError> {
         if let Some(lines) = &self.lines {
@@ -196,6 +211,12 @@ impl<'a> Context<'a> {
             let place = format!("scene {}", self.scene.name);
             Error::Missing { place, key: "data.lines", needed_by: "a study".into() }
         })?;
+        if let Some(MadeData { data: Made::Lines(made), stages }) = self.folder.made_data(None)? {
+            self.log.add(stages);
+            let made =
+                self.stage("the section of a job", |_| TracedLines::of_made(lines, *made))?;
+            return Ok(Rc::clone(self.lines.insert(Rc::new(made))));
+        }
         let made = self.stage(LINES, |context| {
             let stopped = || context.interrupted();
             TracedLines::new(lines, declared.orbit, declared.validation, &stopped)
@@ -214,19 +235,25 @@ impl<'a> Context<'a> {
         if let Some((_, _, made)) = self.data_elsewhere.iter().find(same) {
             return Ok(Rc::clone(made));
         }
+        let made = match self.made_pairs(Some((epsilon, time)))? {
+            Some(made) => made,
+            None => Rc::new(self.pairs_at(epsilon, time)?),
+        };
+        self.data_elsewhere.push((epsilon, time, Rc::clone(&made)));
+        Ok(made)
+    }
+
+    fn pairs_at(&mut self, epsilon: f64, time: f64) -> Result<DataSets, Error> {
         let declared = self.scene.setup.data.as_ref().ok_or_else(|| self.missing(Need::Data))?;
         let system = self.system()?.clone().with_epsilon(epsilon);
         let name = pairs_elsewhere(epsilon, time);
-        let made = self.stage(&name, |context| {
+        self.stage(&name, |context| {
             let points = context.points(declared)?;
             let counted = Counted::new(&system);
             let made = DataSets::of_flow(declared, &counted, &points, time);
             context.log.vector_fields(counted.vector_fields());
             made
-        })?;
-        let made = Rc::new(made);
-        self.data_elsewhere.push((epsilon, time, Rc::clone(&made)));
-        Ok(made)
+        })
     }
 
     /// Training and held-out points: of the windows, and of the orbits from there under the map of the

@@ -13,6 +13,7 @@ use crate::phase::{Section, Units};
 use crate::scalar::max_or_nan;
 use crate::system::{Counted, Hamiltonian, NearlyPeriodic, System};
 use crate::train::{Preparation, Prepared};
+use serde::{Deserialize, Serialize};
 
 /// The pairs of a flow map, for training and held out.
 pub(super) struct DataSets {
@@ -35,6 +36,40 @@ pub(super) struct DataSets {
     pub(super) controls: Option<Controls>,
     /// The rotation nearest to the pairs of a file, by its angle.
     pub(super) nearest: Option<(TorusAction, Vec<f64>)>,
+}
+
+/// Pairs of a system's flow, as a file holds them.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MadePairs {
+    training: Pairs,
+    held_out: Option<Pairs>,
+    validation: Option<Pairs>,
+    /// None where it is no number.
+    reference_error: Option<f64>,
+    rotation_error: Option<f64>,
+}
+
+impl From<&DataSets> for MadePairs {
+    fn from(sets: &DataSets) -> Self {
+        let DataSets { training, held_out, validation, reference_error, rotation_error, .. } = sets;
+        Self {
+            training: training.clone(),
+            held_out: held_out.clone(),
+            validation: validation.clone(),
+            reference_error: Some(*reference_error).filter(|error| error.is_finite()),
+            rotation_error: *rotation_error,
+        }
+    }
+}
+
+impl From<MadePairs> for DataSets {
+    fn from(made: MadePairs) -> Self {
+        let MadePairs { training, held_out, validation, reference_error, rotation_error } = made;
+        let reference_error = reference_error.unwrap_or(f64::NAN);
+        let plain = Self::plain(training, held_out, reference_error, rotation_error);
+        Self { validation, ..plain }
+    }
 }
 
 impl DataSets {

@@ -318,7 +318,8 @@ impl Scene {
     pub(super) fn attempts(&self) -> Vec<SeededTraining> {
         let mut out: Vec<SeededTraining> = self.setup.attempts().collect();
         let studies = self.studies.iter().map(AnyStudy::study);
-        out.extend(studies.flat_map(|study| study.trainings(&self.setup)));
+        let own = studies.flat_map(|study| study.trainings(&self.setup));
+        out.extend(own.map(|own| own.training));
         out
     }
 

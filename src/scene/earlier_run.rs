@@ -1,7 +1,8 @@
 //! The folder of an earlier run: what is removed of it, and whether it is gone on with.
 
 use super::figure::{data_file_of, file_of};
-use super::folder::{AS_RUN, Folder, HTML, TIMINGS};
+use super::folder::{AS_RUN, Folder, HTML};
+use super::job_folders::TIMINGS;
 use super::parse::parse;
 use super::registry::{CHECKPOINTS, Scene};
 use crate::error::Error;
@@ -64,12 +65,17 @@ impl Folder {
             check_replaced(path)?;
         }
         std::fs::create_dir_all(path).map_err(|reason| Error::write(path, reason))?;
-        let folder = Self { path: path.to_owned(), resume, overwrite };
+        let folder = Self { path: path.to_owned(), resume, overwrite, jobs: None, job_of: None };
         probe(path)?;
         if holds_run && !resume {
             folder.clear()?;
         }
         Ok(folder)
+    }
+
+    /// Whether a run was begun in this folder.
+    pub(super) fn holds_scene(path: &Path) -> bool {
+        path.join(AS_RUN).exists()
     }
 
     /// Makes the folder of a report without networks, whose figures take the place of those of an earlier one.
@@ -79,7 +85,8 @@ impl Folder {
     pub fn open_report(path: &Path, overwrite: bool) -> Result<Self, Error> {
         Self::check_report(path, overwrite)?;
         std::fs::create_dir_all(path).map_err(|reason| Error::write(path, reason))?;
-        let folder = Self { path: path.to_owned(), resume: false, overwrite };
+        let path = path.to_owned();
+        let folder = Self { path, resume: false, overwrite, jobs: None, job_of: None };
         folder.remove(&folder.names_of_report(folder.earlier_scene().as_ref()))?;
         Ok(folder)
     }
@@ -160,7 +167,8 @@ impl Folder {
     /// The folder of a part, which need not have been begun.
     pub(super) fn part(&self, name: &str) -> Result<Self, Error> {
         let path = self.file(name);
-        Self::open(&path, self.resumes_part(name), self.overwrite)
+        let jobs = self.jobs.as_ref().map(|jobs| jobs.of_part(name));
+        Ok(Self { jobs, ..Self::open(&path, self.resumes_part(name), self.overwrite)? })
     }
 
     fn resumes_part(&self, name: &str) -> bool {

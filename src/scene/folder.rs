@@ -1,6 +1,8 @@
 //! The folder of a run.
 
 use super::declared::Declared;
+use super::job_folders::{JobFolders, TIMINGS};
+use super::made_data::MadeData;
 use super::setup::ModelSpec;
 use crate::error::Error;
 use crate::io::write_atomically;
@@ -15,14 +17,17 @@ pub struct Folder {
     pub(super) path: PathBuf,
     pub(super) resume: bool,
     pub(super) overwrite: bool,
+    /// The jobs that have made data, and trained networks, for what is done here.
+    pub(super) jobs: Option<JobFolders>,
+    /// The training, by the name of its files, that is the job which is done here: others are gone on with from
+    /// folders of their own.
+    pub(super) job_of: Option<String>,
 }
 
 /// The scene as it was run: what a folder is resumed and repeated from.
 pub(super) const AS_RUN: &str = "as-run.toml";
 /// The report as a page.
 pub(super) const HTML: &str = "report.html";
-/// What depends on the machine.
-pub(super) const TIMINGS: &str = "timings.json";
 
 impl Folder {
     pub(super) fn remove(&self, names: &[String]) -> Result<(), Error> {
@@ -92,10 +97,29 @@ impl Folder {
         spec: &ModelSpec,
         ending: &str,
     ) -> PathBuf {
-        if scene.trainings == 1 {
-            self.file(&format!("{stem}{ending}"))
-        } else {
-            self.file(&format!("{stem}-{}{ending}", spec.name))
+        let name = match scene.trainings {
+            1 => format!("{stem}{ending}"),
+            _ => format!("{stem}-{}{ending}", spec.name),
+        };
+        match (&self.jobs, &self.job_of) {
+            (Some(jobs), Some(_)) => jobs.training(&spec.name).join(name),
+            _ => self.file(&name),
         }
+    }
+
+    /// Whether the files of a training are written by what is done here: not where another job has.
+    pub(super) fn writes(&self, training: &str) -> bool {
+        self.job_of.as_ref().is_none_or(|own| own == training)
+    }
+
+    /// The pairs of the set-up, or those at an ε and a flow time, where a job has made them.
+    pub(super) fn made_data(&self, at: Option<(f64, f64)>) -> Result<Option<MadeData>, Error> {
+        let Some(path) = self.jobs.as_ref().map(|jobs| jobs.data(at)).filter(|path| path.exists())
+        else {
+            return Ok(None);
+        };
+        let bytes = std::fs::read(&path).map_err(|reason| Error::read(&path, reason))?;
+        let read = serde_json::from_slice(&bytes);
+        read.map(Some).map_err(|reason| Error::content(path.display(), "data of a job", reason))
     }
 }

@@ -30,17 +30,45 @@ impl Context<'_> {
     /// The networks, trained, with those that are here for their training only: from
     /// their checkpoints where the run goes on with one.
     pub(super) fn all_models(&mut self) -> Result<Vec<Rc<Trained>>, RunError> {
-        if let Some(models) = &self.models {
-            return Ok(models.clone());
+        let attempts: Vec<_> = self.scene.setup.attempts().collect();
+        attempts.into_iter().map(|attempt| self.learn_own(attempt)).collect()
+    }
+
+    /// A training of the set-up, by the name of its files.
+    pub(super) fn of_setup(&mut self, name: &str) -> Result<Rc<Trained>, RunError> {
+        let mut attempts = self.scene.setup.attempts();
+        let attempt = attempts.find(|attempt| attempt.spec.name == name);
+        let unknown = || Error::invalid("training", name, "a network of the set-up");
+        self.learn_own(attempt.ok_or_else(unknown)?)
+    }
+
+    fn learn_own(&mut self, attempt: SeededTraining) -> Result<Rc<Trained>, RunError> {
+        if let Some(made) = self.learnt(&attempt.spec.name) {
+            return Ok(made);
         }
-        let mut trained = Vec::new();
-        for attempt in self.scene.setup.attempts() {
-            let data = self.data()?;
-            let name = format!("training {}", attempt.spec.name);
-            let one = self.stage(&name, |context| learn(context, &data, attempt))?;
-            trained.push(Rc::new(one));
-        }
-        Ok(self.models.insert(trained).clone())
+        let (data, time) = (self.data()?, self.flow_time()?);
+        self.learn(attempt, &data, time, None)
+    }
+
+    /// What a training, by the name of its files, has come to in this run.
+    pub(super) fn learnt(&self, name: &str) -> Option<Rc<Trained>> {
+        self.learnt.iter().find(|made| made.spec.name == name).map(Rc::clone)
+    }
+
+    /// Trains a network for a flow time, from its checkpoint where the run goes on with one, and writes its file. The
+    /// first of its starts has the weights of the same network at an earlier flow time, if it is given with that time.
+    pub(super) fn learn(
+        &mut self,
+        attempt: SeededTraining,
+        data: &DataSets,
+        time: f64,
+        from: Option<(&Model, f64)>,
+    ) -> Result<Rc<Trained>, RunError> {
+        let name = format!("training {}", attempt.spec.name);
+        let made = self.stage(&name, |context| learn_at(context, data, attempt, time, from))?;
+        let made = Rc::new(made);
+        self.learnt.push(Rc::clone(&made));
+        Ok(made)
     }
 
     /// Each network that is not there for its training only, with the maps from all its initial weights.
@@ -84,20 +112,8 @@ pub(super) struct BySeed {
     pub(super) seeds: Vec<Rc<Trained>>,
 }
 
-/// Trains a network, from its checkpoint where the run goes on with one, and writes
-/// its file.
-fn learn(
-    context: &mut Context<'_>,
-    data: &DataSets,
-    attempt: SeededTraining,
-) -> Result<Trained, RunError> {
-    let time = context.flow_time()?;
-    learn_at(context, data, attempt, time, None)
-}
-
-/// [`learn`] at another flow time. The first of its starts has the weights of the same
-/// network at an earlier flow time, if it is given with that time.
-pub(super) fn learn_at(
+/// See [`Context::learn`].
+fn learn_at(
     context: &mut Context<'_>,
     data: &DataSets,
     attempt: SeededTraining,
@@ -109,12 +125,7 @@ pub(super) fn learn_at(
     let target = context.target()?;
     let mut options = scene.setup.training_of(&spec).clone();
     options.loss = loss_of(&options.loss, target, data)?;
-    // A ramp is up to the flow time that is wanted; weights of an earlier one come from there.
-    let leads_up = |stage: &RampStage| {
-        let other_epsilon = stage.epsilon.is_some_and(|epsilon| epsilon != target.epsilon());
-        stage.flow_time.is_none_or(|stage| stage < time || stage == time && other_epsilon)
-    };
-    options.ramp.retain(|stage| from.is_none() && leads_up(stage));
+    options.ramp = leading_up(&options, target.epsilon(), time, from.is_some());
     // Weights of an earlier flow time come with twists of their own, and where no stage leads
     // up there is no chart to train fresh ones in.
     options.fresh_twists = options.fresh_twists.filter(|_| !options.ramp.is_empty());
@@ -186,9 +197,29 @@ pub(super) fn learn_at(
     let (model, units) = (outcome.model.clone(), data.units.clone());
     let section = data.section.as_ref().map(|(section, _)| section.clone());
     let stored = StoredModel { model, units, section, provenance };
-    save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
+    if folder.writes(&spec.name) {
+        save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
+    }
     let held_out_error = held_out_error(&outcome, &options.loss, data.validation())?;
     Ok(Trained { spec, network, initial, stages, outcome, held_out_error })
+}
+
+/// The stages of a ramp that lead up to the map of an ε and a flow time: none, where weights of an earlier flow time are
+/// there to begin with.
+pub(super) fn leading_up(
+    options: &TrainingOptions,
+    epsilon: f64,
+    time: f64,
+    has_weights: bool,
+) -> Vec<RampStage> {
+    let leads_up = |stage: &&RampStage| {
+        let other_epsilon = stage.epsilon.is_some_and(|stage| stage != epsilon);
+        stage.flow_time.is_none_or(|stage| stage < time || stage == time && other_epsilon)
+    };
+    match has_weights {
+        true => Vec::new(),
+        false => options.ramp.iter().filter(leads_up).copied().collect(),
+    }
 }
 
 /// Saves checkpoints, takes times, and tells how it goes.

@@ -345,6 +345,19 @@ pub(super) struct TracedLines {
     pub(super) error: f64,
 }
 
+/// Lines that are traced, as a file holds them.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MadeLines {
+    chart: Section,
+    training: Pairs,
+    held_out: Option<Pairs>,
+    lost: Vec<f64>,
+    maps: usize,
+    /// None where it is no number.
+    error: Option<f64>,
+}
+
 /// Lines of one machine, traced.
 struct OfMachine {
     starts: Vec<f64>,
@@ -420,6 +433,35 @@ impl TracedLines {
     /// Maps of one turn around the machine.
     pub(super) fn maps_a_turn(&self) -> f64 {
         f64::from(self.of_machine) / f64::from(self.periods)
+    }
+
+    /// As a file holds them.
+    pub(super) fn made(&self) -> MadeLines {
+        MadeLines {
+            chart: self.chart.clone(),
+            training: self.training.clone(),
+            held_out: self.held_out.clone(),
+            lost: self.lost.clone(),
+            maps: self.maps,
+            error: Some(self.error).filter(|error| error.is_finite()),
+        }
+    }
+
+    /// Lines of a file, which were traced for this set-up.
+    pub(super) fn of_made(lines: &LineData, made: MadeLines) -> Result<Self, Error> {
+        let MadeLines { chart, training, held_out, lost, maps, error } = made;
+        Ok(Self {
+            section: lines.nominal_section()?,
+            chart,
+            training,
+            held_out,
+            lost,
+            periods: lines.periods,
+            of_machine: lines.coils.periods(),
+            maps,
+            controls: lines.controls.as_ref().map(LineControls::of_network).transpose()?,
+            error: error.unwrap_or(f64::NAN),
+        })
     }
 
     /// Lines over so many maps, of which a share is held out; None where `stopped` says so, which is asked every few

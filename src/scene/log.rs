@@ -77,6 +77,15 @@ impl Log {
         self.stages.push(Stage { stage: stage.into(), seconds: 0.0, work: Work::default() });
     }
 
+    /// Adds stages of a job, which end before any that is under way here.
+    pub(super) fn add(&mut self, stages: Vec<Stage>) {
+        self.settle();
+        let first = self.open.first().copied().unwrap_or(self.stages.len());
+        let count = stages.len();
+        self.stages.splice(first..first, stages);
+        self.open.iter_mut().for_each(|index| *index += count);
+    }
+
     pub(super) fn leave(&mut self) {
         self.settle();
         self.open.pop();

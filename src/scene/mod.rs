@@ -17,6 +17,7 @@
 //! - [`render`]: the report as Markdown, as JSON and on a terminal, figures as SVG; it
 //!   knows no study.
 //! - `run`, `earlier_run`, `report`: running it all into a folder.
+//! - `plan`, `job`, `job_folders`, `made_data`: the same in pieces, which other machines may do.
 //!
 //! A new study is its file in `study`, its line in `registry`, and a scene in the catalogue
 //! that names it.
@@ -34,10 +35,13 @@ mod event;
 pub mod figure;
 pub mod findings;
 mod folder;
+mod job;
+mod job_folders;
 mod learning;
 mod line_data;
 mod log;
 mod machine;
+mod made_data;
 mod nearest;
 mod network_file;
 mod next_command;
@@ -46,6 +50,7 @@ mod own_fit;
 mod own_pairs;
 mod parse;
 mod part;
+mod plan;
 mod predictions;
 mod registry;
 pub mod render;
@@ -55,6 +60,7 @@ mod setup;
 pub mod study;
 mod target_flow;
 mod trained;
+mod trial;
 mod trust;
 mod words;
 
@@ -63,13 +69,15 @@ pub use citation::bibtex;
 pub use event::{Event, Observer};
 pub use findings::StudyFindings;
 pub use folder::Folder;
+pub use job::{JobEnd, JobRequest, MergeEnd, merge, run_job};
 pub use line_data::{CoilFile, Coils, LineData};
 pub use log::{Stage, TrainingTimes};
 pub use machine::Machine;
-pub use next_command::{command_line, next_command, without_page};
+pub use next_command::{command_line, job_command, next_command, without_page};
 pub use notes::{Note, own_invariance_fault};
 pub use own_pairs::{NextStep, OwnTraining};
 pub use parse::parse;
+pub use plan::{Job, JobKind};
 pub use registry::{AnyStudy, Scene};
 pub use report::Report;
 pub use run::run;

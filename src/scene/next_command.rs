@@ -43,6 +43,18 @@ pub fn command_line(words: &[String]) -> String {
     format!("gyroceptron {}", words.join(" "))
 }
 
+/// The command that does a job of a plan, by its name and digest, or that makes the report of all jobs, from the arguments
+/// of the program without its name and the folder of the run.
+pub fn job_command(typed: &[String], folder: &Path, job: Option<(&str, &str)>) -> String {
+    let mut words = without(typed, &["--out"], &["--plan", "--json"]);
+    words.extend(["--out".to_owned(), folder.display().to_string()]);
+    match job {
+        Some((id, digest)) => words.extend(["--job", id, "--digest", digest].map(str::to_owned)),
+        None => words.push("--merge".into()),
+    }
+    command_line(&words)
+}
+
 /// The arguments without those that say where a page is written.
 pub fn without_page(typed: &[String]) -> Vec<String> {
     without(typed, &["--report"], &["--overwrite"])

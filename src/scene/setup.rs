@@ -161,6 +161,18 @@ pub(super) struct SeededTraining {
     pub(super) number: u64,
 }
 
+/// A training of a network that a study has beside those of the set-up.
+#[derive(Clone, Debug)]
+pub(super) struct StudyTraining {
+    pub(super) training: SeededTraining,
+    /// The flow time of its map.
+    pub(super) flow_time: f64,
+    /// The training, by the name of its files, whose weights it begins with.
+    pub(super) from: Option<String>,
+    /// What is done to its pairs, in words; nothing, where they are those of the flow map.
+    pub(super) fault: String,
+}
+
 impl ModelSpec {
     /// The weights that a network for your own pairs begins with.
     pub const OWN_WEIGHTS: InitialWeights = InitialWeights::Normal { scale: 0.15 };

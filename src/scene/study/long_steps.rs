@@ -20,8 +20,9 @@ use crate::scene::data_sets::DataSets;
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::learning::learn_at;
-use crate::scene::setup::{MOST, ModelSpec, Need, SeededTraining, Setup, check_points};
+use crate::scene::setup::{
+    MOST, ModelSpec, Need, SeededTraining, Setup, StudyTraining, check_points,
+};
 use crate::scene::target_flow::TargetFlow;
 use crate::scene::trained::Trained;
 use crate::system::{Hamiltonian, NearlyPeriodic};
@@ -233,8 +234,34 @@ impl Study for LongStepsOptions {
         self.invariant_steps = self.invariant_steps.min(100_000);
     }
 
-    fn trainings(&self, setup: &Setup) -> Vec<SeededTraining> {
+    fn trainings(&self, setup: &Setup) -> Vec<StudyTraining> {
         self.others(setup).flat_map(|time| self.attempts(setup, time)).collect()
+    }
+
+    fn train(
+        &self,
+        context: &mut Context<'_>,
+        training: &StudyTraining,
+    ) -> Result<Rc<Trained>, RunError> {
+        let name = &training.training.spec.name;
+        if let Some(made) = context.learnt(name) {
+            return Ok(made);
+        }
+        let before = match &training.from {
+            None => None,
+            Some(from) => {
+                let setup = context.scene.setup;
+                let own = self.trainings(setup).into_iter();
+                let mut own = own.filter(|other| other.training.spec.name == *from);
+                Some(match own.next() {
+                    Some(earlier) => (self.train(context, &earlier)?, earlier.flow_time),
+                    None => (context.of_setup(from)?, context.flow_time()?),
+                })
+            }
+        };
+        let data = context.data_at(context.system()?.epsilon(), training.flow_time)?;
+        let from = before.as_ref().map(|(earlier, time)| (earlier.model(), *time));
+        context.learn(training.training.clone(), &data, training.flow_time, from)
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
@@ -242,9 +269,8 @@ impl Study for LongStepsOptions {
         let states = whole_steps("duration", self.duration, self.interval)? + 1;
         let reference = context.reference(system, &self.initial, self.interval, states)?;
         let mut results = Vec::new();
-        let mut before: Option<(Vec<Rc<Trained>>, f64)> = None;
         for &time in &self.flow_times {
-            let trained = self.trained_at(context, time, before.as_ref())?;
+            let trained = self.trained_at(context, time)?;
             let data = context.data_at(system.epsilon(), time)?;
             let points = Points::evenly(data.to_judge_by(), self.points);
             let models = trained.iter().map(|one| (network_name(one), one.model())).collect();
@@ -292,7 +318,6 @@ impl Study for LongStepsOptions {
                 trajectories,
                 tables,
             });
-            before = Some((trained, time));
         }
         let found = Results { options: self, times: results };
         let mut figures = Vec::new();
@@ -332,16 +357,26 @@ impl LongStepsOptions {
         self.flow_times.iter().copied().filter(move |time| Some(*time) != own)
     }
 
-    /// The trainings of this study, for each flow time and network.
-    fn attempts(&self, setup: &Setup, time: f64) -> Vec<SeededTraining> {
+    /// The trainings of this study at a flow time, one for each network.
+    fn attempts(&self, setup: &Setup, time: f64) -> Vec<StudyTraining> {
+        // A name is that of a file.
+        let name_at = |model: &ModelSpec, time: f64| {
+            format!("{}-at-{}", model.name, time.to_string().replace('.', "_"))
+        };
+        let before = self.flow_times.iter().copied().take_while(|earlier| *earlier != time).last();
+        let before = before.filter(|_| self.ramp);
         let models = setup.models.iter().filter(|model| !model.training_only);
         models
             .map(|model| {
                 let mut spec = model.clone();
                 spec.seeds = None;
-                // A name is that of a file.
-                spec.name = format!("{}-at-{}", model.name, time.to_string().replace('.', "_"));
-                SeededTraining { spec, network: model.name.clone(), number: 0 }
+                spec.name = name_at(model, time);
+                let from = before.map(|earlier| match Some(earlier) == setup.flow_time {
+                    true => model.name.clone(),
+                    false => name_at(model, earlier),
+                });
+                let training = SeededTraining { spec, network: model.name.clone(), number: 0 };
+                StudyTraining { training, flow_time: time, from, fault: String::new() }
             })
             .collect()
     }
@@ -351,23 +386,13 @@ impl LongStepsOptions {
         &self,
         context: &mut Context<'_>,
         time: f64,
-        before: Option<&(Vec<Rc<Trained>>, f64)>,
     ) -> Result<Vec<Rc<Trained>>, RunError> {
         let setup = context.scene.setup;
         if self.others(setup).all(|other| other != time) {
             return context.models();
         }
-        let data = context.data_at(context.system()?.epsilon(), time)?;
-        let mut out = Vec::new();
-        for (number, attempt) in self.attempts(setup, time).into_iter().enumerate() {
-            let from = before.filter(|_| self.ramp);
-            let from = from.map(|(trained, earlier)| (trained[number].model(), *earlier));
-            let name = format!("training {}", attempt.spec.name);
-            let trained =
-                context.stage(&name, |context| learn_at(context, &data, attempt, time, from))?;
-            out.push(Rc::new(trained));
-        }
-        Ok(out)
+        let attempts = self.attempts(setup, time);
+        attempts.iter().map(|training| self.train(context, training)).collect()
     }
 
     /// The tables of the map of a flow time, around its pairs; what made these makes those.

@@ -11,11 +11,12 @@ use crate::phase::Direction;
 use crate::random::Stream;
 use crate::scalar::max_or_nan;
 use crate::scene::context::{Context, RunError};
+use crate::scene::data_sets::DataSets;
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::learning::learn_at;
-use crate::scene::setup::{MOST, ModelSpec, Need, SeededTraining, Setup};
+use crate::scene::setup::{MOST, ModelSpec, Need, SeededTraining, Setup, StudyTraining};
+use crate::scene::trained::Trained;
 use crate::system::{Hamiltonian, NearlyPeriodic};
 use crate::train::{Judgement, fit_rotation};
 use serde::{Deserialize, Serialize};
@@ -54,7 +55,7 @@ pub struct Gap {
 }
 
 /// One way in which pairs are not what the flow has.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 enum Fault {
     None,
     Noise(f64),
@@ -69,6 +70,11 @@ impl Fault {
             Self::Noise(level) => format!("noise-{level:e}").replace('.', "_"),
             Self::Gap(_) => "gap".into(),
         }
+    }
+
+    /// With all its numbers, whole.
+    fn name(self) -> String {
+        format!("{self:?}")
     }
 
     fn words(self) -> String {
@@ -122,8 +128,24 @@ impl Study for NoiseOptions {
         self.levels = self.levels.iter().step_by(2).copied().collect();
     }
 
-    fn trainings(&self, setup: &Setup) -> Vec<SeededTraining> {
+    fn trainings(&self, setup: &Setup) -> Vec<StudyTraining> {
         self.faults().skip(1).flat_map(|fault| attempts(setup, fault)).collect()
+    }
+
+    fn train(
+        &self,
+        context: &mut Context<'_>,
+        training: &StudyTraining,
+    ) -> Result<Rc<Trained>, RunError> {
+        let name = &training.training.spec.name;
+        if let Some(made) = context.learnt(name) {
+            return Ok(made);
+        }
+        let fault = self.faults().find(|fault| fault.name() == training.fault);
+        let unknown = || Error::invalid(self.name(), &training.fault, "a fault of the study");
+        let data = self.changed(context, fault.ok_or_else(unknown)?)?;
+        let attempt = training.training.clone();
+        context.learn(attempt, &data, training.flow_time, None)
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
@@ -132,25 +154,17 @@ impl Study for NoiseOptions {
         let interval = time * self.every as f64;
         let request = Rollout { steps: self.steps, every: self.every };
         let reference = context.reference(system, &self.initial, interval, request.kept())?;
-        let (mut found, seed) = (Vec::new(), context.scene.seed);
+        let mut found = Vec::new();
         for fault in self.faults() {
-            let data = clean.changed(
-                &mut |name, pairs| changed(pairs, fault, seed, name),
-                system,
-                time,
-            )?;
+            let data = self.changed(context, fault)?;
             let action = TorusAction::from(system.circle_action());
             let angles = [fit_rotation(&data.training, &system.circle_action())];
             let models = match fault {
                 Fault::None => context.models()?,
                 _ => {
                     let mut models = Vec::new();
-                    for attempt in attempts(context.scene.setup, fault) {
-                        let stage = format!("training {}", attempt.spec.name);
-                        let learn = |context: &mut Context<'_>| {
-                            learn_at(context, &data, attempt, time, None)
-                        };
-                        models.push(Rc::new(context.stage(&stage, learn)?));
+                    for training in attempts(context.scene.setup, fault) {
+                        models.push(self.train(context, &training)?);
                     }
                     models
                 }
@@ -231,13 +245,16 @@ struct Found {
 }
 
 /// The trainings on pairs with a fault.
-fn attempts(setup: &Setup, fault: Fault) -> Vec<SeededTraining> {
+fn attempts(setup: &Setup, fault: Fault) -> Vec<StudyTraining> {
     let models = setup.models.iter().filter(|model| !model.training_only);
     let of = |model: &ModelSpec| {
         let mut spec = model.clone();
         spec.seeds = None;
         spec.name = format!("{}-{}", model.name, fault.suffix());
-        SeededTraining { spec, network: model.name.clone(), number: 0 }
+        let training = SeededTraining { spec, network: model.name.clone(), number: 0 };
+        // A scene without a flow time is not complete, and is not run.
+        let flow_time = setup.flow_time.unwrap_or(f64::NAN);
+        StudyTraining { training, flow_time, from: None, fault: fault.name() }
     };
     models.map(of).collect()
 }
@@ -268,6 +285,13 @@ fn changed(pairs: &Pairs, fault: Fault, seed: u64, name: &str) -> Result<Pairs, 
 }
 
 impl NoiseOptions {
+    /// The pairs of the scene with a fault.
+    fn changed(&self, context: &mut Context<'_>, fault: Fault) -> Result<DataSets, RunError> {
+        let (clean, seed) = (context.data()?, context.scene.seed);
+        let (system, time) = (context.system()?, context.flow_time()?);
+        Ok(clean.changed(&mut |name, pairs| changed(pairs, fault, seed, name), system, time)?)
+    }
+
     /// None first.
     fn faults(&self) -> impl Iterator<Item = Fault> {
         let noise = self.levels.iter().map(|level| Fault::Noise(*level));

@@ -4,8 +4,10 @@ use crate::error::Error;
 use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::findings::Findings;
-use crate::scene::setup::{MOST, Need, SeededTraining, Setup, check_points};
+use crate::scene::setup::{MOST, Need, Setup, StudyTraining, check_points};
+use crate::scene::trained::Trained;
 use std::any::Any;
+use std::rc::Rc;
 
 /// Something that is measured in a scene. Its fields are its options.
 pub(in crate::scene) trait Study: Any {
@@ -33,10 +35,21 @@ pub(in crate::scene) trait Study: Any {
         Ok(())
     }
 
-    /// The trainings of networks of its own, beside those of the set-up.
-    fn trainings(&self, setup: &Setup) -> Vec<SeededTraining> {
+    /// The trainings of networks of its own, beside those of the set-up; each after that which it begins with.
+    fn trainings(&self, setup: &Setup) -> Vec<StudyTraining> {
         let _ = setup;
         Vec::new()
+    }
+
+    /// Does one of them, unless it is done; with that which it begins with.
+    fn train(
+        &self,
+        context: &mut Context<'_>,
+        training: &StudyTraining,
+    ) -> Result<Rc<Trained>, RunError> {
+        let _ = context;
+        let name = &training.training.spec.name;
+        Err(Error::invalid(self.name(), name, "one of the trainings of this study").into())
     }
 
     /// Makes a study that takes long a short one.

@@ -1,0 +1,291 @@
+//! Doing jobs of a scene, each in a folder of its own, and the report out of all of them.
+
+use super::context::{Context, RunError};
+use super::event::{Event, Observer};
+use super::folder::Folder;
+use super::job_folders::{
+    DATA, JobFolders, JobState, Lock, TIMINGS, clear, files_of, is_checkpoint, mark,
+};
+use super::log::TrainingTimes;
+use super::machine::Machine;
+use super::made_data::{Made, MadeData};
+use super::nearest::nearest;
+use super::plan::{Job, MERGE, Task};
+use super::registry::{AnyStudy, Scene};
+use super::report::Report;
+use super::run::run;
+use super::setup::StudyTraining;
+use super::study::shared::Study;
+use crate::error::Error;
+use crate::io::{load_checkpoint, write_atomically};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// How doing a job ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JobEnd {
+    /// It is done.
+    Done,
+    /// It was done before, and what it made is there.
+    WasDone,
+    /// The observer interrupted it: it goes on where it stopped when it is asked for again.
+    Interrupted,
+}
+
+/// How making the report of jobs ended.
+#[derive(Clone, Debug)]
+pub enum MergeEnd {
+    /// It is made.
+    Done(Box<Report>),
+    /// It was made before, and is there; whether no verdict of it is that something does not hold.
+    WasDone(bool),
+    /// The observer interrupted it.
+    Interrupted,
+}
+
+/// A job by its name, and what the plan said that its result depends on.
+#[derive(Clone, Copy, Debug)]
+pub struct JobRequest<'a> {
+    /// Its name.
+    pub id: &'a str,
+    /// Its digest in the plan, if that is to be the same.
+    pub digest: Option<&'a str>,
+}
+
+/// Does a job of a scene in a folder of its own, below that of the run.
+///
+/// A job that is done is not done again. One that was begun goes on from its checkpoint, and one whose files are not
+/// what it wrote is done anew. Where another process does the same job, this one waits for it. Files are written
+/// whole, and say that the job is done when all of them are there.
+///
+/// # Errors
+/// When no job of the scene has the name, or it has another digest; when a job that it needs is not done; when the
+/// folder holds a job of another scene and `overwrite` is false; those of [`run`].
+pub fn run_job(
+    scene: &Scene,
+    request: JobRequest<'_>,
+    path: &Path,
+    overwrite: bool,
+    observer: &mut dyn Observer,
+) -> Result<JobEnd, Error> {
+    scene.check_networks(path)?;
+    let jobs = scene.plan()?;
+    let job = find(&jobs, request.id)?;
+    if let Some(expected) = request.digest.filter(|digest| *digest != job.digest) {
+        let place = format!("job {}", job.id);
+        let expected = format!("the digest of its plan, {expected}");
+        let found = format!("{}: of another scene, version or file", job.digest);
+        return Err(Error::content(place, expected, found));
+    }
+    let folders = JobFolders::of_run(path);
+    check_needs(&jobs, job, &folders)?;
+    let folder = folders.folder(&job.id);
+    let Some(_lock) = Lock::of(&folder, observer)? else { return Ok(JobEnd::Interrupted) };
+    match JobState::of(&folder, &job.digest) {
+        JobState::Done => return Ok(JobEnd::WasDone),
+        JobState::Foreign if !overwrite => return Err(Error::OutputExists { path: folder }),
+        JobState::UnderWay => drop_unreadable(&folder, observer)?,
+        JobState::Absent => {}
+        JobState::Foreign => clear(&folder)?,
+        JobState::Corrupt(what) => {
+            let words = format!("the folder of job {} holds {what}: it is done again", job.id);
+            observer.event(Event::Stage(&words));
+            clear(&folder)?;
+        }
+    }
+    mark(&folder, &job.id, &job.digest, None)?;
+    match do_job(scene, job, &folders, observer) {
+        Ok(()) => {
+            mark(&folder, &job.id, &job.digest, Some(&files_of(&folder)))?;
+            Ok(JobEnd::Done)
+        }
+        Err(RunError::Interrupted) => Ok(JobEnd::Interrupted),
+        Err(RunError::Failed(error)) => Err(error),
+    }
+}
+
+fn find<'a>(jobs: &'a [Job], id: &str) -> Result<&'a Job, Error> {
+    let found = jobs.iter().find(|job| job.id == id && job.id != MERGE);
+    found.ok_or_else(|| {
+        let near = nearest(id, jobs.iter().map(|job| &job.id[..]).filter(|known| *known != id));
+        let near = near.map(|near| format!(", such as {near}")).unwrap_or_default();
+        Error::invalid("job", id, format!("a data set or a training of the plan{near}"))
+    })
+}
+
+fn check_needs(jobs: &[Job], job: &Job, folders: &JobFolders) -> Result<(), Error> {
+    let needs = jobs.iter().filter(|other| job.needs.contains(&other.id));
+    let states =
+        needs.map(|need| (&need.id, JobState::of(&folders.folder(&need.id), &need.digest)));
+    let missing = states.filter(|(_, state)| !matches!(state, JobState::Done));
+    let missing: Vec<String> =
+        missing.map(|(id, state)| format!("{id} {}", state.words())).collect();
+    match &missing[..] {
+        [] => Ok(()),
+        _ => {
+            let expected = "all jobs that it needs to be done before";
+            Err(Error::content(format!("job {}", job.id), expected, missing.join(", ")))
+        }
+    }
+}
+
+/// Removes checkpoints that a crash of the machine has left unreadable.
+fn drop_unreadable(folder: &Path, observer: &mut dyn Observer) -> Result<(), Error> {
+    for name in files_of(folder).into_iter().filter(|name| is_checkpoint(name)) {
+        let path = folder.join(&name);
+        if let Err(reason) = load_checkpoint(&path) {
+            observer.event(Event::Stage(&format!("{reason}: it is not gone on with")));
+            std::fs::remove_file(&path).map_err(|reason| Error::write(&path, reason))?;
+        }
+    }
+    Ok(())
+}
+
+/// The part of a scene that a job is of.
+fn part_of<'a>(scene: &'a Scene, job: &Job) -> &'a Scene {
+    let named = |name: &String| scene.parts.iter().find(|part| part.name == *name);
+    job.part.as_ref().and_then(named).unwrap_or(scene)
+}
+
+fn do_job(
+    scene: &Scene,
+    job: &Job,
+    folders: &JobFolders,
+    observer: &mut dyn Observer,
+) -> Result<(), RunError> {
+    let of_part = part_of(scene, job);
+    let jobs = job.part.as_ref().map_or_else(|| folders.clone(), |part| folders.of_part(part));
+    let path = folders.folder(&job.id);
+    let name = match &job.task {
+        Task::Own(training) => &training.spec.name,
+        Task::OfStudy(training) => &training.training.spec.name,
+        Task::Data(_) | Task::Merge => "",
+    };
+    let job_of = Some(name.to_owned());
+    let folder = Folder { path, resume: true, overwrite: false, jobs: Some(jobs), job_of };
+    let declared = of_part.declared();
+    let mut context = Context::new(&declared, &folder, &[], observer);
+    let mut made = None;
+    match &job.task {
+        Task::Data(None)
+            if declared.setup.data.as_ref().is_some_and(|data| data.lines.is_some()) =>
+        {
+            made = Some(Made::Lines(Box::new(context.lines()?.made())));
+        }
+        Task::Data(None) => made = Some(Made::Pairs(Box::new((&*context.data()?).into()))),
+        Task::Data(Some((epsilon, time))) => {
+            made = Some(Made::Pairs(Box::new((&*context.data_at(*epsilon, *time)?).into())));
+        }
+        Task::Own(training) => drop(context.of_setup(&training.spec.name)?),
+        Task::OfStudy(training) => train_of_study(of_part, training, &mut context)?,
+        Task::Merge => {}
+    }
+    let (mut times, stages) = context.into_times();
+    if let Some(data) = made {
+        folder.save(DATA, &MadeData { data, stages: stages.clone() })?;
+    }
+    times.retain(|of| of.model == name);
+    let timings = json!({ "machine": Machine::this(), "models": times, "stages": stages });
+    folder.save_timings(&timings)?;
+    Ok(())
+}
+
+fn train_of_study(
+    scene: &Scene,
+    training: &StudyTraining,
+    context: &mut Context<'_>,
+) -> Result<(), RunError> {
+    let name = &training.training.spec.name;
+    let has = |study: &&dyn Study| {
+        study.trainings(&scene.setup).iter().any(|own| own.training.spec.name == *name)
+    };
+    match scene.studies.iter().map(AnyStudy::study).find(has) {
+        Some(study) => study.train(context, training).map(drop),
+        None => Err(Error::invalid("training", name, "one of a study").into()),
+    }
+}
+
+/// Makes the report of a run out of its jobs, all of which are done: as a run in one process makes it.
+///
+/// A report that was made before is not made again, and one that was interrupted goes on.
+///
+/// # Errors
+/// When a job is not done, or is of another scene, by their names; [`Error::OutputExists`] when the folder holds a run
+/// that is of other jobs, and is not overwritten; those of [`run`].
+pub fn merge(
+    scene: &Scene,
+    path: &Path,
+    overwrite: bool,
+    observer: &mut dyn Observer,
+) -> Result<MergeEnd, Error> {
+    scene.check_networks(path)?;
+    let jobs = scene.plan()?;
+    let folders = JobFolders::of_run(path);
+    let of_merge = jobs.iter().find(|job| job.id == MERGE);
+    let none = || Error::invalid("job", MERGE, "a job of the plan");
+    let job = of_merge.ok_or_else(none)?;
+    check_needs(&jobs, job, &folders)?;
+    let mark_folder = folders.folder(MERGE);
+    let Some(_lock) = Lock::of(&mark_folder, observer)? else { return Ok(MergeEnd::Interrupted) };
+    let state = JobState::of(&mark_folder, &job.digest);
+    if matches!(state, JobState::Done) && !overwrite {
+        return holds(path).map(MergeEnd::WasDone);
+    }
+    let resume = matches!(state, JobState::UnderWay) && Folder::holds_scene(path);
+    let mut folder = Folder::open(path, resume, overwrite)?;
+    mark(&mark_folder, MERGE, &job.digest, None)?;
+    folder.jobs = Some(folders.clone());
+    folder.save_scene(scene)?;
+    match &scene.parts[..] {
+        [] => gather(&jobs, None, &folder, &folders)?,
+        parts => {
+            for part in parts {
+                let of_part = folder.part(&part.name)?;
+                of_part.save_scene(part)?;
+                gather(&jobs, Some(&part.name), &of_part, &folders)?;
+            }
+        }
+    }
+    folder.resume = true;
+    let Some(report) = run(scene, &folder, observer)? else { return Ok(MergeEnd::Interrupted) };
+    let files = ["report.json", "report.md", "report.html"].map(|name| format!("../../{name}"));
+    mark(&mark_folder, MERGE, &job.digest, Some(&files))?;
+    Ok(MergeEnd::Done(Box::new(report)))
+}
+
+/// Whether the report in a folder says that all holds.
+fn holds(path: &Path) -> Result<bool, Error> {
+    let file = path.join("report.json");
+    let bytes = std::fs::read(&file).map_err(|reason| Error::read(&file, reason))?;
+    let value: Option<Value> = serde_json::from_slice(&bytes).ok();
+    let holds = value.and_then(|value| value.get("holds")?.as_bool());
+    holds.ok_or_else(|| Error::content(file.display(), "a report", "none"))
+}
+
+/// Copies the checkpoints of the trainings of a part into its folder, and tells their times.
+fn gather(
+    jobs: &[Job],
+    part: Option<&str>,
+    folder: &Folder,
+    folders: &JobFolders,
+) -> Result<(), Error> {
+    let mut times: Vec<TrainingTimes> = Vec::new();
+    let own = |job: &&Job| {
+        job.part.as_deref() == part && matches!(job.task, Task::Own(_) | Task::OfStudy(_))
+    };
+    for job in jobs.iter().filter(own) {
+        let from = folders.folder(&job.id);
+        for name in files_of(&from).into_iter().filter(|name| is_checkpoint(name)) {
+            let source = from.join(&name);
+            let mut file =
+                std::fs::File::open(&source).map_err(|reason| Error::read(&source, reason))?;
+            write_atomically(&folder.file(&name), |out| std::io::copy(&mut file, out).map(drop))?;
+        }
+        let timings = std::fs::read(from.join(TIMINGS)).ok();
+        let timings = timings.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok());
+        let of_job =
+            timings.and_then(|timings| serde_json::from_value(timings.get("models")?.clone()).ok());
+        times.extend(of_job.unwrap_or_else(Vec::<TrainingTimes>::new));
+    }
+    folder.save_timings(&json!({ "models": times }))
+}

@@ -1,0 +1,181 @@
+//! What the jobs of a scene take on this machine: each kind of training is begun, on a part of its pairs.
+
+use super::context::Context;
+use super::event::{Event, Observer};
+use super::folder::Folder;
+use super::learning::leading_up;
+use super::plan::{Job, Task};
+use super::registry::Scene;
+use super::setup::{Data, SeededTraining};
+use crate::error::Error;
+use crate::train::{TrainingOptions, TrainingStage};
+use std::time::{Duration, Instant};
+
+/// Pairs of a trial, and lines of each machine.
+const PAIRS: f64 = 512.0;
+const LINES: usize = 8;
+/// A trial of a training ends after so long, once an iteration is done.
+const LONG_ENOUGH: Duration = Duration::from_millis(300);
+
+impl Scene {
+    /// Seconds that each of its jobs takes at most on this machine, roughly: a part of the pairs is made, each network
+    /// is trained on it for a moment, and both are taken for as long as they may be. None of the report, and of what
+    /// fails on so few pairs.
+    ///
+    /// # Errors
+    /// When no temporary folder can be made.
+    pub fn estimate(&self, jobs: &[Job]) -> Result<Vec<Option<f64>>, Error> {
+        let mut out = vec![None; jobs.len()];
+        let parts: Vec<(Option<&str>, &Self)> = match &self.parts[..] {
+            [] => vec![(None, self)],
+            parts => parts.iter().map(|part| (Some(&part.name[..]), part)).collect(),
+        };
+        for (name, part) in parts {
+            let own = |job: &Job| job.part.as_deref() == name && !matches!(job.task, Task::Merge);
+            if !jobs.iter().any(own) {
+                continue;
+            }
+            let trial = Trial::of(part)?;
+            for (job, seconds) in jobs.iter().zip(&mut out).filter(|(job, _)| own(job)) {
+                *seconds = trial.seconds(part, job).filter(|seconds| seconds.is_finite());
+            }
+        }
+        Ok(out)
+    }
+
+    /// The scene with fewer pairs and without the stages that lead up to a training, and the share of its pairs that it
+    /// has.
+    fn for_a_trial(&self) -> (Self, f64) {
+        let mut short = self.clone();
+        let mut share = 1.0;
+        if let Some(data) = &mut short.setup.data {
+            share = fewer(data);
+        }
+        let single = |training: &mut TrainingOptions| {
+            (training.starts, training.fresh_twists, training.plateau) = (None, None, None);
+            training.ramp.clear();
+            training.checkpoint_every = u64::MAX;
+        };
+        single(&mut short.setup.training);
+        for model in &mut short.setup.models {
+            model.training.as_mut().map(single);
+            model.seeds = None;
+        }
+        short.studies.clear();
+        short.plots.clear();
+        (short, share)
+    }
+}
+
+/// Leaves a part of the pairs; which share it is.
+fn fewer(data: &mut Data) -> f64 {
+    if let Some(lines) = &mut data.lines {
+        let all = lines.lines;
+        lines.lines = all.min(LINES);
+        return lines.lines as f64 / all as f64;
+    }
+    let orbit = data.orbit as f64;
+    let pairs = |data: &Data| data.windows.iter().map(|w| orbit * w.samples as f64).sum::<f64>();
+    let all = pairs(data);
+    if !(all > PAIRS) {
+        return 1.0;
+    }
+    for window in &mut data.windows {
+        window.samples = (window.samples as f64 * PAIRS / all).ceil() as usize;
+    }
+    pairs(data) / all
+}
+
+/// What a trial of a part has measured.
+struct Trial {
+    /// Seconds of the pairs of its set-up.
+    data: Option<f64>,
+    /// Seconds of an iteration on all of them, of each network.
+    iterations: Vec<(String, f64)>,
+}
+
+impl Trial {
+    fn of(scene: &Scene) -> Result<Self, Error> {
+        let (short, share) = scene.for_a_trial();
+        let declared = short.declared();
+        let folder = tempfile::tempdir();
+        let path = folder.map_err(|reason| Error::write(&std::env::temp_dir(), reason))?;
+        let folder = Folder::open(path.path(), false, false)?;
+        let mut watch = Watch::default();
+        let start = Instant::now();
+        let mut context = Context::new(&declared, &folder, &[], &mut watch);
+        let made = context.data().is_ok();
+        let data = made.then(|| start.elapsed().as_secs_f64() / share);
+        let mut of = |attempt: SeededTraining| {
+            // It is interrupted, or over, or fails; what it took until then is watched.
+            let ended = context.of_setup(&attempt.spec.name);
+            drop(ended);
+            attempt.network
+        };
+        let own = short.setup.attempts().filter(|attempt| !attempt.spec.network.is_of_file());
+        let networks: Vec<String> = if made { own.map(&mut of).collect() } else { Vec::new() };
+        let seconds = |network: String| {
+            let of_network = watch.iterations.iter().filter(|(model, _)| *model == network);
+            let times: Vec<Duration> = of_network.map(|(_, time)| *time).collect();
+            let each = match times[..] {
+                [] => return None,
+                [only] => only,
+                // The first takes what it takes to begin, too.
+                [first, .., last] => (last - first) / (times.len() - 1) as u32,
+            };
+            Some((network, each.as_secs_f64() / share))
+        };
+        let iterations = networks.into_iter().filter_map(seconds).collect();
+        Ok(Self { data, iterations })
+    }
+
+    fn seconds(&self, scene: &Scene, job: &Job) -> Option<f64> {
+        let setup = &scene.setup;
+        let (epsilon, time) = (setup.target()?.epsilon(), setup.flow_time?);
+        let (training, of_time, from) = match &job.task {
+            Task::Merge => return None,
+            Task::Data(None) => return self.data,
+            // As many oscillations more as the time is longer and ε smaller.
+            Task::Data(Some((other, long))) => {
+                return Some(self.data? * (long / time) * (epsilon / other));
+            }
+            Task::Own(training) => (training, time, false),
+            Task::OfStudy(of) => (&of.training, of.flow_time, of.from.is_some()),
+        };
+        let (_, each) = self.iterations.iter().find(|(name, _)| *name == training.network)?;
+        let options = setup.training_of(&training.spec);
+        let ramp = leading_up(options, epsilon, of_time, from);
+        let options = TrainingOptions { ramp, ..options.clone() };
+        let stages = TrainingStage::all(&options);
+        let count = stages.into_iter().map(|stage| stage.iterations(&options)).sum::<u64>();
+        Some(each * count as f64)
+    }
+}
+
+/// Takes the times of the iterations of each network, and ends each training after a moment.
+#[derive(Default)]
+struct Watch {
+    /// When the stage under way began.
+    start: Option<Instant>,
+    /// Since then.
+    iterations: Vec<(String, Duration)>,
+    long_enough: bool,
+}
+
+impl Observer for Watch {
+    fn event(&mut self, event: Event<'_>) {
+        match event {
+            Event::Stage(_) => (self.start, self.long_enough) = (Some(Instant::now()), false),
+            Event::Iteration { model, .. } => {
+                let since = self.start.map(|start| start.elapsed()).unwrap_or_default();
+                self.iterations.push((model.to_owned(), since));
+                self.long_enough = since >= LONG_ENOUGH;
+            }
+            Event::Progress { .. } | Event::Trained { .. } => {}
+        }
+    }
+
+    fn interrupted(&self) -> bool {
+        self.long_enough
+    }
+}
