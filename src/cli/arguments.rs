@@ -7,6 +7,7 @@ use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::network::NamedArchitecture;
 use gyroceptron::scalar::GridNumbers;
 use gyroceptron::train::RampStage;
+use std::ops::Range;
 use std::path::PathBuf;
 
 /// Symplectic gyroceptrons: train, certify and roll out nearly-periodic
@@ -504,6 +505,9 @@ pub struct Predict {
     /// Keep one state in so many.
     #[arg(long, value_name = "K", default_value_t = 1, allow_negative_numbers = true)]
     pub every: i64,
+    /// Only block K of N of the initial points, which follow one another: the numbers are those of a call for all.
+    #[arg(long, value_name = "K/N")]
+    pub block: Option<String>,
     /// The trajectories, an .npy of (steps/every + 1, M, 2n).
     #[arg(long, value_name = "FILE.npy")]
     pub output: PathBuf,
@@ -663,6 +667,22 @@ pub fn ramp(name: &str, text: &str) -> Result<Vec<RampStage>, Error> {
 }
 
 /// A count that must be at least 1.
+/// The rows of block K of N, of so many rows: all that follow one another, and no two blocks differ by more than a row.
+pub fn block(text: &str, rows: usize) -> Result<Range<usize>, Error> {
+    let invalid = |expected: &str| Error::invalid("--block", text, expected);
+    let numbers = text.split_once('/').and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)));
+    let (number, count): (u64, u64) = numbers.ok_or_else(|| invalid("K/N, such as 3/8"))?;
+    if !(1..=count).contains(&number) {
+        return Err(invalid("K from 1 to N"));
+    }
+    if count > rows as u64 {
+        return Err(invalid(&format!("at most {rows} blocks, one for each initial point")));
+    }
+    // Both are at most `rows`, a count of numbers in memory.
+    let start = |number: u64| (u128::from(number) * rows as u128 / u128::from(count)) as usize;
+    Ok(start(number - 1)..start(number))
+}
+
 pub fn positive(name: &str, value: i64) -> Result<usize, Error> {
     usize::try_from(value)
         .ok()

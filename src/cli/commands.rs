@@ -2,7 +2,7 @@
 
 use super::arguments::{
     Arguments, CoilArguments, Command, Export, ExportFormat, Import, Outside, Predict, Run, Verify,
-    circle_action, positive,
+    block, circle_action, positive,
 };
 use super::guards::{check_ending, guard_output, use_threads};
 use super::output::{json, out, status_of, typed_words, width};
@@ -381,7 +381,11 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     if file.single_precision {
         line(&format!("{}: {}", arguments.input.display(), Note::SinglePrecision));
     }
-    let initial = file.points;
+    let mut initial = file.points;
+    if let Some(block) = &arguments.block {
+        let rows = self::block(block, initial.len() / dim)?;
+        initial = initial[rows.start * dim..rows.end * dim].to_vec();
+    }
     let points = initial.len() / dim;
     let rolled = stored
         .rollout_along(course, &initial, request, &mut Pace::unbroken())
@@ -431,6 +435,7 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
         json(&json!({
             "output": arguments.output.display().to_string(),
             "shape": shape,
+            "block": arguments.block,
             "invariant": arguments.invariant.as_ref().map(|file| file.display().to_string()),
             "outside": left,
             "outside_polynomials": beyond,

@@ -8,6 +8,7 @@ mod controls;
 mod grid;
 mod guide;
 mod helpers;
+mod jobs;
 #[path = "../judgement.rs"]
 mod judgement;
 #[path = "../own_scenes.rs"]

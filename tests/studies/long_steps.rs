@@ -7,7 +7,7 @@ use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{Folder, parse, render, run};
 use serde_json::Value;
 
-const LONG_STEPS: &str = r#"
+pub const LONG_STEPS: &str = r#"
 name = "long"
 seed = 2
 flow_time = 10.0

@@ -6,6 +6,7 @@ mod dissipation;
 mod family;
 mod helpers;
 mod invariants;
+mod jobs;
 mod long_steps;
 mod models;
 mod noise;

@@ -4,7 +4,7 @@ use crate::helpers::{refused, run_in, temporary};
 use gyroceptron::scene::{Folder, parse};
 use serde_json::Value;
 
-const NOISE: &str = r#"
+pub const NOISE: &str = r#"
 name = "noisy"
 seed = 2
 flow_time = 0.8
