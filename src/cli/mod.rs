@@ -14,6 +14,7 @@ mod train;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
 use gyroceptron::Error;
+use gyroceptron::scalar::Simd;
 use gyroceptron::scene::catalogue;
 use std::io::Write;
 use std::process::ExitCode;
@@ -37,7 +38,7 @@ pub fn main() -> ExitCode {
     if let Some(word) = misspelt() {
         return refused(&word);
     }
-    match commands::dispatch(parsed) {
+    match Simd::limit_by_environment().and_then(|()| commands::dispatch(parsed)) {
         Ok(Status::Done) => ExitCode::SUCCESS,
         Ok(Status::CheckFailed) => ExitCode::from(1),
         // The shell's convention for a run stopped by Ctrl-C.

@@ -6,6 +6,7 @@ mod controls;
 mod lines;
 mod orbits;
 mod proofs;
+mod runs;
 mod trained;
 mod training;
 
@@ -834,6 +835,8 @@ mod _native {
     #[pymodule_export]
     use super::proofs::{check_proof, prove};
     #[pymodule_export]
+    use super::runs::{_check_merge, _merge, _plan, _run, _run_job, _scene};
+    #[pymodule_export]
     use super::training::train;
     #[pymodule_export]
     use super::{_restore, Model, PyCertificate, load};
@@ -841,6 +844,7 @@ mod _native {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::scalar::Simd::limit_by_environment()?;
         module.add("Error", module.py().get_type::<super::exception::Error>())?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }

@@ -13,6 +13,7 @@
 use super::lanewise::{Lanewise, functions_of_lanes, zero_lanes_with};
 use super::tanh::tanh_sech2_in_step;
 use super::{Elementary, Over, Scalar, Task, WIDTH, assigning, over_parameters};
+use crate::error::Error;
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -134,6 +135,21 @@ impl Simd {
     /// changes by it, only times.
     pub fn limit(self) {
         LIMIT.store(self as usize, Ordering::Relaxed);
+    }
+
+    /// The same by the environment: `GYROCEPTRON_SIMD` is `portable`, `avx2` or `avx512`. The program and the module for
+    /// Python do this when they start.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with another value.
+    pub fn limit_by_environment() -> Result<(), Error> {
+        const NAME: &str = "GYROCEPTRON_SIMD";
+        let Some(value) = std::env::var_os(NAME) else { return Ok(()) };
+        let names = ["portable", "avx2", "avx512"].into_iter().zip(Self::ALL);
+        let found = names.into_iter().find(|(name, _)| value == *name);
+        let expected = || Error::invalid(NAME, value.display(), "portable, avx2 or avx512");
+        found.ok_or_else(expected)?.1.limit();
+        Ok(())
     }
 }
 

@@ -73,6 +73,11 @@ impl Folder {
         Ok(folder)
     }
 
+    /// Whether files of a run are in this folder.
+    pub(super) fn holds_run(path: &Path) -> bool {
+        holds_run(path)
+    }
+
     /// Whether a run was begun in this folder.
     pub(super) fn holds_scene(path: &Path) -> bool {
         path.join(AS_RUN).exists()

@@ -205,6 +205,23 @@ fn train_of_study(
     }
 }
 
+/// Fails where the report of the jobs of a scene would take the place of another run: before they are done.
+///
+/// # Errors
+/// [`Error::OutputExists`] with the folder; those of [`Scene::plan`] and [`Scene::check_networks`].
+pub fn check_merge(scene: &Scene, path: &Path, overwrite: bool) -> Result<(), Error> {
+    scene.check_networks(path)?;
+    let jobs = scene.plan()?;
+    let folder = JobFolders::of_run(path).folder(MERGE);
+    let own = jobs.iter().filter(|job| job.id == MERGE);
+    let own = own.map(|job| JobState::of(&folder, &job.digest));
+    let mut ours = own.filter(|state| matches!(state, JobState::Done | JobState::UnderWay));
+    match ours.next().is_none() && !overwrite && Folder::holds_run(path) {
+        true => Err(Error::OutputExists { path: path.to_owned() }),
+        false => Ok(()),
+    }
+}
+
 /// Makes the report of a run out of its jobs, all of which are done: as a run in one process makes it.
 ///
 /// A report that was made before is not made again, and one that was interrupted goes on.
@@ -283,9 +300,9 @@ fn gather(
         }
         let timings = std::fs::read(from.join(TIMINGS)).ok();
         let timings = timings.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok());
-        let of_job =
+        let of_job: Option<Vec<_>> =
             timings.and_then(|timings| serde_json::from_value(timings.get("models")?.clone()).ok());
-        times.extend(of_job.unwrap_or_else(Vec::<TrainingTimes>::new));
+        times.extend(of_job.unwrap_or_default());
     }
     folder.save_timings(&json!({ "models": times }))
 }

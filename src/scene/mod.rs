@@ -69,7 +69,7 @@ pub use citation::bibtex;
 pub use event::{Event, Observer};
 pub use findings::StudyFindings;
 pub use folder::Folder;
-pub use job::{JobEnd, JobRequest, MergeEnd, merge, run_job};
+pub use job::{JobEnd, JobRequest, MergeEnd, check_merge, merge, run_job};
 pub use line_data::{CoilFile, Coils, LineData};
 pub use log::{Stage, TrainingTimes};
 pub use machine::Machine;

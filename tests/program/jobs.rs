@@ -1,8 +1,7 @@
 //! A run in pieces, as an engine that schedules does them: the plan, the jobs, the report; blocks of points.
 
 use crate::helpers::{
-    SCENE, call, command, folder, last_numbers, listing, refuses, succeeds, text, two_parts,
-    with_model, with_scene,
+    SCENE, command, listing, refuses, succeeds, text, two_parts, with_model, with_scene,
 };
 use gyroceptron::io::read_trajectories;
 use serde_json::Value;
@@ -40,6 +39,11 @@ fn read(path: &Path, name: &str) -> Vec<u8> {
     std::fs::read(path.join(name)).unwrap_or_else(|reason| panic!("{name}: {reason}"))
 }
 
+/// What was timed.
+fn times(path: &Path, name: &str) -> Value {
+    serde_json::from_slice(&read(path, name)).expect("JSON")
+}
+
 /// [`SCENE`] with two seeds.
 fn two_seeds() -> String {
     let out = SCENE.replace("name = \"gyroceptron\"", "name = \"gyroceptron\"\nseeds = 2");
@@ -70,6 +74,11 @@ fn jobs_by_different_instructions_give_the_bytes_of_a_run() {
     let mut other = of_plan(path, &jobs[2], &["--threads", "1"]);
     let output = other.env("GYROCEPTRON_SIMD", "portable").output().expect("starts");
     assert!(output.status.success(), "{}", text(&output.stderr));
+    let machine = times(path, "far/jobs/train-gyroceptron-seed-2/timings.json")["machine"].clone();
+    assert_eq!(
+        (&machine["instructions"], &machine["threads"]),
+        (&"portable instructions".into(), &1.into())
+    );
     assert!(does(path, &jobs[1], &[]).contains("train-gyroceptron: done"));
     assert!(does(path, &jobs[1], &[]).contains("train-gyroceptron: was done before"));
     assert!(does(path, &jobs[3], &[]).contains("report: far/report.md"));
@@ -79,10 +88,9 @@ fn jobs_by_different_instructions_give_the_bytes_of_a_run() {
         assert!(whole == far, "{file}");
     }
     // The seconds of a training are those of its job.
-    let times = |name: &str| serde_json::from_slice::<Value>(&read(path, name)).expect("JSON");
-    let of_job = &times("far/jobs/train-gyroceptron/timings.json")["models"][0];
+    let of_job = &times(path, "far/jobs/train-gyroceptron/timings.json")["models"][0];
     assert_eq!(of_job["model"], "gyroceptron");
-    assert_eq!(of_job, &times("far/timings.json")["models"][0]);
+    assert_eq!(of_job, &times(path, "far/timings.json")["models"][0]);
     let before = listing(path);
     assert!(does(path, &jobs[3], &[]).contains("made before"));
     let again = does(path, &jobs[3], &["--json"]);
@@ -244,6 +252,13 @@ fn jobs_that_are_not_of_the_plan() {
     succeeds(path, &other.split(' ').collect::<Vec<_>>());
     assert!(before != read(path, "far/jobs/data/data.json"));
     refuses(&["--job", "train-gyroceptron"], &["data of another scene, version or file"]);
+    let mut other = command(path, &["run", "small.toml", "--plan"]);
+    let output = other.env("GYROCEPTRON_SIMD", "sse").output().expect("starts");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        text(&output.stderr)
+            .contains("GYROCEPTRON_SIMD: expected portable, avx2 or avx512, found sse")
+    );
     // A folder that cannot be written.
     let file = folder.path().join("file");
     std::fs::write(&file, "mine").expect("written");

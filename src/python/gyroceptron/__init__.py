@@ -18,6 +18,7 @@ from ._native import (
     train,
     tunes,
 )
+from ._runs import Report, merge, plan, run, run_job
 
 __all__ = [
     "Certificate",
@@ -25,11 +26,16 @@ __all__ = [
     "FieldLines",
     "InvariantCircle",
     "Model",
+    "Report",
     "__version__",
     "check_proof",
     "load",
+    "merge",
+    "plan",
     "prove",
     "rotation_number",
+    "run",
+    "run_job",
     "train",
     "tunes",
 ]

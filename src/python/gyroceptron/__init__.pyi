@@ -1,5 +1,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
+from pathlib import Path
 from typing import Any, Literal, SupportsFloat, TypedDict
 
 import numpy as np
@@ -11,11 +12,16 @@ __all__ = [
     "FieldLines",
     "InvariantCircle",
     "Model",
+    "Report",
     "__version__",
     "check_proof",
     "load",
+    "merge",
+    "plan",
     "prove",
     "rotation_number",
+    "run",
+    "run_job",
     "train",
 ]
 
@@ -347,3 +353,84 @@ def train(
     callback: Callable[[str, int, float, float | None], bool | None] | None = None,
 ) -> Model:
     """Trains a network on pairs, the rows of input and output, (N, 2n) each."""
+
+class Report:
+    """The report of a run: what is in its folder, with ``report.json`` as ``data``."""
+
+    path: Path
+    data: dict[str, Any]
+
+    def __init__(self, path: str | PathLike[str]) -> None: ...
+    @property
+    def holds(self) -> bool:
+        """No verdict of the run is that something does not hold."""
+    def __repr__(self) -> str: ...
+    def _repr_html_(self) -> str: ...
+
+class _Job(TypedDict):
+    id: str
+    kind: Literal["data", "training", "merge"]
+    part: str | None
+    network: str | None
+    seed: int | None
+    epsilon: float | None
+    flow_time: float | None
+    needs: list[str]
+    wave: int
+    digest: str
+    seconds: float | None
+
+_RunCallback = Callable[[str, int | None, float | None, float | None], bool | None]
+
+def plan(
+    scene: str | PathLike[str],
+    *,
+    seed: int | None = None,
+    quick: bool = False,
+    weights: str | PathLike[str] | None = None,
+    estimate: bool = True,
+) -> list[_Job]:
+    """The jobs of a scene, each after those that it needs: data sets, trainings and the report."""
+
+def run_job(
+    scene: str | PathLike[str],
+    job: str,
+    out: str | PathLike[str] | None = None,
+    *,
+    seed: int | None = None,
+    quick: bool = False,
+    weights: str | PathLike[str] | None = None,
+    digest: str | None = None,
+    overwrite: bool = False,
+    threads: int | None = None,
+    callback: _RunCallback | None = None,
+) -> Literal["done", "was done before", "interrupted"]:
+    """Does a job of the plan in a folder of its own below ``out``."""
+
+def merge(
+    scene: str | PathLike[str],
+    out: str | PathLike[str] | None = None,
+    *,
+    seed: int | None = None,
+    quick: bool = False,
+    weights: str | PathLike[str] | None = None,
+    overwrite: bool = False,
+    threads: int | None = None,
+    callback: _RunCallback | None = None,
+) -> Report | None:
+    """Makes the report of all jobs below ``out``, with the bytes of a run in one process."""
+
+def run(
+    scene: str | PathLike[str] = "quickstart",
+    out: str | PathLike[str] | None = None,
+    *,
+    seed: int | None = None,
+    quick: bool = False,
+    weights: str | PathLike[str] | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    threads: int | None = None,
+    callback: _RunCallback | None = None,
+    client: Any | None = None,
+) -> Report | None:
+    """Runs a scene into a folder, here or on the workers of a client of Dask distributed; gives its report."""

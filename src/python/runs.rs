@@ -1,0 +1,219 @@
+//! Scenes from Python: a run in this process, and its jobs for an engine that schedules.
+
+use crate::error::Error;
+use crate::scene::{
+    Event, Folder, Job, JobEnd, JobRequest, MergeEnd, Observer, Scene, check_merge, merge, parse,
+    run, run_job,
+};
+use pyo3::prelude::*;
+use serde::Serialize;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// Listens to a run in another thread than the one which hears signals.
+struct Watch<'a> {
+    stopped: &'a AtomicBool,
+    callback: Option<&'a Py<PyAny>>,
+    /// By the callback.
+    raised: Option<PyErr>,
+}
+
+impl Watch<'_> {
+    fn call(&mut self, name: &str, of_iteration: Option<(u64, f64, Option<f64>)>) {
+        let Some(callback) = self.callback.filter(|_| !self.stopped.load(Ordering::Relaxed)) else {
+            return;
+        };
+        let (iteration, loss) = of_iteration.map(|(iteration, loss, _)| (iteration, loss)).unzip();
+        let validation = of_iteration.and_then(|(.., validation)| validation);
+        let goes_on = Python::attach(|py| -> PyResult<bool> {
+            let answer = callback.bind(py).call1((name, iteration, loss, validation))?;
+            Ok(answer.is_none() || answer.is_truthy()?)
+        });
+        match goes_on {
+            Ok(true) => return,
+            Ok(false) => {}
+            Err(raised) => self.raised = Some(raised),
+        }
+        self.stopped.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Observer for Watch<'_> {
+    fn event(&mut self, event: Event<'_>) {
+        match event {
+            Event::Stage(name) => self.call(name, None),
+            Event::Iteration { model, record, .. } => {
+                self.call(model, Some((record.iteration, record.loss, record.validation)));
+            }
+            Event::Progress { .. } | Event::Trained { .. } => {}
+        }
+    }
+
+    fn interrupted(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+}
+
+/// Runs something in a thread of its own, on so many threads, while this one listens to Ctrl-C.
+fn listening<T: Send>(
+    py: Python<'_>,
+    threads: Option<usize>,
+    callback: Option<Py<PyAny>>,
+    work: impl FnOnce(&mut dyn Observer) -> Result<T, Error> + Send,
+) -> PyResult<T> {
+    let pool = match threads {
+        None => None,
+        Some(count) => {
+            Error::check_count_range("threads", count, 1, 1024)?;
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build();
+            Some(pool.map_err(|reason| Error::invalid("threads", count, reason))?)
+        }
+    };
+    let stopped = AtomicBool::new(false);
+    let mut signal = None;
+    let (result, raised) = py.detach(|| {
+        let mut watch = Watch { stopped: &stopped, callback: callback.as_ref(), raised: None };
+        std::thread::scope(|scope| {
+            let thread = scope.spawn(move || {
+                let result = match pool {
+                    None => work(&mut watch),
+                    Some(pool) => pool.install(|| work(&mut watch)),
+                };
+                (result, watch.raised)
+            });
+            while !thread.is_finished() {
+                std::thread::sleep(Duration::from_millis(5));
+                if let Err(heard) = Python::attach(|py| py.check_signals()) {
+                    signal = Some(heard);
+                    stopped.store(true, Ordering::Relaxed);
+                }
+            }
+            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        })
+    });
+    match signal.or(raised) {
+        Some(raised) => Err(raised),
+        None => Ok(result?),
+    }
+}
+
+/// The scene of a name or a file as text, whole; and the parts that are left out, since they need a file of weights.
+#[pyfunction]
+#[pyo3(signature = (scene, seed, quick, weights))]
+pub(super) fn _scene(
+    scene: &str,
+    seed: Option<u64>,
+    quick: bool,
+    weights: Option<PathBuf>,
+) -> PyResult<(String, String, Vec<String>)> {
+    let mut read = Scene::read(scene)?;
+    if let Some(seed) = seed {
+        read = read.with_seed(seed);
+    }
+    if quick {
+        read = read.quick();
+    }
+    if let Some(file) = weights {
+        let file = std::path::absolute(&file).map_err(|reason| Error::read(&file, reason))?;
+        let (with, any) = read.with_weights(&file);
+        read = with;
+        if !any {
+            let expected = "a scene with a network of kind \"file\" that names none";
+            return Err(Error::invalid("weights", scene, expected).into());
+        }
+    }
+    let (read, lacking) = read.without_parts_that_lack_files();
+    read.complete()?;
+    let text = toml::to_string_pretty(&read);
+    let text =
+        text.map_err(|reason| Error::content(scene, "a scene that can be written", reason))?;
+    Ok((read.name.clone(), text, lacking))
+}
+
+#[derive(Serialize)]
+struct Line<'a> {
+    #[serde(flatten)]
+    job: &'a Job,
+    seconds: Option<f64>,
+}
+
+/// The jobs of a scene, as JSON.
+#[pyfunction]
+pub(super) fn _plan(py: Python<'_>, text: &str, estimate: bool) -> PyResult<String> {
+    let scene = parse("scene", text)?;
+    let jobs = scene.plan()?;
+    let seconds = match estimate {
+        true => listening(py, None, None, |_| scene.estimate(&jobs))?,
+        false => vec![None; jobs.len()],
+    };
+    let lines: Vec<Line<'_>> =
+        jobs.iter().zip(seconds).map(|(job, seconds)| Line { job, seconds }).collect();
+    let text = serde_json::to_string(&lines);
+    Ok(text.map_err(|reason| Error::content("plan", "numbers that JSON can hold", reason))?)
+}
+
+/// Does a job: "done", "was done before", or "interrupted" by the callback.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the keywords of Python")]
+pub(super) fn _run_job(
+    py: Python<'_>,
+    text: &str,
+    id: &str,
+    digest: Option<&str>,
+    out: PathBuf,
+    overwrite: bool,
+    threads: Option<usize>,
+    callback: Option<Py<PyAny>>,
+) -> PyResult<&'static str> {
+    let scene = parse("scene", text)?;
+    let request = JobRequest { id, digest };
+    let end =
+        listening(py, threads, callback, |watch| run_job(&scene, request, &out, overwrite, watch))?;
+    Ok(match end {
+        JobEnd::Done => "done",
+        JobEnd::WasDone => "was done before",
+        JobEnd::Interrupted => "interrupted",
+    })
+}
+
+/// Fails where a report of all jobs would take the place of another run.
+#[pyfunction]
+pub(super) fn _check_merge(text: &str, out: PathBuf, overwrite: bool) -> PyResult<()> {
+    Ok(check_merge(&parse("scene", text)?, &out, overwrite)?)
+}
+
+/// Makes the report of all jobs; whether it is there.
+#[pyfunction]
+pub(super) fn _merge(
+    py: Python<'_>,
+    text: &str,
+    out: PathBuf,
+    overwrite: bool,
+    threads: Option<usize>,
+    callback: Option<Py<PyAny>>,
+) -> PyResult<bool> {
+    let scene = parse("scene", text)?;
+    let end = listening(py, threads, callback, |watch| merge(&scene, &out, overwrite, watch))?;
+    Ok(!matches!(end, MergeEnd::Interrupted))
+}
+
+/// Runs a scene in this process; whether its report is there.
+#[pyfunction]
+pub(super) fn _run(
+    py: Python<'_>,
+    text: &str,
+    out: PathBuf,
+    resume: bool,
+    overwrite: bool,
+    threads: Option<usize>,
+    callback: Option<Py<PyAny>>,
+) -> PyResult<bool> {
+    let scene = parse("scene", text)?;
+    let report = listening(py, threads, callback, |watch| {
+        scene.check_networks(&out)?;
+        let folder = Folder::open(&out, resume, overwrite)?;
+        run(&scene, &folder, watch)
+    })?;
+    Ok(report.is_some())
+}
