@@ -20,7 +20,7 @@ struct Line<'a> {
     job: &'a Job,
     /// What a shell takes to do it, in the folder where the plan was made.
     command: String,
-    /// Seconds that it takes at most on this machine.
+    /// An estimate for this machine.
     seconds: Option<f64>,
 }
 

@@ -10,6 +10,7 @@
 //! | your own map under the laws, on a grid, and under fuzzing | [`own_map`] |
 //! | what holds for all weights, what does not, exact inversion on a grid | [`guarantees`] |
 //! | theorems about a model: curves that no orbit crosses | [`proofs`] |
+//! | a scene on many machines: Dask, Slurm, Snakemake | [`many_machines`] |
 //! | a model as source code: C, Fortran, Julia, JAX, PyTorch | [`source_code`] |
 //! | the network in 40 lines of NumPy | [`weights`] |
 //! | where things are in the source, and how to add to it | [`source`] |
@@ -42,7 +43,7 @@ macro_rules! chapters {
 }
 
 chapters! {
-    concepts library program python choosing own_map guarantees proofs source_code weights source
+    concepts library program python choosing own_map guarantees proofs many_machines source_code weights source
     paper long_steps family field_lines coils particle two_modes dissipation stiff noise
     invariant_worth figures
 }

@@ -18,9 +18,9 @@ const LINES: usize = 8;
 const LONG_ENOUGH: Duration = Duration::from_millis(300);
 
 impl Scene {
-    /// Seconds that each of its jobs takes at most on this machine, roughly: a part of the pairs is made, each network
-    /// is trained on it for a moment, and both are taken for as long as they may be. None of the report, and of what
-    /// fails on so few pairs.
+    /// Seconds that each of its jobs takes on this machine, if it does all its iterations: an estimate, for which a part
+    /// of the pairs is made and each network is trained on it for a moment. None of the report, and of what fails on so
+    /// few pairs.
     ///
     /// # Errors
     /// When no temporary folder can be made.

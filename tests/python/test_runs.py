@@ -3,7 +3,10 @@
 import json
 import os
 import pathlib
+import re
+import shutil
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -257,3 +260,97 @@ def test_a_client_without_workers(scene, tmp_path):
         with pytest.raises(gyroceptron.Error, match="client: expected one with workers, found none"):
             gyroceptron.run(scene, tmp_path / "out", client=client)
     assert not (tmp_path / "out").exists()
+
+
+CHAPTER = pathlib.Path(__file__).parents[2] / "src/guide/many_machines.md"
+
+
+def recipe(words):
+    """The block of the guide with these words."""
+    blocks = re.findall(r"```\w+\n(.*?)```", CHAPTER.read_text(), re.DOTALL)
+    [block] = [block for block in blocks if words in block]
+    return block
+
+
+def needs(*programs):
+    for name in programs:
+        if shutil.which(name) is None:
+            pytest.skip(f"no program `{name}`")
+
+
+@pytest.fixture
+def shell(tmp_path, whole, program):
+    """Runs a script in a folder with scene.toml; what it leaves in far is compared with a run without an engine."""
+    scene, expected = whole(60)
+    (tmp_path / "scene.toml").write_text(scene.read_text())
+
+    def run(script, path=()):
+        environment = {**os.environ, "PATH": os.pathsep.join([*map(str, path), os.environ["PATH"]])}
+        done = subprocess.run(script, cwd=tmp_path, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return (tmp_path / "far/report.json").read_bytes() == expected
+
+    return run
+
+
+def write_plan(program, tmp_path):
+    scene = tmp_path / "scene.toml"
+    plan = program("run", scene, "--out", tmp_path / "far", "--plan").stdout
+    (tmp_path / "plan.jsonl").write_text(plan)
+
+
+def test_the_recipe_for_gnu_parallel(shell):
+    needs("jq", "parallel")
+    assert shell(["bash", "-e", "-c", recipe("parallel --halt")])
+
+
+def test_the_recipe_for_slurm(shell, tmp_path):
+    needs("jq")
+    (tmp_path / "job.sh").write_text(recipe("SLURM_ARRAY_TASK_ID"))
+    # Jobs are done when they are submitted, which is after those that they wait for.
+    (tmp_path / "bin").mkdir()
+    sbatch = tmp_path / "bin/sbatch"
+    sbatch.write_text(
+        """#!/bin/bash
+set -e
+echo "$@" >> calls
+for word; do case $word in --array=*) range=${word#--array=};; esac; done
+for SLURM_ARRAY_TASK_ID in $(seq ${range%-*} ${range#*-}); do
+    export SLURM_ARRAY_TASK_ID
+    bash "${@: -1}" >> log 2>&1
+done
+wc -l < calls
+"""
+    )
+    sbatch.chmod(0o755)
+    assert shell(["bash", "-e", "-c", recipe("sbatch --parsable")], [tmp_path / "bin"])
+    calls = (tmp_path / "calls").read_text().splitlines()
+    assert [re.search(r"--array=(\S+)", call)[1] for call in calls] == ["1-1", "2-4", "5-5"]
+    assert ["afterok:1" in calls[1], "afterok:2" in calls[2], "afterok" in calls[0]] == [True, True, False]
+
+
+def test_the_recipe_for_snakemake(shell, tmp_path, program):
+    needs("snakemake")
+    write_plan(program, tmp_path)
+    (tmp_path / "Snakefile").write_text(recipe("rule all"))
+    assert shell(["snakemake", "--cores", "2"])
+
+
+def test_the_recipe_for_hyperqueue(shell, tmp_path, program):
+    pytest.importorskip("hyperqueue", reason="no HyperQueue")
+    write_plan(program, tmp_path)
+    script = recipe("from hyperqueue import")
+    assert script.count("client = Client()") == 1
+    script = script.replace("Client, Job", "LocalCluster, Job").replace("Client()", "CLUSTER.client()")
+    script = script.replace("\nplan,", "\nCLUSTER = LocalCluster()\nCLUSTER.start_worker()\nplan,")
+    assert shell([sys.executable, "-c", script + "\nCLUSTER.stop()\n"])
+
+
+def test_the_example_for_dask(tmp_path):
+    (tmp_path / "example.py").write_text(recipe("LocalCluster(n_workers=2"))
+    done = subprocess.run([sys.executable, "example.py"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "gyroceptron.Report of quickstart" in done.stdout and "holds" in done.stdout
+    # With the options of the program that are given to it.
+    scene = json.loads((tmp_path / "far/report.json").read_text())["scene"]
+    assert scene["name"] == "quickstart" and (tmp_path / "far/jobs/merge/job.json").exists()

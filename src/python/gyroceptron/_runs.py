@@ -49,7 +49,7 @@ def plan(scene, *, seed=None, quick=False, weights=None, estimate=True):
     """The jobs of a scene, each after those that it needs: data sets, trainings and the report, as dictionaries.
 
     The keys are those of the lines of ``gyroceptron run SCENE --plan``, but for the command. With ``estimate`` each
-    has the seconds that it takes at most on this machine, for which each kind of network is trained for a moment.
+    has the seconds that it may take on this machine, for which each kind of network is trained for a moment.
     """
     _, text = _read(scene, seed, quick, weights)
     return json.loads(_native._plan(text, estimate))
