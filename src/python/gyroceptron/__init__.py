@@ -18,6 +18,7 @@ from ._native import (
     train,
     tunes,
 )
+from ._progress import ProgressBar
 from ._runs import Report, merge, plan, run, run_job
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "FieldLines",
     "InvariantCircle",
     "Model",
+    "ProgressBar",
     "Report",
     "__version__",
     "check_proof",

@@ -12,6 +12,7 @@ __all__ = [
     "FieldLines",
     "InvariantCircle",
     "Model",
+    "ProgressBar",
     "Report",
     "__version__",
     "check_proof",
@@ -353,6 +354,18 @@ def train(
     callback: Callable[[str, int, float, float | None], bool | None] | None = None,
 ) -> Model:
     """Trains a network on pairs, the rows of input and output, (N, 2n) each."""
+
+class ProgressBar:
+    """A ``callback`` for :func:`train` and :func:`run` that shows bars of tqdm, in a terminal or a notebook."""
+
+    def __init__(self, **options: Any) -> None: ...
+    def __call__(
+        self, name: str, iteration: int | None, loss: float | None, validation: float | None
+    ) -> None: ...
+    def close(self) -> None:
+        """Ends the bar that is shown."""
+    def __enter__(self) -> ProgressBar: ...
+    def __exit__(self, *_: object) -> None: ...
 
 class Report:
     """The report of a run: what is in its folder, with ``report.json`` as ``data``."""
