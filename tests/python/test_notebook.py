@@ -76,11 +76,11 @@ def test_a_progress_bar_shows_iterations_and_errors(pairs):
     pytest.importorskip("tqdm", reason="no tqdm")
     out = io.StringIO()
     with gyroceptron.ProgressBar(file=out, mininterval=0) as bar:
-        gyroceptron.train(*pairs, [1, 0], kicks=(2, 2), twists=(2, 2), starts=2, iterations=4, callback=bar)
+        gyroceptron.train(*pairs, [1, 0], kicks=(2, 2), twists=(2, 2), starts=2, iterations=60, callback=bar)
     lines = re.split(r"[\r\n]+", out.getvalue())
     named = {line.split(":")[0].strip() for line in lines if ":" in line}
     assert {"training", "start 1", "start 2"} <= named, named
-    assert any(line.startswith("training: 4") and "loss=" in line and "held out=" in line for line in lines), lines
+    assert any(line.startswith("training: 60") and "loss=" in line and "held out=" in line for line in lines), lines
     # Of stages there is no iteration.
     bar = gyroceptron.ProgressBar(file=out)
     bar("report", None, None, None)
