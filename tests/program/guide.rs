@@ -107,3 +107,32 @@ fn links_between_chapters_lead_to_chapters() {
     }
     assert!(count > 15, "{count}");
 }
+
+/// The article about the crate has the sections that its journal asks for, and cites what is in its list.
+#[test]
+fn the_article_is_complete_but_for_what_is_open() {
+    let (paper, list) =
+        (include_str!("../../src/guide/joss/paper.md"), include_str!("../../src/guide/joss/paper.bib"));
+    for section in [
+        "Summary",
+        "Statement of need",
+        "State of the field",
+        "Software design",
+        "Research impact statement",
+        "AI usage disclosure",
+        "References",
+    ] {
+        assert!(paper.contains(&format!("\n# {section}\n")), "{section}");
+    }
+    let words = paper.split_whitespace().count();
+    assert!((750..=1750).contains(&words), "{words} words");
+    let cited: std::collections::BTreeSet<&str> = paper
+        .split("[@")
+        .skip(1)
+        .flat_map(|rest| rest.split(']').next().unwrap_or_default().split("; @"))
+        .collect();
+    let listed = list.split('@').skip(1).filter_map(|entry| entry.split(['{', ',']).nth(1));
+    assert_eq!(cited, listed.collect(), "citations, and the list");
+    // Nobody else can say it.
+    assert_eq!(paper.matches("OPEN").count(), 6);
+}
