@@ -85,21 +85,35 @@ pub struct Run {
     /// Go on with the run in the folder, from its last checkpoint.
     #[arg(long, conflicts_with = "overwrite")]
     pub resume: bool,
-    /// Replace the run in the folder; with --job that job of another scene, with --merge the report.
+    /// Replace the run in the folder; with --job the job of another scene in its place, with --merge the run or the
+    /// report there.
     #[arg(long)]
     pub overwrite: bool,
     /// Print the jobs that the run consists of, a line of JSON each, for an engine that schedules; nothing is written.
-    #[arg(help_heading = "Many machines", long, conflicts_with_all = ["job", "merge", "resume", "overwrite"])]
+    #[arg(
+        help_heading = "Many machines",
+        long,
+        conflicts_with_all = ["job", "merge", "digest", "resume", "overwrite"]
+    )]
     pub plan: bool,
+    /// Leave out the seconds of the plan, for which each network is trained for a moment.
+    #[arg(help_heading = "Many machines", long, requires = "plan")]
+    pub no_estimate: bool,
     /// Do one job of the plan, in a folder of its own below that of the run.
-    #[arg(help_heading = "Many machines", long, value_name = "ID", conflicts_with_all = ["merge", "resume"])]
+    #[arg(
+        help_heading = "Many machines",
+        long,
+        value_name = "ID",
+        group = "piece",
+        conflicts_with = "resume"
+    )]
     pub job: Option<String>,
-    /// The digest of the job in the plan: a job of another scene, version or file is refused.
-    #[arg(help_heading = "Many machines", long, value_name = "DIGEST", requires = "job")]
-    pub digest: Option<String>,
     /// Make the report when all jobs are done: the same as that of a run on one machine.
-    #[arg(help_heading = "Many machines", long, conflicts_with = "resume")]
+    #[arg(help_heading = "Many machines", long, group = "piece", conflicts_with = "resume")]
     pub merge: bool,
+    /// Refuse the job, or the report, unless this is its digest in the plan.
+    #[arg(help_heading = "Many machines", long, value_name = "DIGEST", requires = "piece")]
+    pub digest: Option<String>,
 }
 
 /// The machine of a scene of field lines, such as `coils`.

@@ -86,7 +86,7 @@ fn run_scene(arguments: &Run) -> Result<Status, Error> {
     let path =
         arguments.out.clone().unwrap_or_else(|| Path::new("gyroceptron-out").join(&scene.name));
     if arguments.plan {
-        return jobs::plan(&scene, &path);
+        return jobs::plan(&scene, arguments, &path);
     }
     if let Some(id) = &arguments.job {
         return jobs::one(&scene, arguments, id, &path);

@@ -25,14 +25,17 @@ struct Line<'a> {
 }
 
 /// A line for each job.
-pub fn plan(scene: &Scene, path: &Path) -> Result<Status, Error> {
+pub fn plan(scene: &Scene, arguments: &Run, path: &Path) -> Result<Status, Error> {
     scene.check_networks(path)?;
     let typed = typed_words();
     let jobs = scene.plan()?;
-    let seconds = scene.estimate(&jobs)?;
+    let seconds = match arguments.no_estimate {
+        true => vec![None; jobs.len()],
+        false => scene.estimate(&jobs),
+    };
     for (job, seconds) in jobs.iter().zip(seconds) {
-        let of_job = (job.kind != JobKind::Merge).then_some((&job.id[..], &job.digest[..]));
-        let command = job_command(&typed, path, of_job);
+        let id = (job.kind != JobKind::Merge).then_some(&job.id[..]);
+        let command = job_command(&typed, path, id, &job.digest);
         let text = serde_json::to_string(&Line { job, command, seconds });
         let text =
             text.map_err(|reason| Error::invalid("--plan", reason, "numbers that JSON can hold"))?;
@@ -66,7 +69,7 @@ pub fn one(scene: &Scene, arguments: &Run, id: &str, path: &Path) -> Result<Stat
 /// Makes the report of all jobs.
 pub fn merge_all(scene: &Scene, arguments: &Run, path: &Path) -> Result<Status, Error> {
     let mut progress = Progress::new();
-    let end = merge(scene, path, arguments.overwrite, &mut progress);
+    let end = merge(scene, arguments.digest.as_deref(), path, arguments.overwrite, &mut progress);
     progress.finish();
     match end? {
         MergeEnd::Done(report) => show(&report, path, arguments.common.json),

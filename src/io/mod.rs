@@ -47,6 +47,9 @@ use crate::error::Error;
 use std::io::Write;
 use std::path::Path;
 
+/// How the name of a file begins that is not yet whole.
+pub(crate) const TEMPORARY: &str = ".gyroceptron-";
+
 /// Writes a file whole or not at all.
 ///
 /// # Errors
@@ -61,7 +64,7 @@ pub fn write_atomically(
     };
     let attempt = || -> std::io::Result<()> {
         let mut builder = tempfile::Builder::new();
-        builder.prefix(".gyroceptron-");
+        builder.prefix(TEMPORARY);
         // Temporary files are private by default; results follow the umask.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));

@@ -103,13 +103,15 @@ fn listening<T: Send>(
 #[pyo3(signature = (scene, seed, quick, weights))]
 pub(super) fn _scene(
     scene: &str,
-    seed: Option<u64>,
+    seed: Option<i128>,
     quick: bool,
     weights: Option<PathBuf>,
 ) -> PyResult<(String, String, Vec<String>)> {
     let mut read = Scene::read(scene)?;
     if let Some(seed) = seed {
-        read = read.with_seed(seed);
+        let expected = format!("from 0 to {}", i64::MAX);
+        let valid = u64::try_from(seed).map_err(|_| Error::invalid("seed", seed, expected))?;
+        read = read.with_seed(valid);
     }
     if quick {
         read = read.quick();
@@ -144,7 +146,7 @@ pub(super) fn _plan(py: Python<'_>, text: &str, estimate: bool) -> PyResult<Stri
     let scene = parse("scene", text)?;
     let jobs = scene.plan()?;
     let seconds = match estimate {
-        true => listening(py, None, None, |_| scene.estimate(&jobs))?,
+        true => listening(py, None, None, |_| Ok(scene.estimate(&jobs)))?,
         false => vec![None; jobs.len()],
     };
     let lines: Vec<Line<'_>> =
@@ -188,13 +190,15 @@ pub(super) fn _check_merge(text: &str, out: PathBuf, overwrite: bool) -> PyResul
 pub(super) fn _merge(
     py: Python<'_>,
     text: &str,
+    digest: Option<&str>,
     out: PathBuf,
     overwrite: bool,
     threads: Option<usize>,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<bool> {
     let scene = parse("scene", text)?;
-    let end = listening(py, threads, callback, |watch| merge(&scene, &out, overwrite, watch))?;
+    let end =
+        listening(py, threads, callback, |watch| merge(&scene, digest, &out, overwrite, watch))?;
     Ok(!matches!(end, MergeEnd::Interrupted))
 }
 

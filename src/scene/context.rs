@@ -193,7 +193,7 @@ impl<'a> Context<'a> {
     /// The pairs of the set-up, or those at an ε and a flow time, where a job has made them.
     fn made_pairs(&mut self, at: Option<(f64, f64)>) -> Result<Option<Rc<DataSets>>, Error> {
         match self.folder.made_data(at)? {
-            Some(MadeData { data: Made::Pairs(pairs), stages }) => {
+            Some(MadeData { data: Made::Pairs(pairs), stages, .. }) => {
                 self.log.add(stages);
                 Ok(Some(Rc::new((*pairs).into())))
             }
@@ -211,7 +211,9 @@ impl<'a> Context<'a> {
             let place = format!("scene {}", self.scene.name);
             Error::Missing { place, key: "data.lines", needed_by: "a study".into() }
         })?;
-        if let Some(MadeData { data: Made::Lines(made), stages }) = self.folder.made_data(None)? {
+        if let Some(MadeData { data: Made::Lines(made), stages, .. }) =
+            self.folder.made_data(None)?
+        {
             self.log.add(stages);
             let made =
                 self.stage("the section of a job", |_| TracedLines::of_made(lines, *made))?;

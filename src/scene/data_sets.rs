@@ -45,9 +45,9 @@ pub(super) struct MadePairs {
     training: Pairs,
     held_out: Option<Pairs>,
     validation: Option<Pairs>,
-    /// None where it is no number.
-    reference_error: Option<f64>,
-    rotation_error: Option<f64>,
+    /// As bits: JSON has no number that is not finite.
+    reference_error: u64,
+    rotation_error: Option<u64>,
 }
 
 impl From<&DataSets> for MadePairs {
@@ -57,8 +57,8 @@ impl From<&DataSets> for MadePairs {
             training: training.clone(),
             held_out: held_out.clone(),
             validation: validation.clone(),
-            reference_error: Some(*reference_error).filter(|error| error.is_finite()),
-            rotation_error: *rotation_error,
+            reference_error: reference_error.to_bits(),
+            rotation_error: rotation_error.map(f64::to_bits),
         }
     }
 }
@@ -66,7 +66,8 @@ impl From<&DataSets> for MadePairs {
 impl From<MadePairs> for DataSets {
     fn from(made: MadePairs) -> Self {
         let MadePairs { training, held_out, validation, reference_error, rotation_error } = made;
-        let reference_error = reference_error.unwrap_or(f64::NAN);
+        let reference_error = f64::from_bits(reference_error);
+        let rotation_error = rotation_error.map(f64::from_bits);
         let plain = Self::plain(training, held_out, reference_error, rotation_error);
         Self { validation, ..plain }
     }

@@ -83,6 +83,20 @@ impl Folder {
         path.join(AS_RUN).exists()
     }
 
+    /// Whether the run in a folder is of this scene, but for when it stops and how often it saves.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub(super) fn is_of(path: &Path, scene: &Scene) -> Result<bool, Error> {
+        let path = path.join(AS_RUN);
+        if !path.exists() {
+            return Ok(false);
+        }
+        let text = std::fs::read_to_string(&path).map_err(|reason| Error::read(&path, reason))?;
+        let earlier = parse(AS_RUN, &text)?;
+        Ok(earlier.without_ends() == scene.clone().without_ends())
+    }
+
     /// Makes the folder of a report without networks, whose figures take the place of those of an earlier one.
     ///
     /// # Errors
@@ -121,14 +135,13 @@ impl Folder {
         if !self.resume {
             return Ok(());
         }
-        let path = self.file(AS_RUN);
-        let text = std::fs::read_to_string(&path).map_err(|reason| Error::read(&path, reason))?;
-        let earlier = parse(AS_RUN, &text)?;
-        if earlier.without_ends() == scene.clone().without_ends() {
-            return Ok(());
+        match Self::is_of(&self.path, scene)? {
+            true => Ok(()),
+            false => {
+                let (expected, found) = ("the scene that is run", "another");
+                Err(Error::content(self.file(AS_RUN).display(), expected, found))
+            }
         }
-        let (expected, found) = ("the scene that is run", "another");
-        Err(Error::content(path.display(), expected, found))
     }
 
     /// Removes the files of the run that the folder holds, by their names, and

@@ -97,13 +97,11 @@ impl Folder {
         spec: &ModelSpec,
         ending: &str,
     ) -> PathBuf {
-        let name = match scene.trainings {
-            1 => format!("{stem}{ending}"),
-            _ => format!("{stem}-{}{ending}", spec.name),
-        };
         match (&self.jobs, &self.job_of) {
-            (Some(jobs), Some(_)) => jobs.training(&spec.name).join(name),
-            _ => self.file(&name),
+            // A job is of one training, however many others its scene has.
+            (Some(jobs), Some(_)) => jobs.training(&spec.name).join(format!("{stem}{ending}")),
+            _ if scene.trainings == 1 => self.file(&format!("{stem}{ending}")),
+            _ => self.file(&format!("{stem}-{}{ending}", spec.name)),
         }
     }
 
@@ -114,12 +112,19 @@ impl Folder {
 
     /// The pairs of the set-up, or those at an ε and a flow time, where a job has made them.
     pub(super) fn made_data(&self, at: Option<(f64, f64)>) -> Result<Option<MadeData>, Error> {
-        let Some(path) = self.jobs.as_ref().map(|jobs| jobs.data(at)).filter(|path| path.exists())
-        else {
+        let Some((path, digest)) = self.jobs.as_ref().and_then(|jobs| jobs.data(at)) else {
             return Ok(None);
         };
+        if !path.exists() {
+            return Ok(None);
+        }
         let bytes = std::fs::read(&path).map_err(|reason| Error::read(&path, reason))?;
-        let read = serde_json::from_slice(&bytes);
-        read.map(Some).map_err(|reason| Error::content(path.display(), "data of a job", reason))
+        let place = || path.display();
+        let made: MadeData = serde_json::from_slice(&bytes)
+            .map_err(|reason| Error::content(place(), "data of a job", reason))?;
+        match made.digest == digest {
+            true => Ok(Some(made)),
+            false => Err(Error::content(place(), format!("data of the job {digest}"), made.digest)),
+        }
     }
 }

@@ -4,7 +4,7 @@ use super::context::{Context, RunError};
 use super::event::{Event, Observer};
 use super::folder::Folder;
 use super::job_folders::{
-    DATA, JobFolders, JobState, Lock, TIMINGS, clear, files_of, is_checkpoint, mark,
+    CHECKPOINT, DATA, JobFolders, JobState, Lock, TIMINGS, clear, files_of, is_checkpoint, mark,
 };
 use super::log::TrainingTimes;
 use super::machine::Machine;
@@ -60,7 +60,8 @@ pub struct JobRequest<'a> {
 ///
 /// # Errors
 /// When no job of the scene has the name, or it has another digest; when a job that it needs is not done; when the
-/// folder holds a job of another scene and `overwrite` is false; those of [`run`].
+/// folder holds a job of another scene and `overwrite` is false; when files of the scene change meanwhile; those of
+/// [`run`].
 pub fn run_job(
     scene: &Scene,
     request: JobRequest<'_>,
@@ -69,19 +70,22 @@ pub fn run_job(
     observer: &mut dyn Observer,
 ) -> Result<JobEnd, Error> {
     scene.check_networks(path)?;
-    let jobs = scene.plan()?;
-    let job = find(&jobs, request.id)?;
-    if let Some(expected) = request.digest.filter(|digest| *digest != job.digest) {
-        let place = format!("job {}", job.id);
-        let expected = format!("the digest of its plan, {expected}");
-        let found = format!("{}: of another scene, version or file", job.digest);
-        return Err(Error::content(place, expected, found));
+    let planned = Planned::of(scene, path)?;
+    let job = planned.find(request.id)?;
+    check_digest(job, request.digest)?;
+    let folder = planned.folders.folder(&job.id);
+    // Of a job that is done, the folder need not be one that can be written.
+    if matches!(planned.folders.state(&job.id)?, JobState::Done) {
+        return Ok(JobEnd::WasDone);
     }
-    let folders = JobFolders::of_run(path);
-    check_needs(&jobs, job, &folders)?;
-    let folder = folders.folder(&job.id);
+    planned.check_needs(job)?;
     let Some(_lock) = Lock::of(&folder, observer)? else { return Ok(JobEnd::Interrupted) };
-    match JobState::of(&folder, &job.digest) {
+    // All may have changed while another process held the lock.
+    let (before, planned) = (job.digest.clone(), Planned::of(scene, path)?);
+    let job = planned.find(request.id)?;
+    check_digest(job, Some(&before))?;
+    planned.check_needs(job)?;
+    match planned.folders.state(&job.id)? {
         JobState::Done => return Ok(JobEnd::WasDone),
         JobState::Foreign if !overwrite => return Err(Error::OutputExists { path: folder }),
         JobState::UnderWay => drop_unreadable(&folder, observer)?,
@@ -94,8 +98,9 @@ pub fn run_job(
         }
     }
     mark(&folder, &job.id, &job.digest, None)?;
-    match do_job(scene, job, &folders, observer) {
+    match do_job(scene, job, &planned.folders, observer) {
         Ok(()) => {
+            check_digest(Planned::of(scene, path)?.find(request.id)?, Some(&before))?;
             mark(&folder, &job.id, &job.digest, Some(&files_of(&folder)))?;
             Ok(JobEnd::Done)
         }
@@ -104,27 +109,60 @@ pub fn run_job(
     }
 }
 
-fn find<'a>(jobs: &'a [Job], id: &str) -> Result<&'a Job, Error> {
-    let found = jobs.iter().find(|job| job.id == id && job.id != MERGE);
-    found.ok_or_else(|| {
-        let near = nearest(id, jobs.iter().map(|job| &job.id[..]).filter(|known| *known != id));
-        let near = near.map(|near| format!(", such as {near}")).unwrap_or_default();
-        Error::invalid("job", id, format!("a data set or a training of the plan{near}"))
-    })
+/// The plan of a scene, and the folders of its jobs.
+struct Planned {
+    jobs: Vec<Job>,
+    folders: JobFolders,
 }
 
-fn check_needs(jobs: &[Job], job: &Job, folders: &JobFolders) -> Result<(), Error> {
-    let needs = jobs.iter().filter(|other| job.needs.contains(&other.id));
-    let states =
-        needs.map(|need| (&need.id, JobState::of(&folders.folder(&need.id), &need.digest)));
-    let missing = states.filter(|(_, state)| !matches!(state, JobState::Done));
-    let missing: Vec<String> =
-        missing.map(|(id, state)| format!("{id} {}", state.words())).collect();
-    match &missing[..] {
-        [] => Ok(()),
-        _ => {
-            let expected = "all jobs that it needs to be done before";
-            Err(Error::content(format!("job {}", job.id), expected, missing.join(", ")))
+impl Planned {
+    fn of(scene: &Scene, path: &Path) -> Result<Self, Error> {
+        let jobs = scene.plan()?;
+        let digests = jobs.iter().map(|job| (job.id.clone(), job.digest.clone())).collect();
+        Ok(Self { jobs, folders: JobFolders::of_run(path, digests) })
+    }
+
+    /// A data set or a training.
+    fn find(&self, id: &str) -> Result<&Job, Error> {
+        let jobs = || self.jobs.iter().filter(|job| job.id != MERGE);
+        jobs().find(|job| job.id == id).ok_or_else(|| {
+            let near = nearest(id, jobs().map(|job| &job.id[..]));
+            let near = near.map(|near| format!(", such as {near}")).unwrap_or_default();
+            Error::invalid("job", id, format!("a data set or a training of the plan{near}"))
+        })
+    }
+
+    /// That which makes the report.
+    fn merge(&self) -> Result<&Job, Error> {
+        let found = self.jobs.iter().find(|job| job.id == MERGE);
+        found.ok_or_else(|| Error::invalid("job", MERGE, "a job of the plan"))
+    }
+
+    fn check_needs(&self, job: &Job) -> Result<(), Error> {
+        let mut missing = Vec::new();
+        for need in &job.needs {
+            let state = self.folders.state(need)?;
+            if !matches!(state, JobState::Done) {
+                missing.push(format!("{need} ({})", state.words()));
+            }
+        }
+        let place = format!("job {}", job.id);
+        match &missing[..] {
+            [] => Ok(()),
+            _ => Err(Error::content(place, "jobs before it that are done", missing.join(", "))),
+        }
+    }
+}
+
+/// Fails where the job of a plan has another digest.
+fn check_digest(job: &Job, expected: Option<&str>) -> Result<(), Error> {
+    match expected.filter(|digest| *digest != job.digest) {
+        None => Ok(()),
+        Some(expected) => {
+            let place = format!("job {}", job.id);
+            let expected = format!("the digest of its plan, {expected}");
+            let found = format!("{}: scene, version or a file is another", job.digest);
+            Err(Error::content(place, expected, found))
         }
     }
 }
@@ -182,7 +220,8 @@ fn do_job(
     }
     let (mut times, stages) = context.into_times();
     if let Some(data) = made {
-        folder.save(DATA, &MadeData { data, stages: stages.clone() })?;
+        let digest = job.digest.clone();
+        folder.save(DATA, &MadeData { digest, data, stages: stages.clone() })?;
     }
     times.retain(|of| of.model == name);
     let timings = json!({ "machine": Machine::this(), "models": times, "stages": stages });
@@ -211,18 +250,29 @@ fn train_of_study(
 /// [`Error::OutputExists`] with the folder; those of [`Scene::plan`] and [`Scene::check_networks`].
 pub fn check_merge(scene: &Scene, path: &Path, overwrite: bool) -> Result<(), Error> {
     scene.check_networks(path)?;
-    let jobs = scene.plan()?;
-    let folder = JobFolders::of_run(path).folder(MERGE);
-    let own = jobs.iter().filter(|job| job.id == MERGE);
-    let own = own.map(|job| JobState::of(&folder, &job.digest));
-    let mut ours = own.filter(|state| matches!(state, JobState::Done | JobState::UnderWay));
-    match ours.next().is_none() && !overwrite && Folder::holds_run(path) {
-        true => Err(Error::OutputExists { path: path.to_owned() }),
-        false => Ok(()),
-    }
+    let folders = Planned::of(scene, path)?.folders;
+    let check = || match folders.state(MERGE)? {
+        _ if overwrite => Ok(()),
+        JobState::Done => Ok(()),
+        state => check_places(scene, path, matches!(state, JobState::UnderWay)),
+    };
+    // Another process may have begun with this report between two looks.
+    check().or_else(|_| check())
 }
 
-/// Makes the report of a run out of its jobs, all of which are done: as a run in one process makes it.
+/// Fails where a run is in the folder of a scene, or of one of its parts; but for this one where it was `begun`.
+fn check_places(scene: &Scene, path: &Path, begun: bool) -> Result<(), Error> {
+    let parts = scene.parts.iter().map(|part| (part, path.join(&part.name)));
+    for (scene, path) in parts.chain([(scene, path.to_owned())]) {
+        if Folder::holds_run(&path) && !(begun && Folder::is_of(&path, scene)?) {
+            return Err(Error::OutputExists { path });
+        }
+    }
+    Ok(())
+}
+
+/// Makes the report of a run out of its jobs, all of which are done: as a run in one process makes it. `digest` is that
+/// of the report in a plan, if it is to be the same.
 ///
 /// A report that was made before is not made again, and one that was interrupted goes on.
 ///
@@ -231,42 +281,52 @@ pub fn check_merge(scene: &Scene, path: &Path, overwrite: bool) -> Result<(), Er
 /// that is of other jobs, and is not overwritten; those of [`run`].
 pub fn merge(
     scene: &Scene,
+    digest: Option<&str>,
     path: &Path,
     overwrite: bool,
     observer: &mut dyn Observer,
 ) -> Result<MergeEnd, Error> {
     scene.check_networks(path)?;
-    let jobs = scene.plan()?;
-    let folders = JobFolders::of_run(path);
-    let of_merge = jobs.iter().find(|job| job.id == MERGE);
-    let none = || Error::invalid("job", MERGE, "a job of the plan");
-    let job = of_merge.ok_or_else(none)?;
-    check_needs(&jobs, job, &folders)?;
-    let mark_folder = folders.folder(MERGE);
-    let Some(_lock) = Lock::of(&mark_folder, observer)? else { return Ok(MergeEnd::Interrupted) };
-    let state = JobState::of(&mark_folder, &job.digest);
-    if matches!(state, JobState::Done) && !overwrite {
-        return holds(path).map(MergeEnd::WasDone);
+    let planned = Planned::of(scene, path)?;
+    check_digest(planned.merge()?, digest)?;
+    planned.check_needs(planned.merge()?)?;
+    check_merge(scene, path, overwrite)?;
+    let own = planned.folders.folder(MERGE);
+    let Some(_lock) = Lock::of(&own, observer)? else { return Ok(MergeEnd::Interrupted) };
+    // All may have changed while another process held the lock.
+    let (before, planned) = (planned.merge()?.digest.clone(), Planned::of(scene, path)?);
+    let (job, folders) = (planned.merge()?, &planned.folders);
+    check_digest(job, Some(&before))?;
+    planned.check_needs(job)?;
+    let begun = match folders.state(MERGE)? {
+        JobState::Done if !overwrite => return holds(path).map(MergeEnd::WasDone),
+        JobState::UnderWay => !overwrite,
+        _ => false,
+    };
+    if !overwrite {
+        check_places(scene, path, begun)?;
     }
-    let resume = matches!(state, JobState::UnderWay) && Folder::holds_scene(path);
+    let resume = begun && Folder::holds_scene(path);
     let mut folder = Folder::open(path, resume, overwrite)?;
-    mark(&mark_folder, MERGE, &job.digest, None)?;
+    folder.check_parts(scene)?;
+    mark(&own, MERGE, &job.digest, None)?;
     folder.jobs = Some(folders.clone());
     folder.save_scene(scene)?;
     match &scene.parts[..] {
-        [] => gather(&jobs, None, &folder, &folders)?,
+        [] => gather(&planned, scene, None, &folder)?,
         parts => {
             for part in parts {
                 let of_part = folder.part(&part.name)?;
                 of_part.save_scene(part)?;
-                gather(&jobs, Some(&part.name), &of_part, &folders)?;
+                gather(&planned, part, Some(&part.name), &of_part)?;
             }
         }
     }
     folder.resume = true;
     let Some(report) = run(scene, &folder, observer)? else { return Ok(MergeEnd::Interrupted) };
-    let files = ["report.json", "report.md", "report.html"].map(|name| format!("../../{name}"));
-    mark(&mark_folder, MERGE, &job.digest, Some(&files))?;
+    check_digest(Planned::of(scene, path)?.merge()?, Some(&before))?;
+    // What is beside it has seconds, which a run that goes on with this one has others of.
+    mark(&own, MERGE, &job.digest, Some(&["../../report.json".into()]))?;
     Ok(MergeEnd::Done(Box::new(report)))
 }
 
@@ -279,24 +339,29 @@ fn holds(path: &Path) -> Result<bool, Error> {
     holds.ok_or_else(|| Error::content(file.display(), "a report", "none"))
 }
 
-/// Copies the checkpoints of the trainings of a part into its folder, and tells their times.
+/// Copies the checkpoints of the trainings of a part into its folder, under the names of a run, and tells their times.
 fn gather(
-    jobs: &[Job],
+    planned: &Planned,
+    scene: &Scene,
     part: Option<&str>,
     folder: &Folder,
-    folders: &JobFolders,
 ) -> Result<(), Error> {
     let mut times: Vec<TrainingTimes> = Vec::new();
-    let own = |job: &&Job| {
-        job.part.as_deref() == part && matches!(job.task, Task::Own(_) | Task::OfStudy(_))
-    };
-    for job in jobs.iter().filter(own) {
-        let from = folders.folder(&job.id);
-        for name in files_of(&from).into_iter().filter(|name| is_checkpoint(name)) {
-            let source = from.join(&name);
+    let declared = scene.declared();
+    for job in planned.jobs.iter().filter(|job| job.part.as_deref() == part) {
+        let spec = match &job.task {
+            Task::Own(training) => &training.spec,
+            Task::OfStudy(training) => &training.training.spec,
+            Task::Data(_) | Task::Merge => continue,
+        };
+        let from = planned.folders.folder(&job.id);
+        for name in files_of(&from) {
+            let Some(stage) = name.strip_prefix(CHECKPOINT) else { continue };
+            let (source, target) =
+                (from.join(&name), folder.file_of_model(&declared, CHECKPOINT, spec, stage));
             let mut file =
                 std::fs::File::open(&source).map_err(|reason| Error::read(&source, reason))?;
-            write_atomically(&folder.file(&name), |out| std::io::copy(&mut file, out).map(drop))?;
+            write_atomically(&target, |out| std::io::copy(&mut file, out).map(drop))?;
         }
         let timings = std::fs::read(from.join(TIMINGS)).ok();
         let timings = timings.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok());

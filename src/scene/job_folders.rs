@@ -2,11 +2,13 @@
 
 use super::event::{Event, Observer};
 use crate::error::Error;
-use crate::io::{file_digest, write_atomically};
+use crate::io::{TEMPORARY, file_digest, write_atomically};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::time::Duration;
 
 /// The folder below that of a run in which each job has one.
@@ -15,6 +17,9 @@ pub(super) const JOBS: &str = "jobs";
 const JOB: &str = "job.json";
 /// The data that a job has made.
 pub(super) const DATA: &str = "data.json";
+/// The network of a training, and the state from which it goes on.
+pub(super) const MODEL: &str = "model.json";
+pub(super) const CHECKPOINT: &str = "checkpoint";
 /// What depends on the machine.
 pub(super) const TIMINGS: &str = "timings.json";
 /// Held while a process is at work in a folder.
@@ -25,6 +30,8 @@ const LOCK: &str = "lock";
 pub(super) struct JobFolders {
     root: PathBuf,
     part: Option<String>,
+    /// Of each job of the plan.
+    digests: Rc<BTreeMap<String, String>>,
 }
 
 /// The name of the job that makes the pairs of a part: those of its set-up, or those at an ε and a flow time.
@@ -47,9 +54,9 @@ fn in_part(part: Option<&str>, name: &str) -> String {
 }
 
 impl JobFolders {
-    /// Those of a run in this folder.
-    pub(super) fn of_run(path: &Path) -> Self {
-        Self { root: path.join(JOBS), part: None }
+    /// Those of a run in this folder, of jobs with these names and digests.
+    pub(super) fn of_run(path: &Path, digests: BTreeMap<String, String>) -> Self {
+        Self { root: path.join(JOBS), part: None, digests: Rc::new(digests) }
     }
 
     pub(super) fn of_part(&self, part: &str) -> Self {
@@ -66,15 +73,22 @@ impl JobFolders {
         self.folder(&training_id(self.part.as_deref(), name))
     }
 
-    /// The file of the pairs of the set-up, or of those at an ε and a flow time.
-    pub(super) fn data(&self, at: Option<(f64, f64)>) -> PathBuf {
-        self.folder(&data_id(self.part.as_deref(), at)).join(DATA)
+    /// The file of the pairs of the set-up, or of those at an ε and a flow time, and the digest of the job that makes
+    /// it; none where the plan has no such job.
+    pub(super) fn data(&self, at: Option<(f64, f64)>) -> Option<(PathBuf, &str)> {
+        let id = data_id(self.part.as_deref(), at);
+        let digest = self.digests.get(&id)?;
+        Some((self.folder(&id).join(DATA), digest))
+    }
+
+    /// What the folder of a job of the plan holds.
+    pub(super) fn state(&self, id: &str) -> Result<JobState, Error> {
+        JobState::of(&self.folder(id), self.digests.get(id).map_or("", String::as_str))
     }
 }
 
 /// What a folder says about its job.
 #[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 struct JobFile {
     job: String,
     digest: String,
@@ -91,7 +105,7 @@ pub(super) enum JobState {
     UnderWay,
     /// All of it.
     Done,
-    /// Another job: of another scene, version or file.
+    /// Another job, of another scene, version or file; or files of no job.
     Foreign,
     /// Something that is not whole, and what.
     Corrupt(String),
@@ -99,28 +113,30 @@ pub(super) enum JobState {
 
 impl JobState {
     /// Of the job with this digest.
-    pub(super) fn of(folder: &Path, digest: &str) -> Self {
+    ///
+    /// # Errors
+    /// [`Error::Read`] where a file is there and cannot be read: nothing is known of the job then.
+    fn of(folder: &Path, digest: &str) -> Result<Self, Error> {
         let file = folder.join(JOB);
-        if !file.exists() {
-            let empty = files_of(folder).is_empty();
-            return if empty { Self::Absent } else { Self::Corrupt(format!("no {JOB}")) };
+        if !is_there(&file)? {
+            return Ok(if files_of(folder).is_empty() { Self::Absent } else { Self::Foreign });
         }
-        let read = std::fs::read(&file).ok();
-        let Some(found) = read.and_then(|bytes| serde_json::from_slice::<JobFile>(&bytes).ok())
-        else {
-            return Self::Corrupt(format!("a {JOB} that cannot be read"));
-        };
-        if found.digest != digest {
-            return Self::Foreign;
+        let bytes = std::fs::read(&file).map_err(|reason| Error::read(&file, reason))?;
+        let unreadable = || Self::Corrupt(format!("a {JOB} that is none"));
+        let Ok(value) = serde_json::from_slice::<Value>(&bytes) else { return Ok(unreadable()) };
+        // That of another version may have other fields.
+        if value.get("digest").and_then(Value::as_str).is_some_and(|found| found != digest) {
+            return Ok(Self::Foreign);
         }
-        let Some(files) = found.files else { return Self::UnderWay };
-        let whole = |(name, digest): (&String, &String)| {
-            file_digest(&folder.join(name)).is_ok_and(|found| found == *digest)
-        };
-        match files.iter().find(|entry| !whole(*entry)) {
-            Some((name, _)) => Self::Corrupt(format!("a {name} that is not the job's")),
-            None => Self::Done,
+        let Ok(found) = serde_json::from_value::<JobFile>(value) else { return Ok(unreadable()) };
+        let Some(files) = found.files else { return Ok(Self::UnderWay) };
+        for (name, digest) in &files {
+            let path = folder.join(name);
+            if !is_there(&path)? || file_digest(&path)? != *digest {
+                return Ok(Self::Corrupt(format!("a {name} that is not the job's")));
+            }
         }
+        Ok(Self::Done)
     }
 
     /// In words, of a job that should be done.
@@ -130,7 +146,7 @@ impl JobState {
             Self::UnderWay => "begun and not done".into(),
             Self::Done => "done".into(),
             Self::Foreign => "of another scene, version or file".into(),
-            Self::Corrupt(what) => what.clone(),
+            Self::Corrupt(what) => format!("with {what}"),
         }
     }
 }
@@ -153,28 +169,43 @@ pub(super) fn mark(
     })
 }
 
+fn is_there(path: &Path) -> Result<bool, Error> {
+    path.try_exists().map_err(|reason| Error::read(path, reason))
+}
+
 /// The names of the files that a job has written, in their order.
 pub(super) fn files_of(folder: &Path) -> Vec<String> {
+    let of_job = |name: &str| is_checkpoint(name) || [DATA, TIMINGS, MODEL].contains(&name);
+    regular_files(folder, of_job)
+}
+
+fn regular_files(folder: &Path, wanted: impl Fn(&str) -> bool) -> Vec<String> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-    let of_network = |name: &str| name.starts_with("model") || is_checkpoint(name);
-    let of_job = |name: &String| of_network(name) || name == DATA || name == TIMINGS;
-    let mut names: Vec<String> = names.filter(of_job).collect();
+    let files = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_file()));
+    let names = files.filter_map(|entry| entry.file_name().into_string().ok());
+    let mut names: Vec<String> = names.filter(|name| wanted(name)).collect();
     names.sort();
     names
 }
 
-/// Whether a file of this name is a checkpoint.
+/// Whether a file of the folder of a job is a checkpoint: of the last stage of a training, or with an addition.
 pub(super) fn is_checkpoint(name: &str) -> bool {
-    name.starts_with("checkpoint")
+    name.strip_prefix(CHECKPOINT).is_some_and(|rest| rest.is_empty() || rest.starts_with('-'))
 }
 
 /// Removes what a job has written.
 pub(super) fn clear(folder: &Path) -> Result<(), Error> {
+    // What says whose files they are goes last.
     let mut names = files_of(folder);
     names.push(JOB.into());
-    for path in names.iter().map(|name| folder.join(name)).filter(|path| path.exists()) {
-        std::fs::remove_file(&path).map_err(|reason| Error::write(&path, reason))?;
+    remove(folder, &names)
+}
+
+fn remove(folder: &Path, names: &[String]) -> Result<(), Error> {
+    for path in names.iter().map(|name| folder.join(name)) {
+        if is_there(&path)? {
+            std::fs::remove_file(&path).map_err(|reason| Error::write(&path, reason))?;
+        }
     }
     Ok(())
 }
@@ -188,14 +219,18 @@ pub(super) struct Lock {
 impl Lock {
     /// Makes the folder, and waits for others; None when the observer stops it.
     pub(super) fn of(folder: &Path, observer: &mut dyn Observer) -> Result<Option<Self>, Error> {
-        let write = |reason| Error::write(folder, reason);
-        std::fs::create_dir_all(folder).map_err(write)?;
-        let file =
-            File::options().create(true).append(true).open(folder.join(LOCK)).map_err(write)?;
+        std::fs::create_dir_all(folder).map_err(|reason| Error::write(folder, reason))?;
+        let path = folder.join(LOCK);
+        let file = File::options().create(true).append(true).open(&path);
+        let file = file.map_err(|reason| Error::write(&path, reason))?;
         let mut waits = false;
         loop {
             match file.try_lock() {
-                Ok(()) => return Ok(Some(Self { _file: Some(file) })),
+                Ok(()) => {
+                    // Of a process that was killed while it wrote: no other one is writing here.
+                    remove(folder, &regular_files(folder, |name| name.starts_with(TEMPORARY)))?;
+                    return Ok(Some(Self { _file: Some(file) }));
+                }
                 Err(TryLockError::WouldBlock) if observer.interrupted() => return Ok(None),
                 Err(TryLockError::WouldBlock) => {
                     if !waits {

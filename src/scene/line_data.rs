@@ -354,8 +354,8 @@ pub(super) struct MadeLines {
     held_out: Option<Pairs>,
     lost: Vec<f64>,
     maps: usize,
-    /// None where it is no number.
-    error: Option<f64>,
+    /// As bits: JSON has no number that is not finite.
+    error: u64,
 }
 
 /// Lines of one machine, traced.
@@ -443,7 +443,7 @@ impl TracedLines {
             held_out: self.held_out.clone(),
             lost: self.lost.clone(),
             maps: self.maps,
-            error: Some(self.error).filter(|error| error.is_finite()),
+            error: self.error.to_bits(),
         }
     }
 
@@ -460,7 +460,7 @@ impl TracedLines {
             of_machine: lines.coils.periods(),
             maps,
             controls: lines.controls.as_ref().map(LineControls::of_network).transpose()?,
-            error: error.unwrap_or(f64::NAN),
+            error: f64::from_bits(error),
         })
     }
 

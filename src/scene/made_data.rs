@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct MadeData {
+    /// Of the job.
+    pub(super) digest: String,
     pub(super) data: Made,
     pub(super) stages: Vec<Stage>,
 }

@@ -43,15 +43,19 @@ pub fn command_line(words: &[String]) -> String {
     format!("gyroceptron {}", words.join(" "))
 }
 
-/// The command that does a job of a plan, by its name and digest, or that makes the report of all jobs, from the arguments
-/// of the program without its name and the folder of the run.
-pub fn job_command(typed: &[String], folder: &Path, job: Option<(&str, &str)>) -> String {
-    let mut words = without(typed, &["--out"], &["--plan", "--json"]);
-    words.extend(["--out".to_owned(), folder.display().to_string()]);
+/// The command that does a job of a plan, by its name (none: that which makes the report) and its digest, from the
+/// arguments of the program without its name and the folder of the run.
+pub fn job_command(typed: &[String], folder: &Path, job: Option<&str>, digest: &str) -> String {
+    let mut words = without(typed, &["--out"], &["--plan", "--no-estimate", "--json"]);
+    let mut added = vec!["--out".to_owned(), folder.display().to_string()];
     match job {
-        Some((id, digest)) => words.extend(["--job", id, "--digest", digest].map(str::to_owned)),
-        None => words.push("--merge".into()),
+        Some(id) => added.extend(["--job", id].map(str::to_owned)),
+        None => added.push("--merge".into()),
     }
+    added.extend(["--digest", digest].map(str::to_owned));
+    // What follows two dashes is no option.
+    let end = words.iter().position(|word| word == "--").unwrap_or(words.len());
+    words.splice(end..end, added);
     command_line(&words)
 }
 

@@ -85,7 +85,9 @@ impl Scene {
         }
         planning.jobs.sort_by_key(|job| job.wave);
         let digests: Vec<&str> = planning.jobs.iter().map(|job| &job.digest[..]).collect();
-        let scene = json!({ "scene": self, "jobs": digests, "files": file_digests(self)? });
+        let scene = serde_json::to_value(self)
+            .map_err(|reason| Error::content(&self.name, "a scene that JSON can hold", reason))?;
+        let scene = json!({ "scene": scene, "jobs": digests, "files": file_digests(self)? });
         let (needs, task) = (planning.jobs.iter().map(|job| job.id.clone()).collect(), Task::Merge);
         let (part, network, seed) = (None, None, None);
         planning.add(Job {

@@ -7,7 +7,6 @@ use super::learning::leading_up;
 use super::plan::{Job, Task};
 use super::registry::Scene;
 use super::setup::{Data, SeededTraining};
-use crate::error::Error;
 use crate::train::{TrainingOptions, TrainingStage};
 use std::time::{Duration, Instant};
 
@@ -19,12 +18,8 @@ const LONG_ENOUGH: Duration = Duration::from_millis(300);
 
 impl Scene {
     /// Seconds that each of its jobs takes on this machine, if it does all its iterations: an estimate, for which a part
-    /// of the pairs is made and each network is trained on it for a moment. None of the report, and of what fails on so
-    /// few pairs.
-    ///
-    /// # Errors
-    /// When no temporary folder can be made.
-    pub fn estimate(&self, jobs: &[Job]) -> Result<Vec<Option<f64>>, Error> {
+    /// of the pairs is made and each network is trained on it for a moment. None of the report, and where that fails.
+    pub fn estimate(&self, jobs: &[Job]) -> Vec<Option<f64>> {
         let mut out = vec![None; jobs.len()];
         let parts: Vec<(Option<&str>, &Self)> = match &self.parts[..] {
             [] => vec![(None, self)],
@@ -35,12 +30,12 @@ impl Scene {
             if !jobs.iter().any(own) {
                 continue;
             }
-            let trial = Trial::of(part)?;
+            let Some(trial) = Trial::of(part) else { continue };
             for (job, seconds) in jobs.iter().zip(&mut out).filter(|(job, _)| own(job)) {
                 *seconds = trial.seconds(part, job).filter(|seconds| seconds.is_finite());
             }
         }
-        Ok(out)
+        out
     }
 
     /// The scene with fewer pairs and without the stages that lead up to a training, and the share of its pairs that it
@@ -77,11 +72,15 @@ fn fewer(data: &mut Data) -> f64 {
     let orbit = data.orbit as f64;
     let pairs = |data: &Data| data.windows.iter().map(|w| orbit * w.samples as f64).sum::<f64>();
     let all = pairs(data);
-    if !(all > PAIRS) {
+    // A few of each map of a family, also of those that are held out.
+    let maps = data.epsilons.len().max(1) * data.flow_times.len().max(1);
+    let least = 4.0 * maps as f64 / if data.validation > 0.0 { data.validation } else { 1.0 };
+    let kept = if least > PAIRS { least } else { PAIRS };
+    if !(all > kept) {
         return 1.0;
     }
     for window in &mut data.windows {
-        window.samples = (window.samples as f64 * PAIRS / all).ceil() as usize;
+        window.samples = (window.samples as f64 * kept / all).ceil() as usize;
     }
     pairs(data) / all
 }
@@ -95,12 +94,12 @@ struct Trial {
 }
 
 impl Trial {
-    fn of(scene: &Scene) -> Result<Self, Error> {
+    /// None where no temporary folder can be made.
+    fn of(scene: &Scene) -> Option<Self> {
         let (short, share) = scene.for_a_trial();
         let declared = short.declared();
-        let folder = tempfile::tempdir();
-        let path = folder.map_err(|reason| Error::write(&std::env::temp_dir(), reason))?;
-        let folder = Folder::open(path.path(), false, false)?;
+        let path = tempfile::tempdir().ok()?;
+        let folder = Folder::open(path.path(), false, false).ok()?;
         let mut watch = Watch::default();
         let start = Instant::now();
         let mut context = Context::new(&declared, &folder, &[], &mut watch);
@@ -126,7 +125,7 @@ impl Trial {
             Some((network, each.as_secs_f64() / share))
         };
         let iterations = networks.into_iter().filter_map(seconds).collect();
-        Ok(Self { data, iterations })
+        Some(Self { data, iterations })
     }
 
     fn seconds(&self, scene: &Scene, job: &Job) -> Option<f64> {

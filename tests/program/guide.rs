@@ -111,8 +111,10 @@ fn links_between_chapters_lead_to_chapters() {
 /// The article about the crate has the sections that its journal asks for, and cites what is in its list.
 #[test]
 fn the_article_is_complete_but_for_what_is_open() {
-    let (paper, list) =
-        (include_str!("../../src/guide/joss/paper.md"), include_str!("../../src/guide/joss/paper.bib"));
+    let (paper, list) = (
+        include_str!("../../src/guide/joss/paper.md"),
+        include_str!("../../src/guide/joss/paper.bib"),
+    );
     for section in [
         "Summary",
         "Statement of need",

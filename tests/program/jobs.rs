@@ -1,7 +1,8 @@
 //! A run in pieces, as an engine that schedules does them: the plan, the jobs, the report; blocks of points.
 
 use crate::helpers::{
-    SCENE, command, listing, refuses, succeeds, text, two_parts, with_model, with_scene,
+    SCENE, call, command, folder, listing, refuses, succeeds, text, two_parts, with_model,
+    with_scene, write_data,
 };
 use gyroceptron::io::read_trajectories;
 use serde_json::Value;
@@ -129,7 +130,7 @@ fn parts_in_pieces_and_a_report_that_was_interrupted() {
     does(path, &jobs[4], &[]);
     assert!(read(path, "whole/report.json") == read(path, "far/report.json"));
     // A report that somebody has changed is not replaced unasked.
-    std::fs::write(path.join("far/report.md"), "my notes").expect("written");
+    std::fs::write(path.join("far/report.json"), "my notes").expect("written");
     let merge = ["run", "both.toml", "--out", "far", "--merge"];
     refuses(path, &merge, &["far", "--overwrite"]);
     succeeds(path, &[&merge[..], &["--overwrite"]].concat());
@@ -159,7 +160,7 @@ fn a_killed_job_and_a_spoilt_one() {
     child.kill().expect("killed");
     assert!(!child.wait().expect("ends").success(), "the job ended before it was killed");
     let merge = ["run", "small.toml", "--out", "far", "--merge"];
-    refuses(path, &merge, &["train-gyroceptron begun and not done"]);
+    refuses(path, &merge, &["train-gyroceptron (begun and not done)"]);
     let state = |done: &str| {
         let output = of_plan(path, &jobs[1], &[]).output().expect("starts");
         assert!(output.status.success(), "{}", text(&output.stderr));
@@ -171,7 +172,7 @@ fn a_killed_job_and_a_spoilt_one() {
     assert!(whole == std::fs::read(&checkpoint).expect("there"));
     // Spoilt after it was done, or while it was under way; each time the merge refuses it by its name.
     std::fs::write(&checkpoint, &whole[..whole.len() / 2]).expect("written");
-    refuses(path, &merge, &["train-gyroceptron a checkpoint that is not the job's"]);
+    refuses(path, &merge, &["train-gyroceptron (with a checkpoint that is not the job's)"]);
     assert!(state(": done").contains("it is done again"));
     assert!(whole == std::fs::read(&checkpoint).expect("there"));
     let mark = checkpoint.with_file_name("job.json");
@@ -182,14 +183,31 @@ fn a_killed_job_and_a_spoilt_one() {
     std::fs::write(&checkpoint, "{").expect("written");
     assert!(state(": done").contains("not gone on with"));
     std::fs::write(&mark, "{").expect("written");
-    refuses(path, &merge, &["train-gyroceptron a job.json that cannot be read"]);
+    refuses(path, &merge, &["train-gyroceptron (with a job.json that is none)"]);
     assert!(state(": done").contains("it is done again"));
+    // Without it the files may be anybody's.
     std::fs::remove_file(&mark).expect("removed");
-    refuses(path, &merge, &["train-gyroceptron no job.json"]);
+    refuses(path, &merge, &["train-gyroceptron (of another scene, version or file)"]);
+    let again = ["run", "small.toml", "--out", "far", "--job", "train-gyroceptron"];
+    refuses(path, &again, &["far/jobs/train-gyroceptron", "--overwrite"]);
+    succeeds(path, &[&again[..], &["--overwrite"]].concat());
+    assert!(whole == std::fs::read(&checkpoint).expect("there"));
+    // Of a version to come, which may say more.
+    let done = std::fs::read_to_string(&mark).expect("there");
+    let digest = word(&jobs[1], "digest");
+    let newer = done.replace(digest, "0123").replacen('{', "{\n  \"new\": 1,", 1);
+    std::fs::write(&mark, newer).expect("written");
+    refuses(path, &again, &["far/jobs/train-gyroceptron", "--overwrite"]);
+    std::fs::write(&mark, done).expect("written");
+    // What is left of a file that a process was killed over.
+    let half = checkpoint.with_file_name(".gyroceptron-Ab12");
+    std::fs::write(&half, "{").expect("written");
+    std::fs::write(&checkpoint, "{").expect("written");
     state(": done");
+    assert!(!half.exists());
     let data = path.join("far/jobs/data/data.json");
     std::fs::write(&data, "{}").expect("written");
-    refuses(path, &merge, &["data a data.json that is not the job's"]);
+    refuses(path, &merge, &["data (with a data.json that is not the job's)"]);
     does(path, &jobs[0], &[]);
     does(path, &jobs[2], &[]);
     assert!(read(path, "whole/report.json") == read(path, "far/report.json"));
@@ -232,12 +250,12 @@ fn jobs_that_are_not_of_the_plan() {
     refuses(&["--job", "merge"], &["job: expected a data set or a training of the plan"]);
     refuses(
         &["--job", "data", "--digest", "0123"],
-        &["job data", "0123", "another scene, version or file"],
+        &["job data", "0123", "scene, version or a file is another"],
     );
-    refuses(&["--job", "train-gyroceptron"], &["job train-gyroceptron", "data not begun"]);
+    refuses(&["--job", "train-gyroceptron"], &["job train-gyroceptron", "data (not begun)"]);
     refuses(
         &["--merge"],
-        &["data not begun, train-gyroceptron not begun, train-gyroceptron-seed-2 not begun"],
+        &["data (not begun), train-gyroceptron (not begun), train-gyroceptron-seed-2 (not begun)"],
     );
     refuses(&["--plan", "--merge"], &["--plan", "--merge"]);
     refuses(&["--digest", "0123"], &["--job"]);
@@ -245,13 +263,13 @@ fn jobs_that_are_not_of_the_plan() {
     succeeds(path, &of(&["--job", "data"]).split(' ').collect::<Vec<_>>());
     // Of another seed all is another job, and what is there is kept.
     refuses(&["--job", "data", "--seed", "9"], &["far/jobs/data", "--overwrite"]);
-    refuses(&["--merge", "--seed", "9"], &["data of another scene, version or file"]);
-    refuses(&["--job", "train-gyroceptron", "--seed", "9"], &["data of another scene"]);
+    refuses(&["--merge", "--seed", "9"], &["data (of another scene, version or file)"]);
+    refuses(&["--job", "train-gyroceptron", "--seed", "9"], &["data (of another scene"]);
     let before = read(path, "far/jobs/data/data.json");
     let other = of(&["--job", "data", "--seed", "9", "--overwrite"]);
     succeeds(path, &other.split(' ').collect::<Vec<_>>());
     assert!(before != read(path, "far/jobs/data/data.json"));
-    refuses(&["--job", "train-gyroceptron"], &["data of another scene, version or file"]);
+    refuses(&["--job", "train-gyroceptron"], &["data (of another scene, version or file)"]);
     let mut other = command(path, &["run", "small.toml", "--plan"]);
     let output = other.env("GYROCEPTRON_SIMD", "sse").output().expect("starts");
     assert_eq!(output.status.code(), Some(2));
@@ -263,7 +281,134 @@ fn jobs_that_are_not_of_the_plan() {
     let file = folder.path().join("file");
     std::fs::write(&file, "mine").expect("written");
     let there = ["run", "small.toml", "--out", "file", "--job", "data"];
-    crate::helpers::refuses(path, &there, &["file", "cannot be written"]);
+    crate::helpers::refuses(path, &there, &["file/jobs/data"]);
+}
+
+#[test]
+fn a_report_does_not_take_the_place_of_another_run() {
+    let folder =
+        with_scene("both.toml", &two_parts().replace("iterations = 3000", "iterations = 120"));
+    let path = folder.path();
+    std::fs::write(path.join("small.toml"), SCENE).expect("written");
+    let jobs = plan(path, &["both.toml", "--out", "far", "--no-estimate"]);
+    assert!(jobs.iter().all(|job| job["seconds"].is_null()));
+    let merge = ["run", "both.toml", "--out", "far", "--merge"];
+    succeeds(path, &["small.toml", "--out", "far/second", "--seed", "7"]);
+    jobs[..4].iter().for_each(|job| drop(does(path, job, &[])));
+    // However often it is asked for.
+    for _ in 0..2 {
+        refuses(path, &merge, &["far/second", "--overwrite"]);
+    }
+    std::fs::rename(path.join("far/second"), path.join("kept")).expect("moved");
+    succeeds(path, &merge);
+    let report = read(path, "far/report.json");
+    // Interrupted, and meanwhile another run has taken its place.
+    let mark = path.join("far/jobs/merge/job.json");
+    let mut state: Value =
+        serde_json::from_slice(&std::fs::read(&mark).expect("there")).expect("JSON");
+    state["files"] = Value::Null;
+    std::fs::write(&mark, state.to_string()).expect("written");
+    succeeds(path, &["both.toml", "--out", "far", "--seed", "9", "--overwrite"]);
+    refuses(path, &merge, &["far", "--overwrite"]);
+    succeeds(path, &[&merge[..], &["--overwrite"]].concat());
+    assert!(report == read(path, "far/report.json"));
+    // Gone on with, which changes seconds alone, it is the same report.
+    succeeds(path, &["both.toml", "--out", "far", "--resume"]);
+    assert!(text(&succeeds(path, &merge).stdout).contains("made before"));
+    // The digest of a plan is that of the report too.
+    refuses(path, &[&merge[..], &["--digest", "0123"]].concat(), &["job merge", "0123"]);
+    assert!(does(path, &jobs[4], &[]).contains("made before"));
+}
+
+#[test]
+fn a_job_that_is_done_stays_so_beside_others() {
+    let folder = with_scene("small.toml", SCENE);
+    let path = folder.path();
+    for job in &plan(path, &["small.toml", "--out", "far"])[..2] {
+        does(path, job, &[]);
+    }
+    std::fs::write(path.join("small.toml"), two_seeds()).expect("written");
+    let jobs = plan(path, &["small.toml", "--out", "far"]);
+    assert!(does(path, &jobs[1], &[]).contains("was done before"));
+    does(path, &jobs[2], &[]);
+    does(path, &jobs[3], &[]);
+    succeeds(path, &["small.toml", "--out", "whole"]);
+    assert!(read(path, "whole/report.json") == read(path, "far/report.json"));
+    // It was not trained again for the report.
+    let of_job = times(path, "far/jobs/train-gyroceptron/timings.json");
+    assert_eq!(
+        of_job["models"][0]["points"],
+        times(path, "far/timings.json")["models"][0]["points"]
+    );
+    assert!(!path.join("far/checkpoint").exists());
+    // Pairs of another job are not taken for those of this one.
+    let data = path.join("far/jobs/data/data.json");
+    let made = std::fs::read_to_string(&data).expect("there");
+    let other = made.replacen(word(&jobs[0], "digest"), "0123", 1);
+    assert_ne!(made, other);
+    std::fs::write(&data, &other).expect("written");
+    let mark = data.with_file_name("job.json");
+    let state = std::fs::read_to_string(&mark).expect("there");
+    let [before, after] = [&made, &other].map(|text| {
+        std::fs::write(path.join("of"), text).expect("written");
+        gyroceptron::io::file_digest(&path.join("of")).expect("a digest")
+    });
+    std::fs::write(&mark, state.replace(&before, &after)).expect("written");
+    std::fs::remove_dir_all(path.join("far/jobs/train-gyroceptron")).expect("removed");
+    let again = ["run", "small.toml", "--out", "far", "--job", "train-gyroceptron"];
+    let output = call(path, &again);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("expected data of the job"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn plans_of_odd_names_and_places() {
+    let folder = with_scene("-odd name.toml", SCENE);
+    let path = folder.path();
+    let output = succeeds(path, &["run", "--out", "o ut", "--plan", "--", "-odd name.toml"]);
+    let first: Value =
+        serde_json::from_str(text(&output.stdout).lines().next().expect("a job")).expect("JSON");
+    let words = word(&first, "command");
+    assert!(words.starts_with("gyroceptron run --out 'o ut' --job data --digest "), "{words}");
+    assert!(words.ends_with(" -- '-odd name.toml'"), "{words}");
+    refuses(path, &["run", "--plan", "--digest", "0123", "quickstart"], &["--plan", "--digest"]);
+    refuses(path, &["run", "--no-estimate", "quickstart"], &["--plan"]);
+    // Without a place for a trial there are no seconds.
+    let mut lost = command(path, &["run", "quickstart", "--plan"]);
+    let output = lost.env("TMPDIR", "/nonexistent").output().expect("starts");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert_eq!(text(&output.stdout).matches("\"seconds\":null").count(), 4);
+    // Of as many maps as pairs.
+    let family = SCENE
+        .replace("[data]", "[data]\nepsilons = EPSILONS")
+        .replace("samples = 400", "samples = 4000");
+    let epsilons: Vec<f64> = (1..=200).map(|k| 1e-4 * f64::from(k)).collect();
+    let family = family.replace("EPSILONS", &format!("{epsilons:?}"));
+    std::fs::write(path.join("family.toml"), family).expect("written");
+    let seconds: Vec<Value> =
+        plan(path, &["family.toml"]).into_iter().map(|job| job["seconds"].clone()).collect();
+    assert!(seconds[0].is_number() && seconds[1].is_number(), "{seconds:?}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_folder_whose_name_is_no_text() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = folder();
+    let path = folder.path().join(std::ffi::OsStr::from_bytes(b"nu\xff"));
+    std::fs::create_dir(&path).expect("made");
+    write_data(&path);
+    let scene = SCENE.replace("[system]\nkind = \"oscillators\"\nepsilon = 0.01\n", "");
+    let windows = scene.find("windows = ").expect("in the scene");
+    let end = windows + scene[windows..].find('\n').expect("a line");
+    let of_file = "pairs = \"pairs.npz\"\ncircle_action = [1, 0]\nepsilon = 0.01";
+    let scene = format!("{}{of_file}{}", &scene[..windows], &scene[end..]);
+    std::fs::write(path.join("file.toml"), scene).expect("written");
+    for added in [&["--plan"][..], &["--job", "train-gyroceptron"], &["--merge"], &[]] {
+        let output = call(&path, &[&["run", "file.toml", "--out", "o"], added].concat());
+        assert_eq!(output.status.code(), Some(2), "{added:?}");
+        assert_eq!(text(&output.stderr).lines().count(), 1, "{added:?}: {}", text(&output.stderr));
+    }
 }
 
 #[test]

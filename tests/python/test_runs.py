@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 
+import numpy as np
 import pytest
 
 import gyroceptron
@@ -139,14 +140,18 @@ def test_jobs_of_a_plan(scene, tmp_path, whole, program):
     assert all(job["seconds"] > 0 for job in jobs[:-1])
     assert all(job["seconds"] is None for job in gyroceptron.plan(scene, estimate=False))
     out = tmp_path / "out"
-    with pytest.raises(gyroceptron.Error, match="data not begun, train-gyroceptron not begun"):
+    with pytest.raises(gyroceptron.Error, match=r"data \(not begun\), train-gyroceptron \(not begun\)"):
         gyroceptron.merge(scene, out)
     for job in jobs[:-1]:
         assert gyroceptron.run_job(scene, job["id"], out, digest=job["digest"], threads=1) == "done"
     assert gyroceptron.run_job(scene, "data", out) == "was done before"
-    with pytest.raises(gyroceptron.Error, match="another scene, version or file"):
+    with pytest.raises(gyroceptron.Error, match="scene, version or a file is another"):
         gyroceptron.run_job(scene, "data", out, digest="0")
-    assert gyroceptron.merge(scene, out).holds
+    with pytest.raises(gyroceptron.Error, match="job merge"):
+        gyroceptron.merge(scene, out, digest="0")
+    with pytest.raises(gyroceptron.Error, match="seed: expected from 0"):
+        gyroceptron.plan(scene, seed=-1)
+    assert gyroceptron.merge(scene, out, digest=jobs[-1]["digest"]).holds
     assert (out / "report.json").read_bytes() == whole(60)[1]
 
 
@@ -195,7 +200,7 @@ def test_a_worker_that_is_killed(tmp_path, whole):
     scene, expected = whole(1500)
     out = tmp_path / "out"
     with workers_of(2) as cluster, distributed.Client(cluster) as client:
-        at_work, killed = out / "jobs/train-gyroceptron/checkpoint-gyroceptron", []
+        at_work, killed = out / "jobs/train-gyroceptron/checkpoint", []
 
         def kill():
             while not at_work.exists():
@@ -253,6 +258,28 @@ def test_jobs_that_fail_say_why(scene, tmp_path):
         stop = gyroceptron.run(scene, tmp_path / "stop", client=client, callback=lambda *_: False)
         assert stop is None and not (tmp_path / "stop/report.json").exists()
         assert gyroceptron.run(scene, tmp_path / "stop", client=client).holds
+        with pytest.raises(gyroceptron.Error, match="client: expected a distributed.Client, found 'x'"):
+            gyroceptron.run(scene, tmp_path / "x", client="x")
+
+
+def test_workers_end_with_a_run_that_is_stopped(tmp_path):
+    path, out = tmp_path / "long.toml", tmp_path / "out"
+    path.write_text(SCENE.replace("ITERATIONS", "1000000"))
+    checkpoint = out / "jobs/train-gyroceptron/checkpoint"
+
+    def stop(name, *_):
+        if name == "job data is done":
+            while not checkpoint.exists():
+                time.sleep(0.01)
+            # As a comparison of NumPy answers.
+            return np.False_
+
+    with workers_of(1) as cluster, distributed.Client(cluster) as client:
+        assert gyroceptron.run(path, out, client=client, callback=stop) is None
+        before = checkpoint.stat().st_mtime_ns
+        time.sleep(0.5)
+        assert checkpoint.stat().st_mtime_ns == before
+        assert sorted(entry.name for entry in out.iterdir()) == ["jobs"]
 
 
 def test_a_client_without_workers(scene, tmp_path):

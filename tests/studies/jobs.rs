@@ -40,7 +40,7 @@ fn in_pieces(scene: &Scene, path: &Path) -> Vec<(String, Vec<String>)> {
         out.push((job.id.clone(), stages.0));
     }
     let mut stages = Stages::default();
-    let report = merge(scene, path, false, &mut stages).expect("merges");
+    let report = merge(scene, None, path, false, &mut stages).expect("merges");
     assert!(matches!(report, MergeEnd::Done(_)), "{report:?}");
     out.push(("merge".into(), stages.0));
     out

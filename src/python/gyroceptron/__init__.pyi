@@ -427,6 +427,7 @@ def merge(
     seed: int | None = None,
     quick: bool = False,
     weights: str | PathLike[str] | None = None,
+    digest: str | None = None,
     overwrite: bool = False,
     threads: int | None = None,
     callback: _RunCallback | None = None,

@@ -2,8 +2,10 @@
 
 import html
 import json
+import math
 import os
 import pathlib
+import time
 import uuid
 import warnings
 
@@ -78,7 +80,16 @@ def run_job(
 
 
 def merge(
-    scene, out=None, *, seed=None, quick=False, weights=None, overwrite=False, threads=None, callback=None
+    scene,
+    out=None,
+    *,
+    seed=None,
+    quick=False,
+    weights=None,
+    digest=None,
+    overwrite=False,
+    threads=None,
+    callback=None,
 ):
     """Makes the report of all jobs below ``out``, with the bytes of a run in one process.
 
@@ -86,11 +97,11 @@ def merge(
     the callback returned False.
     """
     name, text = _read(scene, seed, quick, weights)
-    return _merged(text, _folder(out, name), overwrite, threads, callback)
+    return _merged(text, digest, _folder(out, name), overwrite, threads, callback)
 
 
-def _merged(text, out, overwrite, threads, callback):
-    return Report(out) if _native._merge(text, out, overwrite, threads, callback) else None
+def _merged(text, digest, out, overwrite, threads, callback):
+    return Report(out) if _native._merge(text, digest, out, overwrite, threads, callback) else None
 
 
 def run(
@@ -110,8 +121,9 @@ def run(
 
     With a ``client`` of Dask distributed its workers make the data and train the networks, a job each, and this
     process makes the report: with the bytes of a run without a client. The folder must be at the same place for all
-    of them. A job whose worker dies is done by another one, which goes on from its checkpoint; what is done is not
-    done again by a second call. Each job has one thread, unless ``threads`` are given.
+    of them. A job whose worker dies is done by another one, which goes on from its checkpoint, as often as Dask allows
+    it (three times); what is done is not done again by a second call. Each job has one thread, unless ``threads`` are
+    given.
 
     ``callback(name, iteration, loss, validation)`` is called after each iteration of a training, and with None three
     times when a stage begins or a job is done; when it returns False the run stops, gives None, and a later call
@@ -124,24 +136,43 @@ def run(
         return Report(out) if there else None
     if resume:
         raise Error("resume: expected False with a client, whose jobs go on by themselves, found True")
+    if not callable(getattr(client, "scheduler_info", None)):
+        raise Error(f"client: expected a distributed.Client, found {client!r}")
+    if not client.scheduler_info(n_workers=-1)["workers"]:
+        raise Error("client: expected one with workers, found none")
+    _native._check_merge(text, out, overwrite)
     if not _on_workers(client, text, out, overwrite, threads, callback):
         return None
-    return _merged(text, out, overwrite, None, callback)
+    return _merged(text, None, out, overwrite, None, callback)
 
 
-def _job_of_worker(text, job, out, overwrite, threads, _needs):
-    return _native._run_job(text, job["id"], job["digest"], out, overwrite, threads, None)
+def _goes_on(callback, words):
+    """As of the callback of a run in this process: what is neither None nor true ends it."""
+    answer = None if callback is None else callback(words, None, None, None)
+    return answer is None or bool(answer)
+
+
+def _job_of_worker(text, job, out, overwrite, threads, end, _needs):
+    looked = -math.inf
+
+    def go_on(*_):
+        nonlocal looked
+        if time.monotonic() - looked < 0.2:
+            return True
+        looked = time.monotonic()
+        return not os.path.exists(end)
+
+    return _native._run_job(text, job["id"], job["digest"], out, overwrite, threads, go_on)
 
 
 def _on_workers(client, text, out, overwrite, threads, callback):
     """Does all jobs but the report on the workers of a client; whether the callback let it."""
-    from distributed import as_completed
+    from distributed import as_completed, wait
 
-    _native._check_merge(text, out, overwrite)
-    if not client.scheduler_info(n_workers=-1)["workers"]:
-        raise Error("client: expected one with workers, found none")
     # In the keys, so that a job whose folder was removed is not taken for one that is done.
     call, futures = uuid.uuid4().hex[:8], {}
+    # A thread of a worker cannot be stopped from here: jobs end when this file is there.
+    end = os.path.join(out, f"end-{call}")
     for job in json.loads(_native._plan(text, False)):
         if job["kind"] == "merge":
             continue
@@ -153,19 +184,30 @@ def _on_workers(client, text, out, overwrite, threads, callback):
             overwrite,
             # A worker has a thread for each of the jobs that it does at the same time.
             1 if threads is None else threads,
+            end,
             [futures[need] for need in job["needs"]],
             key=f"{job['id']}-{job['digest'][:8]}-{call}",
             pure=False,
         )
     names = {future.key: name for name, future in futures.items()}
+    done = False
     try:
-        for done in as_completed(list(futures.values()), loop=client.loop):
-            done.result()
-            words = f"job {names[done.key]} is done"
-            if callback is not None and callback(words, None, None, None) is False:
-                client.cancel(list(futures.values()))
-                return False
-    except BaseException:
-        client.cancel(list(futures.values()))
-        raise
-    return True
+        for future in as_completed(list(futures.values()), loop=client.loop):
+            future.result()
+            if not _goes_on(callback, f"job {names[future.key]} is done"):
+                break
+        else:
+            done = True
+    finally:
+        if not done:
+            under_way = [future for future in futures.values() if future.status == "pending"]
+            os.makedirs(out, exist_ok=True)
+            pathlib.Path(end).touch()
+            try:
+                wait(under_way, timeout=10)
+            except Exception:
+                # They end after an iteration, some time.
+                client.cancel(under_way)
+            else:
+                os.remove(end)
+    return done
