@@ -8,7 +8,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// The folder below that of a run in which each job has one.
@@ -31,7 +31,7 @@ pub(super) struct JobFolders {
     root: PathBuf,
     part: Option<String>,
     /// Of each job of the plan.
-    digests: Rc<BTreeMap<String, String>>,
+    digests: Arc<BTreeMap<String, String>>,
 }
 
 /// The name of the job that makes the pairs of a part: those of its set-up, or those at an ε and a flow time.
@@ -56,7 +56,7 @@ fn in_part(part: Option<&str>, name: &str) -> String {
 impl JobFolders {
     /// Those of a run in this folder, of jobs with these names and digests.
     pub(super) fn of_run(path: &Path, digests: BTreeMap<String, String>) -> Self {
-        Self { root: path.join(JOBS), part: None, digests: Rc::new(digests) }
+        Self { root: path.join(JOBS), part: None, digests: Arc::new(digests) }
     }
 
     pub(super) fn of_part(&self, part: &str) -> Self {
