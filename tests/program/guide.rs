@@ -138,3 +138,31 @@ fn the_article_is_complete_but_for_what_is_open() {
     // Nobody else can say it.
     assert_eq!(paper.matches("OPEN").count(), 6);
 }
+
+/// A chapter of results says first what it shows, what it does not, and how to do it again.
+#[test]
+fn chapters_of_results_begin_in_short() {
+    let guide = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/guide");
+    let contents = std::fs::read_to_string(guide.join("mod.rs")).expect("the contents");
+    let list = contents.split("What was measured").nth(1).expect("the results");
+    let rows = list.lines().take_while(|line| line.starts_with("//!") || !line.contains("macro"));
+    let named =
+        rows.filter_map(|line| line.rsplit_once("[`")?.1.split_once("`]").map(|(name, _)| name));
+    let mut count = 0;
+    for name in named.filter(|name| *name != "figures") {
+        let chapter = std::fs::read_to_string(guide.join(format!("{name}.md"))).expect("a chapter");
+        let mut lines = chapter.lines().skip(1);
+        assert_eq!(lines.next(), Some(""), "{name}");
+        assert_eq!(lines.next(), Some("| in short | |"), "{name}");
+        for row in ["shows", "does not show", "command"] {
+            let start = format!("| {row} | ");
+            let line = lines
+                .find(|line| line.starts_with(&start))
+                .unwrap_or_else(|| panic!("{name}: {row}"));
+            assert!(line.len() > start.len() + 20, "{name}: {line}");
+            assert!(row != "command" || line.contains("`gyroceptron run "), "{name}: {line}");
+        }
+        count += 1;
+    }
+    assert!(count >= 11, "{count}");
+}
