@@ -238,15 +238,11 @@ impl Study for LongStepsOptions {
         self.others(setup).flat_map(|time| self.attempts(setup, time)).collect()
     }
 
-    fn train(
+    fn train_new(
         &self,
         context: &mut Context<'_>,
         training: &StudyTraining,
     ) -> Result<Rc<Trained>, RunError> {
-        let name = &training.training.spec.name;
-        if let Some(made) = context.learnt(name) {
-            return Ok(made);
-        }
         let before = match &training.from {
             None => None,
             Some(from) => {

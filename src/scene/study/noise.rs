@@ -132,15 +132,11 @@ impl Study for NoiseOptions {
         self.faults().skip(1).flat_map(|fault| attempts(setup, fault)).collect()
     }
 
-    fn train(
+    fn train_new(
         &self,
         context: &mut Context<'_>,
         training: &StudyTraining,
     ) -> Result<Rc<Trained>, RunError> {
-        let name = &training.training.spec.name;
-        if let Some(made) = context.learnt(name) {
-            return Ok(made);
-        }
         let fault = self.faults().find(|fault| fault.name() == training.fault);
         let unknown = || Error::invalid(self.name(), &training.fault, "a fault of the study");
         let data = self.changed(context, fault.ok_or_else(unknown)?)?;

@@ -47,6 +47,18 @@ pub(in crate::scene) trait Study: Any {
         context: &mut Context<'_>,
         training: &StudyTraining,
     ) -> Result<Rc<Trained>, RunError> {
+        match context.learnt(&training.training.spec.name) {
+            Some(made) => Ok(made),
+            None => self.train_new(context, training),
+        }
+    }
+
+    /// Does one of them.
+    fn train_new(
+        &self,
+        context: &mut Context<'_>,
+        training: &StudyTraining,
+    ) -> Result<Rc<Trained>, RunError> {
         let _ = context;
         let name = &training.training.spec.name;
         Err(Error::invalid(self.name(), name, "one of the trainings of this study").into())
