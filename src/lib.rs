@@ -11,7 +11,7 @@
 //!
 //! # Example
 //!
-//! Fit a network to pairs of the coupled oscillators' flow, and certify what comes of it:
+//! Fit a network to pairs of the coupled oscillators' flow, ask how far to trust it, and certify its structure:
 //!
 //! ```
 //! use gyroceptron::prelude::*;
@@ -20,10 +20,12 @@
 //! let pairs = Pairs::of_windows(&Oscillators { epsilon: 0.01 }, &[window], 0.5, 1)?;
 //! let fit = Fit { epsilon: Some(0.01), flow_time: Some(0.5), ..Fit::default() };
 //! let fitted = fit.with_iterations(20).run(pairs)?;
-//! let mut z: [f64; 4] = [0.8, 0.3, 0.0, 0.0]; // q₁, q₂, p₁, p₂
-//! fitted.model().forward(&mut z);
-//! fitted.model().inverse(&mut z);
-//! assert!((z[0] - 0.8).abs() < 1e-14);
+//! println!("{}", fitted.judgement()?);
+//! let model = StoredModel::of_fit(&fitted, "example"); // in the units of the data
+//! let mut z = [0.8, 0.3, 0.0, 0.0]; // q₁, q₂, p₁, p₂
+//! model.map_points(Direction::Forward, &mut z)?;
+//! model.map_points(Direction::Inverse, &mut z)?;
+//! assert!((z[0] - 0.8_f64).abs() < 1e-14);
 //! let options = CertificateOptions { samples: 20, ..Default::default() };
 //! certify(fitted.model(), options).assert_holds();
 //! # Ok::<(), Error>(())

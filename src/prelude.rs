@@ -9,6 +9,6 @@ pub use crate::measure::certificate::{CertificateOptions, certify};
 pub use crate::network::{
     Architecture, Block, InitialWeights, Layers, Model, NetworkSpec, Part, Rollout,
 };
-pub use crate::phase::Map;
+pub use crate::phase::{Direction, Map};
 pub use crate::system::{Hamiltonian, Oscillators};
-pub use crate::train::{Fit, Fitted, TrainingOptions};
+pub use crate::train::{Fit, Fitted, Judgement, TrainingOptions};

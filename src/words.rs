@@ -18,7 +18,11 @@ pub(crate) fn magnitude(value: f64) -> String {
 
 /// A factor: `7.6 ×`.
 pub(crate) fn factor(value: f64) -> String {
-    format!("{value:.1} ×")
+    const MANY_DIGITS: f64 = 1e5;
+    match value.abs() < MANY_DIGITS {
+        true => format!("{value:.1} ×"),
+        false => format!("{value:.1e} ×"),
+    }
 }
 
 /// A share, in two digits: `3.4 %`, `0.012 %`.

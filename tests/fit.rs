@@ -217,6 +217,13 @@ fn what_cannot_be_is_refused() {
     let still = Pairs::new("still", 2, points.clone(), points).expect("finite");
     let error = fit().run(still).expect_err("nothing turns").to_string();
     assert!(error.contains("circle action") && error.contains("not sure"), "{error}");
+    // Columns q₁ p₁ q₂ p₂ are seen before an action is asked for.
+    let (given, mixed) = (pairs(200, 0.9, 1), [0, 2, 1, 3]);
+    let error = fit().run(given.with_columns(&mixed)).expect_err("mixed columns").to_string();
+    for words in ["q1 p1 q2 p2", "circle action 1,0", "[0, 2, 1, 3]"] {
+        assert!(error.contains(words), "{words}: {error}");
+    }
+    assert_eq!(given.with_columns(&mixed).with_columns(&mixed), given);
     // A family needs a network of one.
     let family =
         Pairs::of_family(vec![(0.1, 1.0, pairs(20, 0.9, 1)), (0.2, 1.0, pairs(20, 0.9, 2))]);

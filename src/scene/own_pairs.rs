@@ -95,8 +95,8 @@ impl NextStep {
             }
             Self::Iterations(_) => "the iterations were done before the loss was at rest".into(),
             Self::Pairs(count) => format!(
-                "{count} training pairs are too few: the network knows them by heart; four times as \
-                 many tell whether it is the data"
+                "{count} training pairs are too few: the network knows them by heart; some thousands \
+                 are usual"
             ),
             Self::Marquardt => "Levenberg–Marquardt gets further than other optimisers".into(),
             Self::Starts(_) => "other initial weights may end lower".into(),

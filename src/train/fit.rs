@@ -292,6 +292,14 @@ impl Fit {
         }
         let fit = ActionFit::fit(pairs)?;
         if !fit.is_sure() {
+            if let Some((order, action)) = Reading::interleaved(pairs) {
+                let expected = "columns q1 q2 … p1 p2 …";
+                let found = format!(
+                    "columns that have circle action {action} as q1 p1 q2 p2 …, and none for sure as they are: take the \
+                     columns {order} of input and output, counted from 0"
+                );
+                return Err(Error::invalid("circle action", found, expected));
+            }
             let found = format!("auto, which is not sure: {}", fit.describe());
             let expected = "weights, or pairs of another flow time";
             return Err(Error::invalid("circle action", found, expected));
@@ -707,7 +715,8 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    /// The network, in its own [units](Problem::units).
+    /// The network, in its own [units](Problem::units), which are not those of the data unless these are none:
+    /// `StoredModel::of_fit` is the map of the data.
     pub fn model(&self) -> &Model {
         &self.training.outcome.model
     }

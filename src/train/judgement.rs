@@ -12,6 +12,7 @@ use crate::measure::{
 };
 use crate::network::Rollout;
 use crate::words::{factor, magnitude, percent, plane_name};
+use std::fmt::{Display, Formatter};
 
 /// Orbits that are looked at, from held-out points, and their length.
 const ORBITS: usize = OwnInvariance::ORBITS;
@@ -160,6 +161,14 @@ pub struct Judgement {
     pub swings: Vec<PlaneSwing>,
     /// What the invariant that the network owns is worth.
     pub own: Option<OwnInvariance>,
+}
+
+/// The verdict, the error, and a line for each reason.
+impl Display for Judgement {
+    fn fmt(&self, out: &mut Formatter<'_>) -> std::fmt::Result {
+        write!(out, "{}: {}", self.verdict, self.error)?;
+        self.reasons().try_for_each(|reason| write!(out, "\n- {reason}"))
+    }
 }
 
 /// Whether to trust a network that was trained on pairs, and why not.

@@ -26,6 +26,20 @@ impl Reading {
     /// So many pairs tell.
     const PAIRS: usize = 1000;
 
+    /// The order in which columns q₁ p₁ q₂ p₂ … are q₁ … qₙ, p₁ … pₙ, and the circle action that the pairs then are sure
+    /// of, if there is one.
+    pub(super) fn interleaved(pairs: &Pairs) -> Option<(String, CircleAction)> {
+        let order = Self::by_halves(pairs.dof());
+        let fit = ActionFit::fit(&pairs.with_columns(&order)).ok().filter(ActionFit::is_sure)?;
+        let order: Vec<String> = order.iter().map(usize::to_string).collect();
+        Some((format!("[{}]", order.join(", ")), fit.action().clone()))
+    }
+
+    /// Where columns q₁ … qₙ, p₁ … pₙ are among q₁ p₁ q₂ p₂ ….
+    fn by_halves(dof: usize) -> Vec<usize> {
+        (0..dof).map(|j| 2 * j).chain((0..dof).map(|j| 2 * j + 1)).collect()
+    }
+
     /// A reading that fits far better than that of columns q₁ … qₙ, p₁ … pₙ and this action,
     /// if there is one: interleaved columns, and weights 0 to 2 of up to four planes.
     ///
@@ -39,8 +53,7 @@ impl Reading {
             return None;
         }
         let given = pairs.thinned(Self::PAIRS);
-        let interleaved: Vec<usize> =
-            (0..dof).map(|j| 2 * j).chain((0..dof).map(|j| 2 * j + 1)).collect();
+        let interleaved = Self::by_halves(dof);
         let name = |half: &str, j: usize| format!("{half}{}", j + 1);
         let planes = |j: usize| format!("{} {}", name("q", j), name("p", j));
         let by_planes: Vec<String> = (0..dof).map(planes).collect();
