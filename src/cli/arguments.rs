@@ -525,6 +525,10 @@ pub struct Predict {
     /// The trajectories, an .npy of (steps/every + 1, M, 2n).
     #[arg(long, value_name = "FILE.npy")]
     pub output: PathBuf,
+    /// Trajectories to compare with, such as those of an integrator, an .npy of the shape of the output: how far apart
+    /// they are is printed.
+    #[arg(long, value_name = "FILE.npy")]
+    pub compare: Option<PathBuf>,
     /// The invariant of the network along them, an .npy of (steps/every + 1, M): 𝔍₀∘ψ⁻¹ of a
     /// gyroceptron, the sum of the actions of one in normal form.
     #[arg(long, value_name = "FILE.npy")]

@@ -12,14 +12,15 @@ use super::train::train_pairs;
 use super::{Status, about, cite, jobs};
 use clap::ValueEnum;
 use gyroceptron::Error;
-use gyroceptron::flow::PolynomialExit;
+use gyroceptron::flow::{PolynomialExit, Trajectories};
 use gyroceptron::io::{
     Provenance, SourceCode, SourceLanguage, StoredModel, assemble_architecture, assemble_weights,
     export_weights, file_digest, load_model, read_architecture, read_points, read_tensors,
-    save_model, take_units, write_atomically, write_points,
+    read_trajectories, save_model, take_units, write_atomically, write_points,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::certificate::{CertificateOptions, certify, certify_all};
+use gyroceptron::measure::timing::root_mean_square_distance;
 use gyroceptron::network::{
     Architecture, Course, GyroceptronShape, InitialWeights, Model, Pace, Rollout,
 };
@@ -32,6 +33,7 @@ use gyroceptron::scene::{
     command_line, default_scene, find, own_invariance_fault, run, without_page,
 };
 use rayon::prelude::*;
+use serde::Serialize;
 use serde_json::json;
 use std::path::Path;
 
@@ -387,6 +389,21 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
         initial = initial[rows.start * dim..rows.end * dim].to_vec();
     }
     let points = initial.len() / dim;
+    let others = arguments.compare.as_deref().map(|file| {
+        let others = read_trajectories(file, dof)?;
+        let counts = [
+            ("states of each trajectory", request.kept(), others.states()),
+            ("trajectories", points, others.count()),
+        ];
+        for (what, expected, found) in counts {
+            if expected != found {
+                let name = format!("{}: {what}", file.display());
+                return Err(Error::WrongCount { name, expected, found });
+            }
+        }
+        Ok::<_, Error>(others)
+    });
+    let others = others.transpose()?;
     let rolled = stored
         .rollout_along(course, &initial, request, &mut Pace::unbroken())
         .map_err(|e| e.with_place(arguments.model.display()))?;
@@ -427,6 +444,7 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
     }
     let shape = [request.kept() as u64, points as u64, dim as u64];
     write_points(&arguments.output, &shape, &values)?;
+    let apart = others.as_ref().map(|others| distances(&values, others, request.every));
     if let (Some(file), Some(invariant)) = (&arguments.invariant, stored.invariant()) {
         let along: Vec<f64> = values.par_chunks_exact(dim).map(invariant).collect();
         write_points(file, &shape[..2], &along)?;
@@ -436,6 +454,7 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
             "output": arguments.output.display().to_string(),
             "shape": shape,
             "block": arguments.block,
+            "compared": apart,
             "invariant": arguments.invariant.as_ref().map(|file| file.display().to_string()),
             "outside": left,
             "outside_polynomials": beyond,
@@ -453,8 +472,41 @@ fn predict(arguments: &Predict) -> Result<Status, Error> {
             arguments.output.display(),
             request.kept()
         ))?;
+        if let (Some(apart), Some(file)) = (&apart, &arguments.compare) {
+            out(&format!("distance from {}:\n", file.display()))?;
+            // The first steps, then each twice as far as the one before, and the last.
+            let all = apart.len();
+            for (index, at) in apart.iter().enumerate().skip(1) {
+                if index.is_power_of_two() || index + 1 == all {
+                    let Distance { steps, rms, largest } = at;
+                    out(&format!(
+                        "  after {steps} steps {rms:.2e} (rms), {largest:.2e} at most\n"
+                    ))?;
+                }
+            }
+        }
     }
     Ok(Status::Done)
+}
+
+/// How far trajectories are from others after so many steps, in units of the data.
+#[derive(Serialize)]
+struct Distance {
+    steps: usize,
+    /// Over all trajectories.
+    rms: f64,
+    largest: f64,
+}
+
+fn distances(values: &[f64], others: &Trajectories, every: usize) -> Vec<Distance> {
+    let (dim, row) = (others.dim(), others.dim() * others.count());
+    let states = values.chunks_exact(row).zip(others.values().chunks_exact(row)).enumerate();
+    let of = |(index, (own, other)): (usize, (&[f64], &[f64]))| {
+        let both = own.chunks_exact(dim).zip(other.chunks_exact(dim));
+        let largest = both.map(|(a, b)| root_mean_square_distance(a, b, dim)).fold(0.0, max_or_nan);
+        Distance { steps: index * every, rms: root_mean_square_distance(own, other, dim), largest }
+    };
+    states.map(of).collect()
 }
 
 fn describe(model: &Model, path: &Path, as_json: bool) -> Result<Status, Error> {

@@ -6,7 +6,7 @@ use crate::helpers::{
 };
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::io::{
-    StoredModel, load_model, read_pairs, read_points, write_pairs, write_points,
+    StoredModel, load_model, read_pairs, read_points, read_trajectories, write_pairs, write_points,
 };
 use gyroceptron::network::{Architecture, Part, Rollout, rollout};
 use gyroceptron::random::Stream;
@@ -590,4 +590,78 @@ fn training_offers_networks_and_optimisers_and_reports() {
     again("one.json");
     again("two.json");
     assert!(path.join("again/report.md").exists());
+}
+
+/// The error over many steps is what a user asks first.
+#[test]
+fn trajectories_are_compared_with_those_of_a_file() {
+    let folder = with_model();
+    let path = folder.path();
+    let predict = |output: &str, added: &[&'static str]| {
+        let words = [
+            "predict",
+            "--model",
+            "model.json",
+            "--input",
+            "z.npy",
+            "--steps",
+            "40",
+            "--every",
+            "10",
+        ];
+        let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
+        [
+            words,
+            vec!["--output".into(), output.into()],
+            added.iter().map(|w| (*w).to_owned()).collect(),
+        ]
+        .concat()
+    };
+    let go =
+        |words: Vec<String>| succeeds(path, &words.iter().map(String::as_str).collect::<Vec<_>>());
+    go(predict("own.npy", &[]));
+    let same = text(&go(predict("x.npy", &["--compare", "own.npy"])).stdout);
+    assert!(
+        same.contains("distance from own.npy:\n  after 10 steps 0.00e0 (rms), 0.00e0 at most"),
+        "{same}"
+    );
+    assert!(same.contains("after 40 steps 0.00e0") && !same.contains("after 30 steps"), "{same}");
+    // One of three trajectories is 0.3 and 0.4 off in two of its numbers, from step 20 on.
+    let own = read_trajectories(&path.join("own.npy"), 2).expect("trajectories");
+    let mut values = own.values().to_vec();
+    for state in values.chunks_exact_mut(12).skip(2) {
+        state[4] += 0.3;
+        state[7] -= 0.4;
+    }
+    write_points(&path.join("off.npy"), &[5, 3, 4], &values).expect("written");
+    let output = go(predict("y.npy", &["--compare", "off.npy", "--json"]));
+    let told: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let rows = told["compared"].as_array().expect("rows");
+    assert_eq!(rows.len(), 5);
+    for (index, row) in rows.iter().enumerate() {
+        let number = |key: &str| row[key].as_f64().expect("a number");
+        let (rms, largest) = if index < 2 { (0.0, 0.0) } else { (0.5 / 3.0_f64.sqrt(), 0.5) };
+        assert_eq!(number("steps"), 10.0 * index as f64);
+        assert!(
+            (number("rms") - rms).abs() < 1e-14 && (number("largest") - largest).abs() < 1e-14,
+            "{row}"
+        );
+    }
+    let refused = |added: &[&'static str], words: &[&str]| {
+        let line = predict("z2.npy", added);
+        refuses(path, &line.iter().map(String::as_str).collect::<Vec<_>>(), words);
+    };
+    refused(
+        &["--compare", "own.npy", "--block", "1/2"],
+        &["own.npy: trajectories: expected 1, found 3"],
+    );
+    refused(&["--compare", "z.npy"], &["z.npy"]);
+    let short = [&predict("z3.npy", &["--compare", "own.npy"])[..6], &["20".into()]].concat();
+    let rest = predict("z3.npy", &["--compare", "own.npy"])[7..].to_vec();
+    let line = [short, rest].concat();
+    refuses(
+        path,
+        &line.iter().map(String::as_str).collect::<Vec<_>>(),
+        &["states", "expected 3, found 5"],
+    );
 }
