@@ -40,9 +40,8 @@ impl ActionFit {
     const PAIRS: usize = 4000;
     /// What pairs of one flow time leave open. By 0.9 of it a plane that goes round k times more
     /// turns by 0.2πk less, which is another angle for each k of ten.
-    pub(crate) const WHOLE_TURNS: &str = "angles are known up to whole turns: pairs of 0.9 times \
-         this flow time beside these tell up to four turns apart, and times below half a turn of the \
-         fastest plane leave none";
+    pub(crate) const WHOLE_TURNS: &str = "pairs of one flow time do not show whole turns: those of \
+         0.9 times this flow time, beside these, show up to four, and less than half a turn has none";
     /// What is nearer, as a share of how far the planes turn, may be meant: ε moves them too.
     const NEAR: f64 = 0.15;
     /// So far may ε turn planes.
@@ -120,11 +119,11 @@ impl ActionFit {
             .next()
             .map_or_else(String::new, |(action, distance)| format!(", {action} as {distance:.2}"));
         format!(
-            "the planes turn by {} from inputs to outputs; circle action {} is as near as \
-             {:.2}{next}; {}",
-            angles.join(", "),
+            "circle action {} is as near as {:.2} (0 is exact){next}; the planes turn by {} from \
+             inputs to outputs; {}",
             self.action(),
             self.candidates[0].1,
+            angles.join(", "),
             Self::WHOLE_TURNS
         )
     }
