@@ -137,8 +137,8 @@ impl Simd {
         LIMIT.store(self as usize, Ordering::Relaxed);
     }
 
-    /// The same by the environment: `GYROCEPTRON_SIMD` is `portable`, `avx2` or `avx512`. The program and the module for
-    /// Python do this when they start.
+    /// The same by the environment: `GYROCEPTRON_SIMD` is `portable`, `avx2` or `avx512`. The program and the module
+    /// for Python do this when they start.
     ///
     /// # Errors
     /// [`Error::Invalid`] with another value.

@@ -6,6 +6,7 @@ use super::job_folders::TIMINGS;
 use super::parse::parse;
 use super::registry::{CHECKPOINTS, Scene};
 use crate::error::Error;
+use crate::io::TEMPORARY;
 use crate::train::TrainingStage;
 use std::path::Path;
 
@@ -39,7 +40,7 @@ fn probe(path: &Path) -> Result<(), Error> {
         there = there.parent().unwrap_or(Path::new(""));
     }
     let there = if there.as_os_str().is_empty() { Path::new(".") } else { there };
-    let file = tempfile::Builder::new().prefix(".gyroceptron-").tempfile_in(there);
+    let file = tempfile::Builder::new().prefix(TEMPORARY).tempfile_in(there);
     file.map(drop).map_err(|reason| Error::write(path, reason))
 }
 

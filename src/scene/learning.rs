@@ -204,8 +204,8 @@ fn learn_at(
     Ok(Trained { spec, network, initial, stages, outcome, held_out_error })
 }
 
-/// The stages of a ramp that lead up to the map of an ε and a flow time: none, where weights of an earlier flow time are
-/// there to begin with.
+/// The stages of a ramp that lead up to the map of an ε and a flow time: none, where weights of an earlier flow time
+/// are there to begin with.
 pub(super) fn leading_up(
     options: &TrainingOptions,
     epsilon: f64,

@@ -295,8 +295,8 @@ impl Fit {
             if let Some((order, action)) = Reading::interleaved(pairs) {
                 let expected = "columns q1 q2 … p1 p2 …";
                 let found = format!(
-                    "columns that have circle action {action} as q1 p1 q2 p2 …, and none for sure as they are: take the \
-                     columns {order} of input and output, counted from 0"
+                    "columns that have circle action {action} as q1 p1 q2 p2 …, and none for sure as they \
+                     are: take the columns {order} of input and output, counted from 0"
                 );
                 return Err(Error::invalid("circle action", found, expected));
             }

@@ -26,8 +26,8 @@ impl Reading {
     /// So many pairs tell.
     const PAIRS: usize = 1000;
 
-    /// The order in which columns q₁ p₁ q₂ p₂ … are q₁ … qₙ, p₁ … pₙ, and the circle action that the pairs then are sure
-    /// of, if there is one.
+    /// The order in which columns q₁ p₁ q₂ p₂ … are q₁ … qₙ, p₁ … pₙ, and the circle action that the pairs then are
+    /// sure of, if there is one.
     pub(super) fn interleaved(pairs: &Pairs) -> Option<(String, CircleAction)> {
         let order = Self::by_halves(pairs.dof());
         let fit = ActionFit::fit(&pairs.with_columns(&order)).ok().filter(ActionFit::is_sure)?;

@@ -120,8 +120,12 @@ fn field_lines_in_pieces() {
         optimiser = { kind = "levenberg-marquardt" }
         [[models]]
         name = "jolts"
-        network = { kind = "normal-form", kicks = { count = 3, width = 1, degree = 6 }, twists = { count = 1, width = 1, degree = 4 }, perturbation = { count = 4, width = 1, degree = 6 } }
         weights = { kind = "normal", scale = 0.15 }
+        [models.network]
+        kind = "normal-form"
+        kicks = { count = 3, width = 1, degree = 6 }
+        twists = { count = 1, width = 1, degree = 4 }
+        perturbation = { count = 4, width = 1, degree = 6 }
     "#;
     let of_scene = find("coils").expect("built in").text;
     let start = of_scene.find("coils = {").expect("coils") + "coils = ".len();
