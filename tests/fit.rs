@@ -2,11 +2,12 @@
 
 use gyroceptron::flow::sample;
 use gyroceptron::io::Checkpoints;
+use gyroceptron::layer::TorusAction;
 use gyroceptron::prelude::*;
 use gyroceptron::random::Stream;
 use gyroceptron::train::{
-    Checkpoint, Control, FamilyPairs, FitNote, Loss, Optimiser, Progress, RampStage, Starts, Stop,
-    TrainingObserver, TrainingStage,
+    ActionFit, Checkpoint, Control, FamilyPairs, FitNote, Loss, Optimiser, Progress, RampStage,
+    Reading, Starts, Stop, TrainingObserver, TrainingStage,
 };
 
 const EPSILON: f64 = 0.02;
@@ -241,4 +242,68 @@ fn pairs_of_negative_epsilon_are_counted() {
     let first = &doubled.conditions()[0];
     assert_eq!((first.epsilon, first.time, first.pairs), (0.2, 0.5, 2));
     assert_eq!(note, Some(FitNote::NegativeEpsilons(3, 6)));
+}
+
+/// Pairs of a flow whose plane 1 turns by `time / EPSILON` where plane 2 is slow, by Strang's splitting.
+fn fast_and_slow(count: usize, time: f64) -> Pairs {
+    let (steps, mut stream) = ((40.0 * time / EPSILON).ceil(), Stream::new(1, "points"));
+    let input: Vec<f64> = (0..4 * count).map(|_| stream.uniform(-1.0, 1.0)).collect();
+    let h = time / steps;
+    let (s, c) = (0.5 * h / EPSILON).sin_cos();
+    let half = |w: &mut [f64]| {
+        (w[0], w[2]) = (c * w[0] + s * w[2], c * w[2] - s * w[0]);
+        w[1] += 0.5 * h * w[3];
+    };
+    let moved = |z: &[f64]| {
+        let mut w = z.to_vec();
+        for _ in 0..steps as usize {
+            half(&mut w);
+            let force = 0.2 * (w[0] + w[1]).cos();
+            w[2] -= h * (force + w[0] * w[1]);
+            w[3] -= h * (force + w[1] + 0.5 * w[0] * w[0]);
+            half(&mut w);
+        }
+        w
+    };
+    let output = input.chunks_exact(4).flat_map(moved).collect();
+    Pairs::new("pairs", 2, input, output).expect("finite")
+}
+
+/// A fast plane goes round whole turns between the pairs, and comes near a multiple of the slow angle: the nearest
+/// rotation is sure of an action that is none, and short trainings find the right one.
+#[test]
+fn a_training_sees_past_whole_turns() {
+    // Three turns and 0.79, where plane 2 turns by 0.39.
+    let pairs = fast_and_slow(200, 0.393);
+    let by_rotation = ActionFit::fit(&pairs).expect("a linear map");
+    assert!(by_rotation.is_sure(), "{}", by_rotation.describe());
+    let (right, wrong): (TorusAction, TorusAction) =
+        (CircleAction::new([1, 0]).into(), by_rotation.action().clone().into());
+    assert!(wrong.circles()[0].weights().iter().all(|m| *m != 0), "{}", by_rotation.describe());
+    let fit = Fit::default().with_iterations(1);
+    let problem = fit.prepare(pairs.clone()).expect("found");
+    assert_eq!(problem.action, right);
+    let note = problem.notes.iter().find(|note| matches!(note, FitNote::Action(_)));
+    let note = note.expect("what was found").to_string();
+    assert!(note.contains("circle action 1,0: ") && note.contains(" % with 1,0/0,1"), "{note}");
+    // Who gives the right one is not sent to the wrong one, and the other way round.
+    let with = |action: &TorusAction| {
+        let fit = Fit { action: Some(action.clone()), ..fit.clone() };
+        fit.prepare(pairs.clone()).expect("a given action").notes
+    };
+    let is_reading = |note: &FitNote| matches!(note, FitNote::Reading(_));
+    assert!(Reading::better(&pairs, &right).is_some(), "the nearest rotation alone would say so");
+    assert!(!with(&right).iter().any(is_reading));
+    // It can be stopped, and of a few pairs nothing is trained.
+    let mut asked = 0;
+    let mut stop = || {
+        asked += 1;
+        Ok(if asked < 3 { Control::Continue } else { Control::Interrupt })
+    };
+    let stopped = fit.prepare_watched(pairs.clone(), &mut stop).expect_err("it was stopped");
+    assert!(matches!(stopped, Error::Stopped { .. }) && asked < 6, "{stopped}, {asked}");
+    let few = fit.prepare(pairs.thinned(30)).map(|problem| problem.notes);
+    let trained =
+        |note: &FitNote| matches!(note, FitNote::Action(trial) if !trial.errors.is_empty());
+    assert!(!few.is_ok_and(|notes| notes.iter().any(trained)));
 }

@@ -16,7 +16,9 @@ use gyroceptron::phase::{Direction, InUnits, Map, Units};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Scalar, constant};
 use gyroceptron::system::{Hamiltonian, Oscillators, ParticleField, System};
-use gyroceptron::train::{ActionFit, Preparation, Reading, fit_rotation, fit_units, slow_time};
+use gyroceptron::train::{
+    ActionFit, ActionTrial, Preparation, Reading, fit_rotation, fit_units, slow_time,
+};
 
 fn action() -> TorusAction {
     CircleAction::new([1, 0]).into()
@@ -392,6 +394,60 @@ fn a_circle_action_is_found() {
     let flat = Pairs::new("flat", 1, vec![1.0, 0.0, 2.0, 0.0, 3.0, 0.0, 4.0, 0.0], vec![1.0; 8]);
     assert!(ActionFit::fit(&flat.expect("whole")).is_err());
     assert!(ActionFit::fit(&turning(&[0.1; 6], 0.0, 1)).is_err());
+}
+
+/// Which action short trainings choose, by their errors and by what the nearest rotation says.
+#[test]
+fn a_trial_chooses_what_errs_least() {
+    let torus = |text: &str| -> TorusAction {
+        let circle = |text: &str| {
+            CircleAction::new(
+                text.split(',').map(|m| m.parse().expect("a weight")).collect::<Vec<_>>(),
+            )
+        };
+        TorusAction::new(text.split('/').map(circle).collect::<Vec<_>>()).expect("circles")
+    };
+    let fit = |angles: &[f64]| ActionFit::fit(&turning(angles, 0.0, 3)).expect("a linear map");
+    let (sure, unsure) = (fit(&[0.4, 0.8]), fit(&[0.8, 1.294]));
+    assert!(sure.is_sure() && sure.action().weights() == [1, 2] && !unsure.is_sure());
+    let all = [torus("1,0"), torus("0,1"), torus("1,2")];
+    let found = ActionTrial::candidates(&sure, true);
+    assert!(all.iter().all(|action| found.contains(action)), "{found:?}");
+    assert_eq!(found.last(), Some(&torus("1,0/0,1")));
+    assert!(!ActionTrial::candidates(&sure, false).contains(&torus("1,0/0,1")));
+    assert_eq!(ActionTrial::candidates(&fit(&[0.4]), true), [torus("1")]);
+    let chosen = |by_rotation: &ActionFit, errors: &[(&str, f64)]| {
+        let errors = errors.iter().map(|(action, error)| (torus(action), *error)).collect();
+        let trial = ActionTrial { by_rotation: by_rotation.clone(), errors };
+        let chosen = trial.chosen().map(|action| action.to_string());
+        let said = trial.describe();
+        assert_eq!(
+            chosen.is_some() && !trial.errors.is_empty(),
+            said.starts_with("circle action") && said.contains("after 12")
+        );
+        chosen
+    };
+    // What is sure and about as good is kept; what errs by far less is taken.
+    let of = |third: f64| [("1,0", 0.010), ("0,1", 0.3), ("1,2", third)];
+    assert_eq!(chosen(&sure, &of(0.029)).as_deref(), Some("1,2"));
+    assert_eq!(chosen(&sure, &of(0.031)).as_deref(), Some("1,0"));
+    // Without a sure one nothing is taken of two that are about as good.
+    assert_eq!(chosen(&unsure, &of(0.019)), None);
+    assert_eq!(chosen(&unsure, &of(0.021)).as_deref(), Some("1,0"));
+    // What errs by half of a motion is not left out beside what errs by less.
+    assert_eq!(chosen(&unsure, &[("1,0", 0.45), ("0,1", 0.55)]), None);
+    // More circles can do what one of them can.
+    assert_eq!(chosen(&unsure, &[("1,0", 0.019), ("1,0/0,1", 0.010)]).as_deref(), Some("1,0"));
+    assert_eq!(chosen(&unsure, &[("1,0", 0.021), ("1,0/0,1", 0.010)]).as_deref(), Some("1,0/0,1"));
+    // Nothing that is learnt leaves what the rotation says, and so does what is not finite.
+    for error in [0.6, f64::NAN, f64::INFINITY] {
+        let little = [("1,0", error), ("0,1", error)];
+        assert_eq!(chosen(&sure, &little).as_deref(), Some("1,2"));
+        assert_eq!(chosen(&unsure, &little), None);
+    }
+    assert_eq!(chosen(&sure, &[("1,0", f64::NAN), ("0,1", 0.3)]).as_deref(), Some("0,1"));
+    assert_eq!(chosen(&sure, &[]).as_deref(), Some("1,2"));
+    assert_eq!(chosen(&unsure, &[]), None);
 }
 
 /// Of the flow maps of two systems, at ten flow times, ε and seeds each.

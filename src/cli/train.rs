@@ -10,7 +10,7 @@ use super::progress::{Progress, line};
 use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
 use gyroceptron::io::{Checkpoints, StoredModel, load_model, read_pairs, read_section, save_model};
-use gyroceptron::layer::{Reversor, TorusAction};
+use gyroceptron::layer::Reversor;
 use gyroceptron::network::{Controls, LayerSizes, NetworkSpec};
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
@@ -176,17 +176,12 @@ fn beside(model: &Path, addition: &str, ending: bool) -> PathBuf {
     name.into()
 }
 
-fn words(action: &TorusAction) -> String {
-    let circles: Vec<String> = action.circles().iter().map(ToString::to_string).collect();
-    circles.join("/")
-}
-
 /// What does a training again: its command, scene and pairs.
 fn command(arguments: &Train, problem: &Problem, theta: Option<f64>) -> String {
     let mut out = format!(
         "gyroceptron train --data {} --circle-action {} --validation {} --seed {}",
         arguments.data.display(),
-        words(&problem.action),
+        problem.action,
         arguments.validation,
         arguments.seed
     );
@@ -327,7 +322,18 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if !file.unused.is_empty() {
         progress.note(&format!("{place}: {}", Note::Unused(&file.unused)));
     }
-    let problem = fit.prepare(file)?;
+    if fit.action.is_none() {
+        progress.note(&format!("{place}: looking for the circle action …"));
+    }
+    let mut go_on =
+        || Ok(if progress.interrupted() { Control::Interrupt } else { Control::Continue });
+    let problem = match fit.prepare_watched(file, &mut go_on) {
+        Err(Error::Stopped { .. }) => {
+            progress.note("interrupted");
+            return Ok(Status::Interrupted);
+        }
+        problem => problem?,
+    };
     for note in &problem.notes {
         progress.note(&match note {
             FitNote::NegativeEpsilons(..) => format!(

@@ -196,6 +196,17 @@ impl TorusAction {
     }
 }
 
+/// `1,0`, or `0,1,0/0,0,2` of several circles, as options have actions.
+impl std::fmt::Display for TorusAction {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        for (number, circle) in self.circles.iter().enumerate() {
+            let between = if number > 0 { "/" } else { "" };
+            write!(f, "{between}{circle}")?;
+        }
+        Ok(())
+    }
+}
+
 impl From<CircleAction> for TorusAction {
     fn from(circle: CircleAction) -> Self {
         Self { circles: vec![circle] }

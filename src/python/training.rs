@@ -351,7 +351,16 @@ pub(super) fn train(
     fit.check()?;
     // Before anything is computed.
     let report = report.map(|path| Folder::open_report(&path, false)).transpose()?;
-    let problem = py.detach(|| fit.prepare(data))?;
+    let mut raised = None;
+    let mut go_on = || {
+        raised = Python::attach(|py| py.check_signals()).err();
+        Ok(if raised.is_none() { Control::Continue } else { Control::Interrupt })
+    };
+    let problem = py.detach(|| fit.prepare_watched(data, &mut go_on));
+    if let Some(raised) = raised {
+        return Err(raised);
+    }
+    let problem = problem?;
     let mut notes = Vec::new();
     for note in &problem.notes {
         match note {
@@ -490,6 +499,7 @@ fn next_call(step: NextStep) -> String {
     match step {
         NextStep::Predict => "model.predict(points, steps)".into(),
         NextStep::NormalForm => with("architecture=\"normal-form\", optimiser=\"lm\""),
+        NextStep::Action => with("circle_action=\"auto\""),
         NextStep::Iterations(iterations) => with(&format!("iterations={iterations}")),
         NextStep::Pairs(_) => "gyroceptron.train(more_input, more_output, …)".into(),
         NextStep::Marquardt => with("optimiser=\"lm\""),

@@ -33,6 +33,8 @@ pub enum NextStep {
     Predict,
     /// A gyroceptron in normal form in place of the network.
     NormalForm,
+    /// The circle action that is found from the pairs, in place of the one that was given.
+    Action,
     /// Go on, up to so many iterations.
     Iterations(u64),
     /// More pairs than so many.
@@ -74,6 +76,11 @@ impl NextStep {
         {
             return Self::NormalForm;
         }
+        let is_given = !problem.notes.iter().any(|note| matches!(note, FitNote::Action(_)));
+        let has_others = architecture.has_circle() && problem.pairs.dof() > 1;
+        if judgement.is_little_learnt() && is_given && has_others {
+            return Self::Action;
+        }
         if falling {
             return more;
         }
@@ -91,6 +98,10 @@ impl NextStep {
             Self::NormalForm => {
                 "the circle action turns the planes of the data, where a normal form learns more \
                  and keeps its invariant exactly"
+                    .into()
+            }
+            Self::Action => {
+                "little is learnt with the circle action that was given; short trainings may find another"
                     .into()
             }
             Self::Iterations(_) => "the iterations were done before the loss was at rest".into(),

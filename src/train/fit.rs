@@ -1,15 +1,16 @@
 //! From pairs to a model: the one way of the program, of Python and of library users.
 
 use super::{
-    ActionFit, Control, ControlOptions, Judgement, LevenbergMarquardtOptions, Loss, Optimiser,
-    Outcome, Plateau, Preparation, Prepared, Progress, RampStage, Reading, ReversalDefect, Rings,
-    Scheduled, StageData, Starts, TrainingObserver, TrainingOptions, TrainingStage, train_schedule,
+    ActionFit, ActionTrial, Control, ControlOptions, Judgement, LevenbergMarquardtOptions, Loss,
+    Optimiser, Outcome, Plateau, Preparation, Prepared, Progress, RampStage, Reading,
+    ReversalDefect, Rings, Scheduled, StageData, Starts, TrainingObserver, TrainingOptions,
+    TrainingStage, train_schedule,
 };
 use crate::error::Error;
 use crate::flow::{Condition, FormDefect, Pairs, Region, TwoFits};
-use crate::layer::TorusAction;
+use crate::layer::{CircleAction, TorusAction};
 use crate::measure::trajectories::{root_mean_square, rotation_error};
-use crate::network::{Architecture, Controls, InitialWeights, Model, NetworkSpec};
+use crate::network::{Architecture, Circles, Controls, InitialWeights, Model, NetworkSpec};
 use crate::phase::{Section, Units};
 use std::fmt;
 
@@ -137,7 +138,7 @@ impl From<Pairs> for FamilyPairs {
 #[derive(Clone, Debug, PartialEq)]
 pub enum FitNote {
     /// The circle action was found from the pairs.
-    Action(ActionFit),
+    Action(ActionTrial),
     /// The pairs fit far better in another order of columns or with another circle action.
     Reading(Reading),
     /// The network has units of its own.
@@ -159,7 +160,7 @@ pub enum FitNote {
 impl fmt::Display for FitNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Action(fit) => f.write_str(&fit.describe()),
+            Self::Action(trial) => f.write_str(&trial.describe()),
             Self::Reading(reading) => f.write_str(&reading.describe()),
             Self::Units(units) => f.write_str(&units.describe()),
             Self::NegativeEpsilons(count, all) => write!(
@@ -285,28 +286,101 @@ impl Fit {
     }
 
     /// The circles of the pairs.
-    fn circles(&self, pairs: &Pairs, notes: &mut Vec<FitNote>) -> Result<TorusAction, Error> {
+    fn circles(
+        &self,
+        data: &FamilyPairs,
+        notes: &mut Vec<FitNote>,
+        watch: &mut Watch<'_>,
+    ) -> Result<TorusAction, Error> {
+        let pairs = &data.pairs;
         if let Some(action) = &self.action {
             super::prepare::check_planes(&self.place, action, pairs)?;
             return Ok(action.clone());
         }
-        let fit = ActionFit::fit(pairs)?;
-        if !fit.is_sure() {
-            if let Some((order, action)) = Reading::interleaved(pairs) {
-                let expected = "columns q1 q2 … p1 p2 …";
-                let found = format!(
-                    "columns that have circle action {action} as q1 p1 q2 p2 …, and none for sure as they \
-                     are: take the columns {order} of input and output, counted from 0"
-                );
-                return Err(Error::invalid("circle action", found, expected));
-            }
-            let found = format!("auto, which is not sure: {}", fit.describe());
-            let expected = "weights, or pairs of another flow time";
+        let by_rotation = ActionFit::fit(pairs)?;
+        let circles = self.network.as_ref().map_or(Circles::Several, NetworkSpec::circles);
+        let actions = match circles {
+            // It is compared with a rotation, and no more.
+            Circles::None => return Ok(by_rotation.action().clone().into()),
+            of => ActionTrial::candidates(&by_rotation, of == Circles::Several),
+        };
+        let trial = self.tried(data, by_rotation, actions, watch)?;
+        if let Some(action) = trial.chosen() {
+            notes.push(FitNote::Action(trial));
+            return Ok(action);
+        }
+        if let Some((order, action)) = Reading::interleaved(pairs) {
+            let expected = "columns q1 q2 … p1 p2 …";
+            let found = format!(
+                "columns that have circle action {action} as q1 p1 q2 p2 …, and none for sure as they \
+                 are: take the columns {order} of input and output, counted from 0"
+            );
             return Err(Error::invalid("circle action", found, expected));
         }
-        let action = fit.action().clone().into();
-        notes.push(FitNote::Action(fit));
-        Ok(action)
+        let found = format!("auto, which is not sure: {}", trial.describe());
+        Err(Error::invalid("circle action", found, "weights, or pairs of another flow time"))
+    }
+
+    /// Short trainings of the recommended network with each of some actions.
+    fn tried(
+        &self,
+        data: &FamilyPairs,
+        by_rotation: ActionFit,
+        actions: Vec<TorusAction>,
+        watch: &mut Watch<'_>,
+    ) -> Result<ActionTrial, Error> {
+        let recommended = Self::default();
+        ActionTrial::run(by_rotation, actions, data.pairs.len(), |action| {
+            let training = TrainingOptions {
+                starts: None,
+                plateau: None,
+                iterations: ActionTrial::ITERATIONS,
+                ..recommended.training.clone()
+            };
+            let fit = Self {
+                place: self.place.clone(),
+                epsilon: self.epsilon,
+                flow_time: self.flow_time,
+                theta: self.theta,
+                training,
+                controls: self.controls.clone(),
+                validation: ActionTrial::HELD_OUT,
+                seed: self.seed,
+                ..recommended.clone()
+            };
+            let pairs = FamilyPairs { pairs: data.pairs.thinned(ActionTrial::PAIRS), ..*data };
+            let problem = fit.with_circles(pairs, action.clone(), None, Vec::new())?;
+            let mut trying = Trying { watch, is_over: false };
+            let fitted = problem.train(&mut trying);
+            if trying.is_over {
+                return Err(Error::Stopped { what: "the circle action of the pairs".into() });
+            }
+            let fitted = fitted?;
+            let held_out = fitted.problem.held_out.as_ref();
+            let error = |held_out| ActionTrial::error(fitted.model().composition(), held_out);
+            held_out.map_or(Ok(f64::NAN), error)
+        })
+    }
+
+    /// Another reading of the pairs than that of this action, where it is far better.
+    fn better_reading(
+        &self,
+        data: &FamilyPairs,
+        action: &TorusAction,
+        watch: &mut Watch<'_>,
+    ) -> Result<Option<Reading>, Error> {
+        let Some(reading) = Reading::better(&data.pairs, action) else { return Ok(None) };
+        if reading.reorders {
+            return Ok(Some(reading));
+        }
+        if self.action.is_none() {
+            return Ok(None);
+        }
+        // The nearest rotation does not see whole turns; a training does.
+        let other: TorusAction = CircleAction::new(reading.weights.clone()).into();
+        let both = vec![action.clone(), other.clone()];
+        let trial = self.tried(data, ActionFit::fit(&data.pairs)?, both, watch)?;
+        Ok((trial.chosen() == Some(other)).then_some(reading))
     }
 
     /// The pairs in the coordinates of the network, the network, and what it starts from.
@@ -316,6 +390,18 @@ impl Fit {
     /// and the pairs are not sure; when pairs of several maps meet a network that is of no family,
     /// or a stage of the ramp has no pairs.
     pub fn prepare(&self, data: impl Into<FamilyPairs>) -> Result<Problem, Error> {
+        self.prepare_watched(data, &mut || Ok(Control::Continue))
+    }
+
+    /// [`Fit::prepare`], which asks at each iteration of the trainings that find a circle action whether to go on.
+    ///
+    /// # Errors
+    /// Those of [`Fit::prepare`] and of `watch`; [`Error::Stopped`] where it says so.
+    pub fn prepare_watched(
+        &self,
+        data: impl Into<FamilyPairs>,
+        watch: &mut dyn FnMut() -> Result<Control, Error>,
+    ) -> Result<Problem, Error> {
         self.check()?;
         let mut data = data.into();
         let mut notes = Vec::new();
@@ -330,19 +416,32 @@ impl Fit {
         let defect = fits.as_ref().map(|fits| fits.form_defect(&data.pairs));
         let defect = defect.filter(|defect| defect.is_seen(known));
         notes.extend(defect.map(|defect| FitNote::Form(defect, self.section.is_some())));
-        let action = self.circles(&data.pairs, &mut notes)?;
+        let action = self.circles(&data, &mut notes, watch)?;
+        notes.extend(self.better_reading(&data, &action, watch)?.map(FitNote::Reading));
+        let problem = self.with_circles(data, action, fits.as_ref(), notes)?;
+        let region = if self.section.is_some() { given } else { problem.region };
+        Ok(Problem { region, digest, ..problem })
+    }
+
+    /// The problem of pairs in canonical coordinates whose circles are known.
+    fn with_circles(
+        &self,
+        data: FamilyPairs,
+        action: TorusAction,
+        fits: Option<&TwoFits>,
+        mut notes: Vec<FitNote>,
+    ) -> Result<Problem, Error> {
         let family = Family::new(self, &data);
         let epsilon = family.epsilon;
         let pairs = data.pairs.with_conditions(|condition| family.place(condition));
         notes.extend(FitNote::of_negative_epsilons(&pairs));
-        notes.extend(Reading::better(&pairs, &action).map(FitNote::Reading));
         let network = match &self.network {
             Some(network) => network.clone(),
             None => self.choose(&pairs, &action, &mut notes)?,
         };
         self.check_network(&network, &action)?;
         let any = network.architecture(&action, epsilon, 1.0)?;
-        let reversal = fits.and_then(|fits| ReversalDefect::worth_saying(&pairs, &fits, &any));
+        let reversal = fits.and_then(|fits| ReversalDefect::worth_saying(&pairs, fits, &any));
         notes.extend(reversal.map(FitNote::Reversal));
         if (data.has_epsilons || data.has_times) && !any.has_circle() {
             let found = format!("epsilon or flow_time in {}", self.place);
@@ -373,7 +472,6 @@ impl Fit {
         };
         let Prepared { pairs, held_out, units, region, nearest, angles, flow_time: time } =
             preparation.prepare(pairs)?;
-        let region = if self.section.is_some() { given } else { region };
         notes.extend(units.clone().map(FitNote::Units));
         let controls = self.controls.of_pairs(&pairs).map_err(|e| e.with_place(&self.place))?;
         if let Some(controls) = &controls {
@@ -411,7 +509,7 @@ impl Fit {
             section: self.section.clone(),
             region,
             flow_time: family.time,
-            digest,
+            digest: String::new(),
             seed: self.seed,
             notes,
             stages,
@@ -453,7 +551,6 @@ impl Fit {
             "a normal form {psi}, since the rotation by {action} leaves {:.1} % of the data; {}, {trials}",
             100.0 * left,
             self.training.optimiser.name(),
-            action = Displayed(action),
         )));
         let mut network = Self::recommended(turns)?;
         network.action = Some(action.clone());
@@ -481,13 +578,23 @@ impl Fit {
     }
 }
 
-/// `1,0`, or `0,1,0/0,0,2`, as options have actions.
-struct Displayed<'a>(&'a TorusAction);
+/// Says whether to go on.
+type Watch<'a> = dyn FnMut() -> Result<Control, Error> + 'a;
 
-impl fmt::Display for Displayed<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let circles: Vec<String> = self.0.circles().iter().map(ToString::to_string).collect();
-        f.write_str(&circles.join("/"))
+/// A short training that somebody watches.
+struct Trying<'a, 'b> {
+    watch: &'a mut Watch<'b>,
+    is_over: bool,
+}
+
+impl TrainingObserver for Trying<'_, '_> {
+    fn earlier(&mut self, _: TrainingStage) -> Result<Option<super::Checkpoint>, Error> {
+        Ok(None)
+    }
+    fn observe(&mut self, _: TrainingStage, _: Progress<'_>) -> Result<Control, Error> {
+        let answer = (self.watch)();
+        self.is_over |= !matches!(answer, Ok(Control::Continue));
+        answer
     }
 }
 

@@ -39,6 +39,9 @@ const AT_REST: f64 = 0.9;
 /// The held-out error over the loss from which pairs are learnt by heart.
 const BY_HEART: f64 = 2.0;
 
+/// A plane that errs by more than this share of what the rotation leaves of it is not learnt.
+const LEARNT: f64 = 0.5;
+
 /// A held-out error that is so small a share of the motion needs no care, however far above the loss
 /// it is.
 const LITTLE: f64 = 0.01;
@@ -249,7 +252,7 @@ impl Judgement {
             1 => format!("it errs by {} {of}", percent(share)),
             _ => format!("{} decides: it errs by {} {of}", plane_name(worst), percent(share)),
         };
-        if !(share < 0.5) {
+        if !(share < LEARNT) {
             no.push("little is learnt".to_owned());
         } else if share > 0.05 {
             care.push(share_text.clone());
@@ -315,6 +318,11 @@ impl Judgement {
     /// Whether the verdict is a plain yes.
     pub fn is_yes(&self) -> bool {
         self.reasons().next().is_none()
+    }
+
+    /// Whether the plane that decides is hardly learnt.
+    pub fn is_little_learnt(&self) -> bool {
+        !(self.planes[self.worst].share < LEARNT)
     }
 
     /// What speaks against a plain yes.

@@ -8,11 +8,12 @@
 //!   validation, stopping, resuming.
 //! - `schedule`: several starts, a ramp of other flow times or ε, twists alone.
 //! - `judgement`: whether to trust what was trained, and what limits it.
-//! - `prepare`, `reading`, `action_fit`, `rotation_fit`, `units_fit`: circle action, θ and units of
-//!   data of which they are not known.
+//! - `prepare`, `reading`, `action_fit`, `action_trial`, `rotation_fit`, `units_fit`: circle action, θ and units
+//!   of data of which they are not known.
 //! - `fit`: from pairs to a model.
 
 mod action_fit;
+mod action_trial;
 mod adam;
 mod checkpoint;
 mod control_options;
@@ -37,6 +38,7 @@ mod stages;
 mod units_fit;
 
 pub use action_fit::ActionFit;
+pub use action_trial::ActionTrial;
 pub use adam::AdamOptions;
 pub use checkpoint::Checkpoint;
 pub use control_options::ControlOptions;

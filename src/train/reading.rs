@@ -11,6 +11,8 @@ use crate::measure::trajectories::{root_mean_square, rotation_error};
 pub struct Reading {
     /// What the columns would be.
     pub columns: String,
+    /// Whether that is another order than it was said to be.
+    pub reorders: bool,
     /// The weights of the circle action.
     pub weights: Vec<i32>,
     /// The mean squared error of the rotation that is nearest to the pairs, read so, over the mean
@@ -77,7 +79,7 @@ impl Reading {
             actions.extend(candidates(dof).into_iter().map(TorusAction::from));
         }
         let mut best: Option<Self> = None;
-        for (columns, pairs) in &readings {
+        for (number, (columns, pairs)) in readings.iter().enumerate() {
             let fit = ActionFit::fit(pairs).ok().filter(ActionFit::is_sure);
             let may_be = |other: &TorusAction| {
                 let sure = fit.as_ref().map(ActionFit::action);
@@ -88,7 +90,8 @@ impl Reading {
                 if error < best.as_ref().map_or(as_given / Self::FACTOR, |best| best.error) {
                     let weights = action.circles().iter().flat_map(CircleAction::weights);
                     let weights = weights.copied().collect();
-                    best = Some(Self { columns: columns.clone(), weights, error, as_given });
+                    let (columns, reorders) = (columns.clone(), number > 0);
+                    best = Some(Self { columns, reorders, weights, error, as_given });
                 }
             }
         }

@@ -1,0 +1,163 @@
+//! The circle action of pairs by short trainings with some of them.
+
+use super::ActionFit;
+use crate::error::Error;
+use crate::flow::Pairs;
+use crate::layer::{CircleAction, TorusAction};
+use crate::measure::trajectories::{component_errors, root_mean_square};
+use crate::network::Composition;
+use crate::scalar::max_or_nan;
+use crate::words::percent;
+
+/// Short trainings on the same pairs, each with another circle action: the right one errs least.
+///
+/// Where the fast plane goes round whole turns between the pairs, its angle is known up to them only, and may
+/// be near a multiple of the angle of a slow plane by chance: the nearest rotation, [`ActionFit`], then names an
+/// action that is none. A normal form of the wrong action cannot learn what the right one learns in a few
+/// iterations.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ActionTrial {
+    /// What the nearest rotation says.
+    pub by_rotation: ActionFit,
+    /// The actions that were tried, with the held-out error of the plane that is learnt worst, as a share of how
+    /// far it moves (root mean squares); NaN of an action that could not be trained. Nothing, where
+    /// there is one plane only, or there are too few pairs.
+    pub errors: Vec<(TorusAction, f64)>,
+}
+
+impl ActionTrial {
+    /// The iterations of each training.
+    pub const ITERATIONS: u64 = 12;
+    /// The pairs of each training: as many at most, evenly spaced.
+    pub const PAIRS: usize = 400;
+    /// Of more planes a few iterations say nothing: with `0,1,2` of two modes and a particle networks of `0,0,1` err
+    /// less.
+    const PLANES: usize = 2;
+    /// Of fewer pairs nothing can be told.
+    const FEWEST: usize = 100;
+    /// The share of the pairs that judges.
+    pub(super) const HELD_OUT: f64 = 0.25;
+    /// Of the actions that the nearest rotation names, the first that are tried.
+    const BY_ROTATION: usize = 2;
+    /// What errs so many times as much as the best is worse than it.
+    const CLEAR: f64 = 2.0;
+    /// What the nearest rotation is sure of is not the action where another errs so many times less.
+    const FAR: f64 = 3.0;
+    /// Where the best errs by more than this share of a plane's motion, nothing is learnt that could tell.
+    const LITTLE: f64 = 0.5;
+
+    /// The actions that are tried: each plane alone, those of the nearest rotation, and, where a network may have
+    /// several circles, one for each plane.
+    pub fn candidates(by_rotation: &ActionFit, several: bool) -> Vec<TorusAction> {
+        let dof = by_rotation.angles.len();
+        let alone = |plane: usize| -> CircleAction {
+            CircleAction::new((0..dof).map(|j| i32::from(j == plane)).collect::<Vec<_>>())
+        };
+        let planes: Vec<CircleAction> = (0..dof).map(alone).collect();
+        let nearest = by_rotation.candidates.iter().map(|(action, _)| action);
+        let more: Vec<CircleAction> = nearest
+            .take(Self::BY_ROTATION)
+            .filter(|action| !planes.contains(action))
+            .cloned()
+            .collect();
+        let torus = (several && dof > 1).then(|| TorusAction::new(planes.clone()).ok()).flatten();
+        planes.into_iter().chain(more).map(TorusAction::from).chain(torus).collect()
+    }
+
+    /// Trains with each of these actions, on so many pairs: `error` trains once, and gives
+    /// [`ActionTrial::error`].
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] where `error` gives it.
+    pub(super) fn run(
+        by_rotation: ActionFit,
+        actions: Vec<TorusAction>,
+        pairs: usize,
+        mut error: impl FnMut(&TorusAction) -> Result<f64, Error>,
+    ) -> Result<Self, Error> {
+        let mut errors = Vec::new();
+        let (planes, wanted) =
+            (by_rotation.angles.len(), actions.len() > 1 && pairs >= Self::FEWEST);
+        for action in actions.into_iter().filter(|_| wanted && planes == Self::PLANES) {
+            let error = match error(&action) {
+                Err(stopped @ Error::Stopped { .. }) => return Err(stopped),
+                // An action that nothing can be trained with is not that of the pairs.
+                error => error.unwrap_or(f64::NAN),
+            };
+            errors.push((action, error));
+        }
+        Ok(Self { by_rotation, errors })
+    }
+
+    /// The held-out error of a network: of the plane that is learnt worst, as a share of how far it moves.
+    ///
+    /// # Errors
+    /// Those of [`component_errors`].
+    pub fn error(network: &Composition<f64>, held_out: &Pairs) -> Result<f64, Error> {
+        let errors = component_errors(network, held_out)?;
+        let dim = errors.len();
+        let moved = |c: usize| -> Vec<f64> {
+            let of = |values: &[f64]| values[c..].iter().step_by(dim).copied().collect::<Vec<_>>();
+            of(held_out.output()).iter().zip(of(held_out.input())).map(|(w, z)| w - z).collect()
+        };
+        // What stands still is compared with the others.
+        let moves: Vec<f64> = (0..dim).map(|c| root_mean_square(&moved(c))).collect();
+        let all = root_mean_square(&moves);
+        let share = |c: usize| errors[c] / if moves[c] > 0.0 { moves[c] } else { all };
+        let planes = (0..dim / 2).map(|j| root_mean_square(&[share(j), share(dim / 2 + j)]));
+        Ok(planes.fold(0.0, max_or_nan))
+    }
+
+    /// The smallest error.
+    fn least(&self) -> Option<f64> {
+        let known = self.errors.iter().map(|(_, error)| *error).filter(|error| error.is_finite());
+        known.min_by(f64::total_cmp)
+    }
+
+    /// Whether an action errs at most so many times as much as the best.
+    fn is_within(&self, factor: f64, action: &TorusAction) -> bool {
+        let bound = self.least().map_or(f64::NAN, |least| factor * least);
+        self.errors.iter().any(|(own, error)| own == action && *error <= bound)
+    }
+
+    /// The action, where the pairs are clear. That of the nearest rotation, where it is sure and no other errs
+    /// three times less; else that which errs least by a factor of two. More circles can do what one of
+    /// them can: they have to do it better by these factors.
+    pub fn chosen(&self) -> Option<TorusAction> {
+        let sure = self.by_rotation.is_sure().then(|| self.by_rotation.action().clone().into());
+        if !self.least().is_some_and(|least| least < Self::LITTLE)
+            || sure.as_ref().is_some_and(|sure| self.is_within(Self::FAR, sure))
+        {
+            return sure;
+        }
+        let good = || {
+            let all = self.errors.iter().map(|(action, _)| action);
+            all.filter(|action| self.is_within(Self::CLEAR, action))
+        };
+        let fewest = good().map(|action| action.circles().len()).min();
+        let mut simple = good().filter(|action| Some(action.circles().len()) == fewest);
+        match (simple.next(), simple.next()) {
+            (Some(only), None) => Some(only.clone()),
+            _ => None,
+        }
+    }
+
+    /// What was found, in words.
+    pub fn describe(&self) -> String {
+        let mut known: Vec<&(TorusAction, f64)> = self.errors.iter().collect();
+        known.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let of =
+            |(action, error): &(TorusAction, f64)| format!("{} with {action}", percent(*error));
+        let texts: Vec<String> = known.into_iter().map(of).collect();
+        let tried = format!(
+            "after {} iterations the network errs by {} of the motion of the plane that it learns worst",
+            Self::ITERATIONS,
+            texts.join(", ")
+        );
+        match (self.chosen(), texts.is_empty()) {
+            (Some(action), false) => format!("circle action {action}: {tried}"),
+            (None, false) => format!("{tried}; {}", self.by_rotation.describe()),
+            (_, true) => self.by_rotation.describe(),
+        }
+    }
+}
