@@ -295,7 +295,7 @@ pub struct Train {
     pub data: PathBuf,
     /// The integer weight of each plane (q_j, p_j), such as 1,0. Of several circles, each with
     /// an angle of its own, for a gyroceptron in normal form: such as 0,1,0/0,0,2. Or auto, found from
-    /// the pairs where they are sure of it [default: auto].
+    /// the pairs where they are clear, of two planes by short trainings [default: auto].
     #[arg(long, value_name = "WEIGHTS", allow_hyphen_values = true)]
     pub circle_action: Option<String>,
     /// Network and training where no other option says so: recommended, a normal form by

@@ -162,7 +162,8 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// chosen.
 ///
 /// circle_action: the weight of each plane, whole numbers such as [1, 0], or those of several circles; a
-/// number for one plane; "auto" finds the weights from the pairs, where they are sure of them.
+/// number for one plane; "auto" finds the weights from the pairs where they are clear, of two planes by short
+/// trainings with some.
 /// recipe: network and training where nothing else is said: "recommended", a normal form by
 /// Levenberg-Marquardt from three initial weights until it is at rest, or "paper", its gyroceptron by
 /// L-BFGS.
