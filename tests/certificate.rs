@@ -268,12 +268,12 @@ impl<S: Elementary> Map<S> for StandardMap {
         1
     }
     fn forward(&self, z: &mut [S]) {
-        z[1] = S::from_f64(self.keep) * z[1] + S::from_f64(self.k) * z[0].sin_cos().0;
+        z[1] = S::from_f64(self.keep) * z[1] + S::from_f64(self.k) * z[0].sin();
         z[0] += z[1];
     }
     fn inverse(&self, z: &mut [S]) {
         z[0] -= z[1];
-        let kick = S::from_f64(self.k + self.slip) * z[0].sin_cos().0;
+        let kick = S::from_f64(self.k + self.slip) * z[0].sin();
         z[1] = (z[1] - kick) / S::from_f64(self.keep);
     }
 }

@@ -25,7 +25,7 @@ impl Hamiltonian for Mixed {
         2
     }
     fn energy<S: Elementary>(&self, z: &[S], _: f64) -> S {
-        z[0] * z[2] * z[1].sin_cos().1
+        z[0] * z[2] * z[1].cos()
     }
 }
 
@@ -40,7 +40,7 @@ impl Hamiltonian for Cells {
     fn energy<S: Elementary>(&self, z: &[S], _: f64) -> S {
         let quarter = S::from_f64(0.25);
         let action = z[0] * z[0] + z[2] * z[2];
-        (S::from_f64(1.0) + quarter * action) * z[1].sin_cos().1 * z[3].sin_cos().1
+        (S::from_f64(1.0) + quarter * action) * z[1].cos() * z[3].cos()
     }
 }
 
@@ -54,7 +54,7 @@ impl Hamiltonian for Separable {
     fn energy<S: Elementary>(&self, z: &[S], _: f64) -> S {
         let half = S::from_f64(0.5);
         let action = half * (z[0] * z[0] + z[2] * z[2]);
-        half * z[3] * z[3] + z[1].sin_cos().1 + action * z[3].sin_cos().0
+        half * z[3] * z[3] + z[1].cos() + action * z[3].sin()
     }
 }
 

@@ -257,14 +257,17 @@ impl Model {
         Ok(out)
     }
 
-    /// Whether to trust it: {"verdict": ..., "reasons": [...]}, as the report of its training says. None of a model
-    /// that was loaded.
+    /// Whether to trust it: {"verdict": ..., "error": ..., "reasons": [...], "next": ...}, as the report of its training
+    /// says: by how much the plane that decides errs in one step, and the call to try next. None of a model that was
+    /// loaded.
     #[getter]
     fn trust<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(trained) = &self.trained else { return Ok(None) };
         let out = PyDict::new(py);
         out.set_item("verdict", &trained.trust.verdict)?;
+        out.set_item("error", &trained.trust.error)?;
         out.set_item("reasons", &trained.trust.reasons)?;
+        out.set_item("next", &trained.next)?;
         Ok(Some(out))
     }
 

@@ -1,6 +1,7 @@
 //! What a model keeps of the training that made it, beside what its file holds.
 
 use crate::error::Error;
+use crate::scene::NextStep;
 use crate::train::{Fitted, Trust};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
@@ -13,30 +14,40 @@ type Record = (u64, f64, Option<f64>);
 #[derive(Clone)]
 pub(super) struct Trained {
     pub(super) trust: Trust,
+    /// The call to try next.
+    pub(super) next: String,
     pub(super) history: Vec<Record>,
     pub(super) notes: Vec<String>,
 }
 
 /// What is pickled.
-pub(super) type TrainedParts = (String, Vec<String>, Vec<Record>, Vec<String>);
+pub(super) type TrainedParts = (String, String, Vec<String>, String, Vec<Record>, Vec<String>);
 
 impl Trained {
-    pub(super) fn of(fitted: &Fitted, notes: Vec<String>) -> Result<Self, Error> {
+    pub(super) fn of(
+        fitted: &Fitted,
+        notes: Vec<String>,
+        next: impl Fn(NextStep) -> String,
+    ) -> Result<Self, Error> {
         let record = |r: &crate::train::TrainingRecord| (r.iteration, r.loss, r.validation);
+        let judgement = fitted.judgement()?;
         Ok(Self {
-            trust: fitted.judgement()?.trust(),
+            trust: judgement.trust(),
+            next: next(NextStep::of(fitted, &judgement)),
             history: fitted.outcome().history.iter().map(record).collect(),
             notes,
         })
     }
 
     pub(super) fn parts(&self) -> TrainedParts {
-        let Self { trust, history, notes } = self.clone();
-        (trust.verdict, trust.reasons, history, notes)
+        let Self { trust, next, history, notes } = self.clone();
+        (trust.verdict, trust.error, trust.reasons, next, history, notes)
     }
 
-    pub(super) fn from_parts((verdict, reasons, history, notes): TrainedParts) -> Self {
-        Self { trust: Trust { verdict, reasons }, history, notes }
+    pub(super) fn from_parts(
+        (verdict, error, reasons, next, history, notes): TrainedParts,
+    ) -> Self {
+        Self { trust: Trust { verdict, error, reasons }, next, history, notes }
     }
 }
 

@@ -390,16 +390,14 @@ pub(super) fn train(
         checkpoints.remove()?;
     }
     let stored = StoredModel::of_fit(&fitted, &name);
-    let trained = py.detach(|| Trained::of(&fitted, notes))?;
+    let controls = fitted.problem.architecture.controls.as_ref();
+    let example = controls.map(|controls| controls.example().replace(',', ", "));
+    let next = &|step: NextStep| match (&example, step) {
+        (Some(values), NextStep::Predict) => format!("model.at({values}).predict(points, steps)"),
+        _ => next_call(step),
+    };
+    let trained = py.detach(|| Trained::of(&fitted, notes, next))?;
     if let Some(folder) = report {
-        let controls = fitted.problem.architecture.controls.as_ref();
-        let example = controls.map(|controls| controls.example().replace(',', ", "));
-        let next = &|step: NextStep| match (&example, step) {
-            (Some(values), NextStep::Predict) => {
-                format!("model.at({values}).predict(points, steps)")
-            }
-            _ => next_call(step),
-        };
         let command = "The same call of `gyroceptron.train` with the same pairs".into();
         py.detach(|| OwnTraining { name, fitted, times, command, next }.report(&folder))?;
     }

@@ -168,6 +168,16 @@ pub fn constant<S: Scalar>(value: f64) -> S {
 pub trait Elementary: Scalar {
     /// `(sin x, cos x)`.
     fn sin_cos(self) -> (Self, Self);
+    /// sin x: where both are needed, [`Elementary::sin_cos`] shares their work.
+    #[inline(always)]
+    fn sin(self) -> Self {
+        self.sin_cos().0
+    }
+    /// cos x.
+    #[inline(always)]
+    fn cos(self) -> Self {
+        self.sin_cos().1
+    }
     /// The exponential function, eˣ.
     fn exp(self) -> Self;
     /// self, and zero wherever `factor` is zero: a product in which 0·∞ is 0.

@@ -49,6 +49,17 @@ impl NextStep {
     /// Fewer iterations tell nothing of a network.
     const FEW: u64 = 50;
 
+    /// What to try after a fit that is judged so.
+    pub fn of(fitted: &Fitted, judgement: &Judgement) -> Self {
+        let problem = &fitted.problem;
+        let judge = problem.held_out.as_ref().unwrap_or(&problem.pairs);
+        let (action, angles) = fitted.nearest();
+        let left = rotation_errors(action, angles, judge);
+        let rotation = (left.iter().sum::<f64>() / left.len() as f64).sqrt();
+        let share = rotation / root_mean_square(judge.output());
+        Self::after(problem, fitted.outcome(), judgement, share)
+    }
+
     /// What to try after a training: `rotation` is the root mean square of what the nearest
     /// rotation leaves over that of the data.
     fn after(problem: &Problem, outcome: &Outcome, judgement: &Judgement, rotation: f64) -> Self {

@@ -2,7 +2,7 @@
 
 use super::findings::{Block, Findings, Format, Section, Table};
 use crate::measure::adiabatic::OwnInvariance;
-use crate::train::{Judgement, Limit, Orbits};
+use crate::train::{Judgement, Limit};
 use crate::words::plane_name;
 use serde_json::json;
 
@@ -35,6 +35,7 @@ pub(super) fn trust(judgement: &Judgement) -> Findings {
         text.push_str(&format!("; {reason}"));
     }
     text.push_str(".\n\n");
+    let of_orbits = judgement.orbits_in_words();
     let mut lines = format!("- What limits the error: {}.\n", limit.words());
     if let Some(own) = &own {
         let change = format!(
@@ -48,13 +49,13 @@ pub(super) fn trust(judgement: &Judgement) -> Findings {
                 "- The action that it owns is an invariant at ε = 0 only; it {change}. This is no \
                  fault.\n"
             ),
+            // Neither of ε nor at ε = 0 only: exact by construction.
+            false if own.moved.is_none() => format!(
+                "- Its own invariant {change}: this is rounding, since the network keeps it whatever its weights, \
+                 and says nothing of the error.\n"
+            ),
             false => format!("- Its own invariant {change}.\n"),
         });
-    }
-    if let Some(Orbits { count, astray: 0, .. }) = orbits {
-        lines.push_str(&format!(
-            "- All {count} orbits of {STEPS} steps from held-out points stay near the box of the pairs.\n"
-        ));
     }
     if planes.iter().any(|plane| plane.explained) {
         lines.push_str(
@@ -123,7 +124,7 @@ pub(super) fn trust(judgement: &Judgement) -> Findings {
     Findings {
         title: "Whether to trust it".into(),
         results: Section {
-            summary: vec![Block::Text(text)],
+            summary: vec![Block::Text(text), Block::Text(of_orbits)],
             details: vec![Block::Text(lines), Block::Table(table)],
             data,
         },

@@ -1,6 +1,6 @@
 //! The judgement of a training: whether to trust the network, and what limits it.
 
-use super::{Outcome, TrainingRecord};
+use super::{Outcome, Stop, TrainingRecord};
 use crate::error::Error;
 use crate::flow::{Pairs, Region};
 use crate::layer::TorusAction;
@@ -179,6 +179,8 @@ impl Display for Judgement {
 pub struct Trust {
     /// The verdict: yes or no, and within which limits.
     pub verdict: String,
+    /// By how much the plane that decides errs in one step.
+    pub error: String,
     /// What speaks against it; nothing where it is a plain yes.
     pub reasons: Vec<String>,
 }
@@ -223,7 +225,11 @@ impl Judgement {
             _ => Vec::new(),
         };
         let own = OwnInvariance::measure(model, starts, STEPS);
-        let limit = limit(outcome.loss, outcome.best.validation, &outcome.history);
+        let limit = match limit(outcome.loss, outcome.best.validation, &outcome.history) {
+            // It was ended because it was at rest.
+            Limit::Iterations if outcome.stop == Stop::Plateau => Limit::Network,
+            limit => limit,
+        };
 
         let (mut no, mut long, mut care) = (Vec::new(), Vec::new(), Vec::new());
         let mut first = None;
@@ -325,6 +331,28 @@ impl Judgement {
         !(self.planes[self.worst].share < LEARNT)
     }
 
+    /// What the verdict is of: the error of one step, and orbits whose true course is not known.
+    pub fn orbits_in_words(&self) -> String {
+        let kept = match self.orbits {
+            Some(Orbits { count, astray: 0, .. }) => {
+                format!(
+                    "; all {count} orbits of {STEPS} steps from held-out points stay near the box of the pairs"
+                )
+            }
+            Some(Orbits { count, astray, .. }) => {
+                format!(
+                    "; {} of {count} orbits of {STEPS} steps stay near the box of the pairs",
+                    count - astray
+                )
+            }
+            None => String::new(),
+        };
+        format!(
+            "The error is that of one step{kept}. Pairs do not show how far an orbit is from the true one after many \
+             steps: that takes a trajectory to compare with."
+        )
+    }
+
     /// What speaks against a plain yes.
     pub fn reasons(&self) -> impl Iterator<Item = &str> {
         let reasons = self.no.iter().chain(&self.no_long_orbits).chain(&self.care);
@@ -334,6 +362,6 @@ impl Judgement {
     /// The verdict with its reasons.
     pub fn trust(&self) -> Trust {
         let reasons = self.reasons().map(ToOwned::to_owned).collect();
-        Trust { verdict: self.verdict.to_owned(), reasons }
+        Trust { verdict: self.verdict.to_owned(), error: self.error.clone(), reasons }
     }
 }

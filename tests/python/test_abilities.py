@@ -51,7 +51,7 @@ class Calls:
         for key, value in (self.options | more).items():
             words += [] if value is False else [f"--{key}"] if value is True else [f"--{key}", value]
         done = self.call("train", "--data", "pairs.npz", "--output", output, "--json", *words)
-        lines = [line for line in done.stderr.splitlines() if not line.startswith("training ")]
+        lines = [line for line in done.stderr.splitlines() if not (line.startswith("training ") or line[-1:] == "…")]
         return pathlib.Path(output).read_bytes(), lines, json.loads(done.stdout)
 
     def value(self, value):

@@ -77,7 +77,7 @@ def test_circle_actions_are_whole_numbers_or_are_found(pairs):
     plane = tuple(half[:, [0, 2]] for half in pairs)
     assert trained(1, plane) == trained([1], plane) == trained(np.float64(1), plane)
     [note] = trained("auto").notes
-    assert "circle action 1,0 is as near as" in note
+    assert note.startswith("circle action 1,0")
     assert not any("circle action" in note for note in expected.notes)
     for action, found in [
         ([0.5, 0], "0.5"), (0.25, "0.25"), ([1, float("nan")], "nan"), ([1, 10**30], "1000000"),
@@ -87,12 +87,9 @@ def test_circle_actions_are_whole_numbers_or_are_found(pairs):
         with pytest.raises(gyroceptron.Error, match=re.escape(found)) as refused:
             trained(action)
         assert str(refused.value).startswith("circle_action: "), action
-    # Between weights 1, 1 and 2, 3.
-    q, p = np.hsplit(pairs[0], 2)
-    angles = np.array([1.0, 1.24])
-    turned = np.hstack([q * np.cos(angles) + p * np.sin(angles), p * np.cos(angles) - q * np.sin(angles)])
+    # What stands still turns by no action.
     with pytest.raises(gyroceptron.Error, match="circle action: .*not sure"):
-        trained("auto", (pairs[0], turned))
+        trained("auto", (pairs[0], pairs[0]))
     with pytest.raises(gyroceptron.Error, match="pairs"):
         trained("auto", (pairs[0][:2], pairs[1][:2]))
 

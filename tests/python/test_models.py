@@ -75,6 +75,7 @@ def test_what_a_training_tells_stays_with_its_model(tmp_path, pairs, model):
     text = (report / "report.md").read_text()
     assert f"**{own.trust['verdict']}**" in text
     assert all(reason in text for reason in own.trust["reasons"])
+    assert own.trust["error"] in text and f"`{own.trust['next']}`" in text
     short = small(pairs, iterations=1)
     assert short.trust["verdict"] == "no" and short.trust["reasons"]
     assert model.trust["verdict"] != "no"

@@ -41,7 +41,9 @@ class Error(ValueError):
 
 class _Trust(TypedDict):
     verdict: str
+    error: str
     reasons: list[str]
+    next: str
 
 class _Record(TypedDict):
     iteration: int
