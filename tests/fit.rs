@@ -294,6 +294,11 @@ fn a_training_sees_past_whole_turns() {
     let is_reading = |note: &FitNote| matches!(note, FitNote::Reading(_));
     assert!(Reading::better(&pairs, &right).is_some(), "the nearest rotation alone would say so");
     assert!(!with(&right).iter().any(is_reading));
+    // Columns q₁ p₁ q₂ p₂ have none, and are recognised.
+    let interleaved = fit.prepare(pairs.thinned(100).with_columns(&[0, 2, 1, 3]));
+    let reason = interleaved.expect_err("columns in another order").to_string();
+    assert!(reason.contains("circle action 1,0 as q1 p1 q2 p2"), "{reason}");
+    assert!(reason.contains("[0, 2, 1, 3]"), "{reason}");
     // It can be stopped, and of a few pairs nothing is trained.
     let mut asked = 0;
     let mut stop = || {
@@ -302,7 +307,7 @@ fn a_training_sees_past_whole_turns() {
     };
     let stopped = fit.prepare_watched(pairs.clone(), &mut stop).expect_err("it was stopped");
     assert!(matches!(stopped, Error::Stopped { .. }) && asked < 6, "{stopped}, {asked}");
-    let few = fit.prepare(pairs.thinned(30)).map(|problem| problem.notes);
+    let few = fit.prepare(pairs.thinned(90)).map(|problem| problem.notes);
     let trained =
         |note: &FitNote| matches!(note, FitNote::Action(trial) if !trial.errors.is_empty());
     assert!(!few.is_ok_and(|notes| notes.iter().any(trained)));

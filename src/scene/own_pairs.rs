@@ -68,7 +68,8 @@ impl NextStep {
         if judgement.is_yes() {
             return Self::Predict;
         }
-        if judgement.limit == Limit::Data {
+        let too_few = judgement.too_few.is_some() && judgement.held_out.is_some();
+        if judgement.limit == Limit::Data || too_few {
             return Self::Pairs(problem.pairs.len());
         }
         let falling = judgement.limit == Limit::Iterations && outcome.stop == Stop::Iterations;
@@ -117,8 +118,7 @@ impl NextStep {
             }
             Self::Iterations(_) => "the iterations were done before the loss was at rest".into(),
             Self::Pairs(count) => format!(
-                "{count} training pairs are too few: the network knows them by heart; some thousands \
-                 are usual"
+                "{count} training pairs are too few to learn from and to judge by; some thousands are usual"
             ),
             Self::Marquardt => "Levenberg–Marquardt gets further than other optimisers".into(),
             Self::Starts(_) => "other initial weights may end lower".into(),

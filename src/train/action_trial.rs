@@ -157,6 +157,11 @@ impl ActionTrial {
         match (self.chosen(), texts.is_empty()) {
             (Some(action), false) => format!("circle action {action}: {tried}"),
             (None, false) => format!("{tried}; {}", self.by_rotation.describe()),
+            (None, true) if self.by_rotation.angles.len() == Self::PLANES => format!(
+                "it takes {} pairs to try actions by short trainings; {}",
+                Self::FEWEST,
+                self.by_rotation.describe()
+            ),
             (_, true) => self.by_rotation.describe(),
         }
     }

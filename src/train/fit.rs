@@ -309,13 +309,18 @@ impl Fit {
             notes.push(FitNote::Action(trial));
             return Ok(action);
         }
-        if let Some((order, action)) = Reading::interleaved(pairs) {
-            let expected = "columns q1 q2 … p1 p2 …";
-            let found = format!(
-                "columns that have circle action {action} as q1 p1 q2 p2 …, and none for sure as they \
-                 are: take the columns {order} of input and output, counted from 0"
-            );
-            return Err(Error::invalid("circle action", found, expected));
+        let (reordered, order) = Reading::interleaved(pairs);
+        if let Ok(by_rotation) = ActionFit::fit(&reordered) {
+            let actions = ActionTrial::candidates(&by_rotation, circles == Circles::Several);
+            let reordered = FamilyPairs { pairs: reordered, ..*data };
+            if let Some(action) = self.tried(&reordered, by_rotation, actions, watch)?.chosen() {
+                let expected = "columns q1 q2 … p1 p2 …";
+                let found = format!(
+                    "columns that have circle action {action} as q1 p1 q2 p2 …, and none for sure as they \
+                     are: take the columns {order} of input and output, counted from 0"
+                );
+                return Err(Error::invalid("circle action", found, expected));
+            }
         }
         let found = format!("auto, which is not sure: {}", trial.describe());
         Err(Error::invalid("circle action", found, "weights, or pairs of another flow time"))

@@ -28,13 +28,11 @@ impl Reading {
     /// So many pairs tell.
     const PAIRS: usize = 1000;
 
-    /// The order in which columns q₁ p₁ q₂ p₂ … are q₁ … qₙ, p₁ … pₙ, and the circle action that the pairs then are
-    /// sure of, if there is one.
-    pub(super) fn interleaved(pairs: &Pairs) -> Option<(String, CircleAction)> {
+    /// The pairs with columns q₁ p₁ q₂ p₂ … taken in the order q₁ … qₙ, p₁ … pₙ, and that order in words.
+    pub(super) fn interleaved(pairs: &Pairs) -> (Pairs, String) {
         let order = Self::by_halves(pairs.dof());
-        let fit = ActionFit::fit(&pairs.with_columns(&order)).ok().filter(ActionFit::is_sure)?;
-        let order: Vec<String> = order.iter().map(usize::to_string).collect();
-        Some((format!("[{}]", order.join(", ")), fit.action().clone()))
+        let words: Vec<String> = order.iter().map(usize::to_string).collect();
+        (pairs.with_columns(&order), format!("[{}]", words.join(", ")))
     }
 
     /// Where columns q₁ … qₙ, p₁ … pₙ are among q₁ p₁ q₂ p₂ ….

@@ -30,13 +30,15 @@ fn a_report_begins_with_verdict_error_and_next_command() {
         // Name, title, heading.
         assert!(lines[2].starts_with("## "), "{report}");
         let shown: Vec<_> = told.lines().collect();
-        assert_eq!(lines[3..6], shown[1..4], "{report}");
-        assert!(lines[3].starts_with("**") && lines[4].starts_with("**Error**"), "{report}");
-        let [_, command, _] = lines[5].split('`').collect::<Vec<_>>()[..] else {
-            panic!("{}", lines[5]);
+        assert_eq!(lines[3..7], shown[1..5], "{report}");
+        assert!(lines[3].starts_with("**") && lines[5].starts_with("**Error**"), "{report}");
+        let of_orbits = lines[4].starts_with("The error is that of one step; ");
+        assert!(of_orbits && lines[4].contains("16 orbits of 1000 steps"), "{report}");
+        let [_, command, _] = lines[6].split('`').collect::<Vec<_>>()[..] else {
+            panic!("{}", lines[6]);
         };
-        assert!(lines[5].starts_with("**Next**") && command.starts_with("gyroceptron "));
-        (lines[4].to_owned(), command.split(' ').skip(1).map(str::to_owned).collect::<Vec<_>>())
+        assert!(lines[6].starts_with("**Next**") && command.starts_with("gyroceptron "));
+        (lines[5].to_owned(), command.split(' ').skip(1).map(str::to_owned).collect::<Vec<_>>())
     };
     let run = |command: &[String]| {
         succeeds(path, &command.iter().map(String::as_str).collect::<Vec<_>>());
