@@ -27,7 +27,8 @@ fn small() -> NetworkSpec {
 fn fit() -> Fit {
     let starts = Some(Starts { count: 2, iterations: 3 });
     let training = TrainingOptions { starts, iterations: 8, ..Fit::default().training };
-    Fit { network: Some(small()), training, epsilon: Some(EPSILON), ..Fit::default() }
+    let action = Some(CircleAction::new([1, 0]).into());
+    Fit { action, network: Some(small()), training, epsilon: Some(EPSILON), ..Fit::default() }
 }
 
 /// Stops at an iteration of the last stage, and keeps checkpoints.
@@ -216,11 +217,14 @@ fn what_cannot_be_is_refused() {
     let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: 60 };
     let points = sample(&[window], 2, &mut stream).expect("points");
     let still = Pairs::new("still", 2, points.clone(), points).expect("finite");
-    let error = fit().run(still).expect_err("nothing turns").to_string();
+    let error = Fit { action: None, ..fit() }.run(still).expect_err("nothing turns").to_string();
     assert!(error.contains("circle action") && error.contains("not sure"), "{error}");
     // Columns q₁ p₁ q₂ p₂ are seen before an action is asked for.
     let (given, mixed) = (pairs(200, 0.9, 1), [0, 2, 1, 3]);
-    let error = fit().run(given.with_columns(&mixed)).expect_err("mixed columns").to_string();
+    let error = Fit { action: None, ..fit() }
+        .run(given.with_columns(&mixed))
+        .expect_err("mixed columns")
+        .to_string();
     for words in ["q1 p1 q2 p2", "circle action 1,0", "[0, 2, 1, 3]"] {
         assert!(error.contains(words), "{words}: {error}");
     }
