@@ -290,7 +290,7 @@ fn a_training_sees_past_whole_turns() {
     let note = problem.notes.iter().find(|note| matches!(note, FitNote::Action(_)));
     let note = note.expect("what was found").to_string();
     assert!(note.contains("circle action 1,0: ") && note.contains(" % with 1,0/0,1"), "{note}");
-    // Who gives the right one is not sent to the wrong one, and the other way round.
+    // Who gives the right one is not sent to the wrong one.
     let with = |action: &TorusAction| {
         let fit = Fit { action: Some(action.clone()), ..fit.clone() };
         fit.prepare(pairs.clone()).expect("a given action").notes
@@ -311,10 +311,12 @@ fn a_training_sees_past_whole_turns() {
     };
     let stopped = fit.prepare_watched(pairs.clone(), &mut stop).expect_err("it was stopped");
     assert!(matches!(stopped, Error::Stopped { .. }) && asked < 6, "{stopped}, {asked}");
-    let few = fit.prepare(pairs.thinned(90)).map(|problem| problem.notes);
-    let trained =
-        |note: &FitNote| matches!(note, FitNote::Action(trial) if !trial.errors.is_empty());
-    assert!(!few.is_ok_and(|notes| notes.iter().any(trained)));
+    let mut broken = || Err(Error::invalid("watch", "broken", "whole"));
+    let error = fit.prepare_watched(pairs.clone(), &mut broken).expect_err("it is broken");
+    assert!(error.to_string().contains("broken"), "{error}");
+    let few = fit.prepare(pairs.thinned(90)).expect("the rotation is sure").notes;
+    let found = |note: &FitNote| matches!(note, FitNote::Action(trial) if trial.errors.is_empty());
+    assert!(few.iter().any(found), "{few:?}");
 }
 
 /// Of the flows of a fast and a slow plane, at ε and flow times at random, the first plane fast or the second.

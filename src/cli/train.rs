@@ -17,7 +17,7 @@ use gyroceptron::scene::{
     Folder, NextStep, Note, Observer, OwnTraining, Scene, TrainingTimes, next_command,
 };
 use gyroceptron::train::{
-    AdamOptions, Checkpoint, Control, ControlOptions, Fit, FitNote, LbfgsOptions,
+    ActionTrial, AdamOptions, Checkpoint, Control, ControlOptions, Fit, FitNote, LbfgsOptions,
     LevenbergMarquardtOptions, Loss, Optimiser, Plateau, Problem, Progress as TrainingProgress,
     Starts, Stop, TrainingObserver, TrainingOptions, TrainingStage,
 };
@@ -322,7 +322,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     if !file.unused.is_empty() {
         progress.note(&format!("{place}: {}", Note::Unused(&file.unused)));
     }
-    if fit.action.is_none() {
+    if fit.action.is_none() && file.pairs.dof() == ActionTrial::PLANES {
         progress.note(&format!("{place}: looking for the circle action …"));
     }
     let mut go_on =

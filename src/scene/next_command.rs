@@ -25,7 +25,9 @@ pub fn next_command(typed: &[String], step: NextStep, model: &Path) -> String {
             let added = ["--architecture", "normal-form", "--optimiser", "lm", "--overwrite"];
             with(&[&of_others[..], &penalty].concat(), &added)
         }
-        NextStep::Action => with(&["--circle-action"], &["--circle-action", "auto", "--overwrite"]),
+        NextStep::Action => {
+            with(&["--circle-action", "--theta"], &["--circle-action", "auto", "--overwrite"])
+        }
         NextStep::Iterations(iterations) => {
             with(&["--iterations"], &["--iterations", &iterations.to_string(), "--resume"])
         }

@@ -20,7 +20,8 @@ use crate::measure::trajectories::{
 use crate::network::NetworkSpec;
 use crate::scalar::max_or_nan;
 use crate::train::{
-    Fit, FitNote, Fitted, Judgement, Limit, Optimiser, Outcome, Problem, Scheduled, Stop,
+    ActionTrial, Fit, FitNote, Fitted, Judgement, Limit, Optimiser, Outcome, Problem, Scheduled,
+    Stop,
 };
 use serde::Serialize;
 use serde_json::json;
@@ -48,6 +49,8 @@ pub enum NextStep {
 impl NextStep {
     /// Fewer iterations tell nothing of a network.
     const FEW: u64 = 50;
+    /// Of fewer pairs more are asked for, where too few are held out to judge by.
+    const USUAL: usize = 1000;
 
     /// What to try after a fit that is judged so.
     pub fn of(fitted: &Fitted, judgement: &Judgement) -> Self {
@@ -68,7 +71,8 @@ impl NextStep {
         if judgement.is_yes() {
             return Self::Predict;
         }
-        let too_few = judgement.too_few.is_some() && judgement.held_out.is_some();
+        let is_short = judgement.too_few.is_some() && judgement.held_out.is_some();
+        let too_few = is_short && problem.pairs.len() < Self::USUAL;
         if judgement.limit == Limit::Data || too_few {
             return Self::Pairs(problem.pairs.len());
         }
@@ -89,7 +93,9 @@ impl NextStep {
             return Self::NormalForm;
         }
         let is_given = !problem.notes.iter().any(|note| matches!(note, FitNote::Action(_)));
-        let has_others = architecture.has_circle() && problem.pairs.dof() > 1;
+        let pairs = problem.pairs.len() >= ActionTrial::FEWEST;
+        let dof = problem.pairs.dof();
+        let has_others = architecture.has_circle() && dof == ActionTrial::PLANES && pairs;
         if judgement.is_little_learnt() && is_given && has_others {
             return Self::Action;
         }

@@ -30,11 +30,13 @@ impl ActionTrial {
     pub const ITERATIONS: u64 = 12;
     /// The pairs of each training: as many at most, evenly spaced.
     pub const PAIRS: usize = 400;
+    /// Errors that are as small a share say nothing.
+    const ROUNDING: f64 = 1e-6;
     /// Of more planes a few iterations say nothing: with `0,1,2` of two modes and a particle networks of `0,0,1` err
     /// less.
-    const PLANES: usize = 2;
+    pub const PLANES: usize = 2;
     /// Of fewer pairs nothing can be told.
-    const FEWEST: usize = 100;
+    pub const FEWEST: usize = 100;
     /// The share of the pairs that judges.
     pub(super) const HELD_OUT: f64 = 0.25;
     /// Of the actions that the nearest rotation names, the first that are tried.
@@ -68,7 +70,7 @@ impl ActionTrial {
     /// [`ActionTrial::error`].
     ///
     /// # Errors
-    /// [`Error::Stopped`] where `error` gives it.
+    /// Those of `error`.
     pub(super) fn run(
         by_rotation: ActionFit,
         actions: Vec<TorusAction>,
@@ -79,11 +81,7 @@ impl ActionTrial {
         let (planes, wanted) =
             (by_rotation.angles.len(), actions.len() > 1 && pairs >= Self::FEWEST);
         for action in actions.into_iter().filter(|_| wanted && planes == Self::PLANES) {
-            let error = match error(&action) {
-                Err(stopped @ Error::Stopped { .. }) => return Err(stopped),
-                // An action that nothing can be trained with is not that of the pairs.
-                error => error.unwrap_or(f64::NAN),
-            };
+            let error = error(&action)?;
             errors.push((action, error));
         }
         Ok(Self { by_rotation, errors })
@@ -100,10 +98,10 @@ impl ActionTrial {
             let of = |values: &[f64]| values[c..].iter().step_by(dim).copied().collect::<Vec<_>>();
             of(held_out.output()).iter().zip(of(held_out.input())).map(|(w, z)| w - z).collect()
         };
-        // What stands still is compared with the others.
         let moves: Vec<f64> = (0..dim).map(|c| root_mean_square(&moved(c))).collect();
-        let all = root_mean_square(&moves);
-        let share = |c: usize| errors[c] / if moves[c] > 0.0 { moves[c] } else { all };
+        // What stands still but for rounding is compared with the others.
+        let still = Self::ROUNDING * root_mean_square(&moves);
+        let share = |c: usize| errors[c] / if moves[c] > still { moves[c] } else { still };
         let planes = (0..dim / 2).map(|j| root_mean_square(&[share(j), share(dim / 2 + j)]));
         Ok(planes.fold(0.0, max_or_nan))
     }
@@ -114,9 +112,19 @@ impl ActionTrial {
         known.min_by(f64::total_cmp)
     }
 
+    /// Whether the best errs no more than three times as much as that of another trial.
+    pub(super) fn errs_as_little_as(&self, other: &Self) -> bool {
+        matches!((self.least(), other.least()), (Some(own), Some(other)) if own <= Self::FAR * other)
+    }
+
+    /// Whether the best action learns enough to be told from the others.
+    fn is_learnt(&self) -> bool {
+        self.least().is_some_and(|least| least < Self::LITTLE)
+    }
+
     /// Whether an action errs at most so many times as much as the best.
     fn is_within(&self, factor: f64, action: &TorusAction) -> bool {
-        let bound = self.least().map_or(f64::NAN, |least| factor * least);
+        let bound = self.least().map_or(f64::NAN, |least| factor * (least + Self::ROUNDING));
         self.errors.iter().any(|(own, error)| own == action && *error <= bound)
     }
 
@@ -125,9 +133,7 @@ impl ActionTrial {
     /// them can: they have to do it better by these factors.
     pub fn chosen(&self) -> Option<TorusAction> {
         let sure = self.by_rotation.is_sure().then(|| self.by_rotation.action().clone().into());
-        if !self.least().is_some_and(|least| least < Self::LITTLE)
-            || sure.as_ref().is_some_and(|sure| self.is_within(Self::FAR, sure))
-        {
+        if !self.is_learnt() || sure.as_ref().is_some_and(|sure| self.is_within(Self::FAR, sure)) {
             return sure;
         }
         let good = || {
@@ -144,7 +150,8 @@ impl ActionTrial {
 
     /// What was found, in words.
     pub fn describe(&self) -> String {
-        let mut known: Vec<&(TorusAction, f64)> = self.errors.iter().collect();
+        let finite = self.errors.iter().filter(|(_, error)| error.is_finite());
+        let mut known: Vec<&(TorusAction, f64)> = finite.collect();
         known.sort_by(|a, b| a.1.total_cmp(&b.1));
         let of =
             |(action, error): &(TorusAction, f64)| format!("{} with {action}", percent(*error));
@@ -155,13 +162,20 @@ impl ActionTrial {
             texts.join(", ")
         );
         match (self.chosen(), texts.is_empty()) {
-            (Some(action), false) => format!("circle action {action}: {tried}"),
+            (Some(action), false) if self.is_learnt() => format!("circle action {action}: {tried}"),
+            (Some(_), false) => {
+                format!("{}; too little is learnt to tell: {tried}", self.by_rotation.describe())
+            }
             (None, false) => format!("{tried}; {}", self.by_rotation.describe()),
-            (None, true) if self.by_rotation.angles.len() == Self::PLANES => format!(
-                "it takes {} pairs to try actions by short trainings; {}",
-                Self::FEWEST,
-                self.by_rotation.describe()
-            ),
+            (None, true)
+                if self.errors.is_empty() && self.by_rotation.angles.len() == Self::PLANES =>
+            {
+                format!(
+                    "it takes {} pairs to try actions by short trainings; {}",
+                    Self::FEWEST,
+                    self.by_rotation.describe()
+                )
+            }
             (_, true) => self.by_rotation.describe(),
         }
     }

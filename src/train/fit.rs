@@ -300,7 +300,7 @@ impl Fit {
         let by_rotation = ActionFit::fit(pairs)?;
         let circles = self.network.as_ref().map_or(Circles::Several, NetworkSpec::circles);
         let actions = match circles {
-            // It is compared with a rotation, and no more.
+            // Its map does not depend on it: units, and what its errors are compared with.
             Circles::None => return Ok(by_rotation.action().clone().into()),
             of => ActionTrial::candidates(&by_rotation, of == Circles::Several),
         };
@@ -313,7 +313,9 @@ impl Fit {
         if let Ok(by_rotation) = ActionFit::fit(&reordered) {
             let actions = ActionTrial::candidates(&by_rotation, circles == Circles::Several);
             let reordered = FamilyPairs { pairs: reordered, ..*data };
-            if let Some(action) = self.tried(&reordered, by_rotation, actions, watch)?.chosen() {
+            let other = self.tried(&reordered, by_rotation, actions, watch)?;
+            let fits_better = !trial.errs_as_little_as(&other);
+            if let Some(action) = other.chosen().filter(|_| fits_better) {
                 let expected = "columns q1 q2 … p1 p2 …";
                 let found = format!(
                     "columns that have circle action {action} as q1 p1 q2 p2 …, and none for sure as they \
@@ -344,7 +346,8 @@ impl Fit {
             };
             let fit = Self {
                 place: self.place.clone(),
-                epsilon: self.epsilon,
+                // A normal form of ε = 0 has no flow time, and moves no slow plane.
+                epsilon: self.epsilon.filter(|epsilon| *epsilon != 0.0),
                 flow_time: self.flow_time,
                 theta: self.theta,
                 training,
@@ -355,15 +358,19 @@ impl Fit {
             };
             let pairs = FamilyPairs { pairs: data.pairs.thinned(ActionTrial::PAIRS), ..*data };
             let problem = fit.with_circles(pairs, action.clone(), None, Vec::new())?;
-            let mut trying = Trying { watch, is_over: false };
-            let fitted = problem.train(&mut trying);
-            if trying.is_over {
-                return Err(Error::Stopped { what: "the circle action of the pairs".into() });
-            }
-            let fitted = fitted?;
+            let mut trying = Trying { watch, ended: None };
+            let fitted = match (problem.train(&mut trying), trying.ended) {
+                (_, Some(ended)) => return Err(ended),
+                // An action that nothing can be trained with is not that of the pairs.
+                (Err(Error::Diverged { .. }), None) => return Ok(f64::NAN),
+                (fitted, None) => fitted?,
+            };
             let held_out = fitted.problem.held_out.as_ref();
             let error = |held_out| ActionTrial::error(fitted.model().composition(), held_out);
-            held_out.map_or(Ok(f64::NAN), error)
+            match held_out.map_or(Ok(f64::NAN), error) {
+                Err(Error::Diverged { .. }) => Ok(f64::NAN),
+                error => error,
+            }
         })
     }
 
@@ -384,7 +391,8 @@ impl Fit {
         // The nearest rotation does not see whole turns; a training does.
         let other: TorusAction = CircleAction::new(reading.weights.clone()).into();
         let both = vec![action.clone(), other.clone()];
-        let trial = self.tried(data, ActionFit::fit(&data.pairs)?, both, watch)?;
+        let Ok(by_rotation) = ActionFit::fit(&data.pairs) else { return Ok(None) };
+        let trial = self.tried(data, by_rotation, both, watch)?;
         Ok((trial.chosen() == Some(other)).then_some(reading))
     }
 
@@ -589,7 +597,8 @@ type Watch<'a> = dyn FnMut() -> Result<Control, Error> + 'a;
 /// A short training that somebody watches.
 struct Trying<'a, 'b> {
     watch: &'a mut Watch<'b>,
-    is_over: bool,
+    /// What it ended with, before its end.
+    ended: Option<Error>,
 }
 
 impl TrainingObserver for Trying<'_, '_> {
@@ -597,9 +606,14 @@ impl TrainingObserver for Trying<'_, '_> {
         Ok(None)
     }
     fn observe(&mut self, _: TrainingStage, _: Progress<'_>) -> Result<Control, Error> {
-        let answer = (self.watch)();
-        self.is_over |= !matches!(answer, Ok(Control::Continue));
-        answer
+        if self.ended.is_none() {
+            self.ended = match (self.watch)() {
+                Ok(Control::Continue) => return Ok(Control::Continue),
+                Ok(_) => Some(Error::Stopped { what: "the circle action of the pairs".into() }),
+                Err(error) => Some(error),
+            };
+        }
+        Ok(Control::Interrupt)
     }
 }
 

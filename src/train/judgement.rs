@@ -336,7 +336,7 @@ impl Judgement {
         let kept = match self.orbits {
             Some(Orbits { count, astray: 0, .. }) => {
                 format!(
-                    "; all {count} orbits of {STEPS} steps from held-out points stay near the box of the pairs"
+                    "; all {count} orbits of {STEPS} steps from points of the pairs stay near the box of the pairs"
                 )
             }
             Some(Orbits { count, astray, .. }) => {
