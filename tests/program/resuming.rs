@@ -233,7 +233,15 @@ fn checkpoints_of_replaced_trainings_are_removed() {
     let folder = folder();
     let path = folder.path();
     write_data(path);
-    let train = ["train", "--data", "pairs.npz", "--recipe", "paper", "--output", "m.json"];
+    let train = [
+        "train",
+        "--data",
+        "pairs.npz",
+        "--circle-action",
+        "1,0",
+        "--recipe=paper",
+        "--output=m.json",
+    ];
     succeeds(path, &[&train[..], &["--iterations", "5"]].concat());
     let checkpoint = path.join("m.json.checkpoint");
     let load = gyroceptron::io::earlier_checkpoint;
