@@ -83,6 +83,11 @@ def test_train(pairs):
     assert interrupted_after(0.5, lambda: gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=10**6)) < 1.0
 
 
+def test_the_search_for_a_circle_action(pairs):
+    """Short trainings, before the one that was asked for."""
+    assert interrupted_after(0.3, lambda: gyroceptron.train(*pairs, starts=1, iterations=1)) < 1.0
+
+
 def test_the_bits_are_those_of_single_steps(pairs, model):
     """Whatever parts a roll-out is made in."""
     z = 0.3 * pairs[0][:2]
