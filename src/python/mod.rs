@@ -257,9 +257,9 @@ impl Model {
         Ok(out)
     }
 
-    /// Whether to trust it: {"verdict": ..., "error": ..., "reasons": [...], "next": ...}, as the report of its training
-    /// says: by how much the plane that decides errs in one step, and the call to try next. None of a model that was
-    /// loaded.
+    /// Whether to trust it: {"verdict": ..., "error": ..., "reasons": [...], "next": ...}, as the report of its
+    /// training says: by how much the plane that decides errs in one step, and the call to try next. None of a model
+    /// that was loaded.
     #[getter]
     fn trust<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(trained) = &self.trained else { return Ok(None) };
