@@ -11,7 +11,9 @@ use gyroceptron::measure::{
     certificate::{CertificateOptions, certify_map},
     trajectories::{distance, root_mean_square, rotation_error},
 };
-use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, Rollout};
+use gyroceptron::network::{
+    GyroceptronShape, HenonShape, InitialWeights, Model, NetworkSpec, Rollout,
+};
 use gyroceptron::phase::{Direction, InUnits, Map, Units};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Scalar, constant};
@@ -394,6 +396,30 @@ fn a_circle_action_is_found() {
     let flat = Pairs::new("flat", 1, vec![1.0, 0.0, 2.0, 0.0, 3.0, 0.0, 4.0, 0.0], vec![1.0; 8]);
     assert!(ActionFit::fit(&flat.expect("whole")).is_err());
     assert!(ActionFit::fit(&turning(&[0.1; 6], 0.0, 1)).is_err());
+}
+
+/// The error of a trial is that of the worst plane, each component as a share of how far it moves.
+#[test]
+fn a_trial_judges_by_the_worst_plane() {
+    let pairs = pairs(0.5);
+    let network = NetworkSpec::named("normal-form").expect("a name");
+    let architecture = network.architecture(&action(), 0.01, 0.5).expect("an architecture");
+    let weights = InitialWeights::Normal { scale: 0.15 };
+    let model = architecture.initialise(weights, 0.3, 1).expect("weights");
+    let (mut errors, mut moves) = ([0.0; 4], [0.0; 4]);
+    for (z, w) in pairs.input().chunks_exact(4).zip(pairs.output().chunks_exact(4)) {
+        let moved = model.rollout(z, Rollout { steps: 1, every: 1 }).expect("finite");
+        for c in 0..4 {
+            errors[c] += (moved[4 + c] - w[c]).powi(2);
+            moves[c] += (w[c] - z[c]).powi(2);
+        }
+    }
+    let plane = |j: usize| (0.5 * (errors[j] / moves[j] + errors[j + 2] / moves[j + 2])).sqrt();
+    let [first, second] = [plane(0), plane(1)];
+    assert!((first - second).abs() > 0.1 * first, "the planes have to differ");
+    let expected = if first > second { first } else { second };
+    let found = ActionTrial::error(model.composition(), &pairs).expect("finite");
+    assert!((found / expected - 1.0).abs() < 1e-12, "{found} for {expected}");
 }
 
 /// Which action short trainings choose, by their errors and by what the nearest rotation says.

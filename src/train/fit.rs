@@ -16,8 +16,8 @@ use std::fmt;
 
 /// A fit of a network to pairs (z, P(z)): what is known of them, and how to train.
 ///
-/// What is not given is found or recommended, and [`Problem::notes`] say so: the circle action that
-/// the pairs are sure of, a normal form, Levenberg–Marquardt from several initial weights until it
+/// What is not given is found or recommended, and [`Problem::notes`] say so: the circle action, where the
+/// pairs are clear, a normal form, Levenberg–Marquardt from several initial weights until it
 /// is at rest, a loss that weighs each plane by its own motion, a tenth of the pairs held out.
 ///
 /// ```
@@ -34,7 +34,8 @@ use std::fmt;
 pub struct Fit {
     /// What the pairs are called in errors.
     pub place: String,
-    /// The circles of their limit. None: found from the pairs, where they are sure of them.
+    /// The circles of their limit. None: found from the pairs, of two planes by short
+    /// trainings ([`ActionTrial`]).
     pub action: Option<TorusAction>,
     /// The network. None: a normal form, with a ψ where the limit does not turn the planes.
     pub network: Option<NetworkSpec>,
@@ -436,7 +437,8 @@ impl Fit {
         Ok(Problem { region, digest, ..problem })
     }
 
-    /// The problem of pairs in canonical coordinates whose circles are known.
+    /// The problem of pairs in canonical coordinates whose circles are known; its region is that of these pairs, and
+    /// it has no digest.
     fn with_circles(
         &self,
         data: FamilyPairs,

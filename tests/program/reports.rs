@@ -10,7 +10,7 @@ use gyroceptron::random::Stream;
 use gyroceptron::scene::findings::{Format, Table};
 use gyroceptron::scene::render::terminal::table;
 use gyroceptron::system::Oscillators;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// The first lines of a report and of what the terminal shows: the verdict, the error with its
 /// plane, the command to try next.
@@ -59,6 +59,29 @@ fn a_report_begins_with_verdict_error_and_next_command() {
     let expected = ["--architecture", "normal-form", "--optimiser", "lm", "--overwrite"];
     assert!(next.ends_with(&expected.map(str::to_owned)), "{next:?}");
     assert!(!next.contains(&"--psi".to_owned()), "{next:?}");
+}
+
+/// Who gave a wrong action is sent to find another, and who has few pairs to more of them.
+#[test]
+fn a_wrong_action_and_few_pairs_have_a_next_step() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let pairs = read_pairs(&path.join("pairs.npz")).expect("pairs").pairs;
+    write_pairs(&path.join("few.npz"), &pairs.thinned(60)).expect("written");
+    for (data, action, next) in
+        [("pairs.npz", "3,1", json!("action")), ("few.npz", "1,0", json!({ "pairs": 54 }))]
+    {
+        let train = ["train", "--data", data, "--circle-action", action, "--output", "m.json"];
+        let more = ["--iterations", "50", "--plateau", "0", "--overwrite"];
+        succeeds(path, &[&train[..], &SMALL, &more].concat());
+        let report = std::fs::read(path.join("m-report/report.json")).expect("a report");
+        let report: Value = serde_json::from_slice(&report).expect("JSON");
+        assert_eq!(report["studies"]["trust"]["next"], next, "{data}");
+        let text = std::fs::read_to_string(path.join("m-report/report.md")).expect("a report");
+        // What a normal form keeps whatever its weights is no evidence.
+        assert!(text.contains("this is rounding"), "{text}");
+    }
 }
 
 /// Predictions against the truth, orbits in each plane and errors by component, in units of the

@@ -89,4 +89,11 @@ fn options_are_replaced_and_words_quoted() {
     assert!(of(NextStep::Predict).starts_with("gyroceptron predict --model 'my model.json'"));
     assert!(of(NextStep::Starts(4)).ends_with("--starts 4 --overwrite"));
     assert!(!of(NextStep::Pairs(3)).contains("a.npz"));
+    // The angle of an action is not that of another.
+    let typed =
+        ["train", "--circle-action", "3,1", "--theta=0.3", "--data", "a.npz"].map(str::to_owned);
+    assert_eq!(
+        next_command(&typed, NextStep::Action, Path::new("m.json")),
+        "gyroceptron train --data a.npz --circle-action auto --overwrite"
+    );
 }
