@@ -23,7 +23,7 @@ fn map(value: f64, z: &mut [f64]) {
 }
 
 /// Pairs at these values of the control in pairs.npz, and two points in z.npy; the pairs and the values.
-fn write_files(folder: &Path, at: &[f64]) -> (Pairs, Vec<f64>) {
+pub fn write_files(folder: &Path, at: &[f64]) -> (Pairs, Vec<f64>) {
     let mut stream = Stream::new(4, "points");
     let (mut input, mut output, mut values) = (Vec::new(), Vec::new(), Vec::new());
     for value in at {
@@ -65,14 +65,15 @@ const TRAIN: [&str; 18] = [
 ];
 
 /// Of two iterations.
-fn brief() -> Vec<&'static str> {
+pub fn brief() -> Vec<&'static str> {
     TRAIN
         .iter()
         .map(|word| if *word == "--iterations=40" { "--iterations=2" } else { word })
         .collect()
 }
 
-const VALUES: [f64; 7] = [-1.0, -0.7, -0.4, 0.0, 0.3, 0.6, 1.0];
+/// Of the control.
+pub const VALUES: [f64; 7] = [-1.0, -0.7, -0.4, 0.0, 0.3, 0.6, 1.0];
 
 #[test]
 fn a_model_takes_values_of_its_controls() {

@@ -1,6 +1,8 @@
 //! The commands that README and guide show.
 
-use crate::helpers::{call, folder, succeeds, text, write_data};
+use crate::controls;
+use crate::helpers::{call, folder, last_numbers, succeeds, text, with_model, write_data};
+use crate::proofs;
 use gyroceptron::io::write_points;
 use gyroceptron::scene::find;
 use std::path::Path;
@@ -49,6 +51,126 @@ fn the_readmes_commands_run() {
         succeeds(path, &arguments);
     }
     assert!(path.join("t.npy").exists());
+}
+
+/// What a command needs more than a test has; what else runs it.
+const LONG: [(&str, &str); 4] = [
+    ("--merge", "all jobs of a long scene: tests of jobs"),
+    ("m.json", "a scene of minutes, and proofs of minutes: tests of the target verification"),
+    ("gyroceptron-out", "a scene of minutes"),
+    ("--plan", "plans of long scenes sample all their data: tests of jobs"),
+];
+
+/// Runs the short commands of a chapter in their order in a folder, once `write` has made the files that they need;
+/// their number.
+fn run(chapter: &str, path: &Path, write: impl Fn(&Path)) -> usize {
+    write(path);
+    let mut count = 0;
+    for command in commands(chapter) {
+        let mut arguments: Vec<&str> = command.iter().map(String::as_str).collect();
+        let is_job = arguments.contains(&"--job");
+        let long = LONG.iter().any(|(word, _)| {
+            arguments.iter().any(|argument| argument.split('/').next() == Some(word))
+        });
+        // A scene takes minutes: the tests of studies run it in parts.
+        if long || (arguments[0] == "run" && !is_job) {
+            continue;
+        }
+        if arguments[0] == "train" {
+            arguments.extend(["--iterations", "2", "--starts", "1"]);
+            if !arguments.contains(&"--circle-action") {
+                arguments.extend(["--circle-action", "1,0"]);
+            }
+        }
+        // Rotation numbers are those of the guide's map: these are of the one here.
+        let mut turns = proofs::TURNS.iter();
+        for argument in &mut arguments {
+            if ["0.6180", "0.6853"].contains(argument) {
+                *argument = turns.next().expect("two numbers");
+            }
+        }
+        if arguments.contains(&"--output") {
+            arguments.push("--overwrite");
+        }
+        succeeds(path, &arguments);
+        count += 1;
+    }
+    count
+}
+
+/// A model of one plane, as `name`, of which circles are proved.
+fn write_plane(path: &Path, name: &str) {
+    std::fs::copy(proofs::with_maps().path().join("m.json"), path.join(name)).expect("copied");
+}
+
+/// Pairs of one plane with values of the control `planar`, and a model of them in machine.json.
+fn write_machine(path: &Path) {
+    controls::write_files(path, &controls::VALUES);
+    let mut train = controls::brief();
+    for word in &mut train {
+        *word = match *word {
+            "coil" => "planar",
+            "model.json" => "machine.json",
+            word => word,
+        };
+    }
+    succeeds(path, &train);
+}
+
+#[test]
+fn the_short_commands_of_the_guide_run() {
+    let guide = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/guide");
+    let chapter =
+        |name: &str| std::fs::read_to_string(guide.join(name).with_extension("md")).expect("text");
+    // Chapters, what their commands need, and how many run.
+    let program = |path: &Path| {
+        write_data(path);
+        write_plane(path, "plane.json");
+        let model = with_model();
+        let from = |name: &str| model.path().join(name);
+        let mine = ["predict", "--model", "model.json", "--input", "z.npy", "--steps", "400"];
+        succeeds(model.path(), &[&mine[..], &["--output", "mine.npy"]].concat());
+        std::fs::copy(from("mine.npy"), path.join("mine.npy")).expect("copied");
+    };
+    let z = |path: &Path| {
+        write_data(path);
+        std::fs::copy(with_model().path().join("model.json"), path.join("model.json"))
+            .expect("copied");
+        let start: Vec<f64> = (0..32).map(|k| 0.01 * f64::from(k)).collect();
+        write_points(&path.join("z.npy"), &[8, 4], &start).expect("written");
+    };
+    let sources = |path: &Path| {
+        write_machine(path);
+        z(path);
+    };
+    let (ran, folders) = (
+        [
+            ("program", 14, &program as &dyn Fn(&Path)),
+            ("coils", 2, &write_machine),
+            ("many_machines", 2, &z),
+            ("proofs", 2, &|path| write_plane(path, "model.json")),
+            ("source_code", 4, &sources),
+        ],
+        folder(),
+    );
+    for (name, expected, write) in ran {
+        let path = folders.path().join(name);
+        std::fs::create_dir(&path).expect("a folder");
+        assert_eq!(run(&chapter(name), &path, write), expected, "{name}");
+    }
+    // No other chapter shows a command of the program.
+    let others = chapters().into_iter().filter(|(file, chapter)| {
+        let name = Path::new(file).file_stem().expect("a name").to_string_lossy().into_owned();
+        name != "README"
+            && ran.iter().all(|(ran, ..)| *ran != name)
+            && !commands(chapter).is_empty()
+    });
+    assert_eq!(others.map(|(file, _)| file).collect::<Vec<_>>(), Vec::<String>::new());
+    // They did what they say.
+    let of = |name: &str| folders.path().join("program").join(name);
+    let exact = last_numbers(&of("back.npy"), 4);
+    assert!(exact.iter().all(|v| v.is_finite()), "{exact:?}");
+    assert!(std::fs::read_to_string(of("certificate.html")).expect("a page").contains("<table"));
 }
 
 /// All others are of options that there are, and of scenes that there are.
