@@ -156,7 +156,7 @@ pub enum Error {
         path: PathBuf,
     },
     /// A computation that its caller stopped.
-    #[error("{what}: told to stop before its end")]
+    #[error("{what}: stopped before its end")]
     Stopped {
         /// Which computation.
         what: String,

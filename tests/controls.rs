@@ -507,10 +507,10 @@ fn what_controls_cannot_be_is_refused() {
     let grid: Vec<[f64; 2]> = (0..20).map(|k| [f64::from(k % 2), f64::from(k / 2)]).collect();
     let grid: Vec<&[f64]> = grid.iter().map(|row| &row[..]).collect();
     assert_eq!(made(options(&[], None), &grid).expect("values").degree, 1);
-    says(made(options(&[], Some(2)), &grid), "do not tell these apart");
+    says(made(options(&[], Some(2)), &grid), "do not determine these");
     let line: Vec<[f64; 2]> = (0..20).map(|k| [f64::from(k), 2.0 * f64::from(k)]).collect();
     let line: Vec<&[f64]> = line.iter().map(|row| &row[..]).collect();
-    says(made(options(&[], None), &line), "do not tell these apart");
+    says(made(options(&[], None), &line), "do not determine these");
     says(of(vec![range("epsilon", 0.0, 1.0)], 1), "`epsilon`");
     // What has twists by parts has no controls.
     let (pairs, values) = pairs_of_henon(&[[0.0, 0.0], [1.0, 1.0], [0.0, 1.0]], 30, 1);

@@ -218,7 +218,7 @@ fn what_cannot_be_is_refused() {
     let points = sample(&[window], 2, &mut stream).expect("points");
     let still = Pairs::new("still", 2, points.clone(), points).expect("finite");
     let error = Fit { action: None, ..fit() }.run(still).expect_err("nothing turns").to_string();
-    assert!(error.contains("circle action") && error.contains("not sure"), "{error}");
+    assert!(error.contains("circle action") && error.contains("none for sure"), "{error}");
     // Columns q₁ p₁ q₂ p₂ are seen before an action is asked for.
     let (given, mixed) = (pairs(200, 0.9, 1), [0, 2, 1, 3]);
     let error = Fit { action: None, ..fit() }

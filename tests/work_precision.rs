@@ -137,7 +137,7 @@ fn the_fastest_is_of_those_that_are_accurate_enough() {
         methods,
     };
     // `rough` errs by more than half the size of the points: it does not count. What
-    // the reference does not tell apart is not told.
+    // the reference does not distinguish is not reported.
     let ranges: Vec<_> = comparison
         .fastest_by_error()
         .iter()

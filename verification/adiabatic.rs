@@ -298,7 +298,7 @@ fn the_last_horizon_is_long_enough() {
     assert!((GOLDEN - golden).abs() < tolerances::GOLDEN);
 }
 
-/// The slope alone cannot tell: the control has it too.
+/// The slope alone cannot decide: the control has it too.
 #[test]
 fn the_control_has_the_slope_in_epsilon_as_well() {
     for (index, orbit) in study().orbits.iter().enumerate() {

@@ -132,7 +132,7 @@ impl<F: NearlyPeriodic> NearlyPeriodic for Family<'_, F> {
     }
 }
 
-/// The rows with a rounding scale that the steps of the map tell.
+/// The rows with a rounding scale that the steps of the map give.
 const BOUNDED: [&str; 6] = [
     "symplecticity of P",
     "inversion of P",

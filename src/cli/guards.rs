@@ -19,7 +19,7 @@ pub fn use_threads(common: &Common) -> Result<(), Error> {
     Ok(())
 }
 
-/// Refuses an output that would replace an input, an existing file unless told
+/// Refuses an output that would replace an input, an existing file unless asked
 /// so, or anything that is no ordinary file; and one that cannot be written.
 pub fn guard_output(
     option: &str,

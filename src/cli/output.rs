@@ -25,8 +25,8 @@ pub fn width() -> usize {
         let size = terminal.then(|| console::Term::stdout().size_checked()).flatten();
         size.map(|(_, columns)| usize::from(columns)).filter(|columns| *columns > 0)
     };
-    let told = || std::env::var("COLUMNS").ok()?.trim().parse().ok().filter(|n| *n > 0);
-    of_terminal().or_else(told).unwrap_or(USUAL)
+    let of_environment = || std::env::var("COLUMNS").ok()?.trim().parse().ok().filter(|n| *n > 0);
+    of_terminal().or_else(of_environment).unwrap_or(USUAL)
 }
 
 /// One JSON document.

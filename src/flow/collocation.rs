@@ -89,7 +89,7 @@ impl<H: Hamiltonian> Kernel for Collocation<'_, H> {
                 store_states(&lanes, points, 0, 1);
                 continue;
             }
-            // Or one of them fails, and tells why.
+            // Or one of them fails, and says why.
             for (row, z) in points.chunks_exact_mut(dim).enumerate() {
                 for number in 0..count {
                     method.integrate(system, z, interval, steps)?;
@@ -130,7 +130,7 @@ fn larger<V: Pack>(a: V, b: V) -> V {
 impl GaussLegendre {
     /// [`GaussLegendre::integrate`] of a point in each lane, with the bits of each alone: a lane
     /// whose stages have converged waits for the others. False, and z of no use, where one of them fails:
-    /// alone it tells why.
+    /// alone it says why.
     #[inline(always)]
     fn integrate_lanes<V: Pack>(
         &self,

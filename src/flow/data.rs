@@ -45,7 +45,7 @@ pub fn sample(windows: &[Window], dof: usize, stream: &mut Stream) -> Result<Vec
 /// As [`sample`], of the points of the windows at which a system is defined.
 ///
 /// # Errors
-/// Those of [`sample`]; where it is defined at none of many points of a window, as it is told there.
+/// Those of [`sample`]; where it is defined at none of many points of a window, as is said there.
 pub fn sample_of(
     system: &impl Hamiltonian,
     windows: &[Window],
@@ -453,7 +453,7 @@ impl Pairs {
         (take(kept_rows), Some(take(held_rows)))
     }
 
-    /// Splits off all pairs of a share of the maps that controls tell apart, chosen by `stream`, one at least: (rest,
+    /// Splits off all pairs of a share of the maps that controls distinguish, chosen by `stream`, one at least: (rest,
     /// split off). Those at an end of the range of a control stay, and so do those nearest to the middle of all ranges.
     /// None where there are fewer than five values of the controls, or where none could be left out.
     pub fn split_by_controls(&self, fraction: f64, stream: &mut Stream) -> Option<(Self, Self)> {

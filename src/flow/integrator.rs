@@ -214,7 +214,7 @@ impl Integrator {
         }
     }
 
-    /// What tells its error beside twice as many steps: itself, or averaging by a finer map of a period
+    /// What estimates its error beside twice as many steps: itself, or averaging by a finer map of a period
     /// and one more difference, whose errors the steps do not know.
     pub(super) fn finer(self) -> Self {
         match self {
@@ -466,7 +466,7 @@ pub(crate) fn whole_periods(interval: f64, period: f64) -> Result<(), Error> {
 }
 
 /// Fails unless the flow of an interval that begins at time 0 is that of the next ones too: unless the interval is of
-/// whole periods of the system, or, where it tells none, its vector field is the same an interval later.
+/// whole periods of the system, or, where it has none, its vector field is the same an interval later.
 pub(super) fn check_repeated(
     system: &impl Hamiltonian,
     initial: &[f64],

@@ -393,7 +393,7 @@ impl Orbits<'_> {
     }
 }
 
-/// How far pairs are from those of a symplectic map, as a polynomial fit to them tells.
+/// How far pairs are from those of a symplectic map, by a polynomial fit to them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FormDefect {
     /// The median over points of the largest entry of |JᵀΩJ − Ω|, J being the Jacobian of the fit: of one degree of
@@ -417,7 +417,7 @@ pub struct TwoFits {
 }
 
 impl TwoFits {
-    /// Of pairs of one map; None where there are too few of them for a fit that tells anything.
+    /// Of pairs of one map; None where there are too few of them for such a fit.
     pub fn of(pairs: &Pairs) -> Option<Self> {
         const MOST_DEGREE: usize = 24;
         const TERMS: usize = 800;
@@ -456,7 +456,7 @@ impl TwoFits {
 }
 
 impl FormDefect {
-    /// Of pairs of one map; None where there are too few of them for a fit that tells anything.
+    /// Of pairs of one map; None where there are too few of them for such a fit.
     pub fn of(pairs: &Pairs) -> Option<Self> {
         Some(TwoFits::of(pairs)?.form_defect(pairs))
     }

@@ -155,8 +155,8 @@ impl<T> Exit<T> {
         out.map(|out| Self { rows, of, ..out })
     }
 
-    /// What is to be told of it: that the states are outside of what, and how the first of them is.
-    fn tell(&self, what: &str, first: &str) -> String {
+    /// That the states are outside of `what`, and of the first of them where it is.
+    fn sentence(&self, what: &str, first: &str) -> String {
         /// Rows that are named.
         const NAMED: usize = 20;
         let Self { rows, states, of, row, step, .. } = self;
@@ -164,16 +164,21 @@ impl<T> Exit<T> {
         let more = if rows.len() > NAMED { ", …" } else { "" };
         let (trajectories, named) = (rows.len(), named.join(", "));
         let plural = if trajectories == 1 { "y" } else { "ies" };
+        let verb = if *states == 1 { "is" } else { "are" };
+        let when = match step {
+            0 => "at the start".to_owned(),
+            1 => "after 1 step".to_owned(),
+            step => format!("after {step} steps"),
+        };
         format!(
-            "{states} of {of} kept states, of {trajectories} trajector{plural}, are outside the box \
-             of {what}: of the input's rows {named}{more}, the first from row {row} after {step} \
-             steps: {first}"
+            "{states} of {of} kept states, of {trajectories} trajector{plural}, {verb} outside the box \
+             of {what}: of the input's rows {named}{more}, the first from row {row} {when}: {first}"
         )
     }
 }
 
 impl RegionExit {
-    /// What is to be told of it.
+    /// In words: which states, and the first of them.
     pub fn describe(&self, region: &Region) -> String {
         let OutsideRegion { coordinate, value } = self.first;
         let dof = region.low.len() / 2;
@@ -183,14 +188,14 @@ impl RegionExit {
             "{half}{} = {value:.3e}, not from {low:.3e} to {high:.3e}",
             coordinate % dof + 1
         );
-        self.tell("the training points, where nothing is known of the model", &first)
+        self.sentence("the training points, where nothing is known of the model", &first)
     }
 }
 
 impl PolynomialExit {
-    /// What is to be told of it.
+    /// In words: which states, and the first of them.
     pub fn describe(&self) -> String {
         let first = format!("{:.3} times half its width", self.first.reach);
-        self.tell("the model's polynomials, which grow without a bound beyond", &first)
+        self.sentence("the model's polynomials, which grow without a bound beyond", &first)
     }
 }

@@ -47,7 +47,7 @@ pub(super) fn rest_of(
 pub(super) const LONGEST_REST: f64 = 1.0 / 6.0;
 
 impl Stroboscopic {
-    /// The most central differences of an integrator; by one more its error is told.
+    /// The most central differences of an integrator; by one more its error is estimated.
     pub const MOST_DIFFERENCES: usize = 3;
 
     /// Over `time`, with `micro` steps of a splitting in a period and so many central differences, or with the

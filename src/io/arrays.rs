@@ -322,9 +322,9 @@ pub fn write_pairs(path: &Path, pairs: &Pairs) -> Result<(), Error> {
     let (epsilons, times) = (of_rows(|run| run.epsilon), of_rows(|run| run.time));
     let rows = &shape[..1];
     let mut arrays = vec![("input", &shape[..], pairs.input()), ("output", &shape, pairs.output())];
-    // Where controls alone tell maps apart, an ε and a flow time of 1 say nothing.
-    let tell = |run: &Condition| run.controls.is_empty() || run.epsilon != 1.0 || run.time != 1.0;
-    if pairs.conditions().iter().any(tell) {
+    // Where controls alone distinguish maps, an ε and a flow time of 1 say nothing.
+    let says = |run: &Condition| run.controls.is_empty() || run.epsilon != 1.0 || run.time != 1.0;
+    if pairs.conditions().iter().any(says) {
         arrays.extend([("epsilon", rows, &epsilons[..]), ("flow_time", rows, &times)]);
     }
     let columns = pairs.conditions().first().map_or(0, |run| run.controls.len());

@@ -145,7 +145,7 @@ impl StoredModel {
                 return Err(Error::invalid("flow_time", time, "a positive number"));
             }
             (Some(time), None) => {
-                let expected = "a model that was trained with its own flow time told";
+                let expected = "a model whose training was given a flow time";
                 return Err(Error::invalid("flow_time", time, expected));
             }
         };

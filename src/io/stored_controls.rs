@@ -12,7 +12,7 @@ impl StoredModel {
     ///
     /// # Errors
     /// When there is not one finite value for each control. Whether the density of its section is positive there
-    /// [`Section::check`](crate::phase::Section::check) tells.
+    /// [`Section::check`](crate::phase::Section::check) says.
     pub fn at_controls(&self, values: &[f64]) -> Result<Self, Error> {
         values.iter().try_for_each(|value| Error::check_finite("control", *value))?;
         let model = self.model.at_controls(values)?;

@@ -357,8 +357,8 @@ pub fn assemble_architecture(
     Model::new(architecture, parameters)
 }
 
-/// The name of the block of turned kicks of a map which is nearly integrable, and of the tensor that tells of it: how many turned kicks its
-/// perturbation has.
+/// The name of the block of turned kicks of a map which is nearly integrable, and of the tensor that says so: how many
+/// turned kicks its perturbation has.
 const PERTURBATION: &str = "perturbation";
 
 /// The names of the tensors of units.

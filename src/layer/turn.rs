@@ -54,7 +54,7 @@ impl CircleAction {
 
     /// Whether a symplectic map takes one action into the other, or into it the other way round: the weights are the
     /// same but for the order of the planes, which an exchange of planes changes, and for all signs at once. No
-    /// data tell one from the other where any symplectic ψ may be learnt.
+    /// data distinguish one from the other where any symplectic ψ may be learnt.
     pub fn is_conjugate(&self, other: &Self) -> bool {
         let sorted = |sign: i64, action: &Self| {
             let mut weights: Vec<i64> =

@@ -75,7 +75,7 @@ pub trait Implicit {
 /// x ← x − A⁻¹F(z, x) in the number type, with A = ∂F/∂x of the solution: derivatives
 /// are those of the implicit function theorem, and the errors of rounding those of the
 /// last step. Iterated on numbers that carry bounds, Newton's method would double
-/// these each time, and no certificate could tell a good map by them.
+/// these each time, and no certificate could be based on them.
 ///
 /// Angles need no `rem_euclid` here, whose jump would stop the method: let the
 /// [domain](super::Coordinate::Angle) say that they are angles.

@@ -54,7 +54,7 @@ pub fn manifold(
     // det M = 1.
     let own = 0.5 * (trace + trace.signum() * libm::sqrt(trace * trace - 4.0));
     let [a, b, c, d] = [0, 1, 2, 3].map(|k| orbit.multiplier_matrix[k]);
-    // Of the two rows of M − λ the larger tells the direction.
+    // Of the two rows of M − λ the larger gives the direction.
     let (one, other) = ([b, own - a], [own - d, c]);
     let size = |v: [f64; 2]| libm::hypot(v[0], v[1]);
     let vector = if size(one) >= size(other) { one } else { other };

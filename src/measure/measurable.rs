@@ -1,4 +1,4 @@
-//! What a map must tell of itself to be measured.
+//! What a map must say of itself to be measured.
 
 use super::coordinate::Coordinate;
 use super::measured_network::AsMeasured;

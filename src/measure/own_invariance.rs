@@ -36,7 +36,7 @@ impl OwnInvariance {
     const DRIFTS: f64 = 0.3;
     const MATTERS: f64 = 0.01;
 
-    /// So many orbits tell, of so many iterations.
+    /// So many orbits are followed, for so many iterations.
     pub const ORBITS: usize = 16;
     /// See [`OwnInvariance::ORBITS`].
     pub const ITERATIONS: usize = 1000;

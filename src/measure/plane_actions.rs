@@ -11,8 +11,8 @@ use faer::{Mat, Side};
 ///
 /// A fast rotation moves an action back and forth, so that one step changes it by about as much
 /// as many steps do: by a half of its swing in the root mean square, for angles of no low
-/// resonance. Of a slow motion one step tells less: where the part of the change that does not
-/// depend on the fast angles is the larger one, the pairs do not tell the swing.
+/// resonance. Of a slow motion one step shows less: where the part of the change that does not
+/// depend on the fast angles is the larger one, the pairs do not determine the swing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlaneSwing {
     /// The root mean square of I_j(output) − I_j(input) over the pairs.
@@ -23,7 +23,7 @@ pub struct PlaneSwing {
     pub swing: f64,
     /// How many orbits swing further than the range.
     pub beyond: usize,
-    /// So many steps' changes may be a swing; none where pairs do not tell it.
+    /// So many steps' changes may be a swing; none where pairs do not determine it.
     pub allowed: Option<f64>,
 }
 
@@ -36,7 +36,7 @@ impl PlaneSwing {
     const STEPS: f64 = 6.0;
     /// Harmonics of the fast angles by which an action may go.
     const HARMONICS: u32 = 3;
-    /// So many pairs tell.
+    /// So many pairs are looked at.
     const PAIRS: usize = 2000;
 
     /// Those of each plane: `states` are 2n numbers each, of `count` orbits in turn, `action` at
@@ -54,7 +54,7 @@ impl PlaneSwing {
         let dof = action.dof();
         let of_plane = |z: &[f64], j: usize| 0.5 * (z[j] * z[j] + z[dof + j] * z[dof + j]);
         let slow = slow_shares(pairs, action);
-        // 0 where a harmonic of a fast angle comes round: then steps tell nothing of it.
+        // 0 where a harmonic of a fast angle comes round: then steps show nothing of it.
         let mut seen = 1.0_f64;
         for (circle, angle) in action.circles().iter().zip(angles) {
             for m in circle.weights().iter().filter(|m| **m != 0) {
@@ -80,13 +80,13 @@ impl PlaneSwing {
             let range = max_or_nan(largest - least, Self::WIDE * largest);
             let swings: Vec<f64> = (0..count).map(|m| swing(states, dof, count, m, j)).collect();
             let beyond = swings.iter().filter(|swing| !(**swing <= range)).count();
-            let tells = slow[j] < 0.5 && seen > 0.0;
+            let shows = slow[j] < 0.5 && seen > 0.0;
             Self {
                 step: root_mean_square(&changes),
                 range,
                 swing: median_or_nan(swings),
                 beyond,
-                allowed: tells.then(|| Self::STEPS / seen),
+                allowed: shows.then(|| Self::STEPS / seen),
             }
         };
         (0..dof).map(plane).collect()

@@ -14,7 +14,7 @@ pub struct RotationNumber {
     pub error: f64,
 }
 
-/// The rotation number of each trajectory about a centre, of the growths of the angle that whole turns tell apart those
+/// The rotation number of each trajectory about a centre, of the growths of the angle that differ by whole turns those
 /// within half a turn of `near`: Σ w(k/N) Δθ_k/Σ w(k/N) with w(t) = exp(−1/t(1 − t)).
 ///
 /// `angle` is that of a state, in radians. A trajectory of fewer than five states has the error NaN.

@@ -35,7 +35,7 @@ fn inverse(jacobian: &[f64], dof: usize, may_be_symplectic: bool) -> Vec<f64> {
     let dim = 2 * dof;
     let matrix = MatRef::from_row_major_slice(jacobian, dim, dim);
     let defect = symplecticity_defect(matrix).norm_max();
-    // What is not finite is told by its entries.
+    // Its entries show what is not finite.
     let is_symplectic = may_be_symplectic && defect <= SYMPLECTIC * matrix.squared_norm_l2();
     if !matrix.is_all_finite() || is_symplectic {
         return inverse_of_symplectic(jacobian, dof);

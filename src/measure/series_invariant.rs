@@ -33,7 +33,7 @@ const STEP: f64 = 1e-4;
 const STEPS: [(f64, f64); 4] = [(-2.0 * STEP, 1.0), (-STEP, -8.0), (STEP, 8.0), (2.0 * STEP, -1.0)];
 
 impl SeriesInvariant {
-    /// Of a network, with harmonics told by so many angles; None unless it is symplectic, nearly periodic
+    /// Of a network, with harmonics from so many angles; None unless it is symplectic, nearly periodic
     /// and on one circle.
     ///
     /// # Panics

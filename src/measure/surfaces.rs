@@ -24,7 +24,7 @@ pub fn distances_to_set(points: &[f64], set: &[f64], dim: usize) -> Vec<f64> {
 }
 
 /// The mean growth of an angle from one state of a trajectory to the next, in turns, for each trajectory:
-/// of the growths that whole turns tell apart, those within half a turn of `near`.
+/// of the growths that whole turns distinguish, those within half a turn of `near`.
 pub fn winding_numbers(
     orbits: &Trajectories,
     near: f64,
@@ -63,7 +63,7 @@ impl LockedInterval {
 /// The ends of the part of [`centre` − `reach`, `centre` + `reach`] around its centre where
 /// `is_locked`, which judges many points at once, says so; None where it does not at the centre, or
 /// does up to an end. Each
-/// end is told by 24 points between those that were and were not, three times over.
+/// end is found by 24 points between those that were and were not, three times over.
 ///
 /// # Errors
 /// Those of `is_locked`.

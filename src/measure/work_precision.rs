@@ -136,7 +136,7 @@ pub fn work_precision(
     work_precision_by(&|| start.elapsed().as_secs_f64(), methods, error, units, rounds)
 }
 
-/// [`work_precision`] by another clock: `clock` tells seconds since any moment.
+/// [`work_precision`] by another clock: `clock` gives seconds since any moment.
 ///
 /// # Errors
 /// Those of [`work_precision`].
@@ -416,7 +416,7 @@ impl Comparison {
     }
 
     /// The fastest method for each power of ten of the error, from 1 down to where
-    /// no method reaches or the reference tells no more apart; methods that have
+    /// no method reaches or the reference no more distinguishes; methods that have
     /// lost the trajectories do not count.
     pub fn fastest_by_error(&self) -> Vec<FastestWithin<'_>> {
         const SMALLEST: i32 = -15;

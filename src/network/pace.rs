@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 /// let mut pace = Pace::asking(&mut go_on);
 /// assert!(pace.pause("a sum", 1).is_ok() && pace.pause("a sum", 1).is_ok());
 /// let stopped = pace.pause("a sum", 1).unwrap_err();
-/// assert_eq!(stopped.to_string(), "a sum: told to stop before its end");
+/// assert_eq!(stopped.to_string(), "a sum: stopped before its end");
 /// ```
 pub struct Pace<'a> {
     go_on: Option<&'a mut dyn FnMut() -> bool>,

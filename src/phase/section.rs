@@ -181,7 +181,7 @@ impl AreaDensity {
             }
             error / size
         };
-        // Between nodes at equal distances a polynomial of too high a degree swings: the others tell.
+        // Between nodes at equal distances a polynomial of too high a degree swings: the others show it.
         let most = x.len().min(y.len()).div_ceil(2) - 1;
         let mut best: Option<(usize, f64)> = None;
         for degree in 2..=most.min(MOST_DEGREE) {
@@ -247,7 +247,7 @@ impl AreaDensity {
     /// on none.
     ///
     /// # Errors
-    /// When there is not one number for each control. Whether ρ is positive there [`AreaDensity::check`] tells.
+    /// When there is not one number for each control. Whether ρ is positive there [`AreaDensity::check`] says.
     pub fn at(&self, offsets: &[f64]) -> Result<Self, Error> {
         if self.changes.is_empty() {
             return Ok(self.clone());

@@ -126,7 +126,7 @@ pub(super) fn tunes<'py>(py: Python<'py>, orbits: Rows<'py>) -> PyResult<TwoArra
 
 /// The rotation number of an orbit (T, 2) of a map of a plane about `centre`, in turns a step, by weighted Birkhoff
 /// averages: (turns, error), the error being the difference of the two halves. Of the growths of the angle that whole
-/// turns tell apart it takes those within half a turn of `near`. Raises Error of arrays of other shapes.
+/// turns distinguish it takes those within half a turn of `near`. Raises Error of arrays of other shapes.
 #[pyfunction]
 #[pyo3(signature = (orbit, centre, near=0.0))]
 pub(super) fn rotation_number(

@@ -193,7 +193,7 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// plateau: stop when the held-out error has fallen by less than a tenth in so many iterations, 50
 /// with "lm" unless given; 0 never stops.
 /// epsilon, flow_time: those of the pairs, a number or an array (N,) of those of each pair: 0.01 and what
-/// they tell unless given. The network's own are the largest of an array, or that of a tuple (own, array).
+/// they determine unless given. The network's own are the largest of an array, or that of a tuple (own, array).
 /// loss_weights: "auto", by the motion of each plane beside the rotation, "none", or n or 2n positive
 /// numbers: of the planes in the loss and in the held-out error that chooses the model.
 /// theta, theta_fixed, theta_penalty: the angle to start from, the nearest rotation's unless given,

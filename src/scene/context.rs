@@ -105,20 +105,20 @@ impl<'a> Context<'a> {
         (self.training_times, self.log.into_stages())
     }
 
-    /// Does some work as a stage of the run, told to the observer.
+    /// Does some work as a stage of the run, reported to the observer.
     pub(super) fn stage<T, E>(
         &mut self,
         name: &str,
         work: impl FnOnce(&mut Self) -> Result<T, E>,
     ) -> Result<T, E> {
-        self.tell(Event::Stage(name));
+        self.report(Event::Stage(name));
         self.log.enter(name);
         let result = work(self);
         self.log.leave();
         result
     }
 
-    pub(super) fn tell(&mut self, event: Event<'_>) {
+    pub(super) fn report(&mut self, event: Event<'_>) {
         self.observer.event(event);
     }
 

@@ -1,8 +1,8 @@
-//! What a run tells while it goes on, and who listens.
+//! What a run reports while it goes on, and who listens.
 
 use crate::train::{Stop, TrainingRecord};
 
-/// What a run tells while it goes on.
+/// What a run reports while it goes on.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// A stage begins.

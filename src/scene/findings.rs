@@ -20,7 +20,7 @@ pub struct Findings {
     pub timings: Section,
     /// Its figures.
     pub figures: Vec<Figure>,
-    /// What is told at the end of the report.
+    /// What stands at the end of the report.
     pub appendix: Vec<Block>,
 }
 
@@ -36,16 +36,16 @@ pub struct StudyFindings {
 /// A part of the findings.
 #[derive(Clone, Debug, Default)]
 pub struct Section {
-    /// What is told wherever the run is told of.
+    /// What stands wherever the run is reported.
     pub summary: Vec<Block>,
-    /// What is told in the report beside it.
+    /// What stands in the report beside it.
     pub details: Vec<Block>,
     /// All of it as data; null where there is none.
     pub data: Value,
 }
 
 impl Section {
-    /// Whether there is nothing to tell.
+    /// Whether it is empty.
     pub fn is_empty(&self) -> bool {
         self.summary.is_empty() && self.details.is_empty()
     }

@@ -339,7 +339,8 @@ fn holds(path: &Path) -> Result<bool, Error> {
     holds.ok_or_else(|| Error::content(file.display(), "a report", "none"))
 }
 
-/// Copies the checkpoints of the trainings of a part into its folder, under the names of a run, and tells their times.
+/// Copies the checkpoints of the trainings of a part into its folder, under the names of a run, and reports their
+/// times.
 fn gather(
     planned: &Planned,
     scene: &Scene,

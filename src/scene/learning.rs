@@ -182,7 +182,7 @@ fn learn_at(
     context.add_training_times(times);
     let Scheduled { initial, stages, outcome } = result?;
     let (stop, best) = (outcome.stop, outcome.best);
-    context.tell(Event::Trained { model: &spec.name, stop, best });
+    context.report(Event::Trained { model: &spec.name, stop, best });
     if stop == Stop::Interrupted {
         return Err(RunError::Interrupted);
     }
@@ -222,7 +222,7 @@ pub(super) fn leading_up(
     }
 }
 
-/// Saves checkpoints, takes times, and tells how it goes.
+/// Saves checkpoints, takes times, and reports how it goes.
 struct SceneWatch<'w, 'a> {
     context: &'w mut Context<'a>,
     spec: &'w ModelSpec,
@@ -301,7 +301,7 @@ impl TrainingObserver for SceneWatch<'_, '_> {
             TrainingStage::Last => self.spec.name.clone(),
             _ => format!("{}, {}", self.spec.name, stage.name()),
         };
-        self.context.tell(Event::Iteration { model: &model, record, iterations });
+        self.context.report(Event::Iteration { model: &model, record, iterations });
         Ok(if self.context.interrupted() { Control::Interrupt } else { Control::Continue })
     }
 }

@@ -79,7 +79,7 @@ pub struct LineControls {
     /// Values between them, whose lines are held out too: what is learnt of the others is judged by them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub held_out: Vec<Vec<f64>>,
-    /// The total degree of the polynomials that parameters are of them; the highest that the values tell, up to 4,
+    /// The total degree of the polynomials that parameters are of them; the highest that the values determine, up to 4,
     /// unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub degree: Option<usize>,

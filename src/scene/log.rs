@@ -50,7 +50,7 @@ pub(super) struct Log {
     stages: Vec<Stage>,
     /// Those that are under way, the innermost last.
     open: Vec<usize>,
-    /// Up to where time and work are told to a stage.
+    /// Up to where time and work are counted to a stage.
     time: Instant,
     work: Work,
 }

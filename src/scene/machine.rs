@@ -7,7 +7,7 @@ use std::fmt::{Display, Formatter, Result};
 /// The processor, and how much of it is used.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Machine {
-    /// The processor's name, as the system tells it; its architecture elsewhere.
+    /// The processor's name, as the system names it; its architecture elsewhere.
     pub processor: String,
     /// Threads that share the work, but where a time says otherwise.
     pub threads: usize,

@@ -47,7 +47,7 @@ pub enum NextStep {
 }
 
 impl NextStep {
-    /// Fewer iterations tell nothing of a network.
+    /// Fewer iterations are no ground to judge a network.
     const FEW: u64 = 50;
     /// Of fewer pairs more are asked for, where too few are held out to judge by.
     const USUAL: usize = 1000;
@@ -187,8 +187,8 @@ impl OwnTraining<'_> {
         )));
         trust.results.data["next"] = json!(next);
         trust.results.data["worst_plane"] = json!(of.worst_plane().map(|plane| plane + 1));
-        if let Some(told) = FitNote::of_negative_epsilons(pairs) {
-            trust.results.details.push(Block::Text(format!("- {told}.\n")));
+        if let Some(words) = FitNote::of_negative_epsilons(pairs) {
+            trust.results.details.push(Block::Text(format!("- {words}.\n")));
         }
         for note in &problem.notes {
             match note {

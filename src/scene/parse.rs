@@ -42,7 +42,7 @@ fn without_named_scenes<'a>(
     place: &str,
     text: &'a str,
 ) -> Result<(Cow<'a, str>, Vec<Scene>), Error> {
-    // What is no TOML is told by whoever reads the scene.
+    // Whoever reads the scene says what is no TOML.
     let Ok(table) = DeTable::parse(text) else { return Ok((text.into(), Vec::new())) };
     let Some((key, value)) = table.get_ref().get_key_value("scenes") else {
         return Ok((text.into(), Vec::new()));

@@ -65,7 +65,7 @@ pub struct Data {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub epsilons: Vec<f64>,
     /// … and each of these flow times, the scene's unless given: a network learns all of
-    /// them at once, with ε and the flow time as what it is told. The points of the windows
+    /// them at once, with ε and the flow time as what it takes. The points of the windows
     /// are shared out among them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub flow_times: Vec<f64>,
@@ -76,7 +76,7 @@ pub struct Data {
     pub relative: bool,
 }
 
-/// An integrator in place of the reference flow; twice as many steps tell its error, or, of an averaged equation,
+/// An integrator in place of the reference flow; twice as many steps estimate its error, or, of an averaged equation,
 /// stroboscopic averaging of sixth order. Its
 /// evaluations of the equations of motion are not among those that a report counts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

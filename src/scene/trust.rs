@@ -30,8 +30,8 @@ pub(super) fn trust(judgement: &Judgement) -> Findings {
     let mut text = format!("**{verdict}**: ");
     too_few.iter().for_each(|first| text.push_str(&format!("{first}; ")));
     text.push_str(error);
-    let told = |reason: &&str| reason != error && Some(*reason) != too_few.as_deref();
-    for reason in judgement.reasons().filter(told) {
+    let stands = |reason: &&str| reason != error && Some(*reason) != too_few.as_deref();
+    for reason in judgement.reasons().filter(stands) {
         text.push_str(&format!("; {reason}"));
     }
     text.push_str(".\n\n");

@@ -1,4 +1,4 @@
-//! The circle action of pairs of which nobody told it.
+//! The circle action of pairs for which none is given.
 
 use super::rotation_fit::{divisor, least_angle};
 use crate::error::Error;
@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 /// exp(±im_jθ), which are the same in any linear units of the plane, but for its size. Of all weights
 /// |m_j| ≤ 3 without a common factor those are chosen that bring the turned planes nearest to these
 /// angles, for the best θ; of some that are about as near, the simplest. Angles are known up to
-/// whole turns only, and short ones may be slow: then nobody can tell, and [`ActionFit::is_sure`]
+/// whole turns only, and short ones may be slow: then it is not determined, and [`ActionFit::is_sure`]
 /// says so.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ActionFit {
@@ -36,7 +36,7 @@ impl ActionFit {
     const MOST: i32 = 3;
     /// Planes of more degrees of freedom have too many candidates.
     const MOST_PLANES: usize = 5;
-    /// So many pairs tell.
+    /// So many pairs are looked at.
     const PAIRS: usize = 4000;
     /// What pairs of one flow time leave open. By 0.9 of it a plane that goes round k times more
     /// turns by 0.2πk less, which is another angle for each k of ten.
@@ -112,7 +112,7 @@ impl ActionFit {
             && simpler.all(|(_, distance)| *distance > Self::NEAR)
     }
 
-    /// What is to be told.
+    /// In words.
     pub fn describe(&self) -> String {
         let angles: Vec<String> = self.angles.iter().map(|angle| format!("{angle:.3}")).collect();
         let next = self

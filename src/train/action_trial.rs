@@ -35,7 +35,7 @@ impl ActionTrial {
     /// Of more planes a few iterations say nothing: with `0,1,2` of two modes and a particle networks of `0,0,1` err
     /// less.
     pub const PLANES: usize = 2;
-    /// Of fewer pairs nothing can be told.
+    /// Fewer pairs are no ground for a choice.
     pub const FEWEST: usize = 100;
     /// The share of the pairs that judges.
     pub(super) const HELD_OUT: f64 = 0.25;
@@ -45,7 +45,7 @@ impl ActionTrial {
     const CLEAR: f64 = 2.0;
     /// What the nearest rotation is sure of is not the action where another errs so many times less.
     const FAR: f64 = 3.0;
-    /// Where the best errs by more than this share of a plane's motion, nothing is learnt that could tell.
+    /// Where the best errs by more than this share of a plane's motion, too little is learnt for a choice.
     const LITTLE: f64 = 0.5;
 
     /// The actions that are tried: each plane alone, those of the nearest rotation, and, where a network may have
@@ -117,7 +117,7 @@ impl ActionTrial {
         matches!((self.least(), other.least()), (Some(own), Some(other)) if own <= Self::FAR * other)
     }
 
-    /// Whether the best action learns enough to be told from the others.
+    /// Whether the best action learns enough to be chosen.
     fn is_learnt(&self) -> bool {
         self.least().is_some_and(|least| least < Self::LITTLE)
     }
@@ -164,7 +164,10 @@ impl ActionTrial {
         match (self.chosen(), texts.is_empty()) {
             (Some(action), false) if self.is_learnt() => format!("circle action {action}: {tried}"),
             (Some(_), false) => {
-                format!("{}; too little is learnt to tell: {tried}", self.by_rotation.describe())
+                format!(
+                    "{}; too little is learnt for a choice: {tried}",
+                    self.by_rotation.describe()
+                )
             }
             (None, false) => format!("{tried}; {}", self.by_rotation.describe()),
             (None, true)

@@ -14,7 +14,7 @@ pub struct ControlOptions {
     pub names: Vec<String>,
     /// The total degree of the polynomials that parameters are of them. Without: the highest up to 4 of which
     /// there are fewer products than values in the pairs, so that no value is learnt by heart, and which these values
-    /// tell apart; 1 of two values.
+    /// distinguish; 1 of two values.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub degree: Option<usize>,
 }
@@ -82,7 +82,7 @@ impl ControlOptions {
         if !are_independent(&controls, &maps) {
             let found = format!("{} products of degree {}", controls.terms(), controls.degree);
             let expected = format!(
-                "a lower degree, or more values: the {} that the pairs have do not tell these apart",
+                "a lower degree, or more values: the {} that the pairs have do not determine these",
                 maps.len()
             );
             return Err(Error::invalid("controls", found, expected));

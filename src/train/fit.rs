@@ -128,9 +128,9 @@ impl FamilyPairs {
 
 impl From<Pairs> for FamilyPairs {
     fn from(pairs: Pairs) -> Self {
-        // Where controls alone tell maps apart, an ε and a flow time of 1 say nothing.
-        let tells = |c: &Condition| c.controls.is_empty() || c.epsilon != 1.0 || c.time != 1.0;
-        let known = pairs.conditions().iter().any(tells);
+        // Where controls alone distinguish maps, an ε and a flow time of 1 say nothing.
+        let says = |c: &Condition| c.controls.is_empty() || c.epsilon != 1.0 || c.time != 1.0;
+        let known = pairs.conditions().iter().any(says);
         Self { pairs, has_epsilons: known, has_times: known }
     }
 }
@@ -325,7 +325,7 @@ impl Fit {
                 return Err(Error::invalid("circle action", found, expected));
             }
         }
-        let found = format!("auto, which is not sure: {}", trial.describe());
+        let found = format!("none for sure: {}", trial.describe());
         Err(Error::invalid("circle action", found, "weights, or pairs of another flow time"))
     }
 

@@ -219,7 +219,7 @@ impl Judgement {
         let count = starts.len() / dim;
         let states = model.rollout(starts, Rollout { steps: STEPS, every: 1 })?;
         let orbits = region.as_ref().map(|region| orbits(&states, count, region));
-        // Pairs of several maps do not tell what one of them does to an action.
+        // Pairs of several maps do not show what one of them does to an action.
         let swings = match pairs.conditions() {
             [] => PlaneSwing::measure(&both, action, angles, &states, count),
             _ => Vec::new(),

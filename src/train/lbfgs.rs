@@ -169,7 +169,7 @@ impl<'a> Segment<'a> {
         executor: impl FnOnce(Scaled<'a>) -> Executor<Scaled<'a>, SolverState, Solver>,
     ) -> Self {
         let scaled = Scaled { problem, scale: scale.clone(), factor };
-        // Basin stops after 1000 iterations unless told otherwise.
+        // Basin stops after 1000 iterations unless set otherwise.
         let executor = executor(scaled).max_iter(u64::MAX);
         let stepper = executor.into_stepper().expect("an infallible problem");
         Self { stepper, scale, factor }

@@ -100,7 +100,7 @@ const MOST_DAMPING: f64 = 1e20;
 const LOOK: u64 = 10;
 /// So many looks without a lower loss on all pairs, and more of them are used.
 const LOOKS: u64 = 5;
-/// The part of a step on both sides of which the residuals tell their second
+/// The part of a step on both sides of which the residuals give their second
 /// derivative: the third cancels, the fourth stays with a twelfth of its square.
 const BESIDE: f64 = 0.1;
 

@@ -173,7 +173,7 @@ impl<'a> Objective<'a> {
 
     /// The loss and `penalty` times the mean square of I_ε(z) − z over all components
     /// of the pairs' inputs, I_ε being the steps of the map that ε scales: of the maps
-    /// that the pairs tell apart no better it prefers those near the identity, whose
+    /// that the pairs distinguish no better it prefers those near the identity, whose
     /// circle action is that of the data.
     ///
     /// # Errors

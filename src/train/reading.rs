@@ -25,7 +25,7 @@ pub struct Reading {
 impl Reading {
     /// How many times as large the error is at least of what was said.
     const FACTOR: f64 = 10.0;
-    /// So many pairs tell.
+    /// So many pairs are looked at.
     const PAIRS: usize = 1000;
 
     /// The pairs with columns q₁ p₁ q₂ p₂ … taken in the order q₁ … qₙ, p₁ … pₙ, and that order in words.
@@ -96,7 +96,7 @@ impl Reading {
         best
     }
 
-    /// What is to be told.
+    /// In words.
     pub fn describe(&self) -> String {
         let weights: Vec<String> = self.weights.iter().map(i32::to_string).collect();
         format!(

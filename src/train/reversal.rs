@@ -7,7 +7,7 @@ use crate::scalar::median_or_nan;
 use std::fmt;
 
 /// How far pairs (z, w) are from those of a map F that is reversible, F(Sw) = Sz, as polynomial maps that are fitted to
-/// them tell.
+/// them are looked at.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReversalDefect {
     /// S.

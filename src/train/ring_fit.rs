@@ -27,7 +27,7 @@ pub struct Rings {
 
 /// So many pairs make a ring.
 const PAIRS: usize = 6;
-/// More rings in a direction tell no more.
+/// More rings in a direction add nothing.
 const RINGS: usize = 64;
 /// Of pairs of one ring that turn by different angles, the mean phase is shorter than this.
 const TOGETHER: f64 = 0.5;

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 /// The angle θ in (−π/g, π/g] whose rotation Φ_θ is nearest to the pairs in the
 /// mean square, g the greatest common divisor of the weights, after 2π/g of which the
 /// rotation is the same: where to start θ when ω₀t is unknown. Of pairs with several flow
-/// times, the angle for time 1, from the shortest to the longest of them: whole periods are told
+/// times, the angle for time 1, from the shortest to the longest of them: whole periods are determined
 /// from the times before.
 ///
 /// Σ|Φ_θz − z′|² = const − 2Σ_j(C_j cos m_jθ + S_j sin m_jθ) with

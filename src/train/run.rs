@@ -13,7 +13,7 @@ use crate::flow::Pairs;
 use crate::network::Model;
 use std::ops::ControlFlow;
 
-/// What the caller is told after each iteration.
+/// What the caller learns after each iteration.
 #[derive(Debug)]
 pub struct Progress<'a> {
     /// The newest record.

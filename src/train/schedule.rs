@@ -112,7 +112,7 @@ pub struct Scheduled {
     pub outcome: Outcome,
 }
 
-/// What a schedule tells, and what it asks for.
+/// What a schedule reports, and what it asks for.
 pub trait TrainingObserver {
     /// A checkpoint of this stage to go on from, if there is one.
     ///

@@ -69,7 +69,7 @@ fn check_trials(name: &str, count: u64, iterations: u64) -> Result<(), Error> {
 }
 
 impl Starts {
-    /// Iterations that tell good starts from bad ones.
+    /// Iterations that distinguish good starts from bad ones.
     pub const TRIAL: u64 = 40;
 
     /// The seed of the weights of a start, that of the first being the training's own: far from

@@ -15,9 +15,9 @@ const BETTER: f64 = 10.0;
 const PERFECT: f64 = 1e-12;
 /// A centre is within so many spreads of the mean.
 const NEAR: f64 = 3.0;
-/// The square of the sine of an angle below which it tells no ratio.
+/// The square of the sine of an angle below which it determines no ratio.
 const TURNED: f64 = 1e-3;
-/// So many pairs tell.
+/// So many pairs are looked at.
 const PAIRS: usize = 10_000;
 
 /// The units in which the widest plane of pairs is of order one and the planes that an action turns are turned
@@ -80,7 +80,7 @@ impl Plane {
         let spread = [0, 1].map(|half| spread(&moves, half, centre[half]));
         let own = spread[1] / spread[0];
         let elongated = own.is_normal() && !(SMALL * SMALL..=LARGE * LARGE).contains(&own);
-        // Of a plane that turns nothing tells the ratio where it comes round to where it was.
+        // Of a plane that turns nothing determines the ratio where it comes round to where it was.
         let ratio = match elongated && ratio == 1.0 && (!turns || at_rest(&moves, centre)) {
             true => power_of_two(0.5 * libm::log2(own)).powi(2),
             false => ratio,

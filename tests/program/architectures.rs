@@ -64,7 +64,7 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
     let predict = ["predict", "--model", "m.json", "--input", "z.npy", "--output", "t.npy"];
     // Nobody has told how long it takes.
     let longer = [&predict[..], &["--steps", "2", "--flow-time", "40"]].concat();
-    refuses(path, &longer, &["flow_time", "40", "told"]);
+    refuses(path, &longer, &["flow_time", "40", "given"]);
     succeeds(path, &[&predict[..], &["--steps", "20000", "--every", "5000"]].concat());
     let file = std::fs::read(path.join("t.npy")).expect("trajectories");
     let values: Vec<f64> = file[file.len() - 5 * 12 * 8..]

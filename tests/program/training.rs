@@ -263,7 +263,7 @@ fn a_circle_action_is_chosen() {
     let still = Pairs::new("still", 2, points.clone(), points).expect("whole");
     write_pairs(&path.join("still.npz"), &still).expect("written");
     let auto = ["train", "--data", "still.npz", "--circle-action", "auto", "--output", "x.json"];
-    refuses(path, &auto, &["--circle-action", "not sure", "the planes turn by"]);
+    refuses(path, &auto, &["--circle-action", "none for sure", "the planes turn by"]);
 }
 
 /// The report says in its first lines whether to trust the model, and why not.
@@ -409,8 +409,7 @@ fn trajectories_that_leave_the_training_points_are_told() {
     assert_eq!(std::fs::read(path.join("t.npy.probe")).expect("kept"), b"mine");
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let told = text(&output.stderr);
-    for words in ["of 9 kept states", "1 trajectory", "rows 1,", "row 1", "after 0 steps", "p2 = "]
-    {
+    for words in ["of 9 kept states", "1 trajectory", "rows 1,", "row 1", "at the start: p2 = "] {
         assert!(told.contains(words), "{words}: {told}");
     }
     let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");

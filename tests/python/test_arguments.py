@@ -88,7 +88,7 @@ def test_circle_actions_are_whole_numbers_or_are_found(pairs):
             trained(action)
         assert str(refused.value).startswith("circle_action: "), action
     # What stands still turns by no action.
-    with pytest.raises(gyroceptron.Error, match="circle action: .*not sure"):
+    with pytest.raises(gyroceptron.Error, match="circle action: .*none for sure"):
         trained("auto", (pairs[0], pairs[0]))
     with pytest.raises(gyroceptron.Error, match="pairs"):
         trained("auto", (pairs[0][:2], pairs[1][:2]))

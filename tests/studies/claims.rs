@@ -75,12 +75,12 @@ fn verdicts_come_out_negative_too() {
     assert!(ranked(&small, &large).starts_with(REPRODUCED), "{}", ranked(&small, &large));
     assert!(ranked(&small, &large).contains("p = 0.01"), "{}", ranked(&small, &large));
     assert!(ranked(&large, &small).starts_with("not: the other way round"));
-    assert!(ranked(&small, &overlapping).starts_with("not told: ranges overlap"));
-    assert!(ranked(&small, &[]).starts_with("not told"));
+    assert!(ranked(&small, &overlapping).starts_with("undecided: ranges overlap"));
+    assert!(ranked(&small, &[]).starts_with("undecided"));
     // One set of weights has no range, two are too few.
-    assert!(ranked(&small[..1], &large[..1]).starts_with("not told (one set"));
-    assert!(ranked(&small[..2], &large[..2]).starts_with("not told: too few"));
-    assert!(ranked(&small, &[1e-6, f64::NAN]).starts_with("not told"));
+    assert!(ranked(&small[..1], &large[..1]).starts_with("undecided (one set"));
+    assert!(ranked(&small[..2], &large[..2]).starts_with("undecided: too few"));
+    assert!(ranked(&small, &[1e-6, f64::NAN]).starts_with("undecided"));
     // Without orbits nothing is known.
     assert!(change(&Value::Null).is_nan());
 }

@@ -12,7 +12,7 @@ use serde::Serialize;
 use std::ops::Range;
 use std::path::Path;
 
-/// Okabe and Ito's colours, told apart by everybody, and two more.
+/// Okabe and Ito's colours, which everybody distinguishes, and two more.
 const COLORS: [RGBColor; 10] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -167,7 +167,7 @@ fn color(number: usize) -> RGBColor {
     COLORS[number % COLORS.len()]
 }
 
-/// The mark of a colour: its form tells it apart in print without colours.
+/// The mark of a colour: its form distinguishes it in print without colours.
 fn mark(strip: &Area<'_>, number: usize, at: (i32, i32)) -> Drawn {
     let color = color(number).filled();
     match number % 3 {

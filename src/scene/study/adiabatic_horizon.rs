@@ -216,7 +216,7 @@ impl AdiabaticHorizonOptions {
             };
             context.folder.save(CHECKPOINT, &checkpoint)?;
             let done: u64 = orbits.iter().map(|run| run.orbit.steps()).sum();
-            context.tell(Event::Progress { what: "iterations", done, total });
+            context.report(Event::Progress { what: "iterations", done, total });
             if context.interrupted() && done < total {
                 return Err(RunError::Interrupted);
             }

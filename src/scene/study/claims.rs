@@ -190,10 +190,10 @@ pub fn ranked(ours: &[f64], theirs: &[f64]) -> String {
     };
     let ((low, high), (their_low, their_high)) = (ends(ours), ends(theirs));
     if !(low <= high && their_low <= their_high) {
-        return "not told (a map is lost, or was not run)".into();
+        return "undecided (a map is lost, or was not run)".into();
     }
     if ours.len().min(theirs.len()) < 2 {
-        return "not told (one set of initial weights)".into();
+        return "undecided (one set of initial weights)".into();
     }
     // The exact one of statrs 0.19 gives the complement for samples of one size.
     let test = mannwhitneyu(
@@ -202,7 +202,7 @@ pub fn ranked(ours: &[f64], theirs: &[f64]) -> String {
         MannWhitneyUMethod::AsymptoticInclContinuityCorrection,
         Alternative::TwoSided,
     );
-    let Ok((_, p)) = test else { return "not told (no rank test)".into() };
+    let Ok((_, p)) = test else { return "undecided (no rank test)".into() };
     let words = format!(
         "rank test p = {p:.2}, {} and {} sets of initial weights",
         ours.len(),
@@ -210,9 +210,9 @@ pub fn ranked(ours: &[f64], theirs: &[f64]) -> String {
     );
     match p <= SIGNIFICANT {
         _ if high >= their_low && their_high >= low => {
-            format!("not told: ranges overlap ({words})")
+            format!("undecided: ranges overlap ({words})")
         }
-        false => format!("not told: too few to tell ({words})"),
+        false => format!("undecided: too few ({words})"),
         true if high < their_low => format!("{REPRODUCED} ({words})"),
         true => format!("not: the other way round ({words})"),
     }

@@ -51,7 +51,7 @@ pub struct ControlsOptions {
     pub aims: Vec<f64>,
 }
 
-/// Fewer maps tell no rotation.
+/// Fewer maps determine no rotation.
 const LEAST_TURNING: usize = 128;
 /// No polynomial is of a higher degree.
 const MOST_DEGREE: usize = 60;

@@ -174,7 +174,7 @@ struct Invariants {
     learnt: Vec<Option<f64>>,
 }
 
-/// The largest error of a phase, in radians, that tells a frequency.
+/// The largest error of a phase, in radians, from which a frequency is taken.
 const KNOWN_PHASE: f64 = 1.0;
 
 impl FamilyOptions {

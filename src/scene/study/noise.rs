@@ -46,7 +46,7 @@ pub struct NoiseOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gap {
-    /// The component that tells, from 0 in the order q₁ … pₙ.
+    /// The component that is judged, from 0 in the order q₁ … pₙ.
     pub component: usize,
     /// It lies between this …
     pub low: f64,

@@ -31,7 +31,7 @@ const POINCARE: &str = "poincare";
 const ROTATION: &str = "rotation";
 const SURFACES: &str = "off-surface";
 
-/// Fewer maps tell no rotation, and no curve.
+/// Fewer maps determine no rotation, and no curve.
 const LEAST_MAPS: usize = 128;
 /// The states of more do not fit into memory.
 const MOST_MAPS: usize = 1_000_000;
@@ -679,7 +679,9 @@ impl Fixed {
         };
         let width = match self.chain.width {
             Some(width) => format!("; its island is {:.4} mm wide", 1e3 * width),
-            None if self.chain.centre.is_some() => "; its island is too narrow to be told".into(),
+            None if self.chain.centre.is_some() => {
+                "; its island is too narrow to be measured".into()
+            }
             None => String::new(),
         };
         format!(
@@ -766,7 +768,7 @@ impl Results<'_> {
         sure.sort_by(f64::total_cmp);
         let agree = format!("two halves of a line agree to {SURE:.0e} turns a map");
         let profile = match sure[..] {
-            [] => format!("On none of {profile} lines {agree}: |ι| is not told."),
+            [] => format!("On none of {profile} lines {agree}: no value of |ι| is certain."),
             [low, .., high] => format!(
                 "|ι| is from {low:.6} to {high:.6} on {} of {profile} lines, on which {agree}.",
                 sure.len()

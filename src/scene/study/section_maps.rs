@@ -421,8 +421,8 @@ impl Judge<'_> {
         Ok([vec![start.to_vec()], between.take(1).collect(), points[..1].to_vec()].concat())
     }
 
-    /// How many maps tell an island from a line that only turns about as fast: several times round its centre. None
-    /// where that takes too many.
+    /// How many maps distinguish an island from a line that only turns about as fast: several times round its centre.
+    /// None where that takes too many.
     pub(super) fn maps_of_island(resonance: Resonance, centre: &OrbitFound) -> Option<usize> {
         const ROUND: f64 = 3.0;
         const MOST: f64 = 10_000.0;
@@ -432,8 +432,8 @@ impl Judge<'_> {
         (maps <= MOST).then_some(maps.ceil() as usize)
     }
 
-    /// The part of the ray from the axis through the centre of an island on which lines stay in it, as so many maps
-    /// tell.
+    /// The part of the ray from the axis through the centre of an island on which lines stay in it for so many
+    /// maps.
     pub(super) fn width(
         &self,
         map: &SectionMap<'_>,

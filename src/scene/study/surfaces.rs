@@ -47,7 +47,7 @@ pub struct SurfacesOptions {
     pub early: usize,
     /// So many of the last points are looked for on the surfaces of the reference, and drawn.
     pub last: usize,
-    /// Applications of the map that tell whether a line is in an island.
+    /// Applications of the map that decide whether a line is in an island.
     pub island: usize,
     /// How often each time is taken.
     pub rounds: usize,
@@ -498,7 +498,7 @@ impl Results<'_> {
              one: the root mean square distance from the reference over the first {}. From the \
              surface: of the last {} points of each line from the nearest of all those of the \
              reference, which itself errs by {error:.1e} at the end. H of the reference oscillates \
-             by up to {:.2} % on the section. The island of the reference: {island}, told by \
+             by up to {:.2} % on the section. The island of the reference: {island}, from \
              {} maps.",
             options.radii.len(),
             options.radii[0],

@@ -20,7 +20,7 @@ use std::rc::Rc;
 
 const TRAJECTORIES: &str = "trajectories";
 
-/// More are not told apart in a figure.
+/// More cannot be distinguished in a figure.
 const MOST_EPSILONS: usize = 64;
 
 /// Trajectories for several ε, each from the same points.

@@ -1,4 +1,4 @@
-//! Which circle action some pairs have, where nobody tells: that of the network that learns them best.
+//! Which circle action some pairs have, where it is not known: that of the network that learns them best.
 
 use super::shared::Study;
 use crate::error::Error;
@@ -25,7 +25,7 @@ pub(in crate::scene) const CHECKPOINT: &str = "which-action.checkpoint";
 
 /// An ensemble of circle actions, each given to a network that is trained for a short while, several
 /// times over with pairs and weights of their own; and what the linear map nearest to the same
-/// pairs tells.
+/// pairs says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WhichActionOptions {
@@ -36,7 +36,7 @@ pub struct WhichActionOptions {
     /// The pairs of each try: no two tries share one.
     pub pairs: usize,
     /// The network, with each of the actions in turn. Its angle begins at the rotation nearest to the pairs: nobody
-    /// tells the frequency either.
+    /// determines the frequency either.
     pub network: Box<NetworkSpec>,
     /// How its weights are drawn.
     pub weights: InitialWeights,
@@ -161,7 +161,7 @@ impl Study for WhichActionOptions {
              their own; the angle begins at the rotation nearest to the pairs. Chosen is the action whose \
              network errs least on {} held-out pairs; the margin is how many times as large the mean squared error of \
              the next is, and below {CLEAR} the try says that it is not sure. Without training: the planes' angles of the \
-             linear map nearest to the same pairs, among all weights up to 3, and whether they tell.",
+             linear map nearest to the same pairs, among all weights up to 3, and whether it is sure.",
             self.actions.len(),
             self.training.iterations,
             self.tries,
@@ -185,7 +185,7 @@ impl Study for WhichActionOptions {
     }
 }
 
-/// What is fewer times as far as the best is not told from it.
+/// What is fewer times as far as the best is not distinguished from it.
 const CLEAR: f64 = 3.0;
 
 /// Larger weights are taken for a mistake.
@@ -198,7 +198,7 @@ struct Attempted {
     errors: Vec<Option<f64>>,
     /// The same on the way: iterations and errors.
     history: Vec<Vec<(u64, f64)>>,
-    /// What the linear map says, and whether it tells.
+    /// What the linear map says, and whether it is sure.
     linear: CircleAction,
     sure: bool,
 }
@@ -265,7 +265,7 @@ impl WhichActionOptions {
         let outcome =
             train(&model, pairs, Some(held_out), &self.training, None, &mut |progress| {
                 let (record, iterations) = (progress.record, self.training.iterations);
-                context.tell(Event::Iteration { model: name, record, iterations });
+                context.report(Event::Iteration { model: name, record, iterations });
                 Ok(if context.interrupted() { Control::Interrupt } else { Control::Continue })
             })?;
         if outcome.stop == Stop::Interrupted {
@@ -353,16 +353,16 @@ impl Results<'_> {
             ("by the linear map", Format::Exact),
             ("sure", Format::Exact),
         ]);
-        let told = |sure: bool| if sure { "yes" } else { "not sure" };
+        let words = |sure: bool| if sure { "yes" } else { "not sure" };
         for (number, one) in self.tries.iter().enumerate() {
             let chosen = one.chosen();
             table.push([
                 (number + 1).into(),
                 chosen.map(|(best, _)| self.options.actions[best].to_string()).into(),
                 chosen.map(|(_, margin)| margin).into(),
-                chosen.map(|(_, margin)| told(margin >= CLEAR)).into(),
+                chosen.map(|(_, margin)| words(margin >= CLEAR)).into(),
                 one.linear.to_string().into(),
-                told(one.sure).into(),
+                words(one.sure).into(),
             ]);
         }
         table

@@ -650,7 +650,7 @@ fn winners(comparison: &Comparison, steps: &str) -> String {
         let _ = writeln!(
             out,
             "- Fastest of all for an error of at most (the reference itself errs by {:.0e}: what is \
-             below is not told apart)",
+             smaller differences are not seen)",
             comparison.reference_error
         );
     }
