@@ -6,8 +6,8 @@ use gyroceptron::layer::TorusAction;
 use gyroceptron::prelude::*;
 use gyroceptron::random::Stream;
 use gyroceptron::train::{
-    ActionFit, Checkpoint, Control, FamilyPairs, FitNote, Loss, Optimiser, Progress, RampStage,
-    Reading, Starts, Stop, TrainingObserver, TrainingStage,
+    ActionFit, Checkpoint, Control, FamilyPairs, FitNote, Judgement, Limit, Loss, Optimiser,
+    Outcome, Progress, RampStage, Reading, Starts, Stop, TrainingObserver, TrainingStage,
 };
 
 const EPSILON: f64 = 0.02;
@@ -317,6 +317,19 @@ fn a_training_sees_past_whole_turns() {
     let few = fit.prepare(pairs.thinned(90)).expect("the rotation is sure").notes;
     let found = |note: &FitNote| matches!(note, FitNote::Action(trial) if trial.errors.is_empty());
     assert!(few.iter().any(found), "{few:?}");
+}
+
+/// What a training ended for because it was at rest does not lack iterations, however its last losses fell.
+#[test]
+fn a_plateau_is_no_lack_of_iterations() {
+    let fitted = fit().run(pairs(150, 0.9, 1)).expect("trains");
+    let judged = |stop| {
+        let outcome = Outcome { stop, ..fitted.outcome().clone() };
+        let of = Judgement::of(&outcome, &fitted.problem.pairs, None, fitted.nearest());
+        of.expect("orbits").limit
+    };
+    assert_eq!(judged(Stop::Iterations), Limit::Iterations);
+    assert_eq!(judged(Stop::Plateau), Limit::Network);
 }
 
 /// Of the flows of a fast and a slow plane, at ε and flow times at random, the first plane fast or the second.
