@@ -28,8 +28,8 @@ FOLDER = ROOT / "target" / "peers-simsopt"
 PACKAGES = ["simsopt==1.11.1", "numpy"]
 # The machine, and the section: half-way between two planes of symmetry, lines out to here.
 FIELD_PERIODS, AT, REACH = 5, 0.5, 0.45
-# Periods of each line that are learnt.
-LEARNT = 40
+# Periods of each line that are learnt, as in the scene `coils`.
+LEARNT = 80
 NETWORKS = {
     "map of jolts": dict(kicks=(10, 1, 12), twists=(1, 1, 8), perturbation=(14, 1, 12)),
     "map of jolts, reversible": dict(kicks=(12, 1, 16), twists=(1, 1, 8), perturbation=(0, 1), reversor="positions"),
