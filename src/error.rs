@@ -3,14 +3,14 @@
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-/// What can go wrong. Bad input never panics and never loses a file.
+/// An error of the library. Bad input never panics and never loses a file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A file could not be read.
     #[error("{}: cannot be read: {reason}", path.display())]
     Read {
-        /// The file that could not be read or written.
+        /// The file.
         path: PathBuf,
         /// What the system said.
         reason: String,
@@ -52,7 +52,7 @@ pub enum Error {
         "{}: format version {found}; this version reads up to {supported}: a newer gyroceptron wrote it", path.display()
     )]
     NewerFormat {
-        /// The file that could not be read or written.
+        /// The file.
         path: PathBuf,
         /// Its version.
         found: u64,
@@ -69,7 +69,7 @@ pub enum Error {
         /// The nearest known one.
         nearest: Option<String>,
     },
-    /// A number outside its range, bounds included; NaN is outside of any.
+    /// A number outside its range, which includes its bounds; NaN is outside any range.
     #[error("{name}: expected {}, found {value:?}", range(*low, *high))]
     OutOfRange {
         /// Which number.
@@ -81,10 +81,10 @@ pub enum Error {
         /// The most that it may be.
         high: f64,
     },
-    /// A count outside its range, bounds included.
+    /// A count outside its range, which includes its bounds.
     #[error("{name}: expected {}, found {found}", count_range(*least, *most))]
     CountOutOfRange {
-        /// Of what.
+        /// What is counted.
         name: String,
         /// The count.
         found: usize,
@@ -93,10 +93,10 @@ pub enum Error {
         /// The most that it may be.
         most: usize,
     },
-    /// A count that is given by something else.
+    /// A count that differs from the one that is required.
     #[error("{name}: expected {expected}, found {found}")]
     WrongCount {
-        /// Of what.
+        /// What is counted.
         name: String,
         /// The count that it should be.
         expected: usize,
@@ -113,17 +113,17 @@ pub enum Error {
         /// The numbers of the array.
         found: usize,
     },
-    /// What a computation needs and was not given.
+    /// An input that a computation needs and that is missing.
     #[error("{place}: `{key}` is missing; {needed_by} needs it")]
     Missing {
         /// Where it was looked for.
         place: String,
         /// What is missing.
         key: &'static str,
-        /// What it is for.
+        /// What needs it.
         needed_by: String,
     },
-    /// Another error, with the place where it is.
+    /// Another error, with the place where it occurred.
     #[error("{place}: {reason}")]
     At {
         /// The place.
@@ -131,7 +131,7 @@ pub enum Error {
         /// The error.
         reason: Box<Error>,
     },
-    /// An argument that is wrong in a way that is not a number's.
+    /// An invalid argument that no other variant describes.
     #[error("{name}: expected {expected}, found {value}")]
     Invalid {
         /// Which argument.
@@ -152,7 +152,7 @@ pub enum Error {
     /// A file that is there already.
     #[error("{}: exists already, and is not replaced: give another name", path.display())]
     FileExists {
-        /// The file that could not be read or written.
+        /// The file.
         path: PathBuf,
     },
     /// A computation that its caller stopped.
@@ -161,7 +161,7 @@ pub enum Error {
         /// Which computation.
         what: String,
     },
-    /// A computation that left the finite numbers.
+    /// A computation whose numbers are no longer finite.
     #[error("{what}: the numbers ran out of range at {place}")]
     Diverged {
         /// Which computation.
@@ -249,7 +249,7 @@ impl Error {
         Err(Self::WrongCount { name: name.to_owned(), expected, found })
     }
 
-    /// [`Error::Invalid`].
+    /// Makes an [`Error::Invalid`].
     pub fn invalid(name: &str, value: impl Display, expected: impl Display) -> Self {
         Self::Invalid {
             name: name.to_owned(),
@@ -258,7 +258,7 @@ impl Error {
         }
     }
 
-    /// [`Error::Content`].
+    /// Makes an [`Error::Content`].
     pub fn content(place: impl Display, expected: impl Display, found: impl Display) -> Self {
         Self::Content {
             place: place.to_string(),
@@ -267,17 +267,17 @@ impl Error {
         }
     }
 
-    /// [`Error::At`]: the same error, with the place where it is.
+    /// Wraps the error in an [`Error::At`], with the place where it occurred.
     pub fn with_place(self, place: impl Display) -> Self {
         Self::At { place: place.to_string(), reason: Box::new(self) }
     }
 
-    /// [`Error::Read`].
+    /// Makes an [`Error::Read`].
     pub fn read(path: &Path, reason: impl Display) -> Self {
         Self::Read { path: path.to_owned(), reason: reason.to_string() }
     }
 
-    /// [`Error::Write`].
+    /// Makes an [`Error::Write`].
     pub fn write(path: &Path, reason: impl Display) -> Self {
         Self::Write { path: path.to_owned(), reason: reason.to_string() }
     }

@@ -1,5 +1,5 @@
-//! Symplectic gyroceptrons: neural networks that are symplectic, invertible and
-//! nearly periodic, and own an adiabatic invariant, whatever their weights.
+//! Symplectic gyroceptrons: neural networks that are symplectic, invertible and nearly periodic,
+//! and have an adiabatic invariant, whatever their weights.
 //!
 //! A symplectic gyroceptron is the map
 //!
@@ -31,12 +31,12 @@
 //! # Ok::<(), Error>(())
 //! ```
 //!
-//! The [`guide`] explains the words, shows how to use the crate from Rust, Python and the shell, and has
-//! what was measured.
+//! The [`guide`] explains the terms, shows how to use the crate from Rust, Python and the shell, and reports the
+//! measurements.
 //!
 //! # Where things are
 //!
-//! In reading order; arrows between modules point upwards in this list only.
+//! In reading order: a module imports only modules that stand above it in this list.
 //!
 //! - [`scalar`]: the numbers that maps are written over.
 //! - [`phase`]: points, their order in arrays, the sign of Ω, and
@@ -50,25 +50,25 @@
 //! - [`flow`]: their flows, and data sets of flow maps.
 //! - [`measure`]: from a map and points to numbers; the laws, generic over the
 //!   map; the structure certificate; error against run time.
-//! - [`train`]: [`Fit`](train::Fit), the one way from pairs to a model; loss, an optimiser each,
+//! - [`train`]: [`Fit`](train::Fit), the one way from pairs to a model; the loss, the optimisers,
 //!   schedules, checkpoints; the [judgement](train::Judgement) of a training.
 //! - `io` (feature `files`): models, data sets, weights of others.
 //! - `scene` (feature `scenes`): declared experiments and their reports.
 //!
-//! Each definition of the paper, with its item and its law, is on the page
-//! [`conformance`].
+//! The page [`conformance`] lists each definition of the paper with the item that implements it and
+//! the law that checks it.
 //!
 //! # Pitfalls
 //!
 //! - Points are `[q₁, …, qₙ, p₁, …, pₙ]`, not (q₁, p₁, q₂, p₂, …).
-//! - I_{−ε} is not I_ε⁻¹: it undoes it to first order only. The inverse is
+//! - I_{−ε} is not I_ε⁻¹: the two agree to first order in ε only. The inverse is
 //!   [`Map::inverse`](phase::Map::inverse).
 //! - θ and I_ε are not identifiable together from data at one ε: training may
 //!   move part of the rotation into I_ε. Start θ at ω₀t.
 //! - Near a resonance, θ close to 2πp/q with small q, there is no adiabatic
 //!   invariant to speak of.
 #![warn(missing_docs)]
-// But for one module: see `scalar::simd`.
+// The one exception is `scalar::simd`.
 #![deny(unsafe_code)]
 
 pub mod conformance;

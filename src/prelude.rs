@@ -1,4 +1,4 @@
-//! What most programs with the library use: `use gyroceptron::prelude::*;`.
+//! The items that most programs with the library use: `use gyroceptron::prelude::*;`.
 
 pub use crate::error::Error;
 pub use crate::flow::{Pairs, Window};

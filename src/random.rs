@@ -6,10 +6,10 @@ use sha2::{Digest, Sha256};
 
 /// A seeded stream of random numbers with a name.
 ///
-/// Every use of randomness has its own stream, so that drawing more for one
-/// purpose changes nothing for another. The generator is PCG-64 seeded with
-/// SHA-256(seed, name); the mapping to [0, 1) is ours, so that the numbers
-/// change with neither platform nor dependency.
+/// Every use of randomness has its own stream, so that drawing more numbers for one purpose changes
+/// nothing for another. The generator is PCG-64 seeded with SHA-256(seed, name). The mapping to
+/// [0, 1) is implemented here, so that the numbers depend neither on the platform nor on a
+/// dependency.
 #[derive(Clone, Debug)]
 pub struct Stream {
     generator: Pcg64,
@@ -41,7 +41,7 @@ impl Stream {
         radius * libm::cos(std::f64::consts::TAU * self.unit())
     }
 
-    /// Puts values into random order: Fisher and Yates, drawn from the top.
+    /// Shuffles the values in place (Fisher–Yates, from the last one down).
     pub fn shuffle<T>(&mut self, values: &mut [T]) {
         for i in (1..values.len()).rev() {
             let j = (self.unit() * (i + 1) as f64) as usize;

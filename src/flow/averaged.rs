@@ -1,23 +1,23 @@
-//! Averaged equations: the slow motion without the fast angle, and what leads to it and back.
+//! Averaged equations: the slow motion without the fast angle, and the changes of coordinates to and from it.
 
 use crate::layer::Turn;
 use crate::scalar::{Elementary, Over};
 use crate::system::NearlyPeriodic;
 use std::f64::consts::TAU;
 
-/// The flow of a system whose limit turns coordinate planes along one circle, by the averaged equation.
+/// The flow by the averaged equation, for a system whose limit ε = 0 rotates coordinate planes along one circle.
 ///
-/// With the angle φ of the circle action Φ and the frequency ω₀ of the limit, w = Φ_{−ω₀t}z follows
-/// dw/dt = f(w, ω₀t), f(w, φ) = Φ_{−φ}X₁(Φ_φ w), X₁ of size ε being the vector field without the limit's. Then
-/// w = W + u(W, φ) with
+/// Let Φ be the circle action with angle φ, and ω₀ the frequency of the limit. Then w = Φ_{−ω₀t}z obeys
+/// dw/dt = f(w, ω₀t), f(w, φ) = Φ_{−φ}X₁(Φ_φ w), where X₁, of size ε, is the vector field minus that of the limit.
+/// The averaged point W is defined by w = W + u(W, φ) with
 ///
-/// ω₀ ∂u/∂φ = f − ⟨f⟩, ⟨u⟩ = 0, and dW/dt = ⟨f(W, ·)⟩ of first order, ⟨f(W + u(W, ·), ·)⟩ of second order,
+/// ω₀ ∂u/∂φ = f − ⟨f⟩, ⟨u⟩ = 0, and dW/dt = ⟨f(W, ·)⟩ at first order, ⟨f(W + u(W, ·), ·)⟩ at second order.
 ///
-/// averages being taken over equally spaced angles, exact but for harmonics that these do not
-/// resolve. Steps of the classical Runge–Kutta method follow W, and the circle turns by ω₀t in one. Over
-/// times of 1/ε the errors are O(ε) and O(ε²). A slope takes (angles × order) evaluations of the
-/// vector field. In [closed form](NearlyPeriodic::averaged_field), which is of first order, it takes one
-/// evaluation of the average. Entering the averaged coordinates and leaving them take angles × (order + 1) together.
+/// Averages are taken over equally spaced angles, and are exact except for harmonics that these do not
+/// resolve. Classical Runge–Kutta steps advance W; the rotation by ω₀t is then applied at once. Over
+/// times of 1/ε the errors are O(ε) and O(ε²). Each dW/dt takes (angles × order) evaluations of the
+/// vector field; in [closed form](NearlyPeriodic::averaged_field), which is of first order, it takes one
+/// evaluation of the average. Entering and leaving the averaged coordinates take angles × (order + 1) together.
 ///
 /// Source: Sanders, Verhulst and Murdock, <https://doi.org/10.1007/978-0-387-48918-6>, sections 2.8 and 2.9.
 #[derive(Clone, Debug)]
@@ -36,13 +36,13 @@ pub struct Averaged {
 }
 
 impl Averaged {
-    /// The degrees of freedom that it is for, at most.
+    /// The largest number of degrees of freedom that is supported.
     pub const MOST_DOF: usize = MOST / 2;
 
-    /// Over `time`, with averages over so many angles, of first or second order.
+    /// The method over `time`, with averages over `angles` angles, of first or second order.
     ///
     /// # Panics
-    /// When there is no angle, the order is another one, the limit goes round several circles, or there are
+    /// When `angles` is 0, the order is neither 1 nor 2, the limit has several circles, or there are
     /// more than four degrees of freedom.
     pub fn new(system: &impl NearlyPeriodic, time: f64, angles: usize, order: usize) -> Self {
         assert!(angles > 0 && (1..=2).contains(&order), "{angles} angles, order {order}");
@@ -68,18 +68,19 @@ impl Averaged {
         }
     }
 
-    /// By the closed form of the average, of first order; so many angles are for what leads to it and back.
+    /// The same method with the closed form of the average, of first order. The angles then only serve to enter
+    /// and leave the averaged coordinates.
     pub fn in_closed_form(self) -> Self {
         Self { closed: true, order: 1, ..self }
     }
 
-    /// Whether it takes the closed form of the average.
+    /// Whether the closed form of the average is used.
     pub fn is_in_closed_form(&self) -> bool {
         self.closed
     }
 
-    /// z ← the flow, in `count` steps of the averaged equation, of one point of 2n numbers. `constants`
-    /// ← [`NearlyPeriodic::average_constants`] of the averaged point are asked for where it is in closed form.
+    /// z ← its image under the flow, in `count` steps of the averaged equation; z is one point of 2n numbers.
+    /// `constants` gives [`NearlyPeriodic::average_constants`] of the averaged point; only the closed form calls it.
     ///
     /// # Panics
     /// When `count` is 0 or z is of another size than the system's points.

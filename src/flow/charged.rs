@@ -4,8 +4,8 @@ use crate::scalar::Elementary;
 use crate::system::FullOrbit;
 
 /// z ← the flow over `time`, in `steps` equal steps of Boris' method: half a drift, half a kick by the electric
-/// field, a turn by the magnetic one, half a kick, half a drift. Of second order; it keeps the volume, not
-/// the symplectic form.
+/// field, a turn by the magnetic one, half a kick, half a drift. It is of second order and preserves volume,
+/// but not the symplectic form.
 ///
 /// Source: Qin et al., <https://doi.org/10.1063/1.4818428>.
 ///
@@ -51,7 +51,7 @@ pub fn velocity_splitting<S: Elementary>(system: &FullOrbit, z: &mut [S], time: 
     for step in 0..steps {
         let (ex, ey) = system.electric(sx, cy);
         (vx, vy) = (kick.mul_add(ex, vx), kick.mul_add(ey, vy));
-        // What turns v_y is ∫B dx along the way, and ∫B dy what turns v_x.
+        // A drift in x changes v_y by −∫B dx along the way, and a drift in y changes v_x by ∫B dy.
         let (way, before) = (half * vx, sx);
         x += way;
         let (between, cx) = system.wave(x);

@@ -42,10 +42,10 @@ pub fn sample(windows: &[Window], dof: usize, stream: &mut Stream) -> Result<Vec
     sample_where(windows, dof, stream, |_| Ok(()))
 }
 
-/// As [`sample`], of the points of the windows at which a system is defined.
+/// As [`sample`], but only points at which the system is defined are kept.
 ///
 /// # Errors
-/// Those of [`sample`]; where it is defined at none of many points of a window, as is said there.
+/// Those of [`sample`]; the system's reason when it is defined at none of 10,000 successive draws in a window.
 pub fn sample_of(
     system: &impl Hamiltonian,
     windows: &[Window],
@@ -94,24 +94,24 @@ fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
 }
 
-/// The map that some pairs are of, in a family of maps.
+/// The member of a family of maps to which a run of pairs belongs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Condition {
     /// The parameter ε of the system.
     pub epsilon: f64,
-    /// Its flow time, in units of that of the network which is trained on it.
+    /// Its flow time, in units of the flow time of the network that is trained on it.
     pub time: f64,
-    /// What the squares of their errors count with in a loss.
+    /// The weight of the squared errors of its pairs in a loss.
     pub weight: f64,
-    /// How many pairs are of it.
+    /// The number of its pairs.
     pub pairs: usize,
-    /// The values of the controls λ; none of a family without.
+    /// The values of the controls λ; empty in a family without controls.
     pub controls: Vec<f64>,
 }
 
-/// Pairs (z, P(z)) of a map: two arrays (N, 2n), columns q₁…qₙ, p₁…pₙ. Or of a family
-/// of maps: runs of them are under a [`Condition`] each.
+/// Pairs (z, P(z)) of a map, or of a family of maps: two arrays (N, 2n), columns q₁…qₙ, p₁…pₙ.
+/// In a family, each run of consecutive pairs belongs to one [`Condition`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pairs {
@@ -141,8 +141,8 @@ impl Pairs {
         Ok(Self { dof, input, output, conditions: Vec::new() })
     }
 
-    /// These pairs, each under the ε and the flow time of its row; those of a condition
-    /// come after one another, in the order in which the conditions come first.
+    /// These pairs as pairs of a family: row k has ε `epsilons[k]` and the flow time `times[k]`. Pairs of
+    /// one condition are made consecutive; conditions keep the order of their first appearance.
     ///
     /// # Errors
     /// When there is not one finite number for each pair, or a time is not positive.
@@ -150,7 +150,7 @@ impl Pairs {
         self.under_controls(epsilons, times, &[])
     }
 
-    /// [`Pairs::under`], each under the values of controls too: as many for each pair, row by row.
+    /// As [`Pairs::under`], with values of controls too: the same number for each pair, row by row.
     ///
     /// # Errors
     /// Those of [`Pairs::under`]; when there are not as many finite values for each pair.
@@ -216,7 +216,7 @@ impl Pairs {
         all.under(&epsilons, &times)
     }
 
-    /// These pairs with other values of ε and times for each of their conditions.
+    /// These pairs with the ε and the flow time of each condition replaced by those that `of` returns.
     #[must_use]
     pub fn with_conditions(mut self, of: impl Fn(&Condition) -> (f64, f64)) -> Self {
         for condition in &mut self.conditions {
@@ -225,9 +225,9 @@ impl Pairs {
         self
     }
 
-    /// These pairs with squares of errors that count (εt)⁻², times as much as makes the mean
-    /// over all pairs 1: each map's error is measured by how far it is from its rotation,
-    /// which is of order εt.
+    /// These pairs with squared errors weighted by (εt)⁻², normalised to mean 1 over all pairs:
+    /// the error of each map is measured relative to its distance from its rotation, which is of
+    /// order εt.
     ///
     /// # Errors
     /// When one of several ε is 0.
@@ -246,14 +246,13 @@ impl Pairs {
         Ok(self)
     }
 
-    /// What runs of the pairs are of, one run after another; none where all are of
-    /// one map.
+    /// The conditions of the runs of pairs, in order; empty when all pairs are of one map.
     pub fn conditions(&self) -> &[Condition] {
         &self.conditions
     }
 
-    /// Of pairs whose conditions differ in the values of controls alone, those at the values nearest to the middle of
-    /// their ranges, as pairs of one map; of others, all as they are.
+    /// The pairs at the control values nearest to the middle of their ranges, as pairs of one map, when the conditions
+    /// differ only in their controls; otherwise all pairs, unchanged.
     pub(crate) fn at_middle_of_controls(&self) -> Cow<'_, Self> {
         let Some(first) = self.conditions.first() else { return Cow::Borrowed(self) };
         let same = |c: &Condition| c.epsilon == first.epsilon && c.time == first.time;
@@ -358,12 +357,12 @@ impl Pairs {
         Ok(Self::of_flow(system, points, time)?.0)
     }
 
-    /// The map of `steps` steps of an integrator over `time` at these points, with the largest
-    /// difference of a component from that of twice as many steps (of stroboscopic averaging, of a finer
-    /// map of a period and one more difference too; of an averaged equation, from that of stroboscopic
-    /// averaging of sixth order), at no more than 256 of them,
-    /// evenly spaced: for fewer digits than those of [`Pairs::of_flow`] a splitting takes far less
-    /// work.
+    /// The map of `steps` steps of an integrator over `time` at these points, and its error estimate:
+    /// the largest difference of a component from a finer result, at no more than 256 of them, evenly
+    /// spaced. The finer result takes twice as many steps; for stroboscopic averaging also a finer map
+    /// of a period and one more difference; for an averaged equation or a multi-revolution composition
+    /// it is by stroboscopic averaging of sixth order. A splitting takes far less work than
+    /// [`Pairs::of_flow`] when fewer digits are needed.
     ///
     /// # Errors
     /// Those of [`Integrator::trajectories`] and [`Pairs::new`]; when either map leaves the finite
@@ -386,7 +385,7 @@ impl Pairs {
         Ok((Self::new(&integrator.name(), system.dof(), points, output)?, error))
     }
 
-    /// The same pairs with other columns: number k is what `order[k]` was.
+    /// The same pairs with reordered columns: column k is the former column `order[k]`.
     ///
     /// # Panics
     /// When an index is not below 2n.
@@ -398,7 +397,7 @@ impl Pairs {
         Self { input: of(&self.input), output: of(&self.output), ..self.clone() }
     }
 
-    /// The box around their points, of both ends; None of no pairs.
+    /// The smallest box around all inputs and outputs; None without pairs.
     pub fn region(&self) -> Option<Region> {
         Region::around(2 * self.dof, [&self.input[..], &self.output[..]])
     }
@@ -413,7 +412,7 @@ impl Pairs {
         self.input.len() / (2 * self.dof)
     }
 
-    /// Never true: an empty set is refused at the border.
+    /// Whether there are no pairs, which [`Pairs::new`] refuses.
     pub fn is_empty(&self) -> bool {
         self.input.is_empty()
     }
@@ -428,13 +427,13 @@ impl Pairs {
         &self.output
     }
 
-    /// Both.
+    /// Inputs and outputs.
     pub fn points(&self) -> [&[f64]; 2] {
         [&self.input, &self.output]
     }
 
     /// Splits off `fraction` of the pairs, chosen by `stream`: (rest, split
-    /// off). At least one pair stays; none is split off where the share rounds to
+    /// off). At least one pair stays; the second is None when `fraction` of the pairs rounds to
     /// none.
     pub fn split(self, fraction: f64, stream: &mut Stream) -> (Self, Option<Self>) {
         let count = self.len();
@@ -453,9 +452,9 @@ impl Pairs {
         (take(kept_rows), Some(take(held_rows)))
     }
 
-    /// Splits off all pairs of a share of the maps that controls distinguish, chosen by `stream`, one at least: (rest,
-    /// split off). Those at an end of the range of a control stay, and so do those nearest to the middle of all ranges.
-    /// None where there are fewer than five values of the controls, or where none could be left out.
+    /// Splits off all pairs of a `fraction` of the distinct control values, at least one, chosen by `stream`: (rest,
+    /// split off). Values at an end of the range of a control stay, as do those nearest to the middle of all ranges.
+    /// None when there are fewer than five distinct values, or when none can be split off.
     pub fn split_by_controls(&self, fraction: f64, stream: &mut Stream) -> Option<(Self, Self)> {
         const FEWEST: usize = 5;
         let mut values: Vec<&[f64]> = self.conditions.iter().map(|c| &*c.controls).collect();
@@ -485,7 +484,7 @@ impl Pairs {
         (!held_out.is_empty()).then(|| (self.rows(kept), self.rows(held_out)))
     }
 
-    /// The pairs of these rows; those of a condition together, where there are several.
+    /// The pairs of these rows; in a family they are grouped by condition.
     ///
     /// # Panics
     /// When there is no such row.
@@ -523,20 +522,20 @@ impl Pairs {
         out
     }
 
-    /// So many of the pairs, evenly spaced; all, where there are no more.
+    /// `count` of the pairs, evenly spaced, or all of them when there are fewer.
     pub fn thinned(&self, count: usize) -> Self {
         self.thinned_in_turn(count, 0)
     }
 
-    /// Another part of as many, evenly spaced too, in each turn: no pair is in two of
-    /// them until all parts have had theirs.
+    /// As [`Pairs::thinned`], shifted by `turn`: successive turns give disjoint subsets until the
+    /// shifts repeat.
     pub(crate) fn thinned_in_turn(&self, count: usize, turn: u64) -> Self {
         let (all, count) = (self.len() as u128, count.min(self.len()) as u128);
         let shift = u128::from(turn) % (all / count.max(1)).max(1);
         self.rows((0..count).map(|k| (k * all / count + shift) as usize))
     }
 
-    /// SHA-256 of the numbers, in hexadecimal: what a model's provenance names.
+    /// SHA-256 of the numbers, in hexadecimal, as it stands in a model's provenance.
     pub fn digest(&self) -> String {
         let dof = self.dof as f64;
         let of = |c: &Condition| [c.epsilon, c.time, c.weight, c.pairs as f64];

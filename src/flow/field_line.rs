@@ -9,11 +9,11 @@ use crate::scalar::{Dual, Elementary, Kernel, Pack, max_or_nan, on_independent_l
 use crate::system::CoilField;
 use rayon::prelude::*;
 
-/// The map of (R, Z) in the half-plane at φ to where its field line is after the toroidal angle of the map: by the
-/// method of order 8 of Dormand and Prince.
+/// The map of a section along field lines, by the order-8 method of Dormand and Prince: it takes (R, Z) in the
+/// half-plane at φ to the point of the same field line after the toroidal angle of the map.
 ///
-/// It keeps the form B_φ dR∧dZ of a section, of which an [`AreaDensity`](crate::phase::AreaDensity) makes dp∧dq,
-/// where the angle is one or more field periods.
+/// When this angle is one or more field periods, it preserves the form B_φ dR∧dZ of the section, which an
+/// [`AreaDensity`](crate::phase::AreaDensity) turns into dp∧dq.
 #[derive(Clone, Copy, Debug)]
 pub struct LineMap<'a> {
     field: &'a CoilField,
@@ -40,7 +40,7 @@ const FEWEST: usize = 8;
 const MOST: usize = 1024;
 
 impl<'a> LineMap<'a> {
-    /// With so many steps in a map.
+    /// The map with `steps` steps.
     ///
     /// # Errors
     /// When φ or the angle is not finite, or there is no step.
@@ -51,8 +51,8 @@ impl<'a> LineMap<'a> {
         Ok(Self { field, phi, angle, steps })
     }
 
-    /// With as many steps as make its largest difference from that of half as many, at these points, at most `error`
-    /// metres; and that difference over 2⁸, the error of the one of more steps to leading order.
+    /// The map with its steps doubled until doubling changes the images of these points by at most `error` metres,
+    /// and that change divided by 2⁸, which is the error of the map to leading order.
     ///
     /// # Errors
     /// Those of [`LineMap::new`]; when a line runs out of range, or more than 1,024 steps are too few.
@@ -92,11 +92,12 @@ impl<'a> LineMap<'a> {
         Self { steps: steps.max(1), ..self }
     }
 
-    /// The points after 1, …, `maps` maps, one state of all after another: rows (R, Z). A line that is further from the
-    /// middle of the machine than any coil, or runs into one, is lost: from there on its points are NaN.
+    /// The points after 1, …, `maps` maps, rows (R, Z): all points after the first map, then all after the second, …
+    /// A line that is further from the middle of the machine than any coil, or runs into one, is lost: its points are
+    /// NaN from there on.
     ///
     /// # Errors
-    /// When there are no whole rows, or more states than memory.
+    /// When there are no whole rows, or the states do not fit into memory.
     pub fn trajectories(&self, initial: &[f64], maps: usize) -> Result<Vec<f64>, Error> {
         Error::check_rows("points of a section", initial.len(), 2)?;
         if initial.is_empty() || maps == 0 {
@@ -140,7 +141,7 @@ impl<'a> LineMap<'a> {
         self.image_and_jacobian(place)
     }
 
-    /// The fixed point near a guess, by Newton's method: of one period, the magnetic axis.
+    /// The fixed point near a guess, by Newton's method: for a map over one period, the magnetic axis.
     ///
     /// # Errors
     /// [`Error::NoConvergence`] where it finds none.

@@ -1,7 +1,7 @@
 //! The integrators by name, on many points.
 //!
-//! One more is a file with what it does to a point of any numbers, a variant of [`Integrator`] with its name, its arm
-//! in `checked_trajectories` and in `check_for`, and, where it goes on lanes, an `impl` of `Method`.
+//! A new one needs a file with its step for points of any scalar type, a variant of [`Integrator`] with its name, an
+//! arm in `checked_trajectories` and in `check_for`, and, if it runs on SIMD lanes, an `impl` of `Method`.
 
 use super::request::{Method, Request};
 use super::{
@@ -56,7 +56,7 @@ pub enum Integrator {
     Stroboscopic {
         /// Steps of a splitting in a period.
         micro: usize,
-        /// m, the central differences: errors are O(ε²ᵐ), and O(ε) of the forward difference, 0.
+        /// The number m of central differences, with errors O(ε²ᵐ); 0 is the forward difference, with errors O(ε).
         #[serde(default = "two")]
         differences: usize,
         /// The splitting.
@@ -80,8 +80,8 @@ pub enum Integrator {
         /// The angles of an average.
         #[serde(default = "sixteen")]
         angles: usize,
-        /// By the closed form of the average, of first order: so many angles are for what leads to the averaged
-        /// coordinates and back.
+        /// Whether the closed form of the average, of first order, is used: the angles then only serve to enter and
+        /// leave the averaged coordinates.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         closed: bool,
     },
@@ -181,11 +181,11 @@ impl Integrator {
         }
     }
 
-    /// Fails unless it has 1 to 64 stages, 1 to 1000 steps in a period and at most three differences, or 3 to 1000
-    /// angles and an order that it is known in.
+    /// Fails unless its parameters are in range: 1 to 64 stages, 1 to 1000 steps in a period and at most three
+    /// differences, or 3 to 1000 angles, and an order that is implemented.
     ///
     /// # Errors
-    /// [`Error::CountOutOfRange`] with the number.
+    /// [`Error::CountOutOfRange`] for a number out of range, [`Error::Invalid`] for an order that is not implemented.
     pub fn check(self) -> Result<(), Error> {
         const MOST: usize = 64;
         match self {
@@ -214,8 +214,8 @@ impl Integrator {
         }
     }
 
-    /// What estimates its error beside twice as many steps: itself, or averaging by a finer map of a period
-    /// and one more difference, whose errors the steps do not know.
+    /// The integrator that, with twice as many steps, estimates the error of this one: usually the same one. For
+    /// averaging, a finer map of a period and one more difference, since more steps do not reduce those errors.
     pub(super) fn finer(self) -> Self {
         match self {
             Self::Stroboscopic { micro, differences, by } => {
@@ -242,15 +242,16 @@ impl Integrator {
     /// numbers each, at the times `interval`, 2·`interval`, … `kept`·`interval`,
     /// `steps` equal steps in each: an array (kept, M, 2n).
     ///
-    /// Eight trajectories go together, one in each lane, several such groups a stage after
-    /// another in splittings, and more on all threads: the same bits as of each alone, on
-    /// any processor. Those of Gauss–Legendre whose stages have converged wait for the others of
-    /// their step.
+    /// Eight trajectories run together, one in each lane; splittings interleave the stages of
+    /// several such groups, and all threads share the groups. Each trajectory has the same bits as
+    /// if computed alone, on any processor. With Gauss–Legendre, trajectories whose stages have
+    /// converged wait for the others in each step.
     ///
     /// # Errors
-    /// When there are no steps, points are not whole, the interval is not finite, the
-    /// states do not fit into memory, or the stages of Gauss–Legendre do not converge.
-    /// The other methods may leave the finite numbers: they say so by what they give.
+    /// Those of [`Integrator::check_for`]. When there are no steps, points are not whole, the interval is not finite
+    /// or is not a whole number of the periods that the method needs, the states do not fit into memory, or the stages
+    /// of Gauss–Legendre do not converge.
+    /// Other methods may diverge without an error: their states are then not finite.
     pub fn trajectories(
         self,
         system: &System,
@@ -263,7 +264,7 @@ impl Integrator {
         self.checked_trajectories(system, initial, interval, steps, kept)
     }
 
-    /// [`Integrator::trajectories`] by an integrator that is sound, or [`Integrator::finer`] than one.
+    /// [`Integrator::trajectories`] of an integrator that was checked, or of the [`Integrator::finer`] one.
     pub(super) fn checked_trajectories(
         self,
         system: &System,
@@ -313,11 +314,11 @@ impl Integrator {
         }
     }
 
-    /// Fails unless it is sound and can integrate this system.
+    /// Fails unless its parameters are in range and it can integrate this system.
     ///
     /// # Errors
-    /// Those of [`Integrator::check`]; [`Error::Invalid`] of a splitting, where the system has no
-    /// parts with exact flows.
+    /// Those of [`Integrator::check`]; [`Error::Invalid`] when the system lacks what the method needs: parts with
+    /// exact flows, natural coordinates, a particle in a magnetic field, one circle action, or its average.
     pub fn check_for(self, system: &System) -> Result<(), Error> {
         self.check()?;
         match (self, system) {
@@ -465,8 +466,8 @@ pub(crate) fn whole_periods(interval: f64, period: f64) -> Result<(), Error> {
     Err(Error::invalid("interval", interval, format!("a multiple of the period {period}")))
 }
 
-/// Fails unless the flow of an interval that begins at time 0 is that of the next ones too: unless the interval is of
-/// whole periods of the system, or, where it has none, its vector field is the same an interval later.
+/// Fails unless all later intervals have the same flow as the one that begins at time 0: the interval has to be a whole
+/// number of periods of the system or, where it has no period, its vector field the same an interval later.
 pub(super) fn check_repeated(
     system: &impl Hamiltonian,
     initial: &[f64],

@@ -9,7 +9,7 @@ use crate::system::{Coil, CoilField};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// Which lines of which section are wanted.
+/// The section and the field lines that are requested.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LineRequest {
@@ -17,16 +17,16 @@ pub struct LineRequest {
     pub phi: f64,
     /// The toroidal angle of a map, in radians: a period of the field, or several.
     pub angle: f64,
-    /// How far from the axis lines begin at most, outwards along R, in metres.
+    /// The largest distance from the axis at which lines begin, outwards along R, in metres.
     pub reach: f64,
-    /// (R, Z) near the axis; without it the axis is looked for.
+    /// (R, Z) near the axis; without it the axis is searched for.
     pub guess: Option<[f64; 2]>,
-    /// What the map may err by, in metres.
+    /// The largest error of the map that is tolerated, in metres.
     pub error: f64,
 }
 
-/// A section of the field of coils around its magnetic axis: the field with as many points along each coil, and the map
-/// with as many steps, as the wanted error asks for.
+/// A section of the field of coils around its magnetic axis, with enough points along each coil and enough steps of the
+/// map for the requested error.
 #[derive(Clone, Debug)]
 pub struct LineSection {
     field: CoilField,
@@ -56,7 +56,7 @@ const COARSE: usize = 24;
 const JUDGES: usize = 8;
 
 impl LineSection {
-    /// The section of these coils, all of a machine.
+    /// The section of the field of these coils, which are all coils of a machine.
     ///
     /// # Errors
     /// When the request is out of range, no axis is found, it is near a coil or B_φ changes its sign between it and the
@@ -117,8 +117,8 @@ impl LineSection {
         Ok(Self { field, points, request, steps, axis, error })
     }
 
-    /// The same section of other coils near these: with as many points along each and as many steps, from whose axis
-    /// theirs is found. What the map errs by is what half as many steps change.
+    /// The same section for other coils close to these, with the same numbers of points and steps. Their axis is found
+    /// from this one, and the error of the map from half as many steps.
     ///
     /// # Errors
     /// Those of [`CoilField::new`], [`LineMap::axis`] and [`LineSection::new`].
@@ -145,7 +145,7 @@ impl LineSection {
         &self.field
     }
 
-    /// What was wanted.
+    /// The request.
     pub fn request(&self) -> &LineRequest {
         &self.request
     }
@@ -160,15 +160,15 @@ impl LineSection {
         self.axis
     }
 
-    /// Turns about the axis in a map of a line beside it, from R towards Z, at most half of one; NaN where lines
-    /// leave the axis.
+    /// The number of turns about the axis that a nearby line makes in one map, positive from R towards Z, at most ½ in
+    /// size; NaN where the axis is hyperbolic.
     pub fn turns(&self) -> f64 {
         let (_, [[a, _], [c, d]]) = self.map().with_jacobian(self.axis);
         let turns = libm::acos(0.5 * (a + d)) / TAU;
         if c < 0.0 { -turns } else { turns }
     }
 
-    /// What the map errs by on lines between axis and reach, in metres.
+    /// The error of the map on lines between the axis and the reach, in metres.
     pub fn error(&self) -> f64 {
         self.error
     }
@@ -179,13 +179,14 @@ impl LineSection {
         LineMap::new(&self.field, phi, angle, self.steps).expect("the request was checked")
     }
 
-    /// Where lines begin, (R, Z) in rows: outwards from the axis to the reach, with equal areas between the circles
-    /// about the axis through them.
+    /// The points at which lines begin, (R, Z) in rows: outwards from the axis to the reach, with equal areas between
+    /// successive circles about the axis through them.
     pub fn starts(&self, lines: usize) -> Vec<f64> {
         starts(self.axis, self.request.reach, lines)
     }
 
-    /// The canonical chart of a box a little wider than these points, of ρ = |B_φ| over that on the axis: x = R, y = Z.
+    /// The canonical chart of a box slightly wider than these points, for the area density ρ = |B_φ| divided by its
+    /// value on the axis: x = R, y = Z.
     ///
     /// # Errors
     /// Those of [`AreaDensity::of_function`]: where B_φ vanishes in the box.
@@ -193,8 +194,8 @@ impl LineSection {
         Ok(Section::of_plane(self.density(points)?))
     }
 
-    /// [`LineSection::chart`] of a field that depends on controls: the coils of each, with the currents that a unit of
-    /// it adds, and the furthest that it is changed by.
+    /// [`LineSection::chart`] for a field that depends on controls. Each entry of `controls` has the coils with the
+    /// currents that one unit of the control adds, and the largest change of the control.
     ///
     /// # Errors
     /// Those of [`LineSection::chart`] and [`CoilField::new`].

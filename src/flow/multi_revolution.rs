@@ -1,4 +1,4 @@
-//! Multi-revolution compositions: many fast periods by few, of a larger perturbation.
+//! Multi-revolution compositions: many fast periods by a few periods with a larger perturbation.
 
 use super::stroboscopic::{LONGEST_REST, rest_of};
 use super::{Splitting, SplittingSteps};
@@ -7,17 +7,17 @@ use crate::system::Splittable;
 use faer::Side;
 use faer::linalg::solvers::Solve;
 
-/// The flow over a time of many fast periods P = 2π/ω₀, by periods of a system that is perturbed more strongly.
+/// The flow over many fast periods P = 2π/ω₀, by a few periods of a system that is perturbed more strongly.
 ///
-/// With φ_ε the map of a period, N of them are approximated by
+/// With φ_ε the map over one period, the map over N periods is approximated by
 ///
 /// φ_ε^N ≈ φ_{α_s Nε} ∘ φ*_{β_s Nε} ∘ … ∘ φ_{α₁Nε} ∘ φ*_{β₁Nε}, φ*_ε = φ_{−ε}⁻¹,
 ///
 /// a composition of 2s periods, each with ε replaced by α_i Nε, or, backwards in time, by −β_i Nε. N need not be whole.
 /// A period is made of steps of a splitting of the system with the larger ε, symplectic where those are.
-/// Of order 2, s = 1, α = (1 + 1/N)/2 and β = (1 − 1/N)/2; of order 4, s = 6. Errors are O((Nε)^(p+1)) in each
-/// step, beside those of the splitting in a period, and what the time has beyond whole periods
-/// is made of steps of ABA(10,6,4).
+/// Order p = 2 has s = 1, α = (1 + 1/N)/2 and β = (1 − 1/N)/2; order p = 4 has s = 6. Errors are O((Nε)^(p+1)) in
+/// each step, in addition to those of the splitting in a period. The remainder of the time beyond whole periods
+/// is integrated by steps of ABA(10,6,4).
 ///
 /// Source: Chartier, Makazaga, Murua and Vilmart, <https://doi.org/10.1007/s00211-013-0602-0>.
 #[derive(Clone, Debug)]
@@ -31,7 +31,8 @@ pub struct MultiRevolution {
 }
 
 impl MultiRevolution {
-    /// Over `time` in `count` compositions of this order, 2 or 4, with `micro` steps of a splitting in a period.
+    /// The method over `time`, in `count` compositions of this order, 2 or 4; `micro` is the splitting and the number
+    /// of its steps in a period.
     ///
     /// # Panics
     /// When a count is 0, or the order is another one.
@@ -45,7 +46,7 @@ impl MultiRevolution {
         Self::of_shares(system, time, count, micro, |revolutions| Self::shares(order, revolutions))
     }
 
-    /// β₁, α₁, … β_s, α_s of this order, 2 or 4, of N revolutions.
+    /// The coefficients β₁, α₁, … β_s, α_s of this order, 2 or 4, for N revolutions.
     ///
     /// # Panics
     /// When the order is another one.
@@ -57,7 +58,7 @@ impl MultiRevolution {
         }
     }
 
-    /// [`MultiRevolution::new`] by other coefficients, β₁, α₁, …, as a function of N.
+    /// [`MultiRevolution::new`] with other coefficients β₁, α₁, …, which `shares` gives as a function of N.
     ///
     /// # Panics
     /// When a count is 0.

@@ -8,8 +8,8 @@ use crate::system::Hamiltonian;
 /// Orbits of `states` states each, one after another: an array (M, states, 2n).
 ///
 /// `starts` are the points of the windows, `samples` of each in turn, and `follow` gives the
-/// trajectories from such points. Another point of the same window is drawn in place of each whose
-/// orbit leaves what the system is defined on.
+/// trajectories from such points. A start whose orbit leaves the domain of the system is replaced by
+/// another point drawn from the same window.
 ///
 /// # Errors
 /// Those of `follow` and of [`sample_of`]; where 100 draws in a row lead out, the reason, at `place`.

@@ -4,8 +4,8 @@ use super::{Pairs, PolynomialMap};
 use crate::error::Error;
 use crate::network::Controls;
 
-/// Maps by polynomials of least squares whose coefficients are polynomials of controls, as the parameters of a network
-/// are ([`Controls`]): what fits pairs of several machines in a moment and keeps no structure.
+/// Least-squares polynomial maps whose coefficients are polynomials of controls, like the parameters of a network
+/// ([`Controls`]). They are quickly fitted to pairs of several machines, and preserve no structure.
 #[derive(Clone, Debug)]
 pub struct PolynomialFamily {
     controls: Controls,
@@ -14,10 +14,10 @@ pub struct PolynomialFamily {
 }
 
 impl PolynomialFamily {
-    /// The fit of this total degree in the coordinates to pairs under values of these controls.
+    /// The fit, of this total degree in the coordinates, to pairs with values of these controls.
     ///
     /// # Errors
-    /// Those of [`PolynomialMap::fit`], there being a term for each of its own and each product of the controls; when
+    /// Those of [`PolynomialMap::fit`], counting one term for each of its terms and each product of the controls; when
     /// pairs have values of more or fewer controls.
     pub fn fit(pairs: &Pairs, degree: usize, controls: &Controls) -> Result<Self, Error> {
         controls.check()?;

@@ -1,4 +1,4 @@
-//! Maps by polynomials of least squares: what fits pairs in a moment and keeps no structure.
+//! Least-squares polynomial maps, which are quickly fitted to pairs and preserve no structure.
 
 use super::request::TOGETHER;
 use super::{Pairs, Region};
@@ -9,8 +9,8 @@ use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
 use rayon::prelude::*;
 
-/// A map whose image is a polynomial of a total degree, in products of Chebyshev polynomials over the box of its pairs,
-/// with the coefficients nearest to them. It is not symplectic.
+/// A polynomial map of a total degree, fitted to pairs by least squares in products of Chebyshev polynomials over the
+/// box of their inputs. It is not symplectic.
 ///
 /// Source: Berz, Modern Map Methods in Particle Beam Physics, Academic Press (1999), for maps by polynomials and what
 /// they are used for; Trefethen, Approximation Theory and Approximation Practice, SIAM (2013), for the basis.
@@ -85,8 +85,8 @@ impl PolynomialMap {
         Ok(fitted.pop().expect("one map"))
     }
 
-    /// The fit to pairs of several maps of polynomials whose coefficients are polynomials of controls: one for each of
-    /// their products, of which the map at some controls is the sum.
+    /// The fit to pairs of a family whose coefficients are polynomials of controls: one map for each product of the
+    /// controls. The map at some controls is the sum of these maps times the products.
     pub(super) fn nearest(
         pairs: &Pairs,
         degree: usize,
@@ -158,8 +158,8 @@ impl PolynomialMap {
         out
     }
 
-    /// The fit of the degree, of those up to `most` and by twos, whose error on every fifth pair, which it has not
-    /// seen, is least; and that error, the root mean square distance.
+    /// The fit of the best of the degrees 1, 3, 5, … up to `most`, and its error: the root mean square distance on
+    /// every fifth pair when fitted to the others. The degree with the least such error is then fitted to all pairs.
     ///
     /// # Errors
     /// Those of [`PolynomialMap::fit`] of degree 1.
@@ -393,13 +393,13 @@ impl Orbits<'_> {
     }
 }
 
-/// How far pairs are from those of a symplectic map, by a polynomial fit to them.
+/// The distance of pairs from those of a symplectic map, as seen by a polynomial fit to them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FormDefect {
-    /// The median over points of the largest entry of |JᵀΩJ − Ω|, J being the Jacobian of the fit: of one degree of
-    /// freedom |det J − 1|.
+    /// The median over points of the largest entry of |JᵀΩJ − Ω|, with J the Jacobian of the fit; for one degree of
+    /// freedom this is |det J − 1|.
     pub median: f64,
-    /// The same of the difference of two fits, of this degree and of two less: below it nothing is seen.
+    /// The same median for the difference of two fits, of this degree and of two less: it limits what is resolved.
     pub resolution: f64,
     /// The degree of the fit.
     pub degree: usize,
@@ -408,7 +408,7 @@ pub struct FormDefect {
 /// Least squares of more pairs take longer than a moment, and every training waits for them.
 const PAIRS: usize = 3000;
 
-/// Two polynomial maps that are fitted to pairs: what both say is known of the map of the pairs.
+/// Two polynomial maps fitted to the same pairs: where they agree, the map of the pairs is known.
 #[derive(Clone, Debug)]
 pub struct TwoFits {
     best: PolynomialMap,
@@ -461,8 +461,8 @@ impl FormDefect {
         Some(TwoFits::of(pairs)?.form_defect(pairs))
     }
 
-    /// Whether the pairs are of no symplectic map, as far as can be seen, where the form is known to within `known` of
-    /// it: NaN is none.
+    /// Whether the defect shows that no symplectic map has these pairs, where the form itself is known to a relative
+    /// error of `known`. A defect of NaN counts as shown.
     pub fn is_seen(&self, known: f64) -> bool {
         /// What is seen stands so far above what two fits differ by.
         const ABOVE: f64 = 5.0;

@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::scalar::max_or_nan;
 use crate::system::Hamiltonian;
 
-/// The reference flow: Gauss–Legendre, with the error estimated by half the
+/// The reference flow: Gauss–Legendre collocation, with the error estimated by halving the
 /// step.
 ///
 /// Source: Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, II.4,

@@ -26,7 +26,7 @@ pub struct Region {
 }
 
 impl Region {
-    /// The smallest one around points of so many numbers; None of no points.
+    /// The smallest box around points of `dim` numbers each; None without points.
     pub fn around<'a>(dim: usize, points: impl IntoIterator<Item = &'a [f64]>) -> Option<Self> {
         let mut points = points.into_iter().flat_map(|points| points.chunks_exact(dim));
         let first = points.next()?;
@@ -48,13 +48,13 @@ impl Region {
         check_box(name, dof, &self.low, &self.high)
     }
 
-    /// The first coordinate of a point that is outside; NaN is.
+    /// The index of the first coordinate of a point that is outside the box; NaN counts as outside.
     pub fn first_outside(&self, z: &[f64]) -> Option<usize> {
         let within = |(z, (low, high)): (&f64, (&f64, &f64))| (*low..=*high).contains(z);
         z.iter().zip(self.low.iter().zip(&self.high)).position(|one| !within(one))
     }
 
-    /// The box with so much of its width more on each side.
+    /// The box widened on each side by `share` of its width.
     #[must_use]
     pub fn widened(&self, share: f64) -> Self {
         let mut out = self.clone();
@@ -65,8 +65,8 @@ impl Region {
         out
     }
 
-    /// The box with a hundredth of its width more on each side, which trajectories count as outside of: a model
-    /// that errs a little steps over the border.
+    /// The box widened on each side by a hundredth of its width. Trajectories count as outside only beyond this
+    /// margin, since a model with a small error steps over the border.
     #[must_use]
     pub fn with_margin(&self) -> Self {
         let mut around = self.widened(0.01);
@@ -78,8 +78,8 @@ impl Region {
         around
     }
 
-    /// What of some trajectories, (T, M, 2n) with one state in `every` kept of M = `points` of
-    /// them, is outside [with a margin](Region::with_margin). None where nothing is.
+    /// The states outside the box [with a margin](Region::with_margin), among those of M = `points`
+    /// trajectories, (T, M, 2n), with one state in `every` kept. None when all are inside.
     pub fn left_by(&self, values: &[f64], points: usize, every: usize) -> Option<RegionExit> {
         let around = self.with_margin();
         let dim = self.low.len();
@@ -92,28 +92,28 @@ impl Region {
     }
 }
 
-/// Kept states of some trajectories that are outside of a box, and how the first of them is.
+/// The kept states of some trajectories that are outside a box, with details of the first one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Exit<T> {
     /// The rows of the initial points whose trajectories have a state outside.
     pub rows: Vec<usize>,
-    /// Kept states outside.
+    /// The number of kept states outside.
     pub states: usize,
-    /// Of all kept ones.
+    /// The number of all kept states.
     pub of: usize,
-    /// The first state of them: of which row of the initial points, …
+    /// The first state outside: its row of the initial points, …
     pub row: usize,
-    /// … and after how many steps.
+    /// … and its number of steps.
     pub step: usize,
-    /// What is outside of it.
+    /// How that state is outside.
     #[serde(flatten)]
     pub first: T,
 }
 
-/// What left the box of the training points.
+/// States outside the box of the training points.
 pub type RegionExit = Exit<OutsideRegion>;
 
-/// What left the box of a network's polynomials.
+/// States outside the box of a network's polynomials.
 pub type PolynomialExit = Exit<OutsidePolynomials>;
 
 /// The first coordinate of a state that is outside of a region.
@@ -133,8 +133,8 @@ pub struct OutsidePolynomials {
 }
 
 impl<T> Exit<T> {
-    /// Of trajectories, (T, M, …) with one state in `every` kept of M = `points` of them: what is
-    /// outside of each state, if anything is. None where nothing is.
+    /// Collects the states outside, for M = `points` trajectories, (T, M), with one state in `every`
+    /// kept: `outside` says for each state how it is outside, if it is. None when no state is outside.
     pub fn first_of(
         outside: impl IntoIterator<Item = Option<T>>,
         points: usize,

@@ -105,7 +105,8 @@ impl Splitting {
         self.steps_by(&system.frequencies(), h, 1.0)
     }
 
-    /// The same of H₀ + factor·(H − H₀), H₀ being the limit ε = 0: of a perturbation `factor` times as strong.
+    /// As [`Splitting::steps`], for H₀ + factor·(H − H₀) with H₀ the limit ε = 0: the perturbation is `factor` times
+    /// as strong.
     pub fn steps_perturbed<S: Real>(
         &self,
         system: &impl Splittable,
@@ -150,8 +151,8 @@ impl Splitting {
     }
 }
 
-/// Steps of one size of a splitting, for states of any number over `P`: what they
-/// turn planes by is known before the first one.
+/// Steps of fixed size of a splitting, for states of any scalar type over `P`. Their rotations
+/// are computed before the first step.
 #[derive(Clone, Debug)]
 pub struct SplittingSteps<P> {
     first: Turn<P>,
@@ -164,9 +165,9 @@ pub struct SplittingSteps<P> {
 }
 
 impl<P: Real> SplittingSteps<P> {
-    /// z ← `count` steps of z, of the system that they are of: 2n numbers for each point, all
-    /// points a stage after another, so that a processor has the next while it awaits the
-    /// results of one.
+    /// z ← `count` steps of z, for the system for which the steps were made: 2n numbers for each
+    /// point. Each stage is applied to all points in turn, so that a processor works on the next
+    /// point while it awaits the results of one.
     ///
     /// # Panics
     /// When z is not of whole points.

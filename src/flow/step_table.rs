@@ -1,4 +1,4 @@
-//! Maps of one time by tables of splines: what takes the place of integrating without any learning.
+//! Flow maps of a fixed time by tables of splines, which replace integration without any learning.
 
 use super::Region;
 use crate::error::Error;
@@ -6,7 +6,7 @@ use crate::scalar::{Kernel, Pack, max_or_nan, on_independent_lanes};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// What a table is of.
+/// What a table stores.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TableKind {
@@ -50,8 +50,8 @@ impl TableKind {
         }
     }
 
-    /// Fails unless so many nodes along each axis are enough for a spline, few enough for memory, and of a map of so
-    /// many degrees of freedom.
+    /// Fails unless `nodes` nodes along each axis are enough for a spline and few enough for memory, and this kind of
+    /// table supports `dof` degrees of freedom.
     ///
     /// # Errors
     /// [`Error::Invalid`] or [`Error::OutOfRange`] with the nodes.
@@ -80,11 +80,11 @@ const LEAST_NODES: usize = 4;
 /// The coefficients of a table, at most: 1 GiB.
 const MOST_NUMBERS: usize = 1 << 27;
 
-/// The flow map of one time, tabulated.
+/// A tabulated flow map of a fixed time.
 ///
-/// It has cubic splines between values on a grid of equal distances, periodic in angles and with a continuous
-/// third derivative at the second node from an end. Its error falls as the fourth power of the distance, of
-/// derivatives as the third. Outside of the grid it is NaN.
+/// It interpolates values on an equidistant grid by cubic splines, periodic in angles and otherwise with a continuous
+/// third derivative at the second node from each end. The error falls as the fourth power of the grid spacing, and
+/// that of derivatives as the third. Outside the grid the image is NaN.
 ///
 /// Source: de Boor, A Practical Guide to Splines, revised edition, Springer (2001), chapters IV and XVII.
 #[derive(Clone, Debug)]
@@ -254,12 +254,12 @@ fn slopes(t: f64) -> [f64; 4] {
     [-0.5 * s * s, (1.5 * t - 2.0) * t, (2.0 - 1.5 * s) * s, 0.5 * t * t]
 }
 
-/// A flow map of many points, 2n numbers each: their images, as many numbers.
+/// A flow map of many points, 2n numbers each, which returns their images in the same layout.
 pub type FlowOfPoints<'a> = &'a (dyn Fn(&[f64]) -> Result<Vec<f64>, Error> + 'a);
 
 impl StepTable {
-    /// The table of a flow with so many nodes along each axis, over a box that holds these points or over the ring
-    /// around 0 that does, widened by a twentieth.
+    /// The table of a flow with `nodes` nodes along each axis, over the box around these points, or over the ring
+    /// around 0 that holds them, widened by a twentieth on each side.
     ///
     /// # Errors
     /// Those of [`TableKind::check`] and of the flow; [`Error::Invalid`] without points, of points along which a
@@ -308,7 +308,7 @@ impl StepTable {
         Ok(Self { kind, dim, axes, coefficients })
     }
 
-    /// What it is of.
+    /// The kind of the table.
     pub fn kind(&self) -> TableKind {
         self.kind
     }

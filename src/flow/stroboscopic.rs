@@ -4,16 +4,16 @@ use super::{Splitting, SplittingSteps};
 use crate::scalar::{Elementary, Over};
 use crate::system::Splittable;
 
-/// The flow over a time of many fast periods P = 2π/ω₀, by the averaged equation that the map M of a period follows: where M
-/// is near the identity, z at whole periods is on a trajectory of
+/// The flow over many fast periods P = 2π/ω₀, by an averaged equation that is computed from the map M over one period:
+/// where M is near the identity, z at whole periods is on a trajectory of
 ///
 /// dZ/dt = F(Z) = (8(M − M⁻¹) − (M² − M⁻²))Z / 12P + O(ε⁵P⁴),
 ///
-/// or another central difference of M^k, which steps of the classical Runge–Kutta method follow through the slow
-/// motion. M is made of steps of a splitting: of few of ABA(10,6,4), or of Strang's, whose kicks at equal distances
-/// average over the circle by the trapezoidal rule. Each step costs 8m periods with m differences, however long it
-/// is. Errors are O(ε²ᵐ) beside those of both methods, and rounding counts in M as ε⁻¹. Without central differences F
-/// = (M − Id)Z / P, whose steps cost four periods: errors are O(ε).
+/// or of another central difference of M^k. Classical Runge–Kutta steps integrate this slow motion. M is computed by
+/// steps of a splitting: a few of ABA(10,6,4), or Strang's, whose equally spaced kicks average over the circle by the
+/// trapezoidal rule. A step costs 8m periods with m differences, however long it is. Errors are O(ε²ᵐ), in addition
+/// to those of both methods, and rounding errors of M are amplified by ε⁻¹. Without central differences,
+/// F = (M − Id)Z / P: a step costs four periods, and errors are O(ε).
 ///
 /// Source: Calvo, Chartier, Murua and Sanz-Serna, <https://doi.org/10.1016/j.apnum.2011.06.007>.
 #[derive(Clone, Debug)]
@@ -47,11 +47,12 @@ pub(super) fn rest_of(
 pub(super) const LONGEST_REST: f64 = 1.0 / 6.0;
 
 impl Stroboscopic {
-    /// The most central differences of an integrator; by one more its error is estimated.
+    /// The largest number of central differences of an integrator; its error is estimated with one more.
     pub const MOST_DIFFERENCES: usize = 3;
 
-    /// Over `time`, with `micro` steps of a splitting in a period and so many central differences, or with the
-    /// forward difference where they are none. What the time has beyond whole periods is made of steps of ABA(10,6,4).
+    /// The method over `time`, with a splitting and the number `micro` of its steps in a period, and `differences`
+    /// central differences, or the forward difference if 0. Steps of ABA(10,6,4) integrate the remainder beyond whole
+    /// periods.
     ///
     /// # Panics
     /// When `micro` is 0, or there are more than 4 differences.

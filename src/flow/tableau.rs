@@ -124,7 +124,7 @@ impl Tableau<'_> {
     /// z ← the flow over `time`, in `steps` equal steps. Not symplectic.
     ///
     /// # Panics
-    /// When `steps` is 0, z is not of 2n numbers, or a stage takes one that is not before it.
+    /// When `steps` is 0, z is not of 2n numbers, or a stage refers to one that does not precede it.
     #[inline(always)]
     pub fn take<S: Elementary>(
         &self,

@@ -9,11 +9,11 @@ use crate::network::Rollout;
 use crate::scalar::{Elementary, on_independent_lanes};
 use rayon::prelude::*;
 
-/// The map of a section by field lines whose slopes dR/dφ and dZ/dφ are polynomials of least squares on each plane
-/// φ = constant at which the method of order 8 of Dormand and Prince asks for them: the way of today's tracing codes,
-/// which tabulate the field of coils once.
+/// The map of a section along field lines whose slopes dR/dφ and dZ/dφ are least-squares polynomials on each plane
+/// φ = constant at which the order-8 method of Dormand and Prince evaluates them. Today's tracing codes likewise
+/// tabulate the field of coils once.
 ///
-/// It holds where the lines are that the planes were fitted to: points that leave their box on the section are lost.
+/// It is valid near the lines to which the planes were fitted: points that leave their box on the section are lost.
 ///
 /// Source: Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, II.5,
 /// <https://doi.org/10.1007/978-3-540-78862-1>, for the method.
@@ -30,8 +30,8 @@ pub struct TabulatedLines {
 }
 
 impl TabulatedLines {
-    /// Of a map, with planes for as many steps as it has, by polynomials of this total degree: fitted along the lines
-    /// through these points, (R, Z) in rows, which should fill the part of the section that is asked for.
+    /// The tabulated form of a map, with planes for its number of steps and polynomials of this total degree. They
+    /// are fitted along the lines through these points, (R, Z) in rows, which should fill the part of interest.
     ///
     /// # Errors
     /// Those of [`PolynomialMap::fit`]; when a line is lost within the map.
@@ -87,7 +87,7 @@ impl TabulatedLines {
         self.steps
     }
 
-    /// The bytes of its coefficients.
+    /// The size of its coefficients in bytes.
     pub fn bytes(&self) -> usize {
         self.planes.iter().map(|plane| size_of::<f64>() * plane.parameters()).sum()
     }

@@ -69,7 +69,7 @@ impl Trajectories {
         Self { values, dim: 1, count: self.count }
     }
 
-    /// The first states of each trajectory, at most all.
+    /// The first `states` states of each trajectory, at least one, or all when there are fewer.
     #[must_use]
     pub fn first(mut self, states: usize) -> Self {
         self.values.truncate(states.max(1).saturating_mul(self.dim * self.count));
@@ -128,9 +128,9 @@ impl ReferenceTrajectories {
         Ok(Self { trajectories: Trajectories::new(values, dim, initial.len() / dim)?, error })
     }
 
-    /// As [`ReferenceTrajectories::of_flow`], by an integrator, with `steps` steps in the coarser
-    /// resolution of an interval: the trajectories are those of twice as many; in place of an averaged equation, of
-    /// stroboscopic averaging of sixth order.
+    /// As [`ReferenceTrajectories::of_flow`], by an integrator, with `steps` steps in an interval at the coarser
+    /// resolution. The trajectories are those of twice as many steps; in place of an averaged equation or a
+    /// multi-revolution composition, they are those of stroboscopic averaging of sixth order.
     ///
     /// # Errors
     /// Those of [`Integrator::trajectories`] and [`Trajectories::new`]; when an end is not of finite

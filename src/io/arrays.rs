@@ -81,18 +81,18 @@ const ARRAYS: [&str; 5] = ["input", "output", "epsilon", "flow_time", "lambda"];
 /// Pairs read from a file, and what was noticed.
 #[derive(Debug)]
 pub struct PairsFile {
-    /// The pairs, under the ε and flow times of the file as they stand there, where it has
-    /// them; the one that it has not is 1.
+    /// The pairs, with the ε and flow times that the file gives, unchanged. If the file has only one of the two, the
+    /// other is 1.
     pub pairs: Pairs,
-    /// The file has an ε for each pair.
+    /// Whether the file has an ε for each pair.
     pub has_epsilons: bool,
-    /// The file has a flow time for each pair.
+    /// Whether the file has a flow time for each pair.
     pub has_times: bool,
     /// The number of values of controls (`lambda`) for each pair.
     pub controls: usize,
-    /// The names of its other arrays, which say nothing of pairs.
+    /// The names of its other arrays, which are not used.
     pub unused: Vec<String>,
-    /// An array held single precision.
+    /// Whether an array was in single precision.
     pub single_precision: bool,
 }
 
@@ -103,8 +103,8 @@ impl From<PairsFile> for FamilyPairs {
     }
 }
 
-/// Reads `input` and `output`, both (N, 2n), from an `.npz` file; and, where pairs are of a family of maps,
-/// `epsilon` and `flow_time`, N numbers each, and `lambda`, the values of controls, (N,) or (N, controls).
+/// Reads pairs from an `.npz` file: `input` and `output`, both (N, 2n). For a family of maps the file also has
+/// `epsilon` and `flow_time`, N numbers each, and `lambda`, the values of the controls, (N,) or (N, controls).
 ///
 /// # Errors
 /// When the file is missing or corrupt, an array is missing, of another shape
@@ -180,9 +180,9 @@ pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
     Ok(PairsFile { pairs, has_epsilons, has_times, controls: count, unused, single_precision })
 }
 
-/// Reads the chart of a section of one degree of freedom from an `.npz` file: `x` (A) and `y` (B), numbers that grow,
-/// and `density` (B, A), ρ at each pair of them; `scale`, one number, what ∫ρ dx is divided by, is 1 unless it is
-/// there.
+/// Reads the chart of a section of one degree of freedom from an `.npz` file: `x` (A) and `y` (B), in increasing order,
+/// and `density` (B, A), the values of ρ on this grid. The optional `scale`, one number, is what ∫ρ dx is divided by;
+/// it is 1 by default.
 ///
 /// # Errors
 /// When the file is missing or corrupt, an array is missing or of another shape; those of [`AreaDensity::of_grid`].
@@ -232,12 +232,12 @@ pub fn write_section(
     )
 }
 
-/// Points read from a file, and what was noticed.
+/// Points read from a file, and whether they were in single precision.
 #[derive(Debug)]
 pub struct PointsFile {
     /// The points, row by row.
     pub points: Vec<f64>,
-    /// The array held single precision.
+    /// Whether the array was in single precision.
     pub single_precision: bool,
 }
 
@@ -272,7 +272,7 @@ pub fn parse_points(place: &str, bytes: &[u8], dof: usize) -> Result<PointsFile,
     Ok(PointsFile { points: array.values, single_precision: array.single })
 }
 
-/// Reads trajectories (T, M, 2n), T states of M of them, from an `.npy` file.
+/// Reads M trajectories of T states each, an array (T, M, 2n), from an `.npy` file.
 ///
 /// # Errors
 /// When the file is missing or corrupt, or the array is not of T ≥ 1 states of M ≥ 1 points of
@@ -300,7 +300,7 @@ pub fn write_points(path: &Path, shape: &[u64], values: &[f64]) -> Result<(), Er
     write_atomically(path, |out| write_array(out, shape, values))
 }
 
-/// Writes trajectories to `.npy`, (T, M, 2n), as [`read_trajectories`] takes them.
+/// Writes trajectories as `.npy`, (T, M, 2n), in the form that [`read_trajectories`] reads.
 ///
 /// # Errors
 /// [`Error::Write`] with the path.

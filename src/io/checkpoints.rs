@@ -5,9 +5,10 @@ use crate::error::Error;
 use crate::train::{Checkpoint, TrainingOptions, TrainingStage};
 use std::path::{Path, PathBuf};
 
-/// Where the checkpoints of a training are, and whether it goes on from them.
+/// The checkpoint files of a training, and whether the training goes on from them.
 ///
-/// A stage before the last has a file of its own, whose name is that of the last with an addition.
+/// Each stage before the last has a file of its own, whose name is that of the last stage's file
+/// with a suffix.
 #[derive(Clone, Debug)]
 pub struct Checkpoints {
     file: PathBuf,
@@ -16,7 +17,7 @@ pub struct Checkpoints {
 }
 
 impl Checkpoints {
-    /// In this file, from which the training goes on where it resumes.
+    /// Checkpoints in this file. With `resume`, the training goes on from what is there.
     pub fn new(file: impl Into<PathBuf>, resume: bool) -> Self {
         Self { file: file.into(), resume, newest: None }
     }
@@ -26,7 +27,8 @@ impl Checkpoints {
         &self.file
     }
 
-    /// The file of the newest checkpoint of this run; that of the last stage before any.
+    /// The file of the newest checkpoint written in this run; before the first one, the file of the
+    /// last stage.
     pub fn newest(&self) -> &Path {
         self.newest.as_deref().unwrap_or(&self.file)
     }
@@ -42,7 +44,7 @@ impl Checkpoints {
         TrainingStage::all(options).into_iter().map(|stage| self.of(stage)).collect()
     }
 
-    /// The checkpoint of a stage, to go on from.
+    /// The checkpoint from which a stage goes on, if there is one.
     ///
     /// # Errors
     /// Those of [`earlier_checkpoint`].
@@ -61,12 +63,13 @@ impl Checkpoints {
         Ok(())
     }
 
-    /// Whether a training with these options has one.
+    /// Whether there is a checkpoint file of a training with these options.
     pub fn exist(&self, options: &TrainingOptions) -> bool {
         self.files(options).iter().any(|file| file.exists())
     }
 
-    /// Fails where the training is to go on and has none; why, if it is there and cannot be read.
+    /// Fails if the training is to go on and no checkpoint is found. The error is that of reading
+    /// the file of the last stage.
     ///
     /// # Errors
     /// Those of [`load_checkpoint`].
@@ -77,7 +80,7 @@ impl Checkpoints {
         }
     }
 
-    /// Removes those of all stages, however many a training had.
+    /// Removes the checkpoint files of all stages, however many the training had.
     ///
     /// # Errors
     /// [`Error::Write`] with the file.

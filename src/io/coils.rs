@@ -10,12 +10,12 @@ use std::path::Path;
 /// Columns of a coil: sine and cosine of x, of y and of z.
 const COLUMNS: usize = 6;
 
-/// Reads coils from a text file as simsopt writes and reads them: a line for each mode, from 0 on, and in it sine and
-/// cosine of x, sine and cosine of y, sine and cosine of z of one coil after another, with commas or spaces between, in
-/// metres; empty lines and such as begin with # say nothing. A file that ends in `.npz` has an array `points`, (C, N,
-/// 3): N points (x, y, z) of each of C closed coils at equal distances of a parameter, between which a trigonometric
-/// polynomial goes ([`Coil::of_points`]). `currents` are those of the coils, in amperes, of which symmetry makes the
-/// machine.
+/// Reads coils from a text file in the format of simsopt, or from an array of points. The text has a line for each
+/// Fourier mode, from 0 on. The line holds, for one coil after another, the coefficients of sine and cosine of x, of y
+/// and of z, in metres, separated by commas or spaces. Empty lines and lines that begin with # are skipped. A file
+/// whose name ends in `.npz` has an array `points`, (C, N, 3): for each of C closed coils N points (x, y, z) at equal
+/// distances of a parameter, which a trigonometric polynomial interpolates ([`Coil::of_points`]). `currents` are the
+/// currents of these coils, in amperes; the symmetry of the machine adds the other coils.
 ///
 /// # Errors
 /// When the file cannot be read, has no such array, a line has another number of numbers than the first, one that is no

@@ -16,10 +16,10 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The newest model format that this version reads, and the one it writes: an architecture is a
-/// list of blocks, and the digest covers it. In formats 1 and 2 (with units) it has a name, and the
-/// digest covers parameters and units alone. Format 4 has a section, which the digest covers too; format 5 an
-/// architecture with controls. A model with neither is written in format 3.
+/// The newest model format that this version reads. From format 3 on an architecture is a list of blocks, and the
+/// digest covers it; in formats 1 and 2 (with units) it has a name, and the digest covers parameters and units alone.
+/// Format 4 adds a section, which the digest covers too, and format 5 an architecture with controls. A model without
+/// controls is written in format 4 if it has a section, else in format 3.
 pub const MODEL_VERSION: u64 = 5;
 /// The format of a model with a section.
 const SECTION_VERSION: u64 = 4;
@@ -43,8 +43,8 @@ pub struct Provenance {
     /// The held-out mean squared error, in the network's units; with the weights of the loss where
     /// it is [by plane](crate::train::Loss::ByPlane).
     pub validation: Option<f64>,
-    /// The box around its pairs, training and held out, as the data has them: beyond it nothing
-    /// has been shown.
+    /// The box around its pairs, training and held out, in the coordinates of the data. Outside of it the model has not
+    /// been tested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub region: Option<Region>,
     /// The version of this crate.
@@ -52,7 +52,7 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    /// With the version of this crate.
+    /// The provenance of a model of this scene, with the version of this crate.
     pub fn of(scene: &str) -> Self {
         Self {
             scene: scene.to_owned(),
@@ -67,8 +67,8 @@ impl Provenance {
 pub struct RolledOut {
     /// The states kept, (T, M, 2n).
     pub states: Vec<f64>,
-    /// Whether the last of them, made on a grid, lead back: whether each, as the `f64` that it is in these
-    /// units, is next to the point of the grid that it stands for. False without a grid.
+    /// Whether the last states, made on a grid, lead back exactly: whether each state, rounded to `f64` in these units,
+    /// is still closest to the grid point that it stands for. False without a grid.
     pub is_exact: bool,
 }
 
@@ -77,10 +77,10 @@ pub struct RolledOut {
 pub struct StoredModel {
     /// The network.
     pub model: Model,
-    /// The units of the data that it stands for, where they are not its own.
+    /// The units of the data, if they differ from those of the network.
     pub units: Option<Units>,
-    /// The charts of the data, where its columns are x₁ … xₙ, y₁ … yₙ and not canonical: the units are those of what
-    /// is canonical.
+    /// The charts of the data, if its columns are x₁ … xₙ, y₁ … yₙ, which are not canonical. The units are then those
+    /// of the canonical coordinates.
     pub section: Option<Section>,
     /// Where it comes from.
     pub provenance: Provenance,
@@ -96,7 +96,7 @@ impl StoredModel {
         digest_of(architecture, parameters, self.units.as_ref(), self.section.as_ref())
     }
 
-    /// What a fit has made, with its units and where it comes from; `name` says what trained it.
+    /// The model that a fit has made, with its units and provenance; `name` says what trained it.
     pub fn of_fit(fitted: &Fitted, name: &str) -> Self {
         let Fitted { problem, training } = fitted;
         let provenance = Provenance {
@@ -153,7 +153,7 @@ impl StoredModel {
         self.at(epsilon, time)
     }
 
-    /// [`Model::rollout`] of points of the data.
+    /// [`Model::rollout`] from points in the coordinates of the data.
     ///
     /// # Errors
     /// Those of [`Model::rollout`]; [`Error::Diverged`] when a state is not of finite numbers.
@@ -161,7 +161,7 @@ impl StoredModel {
         self.rollout_at_pace(initial, request, &mut Pace::unbroken())
     }
 
-    /// [`StoredModel::rollout`] in parts, which ask the pace whether to go on: the same bits.
+    /// [`StoredModel::rollout`] in parts, between which `pace` decides whether to go on. The bits are the same.
     ///
     /// # Errors
     /// Those of [`StoredModel::rollout`]; [`Error::Stopped`].
@@ -174,8 +174,8 @@ impl StoredModel {
         Ok(self.rollout_along(Course::default(), initial, request, pace)?.states)
     }
 
-    /// [`Model::rollout_along`] of points of the data. On a grid, which is one of the network's coordinates, the
-    /// first state kept is the point of the grid next to the initial one.
+    /// [`Model::rollout_along`] from points in the coordinates of the data. A grid is one of the network's coordinates:
+    /// the first state kept is then the grid point next to the initial one.
     ///
     /// # Errors
     /// Those of [`Model::rollout_along`]; [`Error::Diverged`] when a state is not of finite numbers.
@@ -226,8 +226,8 @@ impl StoredModel {
         })
     }
 
-    /// The maps after which each orbit from these points of the data is outside of a region for the first time; None of
-    /// those that stay in it for all `maps`, as [`maps_survived`] has it.
+    /// The number of maps after which each orbit from these points of the data is outside of a region for the first
+    /// time, as in [`maps_survived`]. None for orbits that stay in the region for all `maps`.
     ///
     /// # Errors
     /// Those of [`StoredModel::rollout`], but for orbits that are lost; when the region is of another dimension.
@@ -251,8 +251,8 @@ impl StoredModel {
         maps_survived(&follow, points, dim, maps, &stays)
     }
 
-    /// What of some trajectories, (T, M, 2n) with one state in `every` kept of M = `points` of
-    /// them, is outside the box of the network's polynomials. None where nothing is, or it has none.
+    /// Where trajectories leave the box of the network's polynomials. `values` is (T, M, 2n), with M = `points`
+    /// trajectories and one state in `every` kept. None if no state is outside, or if the network has no polynomials.
     pub fn leaves_polynomials(
         &self,
         values: &[f64],
@@ -273,7 +273,7 @@ impl StoredModel {
         PolynomialExit::first_of(outside, points, every)
     }
 
-    /// P or P⁻¹ at points of the data, in place.
+    /// Applies P or P⁻¹ to points of the data, in place.
     ///
     /// # Errors
     /// Those of [`map_points`].
@@ -589,9 +589,9 @@ pub fn save_checkpoint(path: &Path, checkpoint: &Checkpoint) -> Result<(), Error
     write_atomically(path, |out| Ok(serde_json::to_writer(out, &file)?))
 }
 
-/// The checkpoint of a training that is gone on with, if it has one. Of a new one that an earlier
-/// training left is removed: a training that ends before it writes its own would seem to go on
-/// from it.
+/// The checkpoint from which a resumed training goes on, if there is one. For a new training, the checkpoint that an
+/// earlier one left is removed: otherwise a training that ends before it writes its own would seem to go on from that
+/// one.
 ///
 /// # Errors
 /// Those of [`load_checkpoint`]; [`Error::Write`] when it cannot be removed.

@@ -36,7 +36,7 @@ pub use weights::{
     parse_tensors, read_architecture, read_tensors, take_units,
 };
 
-/// What the tests of this crate reach behind the public API: not a part of it.
+/// Items for the tests of this crate; they are not part of the public API.
 #[doc(hidden)]
 pub mod internals {
     pub use super::npy::{Array, read_array, write_array};

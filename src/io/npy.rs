@@ -1,7 +1,7 @@
 //! The NPY format of numpy: one array of numbers.
 //!
-//! Written out here because the parsers there are read any Python literal, in a
-//! time exponential in its depth, and ask for a C compiler. Source:
+//! It is implemented here because the existing parsers read any Python literal, in a time
+//! exponential in its depth, and need a C compiler. Source:
 //! <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>.
 
 use crate::error::Error;
@@ -22,7 +22,7 @@ pub struct Array {
     pub shape: Vec<usize>,
     /// Its numbers.
     pub values: Vec<f64>,
-    /// The file held single precision.
+    /// Whether the file held single precision.
     pub single: bool,
 }
 
@@ -46,7 +46,7 @@ type Decode = fn(&[u8], &mut Vec<f64>);
 /// Reads an array of float64 or float32 of at most three dimensions from a source of
 /// `size` bytes; `place` names it in errors. What follows the array is left unread.
 ///
-/// Memory is that of the numbers which the source holds, whatever it says of itself.
+/// The memory used is that of the numbers which the source really holds, whatever its header says.
 pub fn read_array(place: &str, source: &mut impl Read, size: u64) -> Result<Array, Error> {
     let malformed = |reason: String| Error::content(place, "an array in the NPY format", reason);
     let text = header_text(source).map_err(malformed)?;

@@ -19,7 +19,7 @@ use std::sync::{Mutex, PoisonError};
 const FORMAT: &str = "gyroceptron-proof";
 const VERSION: u64 = 1;
 
-/// Two nested circles of a [`ProofFile`], by their numbers in it.
+/// Two nested circles of a [`ProofFile`], given by their indices in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Nested {
@@ -29,7 +29,7 @@ pub struct Nested {
     pub outer: usize,
 }
 
-/// What is proved of a model: its circles, and which of them are within which.
+/// What is proved of a model: its circles, and which of them are nested.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProofFile {
     /// The digest of the model.
@@ -86,7 +86,7 @@ fn of_hex(text: &str) -> Option<[[f64; 2]; 4]> {
 }
 
 impl ProofFile {
-    /// Of circles of a model, in order of their areas, with the nesting of neighbours proved.
+    /// A proof file for circles of a model: sorts them by area and proves the nesting of neighbours.
     ///
     /// # Errors
     /// Those of [`StoredModel::digest`].
@@ -97,12 +97,12 @@ impl ProofFile {
         Ok(Self { model: stored.digest()?, circles, nested })
     }
 
-    /// Whether circles from one number to another are nested, each in the next.
+    /// Whether all circles from `inner` to `outer` are nested, each in the next one.
     pub fn is_nested(&self, inner: usize, outer: usize) -> bool {
         (inner + 1..=outer).all(|k| self.nested.contains(&Nested { inner: k - 1, outer: k }))
     }
 
-    /// What follows of the circles, in words.
+    /// What follows from the circles, in words.
     pub fn statements(&self) -> Vec<String> {
         let turns = |k: usize| format!("{:.4}", self.circles[k].omega().value().centre());
         let (mut out, mut first) = (Vec::new(), 0);
@@ -169,7 +169,7 @@ impl ProofFile {
         write_atomically(path, |out| out.write_all((text + "\n").as_bytes()))
     }
 
-    /// Reads a file: what it says is not yet checked.
+    /// Reads a file, without verifying what it claims.
     ///
     /// # Errors
     /// [`Error::Content`] where it is no such file, or has been edited.
@@ -216,8 +216,8 @@ impl ProofFile {
         Ok(Self { model: text.model, circles, nested: text.nested })
     }
 
-    /// Verifies all of it again, without any search: that the model is the one, that each circle's theorem holds with
-    /// the very constants, and that neighbours are nested as it says.
+    /// Verifies the whole file again, without any search: that it is about this model, that the theorem holds for each
+    /// circle with exactly the stored constants, and that neighbours are nested as stated.
     ///
     /// # Errors
     /// [`Error::Invalid`] with what does not hold.
@@ -267,17 +267,18 @@ impl ProofFile {
     }
 }
 
-/// What is to be proved of a model.
+/// What to prove of a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProofRequest {
-    /// The rotation numbers of circles; where there are none, so many that are spread over what the model has.
+    /// The rotation numbers of the circles. If empty, `circles` numbers are chosen, spread over those that the model
+    /// has.
     pub numbers: Vec<NobleNumber>,
-    /// How many.
+    /// How many rotation numbers to choose if `numbers` is empty.
     pub circles: usize,
-    /// Where the ray begins that circles are looked for on, in the coordinates of the normal form: the fixed point
-    /// near 0 where it is None.
+    /// The start of the ray on which circles are looked for, in the coordinates of the normal form. If None, the fixed
+    /// point near 0 is taken, or 0 where none is found.
     pub from: Option<[f64; 2]>,
-    /// Where it ends.
+    /// The end of the ray.
     pub to: [f64; 2],
 }
 
@@ -287,7 +288,7 @@ impl Default for ProofRequest {
     }
 }
 
-/// What has come of it.
+/// The outcome of a [`ProofRequest`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proofs {
     /// Each rotation number with its verdict.
@@ -299,8 +300,8 @@ pub struct Proofs {
 }
 
 impl Proofs {
-    /// Proves circles of a model, several at a time; `found` is called with each verdict as it comes, and with all
-    /// that is proved up to then.
+    /// Tries to prove circles of a model, several at a time. `found` is called with each verdict as it comes; if the
+    /// circle is proved, also with a file of all that is proved so far, else with an empty file.
     ///
     /// # Errors
     /// [`Error::Invalid`] of a model that the theorem is not about, a ray without orbits that turn at different
@@ -356,12 +357,12 @@ impl Proofs {
         Ok(Self { tried, file, fixed_point })
     }
 
-    /// Whether all that was asked for is proved.
+    /// Whether every circle that was tried is proved.
     pub fn holds(&self) -> bool {
         self.tried.iter().all(|(_, verdict)| matches!(verdict, Verdict::Proved(_)))
     }
 
-    /// All of it as a JSON document.
+    /// The outcome as a JSON document.
     pub fn document(&self) -> serde_json::Value {
         json!({
             "about": ABOUT,

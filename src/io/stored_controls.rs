@@ -7,8 +7,8 @@ use crate::network::{Controls, map_jacobians, map_points};
 use crate::phase::{Direction, Map};
 
 impl StoredModel {
-    /// The model at these values of its controls, in the chart of its section there: a model of none. Its held-out
-    /// error is not known.
+    /// The model at these values of its controls, in the chart of its section there. The result has no controls, and
+    /// its held-out error is not known.
     ///
     /// # Errors
     /// When there is not one finite value for each control. Whether the density of its section is positive there
@@ -75,7 +75,7 @@ impl StoredModel {
         Ok(out)
     }
 
-    /// The periodic orbit of the model of no controls near a guess, in coordinates of the data.
+    /// The periodic orbit near a guess, for a model without controls, in the coordinates of the data.
     ///
     /// # Errors
     /// Those of [`periodic_orbit`], [`StoredModel::map_points`] and [`StoredModel::jacobians`].
@@ -88,8 +88,8 @@ impl StoredModel {
         periodic_orbit(&map, guess, period)
     }
 
-    /// How a periodic orbit of the model at these values of its controls moves with them, in coordinates of the data,
-    /// and how Tr M changes.
+    /// How a periodic orbit and its Tr M change with the controls, for the model at these values of them, in the
+    /// coordinates of the data.
     ///
     /// # Errors
     /// Those of [`StoredModel::at_controls`] and [`AtControls::orbit_response`].
@@ -130,8 +130,9 @@ impl StoredModel {
         Ok(response)
     }
 
-    /// The turns of an orbit of one degree of freedom about a centre in a map at these values of the controls, and
-    /// their derivatives by the controls while the first point stays where it is; both are points of the data.
+    /// The turns per map of an orbit about a centre, for one degree of freedom and these values of the controls, and
+    /// their derivatives by the controls while the first point stays fixed. Both points are in the coordinates of the
+    /// data.
     ///
     /// # Errors
     /// Those of [`StoredModel::at_controls`] and [`AtControls::rotation_response`].

@@ -1,11 +1,10 @@
 //! TensorFlow checkpoints: the file `NAME.index`, a table of keys, and
 //! `NAME.data-00000-of-00001` beside it, the numbers.
 //!
-//! The index is a table of the LevelDB format without compression, its values are
-//! protocol buffers (`tensorflow/core/protobuf/tensor_bundle.proto`). What is read is what
-//! the code that the authors published with Duruisseaux, Burby and Tang,
-//! <https://doi.org/10.1038/s41598-023-34862-w>, writes: `psi_layers/{i}/W_in` and the
-//! like become `psi.{i}.w_in`.
+//! The index is a table of the LevelDB format without compression; its values are protocol buffers
+//! (`tensorflow/core/protobuf/tensor_bundle.proto`). The checkpoints that are read are those of the
+//! code published with Duruisseaux, Burby and Tang, <https://doi.org/10.1038/s41598-023-34862-w>:
+//! names such as `psi_layers/{i}/W_in` become `psi.{i}.w_in`.
 
 use super::read_bytes;
 use super::tensor::Tensor;

@@ -1,19 +1,20 @@
-//! Weights of others: `.safetensors` and `.npz` under documented names.
+//! Weights of other programs: `.safetensors` and `.npz` files with documented names.
 //!
-//! `psi.{i}.w_in` (n, h), `psi.{i}.b_in` (1, h), `psi.{i}.w_out` (h, 1),
-//! `psi.{i}.eta` (1, n), the same under `near_identity.{i}.`, and `theta` (one
-//! element); a HénonNet has `henon.{i}.…` only. A gyroceptron in normal form has
-//! `kick.{i}.angles` (1, n), `kick.{i}.w_in` (n, h), `kick.{i}.b_in`, `kick.{i}.w_out`,
-//! `twist.{i}.w_in` (d, h; the rows of the actions first), `twist.{i}.b_in`,
-//! `twist.{i}.w_out`, of even i `twist.{i}.quadratic` (1, d(d + 1)/2; the rows of the upper
-//! triangle of Q), `turned_twist.{i}.angles` (1, slow planes) and the same `w_in`, `b_in` and `w_out` under
-//! `turned_twist.{i}.`, `theta` (an angle for each circle), and `psi.{i}.…` where it has a ψ; one that is nearly
-//! integrable `perturbation.{i}.…` as of kicks, and `perturbation` (1), their number. A gyroceptron of couplings has `angles` (1, n), `w_in`
-//! (n, h), `b_in` (1, h), `w_scale` (n, h), `b_scale` (1, n), `w_shift` (n, h) and `b_shift` (1, n) under `psi.{i}.` and
-//! `near_identity.{i}.`, and `theta`. Where the data has
-//! units of its own, `units.centre` and `units.factors`, (1, 2n) each, say them: z = centre +
-//! factors·w of the network's w. Layers
-//! are numbered from 0 in the order of application; numbers are float32 or float64.
+//! Layers are numbered from 0 in the order of application; numbers are float32 or float64.
+//!
+//! - A gyroceptron has `psi.{i}.w_in` (n, h), `psi.{i}.b_in` (1, h), `psi.{i}.w_out` (h, 1) and `psi.{i}.eta` (1, n),
+//!   the same under `near_identity.{i}.`, and `theta` (one element). A HénonNet has `henon.{i}.…` only.
+//! - A gyroceptron in normal form has `kick.{i}.angles` (1, n), `kick.{i}.w_in` (n, h), `kick.{i}.b_in` and
+//!   `kick.{i}.w_out`; `twist.{i}.w_in` (d, h; the rows of the actions first), `twist.{i}.b_in`, `twist.{i}.w_out`
+//!   and, for even i, `twist.{i}.quadratic` (1, d(d + 1)/2; the rows of the upper triangle of Q);
+//!   `turned_twist.{i}.angles` (1, slow planes) with `w_in`, `b_in` and `w_out` as for twists; `theta` (an angle for
+//!   each circle); and `psi.{i}.…` if it has a ψ. One that is nearly integrable also has `perturbation.{i}.…`, as for
+//!   kicks, and `perturbation` (1), their number.
+//! - A gyroceptron of couplings has `angles` (1, n), `w_in` (n, h), `b_in` (1, h), `w_scale` (n, h), `b_scale`
+//!   (1, n), `w_shift` (n, h) and `b_shift` (1, n) under `psi.{i}.` and `near_identity.{i}.`, and `theta`.
+//!
+//! If the data has units of its own, they are `units.centre` and `units.factors`, (1, 2n) each: z = centre +
+//! factors·w, where w are the coordinates of the network.
 
 use super::arrays::{Archive, write_archive};
 use super::tensor::Tensor;
@@ -53,8 +54,8 @@ impl WeightsFormat {
     }
 }
 
-/// The tensors of a `.safetensors` or `.npz` file, by name, or of a TensorFlow checkpoint:
-/// of its `.index`, beside which the numbers are.
+/// The tensors, by name, of a `.safetensors` or `.npz` file, or of a TensorFlow checkpoint. Of the latter the path is
+/// that of its `.index` file, and the numbers are in a file beside it.
 ///
 /// # Errors
 /// When the file is missing or corrupt, of another ending, or a tensor is not
@@ -221,9 +222,9 @@ impl Recognised {
     }
 }
 
-/// Makes a gyroceptron with these circles at ε of tensors in memory; `place` names them in errors.
-/// One in normal form, which has tensors `kick.…`, `twist.…` or `turned_twist.…`, and one of couplings, which has
-/// `….w_scale`, need their flow time; others have none.
+/// Makes a gyroceptron with these circles at ε from tensors in memory; `place` names them in errors. A flow time is
+/// needed for a network in normal form, which has tensors `kick.…`, `twist.…` or `turned_twist.…`, and for one of
+/// couplings, which has `….w_scale`; other networks have none.
 ///
 /// # Errors
 /// When a tensor is missing, superfluous or of another shape; when the flow time is missing,
@@ -364,7 +365,7 @@ const PERTURBATION: &str = "perturbation";
 /// The names of the tensors of units.
 const UNITS: [&str; 2] = ["units.centre", "units.factors"];
 
-/// Takes the units out of tensors, where there are any; `place` names them in errors.
+/// Takes the tensors of units out, if there are any; `place` names them in errors.
 ///
 /// # Errors
 /// When one of both is missing, they are not of 2n numbers, or no units ([`Units::new`]).
@@ -409,8 +410,8 @@ fn even_out(factors: &mut [f64]) {
     }
 }
 
-/// Writes a model's weights as `.safetensors` or `.npz`, float64, with the units of its data,
-/// where they are not its own.
+/// Writes a model's weights, float64, as `.safetensors` or `.npz`, with the units of its data, if these differ from the
+/// network's.
 ///
 /// # Errors
 /// When the ending is another one or the file cannot be written.

@@ -10,15 +10,15 @@ use crate::scalar::{Over, Scalar};
 /// x(q) = A tanh(Wᵀq + b) + a, y(q) = B tanh(Wᵀq + b) + β, f(τ) = (2 + τ)/(2 − τ).
 ///
 /// The inverse is p ← f(−τ) ⊙ (p − c·y(q)), in closed form for all weights: f lies between ⅓ and
-/// 3, is e^τ to second order, and f(τ)f(−τ) = 1. Volumes change by Π f(τᵢ), so that it is not symplectic, and
-/// that no grid of numbers is mapped onto itself: it is undone to the last digits, not to the last
-/// bit. At c = 0 it is the identity.
+/// 3, equals e^τ to second order, and f(τ)f(−τ) = 1. Volumes change by Π f(τᵢ): the map is not
+/// symplectic, and it maps no grid of numbers onto itself, so the inverse is exact up to rounding
+/// but not bit for bit. At c = 0 it is the identity.
 ///
 /// Its parameters are `[W (n × h, row by row), b (h), A (n × h), a (n), B (n × h), β (n)]`. `D` fixes n
 /// at compile time where the caller knows it.
 ///
 /// Source: the affine coupling layers of Dinh, Sohl-Dickstein and Bengio,
-/// <https://arxiv.org/abs/1605.08803>, section 3.3, with f for the exponential, which is not bounded.
+/// <https://arxiv.org/abs/1605.08803>, section 3.3, with the bounded f in place of the exponential.
 #[derive(Clone, Copy, Debug)]
 pub struct AffineCoupling<'a, P, const D: usize = 0> {
     dof: usize,
@@ -85,7 +85,7 @@ impl<'a, P: Scalar, const D: usize> AffineCoupling<'a, P, D> {
         [self.w_in, self.b_in, to_scale, of_scale, to_shift, of_shift]
     }
 
-    /// The factor c of what it does to the momenta.
+    /// The factor c in the change of the momenta.
     pub fn scale(&self) -> P {
         self.scale
     }

@@ -1,4 +1,4 @@
-//! What a step of a network is: an elementary map bound to its parameters.
+//! The steps of a network: elementary maps bound to their parameters.
 
 use crate::scalar::{Over, Pack, Scalar, Series};
 
@@ -6,18 +6,18 @@ use crate::scalar::{Over, Pack, Scalar, Series};
 /// shears that belong together, a rotation of planes, a coupling. All but the
 /// [affine coupling](super::AffineCoupling) are exactly symplectic.
 ///
-/// A network is a sequence of them. Whoever implements this for a new kind of
-/// step writes one file; all that is done with steps goes through these methods:
+/// A network is a sequence of such steps. A new kind of step takes one file that implements
+/// this trait; everything done with steps goes through these methods:
 /// maps and their inverses, batches on lanes, pullbacks, Jacobians.
 ///
-/// Points are 2n numbers, `[q₁, …, qₙ, p₁, …, pₙ]`. `P` is the number of the
-/// parameters, `S` that of the state. All methods that are generic over `S` are to
+/// Points are 2n numbers, `[q₁, …, qₙ, p₁, …, pₙ]`. `P` is the number type of the
+/// parameters, `S` that of the state. All methods that are generic over `S` have to
 /// be `#[inline(always)]`: the kernels compile them for vector registers.
 ///
-/// Coordinates are changed by [`Over::increment`] and exact operations (signs,
-/// exchanges) alone: this is what makes the inverse exact where increments are
-/// rounded to a grid, unless, as in a [`Twist`](super::Twist) and an
-/// [`AffineCoupling`](super::AffineCoupling), the factor of an increment depends on what it changes.
+/// Coordinates are changed only by [`Over::increment`] and exact operations (signs,
+/// exchanges). This makes the inverse exact where increments are rounded to a grid,
+/// except in a [`Twist`](super::Twist) and an [`AffineCoupling`](super::AffineCoupling), where
+/// the factor of an increment depends on the coordinate that it changes.
 pub trait ElementaryMap<P: Scalar>: Copy {
     /// The degrees of freedom n.
     fn dof(&self) -> usize;
@@ -28,11 +28,11 @@ pub trait ElementaryMap<P: Scalar>: Copy {
     /// How many numbers [`ElementaryMap::forward_recorded`] writes for a point.
     fn tape_len(&self) -> usize;
 
-    /// How often a point is put through tanh or sech².
+    /// How many times tanh or sech² is evaluated for a point.
     fn activation_count(&self) -> usize;
 
-    /// How far the arguments of its polynomials are from 0, at most, of a step from z: more than 1
-    /// outside the box that they are made for; 0 of a step without. `scratch` holds at least 2n
+    /// The largest size of an argument of the polynomials in a step from z: more than 1 outside the
+    /// box for which they are made, and 0 for a step without polynomials. `scratch` holds at least 2n
     /// numbers.
     fn reach(&self, z: &[f64], scratch: &mut [f64]) -> f64
     where
@@ -51,7 +51,7 @@ pub trait ElementaryMap<P: Scalar>: Copy {
         self.inverse().apply(z, scratch);
     }
 
-    /// [`ElementaryMap::apply`] to points of 2n numbers that stand after one another: the same bits.
+    /// [`ElementaryMap::apply`] to consecutive points of 2n numbers each, with the same bits.
     #[inline(always)]
     fn apply_each<S: Over<P>>(&self, points: &mut [S], scratch: &mut [S]) {
         for z in points.chunks_exact_mut(2 * self.dof()) {
@@ -63,9 +63,9 @@ pub trait ElementaryMap<P: Scalar>: Copy {
     /// [`ElementaryMap::vjp`] needs. `scratch` holds at least 2n numbers.
     fn forward_recorded<S: Over<P>>(&self, z: &mut [S], tape: &mut [S], scratch: &mut [S]);
 
-    /// The vector–Jacobian product at the recorded point: `z_bar` from the cotangent of the output
-    /// to that of the input; `parameters_bar`, that of the step's parameters, +=
-    /// theirs. `scratch` holds at least 2n numbers.
+    /// The vector–Jacobian product at the recorded point: it turns `z_bar` from the cotangent of the
+    /// output into that of the input, and adds the cotangent of the step's parameters to
+    /// `parameters_bar`. `scratch` holds at least 2n numbers.
     fn vjp<S: Over<P>>(
         &self,
         tape: &[S],
@@ -74,8 +74,8 @@ pub trait ElementaryMap<P: Scalar>: Copy {
         scratch: &mut [S],
     );
 
-    /// [`ElementaryMap::vjp`] at several recorded points, whose tapes and cotangents stand
-    /// after one another: the same bits as of each in turn.
+    /// [`ElementaryMap::vjp`] at several recorded points with consecutive tapes and cotangents:
+    /// the same bits as for each point in turn.
     #[inline(always)]
     fn vjp_each<S: Over<P>>(
         &self,
@@ -91,12 +91,12 @@ pub trait ElementaryMap<P: Scalar>: Copy {
         }
     }
 
-    /// Jacobian–vector products: z ← the step of z, and each of `directions`, 2n numbers after one another,
-    /// ← the derivative of the step along it. `scratch` holds at least 2n + n²
+    /// Jacobian–vector products: z ← the step of z, and each of the consecutive `directions`, 2n
+    /// numbers each, ← the derivative of the step along it. `scratch` holds at least 2n + n²
     /// numbers.
     fn jvp<S: Over<P>>(&self, z: &mut [S], directions: &mut [S], scratch: &mut [S]);
 
-    /// [`ElementaryMap::apply`] to one point with what is independent within the step, as
+    /// [`ElementaryMap::apply`] to one point, with independent parts of the step, such as
     /// the neurons of a layer, in the lanes of `V`: the same bits. `scratch` holds
     /// at least 2n numbers.
     #[inline(always)]
@@ -108,13 +108,13 @@ pub trait ElementaryMap<P: Scalar>: Copy {
     }
 }
 
-/// A shear that moves the momenta alone. What it keeps for its pullback begins with the
+/// A shear that changes only the momenta. Its tape for the pullback begins with the
 /// positions.
 pub trait OfMomenta<P: Scalar>: ElementaryMap<P> {
-    /// Whether it moves nothing, whatever the point.
+    /// Whether it is the identity at every point.
     fn is_identity(&self) -> bool;
 
-    /// What it is, if it is a kick of one plane by one polynomial.
+    /// The kick, if it is a kick of one plane by one polynomial.
     fn of_a_plane(&self) -> Option<PlaneKick<'_, P>> {
         None
     }

@@ -17,7 +17,7 @@ pub const fn layer_parameter_count(dof: usize, width: usize) -> usize {
 ///
 /// With ε = 1 it is the paper's H\[V, η\], otherwise its near-identity
 /// H_ε\[V, η\]. Four of them make a [`HenonLayer`], which computes the same map
-/// with smaller errors; this one is for those who want the map itself.
+/// with smaller rounding errors; use this one for the map itself.
 ///
 /// Source: Burby, Tang and Maulik, <https://doi.org/10.1088/1361-6587/abcbaa>, after Hénon,
 /// <https://doi.org/10.1007/BF01608556>.
@@ -84,8 +84,8 @@ impl KickForm {
     ///
     /// a = x − g(y), b = y − g(−a), x′ = a + g(−b − η), y′ = b + g(x′ − η).
     ///
-    /// η stands only inside arguments, so that a large one absorbs nothing,
-    /// and for g = 0 nothing moves at all.
+    /// η occurs only inside arguments, so that a large η costs no digits of the
+    /// coordinates, and for g = 0 the layer is the identity.
     pub const LAYER: [KickForm; 4] = [
         KickForm { target: Half::Position, negative: true, reflect: false, shifted: false },
         KickForm { target: Half::Momentum, negative: true, reflect: true, shifted: false },
@@ -111,8 +111,8 @@ impl KickForm {
 /// It is symplectic and invertible for all weights, and bitwise the identity
 /// for ε = 0 and ε = −0.
 ///
-/// Source: Burby, Tang and Maulik, <https://doi.org/10.1088/1361-6587/abcbaa>; that such layers
-/// come near every symplectic map: Turaev, <https://doi.org/10.1088/0951-7715/16/1/308>.
+/// Source: Burby, Tang and Maulik, <https://doi.org/10.1088/1361-6587/abcbaa>; for the approximation
+/// of every symplectic map by such layers, Turaev, <https://doi.org/10.1088/0951-7715/16/1/308>.
 #[derive(Clone, Copy, Debug)]
 pub struct HenonLayer<'a, P, V = TanhPotential<'a, P>> {
     /// The potential V of y.

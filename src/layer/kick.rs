@@ -11,8 +11,8 @@ use crate::scalar::{Over, Pack, Scalar};
 /// shear with −c: exact in real arithmetic, one rounding away in floating
 /// point, bit for bit where the increments are rounded to a grid.
 ///
-/// Its parameters are `[…potential…, η]`; without a shift those of the potential alone
-/// do.
+/// Its parameters are `[…potential…, η]`, or those of the potential alone without a
+/// shift.
 #[derive(Clone, Copy, Debug)]
 pub struct Kick<'a, P, V> {
     /// The potential V whose gradient moves the coordinates.

@@ -5,8 +5,8 @@ use super::quadratic_form::{QuadraticForm, symmetric_len};
 use crate::phase::Half;
 use crate::scalar::{Over, Scalar};
 
-/// The parameters of a linear module of so many shears in `dof` degrees of freedom:
-/// n(n + 1)/2 for each symmetric matrix, 2n for the translation.
+/// The number of parameters of a linear module of `shears` shears in `dof` degrees of
+/// freedom: n(n + 1)/2 for each symmetric matrix, 2n for the translation.
 ///
 /// Saturates instead of overflowing.
 pub const fn linear_module_parameter_count(dof: usize, shears: usize) -> usize {
@@ -14,11 +14,11 @@ pub const fn linear_module_parameter_count(dof: usize, shears: usize) -> usize {
     shears.saturating_mul(matrix).saturating_add(dof.saturating_mul(2))
 }
 
-/// Linear shears, target += c·S_k·source with S_k symmetric, that change one half
-/// of the coordinates and the other in turn, and then a translation z += c·b.
+/// Linear shears, target += c·S_k·source with S_k symmetric, that change the two halves
+/// of the coordinates in alternation, and then a translation z += c·b.
 ///
 /// Its parameters are `[S₁, …, S_m, b]`, each S_k by the rows of its upper triangle,
-/// b in the order of z; a module may be without the translation. Every linear symplectic map is a product of such shears.
+/// b in the order of z; the translation is optional. Every linear symplectic map is a product of such shears.
 ///
 /// Source: linear modules of Jin, Zhang, Zhu, Tang and Karniadakis,
 /// <https://doi.org/10.1016/j.neunet.2020.08.017>, section 3.1.

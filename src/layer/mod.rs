@@ -1,20 +1,20 @@
-//! Layers: shears and what is made of them, written over the number type.
+//! Layers: shears and maps composed of them, generic over the number type.
 //!
-//! - [`ElementaryMap`]: what a step of a network is: forward, inverse, pullback, derivative
-//!   along directions. One file a kind of step:
+//! - [`ElementaryMap`]: a step of a network, with its forward map, inverse, pullback and
+//!   derivative along directions. Each kind of step has one file:
 //! - [`Kick`]: one half of the coordinates is moved by the gradient of a
 //!   [`Potential`] of the other half; [`TanhPotential`] is the one with a hidden
 //!   layer, [`PolynomialPotential`] one of polynomials over a box, [`RidgePotential`] either.
-//! - [`Turn`], [`TurnStep`]: each plane rotated by its angle, as three shears a
-//!   plane; [`CircleAction`] and [`TorusAction`] say which planes turn together, by an angle in
+//! - [`Turn`], [`TurnStep`]: each plane rotated by its angle, as three shears per
+//!   plane; [`CircleAction`] and [`TorusAction`] define which planes rotate together, by an angle in
 //!   radians or by a [`TurnFraction`], whose sums are exact.
 //! - [`AffineCoupling`]: the momenta scaled and shifted by functions of the positions; not
 //!   symplectic.
-//! - [`Turned`]: a kick or a coupling in coordinates turned by angles of its own.
+//! - [`Turned`]: a kick or a coupling in coordinates that are rotated by learnt angles.
 //! - [`Twist`]: the flow of functions of the actions and of half the slow coordinates,
 //!   which commutes with the torus action.
-//!   A turned one ([`TwistShears::turned`]) is in coordinates of the slow planes turned by angles of
-//!   its own.
+//!   A turned twist ([`TwistShears::turned`]) acts in coordinates whose slow planes are rotated by
+//!   learnt angles.
 //! - [`Reversor`], [`Reflection`]: the reflection that maps a reversible map to its inverse.
 //! - [`LinearModule`], [`ActivationModule`]: the modules of SympNets.
 //!

@@ -4,16 +4,16 @@ use super::Potential;
 use super::unrolled::for_polynomials;
 use crate::scalar::{Over, Scalar, Series};
 
-/// V(y) = ρ Σ_k P_k(s_k), s = Wᵀx: polynomials of linear forms of x, which are the coordinates y
-/// over half the extent of a box; P_k′ = Σ_{m<d} c_{mk} T_m in Chebyshev polynomials.
+/// V(y) = ρ Σ_k P_k(s_k), s = Wᵀx: polynomials of linear forms of x, the coordinates y divided by
+/// half the extent of a box; P_k′ = Σ_{m<d} c_{mk} T_m in Chebyshev polynomials.
 ///
-/// With as many directions as there are monomials of a degree such sums are all polynomials of
-/// that degree. They are meant for |s_k| ≤ 1, the box, and grow like s^d outside it.
+/// With as many directions as there are monomials of a degree, such sums comprise all polynomials
+/// of that degree. They are meant for |s_k| ≤ 1, the box; outside it V grows like s^d.
 ///
-/// Coordinates are over the radius ρ of the box, x = y/ρ. In front of them there may be actions, which
-/// are in intervals of their own: x = (𝔍 − centre)/(half its width). ∇V = ρ Σ_k c_k′(s_k) ∂s_k/∂y.
+/// Coordinates are divided by the radius ρ of the box, x = y/ρ. The first arguments may be actions,
+/// each with its interval: x = (𝔍 − centre)/(half its width). ∇V = ρ Σ_k P_k′(s_k) ∂s_k/∂y.
 ///
-/// Of one argument W would be a second scale of c: there is none, s is x, and the sum has one term.
+/// With one argument W would only rescale c: then there is no W, s is x, and the sum has one term.
 ///
 /// Source: Dragt and Abell, "Symplectic maps and computation of orbits in particle accelerators",
 /// in Fields Institute Communications 10 (1996), for kicks by polynomials along lines; Clenshaw,
@@ -31,12 +31,12 @@ pub struct PolynomialPotential<'a, P> {
     degree: usize,
 }
 
-/// The interval that an action is in, in the box of a radius ρ.
+/// The interval of the values of an action in the box of radius ρ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ActionInterval {
     /// Its middle.
     pub centre: f64,
-    /// Over half its width.
+    /// One over half its width.
     pub inverse_half: f64,
 }
 
@@ -49,11 +49,11 @@ pub(super) fn polynomial_parameter_count(arguments: usize, width: usize, degree:
 
 impl<'a, P: Copy> PolynomialPotential<'a, P> {
     /// A view of the parameters `[W (n × h, row by row; none where n is 1), c (d × h, row by row)]`
-    /// of h polynomials of degree d, `[h, d]`, of n = `arguments` numbers, the first of which are
-    /// actions in these intervals.
+    /// of h polynomials of degree d, given as `[h, d]`, in n = `arguments` numbers. The first
+    /// arguments are actions in the intervals `actions`.
     ///
     /// # Panics
-    /// When the parameters are not as many, or there is not one polynomial of one argument.
+    /// When the number of parameters is another one, or `arguments` is 1 and h is not.
     #[inline(always)]
     pub fn new(
         arguments: usize,

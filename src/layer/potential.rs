@@ -16,8 +16,8 @@ pub trait Potential<S: Scalar> {
 
 /// V(y) = w·tanh(Wᵀy + b): one hidden layer of h neurons (the paper's V\[W\]).
 ///
-/// ∇V(y) = W(w ⊙ sech²(Wᵀy + b)). There is no output bias, which no gradient
-/// would see. `D` fixes n at compile time where the caller knows it; `D = 0`
+/// ∇V(y) = W(w ⊙ sech²(Wᵀy + b)). There is no output bias, since it would not affect
+/// the gradient. `D` fixes n at compile time where the caller knows it; `D = 0`
 /// takes n from the arguments.
 #[derive(Clone, Copy, Debug)]
 pub struct TanhPotential<'a, P, const D: usize = 0> {
@@ -289,7 +289,7 @@ impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, 
 
 impl<P: Copy, const D: usize> TanhPotential<'_, P, D> {
     /// How many numbers [`TanhPotential::gradient_recording`] leaves for
-    /// [`TanhPotential::pullback`].
+    /// [`TanhPotential::vjp`].
     #[inline(always)]
     pub(super) fn tape_len(&self) -> usize {
         2 * self.width()
@@ -349,7 +349,7 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
         }
     }
 
-    /// [`TanhPotential::pullback`] at M points, for n known at compile time: the same
+    /// [`TanhPotential::vjp`] at M points, for n known at compile time: the same
     /// bits as of one after another. What belongs to a neuron is loaded and stored
     /// once for all of them.
     #[inline(always)]

@@ -1,4 +1,4 @@
-//! The reversor of a map that runs backwards when it is mirrored.
+//! The reversor of a reversible map: a reflection that conjugates the map to its inverse.
 
 use super::ElementaryMap;
 use crate::error::Error;
@@ -6,12 +6,12 @@ use crate::phase::Half;
 use crate::scalar::{Over, Scalar};
 use serde::{Deserialize, Serialize};
 
-/// The reflection S that a reversible map P has: S∘P∘S = P⁻¹.
+/// The reversor of a reversible map P, a reflection S with S∘P∘S = P⁻¹.
 ///
-/// S is its own inverse and anti-symplectic, SᵀΩS = −Ω. Each turn of planes has it, SΦ_θS = Φ_{−θ}.
-/// A map of time t of a Hamiltonian that is even in the momenta is reversible by
-/// [`Reversor::Momenta`]; the map of a section of a stellarator that its symmetry maps to itself by
-/// the reflection of Z.
+/// S is its own inverse and anti-symplectic, SᵀΩS = −Ω. It reverses every rotation of planes,
+/// SΦ_θS = Φ_{−θ}. The flow map of a Hamiltonian that is even in the momenta is reversible with
+/// [`Reversor::Momenta`]; the section map of field lines in a stellarator is reversible with the
+/// reflection of Z, where stellarator symmetry maps the section to itself.
 ///
 /// Source: Lamb and Roberts, Time-reversal symmetry in dynamical systems,
 /// <https://doi.org/10.1016/S0167-2789(97)00199-1>, section 2.
@@ -44,7 +44,7 @@ impl Reversor {
         }
     }
 
-    /// The one of this name.
+    /// The reversor of this name.
     ///
     /// # Errors
     /// [`Error::Invalid`] with the name and both that there are.

@@ -1,23 +1,23 @@
-//! Potentials that are sums of functions of linear forms, of one kind or another.
+//! Potentials that are sums of ridge functions, which are functions of linear forms.
 
 use super::polynomial::polynomial_parameter_count;
 use super::{ActionInterval, PolynomialPotential, Potential, TanhPotential};
 use crate::error::Error;
 use crate::scalar::{Over, Pack, Scalar};
 
-/// The functions of one number that a potential V(y) = Σ_k v_k(a_k·y) is made of.
+/// The kind of the ridge functions v_k in a potential V(y) = Σ_k v_k(a_k·y).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum RidgeFunction {
     /// w tanh(x + b): bounded, so that orbits may leave the box of the data.
     #[default]
     Tanh,
-    /// [Polynomials](PolynomialPotential) over a box, which take a multiplication a
+    /// [Polynomials](PolynomialPotential) over a box, which take one multiplication per
     /// coefficient and no activation.
     Polynomial {
         /// The degree of V; that of its derivative is less by one.
         degree: usize,
-        /// ρ: the coordinates of the box are from −ρ to ρ. Infinite where it is to be that of the
-        /// pairs ([`RidgeFunction::in_box`]).
+        /// ρ: the coordinates of the box are from −ρ to ρ. Infinite until the box of the pairs is
+        /// set ([`RidgeFunction::in_box`]).
         radius: f64,
     },
 }
@@ -43,7 +43,7 @@ impl RidgeFunction {
         Err(Error::invalid("radius of the box of a polynomial", radius, expected))
     }
 
-    /// With this box, where it has none of its own yet.
+    /// The same function with a box of this radius, if it has no box yet.
     #[must_use]
     pub fn in_box(self, radius: f64) -> Self {
         match self {
@@ -60,17 +60,17 @@ impl RidgeFunction {
     }
 }
 
-/// So many ridge functions of a kind.
+/// A number of ridge functions of one kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ridges {
-    /// h, how many there are: neurons, or polynomials.
+    /// h, the number of neurons or polynomials.
     pub width: usize,
-    /// What they are.
+    /// Their kind.
     pub function: RidgeFunction,
 }
 
 impl Ridges {
-    /// The parameters of a potential of so many arguments. Saturates instead of overflowing.
+    /// The number of parameters of a potential of `arguments` arguments. Saturates instead of overflowing.
     #[inline(always)]
     pub fn parameter_count(&self, arguments: usize) -> usize {
         match self.function {
@@ -88,9 +88,9 @@ impl Ridges {
     }
 }
 
-/// A potential of ridge functions of a kind that is known when it runs: a layer asks once, and goes
-/// through its neurons or polynomials without asking. Where the number of arguments is known at compile
-/// time (`D` > 0) they are neurons: a polynomial gains nothing by it that is worth its compilation.
+/// A potential of ridge functions whose kind is chosen at run time: a layer branches once, not for
+/// each neuron or polynomial. Where the number of arguments is known at compile time (`D` > 0) they
+/// are always neurons: for polynomials the gain is not worth the compile time.
 #[derive(Clone, Copy, Debug)]
 pub enum RidgePotential<'a, P, const D: usize = 0> {
     /// Neurons.
@@ -100,12 +100,12 @@ pub enum RidgePotential<'a, P, const D: usize = 0> {
 }
 
 impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
-    /// A view of the parameters, of n = `arguments` numbers, the first of which are actions in
-    /// these intervals (of a polynomial).
+    /// A view of the parameters of a potential in n = `arguments` numbers. For polynomials, the first
+    /// arguments are actions in the intervals `actions`.
     ///
     /// # Panics
-    /// When there are not [as many parameters](Ridges::parameter_count), or they are polynomials and `D` is
-    /// not 0.
+    /// When there are not [as many parameters](Ridges::parameter_count), or the kind is polynomials and
+    /// `D` is not 0.
     #[inline(always)]
     pub fn new(
         arguments: usize,

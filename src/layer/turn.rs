@@ -40,8 +40,8 @@ impl CircleAction {
         &self.weights
     }
 
-    /// The greatest common divisor of the weights, 0 where all are: after so much less than a whole turn the
-    /// rotation is the same.
+    /// The greatest common divisor g of the weights, or 0 where all are 0: the rotation is already the identity
+    /// after 1/g of a whole turn.
     pub fn common_factor(&self) -> u32 {
         let gcd = |mut a: u32, mut b: u32| {
             while b > 0 {
@@ -52,9 +52,9 @@ impl CircleAction {
         self.weights.iter().map(|m| m.unsigned_abs()).fold(0, gcd)
     }
 
-    /// Whether a symplectic map takes one action into the other, or into it the other way round: the weights are the
-    /// same but for the order of the planes, which an exchange of planes changes, and for all signs at once. No
-    /// data distinguish one from the other where any symplectic ψ may be learnt.
+    /// Whether a symplectic map conjugates one action to the other or to its reverse: the weights agree up to the
+    /// order of the planes, which an exchange of planes changes, and up to one sign for all. No data can
+    /// distinguish such actions when any symplectic ψ may be learnt.
     pub fn is_conjugate(&self, other: &Self) -> bool {
         let sorted = |sign: i64, action: &Self| {
             let mut weights: Vec<i64> =
@@ -73,7 +73,7 @@ impl CircleAction {
 
     /// The rotation Φ_θ, θ in radians.
     ///
-    /// m_jθ is formed with its rounding error, so that the angle of a high
+    /// m_jθ is computed together with its rounding error, so that the angle of a high
     /// harmonic is as exact as θ itself.
     pub fn turn_by<P: Real>(&self, theta: P) -> Turn<P> {
         Turn::new(self.dof(), &[&self.weights], &[theta])
@@ -126,8 +126,8 @@ impl TorusAction {
     /// The action of these circles, an angle for each.
     ///
     /// # Errors
-    /// When there is none, or they are not of one number of degrees of freedom, at least
-    /// one.
+    /// When there is no circle, or the circles differ in their number of degrees of freedom,
+    /// or it is 0.
     pub fn new(circles: impl Into<Vec<CircleAction>>) -> Result<Self, Error> {
         let circles = circles.into();
         Error::check_count_range("circles of a torus action", circles.len(), 1, usize::MAX)?;
@@ -138,12 +138,12 @@ impl TorusAction {
         Ok(Self { circles })
     }
 
-    /// Each plane by an angle of its own.
+    /// The action that rotates each plane by a separate angle.
     pub fn of_planes(dof: usize) -> Self {
         Self::of_first_planes(dof, dof)
     }
 
-    /// Each of the first planes by an angle of its own; the others stay.
+    /// The action that rotates each of the first `count` planes by a separate angle and fixes the others.
     pub fn of_first_planes(count: usize, dof: usize) -> Self {
         let circle =
             |plane| CircleAction::new(Vec::from_iter((0..dof).map(|j| i32::from(j == plane))));
@@ -160,14 +160,14 @@ impl TorusAction {
         self.circles.first().map_or(0, CircleAction::dof)
     }
 
-    /// The first plane that several circles turn.
+    /// The first plane that is rotated by several circles, if any.
     pub fn shared_plane(&self) -> Option<usize> {
         let turned = |j: &usize| self.circles.iter().filter(|c| c.weights()[*j] != 0).count() > 1;
         (0..self.dof()).find(turned)
     }
 
-    /// How often each circle goes round while `circle` does once, where the circles, of planes
-    /// of their own, turn every plane as it does: m_j/m_aj of all planes j of circle a.
+    /// How often each circle goes round while `circle` goes round once: m_j/m_aj for all planes j of
+    /// circle a. None unless the circles rotate disjoint planes, and together act as `circle` does.
     pub fn multiples_of<P: Real>(&self, circle: &CircleAction) -> Option<Vec<P>> {
         let (wanted, dof) = (circle.weights(), self.dof());
         let turned = |j: &usize| self.circles.iter().any(|own| own.weights()[*j] != 0);
@@ -196,7 +196,7 @@ impl TorusAction {
     }
 }
 
-/// `1,0`, or `0,1,0/0,0,2` of several circles, as options have actions.
+/// `1,0`, or `0,1,0/0,0,2` for several circles, as command-line options take actions.
 impl std::fmt::Display for TorusAction {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         for (number, circle) in self.circles.iter().enumerate() {
@@ -215,9 +215,9 @@ impl From<CircleAction> for TorusAction {
 
 /// The rotation of one plane as a quarter-turn count and three shears.
 ///
-/// The matrix (cos, sin) is never used: fl(c)² + fl(s)² ≠ 1 would make 𝔍₀
-/// drift in proportion to the number of iterations, where shears, whose
-/// determinants are 1 in floating point too, let it wander as its square root.
+/// The matrix (cos, sin) is never used: since fl(c)² + fl(s)² ≠ 1, 𝔍₀ would
+/// drift linearly in the number of iterations. Shears have determinant 1 in
+/// floating point too, and 𝔍₀ only wanders as the square root of that number.
 ///
 /// Source: the factorisation of a rotation into three shears, as in Daubechies and Sweldens,
 /// <https://doi.org/10.1007/BF02476026>.
@@ -225,7 +225,7 @@ impl From<CircleAction> for TorusAction {
 pub struct PlaneTurn<P> {
     /// j, the plane.
     pub plane: usize,
-    /// Quarter turns, 0 … 3, taken off the angle so that |angle′| ≤ π/4; 6 for two of them after the shears.
+    /// Quarter turns, 0 … 3, subtracted from the angle so that |angle′| ≤ π/4; 6 for two of them after the shears.
     pub quarter_turns: u8,
     /// t = tan(angle′/2) = s/(1 + c).
     pub t: P,
@@ -271,8 +271,8 @@ impl<P: Real> PlaneTurn<P> {
 }
 
 impl<P: Copy> PlaneTurn<P> {
-    /// Whether the quarter turns come before the shears. For one and for three of them the order is
-    /// opposite, so that Φ_{−θ} undoes Φ_θ step by step; a half turn commutes with shears, but for a
+    /// Whether the quarter turns come before the shears. One and three quarter turns have opposite
+    /// orders, so that Φ_{−θ} undoes Φ_θ step by step. A half turn commutes with shears, except for a
     /// coordinate on a grid of integers that is its own negative.
     #[inline(always)]
     pub fn turns_first(&self) -> bool {
@@ -328,8 +328,8 @@ pub fn quarter_turns<S: Scalar>(count: u8, q: &mut S, p: &mut S) {
     };
 }
 
-/// Each plane (q_j, p_j) turned clockwise by its angle, ready to be applied: a
-/// circle or torus action at one angle, or one for each circle.
+/// The rotation of each plane (q_j, p_j) clockwise by its angle, ready to be applied: a
+/// circle action at one angle, or a torus action at one angle for each circle.
 #[derive(Clone, Debug)]
 pub struct Turn<P> {
     dof: usize,
@@ -363,7 +363,7 @@ impl<P: Real> Turn<P> {
 }
 
 impl<P: Scalar> Turn<P> {
-    /// The planes that turn: those with a weight other than 0.
+    /// The planes that are rotated: those with a weight other than 0.
     pub fn planes(&self) -> &[PlaneTurn<P>] {
         &self.planes
     }
@@ -417,7 +417,7 @@ impl<P: Scalar> Turn<P> {
 pub struct TurnStep<'a, P> {
     /// The turn, prepared for its angles.
     pub turn: &'a Turn<P>,
-    /// The inverse of it.
+    /// Whether the step is the inverse of the turn.
     pub inverse: bool,
 }
 

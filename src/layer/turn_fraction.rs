@@ -7,9 +7,9 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 /// The angle 2π·k/2⁶⁴ with a whole k from −2⁶³ to 2⁶³ − 1.
 ///
-/// Sums, differences and multiples wrap at a full turn and are exact, so that in the angle the axioms
-/// of a circle action are equations of whole numbers: θ + 2π is θ, four quarter turns are none. An
-/// angle in radians is one of them only to rounding, and ½π is none.
+/// Sums, differences and multiples wrap at a full turn and are exact, so that the axioms of a circle
+/// action hold exactly in the angle: θ + 2π equals θ, and four quarter turns are 0. An angle in
+/// radians is represented only up to rounding, and an f64 cannot hold ½π exactly.
 ///
 /// ```
 /// use gyroceptron::layer::TurnFraction;
@@ -40,7 +40,7 @@ impl TurnFraction {
         Self(k as i64)
     }
 
-    /// The nearest angle to one in radians; 0 of a number that is not finite.
+    /// The nearest angle to `theta` radians; 0 for a number that is not finite.
     pub fn of_radians(theta: f64) -> Self {
         let turns = theta % TAU / TAU;
         // A full turn, which rounding may make of an angle next to it, is none.
@@ -106,8 +106,8 @@ impl Mul<i32> for TurnFraction {
 
 impl CircleAction {
     /// The rotation Φ_θ by an exact fraction of a full turn: on a grid Φ₀ and Φ_{2π} are the identity,
-    /// Φ_{−θ} is the inverse of Φ_θ, and Φ_{π/2}⁴ is the identity, bit for bit. That Φ_θ∘Φ_φ is
-    /// Φ_{θ+φ} holds to the rounding of increments, since each rotation is three rounded shears.
+    /// Φ_{−θ} is the inverse of Φ_θ, and Φ_{π/2}⁴ is the identity, bit for bit. Φ_θ∘Φ_φ = Φ_{θ+φ} holds
+    /// up to the rounding of increments, since each rotation is three rounded shears.
     pub fn turn_by_fraction(&self, theta: TurnFraction) -> Turn<f64> {
         TorusAction::from(self.clone()).turn_by_fractions(&[theta])
     }

@@ -1,4 +1,4 @@
-//! Shears in coordinates turned by angles of their own.
+//! Shears in coordinates that are rotated by learnt angles.
 
 use super::{
     AffineCoupling, ElementaryMap, Kick, OfMomenta, PlaneKick, PlaneTurn, RidgePotential, Turn,
@@ -6,8 +6,8 @@ use super::{
 use crate::phase::Half;
 use crate::scalar::{Over, Pack, Scalar};
 
-/// R(−φ)∘K∘R(φ): each plane turned clockwise by its angle φ_j, a shear K of the momenta, turned
-/// back.
+/// R(−φ)∘K∘R(φ): a rotation R of each plane clockwise by its angle φ_j, a shear K of the momenta,
+/// and the rotation back.
 ///
 /// Its parameters are `[φ (n), …those of K…]`.
 #[derive(Clone, Copy, Debug)]
@@ -18,9 +18,9 @@ pub struct Turned<'a, P, T> {
 
 /// R(−φ)∘K∘R(φ) with a kick K: p += c∇V(q).
 ///
-/// It is the time-c flow of −V(q cos φ + p sin φ), by planes: sums of such functions,
-/// of all φ, come near every function of phase space, where kicks of positions
-/// and of momenta alone have generators A(q) + B(p) to first order in c.
+/// It is the time-c flow of −V(q cos φ + p sin φ), with one φ per plane. Sums of such functions
+/// over all φ approximate every function on phase space, whereas compositions of kicks of the
+/// positions or the momenta alone have generators A(q) + B(p) to first order in c.
 ///
 /// Its parameters are `[φ (n), …potential…]`.
 pub type TurnedKick<'a, P, const D: usize = 0> =
@@ -97,8 +97,8 @@ impl<P: Scalar> PlaneKick<'_, P> {
 
 /// R(−φ)∘K∘R(φ) with an affine coupling K.
 ///
-/// To first order in c its motions by x and y are, with all φ, near every vector field of phase space;
-/// those of couplings of positions and of momenta alone are of products of few of its functions.
+/// To first order in c, compositions over all φ approximate every vector field on phase space, whereas
+/// couplings without φ give only fields x(q) ⊙ p + y(q) along p, and likewise along q.
 pub type TurnedCoupling<'a, P, const D: usize = 0> = Turned<'a, P, AffineCoupling<'a, P, D>>;
 
 impl<'a, P: Scalar, const D: usize> TurnedCoupling<'a, P, D> {

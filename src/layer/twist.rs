@@ -27,7 +27,7 @@ pub struct FastPlanes {
 const CIRCLES: usize = 4;
 
 impl FastPlanes {
-    /// Those of an action.
+    /// The fast and slow planes of an action.
     ///
     /// # Errors
     /// When it has more circles than planes that turn, more than four, or no plane
@@ -49,7 +49,7 @@ impl FastPlanes {
         self.dof + self.circles
     }
 
-    /// The turn of each slow plane by its own angle, the fast ones staying.
+    /// The rotation of each slow plane by a separate angle, with the fast planes fixed.
     pub fn slow_turn<P: Real>(&self, angles: &[P]) -> Turn<P> {
         let circle = |plane: &usize| Vec::from_iter((0..self.dof).map(|j| i32::from(j == *plane)));
         let circles: Vec<Vec<i32>> = self.slow.iter().map(circle).collect();
@@ -57,7 +57,7 @@ impl FastPlanes {
         Turn::new(self.dof, &circles, angles)
     }
 
-    /// The planes that stay.
+    /// The slow planes, which the action fixes.
     pub fn slow(&self) -> &[usize] {
         &self.slow
     }
@@ -136,9 +136,9 @@ impl<S: Scalar> StateTurn<S> {
     }
 }
 
-/// The shears of a twist: the planes that it turns, and the neurons of each shear. The first, the
-/// third and so on change slow positions, the others momenta; or, of a turned twist, each
-/// changes the momenta in turned coordinates of the slow planes.
+/// The shears of a twist: the planes that it rotates, and the neurons of each shear. Odd shears (the
+/// first, the third, …) change slow positions, even ones slow momenta; in a turned twist each shear
+/// changes the momenta in rotated coordinates of the slow planes.
 #[derive(Clone, Debug)]
 pub struct TwistShears {
     planes: FastPlanes,
@@ -175,18 +175,18 @@ impl RidgeFunction {
 }
 
 impl TwistShears {
-    /// Shears of so many neurons each.
+    /// Shears with these numbers of neurons.
     pub fn new(planes: FastPlanes, widths: &[usize]) -> Self {
         Self::of(planes, widths, RidgeFunction::Tanh, false)
     }
 
-    /// Turned shears of so many neurons each.
+    /// Turned shears with these numbers of neurons.
     pub fn turned(planes: FastPlanes, widths: &[usize]) -> Self {
         Self::of(planes, widths, RidgeFunction::Tanh, true)
     }
 
-    /// Shears of so many ridge functions each, turned or not. Those of polynomials have no
-    /// quadratic form beside them: it is a polynomial too.
+    /// Shears with these numbers of ridge functions, turned or not. Polynomials come without a
+    /// quadratic form, since that is a polynomial too.
     pub fn of(planes: FastPlanes, widths: &[usize], function: RidgeFunction, turned: bool) -> Self {
         let intervals = match function {
             RidgeFunction::Tanh => Vec::new(),
@@ -228,12 +228,12 @@ impl TwistShears {
         &self.planes
     }
 
-    /// What their functions are made of.
+    /// The kind of their ridge functions.
     pub fn function(&self) -> RidgeFunction {
         self.function
     }
 
-    /// How many there are.
+    /// The number of shears.
     #[inline(always)]
     pub fn count(&self) -> usize {
         self.neurons.len() - 1
@@ -286,32 +286,32 @@ impl TwistShears {
     }
 }
 
-/// Several twist shears after one another: the flows, for time c, of functions
+/// A composition of twist shears: the flows, for time c, of functions
 /// G_l(𝔍, y) of the actions 𝔍 of the fast planes and of one half y of the slow
-/// coordinates, the momenta and the positions by turns, the momenta first.
+/// coordinates, alternately the momenta and the positions, momenta first.
 ///
-/// The other half of the slow coordinates moves by c∂G/∂p (positions) or −c∂G/∂q
-/// (momenta), the fast planes turn by c Σ_a m_{aj} ∂G/∂𝔍_a; 𝔍 and y stand
-/// still: this is the flow. It commutes with the torus action. Since no
-/// shear changes 𝔍, all of them turn a plane together, by the sum of their angles.
+/// The flow changes the other half of the slow coordinates by c∂G/∂p (positions) or −c∂G/∂q
+/// (momenta), rotates the fast planes by c Σ_a m_{aj} ∂G/∂𝔍_a, and keeps 𝔍 and y
+/// constant. It commutes with the torus action. Since no shear changes 𝔍, each plane
+/// is rotated once, by the sum of the angles of all shears.
 ///
-/// G_l is a [`RidgePotential`] of u = (𝔍, y), d numbers, `D` of them where they are known at
-/// compile time; where y are the momenta, ½uᵀQu is added to neurons: what a kinetic energy and a frequency
-/// that shifts with the action are to leading order. Where y are the positions nothing is, so
-/// that the increments of the momenta are bounded and no weights let a slow motion grow faster
-/// than N² in N steps (of neurons: polynomials are bounded in their box alone). The parameters are those of
-/// G₁, G₂, …: W, b, w and, for momenta, the
-/// rows of the upper triangle of Q.
+/// G_l is a [`RidgePotential`] of u = (𝔍, y), d numbers; `D` is d where it is known at
+/// compile time. Where y are the momenta, ½uᵀQu is added to neurons: to leading order a kinetic
+/// energy and a frequency that shifts with the action have this form. Where y are the positions there
+/// is no such term: the increments of the momenta are bounded, and for no weights does a slow motion
+/// grow faster than N² in N steps (with neurons; polynomials are bounded only in their box). The
+/// parameters are those of G₁, G₂, …: W, b, w and, for momenta, the rows of the upper triangle of Q.
 ///
-/// A turned twist has R(−φ)∘exp(cX_G)∘R(φ) for each shear: each slow plane turned clockwise by its
-/// angle φ_j, the flow of a function G(𝔍, q) of the actions and of the slow positions q, turned back. It commutes with
-/// the torus action too, since R turns slow planes alone, and it is the flow of G(𝔍, q cos φ + p sin φ), plane by
-/// plane, p being the slow momenta: with G a sum of w tanh(a·𝔍 + b·q + β) and all φ these are all
-/// ridge functions of (𝔍, q, p). Twists that are not turned reach, to first order in c, A(𝔍, q) + B(𝔍, p)
-/// only. The parameters of a shear are `[φ (one for each slow plane), W, b, w]`.
+/// A turned twist has R(−φ)∘exp(cX_G)∘R(φ) for each shear: a rotation of each slow plane clockwise by
+/// its angle φ_j, the flow of a function G(𝔍, q) of the actions and the slow positions q, and the rotation
+/// back. It commutes with the torus action too, since R rotates only slow planes. It is the flow of
+/// G(𝔍, q cos φ + p sin φ), with one φ per plane and p the slow momenta: with G a sum of
+/// w tanh(a·𝔍 + b·q + β) and all φ these are all ridge functions of (𝔍, q, p). To first order in c, twists
+/// that are not turned reach only A(𝔍, q) + B(𝔍, p). The parameters of a shear are
+/// `[φ (one for each slow plane), W, b, w]`.
 ///
-/// The inverse finds 𝔍 from the turned point, which rounding has moved: where increments
-/// are rounded to a grid it is near, not exact.
+/// The inverse computes 𝔍 from the image point, which rounding has changed: where increments
+/// are rounded to a grid, it is approximate, not exact.
 #[derive(Clone, Copy, Debug)]
 pub struct Twist<'a, P, const D: usize = 0> {
     /// Its shears.
@@ -320,9 +320,9 @@ pub struct Twist<'a, P, const D: usize = 0> {
     pub scale: P,
     /// The parameters, [`TwistShears::parameter_count`] of them.
     pub parameters: &'a [P],
-    /// The inverse.
+    /// Whether this is the inverse map.
     pub inverse: bool,
-    /// R(φ) of each shear of a turned twist, prepared for its angles; none of others.
+    /// R(φ) of each shear of a turned twist, prepared for its angles; empty for other twists.
     pub turns: &'a [Turn<P>],
 }
 

@@ -15,7 +15,7 @@ pub fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
-/// What a quantity did along a trajectory.
+/// The change of a quantity along a trajectory.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Drift {
     /// Its value at the start.
@@ -24,7 +24,7 @@ pub struct Drift {
     pub largest: f64,
 }
 
-/// The drift of a sequence of values; NaN when one of them is.
+/// The drift of a sequence of values; NaN when one of them is NaN.
 pub fn drift(values: impl IntoIterator<Item = f64>) -> Drift {
     let mut values = values.into_iter();
     let initial = values.next().unwrap_or(f64::NAN);
@@ -35,9 +35,9 @@ pub fn drift(values: impl IntoIterator<Item = f64>) -> Drift {
 /// How far a trajectory is from its reference.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Departure {
-    /// The largest distance of its states; NaN when one is.
+    /// The largest distance of its states; NaN when one is NaN.
     pub largest: f64,
-    /// The distance of the last.
+    /// The distance of the last state.
     pub last: f64,
 }
 
@@ -53,8 +53,8 @@ pub fn distances_along<'a>(
     trajectories.orbit(m).zip(reference.orbit(m)).map(|(a, b)| distance(a, b))
 }
 
-/// How far each trajectory is from its reference; NaN where the two are not of the
-/// same trajectories and states.
+/// The distance of each trajectory from its reference; NaN where the two differ in the
+/// number of trajectories, states or coordinates.
 pub fn departures(trajectories: &Trajectories, reference: &Trajectories) -> Vec<Departure> {
     let shape = |of: &Trajectories| (of.states(), of.count(), of.dim());
     if shape(trajectories) != shape(reference) {
@@ -77,11 +77,11 @@ pub fn drifts(trajectories: &Trajectories, quantity: impl Fn(&[f64]) -> f64) -> 
     (0..trajectories.count()).map(|m| drift(trajectories.orbit(m).map(&quantity))).collect()
 }
 
-/// The exponent a of D(t) ∝ t^a, D being the largest change of a quantity up to the
-/// time t over all trajectories, fitted over the last two powers of ten of the states;
-/// NaN where they are too few, or it never changes.
+/// The exponent a of D(t) ∝ t^a, where D(t) is the largest change of a quantity up to
+/// time t over all trajectories. It is fitted over the last two decades of the states,
+/// and NaN where there are too few states or the quantity never changes.
 ///
-/// A quantity that oscillates has 0, one that drifts away 1.
+/// The exponent is 0 for a quantity that oscillates and 1 for one that drifts linearly.
 pub fn drift_exponent(trajectories: &Trajectories, quantity: impl Fn(&[f64]) -> f64) -> f64 {
     const POINTS: u32 = 12;
     let last = trajectories.states() - 1;
@@ -107,7 +107,7 @@ pub fn drift_exponent(trajectories: &Trajectories, quantity: impl Fn(&[f64]) -> 
     log_slope(&t, &d)
 }
 
-/// A power of ten that an error passed.
+/// A power of ten that a decreasing error has reached.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Milestone {
     /// The power of ten.
@@ -116,8 +116,8 @@ pub struct Milestone {
     pub iteration: u64,
 }
 
-/// The powers of ten that an error passed, from (iteration, error), beginning with
-/// the one below the first error.
+/// The powers of ten that an error reached, from a history of (iteration, error),
+/// beginning with the one at or below the first error.
 pub fn milestones(history: &[(u64, f64)]) -> Vec<Milestone> {
     const LEAST: i32 = -32;
     let Some((_, first)) = history.first() else {
@@ -135,13 +135,13 @@ pub fn milestones(history: &[(u64, f64)]) -> Vec<Milestone> {
 }
 
 /// The mean squared error, over all components, of the exact limiting flow of
-/// `system` over `time`: what a surrogate has to improve upon.
+/// `system` over `time`: the baseline for a surrogate.
 pub fn limiting_flow_error(system: &impl NearlyPeriodic, pairs: &Pairs, time: f64) -> f64 {
     error_of(pairs, |z| system.limiting_flow(z, time))
 }
 
-/// The mean squared error, over all components, of the action alone at these angles; of
-/// pairs with several flow times, in proportion to them.
+/// The mean squared error, over all components, of the rotation by the torus action at
+/// these angles. For pairs with several flow times the angles are in proportion to them.
 pub fn rotation_error(action: &TorusAction, angles: &[f64], pairs: &Pairs) -> f64 {
     let mut total = 0.0;
     for (turn, input, output) in turns(action, angles, pairs) {
@@ -163,8 +163,8 @@ fn turns<'a>(
     })
 }
 
-/// The mean squared error of each of the 2n components, of the action alone at these angles:
-/// see [`rotation_error`].
+/// The mean squared error of each of the 2n components for the rotation by the torus action
+/// at these angles: see [`rotation_error`].
 pub fn rotation_errors(action: &TorusAction, angles: &[f64], pairs: &Pairs) -> Vec<f64> {
     let dim = 2 * pairs.dof();
     let mut squares = vec![0.0; dim];
@@ -180,25 +180,25 @@ pub fn rotation_errors(action: &TorusAction, angles: &[f64], pairs: &Pairs) -> V
     squares.iter().map(|sum| sum / pairs.len() as f64).collect()
 }
 
-/// How far pairs move in a plane (q_j, p_j), beside a rotation.
+/// The motion of pairs in a plane (q_j, p_j) apart from a rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlaneMotion {
-    /// What errors in the plane are compared with: the root mean square over q and p of what the
-    /// rotation leaves. Where that is nothing but rounding, the root mean square of the outputs
-    /// in the plane; where these are 0 too, that of the outputs in all planes, and at last 1.
+    /// The scale for errors in the plane: the root mean square over q and p of the error of the
+    /// rotation. Where this is rounding only, it is the root mean square of the outputs in the
+    /// plane; where these are 0, that of the outputs in all planes; where all are 0, it is 1.
     pub scale: f64,
-    /// Whether the rotation leaves nothing but rounding: less than [`PlaneMotion::ROUNDING`]
-    /// of the outputs.
+    /// Whether the error of the rotation is rounding only: at most [`PlaneMotion::ROUNDING`]
+    /// times the outputs.
     pub explained: bool,
 }
 
 impl PlaneMotion {
-    /// What is less, as a share of the outputs of the plane, is taken for rounding: of the
-    /// pairs, which an integrator made, or of the angle of the rotation.
+    /// The share of the outputs of the plane below which a motion is taken for rounding, either
+    /// of the pairs, which an integrator made, or of the angle of the rotation.
     pub const ROUNDING: f64 = 1e-8;
 }
 
-/// How far pairs move in each plane, beside the action at these angles.
+/// The motion of pairs in each plane apart from the rotation by the action at these angles.
 ///
 /// # Panics
 /// When the action and the pairs differ in their degrees of freedom.
@@ -223,7 +223,7 @@ pub fn plane_motions(action: &TorusAction, angles: &[f64], pairs: &Pairs) -> Vec
     (0..dof).map(of_plane).collect()
 }
 
-/// The mean squared error of what `step` does to the inputs.
+/// The mean squared error of `step` applied to the inputs.
 fn error_of(pairs: &Pairs, step: impl Fn(&mut [f64])) -> f64 {
     let squares = squares_of(pairs.input(), pairs.output(), 2 * pairs.dof(), step);
     squares / pairs.output().len() as f64
@@ -246,8 +246,8 @@ pub fn root_mean_square(values: &[f64]) -> f64 {
     (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-/// The root-mean-square error of each of the 2n components; of pairs under several
-/// conditions, by the map of each.
+/// The root-mean-square error of each of the 2n components. Pairs under several
+/// conditions are compared with the map at each condition.
 ///
 /// # Errors
 /// Those of [`map_points`].
@@ -263,8 +263,8 @@ pub fn component_errors(map: &Composition<f64>, pairs: &Pairs) -> Result<Vec<f64
     Ok(squares.into_iter().map(|s| (s / pairs.len() as f64).sqrt()).collect())
 }
 
-/// What a map makes of the inputs, in rows of 2n numbers; of pairs under several conditions, the
-/// map of each.
+/// The images of the inputs under a map, in rows of 2n numbers. Pairs under several conditions
+/// are mapped by the map at each condition.
 ///
 /// # Errors
 /// Those of [`map_points`].

@@ -1,20 +1,20 @@
-//! The pullback against forward-mode duals.
+//! The pullback (reverse-mode gradient) tested against forward-mode dual numbers.
 
 use super::inversion::Conditioned;
 use crate::network::{Composition, Model};
 use crate::phase::Map;
 use crate::scalar::{Dual, Over, Real, Tracked, max_or_nan};
 
-/// The largest bound, as a share of the largest term, that is a test: with the limit
-/// of ratios it lets an error of a ten-thousandth pass, where a wrong entry of the
-/// gradient changes the sum by its own size, some hundredths of it for a network of a
+/// The largest error bound, as a share of the largest term, with which the identity is
+/// tested. With the limit of ratios, errors of up to a ten-thousandth pass. A wrong entry
+/// of the gradient changes the sum by much more: by some hundredths for a network of a
 /// thousand parameters.
 pub const RESOLVED: f64 = 1e-5;
 
 /// A parametrised map with a pullback, evaluated on numbers that bound their
 /// own rounding errors.
 pub trait Adjoint {
-    /// The parameters at which it stands.
+    /// The current parameters.
     fn parameters(&self) -> Vec<f64>;
 
     /// z ← P(z) with a derivative in one direction of (parameters, z).
@@ -32,12 +32,12 @@ pub trait Adjoint {
 }
 
 /// The dot-product identity ⟨c, DP·d⟩ = ⟨DPᵀ·c, d⟩ for a direction d in
-/// (z, parameters) and a cotangent c of the output: |left − right| over the sum
-/// of both running error bounds. A direction without zeros sees every entry of
-/// the Jacobian.
+/// (z, parameters) and a cotangent c of the output: |left − right| divided by the
+/// sum of both running error bounds. A direction without zeros tests every entry
+/// of the Jacobian.
 ///
-/// The bound is that of the worst case and grows with the depth: where it is more than
-/// [`RESOLVED`] of the terms, the answer is that no digit is left to test.
+/// The bound is a worst-case bound and grows with the depth. Where it exceeds [`RESOLVED`]
+/// times the largest term, the result is [`Conditioned::IllConditioned`].
 ///
 /// Source: Griewank and Walther, Evaluating Derivatives, <https://doi.org/10.1137/1.9780898717761>,
 /// chapter 3, for pullbacks as transposes.

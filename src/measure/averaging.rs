@@ -7,13 +7,13 @@ use std::f64::consts::TAU;
 /// their number, and those of an analytic function fall off exponentially.
 const POINTS: usize = 128;
 
-/// μ₀ + εμ₁ = μ₀ + (H₁ − ⟨H₁⟩)/ω at z, with εH₁ = H − ωμ₀ and ⟨·⟩ the average over the
-/// circle of the limiting flow through z: it changes by O(ε²) over times of order 1/ε
-/// where μ₀ changes by O(ε).
+/// The adiabatic invariant to first order, μ₀ + εμ₁ = μ₀ + ε(H₁ − ⟨H₁⟩)/ω, at z, with
+/// εH₁ = H − ωμ₀ and ⟨·⟩ the average over the circle of the limiting flow through z. It changes
+/// by O(ε²) over times of order 1/ε, where μ₀ changes by O(ε).
 ///
 /// Since H and, to first order, ε⟨H₁⟩ are conserved, so is (H − ε⟨H₁⟩)/ω. Cost: 128 times
-/// the limiting flow and the energy. The limit has to turn along circles; along a torus
-/// ([`NearlyPeriodic::torus`]) one of its orbits is no average.
+/// the limiting flow and the energy. The orbits of the limiting flow have to be circles; for a
+/// torus ([`NearlyPeriodic::torus`]) the average along one orbit is not that over the torus.
 ///
 /// Source: Kruskal, <https://doi.org/10.1063/1.1724285>, whose series this is the first order
 /// of.

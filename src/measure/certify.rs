@@ -1,6 +1,6 @@
 //! The structure certificate of a model: all laws on seeded samples.
 //!
-//! It is a sampled test and no proof: what it says, it says of the points that were drawn.
+//! It is a sampled test and no proof: it holds for the points that were drawn.
 
 use super::laws::{self, NO_INVERSE, Samples};
 use super::samples::CertificateOptions;
@@ -18,12 +18,12 @@ use crate::scalar::max_or_nan;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// A sampled test of the laws of a map: what was asked, and a row for each law.
+/// The result of a sampled test of the laws of a map: the options, and a row for each law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Certificate {
     /// How the samples were drawn.
     pub options: CertificateOptions,
-    /// Where, of a map that [lives](Measurable::domain) elsewhere than in |z_i| ≤ `radius`.
+    /// The [domain](Measurable::domain) of the samples; empty for the box |z_i| ≤ `radius`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub domain: Vec<Coordinate>,
     /// The laws.
@@ -41,14 +41,14 @@ impl Certificate {
         Self { domain: map.domain(), ..self }
     }
 
-    /// No law is violated or vacuous, and none is without a testable sample.
+    /// Whether every law holds or is reported for information only, and there is at least one law.
     pub fn holds(&self) -> bool {
         let holds = |row: &Row| matches!(row.verdict, Verdict::Holds | Verdict::Reported);
         !self.rows.is_empty() && self.rows.iter().all(holds)
     }
 
-    /// One line: "holds: 14 laws, headroom 7.3 × (JᵀΩJ = Ω), 0 vacuous", or what does not
-    /// hold. The headroom is the least of all laws, and none where none deviated.
+    /// One line such as "holds: 14 laws, headroom 7.3 × (JᵀΩJ = Ω), 0 vacuous", or the laws that
+    /// do not hold. The headroom is the smallest of all laws; it is left out where none deviated.
     pub fn summary(&self) -> String {
         let judged = self.rows.iter().filter(|row| row.verdict != Verdict::Reported);
         let (good, bad): (Vec<&Row>, Vec<&Row>) =
@@ -84,7 +84,7 @@ impl Certificate {
         out
     }
 
-    /// Passes where the certificate [holds](Certificate::holds).
+    /// Panics unless the certificate [holds](Certificate::holds).
     ///
     /// # Panics
     /// With the certificate, each law that does not hold, the worst point, the seed and what
@@ -94,7 +94,7 @@ impl Certificate {
         assert!(self.holds(), "{self}");
     }
 
-    /// Of each law that does not hold a line: by how much, the worst point, and what to try.
+    /// A line for each law that does not hold: by how much, the worst point, and what to try.
     pub fn advice(&self) -> Vec<String> {
         let bad = |row: &&Row| !matches!(row.verdict, Verdict::Holds | Verdict::Reported);
         self.rows.iter().filter(bad).map(|row| self.advice_on(row)).collect()
@@ -163,7 +163,7 @@ impl Certificate {
         out
     }
 
-    /// The largest ratio of all laws with a rounding scale; NaN if one is.
+    /// The largest ratio over all laws that have a rounding scale; NaN if one of them is.
     pub fn largest_ratio(&self) -> Option<f64> {
         self.rows
             .iter()
@@ -223,8 +223,8 @@ impl fmt::Display for Certificate {
     }
 }
 
-/// Measures on samples the laws that `model` is built to obey, by the [structure](Structure) that its list of
-/// blocks has.
+/// Tests on samples the laws that `model` is built to obey. The [structure](Structure) of its list of blocks
+/// determines the laws.
 ///
 /// | structure | laws |
 /// |---|---|
@@ -234,18 +234,18 @@ impl fmt::Display for Certificate {
 /// | nearly integrable | those of [`certify_map`], and at ε = 0 those of a normal form |
 /// | mixed | those of [`certify_map`], I₀ = Id, P₀ = ψ∘Φ_θ∘ψ⁻¹ and the axioms of the circle action |
 ///
-/// Those with a [reversor](Reversor) obey [`laws::reversibility`] too, and have
-/// [`laws::reversible_at_zero`] of a normal form at ε = 0. Those whose steps are shears obey
-/// [`laws::inversion_on_grid`].
-/// Networks of Hénon layers alone: [`laws::exact_relations`] too. Where a layer is not symplectic,
-/// symplecticity is reported and not claimed. Cost: some 200 evaluations over dual numbers a
-/// sample.
+/// Models with a [reversor](Reversor) are tested for [`laws::reversibility`] too, and at ε = 0 for
+/// [`laws::reversible_at_zero`]. Models whose steps are shears are tested for
+/// [`laws::inversion_on_grid`], and networks of Hénon layers alone for [`laws::exact_relations`].
+/// Where a layer is not symplectic, symplecticity is reported and not claimed.
+///
+/// Cost: some 200 evaluations over dual numbers for each sample.
 pub fn certify(model: &Model, options: CertificateOptions) -> Certificate {
     certify_all(std::slice::from_ref(model), options)
 }
 
-/// [`certify`], which asks `go_on` between samples, some times a second; None when the answer
-/// is no.
+/// [`certify`] that can be stopped: it calls `go_on` between samples, several times a second, and
+/// returns None when the answer is false.
 pub fn certify_unless_stopped(
     model: &Model,
     options: CertificateOptions,
@@ -270,9 +270,10 @@ fn is_within_boxes(model: &Model, points: &[f64]) -> bool {
     })
 }
 
-/// One certificate for several models, each on samples of its own. Networks of polynomials are asked for
-/// nothing outside their box: the radius is so small that the samples, their images and those that
-/// they are images of are in it; [`Certificate::options`] has it.
+/// One certificate for several models, each tested on its own samples.
+///
+/// Networks of polynomials are not tested outside their box: the radius is reduced until the samples,
+/// their images and their preimages are inside. [`Certificate::options`] has the radius used.
 pub fn certify_all(models: &[Model], mut options: CertificateOptions) -> Certificate {
     let in_their_boxes = |options: CertificateOptions| {
         models.iter().enumerate().all(|(index, model)| {
@@ -331,9 +332,9 @@ pub fn certify_all(models: &[Model], mut options: CertificateOptions) -> Certifi
     Certificate::of(options, tallies)
 }
 
-/// The laws of any symplectic map that is invertible in closed form:
-/// symplecticity, inversion of the map and of each of its layers, that all
-/// ways of evaluating it give the same bits, and, for information, its
+/// Tests the laws of any symplectic map that is invertible in closed form:
+/// symplecticity, inversion of the map and of each of its layers, bitwise
+/// agreement of all ways of evaluating it, and, for information, its
 /// determinant.
 ///
 /// For a map of your own, [`OneStep`](super::measurable::OneStep) makes a [`Measurable`] of
@@ -371,7 +372,7 @@ pub fn certify_map(map: &dyn Measurable, options: CertificateOptions) -> Certifi
     Certificate::of(options, tallies).within(map)
 }
 
-/// The laws of a map that is reversible, S∘P∘S = P⁻¹: those of [`certify_map`], and
+/// Tests the laws of a reversible map, S∘P∘S = P⁻¹: those of [`certify_map`], and
 /// [`laws::reversibility`].
 pub fn certify_reversible(
     map: &dyn Measurable,
@@ -385,7 +386,7 @@ pub fn certify_reversible(
     Certificate::of(options, tallies).within(map)
 }
 
-/// The laws of a nearly-periodic map P_ε = I_ε∘ψ∘Φ_θ∘ψ⁻¹: those of
+/// Tests the laws of a nearly-periodic map P_ε = I_ε∘ψ∘Φ_θ∘ψ⁻¹: those of
 /// [`certify_map`], the inversion of ψ and I_ε, I₀ = Id, P₀ = ψ∘Φ_θ∘ψ⁻¹, the
 /// slopes of I_ε in ε, the axioms of the circle action, plain and conjugated,
 /// and, for information, the drift of μ₀.
@@ -393,9 +394,9 @@ pub fn certify_family(family: &dyn NearlyPeriodic, options: CertificateOptions) 
     Certificate::of(options, of_family(family, &samples_of(family, options))).within(family)
 }
 
-/// The laws of a nearly-periodic map that is not symplectic, as of a system with friction: those of
-/// [`certify_family`] but for symplecticity and the drift of μ₀, which it does not have. How far it is
-/// from symplectic is reported.
+/// Tests the laws of a nearly-periodic map that is not symplectic, such as that of a system with
+/// friction: those of [`certify_family`] without symplecticity and the drift of μ₀. Its deviation from
+/// symplecticity is reported.
 pub fn certify_nearly_periodic(
     family: &dyn NearlyPeriodic,
     options: CertificateOptions,
@@ -403,9 +404,9 @@ pub fn certify_nearly_periodic(
     Certificate::of(options, of_any_family(family, &samples_of(family, options))).within(family)
 }
 
-/// The laws of a map P = χ∘R∘χ⁻¹ in normal form: those of [`certify_map`], that it is
-/// this composition, that it commutes with the action conjugated by χ, and that R
-/// keeps the actions: not those of one with a perturbation, for which [`certify`] asks at ε = 0 only.
+/// Tests the laws of a map P = χ∘R∘χ⁻¹ in normal form: those of [`certify_map`], that it is
+/// this composition, that it commutes with the torus action conjugated by χ, and that R
+/// conserves the actions. A perturbed map has these laws at ε = 0 only, where [`certify`] tests them.
 pub fn certify_normal_form(map: &dyn NormalFormed, options: CertificateOptions) -> Certificate {
     Certificate::of(options, of_normal_form(map, &samples_of(map, options))).within(map)
 }

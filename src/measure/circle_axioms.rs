@@ -61,8 +61,8 @@ fn over(error: f64, bound: f64) -> f64 {
     if error == 0.0 { 0.0 } else { error / bound }
 }
 
-/// The defect of the axiom for Φ at z over its bound, the largest over the
-/// components.
+/// The defect of the axiom for Φ at z divided by its bound: the largest such
+/// ratio over the components.
 pub fn circle_axiom_ratio(action: &CircleAction, axiom: CircleAxiom, z: &[f64]) -> f64 {
     let turn = |angle: f64, z: &mut [f64]| action.turn_by(angle).apply(z, false);
     turning_axiom_ratio(action.weights(), turn, axiom, z)
@@ -104,9 +104,9 @@ pub fn turning_axiom_ratio(
     largest
 }
 
-/// The defect of the axiom for the conjugated action ψ∘Φ_θ∘ψ⁻¹ at z over its
-/// bound: that of Φ carried through ψ by its Jacobian, and the rounding of ψ
-/// itself.
+/// The defect of the axiom for the conjugated action ψ∘Φ_θ∘ψ⁻¹ at z divided by
+/// its bound. The bound is that of Φ, propagated through ψ by its Jacobian, plus
+/// the rounding of ψ itself.
 pub fn conjugated_axiom_ratio(
     family: &dyn NearlyPeriodic,
     axiom: CircleAxiom,

@@ -1,5 +1,5 @@
-//! What a change of a control does to a map, to its periodic orbits and to how fast its orbits turn: exact derivatives,
-//! by dual numbers.
+//! Exact derivatives, by dual numbers, of a map, its periodic orbits and its rotation numbers with respect to
+//! controls.
 
 use super::periodic::PeriodicOrbit;
 use super::rotation::birkhoff_average;
@@ -22,7 +22,7 @@ fn twice(value: f64, inner: f64, outer: f64) -> Twice {
     out
 }
 
-/// A network with controls, at values of them.
+/// A network with controls, at given values of the controls.
 #[derive(Clone, Copy, Debug)]
 pub struct AtControls<'a> {
     model: &'a Model,
@@ -30,7 +30,7 @@ pub struct AtControls<'a> {
 }
 
 impl<'a> AtControls<'a> {
-    /// Of this network.
+    /// The network at these values of its controls.
     ///
     /// # Errors
     /// When there is not one finite value for each control.
@@ -54,7 +54,7 @@ impl<'a> AtControls<'a> {
         self.model.lift::<Twice>().at_controls(&values)
     }
 
-    /// ∂P/∂λ at points of 2n numbers: 2n × controls numbers each, row by row.
+    /// ∂P/∂λ at each point of 2n numbers: a matrix of 2n × controls numbers for each point, row by row.
     ///
     /// # Errors
     /// [`Error::WrongCount`] of points that are no whole rows.
@@ -75,7 +75,7 @@ impl<'a> AtControls<'a> {
         Ok(out)
     }
 
-    /// How a periodic orbit of the network at these values moves, and how Tr M changes on the way: z* = Pᵏ(z*; λ) gives
+    /// The derivatives of a periodic orbit and of Tr M with respect to the controls. z* = Pᵏ(z*; λ) gives
     /// dz*/dλ = (1 − M)⁻¹ ∂Pᵏ/∂λ, and with it dTr M/dλ = Σ_j ∂²Pᵏ_j/∂z_j∂λ + Σ_i ∂²Pᵏ_j/∂z_j∂z_i dz*_i/dλ.
     ///
     /// # Errors
@@ -121,11 +121,12 @@ impl<'a> AtControls<'a> {
         Ok(OrbitResponse { moved, traces })
     }
 
-    /// The turns of an orbit of a network of one degree of freedom about a centre in a map, as
-    /// [`rotation_numbers`](super::orbits::rotation_numbers) has them, and their derivatives by the controls, while the
-    /// first point moves with each by `start_moved`, 2 × controls numbers row by row.
+    /// The rotation number about a centre of an orbit of a network of one degree of freedom, as by
+    /// [`rotation_numbers`](super::orbits::rotation_numbers), and its derivative by each control. `start_moved` is the
+    /// derivative of the first point by the controls, 2 × controls numbers row by row.
     ///
-    /// The angle grows by its change along the orbit, whose weighted average converges as that of the angle does.
+    /// The derivative is the weighted average of the growth of d(angle)/dλ from one state to the next, which converges
+    /// as fast as that of the angle.
     ///
     /// # Errors
     /// When the network is of more degrees of freedom; [`Error::Diverged`] of an orbit that leaves the finite numbers.
@@ -180,7 +181,7 @@ fn angle_and_change(z: &[Twice; 2], centre: [f64; 2]) -> (f64, f64) {
     (libm::atan2(y, x), (x * dy - y * dx) / (x * x + y * y))
 }
 
-/// What a change of each control does to a periodic orbit.
+/// The derivatives of a periodic orbit with respect to each control.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OrbitResponse {
     /// dz*/dλ: 2n × controls numbers, row by row.

@@ -1,17 +1,17 @@
-//! Where coordinates live.
+//! The domains of coordinates.
 
 use crate::error::Error;
 use serde::{Deserialize, Serialize};
 
-/// Where a coordinate lives.
+/// The domain of a coordinate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Coordinate {
-    /// In the box of the samples.
+    /// A real number; samples are drawn from their box |z_i| ≤ `radius`.
     Any,
-    /// Between two numbers.
+    /// An interval between two numbers.
     Between(f64, f64),
-    /// On a circle of this circumference: numbers that differ by it are the same point.
+    /// A circle of this circumference: numbers that differ by it are the same point.
     Angle(f64),
 }
 
@@ -39,7 +39,7 @@ impl Coordinate {
         }
     }
 
-    /// A difference of two such coordinates, the shortest on a circle.
+    /// Reduces a difference of two such coordinates: on a circle to the shortest way.
     pub fn difference(self, difference: f64) -> f64 {
         match self {
             Self::Angle(period) => (-libm::round(difference / period)).mul_add(period, difference),

@@ -1,4 +1,4 @@
-//! det J = 1, where the determinant of a rounded matrix means anything.
+//! det J = 1, where the determinant of a rounded matrix has a significant digit.
 
 use super::{inversion::Conditioned, rounding::RoundingPropagation};
 use crate::scalar::Scalar;

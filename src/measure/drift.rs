@@ -1,4 +1,4 @@
-//! The drift of an adiabatic invariant, and the exponents it is judged by.
+//! The drift of an adiabatic invariant, and the exponents by which it is judged.
 
 use crate::error::Error;
 use crate::layer::CircleAction;
@@ -19,9 +19,9 @@ pub fn leading_invariant<'a, M: Map<f64> + ?Sized>(
 }
 
 /// D(N) = max over k ≤ N of |μ(P^k z) − μ(z)| for each N of `horizons`, which
-/// have to ascend. NaN from where a value is.
+/// have to ascend. It is NaN once a value of μ is NaN.
 ///
-/// Cost: as many evaluations of the map and of μ as the last horizon says.
+/// Cost: as many evaluations of the map and of μ as the last horizon.
 pub fn invariant_drift(
     map: &(impl Map<f64> + ?Sized),
     invariant: &dyn Fn(&[f64]) -> f64,
@@ -42,7 +42,7 @@ pub fn invariant_drift(
     horizons.iter().map(to_horizon).collect()
 }
 
-/// The resonance θ = 2πp/q with q ≤ `largest` next to the angle.
+/// The resonance θ = 2πp/q that is nearest to an angle, among those of a bounded period q.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Resonance {
     /// The whole turns p of its fraction p/q.
@@ -53,11 +53,11 @@ pub struct Resonance {
     pub distance: f64,
 }
 
-/// The nearest resonance with a period of at most `largest`; none for an angle
-/// that is not finite.
+/// The resonance nearest to the angle with a period of at most `largest`; None for
+/// an angle that is not finite.
 ///
-/// At a distance δ ≫ ε the drift of μ₀ is about ε/δ; on the resonance it tends
-/// to the width of an island that no ε makes smaller.
+/// At a distance δ ≫ ε the drift of μ₀ is about ε/δ. On the resonance it tends to
+/// the width of an island, which does not shrink with ε.
 pub fn nearest_resonance(theta: f64, largest: u32) -> Option<Resonance> {
     let turn = theta.rem_euclid(TAU) / TAU;
     (1..=largest)
@@ -70,9 +70,9 @@ pub fn nearest_resonance(theta: f64, largest: u32) -> Option<Resonance> {
         .min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
-/// The resonance of one of the planes, m_jθ next to 2πp/q with q ≤ 7, that is so
-/// near, within 10ε, that μ₀ drifts by some tenth of its size and more; none
-/// where there is an adiabatic invariant.
+/// The nearest resonance of a plane, m_jθ close to 2πp/q with q ≤ 7, if it is
+/// within 10|ε|: so near that μ₀ drifts by about a tenth of its size or more. None
+/// where no resonance disturbs the adiabatic invariant.
 pub fn disturbing_resonance(action: &CircleAction, theta: f64, epsilon: f64) -> Option<Resonance> {
     const PERIODS: u32 = 7;
     const NEAR: f64 = 10.0;
@@ -92,8 +92,8 @@ impl std::fmt::Display for Resonance {
     }
 }
 
-/// K(ε) = ⌊10 + ε^{−1/4}⌋, the number of iterations whose drift the horizon is
-/// measured by.
+/// K(ε) = ⌊10 + ε^{−1/4}⌋, the number of first iterations whose drift sets the
+/// threshold of [`invariant_horizon`].
 ///
 /// # Errors
 /// Unless 0 < ε < ∞.
@@ -103,7 +103,7 @@ pub fn settling_iterations(epsilon: f64) -> Result<usize, Error> {
 }
 
 /// N(ε): the first iteration at which |μ − μ(z)| exceeds `factor` times its
-/// largest value over the first K(ε) ones; none up to `most`.
+/// largest value over the first K(ε) iterations; None where it does not up to `most`.
 ///
 /// Source: section "Numerical Confirmation of the Existence of Adiabatic
 /// Invariants" of <https://doi.org/10.1038/s41598-023-34862-w>, which takes
@@ -146,8 +146,8 @@ pub struct FittedLine {
     pub degrees_of_freedom: usize,
 }
 
-/// The line of log y against log x; NaN when a value is not positive and
-/// finite or there are fewer than three.
+/// Fits a line to log y against log x. It is NaN when a value is not positive and
+/// finite, when there are fewer than three points, or when the lengths differ.
 pub fn log_line(x: &[f64], y: &[f64]) -> FittedLine {
     let nan = FittedLine { slope: f64::NAN, slope_error: f64::NAN, degrees_of_freedom: 0 };
     let positive = |v: &[f64]| v.iter().all(|a| *a > 0.0 && a.is_finite());

@@ -1,4 +1,4 @@
-//! Maps in normal form: what commutes with a torus action, and the actions that it keeps.
+//! Maps in normal form: equivariance under a torus action, and conservation of its actions.
 
 use super::inversion::ILL_CONDITIONED;
 use super::{
@@ -13,11 +13,11 @@ use crate::phase::Direction;
 use crate::scalar::{Scalar, max_or_nan};
 
 /// A map P = χ∘R∘χ⁻¹ whose inner map R claims to commute with a torus action.
-/// A [`Model`] of that structure is one; so is whatever claims to be built this way.
+/// A [`Model`] of that structure implements it; so can any map built this way.
 pub trait NormalFormed: Measurable {
-    /// χ, from the coordinates of the normal form.
+    /// χ, the map from the coordinates of the normal form to those of P.
     fn chart(&self) -> Box<dyn Measurable + '_>;
-    /// R, in these coordinates.
+    /// R, the map in the coordinates of the normal form.
     fn inner_map(&self) -> Box<dyn Measurable + '_>;
     /// The action that R commutes with.
     fn action(&self) -> TorusAction;
@@ -43,9 +43,9 @@ impl NormalFormed for Model {
 /// at most so many u times its radius, as in the axioms of the circle action.
 const OF_TURN: f64 = 4.0;
 
-/// The largest over the components of the defect of P∘(χΦ_αχ⁻¹) = (χΦ_αχ⁻¹)∘P at z over
-/// its bound: the rounding of both sides, each step for itself, and the coefficients of
-/// the turns, carried to the end by the Jacobians behind them.
+/// The defect of P∘(χΦ_αχ⁻¹) = (χΦ_αχ⁻¹)∘P at z divided by its bound, the largest over the
+/// components. The bound has the rounding of both sides, step by step, and that of the
+/// coefficients of the turns, propagated to the end by the Jacobians of the later steps.
 pub fn equivariance_ratio(map: &dyn NormalFormed, angles: &[f64], z: &[f64]) -> Conditioned {
     let u = f64::unit_roundoff();
     let (dim, turn) = (z.len(), map.action().turn_by(angles));
@@ -126,9 +126,9 @@ fn radii(turn: &Turn<f64>, w: &[f64]) -> Vec<f64> {
 /// most so many u times Σ|m_j|(q_j² + p_j²).
 const OF_STEP: f64 = 12.0;
 
-/// The largest change of an action 𝔍_a among so many iterations of the inner map from w,
-/// over its bound: the rounding of a step times √iterations, as independent errors add. What
-/// drifts outgrows it. An orbit ends where the map is [beyond](Measurable::is_beyond) its use.
+/// The largest change of an action 𝔍_a over `iterations` iterations of the inner map from w, divided
+/// by its bound: the rounding of a step times √iterations, as for independent errors. A drift
+/// outgrows it. An orbit ends where the map is [beyond](Measurable::is_beyond) its range of use.
 pub fn action_ratio(
     inner: &dyn Measurable,
     circles: &[CircleAction],

@@ -7,10 +7,10 @@ use faer::linalg::solvers::Solve;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// A line of a spectrum: the term (x + iy)·e^{2πiνt} of a signal at the times t = 0, 1, …
+/// A spectral line: a term (x + iy)·e^{2πiνt} of a signal at the times t = 0, 1, …
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpectralLine {
-    /// ν, in turns from one number of the signal to the next, between −½ and ½.
+    /// ν, in turns per sample of the signal, between −½ and ½.
     pub frequency: f64,
     /// x and y.
     pub amplitude: [f64; 2],
@@ -32,13 +32,13 @@ const ROUNDING: f64 = 64.0 * f64::EPSILON;
 /// Steps of a search between two neighbours of a peak.
 const STEPS: usize = 60;
 
-/// The strongest lines of a signal f(t) = x + iy, one after another: of each the frequency at which |∫ f w e^{−2πiνt}|
-/// has its maximum with the window w of Hann, and the amplitudes of all that are found by least squares in this
-/// product.
+/// The strongest spectral lines of a signal f(t) = x + iy, found one after another. The frequency of a line is the
+/// maximum of |Σ f w e^{−2πiνt}| with the Hann window w; the amplitudes of all lines found so far are a least-squares
+/// fit in the inner product of the window.
 ///
-/// The frequency of a line alone is right to rounding; beside others it errs by N⁻⁴ for N numbers. Peaks are looked for
-/// in the first 512 numbers, and followed in twice as many until there are no more: the work is that of a few sums over
-/// the signal. Fewer than 16 numbers have no lines.
+/// The frequency of a single line is exact to rounding; the error from other lines is O(N⁻⁴) for N samples. Peaks are
+/// searched in the first 512 samples and then refined in twice as many, up to all of them, so the work is that of a
+/// few sums over the signal. A signal of fewer than 16 samples has no lines.
 ///
 /// Source: Laskar, <https://doi.org/10.1016/0019-1035(90)90084-M>; its convergence:
 /// <https://arxiv.org/abs/math/0305364>.
@@ -214,21 +214,21 @@ fn fit_amplitudes(signal: &[[f64; 2]], lines: &mut [SpectralLine]) {
     }
 }
 
-/// How fast an orbit turns in each plane.
+/// The tunes of an orbit: its rotation frequency in each plane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tunes {
-    /// The turns of each plane in a map, between −½ and ½, from p towards q as a circle action turns; NaN of a plane
-    /// that does not turn, or of an orbit that leaves the finite numbers.
+    /// The turns per map in each plane, between −½ and ½, positive from p towards q as for a circle action. NaN for a
+    /// plane that does not turn, and for an orbit that leaves the finite numbers.
     pub turns: Vec<f64>,
-    /// The differences of the tunes of the two halves of the orbit: small on an invariant torus, and a sign of chaos
-    /// where they are not.
+    /// The difference of the tunes of the two halves of the orbit, for each plane: small on an invariant torus, and a
+    /// sign of chaos where it is not small.
     pub changes: Vec<f64>,
 }
 
-/// The tunes of each trajectory, of rows q₁ … qₙ, p₁ … pₙ: the frequencies of the strongest lines of q_j + i p_j about
-/// their means.
+/// The tunes of each trajectory with states q₁ … qₙ, p₁ … pₙ: in each plane the frequency of the strongest line of
+/// q_j + i p_j minus its mean.
 ///
-/// Source: as [`spectral_lines`]; Papaphilippou, <https://doi.org/10.1063/1.4884495>, for their use in rings.
+/// Source: as [`spectral_lines`]; Papaphilippou, <https://doi.org/10.1063/1.4884495>, for their use in storage rings.
 pub fn tunes(orbits: &Trajectories) -> Vec<Tunes> {
     let dof = orbits.dim() / 2;
     let of = |m: usize| {

@@ -1,6 +1,6 @@
-//! What a fuzz target asserts of a map, for one input of any bytes.
+//! The assertions of a fuzz target about a map, for one input of arbitrary bytes.
 //!
-//! A target for your own map is [`check`] of it:
+//! A fuzz target for your own map calls [`check`]:
 //!
 //! ```
 //! use gyroceptron::measure::{OneStep, fuzz};
@@ -37,18 +37,18 @@ use super::{
 };
 use crate::phase::Direction;
 
-/// What an input came to.
+/// The outcome of one input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// The ratio was measured, and is below the limit.
     Tested,
-    /// Rounding leaves no digit to test.
+    /// The point is so ill-conditioned that rounding leaves no significant digit to test.
     IllConditioned,
     /// The numbers may leave the range of `f64`.
     OutOfRange,
 }
 
-/// Numbers at which arithmetic is at its ends.
+/// Numbers at the limits of the arithmetic.
 const SPECIAL: [f64; 24] = [
     0.0,
     -0.0,
@@ -76,8 +76,8 @@ const SPECIAL: [f64; 24] = [
     19.0,
 ];
 
-/// A number of any size, from bytes as `fill` gives them: common ones, special ones (NaN and
-/// infinities among them), any bits.
+/// A number made from the bytes that `fill` supplies: of common size, of any size, special (NaN
+/// and infinities included), or of arbitrary bits.
 pub fn number(fill: &mut dyn FnMut(&mut [u8])) -> f64 {
     fn take<const N: usize>(fill: &mut dyn FnMut(&mut [u8])) -> [u8; N] {
         let mut out = [0; N];
@@ -98,8 +98,8 @@ pub fn number(fill: &mut dyn FnMut(&mut [u8])) -> f64 {
     }
 }
 
-/// 2n numbers from any bytes, zeros when they run out: common ones, of any size and of any
-/// bits, brought into |zᵢ| ≤ `reach`, or into the [domain](Measurable::domain) of the map.
+/// A point of 2n [numbers](number()) made from bytes, followed by zeros when they run out. Each
+/// number is reduced into |zᵢ| ≤ `reach`, or into the [domain](Measurable::domain) of the map.
 pub fn point(map: &dyn Measurable, reach: f64, data: &[u8]) -> Vec<f64> {
     let mut bytes = data.iter().copied().chain(std::iter::repeat(0));
     let mut fill = |out: &mut [u8]| {
@@ -118,14 +118,14 @@ pub fn point(map: &dyn Measurable, reach: f64, data: &[u8]) -> Vec<f64> {
         .collect()
 }
 
-/// Panics unless the map is undone by its inverse, where it has one, and symplectic, at the
-/// [point] of these bytes.
+/// Panics unless the map is symplectic at the [point] of these bytes, and its inverse, where it
+/// has one, undoes it there.
 ///
-/// `reach` is how far points go within which the map has to stay among the finite numbers;
-/// for coordinates of a domain that is their range.
+/// The coordinates of points are at most `reach` in size, or in the range of their domain. The
+/// map has to give finite numbers there.
 ///
 /// # Panics
-/// With what does not hold, the ratio and the point.
+/// When a law does not hold: the message has the law, the ratio and the point.
 pub fn check(map: &dyn Measurable, reach: f64, data: &[u8]) -> Outcome {
     let z = point(map, reach, data);
     let symplectic = symplectic(map, &z, true);
@@ -139,12 +139,12 @@ pub fn check(map: &dyn Measurable, reach: f64, data: &[u8]) -> Outcome {
     }
 }
 
-/// P⁻¹∘P = Id and P∘P⁻¹ = Id at z, and the same bits by [`Map`](crate::phase::Map), by its
-/// steps and for many points. Only a result that is not finite may be put down to numbers out
-/// of range.
+/// Tests P⁻¹∘P = Id and P∘P⁻¹ = Id at z, and that [`Map`](crate::phase::Map), the steps one by
+/// one and the evaluation of many points give the same bits. Where `in_range` is false, a result
+/// that is not finite counts as out of range and not as a failure.
 ///
 /// # Errors
-/// What does not hold, with the ratio and the point.
+/// The law that does not hold, with the ratio and the point.
 pub fn inverted(map: &dyn Measurable, z: &[f64], in_range: bool) -> Result<Outcome, String> {
     let mut outcome = Outcome::IllConditioned;
     for first in [Direction::Forward, Direction::Inverse] {
@@ -180,7 +180,7 @@ pub fn inverted(map: &dyn Measurable, z: &[f64], in_range: bool) -> Result<Outco
     Ok(outcome)
 }
 
-/// JᵀΩJ = Ω at z. Only a result that is not finite may be put down to numbers out of range.
+/// Tests JᵀΩJ = Ω at z. Where `in_range` is false, a ratio that is not finite counts as out of range.
 ///
 /// # Errors
 /// The ratio and the point.

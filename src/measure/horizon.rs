@@ -1,4 +1,4 @@
-//! Long orbits of an adiabatic invariant.
+//! Adiabatic invariants along long orbits.
 
 use super::drift::settling_iterations;
 use crate::error::Error;
@@ -9,10 +9,10 @@ use crate::scalar::{Kernel, Pack, max_or_nan, on_lanes};
 use crate::work;
 use serde::{Deserialize, Serialize};
 
-/// An orbit of a gyroceptron in the coordinates w = ψ⁻¹z, and how far the adiabatic
-/// invariant, there μ₀ = 𝔍₀(w), has been from its initial value.
+/// An orbit of a gyroceptron in the coordinates w = ψ⁻¹z, with the largest deviation of the
+/// adiabatic invariant, μ₀ = 𝔍₀(w) in these coordinates, from its initial value.
 ///
-/// Where an orbit is can be stored, and it goes on to the same bits.
+/// An orbit can be serialised and resumed later; the results are the same bit for bit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "Stored", into = "Stored")]
 pub struct AdiabaticOrbit {
@@ -75,11 +75,11 @@ impl From<Stored> for AdiabaticOrbit {
 }
 
 impl AdiabaticOrbit {
-    /// The orbit from z, before its first step; `factors`, ascending, are those of the
-    /// [horizons](AdiabaticOrbit::horizons). Without ε it has none.
+    /// The orbit from z, before its first step. `factors`, ascending, are the factors ρ of the
+    /// [horizons](AdiabaticOrbit::horizons); at ε = 0 there are no horizons.
     ///
     /// # Errors
-    /// Unless 0 ≤ ε < ∞ and z is of 2n numbers.
+    /// Unless 0 ≤ ε < ∞, z is of 2n numbers, and the network has exactly one circle.
     pub fn new(network: &Model, z: &[f64], factors: &[f64]) -> Result<Self, Error> {
         let dof = network.architecture().dof;
         Error::check_count("numbers of the initial point", 2 * dof, z.len())?;
@@ -110,7 +110,7 @@ impl AdiabaticOrbit {
         })
     }
 
-    /// Goes on to this number of steps; `map` is
+    /// Continues the orbit until it has this number of steps; `map` is
     /// [`Model::in_conjugated_coordinates`].
     pub fn advance(&mut self, map: &Composition<f64>, action: &CircleAction, steps: u64) {
         let more = steps.saturating_sub(self.steps);
@@ -118,13 +118,13 @@ impl AdiabaticOrbit {
         on_lanes::<NEURONS, _>(Advance { orbit: self, map, action, steps });
     }
 
-    /// Steps done.
+    /// The number of steps done.
     pub fn steps(&self) -> u64 {
         self.steps
     }
 
-    /// N of each factor ρ: the first step at which |μ₀ − μ₀(0)| is more than ρ times its
-    /// largest value over the first K(ε) steps; none so far.
+    /// The horizon N for each factor ρ: the first step at which |μ₀ − μ₀(0)| exceeds ρ times its
+    /// largest value over the first K(ε) steps; None where it has not done so yet.
     ///
     /// Source: section "Numerical Confirmation of the Existence of Adiabatic
     /// Invariants" of <https://doi.org/10.1038/s41598-023-34862-w>, which takes ρ = 1.1.
@@ -132,8 +132,8 @@ impl AdiabaticOrbit {
         &self.horizons
     }
 
-    /// (N, D(N)), D being the largest |μ₀ − μ₀(0)| of the first N steps, for the powers
-    /// of ten that N has passed.
+    /// (N, D(N)) for each power of ten N that the orbit has reached, where D(N) is the largest
+    /// |μ₀ − μ₀(0)| of the first N steps.
     pub fn drifts(&self) -> &[(u64, f64)] {
         &self.drifts
     }

@@ -1,13 +1,13 @@
-//! Maps that are given by equations to be solved.
+//! Maps that are given implicitly, by equations to be solved.
 
 use crate::phase::Map;
 use crate::scalar::{Dual, Elementary, Real, Scalar, Tracked, max_or_nan};
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Col, Mat};
 
-/// An implicit step z ↦ z′: the solution x of F(z, x) = 0, and z′ from it.
+/// An implicit step z ↦ z′: x solves F(z, x) = 0, and z′ is a function of z and x.
 ///
-/// [`Solved`] makes a [`Map`] of it. An implicit midpoint, with x = z′:
+/// [`Solved`] makes a [`Map`] of it. The implicit midpoint rule, with x = z′:
 ///
 /// ```
 /// use gyroceptron::measure::{Implicit, OneStep, Solved, certificate::{CertificateOptions, certify_map}};
@@ -34,7 +34,7 @@ pub trait Implicit {
     /// The number of degrees of freedom n.
     fn dof(&self) -> usize;
 
-    /// How many numbers x has: those of z′, or the stages of a method.
+    /// The number of components of x: 2n where x is z′, more for the stages of a method.
     fn unknowns(&self) -> usize {
         2 * self.dof()
     }
@@ -42,25 +42,25 @@ pub trait Implicit {
     /// `out` ← F(z, x), as many numbers as x has.
     fn residual<S: Elementary>(&self, z: &[S], x: &[S], out: &mut [S]);
 
-    /// z ← z′.
+    /// z ← z′, computed from z and x: the first 2n numbers of x, by default.
     fn end<S: Elementary>(&self, z: &mut [S], x: &[S]) {
         let dim = z.len();
         z.copy_from_slice(&x[..dim]);
     }
 
-    /// Whether the map has an inverse, found by the same equations.
+    /// Whether the map has an inverse, which is found by solving the same equations for z.
     fn has_inverse(&self) -> bool {
         true
     }
 
-    /// z and `x` ← where Newton's method begins on the way back from z′: z′, and the
-    /// [guess](Implicit::guess) from it.
+    /// z and `x` ← the initial guess of Newton's method for the inverse at z′ = `end`: by default
+    /// z′ itself for z, and the [guess](Implicit::guess) from it for x.
     fn guess_back(&self, end: &[f64], z: &mut [f64], x: &mut [f64]) {
         z.copy_from_slice(end);
         self.guess(end, x);
     }
 
-    /// `x` ← where Newton's method begins: z, over and over.
+    /// `x` ← the initial guess of Newton's method: by default z, repeated as often as x has room for.
     fn guess(&self, z: &[f64], x: &mut [f64]) {
         for (x, z) in x.iter_mut().zip(z.iter().cycle()) {
             *x = *z;
@@ -71,20 +71,20 @@ pub trait Implicit {
 /// An implicit step as a map over the number type; its inverse solves the same
 /// equations for z.
 ///
-/// They are solved in `f64` by Newton's method, and then twice by one step of it
-/// x ← x − A⁻¹F(z, x) in the number type, with A = ∂F/∂x of the solution: derivatives
-/// are those of the implicit function theorem, and the errors of rounding those of the
-/// last step. Iterated on numbers that carry bounds, Newton's method would double
-/// these each time, and no certificate could be based on them.
+/// The equations are solved in `f64` by Newton's method. Two more steps x ← x − A⁻¹F(z, x), with
+/// A = ∂F/∂x at the solution, are done in the number type, so that derivatives are those of the
+/// implicit function theorem and rounding errors those of the last step. A full Newton iteration
+/// on numbers that carry error bounds would double the bounds in each step, and no certificate
+/// could be based on them.
 ///
-/// Angles need no `rem_euclid` here, whose jump would stop the method: let the
-/// [domain](super::Coordinate::Angle) say that they are angles.
+/// Do not reduce angles by `rem_euclid` here: its jump would stop the method. Declare them as
+/// angles in the [domain](super::Coordinate::Angle) instead.
 ///
-/// Where the method does not converge the result is NaN. Cost: A⁻¹ of m unknowns, some
-/// six times; back 2n more of them.
+/// Where the method does not converge the result is NaN. Cost: about six inversions of a matrix
+/// of the size of x; for the inverse of the map the size is larger by 2n.
 ///
 /// Source: Griewank and Walther, Evaluating Derivatives, <https://doi.org/10.1137/1.9780898717761>,
-/// chapter 15, for derivatives of what is iterated.
+/// chapter 15, for derivatives of iterations.
 #[derive(Clone, Copy, Debug)]
 pub struct Solved<M>(pub M);
 

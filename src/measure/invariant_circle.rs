@@ -12,10 +12,10 @@ use std::f64::consts::TAU;
 /// any power of the number of modes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InvariantCircle {
-    /// ν, turns a map.
+    /// ν, in turns per map.
     pub turns: f64,
-    /// The largest distance of the later half of the orbit, of which the fit knew nothing, from where the curve has it.
-    /// On an island chain and in chaos it is of the size of these.
+    /// The largest distance of the states of the second half of the orbit, which the fit does not use, from their
+    /// places on the curve. On an island chain or a chaotic orbit it is of the size of the islands or the chaotic sea.
     pub error: f64,
     /// c_k and s_k of both coordinates: c₀, and c₁, s₁, c₂, s₂, ….
     modes: Vec<[f64; 2]>,
@@ -27,8 +27,8 @@ const MOST_MODES: usize = 96;
 const STATES_A_TERM: usize = 3;
 
 impl InvariantCircle {
-    /// The curve on which an orbit is, its states of two numbers one after another, that turns by about `turns` a map,
-    /// of as many modes as bring it nearest to states it has not seen.
+    /// Fits the curve to an orbit of states of two numbers with about `turns` turns per map. The number of modes is the
+    /// one with the smallest [error](InvariantCircle::error) on the second half of the orbit.
     ///
     /// # Errors
     /// [`Error::CountOutOfRange`] of fewer than 64 states, [`Error::OutOfRange`] of numbers that are not finite.
@@ -94,7 +94,7 @@ impl InvariantCircle {
         out
     }
 
-    /// How many modes it has.
+    /// The number of modes.
     pub fn modes(&self) -> usize {
         self.modes.len() / 2
     }
@@ -114,7 +114,7 @@ impl InvariantCircle {
         (point, slope)
     }
 
-    /// So many points of the curve at equal distances of θ, two numbers each.
+    /// `count` points of the curve at equal distances of θ, two numbers each.
     pub fn points(&self, count: usize) -> Vec<f64> {
         (0..count).flat_map(|k| self.at(k as f64 / count as f64).0).collect()
     }
@@ -128,7 +128,7 @@ impl InvariantCircle {
         0.5 * TAU * self.modes[1..].chunks_exact(2).enumerate().map(of).sum::<f64>()
     }
 
-    /// The distance of each of some points, two numbers each, from the curve: NaN of what is not finite.
+    /// The distance of each point, two numbers each, from the curve; NaN for a point that is not finite.
     pub fn distances(&self, points: &[f64]) -> Vec<f64> {
         let count = 8 * self.modes() + 8;
         let around = self.points(count);

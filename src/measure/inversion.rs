@@ -7,21 +7,21 @@ use crate::scalar::{Scalar, max_or_nan};
 /// The spacing of the subnormal numbers.
 const SMALLEST: f64 = 5e-324;
 
-/// A ratio, or the word that no digit is left to test.
+/// A ratio, or the statement that no significant digit is left to test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Conditioned {
     /// The error over its rounding scale.
     Ratio(f64),
-    /// Rounding alone may move the result by a tenth of its size, or reaches a
-    /// step with errors over which it is not linear.
+    /// Rounding alone may move the result by a tenth of its size, or a step is not
+    /// linear over the rounding errors that reach it.
     IllConditioned,
 }
 
 /// The share of |z| beyond which rounding leaves no digit to test.
 pub const ILL_CONDITIONED: f64 = 0.1;
 
-/// ρ_I: how far the steps `there` and then `back`, which should be their
-/// inverse, come from z, over the rounding scale u·√(2Σᵢ(|Jᵢ⁻¹|δᵢ)² + z²) with
+/// ρ_I: the distance from z after the steps `there` and then `back`, which should
+/// be their inverse, divided by the rounding scale u·√(2Σᵢ(|Jᵢ⁻¹|δᵢ)² + z²) with
 /// i over the steps there; the largest over the components.
 ///
 /// Source: Higham and Mary, <https://doi.org/10.1137/18M1226312>, for errors that add up as
@@ -50,7 +50,7 @@ impl<'a> ThereAndBack<'a> {
         Self { steps, there: count, domain: Vec::new() }
     }
 
-    /// Of a map whose coordinates live here.
+    /// Measures differences of coordinates in the domain of the map: the shortest way on a circle.
     pub fn within(self, domain: Vec<Coordinate>) -> Self {
         Self { domain, ..self }
     }

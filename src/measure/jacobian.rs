@@ -6,8 +6,8 @@ use crate::phase::{Direction, Map};
 use crate::scalar::Dual;
 use faer::Mat;
 
-/// A map that the Jacobian can be taken of: one that is written over the
-/// number type is it by itself.
+/// A map whose Jacobian can be computed. Every map that is generic over the
+/// number type implements it.
 pub trait Differentiable:
     Map<f64> + Map<Dual<f64, 2>> + Map<Dual<f64, 4>> + Map<Dual<f64, 6>> + Map<Dual<f64, 8>>
 {
@@ -67,13 +67,13 @@ fn columns<const N: usize>(
     }
 }
 
-/// `out` ← the central differences (P(z + hd) − P(z − hd))/2h at each point, d
-/// the unit vectors: ∂P/∂z up to O(h²) and to rounding over h, where
-/// [`map_jacobians`](crate::network::map_jacobians) is exact. Costs 4n evaluations a point.
+/// `out` ← the central differences (P(z + hd) − P(z − hd))/2h at each point, d the
+/// unit vectors. They approximate ∂P/∂z with errors O(h²) and O(u/h), while
+/// [`map_jacobians`](crate::network::map_jacobians) is exact. Cost: 4n evaluations per point.
 ///
 /// # Errors
-/// When `points` is not a whole number of points, `out` of another size, and when h is not positive and finite, or does not move a
-/// coordinate.
+/// When `points` is not a whole number of points, when `out` has another size, and when h is not positive and finite, or
+/// does not move a coordinate.
 pub fn jacobians_by_differences(
     map: &Composition<f64>,
     step: f64,
@@ -83,6 +83,7 @@ pub fn jacobians_by_differences(
     /// Points at a time: what they are moved to stays in cache.
     const BLOCK: usize = 256;
     let dim = 2 * map.dof();
+    Error::check_rows("points", points.len(), dim)?;
     Error::check_count("Jacobian entries", points.len() * dim, out.len())?;
     let moves = |v: &f64| v + step != v - step;
     if !(step > 0.0 && step.is_finite() && points.iter().all(moves)) {

@@ -1,4 +1,4 @@
-//! The laws, each a function from a map and points to a [`Tally`].
+//! The laws: each is a function of a map and points that returns a [`Tally`].
 //!
 //! Points are given one after the other, 2n numbers each.
 
@@ -41,7 +41,7 @@ const BATCH: usize = 1 << 12;
 /// Slopes are taken from values so many times above rounding.
 const ABOVE_ROUNDING: f64 = 1e3;
 
-/// Seeded points in a box, with a pair of angles in (−2π, 2π) to each.
+/// Seeded sample points, each with a pair of angles in (−2π, 2π).
 #[derive(Clone, Debug)]
 pub struct Samples {
     points: Vec<f64>,
@@ -54,7 +54,7 @@ impl Samples {
         Self::draw_within(&[], dof, index, options)
     }
 
-    /// Those of a map whose coordinates live in a [domain](Measurable::domain).
+    /// The samples of a map whose coordinates have a [domain](Measurable::domain).
     pub fn draw_within(
         domain: &[Coordinate],
         dof: usize,
@@ -109,12 +109,12 @@ fn moved(map: &(impl Map<f64> + ?Sized), direction: Direction, z: &[f64]) -> Vec
     out
 }
 
-/// JᵀΩJ = Ω, by [`symplecticity_ratio`]; the samples have to be sound.
+/// JᵀΩJ = Ω, by [`symplecticity_ratio`]. The law is vacuous unless rounding errors show.
 pub fn symplecticity(map: &dyn Measurable, points: &[f64]) -> Tally {
     symplecticity_of("symplecticity of P", map, points).must_show_errors()
 }
 
-/// JᵀΩJ = Ω of a part of a map, under a name of its own, on any samples.
+/// JᵀΩJ = Ω for a map or a part of one, under the name `law`, on any samples.
 pub fn symplecticity_of(law: &str, map: &dyn Measurable, points: &[f64]) -> Tally {
     let steps = map.measured_steps(Direction::Forward);
     let dim = 2 * map.dof();
@@ -123,8 +123,8 @@ pub fn symplecticity_of(law: &str, map: &dyn Measurable, points: &[f64]) -> Tall
     Tally::of_ratios(law, "JᵀΩJ = Ω").extend_at(points, dim, results)
 }
 
-/// [`symplecticity`] of a map that nothing is known of: where no errors of rounding show, since
-/// its operations are few or exact, small bounds do as well.
+/// [`symplecticity`] for a map of unknown structure. Where no rounding errors show, because its
+/// operations are few or exact, it is enough that the bounds are small.
 pub fn symplecticity_of_any(map: &dyn Measurable, points: &[f64]) -> Tally {
     let steps = map.measured_steps(Direction::Forward);
     let mut resolutions: Vec<f64> = each_point(points, 2 * map.dof())
@@ -161,9 +161,9 @@ fn other(direction: Direction) -> Direction {
     }
 }
 
-/// L⁻¹∘L = Id for each layer alone, in the direction in which the map applies
-/// it and at the points that reach it: the test that is left where the
-/// composition has no digit to show. None for a map without layers.
+/// L⁻¹∘L = Id for each layer alone, in the direction in which the map applies it
+/// and at the points that reach it. This test remains where the composition is
+/// too ill-conditioned to be tested. None for a map without layers.
 pub fn layers(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
     let mut tally = Tally::of_ratios("inversion of layers", "L⁻¹∘L = Id, each");
     let layers = map.layers();
@@ -180,8 +180,8 @@ pub fn layers(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
     (!layers.is_empty()).then_some(tally)
 }
 
-/// The steps that the other laws walk over are what users call, for one point
-/// and for many, forward and back, bit for bit.
+/// The steps that the other laws measure give the same bits as the map itself,
+/// for one point and for many, forward and, where there is an inverse, back.
 pub fn evaluation(map: &dyn Measurable, points: &[f64]) -> Tally {
     let tally = Tally::of_counts("evaluation", "shears = single = batch, bitwise");
     let dim = 2 * map.dof();
@@ -207,8 +207,8 @@ pub fn evaluation(map: &dyn Measurable, points: &[f64]) -> Tally {
     tally.extend_at(points, dim, results)
 }
 
-/// P⁻¹∘P = P∘P⁻¹ = Id on grids of integers, wrapping included, and of floats, bit for bit: a count of
-/// [differing coordinates](super::ratios::differing_places).
+/// P⁻¹∘P = P∘P⁻¹ = Id, bit for bit, on grids of floats and of integers, wrapping included. The result is
+/// the number of [differing coordinates](super::ratios::differing_places).
 pub fn inversion_on_grid(map: &dyn GridMap, points: &[f64]) -> Tally {
     let dim = 2 * map.dof();
     let moves = points.chunks_exact(dim).any(|z| moves_on_grid(map, z));
@@ -217,8 +217,8 @@ pub fn inversion_on_grid(map: &dyn GridMap, points: &[f64]) -> Tally {
         .vacuous_if(!moves)
 }
 
-/// P(z + L) = P(z) for the circumference L of each coordinate that is an
-/// [angle](Coordinate::Angle), up to such circumferences. None where none is.
+/// P(z + L) = P(z), modulo the circumferences, for the circumference L of each
+/// coordinate that is an [angle](Coordinate::Angle). None for a map without angles.
 pub fn periodicity(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
     let (domain, dim, u) = (map.domain(), 2 * map.dof(), f64::unit_roundoff());
     let angles: Vec<(usize, f64)> = domain
@@ -256,9 +256,9 @@ pub fn periodicity(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
     })
 }
 
-/// det J = 1 by faer's LU decomposition, where its rounding leaves a digit.
+/// det J = 1 by faer's LU decomposition, where rounding leaves a significant digit.
 ///
-/// For information: it is blind to whatever keeps volumes.
+/// For information: it cannot see defects that conserve volume.
 pub fn determinant(map: &dyn Measurable, points: &[f64]) -> Tally {
     let steps = map.measured_steps(Direction::Forward);
     let results = each_point(points, 2 * map.dof())
@@ -385,8 +385,8 @@ fn order(
     Tally::of_slopes("near identity", equation).vacuous_if(!responds).extend([result])
 }
 
-/// P₀ = ψ∘Φ_θ∘ψ⁻¹ bit for bit, in both directions; and forward the same bits
-/// as ψ⁻¹, Φ_θ and ψ one after the other.
+/// P₀ = ψ∘Φ_θ∘ψ⁻¹ bit for bit, in both directions. Forward, it also has to give
+/// the same bits as ψ⁻¹, Φ_θ and ψ applied one after the other.
 pub fn near_periodicity(family: &dyn NearlyPeriodic, points: &[f64]) -> Tally {
     let limit = family.map_at(0.0);
     let rotation = family.conjugated_action_at(family.angle());
@@ -425,8 +425,8 @@ pub fn normal_form(map: &dyn NormalFormed, points: &[f64]) -> Tally {
     Tally::of_counts("composition", "P = χ∘Φ_θT_ε∘χ⁻¹, bitwise").extend_at(points, dim, counts)
 }
 
-/// S∘P∘S∘P = Id of a reversible map, by [`ThereAndBack`]: what should be P⁻¹ is P between two
-/// reflections.
+/// S∘P∘S∘P = Id for a reversible map, by [`ThereAndBack`]: P between two reflections S has to be
+/// the inverse of P.
 pub fn reversibility(map: &dyn Measurable, reversor: Reversor, points: &[f64]) -> Tally {
     let (dof, forward) = (map.dof(), Direction::Forward);
     let reflection = || -> Box<dyn MeasuredStep> {
@@ -441,15 +441,15 @@ pub fn reversibility(map: &dyn Measurable, reversor: Reversor, points: &[f64]) -
     Tally::of_ratios("reversibility", "S∘P∘S∘P = Id").extend_at(points, 2 * dof, results)
 }
 
-/// What a map in normal form has of one: [`normal_form`], [`equivariance`] and [`actions`].
+/// The laws of a map in normal form: [`normal_form`], [`equivariance`] and [`actions`].
 pub fn integrable(map: &dyn NormalFormed, samples: &Samples) -> Vec<Tally> {
     let mut out = vec![normal_form(map, samples.points()), equivariance(map, samples)];
     out.extend(actions(map, samples.points()));
     out
 }
 
-/// What a [perturbed](crate::network::Part::Perturbation) map has of a normal form: that it is
-/// its composition, and at ε = 0, as `at_zero`, all that is [`integrable`].
+/// The laws of a [perturbed](crate::network::Part::Perturbation) map in normal form: that it is
+/// its composition, and for the map at ε = 0, `at_zero`, all laws of [`integrable`].
 pub fn nearly_integrable(
     map: &dyn NormalFormed,
     at_zero: &dyn NormalFormed,
@@ -460,8 +460,8 @@ pub fn nearly_integrable(
     std::iter::once(whole).chain(at_zero).collect()
 }
 
-/// What a reversible map P = A∘Φ_θT∘S∘A⁻¹∘S has at ε = 0, where A is the identity: that it commutes with
-/// the action, and keeps its invariants.
+/// The laws of a reversible map P = A∘Φ_θT∘S∘A⁻¹∘S at ε = 0, where A is the identity: it commutes with
+/// the torus action and conserves the actions.
 pub fn reversible_at_zero(at_zero: &dyn NormalFormed, samples: &Samples) -> Vec<Tally> {
     let mut out = vec![equivariance(at_zero, samples)];
     out.extend(actions(at_zero, samples.points()));
@@ -488,7 +488,7 @@ pub fn equivariance(map: &dyn NormalFormed, samples: &Samples) -> Tally {
     )
 }
 
-/// The actions are those of the start after a step and among 1024, in the coordinates of the
+/// The actions are conserved over one step and over up to 1024 steps, in the coordinates of the
 /// normal form, by [`action_ratio`].
 pub fn actions(map: &dyn NormalFormed, points: &[f64]) -> Vec<Tally> {
     const ITERATIONS: usize = 1024;
@@ -540,8 +540,8 @@ pub fn conjugated_circle_action(family: &dyn NearlyPeriodic, samples: &Samples) 
     each.collect()
 }
 
-/// ⟨c, DP·d⟩ = ⟨DPᵀ·c, d⟩: the pullback, in the point and in all parameters,
-/// is the transpose of what duals give, by [`adjoint_ratio`] with seeded
+/// ⟨c, DP·d⟩ = ⟨DPᵀ·c, d⟩: the pullback, in the point and in all parameters, is the
+/// transpose of the derivative by dual numbers. By [`adjoint_ratio`] with seeded
 /// directions.
 pub fn pullback(map: &dyn Adjoint, points: &[f64], dof: usize, seed: u64) -> Tally {
     let mut stream = Stream::new(seed, "certificate/directions");
@@ -564,18 +564,18 @@ pub fn exact_relations(model: &Model, points: &[f64]) -> Vec<Tally> {
     each.collect()
 }
 
-/// The generator of a gyroceptron's near-identity part, from its formula.
+/// [`generator`] for the near-identity part of a gyroceptron, with its formula as the field.
 pub fn formula_of_generator(network: &Model, points: &[f64]) -> Tally {
     let field = |z: &[f64], out: &mut [f64]| near_identity_generator(network, z, out);
     generator(network, &field, points)
 }
 
 /// The exponent of the drift D(N) of μ₀ in N along the orbit of the first
-/// point, N = 256 … 4096: near 0 for an adiabatic invariant, 1 for what only
-/// drifts slowly.
+/// point, N = 256 … 4096: near 0 for an adiabatic invariant, 1 for a quantity
+/// that drifts slowly but steadily.
 ///
 /// For information: on a resonance there is no invariant, and near one the
-/// orbit takes longer to show its range.
+/// orbit takes longer to reach its full range.
 pub fn adiabatic_invariance(family: &dyn NearlyPeriodic, points: &[f64]) -> Tally {
     const EXPONENT: f64 = 0.2;
     const HORIZONS: [usize; 5] = [256, 512, 1024, 2048, 4096];
@@ -588,8 +588,8 @@ pub fn adiabatic_invariance(family: &dyn NearlyPeriodic, points: &[f64]) -> Tall
     tally.extend([Conditioned::Ratio(exponent.abs())])
 }
 
-/// Q∘T = T∘P, bit for bit, for the change of variables `transform`: an exact
-/// symmetry of the parameters, which takes P to Q.
+/// Q∘T = T∘P, bit for bit, for Q = `other` and the change of variables T =
+/// `transform`: an exact symmetry of the parameters takes P to Q.
 ///
 /// The transformation has to be exact in floating point: powers of two, signs,
 /// permutations.

@@ -9,13 +9,14 @@ pub type PlaneMap<'a> = &'a (dyn Fn(&mut [f64]) -> Result<(), Error> + 'a);
 /// How a branch of a manifold is followed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Branch {
-    /// Along the eigenvector, or against it.
+    /// Whether the branch begins along the eigenvector or against it.
     pub forward: bool,
-    /// The distance from the orbit at which the branch begins, where it is a straight line to second order in this.
+    /// The distance from the orbit at which the branch begins; it is taken as straight there, with an error of
+    /// second order in this distance.
     pub start: f64,
-    /// Neighbouring points are so near, …
+    /// The largest distance of neighbouring points.
     pub spacing: f64,
-    /// … and the branch is so long, at most.
+    /// The length of the branch, at most.
     pub length: f64,
 }
 
@@ -24,18 +25,18 @@ const MOST: usize = 1_000_000;
 /// Applications of the map to one point, at most.
 const MOST_MAPS: usize = 10_000;
 
-/// The points of one branch of the manifold that leaves a periodic orbit under repeated maps, two numbers each, from
-/// near the orbit outwards: the unstable manifold for a map, the stable one for its inverse with the orbit of that.
+/// The points, two numbers each, of one branch of the unstable manifold of a periodic orbit, from near the orbit
+/// outwards. For the stable manifold, pass the inverse map and the orbit of the inverse map.
 ///
-/// A segment along the eigenvector of M whose eigenvalue λ is the larger, from `start` to |λ| times that, is moved on
-/// as often as it takes, with points put in where neighbours are further apart than the spacing. At λ < 0, where the
-/// maps of a period change sides, two periods are one.
+/// A segment along the eigenvector of M whose eigenvalue λ is larger in modulus, from `start` to |λ| times that, is
+/// mapped forward repeatedly, with points inserted where neighbours are further apart than the spacing. For λ < 0,
+/// where one period changes sides, two periods are taken as one and λ² replaces |λ|.
 ///
 /// Source: Krauskopf, Osinga et al., <https://doi.org/10.1142/S0218127405012533>, for the ways of computing manifolds.
 ///
 /// # Errors
-/// Those of the map; when the orbit is none that points leave, |Tr M| ≤ 2, a number of the branch is out of range, or
-/// there would be more than 10⁶ points.
+/// Those of the map; when the orbit is not hyperbolic, |Tr M| ≤ 2, when a number of the branch is out of range, or
+/// when there would be more than 10⁶ points.
 pub fn manifold(
     map: PlaneMap<'_>,
     orbit: &PeriodicOrbit,
@@ -101,11 +102,11 @@ pub fn manifold(
     Ok(out)
 }
 
-/// The smaller alignment index after so many maps: of two vectors of unit length that are carried along an orbit, the
-/// smaller of |v + w| and |v − w|.
+/// The smaller alignment index (SALI) after `maps` maps: the smaller of |v + w| and |v − w| for two unit vectors v and
+/// w that are carried along an orbit by the tangent map.
 ///
-/// On a chaotic orbit it falls exponentially, e^{−(σ₁ − σ₂)N}; on a regular one of a map of a plane as 1/N², of more
-/// coordinates it stays. Vectors begin along the first two coordinates.
+/// On a chaotic orbit it falls exponentially, as e^{−(σ₁ − σ₂)N}. On a regular orbit it falls as 1/N² for maps of a
+/// plane, and stays constant in more dimensions. The vectors begin along the first two coordinates.
 ///
 /// Source: Skokos, <https://doi.org/10.1088/0305-4470/34/47/309>.
 ///

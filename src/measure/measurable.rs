@@ -1,4 +1,4 @@
-//! What a map must say of itself to be measured.
+//! The traits that a map has to implement to be measured, and wrappers that implement them.
 
 use super::coordinate::Coordinate;
 use super::measured_network::AsMeasured;
@@ -10,12 +10,12 @@ use crate::layer::{HenonLayer, HenonMap, Kick, Turn};
 use crate::network::{Block, Composition, Layers as BlockLayers, Model, Part, map_points};
 use crate::phase::{Direction, Map};
 
-/// A map that the laws can be measured on.
+/// A map on which the laws can be measured.
 ///
 /// Every map, layer and network of the crate is one. A map of your own that is
 /// written over the number type becomes one inside [`OneStep`].
 pub trait Measurable: Map<f64> {
-    /// The steps whose rounding errors are followed one by one; for
+    /// The steps of P whose rounding errors are followed one by one; for
     /// [`Direction::Inverse`] those of P⁻¹.
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_>;
 
@@ -33,26 +33,26 @@ pub trait Measurable: Map<f64> {
         Vec::new()
     }
 
-    /// Where each coordinate lives; those that are not listed, as none by default, in the
-    /// box of the samples.
+    /// The domain of each coordinate. Coordinates that are not listed (by default all of them)
+    /// are in the box of the samples.
     fn domain(&self) -> Vec<Coordinate> {
         Vec::new()
     }
 
-    /// Whether a point is so far from where the map is of use that nothing is asked of its orbit from there on.
-    /// Nowhere, by default; of a network of polynomials at twice their box.
+    /// Whether a point is so far outside the range of use of the map that its orbit is not tested further.
+    /// It is false by default; networks of polynomials return true outside twice their box.
     fn is_beyond(&self, z: &[f64]) -> bool {
         let _ = z;
         false
     }
 
-    /// The name of the type, by which a suite knows what it has measured.
+    /// The name of the type, by which a test suite identifies what it has measured.
     fn type_name(&self) -> &'static str {
         std::any::type_name::<Self>()
     }
 }
 
-/// Layers, each to be measured alone.
+/// Layers with their directions, each to be measured alone.
 pub type Layers<'a> = Vec<(Direction, Box<dyn Measurable + 'a>)>;
 
 /// Layers applied forward.
@@ -61,14 +61,14 @@ fn forward_layers<'a, M: Measurable + 'a>(layers: impl Iterator<Item = M>) -> La
     layers.map(|layer| (Direction::Forward, boxed(layer))).collect()
 }
 
-/// A family of nearly-periodic maps P_ε = I_ε∘ψ∘Φ_θ∘ψ⁻¹, seen through its
-/// parts. A [`Model`] of that structure is one; so is whatever claims to be built this way.
+/// A family of nearly-periodic maps P_ε = I_ε∘ψ∘Φ_θ∘ψ⁻¹, given by its parts. A [`Model`] of that
+/// structure implements it; so can any map that claims to be built this way.
 pub trait NearlyPeriodic: Measurable {
     /// P_ε at another ε.
     fn map_at(&self, epsilon: f64) -> Box<dyn Measurable + '_>;
     /// I_ε at another ε.
     fn near_identity_at(&self, epsilon: f64) -> Box<dyn Measurable + '_>;
-    /// The map ψ by which its circle action is conjugated.
+    /// The map ψ that conjugates its circle action.
     fn conjugation(&self) -> Box<dyn Measurable + '_>;
     /// How often each plane (q_j, p_j) turns while θ goes round once.
     fn action_weights(&self) -> Vec<i32>;
@@ -130,8 +130,8 @@ impl Measurable for Model {
         self.architecture().name().unwrap_or("blocks")
     }
 
-    /// Those of a network of Hénon layers alone, and the steps of one of couplings alone or of a
-    /// reversible one of Hénon layers. Twists and modules are not measured apart.
+    /// The layers of a network of Hénon layers alone; the steps of a network of couplings alone
+    /// or of a reversible network of Hénon layers. Twists and modules are not measured separately.
     fn layers(&self) -> Layers<'_> {
         let architecture = self.architecture();
         let of_couplings = |block: &Block| matches!(block.layers, BlockLayers::TurnedCoupling(_));
@@ -194,12 +194,12 @@ impl NearlyPeriodic for Model {
     }
 }
 
-/// Any map that is written over the number type, as one step.
+/// Any map that is generic over the number type, measured as one step.
 ///
 /// The scale of its rounding errors is found by running it on
-/// [`Tracked`](crate::scalar::Tracked) numbers: nothing has to be derived by hand. The bound is that
-/// of the worst case, so that a long computation is better given as a sequence
-/// of steps, each a `OneStep`, in your own [`Measurable`].
+/// [`Tracked`](crate::scalar::Tracked) numbers, so nothing has to be derived by hand. The bound is a
+/// worst-case bound; give a long computation as a sequence of steps, each a `OneStep`, in your own
+/// [`Measurable`].
 #[derive(Clone, Copy, Debug)]
 pub struct OneStep<M>(pub M);
 
@@ -224,17 +224,17 @@ impl<M: Numbers> Measurable for OneStep<M> {
     }
 }
 
-/// A composition of maps of one type, written over the number type, the first applied first;
-/// one at least.
+/// A composition of one or more maps of one type that is generic over the number type; the first
+/// map is applied first.
 ///
-/// The rounding errors of each are followed by itself, so that a long composition is
-/// judged by bounds of the size of its errors: a hundred steps of an integrator as
-/// [`OneStep`] are not.
+/// The rounding errors of each map are followed separately, so the bounds of a long composition
+/// are of the size of its errors. For a hundred steps of an integrator as one [`OneStep`] they
+/// are far larger.
 #[derive(Clone, Debug)]
 pub struct Steps<M>(pub Vec<M>);
 
 impl<M: Clone> Steps<M> {
-    /// So many times the same map.
+    /// The same map, `count` times.
     pub fn repeated(map: M, count: usize) -> Self {
         Self(vec![map; count])
     }
@@ -269,7 +269,7 @@ impl<M: Numbers> Measurable for Steps<M> {
     }
 }
 
-/// A map whose coordinates live in a [domain](Measurable::domain): boxes and angles.
+/// A map with a [domain](Measurable::domain) for its coordinates: intervals and angles.
 ///
 /// ```
 /// use gyroceptron::measure::{Coordinate, OneStep, WithDomain, certificate::{CertificateOptions, certify_map}};
@@ -306,7 +306,7 @@ pub struct WithDomain<M> {
 }
 
 impl<M: Map<f64>> WithDomain<M> {
-    /// A map and where each of its coordinates lives, q₁ … qₙ, p₁ … pₙ.
+    /// A map and the domain of each of its coordinates, in the order q₁ … qₙ, p₁ … pₙ.
     ///
     /// # Errors
     /// Unless there are 2n coordinates, boxes of two finite numbers in order, and circles of

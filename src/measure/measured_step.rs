@@ -1,8 +1,8 @@
 //! The steps of maps as measures see them: with the scale of their rounding errors.
 //!
-//! Kicks of tanh and polynomial potentials and turns have scales derived by hand. Those of any
-//! other step are found by running it on [`Tracked`] numbers ([`TrackedStep`]), of twists
-//! part by part: a new kind of step needs nothing here, unless it saturates, as couplings do.
+//! Turns and kicks by tanh and polynomial potentials have scales derived by hand. The scales of
+//! any other step are found by running it on [`Tracked`] numbers ([`TrackedStep`]), for twists
+//! part by part. A new kind of step needs nothing here, unless it saturates, as couplings do.
 
 use crate::layer::{
     ElementaryMap, HenonMap, Kick, PolynomialPotential, Potential, RidgePotential, TanhPotential,
@@ -30,11 +30,12 @@ pub trait MeasuredStep {
     /// in the point, which it moves from z to `after`.
     fn value_magnitude(&self, z: &[f64], after: &[f64], delta: &mut [f64]);
 
-    /// `out` ← a bound of how far the step is from linear over errors `spread`
-    /// of z.
+    /// `out` ← a bound of the deviation of the step from its linearisation for
+    /// errors of z of size `spread`.
     fn curvature_magnitude(&self, z: &[f64], spread: &[f64], out: &mut [f64]);
 
-    /// Whether it may be symplectic. One that cannot be says so: beside large derivatives it does not show.
+    /// Whether the step may be symplectic. One that is not has to return false: next to large derivatives the
+    /// defect does not show.
     fn may_be_symplectic(&self) -> bool {
         true
     }
@@ -60,8 +61,8 @@ pub trait Magnitudes {
     /// `out` ← δ, with u·δ the scale of the rounding error of ∇V(y).
     fn gradient_magnitude(&self, y: &[f64], out: &mut [f64]);
 
-    /// `out` ← a bound of how far ∇V(y) is from linear over errors `spread` of y:
-    /// what a first-order analysis of rounding leaves out.
+    /// `out` ← a bound of the deviation of ∇V from its linearisation at y for errors
+    /// `spread` of y, which a first-order analysis of rounding leaves out.
     fn curvature_magnitude(&self, y: &[f64], spread: &[f64], out: &mut [f64]);
 }
 
@@ -128,12 +129,12 @@ impl<const D: usize> Magnitudes for TanhPotential<'_, f64, D> {
     }
 }
 
-/// A potential whose kicks can be measured. For one of your own, written over the
-/// number type, an empty implementation is enough.
+/// A potential whose kicks can be measured. For your own potential that is generic
+/// over the number type, an empty implementation is enough.
 pub trait MeasuredPotential:
     Potential<f64> + Potential<Dual<f64, 8>> + Potential<Dual<Tracked, 8>> + Copy
 {
-    /// A kick by it, as measures see it.
+    /// A kick by this potential as a measured step.
     fn measured_kick<'a>(kick: Kick<'a, f64, Self>) -> Box<dyn MeasuredStep + 'a>
     where
         Self: 'a,
@@ -141,7 +142,7 @@ pub trait MeasuredPotential:
         Box::new(TrackedStep { map: KickMap(kick), direction: Direction::Forward })
     }
 
-    /// The single Hénon map of it, or its inverse, as measures see it.
+    /// The single Hénon map with this potential, or its inverse, as a measured step.
     fn measured_map<'a>(
         map: HenonMap<'a, f64, Self>,
         direction: Direction,
@@ -540,18 +541,18 @@ pub fn turn_steps<'a>(turn: &Turn<f64>, direction: Direction) -> MeasuredSteps<'
     steps
 }
 
-/// What the laws evaluate a map on.
+/// A map over all number types on which the laws evaluate it.
 pub trait Numbers: Map<f64> + Map<Dual<f64, 8>> + Map<Dual<Tracked, 8>> {}
 
 impl<M> Numbers for M where M: Map<f64> + Map<Dual<f64, 8>> + Map<Dual<Tracked, 8>> {}
 
-/// A map as one step. Its scales are found by running it on [`Tracked`] numbers:
-/// nothing has to be derived by hand, and nothing is taken on trust.
+/// A map as one step. Its scales are found by running it on [`Tracked`] numbers, so
+/// nothing has to be derived by hand or taken on trust.
 #[derive(Clone, Copy, Debug)]
 pub struct TrackedStep<M> {
     /// The map.
     pub map: M,
-    /// The map or its inverse.
+    /// Whether the step is the map or its inverse.
     pub direction: Direction,
 }
 

@@ -1,10 +1,10 @@
 //! Measures: pure functions from a map and points to numbers.
 //!
-//! Errors are given as *ratios*: an error over the rounding scale of the very
-//! computation that made it, O(1) when all is well. A defect that does not come
-//! from rounding shows as a ratio of many orders. The scale is the root of a sum of squares of
-//! what each operation may be off by: errors are of its size, but it does not bound them, so that
-//! ratios have a limit of 10 and not of 1. Nothing here prints.
+//! Errors are given as *ratios*: an error divided by the rounding scale of the computation that
+//! made it. A ratio is O(1) when the error is rounding alone; any other defect gives a ratio that
+//! is larger by many orders of magnitude. The scale adds the rounding errors of the single
+//! operations in quadrature. It estimates the error and does not bound it, so the limit of a
+//! ratio is 10 and not 1. Nothing here prints.
 
 mod accuracy;
 mod adjoint;
@@ -84,7 +84,7 @@ pub mod trajectories {
     pub use super::surfaces::{LockedInterval, distances_to_set, locked_interval, winding_numbers};
 }
 
-/// Periodic orbits, rotation numbers and what else people ask of a map.
+/// Periodic orbits, invariant circles, frequencies, manifolds and survival of orbits of a map.
 pub mod orbits {
     pub use super::control_response::{AtControls, OrbitResponse};
     pub use super::frequency::{SpectralLine, Tunes, spectral_lines, tunes};
@@ -97,7 +97,7 @@ pub mod orbits {
     pub use super::survival::{Follow, dynamic_aperture, maps_survived};
 }
 
-/// Error against run time: the methods of a comparison and the fastest of them.
+/// Work–precision comparisons: the error of each method against its run time.
 pub mod timing {
     pub use super::work_precision::{
         AtError, Comparison, FastestWithin, Method, Run, Spread, TrajectoryMethods, WorkPrecision,
@@ -119,7 +119,7 @@ pub mod certificate {
     };
 }
 
-/// One law at one point: an error over the rounding scale of its computation.
+/// Laws at a single point: an error divided by the rounding scale of its computation.
 pub mod ratios {
     pub use super::adjoint::{Adjoint, RESOLVED, adjoint_ratio};
     pub use super::circle_axioms::{
@@ -139,7 +139,7 @@ pub mod ratios {
     pub use super::symplecticity::{symplecticity_ratio, symplecticity_scale};
 }
 
-/// The steps of a map, each with the size of its rounding errors, which the laws are measured with.
+/// The steps of a map, each with the scale of its rounding errors, from which the ratios are made.
 pub mod steps {
     pub use super::measured_step::{
         KickStep, Magnitudes, MeasuredPotential, MeasuredStep, MeasuredSteps, Numbers, TrackedStep,
@@ -147,7 +147,7 @@ pub mod steps {
     };
 }
 
-/// What the tests of this crate reach behind the public API: not a part of it.
+/// Internals for the tests of this crate, which are not part of the public API.
 #[doc(hidden)]
 pub mod internals {
     pub use super::plane_actions::{monomials, power, powers};

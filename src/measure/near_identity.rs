@@ -1,4 +1,4 @@
-//! I₀ = Id, and how I_ε leaves it.
+//! I₀ = Id, and the size and derivative of I_ε − Id.
 
 use super::stopping::until_stopped;
 use crate::layer::{RidgeFunction, Ridges};
@@ -6,7 +6,7 @@ use crate::network::{Layers, Model};
 use crate::phase::Map;
 use crate::scalar::{Dual, Over, Scalar, max_or_nan};
 
-/// The number of components of z that the map changes, bit for bit.
+/// The number of components of z whose bits the map changes.
 pub fn differing_components(map: &(impl Map<f64> + ?Sized), z: &[f64]) -> usize {
     let mut moved = z.to_vec();
     map.forward(&mut moved);
@@ -29,8 +29,8 @@ pub fn near_identity_rms(map: &(impl Map<f64> + ?Sized), points: &[f64]) -> f64 
     (squares / points.len() as f64).sqrt()
 }
 
-/// The largest |Q(P(z)) − z|: with P = I_ε and Q = I_{−ε} of order ε², since
-/// I_{−ε} undoes I_ε to first order only.
+/// The largest |Q(P(z)) − z| for Q = `other`. It is of order ε² for P = I_ε and
+/// Q = I_{−ε}, since I_{−ε} undoes I_ε to first order only.
 pub fn near_identity_undoing(
     map: &(impl Map<f64> + ?Sized),
     other: &(impl Map<f64> + ?Sized),
@@ -55,12 +55,12 @@ fn largest_change(points: &[f64], dim: usize, f: impl Fn(&mut [f64])) -> f64 {
 }
 
 /// `out` ← X_{G₁}(z) = Ω∇G₁, the derivative of I_ε in ε at 0, from the formula
-/// G₁ = −Σ_layers [V(y) + V(−y−η) + V(−x) + V(x−η)] with (x, y) = (q, p), of all Hénon layers
-/// that ε scales, each times the flow time where that scales it too.
+/// G₁ = −Σ_layers [V(y) + V(−y−η) + V(−x) + V(x−η)] with (x, y) = (q, p). The sum is over the
+/// Hénon layers that ε scales; a layer that the flow time scales too has it as a factor.
 ///
-/// G₁ is formed as a number, with V(y) = w·tanh(Wᵀy + b), or ρ Σ_k ∫c_k of polynomials, read off the
-/// flat parameters, and differentiated by duals: nothing of the kicks' own gradient
-/// enters. Cost: 2n evaluations of G₁.
+/// G₁ is evaluated with V(y) = w·tanh(Wᵀy + b), or ρ Σ_k ∫c_k for polynomials, directly from the
+/// flat parameters, and differentiated by dual numbers: the gradient code of the kicks is not
+/// used. Cost: 2n evaluations of G₁.
 pub fn near_identity_generator(network: &Model, z: &[f64], out: &mut [f64]) {
     type Number = Dual<f64, 1>;
     let n = network.architecture().dof;

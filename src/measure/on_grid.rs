@@ -8,8 +8,8 @@ use crate::scalar::{FloatOnGrid, Grid, GridNumbers, IntegerOnGrid, OnGrid, Place
 
 /// A map that moves the points of a [grid](Grid).
 ///
-/// Networks are such maps, and [`OneStep`] of whatever is written over the number type, which has to
-/// change its coordinates by [`Over::increment`](crate::scalar::Over::increment), signs and exchanges alone:
+/// Networks are such maps, and so is [`OneStep`] of a map that is written over the number type and changes
+/// its coordinates only by [`Over::increment`](crate::scalar::Over::increment), signs and exchanges:
 ///
 /// ```
 /// use gyroceptron::measure::{OneStep, laws};
@@ -37,18 +37,18 @@ use crate::scalar::{FloatOnGrid, Grid, GridNumbers, IntegerOnGrid, OnGrid, Place
 /// assert!(laws::inversion_on_grid(&OneStep(StandardMap(1.2)), &points).row().largest == Some(0.0));
 /// ```
 pub trait GridMap: Map<f64> {
-    /// The places ← those of P or P⁻¹ of the point, 2n of them, where it stays on the grid.
+    /// Moves a point of the grid, given by its 2n integer places, by P or P⁻¹ if the image is on the grid.
     fn move_places(&self, direction: Direction, grid: Grid, places: &mut [i64]) -> GridMove;
 }
 
-/// What became of a point of a grid.
+/// The outcome of moving a point of a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GridMove {
-    /// It is another point of the grid, or the same.
+    /// The image is a point of the grid, possibly the same.
     Moved,
-    /// An increment was no finite number, or beyond the range of floats.
+    /// An increment was not finite, or beyond the range of floats.
     LeftRange,
-    /// A coordinate was changed otherwise than by increments, signs and exchanges.
+    /// A coordinate was changed by something other than increments, signs and exchanges.
     NoIncrement,
 }
 
@@ -100,9 +100,9 @@ fn move_numbers<G: Place<f64>>(
     GridMove::Moved
 }
 
-/// How many coordinates a map and then its inverse (or the inverse and then the map, by `first`)
-/// change: all of them where the map is not of increments, or leaves the range of the grid on the way back alone. None
-/// where it does so on the way there.
+/// The number of coordinates that a map and then its inverse change (the inverse first where `first` is
+/// [`Direction::Inverse`]). All coordinates count where the map does not consist of increments, or leaves the range
+/// of the grid on the way back only. None where it leaves the range on the way there.
 pub fn differing_places(
     map: &dyn GridMap,
     first: Direction,

@@ -1,4 +1,4 @@
-//! What the invariant that a network owns is worth, along its own orbits.
+//! The quality of a network's own invariant along the orbits of the network.
 
 use super::{
     drift::{disturbing_resonance, invariant_drift, log_slope},
@@ -14,15 +14,15 @@ pub struct OwnInvariance {
     pub iterations: usize,
     /// max |μ(Pᵏz) − μ(z)|/|μ(z)| over k ≤ N.
     pub drift: f64,
-    /// The exponent of the drift in N, over the last four octaves; 0 of a μ that does not move.
+    /// The exponent of the drift in N over the last four octaves; 0 where μ does not change.
     pub exponent: f64,
-    /// The root mean square of I_ε(z) − z over |ε|: of a gyroceptron, whose invariant is
-    /// adiabatic, to order ε with this constant.
+    /// The root mean square of I_ε(z) − z, divided by |ε|, for a gyroceptron: its μ is invariant
+    /// to order ε with this constant. None for other maps.
     pub moved: Option<f64>,
     /// The resonance next to its angle, where there is one within 2ε.
     pub resonance: Option<String>,
-    /// Whether μ is an invariant at ε = 0 only, as that of a nearly integrable map, whose
-    /// perturbation moves it: no fault of the map.
+    /// Whether μ is an invariant at ε = 0 only, as for a nearly integrable map: its change by the
+    /// perturbation is no fault of the map.
     pub unperturbed: bool,
 }
 
@@ -36,13 +36,13 @@ impl OwnInvariance {
     const DRIFTS: f64 = 0.3;
     const MATTERS: f64 = 0.01;
 
-    /// So many orbits are followed, for so many iterations.
+    /// The recommended number of orbits.
     pub const ORBITS: usize = 16;
-    /// See [`OwnInvariance::ORBITS`].
+    /// The recommended number of iterations of each orbit.
     pub const ITERATIONS: usize = 1000;
 
-    /// Measured along orbits from some points, 2n numbers each; None of networks without an
-    /// invariant and of no points.
+    /// Measures the invariant along the orbits from `starts`, 2n numbers each. None for networks
+    /// without an invariant and where there are no points.
     ///
     /// Cost: `iterations` evaluations of the map and of μ for each point.
     pub fn measure(model: &Model, starts: &[f64], iterations: usize) -> Option<Self> {
@@ -78,7 +78,7 @@ impl OwnInvariance {
         })
     }
 
-    /// What is wrong with it, if something is; nothing of a μ that is an invariant at ε = 0 only.
+    /// A description of what is wrong, if anything is; None where μ is an invariant at ε = 0 only.
     pub fn fault(&self) -> Option<String> {
         let Self { drift, exponent, iterations, .. } = *self;
         let useless = !(drift <= Self::USELESS);

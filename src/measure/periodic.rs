@@ -1,39 +1,39 @@
-//! Periodic orbits of maps, their multipliers, and the curves that leave them.
+//! Periodic orbits of maps, their multipliers, and Lyapunov exponents.
 
 use crate::error::Error;
 use crate::scalar::max_or_nan;
 use faer::Mat;
 use faer::linalg::solvers::Solve;
 
-/// A map with its Jacobian: `out` ← its image of z, and 2n × 2n numbers, row by row.
+/// A map with its Jacobian: the image of z, and the Jacobian at z, 2n × 2n numbers row by row.
 pub type WithJacobian<'a> = &'a (dyn Fn(&[f64]) -> Result<(Vec<f64>, Vec<f64>), Error> + 'a);
 
-/// An orbit that comes back to where it began.
+/// A periodic orbit of a map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PeriodicOrbit {
     /// Its points, one after another: as many as its period.
     pub points: Vec<Vec<f64>>,
-    /// M, the Jacobian of as many maps at its first point, 2n × 2n numbers row by row.
+    /// M, the Jacobian of the map iterated over one period, at the first point: 2n × 2n numbers row by row.
     pub multiplier_matrix: Vec<f64>,
-    /// How far the last image of the first point is from it.
+    /// The closing error: the largest difference of a coordinate after one period.
     pub missed: f64,
 }
 
 impl PeriodicOrbit {
-    /// How many maps lead round it.
+    /// The period, in iterations of the map.
     pub fn period(&self) -> usize {
         self.points.len()
     }
 
-    /// Tr M: for one degree of freedom it is between −2 and 2 where points near the orbit go round it, and beyond where
-    /// they leave it.
+    /// Tr M. For one degree of freedom an orbit with |Tr M| < 2 is elliptic (nearby points go round it), and one with
+    /// |Tr M| > 2 hyperbolic (nearby points leave it).
     pub fn trace(&self) -> f64 {
         let dim = self.points[0].len();
         (0..dim).map(|k| self.multiplier_matrix[k * (dim + 1)]).sum()
     }
 
-    /// Greene's residue (2 − Tr M)/4 of an orbit of one degree of freedom: between 0 and 1 where points near it go
-    /// round it, negative or more than 1 where they leave it.
+    /// Greene's residue (2 − Tr M)/4 of an orbit of one degree of freedom: between 0 and 1 for an elliptic orbit,
+    /// negative or more than 1 for a hyperbolic one.
     ///
     /// Source: Greene, <https://doi.org/10.1063/1.524170>.
     pub fn residue(&self) -> f64 {
@@ -70,10 +70,10 @@ fn round(map: WithJacobian<'_>, z: &[f64], period: usize) -> Result<PeriodicOrbi
     Ok(PeriodicOrbit { points, multiplier_matrix, missed })
 }
 
-/// The periodic orbit near a guess, by Newton's method for z ↦ Pᵏ(z) − z with exact Jacobians, steps halved where they
-/// lead away.
+/// Finds the periodic orbit near a guess by Newton's method for Pᵏ(z) − z = 0 with exact Jacobians. Steps that do
+/// not reduce the error are halved.
 ///
-/// The period found may be a part of the one asked for: an orbit that comes back sooner is given once around.
+/// The period found may be a divisor of the one asked for: an orbit that closes sooner is returned once around.
 ///
 /// # Errors
 /// Those of the map; [`Error::NoConvergence`] where none is found, and [`Error::CountOutOfRange`] of a period of 0.
@@ -134,9 +134,9 @@ pub fn periodic_orbit(
     Ok(found)
 }
 
-/// The different orbits of exactly this period that Newton's method finds from these guesses, in the order in which it
-/// finds them; guesses that lead to none or to a shorter one are passed over. Orbits with a point within `apart`
-/// of one found before are the same.
+/// Finds the distinct orbits of exactly this period by Newton's method from each guess, in the order of the guesses.
+/// Guesses that lead to no orbit or to one of a shorter period are skipped. Two orbits with points within `apart` of
+/// each other count as the same.
 ///
 /// # Errors
 /// [`Error::CountOutOfRange`] of a period of 0, [`Error::OutOfRange`] of an `apart` that is not positive.
@@ -163,8 +163,8 @@ pub fn periodic_orbits(
     Ok(found)
 }
 
-/// How fast neighbours part along an orbit of so many maps: ln |Mv|/N for the vector v that grows from a direction of
-/// equal parts, the largest Lyapunov exponent of an infinite time.
+/// The finite-time Lyapunov exponent ln |Mv|/N of an orbit of N = `maps` maps, where M is their Jacobian and v the unit
+/// vector with equal components. It tends to the largest Lyapunov exponent as N → ∞.
 ///
 /// # Errors
 /// Those of the map; [`Error::CountOutOfRange`] of no map.

@@ -1,4 +1,4 @@
-//! How far the action of each plane moves along orbits of a map, beside pairs of the flow.
+//! How far the action of each plane moves along orbits of a map, compared with pairs of the flow.
 
 use super::accuracy::root_mean_square;
 use crate::flow::Pairs;
@@ -9,21 +9,21 @@ use faer::{Mat, Side};
 
 /// The action I_j = (q_j² + p_j²)/2 of a plane, in pairs and along orbits.
 ///
-/// A fast rotation moves an action back and forth, so that one step changes it by about as much
-/// as many steps do: by a half of its swing in the root mean square, for angles of no low
-/// resonance. Of a slow motion one step shows less: where the part of the change that does not
-/// depend on the fast angles is the larger one, the pairs do not determine the swing.
+/// A fast rotation moves an action back and forth, so one step changes it by about as much as
+/// many steps do: away from low resonances by half of its swing, in the root mean square. One
+/// step shows less of a slow motion: where most of the change does not depend on the fast
+/// angles, the pairs do not determine the swing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlaneSwing {
     /// The root mean square of I_j(output) − I_j(input) over the pairs.
     pub step: f64,
-    /// The largest less the least I_j of inputs and outputs.
+    /// The largest minus the smallest I_j of inputs and outputs, or 1 % of the largest if that is more.
     pub range: f64,
-    /// The largest less the least I_j along an orbit: the median over orbits.
+    /// The largest minus the smallest I_j along an orbit: the median over orbits.
     pub swing: f64,
-    /// How many orbits swing further than the range.
+    /// The number of orbits whose swing exceeds the range.
     pub beyond: usize,
-    /// So many steps' changes may be a swing; none where pairs do not determine it.
+    /// The largest plausible swing in units of `step`; None where the pairs do not determine it.
     pub allowed: Option<f64>,
 }
 
@@ -32,15 +32,16 @@ impl PlaneSwing {
     const MATTERS: f64 = 0.05;
     /// A range is at least this share of the largest action.
     const WIDE: f64 = 0.01;
-    /// A fast rotation swings an action by about two steps' changes: so many are too many.
+    /// A fast rotation swings an action by about two steps' changes; more than this is too much.
     const STEPS: f64 = 6.0;
-    /// Harmonics of the fast angles by which an action may go.
+    /// The number of harmonics of the fast angles on which an action may depend.
     const HARMONICS: u32 = 3;
-    /// So many pairs are looked at.
+    /// The number of pairs that are looked at.
     const PAIRS: usize = 2000;
 
-    /// Those of each plane: `states` are 2n numbers each, of `count` orbits in turn, `action` at
-    /// `angles` is the rotation nearest to the pairs.
+    /// Measures the swing of each plane. `states` holds the states, 2n numbers each, of all `count`
+    /// orbits at the first time, then at the next, and so on; `action` at `angles` is the rotation
+    /// nearest to the pairs.
     ///
     /// # Panics
     /// When the action and the pairs differ in their degrees of freedom.
@@ -92,19 +93,19 @@ impl PlaneSwing {
         (0..dof).map(plane).collect()
     }
 
-    /// How many steps' changes it swings by.
+    /// The swing in units of the change by one step.
     pub fn steps(&self) -> f64 {
         self.swing / self.step
     }
 
-    /// Whether it swings far more than the pairs let expect.
+    /// Whether the action swings far more than the pairs suggest.
     pub fn is_too_wide(&self) -> bool {
         let matters = !(self.swing <= Self::MATTERS * self.range);
         matters && self.allowed.is_some_and(|allowed| !(self.swing <= allowed * self.step))
     }
 }
 
-/// The largest less the least action of plane j along orbit m; NaN where a state is.
+/// The largest minus the smallest action of plane j along orbit m; NaN where a state is NaN.
 fn swing(states: &[f64], dof: usize, count: usize, m: usize, j: usize) -> f64 {
     let (mut least, mut largest) = (f64::INFINITY, 0.0);
     for z in states.chunks_exact(2 * dof).skip(m).step_by(count) {
@@ -115,8 +116,8 @@ fn swing(states: &[f64], dof: usize, count: usize, m: usize, j: usize) -> f64 {
     largest - least
 }
 
-/// Of each plane the share of the mean square of its action's change that a polynomial in the
-/// functions explains which the circles leave as they are: coordinates of planes that they do not
+/// For each plane, the share of the mean square change of its action that is explained by a
+/// polynomial in functions invariant under the circles: coordinates of planes that they do not
 /// turn, actions, and products of turned planes in low resonance.
 fn slow_shares(pairs: &[&Pairs], action: &TorusAction) -> Vec<f64> {
     let dof = action.dof();
@@ -172,7 +173,7 @@ fn slow_shares(pairs: &[&Pairs], action: &TorusAction) -> Vec<f64> {
     (0..dof).map(explained).collect()
 }
 
-/// Functions of a point that the circles leave as they are.
+/// Functions of a point that are invariant under the circles.
 fn slow_functions(z: &[f64], action: &TorusAction) -> Vec<f64> {
     let dof = action.dof();
     let weights =
@@ -210,12 +211,12 @@ pub fn power(x: f64, y: f64, k: i32) -> (f64, f64) {
     (1..k).fold((x, y), |(u, v), _| (u * x - v * y, u * y + v * x))
 }
 
-/// The number of monomials of so many variables up to a degree.
+/// The number of monomials up to a degree in this number of variables.
 pub fn monomials(variables: usize, degree: usize) -> usize {
     (1..=degree).fold(1, |count, k| count * (variables + k) / k)
 }
 
-/// All monomials of some variables up to a degree, 1 the first.
+/// The values of all monomials in the variables up to a degree; the first is 1.
 pub fn powers(variables: &[f64], degree: usize) -> Vec<f64> {
     let mut out = vec![1.0];
     // Of each of the last degree, the first variable that may follow.

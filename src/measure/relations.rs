@@ -1,5 +1,5 @@
-//! Exact symmetries of the parameters: change them so, and the map changes by
-//! a power of two, a sign, or not at all, bit for bit.
+//! Exact symmetries of the parameters: changes under which the map changes by a
+//! power of two, by a sign, or not at all, bit for bit.
 
 use crate::error::Error;
 use crate::network::Model;
@@ -9,14 +9,14 @@ use crate::network::Model;
 pub enum Relation {
     /// (W, w, η, z) → (W/2ᵏ, w·4ᵏ, 2ᵏη, 2ᵏz): the map in other units.
     Scaling(i32),
-    /// (W, w, b) → −(W, w, b): every neuron turned round, the same map.
+    /// (W, w, b) → −(W, w, b): the inner and outer signs of every neuron, the same map.
     NeuronFlip,
     /// (w, b, η, z) → −(w, b, η, z): the map seen from −z.
     PointFlip,
 }
 
 impl Relation {
-    /// All, with k = 3.
+    /// All relations, with k = 3 for the scaling.
     pub const ALL: [Self; 3] = [Self::Scaling(3), Self::NeuronFlip, Self::PointFlip];
 
     /// The relation in words for tables.
@@ -28,7 +28,7 @@ impl Relation {
         }
     }
 
-    /// z ← the point that belongs to it.
+    /// z ← the transformed point.
     pub fn transform_point(self, z: &mut [f64]) {
         let factor = match self {
             Self::Scaling(k) => libm::exp2(k.into()),
@@ -38,7 +38,7 @@ impl Relation {
         z.iter_mut().for_each(|v| *v *= factor);
     }
 
-    /// The relation that leads back.
+    /// The inverse relation.
     fn undone(self) -> Self {
         match self {
             Self::Scaling(k) => Self::Scaling(-k),
@@ -58,7 +58,7 @@ impl Relation {
         }
     }
 
-    /// The parameters of a layer, `[W, b, w, η]`, that belong to it.
+    /// Transforms the parameters of a layer, `[W, b, w, η]`, in place.
     pub fn transform_layer(self, dof: usize, width: usize, parameters: &mut [f64]) {
         let [inner, bias, outer, shift] = self.factors();
         let (w_in, rest) = parameters.split_at_mut(dof * width);
@@ -69,12 +69,11 @@ impl Relation {
         }
     }
 
-    /// The model that belongs to it.
+    /// The model with transformed parameters.
     ///
     /// # Errors
-    /// When a scaled parameter leaves the finite numbers, or loses digits below
-    /// the normal ones: then it is no exact relation. When the model is not of Hénon
-    /// layers alone.
+    /// When a scaled parameter overflows or loses digits among the subnormal numbers,
+    /// so that the relation is not exact; when the model is not of Hénon layers alone.
     pub fn transform_model(self, model: &Model) -> Result<Model, Error> {
         if !model.architecture().is_of_henon_layers() {
             let found = "a network of other layers";

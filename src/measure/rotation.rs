@@ -4,20 +4,21 @@ use crate::flow::Trajectories;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// How fast an orbit turns.
+/// The rotation number of an orbit, with an estimate of its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RotationNumber {
     /// The mean growth of the angle from one state to the next, in turns.
     pub turns: f64,
-    /// The difference of the averages over the two halves of the orbit: on an invariant curve it falls
-    /// faster than any power of their length, on a chaotic orbit as one over its root.
+    /// The difference of the averages over the two halves of the orbit. On an invariant curve it falls
+    /// faster than any power of the length; on a chaotic orbit it falls like length^{−1/2}.
     pub error: f64,
 }
 
-/// The rotation number of each trajectory about a centre, of the growths of the angle that differ by whole turns those
-/// within half a turn of `near`: Σ w(k/N) Δθ_k/Σ w(k/N) with w(t) = exp(−1/t(1 − t)).
+/// The rotation number of each trajectory, Σ w(k/N) Δθ_k/Σ w(k/N) with w(t) = exp(−1/t(1 − t)). The growth Δθ_k of the
+/// angle from one state to the next is taken within half a turn of `near`, in turns.
 ///
-/// `angle` is that of a state, in radians. A trajectory of fewer than five states has the error NaN.
+/// `angle` gives the angle of a state about a centre, in radians. A trajectory of fewer than three states has the
+/// error NaN.
 ///
 /// Source: Das, Saiki, Sander and Yorke, <https://doi.org/10.1088/1361-6544/aa84c2>.
 pub fn rotation_numbers(

@@ -1,4 +1,4 @@
-//! Rounding errors followed through a map, shear by shear.
+//! Propagation of rounding errors through a map, shear by shear.
 
 use super::coordinate::coordinate;
 use super::{coordinate::Coordinate, defect::symplecticity_defect, measured_step::MeasuredStep};
@@ -7,8 +7,8 @@ use crate::scalar::{Dual, Scalar, max_or_nan};
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, MatRef};
 
-/// The points and Jacobians along a sequence of shears, with the scale of the
-/// rounding error that each of them makes.
+/// The points and Jacobians along a sequence of steps, with the scale of the
+/// rounding error that each step makes.
 pub struct RoundingPropagation<'a> {
     steps: &'a [Box<dyn MeasuredStep + 'a>],
     dim: usize,
@@ -127,7 +127,7 @@ pub(super) fn carry(
 }
 
 impl<'a> RoundingPropagation<'a> {
-    /// Walks from z through the steps.
+    /// Evaluates the steps one after another, starting from z.
     pub fn new(steps: &'a [Box<dyn MeasuredStep + 'a>], z: &[f64]) -> Self {
         let dim = z.len();
         let mut jacobians = vec![vec![0.0; dim * dim]; steps.len() + 1];
@@ -190,16 +190,16 @@ impl<'a> RoundingPropagation<'a> {
             .map(|(jacobian, error)| (&jacobian[..], &error[..]))
     }
 
-    /// Whether the steps are linear over the rounding errors that reach them, as
-    /// every bound here assumes: what is not linear has to be small against the
-    /// linear response to these errors, or against the step's own. They are found
-    /// by walking again with each result moved up or down by half to all of the
-    /// scale of its rounding error, at random.
+    /// Whether each step is nearly linear over the rounding errors that reach it,
+    /// as every bound here assumes. Its nonlinear part has to be small compared
+    /// with its linear response to these errors or with its own rounding error.
+    /// The errors are found by evaluating the steps again with each result moved
+    /// at random, up or down, by half to all of its rounding scale.
     pub fn is_linear(&self) -> bool {
         self.is_linear_within(&[])
     }
 
-    /// [`RoundingPropagation::is_linear`] of steps between points of a
+    /// [`RoundingPropagation::is_linear`] for steps between points of a
     /// [domain](super::Measurable::domain).
     pub(super) fn is_linear_within(&self, domain: &[Coordinate]) -> bool {
         /// A share of the error, as it is found by the probes, that grows to no
@@ -263,14 +263,13 @@ impl<'a> RoundingPropagation<'a> {
         })
     }
 
-    /// Bounds, in units of u, of how far a way back by the exact inverse of the
-    /// first `count` steps ends from the start: √2 times the root of the sum of
-    /// squares, and twice the plain sum, of |Jᵢ⁻¹|δᵢ over these steps, since the
-    /// way back makes the same errors once more.
+    /// Two bounds, in units of u, of the distance from the start after the first
+    /// `count` steps and their exact inverse: √2 times the root of the sum of
+    /// squares of |Jᵢ⁻¹|δᵢ over these steps, and twice their plain sum. The factors
+    /// √2 and 2 are there because the way back makes the same errors once more.
     ///
-    /// Infinite where a Jacobian left the finite numbers.
-    ///
-    /// Nothing of the steps behind enters: a wrong inverse cannot excuse itself.
+    /// The second bound is infinite where a Jacobian is not finite. The steps
+    /// after the first `count` do not enter, so a wrong inverse cannot excuse itself.
     pub fn return_bounds(&self, count: usize) -> (Vec<f64>, Vec<f64>) {
         let dim = self.dim;
         let mut squares = vec![0.0; dim];
@@ -297,8 +296,8 @@ impl<'a> RoundingPropagation<'a> {
     /// component: the root of the sum of squares and the plain sum of
     /// |A_N ⋯ A_{i+1}|δᵢ over the steps, Aᵢ being their Jacobians.
     ///
-    /// The product is formed from the end: J_N Jᵢ⁻¹ would lose all digits in a
-    /// composition that comes back to where it began.
+    /// The product is formed from the last step backwards: J_N Jᵢ⁻¹ would lose all
+    /// digits in a composition that returns to its start.
     pub fn value_bounds(&self) -> (Vec<f64>, Vec<f64>) {
         let dim = self.dim;
         let mut squares = vec![0.0; dim];

@@ -1,4 +1,4 @@
-//! Quantities that are sampled at equal intervals of time: their integral and their period.
+//! The integral and the period of quantities that are sampled at equal intervals of time.
 
 use super::accuracy::root_mean_square;
 

@@ -7,15 +7,15 @@ use crate::phase::Direction;
 use crate::scalar::Elementary;
 use std::f64::consts::TAU;
 
-/// μ₀ and μ₁ of the formal series μ₀ + εμ₁ + … that P = I_ε∘ψ∘Φ_θ∘ψ⁻¹ keeps.
+/// The terms μ₀ and μ₁ of the formal adiabatic invariant μ₀ + εμ₁ + … of P = I_ε∘ψ∘Φ_θ∘ψ⁻¹.
 ///
 /// With μ₀ = 𝔍₀∘ψ⁻¹ and g = ∂_ε(μ₀∘I_ε) at ε = 0, μ₀ changes by εg∘Q + O(ε²) in a step, Q = ψ∘Φ_θ∘ψ⁻¹. So
 ///
 /// μ₁∘Q − μ₁ = −g∘Q,
 ///
-/// which the harmonics along the circle through a point solve: of g(ψΦ_aψ⁻¹z) = Σ g_k e^{ika}, which has no mean
-/// where I_ε is symplectic, μ₁(z) = −Σ_{k≠0} g_k/(1 − e^{−ikθ}). μ₀ changes by O(ε) along orbits, μ₀ + εμ₁ by O(ε²),
-/// for times that are long in every power of 1/ε, but for angles θ that come round after few steps.
+/// is solved by Fourier series along the circle through a point. With g(ψΦ_aψ⁻¹z) = Σ g_k e^{ika}, whose mean is 0
+/// where I_ε is symplectic, μ₁(z) = −Σ_{k≠0} g_k/(1 − e^{−ikθ}). Along orbits μ₀ changes by O(ε) and μ₀ + εμ₁ by O(ε²),
+/// for times longer than every power of 1/ε, except at low resonances of θ.
 ///
 /// Source: Kruskal, <https://doi.org/10.1063/1.1724285>; of maps: Burby, Hirvijoki and Leok,
 /// <https://doi.org/10.1007/s00332-023-09891-4>.
@@ -33,8 +33,8 @@ const STEP: f64 = 1e-4;
 const STEPS: [(f64, f64); 4] = [(-2.0 * STEP, 1.0), (-STEP, -8.0), (STEP, 8.0), (2.0 * STEP, -1.0)];
 
 impl SeriesInvariant {
-    /// Of a network, with harmonics from so many angles; None unless it is symplectic, nearly periodic
-    /// and on one circle.
+    /// The invariant of a network, with harmonics from values at `angles` angles. None unless the network is
+    /// symplectic and nearly periodic with one circle.
     ///
     /// # Panics
     /// When there are fewer than three angles.

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::time::{Duration, Instant};
 
-/// What is asked whether to go on, by the thread that measures.
+/// The callback of the measuring thread that decides whether to go on.
 struct Asking {
     go_on: Box<dyn FnMut() -> bool>,
     last: Instant,
@@ -14,10 +14,10 @@ thread_local! {
     static ASKING: RefCell<Option<Asking>> = const { RefCell::new(None) };
 }
 
-/// It is asked at most so often.
+/// The shortest time between two calls of it.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// Whether the measurement of this thread is to end: what it comes to is thrown away then.
+/// Whether the measurement of this thread is to end; its result is discarded then.
 fn is_stopped() -> bool {
     let due = ASKING.with_borrow_mut(|asking| match asking {
         None => Err(false),
@@ -38,7 +38,7 @@ fn is_stopped() -> bool {
     stopped
 }
 
-/// These samples, or as many of them as come before the measurement is to end.
+/// Iterates over the samples until they end or the measurement is to stop.
 pub fn until_stopped<I: IntoIterator>(samples: I) -> impl Iterator<Item = I::Item> {
     samples.into_iter().take_while(|_| !is_stopped())
 }
@@ -52,8 +52,8 @@ impl Drop for Restored {
     }
 }
 
-/// What `measure` comes to; None where `go_on`, which is called now and then between samples,
-/// answers false.
+/// Runs `measure` and returns its result, or None when `go_on`, which is called from time to time
+/// between samples, has returned false.
 pub fn unless_stopped<T>(
     go_on: impl FnMut() -> bool + 'static,
     measure: impl FnOnce() -> T,

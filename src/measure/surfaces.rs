@@ -1,11 +1,11 @@
-//! Invariant curves of maps of a plane: how far points are from one, and how fast it turns.
+//! Invariant curves of maps of a plane: distances from them, winding numbers and locked intervals.
 
 use crate::flow::Trajectories;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// The distance of each of some points from the nearest of a set, `dim` numbers each: infinite from an
-/// empty set, NaN where a number is. Cost: the product of their numbers.
+/// The distance of each point from the nearest point of a set, `dim` numbers each: infinite for an
+/// empty set, NaN where a number is NaN. Cost: the number of points times that of the set.
 pub fn distances_to_set(points: &[f64], set: &[f64], dim: usize) -> Vec<f64> {
     let square =
         |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum() };
@@ -23,8 +23,8 @@ pub fn distances_to_set(points: &[f64], set: &[f64], dim: usize) -> Vec<f64> {
         .collect()
 }
 
-/// The mean growth of an angle from one state of a trajectory to the next, in turns, for each trajectory:
-/// of the growths that whole turns distinguish, those within half a turn of `near`.
+/// The mean growth of an angle from one state to the next, in turns, for each trajectory. Each growth is
+/// known up to whole turns only; the value within half a turn of `near` is taken.
 pub fn winding_numbers(
     orbits: &Trajectories,
     near: f64,
@@ -44,12 +44,12 @@ pub fn winding_numbers(
     (0..orbits.count()).into_par_iter().map(of).collect()
 }
 
-/// The part of a line on which a map is locked to a resonance.
+/// The interval of a line on which a map is locked to a resonance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LockedInterval {
-    /// From here …
+    /// The lower end.
     pub low: f64,
-    /// … to here.
+    /// The upper end.
     pub high: f64,
 }
 
@@ -60,10 +60,10 @@ impl LockedInterval {
     }
 }
 
-/// The ends of the part of [`centre` − `reach`, `centre` + `reach`] around its centre where
-/// `is_locked`, which judges many points at once, says so; None where it does not at the centre, or
-/// does up to an end. Each
-/// end is found by 24 points between those that were and were not, three times over.
+/// The interval around `centre`, within [`centre` − `reach`, `centre` + `reach`], on which
+/// `is_locked` is true; it judges many points at once. None where the centre is not locked, or all
+/// points up to one of the ends are. Each end is found by three rounds of 24 points between the last
+/// locked point and the first that is not.
 ///
 /// # Errors
 /// Those of `is_locked`.

@@ -1,14 +1,13 @@
-//! How long orbits stay, and how far out they do: survival by turns, and the dynamic aperture.
+//! The survival of orbits: the number of maps after which they are lost, and the dynamic aperture.
 
 use crate::error::Error;
 
-/// What follows orbits: the states after 1, …, so many maps of points in rows, one state of all after another. States
-/// of an orbit that is lost are NaN or anything else that does not stay.
+/// A function that follows orbits: from points in rows and a number of maps N it returns the states after 1, …, N maps,
+/// those of all points after one map first. States of a lost orbit are NaN or anything else outside.
 pub type Follow<'a> = &'a (dyn Fn(&[f64], usize) -> Result<Vec<f64>, Error> + 'a);
 
-/// The maps after which each orbit is outside for the first time, counted from 1; None of those that stay for all
-/// `maps`.
-/// `dim` numbers are a point, and `stays` says whether one is inside: a NaN is not.
+/// The number of maps after which each orbit is outside for the first time; None for orbits that stay inside for all
+/// `maps` maps. A point has `dim` numbers, and `stays` returns whether it is inside; it has to be false for NaN.
 ///
 /// # Errors
 /// Those of `follow`; when there are no whole points.
@@ -43,8 +42,8 @@ pub fn maps_survived(
     Ok(out)
 }
 
-/// The dynamic aperture along rays from the closed orbit: of each, the largest of the radii up to which all points
-/// centre + radius·direction stay for so many maps; 0 where the first is lost.
+/// The dynamic aperture along rays from the closed orbit: for each direction, the largest of the radii up to which all
+/// points centre + radius·direction stay for `maps` maps; 0 where the first one is lost.
 ///
 /// # Errors
 /// Those of [`maps_survived`]; when radii do not grow from above 0, or a direction is of other than `dim` numbers.

@@ -1,44 +1,44 @@
-//! The results of a law over its samples, and what they come to.
+//! The results of a law over its samples, and the verdict on them.
 
 use super::inversion::Conditioned;
 use serde::{Deserialize, Serialize};
 
-/// Every ratio must stay below it.
+/// The limit of ratios: every ratio must stay below it.
 pub const RATIO_LIMIT: f64 = 10.0;
 /// Slopes in ε may fall short of 1 and 2 by this; they may exceed them, as they
 /// do where the potentials are odd and the leading term vanishes.
 pub const SLOPE_LIMIT: f64 = 0.1;
-/// A count of components that must be none.
+/// The limit of a count of components, which must be 0.
 pub const COUNT_LIMIT: f64 = 0.5;
-/// What ρ_S is for a computation whose errors are those of rounding: its upper
-/// decile is at least the first. Below, all but a few samples saturate, or make
-/// no error at all, and the test shows nothing.
+/// The least upper decile of ρ_S for a computation with rounding errors. If it is
+/// smaller, all but a few samples saturate or make no error at all, and the test
+/// shows nothing.
 pub const SOUND_DECILE: f64 = 0.05;
-/// What other ratios are, of which many are 0 because a step was undone to the last
-/// bit: the upper decile of those that are not is at least this. It is 0.2 to 0.6 for
-/// every law on clean networks (`verification/soundness.rs`); bounds that are a
-/// thousand times as large as the errors hide defects of that size.
+/// The least upper decile of the nonzero values of other ratios. (Many of these are 0
+/// because a step was undone to the last bit.) It is 0.2 to 0.6 for every law on clean
+/// networks (`verification/soundness.rs`); bounds that are a thousand times as large as
+/// the errors hide defects of that size.
 pub const SOUND_DEVIATION: f64 = 0.01;
-/// Where errors of rounding need not show because there are none, as in maps of few or exact
-/// operations: a defect of this share of the terms of an equation still has a ratio of 1.
+/// The resolution that replaces visible rounding errors in maps of few or exact operations, which
+/// make none: a defect of this share of the terms of an equation still has a ratio of 1.
 pub const RESOLUTION: f64 = 1e-13;
-/// The largest median of ratios of such a computation: above, a defect smaller
-/// than the limit hides among the errors of rounding.
+/// The largest median of ratios of a sound computation. If it is larger, a defect
+/// below the limit may hide among the rounding errors.
 pub const SOUND_MEDIAN: f64 = 2.0;
-/// The least share of samples with a digit to test.
+/// The least share of samples that have to be testable, with a significant digit left.
 pub const TESTABLE: f64 = 0.5;
 
-/// What a row of the certificate came to.
+/// The verdict of a row of the certificate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// The law holds to rounding on all samples that have a digit to test.
+    /// The law holds to rounding on all testable samples.
     Holds,
     /// The law is violated.
     Violated,
-    /// On these samples the law cannot fail: nothing is shown.
+    /// The samples cannot show a violation of the law, so the test shows nothing.
     Vacuous,
-    /// On more than half of the samples no digit is left to test.
+    /// Rounding leaves no significant digit to test on more than half of the samples.
     IllConditioned,
     /// A figure for information: nothing is concluded from it.
     Reported,
@@ -57,7 +57,7 @@ impl Verdict {
     }
 }
 
-/// One law, measured.
+/// The result of one law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// The name of the law.
@@ -66,12 +66,12 @@ pub struct Row {
     pub equation: String,
     /// The number of samples.
     pub samples: usize,
-    /// On how many of them rounding leaves no digit to test.
+    /// The number of samples on which rounding leaves no digit to test.
     pub ill_conditioned: usize,
     /// The smallest result.
     pub smallest: Option<f64>,
-    /// The largest ratio; a count of components for bitwise laws, what is
-    /// missing to the order for slopes. None where no sample could be tested or a result was NaN.
+    /// The largest result: a ratio, a count of components for bitwise laws, or the shortfall of the
+    /// order for slopes. None where no sample could be tested or a result was NaN.
     pub largest: Option<f64>,
     /// The median.
     pub median: Option<f64>,
@@ -79,16 +79,16 @@ pub struct Row {
     pub deviation: Option<f64>,
     /// What `largest` must stay below.
     pub limit: f64,
-    /// What it came to.
+    /// The verdict.
     pub verdict: Verdict,
-    /// The point of the largest result, or of one that is NaN, where results belong to
-    /// points.
+    /// The point of the largest result, or of a result that is NaN; None where results do not
+    /// belong to points.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub worst: Option<Vec<f64>>,
 }
 
 impl Row {
-    /// How many times `largest` would have to grow to reach the limit; none
+    /// The factor by which `largest` would have to grow to reach the limit; None
     /// where nothing was measured or nothing deviated.
     pub fn headroom(&self) -> Option<f64> {
         self.largest.filter(|largest| *largest > 0.0).map(|largest| self.limit / largest)
@@ -181,8 +181,8 @@ impl Tally {
         Self::new(law, equation, COUNT_LIMIT)
     }
 
-    /// A law on the order of something that vanishes with ε: its results are
-    /// what is missing to the order, one for each map.
+    /// A law on the order in ε of a quantity that vanishes with ε: its results
+    /// are the shortfalls of the order, one for each map.
     pub fn of_slopes(law: impl Into<String>, equation: impl Into<String>) -> Self {
         Self::new(law, equation, SLOPE_LIMIT)
     }
@@ -192,21 +192,21 @@ impl Tally {
         Self::new(law, equation, limit)
     }
 
-    /// For bounds of the worst case, which grow with the length of a computation far
-    /// beyond its errors: nothing is asked of the ratios. What they have to resolve is
-    /// to be asked for where they are made.
+    /// Requires nothing of the size of the ratios. This is for worst-case bounds, which grow
+    /// with the length of a computation far beyond its errors. Their resolution has to be
+    /// checked where they are computed.
     pub fn of_worst_case(self) -> Self {
         Self { soundness: Soundness::Any, ..self }
     }
 
-    /// Makes the law vacuous below [`SOUND_DECILE`] too: where errors of rounding
-    /// have to show.
+    /// Makes the law vacuous where the upper decile is below [`SOUND_DECILE`]: rounding
+    /// errors have to show.
     pub fn must_show_errors(self) -> Self {
         Self { soundness: Soundness::Errors, ..self }
     }
 
-    /// Says, where `resolved`, that the bounds are small whatever the errors are, to
-    /// [`RESOLUTION`]: no error of rounding has to show.
+    /// Declares, if `resolved`, that the bounds are small to [`RESOLUTION`] whatever the
+    /// errors are, so that no rounding errors have to show.
     pub fn resolved_if(self, resolved: bool) -> Self {
         Self { resolved, ..self }
     }
@@ -249,7 +249,7 @@ impl Tally {
         }
     }
 
-    /// Adds samples, each of the point of so many numbers that stands in its place.
+    /// Adds samples, each with its point: `points` has `dim` numbers for each result, in order.
     pub fn extend_at(
         mut self,
         points: &[f64],
@@ -270,7 +270,7 @@ impl Tally {
         self
     }
 
-    /// Says, where `vacuous`, that the samples cannot show a violation.
+    /// Declares, if `vacuous`, that the samples cannot show a violation.
     pub fn vacuous_if(mut self, vacuous: bool) -> Self {
         self.vacuous |= vacuous;
         self
@@ -287,7 +287,7 @@ impl Tally {
         self.resolved &= other.resolved;
     }
 
-    /// What the samples come to.
+    /// The row of the certificate that the samples give.
     pub fn row(&self) -> Row {
         let testable = self.ratios.len();
         let samples = testable + self.ill_conditioned;
@@ -334,7 +334,7 @@ impl Tally {
     }
 }
 
-/// Joins the tallies of the same laws on several maps, in their first order.
+/// Merges the tallies of the same law on several maps, in the order in which laws first appear.
 pub fn merged(tallies: impl IntoIterator<Item = Tally>) -> Vec<Tally> {
     let mut out: Vec<Tally> = Vec::new();
     for other in tallies {

@@ -21,7 +21,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Of these measurements; None where there are none.
+    /// The median and quartiles of these values; None where there are none.
     pub fn of(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         let last = values.len().checked_sub(1)?;
@@ -35,7 +35,7 @@ impl Spread {
         Some(Self { lower: quantile(0.25), median: quantile(0.5), upper: quantile(0.75) })
     }
 
-    /// All three times a positive factor.
+    /// All three values multiplied by a positive factor.
     pub fn scaled(self, factor: f64) -> Self {
         Self {
             lower: self.lower * factor,
@@ -45,18 +45,18 @@ impl Spread {
     }
 }
 
-/// What computes a result.
+/// A computation that gives a result.
 pub type Run<'a> = Box<dyn Fn() -> Result<Vec<f64>, Error> + Sync + 'a>;
 
-/// A method to get a result, to be judged by its error and its run time.
+/// A method that computes a result, to be judged by its error and its run time.
 pub struct Method<'a> {
-    /// Its name; several with one name are points of one curve.
+    /// Its name; methods of the same name are points of one curve.
     pub name: String,
     /// What is varied along the curve, such as the number of steps.
     pub setting: Option<f64>,
     /// Computes the result.
     pub run: Run<'a>,
-    /// Computes a part of the result that cannot share the lanes of vectors, with its units of work.
+    /// Computes a part of the result without sharing vector lanes, with its units of work.
     pub alone: Option<(Run<'a>, f64)>,
 }
 
@@ -70,7 +70,7 @@ impl<'a> Method<'a> {
         Self { name: name.into(), setting, run: Box::new(run), alone: None }
     }
 
-    /// With a run of so many units of work that share no lanes, which is timed beside it and not judged.
+    /// Adds a run of `units` units of work that share no vector lanes; it is timed too, but its error is not judged.
     pub fn beside_alone(
         self,
         units: f64,
@@ -80,7 +80,7 @@ impl<'a> Method<'a> {
     }
 }
 
-/// What a method came to.
+/// The error and the run time of a method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WorkPrecision {
     /// The method's name.
@@ -91,7 +91,7 @@ pub struct WorkPrecision {
     pub error: Option<f64>,
     /// Seconds for a unit of work; None where there is no result.
     pub seconds: Option<Spread>,
-    /// Seconds for a unit of the work that shares no lanes; None where none is timed.
+    /// Seconds for a unit of work that shares no vector lanes; None where it is not timed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub alone: Option<Spread>,
     /// Why there is no result.
@@ -100,7 +100,7 @@ pub struct WorkPrecision {
 }
 
 impl WorkPrecision {
-    /// What does not depend on the machine.
+    /// A copy without the run times: the part that does not depend on the machine.
     pub fn without_seconds(&self) -> Self {
         Self { seconds: None, alone: None, ..self.clone() }
     }
@@ -114,10 +114,10 @@ const MOST_RUNS: usize = 1 << 20;
 const MOST_SECONDS: f64 = 2.0;
 const FEWEST_ROUNDS: usize = 3;
 
-/// The error and the run time of each method, on one thread.
+/// Measures the error and the run time of each method, on one thread.
 ///
 /// `error` judges a result. The methods are timed in turn, `rounds` times around, so
-/// that a busy moment of the machine meets them all; each result is of `units` units
+/// that a busy moment of the machine affects all of them; each result takes `units` units
 /// of work. The errors depend on the methods alone, the times on the machine.
 ///
 /// Source: Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, II.10,
@@ -136,7 +136,7 @@ pub fn work_precision(
     work_precision_by(&|| start.elapsed().as_secs_f64(), methods, error, units, rounds)
 }
 
-/// [`work_precision`] by another clock: `clock` gives seconds since any moment.
+/// [`work_precision`] with another clock: `clock` returns the seconds since a fixed moment.
 ///
 /// # Errors
 /// Those of [`work_precision`].
@@ -231,24 +231,24 @@ impl Timed {
     }
 }
 
-/// What a curve of methods of one name takes for an error.
+/// The run time that a curve of methods of one name needs to reach an error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AtError<'a> {
-    /// The setting of the curve that errs no more, where the curve comes to the error.
+    /// The point of the curve used, whose error is no larger than the one asked for.
     pub method: &'a WorkPrecision,
     /// Median seconds for a unit of work.
     pub seconds: f64,
-    /// The same where lanes are not shared; None where none is timed.
+    /// The same where vector lanes are not shared; None where that is not timed.
     pub alone: Option<f64>,
 }
 
 impl<'a> AtError<'a> {
-    /// What the curve of `name` takes at least to err by no more than `error`: the time of a setting that does, or
-    /// between two neighbouring settings, one of which does not, log t in proportion to log error. None
-    /// where no setting errs so little.
+    /// The shortest time in which the curve of `name` reaches an error of at most `error`: that of a setting that
+    /// does, or of a point between a setting that does and a neighbour that does not, with log t interpolated
+    /// linearly in log error. None where no setting reaches the error.
     ///
-    /// Interpolation gives a curve what a setting between those tried would: the fastest at an error does not depend on
-    /// which were. `judged` may hold other curves; methods without a setting have none.
+    /// Interpolation stands for the settings between those tried, so the fastest curve depends little on the choice of
+    /// settings. `judged` may hold other curves; methods without a setting have no curve.
     pub fn of_curve(
         judged: impl IntoIterator<Item = &'a WorkPrecision>,
         name: &str,
@@ -284,7 +284,7 @@ impl<'a> AtError<'a> {
         )
     }
 
-    /// The fastest curve of all that have settings, at an error.
+    /// The curve that reaches an error fastest, among the methods with settings.
     pub fn fastest(judged: &'a [WorkPrecision], error: f64) -> Option<Self> {
         let names = judged.iter().enumerate().filter(|(number, one)| {
             let earlier = judged[..*number].iter().any(|other| other.name == one.name);
@@ -296,7 +296,7 @@ impl<'a> AtError<'a> {
     }
 }
 
-/// The fastest of those that err by no more than `error`, with its median of seconds.
+/// The fastest method with an error of at most `error`, and its median time in seconds.
 pub fn fastest<'a>(
     judged: impl IntoIterator<Item = &'a WorkPrecision>,
     error: f64,
@@ -308,14 +308,14 @@ pub fn fastest<'a>(
         .min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// How many steps pay for what was paid before the first of them, where each takes `own` seconds in place of a
-/// rival's; None where it takes no less.
+/// The number of steps after which an initial cost of `paid` seconds (such as training) is recovered, where a step
+/// takes `own` seconds instead of `rival` seconds. None where it takes no less.
 pub fn break_even(paid: f64, own: f64, rival: f64) -> Option<f64> {
     let gained = rival - own;
     (gained > 0.0 && paid >= 0.0).then(|| (paid / gained).ceil())
 }
 
-/// The one that errs least.
+/// The method with the smallest error.
 pub fn most_accurate<'a>(
     judged: impl IntoIterator<Item = &'a WorkPrecision>,
 ) -> Option<&'a WorkPrecision> {
@@ -323,9 +323,9 @@ pub fn most_accurate<'a>(
     errors.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(entry, _)| entry)
 }
 
-/// Methods that give the same trajectories, to be judged by a reference.
+/// Methods that compute the same trajectories, to be judged against a reference.
 pub struct TrajectoryMethods<'a> {
-    /// The methods, each with the states of all trajectories, once over another as often as there are copies.
+    /// The methods. The result of each is the states at each time: all trajectories, repeated `copies` times.
     pub methods: Vec<Method<'a>>,
     /// The states that each should give, 2n numbers a state: (times, trajectories, 2n).
     pub reference: &'a [f64],
@@ -333,19 +333,19 @@ pub struct TrajectoryMethods<'a> {
     pub reference_error: f64,
     /// The number 2n of coordinates of a state.
     pub dim: usize,
-    /// How many trajectories there are.
+    /// The number of different trajectories.
     pub trajectories: usize,
-    /// How often the methods have each, in the same order over and over: see [`TrajectoryMethods::copies_of`].
+    /// How often a method repeats the set of trajectories: see [`TrajectoryMethods::copies_of`].
     pub copies: usize,
     /// How long they are.
     pub time: f64,
 }
 
 impl TrajectoryMethods<'_> {
-    /// Trajectories that are timed together, at least: as many as keep all lanes of several vectors busy.
+    /// The least number of trajectories that are timed together, which keeps all lanes of several vectors busy.
     pub const LEAST: usize = 64;
 
-    /// How many copies make so many trajectories [`TrajectoryMethods::LEAST`].
+    /// The number of copies that make at least [`TrajectoryMethods::LEAST`] of so many trajectories.
     pub fn copies_of(trajectories: usize) -> usize {
         Self::LEAST.div_ceil(trajectories.max(1))
     }
@@ -377,7 +377,7 @@ impl TrajectoryMethods<'_> {
 pub struct Comparison {
     /// How many trajectories are judged.
     pub trajectories: usize,
-    /// How many are timed together.
+    /// How many trajectories are timed together.
     pub together: usize,
     /// How long they are.
     pub time: f64,
@@ -398,26 +398,26 @@ pub struct FastestWithin<'a> {
     pub to: i32,
     /// The name of the method.
     pub name: &'a str,
-    /// Its median of seconds at both ends, [between settings](AtError::of_curve) where it has some.
+    /// Its median time in seconds at both ends, [interpolated](AtError::of_curve) where it has settings.
     pub seconds: [f64; 2],
 }
 
 impl Comparison {
-    /// What does not depend on the machine.
+    /// A copy without the run times: the part that does not depend on the machine.
     pub fn without_seconds(&self) -> Self {
         let methods = self.methods.iter().map(WorkPrecision::without_seconds).collect();
         Self { methods, ..*self }
     }
 
-    /// Half the size of the points: a method that errs so much has lost the
+    /// Half the size of the points: a method with a larger error has lost the
     /// trajectories, and there is nothing to compare.
     pub fn lost(&self) -> f64 {
         0.5 * self.size
     }
 
-    /// The fastest method for each power of ten of the error, from 1 down to where
-    /// no method reaches or the reference no more distinguishes; methods that have
-    /// lost the trajectories do not count.
+    /// The fastest method for each power of ten of the error, from 1 down to the
+    /// smallest that a method reaches and the reference can resolve. Methods that
+    /// have lost the trajectories do not count.
     pub fn fastest_by_error(&self) -> Vec<FastestWithin<'_>> {
         const SMALLEST: i32 = -15;
         let mut out: Vec<FastestWithin<'_>> = Vec::new();
@@ -452,7 +452,7 @@ impl Comparison {
 }
 
 /// √(mean |row − row of the reference|²) over rows of `dim` numbers; NaN when a
-/// number is, or the two are not of the same whole number of rows.
+/// number is NaN, or the two do not have the same whole number of rows.
 pub fn root_mean_square_distance(rows: &[f64], reference: &[f64], dim: usize) -> f64 {
     let whole = dim > 0 && rows.len().is_multiple_of(dim) && !rows.is_empty();
     if rows.len() != reference.len() || !whole {
@@ -466,9 +466,9 @@ pub fn root_mean_square_distance(rows: &[f64], reference: &[f64], dim: usize) ->
     (squares / (rows.len() / dim) as f64).sqrt()
 }
 
-/// The Jacobians at points of 2n numbers in double-double precision, rounded: what
-/// double precision is judged by. 2n × 2n numbers a point, row by row, as by
-/// [`map_jacobians`](crate::network::map_jacobians).
+/// The Jacobians at points of 2n numbers, computed in double-double precision and
+/// rounded: a reference for double precision. 2n × 2n numbers for each point, row by
+/// row, as by [`map_jacobians`](crate::network::map_jacobians).
 ///
 /// # Panics
 /// When `points` is not a whole number of points.
@@ -495,8 +495,8 @@ pub fn precise_jacobians(map: &Composition<f64>, points: &[f64]) -> Vec<f64> {
     out
 }
 
-/// The largest |J − reference| over the largest |reference|, entries of all
-/// points.
+/// The largest |value − reference| divided by the largest |reference|; NaN when the
+/// lengths differ.
 pub fn relative_difference(values: &[f64], reference: &[f64]) -> f64 {
     if values.len() != reference.len() {
         return f64::NAN;
@@ -506,9 +506,9 @@ pub fn relative_difference(values: &[f64], reference: &[f64]) -> f64 {
     difference.fold(0.0, max_or_nan) / size
 }
 
-/// The largest error of tanh in units in the last place, and of sech² relative to
-/// it, of values `t` and `s` at the points x, against double-double precision; NaN
-/// when the three are not of one length.
+/// The largest error of the values `t` of tanh, in units in the last place, and the
+/// largest relative error of the values `s` of sech², at the points x, compared with
+/// double-double precision; NaN when the three lengths differ.
 pub fn tanh_errors(x: &[f64], t: &[f64], s: &[f64]) -> (f64, f64) {
     if t.len() != x.len() || s.len() != x.len() {
         return (f64::NAN, f64::NAN);

@@ -1,4 +1,4 @@
-//! What a network is made of, without its parameters.
+//! The architecture of a network: its structure without its parameters.
 
 use super::block::{Block, Layers, Part, Surroundings};
 use super::composition::Composition;
@@ -17,24 +17,25 @@ const LARGEST_WEIGHT: u32 = 1_000_000;
 /// A table of all planes is kept for each turned layer.
 const MOST_PLANES: usize = 1000;
 
-/// What a network is made of, as data: its circles, ε, flow time and blocks.
+/// The architecture of a network, as data: its circles, ε, flow time and blocks.
 ///
 /// The map is
 ///
 /// P = R∘I_ε∘χ∘K_ε∘Φ_θ∘T_ε∘χ⁻¹, χ = ψ∘ψ_ε,
 ///
-/// with the [parts](Part) that its blocks play; several blocks of a part are applied in the order
-/// of the list. Without circles it is R∘I_ε. With a [reversor](Architecture::reversor) S it is
+/// where each block belongs to one of these [parts](Part); several blocks of a part are applied in the
+/// order of the list. Without circles it is R∘I_ε. With a [reversor](Architecture::reversor) S it is
 ///
 /// P = A∘Φ_θ∘T_ε∘S∘A⁻¹∘S, A = ψ_ε∘K_ε,
 ///
-/// or R∘S∘R⁻¹∘S without circles: S∘P∘S = P⁻¹ for all weights. (Where no circle turns some of the
-/// planes, S∘T_ε∘S is not T_ε⁻¹, and A = ψ_ε∘K_ε∘T_ε of half the flow time.) From the list follow the [`Model`](super::Model), the number and the
-/// order of the parameters (those of the blocks, each the layers in the order of application, then
-/// θ), the names of its tensors, its initial weights, what is invariant, and which laws
-/// [`certify`](crate::measure::certificate::certify) asks for.
+/// or R∘S∘R⁻¹∘S without circles: S∘P∘S = P⁻¹ for all weights. (If some planes are rotated by no
+/// circle, S∘T_ε∘S is not T_ε⁻¹; then T_ε moves into A = ψ_ε∘K_ε∘T_ε, with half the flow time.)
+/// The list determines the [`Model`](super::Model), the number and the
+/// order of the parameters (block by block, each layer by layer in the order of application, then
+/// θ), the names of the tensors, the initial weights, the invariants, and the laws that
+/// [`certify`](crate::measure::certificate::certify) checks.
 ///
-/// [Named architectures](super::named) are made by constructors; lists of your own by
+/// [Named architectures](super::named) are made by constructors, and custom lists of blocks by
 /// [`Architecture::new`] and [`Architecture::with`]:
 ///
 /// ```
@@ -57,7 +58,7 @@ const MOST_PLANES: usize = 1000;
 pub struct Architecture {
     /// n, the degrees of freedom.
     pub dof: usize,
-    /// The circle actions Φ, each with an angle θ; none of a network that is built on no circle.
+    /// The circle actions Φ, each with an angle θ; empty for a network without circles.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub circles: Vec<CircleAction>,
     /// ε; 1 where no block is scaled by it.
@@ -71,7 +72,7 @@ pub struct Architecture {
     /// S, where the map is reversible for all weights.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reversor: Option<Reversor>,
-    /// What its parameters are polynomials of, if anything.
+    /// The controls of which its parameters are polynomials, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub controls: Option<Controls>,
 }
@@ -80,10 +81,10 @@ fn one() -> f64 {
     1.0
 }
 
-/// What a list of blocks makes of a map: which laws it obeys for all weights.
+/// The structure that a list of blocks gives a map: the laws that it obeys for all weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Structure {
-    /// A map of no circle action: symplectic, if its layers are, and invertible.
+    /// A map without a circle action: invertible, and symplectic if its layers are.
     Plain,
     /// P_ε = I_ε∘ψ∘Φ_θ∘ψ⁻¹: nearly periodic, with an adiabatic invariant if it is symplectic.
     NearlyPeriodic,
@@ -117,44 +118,44 @@ impl Architecture {
         Self { dof, circles, epsilon: 1.0, flow_time: 1.0, blocks, reversor, controls }
     }
 
-    /// On a circle action, or on another circle beside those that it has.
+    /// The architecture with this circle action in addition to its other circles.
     pub fn on_circle(mut self, circle: CircleAction) -> Self {
         self.circles.push(circle);
         self
     }
 
-    /// Reversible by S.
+    /// The architecture made reversible with this reversor S.
     pub fn reversible(self, reversor: Option<Reversor>) -> Self {
         Self { reversor, ..self }
     }
 
-    /// On the circles of a torus action.
+    /// The architecture with the circles of this torus action.
     pub fn on_torus(self, action: &TorusAction) -> Self {
         Self { circles: action.circles().to_vec(), ..self }
     }
 
-    /// At another ε.
+    /// The architecture at another ε.
     pub fn at_epsilon(self, epsilon: f64) -> Self {
         Self { epsilon, ..self }
     }
 
-    /// For another flow time.
+    /// The architecture with another flow time.
     pub fn of_time(self, flow_time: f64) -> Self {
         Self { flow_time, ..self }
     }
 
-    /// With another block.
+    /// The architecture with this block appended.
     pub fn with(mut self, block: Block) -> Self {
         self.blocks.push(block);
         self
     }
 
-    /// With parameters that are polynomials of controls.
+    /// The architecture with parameters that are polynomials of these controls.
     pub fn with_controls(self, controls: Option<Controls>) -> Self {
         Self { controls, ..self }
     }
 
-    /// What the blocks make of it.
+    /// The structure that the blocks give the map.
     pub fn structure(&self) -> Structure {
         let has = |part: Part| self.part(part).next().is_some();
         if self.circles.is_empty() || has(Part::None) {
@@ -211,7 +212,7 @@ impl Architecture {
         self.blocks.iter().any(|block| block.ridges != RidgeFunction::Tanh)
     }
 
-    /// With this box of all polynomials that have none yet: coordinates from −ρ to ρ, ρ = `radius`.
+    /// The architecture with this box for all polynomials without one: coordinates from −ρ to ρ, ρ = `radius`.
     pub fn in_box(mut self, radius: f64) -> Self {
         for block in &mut self.blocks {
             block.ridges = block.ridges.in_box(radius);
@@ -219,8 +220,8 @@ impl Architecture {
         self
     }
 
-    /// With the box of points, 2n numbers each, for all polynomials that have none yet: ρ is a tenth more
-    /// than the largest radius of a point in a plane, since charts move points a little.
+    /// As [`Architecture::in_box`], with the box of these points, 2n numbers each: ρ is a tenth larger
+    /// than the largest radius of a point in a plane, since charts move points slightly.
     pub fn in_box_of<'a>(self, points: impl IntoIterator<Item = &'a [f64]>) -> Self {
         let dof = self.dof;
         let points = points.into_iter().flat_map(|points| points.chunks_exact(2 * dof));
@@ -229,7 +230,7 @@ impl Architecture {
         self.in_box(1.1 * largest)
     }
 
-    /// Whether it has an ε and angles of its own, and so is of a family of maps.
+    /// Whether it has circles, and so an ε and angles: it then stands for a family of maps.
     pub fn has_circle(&self) -> bool {
         !self.circles.is_empty()
     }
@@ -239,7 +240,7 @@ impl Architecture {
         self.blocks.iter().any(|block| block.scale.has_time())
     }
 
-    /// Whether ε scales its slow map: it is of order one in a map that is nearly integrable.
+    /// Whether its chart and slow map are of order one, not scaled by ε, as in a nearly integrable map.
     pub fn is_of_order_one(&self) -> bool {
         // The chart of a reversible map is near the identity, as its perturbation is.
         let chart = self.part(Part::Chart).filter(|_| self.reversor.is_none());
@@ -247,13 +248,13 @@ impl Architecture {
         own.peek().is_some() && own.all(|block| !block.scale.has_epsilon())
     }
 
-    /// Whether its circles turn the planes of the data, to leading order: it has twists, which are of
-    /// these planes.
+    /// Whether its circles rotate the coordinate planes of the data to leading order: it has twists, which
+    /// act on these planes.
     pub fn keeps_its_planes(&self) -> bool {
         self.blocks.iter().any(|block| block.layers.needs_circles())
     }
 
-    /// The shears of its slow map.
+    /// The number of shears of its slow map.
     pub fn twist_shears(&self) -> usize {
         self.part(Part::SlowMap).map(|block| block.layers.count()).sum()
     }
@@ -263,7 +264,7 @@ impl Architecture {
         self.part(Part::SlowMap).any(|block| matches!(block.layers, Layers::Twist(_)))
     }
 
-    /// The circles as one action; None of a network without.
+    /// The circles as one torus action; None for a network without circles.
     pub fn action(&self) -> Option<TorusAction> {
         TorusAction::new(self.circles.clone()).ok()
     }
@@ -275,7 +276,7 @@ impl Architecture {
         Surroundings { dof: self.dof, arguments: self.circles.len() + slow, slow }
     }
 
-    /// The number of parameters: those of the blocks and an angle for each circle, as many times as there are
+    /// The number of parameters: those of the blocks and an angle for each circle, times the number of
     /// products of controls.
     pub fn parameter_count(&self) -> usize {
         self.nominal_count().saturating_mul(self.terms())
@@ -293,14 +294,14 @@ impl Architecture {
         blocks.fold(self.circles.len(), usize::saturating_add)
     }
 
-    /// Where the angles of the circles are among the parameters: at the end, before those of products of
-    /// controls.
+    /// The range of the angles of the circles among the parameters: after those of the blocks, before those of
+    /// products of controls.
     pub fn angles(&self) -> Range<usize> {
         let end = self.nominal_count();
         end - self.circles.len()..end
     }
 
-    /// Where the parameters of each block are.
+    /// The range of the parameters of each block.
     pub fn block_ranges(&self) -> Vec<Range<usize>> {
         let (of, mut end) = (self.surroundings(), 0);
         let range = |block: &Block| {
@@ -347,8 +348,8 @@ impl Architecture {
     /// The name of the tensor of the angles.
     pub(crate) const THETA: &str = "theta";
 
-    /// Fails unless the list can be: ε and the flow time are finite, there is a degree of freedom,
-    /// circles are of as many, names differ, and each block can play its part.
+    /// Fails unless the architecture is valid: ε and the flow time are finite, there is a degree of freedom,
+    /// circles have as many, names differ, and each block can play its part.
     ///
     /// # Errors
     /// [`Error::OutOfRange`], [`Error::CountOutOfRange`], [`Error::WrongCount`] and

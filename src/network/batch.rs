@@ -175,10 +175,10 @@ pub fn map_points(
     Ok(())
 }
 
-/// [`map_points`] in parts, which ask the pace whether to go on.
+/// [`map_points`] in parts, between which the pace decides whether to go on.
 ///
 /// # Errors
-/// Those of [`map_points`]; [`Error::Stopped`], after which some of the points are moved.
+/// Those of [`map_points`]; [`Error::Stopped`], after which some of the points have been moved.
 pub fn map_points_at_pace(
     map: &Composition<f64>,
     direction: Direction,
@@ -208,12 +208,12 @@ pub(super) fn block_size(points: usize) -> usize {
     points.div_ceil(rayon::current_num_threads()).next_multiple_of(WIDTH).clamp(WIDTH, BLOCK)
 }
 
-/// What a roll-out keeps.
+/// The number of steps of a roll-out, and the states that it keeps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rollout {
     /// The number of applications of the map.
     pub steps: usize,
-    /// One state in so many is kept, and the first.
+    /// The interval, in steps, between kept states; the first state is always kept.
     pub every: usize,
 }
 
@@ -224,12 +224,12 @@ impl Rollout {
     }
 }
 
-/// How a roll-out goes: by the map or by its inverse, with plain numbers or on a grid.
+/// The mode of a roll-out: by the map or its inverse, with plain numbers or on a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Course {
     /// By the map, or by its inverse.
     pub direction: Direction,
-    /// The grid to which increments are rounded, so that a way back is exact.
+    /// The grid to which increments are rounded, so that the inverse is exact.
     pub grid: Option<Grid>,
 }
 
@@ -243,10 +243,10 @@ impl Default for Course {
 /// The trajectories of the map from each of the points in `initial`: an array
 /// (T, M, 2n) with T = [`Rollout::kept`], the first entry being the input.
 ///
-/// Memory is the result and, for more points than one task has, at most 64 Ki
-/// numbers a task and no more than the result; cost is steps × points evaluations. One point alone is moved with the
-/// neurons of each layer in the lanes, several with a point in each lane, and
-/// these on all threads: the same bits.
+/// It needs memory for the result and, with more points than one task has, at most 64 Ki
+/// numbers per task and no more than the result. The cost is steps × points evaluations. A single
+/// point is moved with the neurons of each layer in the lanes, several points with one in each
+/// lane, on all threads: the bits are the same.
 ///
 /// # Errors
 /// When `initial` is not a whole number of points, `every` is 0, or the states
@@ -259,10 +259,10 @@ pub fn rollout(
     rollout_at_pace(map, initial, request, &mut Pace::unbroken())
 }
 
-/// [`rollout`] in parts, which ask the pace whether to go on: the same bits.
+/// [`rollout`] in parts, between which the pace decides whether to go on: the same bits.
 ///
-/// A part is of some steps of all points, or of one step of some. Between parts the
-/// states are stored and loaded again, which changes nothing.
+/// A part is some steps of all points, or one step of some points. Between parts the
+/// states are stored and loaded again, which does not change the result.
 ///
 /// # Errors
 /// Those of [`rollout`]; [`Error::Stopped`].

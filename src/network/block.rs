@@ -1,4 +1,4 @@
-//! Blocks: the layers that a network is a list of, the part each plays, and what scales it.
+//! Blocks: groups of layers of one kind, with the part of the map that they form and their scale.
 
 use super::composition::Composition;
 use super::init::{InitialWeights, Law, inner_bound, outer_bound};
@@ -18,7 +18,7 @@ use std::sync::Arc;
 ///
 /// P = R∘I_ε∘χ∘K_ε∘Φ_θ∘T_ε∘χ⁻¹, χ = ψ∘ψ_ε,
 ///
-/// of which a network has those that its blocks name; what it does not have is the identity.
+/// A part without a block is the identity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Part {
@@ -37,7 +37,7 @@ pub enum Part {
 }
 
 impl Part {
-    /// All, in the order in which their parameters come in the named architectures.
+    /// All parts, in the order of their parameters in the named architectures.
     pub const ALL: [Self; 6] = [
         Self::Conjugation,
         Self::Chart,
@@ -47,7 +47,7 @@ impl Part {
         Self::None,
     ];
 
-    /// The letter that the part has in equations.
+    /// The symbol of the part in equations.
     pub fn symbol(self) -> &'static str {
         match self {
             Self::Conjugation => "ψ",
@@ -81,17 +81,17 @@ impl Part {
     }
 }
 
-/// What multiplies the increments of a block's layers.
+/// The factor of the increments of a block's layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scale {
-    /// Nothing scales it: the factor is 1.
+    /// No scale: the factor is 1.
     None,
     /// ε: the block is the identity at ε = 0.
     Epsilon,
     /// h, the flow time.
     Time,
-    /// The product εh of ε and the flow time scales it.
+    /// εh, the product of ε and the flow time.
     EpsilonTime,
 }
 
@@ -121,7 +121,7 @@ pub enum Layers {
     /// [Kicks in turned coordinates](crate::layer::TurnedKick).
     TurnedKick(Vec<usize>),
     /// The shears of one [twist](crate::layer::Twist): the first, the third and so on change the
-    /// positions and have a quadratic form beside their neurons, of which they need few or none.
+    /// positions and have a quadratic form in addition to neurons, of which they need few or none.
     Twist(Vec<usize>),
     /// [Twists in turned coordinates of the slow planes](crate::layer::TwistShears::turned).
     TurnedTwist(Vec<usize>),
@@ -223,7 +223,7 @@ impl Modules {
 }
 
 impl Layers {
-    /// The number of layers: of the modules of a SympNet, linear ones and activations.
+    /// The number of layers; for a SympNet, that of its linear and activation modules.
     pub fn count(&self) -> usize {
         match self {
             Self::Henon(widths)
@@ -235,7 +235,7 @@ impl Layers {
         }
     }
 
-    /// The neurons of each layer; none of the modules of a SympNet.
+    /// The number of neurons of each layer; empty for a SympNet.
     pub fn widths(&self) -> &[usize] {
         match self {
             Self::Henon(widths)
@@ -271,7 +271,7 @@ impl Layers {
         }
     }
 
-    /// Several of them, in words.
+    /// The plural of the kind of layer in words.
     pub fn words(&self) -> &'static str {
         match self {
             Self::Henon(_) => "Hénon layers",
@@ -298,7 +298,7 @@ impl Layers {
         !matches!(self, Self::Henon(_) | Self::SympNet(_))
     }
 
-    /// Whether they are made of the circle action's planes.
+    /// Whether they are defined by the planes of the circle action.
     pub fn needs_circles(&self) -> bool {
         self.commutes_with_circles()
     }
@@ -449,42 +449,42 @@ struct Made {
     time: Option<f64>,
 }
 
-/// Layers of one kind, the part that they play together, and what scales them.
+/// Layers of one kind, the part of the map that they form, and their scale.
 ///
 /// In TOML and JSON it is one table: `layer` (`henon`, `turned-kick`, `twist`, `turned-twist`,
-/// `turned-coupling`, `symp-net`), `widths` (a list, or `{ count, width }`, the width of twists being a number or two
-/// by turns) with `degree` and `radius` where its functions are polynomials, or for `symp-net` `modules`,
+/// `turned-coupling`, `symp-net`), `widths` (a list, or `{ count, width }`, where `width` is one number or two that
+/// alternate) with `degree` and `radius` where its functions are polynomials, or for `symp-net` `modules`,
 /// `shears`, `activation`, `plain`; `part` (`conjugation`,
 /// `chart`, `slow-map`, `perturbation`, `near-identity` or `none`); `scale` (`none`, `epsilon`,
-/// `time`, `epsilon-time`; usual for the part unless given); `name`, which begins the names of its
-/// tensors (the part's, unless given).
+/// `time`, `epsilon-time`; by default the usual one of the part); `name`, the prefix of the names of
+/// its tensors (by default that of the part).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "BlockTable", into = "BlockTable")]
 pub struct Block {
-    /// What begins the names of its tensors, followed by a point; nothing where it is empty, which
-    /// an only block may be.
+    /// The prefix of the names of its tensors, followed by a dot. It may be empty if there is only
+    /// one block, and there is then no prefix.
     pub name: String,
     /// The part that the block plays in the network.
     pub part: Part,
-    /// What scales it.
+    /// The factor of its increments.
     pub scale: Scale,
     /// Its layers.
     pub layers: Layers,
-    /// What the potentials of its layers are made of; couplings and modules have none.
+    /// The ridge functions in the potentials of its layers; couplings and modules have none.
     pub ridges: RidgeFunction,
 }
 
 impl Block {
-    /// Layers that play a part, with the name and the scale that are usual for it.
+    /// A block of these layers for a part, with the usual name and scale of the part.
     pub fn new(part: Part, layers: Layers) -> Self {
         let ridges = RidgeFunction::Tanh;
         Self { name: part.name().into(), part, scale: part.usual_scale(), layers, ridges }
     }
 
-    /// With potentials that are polynomials of this degree, 1 to 64: the widths count
-    /// [polynomials](crate::layer::PolynomialPotential) of their own directions, one of a kick of
-    /// one degree of freedom. Their box is that of the pairs ([`Architecture::in_box_of`]), unless it
-    /// is [given](Block::in_box).
+    /// The block with potentials that are polynomials of this degree, 1 to 64: the widths then count
+    /// [polynomials](crate::layer::PolynomialPotential), each along its own direction; there is only one
+    /// in a kick of one degree of freedom. Their box is that of the pairs
+    /// ([`Architecture::in_box_of`]), unless it is [given](Block::in_box).
     ///
     /// [`Architecture::in_box_of`]: crate::network::Architecture::in_box_of
     pub fn of_polynomials(self, degree: usize) -> Self {
@@ -492,18 +492,18 @@ impl Block {
         Self { ridges: RidgeFunction::Polynomial { degree, radius }, ..self }
     }
 
-    /// With polynomials for the box of coordinates from −ρ to ρ, ρ = `radius`, where they have none
-    /// yet.
+    /// The block with this box for its polynomials if they have none: coordinates from −ρ to ρ,
+    /// ρ = `radius`.
     pub fn in_box(self, radius: f64) -> Self {
         Self { ridges: self.ridges.in_box(radius), ..self }
     }
 
-    /// With another name.
+    /// The block with another name.
     pub fn named(self, name: impl Into<String>) -> Self {
         Self { name: name.into(), ..self }
     }
 
-    /// With another scale.
+    /// The block with another scale.
     pub fn scaled(self, scale: Scale) -> Self {
         Self { scale, ..self }
     }
@@ -676,13 +676,13 @@ struct Uniform {
     width: Alternating,
 }
 
-/// One width for all layers, or two by turns.
+/// One width for all layers, or two that alternate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "a number of neurons, or two by turns")]
 pub enum Alternating {
     /// The same for all.
     Same(usize),
-    /// Of the first, the third and so on, and of the others.
+    /// The width of the first, the third and so on, and that of the others.
     Two([usize; 2]),
 }
 
@@ -695,7 +695,7 @@ impl Alternating {
         }
     }
 
-    /// The widths of so many layers.
+    /// The widths of `count` layers.
     pub fn widths(self, count: usize) -> Vec<usize> {
         self.two().into_iter().cycle().take(count).collect()
     }

@@ -14,9 +14,9 @@ use std::sync::Arc;
 
 /// A map given as a sequence of steps.
 ///
-/// Its parameters are one flat vector (see the [module](super) for the order);
-/// every step points into it, and several steps may share a layer, as ψ and
-/// ψ⁻¹ do in a gyroceptron.
+/// Its parameters are one flat vector (see the [module](super) for the order).
+/// Every step refers to a part of it, and several steps may share a layer, as
+/// those of ψ and ψ⁻¹ do in a gyroceptron.
 #[derive(Clone, Debug)]
 pub struct Composition<P> {
     dof: usize,
@@ -194,7 +194,7 @@ where
     }
 }
 
-/// What a forward pass keeps for the pullback, and working space for both.
+/// The tape that a forward pass records for the pullback, and working space for both.
 #[derive(Clone, Debug)]
 pub struct Recording<S> {
     tape: Vec<S>,
@@ -236,8 +236,8 @@ impl<P: Scalar> Composition<P> {
         if undo { self.steps.extend(moved.rev()) } else { self.steps.extend(moved) }
     }
 
-    /// This map and then another, or its inverse, over both their parameters, those
-    /// of this one first.
+    /// This map followed by another one or its inverse. Its parameters are those of
+    /// this map, then those of the other.
     ///
     /// # Errors
     /// When they differ in their degrees of freedom, or in ε with steps scaled by
@@ -273,16 +273,16 @@ impl<P: Scalar> Composition<P> {
         self.epsilon
     }
 
-    /// The steps that ε scales, alone, over the same parameters: I_ε of a gyroceptron; of
-    /// one in normal form, whose other steps stand between them, ψ_ε∘T_ε∘ψ_ε⁻¹. The reflections of
-    /// a reversible map stay in it.
+    /// The composition of only the steps that ε scales, over the same parameters: I_ε of a
+    /// gyroceptron, or ψ_ε∘T_ε∘ψ_ε⁻¹ of a normal form, without the steps between. The reflections
+    /// of a reversible map are kept.
     pub fn near_identity_part(&self) -> Self {
         let is_part = |step: &&Step| step.near_identity || matches!(step.kind, Kind::Reflection(_));
         let steps = self.steps.iter().filter(is_part).cloned().collect();
         Self { steps, ..self.clone() }
     }
 
-    /// Each of the steps as a map of its own, in the order of application.
+    /// Each step as a separate map, in the order of application.
     pub fn step_by_step(&self) -> impl Iterator<Item = Self> + '_ {
         let alone = |step: &Step| Self { steps: vec![step.clone()], ..self.clone() };
         self.steps.iter().map(alone)
@@ -293,8 +293,8 @@ impl<P: Scalar> Composition<P> {
         Self { epsilon, ..self.clone() }
     }
 
-    /// Where the angles of its circles are among the parameters: what a turn that ε does not
-    /// scale turns by.
+    /// The range of the angles of its circles among the parameters: those of its first turn; empty
+    /// without a turn.
     pub fn angles(&self) -> Range<usize> {
         let is_turn = |step: &&Step| matches!(step.kind, Kind::Turn { .. });
         let turn = self.steps.iter().find(is_turn);
@@ -326,12 +326,12 @@ impl<P: Scalar> Composition<P> {
         Ok(Composition { dof: self.dof, steps, parameters, epsilon, turns, controls })
     }
 
-    /// This member of a family of maps at another ε and `time` times its flow time: the angles of its circles and the
-    /// times of its twists and of its couplings near the identity grow with it. A map without circles is of no family,
-    /// and stays what it is.
+    /// The member of its family of maps at another ε and at `time` times its flow time: the angles of its circles and
+    /// the times of its steps that the flow time scales are multiplied by `time`. A map without circles belongs to no
+    /// family and is returned unchanged.
     ///
-    /// Of a map with several turns, as [`Composition::followed_by`] makes, the first alone is
-    /// taken for its circles. The factors of nested calls multiply, those of ε do not.
+    /// In a map with several turns, as [`Composition::followed_by`] makes, only the first counts as its
+    /// circles. In nested calls the factors `time` multiply, whereas the last ε replaces the others.
     pub fn at(&self, epsilon: P, time: P) -> Self
     where
         P: Real,
@@ -347,8 +347,8 @@ impl<P: Scalar> Composition<P> {
         out
     }
 
-    /// This member of a family of maps: [`Composition::at`] these values of its controls too, or at the middle of
-    /// their ranges where there are none.
+    /// The member of its family of maps at this ε and time, as [`Composition::at`], and at these values of its
+    /// controls, or at the middle of their ranges when `controls` is empty.
     ///
     /// # Errors
     /// Those of [`Composition::at_controls`].
@@ -374,7 +374,7 @@ impl<P: Scalar> Composition<P> {
         parameters
     }
 
-    /// What its parameters are polynomials of, if anything.
+    /// The controls of which its parameters are polynomials, if any.
     pub fn controls(&self) -> Option<&Controls> {
         self.controls.as_deref()
     }
@@ -402,7 +402,7 @@ impl<P: Scalar> Composition<P> {
         out
     }
 
-    /// The map at these values of its controls, as a map of none: its parameters are θ(λ).
+    /// The map at these values of its controls, as a map without controls: its parameters are θ(λ).
     ///
     /// # Errors
     /// When there is not one value for each control.
@@ -434,7 +434,7 @@ impl<P: Scalar> Composition<P> {
         &self.turns[first..first + count]
     }
 
-    /// The inverse map, as a composition of its own.
+    /// The inverse map, as a composition.
     pub fn inverted(&self) -> Self {
         let (steps, turns) = (Vec::new(), Vec::new());
         let mut out = Self { steps, turns, ..self.clone() };
@@ -442,7 +442,7 @@ impl<P: Scalar> Composition<P> {
         out
     }
 
-    /// Shows each step of the map, or of its inverse, to a visitor, in the order of
+    /// Passes each step of the map, or of its inverse, to a visitor, in the order of
     /// application.
     pub fn visit_steps<'a, T: Visitor<'a, P> + Copy>(
         &'a self,
@@ -458,8 +458,8 @@ impl<P: Scalar> Composition<P> {
         out
     }
 
-    /// How far the arguments of its polynomials are from 0, at most, of a map of z: more than 1
-    /// outside the box that they are made for; 0 of a map without polynomials.
+    /// The largest size of an argument of its polynomials when z is mapped: more than 1 outside
+    /// the box for which they are made, and 0 for a map without polynomials.
     pub(crate) fn reach(&self, z: &[f64]) -> f64
     where
         f64: Over<P>,
@@ -477,7 +477,7 @@ impl<P: Scalar> Composition<P> {
         reach
     }
 
-    /// The numbers of tanh (with its sech²) that one evaluation takes.
+    /// The number of evaluations of tanh (with its sech²) in one evaluation of the map.
     pub fn activation_count(&self) -> usize {
         self.visit_steps(Direction::Forward, Sizes).iter().map(|(_, count)| count).sum()
     }
@@ -553,9 +553,9 @@ impl<P: Scalar> Composition<P> {
     }
 
     /// Space for [`Composition::forward_recorded`] and
-    /// [`Composition::vjp`]: n + 2h numbers a kick, 3n + 2h a turned one, 5n + 2h a turned coupling, 2n a turn,
-    /// d + 2h a twist shear of d arguments, a turned one 4 more for each slow plane, and a twist 7 for each
-    /// fast plane.
+    /// [`Composition::vjp`]: n + 2h numbers for a kick, 3n + 2h for a turned one, 5n + 2h for a turned coupling,
+    /// 2n for a turn, d + 2h for a twist shear of d arguments (and 4 for each slow plane if it is turned), and 7
+    /// for each fast plane of a twist.
     pub fn recording<S: Over<P>>(&self) -> Recording<S> {
         self.recording_of(1)
     }
@@ -617,9 +617,9 @@ impl<P: Scalar> Composition<P> {
         self.forward_recorded_each(z, recording);
     }
 
-    /// The pullback at the recorded point: `z_bar` from the cotangent of P(z)
-    /// to the cotangent of z; the cotangent of the parameters is added to
-    /// `parameters_bar`. Costs about twice an evaluation.
+    /// The pullback at the recorded point: it turns `z_bar` from the cotangent of
+    /// P(z) into the cotangent of z, and adds the cotangent of the parameters to
+    /// `parameters_bar`. It costs about two evaluations.
     ///
     /// Source: Griewank and Walther, Evaluating Derivatives,
     /// <https://doi.org/10.1137/1.9780898717761>, chapter 3, the reverse mode.
@@ -635,8 +635,8 @@ impl<P: Scalar> Composition<P> {
 }
 
 impl<P: Real> Composition<P> {
-    /// A turn alone, its angles being the parameters: a circle or torus action, to be
-    /// put together with other maps by [`Composition::followed_by`].
+    /// A single turn, whose angles are the parameters: a circle or torus action, to be
+    /// composed with other maps by [`Composition::followed_by`].
     ///
     /// # Errors
     /// When there is not one angle for each circle.

@@ -1,4 +1,4 @@
-//! Controls: what the maps of a family depend on beside ε and the flow time.
+//! Controls: the parameters of a family of maps in addition to ε and the flow time.
 
 use crate::error::Error;
 use crate::scalar::Real;
@@ -17,18 +17,18 @@ pub struct ControlRange {
 }
 
 impl ControlRange {
-    /// The middle of the range, where the nominal network stands.
+    /// The middle of the range, the value of the nominal network.
     pub fn nominal(&self) -> f64 {
         0.5f64.mul_add(self.high - self.low, self.low)
     }
 
-    /// Whether a value is in the range, but for rounding.
+    /// Whether a value is in the range, up to rounding.
     pub fn contains(&self, value: f64) -> bool {
         let rounding = 8.0 * f64::EPSILON * (self.high - self.low);
         value >= self.low - rounding && value <= self.high + rounding
     }
 
-    /// What is to be said of a value outside of the range.
+    /// The warning about a value outside the range.
     pub fn outside(&self, value: f64) -> String {
         let Self { name, low, high } = self;
         format!("{name} = {value} is outside of what the model has learnt, from {low} to {high}")
@@ -41,12 +41,12 @@ impl ControlRange {
     }
 }
 
-/// The controls λ of a network, of which its parameters are polynomials:
+/// The controls λ of a network whose parameters are polynomials of them:
 ///
 /// θ(λ) = Σ_k θ_k u^k, u = (λ − middle)/half the range,
 ///
-/// over the products u^k of a total degree of at most d, the lowest first. At each λ it is a network of the same
-/// blocks, and obeys their laws; at given controls a step costs what it costs without any.
+/// over the products u^k of total degree at most d, the lowest first. At each λ it is a network of the same
+/// blocks and obeys their laws; at fixed controls a step costs as much as without controls.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Controls {
@@ -57,12 +57,12 @@ pub struct Controls {
 }
 
 impl Controls {
-    /// No more are taken.
+    /// The largest number of controls.
     pub const MOST: usize = 64;
     /// Names of what else a model is asked at.
     const TAKEN: [&str; 8] =
         ["epsilon", "flow_time", "points", "guess", "period", "start", "centre", "steps"];
-    /// No polynomial is of a higher degree.
+    /// The largest degree of the polynomials.
     pub const MOST_DEGREE: usize = 8;
     /// A network has so many times the parameters of one without controls, at most.
     const MOST_TERMS: usize = 1000;
@@ -102,7 +102,7 @@ impl Controls {
         Error::check_count_range("controls: terms", self.terms(), 1, Self::MOST_TERMS)
     }
 
-    /// How many products there are: binomial(controls + d, d), at most 2³².
+    /// The number of products: binomial(controls + d, d), at most 2³².
     pub fn terms(&self) -> usize {
         let mut terms: u64 = 1;
         for k in 1..=self.degree as u64 {
@@ -168,7 +168,7 @@ impl Controls {
         )
     }
 
-    /// Values of all of them as an option takes them: `a=0.25,b=3`, a fourth into each range.
+    /// Example values of all controls in the syntax of an option: `a=0.25,b=3`, a quarter into each range.
     pub fn example(&self) -> String {
         let value = |range: &ControlRange| {
             format!("{}={}", range.name, 0.25f64.mul_add(range.high - range.low, range.low))
@@ -181,7 +181,7 @@ impl Controls {
         self.ranges.iter().map(ControlRange::nominal).collect()
     }
 
-    /// The controls with these values, the others at the middle of their ranges.
+    /// The values of all controls: those given by name, and the middle of the range for the others.
     ///
     /// # Errors
     /// When there is no control of a name, or it has two values or one that is not finite.
@@ -208,7 +208,7 @@ impl Controls {
         Ok(both.map(|(value, nominal)| value.unwrap_or(nominal)).collect())
     }
 
-    /// The first control that a value is outside the range of, with the value.
+    /// The first control whose value is outside its range, with the value.
     pub fn first_outside(&self, values: &[f64]) -> Option<(&ControlRange, f64)> {
         let mut both = self.ranges.iter().zip(values.iter().copied());
         both.find(|(range, value)| !range.contains(*value))

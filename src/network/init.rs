@@ -11,14 +11,14 @@ use std::f64::consts::PI;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum InitialWeights {
-    /// Glorot's uniform law, ±√(6/(fan-in + fan-out)), for W and w; the bounds
-    /// of W for b and η too. Of SympNets, ±√(3/n) for all. Quadratic forms of twists are
-    /// normal, of about the size of their neurons' second derivatives. Of couplings, a tenth
-    /// of the law for A, B, a and β, so that a random ψ is not far from a rotation.
+    /// Glorot's uniform law, ±√(6/(fan-in + fan-out)), for W and w, with the bounds
+    /// of W for b and η too. In SympNets, all parameters are in ±√(3/n). Quadratic forms of twists
+    /// are normal, of about the size of their neurons' second derivatives. In couplings, A, B, a and
+    /// β have a tenth of the bound, so that a random ψ is not far from a rotation.
     ///
     /// With b = η = 0 the potential would be odd and the layer's generator
     /// −[V(y) + V(−y−η) + V(−x) + V(x−η)] zero: I_ε would differ from the
-    /// identity in second order only.
+    /// identity only at second order.
     Glorot,
     /// Normal with standard deviation `scale` for all of W, b, w and η, and for all
     /// parameters of SympNets; `scale`³√h for the quadratic forms of twists of h neurons.

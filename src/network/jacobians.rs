@@ -1,5 +1,5 @@
-//! The Jacobians of many points: by the chain rule over the steps, and by duals over
-//! lanes, which the first are tested against.
+//! The Jacobians at many points, by the chain rule over the steps, and by dual numbers
+//! over lanes, which serve to test the former.
 
 use super::Composition;
 use super::batch::{block_size, check_points, load};
@@ -57,9 +57,9 @@ impl Kernel for Jacobians<'_> {
 }
 
 /// `out` ← ∂P/∂z at each point over dual numbers: 2n × 2n numbers a point, row by
-/// row, the same bits as [`jacobian`](crate::measure::jacobian) gives. Nothing of a
-/// step is differentiated by hand, so that [`map_jacobians`], which it equals up to
-/// rounding, is tested by it.
+/// row, with the same bits as [`jacobian`](crate::measure::jacobian). No step is
+/// differentiated by hand, so that it is an independent test of [`map_jacobians`],
+/// which it equals up to rounding.
 ///
 /// Cost: n/2 evaluations, rounded up, each with four derivatives of all but tanh, which
 /// they share.
@@ -116,8 +116,8 @@ impl Kernel for ChainRule<'_> {
 /// `out` ← ∂P/∂z at each point, exact up to rounding: 2n × 2n numbers a point,
 /// row by row. It is the product of the Jacobians of the steps.
 ///
-/// Nothing is allocated for a point; the cost is that of an evaluation with its
-/// tanh, and 2n² products a step. A [`faer::MatRef`] of one is
+/// Nothing is allocated per point. The cost is that of an evaluation with its
+/// tanh, plus 2n² products a step. The Jacobian at point k as a [`faer::MatRef`] is
 /// `MatRef::from_row_major_slice(&out[k * d * d..(k + 1) * d * d], d, d)` with
 /// d = 2n.
 ///

@@ -1,23 +1,23 @@
-//! Networks: lists of blocks, and the maps that parameters make of them.
+//! Networks: lists of blocks, and the maps that they define together with parameters.
 //!
 //! An [`Architecture`] is data: degrees of freedom, circles, ε, flow time and a list of
-//! [`Block`]s, each a kind of layer with its widths and the [`Part`] that it plays. With its
-//! parameters it is a [`Model`]: a [`Composition`] of steps, which is what is evaluated, inverted,
+//! [`Block`]s, each a kind of layer with its widths and the [`Part`] of the map that it forms. Together
+//! with parameters it is a [`Model`]: a [`Composition`] of steps, which can be evaluated, inverted,
 //! differentiated and measured. [`HenonShape`], [`GyroceptronShape`], [`NormalFormShape`],
-//! [`CouplingGyroceptronShape`] and [`SympNetShape`] make the architectures that have a name.
+//! [`CouplingGyroceptronShape`] and [`SympNetShape`] make the named architectures.
 //!
 //! # Parameter layout
 //!
-//! The parameters are one flat vector: those of each block, in the order of the list, each its
+//! The parameters are one flat vector: those of each block, in the order of the list, each with its
 //! layers in the order of application, and an angle θ for each circle at the end.
-//! [`Architecture::tensors`] names them all. Of a network with [`Controls`] as many follow for
-//! each product of them. A Hénon layer of width h in n degrees of freedom owns h(n + 2) + n
-//! consecutive numbers: `W` (n × h, row by row), `b` (h), `w` (h), `η` (n). A turned kick is its n
-//! angles and `W`, `b`, `w`; a twist shear `W` (d × h, the rows of the actions first), `b`, `w`
-//! and, the first, third and so on, the rows of the upper triangle of `Q` (d × d). A coupling is
-//! its n angles and `W` (n × h), `b`, `A` (n × h), `a`, `B` (n × h), `β`. A linear module is its
-//! symmetric matrices, each by the rows of its upper triangle, and 2n numbers of its translation;
-//! an activation module has n.
+//! [`Architecture::tensors`] names them all. In a network with [`Controls`] the same number of
+//! parameters follows for each further product of the controls. A Hénon layer of width h in n
+//! degrees of freedom has h(n + 2) + n consecutive numbers: `W` (n × h, row by row), `b` (h), `w` (h),
+//! `η` (n). A turned kick has its n angles and `W`, `b`, `w`; a twist shear has `W` (d × h, the rows of
+//! the actions first), `b`, `w` and, if it is the first, third and so on, the rows of the upper triangle
+//! of `Q` (d × d). A coupling has its n angles and `W` (n × h), `b`, `A` (n × h), `a`, `B` (n × h), `β`.
+//! A linear module has its symmetric matrices, each by the rows of its upper triangle, and the 2n
+//! numbers of its translation; an activation module has n numbers.
 
 mod architecture;
 mod batch;

@@ -1,4 +1,4 @@
-//! A network: its architecture, and the map that its parameters make of it.
+//! A network: its architecture with parameters, and the map that they define.
 
 use super::architecture::{Architecture, Structure};
 use super::batch::{Course, Rollout, map_points, map_points_at_pace, rollout_at_pace};
@@ -16,14 +16,14 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-/// A function of a point that a network keeps or nearly keeps.
+/// A function on phase space that a network conserves exactly or approximately.
 pub type Invariant<'a> = Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>;
 
 /// A network: an [`Architecture`] and its parameters, in double precision unless another number
 /// type is named.
 ///
-/// It is the [`Composition`] of its steps, which is what is evaluated, inverted, differentiated
-/// and measured.
+/// It has a [`Composition`] of steps, which can be evaluated, inverted, differentiated and
+/// measured.
 #[derive(Clone, Debug)]
 pub struct Model<P = f64> {
     architecture: Architecture,
@@ -74,8 +74,8 @@ impl Model {
     }
 
     /// This network at another ε and at `time` times its flow time: the angles of its
-    /// circles and the factor h of its blocks grow with it. Networks without circles are
-    /// of no family, and stay what they are.
+    /// circles and the factor h of its blocks are multiplied by `time`. Networks without circles
+    /// belong to no family of maps and are returned unchanged.
     ///
     /// # Errors
     /// Those of [`Model::new`].
@@ -90,8 +90,8 @@ impl Model {
         Self::new(architecture, self.composition.parameters_at(time))
     }
 
-    /// This network with the weights of another one of its architecture, whose angles are taken
-    /// `time` times: those of a flow map of another time as a start for this one's.
+    /// This network with the weights of another one of the same architecture, whose angles are
+    /// multiplied by `time`: a flow map of another time thus serves as a start for training.
     ///
     /// # Errors
     /// When it has more or fewer parameters; those of [`Model::new`].
@@ -100,9 +100,9 @@ impl Model {
     }
 
     /// The trajectories from each of the points in `initial`, as [`rollout`](super::rollout) gives
-    /// them. A network in a chart, without I_ε, goes to its coordinates once, makes all steps there,
-    /// and comes back for each state that is kept: the actions of a normal form do not move by more
-    /// than the rounding of the steps between.
+    /// them. A network with a chart and without I_ε transforms to the chart once, makes all steps there,
+    /// and transforms back each state that is kept: the actions of a normal form then change only by
+    /// the rounding of the steps in between.
     ///
     /// # Errors
     /// Those of [`rollout`](super::rollout).
@@ -110,7 +110,7 @@ impl Model {
         self.rollout_at_pace(initial, request, &mut Pace::unbroken())
     }
 
-    /// [`Model::rollout`] in parts, which ask the pace whether to go on: the same bits.
+    /// [`Model::rollout`] in parts, between which the pace decides whether to go on: the same bits.
     ///
     /// # Errors
     /// Those of [`Model::rollout`]; [`Error::Stopped`].
@@ -124,7 +124,7 @@ impl Model {
     }
 
     /// [`Model::rollout_at_pace`] by the map or its inverse, with plain numbers or on a grid of the
-    /// network's coordinates, where the first state kept is the point of the grid next to the initial one.
+    /// network's coordinates; on a grid, the first state kept is the grid point nearest to the initial one.
     ///
     /// # Errors
     /// Those of [`Model::rollout`], or those of [`GridPoints::nearest`] and [`grid_rollout`];
@@ -167,9 +167,10 @@ impl Model {
         matches!(structure, Structure::NormalForm | Structure::NearlyIntegrable)
     }
 
-    /// The invariant of the network as a function of a point: the sum of 𝔍∘χ⁻¹ over its circles,
-    /// which is exact for one in normal form, and adiabatic for one that is nearly periodic and
-    /// symplectic, χ being ψ then. None of other networks.
+    /// The invariant of the network as a function of a point: the sum of 𝔍∘χ⁻¹ over its circles.
+    /// It is exact in normal form, exact at ε = 0 only in a nearly integrable network, and adiabatic, with
+    /// χ = ψ, in any other symplectic network that is nearly periodic.
+    /// None for a network without invariants ([`Model::invariants`]).
     pub fn invariant(&self) -> Option<Invariant<'_>> {
         let mut all = self.invariants();
         match all.len() {
@@ -218,7 +219,7 @@ impl<P: Real> Model<P> {
         Ok(Self { architecture: architecture.at_epsilon(epsilon.value()), composition })
     }
 
-    /// A part of the map, over all its parameters; the identity where it has none.
+    /// A part of the map, over all its parameters; the identity when there is no such part.
     pub fn part(&self, part: Part) -> Composition<P> {
         let composition = &self.composition;
         self.architecture.composition_of_part(part, composition.epsilon(), composition.parameters())
@@ -234,14 +235,14 @@ impl<P: Real> Model<P> {
         self.part(Part::NearIdentity)
     }
 
-    /// χ, from the coordinates of the normal form to those of the data, and K_ε∘Φ_θ∘T_ε, the
-    /// map in the former: N steps are χ∘(K_εΦ_θT_ε)^N∘χ⁻¹, but for I_ε.
+    /// The chart χ, from the coordinates of the normal form to those of the data, and the map
+    /// K_ε∘Φ_θ∘T_ε in the former: without I_ε, N steps are χ∘(K_εΦ_θT_ε)^N∘χ⁻¹.
     pub fn chart_and_inner_map(&self) -> [Composition<P>; 2] {
         let composition = &self.composition;
         self.architecture.chart_and_inner_map(composition.epsilon(), composition.parameters())
     }
 
-    /// The map in the coordinates w = χ⁻¹z, where the invariants 𝔍 cost nothing:
+    /// The map in the coordinates w = χ⁻¹z, in which the invariants are simply 𝔍:
     /// χ⁻¹∘I_ε∘χ∘K_ε∘Φ_θ∘T_ε.
     pub fn in_conjugated_coordinates(&self) -> Composition<P> {
         let [chart, mut out] = self.chart_and_inner_map();
@@ -254,7 +255,7 @@ impl<P: Real> Model<P> {
         out
     }
 
-    /// The conjugated circle action ψ∘Φ_θ∘ψ⁻¹ at another angle of all its circles.
+    /// The conjugated circle action ψ∘Φ_θ∘ψ⁻¹ with the angle `theta` for all circles.
     pub fn conjugated_circle_action(&self, theta: P) -> Composition<P> {
         let mut parameters = self.composition.parameters().to_vec();
         parameters[self.architecture.angles()].fill(theta);
@@ -311,8 +312,8 @@ impl<P: Scalar> Model<P> {
 }
 
 impl<P: Real> Model<P> {
-    /// The network at these values of its controls: one of none, whose parameters are θ(λ). Over
-    /// [duals](crate::scalar::Dual) it has the derivatives by λ.
+    /// The network at these values of its controls: one without controls, whose parameters are θ(λ).
+    /// Over [dual numbers](crate::scalar::Dual) it has the derivatives with respect to λ.
     ///
     /// # Errors
     /// When there is not one value for each control.
@@ -341,8 +342,8 @@ impl<P: Real> Model<P> {
 }
 
 impl Model {
-    /// With all coefficients of polynomials 0: they move nothing, and since a map depends on them
-    /// linearly where they are small, the first step of a fit from there is a linear one.
+    /// This network with all coefficients of polynomials 0: their layers are the identity, and since the
+    /// map depends linearly on small coefficients, the first step of a fit from there is a linear one.
     ///
     /// # Errors
     /// Those of [`Model::with_parameters`].
@@ -406,8 +407,8 @@ impl Model {
         Self::new(architecture, parameters)
     }
 
-    /// How far the arguments of its polynomials are from 0, at most, of a step from z: more than 1
-    /// outside their box; 0 of a network without polynomials.
+    /// The largest size of an argument of its polynomials in a step from z: more than 1 outside
+    /// their box, and 0 for a network without polynomials.
     pub fn reach(&self, z: &[f64]) -> f64 {
         self.composition.reach(z)
     }
@@ -415,8 +416,8 @@ impl Model {
     /// What rounding may add to the reach of a point on the border of its polynomials' box.
     pub(crate) const ROUNDING_OF_REACH: f64 = 1e-12;
 
-    /// Whether a step from z stays in the box of its polynomials, but for rounding: an action of 0 is at
-    /// its border.
+    /// Whether a step from z stays in the box of its polynomials, up to rounding, since an action of 0
+    /// is on the border.
     pub fn is_in_box(&self, z: &[f64]) -> bool {
         self.reach(z) <= 1.0 + Self::ROUNDING_OF_REACH
     }

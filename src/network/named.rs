@@ -1,11 +1,11 @@
-//! The architectures that have a name: what each is made from, and its list of blocks.
+//! The named architectures: the sizes from which each is made, and its list of blocks.
 
 use super::architecture::Architecture;
 use super::block::{Block, Layers, Modules, Part, Scale};
 use crate::layer::{Activation, CircleAction};
 use serde::{Deserialize, Serialize};
 
-/// What a HénonNet is made from:
+/// The shape of a HénonNet:
 ///
 /// ℋ = L\[V_N, η_N\] ∘ … ∘ L\[V₁, η₁\], a composition of Hénon layers; with
 /// ε ≠ 1 the near-identity network ℋ_ε, the identity at ε = 0.
@@ -40,13 +40,13 @@ impl HenonShape {
     }
 }
 
-/// What a symplectic gyroceptron is made from:
+/// The shape of a symplectic gyroceptron:
 ///
 /// P_ε = I_ε ∘ ψ ∘ Φ_θ ∘ ψ⁻¹, ψ a HénonNet and I_ε a near-identity HénonNet.
 ///
 /// For all weights it is symplectic, invertible in closed form, and nearly
 /// periodic: P₀ = ψ∘Φ_θ∘ψ⁻¹ is a circle action. Where θ is not resonant it
-/// owns an adiabatic invariant, μ₀ = 𝔍₀∘ψ⁻¹ to leading order.
+/// has an adiabatic invariant, μ₀ = 𝔍₀∘ψ⁻¹ to leading order.
 ///
 /// Source: definition of the symplectic gyroceptron in Duruisseaux, Burby and
 /// Tang, <https://doi.org/10.1038/s41598-023-34862-w>.
@@ -74,12 +74,12 @@ impl GyroceptronShape {
     }
 }
 
-/// What a gyroceptron of turned kicks is made from:
+/// The shape of a gyroceptron of turned kicks:
 ///
 /// P_ε = I_ε ∘ ψ ∘ Φ_θ ∘ ψ⁻¹, ψ a HénonNet and I_ε of [turned kicks](crate::layer::TurnedKick).
 ///
-/// It has what a symplectic gyroceptron has. Its I_ε comes near every near-identity map to first order
-/// in ε with weights of order one, where one of Hénon layers has generators A(q) + B(p) only.
+/// It has all properties of a symplectic gyroceptron. To first order in ε its I_ε approximates every
+/// near-identity map with weights of order one, whereas Hénon layers give only generators A(q) + B(p).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KickedGyroceptronShape {
@@ -104,14 +104,14 @@ impl KickedGyroceptronShape {
     }
 }
 
-/// What a gyroceptron of couplings is made from:
+/// The shape of a gyroceptron of couplings:
 ///
 /// P_ε = I_ε ∘ ψ ∘ Φ_θ ∘ ψ⁻¹, ψ and I_ε compositions of [affine
 /// couplings](crate::layer::AffineCoupling) in turned coordinates, those of I_ε scaled by εh.
 ///
 /// For all weights it is invertible in closed form and nearly periodic: P₀ = ψ∘Φ_θ∘ψ⁻¹ is a circle
 /// action, so that where θ is not resonant it has a formal circle symmetry to all orders in ε, its
-/// roto-rate. It is not symplectic, and there is no adiabatic invariant that this symmetry would give it:
+/// roto-rate. Since it is not symplectic, this symmetry yields no adiabatic invariant:
 /// 𝔍₀∘ψ⁻¹ may change by O(ε) with each step, as under friction.
 ///
 /// Source: gyroceptrons, before the symplectic ones, of Duruisseaux, Burby and Tang,
@@ -127,8 +127,8 @@ pub struct CouplingGyroceptronShape {
     pub psi: Vec<usize>,
     /// The widths of I_ε's couplings.
     pub near_identity: Vec<usize>,
-    /// h, the time of the flow map that it stands for: the couplings of I_ε are scaled by εh, which is
-    /// how far the slow motion gets, so that weights of order one do whatever ε is.
+    /// h, the time of the flow map that it approximates: the couplings of I_ε are scaled by εh, the size
+    /// of the slow motion in a step, so that weights of order one suffice for any ε.
     pub flow_time: f64,
 }
 
@@ -147,7 +147,7 @@ impl CouplingGyroceptronShape {
     }
 }
 
-/// What an LA-SympNet is made from:
+/// The shape of an LA-SympNet:
 ///
 /// ℒ_m ∘ 𝒩_{m−1} ∘ ℒ_{m−1} ∘ … ∘ 𝒩₁ ∘ ℒ₁ with
 /// [linear modules](crate::layer::LinearModule) ℒ, whose first shear changes p, and

@@ -75,18 +75,18 @@ use crate::error::Error;
 use crate::layer::TorusAction;
 use serde::{Deserialize, Serialize};
 
-/// What the normal-form gyroceptron and the nearly-integrable map are made from.
+/// The shape of the normal-form gyroceptron and of the nearly integrable map.
 ///
 /// P_ε = χ∘Φ_θ∘T_ε∘χ⁻¹, χ = ψ∘ψ_ε, with a HénonNet ψ, [turned kicks](crate::layer::TurnedKick)
 /// ψ_ε scaled by ε, and a [twist](crate::layer::Twist) T_ε scaled by εh.
 ///
-/// Or, with a perturbation, P = χ∘K_ε∘Φ_θ∘T∘χ⁻¹ with χ of order one, T scaled by h, and turned kicks
-/// K_ε: any map near an integrable one, whose surfaces turn at frequencies of their own, with the
+/// With a perturbation it is P = χ∘K_ε∘Φ_θ∘T∘χ⁻¹ with χ of order one, T scaled by h, and turned kicks
+/// K_ε: a map near an integrable one, whose frequencies vary between invariant surfaces, with the
 /// resonances and islands that ε opens. 𝔍∘χ⁻¹ is then an invariant at ε = 0.
 ///
-/// Without a perturbation it is a gyroceptron: near the identity times ψ∘Φ_θ∘ψ⁻¹. T_ε commutes with Φ, so that
-/// P commutes with the action conjugated by χ, and 𝔍∘χ⁻¹, the actions in the coordinates
-/// of the normal form, are invariants of P, exactly, for all weights and all time.
+/// Without a perturbation it is a gyroceptron: a near-identity map times ψ∘Φ_θ∘ψ⁻¹. T_ε commutes with Φ, so that
+/// P commutes with the action conjugated by χ. The actions 𝔍∘χ⁻¹ in the coordinates of the normal form are
+/// therefore exact invariants of P, for all weights and all time.
 ///
 /// With one fast plane, or a circle for each, nearly-periodic Hamiltonian flows are χ∘Φ_θ∘T_ε∘χ⁻¹ to all orders in ε
 /// (Kruskal, <https://doi.org/10.1063/1.1724285>) with some T_ε that commutes with Φ. That T_ε need not be a
@@ -99,7 +99,7 @@ use serde::{Deserialize, Serialize};
 pub struct NormalFormShape {
     /// Φ, a circle or torus action.
     pub action: TorusAction,
-    /// The widths of ψ's Hénon layers; none where the action is Φ itself to leading order.
+    /// The widths of ψ's Hénon layers; empty where the circle action is Φ itself to leading order.
     pub psi: Vec<usize>,
     /// The widths of the turned kicks of ψ_ε.
     pub kicks: Vec<usize>,
@@ -109,17 +109,17 @@ pub struct NormalFormShape {
     /// The widths of the [turned twists](crate::layer::TwistShears::turned) that T_ε has after its twist shears.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub turned_twists: Vec<usize>,
-    /// h, the flow time, a factor of T_ε beside ε: weights are of the same size at any.
+    /// h, the flow time, by which T_ε is scaled in addition to ε: weights have the same size at any h.
     pub flow_time: f64,
-    /// The widths of the turned kicks of K_ε, where the map is nearly integrable: χ and T are then
-    /// of order one, and ε scales K_ε alone. With none of them it is integrable.
+    /// The widths of the turned kicks of K_ε, if the map is nearly integrable: χ and T are then
+    /// of order one, and ε scales only K_ε. With an empty list the map is integrable.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub perturbation: Option<Vec<usize>>,
 }
 
 impl NormalFormShape {
     /// The network of this shape at ε: blocks `psi`, `kick`, `twist`, `turned_twist` and
-    /// `perturbation`. Of `twist` and `turned_twist` there is one alone where the other has no shears.
+    /// `perturbation`. A block `twist` or `turned_twist` without shears is left out if the other has some.
     pub fn architecture(&self, epsilon: f64) -> Architecture {
         let of_order_one = self.perturbation.is_some();
         let [chart, slow] = match of_order_one {
@@ -193,17 +193,17 @@ impl Model {
     }
 
     /// Pᵐ as one map of m times the flow time: χ∘Φ_{mθ}∘T_εᵐ∘χ⁻¹, with m times as many twist
-    /// shears, of functions G/m in place of G, the factor h being m times as large. Exact, but for the
+    /// shears, of functions G/m in place of G, since h is m times as large. It is exact up to the
     /// rounding of G/m and of the sum of the angles.
     ///
-    /// A splitting of m steps, in other words, whose stages can then be trained each by itself.
+    /// In other words, it is a splitting of m steps whose stages can then be trained independently.
     ///
-    /// Its step takes as long as m of the map, but for the charts between them.
+    /// One step takes as long as m steps of the original map without the charts between them.
     ///
     /// # Errors
-    /// When m is not 1 and the network is not in normal form, its slow map is not one block, or its
-    /// number of twist shears is odd: those of positions and of momenta come
-    /// by turns. When m is 0, the shears are too many, or the flow time is not finite.
+    /// When m is not 1 and the network has controls, is not in normal form, its slow map is not one
+    /// block, or its number of twist shears is odd: those of positions and of momenta come by turns.
+    /// When m is 0, the shears are too many, or the flow time is not finite.
     pub fn iterated(&self, m: usize) -> Result<Self, Error> {
         Error::check_count_range("repeats of a map", m, 1, MOST_REPEATS)?;
         if m == 1 {

@@ -12,8 +12,8 @@ use crate::scalar::{
 use std::marker::PhantomData;
 
 impl<P: Scalar> Composition<P> {
-    /// Whether it is an exact bijection of a grid: whether all of its steps are shears, exchanges and
-    /// changes of sign.
+    /// Fails unless the map is an exact bijection of a grid: all of its steps have to be shears,
+    /// exchanges and changes of sign.
     ///
     /// # Errors
     /// When it has a twist or a coupling, with the reason.
@@ -51,7 +51,7 @@ pub struct GridPoints {
 }
 
 impl GridPoints {
-    /// The points of the grid next to these coordinates: [`Grid::rounding`] away at most, by component.
+    /// The points of the grid nearest to these coordinates: each component differs by at most [`Grid::rounding`].
     ///
     /// # Errors
     /// Those of [`Grid::quantise`].
@@ -188,12 +188,12 @@ impl<G: Places> Kernel for GridTrajectories<'_, G> {
 }
 
 /// The trajectories of points on a grid under a map or its inverse, whose increments are rounded to the grid:
-/// an array (T, M, 2n) of coordinates with T = [`Rollout::kept`], the first entry being the points; they
-/// end where they are to go on.
+/// an array (T, M, 2n) of coordinates with T = [`Rollout::kept`], the first entry being the points. `points`
+/// is left at the final states.
 ///
-/// So many steps forward and so many back end at the same places, for all weights. Against the map of
-/// `f64` each increment errs by half the spacing of the grid at most. The same bits on any processor and
-/// any number of threads.
+/// N steps forward and N steps back return to the same places, for all weights. Compared with the map in
+/// `f64`, each increment differs by at most half the spacing of the grid. The bits are the same on any
+/// processor and any number of threads.
 ///
 /// # Errors
 /// Those of [`Composition::check_on_grid`]; when the points are not whole, `every` is 0, or the states do not

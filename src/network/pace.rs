@@ -37,24 +37,24 @@ impl<'a> Pace<'a> {
     /// A part that takes more is followed by a smaller one.
     const LONG: Duration = Duration::from_millis(160);
 
-    /// One part, to the end.
+    /// A pace without interruption: one part, to the end.
     pub fn unbroken() -> Self {
         Self { go_on: None, size: usize::MAX, start: Instant::now() }
     }
 
-    /// `go_on` is called between parts, and stops the computation by false.
+    /// A pace that calls `go_on` between parts, and stops the computation when it returns false.
     pub fn asking(go_on: &'a mut dyn FnMut() -> bool) -> Self {
         Self { go_on: Some(go_on), size: Self::FIRST, start: Instant::now() }
     }
 
-    /// How many things of so many evaluations each are to be computed before the next pause, at
+    /// The number of items, of `evaluations` evaluations each, to compute before the next pause; at
     /// least one.
     pub fn part(&self, evaluations: usize) -> usize {
         (self.size / evaluations.max(1)).max(1)
     }
 
-    /// Asks whether to go on, and sets the size of the next part by the time that the last one, of so
-    /// many evaluations, took; `what` names the computation in the error.
+    /// Asks whether to go on, and sets the size of the next part from the time that the last one, of
+    /// `evaluations` evaluations, took. `what` names the computation in the error.
     ///
     /// # Errors
     /// [`Error::Stopped`] when the answer is no.

@@ -1,4 +1,4 @@
-//! Networks as scenes, options and keywords declare them: by a name and sizes, or by blocks.
+//! Specifications of networks in scenes, options and keywords: by a name and sizes, or by blocks.
 
 use super::architecture::Architecture;
 use super::block::{Alternating, Block, MOST_LAYERS, Part, Scale};
@@ -11,21 +11,21 @@ use crate::layer::{Activation, CircleAction, Reversor, RidgeFunction, TorusActio
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// So many layers, all of the same width or of two by turns.
+/// A number of layers, all of the same width or of two widths that alternate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LayerSizes {
     /// The number of layers.
     pub count: usize,
-    /// The neurons of each: a number, or two by turns.
+    /// The number of neurons of each layer: one number, or two that alternate.
     pub width: Alternating,
-    /// The degree of polynomials, which the layers have so many of in place of neurons.
+    /// The degree of polynomials, if the layers have polynomials in place of neurons.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub degree: Option<usize>,
 }
 
 impl LayerSizes {
-    /// So many layers of the same width.
+    /// `count` layers of the same width.
     pub fn uniform(count: usize, width: usize) -> Self {
         Self { count, width: Alternating::Same(width), degree: None }
     }
@@ -35,7 +35,7 @@ impl LayerSizes {
         self.width.widths(self.count)
     }
 
-    /// `10x8`, or `20x2,10` for two widths by turns; `10x1^16` for polynomials of degree 16.
+    /// Parses `10x8`, or `20x2,10` for two alternating widths; `10x1^16` for polynomials of degree 16.
     ///
     /// # Errors
     /// [`Error::Invalid`] with the text.
@@ -82,7 +82,7 @@ pub enum Circles {
 
 /// An architecture that has a name.
 ///
-/// A new one is a constructor, its line in [`NamedArchitecture::ALL`], and a test.
+/// A new one takes a constructor, an entry in [`NamedArchitecture::ALL`], and a test.
 #[derive(Debug)]
 pub struct NamedArchitecture {
     /// Its name in files, options and keywords.
@@ -91,8 +91,8 @@ pub struct NamedArchitecture {
     pub aliases: &'static [&'static str],
     /// What it is, in a line.
     pub summary: &'static str,
-    /// The sizes that it is made from, with their defaults; those without one are left out unless
-    /// they are given.
+    /// The keys of its sizes, with their defaults; parts without a default are left out unless
+    /// their size is given.
     pub sizes: &'static [(&'static str, Option<(usize, usize)>)],
     /// Its circles.
     pub circles: Circles,
@@ -243,10 +243,10 @@ impl NamedArchitecture {
     }
 }
 
-/// A network as scene files, options of the program and keywords of Python declare it: a
+/// The specification of a network in scene files, options of the program and keywords of Python: a
 /// [named architecture](NamedArchitecture) with the sizes of its parts, or a list of blocks, or the
-/// file of a trained model. Its degrees of freedom, circles, ε and flow time are those of what it
-/// stands for.
+/// file of a trained model. Its degrees of freedom, circles, ε and flow time are those of the system
+/// or map that it approximates.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NetworkSpec {
@@ -264,18 +264,18 @@ pub struct NetworkSpec {
     /// The turned kicks of ψ_ε.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kicks: Option<LayerSizes>,
-    /// The twist shears of T_ε: the width of two by turns is first that of the shears which change
-    /// the positions, and have a quadratic form beside them.
+    /// The twist shears of T_ε. Of two alternating widths, the first is that of the shears that change
+    /// the positions, which also have a quadratic form.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub twists: Option<LayerSizes>,
-    /// The turned twists of T_ε; with these alone given, it has no others.
+    /// The turned twists of T_ε. If only these are given, T_ε has no other twists.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turned_twists: Option<LayerSizes>,
-    /// The turned kicks of K_ε, of a map that is nearly integrable; of 0 layers, an integrable one.
+    /// The turned kicks of K_ε, which make the map nearly integrable, or integrable with 0 layers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub perturbation: Option<LayerSizes>,
-    /// ρ, of the box of polynomials in units of the network: coordinates are from −ρ to ρ. That of
-    /// the pairs, unless given.
+    /// ρ of the box of polynomials in units of the network: coordinates are from −ρ to ρ. The default
+    /// is the box of the pairs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<f64>,
     /// The Hénon layers of a HénonNet; the linear modules of a SympNet and their shears.
@@ -296,10 +296,10 @@ pub struct NetworkSpec {
     /// S of a map that is reversible for all weights.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reversor: Option<Reversor>,
-    /// Φ; the system's, unless given.
+    /// Φ; by default that of the system.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub circle_action: Option<CircleAction>,
-    /// Φ of several circles; the system's only one, unless given.
+    /// Φ with several circles; by default the one circle of the system.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub action: Option<TorusAction>,
     /// The blocks, of kind `blocks`.
@@ -354,7 +354,7 @@ impl NetworkSpec {
         self.kind == Self::FILE
     }
 
-    /// The keys of sizes that any architecture has.
+    /// The keys of sizes of all architectures.
     pub const SIZES: [&str; 7] =
         ["psi", "near_identity", "kicks", "twists", "turned_twists", "perturbation", "layers"];
 
@@ -379,7 +379,7 @@ impl NetworkSpec {
         }
     }
 
-    /// With a size of one of its parts.
+    /// The specification with a size of one of its parts.
     ///
     /// # Errors
     /// [`Error::Invalid`] when its architecture has no such part.
@@ -401,7 +401,7 @@ impl NetworkSpec {
         Ok(self)
     }
 
-    /// With this box of its polynomials.
+    /// The specification with this box for its polynomials.
     ///
     /// # Errors
     /// [`Error::Invalid`] when it has none, or the box has no extent.
@@ -411,7 +411,7 @@ impl NetworkSpec {
         Ok(self)
     }
 
-    /// With this reversor.
+    /// The specification with this reversor.
     ///
     /// # Errors
     /// [`Error::Invalid`] when it is of a file.
@@ -421,7 +421,7 @@ impl NetworkSpec {
         Ok(self)
     }
 
-    /// The size of a part: what is given, or the default.
+    /// The size of a part: the given one, or the default.
     pub fn size(&self, key: &str) -> Option<LayerSizes> {
         self.given(key).or_else(|| {
             if key == "twists" && self.turned_twists.is_some() {
@@ -462,7 +462,7 @@ impl NetworkSpec {
             // Of a perturbation there may be none.
             let least = if key == "perturbation" { 0 } else { least };
             Error::check_count_range(&format!("{key}: layers"), size.count, least, MOST_LAYERS)?;
-            // A twist of the momenta may be its quadratic form alone.
+            // A twist shear that changes positions may have its quadratic form alone.
             let may_be_empty = |layer: usize| key == "twists" && layer.is_multiple_of(2);
             let mut widths = size.widths().into_iter().enumerate();
             if widths.any(|(layer, width)| width == 0 && !may_be_empty(layer)) {
@@ -505,7 +505,7 @@ impl NetworkSpec {
         Ok(())
     }
 
-    /// Which circles its network is built on; of blocks, those that they need.
+    /// The circles on which its network is built; for a list of blocks, those that the blocks need.
     pub fn circles(&self) -> Circles {
         match NamedArchitecture::find(&self.kind) {
             Ok(named) => named.circles,
@@ -585,7 +585,7 @@ impl NetworkSpec {
 }
 
 impl Architecture {
-    /// The name of the named architecture whose blocks these are, but for their widths.
+    /// The name of the named architecture with the same blocks up to their widths, if any.
     pub fn name(&self) -> Option<&'static str> {
         let action = self.action().unwrap_or_else(|| TorusAction::of_planes(self.dof.max(1)));
         let is_it = |named: &&NamedArchitecture| {

@@ -14,17 +14,17 @@ use std::sync::Arc;
 pub struct Step {
     /// What it is.
     pub kind: Kind,
-    /// Where its parameters are. Several steps may have the same ones.
+    /// The range of its parameters. Several steps may share them.
     pub parameters: Range<usize>,
-    /// The inverse of the step.
+    /// Whether the inverse of the step is applied.
     pub inverse: bool,
-    /// Scaled by the composition's ε; else by 1.
+    /// Whether the step is scaled by the composition's ε, or else by 1.
     pub near_identity: bool,
-    /// A factor beside ε: the flow time, where it scales the step.
+    /// A further factor: the flow time, where it scales the step.
     pub time: Option<f64>,
 }
 
-/// The kinds of step. A new one is an [`ElementaryMap`] in a file of `layer/`, a variant
+/// The kinds of step. A new kind takes an [`ElementaryMap`] in a file of `layer/`, a variant
 /// here and an arm of `Composition::bind`.
 #[derive(Clone, Debug)]
 pub enum Kind {
@@ -58,8 +58,8 @@ pub enum Kind {
     Twist {
         /// Its shears.
         shears: Arc<TwistShears>,
-        /// Which of the composition's prepared turns is that of the first of the shears, where they
-        /// are turned; those of the others come after it.
+        /// If the shears are turned, the index of the composition's prepared turn for the first
+        /// shear; those of the others follow.
         prepared: Option<usize>,
     },
     /// A linear module of a SympNet.
@@ -76,7 +76,7 @@ pub enum Kind {
         /// The half that it changes.
         target: Half,
     },
-    /// The reflection of a reversible map; not symplectic alone, and there twice.
+    /// The reflection of a reversible map. It is not symplectic by itself, and occurs twice.
     Reflection(Reversor),
 }
 
@@ -118,16 +118,16 @@ impl Kind {
     }
 }
 
-/// What is done with a step once it is bound.
+/// An operation on a step after it is bound to its parameters.
 ///
-/// Kinds that a visitor has a way of its parameters with come through a method of their
-/// parameters, which is [`Visitor::visit`] for all others.
+/// Kinds of step that a visitor may treat specially have a separate method, which defaults to
+/// [`Visitor::visit`].
 pub trait Visitor<'a, P: Scalar>: Sized {
-    /// What comes of it.
+    /// The result of a visit.
     type Output;
 
-    /// Whether kicks of 1, 2 and 3 degrees of freedom are compiled apart from those
-    /// of any number: more to build, and faster.
+    /// Whether kicks in 1, 2 and 3 degrees of freedom are compiled separately from those
+    /// in any number: they are faster, and take longer to build.
     const SPECIALISED: bool = false;
 
     /// Takes any step.

@@ -78,7 +78,7 @@ pub enum Direction {
 }
 
 impl Direction {
-    /// The other one.
+    /// The other direction.
     pub fn reversed(self) -> Self {
         match self {
             Self::Forward => Self::Inverse,
@@ -87,10 +87,10 @@ impl Direction {
     }
 }
 
-/// A map of phase space to itself, as a rule one that is invertible in closed form.
+/// A map of phase space to itself, usually invertible in closed form.
 ///
-/// `S` is the number it is evaluated on; a map that needs no elementary
-/// function implements it for every [`Scalar`](crate::scalar::Scalar).
+/// `S` is the type of number that it is evaluated on; a map that needs no elementary function
+/// implements the trait for every [`Scalar`](crate::scalar::Scalar).
 pub trait Map<S> {
     /// The number of degrees of freedom n; points have 2n components.
     fn dof(&self) -> usize;
@@ -101,7 +101,7 @@ pub trait Map<S> {
     /// z ← P⁻¹(z). `z` holds 2n numbers.
     ///
     /// # Panics
-    /// In a map that has none, where [`Map::has_inverse`] has to say so.
+    /// If the map has no inverse, in which case [`Map::has_inverse`] has to return false.
     fn inverse(&self, z: &mut [S]) {
         let _ = z;
         panic!(
@@ -110,8 +110,8 @@ pub trait Map<S> {
         );
     }
 
-    /// Whether there is an inverse: laws that need it are left out, and said to be,
-    /// where there is none.
+    /// Whether the map has an inverse. Laws that need one are skipped, and reported as skipped, for
+    /// maps that have none.
     fn has_inverse(&self) -> bool {
         true
     }

@@ -6,14 +6,15 @@ use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
 use serde::{Deserialize, Serialize};
 
-/// A chart of a plane (x, y) with the area form ρ dx∧dy over a box: q = y and p = ∫ρ dx′ from the middle of the box
-/// to x, over a scale, so that dp∧dq = ρ dx∧dy/scale.
+/// A canonical chart of a plane (x, y) with the area form ρ dx∧dy over a box.
 ///
-/// ρ is a sum Σ c_jk T_j(x) T_k(y) of Chebyshev polynomials over the box, so that p is one too, exactly the integral
-/// of that ρ; x at (q, p) is found by Newton's method, within bounds that bisection tightens.
+/// Its coordinates are q = y and p = ∫ρ dx′/scale from the middle of the box to x, so that dp∧dq = ρ dx∧dy/scale.
 ///
-/// A map that keeps ρ dx∧dy is symplectic in (q, p): the field lines of a magnetic field B go through a half-plane
-/// φ = constant of cylindrical coordinates so, with x = R, y = Z and ρ = B_φ.
+/// ρ is a sum Σ c_jk T_j(x) T_k(y) of Chebyshev polynomials over the box, and p is the exact integral of this sum.
+/// Newton's method, safeguarded by bisection, finds x at (q, p).
+///
+/// A map that preserves ρ dx∧dy is symplectic in (q, p). An example is the return map of the field lines of a
+/// magnetic field B to a half-plane φ = constant of cylindrical coordinates, with x = R, y = Z and ρ = B_φ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AreaDensity {
@@ -22,16 +23,16 @@ pub struct AreaDensity {
     scale: f64,
     /// The highest degrees in x and in y.
     degrees: [usize; 2],
-    /// c_jk, those of one k after those of the one before.
+    /// c_jk, with j varying fastest.
     coefficients: Vec<f64>,
     /// ∂c_jk/∂λ of each control that the density depends on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     changes: Vec<Vec<f64>>,
-    /// The largest difference of this ρ from the one that was given, where they were compared, over the largest |ρ|.
+    /// The largest difference of this ρ from the given one, where they were compared, over the largest |ρ|.
     error: f64,
 }
 
-/// What a unit of a control adds to a density, and the furthest that it is changed by.
+/// The change of a density per unit of a control, and the largest offset of that control.
 pub type Change<'a> = (&'a dyn Fn(f64, f64) -> f64, f64);
 
 /// The highest degree along an axis.
@@ -40,14 +41,14 @@ const MOST_DEGREE: usize = 96;
 const DEGREES: [usize; 7] = [6, 12, 18, 24, 36, 48, MOST_DEGREE];
 /// An error over the largest density below which no higher degree is tried: what rounding leaves of sums of products.
 const AS_GOOD: f64 = 2e-14;
-/// So many higher degrees are tried after the best so far.
+/// How many higher degrees are tried after the best so far.
 const PATIENCE: usize = 6;
 /// Newton steps for x, bisections among them.
 pub(crate) const STEPS: usize = 80;
 
 impl AreaDensity {
-    /// The chart for a density that is given as a function, of the lowest degrees that err by rounding, or as little as
-    /// the highest do.
+    /// The chart for a density that is given as a function. Among the degrees that are tried it has the first with an
+    /// error at the level of rounding, or else the one with the smallest error.
     ///
     /// # Errors
     /// [`Error::Invalid`] when the box has no extent, the scale is not positive, or ρ is not positive and finite
@@ -128,7 +129,7 @@ impl AreaDensity {
                 error = max_or_nan(error, (out.density(x, y) - given).abs());
             }
         }
-        // Of a change that is none anywhere, the series is none too.
+        // The series of a change that is 0 everywhere is 0 too.
         out.error = if size == 0.0 { error } else { error / size };
         match out.error.is_finite() {
             true => Ok(out),
@@ -136,12 +137,12 @@ impl AreaDensity {
         }
     }
 
-    /// The chart for densities on a grid, by least squares, of the degree at which a fit to every other
-    /// node is nearest to the others. `values` are those at the first y, x by x, then at the next.
+    /// The chart for densities on a grid, by least squares. Its degree is the one at which a fit to every other node
+    /// has the smallest error on all nodes. `values` has x varying fastest.
     ///
     /// # Errors
-    /// When coordinates do not grow, there are fewer than eight along an axis or not one value for each pair of them,
-    /// the scale is not positive, or ρ is not positive and finite somewhere, with the place.
+    /// When coordinates do not increase, there are fewer than eight along an axis or not one value for each pair of
+    /// them, the scale is not positive, or ρ is not positive and finite somewhere, with the place.
     pub fn of_grid(x: &[f64], y: &[f64], values: &[f64], scale: f64) -> Result<Self, Error> {
         for (name, axis) in [("section: x", x), ("section: y", y)] {
             Error::check_count_range(&format!("{name}: numbers"), axis.len(), 8, 1 << 10)?;
@@ -205,7 +206,7 @@ impl AreaDensity {
         Ok(out)
     }
 
-    /// Fails unless it is sound: for what a file holds.
+    /// Fails unless the chart is valid; for charts that are read from files.
     ///
     /// # Errors
     /// Those of [`AreaDensity::of_function`], and [`Error::WrongCount`] of coefficients.
@@ -224,9 +225,10 @@ impl AreaDensity {
         self.check_positive()
     }
 
-    /// With a density that is linear in controls, this one and each of these times how far a control is from the value
-    /// that this one stands for: as is B_φ in the currents of coils. They are interpolated at the degrees of this one;
-    /// their errors count at the furthest value, beside each.
+    /// The same chart with a density that is linear in controls, as B_φ is in the currents of coils: each change is
+    /// multiplied by the offset of its control from the value that this density is for, and added. The changes are
+    /// interpolated at the degrees of this density; their errors count at the largest offset, which stands beside
+    /// each.
     ///
     /// # Errors
     /// [`Error::Invalid`] where one is not finite, with the place.
@@ -243,11 +245,12 @@ impl AreaDensity {
         Ok(self)
     }
 
-    /// The chart where the controls are so far from the values that it stands for; as it is where its density depends
-    /// on none.
+    /// The chart at these offsets of the controls from the values that it is for; unchanged where its density depends
+    /// on no controls.
     ///
     /// # Errors
-    /// When there is not one number for each control. Whether ρ is positive there [`AreaDensity::check`] says.
+    /// When there is not one number for each control. That ρ is positive there is checked by [`AreaDensity::check`]
+    /// only.
     pub fn at(&self, offsets: &[f64]) -> Result<Self, Error> {
         if self.changes.is_empty() {
             return Ok(self.clone());
@@ -262,7 +265,8 @@ impl AreaDensity {
         Ok(out)
     }
 
-    /// ∂p/∂λ at (x, y) of the control of this number; 0 of a density that depends on none.
+    /// ∂p/∂λ at (x, y) for the control with this number, from 0; 0 for a density that does not
+    /// depend on it.
     pub fn by_control(&self, number: usize, [x, y]: [f64; 2]) -> f64 {
         let Some(change) = self.changes.get(number) else { return 0.0 };
         let coefficients = change.clone();
@@ -297,13 +301,13 @@ impl AreaDensity {
         self.high
     }
 
-    /// What ∫ρ dx is divided by.
+    /// The scale, by which ∫ρ dx is divided.
     pub fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// The largest difference from the density that was given, over the largest of it: on a grid between the
-    /// nodes of an interpolation, or at nodes that a fit has not seen.
+    /// The largest difference from the given density, over its largest value: on a grid between the nodes of an
+    /// interpolation, or at nodes that include those left out of a fit.
     pub fn error(&self) -> f64 {
         self.error
     }
@@ -313,7 +317,7 @@ impl AreaDensity {
         self.degrees
     }
 
-    /// c_jk of T_j(x) T_k(y) over the box, those of one k after those of the one before.
+    /// The coefficients c_jk of T_j(x) T_k(y) over the box, with j varying fastest.
     pub fn coefficients(&self) -> &[f64] {
         &self.coefficients
     }
@@ -349,7 +353,7 @@ impl AreaDensity {
         (values, slopes)
     }
 
-    /// ρ(x, y), of the series.
+    /// ρ(x, y), from the series.
     pub fn density(&self, x: f64, y: f64) -> f64 {
         chebyshev(&self.along_x(y).0, self.unit(0, x))
     }
@@ -376,7 +380,7 @@ impl AreaDensity {
         [y, chebyshev(&integral, self.unit(0, x))]
     }
 
-    /// (x, y) at (q, p): NaN where there is none in the box. A point on its border is there but for rounding.
+    /// (x, y) at (q, p): NaN where there is none in the box. Points on its border are accepted up to rounding.
     pub fn to_data(&self, [q, p]: [f64; 2]) -> [f64; 2] {
         let y = q;
         if !(y >= self.low[1] && y <= self.high[1]) {
@@ -473,8 +477,10 @@ fn grid_coefficients(
     (0..count).flat_map(|k| (0..count).map(move |j| (k, j))).map(|at| both[at]).collect()
 }
 
-/// The charts of the planes of data, one for each degree of freedom, of those whose columns are not canonical: columns
-/// x₁ … xₙ, y₁ … yₙ with the form Σ ρ_j dx_j∧dy_j, up to the scale of each, which has to be one for all.
+/// Charts for the planes of data whose columns are not canonical, one for each degree of freedom.
+///
+/// The columns are x₁ … xₙ, y₁ … yₙ with the form Σ ρ_j dx_j∧dy_j, up to a scale, which has to be the same for all
+/// planes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Section {
@@ -486,20 +492,20 @@ impl Section {
     /// The section of these charts.
     ///
     /// # Errors
-    /// When there is no chart, one is not sound, or scales differ, that of a plane without a chart being 1: Ω would
-    /// not be the canonical form.
+    /// When there is no chart, one is not valid, or the scales differ, where a plane without a chart has scale 1: Ω
+    /// would then not be the canonical form.
     pub fn new(planes: Vec<Option<AreaDensity>>) -> Result<Self, Error> {
         let out = Self { planes };
         out.check(out.planes.len())?;
         Ok(out)
     }
 
-    /// That of one plane.
+    /// The section of one plane with this chart.
     pub fn of_plane(density: AreaDensity) -> Self {
         Self { planes: vec![Some(density)] }
     }
 
-    /// Fails as [`Section::new`], or when it is of other degrees of freedom.
+    /// Fails like [`Section::new`], or if the degrees of freedom are not `dof`.
     ///
     /// # Errors
     /// Those of [`Section::new`].
@@ -539,7 +545,7 @@ impl Section {
         )
     }
 
-    /// The charts where the controls are so far from the values that they stand for.
+    /// The charts at these offsets of the controls from the values that they are for.
     ///
     /// # Errors
     /// Those of [`AreaDensity::at`].
@@ -564,13 +570,14 @@ impl Section {
         self.planes.iter().flatten().map(AreaDensity::error).fold(0.0, max_or_nan)
     }
 
-    /// Points in rows of 2n numbers, from data to canonical coordinates: NaN in a plane whose box a point is outside
-    /// of.
+    /// Converts points in rows of 2n numbers from data to canonical coordinates: NaN in a plane where a point is
+    /// outside its box.
     pub fn to_canonical(&self, points: &mut [f64]) {
         self.each(points, AreaDensity::to_canonical);
     }
 
-    /// And back.
+    /// Converts points in rows of 2n numbers from canonical coordinates to data: NaN in a plane
+    /// where a point is outside its box.
     pub fn to_data(&self, points: &mut [f64]) {
         self.each(points, AreaDensity::to_data);
     }
@@ -585,7 +592,7 @@ impl Section {
         }
     }
 
-    /// Fails at the first point of some data that is outside of the box of a plane.
+    /// Fails at the first of these points of data that is outside the box of a plane.
     ///
     /// # Errors
     /// With the row and the point.
@@ -606,8 +613,7 @@ impl Section {
         Ok(())
     }
 
-    /// What a change of the control of this number does to (q, p) of a point of data that stays where it is: 2n
-    /// numbers.
+    /// The derivative of (q, p) by the control with this number, from 0, at a fixed point of data: 2n numbers.
     pub fn by_control(&self, number: usize, point: &[f64]) -> Vec<f64> {
         let dof = self.dof();
         let mut out = vec![0.0; 2 * dof];
@@ -618,7 +624,7 @@ impl Section {
         out
     }
 
-    /// A direction of 2n numbers at a point of data, from canonical coordinates to those of the data.
+    /// Converts a tangent vector of 2n numbers, at a point of data, from canonical coordinates to those of the data.
     pub fn direction_to_data(&self, direction: &mut [f64], at: &[f64]) {
         let dof = self.dof();
         for (j, plane) in self.planes.iter().enumerate() {
@@ -630,8 +636,8 @@ impl Section {
         }
     }
 
-    /// The Jacobian of a map between data from that between canonical coordinates, 2n × 2n numbers row by row, at a
-    /// point and its image, both of data.
+    /// Converts the Jacobian of a map, 2n × 2n numbers row by row, from canonical coordinates to those of the data;
+    /// `from` and `to` are a point and its image, both in the data.
     pub fn jacobian_of_data(&self, jacobian: &mut [f64], from: &[f64], to: &[f64]) {
         let dof = self.dof();
         let dim = 2 * dof;

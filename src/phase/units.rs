@@ -5,9 +5,10 @@ use crate::error::Error;
 use crate::scalar::{Scalar, constant};
 use serde::{Deserialize, Serialize};
 
-/// z = c + S w, of data z and the coordinates w of a network: S is diagonal, and its factors
-/// of a plane's q and p have the same product s in all planes. So SᵀΩS = sΩ, and
-/// S∘P∘S⁻¹ is symplectic where P is.
+/// Units z = c + S w of data z, where w are the coordinates of a network.
+///
+/// S is diagonal, and the factors of q and p have the same product s in all planes. So SᵀΩS = sΩ,
+/// and S∘P∘S⁻¹ is symplectic where P is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Units {
@@ -16,7 +17,7 @@ pub struct Units {
 }
 
 impl Units {
-    /// Products of factors may differ by so much: what their rounding leaves.
+    /// The relative difference of products of factors that rounding may cause.
     const PRODUCTS: f64 = 4.0 * f64::EPSILON;
 
     /// The units with this centre c and these factors, the diagonal of S: 2n numbers each.
@@ -48,7 +49,8 @@ impl Units {
         )
     }
 
-    /// Fails as [`Units::new`], naming it so, or when it is of other degrees of freedom.
+    /// Fails like [`Units::new`], with `name` in the error, or if the degrees of freedom are not
+    /// `dof`.
     ///
     /// # Errors
     /// Those of [`Units::new`].
@@ -81,7 +83,7 @@ impl Units {
         self.centre.len() / 2
     }
 
-    /// The centre c of the units in those of the data, 2n numbers.
+    /// The centre c, in units of the data: 2n numbers.
     pub fn centre(&self) -> &[f64] {
         &self.centre
     }
@@ -100,7 +102,8 @@ impl Units {
         self
     }
 
-    /// s: an area dq∧dp of the data over that of the network, and the unit of actions.
+    /// The factor s: an area dq∧dp of the data over that of the network, which is also the unit of
+    /// actions.
     pub fn area(&self) -> f64 {
         self.factors[0] * self.factors[self.dof()]
     }
@@ -126,9 +129,9 @@ impl Units {
 
 /// A map in the coordinates of the data: S∘P∘S⁻¹.
 pub struct InUnits<'a, M> {
-    /// P, in coordinates of its own.
+    /// P, in the coordinates of the network.
     pub map: M,
-    /// Those of the data in them.
+    /// The units that relate the data to these coordinates.
     pub units: &'a Units,
 }
 

@@ -11,16 +11,17 @@ use pyo3::prelude::*;
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 
-/// Field lines of coils around the magnetic axis, and the map of a section phi = constant by them. Points are (..., 2),
-/// R and Z in metres.
+/// Field lines of coils around the magnetic axis, and the map of a section phi = constant along them. Points are
+/// (..., 2), R and Z in metres.
 ///
-/// `coils` is a text file with a line for each Fourier mode, in it sine and cosine of x, of y and of z of one coil after
-/// another, in metres, or an .npz with points (C, N, 3), N points of each of C coils; `currents` those of the coils, in
-/// amperes; `field_periods` how often the machine repeats, and
-/// `stellarator_symmetric` whether half a turn about the x axis is a symmetry too. Without a file it is a torsatron of ten
-/// periods. `section` is where the section is, in field periods, `periods` how many a map leads over, `reach` how far
-/// from the axis lines begin at most, in metres, `axis` a guess of it, and `error` what a map may err by, in metres.
-/// Raises Error when a file or a number is unsound, and where there is no axis or a line is lost.
+/// `coils` is a file of coils: text with a line for each Fourier mode, which holds the coefficients of sine and cosine
+/// of x, of y and of z of one coil after another, in metres, or an .npz with points (C, N, 3), N points on each of C
+/// coils. `currents` are the currents of these coils, in amperes, `field_periods` is the number of field periods of the
+/// machine, and `stellarator_symmetric` says whether half a turn about the x axis is a symmetry too. Without a file the
+/// machine is a torsatron of ten periods. `section` is the place of the section, in field periods, `periods` the number
+/// of field periods in a map, `reach` the largest distance from the axis at which lines begin, in metres, `axis` a
+/// guess of the axis, and `error` the largest error of a map, in metres. Raises Error when a file or a number is
+/// unsound, and where there is no axis or a line is lost.
 #[pyclass(frozen, module = "gyroceptron", name = "FieldLines")]
 pub(super) struct FieldLines {
     section: LineSection,
@@ -81,19 +82,19 @@ impl FieldLines {
         self.section.axis()
     }
 
-    /// What a map errs by, in metres.
+    /// The error of a map, in metres.
     #[getter]
     fn error(&self) -> f64 {
         self.section.error()
     }
 
-    /// Turns about the axis in a map of a line beside it, from R towards Z; NaN where lines leave the axis.
+    /// Turns about the axis per map of a line close to it, from R towards Z; NaN where lines leave the axis.
     #[getter]
     fn turns(&self) -> f64 {
         self.section.turns()
     }
 
-    /// Where lines begin, (lines, 2): outwards from the axis to the reach, with equal areas between them.
+    /// The points where lines begin, (lines, 2): from the axis outwards to the reach, with equal areas between them.
     fn starts<'py>(&self, py: Python<'py>, lines: usize) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         Error::check_count_range("lines", lines, 1, 1 << 24)?;
         array(py, self.section.starts(lines), vec![lines, 2])
@@ -125,7 +126,7 @@ impl FieldLines {
         array(py, states, points.shape(&[maps + 1], &[2]))
     }
 
-    /// The derivatives of a map at `points`, (..., 2), by dual numbers: (..., 2, 2).
+    /// The Jacobians of a map at `points`, (..., 2), by dual numbers: (..., 2, 2).
     fn jacobian<'py>(
         &self,
         py: Python<'py>,
@@ -140,9 +141,8 @@ impl FieldLines {
         array(py, values, points.shape(&[], &[2, 2]))
     }
 
-    /// Writes B_phi, over that on the axis, on a grid of a box a little wider than that of `points`, (..., 2): a file
-    /// that
-    /// `train` takes as its `section`. An existing file is kept unless `overwrite`.
+    /// Writes B_phi, divided by its value on the axis, on a grid of a box a little wider than that of `points`,
+    /// (..., 2): a file that `train` takes as its `section`. An existing file is kept unless `overwrite`.
     #[pyo3(signature = (path, points, overwrite=false))]
     fn write_section(&self, path: PathBuf, points: Rows<'_>, overwrite: bool) -> PyResult<()> {
         /// Nodes of the grid along each axis: with them the density is known to some 1e-12.

@@ -96,8 +96,7 @@ fn by_parts<T: Send>(
     })
 }
 
-/// The measured structure of a model: of each law the largest ratio of an error to its rounding
-/// bound.
+/// The measured structure of a model: for each law the largest ratio of an error to its rounding bound.
 #[pyclass(frozen, module = "gyroceptron", name = "Certificate")]
 struct PyCertificate {
     inner: crate::measure::certificate::Certificate,
@@ -127,8 +126,7 @@ impl PyCertificate {
         py.import("json")?.call_method1("loads", (text,))
     }
 
-    /// What the program notes beside the laws: that the own invariant of the network changes much, or
-    /// drifts.
+    /// Notes beside the laws, such as that the network's own invariant changes much, or drifts.
     #[getter]
     fn notes(&self) -> Vec<String> {
         self.notes.clone()
@@ -202,7 +200,7 @@ impl Model {
 
 #[pymethods]
 impl Model {
-    /// What its blocks make of it: "plain", "nearly-periodic", "normal-form", "nearly-integrable" or
+    /// The structure that its blocks give it: "plain", "nearly-periodic", "normal-form", "nearly-integrable" or
     /// "mixed".
     #[getter]
     fn structure(&self) -> &'static str {
@@ -236,7 +234,7 @@ impl Model {
         self.architecture().epsilon
     }
 
-    /// The time of the flow map that it stands for, where it is known.
+    /// The time of the flow map that the model approximates, where it is known.
     #[getter]
     fn flow_time(&self) -> Option<f64> {
         self.stored.provenance.flow_time
@@ -257,9 +255,9 @@ impl Model {
         Ok(out)
     }
 
-    /// Whether to trust it: {"verdict": ..., "error": ..., "reasons": [...], "next": ...}, as the report of its
-    /// training says: by how much the plane that decides errs in one step, and the call to try next. None of a model
-    /// that was loaded.
+    /// Whether to trust the model, as in the report of its training: {"verdict": ..., "error": ..., "reasons": [...],
+    /// "next": ...}. The error is that of one step in the plane that decides, "next" is the call to try next. None for
+    /// a model that was loaded.
     #[getter]
     fn trust<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(trained) = &self.trained else { return Ok(None) };
@@ -271,9 +269,8 @@ impl Model {
         Ok(Some(out))
     }
 
-    /// The records of its training, of the last stage: a list of {"iteration": ..., "loss": ..., "held_out": ...},
-    /// mean squared errors in units of the network, "held_out" None where it was not evaluated. None of a
-    /// model that was loaded.
+    /// The training records of the last stage: a list of {"iteration": ..., "loss": ..., "held_out": ...}, mean squared
+    /// errors in units of the network; "held_out" is None where it was not evaluated. None for a model that was loaded.
     #[getter]
     fn history<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyList>>> {
         let Some(trained) = &self.trained else { return Ok(None) };
@@ -288,8 +285,8 @@ impl Model {
         Ok(Some(out))
     }
 
-    /// What the program notes of its training: the circle action that "auto" found, the units that
-    /// were fitted. Empty of a model that was loaded.
+    /// Notes on its training: the circle action that "auto" found, the units that were fitted. Empty for a model that
+    /// was loaded.
     #[getter]
     fn notes(&self) -> Vec<String> {
         self.trained.as_ref().map(|trained| trained.notes.clone()).unwrap_or_default()
@@ -309,24 +306,24 @@ impl Model {
         region.map(|Region { low, high }| (low.clone(), high.clone()))
     }
 
-    /// (centre, factors) of the units of its data, where they are not its own: points are
-    /// centre + factors * w of the w that the network acts on.
+    /// (centre, factors) of the units of its data, if they differ from the network's: points are centre + factors * w,
+    /// where w are the coordinates of the network.
     #[getter]
     fn units(&self) -> Option<(Vec<f64>, Vec<f64>)> {
         let units = self.stored.units.as_ref();
         units.map(|units| (units.centre().to_vec(), units.factors().to_vec()))
     }
 
-    /// Trajectories from `points`, (..., 2n), in units of the data: an array (steps // every + 1, ...,
-    /// 2n), the points themselves first. `outside` says what to do when one leaves the box of the
-    /// training points by more than a hundredth of its width: "warn" (UserWarning), "stop" (an Error)
-    /// or "ignore"; and when one leaves the box of the network's polynomials, if it has any.
+    /// Trajectories from `points`, (..., 2n), in units of the data: an array (abs(steps) // every + 1, ..., 2n), the
+    /// points themselves first. `outside` says what to do when a trajectory leaves the box of the training points by
+    /// more than a hundredth of its width, or the box of the network's polynomials, if it has any: "warn"
+    /// (UserWarning), "stop" (an Error) or "ignore".
     ///
-    /// Negative `steps` are of the inverse map. With grid=B every increment is rounded to a grid of 2^-B in the
-    /// coordinates of the network, and the first state to it: as many steps back from the last state lead there, bit
-    /// for bit (UserWarning where float64 are too coarse for that). `grid_numbers` is "integers", the default,
-    /// which wrap, or "floats", which raise Error where an orbit leaves their range. Networks with twists or
-    /// couplings are no bijections of a grid: Error.
+    /// Negative `steps` apply the inverse map. With grid=B the first state and every increment are rounded to a grid of
+    /// 2^-B in the coordinates of the network: as many steps back from the last state then lead to the first one, bit
+    /// for bit (UserWarning where float64 is too coarse for that). `grid_numbers` is "integers", the default, which
+    /// wrap around, or "floats", which raise Error where an orbit leaves their range. Networks with twists or couplings
+    /// are not bijections of a grid: Error.
     ///
     /// Raises Error when points are no real, finite numbers, have a mask or another last dimension, or a
     /// state leaves the finite numbers. Ctrl-C stops it within a second, as the other methods.
@@ -399,8 +396,8 @@ impl Model {
         array(py, states, points.shape(&[request.kept()], &[dim]))
     }
 
-    /// The points that go to `points`, (..., 2n), in one step: an array of the same shape, in units of the
-    /// data. Raises Error as `predict`.
+    /// The preimages of `points`, (..., 2n), under one step: an array of the same shape, in units of the data. Raises
+    /// Error as `predict`.
     fn inverse<'py>(
         &self,
         py: Python<'py>,
@@ -416,8 +413,8 @@ impl Model {
         array(py, values, points.shape(&[], &[dim]))
     }
 
-    /// The derivatives of one step at `points`, (..., 2n), by the chain rule, in units of the data:
-    /// (..., 2n, 2n), [..., i, k] that of coordinate i by coordinate k. Raises Error as `predict`.
+    /// The Jacobians of one step at `points`, (..., 2n), by the chain rule, in units of the data: (..., 2n, 2n), where
+    /// [..., i, k] is the derivative of coordinate i by coordinate k. Raises Error as `predict`.
     fn jacobian<'py>(
         &self,
         py: Python<'py>,
@@ -430,9 +427,9 @@ impl Model {
         array(py, values, points.shape(&[], &[dim, dim]))
     }
 
-    /// The invariant of the network at `points`, (..., 2n), in units of an action of the data: (...), that
-    /// which is adiabatic of a gyroceptron, the sum of the actions of one in normal form. Raises Error as
-    /// `predict`, and of networks that own no invariant.
+    /// The invariant of the network at `points`, (..., 2n), in units of an action of the data: (...). For a gyroceptron
+    /// it is the adiabatic invariant, for a network in normal form the sum of the actions. Raises Error as `predict`,
+    /// and of networks that own no invariant.
     fn invariant<'py>(
         &self,
         py: Python<'py>,
@@ -450,8 +447,8 @@ impl Model {
         array(py, values, points.shape(&[], &[]))
     }
 
-    /// The steps after which each orbit from `points`, (..., 2n), is outside of the box from `low` to `high`, 2n
-    /// numbers each, for the first time, and `steps` + 1 of those that stay: (...), integers. The box is that of the
+    /// The number of steps after which each orbit from `points`, (..., 2n), is outside of a box for the first time, or
+    /// `steps` + 1 if it stays inside: (...), integers. The box from `low` to `high`, 2n numbers each, is that of the
     /// training points unless given. Raises Error as `predict`, but for orbits that are lost, and where no box is
     /// known.
     #[pyo3(signature = (points, steps, low=None, high=None))]
@@ -485,11 +482,11 @@ impl Model {
         flat.reshape(points.shape(&[], &[]))
     }
 
-    /// The different orbits of exactly `period` steps that Newton's method finds from `guesses`, (N, 2n), with exact
-    /// Jacobians, in units of the data: a list of dictionaries with points (period, 2n), multiplier, the Jacobian of a
-    /// whole period (2n, 2n), its trace, Greene's residue (2 - trace)/4, and by how much the orbit misses its
-    /// beginning. Orbits with points within `apart` are one; guesses that lead to none are passed over. Raises Error as
-    /// `predict`.
+    /// The distinct orbits of exactly `period` steps that Newton's method with exact Jacobians finds from `guesses`,
+    /// (N, 2n), in units of the data. Each is a dictionary: points, (period, 2n); multiplier, the Jacobian of a whole
+    /// period, (2n, 2n); its trace; residue, Greene's (2 - trace)/4; and missed, by how much the orbit misses its
+    /// beginning. Orbits with points within `apart` count as one; guesses that lead to no orbit are skipped. Raises
+    /// Error as `predict`.
     #[pyo3(signature = (guesses, period=1, apart=1e-6))]
     fn periodic_orbits<'py>(
         &self,
@@ -501,22 +498,23 @@ impl Model {
         orbits::of_model(py, &self.stored, &guesses, period, apart)
     }
 
-    /// How fast neighbours of the orbit from `point`, 2n numbers, part: ln of their growth a step over `steps` steps,
-    /// in units of the data. Raises Error as `predict`.
+    /// The finite-time Lyapunov exponent of the orbit from `point`, 2n numbers: ln of the growth per step of a small
+    /// distance, over `steps` steps, in units of the data. Raises Error as `predict`.
     fn lyapunov_exponent(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
         orbits::of_orbit(py, &self.stored, &point, steps, lyapunov_exponent)
     }
 
-    /// The smaller alignment index of the orbit from `point`, 2n numbers, after `steps` steps, in units of the data:
-    /// near 0 to rounding in chaos, as 1/steps^2 on a curve of a map of a plane. Raises Error as `predict`.
+    /// The smaller alignment index of the orbit from `point`, 2n numbers, after `steps` steps, in units of the data. It
+    /// is 0 up to rounding in chaos, and about 1/steps^2 on an invariant curve of a map of a plane. Raises Error as
+    /// `predict`.
     fn alignment_index(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
         orbits::of_orbit(py, &self.stored, &point, steps, smaller_alignment_index)
     }
 
-    /// A branch of the unstable manifold, or of the stable one, of the orbit of `period` steps near `guess`, of a map
-    /// of a plane in units of the data: its points from `start` away from the orbit on, along the eigenvector or, with
-    /// forward=False, against it, `spacing` apart at most and over `length`: (N, 2). Raises Error as `predict`, and
-    /// where there is no orbit that points leave.
+    /// A branch of the unstable or the stable manifold of the periodic orbit of `period` steps near `guess`, for a map
+    /// of a plane, in units of the data: points (N, 2), at most `spacing` apart, over a length `length`. The branch
+    /// begins at the distance `start` from the orbit, along the eigenvector or, with forward=False, against it. Raises
+    /// Error as `predict`, and where there is no orbit that points leave.
     #[pyo3(signature = (guess, period=1, *, stable=false, forward=true, start=1e-6, spacing=1e-2, length=1.0))]
     #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     fn manifold<'py>(
@@ -568,11 +566,11 @@ impl Model {
         }
     }
 
-    /// The same weights at another epsilon or flow time, of a model that has learnt several, or at values of its
-    /// controls by their names, such as model.at(planar=0.02): then it is a model of none, the others being in the
-    /// middle of their ranges. Its trust, history and held-out error are not known. Warns (UserWarning) of a value
-    /// outside of its range. Raises Error of networks without a circle action, for a flow time where that of the model
-    /// is not known, and of controls that it does not have.
+    /// A model with the same weights at another epsilon or flow time, if it has learnt several, or at values of its
+    /// controls by name, such as model.at(planar=0.02). A model at values of controls has no controls any more; those
+    /// not given are in the middle of their ranges. Its trust, history and held-out error are not known. Warns
+    /// (UserWarning) of a value outside of its range. Raises Error of networks without a circle action, for a flow time
+    /// where that of the model is not known, and of controls that it does not have.
     #[pyo3(signature = (epsilon=None, flow_time=None, **controls))]
     fn at(
         &self,
@@ -594,8 +592,8 @@ impl Model {
         Ok(Self { stored: stored.member(epsilon, flow_time)?, trained })
     }
 
-    /// The controls that it depends on: a dictionary of the ranges (low, high) that it has learnt. It is used in the
-    /// middle of them, unless `at` takes others.
+    /// The controls on which the model depends: a dictionary of the ranges (low, high) that it has learnt. The model is
+    /// used in the middle of these ranges, unless `at` sets other values.
     #[getter]
     fn controls<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let found = PyDict::new(py);
@@ -606,8 +604,8 @@ impl Model {
         Ok(found)
     }
 
-    /// The derivatives of one step at `points`, (..., 2n), by the controls at these values of them, exact, in units of
-    /// the data: (..., 2n, controls). Raises Error as `at`, and of points outside of the section.
+    /// The exact derivatives of one step by the controls at `points`, (..., 2n), for these values of the controls, in
+    /// units of the data: (..., 2n, controls). Raises Error as `at`, and of points outside of the section.
     #[pyo3(signature = (points, **controls))]
     fn control_derivatives<'py>(
         &self,
@@ -619,10 +617,9 @@ impl Model {
         controls::derivatives(py, &self.stored, &points, &values)
     }
 
-    /// The periodic orbit near `guess`, 2n numbers, at these values of the controls, as `periodic_orbits` gives one,
-    /// with
-    /// `moved`, (2n, controls), the derivatives of its first point by the controls, and `trace_by`, (controls,), those
-    /// of its trace. Raises Error as `at`, and where there is no orbit.
+    /// The periodic orbit near `guess`, 2n numbers, at these values of the controls: a dictionary as in
+    /// `periodic_orbits`, with `moved`, (2n, controls), the derivatives of its first point by the controls, and
+    /// `trace_by`, (controls,), the derivatives of its trace. Raises Error as `at`, and where there is no orbit.
     #[pyo3(signature = (guess, period=1, **controls))]
     fn orbit_response<'py>(
         &self,
@@ -635,9 +632,9 @@ impl Model {
         controls::orbit_response(py, &self.stored, &guess, period, &values)
     }
 
-    /// The turns a step of the orbit from `start` about `centre`, two numbers each, of a map of a plane at these values
-    /// of the controls, averaged over `steps` steps, and (controls,) their derivatives by the controls. Raises Error as
-    /// `at`, and of an orbit that leaves the finite numbers.
+    /// The rotation of the orbit from `start` about `centre`, two numbers each, for a map of a plane at these values of
+    /// the controls: (turns, derivatives). The turns are per step, averaged over `steps` steps; their derivatives by
+    /// the controls are (controls,). Raises Error as `at`, and of an orbit that leaves the finite numbers.
     #[pyo3(signature = (start, centre, steps=1000, **controls))]
     fn rotation_response<'py>(
         &self,
@@ -663,9 +660,9 @@ impl Model {
         Ok(save_model(&path, &self.stored)?)
     }
 
-    /// Orbits of `steps` steps from `points`, (..., 2n), as dots in the plane (q, p) of this number, from 1 on, on axes
-    /// of matplotlib: `ax`, or those of the current figure. Returns the axes. Raises Error as `predict`, and ImportError
-    /// where there is no matplotlib.
+    /// Plots orbits of `steps` steps from `points`, (..., 2n), as dots in the plane (q, p) with the number `plane`,
+    /// from 1 on, on the axes `ax` of matplotlib, or on those of the current figure. Returns the axes. Raises Error as
+    /// `predict`, and ImportError where there is no matplotlib.
     #[pyo3(signature = (points, steps=1000, plane=1, ax=None))]
     fn plot_portrait<'py>(
         &self,
@@ -707,10 +704,11 @@ impl Model {
         Ok(ax)
     }
 
-    /// The map as source code, {file name: text}: "c", with a header and an interface for Fortran, "jax" or
-    /// "torch". Its functions are the map, its inverse, its iterates and its invariant, in units of the data; those of
-    /// C, which begin with `name`, are its derivative and whether a point is inside of its boxes too. Raises Error when
-    /// `name` is no name, or the model depends on controls: `at` takes their values, and another ε or flow time.
+    /// The map as source code, {file name: text}, in "c" (with a header and an interface for Fortran), "jax" or
+    /// "torch". It has functions for the map, its inverse, its iterates and its invariant, in units of the data. In C,
+    /// where their names begin with `name`, there are also the derivative and a test whether a point is inside the
+    /// boxes. Raises Error when `name` is no name, or the model depends on controls: `at` takes their values, and
+    /// another ε or flow time.
     #[pyo3(signature = (language, name="model"))]
     fn source_code<'py>(
         &self,
@@ -731,10 +729,10 @@ impl Model {
         Ok(out)
     }
 
-    /// The map as a function of arrays (..., 2n) of JAX, to be differentiated and compiled: the same values to
-    /// rounding, where JAX computes in double precision (a UserWarning says if not). Its attributes `inverse`,
-    /// `iterate` (of points and a number of steps) and `invariant`, where there is one, are functions too. Raises
-    /// Error as `source_code`, and ImportError where there is no JAX.
+    /// The map as a function of JAX arrays (..., 2n), which can be differentiated and compiled. Its values are the same
+    /// to rounding if JAX computes in double precision (a UserWarning says if not). Its attributes `inverse`, `iterate`
+    /// (of points and a number of steps) and, where there is one, `invariant` are functions too. Raises Error as
+    /// `source_code`, and ImportError where there is no JAX.
     fn to_jax<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let out = self.function_of(py, SourceLanguage::Jax)?;
         let config = py.import("jax")?.getattr("config")?;
@@ -747,7 +745,7 @@ impl Model {
         Ok(out)
     }
 
-    /// The map as a function of tensors (..., 2n) of PyTorch, to be differentiated: as `to_jax`. Raises Error as
+    /// The map as a function of PyTorch tensors (..., 2n), which can be differentiated; see `to_jax`. Raises Error as
     /// `source_code`, and ImportError where there is no PyTorch.
     fn to_torch<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.function_of(py, SourceLanguage::Torch)

@@ -1,4 +1,4 @@
-//! What is asked of the orbits of a map, in Python.
+//! Properties of the orbits of a map, in Python.
 
 use super::arrays::{Rows, array, point_of, points_of, read, rows_of};
 use crate::error::Error;
@@ -97,10 +97,10 @@ pub(super) fn manifold_of<'py>(
 /// A tuple of them.
 type TwoArrays<'py> = (Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>);
 
-/// The tunes of orbits, (T, 2n) or (T, M, 2n), T states of each, in every plane: (turns, changes), both (n,) or (M, n).
-/// Turns are those of a step from p towards q, between -1/2 and 1/2, by windowed frequency analysis; changes are the
-/// differences of those of the two halves: small on an invariant torus, and a sign of chaos where they are not. NaN of
-/// orbits of fewer than 32 states or that are lost. Raises Error of arrays of other shapes.
+/// The tunes of orbits, (T, 2n) or (T, M, 2n) with T states each, in every plane: (turns, changes), both (n,) or
+/// (M, n). Turns are per step, from p towards q, between -1/2 and 1/2, by windowed frequency analysis. Changes are the
+/// differences between the turns of the two halves of an orbit: small on an invariant torus, else a sign of chaos. Both
+/// are NaN for orbits that have fewer than 32 states or are lost. Raises Error of arrays of other shapes.
 #[pyfunction]
 pub(super) fn tunes<'py>(py: Python<'py>, orbits: Rows<'py>) -> PyResult<TwoArrays<'py>> {
     let (values, shape) = read("orbits", &orbits)?;
@@ -124,9 +124,10 @@ pub(super) fn tunes<'py>(py: Python<'py>, orbits: Rows<'py>) -> PyResult<TwoArra
     Ok((of(turns)?, of(changes)?))
 }
 
-/// The rotation number of an orbit (T, 2) of a map of a plane about `centre`, in turns a step, by weighted Birkhoff
-/// averages: (turns, error), the error being the difference of the two halves. Of the growths of the angle that whole
-/// turns distinguish it takes those within half a turn of `near`. Raises Error of arrays of other shapes.
+/// The rotation number of an orbit (T, 2) of a map of a plane about `centre`, in turns per step, by weighted Birkhoff
+/// averages: (turns, error), where the error is the difference between the averages over the two halves. The growth of
+/// the angle in a step is known only up to whole turns: the value within half a turn of `near` is taken. Raises Error
+/// of arrays of other shapes.
 #[pyfunction]
 #[pyo3(signature = (orbit, centre, near=0.0))]
 pub(super) fn rotation_number(
@@ -142,8 +143,8 @@ pub(super) fn rotation_number(
     Ok((found.turns, found.error))
 }
 
-/// The closed curve on which an orbit (T, 2) of a map of a plane is, by a Fourier series fitted to its first half:
-/// `turns` is about how far it turns in a step, in turns. Raises Error of fewer than 64 states.
+/// The closed curve on which an orbit (T, 2) of a map of a plane lies, as a Fourier series fitted to its first half.
+/// `turns` is an estimate of the rotation number, in turns per step. Raises Error of fewer than 64 states.
 #[pyclass(frozen, module = "gyroceptron", name = "InvariantCircle")]
 pub(super) struct PyInvariantCircle(InvariantCircle);
 
@@ -155,26 +156,26 @@ impl PyInvariantCircle {
         Ok(Self(py.detach(|| InvariantCircle::of_orbit(&orbit, turns))?))
     }
 
-    /// Turns in a step, as the curve has them.
+    /// The rotation number of the curve, in turns per step.
     #[getter]
     fn turns(&self) -> f64 {
         self.0.turns
     }
 
-    /// The largest distance of the later half of the orbit, which the fit has not seen, from where the curve has it:
-    /// large on islands and in chaos.
+    /// The largest distance of the second half of the orbit, which the fit has not seen, from the points that the curve
+    /// predicts: large on islands and in chaos.
     #[getter]
     fn error(&self) -> f64 {
         self.0.error
     }
 
-    /// The area within, with the sign of its direction.
+    /// The area inside the curve, with the sign of its direction.
     #[getter]
     fn area(&self) -> f64 {
         self.0.area()
     }
 
-    /// So many points at equal distances of the angle: (count, 2).
+    /// `count` points of the curve at equal distances of the angle: (count, 2).
     fn points<'py>(&self, py: Python<'py>, count: usize) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         Error::check_count_range("count", count, 1, 1 << 24)?;
         array(py, self.0.points(count), vec![count, 2])

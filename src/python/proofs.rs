@@ -13,16 +13,16 @@ fn of_json<'py>(py: Python<'py>, value: &serde_json::Value) -> PyResult<Bound<'p
 
 /// Proves that a model of one degree of freedom has invariant circles, which no orbit crosses.
 ///
-/// `frequencies` are rotation numbers in turns a map, clockwise and without whole turns: "golden", a continued
-/// fraction that ends in ones such as "[0; 1, 2, (1)]", or a decimal as text, which stands for the number farthest
-/// from fractions that rounds to it; without them `circles` of them are spread over what the model has. Circles are
-/// looked for on the ray from `start`, the fixed point near 0 where it is None, to `end`, (1, 0), in the coordinates
-/// of the normal form. `output` is a file for what is proved, which `check_proof` verifies again.
+/// `frequencies` are rotation numbers in turns per map, clockwise and without whole turns: "golden", a continued
+/// fraction that ends in ones such as "[0; 1, 2, (1)]", or a decimal as text, which stands for the number farthest from
+/// fractions that rounds to it. Without them `circles` numbers are chosen, spread over those that the model has.
+/// Circles are looked for on the ray from `start` (if None, the fixed point near 0) to `end`, in the coordinates of the
+/// normal form. `output` is a file for what is proved, which `check_proof` verifies again.
 ///
-/// Returns a dictionary: a dictionary of "circles" for each number with its "verdict", "proved" or "not proved", and
-/// why; what follows in words, "statements"; the "fixed_point". It is about the map of real numbers with these
-/// weights, not about rounded roll-outs. Raises Error of a model that the theorem is not about, of rational numbers,
-/// and of an existing output.
+/// Returns a dictionary: "circles", with a dictionary for each number that has its "verdict", "proved" or "not proved",
+/// and the reason; "statements", what follows in words; and "fixed_point". The proof is about the map of real numbers
+/// with these weights, not about rounded roll-outs. Raises Error of a model that the theorem is not about, of rational
+/// numbers, and of an existing output.
 #[pyfunction]
 #[pyo3(signature = (model, frequencies=None, *, circles=8, start=None, end=[1.0, 0.0], output=None, overwrite=false))]
 #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
@@ -56,9 +56,9 @@ pub(super) fn prove<'py>(
     of_json(py, &proofs.document())
 }
 
-/// Verifies a file of proofs of a model again, without any search: a dictionary with the number of its "circles" and
-/// what follows in words, "statements". Raises Error where anything does not hold, of another model, and of an edited
-/// file.
+/// Verifies a file of proofs of a model again, without any search. Returns a dictionary with the number of its
+/// "circles" and, in words, what follows from them, "statements". Raises Error where anything does not hold, of another
+/// model, and of an edited file.
 #[pyfunction]
 pub(super) fn check_proof<'py>(
     py: Python<'py>,

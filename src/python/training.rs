@@ -164,48 +164,48 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// circle_action: the weight of each plane, whole numbers such as [1, 0], or those of several circles; a
 /// number for one plane; "auto" finds the weights from the pairs where they are clear, of two planes by short
 /// trainings with some.
-/// recipe: network and training where nothing else is said: "recommended", a normal form by
-/// Levenberg-Marquardt from three initial weights until it is at rest, or "paper", its gyroceptron by
-/// L-BFGS.
-/// scene: network and training options are taken from this scene, a built-in one or a .toml file; what is
-/// said beside it comes before it.
+/// recipe: network and training where no other argument sets them: "recommended", a normal form by Levenberg-Marquardt
+/// from three initial weights until it is at rest, or "paper", its gyroceptron by L-BFGS.
+/// scene: a built-in scene or a .toml file from which network and training options are taken; other arguments take
+/// precedence over it.
 /// architecture: "gyroceptron", "normal-form", "coupling-gyroceptron",
 /// "kicked-gyroceptron", "henon-net" or "symp-net".
 /// psi, near_identity, kicks, twists, turned_twists, perturbation, layers: (layers, neurons) of the parts that it
 /// has, or (layers, (neurons, neurons)) of two widths by turns; (layers, polynomials, degree) of polynomials
 /// in place of neurons. A normal form with a perturbation is nearly integrable, of order one without it.
-/// radius: the box of polynomials, in units of the network: coordinates from -radius to radius. 1.1 times
-/// the largest of the pairs unless given.
-/// reversor: "positions" or "momenta", whose signs S changes, of a map with S P S = P^-1 for all weights,
-/// P = A Phi T S A^-1 S: A is the kicks and the perturbation, or the network.
+/// radius: the half width of the box of polynomials, in units of the network: coordinates from -radius to radius.
+/// Unless given it is 1.1 times the largest coordinate of the pairs.
+/// reversor: makes the map reversible for all weights, S P S = P^-1, where S changes the signs of the "positions" or of
+/// the "momenta". Then P = A Phi T S A^-1 S, where A is the kicks and the perturbation, or the network.
 /// blocks: a network of your own in place of a named architecture: a list of dictionaries with layer
 /// ("henon", "turned-kick", "twist", "turned-twist", "turned-coupling", "symp-net"), widths, part ("conjugation",
 /// "chart", "slow-map", "perturbation", "near-identity", "none"), and scale and name where they are
 /// not the usual ones of the part; degree, and radius where it is not that of the pairs, of polynomials.
 /// optimiser: "lm" (Levenberg-Marquardt, which gets furthest), "l-bfgs" or "adam".
-/// iterations: at most so many, 1000 unless given.
-/// starts: so many sets of initial weights, 40 iterations each, of which the best goes on.
-/// ramp: stages before the training, of pairs with flow times of their own: a list of (flow time,
-/// iterations), or (flow time or None, degree, iterations) of polynomials of at most that degree.
-/// near_identity_penalty: the loss gets so many times the mean square of I_epsilon(z) - z.
+/// iterations: the largest number of iterations, 1000 unless given.
+/// starts: the number of sets of initial weights. Each is trained for 40 iterations, and the best goes on.
+/// ramp: stages before the training, on pairs with flow times of their own: a list of (flow time, iterations), or (flow
+/// time or None, degree, iterations) for polynomials of at most that degree.
+/// near_identity_penalty: the factor with which the mean square of I_epsilon(z) - z is added to the loss.
 /// patience, target: stop when the held-out error has not improved for so many evaluations, one
 /// in ten iterations, or is at most the target; 0 never stops.
 /// plateau: stop when the held-out error has fallen by less than a tenth in so many iterations, 50
 /// with "lm" unless given; 0 never stops.
-/// epsilon, flow_time: those of the pairs, a number or an array (N,) of those of each pair: 0.01 and what
-/// they determine unless given. The network's own are the largest of an array, or that of a tuple (own, array).
-/// loss_weights: "auto", by the motion of each plane beside the rotation, "none", or n or 2n positive
-/// numbers: of the planes in the loss and in the held-out error that chooses the model.
-/// theta, theta_fixed, theta_penalty: the angle to start from, the nearest rotation's unless given,
-/// whether it stays, and what its squared distance from there adds to the loss.
-/// controls: what else the pairs depend on, such as currents: a dictionary of arrays (N,), the values of each for
-/// each pair. The parameters are polynomials of them, and Model.at takes values between. control_degree: the total
-/// degree, unless given the highest up to 4 of which there are fewer terms than values to learn.
-/// section: of pairs (x, y) of one degree of freedom with the area form rho dx dy, an .npz file of rho on a
-/// grid: arrays x, y and density, (len(y), len(x)), and scale, one number, 1 unless given. The model then
-/// takes and gives x, y.
+/// epsilon, flow_time: the values of the pairs, a number or an array (N,) with one for each pair. Unless given they are
+/// 0.01 and what the pairs determine. The network's own value is the largest of an array, or that of a tuple (own,
+/// array).
+/// loss_weights: the weights of the planes in the loss and in the held-out error that chooses the model: "auto", by the
+/// motion of each plane beside the rotation, "none", or n or 2n positive numbers.
+/// theta, theta_fixed, theta_penalty: the initial angle (unless given, that of the nearest rotation), whether it stays
+/// fixed, and the factor with which its squared distance from there is added to the loss.
+/// controls: what else the pairs depend on, such as currents: a dictionary of arrays (N,), with a value for each pair.
+/// The parameters are polynomials of the controls, and Model.at takes values between. control_degree: the total degree
+/// of these polynomials; unless given, the highest up to 4 with fewer terms than values to learn.
+/// section: for pairs (x, y) of one degree of freedom with the area form rho dx dy, an .npz file of rho on a grid:
+/// arrays x, y and density, (len(y), len(x)), and optionally scale, one number, 1 by default. The model then takes and
+/// gives x, y.
 /// units: "fitted", in which pairs are of order one and turn in circles, or those of the "data".
-/// validation: the share that is held out. seed: of the weights and of that choice.
+/// validation: the share of the pairs that is held out. seed: the seed of the weights and of that choice.
 /// report: a folder for a report with plots, which says whether to trust the model.
 /// checkpoint, resume: a file that the training keeps its state in, and whether it goes on from there, to
 /// the same bits.

@@ -2,7 +2,7 @@
 
 use super::{Over, Scalar};
 
-/// The coefficients of K series f_k(s) = Σ_m c_{mk} T_m(s) that stand beside one another.
+/// The coefficients of K adjacent series f_k(s) = Σ_m c_{mk} T_m(s).
 #[derive(Clone, Copy, Debug)]
 pub struct Series<'a, P> {
     /// All coefficients, those of one m after those of the one before.
@@ -17,10 +17,10 @@ pub struct Series<'a, P> {
 }
 
 impl<'a, P> Series<'a, P> {
-    /// Those from number `first` on of `row` series of `count` coefficients.
+    /// The series from number `first` on, of `row` series with `count` coefficients each.
     ///
     /// # Panics
-    /// When there are not as many coefficients.
+    /// When the number of coefficients is another one.
     #[inline(always)]
     pub fn new(coefficients: &'a [P], count: usize, row: usize, first: usize) -> Self {
         assert!(coefficients.len() == count * row);
@@ -44,7 +44,7 @@ impl<'a, P> Series<'a, P> {
         self.count
     }
 
-    /// Whether they are empty sums.
+    /// Whether the series have no terms.
     pub fn is_empty(&self) -> bool {
         self.coefficients.is_empty()
     }

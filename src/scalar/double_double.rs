@@ -1,16 +1,16 @@
-//! Some 31 decimal digits as the unevaluated sum of two doubles.
+//! Double-double numbers: some 31 decimal digits as the unevaluated sum of two doubles.
 
 use super::{Elementary, Over, Real, Scalar, assigning, over_itself};
 use qd::Quad;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A double-double number: where a defect comes from rounding, it is 2⁵³ times
-/// smaller here than in `f64`.
+/// A double-double number: a defect that is due to rounding is 2⁵³ times
+/// smaller than in `f64`.
 ///
-/// Sums and products err by a few 2⁻¹⁰⁶ (the accurate sum of the `qd` crate, not
-/// its `+`); `mul_add` is a product and a sum. tanh, sech², sine, cosine and
-/// exponential are our own, within 2⁻¹⁰² relative
-/// (of `f64` accuracy beyond e⁷⁰⁹). The range is that of `f64`,
+/// Sums and products have errors of a few 2⁻¹⁰⁶ (the accurate sum of the `qd`
+/// crate, not its `+`); `mul_add` is a product and a sum. tanh, sech², sine, cosine
+/// and exponential are implemented here, to within 2⁻¹⁰² relative
+/// (to `f64` accuracy beyond e⁷⁰⁹). The range is that of `f64`,
 /// less some 16 digits at its lower end.
 ///
 /// Source: Dekker, <https://doi.org/10.1007/BF01397083>; Joldes, Muller and Popescu,

@@ -1,17 +1,16 @@
-//! Grids: increments are rounded to their points, so that a step is undone to the last bit.
+//! Grids: increments are rounded to grid points, so that a step can be inverted bit for bit.
 
 use super::Task;
 use super::lanewise::Lanewise;
 use crate::error::Error;
 use std::fmt::Debug;
 
-/// The coordinates k·2⁻ᴮ with whole k: a grid on which maps that are made of shears are exact
-/// bijections.
+/// The grid of coordinates k·2⁻ᴮ with integer k, on which compositions of shears are exact bijections.
 ///
-/// Every shear x += g(y) becomes x += R(g(y)), where R rounds to the grid, halves to the even point. R
-/// is odd, R(−v) = −R(v), and y stands still: x −= R(g(y)) undoes the shear, whatever g is and however
-/// it is rounded. Rounding the result instead of the increment would not do: R(x + g(y)) maps several x
-/// to one.
+/// Every shear x += g(y) becomes x += R(g(y)), where R rounds to the grid, halves to the even point.
+/// Since R is odd, R(−v) = −R(v), and y does not change, x −= R(g(y)) inverts the shear exactly, for
+/// any g and any rounding errors in it. Rounding the result instead of the increment would not work:
+/// R(x + g(y)) maps several x to one.
 ///
 /// Source: Levesque and Verlet, Journal of Statistical Physics 72 (1993), page 519; Earn and Tremaine, Physica D 56
 /// (1992), page 1; Rein and Tamayo, <https://arxiv.org/abs/1704.07715>.
@@ -32,21 +31,21 @@ pub struct Grid {
     numbers: GridNumbers,
 }
 
-/// What holds the places of a grid.
+/// The number type that stores the places of a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GridNumbers {
     /// 64-bit integers, which wrap: coordinates are on a circle of length 2⁶⁴⁻ᴮ, and no orbit leaves it.
     Integers,
-    /// `f64` that stay on the grid: less to compute. An orbit that leaves |x| < 2⁵¹⁻ᴮ has ended there,
-    /// which is said.
+    /// `f64` that stay on the grid, which is faster. An orbit that leaves |x| < 2⁵¹⁻ᴮ ends there,
+    /// and this is reported.
     Floats,
 }
 
 impl GridNumbers {
-    /// Both.
+    /// Both number types.
     pub const ALL: [Self; 2] = [Self::Integers, Self::Floats];
 
-    /// The most bits B behind the point.
+    /// The largest number B of fractional bits.
     pub const fn most_bits(self) -> u32 {
         match self {
             Self::Integers => 62,
@@ -62,7 +61,7 @@ impl GridNumbers {
         }
     }
 
-    /// In a word, as options have it.
+    /// The name in options.
     pub fn name(self) -> &'static str {
         match self {
             Self::Integers => "integers",
@@ -72,10 +71,10 @@ impl GridNumbers {
 }
 
 impl Grid {
-    /// The grid of this many bits behind the point.
+    /// The grid with this many fractional bits.
     ///
     /// # Errors
-    /// When these are more than [`GridNumbers::most_bits`].
+    /// When there are more than [`GridNumbers::most_bits`].
     pub fn new(bits: u32, numbers: GridNumbers) -> Result<Self, Error> {
         let name = format!("bits behind the point of a grid of {}", numbers.name());
         Error::check_count_range(&name, bits as usize, 0, numbers.most_bits() as usize)?;
@@ -87,30 +86,30 @@ impl Grid {
         self.bits
     }
 
-    /// What holds its places.
+    /// The number type that stores its places.
     pub fn numbers(self) -> GridNumbers {
         self.numbers
     }
 
-    /// The distance 2⁻ᴮ of two neighbouring points.
+    /// The distance 2⁻ᴮ between neighbouring points.
     pub fn spacing(self) -> f64 {
         power_of_two(-(self.bits as i32))
     }
 
-    /// How far a point is moved to the grid at most, by component: half the spacing.
+    /// The largest rounding error of a component of a point: half the spacing.
     pub fn rounding(self) -> f64 {
         0.5 * self.spacing()
     }
 
-    /// The largest coordinate that it holds; integers wrap beyond it.
+    /// The largest coordinate that it can represent; integers wrap beyond it.
     pub fn limit(self) -> f64 {
         power_of_two(self.numbers.width() as i32 - 1 - self.bits as i32)
     }
 
-    /// The nearest places to coordinates, halves to even ones.
+    /// The places nearest to these coordinates, with halves rounded to even.
     ///
     /// # Errors
-    /// When one is not below [`Grid::limit`], or no number.
+    /// When a coordinate is not below [`Grid::limit`] in size, or NaN.
     pub fn quantise(self, values: &[f64]) -> Result<Vec<i64>, Error> {
         let (limit, scale) = (self.limit(), power_of_two(self.bits as i32));
         let place = |&value: &f64| {
@@ -152,12 +151,12 @@ const NEAR: f64 = 0.333;
 /// The magic number of what is on no grid. That of [`Integers`] has the other sign, so that it is near nothing.
 const NONE: f64 = f64::INFINITY;
 
-/// How a number is kept on its grid.
+/// The place of a number on its grid.
 ///
-/// The number itself, `value`, is beside it: what is computed with is the value, and what is changed
-/// is the place.
+/// It accompanies the number itself, `value`: computations use the value, and changes of a coordinate
+/// are made to the place.
 pub trait Place<V>: Copy + Debug + Send + Sync + 'static {
-    /// Of a number that is on no grid: what lies between two increments.
+    /// The place of a number that is on no grid: an intermediate result between two increments.
     fn none() -> Self;
 
     /// The values and places of integers, one in the bits of each lane, on the grid of so many bits
@@ -167,18 +166,18 @@ pub trait Place<V>: Copy + Debug + Send + Sync + 'static {
     /// The integers, in the bits of each lane. They mean nothing where the number is on no grid.
     fn places(self, value: V) -> V;
 
-    /// A finite number in each lane that is on the grid; NaN in one that has left its range or the finite
-    /// numbers, ±∞ in one that was no sum of increments.
+    /// A finite number in each lane that is on the grid, NaN in a lane that has left the range of the grid or is
+    /// not finite, and ±∞ in a lane that was changed by something other than increments.
     fn is_on_grid(self) -> V;
 
-    /// The number moved by the nearest point of the grid to `by`, an odd function of it.
+    /// The number plus the grid point nearest to `by`, which is an odd function of `by`.
     fn moved(self, value: V, by: V) -> (V, Self);
 
     /// The number with the other sign.
     fn negated(self, value: V) -> (V, Self);
 }
 
-/// [`GridNumbers::Integers`]. Of fewer bits than 64, `W`, they wrap at 2ᵂ: small enough to try all points.
+/// [`GridNumbers::Integers`]. With `W` < 64 bits they wrap at 2ᵂ: such grids are small enough to test all points.
 #[derive(Clone, Copy, Debug)]
 pub struct Integers<V, const W: u32 = 64> {
     places: V,

@@ -11,9 +11,9 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// instructions where the calling function is compiled for them.
 ///
 /// On x86-64 these lanes are for processors without AVX2, which have no fused
-/// multiply-add: there it is a call for each lane, and all kernels are compiled
-/// around calls, small rather than fast. Operations are calls too: unrolled, they
-/// took more of the build than the kernels on registers.
+/// multiply-add: it is then a call for each lane, and all kernels are compiled
+/// around calls, for size rather than speed. Operations are calls too: unrolled,
+/// they took more build time than the kernels on registers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub struct Lanes<const L: usize = WIDTH>(pub [f64; L]);

@@ -1,4 +1,4 @@
-//! What the elementary functions ask of a number besides arithmetic.
+//! The operations that the elementary functions need besides arithmetic.
 
 use super::Elementary;
 
@@ -8,8 +8,8 @@ use super::Elementary;
 /// everywhere; a processor with narrower registers uses several of them.
 pub const WIDTH: usize = 8;
 
-/// A number every lane of which is an `f64`, whose bits the elementary functions
-/// work on: they are written once, for `f64` and for all registers.
+/// A number whose lanes are `f64`. The elementary functions work on their bits, and
+/// so are written once, for `f64` and for all registers.
 pub trait Lanewise: Elementary {
     /// −self·a + b, rounded once.
     fn negative_mul_add(self, a: Self, b: Self) -> Self;
@@ -30,16 +30,16 @@ pub trait Lanewise: Elementary {
     /// In each lane `negative` where self has a minus sign, else `otherwise`.
     fn select_negative(self, negative: Self, otherwise: Self) -> Self;
 
-    /// Whether a lane is above `limit`; no NaN is.
+    /// Whether any lane is above `limit`; a NaN is not.
     fn any_above(self, limit: f64) -> bool;
 
-    /// Whether all lanes are below 0; no NaN is.
+    /// Whether all lanes are below 0; a NaN is not.
     fn all_negative(self) -> bool;
 
-    /// `f` of one lane after another.
+    /// `f` applied to each lane in turn.
     fn one_by_one(self, f: impl Fn(f64) -> (f64, f64)) -> (Self, Self);
 
-    /// `f` of one lane of self and `other` after another.
+    /// `f` applied to each pair of lanes of self and `other` in turn.
     fn pair_by_pair(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self;
 
     /// The magnitude of self with the sign of `sign`.

@@ -50,10 +50,10 @@ pub use tracked::Tracked;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// A piece of work that is compiled as a function of its own: see
+/// A piece of work that is compiled as a separate function: see
 /// [`Scalar::outlined`].
 pub trait Task {
-    /// Does it. To be `#[inline(always)]`, with all that it calls for each number.
+    /// Runs the task. It must be `#[inline(always)]`, as must all that it calls for each number.
     fn run(self);
 }
 
@@ -78,8 +78,8 @@ pub trait Scalar:
     + MulAssign
     + DivAssign
 {
-    /// Whether kernels on such numbers are compiled for each small number of degrees
-    /// of freedom by itself: those whose speed is what they are for. Each costs
+    /// Whether kernels on such numbers are compiled separately for each small number of
+    /// degrees of freedom. This is for types whose purpose is speed, since each costs
     /// seconds of compilation.
     const SPECIALISED: bool = false;
 
@@ -104,9 +104,9 @@ pub trait Scalar:
         (t, s)
     }
 
-    /// Does a task on such numbers as a function of its own: on vector registers the
-    /// compiler gives all of them to the task, and a composition on duals is no single
-    /// function of all kinds of step, which takes minutes to compile.
+    /// Runs a task on such numbers as a separate function. On vector registers the task
+    /// then has all of them, and a composition on dual numbers does not become a single
+    /// function with all kinds of step, which takes minutes to compile.
     #[inline(never)]
     fn outlined(task: impl Task) {
         task.run();
@@ -180,7 +180,7 @@ pub trait Elementary: Scalar {
     }
     /// The exponential function, eˣ.
     fn exp(self) -> Self;
-    /// self, and zero wherever `factor` is zero: a product in which 0·∞ is 0.
+    /// self, or zero wherever `factor` is zero: for products in which 0·∞ is to be 0.
     fn zero_with(self, factor: Self) -> Self;
     /// 1 or −1, with the sign of the real part: exact, and a constant.
     fn sign(self) -> Self;
@@ -188,24 +188,23 @@ pub trait Elementary: Scalar {
     fn sqrt(self) -> Self;
     /// ln x; NaN below 0.
     fn ln(self) -> Self;
-    /// x to a power that is a constant; NaN for x < 0 unless it is an integer.
+    /// x to a constant power; NaN for x < 0 unless the exponent is an integer.
     fn powf(self, exponent: f64) -> Self;
-    /// The angle of the point (`x`, self) in [−π, π], −π of y = −0 alone.
+    /// The angle of the point (`x`, self) in [−π, π], with −π only for self = −0.
     fn atan2(self, x: Self) -> Self;
-    /// x less a multiple of the period, in [0, `period`] (the end by rounding alone):
+    /// x minus a multiple of the period, in [0, `period`] (the end only by rounding), as for
     /// an angle. Derivatives are those of x.
     fn rem_euclid(self, period: f64) -> Self;
 }
 
 /// A number with one real part, on which code may branch.
 ///
-/// A branch looks at the real part only, so that it does not depend on the
-/// number type.
+/// A branch uses only the real part, so that it does not depend on the number type.
 pub trait Real: Elementary {
     /// The real part, rounded to `f64`.
     fn value(self) -> f64;
 
-    /// self, of numbers with a bound of their error without so much of it as `known` has:
+    /// self; for numbers with an error bound, the bound is reduced by that of `known`:
     /// `x.inherits(x)` is x as if it were exact.
     #[inline(always)]
     fn inherits(self, known: Self) -> Self {
@@ -214,7 +213,7 @@ pub trait Real: Elementary {
     }
 }
 
-/// A state number that parameters of type `P` can act on.
+/// A number of a state on which parameters of type `P` can act.
 pub trait Over<P>: Elementary {
     /// The parameter as a state number.
     fn embed(parameter: P) -> Self;
@@ -229,10 +228,10 @@ pub trait Over<P>: Elementary {
     }
 
     /// `self + factor · direction`, rounded once: the only way in which a step
-    /// changes a coordinate, but for signs and exchanges.
+    /// changes a coordinate, apart from signs and exchanges.
     ///
-    /// A number that lives on a grid rounds the increment `factor · direction` to
-    /// the grid here, and steps are undone to the last bit.
+    /// A number on a grid rounds the increment `factor · direction` to the grid here,
+    /// so that steps can be inverted bit for bit.
     #[inline(always)]
     fn increment(self, factor: P, direction: Self) -> Self {
         direction.mul_add_parameter(factor, self)

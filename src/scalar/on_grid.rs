@@ -5,12 +5,12 @@ use super::lanewise::Lanewise;
 use super::{Elementary, Over, Real, Scalar, Series, Task, assigning};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A number on a grid, or between two increments of one: maps that change their coordinates by
-/// [`Over::increment`], signs and exchanges alone are exact bijections on it.
+/// A number on a grid, or an intermediate result: maps that change their coordinates only by
+/// [`Over::increment`], signs and exchanges are exact bijections on it.
 ///
-/// All that is computed for an increment is computed with the `f64` of the coordinates as on plain
-/// numbers, and is on no grid; an increment rounds it. A coordinate that becomes anything but
-/// itself plus an increment is on no grid from then on, which [`OnGrid::place`] says.
+/// Increments are computed from the `f64` values of the coordinates as for plain numbers, off the
+/// grid, and rounded when they are added. A coordinate that is set to anything but itself plus an
+/// increment is off the grid from then on; [`OnGrid::place`] is then None.
 ///
 /// ```
 /// use gyroceptron::layer::HenonLayer;
@@ -47,12 +47,12 @@ impl<G: Place<f64>> OnGrid<f64, G> {
         Self::from_lanes(f64::from_bits(place as u64), bits)
     }
 
-    /// Whether it became something else than itself plus increments, and is on no grid since.
+    /// Whether it was set to something other than itself plus increments, and so is off the grid.
     pub fn is_of_no_increments(self) -> bool {
         self.place.is_on_grid().is_infinite()
     }
 
-    /// k, where it is on the grid.
+    /// k, if it is on the grid.
     pub fn place(self) -> Option<i64> {
         let on_grid = self.place.is_on_grid().is_finite();
         on_grid.then(|| self.place.places(self.value).to_bits() as i64)

@@ -22,10 +22,11 @@ pub(crate) fn on_independent_lanes<K: Kernel>(kernel: K) -> K::Output {
     on_registers::<WIDTH, Portable, K>(kernel)
 }
 
-/// `tanh[i]`, `sech2[i]` ← [`tanh_sech2`](super::tanh_sech2)`(x[i])`, the same bits, on the widest vector registers there are.
+/// `tanh[i]`, `sech2[i]` ← [`tanh_sech2`](super::tanh_sech2)`(x[i])`, with the same bits, on the widest vector
+/// registers.
 ///
 /// # Panics
-/// When the three are not of one length.
+/// When the three slices differ in length.
 pub fn tanh_sech2_of_all(x: &[f64], tanh: &mut [f64], sech2: &mut [f64]) {
     assert!(x.len() == tanh.len() && x.len() == sech2.len());
     on_lanes::<WIDTH, _>(TanhSech2 { x, tanh, sech2 });

@@ -22,15 +22,15 @@ pub trait Pack<P: Scalar = f64>: Lanewise + Over<P> {
     /// The number of lanes.
     const LANES: usize;
 
-    /// The numbers of a slice of [`Pack::LANES`].
+    /// Loads a slice of [`Pack::LANES`] numbers.
     fn load(values: &[P]) -> Self;
 
     /// `values` ← the lanes.
     fn store(self, values: &mut [P]);
 
-    /// Of the first four lanes ((first + c₀w₀) + c₂w₂) + (c₁w₁ + c₃w₃), c₁w₁ rounded
-    /// and the others fused with their sums: two short chains of results rather than
-    /// a long one. A lane whose product is −0 adds nothing.
+    /// ((first + c₀w₀) + c₂w₂) + (c₁w₁ + c₃w₃) over the first four lanes, with c₁w₁
+    /// rounded and the other products fused with their sums: two short dependency chains
+    /// rather than a long one. A lane whose product is −0 adds nothing.
     #[inline(always)]
     fn sum_of_products(self, weights: Self, first: P) -> P {
         let (mut c, mut w) = ([P::zero(); WIDTH], [P::zero(); WIDTH]);
@@ -56,7 +56,7 @@ pub trait Pack<P: Scalar = f64>: Lanewise + Over<P> {
         values.copy_from_slice(&all[..values.len()]);
     }
 
-    /// The numbers of a slice of [`Pack::LANES`] or fewer; the other lanes are zero.
+    /// Loads a slice of at most [`Pack::LANES`] numbers; the other lanes are zero.
     #[inline(always)]
     fn load_part(values: &[P]) -> Self {
         if values.len() == Self::LANES {
@@ -85,7 +85,7 @@ pub(crate) trait Kernel {
 /// Results are the same bits with each of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Simd {
-    /// What every processor of the architecture has.
+    /// The instructions that every processor of the architecture has.
     Portable,
     /// Four lanes a register, fused multiply-add.
     Avx2,
@@ -106,7 +106,7 @@ impl Simd {
     /// All of them, the narrowest first.
     pub const ALL: [Self; 3] = [Self::Portable, Self::Avx2, Self::Avx512];
 
-    /// Whether this processor has it.
+    /// Whether this processor has these instructions.
     pub fn is_available(self) -> bool {
         match self {
             Self::Portable => true,
@@ -124,21 +124,21 @@ impl Simd {
         }
     }
 
-    /// The set that is used: the widest that this processor has, and that
-    /// [`Simd::limit`] leaves.
+    /// The set that is used: the widest that this processor has and that
+    /// [`Simd::limit`] allows.
     pub fn current() -> Self {
         // A processor that has one has the narrower ones.
         Self::ALL[(*WIDEST as usize).min(LIMIT.load(Ordering::Relaxed))]
     }
 
-    /// From now on nothing wider than this is used in this process. No result
-    /// changes by it, only times.
+    /// Limits this process to sets no wider than this one from now on. Results do
+    /// not change, only run times.
     pub fn limit(self) {
         LIMIT.store(self as usize, Ordering::Relaxed);
     }
 
-    /// The same by the environment: `GYROCEPTRON_SIMD` is `portable`, `avx2` or `avx512`. The program and the module
-    /// for Python do this when they start.
+    /// Applies [`Simd::limit`] as the environment variable `GYROCEPTRON_SIMD` says: `portable`, `avx2` or `avx512`.
+    /// The program and the Python module do this when they start.
     ///
     /// # Errors
     /// [`Error::Invalid`] with another value.

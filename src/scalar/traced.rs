@@ -1,14 +1,14 @@
-//! A number that records what is computed of it: how a map becomes source code.
+//! A number that records the operations on it, from which source code of a map is generated.
 
 use super::lanewise::{Lanewise, zero_lanes_with};
 use super::{Elementary, Over, Scalar, Series, assigning, chebyshev, over_itself, sin_cos, tanh};
 use std::cell::RefCell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A number of a [`Trace`], named by the place of the operation that makes it.
+/// A number of a [`Trace`], identified by the place of the operation that yields it.
 ///
-/// A map that moves such numbers writes down each operation that it would do, in its order. What is done
-/// again on `f64` has the same bits.
+/// A map applied to such numbers records its operations in order. Repeating them on `f64` gives the same
+/// bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Traced(u32);
 
@@ -18,7 +18,7 @@ impl Traced {
         self.0 as usize
     }
 
-    /// The number that the operation at a place makes.
+    /// The number that the operation at a place yields.
     pub fn at(place: usize) -> Self {
         Self(u32::try_from(place).expect("fewer than 2³² operations"))
     }
@@ -31,7 +31,7 @@ impl Traced {
     }
 }
 
-/// What makes a number of others.
+/// An operation that yields a number from others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Operation {
     /// The input of this number.
@@ -72,17 +72,17 @@ pub enum Operation {
     WithSignOf(Traced, Traced),
     /// x, negated where y has a minus sign.
     NegatedWhere(Traced, Traced),
-    /// A function that no step of a network has.
+    /// A function that occurs in no step of a network.
     Other(&'static str),
 }
 
 impl Operation {
-    /// The numbers that it is made of.
+    /// The operands of the operation.
     pub fn operands(mut self) -> Vec<Traced> {
         self.operands_mut().into_iter().map(|operand| *operand).collect()
     }
 
-    /// The same of other numbers: each that has a new place has moved there.
+    /// The same operation with its operands moved: each that has a new place in `places` gets it.
     pub fn with_places(mut self, places: &[Option<Traced>]) -> Self {
         for operand in self.operands_mut() {
             *operand = places[operand.place()].unwrap_or(*operand);
@@ -113,7 +113,7 @@ impl Operation {
     }
 }
 
-/// Elementary functions that are computed together, each by operations of its own.
+/// A pair of elementary functions that are computed together by a sequence of operations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum TracedKernel {
     /// tanh x and sech² x.
@@ -123,7 +123,7 @@ pub enum TracedKernel {
 }
 
 impl TracedKernel {
-    /// Its operations, of one input and two outputs.
+    /// The trace of its operations, with one input and two outputs.
     pub fn trace(self) -> Trace {
         Trace::of(1, |z| match self {
             Self::TanhSech2 => {
@@ -144,7 +144,7 @@ impl TracedKernel {
 /// The operations of a function, in their order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trace {
-    /// Each made of earlier ones.
+    /// The operations, each with earlier ones as operands.
     pub operations: Vec<Operation>,
     /// What the function returns.
     pub outputs: Vec<Traced>,
@@ -159,8 +159,8 @@ thread_local! {
 }
 
 impl Trace {
-    /// What `function` does with so many numbers; it returns its results. Within it no other trace
-    /// may be made.
+    /// The trace of `function` on `inputs` numbers; `function` returns its results. It must not make
+    /// another trace.
     pub fn of(inputs: usize, function: impl FnOnce(&mut [Traced]) -> Vec<Traced>) -> Self {
         RECORD.with_borrow_mut(|record| {
             record.operations.clear();
@@ -184,7 +184,7 @@ impl Trace {
         self.outputs.iter().enumerate().all(input)
     }
 
-    /// The outputs at these inputs, each operation done on `f64` in its turn; NaN of functions that are not recorded.
+    /// The outputs at these inputs, with each operation done on `f64` in order; NaN for functions not recorded.
     pub fn evaluate(&self, inputs: &[f64]) -> Vec<f64> {
         let mut values: Vec<f64> = Vec::with_capacity(self.operations.len());
         for operation in &self.operations {

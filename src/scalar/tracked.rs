@@ -1,11 +1,11 @@
-//! A value with a bound of its accumulated rounding error.
+//! A value with a bound on its accumulated rounding error.
 
 use super::chebyshev::scales;
 use super::{Elementary, Over, Real, Scalar, Series, assigning, over_itself};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A number that carries a first-order bound of the rounding errors made so
-/// far, in units of u: Wilkinson's running error analysis.
+/// A number with a first-order bound on the rounding errors made so far, in
+/// units of u: Wilkinson's running error analysis.
 ///
 /// |computed − exact| ≤ u·`bound` up to terms of order u². The bound assumes
 /// the worst at every step: it is rigorous and pessimistic. `Dual<Tracked, N>`

@@ -98,7 +98,7 @@ impl Folder {
         Ok(earlier.without_ends() == scene.clone().without_ends())
     }
 
-    /// Makes the folder of a report without networks, whose figures take the place of those of an earlier one.
+    /// Makes the folder of a report without networks; its figures replace those of an earlier report.
     ///
     /// # Errors
     /// Those of [`Folder::check_report`].
@@ -111,7 +111,7 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Fails unless a report can be written to this folder, which need not be there: before it is due.
+    /// Fails unless a report can be written to this folder, which need not exist yet. Meant for a check in advance.
     ///
     /// # Errors
     /// [`Error::OutputExists`] when the folder holds a report that is not overwritten; [`Error::Content`] when it is of

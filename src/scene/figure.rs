@@ -9,7 +9,7 @@ pub struct Figure {
     pub name: &'static str,
     /// What it shows.
     pub caption: String,
-    /// So many panels stand side by side.
+    /// How many panels stand side by side.
     pub columns: usize,
     /// Whether all panels have the same axes.
     pub same_axes: SameAxes,
@@ -62,13 +62,13 @@ pub fn data_file_of(name: &str) -> String {
 /// Which axes the panels of a figure have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SameAxes {
-    /// Each its own.
+    /// Each panel has its own axes.
     #[default]
     No,
-    /// All the same, as wide as any needs them.
+    /// All panels have the same axes, as wide as any panel needs them.
     Widest,
-    /// All those of the first, wider where others need it, up to half as wide again:
-    /// points beyond are not drawn.
+    /// All panels have the axes of the first one, widened by at most half if others need it; points
+    /// beyond are not drawn.
     First,
 }
 
@@ -100,7 +100,7 @@ pub enum Axis {
 /// Points with a name.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// Its name in the legend; not there, if empty.
+    /// Its name in the legend; if empty, the legend does not list it.
     pub name: String,
     /// The number of its colour.
     pub color: usize,
@@ -131,7 +131,7 @@ pub struct Panel {
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
-    /// A unit of x is drawn as long as one of y.
+    /// Whether a unit of x is drawn as long as a unit of y.
     pub square: bool,
     /// The series, the first at the bottom.
     pub series: Vec<Series>,

@@ -12,15 +12,15 @@ use serde_json::Value;
 pub struct Findings {
     /// The heading of its section.
     pub title: String,
-    /// Whether what it checks holds, where it checks something.
+    /// Whether what it checks holds; None if it checks nothing.
     pub verdict: Option<bool>,
-    /// What does not depend on the machine, its threads or its clock.
+    /// The results, which do not depend on the machine, its threads or its clock.
     pub results: Section,
-    /// What does.
+    /// The findings that depend on the machine, such as run times.
     pub timings: Section,
     /// Its figures.
     pub figures: Vec<Figure>,
-    /// What stands at the end of the report.
+    /// The blocks for the end of the report.
     pub appendix: Vec<Block>,
 }
 
@@ -36,9 +36,9 @@ pub struct StudyFindings {
 /// A part of the findings.
 #[derive(Clone, Debug, Default)]
 pub struct Section {
-    /// What stands wherever the run is reported.
+    /// The blocks shown in every form of the report.
     pub summary: Vec<Block>,
-    /// What stands in the report beside it.
+    /// The further blocks shown in the written report.
     pub details: Vec<Block>,
     /// All of it as data; null where there is none.
     pub data: Value,

@@ -26,9 +26,9 @@ use std::path::Path;
 pub enum JobEnd {
     /// It is done.
     Done,
-    /// It was done before, and what it made is there.
+    /// It was done before, and its files are there.
     WasDone,
-    /// The observer interrupted it: it goes on where it stopped when it is asked for again.
+    /// The observer interrupted it. When it is asked for again, it goes on where it stopped.
     Interrupted,
 }
 
@@ -37,26 +37,26 @@ pub enum JobEnd {
 pub enum MergeEnd {
     /// It is made.
     Done(Box<Report>),
-    /// It was made before, and is there; whether no verdict of it is that something does not hold.
+    /// The report was made before, and is there; true if none of its verdicts says that something does not hold.
     WasDone(bool),
     /// The observer interrupted it.
     Interrupted,
 }
 
-/// A job by its name, and what the plan said that its result depends on.
+/// A job, given by its name, and the digest of all that its result depends on.
 #[derive(Clone, Copy, Debug)]
 pub struct JobRequest<'a> {
     /// Its name.
     pub id: &'a str,
-    /// Its digest in the plan, if that is to be the same.
+    /// The digest that the job must have, if any: that of the plan.
     pub digest: Option<&'a str>,
 }
 
 /// Does a job of a scene in a folder of its own, below that of the run.
 ///
-/// A job that is done is not done again. One that was begun goes on from its checkpoint, and one whose files are not
-/// what it wrote is done anew. Where another process does the same job, this one waits for it. Files are written
-/// whole, and say that the job is done when all of them are there.
+/// A job that is done is not done again. A job that was begun goes on from its checkpoint, and one whose files are not
+/// as it wrote them is done anew. If another process is doing the same job, this one waits for it. Files are written
+/// whole, and the job is marked as done when all of them are there.
 ///
 /// # Errors
 /// When no job of the scene has the name, or it has another digest; when a job that it needs is not done; when the
@@ -244,7 +244,7 @@ fn train_of_study(
     }
 }
 
-/// Fails where the report of the jobs of a scene would take the place of another run: before they are done.
+/// Fails if the report of the jobs of a scene would replace another run. Meant for a check before the jobs are done.
 ///
 /// # Errors
 /// [`Error::OutputExists`] with the folder; those of [`Scene::plan`] and [`Scene::check_networks`].
@@ -271,10 +271,10 @@ fn check_places(scene: &Scene, path: &Path, begun: bool) -> Result<(), Error> {
     Ok(())
 }
 
-/// Makes the report of a run out of its jobs, all of which are done: as a run in one process makes it. `digest` is that
-/// of the report in a plan, if it is to be the same.
+/// Makes the report of a run from its jobs, all of which are done; it is the report that a run in one process makes.
+/// `digest` is that of the report in a plan, if it must be the same.
 ///
-/// A report that was made before is not made again, and one that was interrupted goes on.
+/// A report that was made before is not made again; one that was interrupted goes on.
 ///
 /// # Errors
 /// When a job is not done, or is of another scene, by their names; [`Error::OutputExists`] when the folder holds a run

@@ -17,9 +17,9 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Coils {
-    /// By formula.
+    /// A torsatron, given by a formula.
     Torsatron(Torsatron),
-    /// Of a text file, as [`read_coils`] reads it.
+    /// Coils from a file, as [`read_coils`] reads it.
     File(CoilFile),
 }
 
@@ -31,56 +31,56 @@ pub struct CoilFile {
     pub path: PathBuf,
     /// The current of each coil, in amperes.
     pub currents: Vec<f64>,
-    /// The field periods of the machine, …
+    /// The number of field periods of the machine.
     pub periods: u32,
-    /// … and whether half a turn about the x axis is a symmetry of it.
+    /// Whether half a turn about the x axis is a symmetry of the machine.
     pub stellarator_symmetric: bool,
 }
 
-/// Lines of a section of the field of coils, for training and held out: a line is followed over as many maps as the
+/// Field lines of coils through a section, for training and held out. Each line is followed over as many maps as the
 /// orbits of the data are long.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LineData {
     /// The coils.
     pub coils: Coils,
-    /// φ of the section, in field periods: ½ is the other plane of symmetry.
+    /// φ of the section, in field periods; the other plane of symmetry is at ½.
     #[serde(default)]
     pub section: f64,
-    /// Field periods in a map.
+    /// The number of field periods in a map.
     #[serde(default = "one")]
     pub periods: u32,
-    /// How many lines there are, …
+    /// The number of lines.
     pub lines: usize,
-    /// … from the axis out to so many metres from it.
+    /// The largest distance of a line from the axis at its start, in metres.
     pub reach: f64,
-    /// (R, Z) near the magnetic axis, where it is not found without.
+    /// (R, Z) near the magnetic axis, if the axis is not found without a guess.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 2]>,
-    /// What a map of the reference may err by, in metres.
+    /// The largest error that a map of the reference may have, in metres.
     #[serde(default = "usual_error")]
     pub error: f64,
     /// ε, by which the perturbation of a nearly-integrable network is scaled.
     #[serde(default = "usual_epsilon")]
     pub epsilon: f64,
-    /// What networks depend on, if anything.
+    /// The controls that networks depend on, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub controls: Option<LineControls>,
 }
 
-/// Currents that are controls of a machine: at each of the values as many lines are traced.
+/// Currents that are controls of a machine. For each row of values the same number of lines is traced.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LineControls {
     /// The controls.
     pub list: Vec<LineControl>,
-    /// Values of all of them that are learnt: a row for each machine.
+    /// Values of all controls to learn from: a row for each machine.
     pub values: Vec<Vec<f64>>,
-    /// Values between them, whose lines are held out too: what is learnt of the others is judged by them.
+    /// Values between them whose lines are held out too, to judge what is learnt from the others.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub held_out: Vec<Vec<f64>>,
-    /// The total degree of the polynomials that parameters are of them; the highest that the values determine, up to 4,
-    /// unless given.
+    /// The total degree of the polynomials of the controls that give the network's parameters. Unless given, it is the
+    /// highest up to 4 that the values determine.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub degree: Option<usize>,
 }
@@ -91,8 +91,8 @@ pub struct LineControls {
 pub struct LineControl {
     /// Its name.
     pub name: String,
-    /// What a unit of it adds to the current of each coil that is given, in amperes: of a torsatron those of the
-    /// windings and of the two rings.
+    /// What a unit of the control adds to the current of each given coil, in amperes; for a torsatron these coils are
+    /// the windings and the two rings.
     pub currents: Vec<f64>,
 }
 

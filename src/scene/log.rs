@@ -16,14 +16,14 @@ pub struct Stage {
     pub work: Work,
 }
 
-/// Seconds at iterations, of the training of one network.
+/// Seconds of the training of one network, by iterations.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrainingTimes {
     /// Its name.
     pub model: String,
-    /// (iteration, seconds of training since its start, without the time between a
-    /// killed run and the one that goes on with it). Of a training in stages, iterations of the
-    /// last, and the seconds of all.
+    /// (iteration, seconds of training since its start), without the time between a killed run and
+    /// the one that goes on with it. For a training in stages, the iterations are those of the last
+    /// stage, and the seconds those of all stages.
     pub points: Vec<(u64, f64)>,
     /// The seconds of each stage before the last, by its name.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -31,13 +31,13 @@ pub struct TrainingTimes {
 }
 
 impl TrainingTimes {
-    /// Of all stages before the last.
+    /// The seconds of all stages before the last.
     pub fn before(&self) -> f64 {
         // Not `sum`, which is −0 of nothing.
         self.stages.iter().fold(0.0, |sum, (_, seconds)| sum + seconds)
     }
 
-    /// Seconds at an iteration, where they were taken.
+    /// The seconds at an iteration, if they were taken.
     pub fn seconds(&self, iteration: u64) -> Option<f64> {
         let at = self.points.iter().find(|(i, _)| *i == iteration);
         at.map(|(_, seconds)| *seconds).or_else(|| (iteration == 0).then(|| self.before()))

@@ -1,4 +1,4 @@
-//! What a run is timed on.
+//! The machine on which a run is timed.
 
 use crate::scalar::Simd;
 use serde::Serialize;
@@ -7,9 +7,9 @@ use std::fmt::{Display, Formatter, Result};
 /// The processor, and how much of it is used.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Machine {
-    /// The processor's name, as the system names it; its architecture elsewhere.
+    /// The processor's name as the system gives it, or else its architecture.
     pub processor: String,
-    /// Threads that share the work, but where a time says otherwise.
+    /// The number of threads that share the work, unless a time says otherwise.
     pub threads: usize,
     /// The vector instructions of the kernels.
     pub instructions: &'static str,

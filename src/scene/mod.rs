@@ -1,8 +1,7 @@
 //! Scenes: declared experiments, from data to report.
 //!
-//! A [`Scene`] is a set-up — a system, a flow time, data, networks, their training —
-//! and studies of it, or consists of parts, which are scenes. What it does not name is
-//! not computed.
+//! A [`Scene`] is a set-up — a system, a flow time, data, networks, their training — and studies of
+//! it, or consists of parts, which are scenes. Only what a scene names is computed.
 //!
 //! - [`Setup`], `target_flow`, `declared`: what studies know of their scene.
 //! - [`findings`], [`figure`], `part`: tables, figures, a verdict, data: what a study gives back.
@@ -85,7 +84,7 @@ pub use setup::{Data, FlowBy, ModelSpec, Setup};
 pub use study::certificate::{CERTIFICATE_HEADINGS, certificate_cells, certificate_table};
 pub use study::training::stop_words;
 
-/// What the tests of this crate reach behind the public API: not a part of it.
+/// Items for the tests of this crate; they are not part of the public API.
 #[doc(hidden)]
 pub mod internals {
     pub use super::command::{command, verdict};

@@ -46,8 +46,8 @@ pub fn command_line(words: &[String]) -> String {
     format!("gyroceptron {}", words.join(" "))
 }
 
-/// The command that does a job of a plan, by its name (none: that which makes the report) and its digest, from the
-/// arguments of the program without its name and the folder of the run.
+/// The command that does a job of a plan, made from the arguments of the program without its name and the folder of the
+/// run. The job is given by its name (None for the one that makes the report) and its digest.
 pub fn job_command(typed: &[String], folder: &Path, job: Option<&str>, digest: &str) -> String {
     let mut words = without(typed, &["--out"], &["--plan", "--no-estimate", "--json"]);
     let mut added = vec!["--out".to_owned(), folder.display().to_string()];
@@ -62,7 +62,7 @@ pub fn job_command(typed: &[String], folder: &Path, job: Option<&str>, digest: &
     command_line(&words)
 }
 
-/// The arguments without those that say where a page is written.
+/// The arguments without those that set where a page is written.
 pub fn without_page(typed: &[String]) -> Vec<String> {
     without(typed, &["--report"], &["--overwrite"])
 }

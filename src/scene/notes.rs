@@ -1,5 +1,5 @@
-//! What is said of pairs and models beside the results: the program writes notes, the module for
-//! Python warns or keeps them with the model.
+//! Notes on pairs and models, beside the results. The program prints them; the module for Python warns, or keeps them
+//! with the model.
 
 use crate::flow::Region;
 use crate::io::StoredModel;
@@ -7,12 +7,12 @@ use crate::measure::{adiabatic::OwnInvariance, certificate::CertificateOptions};
 use crate::random::Stream;
 use std::fmt;
 
-/// A note on the numbers of a file. Its text names no place and no option: the caller does.
+/// A note on the numbers of a file. Its text names no place and no option: the caller adds them.
 #[derive(Clone, Copy, Debug)]
 pub enum Note<'a> {
     /// Numbers are float32.
     SinglePrecision,
-    /// Arrays of a file of these names are not used.
+    /// Arrays of these names are in the file and are not used.
     Unused(&'a [String]),
 }
 
@@ -47,11 +47,11 @@ fn starts_of_orbits(stored: &StoredModel, options: &CertificateOptions) -> Vec<f
     points
 }
 
-/// What is wrong with the invariant that a network owns, along its own orbits: it changes much, or drifts. None of a network
-/// without one, and where nothing is wrong.
+/// What is wrong with the invariant that a network owns, along its own orbits: that it changes much, or drifts. None if
+/// nothing is wrong, or if the network owns no invariant.
 ///
-/// Orbits start from seeded points of the box of the training points, or of |z_i| ≤ the radius of the options where the
-/// model knows none.
+/// Orbits start from seeded points in the inner half of the box of the training points or, if the model knows none, in
+/// |z_i| ≤ the radius of the options.
 pub fn own_invariance_fault(stored: &StoredModel, options: &CertificateOptions) -> Option<String> {
     let starts = starts_of_orbits(stored, options);
     OwnInvariance::measure(&stored.model, &starts, OwnInvariance::ITERATIONS)

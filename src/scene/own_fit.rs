@@ -9,7 +9,7 @@ use crate::train::Fit;
 use std::path::Path;
 
 impl Scene {
-    /// A built-in scene by its name, any other from its file, whose name ends in `.toml`.
+    /// Reads a scene: a built-in one by its name, any other from its file, whose name ends in `.toml`.
     ///
     /// # Errors
     /// When there is no such scene, or its file cannot be read or is no scene.
@@ -23,8 +23,8 @@ impl Scene {
         }
     }
 
-    /// A [`Fit`] of the scene's only network to pairs from a file, with the scene's training options. Circles,
-    /// ε and flow time are not the scene's. A scene without networks has the gyroceptron of the paper.
+    /// A [`Fit`] of the scene's only network to pairs from a file, with the scene's training options. Circles, ε and
+    /// flow time are not taken from the scene. If the scene has no networks, the gyroceptron of the paper is fitted.
     ///
     /// # Errors
     /// [`Error::Content`] when the scene has several networks.

@@ -32,17 +32,17 @@ use serde_json::json;
 pub enum NextStep {
     /// Use the model.
     Predict,
-    /// A gyroceptron in normal form in place of the network.
+    /// Train a gyroceptron in normal form in place of the network.
     NormalForm,
-    /// The circle action that is found from the pairs, in place of the one that was given.
+    /// Find the circle action from the pairs, in place of the one that was given.
     Action,
-    /// Go on, up to so many iterations.
+    /// Go on, up to this number of iterations.
     Iterations(u64),
-    /// More pairs than so many.
+    /// Get more pairs than this number.
     Pairs(usize),
-    /// Levenberg–Marquardt in place of the optimiser.
+    /// Use Levenberg–Marquardt in place of the optimiser.
     Marquardt,
-    /// So many initial weights.
+    /// Start from this number of initial weights.
     Starts(u64),
 }
 
@@ -52,7 +52,7 @@ impl NextStep {
     /// Of fewer pairs more are asked for, where too few are held out to judge by.
     const USUAL: usize = 1000;
 
-    /// What to try after a fit that is judged so.
+    /// What to try after a fit with this judgement.
     pub fn of(fitted: &Fitted, judgement: &Judgement) -> Self {
         let problem = &fitted.problem;
         let judge = problem.held_out.as_ref().unwrap_or(&problem.pairs);
@@ -140,9 +140,9 @@ pub struct OwnTraining<'a> {
     pub fitted: Fitted,
     /// The seconds of training.
     pub times: TrainingTimes,
-    /// The command that does it again, but for the file of the scene.
+    /// The command that repeats it, without the file of the scene.
     pub command: String,
-    /// How a next step is asked for: a command, or a call.
+    /// Gives the command, or the call, that asks for a next step.
     pub next: &'a dyn Fn(NextStep) -> String,
 }
 

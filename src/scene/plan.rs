@@ -1,4 +1,4 @@
-//! The jobs of a scene: pieces of its run that can be done anywhere, in any order that their needs leave.
+//! The jobs of a scene: pieces of its run that can be done anywhere, in any order that respects their needs.
 
 use super::job_folders::{data_id, training_id};
 use super::learning::leading_up;
@@ -12,14 +12,14 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// A piece of the run of a scene.
+/// A piece of the run of a scene, which can be done on its own.
 #[derive(Clone, Debug, Serialize)]
 pub struct Job {
     /// Its name, which is that of its folder.
     pub id: String,
     /// What it does.
     pub kind: JobKind,
-    /// The part of the scene that it is of; none of a scene without parts.
+    /// The part of the scene that it belongs to; None for a scene without parts.
     pub part: Option<String>,
     /// The network that it trains, by the name that the scene gives it.
     pub network: Option<String>,
@@ -31,9 +31,9 @@ pub struct Job {
     pub flow_time: Option<f64>,
     /// The jobs that must be done before.
     pub needs: Vec<String>,
-    /// How many jobs at most must be done one after another before it: those of a number need nothing of each other.
+    /// The length of the longest chain of jobs that must be done before it. Jobs of one wave do not need each other.
     pub wave: usize,
-    /// All that its result depends on, as the first half of a SHA-256: scene, seed, files, version.
+    /// The first half of a SHA-256 of all that its result depends on: scene, seed, files, version.
     pub digest: String,
     #[serde(skip)]
     pub(super) task: Task,
@@ -69,8 +69,8 @@ pub(super) const MERGE: &str = "merge";
 impl Scene {
     /// The jobs of the scene, each after those that it needs: data sets, trainings, and the report.
     ///
-    /// Networks whose weights are those of a file are no jobs, nor are the other studies of a scene: the job that
-    /// makes the report does them.
+    /// Networks whose weights come from a file are not jobs, and neither are the other studies of a scene: they are
+    /// done by the job that makes the report.
     ///
     /// # Errors
     /// Those of [`Scene::complete`]; when a file that the scene names cannot be read.

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "SceneFile", into = "SceneFile")]
 pub struct Scene {
-    /// Its name: the default folder of a run.
+    /// Its name, which is the default folder of a run.
     pub name: String,
     /// One line that says what it shows.
     pub title: String,
@@ -24,7 +24,7 @@ pub struct Scene {
     pub seed: u64,
     /// What its studies share.
     pub setup: Setup,
-    /// What is measured, beside the pairs and the training that the set-up names.
+    /// The studies, beside those of the pairs and of the training that the set-up names.
     pub studies: Vec<AnyStudy>,
     /// The figures to draw, by name.
     pub plots: Vec<String>,

@@ -16,16 +16,16 @@ pub struct Report {
     pub training_times: Vec<TrainingTimes>,
     /// What was computed, and how long it took.
     pub stages: Vec<Stage>,
-    /// What it was timed on.
+    /// The machine on which it was timed.
     pub machine: Machine,
-    /// The command that does it again, where it is not `run`.
+    /// The command that repeats it, if it is not `run`.
     pub repeat: Option<String>,
     /// The reports of its parts.
     pub parts: Vec<Report>,
 }
 
 impl Report {
-    /// No verdict of the run, or of a part, is that something does not hold.
+    /// Whether no verdict of the run, or of a part, says that something does not hold.
     pub fn holds(&self) -> bool {
         let fails = |study: &StudyFindings| study.findings.verdict == Some(false);
         !self.studies.iter().any(fails) && self.parts.iter().all(Self::holds)

@@ -13,9 +13,9 @@ use super::render::{html, json, markdown, svg};
 use super::report::Report;
 use crate::error::Error;
 
-/// Runs a scene into a folder; None when the observer interrupted it, in which
-/// case a checkpoint is there to resume from. The parts of a scene run one after
-/// another, each in a folder of its own below.
+/// Runs a scene into a folder. Returns None when the observer interrupted it; a checkpoint is then
+/// there to resume from. The parts of a scene run one after another, each in a folder of its own
+/// below.
 ///
 /// # Errors
 /// When the scene is incomplete, a computation fails, a checkpoint does not

@@ -26,18 +26,18 @@ pub struct Setup {
     pub training: TrainingOptions,
 }
 
-/// The training and held-out pairs: of points in windows, moved by the system, or of a file.
+/// The training and held-out pairs: from points in windows, which the system moves, or from a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Data {
-    /// Boxes with their numbers of training points, or of orbits.
+    /// Boxes, each with its number of training points, or of orbits.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub windows: Vec<Window>,
-    /// Held-out points, or orbits, as a share of each window's training points; of a file, as a share of
+    /// The number of held-out points, or orbits, as a share of each window's training points; for a file, as a share of
     /// its pairs.
     pub validation: f64,
-    /// How many pairs of the orbit of each point: the scene's flow map takes it so far, and each pair
-    /// begins where the one before ends. 1, unless given: pairs of independent points.
+    /// The number of pairs along the orbit of each point: the scene's flow map is applied this many times, and each
+    /// pair begins where the one before ends. Unless given it is 1: pairs of independent points.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub orbit: usize,
     /// A file of pairs in place of windows and a system, as `gyroceptron train` takes them. A
@@ -47,44 +47,43 @@ pub struct Data {
     /// Field lines of coils in place of windows and a system.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lines: Option<LineData>,
-    /// An `.npy` file of (T, M, 2n) numbers, the trajectories that others are compared with: T states,
-    /// one every so many flow times as the roll-out keeps them, of M initial points.
+    /// An `.npy` file of (T, M, 2n) numbers, the trajectories that others are compared with: T states of M initial
+    /// points, as far apart in time as the states that the roll-out keeps.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trajectories: Option<PathBuf>,
-    /// Φ of the pairs of a file, …
+    /// Φ of the pairs of a file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub circle_action: Option<CircleAction>,
-    /// … and their ε.
+    /// ε of the pairs of a file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub epsilon: Option<f64>,
-    /// What moves them, and the trajectories that others are compared with: the reference flow,
-    /// unless given, which takes long over long times.
+    /// The integrator that moves the points, and makes the trajectories that others are compared with. Unless given, it
+    /// is the reference flow, which takes long over long times.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flow: Option<FlowBy>,
-    /// The pairs are of the flow maps for each of these ε, the system's unless given, …
+    /// The values of ε of the flow maps that the pairs are of; unless given, the system's alone.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub epsilons: Vec<f64>,
-    /// … and each of these flow times, the scene's unless given: a network learns all of
-    /// them at once, with ε and the flow time as what it takes. The points of the windows
-    /// are shared out among them.
+    /// The flow times of these maps; unless given, the scene's alone. A network learns all maps at once, as functions
+    /// of ε and the flow time. The points of the windows are shared out among the maps.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub flow_times: Vec<f64>,
-    /// The error of each of these maps counts in units of ε times its flow time
-    /// ([`Pairs::relative`](crate::flow::Pairs::relative)), so that maps near their rotation
-    /// are learnt as well as others.
+    /// Whether the error of each of these maps counts in units of ε times its flow time
+    /// ([`Pairs::relative`](crate::flow::Pairs::relative)), so that maps near their rotation are learnt as well as
+    /// others.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub relative: bool,
 }
 
-/// An integrator in place of the reference flow; twice as many steps estimate its error, or, of an averaged equation,
-/// stroboscopic averaging of sixth order. Its
-/// evaluations of the equations of motion are not among those that a report counts.
+/// An integrator in place of the reference flow. Its error is estimated with twice as many steps or, for an averaged
+/// equation, with stroboscopic averaging of sixth order. Reports do not count its evaluations of the equations of
+/// motion.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlowBy {
-    /// Which.
+    /// The integrator.
     pub integrator: Integrator,
-    /// The time of a step, at most.
+    /// The largest time of a step.
     pub step: f64,
 }
 
@@ -132,20 +131,19 @@ impl FlowBy {
 pub struct ModelSpec {
     /// Its name in tables and files.
     pub name: String,
-    /// Which network.
+    /// The kind and the sizes of the network.
     pub network: NetworkSpec,
-    /// How its weights are drawn: after Glorot, unless given. Those of a file are not.
+    /// How its weights are drawn: after Glorot, unless given. Weights of a file are not drawn.
     #[serde(default = "glorot")]
     pub weights: InitialWeights,
-    /// How it is trained, where it is not as the others are.
+    /// How it is trained, if not like the others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<TrainingOptions>,
-    /// It is here for the sake of its training, to be compared: other studies leave it
-    /// out.
+    /// Whether it is here only to compare its training; other studies leave it out.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub training_only: bool,
-    /// It is trained from so many initial weights, one after another, of which other
-    /// studies take the first: 1, unless given.
+    /// The number of initial weights from which it is trained, one after another; other studies take the first. It is 1
+    /// unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seeds: Option<u64>,
 }
@@ -174,7 +172,7 @@ pub(super) struct StudyTraining {
 }
 
 impl ModelSpec {
-    /// The weights that a network for your own pairs begins with.
+    /// The initial weights of a network for a user's own pairs.
     pub const OWN_WEIGHTS: InitialWeights = InitialWeights::Normal { scale: 0.15 };
 
     /// One for each of its seeds.

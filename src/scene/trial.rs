@@ -17,8 +17,9 @@ const LINES: usize = 8;
 const LONG_ENOUGH: Duration = Duration::from_millis(300);
 
 impl Scene {
-    /// Seconds that each of its jobs takes on this machine, if it does all its iterations: an estimate, for which a
-    /// part of the pairs is made and each network is trained on it for a moment. None of the report, and where that fails.
+    /// Estimates the seconds that each of its jobs takes on this machine if it does all its iterations. For that, a
+    /// part of the pairs is made and each network is trained on it for a moment. None for the report, and where the
+    /// estimate fails.
     pub fn estimate(&self, jobs: &[Job]) -> Vec<Option<f64>> {
         let mut out = vec![None; jobs.len()];
         let parts: Vec<(Option<&str>, &Self)> = match &self.parts[..] {

@@ -6,15 +6,15 @@ use crate::layer::CircleAction;
 use crate::scalar::Elementary;
 use serde::{Deserialize, Serialize};
 
-/// H = ½(Π_x² + Π_y²) + ε sin ky cos kx in the plane, with a uniform magnetic field B = 1: lengths in gyroradii of
-/// unit speed, the time in radians of the gyration.
+/// H = ½(Π_x² + Π_y²) + ε sin ky cos kx in the plane, with a uniform magnetic field B = 1. Lengths are in gyroradii
+/// at unit speed, times in radians of the gyration.
 ///
-/// With the kinetic momenta Π and the guiding centre (X, Y) = (x + Π_y, y − Π_x), z = [Π_x, Y, Π_y, X] are
-/// canonical: {Π_x, Π_y} = {Y, X} = 1. Then x = p₂ − p₁ and y = q₁ + q₂. At ε = 0 the velocity turns and the guiding
-/// centre stands still. For small ε the guiding centre drifts along the contours of the potential, around cells
-/// between separatrices; averaged over the gyration, its Hamiltonian is [`CellularDrift::averaged`], a
-/// product of functions of Y and of X, where those of [`Oscillators`](super::Oscillators) and of
-/// [`FullOrbit`](super::FullOrbit) are sums of a function of each, or nearly.
+/// With the kinetic momenta Π and the guiding centre (X, Y) = (x + Π_y, y − Π_x), z = [Π_x, Y, Π_y, X] are canonical:
+/// {Π_x, Π_y} = {Y, X} = 1. Then x = p₂ − p₁ and y = q₁ + q₂. At ε = 0 the velocity turns and the guiding centre
+/// stands still. For small ε the guiding centre drifts along the contours of the potential, around cells between
+/// separatrices. Averaged over the gyration, its Hamiltonian is [`CellularDrift::averaged`]: a product of a function
+/// of Y and one of X, whereas those of [`Oscillators`](super::Oscillators) and of [`FullOrbit`](super::FullOrbit) are
+/// sums of such functions, or nearly so.
 ///
 /// Source: the cellular flow of Childress, <https://doi.org/10.1016/0031-9201(79)90039-6>, as an E × B drift.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,8 +48,8 @@ impl CellularDrift {
     /// The average of ε sin ky cos kx over a gyration of radius ρ = √(2J) about the guiding centre (X, Y):
     /// εJ₀(√2 kρ) sin kY cos kX, J₀ the Bessel function.
     ///
-    /// The potential is an eigenfunction of the Laplacian, and its mean over a circle so many times its value in the
-    /// middle.
+    /// The potential is an eigenfunction of the Laplacian, so that its mean over a circle is its value at the centre
+    /// times a factor that depends on the radius only.
     pub fn averaged(&self, z: &[f64; 4]) -> f64 {
         let [px, y, py, x] = *z;
         let k = self.wavenumber;
@@ -114,7 +114,7 @@ impl NearlyPeriodic for CellularDrift {
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         S::from_f64(0.5) * z[0].mul_add(z[0], z[2] * z[2])
     }
-    /// J₀(√2 kρ) of ρ² = Π_x² + Π_y², and its derivative by ½ρ².
+    /// J₀(√2 kρ) with ρ² = Π_x² + Π_y², and its derivative by ½ρ².
     fn average_constants(&self, z: &[f64]) -> Option<[f64; 2]> {
         let radius = libm::hypot(z[0], z[2]);
         let (k, argument) = (self.wavenumber, self.argument(radius));
@@ -122,7 +122,7 @@ impl NearlyPeriodic for CellularDrift {
         let ratio = if argument < 1e-8 { 0.5 } else { libm::j1(argument) / argument };
         Some([libm::j0(argument), -2.0 * k * k * ratio])
     }
-    /// That of [`CellularDrift::averaged`].
+    /// The vector field of [`CellularDrift::averaged`].
     #[inline(always)]
     fn averaged_field<S: Elementary>(&self, z: &[S], [bessel, slope]: &[S; 2], out: &mut [S]) {
         let (epsilon, k) = (S::from_f64(self.epsilon), S::from_f64(self.wavenumber));

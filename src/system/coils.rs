@@ -10,15 +10,15 @@ use std::f64::consts::TAU;
 pub struct Coil {
     /// c_k of x, y and z, k from 0.
     pub cosines: Vec<[f64; 3]>,
-    /// s_k, as many; those of k = 0 are none.
+    /// s_k, the same number; s₀ has no effect.
     pub sines: Vec<[f64; 3]>,
     /// Its current in the direction of growing t, in amperes.
     pub current: f64,
 }
 
 impl Coil {
-    /// The trigonometric interpolation of points of a closed curve at equal distances of a parameter: that of a
-    /// smooth curve by N points has an error that falls faster than any power of N.
+    /// The trigonometric interpolation of points of a closed curve at equidistant values of a parameter. For a smooth
+    /// curve its error falls faster than any power of the number of points.
     ///
     /// # Errors
     /// [`Error::CountOutOfRange`] of fewer than three points, [`Error::OutOfRange`] of a number that is not finite.
@@ -81,14 +81,14 @@ impl Coil {
 /// A coil is of no more points or modes than this.
 const MOST_POINTS: usize = 1 << 16;
 
-/// The coils of one period of a machine, and what symmetry makes of them.
+/// The coils that generate a machine, and its symmetries.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CoilSet {
     /// The coils that are given.
     pub coils: Vec<Coil>,
-    /// The field periods N: turned by 2π/N the machine is the same.
+    /// The number N of field periods: a rotation by 2π/N is a symmetry of the machine.
     pub periods: u32,
-    /// Half a turn about the x axis is a symmetry of the machine, in which currents change their direction.
+    /// Whether half a turn about the x axis, with all currents reversed, is a symmetry of the machine.
     pub stellarator_symmetric: bool,
 }
 
@@ -138,10 +138,10 @@ impl CoilSet {
     }
 }
 
-/// Coils by formula: helical windings of a torsatron, and a pair of rings that cancel its vertical field.
+/// The coils of a torsatron by formula: helical windings, and a pair of rings that cancel their vertical field.
 ///
-/// Winding j of l runs at φ round the torus and at θ = (N/l)φ + 2πj/l round the circle of radius a about
-/// R₀: R = R₀ + a cos θ, Z = −a sin θ. The rings are at a radius and at heights ± theirs.
+/// At the toroidal angle φ, winding j of l is at θ = (N/l)φ + 2πj/l on the circle of radius a about R₀:
+/// R = R₀ + a cos θ, Z = −a sin θ. The rings lie at equal heights above and below the midplane.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Torsatron {
@@ -157,7 +157,7 @@ pub struct Torsatron {
     pub current: f64,
     /// The radius of the rings, in metres.
     pub ring_radius: f64,
-    /// The height of one of them, in metres, and of the other below.
+    /// The height of one ring above the midplane, in metres, and of the other below it.
     pub ring_height: f64,
     /// The current of a ring, as a share of that of a winding.
     pub ring_share: f64,
@@ -244,8 +244,8 @@ struct Element {
     current: [f64; 3],
 }
 
-/// The magnetic field of filament coils, in tesla, by the trapezoidal rule along each, whose error falls
-/// exponentially with the points where they are closer to one another than the coil is to the place.
+/// The magnetic field of filament coils, in tesla, by the trapezoidal rule along each coil. Its error falls
+/// exponentially with the number of points, once they are closer to one another than the place is to the coil.
 ///
 /// B(r) = μ₀/4π Σ I ∮ dx × (r − x)/|r − x|³.
 #[derive(Clone, Debug)]
@@ -256,14 +256,14 @@ pub struct CoilField {
 }
 
 impl CoilField {
-    /// μ₀/4π in tesla metres an ampere, to the nine digits in which it is still 10⁻⁷ since 2019.
+    /// μ₀/4π in tesla metres per ampere: since 2019 it equals 10⁻⁷ to nine digits only.
     const MU_0_OVER_4_PI: f64 = 1e-7;
 
-    /// Of these coils, with so many points along each.
+    /// The field of these coils, with this number of points along each.
     ///
     /// # Errors
-    /// When there is no coil, a mode of one is not seen by so many points, a number is not finite, or coils
-    /// carry no current.
+    /// When there is no coil, the points are too few for the modes of one, a number is not finite, or coils carry no
+    /// current.
     pub fn new(coils: &[Coil], points: usize) -> Result<Self, Error> {
         Error::check_count_range("points along a coil", points, 3, MOST_POINTS)?;
         let (mut elements, mut spacing) = (Vec::new(), 0.0);
@@ -303,7 +303,7 @@ impl CoilField {
         libm::sqrt(squares.fold(0.0, max_or_nan))
     }
 
-    /// How many points its coils have.
+    /// The number of points of all coils together.
     pub fn points(&self) -> usize {
         self.elements.len()
     }
@@ -342,8 +342,8 @@ impl CoilField {
         (out[0], out[1]) = (share * by_radius, share * by_height);
     }
 
-    /// Fails where (R, Z) at φ is so near a coil that its points do not act as a line, or where the toroidal
-    /// field vanishes or points in the other direction than `sign`.
+    /// Fails where (R, Z) at φ is so near a coil that its points do not act as a line, or where the toroidal field
+    /// vanishes or has the opposite sign to `sign`.
     ///
     /// # Errors
     /// With the place.
@@ -385,6 +385,6 @@ impl CoilField {
     }
 }
 
-/// Points of a coil act as a line from so many of their distances on: there the trapezoidal rule errs by
+/// The points of a coil act as a line from this many times their spacing on: there the trapezoidal rule errs by
 /// e^{−2π·2}, some 10⁻⁵ of the field of that coil.
 const NEAREST: f64 = 2.0;

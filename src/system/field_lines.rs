@@ -7,18 +7,17 @@ use crate::scalar::Elementary;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// Field lines around a circular axis: the toroidal angle φ is the time, and
-/// H = ι₀(r²/2 − r⁴/4)(1 + ε cos(mθ + nφ)), in units of a, the radius at which ι is 0.
+/// Magnetic field lines around a circular axis, with the toroidal angle φ as time and
+/// H = ι₀(r²/2 − r⁴/4)(1 + ε cos(mθ + nφ)). Lengths are in units of a, the minor radius where ι is 0.
 ///
-/// A line at the minor radius r and the poloidal angle θ has the momentum
-/// p_θ = r²/2 − r³ cos θ/3A of θ, A = R₀/a being the aspect ratio and B₀ = 1 the field of the axis: r
-/// is a root of a cubic, and no part of H has an explicit flow. z = [q, p],
-/// q = √(2p_θ) sin θ, p = √(2p_θ) cos θ: dq∧dp = dθ∧dp_θ.
+/// At the minor radius r and the poloidal angle θ, the momentum of θ is p_θ = r²/2 − r³ cos θ/3A, with the aspect
+/// ratio A = R₀/a and the field B₀ = 1 on the axis. So r is a root of a cubic, and no part of H has an explicit flow.
+/// z = [q, p], q = √(2p_θ) sin θ, p = √(2p_θ) cos θ: dq∧dp = dθ∧dp_θ.
 ///
-/// At ε = 0 r stays and θ − (r/A) sin θ turns at ι(r) = ι₀(1 − r²), so that the surfaces turn at
-/// frequencies of their own: what has one frequency is the neighbourhood of the axis. Where
-/// mι + n = 0 the perturbation opens a chain of islands. H is singular at the axis for m ≠ 0 and
-/// ε ≠ 0, and defined inside of r ≤ 1.
+/// At ε = 0, r is conserved and θ − (r/A) sin θ advances at the rate ι(r) = ι₀(1 − r²): each
+/// surface has a frequency of its own, and the motion has a single frequency only near the axis.
+/// Where mι + n = 0 the perturbation opens a chain of islands. H is singular at the axis for m ≠ 0
+/// and ε ≠ 0, and defined for r ≤ 1.
 ///
 /// Source: the vector potential of Rath, Albert, Bischl and von Toussaint,
 /// <https://doi.org/10.1063/5.0048129>, with the perturbation cos(mθ + nφ).
@@ -27,7 +26,7 @@ use std::f64::consts::TAU;
 pub struct FieldLines {
     /// The strength ε of the perturbation.
     pub epsilon: f64,
-    /// ι₀, the turns about the axis in one around the torus.
+    /// ι₀, the rotational transform on the axis: poloidal turns for each toroidal turn.
     #[serde(default = "FieldLines::iota")]
     pub iota: f64,
     /// The aspect ratio A of the torus.
@@ -41,13 +40,13 @@ pub struct FieldLines {
     pub toroidal: i32,
 }
 
-/// Newton steps for r, and for θ of the unperturbed flow: from where they begin each doubles the digits, two
-/// of them at first.
+/// Newton steps for r, and for θ of the unperturbed flow: each doubles the number of correct digits, two at the
+/// start.
 const NEWTON_STEPS: usize = 6;
 
 impl FieldLines {
-    /// A = 2, m = −3, n = 2, and ι₀ = 2/√5, near 0.9: no low harmonic of the axis comes round in a turn,
-    /// and ι = ⅔, where the islands are, at a quarter of the area of the torus.
+    /// A = 2, m = −3, n = 2, and ι₀ = 2/√5, near 0.9: no low multiple of ι₀ is a whole number of turns, and the
+    /// islands, at ι = ⅔, are at a quarter of the area of the torus.
     pub fn new(epsilon: f64) -> Self {
         Self {
             epsilon,
@@ -74,12 +73,13 @@ impl FieldLines {
         2
     }
 
-    /// The turns ι(r) about the axis in one around the torus, at the radius r of the unperturbed surface.
+    /// The rotational transform ι(r), poloidal turns for each toroidal turn, at the radius r of the unperturbed
+    /// surface.
     pub fn iota_at(&self, radius: f64) -> f64 {
         self.iota * (1.0 - radius * radius)
     }
 
-    /// Where mι + n = 0: ι and r there, if there are islands.
+    /// The values of ι and r where mι + n = 0, if there are islands.
     pub fn resonance(&self) -> Option<(f64, f64)> {
         if self.epsilon == 0.0 || self.poloidal == 0 {
             return None;

@@ -6,8 +6,8 @@ use crate::layer::CircleAction;
 use crate::scalar::Elementary;
 use serde::{Deserialize, Serialize};
 
-/// H = ½|p − A(x, y)|² + εφ(x, y) in the plane, B = 1 + ε(cos kx + cos ky), φ = f(cos kx + sin ky): lengths in
-/// gyroradii of unit speed, the time in radians of the gyration in the uniform part.
+/// H = ½|p − A(x, y)|² + εφ(x, y) in the plane, B = 1 + ε(cos kx + cos ky), φ = f(cos kx + sin ky). Lengths are in
+/// gyroradii at unit speed, times in radians of the gyration in the uniform part of B.
 ///
 /// With the kinetic momenta of the uniform part Π and the guiding centre (X, Y) = (x + Π_y, y − Π_x), z = [Π_x, Y,
 /// Π_y, X] are canonical: {Π_x, Π_y} = {Y, X} = 1, a linear symplectic map of positions and momenta. Then
@@ -46,7 +46,7 @@ impl FullOrbit {
         (z[3] - z[2], z[0] + z[1])
     }
 
-    /// ε sin ku/k and its slope ε cos ku, of u = x or y: −a_y or a_x, and a part of B each.
+    /// ε sin ku/k and its slope ε cos ku, for u = x or y: εa_y or −εa_x, and a part of B each.
     #[inline(always)]
     pub(crate) fn wave<S: Elementary>(&self, u: S) -> (S, S) {
         let (s, c) = (S::from_f64(self.wavenumber) * u).sin_cos();
@@ -99,7 +99,8 @@ impl FullOrbit {
         S::from_f64(0.5) * (vx * vx + vy * vy) / (S::from_f64(1.0) + cx + cy)
     }
 
-    /// Fails unless k is positive, f is finite and |ε| < ½: from there on B vanishes somewhere, and nothing gyrates.
+    /// Fails unless k is positive, f is finite and |ε| < ½: for larger |ε|, B vanishes somewhere and the particle
+    /// does not gyrate there.
     ///
     /// # Errors
     /// With the value.
@@ -200,7 +201,7 @@ impl Splittable for FullOrbit {
     }
 }
 
-/// sin u/u, for |u| ≤ 2 to rounding: of larger arguments steps are too long to be of use.
+/// sin u/u, for |u| ≤ 2 to rounding: for larger arguments steps are too long to be of use.
 #[inline(always)]
 fn sinc<S: Elementary>(u: S) -> S {
     const TERMS: u32 = 12;

@@ -1,4 +1,4 @@
-//! Nearly-periodic systems, Hamiltonian ones and one that is not: a file each.
+//! Nearly-periodic systems: Hamiltonian ones, and one that is not.
 
 mod cellular_drift;
 mod coils;
@@ -25,38 +25,38 @@ use crate::layer::{CircleAction, TorusAction};
 use crate::scalar::{Dual, Elementary, max_or_nan};
 use serde::{Deserialize, Serialize};
 
-/// A Hamiltonian system on ℝ²ⁿ with the canonical form: its energy is all that it needs. Friction and other
-/// forces that no energy has come beside it: ż = Ω∇H(z, t) + D(z, t).
+/// A Hamiltonian system on ℝ²ⁿ with the canonical form, defined by its energy alone. Friction and other forces that
+/// do not derive from an energy are added: ż = Ω∇H(z, t) + D(z, t).
 pub trait Hamiltonian {
     /// The degrees of freedom n.
     fn dof(&self) -> usize;
 
-    /// H(z, t): of most, no function of the time. `#[inline(always)]`, with all that it calls, makes
-    /// flows several times as fast: it is then compiled for the vector registers that they go in.
+    /// H(z, t), which for most systems does not depend on the time. `#[inline(always)]` here and on all that it calls
+    /// makes flows several times as fast: it is then compiled for the vector registers that they use.
     fn energy<S: Elementary>(&self, z: &[S], time: f64) -> S;
 
-    /// `out` += D(z, t), which is not Hamiltonian; nothing, unless given. Flows then are not symplectic.
+    /// `out` += D(z, t), which is not Hamiltonian; 0 by default. With it, flows are not symplectic.
     #[inline(always)]
     fn add_dissipation<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
         let _ = (z, time, out);
     }
 
-    /// `out` ← Ω∇H(z, t) + D(z, t): by duals, unless given; the equations of motion written out take a
-    /// fraction of that, and want `#[inline(always)]` too.
+    /// `out` ← Ω∇H(z, t) + D(z, t), by default with dual numbers. Explicit equations of motion take a fraction of
+    /// that time, and should be `#[inline(always)]` too.
     #[inline(always)]
     fn vector_field<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
         symplectic_gradient(self, z, time, out);
         self.add_dissipation(z, time, out);
     }
 
-    /// The period of H in time; none where it is no function of it. Steps of a flow map begin at
-    /// whole periods: of any other interval its repetition is not the flow.
+    /// The period of H in time; None where H does not depend on it. Steps of a flow map begin at
+    /// whole periods: over any other interval, the iterated map is not the flow.
     fn period(&self) -> Option<f64> {
         None
     }
 
-    /// The angular frequency of the fastest motion near z, roughly: how long the steps are that
-    /// a reference flow begins to try. By the second derivatives of H, unless given.
+    /// A rough angular frequency of the fastest motion near z: it sets the first step that a
+    /// reference flow tries. By default it follows from the derivatives of the vector field.
     fn fastest_frequency(&self, z: &[f64]) -> f64 {
         let mut squares = 0.0;
         for direction in 0..z.len() {
@@ -66,7 +66,7 @@ pub trait Hamiltonian {
             self.vector_field(&z, 0.0, &mut slope);
             squares += slope.iter().map(|v| v.eps[0] * v.eps[0]).sum::<f64>();
         }
-        // Of a plane that turns, that of its turning.
+        // For a plane that turns, this is the frequency of its rotation.
         let frequency = libm::sqrt(0.5 * squares);
         if frequency.is_finite() && frequency > 0.0 { frequency } else { 1.0 }
     }
@@ -74,17 +74,17 @@ pub trait Hamiltonian {
     /// Fails unless the system is defined at z.
     ///
     /// # Errors
-    /// With the point, and where it is not.
+    /// With the point, and the condition that it does not meet.
     fn check_point(&self, z: &[f64]) -> Result<(), Error> {
         let _ = z;
         Ok(())
     }
 }
 
-/// `out` ← Ω∇H(z, t), the gradient by duals.
+/// `out` ← Ω∇H(z, t), with the gradient by dual numbers.
 ///
 /// # Panics
-/// When z and `out` are not of 2n numbers.
+/// When z and `out` do not both hold 2n numbers.
 #[inline(always)]
 pub fn symplectic_gradient<S: Elementary>(
     system: &(impl Hamiltonian + ?Sized),
@@ -117,7 +117,8 @@ pub fn symplectic_gradient<S: Elementary>(
     }
 }
 
-/// Σ ∂żᵢ/∂zᵢ at z, by duals: how fast volumes grow. Of a Hamiltonian system, 0.
+/// The divergence Σ ∂żᵢ/∂zᵢ at z, by dual numbers: how fast volumes grow. It is 0 for a Hamiltonian
+/// system.
 pub fn divergence(system: &impl Hamiltonian, z: &[f64], time: f64) -> f64 {
     let mut sum = 0.0;
     for direction in 0..z.len() {
@@ -145,30 +146,31 @@ pub trait NearlyPeriodic: Hamiltonian {
     /// ω₀, the angular frequency of the limit.
     fn limiting_frequency(&self) -> f64;
 
-    /// The commuting circles that the limit turns, with the frequency of each: the circle action, unless the
-    /// limit goes round a torus, along which no single circle leads. Those of a torus turn the coordinate planes.
+    /// The commuting circle actions of the limit, with the frequency of each. By default this is the one circle
+    /// action; a limit whose orbits fill tori has several, each of which turns coordinate planes.
     fn torus(&self) -> (TorusAction, Vec<f64>) {
         (self.circle_action().into(), vec![self.limiting_frequency()])
     }
 
-    /// μ₀(z), the adiabatic invariant to leading order; with dissipation, the action of the limit, which is none.
+    /// μ₀(z), the adiabatic invariant to leading order; with dissipation, the action of the limit, which is then no
+    /// invariant.
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S;
 
-    /// Another approximate invariant, that its users know by the name given with it; none, unless there is one.
+    /// Another approximate invariant, with its customary name; None by default.
     fn customary_invariant<S: Elementary>(&self, z: &[S]) -> Option<(&'static str, S)> {
         let _ = z;
         None
     }
 
-    /// What [`NearlyPeriodic::averaged_field`] has of the actions at z, which the averaged flow keeps; None
-    /// where the average has no closed form.
+    /// The functions of the actions at z that [`NearlyPeriodic::averaged_field`] takes as constants, since the
+    /// averaged flow conserves them; None where the average has no closed form.
     fn average_constants(&self, z: &[f64]) -> Option<[f64; 2]> {
         let _ = z;
         None
     }
 
-    /// `out` ← the average over the circle through z of the vector field without the limit's, in closed form, where
-    /// [`NearlyPeriodic::average_constants`] are some; NaN where it has none.
+    /// `out` ← the average, over the circle through z, of the vector field minus that of the limit, in closed form.
+    /// It exists where [`NearlyPeriodic::average_constants`] does; elsewhere `out` is NaN.
     #[inline(always)]
     fn averaged_field<S: Elementary>(&self, z: &[S], constants: &[S; 2], out: &mut [S]) {
         let _ = (z, constants);
@@ -187,8 +189,8 @@ pub trait NearlyPeriodic: Hamiltonian {
     }
 }
 
-/// A system with coordinates that are not canonical, in which its equations of motion are explicit or
-/// take less time: what somebody would integrate who minds the motion and not the form.
+/// A system with non-canonical coordinates in which its equations of motion are explicit or take less time: those
+/// that one would integrate for the motion alone, without regard to the symplectic form.
 pub trait NaturalCoordinates: Hamiltonian {
     /// z ← the natural coordinates of a point, 2n numbers.
     fn to_natural<S: Elementary>(&self, z: &mut [S]);
@@ -200,11 +202,11 @@ pub trait NaturalCoordinates: Hamiltonian {
     fn natural_field<S: Elementary>(&self, x: &[S], time: f64, out: &mut [S]);
 }
 
-/// A Hamiltonian H = H_A + H_B whose two parts have exact flows, or a vector field whose parts have: what a
-/// splitting composes. H_A = ½Σ ω_j(q_j² + p_j²) turns planes.
+/// A Hamiltonian H = H_A + H_B, or a vector field, with two parts that have exact flows, which a splitting composes.
+/// H_A = ½Σ ω_j(q_j² + p_j²) turns planes.
 pub trait Splittable: NearlyPeriodic {
-    /// z ← the coordinates in which the parts are simple. Applied once before
-    /// an integration. None but the system's own, unless given.
+    /// z ← the coordinates in which the parts are simple. Applied once before an integration. By
+    /// default these are the system's own coordinates.
     #[inline(always)]
     fn enter<S: Elementary>(&self, z: &mut [S]) {
         let _ = z;
@@ -223,7 +225,7 @@ pub trait Splittable: NearlyPeriodic {
     fn flow_b<S: Elementary>(&self, z: &mut [S], time: S);
 }
 
-/// Any system of the crate, as scenes name it.
+/// Any system of the crate, by its name in scenes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum System {
@@ -318,22 +320,22 @@ impl System {
     }
 }
 
-/// What is particular to a system, as studies ask for it: a new system answers here.
+/// Properties of single systems that studies need; a new system is added here.
 impl System {
-    /// Whether its limit turns at one frequency everywhere: not where each surface turns at a
+    /// Whether its limit turns at the same frequency everywhere; false where each surface has a
     /// frequency of its own.
     pub fn turns_at_one_frequency(&self) -> bool {
         !matches!(self, Self::FieldLines(_))
     }
 
-    /// Whether the first plane that the limit leaves alone is worth a portrait: that of a particle
-    /// in its own field moves on a straight line.
+    /// Whether a portrait of the first plane that the limit does not turn is useful; for a particle
+    /// in its own field the motion in it is a straight line.
     pub fn has_slow_portrait(&self) -> bool {
         !matches!(self, Self::ParticleField(_))
     }
 
     /// The Hamiltonian of the plane (q_j, p_j), j from 0, averaged over the fast motion, and the
-    /// point of the plane at z; none where it is not known.
+    /// point of the plane at z; None where it is not known.
     pub fn averaged(&self, plane: usize, z: &[f64]) -> Option<(AveragedOscillator, [f64; 2])> {
         match (self, plane) {
             (Self::Oscillators(_), 1) => Some(Oscillators::averaged(z.try_into().ok()?)),
@@ -350,7 +352,7 @@ impl System {
         }
     }
 
-    /// The field lines, where it is of such: with the surfaces that they lie on.
+    /// The system of field lines, if it is one: it has the surfaces that they lie on.
     pub fn field_lines(&self) -> Option<&FieldLines> {
         match self {
             Self::FieldLines(system) => Some(system),

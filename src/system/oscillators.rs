@@ -36,8 +36,8 @@ impl Oscillators {
         (q2.mul_add(s, common), q1.mul_add(s, common))
     }
 
-    /// The averaged slow oscillator and its point (q₂, p₂) at z: the fast one is
-    /// averaged over the circle that it is on.
+    /// The averaged slow oscillator and its point (q₂, p₂) at z: the average is over the circle of
+    /// the fast oscillator.
     pub fn averaged(z: &[f64; 4]) -> (AveragedOscillator, [f64; 2]) {
         (AveragedOscillator::new(libm::hypot(z[0], z[2])), [z[1], z[3]])
     }
@@ -80,12 +80,12 @@ impl NearlyPeriodic for Oscillators {
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         S::from_f64(0.5) * z[0].mul_add(z[0], z[2] * z[2])
     }
-    /// c = R J₁(2R) of R² = q₁² + p₁², and its derivative by ½R², 2J₀(2R).
+    /// c = R J₁(2R) with R² = q₁² + p₁², and its derivative by ½R², 2J₀(2R).
     fn average_constants(&self, z: &[f64]) -> Option<[f64; 2]> {
         let radius = libm::hypot(z[0], z[2]);
         Some([radius * libm::j1(2.0 * radius), 2.0 * libm::j0(2.0 * radius)])
     }
-    /// That of H̄ = ½ε(q₂² + p₂²) + εc q₂ cos 2q₂.
+    /// The vector field of H̄ = ½ε(q₂² + p₂²) + εc q₂ cos 2q₂.
     #[inline(always)]
     fn averaged_field<S: Elementary>(&self, z: &[S], [c, slope]: &[S; 2], out: &mut [S]) {
         let epsilon = S::from_f64(self.epsilon);

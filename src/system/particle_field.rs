@@ -6,7 +6,7 @@ use crate::layer::CircleAction;
 use crate::scalar::Elementary;
 use serde::{Deserialize, Serialize};
 
-/// V_k: how the momentum of a field mode is displaced.
+/// The displacement V_k of the momentum of a field mode.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum FieldProfile {
@@ -19,7 +19,7 @@ pub enum FieldProfile {
         /// The wavenumber b.
         wavenumber: f64,
     },
-    /// V = a exp(−bQ²), b > 0.
+    /// V = a exp(−bQ²), b ≥ 0.
     Gaussian {
         /// The amplitude a.
         amplitude: f64,
@@ -29,7 +29,7 @@ pub enum FieldProfile {
 }
 
 impl FieldProfile {
-    /// Its numbers are finite, and it is bounded.
+    /// Whether its numbers are finite and it is bounded.
     pub fn is_sound(self) -> bool {
         match self {
             Self::Zero => true,
@@ -95,13 +95,13 @@ impl ParticleField {
         z
     }
 
-    /// The same particle in the coordinates (q, Q, p, Π), Π_k = P_k − V_k(Q_k): the system with V = 0, whose
-    /// limit turns coordinate planes. [`Splittable::enter`] leads to them, and is symplectic.
+    /// The same particle in the coordinates (q, Q, p, Π), Π_k = P_k − V_k(Q_k): the system with V = 0, whose limit
+    /// turns coordinate planes. [`Splittable::enter`] is the symplectic map to these coordinates.
     pub fn without_profiles(&self) -> Self {
         Self { epsilon: self.epsilon, profiles: vec![FieldProfile::Zero; self.modes()] }
     }
 
-    /// Fails unless it has a mode, and sound ones.
+    /// Fails unless there is at least one mode, and all are sound.
     ///
     /// # Errors
     /// [`Error::Invalid`] with the profile.
@@ -198,8 +198,8 @@ impl NearlyPeriodic for ParticleField {
     fn average_constants(&self, _: &[f64]) -> Option<[f64; 2]> {
         Some([0.0; 2])
     }
-    /// That of H̄ = ½ε(p² + Σ sin²(kq) J_k), J_k = ½(Q_k² + Π_k²): of the squares of Σ sin(kq)Q_k the products of two
-    /// modes have no average, since their frequencies differ.
+    /// The vector field of H̄ = ½ε(p² + Σ sin²(kq) J_k), J_k = ½(Q_k² + Π_k²): in the square of Σ sin(kq)Q_k the
+    /// products of two different modes average to 0, since their frequencies differ.
     #[inline(always)]
     fn averaged_field<S: Elementary>(&self, z: &[S], _: &[S; 2], out: &mut [S]) {
         let (n, half, epsilon) = (self.dof(), S::from_f64(0.5), S::from_f64(self.epsilon));

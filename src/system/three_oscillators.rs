@@ -1,4 +1,4 @@
-//! Three coupled oscillators: two fast ones of frequencies of their own, and a slow one.
+//! Three coupled oscillators: two fast ones with different frequencies, and a slow one.
 
 use super::{Hamiltonian, NearlyPeriodic, Splittable, turn};
 use crate::error::Error;
@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 
 /// H = ½(q₁² + p₁²) + ½ω(q₂² + p₂²) + ½ε(q₃² + p₃²) + ε cos(q₁ + q₂ + q₃).
 ///
-/// z = [q₁, q₂, q₃, p₁, p₂, p₃]. At ε = 0 two planes turn, with frequencies 1 and ω: not along circles, but along
-/// tori, unless ω is a ratio of small integers. The coupling has every harmonic kω + l of the two, so that
-/// both actions change by O(ε) where none is small, and are exchanged where one is.
+/// z = [q₁, q₂, q₃, p₁, p₂, p₃]. At ε = 0 two planes turn, with frequencies 1 and ω: orbits run along tori rather
+/// than circles, unless ω is a ratio of small integers. The coupling contains every harmonic kω + l of the two
+/// frequencies, so that both actions change by O(ε) if none of them is small, and are exchanged if one is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ThreeOscillators {
@@ -90,7 +90,7 @@ impl NearlyPeriodic for ThreeOscillators {
     fn torus(&self) -> (TorusAction, Vec<f64>) {
         (TorusAction::of_first_planes(2, 3), vec![1.0, self.frequency])
     }
-    /// That of the circle nearest to the torus.
+    /// The action of the circle nearest to the torus.
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         S::from_f64(self.weight()).mul_add(Self::action(z, 1), Self::action(z, 0))
     }

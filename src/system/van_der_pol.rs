@@ -10,12 +10,12 @@ use serde::{Deserialize, Serialize};
 ///
 /// q₁′ = p₁, p₁′ = −q₁ + ε(1 − q₁² − q₂)p₁, q₂′ = εp₂, p₂′ = −εq₂ − εγp₂ + ½εq₁²:
 ///
-/// Ω∇H of H = ½(q₁² + p₁²) + ½ε(q₂² + p₂²) and what excites and damps.
+/// the sum of Ω∇H with H = ½(q₁² + p₁²) + ½ε(q₂² + p₂²) and of terms that excite and damp.
 ///
-/// z = [q₁, q₂, p₁, p₂]. At ε = 0 the first oscillator turns with frequency 1 and the second stands still. Over times of
-/// 1/ε the action J = ½(q₁² + p₁²) changes by as much as it is: to first order J′ = εJ(1 − ½J − q₂),
-/// q₂″ + εγq₂′ + ε²q₂ = ½ε²J. Almost all trajectories come to a circle of J = 1 for γ above ¼(√41 − 5) = 0.351, where it
-/// loses its stability to a torus on which J swings; without damping the swing grows on.
+/// z = [q₁, q₂, p₁, p₂]. At ε = 0 the first oscillator turns with frequency 1 and the second stands still. Over times
+/// of 1/ε the action J = ½(q₁² + p₁²) changes by its own size: to first order J′ = εJ(1 − ½J − q₂),
+/// q₂″ + εγq₂′ + ε²q₂ = ½ε²J. For γ above ¼(√41 − 5) = 0.351 almost all trajectories converge to a circle with
+/// J = 1. Below, the circle is unstable, and J swings on a torus; without damping the swing keeps growing.
 ///
 /// Source: the averaged equations after Sanders, Verhulst and Murdock,
 /// <https://doi.org/10.1007/978-0-387-48918-6>, section 2.2; the slow oscillator is ours.
@@ -30,7 +30,7 @@ pub struct VanDerPol {
 }
 
 impl VanDerPol {
-    /// That of γ = 0.3, whose J swings between 0.13 and 2.7.
+    /// The system with γ = 0.3, in which J swings between 0.13 and 2.7.
     pub fn new(epsilon: f64) -> Self {
         Self { epsilon, damping: Self::usual_damping() }
     }
@@ -97,7 +97,7 @@ impl NearlyPeriodic for VanDerPol {
     fn limiting_frequency(&self) -> f64 {
         1.0
     }
-    /// J = ½(q₁² + p₁²): no invariant, but of the limit.
+    /// J = ½(q₁² + p₁²), which is invariant in the limit only.
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         S::from_f64(0.5) * z[0].mul_add(z[0], z[2] * z[2])
     }

@@ -1,4 +1,4 @@
-//! The circle action of pairs for which none is given.
+//! Finds the circle action of pairs for which none is given.
 
 use super::rotation_fit::{divisor, least_angle};
 use crate::error::Error;
@@ -8,25 +8,24 @@ use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 use std::f64::consts::TAU;
 
-/// What the linear map nearest to some pairs says of their circle action.
+/// An estimate of the circle action of pairs, from the linear map that fits them best.
 ///
-/// At ε = 0 plane j turns by m_jθ: the block of the map that moves it has the eigenvalues
-/// exp(±im_jθ), which are the same in any linear units of the plane, but for its size. Of all weights
-/// |m_j| ≤ 3 without a common factor those are chosen that bring the turned planes nearest to these
-/// angles, for the best θ; of some that are about as near, the simplest. Angles are known up to
-/// whole turns only, and short ones may be slow: then it is not determined, and [`ActionFit::is_sure`]
-/// says so.
+/// At ε = 0 plane j turns by m_jθ: its block of the linear map has the eigenvalues exp(±im_jθ) up to a common factor,
+/// in any linear units of the plane. Among all weights |m_j| ≤ 3 without a common factor, those are chosen whose
+/// angles m_jθ are nearest to the measured ones at the best θ; among weights that are about as near, the simplest.
+/// The angles are known only up to whole turns, and a small angle may be that of a slow motion: then the action is
+/// not determined, and [`ActionFit::is_sure`] is false.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ActionFit {
-    /// The angle by which each plane turns from an input to its output, in (−π, π], 0 of those
+    /// The angle by which each plane turns from an input to its output, in (−π, π]; 0 for planes
     /// that do not turn.
     pub angles: Vec<f64>,
-    /// Actions, the nearest first, with the root mean square over the planes of
-    /// |exp(iα_j) − exp(im_jθ)|.
+    /// The chosen action, then the others, the nearest first, each with the root mean square over
+    /// the planes of |exp(iα_j) − exp(im_jθ)|.
     pub candidates: Vec<(CircleAction, f64)>,
 }
 
-/// Of one plane, 2 |sin| of half the difference of two angles.
+/// The chord 2 |sin ½α| of the angle α between two directions.
 fn chord(angle: f64) -> f64 {
     2.0 * libm::sin(0.5 * angle).abs()
 }
@@ -34,19 +33,20 @@ fn chord(angle: f64) -> f64 {
 impl ActionFit {
     /// The largest |m_j|.
     const MOST: i32 = 3;
-    /// Planes of more degrees of freedom have too many candidates.
+    /// The largest number of planes: more have too many candidates.
     const MOST_PLANES: usize = 5;
-    /// So many pairs are looked at.
+    /// The largest number of pairs that are used.
     const PAIRS: usize = 4000;
-    /// What pairs of one flow time leave open. By 0.9 of it a plane that goes round k times more
-    /// turns by 0.2πk less, which is another angle for each k of ten.
+    /// What pairs of one flow time leave open. In 0.9 of that time a plane with k more whole turns
+    /// turns by 0.2πk less, which gives different angles for ten successive values of k.
     pub(crate) const WHOLE_TURNS: &str = "pairs of one flow time do not show whole turns: those of \
          0.9 times this flow time, beside these, show up to four, and less than half a turn has none";
-    /// What is nearer, as a share of how far the planes turn, may be meant: ε moves them too.
+    /// An action may be the right one below this distance, as a share of how far the planes turn: ε
+    /// moves them too.
     const NEAR: f64 = 0.15;
-    /// So far may ε turn planes.
+    /// A distance that ε alone may cause.
     const SLOW: f64 = 0.1;
-    /// What is so many times as far is not.
+    /// An action this many times as far as the chosen one is clearly not meant.
     const FACTOR: f64 = 3.0;
 
     /// Fails where there are too many planes.
@@ -55,11 +55,11 @@ impl ActionFit {
         Error::check_count_range(name, dof, 1, Self::MOST_PLANES)
     }
 
-    /// That of these pairs; of several flow times, of those of the shortest.
+    /// Fits the action to these pairs; with several flow times, to those of the shortest.
     ///
     /// # Errors
-    /// When there are more than five planes, or no linear map fits best: fewer pairs than it has
-    /// columns, or all in a plane.
+    /// When there are more than five planes, or the pairs do not determine a linear map: there are
+    /// no more of them than columns, or their inputs lie in a hyperplane.
     pub fn fit(pairs: &Pairs) -> Result<Self, Error> {
         let dof = pairs.dof();
         Self::check_planes(dof)?;
@@ -85,12 +85,12 @@ impl ActionFit {
         Ok(Self { angles, candidates })
     }
 
-    /// The action that is nearest.
+    /// The chosen action.
     pub fn action(&self) -> &CircleAction {
         &self.candidates[0].0
     }
 
-    /// The nearest of the others of no larger weights, or of 1 and 2.
+    /// The nearest other action whose largest weight is at most that of the chosen one, or 2.
     fn next(&self) -> Option<&(CircleAction, f64)> {
         let largest = |action: &CircleAction| action.weights().iter().map(|m| m.abs()).max();
         let own = largest(self.action()).max(Some(2));
@@ -98,8 +98,8 @@ impl ActionFit {
         others.min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// Whether the choice is clear: it is near, the others of no larger weights are three times as far and
-    /// not near, and simpler ones are further than a slow motion may turn a plane in a step.
+    /// Whether the choice is clear: it is near, other actions with weights no larger are three times as far and not
+    /// near, and simpler actions are further away than a slow motion may turn a plane in one step.
     pub fn is_sure(&self) -> bool {
         let turned = turned(&self.angles);
         let near = self.candidates[0].1;
@@ -112,7 +112,7 @@ impl ActionFit {
             && simpler.all(|(_, distance)| *distance > Self::NEAR)
     }
 
-    /// In words.
+    /// Describes the fit in words.
     pub fn describe(&self) -> String {
         let angles: Vec<String> = self.angles.iter().map(|angle| format!("{angle:.3}")).collect();
         let next = self
@@ -129,7 +129,7 @@ impl ActionFit {
     }
 }
 
-/// How large the weights are, and of how many signs.
+/// The sum of |m_j| and the number of negative weights: smaller is simpler.
 fn complexity(action: &CircleAction) -> (i32, usize) {
     let negative = action.weights().iter().filter(|m| **m < 0).count();
     (action.weights().iter().map(|m| m.abs()).sum(), negative)
@@ -141,7 +141,7 @@ fn turned(angles: &[f64]) -> f64 {
     libm::sqrt(squares / angles.len() as f64)
 }
 
-/// Those of the shortest flow time.
+/// The pairs of the shortest flow time.
 fn shortest(pairs: &Pairs) -> Pairs {
     let times = pairs.conditions().iter().map(|condition| condition.time.abs());
     let Some(least) = times.min_by(f64::total_cmp) else { return pairs.clone() };
@@ -156,7 +156,7 @@ fn shortest(pairs: &Pairs) -> Pairs {
     pairs.rows(rows)
 }
 
-/// All weights up to a sign.
+/// All candidate weights, up to a common sign.
 fn weights(dof: usize) -> Vec<Vec<i32>> {
     let base = 2 * ActionFit::MOST + 1;
     let of = |number: i32| -> Vec<i32> {
@@ -169,7 +169,7 @@ fn weights(dof: usize) -> Vec<Vec<i32>> {
     (0..base.pow(dof as u32)).map(of).filter(is_wanted).collect()
 }
 
-/// Of the planes turned by these weights at the best angle.
+/// The distance of the measured angles from those of these weights at the best θ.
 fn distance(weights: &[i32], angles: &[f64]) -> f64 {
     let misfit = |theta: f64| -> f64 {
         let of = |(m, angle): (&i32, &f64)| {
@@ -183,7 +183,8 @@ fn distance(weights: &[i32], angles: &[f64]) -> f64 {
     libm::sqrt(misfit(theta) / weights.len() as f64)
 }
 
-/// By how much each plane turns under the affine map nearest to the pairs in the mean square.
+/// The angle by which each plane turns under the affine map nearest to the pairs in the mean
+/// square.
 fn plane_angles(pairs: &Pairs) -> Result<Vec<f64>, Error> {
     let dof = pairs.dof();
     let dim = 2 * dof;
@@ -224,8 +225,8 @@ fn plane_angles(pairs: &Pairs) -> Result<Vec<f64>, Error> {
         let (q, p) = (j, dof + j);
         let determinant = entry(q, q) * entry(p, p) - entry(q, p) * entry(p, q);
         let cosine = 0.5 * (entry(q, q) + entry(p, p)) / libm::sqrt(determinant);
-        // Of a plane that does not turn, such as one that is sheared, none; of half a turn the
-        // cosine is −1 but for rounding.
+        // A plane that does not turn, such as one that is sheared, has no angle; for half a turn
+        // the cosine is −1 up to rounding.
         let angle = libm::acos(cosine.clamp(-1.0, 1.0));
         let turns = determinant > 0.0 && angle > 0.0 && cosine > -1.0 - 1e-6;
         if turns { angle.copysign(entry(q, p) - entry(p, q)) } else { 0.0 }

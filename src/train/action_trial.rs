@@ -9,47 +9,49 @@ use crate::network::Composition;
 use crate::scalar::max_or_nan;
 use crate::words::percent;
 
-/// Short trainings on the same pairs, each with another circle action: the right one errs least.
+/// Short trainings on the same pairs, each with a different circle action: the right action has the
+/// smallest error.
 ///
-/// Where the fast plane goes round whole turns between the pairs, its angle is known up to them only, and may
-/// be near a multiple of the angle of a slow plane by chance: the nearest rotation, [`ActionFit`], then names an
-/// action that is none. A normal form of the wrong action cannot learn what the right one learns in a few
-/// iterations.
+/// Where the fast plane makes whole turns between input and output, its angle is known only up to these, and may by
+/// chance be near a multiple of the angle of a slow plane: the nearest rotation, [`ActionFit`], then names a wrong
+/// action. A normal form with the wrong action cannot learn in a few iterations what one with the right action
+/// learns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ActionTrial {
-    /// What the nearest rotation says.
+    /// The estimate from the nearest rotation.
     pub by_rotation: ActionFit,
-    /// The actions that were tried, with the held-out error of the plane that is learnt worst, as a share of how
-    /// far it moves (root mean squares); NaN of an action that could not be trained. Nothing, where
-    /// there is one plane only, or there are too few pairs.
+    /// The actions that were tried, each with the held-out error of the plane that is learnt worst, as a share of how
+    /// far that plane moves (root mean squares); NaN for an action that could not be trained. Empty unless there are
+    /// [`ActionTrial::PLANES`] planes and at least [`ActionTrial::FEWEST`] pairs.
     pub errors: Vec<(TorusAction, f64)>,
 }
 
 impl ActionTrial {
     /// The iterations of each training.
     pub const ITERATIONS: u64 = 12;
-    /// The pairs of each training: as many at most, evenly spaced.
+    /// The largest number of pairs of each training, evenly spaced.
     pub const PAIRS: usize = 400;
-    /// Errors that are as small a share say nothing.
+    /// Errors that are a smaller share than this are rounding.
     const ROUNDING: f64 = 1e-6;
-    /// Of more planes a few iterations say nothing: with `0,1,2` of two modes and a particle networks of `0,0,1` err
-    /// less.
+    /// The number of planes for which actions are tried. With more, a few iterations do not decide: for two modes and
+    /// a particle, whose action is `0,1,2`, networks with `0,0,1` have a smaller error.
     pub const PLANES: usize = 2;
-    /// Fewer pairs are no ground for a choice.
+    /// The smallest number of pairs that allows a choice.
     pub const FEWEST: usize = 100;
-    /// The share of the pairs that judges.
+    /// The share of the pairs that is held out.
     pub(super) const HELD_OUT: f64 = 0.25;
-    /// Of the actions that the nearest rotation names, the first that are tried.
+    /// How many of the actions that the nearest rotation names are tried.
     const BY_ROTATION: usize = 2;
-    /// What errs so many times as much as the best is worse than it.
+    /// An action whose error is this many times that of the best is clearly worse.
     const CLEAR: f64 = 2.0;
-    /// What the nearest rotation is sure of is not the action where another errs so many times less.
+    /// The action that the nearest rotation is sure of is rejected where another has an error this many times
+    /// smaller.
     const FAR: f64 = 3.0;
-    /// Where the best errs by more than this share of a plane's motion, too little is learnt for a choice.
+    /// Where the smallest error exceeds this share of a plane's motion, too little is learnt for a choice.
     const LITTLE: f64 = 0.5;
 
-    /// The actions that are tried: each plane alone, those of the nearest rotation, and, where a network may have
-    /// several circles, one for each plane.
+    /// The actions that are tried: each plane alone, those of the nearest rotation and, where a network may have
+    /// several circles, the torus with one circle for each plane.
     pub fn candidates(by_rotation: &ActionFit, several: bool) -> Vec<TorusAction> {
         let dof = by_rotation.angles.len();
         let alone = |plane: usize| -> CircleAction {
@@ -66,7 +68,7 @@ impl ActionTrial {
         planes.into_iter().chain(more).map(TorusAction::from).chain(torus).collect()
     }
 
-    /// Trains with each of these actions, on so many pairs: `error` trains once, and gives
+    /// Tries each of these actions. `pairs` is the number of pairs; `error` trains once and returns
     /// [`ActionTrial::error`].
     ///
     /// # Errors
@@ -87,7 +89,7 @@ impl ActionTrial {
         Ok(Self { by_rotation, errors })
     }
 
-    /// The held-out error of a network: of the plane that is learnt worst, as a share of how far it moves.
+    /// The held-out error of the plane that a network learns worst, as a share of how far this plane moves.
     ///
     /// # Errors
     /// Those of [`component_errors`].
@@ -99,7 +101,7 @@ impl ActionTrial {
             of(held_out.output()).iter().zip(of(held_out.input())).map(|(w, z)| w - z).collect()
         };
         let moves: Vec<f64> = (0..dim).map(|c| root_mean_square(&moved(c))).collect();
-        // What stands still but for rounding is compared with the others.
+        // A coordinate that stands still up to rounding is compared with the others.
         let still = Self::ROUNDING * root_mean_square(&moves);
         let share = |c: usize| errors[c] / if moves[c] > still { moves[c] } else { still };
         let planes = (0..dim / 2).map(|j| root_mean_square(&[share(j), share(dim / 2 + j)]));
@@ -112,7 +114,7 @@ impl ActionTrial {
         known.min_by(f64::total_cmp)
     }
 
-    /// Whether the best errs no more than three times as much as that of another trial.
+    /// Whether the smallest error is at most three times that of another trial.
     pub(super) fn errs_as_little_as(&self, other: &Self) -> bool {
         matches!((self.least(), other.least()), (Some(own), Some(other)) if own <= Self::FAR * other)
     }
@@ -122,15 +124,16 @@ impl ActionTrial {
         self.least().is_some_and(|least| least < Self::LITTLE)
     }
 
-    /// Whether an action errs at most so many times as much as the best.
+    /// Whether the error of an action is at most `factor` times the smallest.
     fn is_within(&self, factor: f64, action: &TorusAction) -> bool {
         let bound = self.least().map_or(f64::NAN, |least| factor * (least + Self::ROUNDING));
         self.errors.iter().any(|(own, error)| own == action && *error <= bound)
     }
 
-    /// The action, where the pairs are clear. That of the nearest rotation, where it is sure and no other errs
-    /// three times less; else that which errs least by a factor of two. More circles can do what one of
-    /// them can: they have to do it better by these factors.
+    /// The action, if the pairs determine it. It is that of the nearest rotation, if this is sure and no other action
+    /// has an error three times smaller; otherwise the one whose error is smallest by a factor of two. Several
+    /// circles can do whatever one of them can, so that an action with more circles has to be better by these
+    /// factors.
     pub fn chosen(&self) -> Option<TorusAction> {
         let sure = self.by_rotation.is_sure().then(|| self.by_rotation.action().clone().into());
         if !self.is_learnt() || sure.as_ref().is_some_and(|sure| self.is_within(Self::FAR, sure)) {

@@ -1,4 +1,4 @@
-//! Adam on batches: the recipe of the paper's published code, to compare with.
+//! Adam on batches: the recipe of the paper's published code, for comparison.
 
 use super::minimise::{Minimise, OptimiserState, Problem, Resumed, Step, largest};
 use super::record::{Stop, at_least_one};
@@ -9,27 +9,27 @@ use std::ops::{ControlFlow, Range};
 
 /// Options of Adam; an iteration is an epoch.
 ///
-/// The defaults are those of the code that the authors published with Duruisseaux,
-/// Burby and Tang, <https://doi.org/10.1038/s41598-023-34862-w>: the rate falls when the
-/// loss does not, the gradient of each tensor is clipped. Both are of the sum over a batch
-/// as there, in which the largest of the components' weights is 1.
+/// The defaults are those of the code that the authors published with Duruisseaux, Burby and Tang,
+/// <https://doi.org/10.1038/s41598-023-34862-w>: the rate is lowered when the loss stops falling,
+/// and the gradient of each tensor is clipped. As there, loss and gradient are sums over a batch,
+/// in units in which the largest weight of a component is 1.
 ///
 /// Source: Kingma and Ba, <https://arxiv.org/abs/1412.6980>, the form at the end of
 /// section 2, with β₁ = 0.9, β₂ = 0.999 and ε̂ = 1e-7.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct AdamOptions {
-    /// The learning rate at first.
+    /// The initial learning rate.
     pub rate: f64,
-    /// The gradient of a tensor (W, b, w, η of a layer, θ) whose norm is larger is scaled
-    /// to this norm; 0 scales none.
+    /// The largest norm of the gradient of a tensor (W, b, w, η of a layer, θ); a larger gradient
+    /// is scaled to this norm. 0 scales none.
     pub clip: f64,
     /// Pairs of a batch.
     pub batch: usize,
-    /// What the rate is multiplied with when the loss of an epoch, the mean of the
-    /// batches' sums, has not fallen by 1e-4 for `plateau` epochs.
+    /// The factor on the rate when the loss of an epoch, the mean of the batches' sums, has not
+    /// fallen by 1e-4 for `plateau` epochs.
     pub factor: f64,
-    /// See `factor`.
+    /// The number of epochs without progress after which the rate is lowered: see `factor`.
     pub plateau: u64,
     /// The seed of the order of the pairs.
     pub seed: u64,
@@ -41,12 +41,12 @@ impl Default for AdamOptions {
     }
 }
 
-/// Of its state in a checkpoint.
+/// The kind of its state in a checkpoint.
 const KIND: &str = "adam";
 const MOMENTUM: f64 = 0.9;
 const SQUARES: f64 = 0.999;
 const SMALL: f64 = 1e-7;
-/// A loss that falls by less has not fallen.
+/// A smaller decrease of the loss does not count as progress.
 const PROGRESS: f64 = 1e-4;
 
 impl AdamOptions {
@@ -60,7 +60,7 @@ impl AdamOptions {
     }
 }
 
-/// Where it is, between two epochs.
+/// The state of Adam between two epochs.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct AdamState {
     /// The moving mean of the gradient and of its squares.

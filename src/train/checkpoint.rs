@@ -1,4 +1,4 @@
-//! What a killed run is resumed from.
+//! Checkpoints, from which an interrupted run is resumed.
 
 use super::minimise::{OptimiserState, Resumed};
 use super::options::{Plateau, TrainingOptions};
@@ -46,8 +46,8 @@ impl RunIdentity {
     }
 }
 
-/// The state of training between two iterations, from which it continues to
-/// the same bits. It serialises; numbers keep their bits.
+/// The state of a training between two iterations; a run that resumes from it gives bit-identical
+/// results. Serialising it keeps the bits of all numbers.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Checkpoint {
     run: RunIdentity,
@@ -79,7 +79,7 @@ impl Checkpoint {
         }
     }
 
-    /// Says that the checkpoint was read from the file of this name.
+    /// Records the name of the file that the checkpoint was read from, for errors.
     pub fn from_file(self, name: impl Into<String>) -> Self {
         Self { source: Some(name.into()), ..self }
     }
@@ -167,8 +167,8 @@ impl Checkpoint {
         }
     }
 
-    /// Fails unless the checkpoint is of this run and fits its model; the state of the optimiser is there, and
-    /// not looked at.
+    /// Fails unless the checkpoint belongs to this run and fits its model. The state of the optimiser has to be
+    /// present, but is not checked here.
     pub(super) fn check(&self, run: &RunIdentity, model: &Model) -> Result<(), Error> {
         if self.run != *run {
             let differs = |same: bool, what: &'static str| (!same).then_some(what);

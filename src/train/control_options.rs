@@ -1,26 +1,26 @@
-//! The controls that pairs depend on, and how a network does.
+//! The controls that pairs depend on, and how a network depends on them.
 
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::network::{ControlRange, Controls};
 use serde::{Deserialize, Serialize};
 
-/// What is said of controls; their ranges are those of the pairs.
+/// Options of the controls (the parameters λ of the maps); their ranges are taken from the pairs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ControlOptions {
-    /// Their names, in the order of the columns. Without: `lambda`, or `lambda1`, `lambda2` and so on.
+    /// Their names, in the order of the columns. Default: `lambda`, or `lambda1`, `lambda2` and so on.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub names: Vec<String>,
-    /// The total degree of the polynomials that parameters are of them. Without: the highest up to 4 of which
-    /// there are fewer products than values in the pairs, so that no value is learnt by heart, and which these values
-    /// distinguish; 1 of two values.
+    /// The total degree of the polynomials in the controls that give the parameters of the network. Default: the
+    /// highest degree up to 4 for which the products of the controls are fewer than their values in the pairs, so
+    /// that no value is learnt by heart, and linearly independent at these values; at least 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub degree: Option<usize>,
 }
 
 impl ControlOptions {
-    /// The highest degree that is chosen.
+    /// The highest degree that is chosen by default.
     pub const USUAL: usize = 4;
 
     /// The controls of these pairs; None where they have none.
@@ -91,9 +91,9 @@ impl ControlOptions {
     }
 }
 
-/// Whether no product of the controls is a sum of others at these values, by Gram and Schmidt's method.
+/// Whether the products of the controls are linearly independent at these values, by the Gram–Schmidt method.
 fn are_independent(controls: &Controls, rows: &[&[f64]]) -> bool {
-    /// A product that is no sum of others keeps at least this share of its size.
+    /// A linearly independent product keeps at least this share of its size.
     const LEFT: f64 = 1e-6;
     if controls.check().is_err() || controls.terms() > rows.len() {
         return false;

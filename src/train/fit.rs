@@ -16,9 +16,9 @@ use std::fmt;
 
 /// A fit of a network to pairs (z, P(z)): what is known of them, and how to train.
 ///
-/// What is not given is found or recommended, and [`Problem::notes`] say so: the circle action, where the
-/// pairs are clear, a normal form, Levenberg–Marquardt from several initial weights until it
-/// is at rest, a loss that weighs each plane by its own motion, a tenth of the pairs held out.
+/// Options that are not given are found from the pairs or set to what is recommended, see [`Problem::notes`]: the
+/// circle action, where the pairs determine it, a normal form, Levenberg–Marquardt from several initial weights until
+/// it is at rest, a loss that weights each plane by its own motion, a tenth of the pairs held out.
 ///
 /// ```
 /// use gyroceptron::prelude::*;
@@ -32,33 +32,33 @@ use std::fmt;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
-    /// What the pairs are called in errors.
+    /// The name of the pairs in errors.
     pub place: String,
-    /// The circles of their limit. None: found from the pairs, of two planes by short
-    /// trainings ([`ActionTrial`]).
+    /// The circle action of the limit ε = 0. None: it is found from the pairs, for two planes by
+    /// short trainings ([`ActionTrial`]).
     pub action: Option<TorusAction>,
     /// The network. None: a normal form, with a ψ where the limit does not turn the planes.
     pub network: Option<NetworkSpec>,
     /// How its weights are drawn.
     pub weights: InitialWeights,
-    /// ε of the network; the largest of the pairs, or 0.01, unless given.
+    /// ε of the network. None: the largest |ε| of the pairs, with its sign, or 0.01.
     pub epsilon: Option<f64>,
-    /// The flow time of the network; the longest of the pairs, or how far the slow coordinates
-    /// move over ε, unless given.
+    /// The flow time of the network. None: the longest of the pairs, or how far the slow
+    /// coordinates move over |ε|, or 1 where the twists are of order one.
     pub flow_time: Option<f64>,
-    /// The angle of all circles to start from, in radians; that of the rotation nearest to the
-    /// pairs, unless given.
+    /// The initial angle of all circles, in radians. None: those of the rotation nearest to the
+    /// pairs.
     pub theta: Option<f64>,
     /// How to train. A ramp takes its stages from pairs of several ε or flow times.
     pub training: TrainingOptions,
-    /// The names of the controls that the pairs depend on, and how the network does.
+    /// The names of the controls that the pairs depend on, and how the network depends on them.
     pub controls: ControlOptions,
-    /// The charts of pairs whose columns are x₁ … xₙ, y₁ … yₙ with another area form than dq∧dp. None: they are
-    /// q₁ … qₙ, p₁ … pₙ.
+    /// The charts of pairs whose columns are x₁ … xₙ, y₁ … yₙ with another area form than dq∧dp. None: the columns
+    /// are q₁ … qₙ, p₁ … pₙ.
     pub section: Option<Section>,
-    /// Whether units are fitted to the pairs, in which they are of order one and turn in circles.
+    /// Whether to fit units in which the pairs are of order one and turn in circles.
     pub units: bool,
-    /// The share that is held out, at least 0 and less than 1.
+    /// The share of the pairs that is held out, at least 0 and less than 1.
     pub validation: f64,
     /// The seed of the weights and of the held-out choice.
     pub seed: u64,
@@ -92,19 +92,19 @@ impl Default for Fit {
     }
 }
 
-/// Pairs and what is known of the maps that they are of.
+/// Pairs, and which parameters of their maps are known.
 #[derive(Clone, Debug)]
 pub struct FamilyPairs {
-    /// The pairs; of several maps, under the ε and the flow time of each.
+    /// The pairs; those of several maps have the ε and the flow time of each.
     pub pairs: Pairs,
-    /// Their conditions name ε.
+    /// Whether their conditions give ε.
     pub has_epsilons: bool,
-    /// Their conditions name flow times.
+    /// Whether their conditions give flow times.
     pub has_times: bool,
 }
 
 impl FamilyPairs {
-    /// Pairs under the ε, the flow time and the values of controls of each of them, where these are given: see
+    /// Pairs with the ε, the flow time and the control values of each, where these are given: see
     /// [`Pairs::under_controls`].
     ///
     /// # Errors
@@ -135,7 +135,7 @@ impl From<Pairs> for FamilyPairs {
     }
 }
 
-/// What was found or chosen of a fit, in words.
+/// A note on what a fit found or chose.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FitNote {
     /// The circle action was found from the pairs.
@@ -144,17 +144,20 @@ pub enum FitNote {
     Reading(Reading),
     /// The network has units of its own.
     Units(Units),
-    /// So many of so many pairs have ε below 0.
+    /// The first number of pairs, out of the second, have ε below 0.
     NegativeEpsilons(usize, usize),
     /// The pairs are in the charts of a section.
     Section(Section),
-    /// The pairs do not keep the form that the network keeps.
+    /// The pairs do not preserve the area form that the network preserves; true for pairs in the
+    /// charts of a section.
     Form(FormDefect, bool),
-    /// The pairs are reversible by a reflection, or are not as the network is.
+    /// The pairs are reversible by a reflection that the network could have, or not by the one that
+    /// it has.
     Reversal(ReversalDefect),
-    /// The network depends on these controls; all pairs of so many values of them are held out.
+    /// The network depends on these controls; all pairs at this number of their values are held
+    /// out.
     Controls(Controls, usize),
-    /// What is recommended, where nothing else was asked for.
+    /// A recommended choice that was made where none was given.
     Recommended(String),
 }
 
@@ -218,12 +221,12 @@ fn is_learnt(pairs: &Pairs, values: &[f64]) -> bool {
 const EPSILON: f64 = 0.01;
 
 impl Fit {
-    /// The weights that a network begins with.
+    /// The distribution of the initial weights of a network.
     pub const WEIGHTS: InitialWeights = InitialWeights::Normal { scale: 0.15 };
-    /// The initial weights that are tried.
+    /// How many sets of initial weights are tried.
     pub const STARTS: u64 = 3;
-    /// Of a rotation that leaves more than this share of the data, the planes are not those that
-    /// turn, and a normal form needs a ψ.
+    /// If the nearest rotation leaves more than this share of the data, the planes are not those
+    /// that turn, and a normal form needs a ψ.
     pub const TURNS: f64 = 0.5;
 
     /// The paper's recipe: its gyroceptron of the time-5 map, L-BFGS from one set of weights, a
@@ -233,13 +236,13 @@ impl Fit {
         Self { network, training: TrainingOptions::default(), ..Self::default() }
     }
 
-    /// With at most so many iterations.
+    /// The same fit with at most this many iterations.
     pub fn with_iterations(mut self, iterations: u64) -> Self {
         self.training.iterations = iterations;
         self
     }
 
-    /// Fails where something is wrong whatever the pairs are; before they are read.
+    /// Fails if an option is wrong whatever the pairs are; it can be called before they are read.
     ///
     /// # Errors
     /// [`Error::Invalid`] and the like with the option.
@@ -301,7 +304,8 @@ impl Fit {
         let by_rotation = ActionFit::fit(pairs)?;
         let circles = self.network.as_ref().map_or(Circles::Several, NetworkSpec::circles);
         let actions = match circles {
-            // Its map does not depend on it: units, and what its errors are compared with.
+            // The map does not depend on the action, which serves for units and to compare errors
+            // with.
             Circles::None => return Ok(by_rotation.action().clone().into()),
             of => ActionTrial::candidates(&by_rotation, of == Circles::Several),
         };
@@ -397,20 +401,22 @@ impl Fit {
         Ok((trial.chosen() == Some(other)).then_some(reading))
     }
 
-    /// The pairs in the coordinates of the network, the network, and what it starts from.
+    /// Prepares a training: the pairs in the coordinates of the network, the network, and its
+    /// initial values.
     ///
     /// # Errors
     /// Those of [`Fit::check`] and [`Preparation::prepare`]; when the circle action is to be found
-    /// and the pairs are not sure; when pairs of several maps meet a network that is of no family,
-    /// or a stage of the ramp has no pairs.
+    /// and the pairs do not determine it; when pairs of several maps are given for a network that
+    /// is no gyroceptron, or a stage of the ramp has no pairs.
     pub fn prepare(&self, data: impl Into<FamilyPairs>) -> Result<Problem, Error> {
         self.prepare_watched(data, &mut || Ok(Control::Continue))
     }
 
-    /// [`Fit::prepare`], which asks at each iteration of the trainings that find a circle action whether to go on.
+    /// Like [`Fit::prepare`], but asks `watch` at each iteration of the trainings that find a circle action whether
+    /// to continue.
     ///
     /// # Errors
-    /// Those of [`Fit::prepare`] and of `watch`; [`Error::Stopped`] where it says so.
+    /// Those of [`Fit::prepare`] and of `watch`; [`Error::Stopped`] if `watch` asks to stop.
     pub fn prepare_watched(
         &self,
         data: impl Into<FamilyPairs>,
@@ -572,7 +578,7 @@ impl Fit {
         Ok(network)
     }
 
-    /// The fitted network.
+    /// Fits the network to the pairs.
     ///
     /// # Errors
     /// Those of [`Fit::prepare`] and [`Problem::train`].
@@ -580,7 +586,8 @@ impl Fit {
         self.prepare(data)?.train(&mut Unobserved)
     }
 
-    /// [`Fit::run`] with an observer, which may keep checkpoints, go on from one, or stop it.
+    /// [`Fit::run`] with an observer, which may keep checkpoints, resume from one, or stop the
+    /// training.
     ///
     /// # Errors
     /// Those of [`Fit::run`] and of the observer.
@@ -631,7 +638,7 @@ impl TrainingObserver for Unobserved {
     }
 }
 
-/// Where the network stands in the family that pairs may be of.
+/// The ε and the flow time of the network, among those of the maps that the pairs are of.
 struct Family {
     epsilon: f64,
     /// Its flow time, where that is known.
@@ -725,20 +732,21 @@ pub struct InitialModels<'a> {
     pub architecture: &'a Architecture,
     /// How weights are drawn.
     pub weights: InitialWeights,
-    /// The angles of the circles; of networks without circles, none.
+    /// The angles of the circles; empty for networks without circles.
     pub angles: &'a [f64],
     /// The seed of the training.
     pub seed: u64,
-    /// The weights of the first are those of this model, whose flow time is so many times as long.
+    /// A model whose weights the first start takes over, and the factor on its angles: the ratio of
+    /// the flow times.
     pub from: Option<(&'a Model, f64)>,
-    /// How the slow map turns to begin with, where that is known.
+    /// The initial rotation of the slow map, where it is known.
     pub rings: Option<&'a Rings>,
-    /// Whether the angles stay what they are.
+    /// Whether the angles stay fixed.
     pub theta_fixed: bool,
 }
 
 impl InitialModels<'_> {
-    /// The model of a start, from 0.
+    /// The initial model of the start with this number, from 0.
     ///
     /// # Errors
     /// Those of [`Architecture::initialise`] and [`Model::with_angles`].
@@ -754,7 +762,7 @@ impl InitialModels<'_> {
     }
 }
 
-/// Pairs in the coordinates of a network, the network, and what it starts from.
+/// A prepared training: pairs in the coordinates of a network, the network, and its initial values.
 #[derive(Clone, Debug)]
 pub struct Problem {
     /// The network, as it was asked for or chosen.
@@ -763,19 +771,19 @@ pub struct Problem {
     pub architecture: Architecture,
     /// How its weights are drawn.
     pub weights: InitialWeights,
-    /// How it is trained, with the weights of the loss that the pairs ask for.
+    /// How it is trained, with the weights of the loss that were found from the pairs.
     pub training: TrainingOptions,
     /// The circles of the limit.
     pub action: TorusAction,
     /// The angles of the rotation nearest to the pairs, one for each circle.
     pub nearest: Vec<f64>,
-    /// The angles to start from.
+    /// The initial angles of the circles.
     pub angles: Vec<f64>,
     /// The training pairs, in units of the network.
     pub pairs: Pairs,
     /// The held-out pairs.
     pub held_out: Option<Pairs>,
-    /// The units of the data, where they are not those of the pairs here.
+    /// The units of the data, where they differ from those of `pairs`.
     pub units: Option<Units>,
     /// The charts of the data, where its columns are not canonical.
     pub section: Option<Section>,
@@ -793,7 +801,7 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// Trains the network, observed.
+    /// Trains the network and reports to the observer.
     ///
     /// # Errors
     /// Those of [`train_schedule`].
@@ -838,12 +846,12 @@ impl Problem {
 pub struct Fitted {
     /// What it was trained on, and how.
     pub problem: Problem,
-    /// What came of it.
+    /// The result of the training.
     pub training: Scheduled,
 }
 
 impl Fitted {
-    /// The network, in its own [units](Problem::units), which are not those of the data unless these are none:
+    /// The network, in its own [units](Problem::units). Unless these are None, they differ from those of the data:
     /// `StoredModel::of_fit` is the map of the data.
     pub fn model(&self) -> &Model {
         &self.training.outcome.model
@@ -854,8 +862,8 @@ impl Fitted {
         &self.training.outcome
     }
 
-    /// The action and the angles of the rotation nearest to the pairs: what it leaves of them the
-    /// network has to improve upon.
+    /// The action and the angles of the rotation nearest to the pairs, which is what the network
+    /// has to improve upon.
     pub fn nearest(&self) -> (&TorusAction, &[f64]) {
         (&self.problem.action, &self.problem.nearest)
     }

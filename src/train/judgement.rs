@@ -14,13 +14,13 @@ use crate::network::Rollout;
 use crate::words::{factor, magnitude, percent, plane_name};
 use std::fmt::{Display, Formatter};
 
-/// Orbits that are looked at, from held-out points, and their length.
+/// The largest number of orbits that are followed, from held-out points.
 const ORBITS: usize = OwnInvariance::ORBITS;
 /// Applications of the network in each orbit.
 pub const STEPS: usize = OwnInvariance::ITERATIONS;
 
-/// The fewest held-out pairs that a verdict is given on. With a probability of 95 % the worst of
-/// them errs by more than nine tenths of all points do: 0.9³⁰ = 4 % is less than a twentieth.
+/// The fewest held-out pairs for a verdict. With a probability of 95 % the largest error of so many
+/// pairs exceeds that of nine tenths of all points: 0.9³⁰ = 4 % is less than a twentieth.
 const FEWEST: usize = 30;
 
 /// What limits the error of a training.
@@ -30,16 +30,17 @@ pub enum Limit {
     Data,
     /// The loss was still falling.
     Iterations,
-    /// Neither: the network or where its optimiser came to rest.
+    /// Neither: the network, or the point where its optimiser came to rest.
     Network,
 }
 
-/// The loss at the end over that of nine tenths of the iterations: above, it is at rest.
+/// The ratio of the final loss to that after nine tenths of the iterations above which the loss is
+/// at rest.
 const AT_REST: f64 = 0.9;
-/// The held-out error over the loss from which pairs are learnt by heart.
+/// The ratio of the held-out error to the loss above which pairs are learnt by heart.
 const BY_HEART: f64 = 2.0;
 
-/// A plane that errs by more than this share of what the rotation leaves of it is not learnt.
+/// A plane whose error exceeds this share of what the rotation leaves of it is not learnt.
 const LEARNT: f64 = 0.5;
 
 /// A held-out error that is so small a share of the motion needs no care, however far above the loss
@@ -80,14 +81,15 @@ impl Limit {
 pub struct Orbits {
     /// How many.
     pub count: usize,
-    /// Those that went astray: out of the box by more than half of its width, or out of
-    /// the finite numbers.
+    /// The number of orbits that leave the box by more than half of its width, or whose points are
+    /// no longer finite.
     pub astray: usize,
-    /// The first of them, its row and step.
+    /// The first orbit to do so: its row and the step.
     pub first: Option<(usize, usize)>,
 }
 
-/// Counts the orbits that leave the box, of the states of so many in turn, from the first of each on.
+/// Counts the orbits that leave the box. `states` holds the first points of all `count` orbits, then the second ones,
+/// and so on.
 pub fn orbits(states: &[f64], count: usize, region: &Region) -> Orbits {
     let around = region.widened(0.5);
     let mut lost = vec![false; count];
@@ -101,19 +103,19 @@ pub fn orbits(states: &[f64], count: usize, region: &Region) -> Orbits {
     Orbits { count, astray: lost.iter().filter(|lost| **lost).count(), first }
 }
 
-/// What the error of a plane is compared with.
+/// The error of a plane, and its ratio to the motion in the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlaneError {
     /// Its root mean square over q and p.
     pub error: f64,
-    /// The same over what the nearest rotation leaves of the plane, or over the size of a plane
-    /// that it explains.
+    /// The error over what the nearest rotation leaves of the plane, or over the size of the plane
+    /// where the rotation explains it.
     pub share: f64,
-    /// The rotation explains the plane to rounding.
+    /// Whether the rotation explains the plane to rounding.
     pub explained: bool,
 }
 
-/// The errors of the planes of a model, of which those of its components are known.
+/// The errors of the planes of a model, from those of its components.
 pub fn plane_errors(errors: &[f64], motions: &[PlaneMotion]) -> Vec<PlaneError> {
     let dof = motions.len();
     let of_plane = |(j, motion): (usize, &PlaneMotion)| {
@@ -123,7 +125,8 @@ pub fn plane_errors(errors: &[f64], motions: &[PlaneMotion]) -> Vec<PlaneError> 
     motions.iter().enumerate().map(of_plane).collect()
 }
 
-/// The plane that decides: the first of those with the largest share, a NaN before all.
+/// The plane that decides, from 0: the first with the largest share; a NaN counts as larger than
+/// any number.
 pub fn worst(planes: &[PlaneError]) -> usize {
     let share = |j: usize| planes[j].share;
     (1..planes.len()).fold(0, |worst, j| {
@@ -137,18 +140,18 @@ pub fn worst(planes: &[PlaneError]) -> usize {
 pub struct Judgement {
     /// Yes or no, and within which limits.
     pub verdict: &'static str,
-    /// What the verdict begins with, where too few pairs are held out for one: among
-    /// [`Judgement::no`].
+    /// The statement that too few pairs are held out for a verdict, where that is so; it is the
+    /// first of [`Judgement::no`].
     pub too_few: Option<String>,
-    /// By how much the plane that decides errs, in words.
+    /// The error of the plane that decides, in words.
     pub error: String,
-    /// Why not to trust it at all.
+    /// The reasons not to trust the network at all.
     pub no: Vec<String>,
-    /// Why not along long orbits.
+    /// The reasons not to trust it along long orbits.
     pub no_long_orbits: Vec<String>,
-    /// Why with care.
+    /// The reasons to use it with care.
     pub care: Vec<String>,
-    /// The pairs that are held out; none where the errors are those of the training pairs.
+    /// The number of held-out pairs; None where the errors are those of the training pairs.
     pub held_out: Option<usize>,
     /// The error of each plane.
     pub planes: Vec<PlaneError>,
@@ -158,11 +161,11 @@ pub struct Judgement {
     pub share_beyond_rotation: f64,
     /// What limits the error.
     pub limit: Limit,
-    /// The orbits that leave the box of the pairs; none of no pairs.
+    /// The orbits that leave the box of the pairs; None if there are no pairs.
     pub orbits: Option<Orbits>,
-    /// How far the action of each plane swings; of none where the pairs are of several maps.
+    /// How far the action of each plane swings; empty where the pairs are of several maps.
     pub swings: Vec<PlaneSwing>,
-    /// What the invariant that the network owns is worth.
+    /// How well the network conserves its own invariant along its orbits.
     pub own: Option<OwnInvariance>,
 }
 
@@ -179,15 +182,15 @@ impl Display for Judgement {
 pub struct Trust {
     /// The verdict: yes or no, and within which limits.
     pub verdict: String,
-    /// By how much the plane that decides errs in one step.
+    /// The error of the plane that decides, in one step.
     pub error: String,
-    /// What speaks against it; nothing where it is a plain yes.
+    /// The reasons against it; empty for a plain yes.
     pub reasons: Vec<String>,
 }
 
 impl Judgement {
-    /// Judges the outcome of a training on these pairs. `nearest` is the action whose rotation by
-    /// these angles is nearest to the pairs.
+    /// Judges the outcome of a training on these pairs; `action` and `angles` are the rotation
+    /// nearest to the pairs.
     ///
     /// It follows 16 orbits of 1000 steps, from held-out points.
     ///
@@ -264,8 +267,8 @@ impl Judgement {
             care.push(share_text.clone());
         }
         if let Some(Orbits { count, astray, first: Some((row, step)) }) = orbits {
-            // They may follow the flow itself, of which nothing is known there: of the single steps
-            // inside this says nothing.
+            // They may follow the true flow, which is not known outside the box; single steps
+            // inside are not affected.
             let of = if 4 * astray > count { &mut long } else { &mut care };
             of.push(format!(
                 "{astray} of {count} orbits of {STEPS} steps leave the box of the pairs by more \
@@ -331,7 +334,8 @@ impl Judgement {
         !(self.planes[self.worst].share < LEARNT)
     }
 
-    /// What the verdict is of: the error of one step, and orbits whose true course is not known.
+    /// What the verdict covers, in words: the error of one step, and orbits whose true course is
+    /// not known.
     pub fn orbits_in_words(&self) -> String {
         let kept = match self.orbits {
             Some(Orbits { count, astray: 0, .. }) => {
@@ -353,7 +357,7 @@ impl Judgement {
         )
     }
 
-    /// What speaks against a plain yes.
+    /// The reasons against a plain yes.
     pub fn reasons(&self) -> impl Iterator<Item = &str> {
         let reasons = self.no.iter().chain(&self.no_long_orbits).chain(&self.care);
         reasons.map(String::as_str)

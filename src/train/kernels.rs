@@ -181,8 +181,8 @@ impl Kernel for Gradient<'_> {
     }
 }
 
-/// The gradient of the mean of Σ_c weight_c·2b_c·P_c(z) in the parameters, the bend
-/// b = (P₊ + P₋ − 2P)(z) standing still.
+/// The gradient of the mean of Σ_c weight_c·2b_c·P_c(z) in the parameters, with the bend
+/// b = (P₊ + P₋ − 2P)(z) held fixed.
 pub(super) struct BendGradient<'a> {
     pub(super) blocks: Blocks<'a>,
     /// P₊ and P₋.

@@ -40,9 +40,9 @@ pub enum Scaling {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LbfgsOptions {
-    /// m, the pairs of the memory.
+    /// m, the number of correction pairs in the memory.
     pub memory: usize,
-    /// The variables.
+    /// The variables that it works in.
     pub scaling: Scaling,
 }
 
@@ -68,7 +68,7 @@ impl LbfgsOptions {
     }
 }
 
-/// Of its state in a checkpoint.
+/// The kind of its state in a checkpoint.
 const KIND: &str = "lbfgs";
 
 type Solver = basin::Lbfgs<Vec<f64>, f64, Unbounded, MoreThuente<f64>>;

@@ -1,20 +1,19 @@
 //! Gauss–Newton steps, damped after Levenberg and Marquardt.
 //!
-//! (A + λD)δ = −g with the Gauss–Newton matrix A of the loss, its gradient g and the
-//! diagonal D of A, whose entries count as no smaller than the loss, as in
-//! [L-BFGS](super::LbfgsOptions): a parameter that hardly matters is not sent far away.
+//! (A + λD)δ = −g with the Gauss–Newton matrix A of the loss, its gradient g and the diagonal D of
+//! A, whose entries count as no smaller than the loss, as in [L-BFGS](super::LbfgsOptions): so a
+//! parameter that hardly matters is not sent far away.
 //!
-//! In a narrow, bent valley straight steps must be short. The path that minimises the
-//! model of the moment is δ to first order and ½α to second,
+//! In a narrow, curved valley straight steps must be short. The path that minimises the current
+//! model is δ to first order and ½α to second,
 //! (A + λD)α = −(2/N) Σ Σ_c weight_c r″_c ∇r_c with the second derivative r″ of the residuals
-//! along δ: the geodesic acceleration of Transtrum and Sethna, arXiv:1201.5885. It takes
-//! the factor that is there and no second derivatives by the parameters.
+//! along δ: the geodesic acceleration of Transtrum and Sethna, arXiv:1201.5885. It reuses the
+//! Cholesky factor of A + λD and needs no second derivatives by the parameters.
 //!
-//! A library's solver would want the Jacobian of all residuals, which takes
-//! gigabytes for the data sets of this crate, and keeps a state that cannot be stored:
-//! this one has the matrix summed in pieces
-//! ([`Objective::normal_equations`](super::Objective::normal_equations)) and goes on
-//! from a checkpoint to the same bits.
+//! A library's solver would need the Jacobian of all residuals, which takes gigabytes for the data
+//! sets of this crate, and would keep a state that cannot be stored. This one sums the matrix in
+//! pieces ([`Objective::normal_equations`](super::Objective::normal_equations)) and resumes from a
+//! checkpoint with the same bits.
 
 use super::minimise::{Minimise, OptimiserState, Problem, Resumed, Step, largest};
 use super::record::Stop;
@@ -28,11 +27,11 @@ use std::ops::ControlFlow;
 
 /// Options of Levenberg–Marquardt.
 ///
-/// A step costs Np²n multiplications for N pairs and p parameters, and three matrices
-/// of p × p numbers are held. It begins with few of the pairs, evenly spaced, and takes
-/// others every ten iterations. It takes twice as many when the loss on all of them is
-/// much larger than that on those it had, when it has not fallen for
-/// fifty iterations, or when no step lowers that on a part any more.
+/// A step costs Np²n multiplications for N pairs and p parameters, and three matrices of p × p
+/// numbers are held. Training begins with a subset of the pairs, evenly spaced, and takes another
+/// subset every ten iterations. The subset doubles when the loss on all pairs is much larger than
+/// that on the subset, when the loss on all pairs has not fallen for fifty iterations, or when no
+/// step lowers the loss on the subset any more.
 ///
 /// Source: Marquardt, <https://doi.org/10.1137/0111030>; Transtrum and Sethna,
 /// <https://arxiv.org/abs/1201.5885>, for the geodesic acceleration.
@@ -41,11 +40,10 @@ use std::ops::ControlFlow;
 pub struct LevenbergMarquardtOptions {
     /// λ of the first step.
     pub damping: f64,
-    /// Residuals for each parameter to begin with, more where twists have been
-    /// [trained alone](super::FreshTwists) on more; 0 takes all pairs at once.
+    /// The initial number of residuals for each parameter; more where twists have been
+    /// [trained alone](super::FreshTwists) on more. 0 takes all pairs at once.
     pub residuals: f64,
-    /// More pairs are taken when the loss on all of them is so many times that on the
-    /// present ones.
+    /// The ratio of the loss on all pairs to that on the subset above which the subset grows.
     pub gap: f64,
 }
 
@@ -90,7 +88,7 @@ impl LevenbergMarquardtOptions {
     }
 }
 
-/// Of its state in a checkpoint.
+/// The kind of its state in a checkpoint.
 const KIND: &str = "levenberg-marquardt";
 /// Damping below the rounding of A has no effect.
 const LEAST_DAMPING: f64 = 1e-16;
@@ -98,13 +96,14 @@ const LEAST_DAMPING: f64 = 1e-16;
 const MOST_DAMPING: f64 = 1e20;
 /// Iterations with the same pairs, after which it looks at the loss on all.
 const LOOK: u64 = 10;
-/// So many looks without a lower loss on all pairs, and more of them are used.
+/// After this many looks without a lower loss on all pairs, more of them are used.
 const LOOKS: u64 = 5;
-/// The part of a step on both sides of which the residuals give their second
-/// derivative: the third cancels, the fourth stays with a twelfth of its square.
+/// The fraction of a step on both sides of which the residuals are taken for their second
+/// derivative. The third derivative cancels; the fourth leaves an error of a twelfth of its value
+/// times the square of this fraction.
 const BESIDE: f64 = 0.1;
 
-/// Where it is, between two iterations.
+/// The state of Levenberg–Marquardt between two iterations.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct LevenbergMarquardtState {
     /// The damping λ of the normal equations.
@@ -150,7 +149,7 @@ pub(super) struct LevenbergMarquardt<'a> {
     part: Option<Objective<'static>>,
     /// The model of the loss at the present parameters, and the loss itself.
     present: Option<(NormalEquations, f64)>,
-    /// The model was made before, in the run that is gone on with.
+    /// Whether the model was counted before, in the run that is resumed.
     counted: bool,
 }
 
@@ -222,8 +221,8 @@ impl<'a> LevenbergMarquardt<'a> {
         self.problem.loss(self.objective(), parameters)
     }
 
-    /// Whether pairs that are not looked at can follow. Of neurons they always can; polynomials throw
-    /// points that few pairs say nothing of out of the finite numbers.
+    /// Whether the loss on all pairs is finite. With neurons it always is; polynomials may map points of which the
+    /// subset has few to values that are not finite.
     fn is_sound(&mut self, parameters: &[f64]) -> bool {
         if self.part.is_none() || !self.problem.model.architecture().has_polynomials() {
             return true;
@@ -237,8 +236,9 @@ impl<'a> LevenbergMarquardt<'a> {
         Ok(self.objective().normal_equations(current.composition()))
     }
 
-    /// The step of the present damping, bent, and what the straight one lowers the model
-    /// of the loss by. None where the matrix has no Cholesky factor.
+    /// The step at the present damping, with its geodesic acceleration, and by how much the step
+    /// without it lowers the quadratic model of the loss. None where the matrix has no Cholesky
+    /// factor.
     fn solve(
         &mut self,
         parameters: &[f64],
@@ -320,7 +320,7 @@ impl<'a> LevenbergMarquardt<'a> {
         None
     }
 
-    /// Whether there were more pairs to take.
+    /// Doubles the subset; false where it is all pairs already.
     fn take_more(&mut self) -> bool {
         let more = self.part.is_some();
         if more {

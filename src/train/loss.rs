@@ -13,15 +13,14 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// What is minimised: the mean over the pairs of Σ_c weight_c·(residual_c)².
+/// The loss that is minimised: the mean over the pairs of Σ_c weight_c·(residual_c)².
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Loss {
     /// The mean squared error over all components: weight_c = 1/(2n).
     MeanSquaredError,
-    /// A weight for each degree of freedom, on its q and its p. With [ε, 1]
-    /// it is, but for the factor 512 of the batch, the sum that the paper's
-    /// published code minimises.
+    /// A weight for each degree of freedom, on its q and its p. With [ε, 1] it equals, up to the
+    /// factor 512 of the batch, the sum that the paper's published code minimises.
     Weighted {
         /// One for each degree of freedom.
         weights: Vec<f64>,
@@ -29,17 +28,17 @@ pub enum Loss {
     /// The mean squared error with weights of mean 1: weight_c = w_c / Σ w. Held-out pairs are
     /// measured in the same way, so that the model that is kept is the best in all planes.
     ByPlane {
-        /// One for each plane or for each of the 2n components. Where there are none, those of
-        /// [`Loss::for_pairs`].
+        /// One for each plane or for each of the 2n components. None: those of [`Loss::for_pairs`].
         #[serde(default, skip_serializing_if = "Option::is_none")]
         weights: Option<Vec<f64>>,
     },
 }
 
 impl Loss {
-    /// This loss on these pairs: [`Loss::ByPlane`] without weights gets the inverse mean square,
-    /// plane by plane, of what the rotation by these angles leaves of the pairs. Of a plane of
-    /// which it leaves nothing, see [`PlaneMotion`](crate::measure::trajectories::PlaneMotion).
+    /// This loss, with weights found from pairs where it has none: [`Loss::ByPlane`] gets, for each
+    /// plane, the inverse mean square of what the rotation by these angles leaves of the pairs. For
+    /// a plane of which it leaves nothing, see
+    /// [`PlaneMotion`](crate::measure::trajectories::PlaneMotion).
     ///
     /// # Errors
     /// When no weight is a number: the pairs move too little or too much.
@@ -65,7 +64,7 @@ impl Loss {
         Ok(this)
     }
 
-    /// What held-out pairs are measured with.
+    /// The loss that held-out pairs are measured with.
     pub fn of_held_out(&self) -> Self {
         match self {
             Self::ByPlane { .. } => self.clone(),
@@ -92,8 +91,8 @@ impl Loss {
     /// The weight of each of the 2n components.
     ///
     /// # Errors
-    /// When there is not one finite, non-negative weight for each degree of
-    /// freedom; of [`Loss::ByPlane`], one positive weight for each degree of freedom or each component.
+    /// When there is not one finite, non-negative weight for each degree of freedom; for [`Loss::ByPlane`], one
+    /// positive weight for each degree of freedom or each component.
     pub fn component_weights(&self, dof: usize) -> Result<Vec<f64>, Error> {
         match self {
             Self::MeanSquaredError => Ok(vec![1.0 / (2 * dof) as f64; 2 * dof]),
@@ -140,20 +139,20 @@ pub struct Objective<'a> {
     pairs: Cow<'a, Pairs>,
     weights: Vec<f64>,
     penalty: f64,
-    /// The angles of the circles count as numbers, not as parameters.
+    /// Whether the angles of the circles are constants, not parameters.
     angles_fixed: bool,
-    /// What Σ_j (θ_j − θ⁰_j)² is multiplied with, and the θ⁰_j.
+    /// The factor on Σ_j (θ_j − θ⁰_j)², and the θ⁰_j.
     angle_penalty: Option<(f64, Vec<f64>)>,
 }
 
-/// A mean of squares that the loss is a sum of: of P(z) − z′, or of I_ε(z) − z.
+/// A term of the loss: the mean square of P(z) − z′, or of I_ε(z) − z.
 pub(super) struct Term<'a> {
     pub(super) map: Cow<'a, Composition<f64>>,
     pub(super) weights: Vec<f64>,
     pub(super) input: &'a [f64],
     pub(super) output: &'a [f64],
-    /// The angles of `map`, among its parameters, and how many times those of the network
-    /// they are: 0 of angles that are fixed.
+    /// The angles of `map`, among its parameters, and their ratio to those of the network, which is
+    /// 0 for angles that are fixed.
     pub(super) angles: Range<usize>,
     pub(super) time: f64,
     /// The parameters of `map` are the sums of those of the network times these products of controls.
@@ -171,10 +170,10 @@ impl<'a> Objective<'a> {
         Ok(Self { pairs, weights, penalty, angles_fixed, angle_penalty: None })
     }
 
-    /// The loss and `penalty` times the mean square of I_ε(z) − z over all components
-    /// of the pairs' inputs, I_ε being the steps of the map that ε scales: of the maps
-    /// that the pairs distinguish no better it prefers those near the identity, whose
-    /// circle action is that of the data.
+    /// Adds `penalty` times the mean square of I_ε(z) − z over all components of the pairs' inputs,
+    /// I_ε being the steps of the map that ε scales. Among maps that fit the pairs equally well,
+    /// this prefers those whose I_ε is near the identity, and whose circle action is that of the
+    /// data.
     ///
     /// # Errors
     /// When `penalty` is not a finite number ≥ 0.
@@ -189,8 +188,8 @@ impl<'a> Objective<'a> {
         Self { angles_fixed: fixed, ..self }
     }
 
-    /// The loss and `penalty` times Σ_j (θ_j − θ⁰_j)² over the angles of the circles: a network
-    /// whose I_ε could take a part of the rotation pays for leaving the θ⁰_j.
+    /// Adds `penalty` times Σ_j (θ_j − θ⁰_j)² over the angles of the circles. It is for networks
+    /// whose I_ε could take over a part of the rotation.
     ///
     /// # Errors
     /// When `penalty` is not a finite number ≥ 0, or θ⁰ is not finite.
@@ -214,8 +213,8 @@ impl<'a> Objective<'a> {
         }
     }
 
-    /// The penalty's half derivative by each angle, its number among the parameters before it;
-    /// none of angles that are fixed.
+    /// Half the derivative of the penalty by each angle, with the index of the angle among the
+    /// parameters; empty for angles that are fixed.
     pub(super) fn angle_pulls(&self, map: &Composition<f64>) -> Vec<(usize, f64)> {
         let Some((penalty, goals)) = self.angle_penalty.as_ref().filter(|_| !self.angles_fixed)
         else {
@@ -238,7 +237,7 @@ impl<'a> Objective<'a> {
         self.angle_pulls(map).iter().map(|(_, pull)| pull * (pull / stiffness)).sum()
     }
 
-    /// Of the components; 1 where all are 0.
+    /// The largest weight of a component; 1 where all are 0.
     pub(super) fn largest_weight(&self) -> f64 {
         let largest = self.weights.iter().copied().fold(0.0, max_or_nan);
         if largest > 0.0 { largest } else { 1.0 }
@@ -248,7 +247,7 @@ impl<'a> Objective<'a> {
         &self.pairs
     }
 
-    /// What is summed, at the parameters of `map`.
+    /// The terms of the loss at the parameters of `map`.
     pub(super) fn terms<'s>(&'s self, map: &'s Composition<f64>) -> Vec<Term<'s>> {
         let map_of = map;
         assert!(
@@ -302,14 +301,14 @@ impl<'a> Objective<'a> {
         total / self.pairs.len() as f64 + self.angle_cost(map)
     }
 
-    /// The loss; `gradient` ← its gradient in the parameters. Costs about
-    /// three times the loss.
+    /// Returns the loss and sets `gradient` to its gradient in the parameters. Costs about three
+    /// times the loss.
     ///
     /// Source: Griewank and Walther, Evaluating Derivatives,
-    /// <https://doi.org/10.1137/1.9780898717761>, chapter 3, for the reverse mode that it is.
+    /// <https://doi.org/10.1137/1.9780898717761>, chapter 3, for the reverse mode.
     ///
     /// # Panics
-    /// When `gradient` is not of the map's number of parameters.
+    /// When the length of `gradient` is not the map's number of parameters.
     pub fn value_and_gradient(&self, map: &Composition<f64>, gradient: &mut [f64]) -> f64 {
         assert!(gradient.len() == map.parameters().len());
         gradient.fill(0.0);
@@ -379,7 +378,8 @@ impl<'a> Objective<'a> {
 }
 
 impl Term<'_> {
-    /// `sums` += the derivatives by the parameters of the network, of those by the parameters of the term's map.
+    /// Adds to `sums` the derivatives by the parameters of the network, from those by the parameters of the term's
+    /// map.
     fn add(&self, part: Vec<f64>, sums: &mut [f64]) {
         self.add_with(part, |factor| factor, sums);
     }

@@ -1,4 +1,4 @@
-//! What every optimiser shares: what it minimises, a step of it, and the state that it goes on from.
+//! What all optimisers share: the problem, a step, and the state from which they resume.
 
 use super::Objective;
 use super::record::Stop;
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::ops::ControlFlow;
 
-/// What is minimised, and over which models.
+/// The objective, and the models over which it is minimised.
 #[derive(Clone, Copy)]
 pub(super) struct Problem<'a> {
     pub(super) objective: &'a Objective<'a>,
@@ -42,10 +42,10 @@ pub(super) struct Step {
     pub(super) pairs: usize,
 }
 
-/// What lowers the loss.
+/// An optimiser.
 pub(super) trait Minimise {
-    /// One iteration from these parameters, in place; `loss` is that of the last one.
-    /// Where it ends, the parameters are as before.
+    /// Performs one iteration from these parameters, in place; `loss` is that of the previous one.
+    /// When the training ends here, the parameters are unchanged.
     fn step(
         &mut self,
         parameters: &mut Vec<f64>,
@@ -60,11 +60,12 @@ pub(super) trait Minimise {
         0
     }
 
-    /// All that it goes on from, beside the parameters.
+    /// All that it resumes from, apart from the parameters.
     fn state(&self) -> OptimiserState;
 }
 
-/// All that an optimiser goes on from, beside the parameters: an object of its own, and its `kind`.
+/// All that an optimiser resumes from, apart from the parameters: an object of its own, with its
+/// `kind`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(transparent)]
 pub(super) struct OptimiserState(Value);

@@ -1,15 +1,16 @@
-//! Training: a loss, its gradient and curvature, and what minimises it.
+//! Training: a loss, its gradient and curvature, and the optimisers that minimise it.
 //!
 //! - `loss`, `kernels`, `normal_equations`: the loss of a network on pairs, its
 //!   gradient, the Gauss–Newton matrix.
-//! - `record`, `minimise`: records and why a training ends; what optimisers share.
-//! - `lbfgs`, `levenberg_marquardt`, `adam`: an optimiser each, with its options and its state.
-//! - `stages`, `options`, `checkpoint`, `run`: a training as it is asked for, and one stage of it:
+//! - `record`, `minimise`: records of a training, the reasons why it ends, and what optimisers
+//!   share.
+//! - `lbfgs`, `levenberg_marquardt`, `adam`: the optimisers, each with its options and its state.
+//! - `stages`, `options`, `checkpoint`, `run`: the options of a training, and the run of one stage:
 //!   validation, stopping, resuming.
-//! - `schedule`: several starts, a ramp of other flow times or ε, twists alone.
-//! - `judgement`: whether to trust what was trained, and what limits it.
-//! - `prepare`, `reading`, `action_fit`, `action_trial`, `rotation_fit`, `units_fit`: circle action, θ and units
-//!   of data of which they are not known.
+//! - `schedule`: several starts, a ramp through other flow times or ε, twists trained alone.
+//! - `judgement`: whether to trust a trained network, and what limits its error.
+//! - `prepare`, `reading`, `action_fit`, `action_trial`, `rotation_fit`, `units_fit`: the circle action, θ and the
+//!   units of data for which they are not known.
 //! - `fit`: from pairs to a model.
 
 mod action_fit;
@@ -62,7 +63,7 @@ pub use schedule::{
 pub use stages::{FreshTwists, RampStage, Starts};
 pub use units_fit::fit_units;
 
-/// What the tests of this crate reach behind the public API: not a part of it.
+/// Internals for the tests of this crate; not part of the public API.
 #[doc(hidden)]
 pub mod internals {
     pub use super::judgement::{STEPS, limit, orbits, plane_errors, worst};

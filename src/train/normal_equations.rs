@@ -89,9 +89,9 @@ impl Objective<'_> {
     /// The quadratic model of the loss at the parameters of `map`, p of them: one
     /// Jacobian pass, and Np²n multiplications.
     ///
-    /// Blocks of rows of the residuals' Jacobian, with the residuals as its last
-    /// column, are multiplied with themselves, each tile of the result by one thread
-    /// and over the blocks in their order: the same bits on any number of threads.
+    /// Blocks of rows of the residuals' Jacobian J, with the residuals as its last column, are
+    /// summed to JᵀJ. One thread sums each tile of the result, over the blocks in their order, so
+    /// that the bits are the same on any number of threads.
     pub fn normal_equations(&self, map: &Composition<f64>) -> NormalEquations {
         let count = map.parameters().len();
         let factor = 2.0 / self.pairs().len() as f64;
@@ -121,7 +121,7 @@ impl Objective<'_> {
 }
 
 impl NormalEquations {
-    /// What the tiles of so many parameters have summed.
+    /// The normal equations that the tiles have summed, for `count` parameters.
     fn of_tiles(tiles: &[Tile], count: usize, factor: f64) -> Self {
         let (matrix, gradient) = (Mat::zeros(count, count), vec![0.0; count]);
         let mut out = Self { matrix, gradient, loss: 0.0 };
@@ -142,8 +142,8 @@ impl NormalEquations {
         out
     }
 
-    /// += those of a map whose parameters are the sums of these ones times products of controls: a row of the
-    /// Jacobian by all parameters is that of the map, once for each product and times it.
+    /// Adds the equations of a map whose parameters are sums of the network's times products of controls: a row of
+    /// the network's Jacobian repeats that of the map, once for each product and multiplied by it.
     fn add(&mut self, of: &Self, products: &[f64]) {
         let size = of.gradient.len();
         for (b, right) in products.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! How to train.
+//! Options of a training.
 
 use super::record::at_least_one;
 use super::stages::{FreshTwists, RampStage, Starts, not_a_normal_form};
@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::network::{Architecture, Model, Part};
 use serde::{Deserialize, Serialize};
 
-/// What lowers the loss, with its options.
+/// The optimiser, with its options.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Optimiser {
@@ -36,12 +36,12 @@ impl Optimiser {
         }
     }
 
-    /// Whether the loss of its iterations is of batches.
+    /// Whether the loss of an iteration is taken over batches.
     pub(super) fn takes_batches(&self) -> bool {
         matches!(self, Self::Adam(_))
     }
 
-    /// Where it would begin with a part of the pairs: begins with at least so many.
+    /// Makes an optimiser that begins with a part of the pairs begin with at least `pairs`.
     pub(super) fn begin_with(&mut self, pairs: usize, model: &Model) {
         if let Self::LevenbergMarquardt(options) = self {
             options.begin_with(pairs, model);
@@ -57,12 +57,12 @@ impl Optimiser {
     }
 }
 
-/// When a training is at rest, so that going on is not worth its time.
+/// The criterion by which a training is at rest and ends.
 ///
 /// After each full window of iterations the lowest held-out error so far (the lowest loss, without
-/// held-out pairs) is compared with the lowest one before the window. Training ends where it has
-/// fallen by less than the share that is wanted. While Levenberg–Marquardt uses a part of the
-/// pairs, two windows are compared, and none in which it took more of them.
+/// held-out pairs) is compared with the lowest one before the window. Training ends if it has
+/// fallen by less than `improvement`. While Levenberg–Marquardt uses a part of the pairs, the
+/// comparison is over two windows, and there is none if that part grew within them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plateau {
@@ -76,7 +76,7 @@ impl Plateau {
     /// The window of [`Plateau::default`].
     pub const ITERATIONS: u64 = 50;
 
-    /// Windows of so many iterations, in each of which the error has to fall by a tenth; 0 is none.
+    /// Windows of this many iterations and an improvement of a tenth in each; None for 0.
     pub fn over(iterations: u64) -> Option<Self> {
         (iterations > 0).then(|| Self { iterations, ..Self::default() })
     }
@@ -98,47 +98,47 @@ impl Default for Plateau {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrainingOptions {
-    /// What is minimised.
+    /// The loss that is minimised.
     pub loss: Loss,
-    /// What is added to the loss: so many times the mean square of I_ε(z) − z over all
+    /// The factor of a penalty that is added to the loss: the mean square of I_ε(z) − z over all
     /// components of the training inputs.
     pub near_identity_penalty: f64,
-    /// The angles θ of the circles stay what they are at the start.
+    /// Whether the angles θ of the circles stay at their initial values.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub theta_fixed: bool,
-    /// What is added to the loss: so many times Σ (θ − θ⁰)² over the circles, θ⁰ being the
-    /// angle at the start; of a schedule, at that of each stage.
+    /// The factor of a penalty that is added to the loss: Σ (θ − θ⁰)² over the circles, θ⁰ being
+    /// the initial angle; in a schedule, that at the start of each stage.
     #[serde(skip_serializing_if = "is_zero")]
     pub theta_penalty: f64,
-    /// What minimises it.
+    /// The optimiser.
     pub optimiser: Optimiser,
-    /// The most iterations; of Adam, epochs.
+    /// The largest number of iterations; for Adam, of epochs.
     pub iterations: u64,
     /// Iterations between evaluations of the held-out pairs.
     pub validate_every: u64,
     /// Stop when the held-out error is at most this (the loss, without
     /// held-out pairs); 0 never stops.
     pub target: f64,
-    /// Stop when the held-out error has not improved for so many evaluations
-    /// of it; 0 never stops.
+    /// Stop when the held-out error has not improved for this many evaluations of it; 0 never
+    /// stops.
     pub patience: u64,
-    /// Stop when the error is at rest; never, unless given. What leads to the last stage of a
-    /// [schedule](super::train_schedule) is not stopped by it.
+    /// Stop when the error is at rest. None: never. In a [schedule](super::train_schedule) it
+    /// applies to the last stage only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plateau: Option<Plateau>,
     /// Stop when the largest entry of the gradient is at most this.
     pub gradient_tolerance: f64,
     /// Iterations between checkpoints.
     pub checkpoint_every: u64,
-    /// Several initial weights, of which the best goes on: see
+    /// Several sets of initial weights, of which the best is trained further: see
     /// [`train_schedule`](super::train_schedule).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub starts: Option<Starts>,
-    /// Problems of other flow times or ε, one after another, whose weights start the next, and
-    /// the last of them the training that is wanted.
+    /// Problems with other flow times or ε that are trained first, one after another. The weights
+    /// of each start the next one, and those of the last start the training proper.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub ramp: Vec<RampStage>,
-    /// After the ramp, of a normal form: its twists trained alone, in the coordinates of the
+    /// For a normal form: after the ramp, its twists are trained alone, in the coordinates of the
     /// chart that the ramp has found.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fresh_twists: Option<FreshTwists>,
@@ -246,7 +246,7 @@ impl TrainingOptions {
         self.optimiser.check()
     }
 
-    /// Fails where they are of several stages.
+    /// Fails if the options ask for several stages.
     pub(crate) fn check_single(&self) -> Result<(), Error> {
         let expected = "none: several stages are trained by `train_schedule`";
         if let Some(starts) = self.starts {
@@ -258,7 +258,7 @@ impl TrainingOptions {
         }
     }
 
-    /// Those of one of its stages.
+    /// The options of a single stage.
     pub(super) fn of_stage(&self, iterations: u64) -> Self {
         Self { iterations, starts: None, ramp: Vec::new(), fresh_twists: None, ..self.clone() }
     }

@@ -1,4 +1,4 @@
-//! Your own pairs, made ready for a network.
+//! Prepares pairs for a network: units, initial angles, and which pairs are held out.
 
 use super::{fit_rotation, fit_units, slow_time};
 use crate::error::Error;
@@ -7,50 +7,49 @@ use crate::layer::{Reversor, TorusAction};
 use crate::phase::Units;
 use crate::random::Stream;
 
-/// What is known of pairs, and wanted of them.
+/// What is known of pairs, and how to prepare them.
 #[derive(Clone, Copy, Debug)]
 pub struct Preparation<'a> {
-    /// What the pairs are called in errors.
+    /// The name of the pairs in errors.
     pub place: &'a str,
-    /// The circles of their limit.
+    /// The circle action of the limit ε = 0.
     pub action: &'a TorusAction,
     /// ε of the network.
     pub epsilon: f64,
     /// The flow time of the network, where it is known.
     pub flow_time: Option<f64>,
-    /// Whether the twists of the network are of order one, and not scaled by ε: the flow time that is
-    /// not known is 1 then.
+    /// Whether the twists of the network are of order one rather than scaled by ε; an unknown flow time is then 1.
     pub of_order_one: bool,
-    /// The angle of all circles to start from, where it is known.
+    /// The initial angle of all circles, where it is known.
     pub theta: Option<f64>,
-    /// Whether units are fitted to them.
+    /// Whether units are fitted to the pairs.
     pub units: bool,
-    /// S of the networks that are reversible: units keep the origin of the half whose signs it
-    /// changes.
+    /// The reflections S of networks that are reversible: units keep the origin of the half of the
+    /// coordinates whose signs S changes.
     pub reversors: &'a [Reversor],
-    /// The share that is held out.
+    /// The share of the pairs that is held out.
     pub validation: f64,
     /// The seed of the held-out choice.
     pub seed: u64,
 }
 
-/// Pairs in the coordinates of a network, and what to start it from.
+/// Pairs in the coordinates of a network, with its initial angles and flow time.
 #[derive(Clone, Debug)]
 pub struct Prepared {
     /// The training pairs.
     pub pairs: Pairs,
-    /// The others, if there are any.
+    /// The held-out pairs, if there are any.
     pub held_out: Option<Pairs>,
-    /// The units of the data, where they are not those of the pairs here.
+    /// The units of the data, where they differ from those of `pairs`.
     pub units: Option<Units>,
     /// The box around all pairs, in units of the data.
     pub region: Option<Region>,
     /// The angles of the rotation nearest to the pairs, one for each circle.
     pub nearest: Vec<f64>,
-    /// Those to start from.
+    /// The initial angles of the circles.
     pub angles: Vec<f64>,
-    /// The flow time of the network: how far the slow coordinates move, over ε, where it is not
-    /// known.
+    /// The flow time of the network. Where it is not known: how far the slow coordinates move over
+    /// |ε|, or 1 where the twists are of order one.
     pub flow_time: f64,
 }
 
@@ -69,9 +68,9 @@ impl Preparation<'_> {
     ///
     /// # Errors
     /// [`Error::Invalid`] when the action and the pairs differ in their degrees of freedom, two
-    /// circles share a plane and no angle is known, the share is not of [0, 1), or the flow time is
-    /// no positive number, or the seed one that no scene holds. At ε = 0 a flow time that is not
-    /// known is infinite.
+    /// circles share a plane and no angle is known, the share is not in [0, 1), the flow time is
+    /// not a positive number, or the seed is too large for a scene. At ε = 0 a flow time that is
+    /// not known is infinite, unless the twists are of order one.
     pub fn prepare(&self, pairs: Pairs) -> Result<Prepared, Error> {
         let Self { place, action, epsilon, validation, .. } = *self;
         check_planes(place, action, &pairs)?;
@@ -108,7 +107,7 @@ impl Preparation<'_> {
         };
         let flow_time = self.flow_time.unwrap_or_else(slow);
         let mut stream = Stream::new(self.seed, "data/held-out");
-        // Pairs at values that are learnt would say nothing of values between them.
+        // Pairs at values of controls that are trained on would not test values between them.
         let (pairs, held_out) = match pairs.split_by_controls(validation, &mut stream) {
             Some((pairs, held_out)) => (pairs, Some(held_out)),
             None => pairs.split(validation, &mut stream),

@@ -1,31 +1,31 @@
-//! How your own pairs are to be read: which columns are a plane, which planes turn.
+//! How to interpret pairs: which columns form a plane, and which planes turn.
 
 use super::{ActionFit, fit_rotation, fit_units};
 use crate::flow::Pairs;
 use crate::layer::{CircleAction, TorusAction};
 use crate::measure::trajectories::{root_mean_square, rotation_error};
 
-/// Another order of columns or other weights of the circle action, which the pairs fit far
-/// better: a mean squared error of the rotation alone of a tenth at most, in units that fit each.
+/// Another order of columns or other weights of the circle action that fit the pairs far better:
+/// the nearest rotation has at most a tenth of the mean squared error, in units fitted to each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
-    /// What the columns would be.
+    /// The names of the columns in this reading.
     pub columns: String,
-    /// Whether that is another order than it was said to be.
+    /// Whether the order of the columns differs from the given one.
     pub reorders: bool,
     /// The weights of the circle action.
     pub weights: Vec<i32>,
-    /// The mean squared error of the rotation that is nearest to the pairs, read so, over the mean
+    /// The mean squared error of the rotation nearest to the pairs in this reading, over the mean
     /// square of the outputs.
     pub error: f64,
-    /// The same of the pairs as they were said to be.
+    /// The same for the pairs as they were given.
     pub as_given: f64,
 }
 
 impl Reading {
-    /// How many times as large the error is at least of what was said.
+    /// The smallest ratio of the error of the pairs as given to that of another reading.
     const FACTOR: f64 = 10.0;
-    /// So many pairs are looked at.
+    /// The largest number of pairs that are used.
     const PAIRS: usize = 1000;
 
     /// The pairs with columns q₁ p₁ q₂ p₂ … taken in the order q₁ … qₙ, p₁ … pₙ, and that order in words.
@@ -35,18 +35,20 @@ impl Reading {
         (pairs.with_columns(&order), format!("[{}]", words.join(", ")))
     }
 
-    /// Where columns q₁ … qₙ, p₁ … pₙ are among q₁ p₁ q₂ p₂ ….
+    /// The positions of q₁ … qₙ, p₁ … pₙ among columns q₁ p₁ q₂ p₂ ….
     fn by_halves(dof: usize) -> Vec<usize> {
         (0..dof).map(|j| 2 * j).chain((0..dof).map(|j| 2 * j + 1)).collect()
     }
 
-    /// A reading that fits far better than that of columns q₁ … qₙ, p₁ … pₙ and this action,
-    /// if there is one: interleaved columns, and weights 0 to 2 of up to four planes.
+    /// A reading that fits far better than that of columns q₁ … qₙ, p₁ … pₙ and this action, if
+    /// there is one. It tries interleaved columns, and weights 0 to 2 for up to four planes.
     ///
-    /// Momenta before positions turn the other way, and are as good.
+    /// Columns with momenta before positions are not found: they turn the other way and fit as
+    /// well.
     ///
-    /// A rotation of the slow plane fits better too where the fast one comes round by whole turns
-    /// from inputs to outputs. Another action is named only where [`ActionFit`] is sure of it.
+    /// Where the fast plane makes about whole turns from inputs to outputs, a rotation of the slow
+    /// plane fits better too. Another action is therefore named only where [`ActionFit`] is sure of
+    /// it.
     pub fn better(pairs: &Pairs, action: &TorusAction) -> Option<Self> {
         let dof = pairs.dof();
         if action.dof() != dof {
@@ -96,7 +98,7 @@ impl Reading {
         best
     }
 
-    /// In words.
+    /// Describes the reading in words.
     pub fn describe(&self) -> String {
         let weights: Vec<String> = self.weights.iter().map(i32::to_string).collect();
         format!(

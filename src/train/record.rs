@@ -8,19 +8,19 @@ use serde::{Deserialize, Serialize};
 pub struct TrainingRecord {
     /// Iterations done.
     pub iteration: u64,
-    /// Evaluations of the loss, with its gradient or without; of Adam, passes over the
-    /// training pairs.
+    /// Evaluations of the loss, with its gradient or without; for Adam, passes over the training
+    /// pairs.
     pub evaluations: u64,
-    /// The loss on the training pairs; of Adam, the mean over the batches of the epoch,
-    /// each before its step.
+    /// The loss on the training pairs; for Adam, the mean over the batches of the epoch, each
+    /// before its step.
     pub loss: f64,
-    /// How many of the training pairs the loss is of: fewer than all in an early phase
+    /// The number of training pairs that the loss is taken over: fewer than all in an early phase
     /// of Levenberg–Marquardt.
     pub pairs: usize,
-    /// The largest entry of its gradient in the parameters; of Adam, the mean of the
-    /// batches' largest entries.
+    /// The largest entry of its gradient in the parameters; for Adam, the mean of the batches'
+    /// largest entries.
     pub gradient: f64,
-    /// The mean squared error on the held-out pairs, where it was evaluated; of
+    /// The mean squared error on the held-out pairs, where it was evaluated; for
     /// [`Loss::ByPlane`](super::Loss::ByPlane), with its weights.
     pub validation: Option<f64>,
 }
@@ -29,7 +29,7 @@ pub struct TrainingRecord {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Stop {
-    /// The most iterations were done.
+    /// The largest number of iterations was reached.
     Iterations,
     /// The target was reached.
     Target,
@@ -39,10 +39,10 @@ pub enum Stop {
     Plateau,
     /// The gradient fell below its tolerance.
     Gradient,
-    /// No step lowers the loss any more: with a fresh scaling either, or however much a
-    /// Gauss–Newton step is damped.
+    /// No step lowers the loss any more, not even with a fresh scaling (L-BFGS) or with any damping
+    /// (Levenberg–Marquardt).
     Stalled,
-    /// The loss left the finite numbers.
+    /// The loss is no longer finite.
     Diverged,
     /// It was trained elsewhere.
     NotTrained,

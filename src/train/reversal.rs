@@ -6,27 +6,28 @@ use crate::network::{Architecture, Structure};
 use crate::scalar::median_or_nan;
 use std::fmt;
 
-/// How far pairs (z, w) are from those of a map F that is reversible, F(Sw) = Sz, as polynomial maps that are fitted to
-/// them are looked at.
+/// How far pairs (z, w) are from those of a reversible map F, F(Sw) = Sz, measured by polynomial maps that are fitted
+/// to them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReversalDefect {
-    /// S.
+    /// The reflection S.
     pub reversor: Reversor,
     /// The median of |F(Sw) − Sz| over pairs, in units of the root mean square motion |w − z|.
     pub median: f64,
-    /// The same of the difference of two fits at Sw: below it nothing is seen.
+    /// The same for the difference of two fits at Sw: a smaller defect is not resolved.
     pub resolution: f64,
 }
 
 impl ReversalDefect {
-    /// What is seen stands so far above what two fits differ by.
+    /// A defect is seen if it is this many times the difference of two fits.
     const ABOVE: f64 = 5.0;
     /// Fits that differ by more than this know too little to recommend anything.
     const KNOWN: f64 = 1e-3;
-    /// Of the mirrored points so many have to be where the pairs are.
+    /// The smallest number of mirrored points that have to lie where the pairs are.
     const POINTS: usize = 64;
 
-    /// Of pairs of one map and fits to them; None where too few mirrored points are in their box.
+    /// The defect of pairs of one map, by fits to them. None where too few mirrored points are in
+    /// their box.
     pub fn of(pairs: &Pairs, fits: &TwoFits, reversor: Reversor) -> Option<Self> {
         const SAMPLE: usize = 1024;
         let dim = 2 * pairs.dof();
@@ -59,13 +60,13 @@ impl ReversalDefect {
         Some(Self { reversor, median, resolution })
     }
 
-    /// Whether the pairs are of no map that is reversible by S, as far as can be seen. A NaN is seen.
+    /// Whether the pairs are visibly not those of a map that is reversible by S. A NaN counts as visible.
     pub fn is_seen(&self) -> bool {
         !(self.median <= Self::ABOVE * self.resolution)
     }
 
-    /// What to say of pairs that a network of this architecture is to learn, if anything: that its reversor is not
-    /// theirs, or that they have one which it could have without giving up an invariant.
+    /// A defect worth reporting for a network of this architecture, if any: either its reversor is not that of the
+    /// pairs, or they have one that the network could have without giving up an invariant.
     pub(super) fn worth_saying(
         pairs: &Pairs,
         fits: &TwoFits,

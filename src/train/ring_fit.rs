@@ -1,4 +1,4 @@
-//! How an integrable map turns, from pairs near it: a start for twists of order one.
+//! Estimates how an integrable map turns from pairs near it, as a start for twists of order one.
 
 use super::{LevenbergMarquardtOptions, Optimiser, TrainingOptions, train};
 use crate::error::Error;
@@ -9,13 +9,13 @@ use crate::scalar::max_or_nan;
 use crate::train::Control;
 use std::f64::consts::TAU;
 
-/// The mean angles by which the circles turn rings of pairs, a ring being those of nearly the same
-/// actions.
+/// The mean angles by which the circles turn rings of pairs; a ring is a set of pairs with nearly
+/// the same actions.
 ///
-/// Angles are known up to whole turns. From ring to ring they are followed along the shortest tree
-/// that connects all rings in the space of actions, so that a frequency that changes by several
-/// turns across the pairs is seen as what it is: training from a twist that does not turn stays
-/// where angles are wrong by whole turns.
+/// The pairs determine angles up to whole turns. These are added from ring to ring along the
+/// minimum spanning tree of all rings in the space of actions, so that a frequency that changes by
+/// several turns across the pairs is recovered. Training from a twist that does not turn would keep
+/// angles that are wrong by whole turns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rings {
     action: TorusAction,
@@ -25,21 +25,21 @@ pub struct Rings {
     rings: Vec<(Vec<f64>, Vec<f64>)>,
 }
 
-/// So many pairs make a ring.
+/// The mean number of pairs of a ring, at least.
 const PAIRS: usize = 6;
-/// More rings in a direction add nothing.
+/// The largest number of rings along one action.
 const RINGS: usize = 64;
-/// Of pairs of one ring that turn by different angles, the mean phase is shorter than this.
+/// The pairs of a ring turn by different angles where their mean phase is shorter than this.
 const TOGETHER: f64 = 0.5;
-/// Turns of rings by up to this angle, in radians, are not taken for others.
+/// Angles of rings up to this one, in radians, are not confused with others.
 const SMALL: f64 = 0.5;
 /// Points on each ring, and iterations, that a twist is fitted with.
 const POINTS: usize = 8;
 const ITERATIONS: u64 = 100;
 
 impl Rings {
-    /// Those of pairs of one map. None where a circle turns several planes or a plane does not
-    /// turn, or where pairs of one ring do not turn together.
+    /// The rings of pairs of one map. None where a circle turns several planes, a plane does not
+    /// turn, or the pairs of a ring do not turn together in half of the rings or more.
     pub fn of(pairs: &Pairs, action: &TorusAction) -> Option<Self> {
         let (dof, circles) = (pairs.dof(), action.circles());
         if !pairs.conditions().is_empty() || action.dof() != dof || circles.len() != dof {
@@ -61,8 +61,8 @@ impl Rings {
         Some(Self { action: action.clone(), planes, rings })
     }
 
-    /// Those that the twists of a network of this architecture begin with: where they are of order one, and no
-    /// ramp leads up to their angles.
+    /// The rings from which the twists of a network of this architecture start. None unless the twists are of order
+    /// one and no ramp of flow times leads up to their angles.
     pub fn for_start(
         architecture: &Architecture,
         options: &TrainingOptions,
@@ -79,11 +79,12 @@ impl Rings {
         &self.rings
     }
 
-    /// The model with a slow map that turns as the rings do, from its own one and its angles; its
-    /// other blocks stay what they are.
+    /// Returns the model with its slow map fitted to turn as the rings do, starting from its
+    /// present slow map and angles; its other blocks are unchanged.
     ///
-    /// At a share of the flow time the angles are the same share: small enough, they are fitted by
-    /// pairs on the rings without minding whole turns, with the slow map alone.
+    /// The fit is done at a fraction of the flow time, where all angles are smaller by the same
+    /// factor, so that whole turns do not matter. It trains the slow map alone, on pairs on the
+    /// rings.
     ///
     /// # Errors
     /// Those of [`train`].

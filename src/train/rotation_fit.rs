@@ -1,15 +1,15 @@
-//! θ for data whose frequency nobody stated.
+//! Estimates of θ for data of unknown frequency.
 
 use crate::flow::{Condition, Pairs};
 use crate::layer::{CircleAction, TorusAction};
 use crate::measure::trajectories::{root_mean_square, rotation_error};
 use std::f64::consts::TAU;
 
-/// The angle θ in (−π/g, π/g] whose rotation Φ_θ is nearest to the pairs in the
-/// mean square, g the greatest common divisor of the weights, after 2π/g of which the
-/// rotation is the same: where to start θ when ω₀t is unknown. Of pairs with several flow
-/// times, the angle for time 1, from the shortest to the longest of them: whole periods are determined
-/// from the times before.
+/// The angle θ in (−π/g, π/g] whose rotation Φ_θ is nearest to the pairs in the mean square.
+///
+/// Here g is the greatest common divisor of the weights: the rotation has the period 2π/g. The angle is an initial
+/// value of θ when ω₀t is unknown. For pairs with several flow times it is the angle for time 1: from the shortest
+/// time to the longest, the frequency found so far determines the whole periods of the next one.
 ///
 /// Σ|Φ_θz − z′|² = const − 2Σ_j(C_j cos m_jθ + S_j sin m_jθ) with
 /// C_j = Σ(qq′ + pp′) and S_j = Σ(pq′ − qp′); its minimum is found by a scan
@@ -65,7 +65,7 @@ fn nearest(runs: &[(Option<&Condition>, &[f64], &[f64])], action: &CircleAction)
     if theta > 0.5 * period { theta - period } else { theta }
 }
 
-/// Where a function of the angle of this period is least: by a scan of so many points, and
+/// The angle at which a function with this period is least, by a scan of `points` points and
 /// golden-section search between the neighbours of the best.
 pub(super) fn least_angle(misfit: impl Fn(f64) -> f64, period: f64, points: u32) -> f64 {
     let spacing = period / f64::from(points);
@@ -86,8 +86,8 @@ pub(super) fn least_angle(misfit: impl Fn(f64) -> f64, period: f64, points: u32)
     0.5 * (low + high)
 }
 
-/// How far pairs move beside the rotation by these angles, over how large they are: the
-/// slow time εh that passes between them, up to a factor of order one.
+/// How far pairs move in addition to the rotation by these angles, over how large they are: an
+/// estimate of the slow time εh between inputs and outputs, up to a factor of order one.
 pub fn slow_time(pairs: &Pairs, action: &TorusAction, angles: &[f64]) -> f64 {
     let moved = rotation_error(action, angles, pairs).sqrt() / root_mean_square(pairs.output());
     // Pairs that are a rotation, or nothing at all, leave nothing to scale.

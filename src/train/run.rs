@@ -13,7 +13,7 @@ use crate::flow::Pairs;
 use crate::network::Model;
 use std::ops::ControlFlow;
 
-/// What the caller learns after each iteration.
+/// What is reported to the caller after each iteration.
 #[derive(Debug)]
 pub struct Progress<'a> {
     /// The newest record.
@@ -22,12 +22,12 @@ pub struct Progress<'a> {
     pub checkpoint: Option<&'a Checkpoint>,
 }
 
-/// What the caller answers.
+/// The answer of the caller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
     /// Training goes on.
     Continue,
-    /// Stop here; a last checkpoint is passed on before.
+    /// Training stops here, after a last checkpoint has been passed on.
     Interrupt,
 }
 
@@ -50,7 +50,7 @@ pub struct Outcome {
     pub stop: Stop,
 }
 
-/// The optimiser of the options, from a state where a run goes on.
+/// The optimiser of the options, resumed from a state where one is given.
 fn optimiser<'a>(
     problem: Problem<'a>,
     optimiser: &Optimiser,
@@ -74,10 +74,9 @@ fn optimiser<'a>(
 
 /// Trains `model` on `pairs`.
 ///
-/// `validation` are pairs that the optimiser never sees; the best model on
-/// them is returned. `observe` is called after each iteration, with a
-/// [`Checkpoint`] when one is due; passing such a checkpoint as `resume`, with
-/// the same model, pairs and options, continues to the same bits.
+/// The optimiser never sees the pairs of `validation`; the best model on them is returned.
+/// `observe` is called after each iteration, with a [`Checkpoint`] when one is due. Passing such a
+/// checkpoint as `resume`, with the same model, pairs and options, continues with the same bits.
 ///
 /// # Errors
 /// When options or shapes do not fit, or ask for the stages of a

@@ -1,5 +1,5 @@
-//! A training in several stages: starts of which the best goes on, a ramp of other flow
-//! times or ε before the one that is wanted, and twists that are trained alone.
+//! Training in several stages: starts of which the best is kept, a ramp through other flow times or
+//! ε, and twists that are trained alone.
 
 use super::checkpoint::Checkpoint;
 use super::options::TrainingOptions;
@@ -14,12 +14,12 @@ use crate::phase::Direction;
 use serde::Serialize;
 use std::ops::ControlFlow;
 
-/// A stage with its pairs; the last one of a schedule is what is wanted.
+/// A stage with its pairs; the last one of a schedule is the training proper.
 #[derive(Clone, Copy, Debug)]
 pub struct StageData<'a> {
     /// The ε of its pairs.
     pub epsilon: f64,
-    /// Its flow time over that of the last place.
+    /// Its flow time divided by that of the last place.
     pub time: f64,
     /// Its training pairs.
     pub pairs: &'a Pairs,
@@ -29,7 +29,7 @@ pub struct StageData<'a> {
     pub iterations: u64,
 }
 
-/// Which stage of a schedule, from 0.
+/// A stage of a schedule; numbers count from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "kind", content = "number", rename_all = "kebab-case")]
 pub enum TrainingStage {
@@ -37,9 +37,9 @@ pub enum TrainingStage {
     Start(u64),
     /// A stage of the ramp.
     Ramp(usize),
-    /// Twists alone: those of the ramp, 0, and fresh ones.
+    /// Twists trained alone: number 0 are those of the ramp, the others fresh ones.
     Twists(u64),
-    /// What is wanted.
+    /// The training proper.
     Last,
 }
 
@@ -55,7 +55,7 @@ impl TrainingStage {
         }
     }
 
-    /// In words; nothing of the last.
+    /// The stage in words; empty for the last.
     pub fn name(self) -> String {
         match self {
             Self::Start(number) => format!("start {}", number + 1),
@@ -75,7 +75,7 @@ impl TrainingStage {
         (0..starts).map(Self::Start).chain(stages).chain(twists).chain([Self::Last]).collect()
     }
 
-    /// The most iterations of it; 0 where the options have no such stage.
+    /// Its largest number of iterations; 0 where the options have no such stage.
     pub fn iterations(self, options: &TrainingOptions) -> u64 {
         match self {
             Self::Start(_) => options.starts.map_or(0, |starts| starts.iterations),
@@ -86,18 +86,19 @@ impl TrainingStage {
     }
 }
 
-/// What became of a stage before the last.
+/// The result of a stage before the last.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct StageResult {
     /// The stage that it is the result of.
     pub stage: TrainingStage,
     /// ε of its pairs.
     pub epsilon: f64,
-    /// The flow time of its pairs over the one that is wanted.
+    /// The flow time of its pairs divided by that of the last stage.
     pub time: f64,
-    /// The record of the model that was kept; of twists alone, in the coordinates of the chart.
+    /// The record of the model that was kept; for twists alone, in the coordinates of the chart.
     pub best: TrainingRecord,
-    /// It was gone on with: one of the starts, each stage, one of the twists.
+    /// Whether training continued from it: true for one of the starts, each stage of the ramp, and
+    /// one of the twists.
     pub chosen: bool,
 }
 
@@ -108,37 +109,37 @@ pub struct Scheduled {
     pub initial: Model,
     /// The stages before the last.
     pub stages: Vec<StageResult>,
-    /// The last stage; or that which was interrupted, twists alone being without a chart.
+    /// The outcome of the last stage, or of the one that was interrupted; a model of twists alone
+    /// has no chart.
     pub outcome: Outcome,
 }
 
-/// What a schedule reports, and what it asks for.
+/// An observer of a schedule: it is informed of the progress and supplies checkpoints.
 pub trait TrainingObserver {
-    /// A checkpoint of this stage to go on from, if there is one.
+    /// A checkpoint of this stage to resume from, if there is one.
     ///
     /// # Errors
     /// When it cannot be read.
     fn earlier(&mut self, stage: TrainingStage) -> Result<Option<Checkpoint>, Error>;
 
-    /// An iteration of the stage is done: see [`train`].
+    /// Called after each iteration of the stage: see [`train`].
     ///
     /// # Errors
     /// When a checkpoint cannot be written.
     fn observe(&mut self, stage: TrainingStage, progress: Progress<'_>) -> Result<Control, Error>;
 }
 
-/// Trains from several starts and along a ramp, as the options have them.
+/// Trains from several starts and along a ramp, as the options ask.
 ///
-/// `start` makes a start, of the last place; `places` are the ramp's and then the one
-/// that is wanted. Weights go from a place to the next as they are, the angles of the
-/// circles in proportion to the flow time, and the twists of a normal form as many times over as
-/// the [repeats](RampStage::repeats) of the next place go into those of the one before; at the last place
-/// twists may be [trained alone](FreshTwists) before all weights are. Each stage has checkpoints of its own, and
-/// goes on from them to the same bits.
+/// `start` makes the initial model of a start, at the last place; `places` are those of the ramp and then that of the
+/// training proper. From one place to the next the weights are kept, the angles of the circles change in proportion
+/// to the flow time, and the twists of a normal form are repeated as often as the [repeats](RampStage::repeats) of
+/// the next place divide those of the place before. At the last place twists may be [trained alone](FreshTwists)
+/// before all weights are trained. Each stage has checkpoints of its own, and resumes from them with the same bits.
 ///
 /// # Errors
-/// Those of [`train`], and of `start` and `watch`; when the chart of the ramp takes a pair out of
-/// the finite numbers in which twists are to be trained.
+/// Those of [`train`], and of `start` and `watch`; when the chart of the ramp maps a pair on which
+/// twists are to be trained to a point that is not finite.
 pub fn train_schedule(
     start: &mut dyn FnMut(u64) -> Result<Model, Error>,
     places: &[StageData<'_>],

@@ -1,4 +1,4 @@
-//! The stages of a training as they are asked for: starts, a ramp, twists alone.
+//! Options of the stages of a training: starts, a ramp, twists trained alone.
 
 use super::record::at_least_one;
 use crate::error::Error;
@@ -6,37 +6,36 @@ use crate::layer::MOST_DEGREES;
 use crate::network::{Architecture, MOST_REPEATS, Part};
 use serde::{Deserialize, Serialize};
 
-/// Several initial weights, of which the best goes on.
+/// Several sets of initial weights, of which the best is trained further.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Starts {
     /// How many sets of initial weights are tried.
     pub count: u64,
     /// The iterations of each, after which the one of the lowest held-out error (loss,
-    /// without held-out pairs) is chosen. It goes on as if it had been alone.
+    /// without held-out pairs) is chosen. It continues as if it had been the only one.
     pub iterations: u64,
 }
 
-/// A problem near the one that is wanted, whose weights start the next.
+/// A problem near the final one that is trained before it; its weights start the next stage.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RampStage {
-    /// Its flow time; the scene's, unless given. A scene leaves out stages of longer times than the
-    /// one that is wanted, and of the same where their ε is the same too.
+    /// Its flow time. None: that of the scene. A scene leaves out stages with a longer flow time
+    /// than the final one, and those with the same flow time and the same ε.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flow_time: Option<f64>,
-    /// Its ε; the system's, unless given.
+    /// Its ε. None: that of the system.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub epsilon: Option<f64>,
-    /// Of a normal form: only one in so many of its twist shears, the first ones, are trained. What
-    /// comes after the ramp begins with them so many times over
-    /// ([`Model::iterated`](crate::network::Model::iterated)), so that its flow time is best as many times as long. All of
-    /// them, unless given; those of a stage divide those of the one before.
+    /// For a normal form: only the first 1/m of its twist shears are trained, m being this number. The training after
+    /// the ramp begins with them repeated m times ([`Model::iterated`](crate::network::Model::iterated)), so that its
+    /// flow time is best m times as long. None: all shears. The number of a stage divides that of the stage before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub repeats: Option<usize>,
-    /// Of a network with polynomials: those outside its slow map have at most this degree, and in the stages
-    /// after it begin with what they have learnt, coefficients of higher degrees being 0. Their own degree,
-    /// unless given; none is below that of the stage before.
+    /// For a network with polynomials: the highest degree of those outside its slow map. The stages after it begin
+    /// with the learnt coefficients, and with 0 for those of higher degrees. None: the degree of the network. It may
+    /// not be below that of the stage before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub degree: Option<usize>,
     /// Its iterations.
@@ -45,17 +44,18 @@ pub struct RampStage {
 
 /// Twists T_ε of a normal form, trained alone before the last stage.
 ///
-/// The chart χ of a short flow time is that of a long one, T_ε is not: its shears, as the stages
-/// of a splitting, suit steps of one length. In the coordinates of χ the pairs are of Φ_θ∘T_ε, whose
-/// fast motion is a rotation, and which is soon trained from random weights; θ is the
-/// ramp's to begin with. Loss and held-out error are in these coordinates.
+/// The chart χ of a short flow time is also that of a long one, but T_ε is not: its shears, like the stages of a
+/// splitting, suit steps of one length. In the coordinates of χ the pairs are those of Φ_θ∘T_ε, whose fast motion is
+/// a rotation and which is soon trained from random weights; θ starts at that of the ramp. Loss and held-out error
+/// are in these coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FreshTwists {
-    /// How many random ones, beside those of the ramp.
+    /// The number of random twists, in addition to those of the ramp.
     pub count: u64,
     /// The iterations of each, after which the one of the lowest held-out error (loss,
-    /// without held-out pairs) goes on with χ, beginning with as many pairs as its record has.
+    /// without held-out pairs) is combined with χ; training then begins with at least as many pairs
+    /// as its record has.
     pub iterations: u64,
 }
 
@@ -72,8 +72,8 @@ impl Starts {
     /// Iterations that distinguish good starts from bad ones.
     pub const TRIAL: u64 = 40;
 
-    /// The seed of the weights of a start, that of the first being the training's own: far from
-    /// the seeds of other trainings, which follow one another.
+    /// The seed of the weights of a start. The first start has the seed of the training; the others
+    /// are far from it, because different trainings often have consecutive seeds.
     pub fn seed(training: u64, number: u64) -> u64 {
         training.wrapping_add(number << 32)
     }
@@ -128,7 +128,7 @@ impl RampStage {
     pub(super) fn check_repeats(ramp: &[Self], architecture: &Architecture) -> Result<(), Error> {
         let twists = architecture.twist_shears();
         let blocks = architecture.part(Part::SlowMap).count();
-        // Of those that come by turns, one of each kind at least.
+        // Where shears of the two kinds alternate, one of each at least.
         let least = if architecture.twists_alternate() { 2 } else { 1 };
         let mut before = None;
         for repeats in ramp.iter().map(Self::times) {

@@ -1,4 +1,4 @@
-//! Coordinates for data whose units nobody chose for a network.
+//! Fits units to data that were not made for a network.
 
 use crate::flow::Pairs;
 use crate::layer::TorusAction;
@@ -17,17 +17,17 @@ const PERFECT: f64 = 1e-12;
 const NEAR: f64 = 3.0;
 /// The square of the sine of an angle below which it determines no ratio.
 const TURNED: f64 = 1e-3;
-/// So many pairs are looked at.
+/// The largest number of pairs that are used.
 const PAIRS: usize = 10_000;
 
-/// The units in which the widest plane of pairs is of order one and the planes that an action turns are turned
-/// in circles; none where they are already.
+/// Units in which the widest plane of the pairs is of order one and the planes that the action turns move in circles;
+/// None where they do already.
 ///
-/// A plane that turns along ellipses gets the ratio of its factors, and its centre where it has
-/// another than 0, from the linear map nearest to the pairs. A plane that does not turn gets
-/// spreads of q and p that are the same up to a factor of two, and a centre where its mean is
-/// further from 0 than twice its spread. The unit of area is that of the widest plane. But for
-/// the ratio of ellipses all factors are powers of two, so that a change of units rounds nothing.
+/// For a plane that turns along ellipses, the linear map nearest to the pairs gives the ratio of
+/// its factors, and its centre where that is not 0. For a plane that does not turn, the spreads of
+/// q and p become the same up to a factor of four, and the centre is its mean where this is further
+/// from 0 than twice its spread. The unit of area is that of the widest plane. Apart from the ratio
+/// of ellipses all factors are powers of two, so that a change of units causes no rounding.
 ///
 /// # Panics
 /// When the action and the pairs differ in their degrees of freedom.
@@ -56,10 +56,10 @@ fn power_of_two(exponent: f64) -> f64 {
     libm::exp2(exponent.round())
 }
 
-/// What fits a plane.
+/// The fitted units of a plane.
 struct Plane {
     centre: [f64; 2],
-    /// Of the factor of p to that of q.
+    /// The ratio of the factor of p to that of q.
     ratio: f64,
     /// The product of the spreads of q and p about the centre.
     area: f64,
@@ -80,7 +80,8 @@ impl Plane {
         let spread = [0, 1].map(|half| spread(&moves, half, centre[half]));
         let own = spread[1] / spread[0];
         let elongated = own.is_normal() && !(SMALL * SMALL..=LARGE * LARGE).contains(&own);
-        // Of a plane that turns nothing determines the ratio where it comes round to where it was.
+        // For a plane that turns, nothing determines the ratio where it comes round to where it
+        // was.
         let ratio = match elongated && ratio == 1.0 && (!turns || at_rest(&moves, centre)) {
             true => power_of_two(0.5 * libm::log2(own)).powi(2),
             false => ratio,

@@ -1,7 +1,7 @@
 //! Models as source code for other programs.
 //!
-//! Each step of a network is traced: it moves numbers that [record](crate::scalar::Traced) what it does with them.
-//! Steps of one kind and size make one function, which takes their numbers from a table.
+//! Each step of a network is traced: it is applied to numbers that [record](crate::scalar::Traced) the operations.
+//! Steps of the same kind and size share one function, which takes their numbers from a table.
 
 mod c;
 mod fortran;
@@ -13,7 +13,7 @@ use crate::error::Error;
 use python::Arrays;
 use std::path::{Path, PathBuf};
 
-/// What a model can be written in.
+/// A language in which a model can be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SourceLanguage {
     /// C99: `NAME.c` and `NAME.h`, and `NAME.f90` for Fortran.
@@ -48,12 +48,12 @@ impl SourceLanguage {
 
 /// A model as source code.
 ///
-/// Its functions are the map, its inverse, its iterates, its derivative along a direction, its invariant and whether a
-/// point is inside of the boxes that the model is made for, in the coordinates of the data. Compiled without
-/// contraction of products and sums, C gives the bits of [`StoredModel::rollout_along`].
+/// The functions are the map, its inverse, its iterates, its derivative along a direction, its invariant, and a test
+/// whether a point is inside the boxes that the model is made for, all in the coordinates of the data. C code compiled
+/// without contraction of products and sums gives the same bits as [`StoredModel::rollout_along`].
 #[derive(Clone, Debug)]
 pub struct SourceCode {
-    /// The ending of each file and what is in it, the file that a user names first.
+    /// The ending and the text of each file; the file that a user names comes first.
     pub files: Vec<(&'static str, String)>,
 }
 
@@ -61,8 +61,8 @@ pub struct SourceCode {
 const LONGEST: usize = 40;
 
 impl SourceCode {
-    /// The code of a model without controls, whose functions in C and Fortran begin with `name`. `member` says what
-    /// it was taken from, where it is one of a family.
+    /// The code of a model without controls. In C and Fortran, the names of its functions begin with `name`. If the
+    /// model is a member of a family, `member` says what it was taken from.
     ///
     /// # Errors
     /// [`Error::Invalid`] of a name that is no identifier, or of a model that depends on controls.
@@ -101,7 +101,7 @@ impl SourceCode {
         Ok(Self { files })
     }
 
-    /// The files that [`SourceCode::write`] makes of this path: its own ending is that of the first.
+    /// The paths of the files that [`SourceCode::write`] writes: `path`, with its ending replaced by that of each file.
     pub fn paths(&self, path: &Path) -> Vec<PathBuf> {
         self.files.iter().map(|(ending, _)| path.with_extension(ending)).collect()
     }

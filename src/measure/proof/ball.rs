@@ -1,4 +1,4 @@
-//! Balls: intervals of real numbers around sums of two or three doubles.
+//! Ball arithmetic: intervals of real numbers around sums of two or three doubles.
 
 use super::centre::{Centre, ThreeWords, TwoWords};
 use super::number::{Constant, Function, Number};
@@ -6,12 +6,12 @@ use super::rough::Rough;
 use super::rounded::{Complex, down, up};
 use std::sync::LazyLock;
 
-/// All real numbers no further from a centre than a radius. The centre is the unevaluated sum of two or three doubles,
-/// so that a result is enclosed to some 30 or 45 digits.
+/// A ball: all real numbers within a radius of a centre. The centre is the unevaluated sum of two or three doubles, so
+/// results are enclosed to some 30 or 45 digits.
 ///
-/// Each operation holds the results for all numbers in its arguments: the radius takes up what rounding does to
-/// the centre. What is not finite, or a division by a ball with 0 in it, has the radius ∞ or NaN, with which no
-/// comparison that a proof makes is true.
+/// The result of an operation contains the results for all numbers in its arguments; the rounding of the centre is
+/// added to the radius. A result that is not finite, or a division by a ball that contains 0, has the radius ∞ or NaN,
+/// which makes every comparison in a proof false.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BallOf<C> {
     centre: C,
@@ -114,7 +114,7 @@ impl<C: BallCentre> BallOf<C> {
     /// 2π.
     pub const TAU: Self = C::TAU;
 
-    /// A ball around the sum of doubles, as many of them as it has.
+    /// A ball around the sum of the first doubles of `words`, as many as its centre has.
     pub fn around(words: [f64; 3], radius: f64) -> Self {
         Self { centre: C::of_words(words), radius }
     }
@@ -134,7 +134,7 @@ impl<C: BallCentre> BallOf<C> {
         self.radius
     }
 
-    /// Its centre alone.
+    /// The centre as a ball of radius 0.
     pub fn exact(self) -> Self {
         Self { radius: 0.0, ..self }
     }
@@ -151,13 +151,13 @@ impl<C: BallCentre> BallOf<C> {
         down(self.centre.mignitude() - self.radius)
     }
 
-    /// No number in it is below this one.
+    /// A lower bound of the numbers in it.
     pub fn lower(self) -> f64 {
         let low = self.centre() - up(self.centre.rest() + self.radius);
         low - low.abs() * f64::EPSILON - f64::MIN_POSITIVE
     }
 
-    /// No number in it is above this one.
+    /// An upper bound of the numbers in it.
     pub fn upper(self) -> f64 {
         -self.negated().lower()
     }
@@ -167,12 +167,12 @@ impl<C: BallCentre> BallOf<C> {
         Self { centre: self.centre.negated(), ..self }
     }
 
-    /// With so much more around it.
+    /// The same ball with the radius increased by `by`.
     pub fn widened(self, by: f64) -> Self {
         Self { radius: up(self.radius + by), ..self }
     }
 
-    /// The quotient: q + (x − qy)/y with a rounded q, whose doubles are quotients of what is left.
+    /// The quotient: q + (x − qy)/y with a rounded q, whose doubles are found one by one from the remainder.
     pub fn over(self, y: Self) -> Self {
         let (mut words, mut rest) = ([0.0; 3], self.exact());
         words[0] = self.centre() / y.centre();
@@ -185,7 +185,7 @@ impl<C: BallCentre> BallOf<C> {
         Self { radius: up(missed / y.mignitude()), ..q }
     }
 
-    /// The square root: q + (x − q²)/(√x + q) with a rounded q; NaN of a ball with what is not positive in it.
+    /// The square root: q + (x − q²)/(√x + q) with a rounded q; NaN unless all numbers in the ball are positive.
     pub fn sqrt(self) -> Self {
         let mut words = [self.centre().sqrt(), 0.0, 0.0];
         for k in 1..C::WORDS {
@@ -258,7 +258,7 @@ impl Ball {
         Self::around([high, low, 0.0], radius)
     }
 
-    /// As a factor of other kinds of numbers; `fine` holds the same number.
+    /// The number as a factor for other number types; `fine` contains the same number.
     pub fn constant(self, fine: FineBall) -> Constant {
         let [high, low, _] = self.words();
         Constant { high, low, radius: self.radius, fine: (fine.words(), fine.radius) }

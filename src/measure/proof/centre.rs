@@ -1,4 +1,4 @@
-//! What balls are around: unevaluated sums of doubles, with bounds of the errors of their sums and products.
+//! The centres of balls: unevaluated sums of doubles, with bounds of the errors of their sums and products.
 
 use super::rounded::{down, up};
 
@@ -37,21 +37,21 @@ fn two_product(a: f64, b: f64) -> (f64, f64) {
 
 /// An unevaluated sum of doubles, the larger ones first.
 pub trait Centre: Copy + PartialEq + std::fmt::Debug + Send + Sync + 'static {
-    /// How many terms of the series of e^x have to be summed for |x| ≤ ln 2/64, and a bound of twice the rest.
+    /// The number of terms of the series of e^x to be summed for |x| ≤ ln 2/64, and a bound of twice the rest.
     const EXPONENTIAL: (usize, f64);
-    /// The same for the series of sine and cosine, |x| ≤ 0.8.
+    /// The same for the series of sine and cosine with |x| ≤ 0.8.
     const TRIGONOMETRIC: (usize, f64);
 
-    /// How many doubles.
+    /// The number of doubles.
     const WORDS: usize;
 
     /// A double.
     fn of(value: f64) -> Self;
-    /// The sum of the first doubles of these, as many as it has.
+    /// The sum of the first [`Centre::WORDS`] of these doubles.
     fn of_words(words: [f64; 3]) -> Self;
-    /// The doubles, and 0 for those that it has not.
+    /// The doubles, filled up with zeros.
     fn words(self) -> [f64; 3];
-    /// The first of them.
+    /// The first double.
     fn first(self) -> f64;
     /// The opposite.
     fn negated(self) -> Self;
@@ -59,7 +59,7 @@ pub trait Centre: Copy + PartialEq + std::fmt::Debug + Send + Sync + 'static {
     fn magnitude(self) -> f64;
     /// A lower bound of it.
     fn mignitude(self) -> f64;
-    /// A bound of what it is more or less than its first double.
+    /// A bound of its distance from its first double.
     fn rest(self) -> f64;
     /// The sum, and a bound of its error.
     fn sum(self, other: Self) -> (Self, f64);
@@ -157,9 +157,9 @@ impl Centre for TwoWords {
 
 /// Three doubles: some 46 digits.
 ///
-/// Sums and products are exact but for terms of the third order, which are added up in doubles, and for what is
-/// smaller still. The bounds are of what is added up and left out itself, so that they hold however the words are
-/// placed.
+/// Sums and products are exact except for terms of third order, which are added up in doubles, and smaller terms,
+/// which are left out. The bounds are computed from these terms themselves, so they hold even where the words
+/// overlap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThreeWords([f64; 3]);
 

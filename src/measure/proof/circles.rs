@@ -1,4 +1,4 @@
-//! Proofs of circles from their rotation numbers alone, and what proved circles enclose.
+//! Proofs of invariant circles of given rotation numbers, and of what proved circles enclose.
 
 use super::ball::Ball;
 use super::failure::Failure;
@@ -15,31 +15,31 @@ use crate::measure::periodic::periodic_orbit;
 /// From which κ|E| on no other strip is tried.
 const HOPELESS: f64 = 1e5;
 
-/// A curve with a proof that an invariant circle is near it.
+/// A curve for which it is proved that an invariant circle is near it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Circle {
     /// The curve, and the strips.
     pub candidate: Candidate,
-    /// The numbers of the theorem.
+    /// The constants of the theorem.
     pub constants: Constants,
 }
 
-/// What has come of the attempt to prove a circle.
+/// The outcome of an attempt to prove a circle.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
-    /// There is one.
+    /// The map has an invariant circle.
     Proved(Box<Circle>),
-    /// There is a curve, and for it an inequality does not hold. There may be a circle all the same.
+    /// A curve was found, but an inequality does not hold for it. A circle may exist nevertheless.
     NotProved(Failure),
     /// No curve was found, with the reason.
     NotFound(String),
 }
 
-/// Tries to prove that the map has an invariant circle of this rotation number that crosses the ray: the curve, the
-/// widths of the strips and the number of modes and points are searched.
+/// Tries to prove that the map has an invariant circle of this rotation number that crosses the ray. It searches the
+/// curve, the widths of the strips, and the numbers of modes and points.
 ///
 /// # Errors
-/// [`Error::Invalid`] of a map that is not symplectic by its kinds of step.
+/// [`Error::Invalid`] for a map that is not symplectic by the kinds of its steps.
 pub fn prove_circle(map: &PlaneMap, ray: Ray, omega: &NobleNumber) -> Result<Verdict, Error> {
     map.check_symplectic()?;
     let found = match candidates(map, ray, omega) {
@@ -72,7 +72,7 @@ pub fn prove_circle(map: &PlaneMap, ray: Ray, omega: &NobleNumber) -> Result<Ver
     Ok(nearest.map_or_else(|| Verdict::NotFound("no candidate".into()), Verdict::NotProved))
 }
 
-/// The fixed point near a point, by Newton's method; None where there is none near.
+/// Finds a fixed point from a guess by Newton's method; None where the method finds none.
 pub fn fixed_point_near(map: &PlaneMap, guess: [f64; 2]) -> Option<[f64; 2]> {
     let map = map.prepared();
     let with_jacobian = |z: &[f64]| {
@@ -85,20 +85,21 @@ pub fn fixed_point_near(map: &PlaneMap, guess: [f64; 2]) -> Option<[f64; 2]> {
     Some([found.points[0][0], found.points[0][1]])
 }
 
-/// A fixed point that is proved: the only one in a box, and the trace of the derivative there.
+/// A proved fixed point: the only one in a box, with bounds of the trace of the derivative there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FixedPoint {
     /// The middle of the box.
     pub middle: [f64; 2],
-    /// Half its sides.
+    /// Half the side of the box.
     pub radius: f64,
-    /// Tr DF is between these.
+    /// A lower and an upper bound of Tr DF in the box.
     pub trace: [f64; 2],
 }
 
 impl FixedPoint {
-    /// Proves that a box around a point has one fixed point of the map in it, by Krawczyk's test: with G = F − id and
-    /// C near G′⁻¹, the box z + [−r, r]² has one where −CG(z) + (1 − CG′(box))[−r, r]² is within [−r, r]².
+    /// Proves that a box around a point contains exactly one fixed point of the map, by Krawczyk's test: with
+    /// G = F − id and C ≈ G′⁻¹, the box z + [−r, r]² does if −CG(z) + (1 − CG′(box))[−r, r]² is inside [−r, r]². None
+    /// where the test fails for all radii tried.
     ///
     /// Source: Krawczyk, <https://doi.org/10.1007/BF02234767>.
     pub fn prove(map: &PlaneMap, middle: [f64; 2]) -> Option<Self> {
@@ -141,7 +142,7 @@ impl FixedPoint {
         None
     }
 
-    /// Whether nearby points go around it: |Tr DF| < 2 for certain. None where the trace may be on either side.
+    /// Whether the fixed point is elliptic, |Tr DF| < 2. None where the bounds of the trace do not decide it.
     pub fn is_elliptic(&self) -> Option<bool> {
         let [low, high] = self.trace;
         if low > -2.0 && high < 2.0 {
@@ -154,7 +155,7 @@ impl FixedPoint {
     }
 }
 
-/// So many rotation numbers far from fractions, spread over what orbits on the ray have.
+/// At most `count` noble rotation numbers, spread over the range of those of orbits that start on the ray.
 pub fn noble_numbers(map: &PlaneMap, ray: Ray, count: usize) -> Vec<NobleNumber> {
     const PLACES: usize = 48;
     let mut turns: Vec<f64> = Vec::new();
@@ -191,7 +192,7 @@ impl Circle {
         &self.candidate.omega
     }
 
-    /// Points of the curve, two numbers each.
+    /// `count` points of the curve, two numbers each.
     pub fn points(&self, count: usize) -> Vec<f64> {
         let mut out = Vec::with_capacity(2 * count);
         for j in 0..count {
@@ -219,15 +220,16 @@ impl Circle {
         self.candidate.modes.iter().enumerate().map(of).sum::<f64>().abs()
     }
 
-    /// Proves that the circle goes around a point once: around all that is no farther than `around` from it.
+    /// Proves that the circle goes once around every point within `around` of `point`.
     ///
     /// # Errors
-    /// [`Failure`] with the inequality that does not hold; that of a circle of a cylinder, which goes around no point.
+    /// [`Failure`] with the inequality that does not hold; always for a circle around a cylinder, which goes around no
+    /// point.
     pub fn goes_around(&self, point: [f64; 2], around: f64) -> Result<(), Failure> {
         goes_around(&self.candidate.curve(), self.constants.distance, point, around)
     }
 
-    /// Proves that this circle has another one within: then no orbit leaves what is between them.
+    /// Proves that this circle encloses another one, so that no orbit leaves the region between them.
     ///
     /// # Errors
     /// [`Failure`].
@@ -254,8 +256,8 @@ impl Candidate {
     }
 }
 
-/// How far the image of a point is from that of its rounded roll-out: one step of the map in doubles against its
-/// enclosure.
+/// A bound of the rounding error of one step: the distance of the exact image of `point` from `rounded`, the image
+/// computed in doubles.
 pub fn rounding_of_a_step(map: &PlaneMap, point: [f64; 2], rounded: [f64; 2]) -> f64 {
     let map: Prepared<'_> = map.prepared();
     let mut z = point.map(Ball::of);

@@ -1,15 +1,15 @@
-//! Why a theorem is not proved.
+//! The reasons why a theorem is not proved.
 
-/// Why a theorem is not proved: the inequality that fails, and by how much.
+/// The reason why a theorem is not proved: the inequality that fails, and by how much.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Failure {
     /// The inequality, with its number in the guide.
     pub inequality: &'static str,
-    /// What was found.
+    /// The value that was found.
     pub found: f64,
-    /// What it was to be below, or above.
+    /// The bound that it had to stay below or above.
     pub needed: f64,
-    /// ρ of the strip on which it was tried, where it is of one of several.
+    /// ρ of the strip on which the proof was tried, if the failure belongs to a strip.
     pub strip: Option<f64>,
 }
 
@@ -34,7 +34,7 @@ impl Failure {
         self.inequality.split_inclusive(')').next().unwrap_or_default()
     }
 
-    /// What may help.
+    /// Advice on what may help.
     pub fn advice(&self) -> &'static str {
         match self.number() {
             "(1)" => {

@@ -1,4 +1,4 @@
-//! Theorems about a map of a plane, by numbers that enclose.
+//! Computer-assisted proofs about maps of a plane, by rigorous enclosures of numbers.
 
 mod ball;
 mod centre;

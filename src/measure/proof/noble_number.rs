@@ -1,4 +1,4 @@
-//! Rotation numbers that are far from all fractions, and sums of small divisors.
+//! Noble numbers, which are badly approximated by fractions, and bounds for sums of small divisors.
 
 use super::ball::{Ball, BallCentre, BallOf};
 use super::number::Number;
@@ -7,7 +7,7 @@ use crate::error::Error;
 
 /// The noble number [0; a₁, …, a_r, 1, 1, …]: a continued fraction that ends in ones.
 ///
-/// Noble numbers are irrational, and |kω − m| ≥ γ/k for all whole k ≥ 1 and m with a γ > 0.
+/// Noble numbers are irrational, and Diophantine: |kω − m| ≥ γ/k for all integers k ≥ 1 and m, with a γ > 0.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NobleNumber {
     quotients: Vec<u32>,
@@ -21,7 +21,7 @@ impl NobleNumber {
     /// [0; a₁, …, a_r, 1, 1, …].
     ///
     /// # Errors
-    /// [`Error::CountOutOfRange`] of a quotient that is 0 or more than 10⁶, or of more than 24 of them.
+    /// [`Error::CountOutOfRange`] for a quotient that is 0 or more than 10⁶, or for more than 24 quotients.
     pub fn new(quotients: Vec<u32>) -> Result<Self, Error> {
         let of = "quotients of a continued fraction before its ones";
         Error::check_count_range(of, quotients.len(), 0, MOST_QUOTIENTS)?;
@@ -36,8 +36,8 @@ impl NobleNumber {
         Ok(Self { quotients })
     }
 
-    /// The noble number within `tolerance` of x, between 0 and 1, that is farthest from fractions: that of the
-    /// largest γ among those that begin like x or like a number near it.
+    /// The noble number within `tolerance` of x, between 0 and 1, that is worst approximated by fractions: the one with
+    /// the largest γ among those whose continued fraction begins like that of x or of a number near x.
     pub fn near(x: f64, tolerance: f64) -> Option<Self> {
         let mut best: Option<Self> = None;
         for from in
@@ -72,7 +72,7 @@ impl NobleNumber {
         self.enclosed()
     }
 
-    /// The number, in balls of a kind.
+    /// The number, enclosed in a ball of any kind.
     pub fn enclosed<C: BallCentre>(&self) -> BallOf<C> {
         let one = BallOf::of(1.0);
         self.complete_quotients().last().map_or_else(|| one.over(golden()), |x| one.over(*x))
@@ -88,7 +88,7 @@ impl NobleNumber {
         out
     }
 
-    /// A γ with |kω − m| ≥ γ/k for all whole k ≥ 1 and m.
+    /// A γ with |kω − m| ≥ γ/k for all integers k ≥ 1 and m.
     ///
     /// For q_n ≤ k < q_{n+1} it is |kω − m| ≥ |q_nω − p_n|, and q_n|q_nω − p_n| = 1/(ω_{n+1} + q_{n−1}/q_n). From
     /// n = r on ω_{n+1} stays, and q_{n−1}/q_n goes to its limit from both sides by turns, so that the first two are
@@ -129,8 +129,8 @@ impl std::fmt::Display for NobleNumber {
     }
 }
 
-/// `golden`; a continued fraction, `[0; 1, 2, (1)]`; or a decimal, which stands for the noble number of the largest
-/// γ within half a unit of its last digit.
+/// Parses `golden`, a continued fraction such as `[0; 1, 2, (1)]`, or a decimal. A decimal stands for the noble number
+/// with the largest γ within half a unit of its last digit.
 impl std::str::FromStr for NobleNumber {
     type Err = Error;
 
@@ -174,7 +174,7 @@ impl std::str::FromStr for NobleNumber {
     }
 }
 
-/// Upper bounds of the solution of ξ(φ) − ξ(φ + ω) = η(φ) − ⟨η⟩ by |η|.
+/// Upper bounds, in terms of |η|, of the solution ξ of ξ(φ) − ξ(φ + ω) = η(φ) − ⟨η⟩.
 #[derive(Clone, Debug)]
 pub struct Divisors {
     /// Lower bounds of 4 sin²πkω, k = 1, 2, ….
@@ -186,7 +186,7 @@ pub struct Divisors {
 const DIVISORS: usize = 1500;
 
 impl Divisors {
-    /// Those of a rotation number.
+    /// The divisors of a rotation number.
     pub fn new(omega: &NobleNumber) -> Self {
         let (value, gamma) = (omega.value(), omega.gamma());
         let square = |k: usize| {
@@ -204,13 +204,13 @@ impl Divisors {
         self.gamma
     }
 
-    /// 1/(√96 γδ): an A(δ) that doubles where δ halves.
+    /// The bound A(δ) = 1/(√96 γδ), which doubles when δ is halved.
     pub fn scaling_bound(&self, delta: f64) -> f64 {
         const INVERSE_ROOT_96: f64 = 0.102_062_072_615_966;
         up(INVERSE_ROOT_96 / down(self.gamma * delta))
     }
 
-    /// A(δ) with |ξ| ≤ A(δ)|η| on a strip narrower by δ.
+    /// A(δ) with |ξ| ≤ A(δ)|η|, where |ξ| is taken on a strip narrower by δ than that of |η|.
     pub fn bound(&self, delta: f64) -> f64 {
         let h = Ball::PI.scaled(4.0 * delta);
         let x = h.negated().exp().upper();

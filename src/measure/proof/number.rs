@@ -1,8 +1,8 @@
-//! What a map of a plane is evaluated in: numbers, enclosures, and their derivatives.
+//! The number types on which a map of a plane is evaluated: numbers, enclosures, and their derivatives.
 
 use super::rounded::up;
 
-/// A real number that no double is: within a radius of the sum of two.
+/// A real number that is not a double: it is within a radius of the sum of two doubles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constant {
     /// The first double.
@@ -11,12 +11,12 @@ pub struct Constant {
     pub low: f64,
     /// The radius.
     pub radius: f64,
-    /// The same number to more digits: within a radius of the sum of three doubles.
+    /// The same number with more digits: three doubles, and a radius around their sum.
     pub fine: ([f64; 3], f64),
 }
 
 impl Constant {
-    /// How far it is from the first double at most.
+    /// An upper bound of its distance from the first double.
     pub fn off(self) -> f64 {
         up(self.low.abs() + self.radius)
     }
@@ -24,7 +24,7 @@ impl Constant {
 
 /// Numbers and enclosures of numbers.
 ///
-/// Operations on enclosures hold all results of the operation on numbers in them.
+/// The result of an operation on enclosures contains the results for all numbers in them.
 pub trait Number: Copy {
     /// A double.
     fn of(value: f64) -> Self;
@@ -44,9 +44,9 @@ pub trait Number: Copy {
     fn tanh(self) -> Self;
     /// The sine and the cosine.
     fn sin_cos(self) -> (Self, Self);
-    /// A function and its derivatives of it.
+    /// A function of this number and its first derivatives, K values in all.
     ///
-    /// Where many terms nearly cancel an enclosure is to be narrower than the sum of those of the terms.
+    /// Where many terms nearly cancel, the enclosure should be narrower than the sum of those of the terms.
     fn through<const K: usize>(self, function: &impl Function) -> [Self; K] {
         function.derivatives(self)
     }
@@ -79,11 +79,11 @@ impl Number for f64 {
 
 /// A function of one number with its first derivatives.
 pub trait Function {
-    /// f, f′, … at x, so many of them: four at most.
+    /// f, f′, … at x: K values, five at most.
     fn derivatives<N: Number, const K: usize>(&self, x: N) -> [N; K];
 }
 
-/// A coordinate on its way through a map: a [`Number`], or one with its derivatives by the starting point.
+/// A coordinate during the evaluation of a map: a [`Number`], or one with derivatives by the starting point.
 pub trait Coordinate: Copy {
     /// The sum.
     fn plus(self, other: Self) -> Self;
@@ -93,7 +93,7 @@ pub trait Coordinate: Copy {
     fn scaled(self, factor: f64) -> Self;
     /// The product with a constant that no double is.
     fn scaled_by(self, factor: Constant) -> Self;
-    /// A constant added.
+    /// The sum with a constant.
     fn shifted(self, by: f64) -> Self;
     /// A function of it.
     fn through(self, function: &impl Function) -> Self;
@@ -129,7 +129,7 @@ impl<N: Number> Coordinate for N {
 /// The pairs (i, j), i ≤ j, of the second derivatives that a [`Jet`] of two keeps.
 const PAIRS: [(usize, usize); 3] = [(0, 0), (0, 1), (1, 1)];
 
-/// A number, its two first derivatives, and the second ones ∂₀∂₀, ∂₀∂₁, ∂₁∂₁ where `SECOND` is true.
+/// A number with its two first derivatives and, if `SECOND` is true, the second ones ∂₀∂₀, ∂₀∂₁, ∂₁∂₁.
 #[derive(Clone, Copy, Debug)]
 pub struct Jet<N, const SECOND: bool> {
     /// The value.
@@ -141,7 +141,7 @@ pub struct Jet<N, const SECOND: bool> {
 }
 
 impl<N: Number, const SECOND: bool> Jet<N, SECOND> {
-    /// A coordinate of the starting point: the `axis`-th.
+    /// The coordinate number `axis` of the starting point.
     pub fn start(value: N, axis: usize) -> Self {
         let first = [0, 1].map(|k| N::of(if k == axis { 1.0 } else { 0.0 }));
         Self { value, first, second: [N::of(0.0); 3] }

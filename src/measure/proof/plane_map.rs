@@ -9,7 +9,7 @@ use crate::layer::{
 use crate::network::{Composition, Kind, Model};
 use crate::phase::Half;
 
-/// A function of one coordinate, whose multiple a step adds to the other, or turns by.
+/// A function of one variable: a step adds a multiple of it to a coordinate, or turns by a multiple of it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Slope {
     /// Σ_k a_k w_k sech²(a_k x + b_k) + rx, the derivative of neurons and of ½rx².
@@ -19,11 +19,11 @@ pub enum Slope {
         /// r.
         linear: f64,
     },
-    /// l Σ_m c_m T_m((x − centre)·k), by Chebyshev polynomials.
+    /// l Σ_m c_m T_m((x − centre)·k), with Chebyshev polynomials T_m.
     Chebyshev {
         /// The centre.
         centre: f64,
-        /// k, over half the width of the interval.
+        /// k, the inverse of half the width of the interval.
         inverse_half: f64,
         /// l.
         factor: f64,
@@ -32,7 +32,7 @@ pub enum Slope {
     },
     /// A scalar function between the modules of a SympNet.
     Activation {
-        /// Which.
+        /// The activation function.
         activation: Activation,
         /// Its factor.
         factor: f64,
@@ -209,9 +209,9 @@ pub enum PlaneStep {
         /// f.
         slope: Slope,
     },
-    /// The opposite of a coordinate, which two of them make symplectic.
+    /// The change of sign of a coordinate. It is not symplectic, but a pair of reflections is.
     Reflection(Half),
-    /// The product of a coordinate with 1 + μ: not symplectic, and no step of ours.
+    /// The product of a coordinate with 1 + μ. It is not symplectic, and no model has such a step.
     Scaling {
         /// The coordinate.
         target: Half,
@@ -222,13 +222,13 @@ pub enum PlaneStep {
 
 /// An analytic map of a plane, or of a cylinder whose first coordinate counts turns, as a list of steps.
 ///
-/// It is the map of real numbers with the doubles that the steps hold, its turns rotations: not what rounding
-/// makes of it.
+/// It is the exact map of real numbers with the doubles in the steps as parameters and exact rotations as turns, not
+/// its evaluation in rounded arithmetic.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlaneMap {
     /// The steps, the first one applied first.
     pub steps: Vec<PlaneStep>,
-    /// q counts turns, and a circle goes once around it.
+    /// Whether q counts turns; then the map is of a cylinder, and a circle goes once around it.
     pub cylinder: bool,
 }
 
@@ -259,7 +259,7 @@ impl PlaneStep {
 }
 
 impl PlaneMap {
-    /// With the sines and cosines of its turns.
+    /// Computes the sines and cosines of its turns.
     pub fn prepared(&self) -> Prepared<'_> {
         let turns = self.steps.iter().map(|step| {
             let ((s, c), (fine_s, fine_c)) = (step.turn(), step.turn());
@@ -380,7 +380,7 @@ impl PlaneMap {
         Ok(Self { steps, cylinder: false })
     }
 
-    /// Fails unless the kinds of step alone make it symplectic: shears, turns, twists, and reflections in pairs.
+    /// Fails unless the kinds of its steps make it symplectic: shears, turns, twists, and pairs of reflections.
     ///
     /// # Errors
     /// [`Error::Invalid`] with the step.
@@ -425,7 +425,7 @@ impl PlaneMap {
 }
 
 impl Prepared<'_> {
-    /// Whether it is of a cylinder.
+    /// Whether it is a map of a cylinder.
     pub fn cylinder(&self) -> bool {
         self.map.cylinder
     }

@@ -1,6 +1,6 @@
 //! Rounding outward, and elementary functions of doubles and complex numbers with bounds of their errors.
 
-/// An upper bound of the exact result, which the rounded one of a single operation on non-negative numbers is of.
+/// An upper bound of the exact result of a single operation on non-negative numbers, from its rounded result.
 #[inline(always)]
 pub(super) fn up(rounded: f64) -> f64 {
     rounded + (rounded * (2.0 * f64::EPSILON) + f64::MIN_POSITIVE)
@@ -171,7 +171,7 @@ pub(super) fn saturation(x: f64) -> f64 {
     if below > 0.0 { up(up(2.0 * e) / below) } else { f64::INFINITY }
 }
 
-/// How far tanh(x + h) is from t = tanh x for |h| ≤ d: tan d·|1 − t²|/(1 − |t| tan d), ∞ where a pole may be.
+/// A bound of |tanh(x + h) − t|, t = tanh x, for |h| ≤ d: tan d·|1 − t²|/(1 − |t| tan d); ∞ where a pole may be.
 ///
 /// tanh(x + h) = (t + T)/(1 + tT) with T = tanh h, |T| ≤ tan |h|.
 pub(super) fn tanh_moves(t: f64, slope: f64, d: f64) -> f64 {

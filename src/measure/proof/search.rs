@@ -1,4 +1,4 @@
-//! The search for a nearly invariant circle: from an orbit, by Newton's method.
+//! The search for a nearly invariant circle: from an orbit, refined by Newton's method.
 
 use super::ball::Ball;
 use super::curve::{Curve, Wave, phases, roots_of_unity, transform};
@@ -11,12 +11,12 @@ use crate::error::Error;
 use crate::measure::rotation::{birkhoff_average, birkhoff_weights};
 use std::f64::consts::TAU;
 
-/// Where circles of a map are looked for: those that cross a ray from a point.
+/// A ray on which circles of a map are searched: those that cross it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// Where it begins: near the fixed point that circles go around, or, on a cylinder, below all of them.
+    /// The start: near the fixed point that the circles go around, or, on a cylinder, below all circles.
     pub from: [f64; 2],
-    /// Where it ends.
+    /// The end.
     pub to: [f64; 2],
 }
 
@@ -26,7 +26,7 @@ impl Ray {
     }
 }
 
-/// The least, first and last numbers of points, and how many orbits' states make the first curve.
+/// The first and the last number of points.
 const FIRST_POINTS: usize = 512;
 const LAST_POINTS: usize = 8192;
 /// −ln of what aliasing and truncation may leave.
@@ -44,7 +44,7 @@ fn turns_between(map: &Prepared<'_>, about: [f64; 2], a: [f64; 2], b: [f64; 2]) 
     turns - libm::round(turns)
 }
 
-/// The rotation number of the orbit of a point about another, by smooth weights: turns a map.
+/// The rotation number, in turns per map, of the orbit from `start` about a point, by weighted Birkhoff averages.
 pub fn turns_of_orbit(map: &PlaneMap, about: [f64; 2], start: [f64; 2]) -> f64 {
     turns_of(&map.prepared(), about, start)
 }
@@ -70,7 +70,7 @@ fn turns_of(map: &Prepared<'_>, about: [f64; 2], start: [f64; 2]) -> f64 {
     birkhoff_average(&growths)
 }
 
-/// The place on the ray whose orbit turns by ω, or by what whole turns leave of it.
+/// The place on the ray whose orbit has the rotation number ω, modulo whole turns.
 fn place_on_ray_of(map: &Prepared<'_>, ray: Ray, omega: f64) -> Option<[f64; 2]> {
     const PLACES: usize = 24;
     const HALVINGS: usize = 44;
@@ -98,7 +98,7 @@ fn place_on_ray_of(map: &Prepared<'_>, ray: Ray, omega: f64) -> Option<[f64; 2]>
     Some(ray.at(0.5 * (low + high)))
 }
 
-/// The place on the ray whose orbit turns by a rotation number; None where there is none.
+/// The place on the ray whose orbit has this rotation number; None where none is found.
 pub fn place_on_ray(map: &PlaneMap, ray: Ray, omega: &NobleNumber) -> Option<[f64; 2]> {
     place_on_ray_of(&map.prepared(), ray, omega.value().centre())
 }
@@ -355,7 +355,7 @@ fn refine_in_balls(map: &Prepared<'_>, curve: &mut Curve<Ball>, omega: Ball, poi
 /// The candidates for a circle of this rotation number that crosses the ray, the most promising first.
 ///
 /// # Errors
-/// [`Error::Invalid`] where no orbit on the ray turns by ω, or Newton's method finds no curve.
+/// [`Error::Invalid`] where no orbit on the ray has the rotation number ω, or Newton's method finds no curve.
 pub fn candidates(map: &PlaneMap, ray: Ray, omega: &NobleNumber) -> Result<Vec<Candidate>, Error> {
     let map = &map.prepared();
     let value = omega.value();
@@ -373,7 +373,7 @@ pub fn candidates(map: &PlaneMap, ray: Ray, omega: &NobleNumber) -> Result<Vec<C
     candidates_from(map, first, omega)
 }
 
-/// Those near a curve that is given by its modes, as [`Candidate::modes`] has them.
+/// The candidates near a curve that is given by its modes, in the form of [`Candidate::modes`].
 ///
 /// # Errors
 /// [`Error::Invalid`] where Newton's method finds no curve.

@@ -17,10 +17,10 @@ const ROUNDING: f64 = 64.0 * f64::EPSILON / 2.0;
 /// From which |Re w| on tanh w is ±1 to the rounding of doubles.
 const SATURATED: f64 = 19.0;
 
-/// A polynomial in s on the disc |s| ≤ 1, and how far from it at most the function is that it stands for.
+/// A polynomial in s on the disc |s| ≤ 1, and a bound of the distance of the function that it approximates.
 ///
-/// Operations hold the results for all analytic functions in their arguments. A function that has a pole within
-/// what its argument holds, or is not known to have none, has the remainder ∞.
+/// The result of an operation contains the results for all analytic functions in its arguments. The remainder is ∞
+/// where the operation has a pole in the range of its argument, or may have one.
 ///
 /// Source: Makino and Berz, Taylor models and other validated functional inclusion methods, International
 /// Journal of Pure and Applied Mathematics 4 (2003).
@@ -43,7 +43,7 @@ impl Taylor {
         Self { c, remainder: radius }
     }
 
-    /// With so much more around it.
+    /// The same model with the remainder increased by `by`.
     pub fn widened(self, by: f64) -> Self {
         Self { remainder: up(self.remainder + by), ..self }
     }
@@ -89,7 +89,7 @@ impl Taylor {
         self.c.iter().rev().fold(start, |sum, c| sum.times(s).plus(*c))
     }
 
-    /// How far it may be from its polynomial.
+    /// The remainder: an upper bound of the distance of the function from the polynomial.
     pub fn remainder(&self) -> f64 {
         self.remainder
     }

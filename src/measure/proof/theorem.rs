@@ -1,4 +1,4 @@
-//! The theorem: its hypotheses, checked in numbers that enclose.
+//! The theorem: its hypotheses, checked with rigorous enclosures.
 
 use super::ball::{Ball, BallCentre, BallOf};
 use super::centre::{Centre, ThreeWords, TwoWords};
@@ -13,7 +13,7 @@ use super::winding::{Winding, along, goes_around};
 use crate::error::Error;
 use serde::{Deserialize, Serialize};
 
-/// A curve that is nearly invariant, and where the theorem is to be tried on it.
+/// A nearly invariant curve, with the strips and points with which the theorem is tried on it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
     /// ω: F(K(φ)) is nearly K(φ + ω).
@@ -23,27 +23,27 @@ pub struct Candidate {
     pub modes: Vec<[[f64; 2]; 4]>,
     /// ρ: the strip |Im φ| ≤ ρ on which the theorem is applied.
     pub rho: f64,
-    /// ρ̂ > ρ: that on which F∘K is known to be analytic and bounded.
+    /// ρ̂ > ρ: the strip |Im φ| ≤ ρ̂ on which F∘K is shown to be analytic and bounded.
     pub rho_hat: f64,
     /// The number of points at which F∘K is enclosed, a power of two.
     pub points: usize,
-    /// The curve is around a cylinder: φ is added to the first component.
+    /// Whether the curve is around a cylinder: then φ is added to the first component.
     pub cylinder: bool,
 }
 
-/// The numbers of the theorem that are made from a candidate: bounds on the strip, all rounded outward.
+/// The constants of the theorem for a candidate: bounds on the strip, all rounded outward.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Constants {
-    /// How many doubles the values at points were enclosed with: two, or three where two did not do.
+    /// The number of doubles with which the values at points were enclosed: two, or three where two were too few.
     pub words: usize,
     /// γ: |kω − m| ≥ γ/k.
     pub gamma: f64,
     /// |F∘K − K(· + ω)| on |Im φ| ≤ ρ.
     pub residual: f64,
-    /// The part of it that is from modes beyond the points: aliasing and truncation.
+    /// The part of `residual` from modes that the points do not resolve: aliasing and truncation.
     pub aliasing: f64,
-    /// |F∘K| on |Im φ| ≤ ρ̂, less the centre of K.
+    /// |F∘K − c₀| on |Im φ| ≤ ρ̂, where c₀ is the centre of K.
     pub image: f64,
     /// |K′|.
     pub tangent: f64,
@@ -51,19 +51,19 @@ pub struct Constants {
     pub normal: f64,
     /// |DF·N|.
     pub moved_normal: f64,
-    /// |T|, T the part of DF·N along K′(· + ω).
+    /// |T|, where T (the torsion) is the component of DF·N along K′(· + ω).
     pub torsion: f64,
-    /// |⟨T⟩| at least.
+    /// A lower bound of |⟨T⟩|.
     pub mean_torsion: f64,
-    /// |D²F| around the strip.
+    /// |D²F| around the image of the strip under K.
     pub second: f64,
-    /// κ of the first step.
+    /// κ of the first Newton step: the next error is at most κ|E|².
     pub kappa: f64,
-    /// 16κ|E| at the first step from which on it halves its exponent.
+    /// 16κ|E| at the step from which on convergence is proved for all further steps at once.
     pub margin: f64,
-    /// How many steps are taken one by one before.
+    /// The number of steps before that, which are bounded one by one.
     pub steps: usize,
-    /// How far the invariant circle is from K at most, on the real line.
+    /// An upper bound of the distance of the invariant circle from K, on the real line.
     pub distance: f64,
 }
 
@@ -128,7 +128,7 @@ impl Candidate {
         Curve { modes: modes.collect(), cylinder: self.cylinder }
     }
 
-    /// Fails unless it is of a form that the theorem is about.
+    /// Fails unless the candidate has the form that the theorem requires.
     ///
     /// # Errors
     /// [`Error::Invalid`] and [`Error::OutOfRange`] with the number.
@@ -164,7 +164,7 @@ impl Candidate {
         Ok(())
     }
 
-    /// Whether the theorem holds for the map with this candidate: its constants, or the inequality that fails.
+    /// Tries to prove the theorem for the map with this candidate: returns its constants, or the inequality that fails.
     ///
     /// # Errors
     /// Those of [`PlaneMap::check_symplectic`] and [`Candidate::check`].

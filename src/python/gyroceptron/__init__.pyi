@@ -37,7 +37,7 @@ _Layers = (
 )
 
 class Error(ValueError):
-    """What can go wrong: the message has the values that explain it."""
+    """An error of the library; its message has the values that explain it."""
 
 class _Trust(TypedDict):
     verdict: str
@@ -62,7 +62,7 @@ class Certificate:
 
     @property
     def holds(self) -> bool:
-        """No law is violated or vacuous."""
+        """Whether no law is violated or vacuous."""
     @property
     def summary(self) -> str:
         """One line: how many laws hold, by what headroom, or which do not."""
@@ -71,7 +71,7 @@ class Certificate:
         """A dictionary for each law."""
     @property
     def notes(self) -> list[str]:
-        """What is to be known beside the laws; empty where nothing is."""
+        """Notes beside the laws; empty if there are none."""
     def _repr_html_(self) -> str: ...
 
 class Model:
@@ -97,7 +97,7 @@ class Model:
     def structure(
         self,
     ) -> Literal["plain", "nearly-periodic", "normal-form", "nearly-integrable", "mixed"]:
-        """What its blocks make of it."""
+        """The structure that its blocks give it."""
     @property
     def blocks(self) -> list[dict[str, Any]]:
         """Its blocks, as train takes them."""
@@ -109,7 +109,7 @@ class Model:
         """Epsilon of its near-identity part."""
     @property
     def flow_time(self) -> float | None:
-        """The time of the flow map that it stands for, where it is known."""
+        """The time of the flow map that the model approximates, where it is known."""
     @property
     def angles(self) -> list[float]:
         """The angles of its circles, in radians."""
@@ -124,16 +124,16 @@ class Model:
         """The corners (low, high) of the box of its training points, 2n numbers each."""
     @property
     def units(self) -> tuple[list[float], list[float]] | None:
-        """(centre, factors), 2n numbers each, where the data has other units than the network."""
+        """(centre, factors), 2n numbers each, if the data has other units than the network."""
     @property
     def trust(self) -> _Trust | None:
-        """Whether to trust it and why not; None of a model that was loaded."""
+        """Whether to trust the model, and why not; None for a model that was loaded."""
     @property
     def history(self) -> list[_Record] | None:
-        """The records of its training; None of a model that was loaded."""
+        """The records of its training; None for a model that was loaded."""
     @property
     def notes(self) -> list[str]:
-        """Notes of its training: units, and the circle action that was found."""
+        """Notes on its training: units, and the circle action that was found."""
     def predict(
         self,
         points: ArrayLike,
@@ -145,15 +145,15 @@ class Model:
     ) -> NDArray[np.float64]:
         """Trajectories from points (..., 2n): (abs(steps) // every + 1, ..., 2n); steps < 0 go back."""
     def inverse(self, points: ArrayLike) -> NDArray[np.float64]:
-        """The points that go to points (..., 2n) in one step: (..., 2n)."""
+        """The preimages of points (..., 2n) under one step: (..., 2n)."""
     def jacobian(self, points: ArrayLike) -> NDArray[np.float64]:
-        """The derivatives of one step at points (..., 2n): (..., 2n, 2n)."""
+        """The Jacobians of one step at points (..., 2n): (..., 2n, 2n)."""
     def invariant(self, points: ArrayLike) -> NDArray[np.float64]:
         """The invariant of the network at points (..., 2n): (...)."""
     def periodic_orbits(
         self, guesses: ArrayLike, period: int = 1, apart: float = 1e-6
     ) -> list[_PeriodicOrbit]:
-        """The orbits of exactly so many steps that Newton's method finds from guesses (N, 2n)."""
+        """The orbits of exactly `period` steps that Newton's method finds from guesses (N, 2n)."""
     def survival(
         self,
         points: ArrayLike,
@@ -161,11 +161,11 @@ class Model:
         low: Sequence[float] | None = None,
         high: Sequence[float] | None = None,
     ) -> NDArray[np.int64]:
-        """The steps after which each orbit leaves a box, and one more than all of those that stay."""
+        """The number of steps after which each orbit leaves a box, or steps + 1 if it stays."""
     def lyapunov_exponent(self, point: ArrayLike, steps: int) -> float:
-        """How fast neighbours of the orbit from a point part: ln of their growth a step."""
+        """The finite-time Lyapunov exponent: ln of the growth per step of a small distance."""
     def alignment_index(self, point: ArrayLike, steps: int) -> float:
-        """The smaller alignment index of the orbit from a point: near 0 to rounding in chaos."""
+        """The smaller alignment index of the orbit from a point: 0 up to rounding in chaos."""
     def manifold(
         self,
         guess: ArrayLike,
@@ -177,7 +177,7 @@ class Model:
         spacing: float = 1e-2,
         length: float = 1.0,
     ) -> NDArray[np.float64]:
-        """A branch of a manifold of the orbit near a guess, of a map of a plane: (N, 2)."""
+        """A branch of the stable or unstable manifold of a periodic orbit of a map of a plane: (N, 2)."""
     def verify(self, samples: int = 200, radius: float = 1.6, seed: int = 0) -> Certificate:
         """Measures the structure of the network at seeded points."""
     def at(
@@ -186,11 +186,11 @@ class Model:
         """The same weights at another epsilon or flow time, or at values of its controls."""
     @property
     def controls(self) -> dict[str, tuple[float, float]]:
-        """The controls that it depends on, with their ranges."""
+        """The controls that the model depends on, with their ranges."""
     def control_derivatives(self, points: ArrayLike, **controls: float) -> NDArray[np.float64]:
         """The derivatives of one step by the controls, (..., 2n, controls)."""
     def orbit_response(self, guess: ArrayLike, period: int = 1, **controls: float) -> dict[str, Any]:
-        """A periodic orbit, and its derivatives and those of its trace by the controls."""
+        """A periodic orbit, with its derivatives and those of its trace by the controls."""
     def rotation_response(
         self,
         start: tuple[float, float],
@@ -198,13 +198,13 @@ class Model:
         steps: int = 1000,
         **controls: float,
     ) -> tuple[float, NDArray[np.float64]]:
-        """The turns a step of an orbit about a centre, and their derivatives by the controls."""
+        """The turns per step of an orbit about a centre, and their derivatives by the controls."""
     def save(self, path: str | PathLike[str], overwrite: bool = False) -> None:
         """Writes the model file."""
     def plot_portrait(
         self, points: ArrayLike, steps: int = 1000, plane: int = 1, ax: Any | None = None
     ) -> Any:
-        """Orbits as dots in the plane (q, p) of this number, on axes of matplotlib."""
+        """Plots orbits as dots in one plane (q, p), on axes of matplotlib."""
     def source_code(
         self, language: Literal["c", "jax", "torch"], name: str = "model"
     ) -> dict[str, str]:
@@ -220,25 +220,25 @@ class Model:
     def _repr_html_(self) -> str: ...
 
 class InvariantCircle:
-    """The closed curve on which an orbit (T, 2) of a map of a plane is, by a Fourier series."""
+    """The closed curve on which an orbit (T, 2) of a map of a plane lies, as a Fourier series."""
 
     def __init__(self, orbit: ArrayLike, turns: float) -> None: ...
     @property
     def turns(self) -> float:
-        """Turns in a step, as the curve has them."""
+        """The rotation number of the curve, in turns per step."""
     @property
     def error(self) -> float:
-        """The largest distance of the later half of the orbit from where the curve has it."""
+        """The largest distance of the second half of the orbit from the points that the curve predicts."""
     @property
     def area(self) -> float:
-        """The area within, with the sign of its direction."""
+        """The area inside the curve, with the sign of its direction."""
     def points(self, count: int) -> NDArray[np.float64]:
-        """So many points at equal distances of the angle: (count, 2)."""
+        """`count` points of the curve at equal distances of the angle: (count, 2)."""
     def distances(self, points: ArrayLike) -> NDArray[np.float64]:
         """The distances of points (..., 2) from the curve: (...)."""
 
 class FieldLines:
-    """Field lines of coils, and the map of a section by them: points are (..., 2), R and Z in metres."""
+    """Field lines of coils, and the map of a section along them: points are (..., 2), R and Z in metres."""
 
     def __init__(
         self,
@@ -258,28 +258,28 @@ class FieldLines:
         """R and Z of the magnetic axis, in metres."""
     @property
     def error(self) -> float:
-        """What a map errs by, in metres."""
+        """The error of a map, in metres."""
     @property
     def turns(self) -> float:
-        """Turns about the axis in a map of a line beside it, from R towards Z."""
+        """Turns about the axis per map of a line close to it, from R towards Z."""
     def starts(self, lines: int) -> NDArray[np.float64]:
-        """Where lines begin, (lines, 2): outwards from the axis to the reach."""
+        """The points where lines begin, (lines, 2): from the axis outwards to the reach."""
     def trace(self, points: ArrayLike, maps: int) -> NDArray[np.float64]:
-        """The points of lines, map after map: (maps + 1, ..., 2); NaN of a line that is lost."""
+        """The points of lines, map after map: (maps + 1, ..., 2); NaN for a line that is lost."""
     def jacobian(self, points: ArrayLike) -> NDArray[np.float64]:
-        """The derivatives of a map at points (..., 2): (..., 2, 2)."""
+        """The Jacobians of a map at points (..., 2): (..., 2, 2)."""
     def write_section(
         self, path: str | PathLike[str], points: ArrayLike, overwrite: bool = False
     ) -> None:
         """Writes B_phi on a grid around points: a file that train takes as its section."""
 
 def tunes(orbits: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The turns a step of orbits (T, M, 2n) in every plane, and by how much their halves differ."""
+    """The turns per step of orbits (T, M, 2n) in every plane, and how much those of their halves differ."""
 
 def rotation_number(
     orbit: ArrayLike, centre: tuple[float, float], near: float = 0.0
 ) -> tuple[float, float]:
-    """Turns a step of an orbit (T, 2) about a centre, and their error."""
+    """The rotation number of an orbit (T, 2) about a centre, in turns per step, and its error."""
 
 def prove(
     model: Model,
@@ -370,7 +370,7 @@ class ProgressBar:
     def __exit__(self, *_: object) -> None: ...
 
 class Report:
-    """The report of a run: what is in its folder, with ``report.json`` as ``data``."""
+    """The report of a run, from its folder; ``data`` is its ``report.json``."""
 
     path: Path
     data: dict[str, Any]
@@ -378,7 +378,7 @@ class Report:
     def __init__(self, path: str | PathLike[str]) -> None: ...
     @property
     def holds(self) -> bool:
-        """No verdict of the run is that something does not hold."""
+        """Whether no verdict of the run says that something does not hold."""
     def __repr__(self) -> str: ...
     def _repr_html_(self) -> str: ...
 
@@ -405,7 +405,7 @@ def plan(
     weights: str | PathLike[str] | None = None,
     estimate: bool = True,
 ) -> list[_Job]:
-    """The jobs of a scene, each after those that it needs: data sets, trainings and the report."""
+    """The jobs of a scene (data sets, trainings, the report), each after those that it needs."""
 
 def run_job(
     scene: str | PathLike[str],
@@ -434,7 +434,7 @@ def merge(
     threads: int | None = None,
     callback: _RunCallback | None = None,
 ) -> Report | None:
-    """Makes the report of all jobs below ``out``, with the bytes of a run in one process."""
+    """Makes the report of all jobs below ``out``, with the same bytes as a run in one process."""
 
 def run(
     scene: str | PathLike[str] = "quickstart",
@@ -449,4 +449,4 @@ def run(
     callback: _RunCallback | None = None,
     client: Any | None = None,
 ) -> Report | None:
-    """Runs a scene into a folder, here or on the workers of a client of Dask distributed; gives its report."""
+    """Runs a scene into a folder, here or on the workers of a Dask client; returns its report."""

@@ -14,7 +14,7 @@ from ._native import Error
 
 
 class Report:
-    """The report of a run: what is in its folder, with ``report.json`` as ``data``."""
+    """The report of a run, from its folder; ``data`` is its ``report.json``."""
 
     def __init__(self, path):
         self.path = pathlib.Path(path)
@@ -22,7 +22,7 @@ class Report:
 
     @property
     def holds(self):
-        """No verdict of the run is that something does not hold."""
+        """Whether no verdict of the run says that something does not hold."""
         return self.data["holds"]
 
     def __repr__(self):
@@ -48,10 +48,10 @@ def _folder(out, name):
 
 
 def plan(scene, *, seed=None, quick=False, weights=None, estimate=True):
-    """The jobs of a scene, each after those that it needs: data sets, trainings and the report, as dictionaries.
+    """The jobs of a scene (data sets, trainings, the report) as dictionaries, each after those that it needs.
 
     The keys are those of the lines of ``gyroceptron run SCENE --plan``, but for the command. With ``estimate`` each
-    has the seconds that it may take on this machine, for which each kind of network is trained for a moment.
+    job has an estimate of its seconds on this machine, for which each kind of network is trained for a moment.
     """
     _, text = _read(scene, seed, quick, weights)
     return json.loads(_native._plan(text, estimate))
@@ -72,7 +72,7 @@ def run_job(
 ):
     """Does a job of the plan, by its ``id``, in a folder of its own below ``out``.
 
-    Gives "done", or "was done before" where nothing was left to do, or "interrupted" when the callback returned
+    Returns "done", "was done before" if nothing was left to do, or "interrupted" when the callback returned
     False. A job that was interrupted or killed goes on from its checkpoint.
     """
     name, text = _read(scene, seed, quick, weights)
@@ -91,10 +91,10 @@ def merge(
     threads=None,
     callback=None,
 ):
-    """Makes the report of all jobs below ``out``, with the bytes of a run in one process.
+    """Makes the report of all jobs below ``out``, with the same bytes as a run in one process.
 
-    Jobs that are missing, or are of another scene, seed or version, are an error that names them. Gives None when
-    the callback returned False.
+    Jobs that are missing, or are of another scene, seed or version, are an error that names them. Returns None
+    when the callback returned False.
     """
     name, text = _read(scene, seed, quick, weights)
     return _merged(text, digest, _folder(out, name), overwrite, threads, callback)
@@ -117,17 +117,17 @@ def run(
     callback=None,
     client=None,
 ):
-    """Runs a scene, by its name or of a .toml file, into a folder; gives its report.
+    """Runs a scene, given by its name or as a .toml file, into a folder; returns its report.
 
-    With a ``client`` of Dask distributed its workers make the data and train the networks, a job each, and this
-    process makes the report: with the bytes of a run without a client. The folder must be at the same place for all
-    of them. A job whose worker dies is done by another one, which goes on from its checkpoint, as often as Dask allows
-    it (three times); what is done is not done again by a second call. Each job has one thread, unless ``threads`` are
-    given.
+    With a ``client`` of Dask distributed, its workers make the data and train the networks, a job each,
+    and this process makes the report, with the same bytes as without a client. The folder must be at the same place
+    for all of them. A job whose worker dies is taken over by another one, which goes on from its checkpoint, as often
+    as Dask allows it (three times); a second call does not repeat what is done. Each job has one thread, unless
+    ``threads`` are given.
 
-    ``callback(name, iteration, loss, validation)`` is called after each iteration of a training, and with None three
-    times when a stage begins or a job is done; when it returns False the run stops, gives None, and a later call
-    goes on: with ``resume=True``, or with a client by itself.
+    ``callback(name, iteration, loss, validation)`` is called after each iteration of a training, and with None for
+    the last three when a stage begins or a job is done. When it returns False, the run stops and returns None. A
+    later call goes on, with ``resume=True``, or by itself with a client.
     """
     name, text = _read(scene, seed, quick, weights)
     out = _folder(out, name)

@@ -1,4 +1,4 @@
-"""A regressor as scikit-learn takes it: the map of pairs, with ``fit``, ``predict`` and ``score``."""
+"""A regressor for scikit-learn: the map of pairs, with ``fit``, ``predict`` and ``score``."""
 
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
@@ -11,10 +11,10 @@ __all__ = ["GyroceptronRegressor"]
 
 
 class GyroceptronRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
-    """A symplectic map that is trained on pairs, z and P(z): rows of 2n numbers, q1 ... qn, p1 ... pn.
+    """A symplectic map P that is trained on pairs z and P(z), rows of 2n numbers, q1 ... qn, p1 ... pn.
 
     All parameters are keywords of :func:`gyroceptron.train`, which explains them; ``random_state`` is its ``seed``.
-    After ``fit`` the model is ``model_``, for orbits, certificates and files.
+    After ``fit`` the attribute ``model_`` is the model, for orbits, certificates and files.
 
     Outputs have the shape of inputs, an even number of columns.
     """

@@ -17,7 +17,7 @@ const SCRIPT: &str = include_str!("report.js");
 /// The study that says whether to trust a training, which is the first thing that is said of one.
 const TRUST: &str = "trust";
 
-/// A report as a page: what it found first, figures, tables that can be sorted, how to repeat and to cite it.
+/// A report as a page: findings first, then figures, tables that can be sorted, how to repeat and to cite it.
 /// `citation` is BibTeX.
 ///
 /// # Errors
@@ -149,7 +149,7 @@ fn to_cite(citation: &str) -> Markup {
     }
 }
 
-/// The laws of a certificate, and what is to be known beside them: a part of a page.
+/// The laws of a certificate and the notes beside them, as a part of a page.
 pub fn laws(certificate: &Certificate, notes: &[String]) -> String {
     of_laws(certificate, notes).into_string()
 }

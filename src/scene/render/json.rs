@@ -17,8 +17,8 @@ pub fn report(report: &Report) -> Value {
     out
 }
 
-/// What depends on the machine: seconds, and what was computed in this very run,
-/// which a run that goes on with another's checkpoint need not do again.
+/// What depends on the machine: seconds, and the amount of work done in this very run. A run that
+/// goes on from another's checkpoint does less.
 pub fn timings(report: &Report) -> Value {
     let mut out = json!({
         "machine": report.machine,

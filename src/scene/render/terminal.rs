@@ -4,8 +4,8 @@ use crate::scene::findings::{Block, Table};
 use crate::scene::report::Report;
 use comfy_table::{ContentArrangement, LineStyle, Table as Drawing, TableStyle};
 
-/// The summaries of all studies, those of the parts first; tables are at most so many columns
-/// of letters wide.
+/// The summaries of all studies, those of the parts first. Tables are at most `width` characters
+/// wide.
 pub fn summary(report: &Report, width: usize) -> String {
     let mut out = String::new();
     for part in &report.parts {
@@ -41,8 +41,8 @@ const RULES: TableStyle = TableStyle::new()
 /// Cells of so many letters and more are text, which may be broken between words.
 const TEXT: usize = 30;
 
-/// A table that is at most so many columns of letters wide: headings and texts are broken between
-/// words; where that is not enough, a row becomes a column, or a table of its own.
+/// A table at most `width` characters wide. Headings and texts are broken between words; if that is
+/// not enough, a row becomes a column, or a table of its own.
 pub fn table(table: &Table, width: usize) -> String {
     let grid = Grid {
         headings: table.headings().map(str::to_owned).collect(),

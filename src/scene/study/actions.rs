@@ -25,9 +25,9 @@ const FIGURE: &str = "actions";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActionsOptions {
-    /// Applications of each network, …
+    /// The number of applications of each network.
     pub steps: usize,
-    /// … of which so many lead from one state that is kept to the next.
+    /// The number of applications between two states that are kept.
     pub every: usize,
     /// The initial points.
     pub initial: Vec<Vec<f64>>,

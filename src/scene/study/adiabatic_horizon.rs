@@ -26,27 +26,27 @@ pub(in crate::scene) const CHECKPOINT: &str = "adiabatic-horizon.checkpoint";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AdiabaticHorizonOptions {
-    /// The values of ε; ε = 0 is run beside them, for what rounding does.
+    /// The values of ε. ε = 0 is run beside them, to show the effect of rounding.
     pub epsilons: Vec<f64>,
     /// The factors ρ, ascending.
     pub factors: Vec<f64>,
-    /// Weights are drawn so often.
+    /// How many times weights are drawn.
     pub seeds: u64,
     /// Iterations of each orbit.
     pub iterations: u64,
-    /// The orbits of the first weights that go on.
+    /// Orbits of the first weights that are continued for longer.
     pub long: Option<LongOrbits>,
     /// The network.
     pub network: RandomNetwork,
 }
 
-/// Orbits of the first weights that go on for longer.
+/// Orbits of the first weights that are continued for longer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LongOrbits {
-    /// At these values of ε, which are among those of the study.
+    /// The values of ε of these orbits, which are among those of the study.
     pub epsilons: Vec<f64>,
-    /// To so many iterations.
+    /// The number of iterations that they are continued to.
     pub iterations: u64,
 }
 

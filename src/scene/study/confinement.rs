@@ -24,13 +24,13 @@ const CONFINEMENT: &str = "confinement";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ConfinementOptions {
-    /// So many rotation numbers, spread over those of the orbits on a ray.
+    /// The number of rotation numbers, spread over those of the orbits on a ray.
     pub circles: usize,
-    /// Where the ray ends, in the coordinates of the normal form; it begins at the fixed point near 0.
+    /// The end of the ray, in the coordinates of the normal form; the ray begins at the fixed point near 0.
     pub to: [f64; 2],
-    /// So many orbits are drawn, …
+    /// The number of orbits that are drawn.
     pub orbits: usize,
-    /// … each over so many maps.
+    /// The number of maps of each orbit.
     pub steps: usize,
 }
 

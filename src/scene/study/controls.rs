@@ -1,5 +1,5 @@
 //! Maps of a section of a machine at values of its controls that were never traced, their derivatives by the controls,
-//! and values that are looked for.
+//! and the search for values of a control.
 
 use super::section_maps::SectionMap;
 use super::shared::Study;
@@ -32,21 +32,21 @@ const FIGURE: &str = "controls";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ControlsOptions {
-    /// Values of all controls that no network has seen: a row for each machine.
+    /// Values of all controls that no network was trained on: a row for each machine.
     pub unseen: Vec<Vec<f64>>,
-    /// So many lines, from the axis to the reach, are judged, …
+    /// The number of lines, from the axis to the reach, that are judged.
     pub lines: usize,
-    /// … over so many maps.
+    /// The number of maps over which they are judged.
     pub maps: usize,
-    /// Derivatives are compared with differences of values so far apart, as a share of the range.
+    /// The step of the differences that derivatives are compared with, as a share of the range.
     pub difference: f64,
-    /// The turns of a line half-way to the reach are averaged over so many maps.
+    /// The number of maps over which the turns of a line half-way to the reach are averaged.
     pub turning: usize,
-    /// Degrees of polynomials of least squares in R and Z, whose coefficients are polynomials of the controls, as
-    /// rivals.
+    /// The degrees of rival maps: polynomials of least squares in R and Z whose coefficients are polynomials of the
+    /// controls.
     #[serde(default)]
     pub polynomials: Vec<usize>,
-    /// Changes of |ι| on the axis for which the first control is looked for.
+    /// Changes of |ι| on the axis; for each, the value of the first control that makes it is looked for.
     #[serde(default)]
     pub aims: Vec<f64>,
 }

@@ -26,16 +26,16 @@ const DRAWN: usize = 120;
 /// Between two states of the reference that its divergence is summed over, in fast angles.
 const FINE: f64 = 0.1;
 
-/// By how much volumes change and how far maps are from symplectic, of each network and of the flow; and the
-/// action along trajectories, which goes to the same values wherever they start.
+/// How much each network and the flow change volumes, and how far the maps are from symplectic; also the action along
+/// trajectories, which tends to the same values wherever they start.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DissipationOptions {
-    /// Volumes are compared at so many held-out points.
+    /// The number of held-out points at which volumes are compared.
     pub points: usize,
-    /// Applications of each network, …
+    /// The number of applications of each network.
     pub steps: usize,
-    /// … of which so many lead from one state that is kept to the next.
+    /// The number of applications between two states that are kept.
     pub every: usize,
     /// The initial points.
     pub initial: Vec<Vec<f64>>,

@@ -1,5 +1,5 @@
-//! A family of maps: networks at ε and flow times they have seen and have not, and
-//! what their invariants are worth along the reference at each ε.
+//! A family of maps: networks at ε and flow times that they were trained on or not, and how well
+//! their invariants are conserved along the reference at each ε.
 
 use super::shared::{Study, finite};
 use crate::error::Error;
@@ -33,12 +33,12 @@ pub struct FamilyOptions {
     pub epsilons: Vec<f64>,
     /// The flow times.
     pub flow_times: Vec<f64>,
-    /// Invariants are followed along trajectories of the reference of this length over ε: for
-    /// as long in the slow time, …
+    /// The slow time, ε times the length, over which invariants are followed along trajectories of
+    /// the reference.
     pub slow_time: f64,
-    /// … at so many times, …
+    /// The number of states on each trajectory.
     pub states: usize,
-    /// … from these points.
+    /// The initial points of the trajectories.
     pub initial: Vec<Vec<f64>>,
 }
 

@@ -41,11 +41,11 @@ const KEPT: usize = 100;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LongStepsOptions {
-    /// The flow times, ascending. At that of the scene its networks are taken as they are
-    /// trained; at others they are trained as there.
+    /// The flow times, ascending. At the scene's flow time, its trained networks are taken; at the others, networks are
+    /// trained in the same way.
     pub flow_times: Vec<f64>,
-    /// Whether the weights of the flow time before are the first start of the next, in place of
-    /// random ones and of what the ramp of their training and its fresh twists lead to.
+    /// Whether the first start of each training has the weights of the flow time before, instead of random weights and
+    /// of what the training's ramp and fresh twists lead to.
     #[serde(default)]
     pub ramp: bool,
     /// The length of the trajectories.
@@ -54,15 +54,15 @@ pub struct LongStepsOptions {
     pub interval: f64,
     /// Their initial points.
     pub initial: Vec<Vec<f64>>,
-    /// One step is judged at so many held-out pairs.
+    /// The number of held-out pairs on which one step is judged.
     pub points: usize,
     /// How often each time is taken.
     pub rounds: usize,
-    /// Iterations of networks with an exact invariant, along which it is followed.
+    /// The number of iterations over which the invariant of a network that owns an exact one is followed.
     pub invariant_steps: usize,
     /// What the networks are compared with.
     pub integrators: Vec<IntegratorStepSizes>,
-    /// Tables of the maps, which they are compared with too.
+    /// Tables of the maps, with which the networks are compared too.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tables: Vec<TableSizes>,
 }
@@ -73,17 +73,17 @@ pub struct LongStepsOptions {
 pub struct IntegratorStepSizes {
     /// Which.
     pub integrator: Integrator,
-    /// Its steps, as times: as many of each as come nearest to a flow time, and one at
-    /// least.
+    /// Its steps, as times. For each, the number of steps is the one that comes nearest to a flow time, and at least
+    /// one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<f64>,
     /// The largest step of a range, in place of a list of steps.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from: Option<f64>,
-    /// The smallest of that range.
+    /// The smallest step of that range.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to: Option<f64>,
-    /// By how much each step of a range is longer than the next.
+    /// The ratio of each step of a range to the next smaller one.
     #[serde(default = "usual_factor", skip_serializing_if = "is_usual_factor")]
     pub factor: f64,
 }

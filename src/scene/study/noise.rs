@@ -31,12 +31,12 @@ const FIGURE: &str = "noise";
 pub struct NoiseOptions {
     /// Standard deviations of normal noise on each component of inputs and outputs, training and held out.
     pub levels: Vec<f64>,
-    /// Pairs with inputs in here are left out, where there is one, without noise.
+    /// A gap, if given: training pairs with inputs in it are left out. These pairs have no noise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gap: Option<Gap>,
     /// Applications of the map.
     pub steps: usize,
-    /// One state in so many is compared with the reference.
+    /// The number of steps between two states that are compared with the reference.
     pub every: usize,
     /// The initial points.
     pub initial: Vec<Vec<f64>>,
@@ -46,11 +46,11 @@ pub struct NoiseOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gap {
-    /// The component that is judged, from 0 in the order q₁ … pₙ.
+    /// The component that the gap is in, and that is judged, from 0 in the order q₁ … pₙ.
     pub component: usize,
-    /// It lies between this …
+    /// The lower end of the gap.
     pub low: f64,
-    /// … and this.
+    /// The upper end of the gap.
     pub high: f64,
 }
 

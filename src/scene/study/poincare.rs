@@ -42,21 +42,22 @@ const MOST_DEGREE: usize = 60;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoincareOptions {
-    /// So many lines, between axis and reach, are judged one by one and on their curves.
+    /// The number of lines, between axis and reach, that are judged point by point and on their curves.
     pub lines: usize,
-    /// Over so many maps their points are compared one by one.
+    /// The number of maps over which their points are compared one by one.
     pub early: usize,
-    /// Over so many the reference follows lines, to know their curves and how fast they turn.
+    /// The number of maps over which the reference follows lines, to know their curves and how fast they turn.
     pub reference: usize,
-    /// Planes through which it does; without, it follows them in the field of the coils, which takes long.
+    /// The planes through which the reference follows lines. Unless given, it follows them in the field of the coils,
+    /// which takes long.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference_planes: Option<Planes>,
-    /// Maps, growing, before which points of networks and polynomials are looked for on the curves of the
-    /// reference, …
+    /// Numbers of maps, ascending. Before each, the distances of points of networks and polynomials from the curves of
+    /// the reference are measured.
     pub counts: Vec<usize>,
-    /// … so many points of each line.
+    /// The number of such points of each line.
     pub last: usize,
-    /// Lines of the profile of rotation.
+    /// The number of lines in the profile of rotation.
     pub profile: usize,
     /// The highest period of the orbits that are looked for; 0 looks for none but the axis.
     pub orbits: usize,
@@ -68,7 +69,7 @@ pub struct PoincareOptions {
     /// Tabulated planes, as rivals.
     #[serde(default)]
     pub planes: Vec<Planes>,
-    /// Tracing in the field of the coils, as a rival: with as many steps as the reference, over these.
+    /// Tracing in the field of the coils, as a rival: each number divides the number of steps of the reference.
     #[serde(default)]
     pub tracing: Vec<usize>,
 }
@@ -77,7 +78,7 @@ pub struct PoincareOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Planes {
-    /// There are as many steps in a map as the reference has, over this.
+    /// The number by which the steps of the reference in a map are divided.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub fewer: usize,
     /// The degree on each plane.
@@ -412,8 +413,8 @@ impl PoincareOptions {
         Ok(judge)
     }
 
-    /// The axis, of the field of the coils, and the orbits of the lowest resonance, of the reference; and those of
-    /// networks and polynomials.
+    /// The axis and the orbits of the lowest resonance in the field of the coils, and those of networks and
+    /// polynomials. The reference leads to the orbits, and measures the width of the island.
     fn orbits_of(
         &self,
         lines: &TracedLines,
@@ -434,6 +435,16 @@ impl PoincareOptions {
         if let Some((resonance, radius)) = found {
             guesses = judge.guesses(reference, resonance, radius)?;
             of_reference = judge.chain(reference, resonance, &guesses)?;
+            // Derivatives through planes have some digits fewer than points: the field itself judges.
+            let begin = |orbit: &OrbitFound| orbit.points[0].clone();
+            let near: Vec<_> = [&of_reference.centre, &of_reference.corner]
+                .into_iter()
+                .flatten()
+                .map(begin)
+                .collect();
+            if !near.is_empty() {
+                of_reference = judge.chain(&coils, resonance, &near)?;
+            }
         }
         let island = found.zip(of_reference.centre.as_ref()).and_then(|((resonance, _), orbit)| {
             let maps = Judge::maps_of_island(resonance, orbit)?;
@@ -686,7 +697,7 @@ impl Fixed {
         };
         format!(
             "{axis} Orbits that come back after {} times around it in {} maps, |ι| = {:.6}: {}, {}{width}. They are \
-             found by Newton's method with exact Jacobians; small residues leave open where on their curve they are, and \
+             found by Newton's method with exact Jacobians, in the field of the coils; small residues leave open where on their curve they are, and \
              say how much of an error is seen there.",
             resonance.turns,
             resonance.maps,

@@ -39,11 +39,10 @@ pub struct RolloutOptions {
     pub steps: usize,
     /// One state in so many is kept.
     pub every: usize,
-    /// The initial points, 2n numbers each; of pairs of a file, those of the trajectories beside
-    /// it.
+    /// The initial points, 2n numbers each; for pairs of a file, those of the trajectories beside it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub initial: Vec<Vec<f64>>,
-    /// The plane (q_j, p_j) to draw, j from 1: the slow one, unless given.
+    /// The plane (q_j, p_j) to draw, j from 1; unless given, the slow plane.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plane: Option<usize>,
 }

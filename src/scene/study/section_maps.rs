@@ -154,9 +154,9 @@ pub(super) struct Judge<'a> {
     pub(super) near: f64,
     /// The rotation of the reference.
     pub(super) rotation: Vec<RotationNumber>,
-    /// Maps, growing, before which points are looked for on the curves, …
+    /// Numbers of maps, ascending, before each of which points are compared with the curves.
     pub(super) counts: &'a [usize],
-    /// … so many.
+    /// How many points.
     pub(super) last: usize,
 }
 
@@ -191,8 +191,8 @@ pub(super) struct RotationTurns {
 }
 
 impl Judged {
-    /// The largest distance of all lines after so many maps; None where it was not asked, or no line is on a smooth
-    /// curve.
+    /// The largest distance of all lines after this number of maps; None if it was not measured, or if no line is on a
+    /// smooth curve.
     pub(super) fn off_at(&self, count: usize) -> Option<f64> {
         let (_, off) = self.off.iter().find(|(maps, _)| *maps == count)?;
         off.iter().flatten().copied().reduce(max_or_nan)
@@ -295,7 +295,7 @@ pub(super) struct Resonance {
 }
 
 impl Resonance {
-    /// The one of the fewest maps, at most so many, whose rotation is between two of a profile.
+    /// The resonance of the fewest maps, at most `most`, whose rotation lies within those of a profile.
     pub(super) fn lowest(rotation: &[RotationNumber], most: usize) -> Option<Self> {
         let sure = rotation.iter().filter(|found| found.error <= SURE);
         let turns: Vec<f64> = sure.map(|found| found.turns.abs()).collect();
@@ -375,8 +375,7 @@ impl Judge<'_> {
         None
     }
 
-    /// The orbits of a resonance from guesses near the curve at a distance from the axis; the first map gives them, and
-    /// the others go on from its.
+    /// The orbits of a resonance that a map has, found from these guesses.
     pub(super) fn chain(
         &self,
         map: &SectionMap<'_>,
@@ -395,8 +394,8 @@ impl Judge<'_> {
         Ok(Chain { centre: of(true), corner: of(false), width: None })
     }
 
-    /// Points from which orbits of a resonance are looked for: of one that begins where the rotation is its, and
-    /// between them.
+    /// Points from which the orbits of a resonance are looked for: those of an orbit that begins where the rotation is
+    /// that of the resonance, and points between them.
     pub(super) fn guesses(
         &self,
         map: &SectionMap<'_>,
@@ -421,8 +420,8 @@ impl Judge<'_> {
         Ok([vec![start.to_vec()], between.take(1).collect(), points[..1].to_vec()].concat())
     }
 
-    /// How many maps distinguish an island from a line that only turns about as fast: several times round its centre.
-    /// None where that takes too many.
+    /// How many maps distinguish an island from a line that only turns about as fast: several turns around the centre
+    /// of the island. None if that is too many.
     pub(super) fn maps_of_island(resonance: Resonance, centre: &OrbitFound) -> Option<usize> {
         const ROUND: f64 = 3.0;
         const MOST: f64 = 10_000.0;

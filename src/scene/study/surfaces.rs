@@ -37,23 +37,23 @@ const MOST_ISLAND: usize = 1_000_000;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SurfacesOptions {
-    /// r of the lines, …
+    /// The radii r at which lines begin.
     pub radii: Vec<f64>,
-    /// … all at this θ.
+    /// The angle θ at which all lines begin.
     pub theta: f64,
     /// Applications of the map.
     pub steps: usize,
-    /// After so many of them, and all before, points are compared one by one.
+    /// The number of applications up to which points are compared one by one.
     pub early: usize,
-    /// So many of the last points are looked for on the surfaces of the reference, and drawn.
+    /// The number of last points that are compared with the surfaces of the reference, and drawn.
     pub last: usize,
-    /// Applications of the map that decide whether a line is in an island.
+    /// The number of applications of the map that decide whether a line is in an island.
     pub island: usize,
     /// How often each time is taken.
     pub rounds: usize,
     /// What the networks are compared with.
     pub integrators: Vec<StepsInAMap>,
-    /// Tables of the map, which they are compared with too.
+    /// Tables of the map, with which the networks are compared too.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tables: Vec<TableSizes>,
 }

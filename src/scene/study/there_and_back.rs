@@ -29,9 +29,9 @@ const FIGURE: &str = "there-and-back";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ThereAndBackOptions {
-    /// The bits of the grids behind the point.
+    /// The number of binary digits of the grids after the point.
     pub bits: u32,
-    /// Steps there, and back.
+    /// The number of steps forward, and of steps back.
     pub steps: usize,
     /// How often each time is taken.
     pub rounds: usize,

@@ -23,9 +23,8 @@ const FIGURE: &str = "which-action";
 /// The tries that are over.
 pub(in crate::scene) const CHECKPOINT: &str = "which-action.checkpoint";
 
-/// An ensemble of circle actions, each given to a network that is trained for a short while, several
-/// times over with pairs and weights of their own; and what the linear map nearest to the same
-/// pairs says.
+/// An ensemble of circle actions. With each, a network is trained for a short while, several times with other pairs and
+/// weights. The outcome is compared with what the linear map nearest to the same pairs says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WhichActionOptions {
@@ -35,8 +34,8 @@ pub struct WhichActionOptions {
     pub tries: usize,
     /// The pairs of each try: no two tries share one.
     pub pairs: usize,
-    /// The network, with each of the actions in turn. Its angle begins at the rotation nearest to the pairs: nobody
-    /// determines the frequency either.
+    /// The network, which is given each of the actions in turn. Its angle begins at that of the rotation nearest to the
+    /// pairs, since the frequency is not known either.
     pub network: Box<NetworkSpec>,
     /// How its weights are drawn.
     pub weights: InitialWeights,
@@ -185,7 +184,7 @@ impl Study for WhichActionOptions {
     }
 }
 
-/// What is fewer times as far as the best is not distinguished from it.
+/// If the next best error is less than this many times the best one, the best is not distinguished from it.
 const CLEAR: f64 = 3.0;
 
 /// Larger weights are taken for a mistake.

@@ -43,16 +43,16 @@ pub(super) const MOST_ROUNDS: usize = 10_000;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorkPrecisionOptions {
-    /// One step is judged at so many held-out pairs (training pairs, where none
-    /// are held out), evenly spaced.
+    /// The number of evenly spaced held-out pairs (training pairs, if none are held out) on which
+    /// one step is judged.
     pub points: usize,
     /// How often each time is taken.
     pub rounds: usize,
     /// What the networks are compared with.
     #[serde(default)]
     pub integrators: Vec<IntegratorSteps>,
-    /// The steps h of the central differences that the networks' Jacobians are
-    /// compared with; without any, no Jacobian is computed.
+    /// The steps h of the central differences that the networks' Jacobians are compared with; if
+    /// empty, no Jacobian is computed.
     #[serde(default)]
     pub differences: Vec<f64>,
 }
@@ -63,10 +63,10 @@ pub struct WorkPrecisionOptions {
 pub struct IntegratorSteps {
     /// Which.
     pub integrator: Integrator,
-    /// Steps in the flow time.
+    /// The numbers of steps in the flow time.
     #[serde(default)]
     pub one_step: Vec<usize>,
-    /// Steps between two states that the roll-out keeps.
+    /// The numbers of steps between two states that the roll-out keeps.
     #[serde(default)]
     pub rollout: Vec<usize>,
 }
