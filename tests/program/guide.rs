@@ -82,6 +82,9 @@ fn run(chapter: &str, path: &Path, write: impl Fn(&Path)) -> usize {
                 arguments.extend(["--circle-action", "1,0"]);
             }
         }
+        if arguments[0] == "verify" {
+            arguments.extend(["--samples", "5"]);
+        }
         // Rotation numbers are those of the guide's map: these are of the one here.
         let mut turns = proofs::TURNS.iter();
         for argument in &mut arguments {
@@ -123,10 +126,10 @@ fn the_short_commands_of_the_guide_run() {
     let chapter =
         |name: &str| std::fs::read_to_string(guide.join(name).with_extension("md")).expect("text");
     // Chapters, what their commands need, and how many run.
+    let model = with_model();
     let program = |path: &Path| {
         write_data(path);
         write_plane(path, "plane.json");
-        let model = with_model();
         let from = |name: &str| model.path().join(name);
         let mine = ["predict", "--model", "model.json", "--input", "z.npy", "--steps", "400"];
         succeeds(model.path(), &[&mine[..], &["--output", "mine.npy"]].concat());
@@ -134,13 +137,14 @@ fn the_short_commands_of_the_guide_run() {
     };
     let z = |path: &Path| {
         write_data(path);
-        std::fs::copy(with_model().path().join("model.json"), path.join("model.json"))
-            .expect("copied");
+        std::fs::copy(model.path().join("model.json"), path.join("model.json")).expect("copied");
         let start: Vec<f64> = (0..32).map(|k| 0.01 * f64::from(k)).collect();
         write_points(&path.join("z.npy"), &[8, 4], &start).expect("written");
     };
     let sources = |path: &Path| {
-        write_machine(path);
+        // Made for the chapter before.
+        let machine = path.with_file_name("coils").join("machine.json");
+        std::fs::copy(machine, path.join("machine.json")).expect("copied");
         z(path);
     };
     let (ran, folders) = (
