@@ -16,15 +16,11 @@ Tracking takes most of the time: seven minutes for 300 turns of 1,430 particles.
 
 import argparse
 import itertools
-import os
-import pathlib
-import subprocess
-import sys
-import time
 
-HERE = pathlib.Path(__file__).resolve().parent
-ROOT = HERE.parent.parent
-FOLDER = ROOT / "target" / "peers"
+import shared
+from shared import seconds, table
+
+FOLDER = shared.ROOT / "target" / "peers"
 PACKAGES = ["accelerator-toolbox==0.9.0", "numpy", "scipy"]
 CELLS = 32
 # The ball of the pairs, in metres of x, and the ends of the rays.
@@ -32,22 +28,7 @@ RADIUS, LONGEST = 0.011, 0.0135
 # Beyond it a particle is lost, in all coordinates.
 PIPE = 0.1
 
-
-def environment():
-    """Goes on in the virtual environment on one thread, making it when there is none."""
-    python = FOLDER / "venv" / "bin" / "python"
-    if pathlib.Path(sys.prefix) == FOLDER / "venv":
-        return
-    if not python.exists():
-        subprocess.run([sys.executable, "-m", "venv", FOLDER / "venv"], check=True)
-    for what in (PACKAGES, ["--no-deps", "--force-reinstall", str(ROOT)]):
-        if subprocess.run([python, "-m", "pip", "install", "--quiet", *what], check=False).returncode != 0:
-            sys.exit(f"{', '.join(what)} could not be installed: nothing is compared")
-    threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "RAYON_NUM_THREADS": "1"}
-    os.execve(python, [python, *sys.argv], os.environ | threads)
-
-
-environment()
+shared.enter(FOLDER, PACKAGES)
 
 import contextlib  # noqa: E402
 import io  # noqa: E402
@@ -148,20 +129,6 @@ def aperture(survived, steps, radii):
     lost = survived <= steps
     first = np.where(lost.any(axis=1), lost.argmax(axis=1), len(radii))
     return np.where(first > 0, radii[first - 1], 0.0)
-
-
-def seconds(work):
-    start = time.perf_counter()
-    out = work()
-    return out, time.perf_counter() - start
-
-
-def table(head, rows):
-    print("| " + " | ".join(head) + " |")
-    print("|" + "---|" * len(head))
-    for row in rows:
-        print("| " + " | ".join(row) + " |")
-    print(flush=True)
 
 
 def on_momentum(cell, options):

@@ -17,14 +17,11 @@ Takes some twenty minutes, most of them tracing.
 
 import argparse
 import os
-import pathlib
-import subprocess
-import sys
-import time
 
-HERE = pathlib.Path(__file__).resolve().parent
-ROOT = HERE.parent.parent
-FOLDER = ROOT / "target" / "peers-simsopt"
+import shared
+from shared import seconds, table
+
+FOLDER = shared.ROOT / "target" / "peers-simsopt"
 PACKAGES = ["simsopt==1.11.1", "numpy"]
 # The machine, and the section: half-way between two planes of symmetry, lines out to here.
 FIELD_PERIODS, AT, REACH = 5, 0.5, 0.45
@@ -35,22 +32,7 @@ NETWORKS = {
     "map of jolts, reversible": dict(kicks=(12, 1, 16), twists=(1, 1, 8), perturbation=(0, 1), reversor="positions"),
 }
 
-
-def environment():
-    """Goes on in the virtual environment on one thread, making it when there is none."""
-    python = FOLDER / "venv" / "bin" / "python"
-    if pathlib.Path(sys.prefix) == FOLDER / "venv":
-        return
-    if not python.exists():
-        subprocess.run([sys.executable, "-m", "venv", FOLDER / "venv"], check=True)
-    for what in (PACKAGES, ["--no-deps", "--force-reinstall", str(ROOT)]):
-        if subprocess.run([python, "-m", "pip", "install", "--quiet", *what], check=False).returncode != 0:
-            sys.exit(f"{', '.join(what)} could not be installed: nothing is compared")
-    threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "RAYON_NUM_THREADS": "1"}
-    os.execve(python, [python, *sys.argv], os.environ | threads)
-
-
-environment()
+shared.enter(FOLDER, PACKAGES)
 
 import importlib.resources  # noqa: E402
 
@@ -62,12 +44,6 @@ from simsopt.field import BiotSavart, Current, InterpolatedField, coils_via_symm
 import gyroceptron  # noqa: E402
 
 PERIOD = 2 * np.pi / FIELD_PERIODS
-
-
-def seconds(work):
-    start = time.perf_counter()
-    out = work()
-    return out, time.perf_counter() - start
 
 
 class Machine:
@@ -147,14 +123,6 @@ class Surfaces:
     def off(self, states):
         """How far the furthest state (T, lines, 2) is off the surface of its line."""
         return max(circle.distances(states[:, line]).max() for line, circle in enumerate(self.circles))
-
-
-def table(head, rows):
-    print("| " + " | ".join(head) + " |")
-    print("|" + "---|" * len(head))
-    for row in rows:
-        print("| " + " | ".join(row) + " |")
-    print(flush=True)
 
 
 def main():
