@@ -166,7 +166,7 @@ impl OwnInvariantOptions {
 
     fn words(&self) -> String {
         format!(
-            "A gyroceptron owns a formal series μ₀ + εμ₁ + … for every weight: its sign is the order \
+            "A gyroceptron owns a formal series μ₀ + εμ₁ + … for every weight: it shows in the order \
              in ε, not the \
              size at one. With the weights as they are and ε lowered over two decades, the changes along {} orbits of \
              {} steps, each looked at {} times. μ₁ solves the equation of first order on the circle \

@@ -697,8 +697,8 @@ impl Fixed {
         };
         format!(
             "{axis} Orbits that come back after {} times around it in {} maps, |ι| = {:.6}: {}, {}{width}. They are \
-             found by Newton's method with exact Jacobians, in the field of the coils; small residues leave open where on their curve they are, and \
-             say how much of an error is seen there.",
+             found by Newton's method with exact Jacobians, in the field of the coils; small residues leave open where on \
+             their curve they are, and say how much of an error is seen there.",
             resonance.turns,
             resonance.maps,
             resonance.value() * lines.maps_a_turn(),

@@ -183,8 +183,8 @@ impl Study for RolloutOptions {
             "{} steps (time {}), one state in {} kept; {}. {}. μ₀ is the leading \
              adiabatic invariant: of the system that of the limiting rotation, of a \
              gyroceptron 𝔍₀∘ψ⁻¹. A change of it is |μ₀ − μ₀(0)|/μ₀(0) at its largest; the exponent \
-             is that of the largest change up to N steps, in N. At one ε the data do not distinguish θ and \
-             I_ε apart, so that an accurate map may own another invariant than that of the data.",
+             is that of the largest change up to N steps, in N. At one ε the data do not separate θ and \
+             I_ε, so that an accurate map may own another invariant than that of the data.",
             self.steps,
             self.interval(flow_time) * (self.request().kept() - 1) as f64,
             self.every,

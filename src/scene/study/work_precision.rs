@@ -649,7 +649,7 @@ fn winners(comparison: &Comparison, steps: &str) -> String {
     if !ranges.is_empty() {
         let _ = writeln!(
             out,
-            "- Fastest of all for an error of at most (the reference itself errs by {:.0e}: what is \
+            "- Fastest of all for an error of at most (the reference itself errs by {:.0e}: \
              smaller differences are not seen)",
             comparison.reference_error
         );
