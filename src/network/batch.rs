@@ -1,6 +1,6 @@
 //! Many points at once: lanes, threads, and kernels chosen at run time.
 
-use super::{Composition, Pace};
+use super::{Composition, NEURONS, Pace};
 use crate::error::Error;
 use crate::phase::Direction;
 use crate::scalar::{Grid, Kernel, Pack, WIDTH, on_lanes};
@@ -13,9 +13,6 @@ const BLOCK: usize = 32 * WIDTH;
 /// Groups of points that make each step together: while the last results of one
 /// are awaited, the processor has the others.
 pub(super) const TOGETHER: usize = 8;
-
-/// Neurons of one point in the lanes.
-pub(crate) const NEURONS: usize = 4;
 
 /// Numbers that a block keeps before they are put in their place.
 const SLAB: usize = 1 << 16;
@@ -123,7 +120,7 @@ impl Kernel for Trajectories<'_> {
 }
 
 /// The neurons of a layer are all that can go together of a single trajectory: one
-/// in each of the lanes. Four rather than eight, whose division takes longer.
+/// in each of the lanes.
 struct SingleTrajectory<'a> {
     map: &'a Composition<f64>,
     direction: Direction,
@@ -166,9 +163,7 @@ pub fn map_points(
     points.par_chunks_mut(block_size(points.len() / dim) * dim).for_each(|points| {
         work::count(work::Kind::Evaluation, points.len() / dim);
         if points.len() == dim {
-            let kept = &mut points.to_vec();
-            let single = SingleTrajectory { map, direction, every: 1, point: points, kept };
-            return on_lanes::<NEURONS, _>(single);
+            return map.move_point(direction, points);
         }
         on_lanes::<WIDTH, _>(MapBlock { map, direction, points });
     });

@@ -38,6 +38,7 @@ mod step;
 pub use architecture::{Architecture, Structure};
 pub use batch::{Course, Rollout, map_points, map_points_at_pace, rollout, rollout_at_pace};
 pub use block::{Alternating, Block, Layers, Modules, Part, Scale};
+pub(crate) use composition::NEURONS;
 pub use composition::{Composition, Recording};
 pub use controls::{ControlRange, Controls};
 pub use init::InitialWeights;
@@ -52,5 +53,5 @@ pub use pace::Pace;
 pub use spec::{Circles, LayerSizes, NamedArchitecture, NetworkSpec};
 pub use step::{Kind, Step, Visitor};
 
-pub(crate) use batch::{NEURONS, load, load_groups, store_groups};
+pub(crate) use batch::{load, load_groups, store_groups};
 pub(crate) use normal_form::MOST_REPEATS;

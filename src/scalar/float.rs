@@ -17,6 +17,10 @@ impl Scalar for f64 {
         tanh_sech2(self)
     }
     #[inline(always)]
+    fn as_plain(values: &mut [Self]) -> Option<&mut [f64]> {
+        Some(values)
+    }
+    #[inline(always)]
     fn abs(self) -> Self {
         f64::abs(self)
     }

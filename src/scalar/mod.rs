@@ -112,6 +112,14 @@ pub trait Scalar:
         task.run();
     }
 
+    /// The numbers themselves where they are of type `f64`, for which there are kernels on vector registers;
+    /// None of other types.
+    #[inline(always)]
+    fn as_plain(values: &mut [Self]) -> Option<&mut [f64]> {
+        let _ = values;
+        None
+    }
+
     /// Absolute value.
     fn abs(self) -> Self;
 

@@ -186,17 +186,20 @@ fn surfaces_tell_methods_apart() {
 #[test]
 fn islands_of_whole_turns_are_seen() {
     let whole = "epsilon = 4e-3\niota = 1.2\npoloidal = -1\ntoroidal = 1";
-    let one = SURFACES.replace("epsilon = 4e-3", whole).replace("plots = [\"section\"]", "");
+    // The reference alone: one integrator, which a scene has to have.
+    let (head, rest) = SURFACES.split_once("[[surfaces.integrators]]").expect("integrators");
+    let (_, models) = rest.split_once("[[models]]").expect("a model");
+    let only = "[[surfaces.integrators]]\nintegrator = { kind = \"gauss-legendre\", stages = 1 }\n\
+                steps = [30]\n[[models]]";
+    let head = head.replace("plots = [\"section\"]", "");
+    let reference = format!("{head}{only}{models}");
+    let one = reference.replace("epsilon = 4e-3", whole);
     let one = one.replace("island = 50", "island = 150");
-    let three = SURFACES
+    let three = reference
         .replace("flow_time = 6.283185307179586", "flow_time = 18.84955592153876")
-        .replace("plots = [\"section\"]", "")
         .replace("steps = 200", "steps = 100");
     let island = |scene: &str| -> f64 {
-        let scene = scene.replace("steps = [8]", "steps = [24]");
-        let scene = scene.replace("steps = [10, 20]", "steps = [30]");
-        let scene = scene.replace("steps = [10, 1]", "steps = [30]");
-        let report = run_in(temporary().path(), &parse("lines", &scene).expect("a scene"));
+        let report = run_in(temporary().path(), &parse("lines", scene).expect("a scene"));
         let ends = &render::json(&report)["studies"]["surfaces"]["island"];
         let [low, high] = [0, 1].map(|k| ends[k].as_f64().unwrap_or_else(|| panic!("{ends}")));
         0.5 * (high * high - low * low)

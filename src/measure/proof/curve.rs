@@ -162,8 +162,46 @@ pub(super) struct OnLine {
     off: Vec<f64>,
     /// e^{2πkρ}, e^{−2πkρ}.
     growth: Vec<[f64; 2]>,
+    /// max |c_k|, over both components of both.
+    largest: Vec<f64>,
     cylinder: bool,
     rho: f64,
+}
+
+/// What the parts of one length have in common.
+pub(super) struct PartLength {
+    half: f64,
+    /// For each mode.
+    steps: Vec<ModeStep>,
+}
+
+/// x = 2πk·half of a mode k, and its series e^x.
+struct ModeStep {
+    /// e^x.
+    all: f64,
+    /// x^{D+1} e^x/(D+1)!.
+    beyond: f64,
+    /// x/m for m from 1 to D + 1.
+    ratios: [f64; DEGREE + 1],
+}
+
+impl PartLength {
+    /// Parts of 2·half, for as many modes.
+    pub fn new(half: f64, modes: usize) -> Self {
+        let step_of = |k: usize| {
+            let step = TAU * k as f64 * half;
+            let all = if step < 50.0 { real_exp(step) } else { f64::INFINITY };
+            let mut ratios = [0.0; DEGREE + 1];
+            // Σ_{m > D} x^m/m! ≤ x^{D+1} e^x/(D+1)!.
+            let mut beyond = all;
+            for (m, ratio) in (1..).zip(&mut ratios) {
+                *ratio = step / f64::from(m);
+                beyond *= *ratio;
+            }
+            ModeStep { all, beyond, ratios }
+        };
+        Self { half, steps: (0..modes).map(step_of).collect() }
+    }
 }
 
 /// K, K′ and K′(φ + ω) of both components.
@@ -187,8 +225,12 @@ impl OnLine {
         let rotated = curve.rotated(phases);
         let narrow = |c: Wave<Ball>| Complex::new(c.re.centre(), c.im.centre());
         let (mut modes, mut off, mut growth) = (Vec::new(), Vec::new(), Vec::new());
+        let mut largest = Vec::new();
         for (k, (a, b)) in curve.modes.iter().zip(&rotated.modes).enumerate() {
-            modes.push([a.map(narrow), b.map(narrow)]);
+            let [own, next] = [a.map(narrow), b.map(narrow)];
+            let moduli = own.iter().chain(&next).map(|c| c.above());
+            largest.push(moduli.fold(0.0, max_or_nan));
+            modes.push([own, next]);
             let rounded = |c: &Wave<Ball>| {
                 up(up(c.above() * f64::EPSILON) + up(c.re.radius() + c.im.radius()))
             };
@@ -198,7 +240,12 @@ impl OnLine {
             let up_there = if turns <= 600.0 { real_exp(turns) } else { f64::INFINITY };
             growth.push([up_there, if k == 0 { 1.0 } else { 1.0 / up_there }]);
         }
-        Self { modes, off, growth, cylinder: curve.cylinder, rho }
+        Self { modes, off, growth, largest, cylinder: curve.cylinder, rho }
+    }
+
+    /// How many modes K has.
+    pub fn modes(&self) -> usize {
+        self.modes.len()
     }
 
     /// On φ = centre + half·s + iρ, |s| ≤ 1.
@@ -206,27 +253,20 @@ impl OnLine {
     /// The terms of a mode are c_k e^{2πikφ₀}(2πik·half·s)^m/m!. Rounding errs by less than 16·[`SLACK`] of the sum of
     /// the moduli of all terms: by 4 of them for the factors of each term, and 2⁻⁵³ times the number of terms of a
     /// sum, at most 2¹³ + 1.
-    pub fn part(&self, centre: f64, half: f64) -> Part {
+    pub fn part(&self, centre: f64, length: &PartLength) -> Part {
+        let half = length.half;
         let mut sums = [[[Complex::ZERO; DEGREE + 1]; 2]; 3];
         let mut remainders = [0.0; 3];
-        for (k, [own, next]) in self.modes.iter().enumerate() {
+        for (k, ([own, next], step)) in self.modes.iter().zip(&length.steps).enumerate() {
             let rate = TAU * k as f64;
             let turns = k as f64 * centre;
             let (s, c) = real_sin_cos(TAU * (turns - libm::round(turns)));
-            let step = rate * half;
-            let all = if step < 50.0 { real_exp(step) } else { f64::INFINITY };
-            // Σ_{m > D} x^m/m! ≤ x^{D+1} e^x/(D+1)!.
-            let mut beyond = all;
-            for m in 1..=DEGREE + 1 {
-                beyond *= step / m as f64;
-            }
-            let moduli = own.iter().chain(next).map(|c| c.above());
-            let largest = moduli.fold(0.0, max_or_nan);
             for (sign, growth) in [(1.0, self.growth[k][1]), (-1.0, self.growth[k][0])] {
                 if k == 0 && sign < 0.0 {
                     continue;
                 }
-                let off = growth * (largest * (16.0 * SLACK * all + beyond) + self.off[k] * all);
+                let series = self.largest[k] * (16.0 * SLACK * step.all + step.beyond);
+                let off = growth * (series + self.off[k] * step.all);
                 for (which, factor) in [1.0, rate, rate].into_iter().enumerate() {
                     remainders[which] += off * factor;
                 }
@@ -238,10 +278,9 @@ impl OnLine {
                     for (which, mut term) in
                         [point, turn(point), turn(after)].into_iter().enumerate()
                     {
-                        for m in 0..=DEGREE {
-                            let sum = &mut sums[which][axis][m];
+                        for (sum, ratio) in sums[which][axis].iter_mut().zip(&step.ratios) {
                             *sum = Complex::new(sum.re + term.re, sum.im + term.im);
-                            let more = sign * step / (m + 1) as f64;
+                            let more = sign * ratio;
                             term = Complex::new(-more * term.im, more * term.re);
                         }
                     }

@@ -26,12 +26,14 @@ impl Complex {
     pub const ZERO: Self = Self { re: 0.0, im: 0.0 };
 
     /// re + i·im.
+    #[inline(always)]
     pub fn new(re: f64, im: f64) -> Self {
         Self { re, im }
     }
     pub(super) fn plus(self, o: Self) -> Self {
         Self::new(self.re + o.re, self.im + o.im)
     }
+    #[inline(always)]
     pub(super) fn times(self, o: Self) -> Self {
         Self::new(self.re * o.re - self.im * o.im, self.re * o.im + self.im * o.re)
     }

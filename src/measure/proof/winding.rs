@@ -1,15 +1,16 @@
 //! Along curves and the edges of strips: parts one after another, and how often values go around 0.
 
 use super::ball::Ball;
-use super::curve::{Curve, OnLine, Part, phases};
+use super::curve::{Curve, OnLine, Part, PartLength, phases};
 use super::failure::Failure;
 use super::number::Number;
 use super::rounded::{Complex, up};
 use super::taylor::Taylor;
+use std::cell::OnceCell;
 
 /// The largest lengths of a strip's parts, and the least, over 1.
 const FIRST_PARTS: usize = 256;
-const MOST_HALVINGS: u32 = 7;
+const MOST_HALVINGS: usize = 7;
 
 /// The parts of a line around a curve one after another; a part that is not good enough is halved.
 pub(super) fn along(line: &OnLine, mut take: impl FnMut(&Part, bool) -> bool) -> bool {
@@ -17,23 +18,23 @@ pub(super) fn along(line: &OnLine, mut take: impl FnMut(&Part, bool) -> bool) ->
         line: &OnLine,
         centre: f64,
         half: f64,
-        halvings: u32,
+        lengths: &[OnceCell<PartLength>],
         take: &mut impl FnMut(&Part, bool) -> bool,
     ) -> bool {
-        if take(&line.part(centre, half), halvings == 0) {
+        let Some((length, shorter)) = lengths.split_first() else { return false };
+        let length = length.get_or_init(|| PartLength::new(half, line.modes()));
+        if take(&line.part(centre, length), shorter.is_empty()) {
             return true;
         }
-        if halvings == 0 {
-            return false;
-        }
         let half = 0.5 * half;
-        one(line, centre - half, half, halvings - 1, take)
-            && one(line, centre + half, half, halvings - 1, take)
+        one(line, centre - half, half, shorter, take)
+            && one(line, centre + half, half, shorter, take)
     }
     let half = 0.5 / FIRST_PARTS as f64;
+    let lengths = [const { OnceCell::new() }; MOST_HALVINGS + 1];
     (0..FIRST_PARTS).all(|number| {
         let centre = (2 * number + 1) as f64 * half;
-        one(line, centre, half, MOST_HALVINGS, &mut take)
+        one(line, centre, half, &lengths, &mut take)
     })
 }
 
