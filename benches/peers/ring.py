@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The map of a storage ring beside tracking element by element, and the table of their errors and times.
 
-    python3 benches/peers/ring.py [cell] [momenta] [--turns N] [--pairs N] [--iterations N] [--rays N] [--short]
+    python3 benches/peers/ring.py [cell] [momenta] [frequency] [--turns N] [--pairs N] [--iterations N] [--rays N] [--short]
 
 Makes a virtual environment of its own in target/peers (accelerator-toolbox, NumPy and SciPy from PyPI, and this package
 as it stands), takes the hybrid multi-bend cell that accelerator-toolbox ships, 32 of which are a ring of 844 m, and lets
@@ -9,12 +9,14 @@ as it stands), takes the hybrid multi-bend cell that accelerator-toolbox ships, 
 momentum in a ball of the normalised coordinates, of 11 mm along x. Beside it polynomials of least squares on the same
 pairs. Compared are a cell of pairs that neither has seen, tunes with amplitude, the dynamic aperture by angle, and the
 time of a turn of one thread. Then a family: the cell at relative momenta that are a control of the map, its error between
-them, and the chromaticities.
+them, and the chromaticities. Then a frequency map: a scene on the pairs of the cell, tunes and their changes over a grid of
+particles, and the same by tracking.
 
 Tracking takes most of the time: seven minutes for 300 turns of 1,430 particles.
 """
 
 import argparse
+import json
 import itertools
 
 import shared
@@ -228,17 +230,95 @@ def off_momentum(cell, options):
     print(f"chromaticities of a cell: {words[0]} of the map, {words[1]} by tracking", flush=True)
 
 
+SCENE = """
+name = "ring"
+title = "The cell of a storage ring: tunes over a grid of particles"
+seed = 1
+flow_time = 1.0
+plots = ["loss", "frequency-map"]
+
+[data]
+pairs = "pairs.npz"
+circle_action = [1, 1]
+epsilon = 1.0
+validation = 0.1
+
+[[models]]
+name = "jolts"
+weights = {{ kind = "normal", scale = 0.1 }}
+
+[models.network]
+kind = "normal-form"
+action = [[1, 0], [0, 1]]
+kicks = {{ count = 8, width = 4, degree = 8 }}
+twists = {{ count = 1, width = 8, degree = 5 }}
+perturbation = {{ count = 10, width = 4, degree = 8 }}
+
+[training]
+iterations = {iterations}
+starts = {{ count = {starts}, iterations = 20 }}
+optimiser = {{ kind = "levenberg-marquardt" }}
+
+[frequency_map]
+low = [{low[0]}, {low[1]}]
+high = [{high[0]}, {high[1]}]
+points = [{points[0]}, {points[1]}]
+maps = {maps}
+"""
+
+
+def frequency(cell, options):
+    """Tunes over a grid of particles, by a scene and by tracking."""
+    folder = FOLDER / "ring"
+    folder.mkdir(parents=True, exist_ok=True)
+    before = cell.ball(options.pairs, 1)
+    np.savez(folder / "pairs.npz", input=before, output=cell.track(before))
+    high = [0.9 * RADIUS, 0.5 * RADIUS * np.sqrt(cell.beta[1] / cell.beta[0])]
+    points, maps = ((6, 5), 256) if options.short else ((40, 30), 1024)
+    low = [0.02 * v for v in high]
+    starts = 1 if options.short else 3
+    scene = SCENE.format(iterations=options.iterations, starts=starts, low=low, high=high, points=points, maps=maps)
+    (folder / "ring.toml").write_text(scene)
+    gyroceptron.run(folder / "ring.toml", folder / "out", overwrite=True)
+    report = json.loads((folder / "out" / "report.json").read_text())
+    orbits = report["studies"]["frequency_map"][0]["orbits"]
+    start = np.array([[*orbit["start"], 0, 0] for orbit in orbits])
+    own = np.array([orbit["tunes"] for orbit in orbits], float)
+    change = np.array([orbit["change"] for orbit in orbits], float)
+    # In parts, since all states are held.
+    parts, tracking = seconds(
+        lambda: [gyroceptron.tunes(cell.track(part, maps, every=1)) for part in np.array_split(start, 10)]
+    )
+    turns, changes = (np.concatenate(each) for each in zip(*parts))
+    apart = own - turns
+    apart = np.abs(apart - apart.round()).max(axis=1)
+    regular = changes.max(axis=1) <= 1e-5
+    rows = []
+    for name, which in [("of all", np.isfinite(apart)), ("where tunes change by 1e-5 at most", regular & np.isfinite(apart))]:
+        quantiles = np.quantile(apart[which], [0.5, 0.9, 1.0])
+        rows.append([name, f"{which.sum()} of {len(apart)}", *(f"{value:.1e}" for value in quantiles)])
+    table(["orbits", "number", "tunes of a cell differ in the median by", "in nine of ten by", "at most"], rows)
+    both = np.isfinite(change) & np.isfinite(changes.max(axis=1))
+    alike = (regular == (change <= 1e-5))[both].mean()
+    print(
+        f"{len(start)} orbits of {maps} cells: {tracking:.0f} s by tracking, with the tunes; map and tracking agree for "
+        f"{100 * alike:.1f} % of the orbits on whether tunes change by more than 1e-5; lost {np.isnan(own[:, 0]).sum()} "
+        f"(the box of the pairs) and {np.isnan(turns[:, 0]).sum()}; figure: {folder / 'out' / 'frequency-map.svg'}",
+        flush=True,
+    )
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("parts", nargs="*", default=["cell", "momenta"], help="cell, momenta")
+    parser.add_argument("parts", nargs="*", default=["cell", "momenta", "frequency"], help="cell, momenta, frequency")
     parser.add_argument("--turns", type=int, default=300, help="turns that a particle has to survive")
     parser.add_argument("--pairs", type=int, default=8000, help="pairs to train with")
     parser.add_argument("--iterations", type=int, default=500)
     parser.add_argument("--rays", type=int, default=13)
     parser.add_argument("--short", action="store_true", help="few of all, to see that it runs")
     options = parser.parse_args()
-    if unknown := set(options.parts) - {"cell", "momenta"}:
-        parser.error(f"{', '.join(unknown)}: cell or momenta")
+    if unknown := set(options.parts) - {"cell", "momenta", "frequency"}:
+        parser.error(f"{', '.join(unknown)}: cell, momenta or frequency")
     if options.short:
         options.turns, options.pairs, options.iterations, options.rays = 5, 2000, 20, 3
     cell = Cell()
@@ -246,6 +326,8 @@ def main():
         on_momentum(cell, options)
     if "momenta" in options.parts:
         off_momentum(cell, options)
+    if "frequency" in options.parts:
+        frequency(cell, options)
 
 
 main()

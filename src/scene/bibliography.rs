@@ -288,6 +288,29 @@ pub(super) const BIRKHOFF_AVERAGES: &str = "@article{DasSaikiSanderYorke2017,
 }
 ";
 
+/// Frequency maps.
+pub(super) const FREQUENCY_MAPS: &str = "@article{Laskar1990,
+  author = {Laskar, Jacques},
+  title = {The chaotic motion of the solar system: a numerical estimate of the size of the chaotic zones},
+  journal = {Icarus},
+  volume = {88},
+  number = {2},
+  pages = {266--291},
+  year = {1990},
+  doi = {10.1016/0019-1035(90)90084-M}
+}
+@article{Papaphilippou2014,
+  author = {Papaphilippou, Yannis},
+  title = {Detecting chaos in particle accelerators through the frequency map analysis method},
+  journal = {Chaos},
+  volume = {24},
+  number = {2},
+  pages = {024412},
+  year = {2014},
+  doi = {10.1063/1.4884495}
+}
+";
+
 /// Residues of periodic orbits.
 pub(super) const RESIDUES: &str = "@article{Greene1979,
   author = {Greene, John M.},

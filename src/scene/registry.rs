@@ -4,8 +4,8 @@ use super::setup::{Data, ModelSpec, Setup};
 use super::study::shared::Study;
 use super::study::{
     actions, adiabatic_horizon, adiabatic_profiles, claims, confinement, controls, dissipation,
-    family, long_steps, noise, overview, own_invariant, poincare, rollout, slow_manifold, surfaces,
-    tanh, there_and_back, trajectories, which_action, work_precision,
+    family, frequency_map, long_steps, noise, overview, own_invariant, poincare, rollout,
+    slow_manifold, surfaces, tanh, there_and_back, trajectories, which_action, work_precision,
 };
 use crate::measure::certificate::CertificateOptions;
 use crate::system::System;
@@ -152,6 +152,8 @@ studies! {
     surfaces: Surfaces(surfaces::SurfacesOptions),
     /// Maps of a section of the field of coils.
     poincare: Poincare(poincare::PoincareOptions),
+    /// Tunes over a grid of points, and how much they change.
+    frequency_map: FrequencyMap(frequency_map::FrequencyMapOptions),
     /// Maps of a machine at values of its controls that were never traced.
     controls: Controls(controls::ControlsOptions),
     /// Curves of maps of a plane that no orbit crosses, with proofs.

@@ -17,7 +17,7 @@ use std::f64::consts::TAU;
 /// not determined, and [`ActionFit::is_sure`] is false.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ActionFit {
-    /// The angle by which each plane turns from an input to its output, in (−π, π]; 0 for planes
+    /// The angle by which each plane turns from an input to its output, in [−π, π]; 0 for planes
     /// that do not turn.
     pub angles: Vec<f64>,
     /// The chosen action, then the others, the nearest first, each with the root mean square over

@@ -41,7 +41,8 @@ impl Reading {
     }
 
     /// A reading that fits far better than that of columns q₁ … qₙ, p₁ … pₙ and this action, if
-    /// there is one. It tries interleaved columns, and weights 0 to 2 for up to four planes.
+    /// there is one. It tries interleaved columns, and weights 0 to 2 for up to four planes; of more
+    /// planes it tries each one alone.
     ///
     /// Columns with momenta before positions are not found: they turn the other way and fit as
     /// well.

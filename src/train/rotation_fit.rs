@@ -5,7 +5,8 @@ use crate::layer::{CircleAction, TorusAction};
 use crate::measure::trajectories::{root_mean_square, rotation_error};
 use std::f64::consts::TAU;
 
-/// The angle θ in (−π/g, π/g] whose rotation Φ_θ is nearest to the pairs in the mean square.
+/// The angle θ whose rotation Φ_θ is nearest to the pairs in the mean square; for pairs of one flow time it is in
+/// (−π/g, π/g].
 ///
 /// Here g is the greatest common divisor of the weights: the rotation has the period 2π/g. The angle is an initial
 /// value of θ when ω₀t is unknown. For pairs with several flow times it is the angle for time 1: from the shortest

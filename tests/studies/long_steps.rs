@@ -195,6 +195,44 @@ fn pairs_and_trajectories_are_those_of_the_flow_that_is_declared() {
 }
 
 /// Only flow times to which the ramp leads up have twists that are trained alone.
+/// Errors of the first of several initial weights are those that are compared with rivals.
+#[test]
+fn other_initial_weights_have_errors_and_gains() {
+    let scene = LONG_STEPS
+        .replace("flow_times = [5.0, 10.0, 20.0]", "flow_times = [10.0]")
+        .replace("ramp = true\n", "")
+        .replace("{ name = \"normal-form\",", "{ name = \"normal-form\", seeds = 3,");
+    assert!(scene.contains("seeds = 3") && scene.contains("flow_times = [10.0]"));
+    let folder = temporary();
+    let report = run_in(folder.path(), &parse("long", &scene).expect("a scene"));
+    let data = render::json(&report);
+    let at = &data["studies"]["long_steps"][0];
+    let seeds = at["seeds"].as_array().expect("seeds");
+    assert_eq!(seeds.len(), 1, "the other network has one");
+    assert_eq!(seeds[0]["network"], "normal-form");
+    for what in ["one_step", "trajectories"] {
+        let errors: Vec<f64> = seeds[0][what]
+            .as_array()
+            .expect("errors")
+            .iter()
+            .map(|error| error.as_f64().expect("a number"))
+            .collect();
+        let first = &at[what]["methods"][0];
+        assert_eq!(first["name"], "normal-form");
+        assert_eq!(first["error"].as_f64(), Some(errors[0]), "{what}");
+        assert!(
+            errors.len() == 3 && errors[1] != errors[0] && errors[2] != errors[1],
+            "{errors:?}"
+        );
+    }
+    let timings = std::fs::read_to_string(folder.path().join("timings.json")).expect("timings");
+    assert!(timings.contains("\"seeds\""));
+    let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    for words in ["one step of 10, rms: median", "trained from 3 initial weights", "least"] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+}
+
 #[test]
 fn flow_times_beyond_the_ramp_have_fresh_twists() {
     let training = "[training]\nramp = [{ flow_time = 5.0, iterations = 10 }]\n\

@@ -4,6 +4,7 @@ mod actions;
 mod claims;
 mod dissipation;
 mod family;
+mod frequency_map;
 mod helpers;
 mod invariants;
 mod jobs;

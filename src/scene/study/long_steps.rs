@@ -1,6 +1,7 @@
 //! Maps of several flow times beside integrators: where a surrogate overtakes them.
 
 use super::rollout::RolloutOptions;
+use super::seed_errors::{SeedErrors, SeedGains};
 use super::shared::Study;
 use super::step_tables::{MadeTable, TableCost, TableSizes, citations_of, make, named};
 use super::work_precision::{
@@ -299,6 +300,14 @@ impl Study for LongStepsOptions {
             let drifts = context.stage("drift of the invariants", |_| {
                 trained.iter().map(|one| self.drift(one.model())).collect::<Result<Vec<_>, _>>()
             })?;
+            let mut seeds = Vec::new();
+            if context.scene.setup.flow_time == Some(time) {
+                let states = &reference.trajectories;
+                let along = (states.count(), request.request());
+                for of in context.by_network()? {
+                    seeds.extend(SeedErrors::new(&of, &points, states.values(), along)?);
+                }
+            }
             let paid = self.paid(context, &results, &trained, time)?;
             let rotation_error = data.rotation_error;
             let (flow_time, trajectories) = (time, long);
@@ -312,6 +321,7 @@ impl Study for LongStepsOptions {
                 networks,
                 one_step,
                 trajectories,
+                seeds,
                 tables,
             });
         }
@@ -326,17 +336,20 @@ impl Study for LongStepsOptions {
         Ok(Findings {
             title: "Long steps".into(),
             results: Section {
-                summary: vec![Block::Table(found.errors())],
+                summary: [Block::Table(found.errors())].into_iter().chain(found.seeds()).collect(),
                 details: vec![Block::Text(self.words(reference.error))],
                 data: json!(found.times.iter().map(AtTime::data).collect::<Vec<_>>()),
             },
             timings: Section {
-                summary: vec![
+                summary: [
                     Block::Text(HOW.into()),
                     Block::Text(found.sentences()),
                     Block::Table(found.one_step()),
                     Block::Table(found.long()),
-                ],
+                ]
+                .into_iter()
+                .chain(found.gains_of_seeds().map(Block::Text))
+                .collect(),
                 details: found.all_rivals(),
                 data: json!(found.times),
             },
@@ -501,6 +514,9 @@ struct AtTime {
     networks: Vec<OfNetwork>,
     one_step: Comparison,
     trajectories: Comparison,
+    /// Of networks with several initial weights, at the flow time of the scene.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    seeds: Vec<SeedErrors>,
     tables: Vec<TableCost>,
 }
 
@@ -560,13 +576,17 @@ impl AtTime {
                 })
             })
             .collect();
-        json!({
+        let mut data = json!({
             "flow_time": self.flow_time,
             "rotation_error": self.rotation_error,
             "networks": networks,
             "one_step": self.one_step.without_seconds(),
             "trajectories": self.trajectories.without_seconds(),
-        })
+        });
+        if !self.seeds.is_empty() {
+            data["seeds"] = json!(self.seeds);
+        }
+        data
     }
 }
 
@@ -767,6 +787,41 @@ impl Results<'_> {
             }
         }
         out
+    }
+
+    /// Errors from other initial weights, where there are some.
+    fn seeds(&self) -> Option<Block> {
+        let all: Vec<&SeedErrors> = self.times.iter().flat_map(|at| &at.seeds).collect();
+        let long = format!("time {}", self.options.duration);
+        let time = self.times.iter().find(|at| !at.seeds.is_empty())?.flow_time;
+        let one = format!("one step of {time}");
+        Some(Block::Table(SeedErrors::table(&all, [&one, &long])))
+    }
+
+    /// What they leave of the gains.
+    fn gains_of_seeds(&self) -> Option<String> {
+        let mut out = String::new();
+        for at in &self.times {
+            for of in &at.seeds {
+                for (what, errors, comparison) in [
+                    ("for one step", &of.one_step, &at.one_step),
+                    ("over trajectories", &of.trajectories, &at.trajectories),
+                ] {
+                    let Some(gains) = SeedGains::new(errors, &of.network, comparison) else {
+                        continue;
+                    };
+                    out.push_str(&format!(
+                        "- `{}` at flow time {}, trained from {} initial weights, is faster than its fastest rival \
+                         that errs no more by: {} ({what}).\n",
+                        of.network,
+                        at.flow_time,
+                        errors.len(),
+                        gains.words(),
+                    ));
+                }
+            }
+        }
+        (!out.is_empty()).then_some(out)
     }
 
     fn one_step(&self) -> Table {

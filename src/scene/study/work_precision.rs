@@ -238,6 +238,14 @@ impl Points {
         };
         Self { input: chosen(pairs.input()), output: chosen(pairs.output()) }
     }
+
+    pub(super) fn input(&self) -> &[f64] {
+        &self.input
+    }
+
+    pub(super) fn output(&self) -> &[f64] {
+        &self.output
+    }
 }
 
 /// Methods to get Jacobians.
