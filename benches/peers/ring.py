@@ -295,8 +295,9 @@ def frequency(cell, options):
     regular = changes.max(axis=1) <= 1e-5
     rows = []
     for name, which in [("of all", np.isfinite(apart)), ("where tunes change by 1e-5 at most", regular & np.isfinite(apart))]:
-        quantiles = np.quantile(apart[which], [0.5, 0.9, 1.0])
+        quantiles = np.quantile(apart[which], [0.5, 0.9, 1.0]) if which.any() else []
         rows.append([name, f"{which.sum()} of {len(apart)}", *(f"{value:.1e}" for value in quantiles)])
+        rows[-1] += ["–"] * (5 - len(rows[-1]))
     table(["orbits", "number", "tunes of a cell differ in the median by", "in nine of ten by", "at most"], rows)
     both = np.isfinite(change) & np.isfinite(changes.max(axis=1))
     alike = (regular == (change <= 1e-5))[both].mean()

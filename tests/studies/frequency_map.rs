@@ -148,6 +148,42 @@ fn a_resonance_holds_the_orbits_that_are_on_it() {
     }
 }
 
+/// Of orbits that leave the box of the pairs it is said after how many maps, and they have no tunes.
+#[test]
+fn orbits_that_leave_the_pairs_are_lost() {
+    let folder = temporary();
+    let ring = Ring { strength: 0.9, turns: [0.2113, 0.3179] };
+    let file = folder.path().join("pairs.npz");
+    ring.write(&file);
+    let scene = SCENE.replace("PAIRS", &file.display().to_string());
+    let report = run_in(&folder.path().join("out"), &parse("ring", &scene).expect("a scene"));
+    let data = render::json(&report);
+    let [mut lost, mut kept] = [0, 0];
+    for orbit in orbits(&data) {
+        let start = two(&orbit["start"]);
+        let mut z = [start[0], start[1], 0.0, 0.0];
+        // Whether the map itself loses it: far beyond the pairs.
+        let leaves = (0..512).any(|_| {
+            ring.forward(&mut z);
+            !(z.iter().all(|value| value.abs() < 4.0))
+        });
+        match orbit["lost_after"].as_u64() {
+            Some(maps) => {
+                lost += 1;
+                assert!(
+                    maps > 0 && orbit["tunes"][0].is_null() && orbit["change"].is_null(),
+                    "{orbit}"
+                );
+            }
+            None => {
+                kept += 1;
+                assert!(!leaves && orbit["tunes"][0].is_number(), "{orbit}");
+            }
+        }
+    }
+    assert!(lost > 3 && kept > 3, "{lost} {kept}");
+}
+
 #[test]
 fn frequency_maps_that_cannot_be_are_refused() {
     let with = |from: &str, to: &str, words: &[&str]| {

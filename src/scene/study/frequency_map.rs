@@ -2,7 +2,7 @@
 
 use super::shared::Study;
 use crate::error::Error;
-use crate::flow::Trajectories;
+use crate::flow::{Region, Trajectories};
 use crate::measure::orbits::{Tunes, tunes};
 use crate::network::{Composition, Model, Part, Rollout};
 use crate::phase::{Map, Units};
@@ -26,6 +26,8 @@ const MOST_ORDER: u32 = 30;
 const LEAST_MAPS: usize = 128;
 /// Orbits that are held at once.
 const TOGETHER: usize = 256;
+/// An orbit is lost that leaves the box of the pairs, so many times as wide.
+const WIDER: f64 = 2.0;
 /// Bounds of the classes of orbits, by the largest change of a tune.
 const CLASSES: [f64; 3] = [1e-7, 1e-5, 1e-3];
 /// m·ν is an integer to this on an orbit that a resonance holds.
@@ -120,13 +122,30 @@ impl Study for FrequencyMapOptions {
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let (models, data) = (context.models()?, context.data()?);
+        let network = |mut corner: Vec<f64>| {
+            if let Some(units) = &data.units {
+                units.to_network(&mut corner);
+            }
+            corner
+        };
+        let region = data.region().map(|Region { low, high }| [network(low), network(high)]);
+        let outside = |z: &[f64]| {
+            let finite = z.iter().all(|value| value.is_finite());
+            let within = region.as_ref().is_none_or(|[low, high]| {
+                let mut all = z.iter().zip(low.iter().zip(high));
+                all.all(|(value, (low, high))| {
+                    (value - 0.5 * (low + high)).abs() <= 0.5 * WIDER * (high - low)
+                })
+            });
+            !(finite && within)
+        };
         let mut found = Vec::new();
         for trained in models.iter() {
             let name = &trained.spec.name;
             let stage = format!("frequency map of {name}");
-            found.push(
-                context.stage(&stage, |_| self.of(name, trained.model(), data.units.as_ref()))?,
-            );
+            let units = data.units.as_ref();
+            let made = context.stage(&stage, |_| self.of(name, trained.model(), units, &outside));
+            found.push(made?);
         }
         let mut figures = Vec::new();
         if context.draws(FIGURE) {
@@ -161,7 +180,7 @@ struct Found {
 struct Orbit {
     /// The two coordinates in which starts differ.
     start: [f64; 2],
-    /// The number of maps after which it is lost: outside of the numbers, or of the box of the model's polynomials.
+    /// The number of maps after which it is outside of the box of the pairs, [`WIDER`] times as wide.
     lost_after: Option<usize>,
     /// Turns a map in each plane; null where it is lost or does not turn.
     tunes: [f64; 2],
@@ -272,7 +291,13 @@ impl FrequencyMapOptions {
     }
 
     /// Points are in units of the data.
-    fn of(&self, name: &str, model: &Model, units: Option<&Units>) -> Result<Found, Error> {
+    fn of(
+        &self,
+        name: &str,
+        model: &Model,
+        units: Option<&Units>,
+        outside: &dyn Fn(&[f64]) -> bool,
+    ) -> Result<Found, Error> {
         let integrable = Integrable::of(model);
         let mut orbits = Vec::new();
         for starts in self.starts().chunks(TOGETHER) {
@@ -294,8 +319,6 @@ impl FrequencyMapOptions {
             let states = Trajectories::new(states, 4, starts.len())?;
             let all = tunes(&states);
             for (m, (start, Tunes { turns, changes })) in starts.iter().zip(all).enumerate() {
-                let outside =
-                    |z: &[f64]| !(z.iter().all(|value| value.is_finite()) && model.is_in_box(z));
                 let lost_after = states.orbit(m).position(outside);
                 let kept = lost_after.is_none();
                 let change = changes.into_iter().fold(0.0, max_or_nan);
@@ -318,8 +341,8 @@ impl FrequencyMapOptions {
             "{across} × {up} orbits of {} maps each, from {} between {} and {} and {} between {} and {}. Tunes are by \
              windowed frequency analysis of q + ip in each plane; their change is that from the first half of an \
              orbit to the second, of the plane in which it is larger: small where an orbit stays on a torus, and a \
-             sign of chaos where it is not. An orbit is lost where it leaves the numbers, or the box of the network's \
-             polynomials.",
+             sign of chaos where it is not. An orbit is lost where it leaves the box of the pairs, {WIDER} times as \
+             wide.",
             self.maps, names[0], self.low[0], self.high[0], names[1], self.low[1], self.high[1],
         )
     }
