@@ -74,7 +74,7 @@ fn fitted(
     iterations: usize,
 ) -> Composition<f64> {
     let sets: Vec<(f64, Pairs)> =
-        EPSILONS.map(|epsilon| (epsilon, pairs(of, epsilon, 250, 1))).into();
+        EPSILONS.map(|epsilon| (epsilon, pairs(of, epsilon, 400, 1))).into();
     let objectives: Vec<(f64, Objective<'_>)> = sets
         .iter()
         .map(|(e, set)| (*e, Objective::new(&Loss::MeanSquaredError, set).expect("valid")))

@@ -12,7 +12,7 @@ use gyroceptron::network::{
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{
-    Dual, Real, Scalar, Simd, Tracked, max_or_nan, tanh_sech2, tanh_sech2_of_all,
+    Dual, Lanes, Real, Scalar, Simd, Tracked, WIDTH, max_or_nan, tanh_sech2, tanh_sech2_of_all,
 };
 use gyroceptron::train::{Loss, Objective};
 use std::time::Duration;
@@ -274,6 +274,17 @@ fn compositions() -> Vec<Composition<f64>> {
     out
 }
 
+/// One point as numbers go that have no vector registers: `Map<f64>` has a neuron in each lane, as
+/// [`map_points`] of a point has.
+fn plainly(map: &Composition<f64>, direction: Direction, z: &mut [f64]) {
+    let mut lanes: Vec<Lanes<WIDTH>> = z.iter().map(|x| Lanes([*x; WIDTH])).collect();
+    match direction {
+        Direction::Forward => map.forward(&mut lanes),
+        Direction::Inverse => map.inverse(&mut lanes),
+    }
+    z.iter_mut().zip(lanes).for_each(|(x, lanes)| *x = lanes.0[0]);
+}
+
 /// The limit is one for the process: what sets it is one test.
 #[test]
 fn batches_are_single_points_bit_for_bit_on_all_instruction_sets() {
@@ -285,10 +296,7 @@ fn batches_are_single_points_bit_for_bit_on_all_instruction_sets() {
         for direction in [Direction::Forward, Direction::Inverse] {
             let mut singles = points.clone();
             for single in singles.chunks_exact_mut(4) {
-                match direction {
-                    Direction::Forward => network.forward(single),
-                    Direction::Inverse => network.inverse(single),
-                }
+                plainly(network.composition(), direction, single);
             }
             on_each_simd(|set| {
                 let mut batch = points.clone();
@@ -304,7 +312,7 @@ fn batches_are_single_points_bit_for_bit_on_all_instruction_sets() {
     let wide = wide.initialise(InitialWeights::Glorot, 0.0, 3).expect("valid");
     for z in [[0.3, -0.7], [1e8, -1e-8], [f64::NAN, 0.0], [f64::INFINITY, 1.0]] {
         let mut single = z;
-        wide.forward(&mut single);
+        plainly(wide.composition(), Direction::Forward, &mut single);
         on_each_simd(|set| {
             let mut across = z;
             map_points(wide.composition(), Direction::Forward, &mut across).expect("a point");
@@ -320,8 +328,11 @@ fn batches_are_single_points_bit_for_bit_on_all_instruction_sets() {
         for count in [1, 9] {
             let points = point(dim * count, 6);
             let mut singles = points.clone();
-            singles.chunks_exact_mut(dim).for_each(|z| map.forward(z));
+            singles.chunks_exact_mut(dim).for_each(|z| plainly(&map, Direction::Forward, z));
             on_each_simd(|set| {
+                let mut alone = points.clone();
+                alone.chunks_exact_mut(dim).for_each(|z| map.forward(z));
+                assert!(same_bits(&alone, &singles), "{set:?}, a point, {dim}-D");
                 let mut batch = points.clone();
                 map_points(&map, Direction::Forward, &mut batch).expect("whole points");
                 assert!(same_bits(&batch, &singles), "{set:?}, {count} points, {dim}-D");
@@ -434,7 +445,7 @@ fn a_rollout_keeps_what_was_asked_for() {
                 assert!(same_bits(states, &state), "{count} points, step {t}");
             }
             for z in state.chunks_exact_mut(4) {
-                network.forward(z);
+                plainly(network.composition(), Direction::Forward, z);
             }
         }
     }
@@ -643,7 +654,7 @@ fn a_zero_keeps_its_sign_where_a_point_goes_alone() {
             for (form, map) in kicks.iter().enumerate() {
                 let mut single = [-0.0, -0.0];
                 let mut alone = single;
-                map.forward(&mut single);
+                plainly(map, Direction::Forward, &mut single);
                 map_points(map, Direction::Forward, &mut alone).expect("a point");
                 assert_eq!(alone.map(f64::to_bits), single.map(f64::to_bits), "{width} {form}");
                 negative += usize::from(single.iter().all(|z| z.is_sign_negative()));

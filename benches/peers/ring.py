@@ -273,8 +273,8 @@ def frequency(cell, options):
     folder.mkdir(parents=True, exist_ok=True)
     before = cell.ball(options.pairs, 1)
     np.savez(folder / "pairs.npz", input=before, output=cell.track(before))
-    high = [0.9 * RADIUS, 0.5 * RADIUS * np.sqrt(cell.beta[1] / cell.beta[0])]
-    points, maps = ((6, 5), 256) if options.short else ((40, 30), 1024)
+    high = [0.85 * RADIUS, 0.5 * RADIUS * np.sqrt(cell.beta[1] / cell.beta[0])]
+    points, maps = ((6, 5), 512) if options.short else ((40, 30), 1024)
     low = [0.02 * v for v in high]
     starts = 1 if options.short else 3
     scene = SCENE.format(iterations=options.iterations, starts=starts, low=low, high=high, points=points, maps=maps)
@@ -303,8 +303,8 @@ def frequency(cell, options):
     alike = (regular == (change <= 1e-5))[both].mean()
     print(
         f"{len(start)} orbits of {maps} cells: {tracking:.0f} s by tracking, with the tunes; map and tracking agree for "
-        f"{100 * alike:.1f} % of the orbits on whether tunes change by more than 1e-5; lost {np.isnan(own[:, 0]).sum()} "
-        f"(the box of the pairs) and {np.isnan(turns[:, 0]).sum()}; figure: {folder / 'out' / 'frequency-map.svg'}",
+        f"{100 * alike:.1f} % of {both.sum()} orbits that both have tunes of on whether these change by more than 1e-5; without "
+        f"tunes are {np.isnan(own[:, 0]).sum()} and {np.isnan(turns[:, 0]).sum()}; figure: {folder / 'out' / 'frequency-map.svg'}",
         flush=True,
     )
 

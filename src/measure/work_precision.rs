@@ -30,6 +30,9 @@ impl Spread {
             let position = share * last as f64;
             let below = position as usize;
             let above = (below + 1).min(last);
+            if position == below as f64 {
+                return values[below];
+            }
             (values[above] - values[below]).mul_add(position - below as f64, values[below])
         };
         Some(Self { lower: quantile(0.25), median: quantile(0.5), upper: quantile(0.75) })

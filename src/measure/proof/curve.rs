@@ -254,6 +254,8 @@ impl OnLine {
     /// the moduli of all terms: by 4 of them for the factors of each term, and 2⁻⁵³ times the number of terms of a
     /// sum, at most 2¹³ + 1.
     pub fn part(&self, centre: f64, length: &PartLength) -> Part {
+        // A mode left out would be a bound that does not hold.
+        assert_eq!(self.modes.len(), length.steps.len(), "modes of a part");
         let half = length.half;
         let mut sums = [[[Complex::ZERO; DEGREE + 1]; 2]; 3];
         let mut remainders = [0.0; 3];

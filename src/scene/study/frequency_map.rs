@@ -4,7 +4,7 @@ use super::shared::Study;
 use crate::error::Error;
 use crate::flow::{Region, Trajectories};
 use crate::measure::orbits::{Tunes, tunes};
-use crate::network::{Composition, Model, Part, Rollout};
+use crate::network::{Composition, Model, Rollout, Structure};
 use crate::phase::{Map, Units};
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::FREQUENCY_MAPS;
@@ -22,17 +22,20 @@ const FIGURE: &str = "frequency-map";
 
 /// More than this is taken for a mistake.
 const MOST_ORDER: u32 = 30;
-/// The fewest maps whose halves have tunes worth comparing.
-const LEAST_MAPS: usize = 128;
-/// Orbits that are held at once.
-const TOGETHER: usize = 256;
+const MOST_POINTS: usize = 1_000_000;
+/// The fewest maps whose halves have tunes that do not change by 1e-7 on a torus.
+const LEAST_MAPS: usize = 512;
+/// States that are held at once.
+const STATES: usize = 1 << 20;
 /// An orbit is lost that leaves the box of the pairs, so many times as wide.
 const WIDER: f64 = 2.0;
 /// Bounds of the classes of orbits, by the largest change of a tune.
 const CLASSES: [f64; 3] = [1e-7, 1e-5, 1e-3];
-/// m·ν is an integer to this on an orbit that a resonance holds.
+/// m·ν is an integer to this on an orbit that is on a resonance.
 const HELD: f64 = 1e-7;
-/// A resonance that holds fewer orbits is not listed, and no more than so many are.
+/// Where one plane moves by less than this share of the other, its strongest line may be that of the other.
+const SMALL_SHARE: f64 = 0.05;
+/// A resonance with fewer orbits is not listed, and no more than so many are.
 const LEAST_HELD: usize = 3;
 const MOST_LISTED: usize = 8;
 
@@ -101,8 +104,9 @@ impl Study for FrequencyMapOptions {
         for count in self.points {
             Error::check_count_range("points", count, 2, MOST)?;
         }
-        Error::check_count_range("points", self.points[0].saturating_mul(self.points[1]), 4, MOST)?;
-        Error::check_count_range("maps", self.maps, LEAST_MAPS, MOST)?;
+        let points = self.points[0].saturating_mul(self.points[1]);
+        Error::check_count_range("points", points, 4, MOST_POINTS)?;
+        Error::check_count_range("maps", self.maps, LEAST_MAPS, STATES)?;
         Error::check_count_range("order", self.order as usize, 1, MOST_ORDER as usize)
     }
 
@@ -144,8 +148,10 @@ impl Study for FrequencyMapOptions {
             let name = &trained.spec.name;
             let stage = format!("frequency map of {name}");
             let units = data.units.as_ref();
-            let made = context.stage(&stage, |_| self.of(name, trained.model(), units, &outside));
-            found.push(made?);
+            let made = context.stage(&stage, |context| {
+                self.of(name, trained.model(), units, (&outside, &mut || context.interrupted()))
+            })?;
+            found.push(made.ok_or(RunError::Interrupted)?);
         }
         let mut figures = Vec::new();
         if context.draws(FIGURE) {
@@ -186,15 +192,18 @@ struct Orbit {
     tunes: [f64; 2],
     /// The largest change of a tune from the first half of the orbit to the second.
     change: f64,
+    /// Whether each plane moves by a share of the other that lets its own tune be told from that of the other.
+    #[serde(skip)]
+    both_move: bool,
     /// The tunes of the map without its perturbation K_ε, by its twists alone; of nearly-integrable maps.
     #[serde(skip_serializing_if = "Option::is_none")]
     by_twists: Option<[f64; 2]>,
 }
 
 impl Orbit {
-    /// Whether it has tunes.
+    /// Whether it has tunes, in its halves too.
     fn turns(&self) -> bool {
-        self.tunes.iter().all(|tune| tune.is_finite())
+        self.tunes.iter().chain([&self.change]).all(|value| value.is_finite())
     }
 
     /// The number of its class of [`CLASSES`]; None where it has no tunes.
@@ -254,11 +263,14 @@ struct Integrable {
 }
 
 impl Integrable {
-    /// None of maps whose perturbation has no layers, or that have slow planes.
+    /// None of maps that are not nearly integrable, or have slow planes; and of reversible ones, whose chart is
+    /// near the identity and shares the work of their perturbation.
     fn of(model: &Model) -> Option<Self> {
-        let perturbed = model.architecture().widths(Part::Perturbation);
-        let circles = model.architecture().circles.len();
-        if perturbed.is_empty() || circles != model.composition().dof() {
+        let architecture = model.architecture();
+        let of_order_one = architecture.structure() == Structure::NearlyIntegrable
+            && architecture.is_of_order_one()
+            && architecture.reversor.is_none();
+        if !of_order_one || architecture.circles.len() != model.composition().dof() {
             return None;
         }
         let [chart, inner] = model.with_epsilon(0.0).chart_and_inner_map();
@@ -279,6 +291,15 @@ impl Integrable {
     }
 }
 
+/// The largest distance of an orbit from its mean in a plane.
+fn extent(states: &Trajectories, m: usize, plane: usize) -> f64 {
+    let in_plane = || states.orbit(m).map(|z| [z[plane], z[2 + plane]]);
+    let count = states.orbit(m).count() as f64;
+    let sum = in_plane().fold([0.0; 2], |sum, z| [sum[0] + z[0], sum[1] + z[1]]);
+    let distance = |z: [f64; 2]| libm::hypot(z[0] - sum[0] / count, z[1] - sum[1] / count);
+    in_plane().map(distance).fold(0.0, max_or_nan)
+}
+
 impl FrequencyMapOptions {
     /// The grid, one row of points after another.
     fn starts(&self) -> Vec<[f64; 2]> {
@@ -290,17 +311,20 @@ impl FrequencyMapOptions {
         (0..up).flat_map(|j| (0..across).map(move |i| [at(0, i), at(1, j)])).collect()
     }
 
-    /// Points are in units of the data.
+    /// None where it was interrupted. Points are in units of the data.
     fn of(
         &self,
         name: &str,
         model: &Model,
         units: Option<&Units>,
-        outside: &dyn Fn(&[f64]) -> bool,
-    ) -> Result<Found, Error> {
+        (outside, interrupted): (&dyn Fn(&[f64]) -> bool, &mut dyn FnMut() -> bool),
+    ) -> Result<Option<Found>, Error> {
         let integrable = Integrable::of(model);
         let mut orbits = Vec::new();
-        for starts in self.starts().chunks(TOGETHER) {
+        for starts in self.starts().chunks((STATES / self.maps).clamp(1, 256)) {
+            if interrupted() {
+                return Ok(None);
+            }
             let mut points: Vec<[f64; 4]> = starts
                 .iter()
                 .map(|start| {
@@ -322,28 +346,40 @@ impl FrequencyMapOptions {
                 let lost_after = states.orbit(m).position(outside);
                 let kept = lost_after.is_none();
                 let change = changes.into_iter().fold(0.0, max_or_nan);
+                let extents = [0, 1].map(|plane| extent(&states, m, plane));
+                let smaller = extents[0].min(extents[1]) / max_or_nan(extents[0], extents[1]);
                 orbits.push(Orbit {
                     start: *start,
                     lost_after,
                     tunes: if kept { [turns[0], turns[1]] } else { [f64::NAN; 2] },
                     change: if kept { change } else { f64::NAN },
+                    both_move: smaller >= SMALL_SHARE,
                     by_twists: integrable.as_ref().map(|map| map.tunes(&points[m])),
                 });
             }
         }
-        Ok(Found { name: name.to_owned(), orbits })
+        Ok(Some(Found { name: name.to_owned(), orbits }))
     }
 
     fn words(&self) -> String {
         let [across, up] = self.points;
         let names = self.along.map(coordinate);
         format!(
-            "{across} × {up} orbits of {} maps each, from {} between {} and {} and {} between {} and {}. Tunes are by \
-             windowed frequency analysis of q + ip in each plane; their change is that from the first half of an \
-             orbit to the second, of the plane in which it is larger: small where an orbit stays on a torus, and a \
-             sign of chaos where it is not. An orbit is lost where it leaves the box of the pairs, {WIDER} times as \
+            "{across} × {up} orbits of {} maps each, from {} between {} and {} and {} between {} and {}, the other \
+             coordinates as in {:?}. Tunes are by windowed frequency analysis of q + ip in each plane; their change is \
+             that from the first half of an orbit to the second, of the plane in which it is larger. It is small where \
+             an orbit stays on a torus; a large change is a sign of chaos. Where one plane moves by less than {} of \
+             the other, orbits are not counted for resonances. An orbit is lost where it leaves the box of the pairs, {WIDER} times as \
              wide.",
-            self.maps, names[0], self.low[0], self.high[0], names[1], self.low[1], self.high[1],
+            self.maps,
+            names[0],
+            self.low[0],
+            self.high[0],
+            names[1],
+            self.low[1],
+            self.high[1],
+            self.centre,
+            Format::Percent.number(SMALL_SHARE),
         )
     }
 
@@ -371,7 +407,8 @@ impl FrequencyMapOptions {
         // Multiples of what holds an orbit hold it too.
         let all = Resonance::up_to(self.order);
         let mut counts = vec![0; all.len()];
-        for orbit in of.orbits.iter().filter(|orbit| orbit.turns()) {
+        let both_move = of.orbits.iter().filter(|orbit| orbit.turns() && orbit.both_move);
+        for orbit in both_move {
             let holds = |resonance: &Resonance| resonance.distance(orbit.tunes) <= HELD;
             if let Some(lowest) = all.iter().position(holds) {
                 counts[lowest] += 1;
@@ -387,11 +424,11 @@ impl FrequencyMapOptions {
             .collect();
         match list.is_empty() {
             true => format!(
-                "- `{}`: no resonance up to order {} holds {LEAST_HELD} orbits or more.\n",
+                "- `{}`: of the resonances up to order {} none was found to have {LEAST_HELD} orbits or more.\n",
                 of.name, self.order
             ),
             false => format!(
-                "- `{}`: the lowest resonances that hold orbits, in which these are integers to {HELD:e}: {}.\n",
+                "- `{}`: orbits on resonances, where a sum of tunes is an integer to {HELD:e}: {}.\n",
                 of.name,
                 list.join(", ")
             ),
@@ -403,8 +440,8 @@ impl FrequencyMapOptions {
         let [x, y] = self.along.map(coordinate);
         let names = [
             format!("change of tunes at most {:e}", CLASSES[0]),
-            format!("at most {:e}", CLASSES[1]),
-            format!("at most {:e}", CLASSES[2]),
+            format!("{:e} to {:e}", CLASSES[0], CLASSES[1]),
+            format!("{:e} to {:e}", CLASSES[1], CLASSES[2]),
             "more".to_owned(),
         ];
         let mut panels = Vec::new();
@@ -443,7 +480,7 @@ impl FrequencyMapOptions {
             ..Figure::in_a_row(
                 FIGURE,
                 "Left: where orbits start, by how much their tunes change from one half of the orbit to the other; no \
-                 dot where an orbit is lost. Right: their tunes. Resonances are lines there, along which dots gather or \
+                 dot where an orbit is lost or does not turn. Right: their tunes. Resonances are lines there, along which dots gather or \
                  which they leave free.",
                 panels,
             )
@@ -460,9 +497,10 @@ fn table(found: &[Found]) -> Table {
         ("network".to_owned(), Format::Exact),
         ("orbits".to_owned(), Format::Exact),
         ("lost".to_owned(), Format::Exact),
+        ("no tunes".to_owned(), Format::Exact),
         (format!("tunes change by {:e} at most", CLASSES[0]), Format::Exact),
-        (format!("by {:e}", CLASSES[1]), Format::Exact),
-        (format!("by {:e}", CLASSES[2]), Format::Exact),
+        (format!("by {:e} to {:e}", CLASSES[0], CLASSES[1]), Format::Exact),
+        (format!("by {:e} to {:e}", CLASSES[1], CLASSES[2]), Format::Exact),
         ("by more".to_owned(), Format::Exact),
         ("ν₁ from".to_owned(), Format::Fixed(6)),
         ("to".to_owned(), Format::Fixed(6)),
@@ -483,6 +521,7 @@ fn table(found: &[Found]) -> Table {
             format!("`{}`", of.name).into(),
             of.orbits.len().into(),
             lost.into(),
+            (of.orbits.iter().filter(|orbit| !orbit.turns()).count() - lost).into(),
             count(0).into(),
             count(1).into(),
             count(2).into(),

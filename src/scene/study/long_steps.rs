@@ -791,7 +791,12 @@ impl Results<'_> {
 
     /// Errors from other initial weights, where there are some.
     fn seeds(&self) -> Option<Block> {
-        let all: Vec<&SeedErrors> = self.times.iter().flat_map(|at| &at.seeds).collect();
+        let of_time = |at: &AtTime| [at.one_step.lost(), at.trajectories.lost()];
+        let all: Vec<(&SeedErrors, [f64; 2])> = self
+            .times
+            .iter()
+            .flat_map(|at| at.seeds.iter().map(move |seeds| (seeds, of_time(at))))
+            .collect();
         let long = format!("time {}", self.options.duration);
         let time = self.times.iter().find(|at| !at.seeds.is_empty())?.flow_time;
         let one = format!("one step of {time}");
@@ -811,8 +816,8 @@ impl Results<'_> {
                         continue;
                     };
                     out.push_str(&format!(
-                        "- `{}` at flow time {}, trained from {} initial weights, is faster than its fastest rival \
-                         that errs no more by: {} ({what}).\n",
+                        "- `{}` at flow time {}, trained from {} initial weights, beside the fastest rival that errs no \
+                         more: {} ({what}).\n",
                         of.network,
                         at.flow_time,
                         errors.len(),

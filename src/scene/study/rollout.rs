@@ -298,7 +298,10 @@ impl RolloutOptions {
 
 fn words_of_seeds(seeds: &[(String, Vec<f64>)]) -> String {
     let of = |(network, errors): &(String, Vec<f64>)| {
-        let median = Spread::of(errors.clone()).map_or(f64::NAN, |spread| spread.median);
+        // What is lost is the worst.
+        let or_lost = |error: &f64| if error.is_nan() { f64::INFINITY } else { *error };
+        let ranked = errors.iter().map(or_lost).collect();
+        let median = Spread::of(ranked).map_or(f64::NAN, |spread| spread.median);
         let worst = errors.iter().copied().fold(0.0, max_or_nan);
         let all: Vec<String> = errors.iter().map(|error| format!("{error:.1e}")).collect();
         format!(

@@ -2,12 +2,9 @@
 
 use super::work_precision::Points;
 use crate::error::Error;
-use crate::measure::timing::{
-    AtError, Comparison, Spread, WorkPrecision, root_mean_square_distance,
-};
+use crate::measure::timing::{AtError, Comparison, WorkPrecision, root_mean_square_distance};
 use crate::network::{Model, Rollout, map_points};
 use crate::phase::Direction;
-use crate::scalar::max_or_nan;
 use crate::scene::findings::{Format, Table};
 use crate::scene::learning::BySeed;
 use serde::Serialize;
@@ -53,81 +50,83 @@ impl SeedErrors {
         }))
     }
 
-    /// Medians and the largest errors, as far as the points are not lost.
-    pub(super) fn table(all: &[&Self], what: [&str; 2]) -> Table {
+    /// Medians and the largest errors; `lost` are the errors from which on points are lost.
+    pub(super) fn table(all: &[(&Self, [f64; 2])], what: [&str; 2]) -> Table {
         let [one, long] = what;
         let mut table = Table::new([
             ("network".to_owned(), Format::Exact),
             ("seeds".to_owned(), Format::Exact),
             (format!("{one}, rms: median"), Format::Exponent(2)),
             ("worst".to_owned(), Format::Exponent(2)),
+            ("lost".to_owned(), Format::Exact),
             (format!("{long}, rms: median"), Format::Exponent(2)),
             ("worst".to_owned(), Format::Exponent(2)),
+            ("lost".to_owned(), Format::Exact),
         ]);
-        for of in all {
-            let median = |errors: &[f64]| Spread::of(errors.to_vec()).map(|spread| spread.median);
-            let worst = |errors: &[f64]| errors.iter().copied().fold(0.0, max_or_nan);
-            table.push([
-                format!("`{}`", of.network).into(),
-                of.one_step.len().into(),
-                median(&of.one_step).into(),
-                worst(&of.one_step).into(),
-                median(&of.trajectories).into(),
-                worst(&of.trajectories).into(),
-            ]);
+        for (of, lost) in all {
+            let mut row = vec![format!("`{}`", of.network).into(), of.one_step.len().into()];
+            for (errors, lost) in [&of.one_step, &of.trajectories].into_iter().zip(lost) {
+                let ranked = ranked(errors, *lost);
+                let finite = |error: f64| error.is_finite().then_some(error);
+                let worst = ranked.last().copied();
+                row.extend([
+                    finite(median(&ranked)).into(),
+                    worst.and_then(finite).into(),
+                    ranked.iter().filter(|error| error.is_infinite()).count().into(),
+                ]);
+            }
+            table.push(row);
         }
         table
     }
 }
 
+/// Errors in ascending order, those of lost points infinite.
+fn ranked(errors: &[f64], lost: f64) -> Vec<f64> {
+    let or_lost = |error: &f64| if *error <= lost { *error } else { f64::INFINITY };
+    let mut out: Vec<f64> = errors.iter().map(or_lost).collect();
+    out.sort_by(f64::total_cmp);
+    out
+}
+
+/// The middle of ascending values; of an even number of them the larger of the two in the middle.
+fn median(ascending: &[f64]) -> f64 {
+    ascending.get(ascending.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
 /// How many times as long as the network its fastest rival takes, at the error from each initial weights.
 pub(super) struct SeedGains {
-    /// Ascending, of those that a rival reaches.
+    /// Ascending: 0 where the points are lost, infinite where no rival errs as little.
     gains: Vec<f64>,
-    /// Weights with which the points are lost.
-    lost: usize,
-    /// Weights at whose error no rival was found that errs no more.
-    unreached: usize,
 }
 
 impl SeedGains {
-    /// None where the network itself was not timed.
+    /// None where the network was not timed.
     pub(super) fn new(errors: &[f64], network: &str, comparison: &Comparison) -> Option<Self> {
         let own = |method: &&WorkPrecision| method.setting.is_none() && method.name == network;
         let seconds = comparison.methods.iter().find(own)?.seconds?.median;
-        let (mut gains, mut lost, mut unreached) = (Vec::new(), 0, 0);
-        for &error in errors {
-            if !(error <= comparison.lost()) {
-                lost += 1;
-                continue;
+        let gain = |error: &f64| {
+            if !(*error <= comparison.lost()) {
+                return 0.0;
             }
-            match AtError::fastest(&comparison.methods, error) {
-                Some(rival) => gains.push(rival.seconds / seconds),
-                None => unreached += 1,
-            }
-        }
+            let rival = AtError::fastest(&comparison.methods, *error);
+            rival.map_or(f64::INFINITY, |rival| rival.seconds / seconds)
+        };
+        let mut gains: Vec<f64> = errors.iter().map(gain).collect();
         gains.sort_by(f64::total_cmp);
-        Some(Self { gains, lost, unreached })
+        Some(Self { gains })
     }
 
-    /// `median 2.9 ×, least 2.6 ×; lost with 1 of 5`.
+    /// `takes 9.7 × as long in the median, 8.5 × at least`.
     pub(super) fn words(&self) -> String {
-        let count = self.gains.len() + self.lost + self.unreached;
-        let factor = |gain: f64| Format::Factor.number(gain);
-        let mut parts = Vec::new();
-        if let Some(spread) = Spread::of(self.gains.clone()) {
-            parts.push(format!(
-                "median {}, least {}",
-                factor(spread.median),
-                factor(self.gains[0])
-            ));
-        }
-        if self.unreached > 0 {
-            parts.push(format!("no rival errs as little with {} of {count}", self.unreached));
-        }
-        if self.lost > 0 {
-            parts.push(format!("lost with {} of {count}", self.lost));
-        }
-        parts.join("; ")
+        let words = |gain: f64| match gain {
+            0.0 => "there is none, since the map has lost the points,".to_owned(),
+            gain if gain.is_infinite() => "none was found".to_owned(),
+            gain => format!("it takes {} as long", Format::Factor.number(gain)),
+        };
+        let least = self.gains.first().copied().unwrap_or(f64::NAN);
+        // The smaller of two in the middle.
+        let middle = self.gains.get((self.gains.len() - 1) / 2).copied().unwrap_or(f64::NAN);
+        format!("in the median {}, in the worst case {}", words(middle), words(least))
     }
 }
