@@ -5,6 +5,7 @@ use gyroceptron::flow::{Pairs, Trajectories};
 use gyroceptron::io::write_pairs;
 use gyroceptron::measure::orbits::tunes;
 use gyroceptron::random::Stream;
+use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{parse, render};
 use serde_json::Value;
 use std::f64::consts::TAU;
@@ -104,10 +105,10 @@ fn tunes_of_a_learnt_map_are_those_of_the_map() {
     for orbit in orbits.iter().filter(|orbit| orbit["lost_after"].is_null()) {
         let (found, start) = (two(&orbit["tunes"]), two(&orbit["start"]));
         let exact = ring.tunes(start, 512);
-        apart.push((found[0] - exact[0]).abs().max((found[1] - exact[1]).abs()));
+        apart.push(max_or_nan((found[0] - exact[0]).abs(), (found[1] - exact[1]).abs()));
         let twists = two(&orbit["by_twists"]);
-        by_twists.push((found[0] - twists[0]).abs().max((found[1] - twists[1]).abs()));
-        shift = shift.max((found[0] - ring.turns[0]).abs());
+        by_twists.push(max_or_nan((found[0] - twists[0]).abs(), (found[1] - twists[1]).abs()));
+        shift = max_or_nan(shift, (found[0] - ring.turns[0]).abs());
         assert!(orbit["change"].as_f64().expect("a change") < 1e-3, "{orbit}");
     }
     let median = |mut all: Vec<f64>| {

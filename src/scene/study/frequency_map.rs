@@ -149,7 +149,7 @@ impl Study for FrequencyMapOptions {
             let stage = format!("frequency map of {name}");
             let units = data.units.as_ref();
             let made = context.stage(&stage, |context| {
-                self.of(name, trained.model(), units, (&outside, &mut || context.interrupted()))
+                self.of(name, trained.model(), units, &outside, &mut || context.interrupted())
             })?;
             found.push(made.ok_or(RunError::Interrupted)?);
         }
@@ -317,7 +317,8 @@ impl FrequencyMapOptions {
         name: &str,
         model: &Model,
         units: Option<&Units>,
-        (outside, interrupted): (&dyn Fn(&[f64]) -> bool, &mut dyn FnMut() -> bool),
+        outside: &dyn Fn(&[f64]) -> bool,
+        interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Found>, Error> {
         let integrable = Integrable::of(model);
         let mut orbits = Vec::new();
