@@ -93,21 +93,49 @@ fn window(time: usize, count: usize) -> f64 {
     1.0 - cos
 }
 
-/// Σ f w e^{−2πiνt} over the first `count` numbers, over their number.
-fn transform(signal: &[[f64; 2]], count: usize, frequency: f64) -> [f64; 2] {
+/// The window at each time of so many, over their number.
+fn weights(count: usize) -> Vec<f64> {
+    (0..count).map(|t| window(t, count) / count as f64).collect()
+}
+
+/// Σ f w e^{−2πiνt} over as many numbers as there are weights.
+fn transform(signal: &[[f64; 2]], weights: &[f64], frequency: f64) -> [f64; 2] {
     let mut sum = [0.0; 2];
-    for (t, [x, y]) in signal[..count].iter().enumerate() {
+    for (t, ([x, y], w)) in signal.iter().zip(weights).enumerate() {
         let (sin, cos) = turned(frequency, t as f64);
-        let w = window(t, count) / count as f64;
         sum[0] += w * (x * cos + y * sin);
         sum[1] += w * (y * cos - x * sin);
     }
     sum
 }
 
-fn size(signal: &[[f64; 2]], count: usize, frequency: f64) -> f64 {
-    let [x, y] = transform(signal, count, frequency);
+fn size(signal: &[[f64; 2]], weights: &[f64], frequency: f64) -> f64 {
+    let [x, y] = transform(signal, weights, frequency);
     x * x + y * y
+}
+
+/// Its size at the frequencies k/grid − ½, for k from 0 to `grid`.
+fn sizes_on_grid(signal: &[[f64; 2]], weights: &[f64], grid: usize) -> Vec<f64> {
+    let roots: Vec<(f64, f64)> = (0..grid).map(|j| turned(1.0 / grid as f64, j as f64)).collect();
+    // The half turn changes the sign from time to time.
+    let alternating = |(t, ([x, y], w)): (usize, (&[f64; 2], &f64))| {
+        let w = if t % 2 == 0 { *w } else { -w };
+        [w * x, w * y]
+    };
+    let signal: Vec<[f64; 2]> = signal.iter().zip(weights).enumerate().map(alternating).collect();
+    let at = |k: usize| {
+        let (mut sum, mut place) = ([0.0; 2], 0);
+        for [x, y] in &signal {
+            let (sin, cos) = roots[place];
+            sum = [sum[0] + (x * cos + y * sin), sum[1] + (y * cos - x * sin)];
+            place += k;
+            if place >= grid {
+                place -= grid;
+            }
+        }
+        sum[0] * sum[0] + sum[1] * sum[1]
+    };
+    (0..grid).map(at).collect()
 }
 
 /// The frequency of the highest peak.
@@ -115,27 +143,28 @@ fn peak(signal: &[[f64; 2]]) -> f64 {
     let mut count = FIRST.min(signal.len());
     let grid = 2 * count;
     let place = |k: usize| k as f64 / grid as f64 - 0.5;
-    let sizes: Vec<f64> = (0..grid).map(|k| size(signal, count, place(k))).collect();
+    let of_first = weights(count);
+    let sizes = sizes_on_grid(signal, &of_first, grid);
     let best = (0..grid).max_by(|a, b| sizes[*a].total_cmp(&sizes[*b])).unwrap_or(0);
-    let mut frequency = highest(signal, count, place(best), 1.0 / grid as f64);
+    let mut frequency = highest(signal, &of_first, place(best), 1.0 / grid as f64);
     while count < signal.len() {
         let before = count;
         count = (2 * count).min(signal.len());
         // Half the width of the peak of as many as before, which is one of twice as many.
-        frequency = highest(signal, count, frequency, 0.5 / before as f64);
+        frequency = highest(signal, &weights(count), frequency, 0.5 / before as f64);
     }
     frequency - frequency.round()
 }
 
 /// The maximum within so much of a place, by golden section.
-fn highest(signal: &[[f64; 2]], count: usize, place: f64, within: f64) -> f64 {
+fn highest(signal: &[[f64; 2]], weights: &[f64], place: f64, within: f64) -> f64 {
     let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
     let (mut low, mut high) = (place - within, place + within);
-    let at = |frequency: f64| size(signal, count, frequency);
+    let at = |frequency: f64| size(signal, weights, frequency);
     let (mut a, mut b) = (high - golden * (high - low), low + golden * (high - low));
     let (mut of_a, mut of_b) = (at(a), at(b));
     // Nearer to the maximum squares differ by less than their rounding: there the derivative is asked.
-    let coarse = 1e-3 / count as f64;
+    let coarse = 1e-3 / weights.len() as f64;
     for _ in 0..STEPS {
         if high - low <= coarse {
             break;
@@ -150,18 +179,17 @@ fn highest(signal: &[[f64; 2]], count: usize, place: f64, within: f64) -> f64 {
             of_b = at(b);
         }
     }
-    slope_root(signal, count, 0.5 * (low + high), coarse)
+    slope_root(signal, weights, 0.5 * (low + high), coarse)
 }
 
 /// Where the derivative of |Σ f w e^{−2πiνt}|² is 0, near a maximum, by the secant method: it is known to rounding
 /// where the square itself is flat.
-fn slope_root(signal: &[[f64; 2]], count: usize, place: f64, step: f64) -> f64 {
+fn slope_root(signal: &[[f64; 2]], weights: &[f64], place: f64, step: f64) -> f64 {
     let slope = |frequency: f64| {
         let (mut sum, mut moment) = ([0.0; 2], [0.0; 2]);
-        let middle = 0.5 * (count - 1) as f64;
-        for (t, [x, y]) in signal[..count].iter().enumerate() {
+        let middle = 0.5 * (weights.len() - 1) as f64;
+        for (t, ([x, y], w)) in signal.iter().zip(weights).enumerate() {
             let (sin, cos) = turned(frequency, t as f64);
-            let w = window(t, count) / count as f64;
             let [re, im] = [w * (x * cos + y * sin), w * (y * cos - x * sin)];
             sum = [sum[0] + re, sum[1] + im];
             let t = (t as f64 - middle) / middle;
@@ -190,11 +218,11 @@ fn fit_amplitudes(signal: &[[f64; 2]], lines: &mut [SpectralLine]) {
     let (count, size) = (signal.len(), lines.len());
     // Of e^{2πiν_k t} with one another: real and imaginary parts of a Hermitian matrix, as a real one of twice the
     // size.
-    let ones = vec![[1.0, 0.0]; count];
+    let (ones, weights) = (vec![[1.0, 0.0]; count], weights(count));
     let products: Vec<[f64; 2]> = (0..size * size)
         .map(|index| {
             let (i, k) = (index / size, index % size);
-            transform(&ones, count, lines[i].frequency - lines[k].frequency)
+            transform(&ones, &weights, lines[i].frequency - lines[k].frequency)
         })
         .collect();
     let matrix = Mat::from_fn(2 * size, 2 * size, |row, column| {
@@ -206,7 +234,7 @@ fn fit_amplitudes(signal: &[[f64; 2]], lines: &mut [SpectralLine]) {
         }
     });
     let right: Vec<[f64; 2]> =
-        lines.iter().map(|line| transform(signal, count, line.frequency)).collect();
+        lines.iter().map(|line| transform(signal, &weights, line.frequency)).collect();
     let right = Mat::from_fn(2 * size, 1, |row, _| right[row / 2][row % 2]);
     let solution = matrix.partial_piv_lu().solve(&right);
     for (k, line) in lines.iter_mut().enumerate() {
@@ -241,9 +269,9 @@ pub fn tunes(orbits: &Trajectories) -> Vec<Tunes> {
                 return f64::NAN;
             }
             let size = largest(&signal);
-            // What the window makes of a mean is a line of frequency 0; its weights add up to this.
-            let weights = (count - 1) as f64 / count as f64;
-            let [x, y] = transform(&signal, count, 0.0).map(|v| v / weights);
+            // What the window makes of a mean is a line of frequency 0; its weights add up to this sum.
+            let sum = (count - 1) as f64 / count as f64;
+            let [x, y] = transform(&signal, &weights(count), 0.0).map(|v| v / sum);
             signal.iter_mut().for_each(|z| *z = [z[0] - x, z[1] - y]);
             let turns = largest(&signal) > ROUNDING * size;
             let line = spectral_lines(&signal, usize::from(turns));

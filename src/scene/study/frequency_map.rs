@@ -34,7 +34,7 @@ const CLASSES: [f64; 3] = [1e-7, 1e-5, 1e-3];
 /// m·ν is an integer to this on an orbit that is on a resonance.
 const HELD: f64 = 1e-7;
 /// Where one plane moves by less than this share of the other, its strongest line may be that of the other.
-const SMALL_SHARE: f64 = 0.05;
+const SMALL_SHARE: f64 = 0.1;
 /// A resonance with fewer orbits is not listed, and no more than so many are.
 const LEAST_HELD: usize = 3;
 const MOST_LISTED: usize = 8;
@@ -370,7 +370,8 @@ impl FrequencyMapOptions {
              coordinates as in {:?}. Tunes are by windowed frequency analysis of q + ip in each plane; their change is \
              that from the first half of an orbit to the second, of the plane in which it is larger. It is small where \
              an orbit stays on a torus; a large change is a sign of chaos. Where one plane moves by less than {} of \
-             the other, orbits are not counted for resonances. An orbit is lost where it leaves the box of the pairs, {WIDER} times as \
+             the other, its strongest line may be that of the other: such orbits are not drawn among the tunes, nor \
+             counted for their range and for resonances. An orbit is lost where it leaves the box of the pairs, {WIDER} times as \
              wide.",
             self.maps,
             names[0],
@@ -472,7 +473,11 @@ impl FrequencyMapOptions {
                 title: format!("{}: tunes", of.name),
                 x_label: "ν₁, turns a map".into(),
                 y_label: "ν₂".into(),
-                series: by_class(&|orbit| (orbit.tunes[0], orbit.tunes[1])),
+                series: by_class(&|orbit| match orbit.both_move {
+                    true => (orbit.tunes[0], orbit.tunes[1]),
+                    // Not drawn.
+                    false => (f64::NAN, f64::NAN),
+                }),
                 ..Panel::default()
             });
         }
@@ -511,7 +516,7 @@ fn table(found: &[Found]) -> Table {
     for of in found {
         let count = |class: usize| of.orbits.iter().filter(|o| o.class() == Some(class)).count();
         let ends = |plane: usize| {
-            let turning = of.orbits.iter().filter(|orbit| orbit.turns());
+            let turning = of.orbits.iter().filter(|orbit| orbit.turns() && orbit.both_move);
             let mut tunes: Vec<f64> = turning.map(|orbit| orbit.tunes[plane]).collect();
             tunes.sort_by(f64::total_cmp);
             [tunes.first().copied(), tunes.last().copied()]
