@@ -219,15 +219,7 @@ fn what_cannot_be_is_refused() {
     let still = Pairs::new("still", 2, points.clone(), points).expect("finite");
     let error = Fit { action: None, ..fit() }.run(still).expect_err("nothing turns").to_string();
     assert!(error.contains("circle action") && error.contains("none for sure"), "{error}");
-    // Columns q₁ p₁ q₂ p₂ are seen before an action is asked for.
-    let (given, mixed) = (pairs(200, 0.9, 1), [0, 2, 1, 3]);
-    let error = Fit { action: None, ..fit() }
-        .run(given.with_columns(&mixed))
-        .expect_err("mixed columns")
-        .to_string();
-    for words in ["q1 p1 q2 p2", "circle action 1,0", "[0, 2, 1, 3]"] {
-        assert!(error.contains(words), "{words}: {error}");
-    }
+    let (given, mixed) = (pairs(20, 0.9, 1), [0, 2, 1, 3]);
     assert_eq!(given.with_columns(&mixed).with_columns(&mixed), given);
     // A family needs a network of one.
     let family =
@@ -278,7 +270,7 @@ fn fast_and_slow(count: usize, epsilon: f64, time: f64) -> Pairs {
 #[test]
 fn a_training_sees_past_whole_turns() {
     // Three turns and 0.79, where plane 2 turns by 0.39.
-    let pairs = fast_and_slow(200, EPSILON, 0.393);
+    let pairs = fast_and_slow(130, EPSILON, 0.393);
     let by_rotation = ActionFit::fit(&pairs).expect("a linear map");
     assert!(by_rotation.is_sure(), "{}", by_rotation.describe());
     let (right, wrong): (TorusAction, TorusAction) =
