@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """The map of a storage ring beside tracking element by element, and the table of their errors and times.
 
-    python3 benches/peers/ring.py [cell] [momenta] [frequency] [--turns N] [--pairs N] [--iterations N] [--rays N] [--short]
+    python3 benches/peers/ring.py [cell] [momenta] [frequency] [--turns N] [--pairs N] [--iterations N] [--rays N]
+        [--short]
 
 Makes a virtual environment of its own in target/peers (accelerator-toolbox, NumPy and SciPy from PyPI, and this package
 as it stands), takes the hybrid multi-bend cell that accelerator-toolbox ships, 32 of which are a ring of 844 m, and lets
@@ -9,15 +10,15 @@ as it stands), takes the hybrid multi-bend cell that accelerator-toolbox ships, 
 momentum in a ball of the normalised coordinates, of 11 mm along x. Beside it polynomials of least squares on the same
 pairs. Compared are a cell of pairs that neither has seen, tunes with amplitude, the dynamic aperture by angle, and the
 time of a turn of one thread. Then a family: the cell at relative momenta that are a control of the map, its error between
-them, and the chromaticities. Then a frequency map: a scene on the pairs of the cell, tunes and their changes over a grid of
-particles, and the same by tracking.
+them, and the chromaticities. Then a frequency map: a scene on the pairs of the cell, tunes and their changes over a grid
+of particles, and the same by tracking.
 
 Tracking takes most of the time: seven minutes for 300 turns of 1,430 particles.
 """
 
 import argparse
-import json
 import itertools
+import json
 
 import shared
 from shared import seconds, table
@@ -294,7 +295,8 @@ def frequency(cell, options):
     apart = np.abs(apart - apart.round()).max(axis=1)
     regular = changes.max(axis=1) <= 1e-5
     rows = []
-    for name, which in [("of all", np.isfinite(apart)), ("where tunes change by 1e-5 at most", regular & np.isfinite(apart))]:
+    finite = np.isfinite(apart)
+    for name, which in [("of all", finite), ("where tunes change by 1e-5 at most", regular & finite)]:
         quantiles = np.quantile(apart[which], [0.5, 0.9, 1.0]) if which.any() else []
         rows.append([name, f"{which.sum()} of {len(apart)}", *(f"{value:.1e}" for value in quantiles)])
         rows[-1] += ["–"] * (5 - len(rows[-1]))
@@ -302,9 +304,10 @@ def frequency(cell, options):
     both = np.isfinite(change) & np.isfinite(changes.max(axis=1))
     alike = (regular == (change <= 1e-5))[both].mean()
     print(
-        f"{len(start)} orbits of {maps} cells: {tracking:.0f} s by tracking, with the tunes; map and tracking agree for "
-        f"{100 * alike:.1f} % of {both.sum()} orbits that both have tunes of on whether these change by more than 1e-5; without "
-        f"tunes are {np.isnan(own[:, 0]).sum()} and {np.isnan(turns[:, 0]).sum()}; figure: {folder / 'out' / 'frequency-map.svg'}",
+        f"{len(start)} orbits of {maps} cells: {tracking:.0f} s by tracking, with the tunes; map and tracking agree on "
+        f"whether tunes change by more than 1e-5 for {100 * alike:.1f} % of the {both.sum()} orbits that have tunes by "
+        f"both; by the map {np.isnan(own[:, 0]).sum()} have none, by tracking {np.isnan(turns[:, 0]).sum()}; figure: "
+        f"{folder / 'out' / 'frequency-map.svg'}",
         flush=True,
     )
 

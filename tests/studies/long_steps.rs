@@ -232,6 +232,20 @@ fn other_initial_weights_have_errors_and_gains() {
     {
         assert!(text.contains(words), "{words}: {text}");
     }
+    // Untrained maps of large weights lose the trajectories, from each of their initial weights.
+    let untrained = scene.replace("iterations = 20", "iterations = 1").replace("0.15", "2.0");
+    let folder = temporary();
+    let report = run_in(folder.path(), &parse("long", &untrained).expect("a scene"));
+    let data = render::json(&report);
+    let at = &data["studies"]["long_steps"][0];
+    let size = at["trajectories"]["size"].as_f64().expect("a size");
+    let errors = at["seeds"][0]["trajectories"].as_array().expect("errors");
+    let lost = |error: &&Value| error.as_f64().is_none_or(|error| !(error <= 0.5 * size));
+    assert_eq!(errors.iter().filter(lost).count(), 3, "{errors:?} {size}");
+    let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    let said = "in the median the map has lost the points, in the worst case the map has lost the \
+                points (over trajectories)";
+    assert!(text.contains(said) && text.contains("| – | – | 3 |"), "{text}");
 }
 
 /// Only flow times to which the ramp leads up have twists that are trained alone.

@@ -371,8 +371,8 @@ impl FrequencyMapOptions {
              that from the first half of an orbit to the second, of the plane in which it is larger. It is small where \
              an orbit stays on a torus; a large change is a sign of chaos. Where one plane moves by less than {} of \
              the other, its strongest line may be that of the other: such orbits are not drawn among the tunes, nor \
-             counted for their range and for resonances. An orbit is lost where it leaves the box of the pairs, {WIDER} times as \
-             wide.",
+             counted for their range and for resonances. An orbit is lost where it leaves the box of the pairs, \
+             {WIDER} times as wide.",
             self.maps,
             names[0],
             self.low[0],
@@ -486,8 +486,8 @@ impl FrequencyMapOptions {
             ..Figure::in_a_row(
                 FIGURE,
                 "Left: where orbits start, by how much their tunes change from one half of the orbit to the other; no \
-                 dot where an orbit is lost or does not turn. Right: their tunes. Resonances are lines there, along which dots gather or \
-                 which they leave free.",
+                 dot where an orbit is lost or does not turn. Right: their tunes. Resonances are lines there, along \
+                 which dots gather or which they leave free.",
                 panels,
             )
         }

@@ -2,7 +2,9 @@
 
 use super::work_precision::Points;
 use crate::error::Error;
-use crate::measure::timing::{AtError, Comparison, WorkPrecision, root_mean_square_distance};
+use crate::measure::timing::{
+    AtError, Comparison, Spread, WorkPrecision, root_mean_square_distance,
+};
 use crate::network::{Model, Rollout, map_points};
 use crate::phase::Direction;
 use crate::scene::findings::{Format, Table};
@@ -69,8 +71,9 @@ impl SeedErrors {
                 let ranked = ranked(errors, *lost);
                 let finite = |error: f64| error.is_finite().then_some(error);
                 let worst = ranked.last().copied();
+                let median = Spread::of(ranked.clone()).map(|spread| spread.median);
                 row.extend([
-                    finite(median(&ranked)).into(),
+                    median.and_then(finite).into(),
                     worst.and_then(finite).into(),
                     ranked.iter().filter(|error| error.is_infinite()).count().into(),
                 ]);
@@ -87,11 +90,6 @@ fn ranked(errors: &[f64], lost: f64) -> Vec<f64> {
     let mut out: Vec<f64> = errors.iter().map(or_lost).collect();
     out.sort_by(f64::total_cmp);
     out
-}
-
-/// The middle of ascending values; of an even number of them the larger of the two in the middle.
-fn median(ascending: &[f64]) -> f64 {
-    ascending.get(ascending.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// How many times as long as the network its fastest rival takes, at the error from each initial weights.
@@ -117,10 +115,10 @@ impl SeedGains {
         Some(Self { gains })
     }
 
-    /// `takes 9.7 × as long in the median, 8.5 × at least`.
+    /// `in the median it takes 9.7 × as long, in the worst case it takes 8.5 × as long`.
     pub(super) fn words(&self) -> String {
         let words = |gain: f64| match gain {
-            0.0 => "there is none, since the map has lost the points,".to_owned(),
+            0.0 => "the map has lost the points".to_owned(),
             gain if gain.is_infinite() => "none was found".to_owned(),
             gain => format!("it takes {} as long", Format::Factor.number(gain)),
         };
