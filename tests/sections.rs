@@ -3,8 +3,8 @@
 
 use gyroceptron::Error;
 use gyroceptron::flow::{
-    FormDefect, LineMap, LineRequest, LineSection, Pairs, PolynomialMap, TabulatedLines,
-    Trajectories, Window, sample,
+    FormDefect, LineMap, LineRequest, LineSection, Pairs, PolynomialMap, SymplecticPolynomial,
+    TabulatedLines, Trajectories, Window, sample,
 };
 use gyroceptron::io::parse_coils;
 use gyroceptron::measure::adiabatic::log_slope;
@@ -574,6 +574,165 @@ fn polynomial_maps_reproduce_polynomials() {
     assert!(PolynomialMap::fit(&pairs, 30).is_err());
     let flat = Pairs::new("flat", 1, vec![0.0, 1.0, 0.0, 2.0], vec![0.0; 4]).expect("pairs");
     assert!(PolynomialMap::fit(&flat, 0).is_err());
+}
+
+/// Points in a box of this half extent, and their images.
+fn pairs_of(dof: usize, count: usize, half: f64, map: impl Fn(&mut [f64])) -> Pairs {
+    let mut stream = Stream::new(6, "points");
+    let input: Vec<f64> = (0..count * 2 * dof).map(|_| stream.uniform(-half, half)).collect();
+    let mut output = input.clone();
+    output.chunks_mut(2 * dof).for_each(map);
+    Pairs::new("pairs", dof, input, output).expect("pairs")
+}
+
+/// Each plane is turned by its own angle after a kick by the gradient of a function of all q: symplectic, with a
+/// generating function that is no polynomial.
+fn kick_and_turn(z: &mut [f64]) {
+    let dof = z.len() / 2;
+    let sum: f64 = z[..dof].iter().sum();
+    for k in 0..dof {
+        z[dof + k] -= 0.3 * sum.sin() + 0.2 * z[k].powi(2);
+        let (s, c) = (0.7 + 0.4 * k as f64).sin_cos();
+        (z[k], z[dof + k]) = (c * z[k] + s * z[dof + k], c * z[dof + k] - s * z[k]);
+    }
+}
+
+/// The largest entry of |JᵀΩJ − Ω|.
+fn form_defect(jacobian: &[f64], dof: usize) -> f64 {
+    let dim = 2 * dof;
+    let mut largest: f64 = 0.0;
+    for (i, k) in (0..dim * dim).map(|index| (index / dim, index % dim)) {
+        let entry = |row: usize, column: usize| jacobian[row * dim + column];
+        let form: f64 = (0..dof)
+            .map(|j| entry(j, i) * entry(dof + j, k) - entry(dof + j, i) * entry(j, k))
+            .sum();
+        let expected = f64::from(k == i + dof) - f64::from(i == k + dof);
+        let off = (form - expected).abs();
+        largest = if off <= largest { largest } else { off };
+    }
+    largest
+}
+
+/// A polynomial generating function is found to rounding; others are approached, by maps that are symplectic at every
+/// degree, and keep what such maps keep over long times.
+#[test]
+fn symplectic_polynomials_are_symplectic_at_every_degree() {
+    // Hénon's map is a linear one after a kick by a cubic function of q.
+    let henon = |z: &mut [f64]| (z[0], z[1]) = (0.3 * z[0] + z[1] - z[0] * z[0], -z[0]);
+    let pairs = pairs_of(1, 300, 0.6, henon);
+    let fitted = SymplecticPolynomial::fit(&pairs, 3).expect("a map");
+    assert_eq!((fitted.parameters(), fitted.degree()), (9, 3));
+    assert!(fitted.error_on(&pairs) < 1e-14, "{}", fitted.error_on(&pairs));
+    let coarse = SymplecticPolynomial::fit(&pairs, 2).expect("a map");
+    assert!(coarse.error_on(&pairs) > 1e-2, "{}", coarse.error_on(&pairs));
+    for (dof, degrees, errors) in
+        [(1, [4, 8, 16], [1e-5, 1e-11, 1e-15]), (2, [3, 5, 8], [1e-2, 1e-4, 1e-8])]
+    {
+        let pairs = pairs_of(dof, 1500, 0.5, kick_and_turn);
+        for (degree, most) in degrees.into_iter().zip(errors) {
+            let fitted = SymplecticPolynomial::fit(&pairs, degree).expect("a map");
+            let error = fitted.error_on(&pairs);
+            assert!(error < most, "{dof} {degree} {error:e}");
+            for z in pairs.input().chunks(2 * dof).take(50) {
+                let defect = form_defect(&fitted.jacobian(z), dof);
+                assert!(defect < 1e-13, "{dof} {degree} {defect:e}");
+            }
+        }
+    }
+    // Three degrees of freedom, exactly: the matrix of Newton's method is of three rows.
+    let cubic = |z: &mut [f64]| {
+        let (a, b, c) = (z[0], z[1], z[2]);
+        (z[3], z[4], z[5]) = (z[3] - 0.2 * b * c, z[4] - 0.2 * a * c, z[5] - 0.2 * a * b);
+        let (a, b, c) = (z[3], z[4], z[5]);
+        (z[0], z[1], z[2]) = (z[0] + 0.2 * a * c, z[1] + 0.1 * b * b, z[2] + 0.1 * a * a);
+    };
+    let pairs = pairs_of(3, 2000, 0.4, cubic);
+    let (low, high) = (3, 5);
+    let [low, high] =
+        [low, high].map(|degree| SymplecticPolynomial::fit(&pairs, degree).expect("a map"));
+    let [low, high_error] = [&low, &high].map(|map| map.error_on(&pairs));
+    assert!(high_error < 1e-12 && low > 1e-7, "{low:e} {high_error:e}");
+    let least = pairs.input().chunks(6).take(20).map(|z| form_defect(&high.jacobian(z), 3));
+    least.for_each(|defect| assert!(defect < 1e-13, "{defect:e}"));
+}
+
+/// Orbits in lanes are those of one step after another, however many go beside.
+#[test]
+fn symplectic_polynomials_have_the_same_bits_on_any_lanes() {
+    for (dof, degree) in [(1, 7), (2, 5), (3, 3)] {
+        let dim = 2 * dof;
+        let pairs = pairs_of(dof, 600, 0.4, kick_and_turn);
+        let fitted = SymplecticPolynomial::fit(&pairs, degree).expect("a map");
+        for points in [1, 8, 13, 75] {
+            let start = &pairs.input()[..points * dim];
+            let states = fitted.rollout(start, Rollout { steps: 6, every: 2 }).expect("orbits");
+            for (m, z) in start.chunks(dim).enumerate() {
+                let mut z = z.to_vec();
+                for t in 0..4 {
+                    assert_eq!(states[t * start.len() + dim * m..][..dim], z[..], "{m} {t}");
+                    (0..2).for_each(|_| fitted.step(&mut z));
+                }
+            }
+        }
+    }
+}
+
+/// Over a long time a polynomial map drifts away from the curve of an orbit, a symplectic one does not.
+#[test]
+fn symplectic_polynomials_stay_on_curves() {
+    let pairs = pairs_of(1, 800, 0.5, kick_and_turn);
+    let start = [0.3, 0.1];
+    let request = Rollout { steps: 40_000, every: 1 };
+    // The area inside the curve through the last points, whose angle grows.
+    let size = |states: &[f64]| {
+        let mean = |part: &[f64]| part.chunks(2).map(|z| z[0] * z[0] + z[1] * z[1]).sum::<f64>();
+        let rows = states.len() / 4 * 2;
+        mean(&states[states.len() - rows..]) / mean(&states[..rows]) - 1.0
+    };
+    let plain = PolynomialMap::fit(&pairs, 3).expect("a map");
+    let drift = size(&plain.rollout(&start, request).expect("an orbit")).abs();
+    let kept = SymplecticPolynomial::fit(&pairs, 4).expect("a map");
+    let own = size(&kept.rollout(&start, request).expect("an orbit")).abs();
+    assert!(own < 1e-4 && !(drift < 1e-2), "{drift:e} {own:e}");
+    // Both err alike in one map.
+    let [one, other] = [plain.error_on(&pairs), kept.error_on(&pairs)];
+    assert!(one < 4e-6 && other < 4e-6, "{one:e} {other:e}");
+}
+
+/// Pairs that no such map has are fitted badly or refused, never to a map that says otherwise.
+#[test]
+fn symplectic_polynomials_refuse_what_keeps_no_area() {
+    let shrunk = |z: &mut [f64]| {
+        kick_and_turn(z);
+        z.iter_mut().for_each(|v| *v *= 0.99);
+    };
+    let pairs = pairs_of(1, 400, 0.5, shrunk);
+    let fitted = SymplecticPolynomial::fit(&pairs, 12).expect("a map");
+    assert!(fitted.error_on(&pairs) > 1e-3, "{}", fitted.error_on(&pairs));
+    assert!(PolynomialMap::fit(&pairs, 11).expect("a map").error_on(&pairs) < 1e-4);
+    let mirrored = pairs_of(1, 400, 0.5, |z: &mut [f64]| z[1] = -z[1]);
+    let message = SymplecticPolynomial::fit(&mirrored, 4).expect_err("no such map").to_string();
+    assert!(message.contains("symplectic"), "{message}");
+    let pairs = pairs_of(1, 40, 0.5, kick_and_turn);
+    for degree in [0, 1, 9] {
+        let message = SymplecticPolynomial::fit(&pairs, degree).expect_err("refused").to_string();
+        assert!(message.contains("degree of a generating function"), "{message}");
+    }
+    // Points of the pairs share (q, P): there is no function of it.
+    let folded = |z: &mut [f64]| {
+        let turn =
+            |z: &mut [f64]| (z[0], z[1]) = (0.6 * z[0] + 0.8 * z[1], 0.6 * z[1] - 0.8 * z[0]);
+        turn(z);
+        z[1] += 2.0 * (4.0 * z[0]).sin();
+        turn(z);
+    };
+    let pairs = pairs_of(1, 400, 1.0, folded);
+    for degree in [5, 12] {
+        match SymplecticPolynomial::fit(&pairs, degree) {
+            Ok(fitted) => assert!(!(fitted.error_on(&pairs) < 0.05), "{degree}"),
+            Err(error) => assert!(error.to_string().contains("no convergence"), "{error}"),
+        }
+    }
 }
 
 fn request() -> LineRequest {

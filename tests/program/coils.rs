@@ -36,6 +36,7 @@ profile = 8
 orbits = 20
 rounds = 1
 polynomials = [6]
+symplectic_polynomials = [8]
 planes = [{{ fewer = 2, degree = 6 }}]
 tracing = [2, 1]
 [[models]]
@@ -80,8 +81,13 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     let path = folder.path();
     std::fs::write(path.join("lines.toml"), scene(r#"{ kind = "torsatron" }"#)).expect("written");
     let said = text(&succeeds(path, &["run", "lines.toml", "--out", "a"]).stdout);
-    for words in ["polynomial of degree 6", "planes of degree 6", "coils, 8 steps", "magnetic axis"]
-    {
+    for words in [
+        "symplectic polynomial of degree 8",
+        "polynomial of degree 6",
+        "planes of degree 6",
+        "coils, 8 steps",
+        "magnetic axis",
+    ] {
         assert!(said.contains(words), "{words}: {said}");
     }
     let report = std::fs::read_to_string(path.join("a/report.json")).expect("a report");
@@ -111,6 +117,9 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     assert!(found["curves"].as_array().expect("curves").iter().all(|c| c.is_object()), "{found}");
     assert!(own > 0.0 && later < 1.5 * own && later < 1e-6, "{own} {later}");
     assert!(drifted > 5.0 * other && drifted > 10.0 * later, "{other} {drifted} {later}");
+    // A symplectic polynomial is off by its error, and not by more as time goes on.
+    let [first, last] = off("symplectic polynomial of degree 8");
+    assert!(first > 0.0 && last < 1.5 * first && first < 1e-4, "{first} {last}");
     // What the reference is known to stands beside it.
     assert!(error("planes of degree 6, 8 steps") > error("coils, 16 steps"), "{found}");
     for figure in ["poincare.svg", "rotation.csv", "off-surface.svg"] {

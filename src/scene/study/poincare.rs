@@ -2,7 +2,7 @@
 
 use super::rollout::orbit_color;
 use super::section_maps::{
-    Chain, Judge, Judged, NamedMap, OrbitFound, Resonance, SURE, SectionMap,
+    Chain, Judge, Judged, NamedMap, OrbitFound, Resonance, SURE, SectionMap, generating,
 };
 use super::shared::{Study, finite};
 use super::work_precision::MOST_ROUNDS;
@@ -66,6 +66,9 @@ pub struct PoincareOptions {
     /// Degrees of polynomials of least squares, as rivals.
     #[serde(default)]
     pub polynomials: Vec<usize>,
+    /// Degrees of polynomial generating functions of least squares, as symplectic rivals.
+    #[serde(default)]
+    pub symplectic_polynomials: Vec<usize>,
     /// Tabulated planes, as rivals.
     #[serde(default)]
     pub planes: Vec<Planes>,
@@ -133,6 +136,9 @@ impl Study for PoincareOptions {
         for &degree in &self.polynomials {
             Error::check_count_range("polynomials", degree, 1, MOST_DEGREE)?;
         }
+        for &degree in &self.symplectic_polynomials {
+            Error::check_count_range("symplectic_polynomials", degree, 2, MOST_DEGREE)?;
+        }
         self.planes.iter().try_for_each(|planes| planes.check("planes"))?;
         self.reference_planes.iter().try_for_each(|planes| planes.check("reference_planes"))?;
         for &fewer in &self.tracing {
@@ -153,7 +159,8 @@ impl Study for PoincareOptions {
             let kept = lines.lines as f64 * (1.0 - data.validation);
             let pairs = kept * data.orbit as f64;
             let of_planes = self.planes.iter().chain(&self.reference_planes);
-            let degrees = of_planes.map(|planes| planes.degree).chain(self.polynomials.clone());
+            let polynomials = self.polynomials.iter().chain(&self.symplectic_polynomials);
+            let degrees = of_planes.map(|planes| planes.degree).chain(polynomials.copied());
             for degree in degrees {
                 let least = 2 * terms_of(degree);
                 if pairs < least as f64 {
@@ -205,6 +212,16 @@ impl Study for PoincareOptions {
             let map = context.stage(&name, |_| PolynomialMap::fit(&lines.training, degree))?;
             let (parameters, setting) = (Some(map.parameters()), Some(degree));
             rivals.push(NamedMap { name, setting, parameters, map: SectionMap::Polynomial(map) });
+        }
+        for &degree in &self.symplectic_polynomials {
+            let name = format!("symplectic polynomial of degree {degree}");
+            let map =
+                context.stage(&name, |_| generating(&lines.training, &lines.chart, degree))?;
+            let parameters = match &map {
+                SectionMap::Generating(map, _) => Some(map.parameters()),
+                _ => None,
+            };
+            rivals.push(NamedMap { name, setting: Some(degree), parameters, map });
         }
         for planes in &self.planes {
             let steps = steps_of(&lines, planes.fewer);

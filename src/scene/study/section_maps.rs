@@ -1,7 +1,9 @@
 //! Maps of a section of field lines, in metres: networks and their rivals, and what is asked of each.
 
 use crate::error::Error;
-use crate::flow::{LineMap, PolynomialMap, TabulatedLines, Trajectories};
+use crate::flow::{
+    LineMap, Pairs, PolynomialMap, SymplecticPolynomial, TabulatedLines, Trajectories,
+};
 use crate::io::StoredModel;
 use crate::measure::{
     orbits::{InvariantCircle, PeriodicOrbit, RotationNumber, periodic_orbits, rotation_numbers},
@@ -9,6 +11,7 @@ use crate::measure::{
     trajectories::{LockedInterval, locked_interval, winding_numbers},
 };
 use crate::network::Rollout;
+use crate::phase::Section;
 use crate::scalar::max_or_nan;
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -19,10 +22,26 @@ pub(super) enum SectionMap<'a> {
     Network(Box<StoredModel>),
     /// Polynomials of least squares.
     Polynomial(PolynomialMap),
+    /// A polynomial generating function of least squares in the chart of the section.
+    Generating(Box<SymplecticPolynomial>, &'a Section),
     /// Lines through tabulated planes.
     Tabulated(TabulatedLines),
     /// Lines in the field of the coils.
     Coils(LineMap<'a>),
+}
+
+/// A symplectic polynomial in the chart of a section, whose generating function has this degree.
+pub(super) fn generating<'a>(
+    pairs: &Pairs,
+    chart: &'a Section,
+    degree: usize,
+) -> Result<SectionMap<'a>, Error> {
+    let [mut input, mut output] = [pairs.input().to_vec(), pairs.output().to_vec()];
+    chart.to_canonical(&mut input);
+    chart.to_canonical(&mut output);
+    let canonical = Pairs::new("pairs in the chart of their section", 1, input, output)?;
+    let map = SymplecticPolynomial::fit(&canonical, degree)?;
+    Ok(SectionMap::Generating(Box::new(map), chart))
 }
 
 impl SectionMap<'_> {
@@ -37,6 +56,14 @@ impl SectionMap<'_> {
                 })),
             },
             Self::Polynomial(map) => map.rollout(initial, request),
+            Self::Generating(map, chart) => {
+                let mut canonical = initial.to_vec();
+                chart.to_canonical(&mut canonical);
+                let mut states = map.rollout(&canonical, request)?;
+                chart.to_data(&mut states);
+                states[..initial.len()].copy_from_slice(initial);
+                Ok(states)
+            }
             Self::Tabulated(lines) => lines.rollout(initial, request),
             Self::Coils(map) => {
                 let moved = map.trajectories(initial, request.steps)?;
@@ -61,6 +88,15 @@ impl SectionMap<'_> {
                 map.step(&mut image);
                 Ok((image, map.jacobian(z)))
             }
+            Self::Generating(map, chart) => {
+                let mut image = z.to_vec();
+                chart.to_canonical(&mut image);
+                let mut jacobian = map.jacobian(&image);
+                map.step(&mut image);
+                chart.to_data(&mut image);
+                chart.jacobian_of_data(&mut jacobian, z, &image);
+                Ok((image, jacobian))
+            }
             Self::Tabulated(lines) => Ok(of_lines(lines.with_jacobian([z[0], z[1]]))),
             Self::Coils(map) => Ok(of_lines(map.with_jacobian([z[0], z[1]]))),
         }
@@ -79,7 +115,7 @@ impl SectionMap<'_> {
         let most = match self {
             Self::Coils(_) => 1,
             Self::Tabulated(_) => 50,
-            Self::Network(_) | Self::Polynomial(_) => maps,
+            Self::Network(_) | Self::Polynomial(_) | Self::Generating(..) => maps,
         };
         let (mut states, mut done) = (initial.to_vec(), 0);
         while done < maps {
@@ -125,7 +161,7 @@ pub(super) struct NamedMap<'a> {
 impl NamedMap<'_> {
     /// Whether a million maps are a moment's work.
     pub(super) fn is_fast(&self) -> bool {
-        matches!(self.map, SectionMap::Network(_) | SectionMap::Polynomial(_))
+        !matches!(self.map, SectionMap::Tabulated(_) | SectionMap::Coils(_))
     }
 }
 

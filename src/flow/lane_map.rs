@@ -1,0 +1,147 @@
+//! Orbits of maps that are fitted to pairs without training, with several points in each step.
+
+use super::Pairs;
+use super::request::TOGETHER;
+use crate::error::Error;
+use crate::network::{Rollout, load_groups, store_groups};
+use crate::scalar::{Dual, Kernel, Pack, Scalar, on_independent_lanes};
+use rayon::prelude::*;
+
+/// A map that moves several points at once.
+pub(super) trait LaneMap: Sync {
+    /// Whether two degrees of freedom are worth code of their own.
+    const FOUR: bool;
+
+    /// The numbers of a point.
+    fn dim(&self) -> usize;
+
+    /// How many numbers of each point it wants as space.
+    fn space(&self) -> usize;
+
+    /// z ← its image for each of G points, of D coordinates where that is known at compile time, and not 0; the same
+    /// bits for each, whatever D and G are.
+    fn move_together<S: Scalar, const D: usize, const G: usize>(
+        &self,
+        space: &mut [[S; G]],
+        z: &mut [S],
+    );
+}
+
+/// z ← its image, of 2n numbers.
+#[inline(always)]
+pub(super) fn step<S: Scalar>(map: &impl LaneMap, z: &mut [S]) {
+    assert!(z.len() == map.dim());
+    let mut space = vec![[S::zero()]; map.space()];
+    map.move_together::<S, 0, 1>(&mut space, z);
+}
+
+/// The root mean square distance of images from those of pairs.
+pub(super) fn error_on(map: &impl LaneMap, pairs: &Pairs) -> f64 {
+    let dim = map.dim();
+    let rows = pairs.input().par_chunks_exact(dim).zip(pairs.output().par_chunks_exact(dim));
+    let squares: Vec<f64> = rows
+        .map(|(z, expected)| {
+            let mut image = z.to_vec();
+            step(map, &mut image);
+            image.iter().zip(expected).map(|(a, b)| (a - b) * (a - b)).sum()
+        })
+        .collect();
+    libm::sqrt(squares.iter().sum::<f64>() / pairs.len() as f64)
+}
+
+/// The Jacobian at a point: 2n × 2n numbers, row by row.
+pub(super) fn jacobian(map: &impl LaneMap, z: &[f64]) -> Vec<f64> {
+    let dim = map.dim();
+    let mut out = vec![0.0; dim * dim];
+    for column in 0..dim {
+        let along = |(k, &v)| Dual::<f64, 1>::variable(v, usize::from(k != column));
+        let mut lifted: Vec<Dual<f64, 1>> = z.iter().enumerate().map(along).collect();
+        step(map, &mut lifted);
+        for (row, value) in lifted.iter().enumerate() {
+            out[row * dim + column] = value.eps[0];
+        }
+    }
+    out
+}
+
+/// The states of an orbit of each initial point, as a network's [`rollout`](crate::network::rollout) gives them:
+/// (steps/every + 1, M, 2n), the first being the initial points.
+pub(super) fn rollout(
+    map: &impl LaneMap,
+    initial: &[f64],
+    request: Rollout,
+) -> Result<Vec<f64>, Error> {
+    Error::check_rows("initial points", initial.len(), map.dim())?;
+    Error::check_count_range("every", request.every, 1, usize::MAX)?;
+    let states = request.steps / request.every + 1;
+    let points = initial.len() / map.dim();
+    let mut out = vec![0.0; states * initial.len()];
+    let block = points.div_ceil(rayon::current_num_threads()).max(1) * map.dim();
+    let blocks: Vec<Vec<f64>> = initial
+        .par_chunks(block)
+        .map(|initial| on_independent_lanes(Orbits { map, request, initial, states }))
+        .collect();
+    let mut first = 0;
+    for of_block in blocks {
+        let row = of_block.len() / states;
+        for t in 0..states {
+            out[t * initial.len() + first..][..row]
+                .copy_from_slice(&of_block[t * row..(t + 1) * row]);
+        }
+        first += row;
+    }
+    Ok(out)
+}
+
+/// The orbits of a block of points: (T, M, 2n).
+struct Orbits<'a, M> {
+    map: &'a M,
+    request: Rollout,
+    initial: &'a [f64],
+    states: usize,
+}
+
+impl<M: LaneMap> Kernel for Orbits<'_, M> {
+    type Output = Vec<f64>;
+
+    #[inline(always)]
+    fn run<V: Pack>(self) -> Vec<f64> {
+        let few = self.initial.len() <= V::LANES * self.map.dim();
+        match (self.map.dim(), few) {
+            (2, false) => self.together::<V, 2, TOGETHER>(),
+            (2, true) => self.together::<V, 2, 1>(),
+            (4, false) if M::FOUR => self.together::<V, 4, TOGETHER>(),
+            (4, true) if M::FOUR => self.together::<V, 4, 1>(),
+            _ => self.together::<V, 0, 1>(),
+        }
+    }
+}
+
+impl<M: LaneMap> Orbits<'_, M> {
+    /// The orbits of G groups at a time, of D coordinates where that is not 0.
+    #[inline(always)]
+    fn together<V: Pack, const D: usize, const G: usize>(self) -> Vec<f64> {
+        let Self { map, request, initial, states } = self;
+        let dim = map.dim();
+        let mut out = vec![0.0; states * initial.len()];
+        let mut space = vec![[V::zero(); G]; map.space()];
+        let mut lanes = vec![V::zero(); G * dim];
+        let mut shown = vec![0.0; G * V::LANES * dim];
+        let together = G * V::LANES * dim;
+        for (number, groups) in initial.chunks(together).enumerate() {
+            let first = number * together;
+            let size = load_groups(groups, dim, &mut lanes);
+            for t in 0..states {
+                if t > 0 {
+                    for _ in 0..request.every {
+                        map.move_together::<V, D, G>(&mut space, &mut lanes);
+                    }
+                }
+                store_groups(&lanes[..size], dim, &mut shown[..groups.len()]);
+                out[t * initial.len() + first..][..groups.len()]
+                    .copy_from_slice(&shown[..groups.len()]);
+            }
+        }
+        out
+    }
+}

@@ -1,0 +1,212 @@
+//! Products of Chebyshev polynomials of several coordinates, up to a total degree.
+
+use super::Region;
+use crate::error::Error;
+use crate::scalar::{Scalar, max_or_nan};
+
+/// Products of Chebyshev polynomials over a box, of a total degree at most.
+#[derive(Clone, Debug)]
+pub(super) struct ProductBasis {
+    pub(super) dim: usize,
+    pub(super) degree: usize,
+    centre: Vec<f64>,
+    /// One over half the extent of the box along each coordinate.
+    pub(super) factors: Vec<f64>,
+    /// Terms in the last coordinate from degree 0 on, run after run.
+    pub(super) runs: Vec<Run>,
+}
+
+/// Terms that differ in their degree in the last coordinate alone.
+#[derive(Clone, Debug)]
+pub(super) struct Run {
+    /// The degrees in all coordinates but the last.
+    pub(super) degrees: Vec<usize>,
+    /// The highest degree in the last one.
+    pub(super) left: usize,
+}
+
+/// A basis has no more terms.
+const MOST_TERMS: usize = 10_000;
+/// A basis is of no more coordinates.
+pub(super) const DIM: usize = 8;
+
+/// How many products of a total degree of at most `degree` there are in so many coordinates; None of too many.
+pub(super) fn terms(dim: usize, degree: usize) -> Option<usize> {
+    let mut count = 1usize;
+    for k in 1..=dim {
+        count = count.checked_mul(degree + k)? / k;
+    }
+    (count <= MOST_TERMS && dim <= DIM).then_some(count)
+}
+
+/// All runs that leave a degree of at least 0 for the last coordinate.
+fn runs(dim: usize, degree: usize) -> Vec<Run> {
+    let mut out = vec![Run { degrees: Vec::new(), left: degree }];
+    for _ in 1..dim {
+        let longer = |run: &Run| -> Vec<Run> {
+            let of = |k: usize| Run {
+                degrees: run.degrees.iter().copied().chain([k]).collect(),
+                left: run.left - k,
+            };
+            (0..=run.left).map(of).collect()
+        };
+        out = out.iter().flat_map(longer).collect();
+    }
+    out
+}
+
+impl ProductBasis {
+    /// Over the box around these points.
+    ///
+    /// # Errors
+    /// When there are none, or a coordinate does not vary.
+    pub(super) fn around(points: &[f64], dim: usize, degree: usize) -> Result<Self, Error> {
+        let region = Region::around(dim, [points])
+            .ok_or_else(|| Error::invalid("pairs", "none", "at least one"))?;
+        let (mut centre, mut factors) = (Vec::new(), Vec::new());
+        for (k, (low, high)) in region.low.iter().zip(&region.high).enumerate() {
+            if !(low < high) {
+                let found = format!("{low} in all pairs");
+                return Err(Error::invalid(&format!("coordinate {k}"), found, "one that varies"));
+            }
+            centre.push(0.5 * (low + high));
+            factors.push(2.0 / (high - low));
+        }
+        Ok(Self { dim, degree, centre, factors, runs: runs(dim, degree) })
+    }
+
+    /// The middle of its box.
+    pub(super) fn centre(&self) -> &[f64] {
+        &self.centre
+    }
+
+    /// Whether a point is in the box.
+    pub(super) fn is_inside(&self, z: &[f64]) -> bool {
+        let sizes = z.iter().zip(&self.centre).zip(&self.factors).map(|((v, c), f)| (v - c) * f);
+        sizes.fold(0.0, |largest: f64, size| max_or_nan(largest, size.abs())) <= 1.0
+    }
+
+    /// How many polynomials of one coordinate there are.
+    pub(super) fn count(&self) -> usize {
+        self.degree + 1
+    }
+
+    /// A coordinate of several points, from −1 to 1 in the box.
+    #[inline(always)]
+    fn scaled<S: Scalar, const G: usize>(&self, axis: usize, value: &[S; G]) -> [S; G] {
+        let mut s = [S::zero(); G];
+        for g in 0..G {
+            s[g] = (value[g] - S::from_f64(self.centre[axis])) * S::from_f64(self.factors[axis]);
+        }
+        s
+    }
+
+    /// T_k of a coordinate of G points, k up to the degree.
+    #[inline(always)]
+    pub(super) fn fill<S: Scalar, const G: usize>(
+        &self,
+        axis: usize,
+        value: &[S; G],
+        table: &mut [[S; G]],
+    ) {
+        let s = self.scaled(axis, value);
+        let mut terms = [[S::from_f64(1.0); G], s];
+        for entry in table {
+            *entry = terms[0];
+            let mut next = s;
+            for g in 0..G {
+                next[g] = (s[g] + s[g]).mul_add(terms[1][g], -terms[0][g]);
+            }
+            terms = [terms[1], next];
+        }
+    }
+
+    /// T_k and its derivative by the coordinate, in two tables one after another, k up to the degree.
+    #[inline(always)]
+    pub(super) fn fill_with_slopes<S: Scalar, const G: usize>(
+        &self,
+        axis: usize,
+        value: &[S; G],
+        tables: &mut [[S; G]],
+    ) {
+        let (table, slopes) = tables.split_at_mut(self.count());
+        self.fill(axis, value, table);
+        let s = self.scaled(axis, value);
+        let factor = S::from_f64(self.factors[axis]);
+        // T′_{k+1} = 2 T_k + 2 s T′_k − T′_{k−1}
+        let mut last = [[S::zero(); G], [factor; G]];
+        for (k, slope) in slopes.iter_mut().enumerate() {
+            *slope = last[0];
+            let mut next = last[1];
+            if k + 1 < table.len() {
+                for g in 0..G {
+                    let inner = table[k + 1][g].mul_add(factor, s[g] * last[1][g]);
+                    next[g] = inner + inner - last[0][g];
+                }
+            }
+            last = [last[1], next];
+        }
+    }
+
+    /// The value of each term; of its derivative along one coordinate where that is given.
+    pub(super) fn products(&self, z: &[f64], along: Option<usize>) -> Vec<f64> {
+        let count = self.count();
+        let mut tables = vec![[0.0]; 2 * self.dim * count];
+        for (axis, tables) in tables.chunks_exact_mut(2 * count).enumerate() {
+            self.fill_with_slopes(axis, &[z[axis]], tables);
+        }
+        let of = |axis: usize, k: usize| {
+            tables[(2 * axis + usize::from(along == Some(axis))) * count + k][0]
+        };
+        let (last, mut out) = (self.dim - 1, Vec::new());
+        for Run { degrees, left } in &self.runs {
+            let first: f64 = degrees.iter().enumerate().map(|(axis, k)| of(axis, *k)).product();
+            out.extend((0..=*left).map(|k| first * of(last, k)));
+        }
+        out
+    }
+
+    /// Sums of all terms at G points, times the coefficients of each output, which are together for a term: `dim`
+    /// coordinates, that of the basis, and `outputs` outputs. `tables` are space for a table of each coordinate.
+    #[inline(always)]
+    pub(super) fn values<S: Scalar, const G: usize>(
+        &self,
+        dim: usize,
+        outputs: usize,
+        coefficients: &[f64],
+        z: &[[S; G]; DIM],
+        tables: &mut [[S; G]],
+        out: &mut [[S; G]; DIM],
+    ) {
+        let count = self.count();
+        for axis in 0..dim {
+            self.fill(axis, &z[axis], &mut tables[axis * count..][..count]);
+        }
+        for k in 0..outputs {
+            out[k] = [S::zero(); G];
+        }
+        let mut terms = coefficients.chunks_exact(outputs);
+        for Run { degrees, left } in &self.runs {
+            let mut inner = [[S::zero(); G]; DIM];
+            for (power, term) in tables[(dim - 1) * count..][..=*left].iter().zip(&mut terms) {
+                for k in 0..outputs {
+                    let c = S::from_f64(term[k]);
+                    for g in 0..G {
+                        inner[k][g] = power[g].mul_add(c, inner[k][g]);
+                    }
+                }
+            }
+            let mut first = [S::from_f64(1.0); G];
+            for (axis, k) in degrees.iter().enumerate() {
+                for g in 0..G {
+                    first[g] *= tables[axis * count + k][g];
+                }
+            }
+            for k in 0..outputs {
+                for g in 0..G {
+                    out[k][g] = first[g].mul_add(inner[k][g], out[k][g]);
+                }
+            }
+        }
+    }
+}
