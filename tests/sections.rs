@@ -1,6 +1,7 @@
 //! Coils and their field lines, sections whose area form is not canonical, maps by polynomials, and what is asked of
 //! maps of a plane.
 
+use faer::MatRef;
 use gyroceptron::Error;
 use gyroceptron::flow::{
     FormDefect, LineMap, LineRequest, LineSection, Pairs, PolynomialMap, SymplecticPolynomial,
@@ -12,6 +13,7 @@ use gyroceptron::measure::orbits::{
     Branch, InvariantCircle, lyapunov_exponent, manifold, periodic_orbit, periodic_orbits,
     rotation_numbers, smaller_alignment_index,
 };
+use gyroceptron::measure::ratios::symplecticity_defect;
 use gyroceptron::network::Rollout;
 use gyroceptron::phase::{AreaDensity, Section};
 use gyroceptron::random::Stream;
@@ -600,17 +602,9 @@ fn kick_and_turn(z: &mut [f64]) {
 /// The largest entry of |JᵀΩJ − Ω|.
 fn form_defect(jacobian: &[f64], dof: usize) -> f64 {
     let dim = 2 * dof;
-    let mut largest: f64 = 0.0;
-    for (i, k) in (0..dim * dim).map(|index| (index / dim, index % dim)) {
-        let entry = |row: usize, column: usize| jacobian[row * dim + column];
-        let form: f64 = (0..dof)
-            .map(|j| entry(j, i) * entry(dof + j, k) - entry(dof + j, i) * entry(j, k))
-            .sum();
-        let expected = f64::from(k == i + dof) - f64::from(i == k + dof);
-        let off = (form - expected).abs();
-        largest = if off <= largest { largest } else { off };
-    }
-    largest
+    let defect = symplecticity_defect(MatRef::from_row_major_slice(jacobian, dim, dim));
+    let entries = (0..dim * dim).map(|k| defect[(k / dim, k % dim)].abs());
+    entries.fold(0.0, max_or_nan)
 }
 
 /// A polynomial generating function is found to rounding; others are approached, by maps that are symplectic at every
@@ -647,13 +641,31 @@ fn symplectic_polynomials_are_symplectic_at_every_degree() {
         (z[0], z[1], z[2]) = (z[0] + 0.2 * a * c, z[1] + 0.1 * b * b, z[2] + 0.1 * a * a);
     };
     let pairs = pairs_of(3, 2000, 0.4, cubic);
-    let (low, high) = (3, 5);
     let [low, high] =
-        [low, high].map(|degree| SymplecticPolynomial::fit(&pairs, degree).expect("a map"));
+        [3, 5].map(|degree| SymplecticPolynomial::fit(&pairs, degree).expect("a map"));
     let [low, high_error] = [&low, &high].map(|map| map.error_on(&pairs));
     assert!(high_error < 1e-12 && low > 1e-7, "{low:e} {high_error:e}");
     let least = pairs.input().chunks(6).take(20).map(|z| form_defect(&high.jacobian(z), 3));
     least.for_each(|defect| assert!(defect < 1e-13, "{defect:e}"));
+}
+
+/// The units of the pairs do not matter, however far those of q are from those of p.
+#[test]
+fn symplectic_polynomials_do_not_depend_on_units() {
+    let pairs = pairs_of(2, 1500, 0.5, kick_and_turn);
+    let scales = [1e3, 1e-2, 1e-3, 1e2];
+    let scaled = |z: &[f64]| z.iter().enumerate().map(|(k, v)| v * scales[k % 4]).collect();
+    let moved = Pairs::new("pairs", 2, scaled(pairs.input()), scaled(pairs.output()));
+    let [plain, moved] = [pairs.clone(), moved.expect("pairs")]
+        .map(|pairs| SymplecticPolynomial::fit(&pairs, 6).expect("a map"));
+    for z in pairs.input().chunks(4).take(50) {
+        let (mut image, mut other) = (z.to_vec(), scaled(z));
+        plain.step(&mut image);
+        moved.step(&mut other);
+        for (k, (a, b)) in image.iter().zip(&other).enumerate() {
+            assert!((a - b / scales[k]).abs() < 1e-11, "{image:?} {other:?}");
+        }
+    }
 }
 
 /// Orbits in lanes are those of one step after another, however many go beside.
@@ -683,7 +695,7 @@ fn symplectic_polynomials_stay_on_curves() {
     let pairs = pairs_of(1, 800, 0.5, kick_and_turn);
     let start = [0.3, 0.1];
     let request = Rollout { steps: 40_000, every: 1 };
-    // The area inside the curve through the last points, whose angle grows.
+    // By how much the mean square distance from 0 differs between both halves.
     let size = |states: &[f64]| {
         let mean = |part: &[f64]| part.chunks(2).map(|z| z[0] * z[0] + z[1] * z[1]).sum::<f64>();
         let rows = states.len() / 4 * 2;

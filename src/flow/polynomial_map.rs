@@ -2,12 +2,10 @@
 
 use super::Pairs;
 use super::lane_map::{self, LaneMap};
-use super::product_basis::{DIM, ProductBasis, terms};
+use super::product_basis::{DIM, ProductBasis, least_squares, terms};
 use crate::error::Error;
 use crate::network::{Controls, Rollout};
 use crate::scalar::{Scalar, max_or_nan, median_or_nan};
-use faer::Mat;
-use faer::linalg::solvers::SolveLstsq;
 use rayon::prelude::*;
 
 /// A polynomial map of a total degree, fitted to pairs by least squares in products of Chebyshev polynomials over the
@@ -77,15 +75,12 @@ impl PolynomialMap {
             pairs.input().par_chunks_exact(dim).map(|z| basis.products(z, None)).collect();
         let alone = count / of_controls;
         let factor = |i: usize, m: usize| of_row.get(i).map_or(1.0, |products| products[m]);
-        let matrix =
-            Mat::from_fn(pairs.len(), count, |i, k| factor(i, k / alone) * rows[i][k % alone]);
-        let right = Mat::from_fn(pairs.len(), dim, |i, k| pairs.output()[i * dim + k]);
-        let solution = matrix.qr().solve_lstsq(&right);
-        let coefficients: Vec<f64> =
-            (0..count * dim).map(|index| solution[(index / dim, index % dim)]).collect();
-        if let Some(bad) = coefficients.iter().find(|c| !c.is_finite()) {
-            return Err(Error::invalid("coefficient of a polynomial map", bad, "a finite number"));
-        }
+        let coefficients = least_squares(
+            "a polynomial map",
+            [pairs.len(), count, dim],
+            |i, k| factor(i, k / alone) * rows[i][k % alone],
+            |i, k| pairs.output()[i * dim + k],
+        )?;
         let of = |own: &[f64]| Self { basis: basis.clone(), coefficients: own.to_vec() };
         Ok(coefficients.chunks_exact(alone * dim).map(of).collect())
     }

@@ -3,6 +3,8 @@
 use super::Region;
 use crate::error::Error;
 use crate::scalar::{Scalar, max_or_nan};
+use faer::Mat;
+use faer::linalg::solvers::SolveLstsq;
 
 /// Products of Chebyshev polynomials over a box, of a total degree at most.
 #[derive(Clone, Debug)]
@@ -209,4 +211,26 @@ impl ProductBasis {
             }
         }
     }
+}
+
+/// The coefficients that fit `outputs` values in each of so many equations best in the sense of least squares, those of
+/// all outputs of a term together.
+///
+/// # Errors
+/// When one of them is not finite; `what` names them.
+pub(super) fn least_squares(
+    what: &str,
+    [equations, terms, outputs]: [usize; 3],
+    term: impl Fn(usize, usize) -> f64,
+    value: impl Fn(usize, usize) -> f64,
+) -> Result<Vec<f64>, Error> {
+    let matrix = Mat::from_fn(equations, terms, term);
+    let right = Mat::from_fn(equations, outputs, value);
+    let solution = matrix.qr().solve_lstsq(&right);
+    let coefficients: Vec<f64> =
+        (0..terms * outputs).map(|k| solution[(k / outputs, k % outputs)]).collect();
+    if let Some(bad) = coefficients.iter().find(|c| !c.is_finite()) {
+        return Err(Error::invalid(&format!("coefficient of {what}"), bad, "a finite number"));
+    }
+    Ok(coefficients)
 }

@@ -2,13 +2,14 @@
 
 use super::lane_map::{self, LaneMap};
 use super::polynomial_map::MOST_NUMBERS;
-use super::product_basis::{DIM, ProductBasis, Run, terms};
+use super::product_basis::{DIM, ProductBasis, Run, least_squares, terms};
 use super::{Pairs, PolynomialMap};
 use crate::error::Error;
 use crate::network::Rollout;
+use crate::phase::inverse_of_symplectic;
 use crate::scalar::{Scalar, max_or_nan};
 use faer::Mat;
-use faer::linalg::solvers::SolveLstsq;
+use faer::linalg::solvers::DenseSolveCore;
 use rayon::prelude::*;
 
 /// A symplectic map whose generating function is a polynomial, fitted to pairs by linear least squares.
@@ -53,8 +54,10 @@ struct Start {
 const DOF: usize = DIM / 2;
 /// A solution takes no more iterations.
 const MOST_ITERATIONS: usize = 12;
-/// A change by this share of the extent of the pairs is the last but for rounding, as errors are squared.
+/// Of Newton's method, a change by this share is the last but for rounding, as errors are squared.
 const LAST_CHANGE: f64 = 3e-9;
+/// In errors.
+const NAME: &str = "a generating function";
 /// A fit has so many numbers for each coefficient, at least.
 const NUMBERS_A_TERM: usize = 2;
 
@@ -79,11 +82,19 @@ impl SymplecticPolynomial {
             return Err(Error::invalid("degree of a generating function", found, expected));
         }
         let affine = PolynomialMap::fit(pairs, 1)?;
-        let from = ProductBasis::around(pairs.input(), dim, 1)?.centre().to_vec();
+        let around = ProductBasis::around(pairs.input(), dim, 1)?;
+        let from = around.centre().to_vec();
         let mut to = from.clone();
         affine.step(&mut to);
-        let linear = nearest_symplectic(&affine.jacobian(&from), dof)?;
-        let back = inverse(&linear, dof);
+        // In units in which q and p of each plane are of one size, which are symplectic ones.
+        let unit = |k: usize| libm::sqrt(around.factors[(k + dof) % dim] / around.factors[k]);
+        let in_units = |matrix: &[f64], sign: f64| -> Vec<f64> {
+            let factor = |k: usize| libm::pow(unit(k % dim) / unit(k / dim), sign);
+            matrix.iter().enumerate().map(|(k, entry)| entry * factor(k)).collect()
+        };
+        let linear = in_units(&affine.jacobian(&from), 1.0);
+        let linear = in_units(&symplectic_factor(&linear, dof)?, -1.0);
+        let back = inverse_of_symplectic(&linear, dof);
         let before: Vec<f64> = pairs
             .input()
             .chunks_exact(dim)
@@ -125,8 +136,8 @@ impl SymplecticPolynomial {
             change = found.1;
             let Some(iterations) = found.0 else { continue };
             fitted.iterations = iterations;
-            // Products of a number of the table and a coefficient.
-            let cost = dof * of_start + (iterations * 2 * dof + dof) * count;
+            // In products of a coefficient: a term and its slope in each iteration, and a slope after them.
+            let cost = dof * of_start + (2 * iterations + 1) * count;
             if best.as_ref().is_none_or(|(least, _)| cost < *least) {
                 best = Some((cost, fitted));
             }
@@ -447,21 +458,13 @@ impl Start {
         let rows: Vec<Vec<f64>> =
             before.par_chunks_exact(dim).map(|u| basis.products(u, None)).collect();
         let dof = dim / 2;
-        let matrix = Mat::from_fn(rows.len(), rows[0].len(), |i, k| rows[i][k]);
-        let right = Mat::from_fn(rows.len(), dof, |i, k| momenta[i * dof + k]);
-        let solution = matrix.qr().solve_lstsq(&right);
-        let coefficients =
-            (0..rows[0].len() * dof).map(|k| solution[(k / dof, k % dof)]).collect::<Vec<f64>>();
-        check_finite(&coefficients)?;
+        let coefficients = least_squares(
+            NAME,
+            [rows.len(), rows[0].len(), dof],
+            |i, k| rows[i][k],
+            |i, k| momenta[i * dof + k],
+        )?;
         Ok(Self { basis, coefficients })
-    }
-}
-
-fn check_finite(coefficients: &[f64]) -> Result<(), Error> {
-    let expected = "a finite number";
-    match coefficients.iter().find(|c| !c.is_finite()) {
-        Some(bad) => Err(Error::invalid("coefficient of a generating function", bad, expected)),
-        None => Ok(()),
     }
 }
 
@@ -488,18 +491,17 @@ fn generator(
         .collect();
     let count = rows[0].len();
     // The constant has no slope.
-    let matrix =
-        Mat::from_fn(number, count - 1, |index, k| rows[index][k + 1] * scale(row(index).1));
-    let right = Mat::from_fn(number, 1, |index, _| {
-        let (point, axis) = row(index);
-        let [u, v] = [before, after].map(|z| z[point * dim + pair(axis)]);
-        (if axis < dof { u - v } else { v - u }) * scale(axis)
-    });
-    let solution = matrix.qr().solve_lstsq(&right);
-    let own = (0..count - 1).map(|k| solution[(k, 0)]);
-    let coefficients: Vec<f64> = std::iter::once(0.0).chain(own).collect();
-    check_finite(&coefficients)?;
-    Ok(coefficients)
+    let coefficients = least_squares(
+        NAME,
+        [number, count - 1, 1],
+        |index, k| rows[index][k + 1] * scale(row(index).1),
+        |index, _| {
+            let (point, axis) = row(index);
+            let [u, v] = [before, after].map(|z| z[point * dim + pair(axis)]);
+            (if axis < dof { u - v } else { v - u }) * scale(axis)
+        },
+    )?;
+    Ok([0.0].into_iter().chain(coefficients).collect())
 }
 
 /// The matrix times a vector.
@@ -508,40 +510,26 @@ fn apply(matrix: &[f64], vector: &[f64]) -> Vec<f64> {
     rows.map(|row| row.iter().zip(vector).map(|(a, b)| a * b).sum()).collect()
 }
 
-/// M⁻¹ = −ΩMᵀΩ of a symplectic matrix.
-fn inverse(matrix: &[f64], dof: usize) -> Vec<f64> {
-    let dim = 2 * dof;
-    let entry = |row: usize, column: usize| {
-        let sign = if (row < dof) == (column < dof) { 1.0 } else { -1.0 };
-        sign * matrix[(column + dof) % dim * dim + (row + dof) % dim]
-    };
-    (0..dim * dim).map(|k| entry(k / dim, k % dim)).collect()
-}
-
 /// The symplectic factor S of a matrix A = S·B, by A ← ½(A + ΩA⁻ᵀΩᵀ), which converges as Newton's method does.
 ///
 /// Source: Higham, Mackey, Mackey and Tisseur, <https://doi.org/10.1137/S0895479803426644>, of such factors.
-fn nearest_symplectic(matrix: &[f64], dof: usize) -> Result<Vec<f64>, Error> {
+fn symplectic_factor(matrix: &[f64], dof: usize) -> Result<Vec<f64>, Error> {
     const ITERATIONS: usize = 50;
     let dim = 2 * dof;
     let mut here = matrix.to_vec();
     for _ in 0..ITERATIONS {
-        let of_here = Mat::from_fn(dim, dim, |i, k| here[i * dim + k]);
-        let identity = Mat::<f64>::identity(dim, dim);
-        let solved = faer::linalg::solvers::Solve::solve(&of_here.partial_piv_lu(), &identity);
-        let inverted: Vec<f64> = (0..dim * dim).map(|k| solved[(k / dim, k % dim)]).collect();
+        let inverted = Mat::from_fn(dim, dim, |i, k| here[i * dim + k]).partial_piv_lu().inverse();
+        let inverted: Vec<f64> = (0..dim * dim).map(|k| inverted[(k / dim, k % dim)]).collect();
         // Of a symplectic matrix the inverse of its inverse by the form is itself.
-        let other = inverse(&inverted, dof);
-        let mut change: f64 = 0.0;
+        let other = inverse_of_symplectic(&inverted, dof);
+        let (mut change, mut size) = (0.0, 0.0);
         for (own, other) in here.iter_mut().zip(other) {
             let next = 0.5 * (*own + other);
             change = max_or_nan(change, (next - *own).abs());
+            size = max_or_nan(size, next.abs());
             *own = next;
         }
-        if !change.is_finite() {
-            break;
-        }
-        if change <= 1e-15 {
+        if change <= LAST_CHANGE * size {
             return Ok(here);
         }
     }

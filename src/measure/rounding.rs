@@ -2,6 +2,7 @@
 
 use super::coordinate::coordinate;
 use super::{coordinate::Coordinate, defect::symplecticity_defect, measured_step::MeasuredStep};
+use crate::phase::inverse_of_symplectic;
 use crate::random::Stream;
 use crate::scalar::{Dual, Scalar, max_or_nan};
 use faer::linalg::solvers::DenseSolveCore;
@@ -51,22 +52,6 @@ fn inverse(jacobian: &[f64], dof: usize, may_be_symplectic: bool) -> Vec<f64> {
         true => (0..dim * dim).map(|k| inverse[(k / dim, k % dim)]).collect(),
         false => vec![f64::INFINITY; dim * dim],
     }
-}
-
-/// J⁻¹ = −ΩJᵀΩ for a symplectic J, row by row: no linear system is solved.
-fn inverse_of_symplectic(jacobian: &[f64], dof: usize) -> Vec<f64> {
-    let dim = 2 * dof;
-    let mut out = vec![0.0; dim * dim];
-    // (Ωv)_i = v_{n+i}, (Ωv)_{n+i} = −v_i.
-    let partner = |i: usize| if i < dof { (i + dof, 1.0) } else { (i - dof, -1.0) };
-    for i in 0..dim {
-        for k in 0..dim {
-            let (pi, si) = partner(i);
-            let (pk, sk) = partner(k);
-            out[i * dim + k] = si * sk * jacobian[pk * dim + pi];
-        }
-    }
-    out
 }
 
 /// `a`·`b`, `dim` × `dim` row by row.

@@ -139,3 +139,19 @@ impl<S, M: Map<S> + ?Sized> Map<S> for &M {
         (**self).has_inverse()
     }
 }
+
+/// J⁻¹ = −ΩJᵀΩ for a symplectic J, row by row: no linear system is solved.
+pub(crate) fn inverse_of_symplectic(jacobian: &[f64], dof: usize) -> Vec<f64> {
+    let dim = 2 * dof;
+    let mut out = vec![0.0; dim * dim];
+    // (Ωv)_i = v_{n+i}, (Ωv)_{n+i} = −v_i.
+    let partner = |i: usize| if i < dof { (i + dof, 1.0) } else { (i - dof, -1.0) };
+    for i in 0..dim {
+        for k in 0..dim {
+            let (pi, si) = partner(i);
+            let (pk, sk) = partner(k);
+            out[i * dim + k] = si * sk * jacobian[pk * dim + pi];
+        }
+    }
+    out
+}

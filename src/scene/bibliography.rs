@@ -275,6 +275,18 @@ pub(super) const MAP_METHODS: &str = "@book{Berz1999,
 }
 ";
 
+/// Maps that are made symplectic by generating functions.
+pub(super) const SYMPLECTIC_MAPS: &str = "@article{ErdelyiBerz2001,
+  author = {Erd{\\'e}lyi, B{\\'e}la and Berz, Martin},
+  title = {Optimal Symplectic Approximation of {H}amiltonian Flows},
+  journal = {Physical Review Letters},
+  volume = {87},
+  pages = {114302},
+  year = {2001},
+  doi = {10.1103/PhysRevLett.87.114302}
+}
+";
+
 /// Rotation numbers by weighted averages.
 pub(super) const BIRKHOFF_AVERAGES: &str = "@article{DasSaikiSanderYorke2017,
   author = {Das, Suddhasattwa and Saiki, Yoshitaka and Sander, Evelyn and Yorke, James A.},

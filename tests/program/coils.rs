@@ -301,6 +301,8 @@ fn bad_machines_are_refused_before_anything_is_written() {
     refused(&sound.replace("counts = [200, 2000]", "counts = [200, 20]"), &[], &["counts"]);
     refused(&sound.replace("orbit = 48", "orbit = 10"), &["--quick"], &["degree"]);
     refused(&sound.replace("[6]", "[40]"), &[], &["degree", "pairs to train with"]);
+    refused(&sound.replace("[8]", "[1]"), &[], &["symplectic_polynomials"]);
+    refused(&sound.replace("[8]", "[40]"), &[], &["degree", "pairs to train with"]);
     refused(&sound, &["--axis", "3.9"], &["--axis", "two numbers"]);
     refused(
         &sound,

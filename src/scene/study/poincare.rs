@@ -2,12 +2,12 @@
 
 use super::rollout::orbit_color;
 use super::section_maps::{
-    Chain, Judge, Judged, NamedMap, OrbitFound, Resonance, SURE, SectionMap, generating,
+    Chain, Judge, Judged, NamedMap, OrbitFound, Resonance, SURE, SectionMap,
 };
 use super::shared::{Study, finite};
 use super::work_precision::MOST_ROUNDS;
 use crate::error::Error;
-use crate::flow::{PolynomialMap, TabulatedLines, Trajectories};
+use crate::flow::{PolynomialMap, SymplecticPolynomial, TabulatedLines, Trajectories};
 use crate::io::{Provenance, StoredModel};
 use crate::measure::{
     orbits::{InvariantCircle, rotation_numbers},
@@ -15,7 +15,9 @@ use crate::measure::{
 };
 use crate::network::Rollout;
 use crate::scalar::max_or_nan;
-use crate::scene::bibliography::{BIRKHOFF_AVERAGES, DORMAND_PRINCE, MAP_METHODS, RESIDUES};
+use crate::scene::bibliography::{
+    BIRKHOFF_AVERAGES, DORMAND_PRINCE, MAP_METHODS, RESIDUES, SYMPLECTIC_MAPS,
+};
 use crate::scene::context::{Context, LINES, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, SameAxes, Series, Style};
@@ -183,7 +185,9 @@ impl Study for PoincareOptions {
     }
 
     fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
-        vec![DORMAND_PRINCE, MAP_METHODS, BIRKHOFF_AVERAGES, RESIDUES]
+        let mut cited = vec![DORMAND_PRINCE, MAP_METHODS, BIRKHOFF_AVERAGES, RESIDUES];
+        cited.extend((!self.symplectic_polynomials.is_empty()).then_some(SYMPLECTIC_MAPS));
+        cited
     }
 
     /// Less of all.
@@ -215,13 +219,16 @@ impl Study for PoincareOptions {
         }
         for &degree in &self.symplectic_polynomials {
             let name = format!("symplectic polynomial of degree {degree}");
-            let map =
-                context.stage(&name, |_| generating(&lines.training, &lines.chart, degree))?;
-            let parameters = match &map {
-                SectionMap::Generating(map, _) => Some(map.parameters()),
-                _ => None,
-            };
-            rivals.push(NamedMap { name, setting: Some(degree), parameters, map });
+            let map = context.stage(&name, |_| {
+                let canonical = lines.training.transformed("field lines", |_, points| {
+                    lines.chart.to_canonical(points);
+                    Ok(())
+                })?;
+                SymplecticPolynomial::fit(&canonical, degree)
+            })?;
+            let (parameters, setting) = (Some(map.parameters()), Some(degree));
+            let map = SectionMap::Generating(Box::new(map), &lines.chart);
+            rivals.push(NamedMap { name, setting, parameters, map });
         }
         for planes in &self.planes {
             let steps = steps_of(&lines, planes.fewer);

@@ -1,9 +1,7 @@
 //! Maps of a section of field lines, in metres: networks and their rivals, and what is asked of each.
 
 use crate::error::Error;
-use crate::flow::{
-    LineMap, Pairs, PolynomialMap, SymplecticPolynomial, TabulatedLines, Trajectories,
-};
+use crate::flow::{LineMap, PolynomialMap, SymplecticPolynomial, TabulatedLines, Trajectories};
 use crate::io::StoredModel;
 use crate::measure::{
     orbits::{InvariantCircle, PeriodicOrbit, RotationNumber, periodic_orbits, rotation_numbers},
@@ -28,20 +26,6 @@ pub(super) enum SectionMap<'a> {
     Tabulated(TabulatedLines),
     /// Lines in the field of the coils.
     Coils(LineMap<'a>),
-}
-
-/// A symplectic polynomial in the chart of a section, whose generating function has this degree.
-pub(super) fn generating<'a>(
-    pairs: &Pairs,
-    chart: &'a Section,
-    degree: usize,
-) -> Result<SectionMap<'a>, Error> {
-    let [mut input, mut output] = [pairs.input().to_vec(), pairs.output().to_vec()];
-    chart.to_canonical(&mut input);
-    chart.to_canonical(&mut output);
-    let canonical = Pairs::new("pairs in the chart of their section", 1, input, output)?;
-    let map = SymplecticPolynomial::fit(&canonical, degree)?;
-    Ok(SectionMap::Generating(Box::new(map), chart))
 }
 
 impl SectionMap<'_> {
