@@ -8,7 +8,7 @@ Makes a virtual environment of its own in target/peers (accelerator-toolbox, Num
 as it stands), takes the hybrid multi-bend cell that accelerator-toolbox ships, 32 of which are a ring of 844 m, and lets
 `gyroceptron.train` learn the map of a cell in the two transverse planes from pairs that tracking makes: x, y, p_x, p_y on
 momentum in a ball of the normalised coordinates, of 11 mm along x. Beside it polynomials of least squares on the same
-pairs. Compared are a cell of pairs that neither has seen, tunes with amplitude, the dynamic aperture by angle, and the
+pairs, and maps that are symplectic by a polynomial generating function. Compared are a cell of pairs that neither has seen, tunes with amplitude, the dynamic aperture by angle, and the
 time of a turn of one thread. Then a family: the cell at relative momenta that are a control of the map, its error between
 them, and the chromaticities. Then a frequency map: a scene on the pairs of the cell, tunes and their changes over a grid
 of particles, and the same by tracking.
@@ -145,7 +145,11 @@ def on_momentum(cell, options):
         lambda: gyroceptron.train(before, after, [[1, 0], [0, 1]], iterations=options.iterations, **network)
     )
     print(f"{len(before)} pairs in {making:.1f} s, training in {training:.1f} s", flush=True)
-    maps = [("map of jolts", len(model.parameters), lambda z: model.predict(z, outside="ignore")[1])]
+    maps = [("map of jolts", len(model.parameters), model)]
+    for degree in [5, 7] if options.short else [5, 7, 9, 11]:
+        one, fitting = seconds(lambda degree=degree: gyroceptron.SymplecticPolynomial(before, after, degree))
+        print(f"symplectic polynomial of degree {degree} in {fitting:.1f} s", flush=True)
+        maps.append((f"symplectic polynomial of degree {degree}", len(one.parameters), one))
     polynomials = [Polynomial(degree, before, after) for degree in ([4, 6] if options.short else [4, 6, 8, 10])]
     maps += [(f"polynomial of degree {one.degree}", one.coefficients.size, one) for one in polynomials]
     points, radii = cell.rays(options.rays)
@@ -158,38 +162,43 @@ def on_momentum(cell, options):
     count = 512 if options.short else 1024
     tunes, _ = gyroceptron.tunes(cell.track(starts, CELLS * count, every=CELLS))
     rows = []
+    together = np.repeat(starts[:2], 32, axis=0)
+    turn = {}
     for name, numbers, of in maps:
-        row = [name, f"{numbers}", f"{1e6 * cell.distance(of(unseen), truth):.2g} µm"]
-        if name == "map of jolts":
-            orbits = model.predict(starts, steps=CELLS * count, every=CELLS, outside="ignore")
-        else:
+        plain = isinstance(of, Polynomial)
+        image = of(unseen) if plain else of.predict(unseen, outside="ignore")[1]
+        row = [name, f"{numbers}", f"{1e6 * cell.distance(image, truth):.2g} µm"]
+        if plain:
             orbits, here = [starts], starts
             for step in range(CELLS * count):
                 here = of(here)
                 if (step + 1) % CELLS == 0:
                     orbits.append(here)
             orbits = np.array(orbits)
+        else:
+            orbits = of.predict(starts, CELLS * count, CELLS, "ignore")
+            _, spent = seconds(lambda of=of: of.predict(together, CELLS * 1000, CELLS * 1000, "ignore"))
+            turn[name] = spent / 64e3
         apart = gyroceptron.tunes(orbits)[0] - tunes
         row.append(", ".join(f"{v:.1e}" for v in np.abs(apart - apart.round()).max(axis=1)))
-        if name == "map of jolts":
-            survived, spent = seconds(lambda: model.survival(points, steps, [-PIPE] * 4, [PIPE] * 4))
-        elif name == "polynomial of degree 10":
-            rows.append([*row, "–", "–", "–"])
+        if name == "polynomial of degree 10":
+            rows.append([*row, "–", "–", "–", ""])
             continue
-        else:
+        if plain:
             survived, spent = seconds(lambda of=of: of.survival(points.reshape(-1, 4), steps))
             survived = survived.reshape(points.shape[:2])
+        else:
+            survived, spent = seconds(lambda of=of: of.survival(points, steps, [-PIPE] * 4, [PIPE] * 4))
         found = aperture(survived, steps, radii)
         change = np.abs(found / own - 1)
         row += [f"{100 * change.mean():.1f} %, {100 * change.max():.1f} %", f"{spent:.1f} s", f"{tracking / spent:.0f} ×"]
-        rows.append(row)
-    rows.append(["tracking", "", "", "", f"{1e3 * own.min():.2f} … {1e3 * own.max():.2f} mm", f"{tracking:.0f} s", ""])
+        rows.append([*row, f"{1e6 * turn[name]:.2f} µs" if name in turn else ""])
+    rows.append(["tracking", "", "", "", f"{1e3 * own.min():.2f} … {1e3 * own.max():.2f} mm", f"{tracking:.0f} s", "", ""])
     head = ["", "numbers", "a cell, rms", "tunes differ at 0.2, 1.1, 2.2, 3.3, 4.4 and 5.5 mm by"]
-    table([*head, f"aperture of {options.turns} turns, mean and largest", "time", "as fast"], rows)
-    together = np.repeat(starts[:2], 32, axis=0)
-    _, own_turn = seconds(lambda: model.predict(together, CELLS * 1000, CELLS * 1000, "ignore"))
+    head += [f"aperture of {options.turns} turns, mean and largest", "time", "as fast", "a turn of one of 64"]
+    table(head, rows)
     _, of_ring = seconds(lambda: cell.track(together, CELLS * 20))
-    own_turn, of_ring = own_turn / 64e3, of_ring / (64 * 20)
+    own_turn, of_ring = turn["map of jolts"], of_ring / (64 * 20)
     print(
         f"a turn of one of 64 particles, one thread: {1e6 * own_turn:.2f} µs by the map, {1e6 * of_ring:.0f} µs by "
         f"tracking, {of_ring / own_turn:.0f} times as long; data and training pay after "

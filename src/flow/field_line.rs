@@ -174,10 +174,30 @@ pub(super) trait SectionMap: Sync {
     fn take<S: Elementary>(&self, place: &mut [S]);
 
     /// The image of a point and the Jacobian of the map there, by duals.
-    fn image_and_jacobian(&self, place: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2]) {
-        let mut z: [Dual<f64, 2>; 2] = [Dual::variable(place[0], 0), Dual::variable(place[1], 1)];
-        self.take(&mut z);
-        (z.map(|v| v.re), z.map(|v| v.eps))
+    fn image_and_jacobian(&self, place: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2])
+    where
+        Self: Sized,
+    {
+        on_independent_lanes(Derivative { map: self, place })
+    }
+}
+
+/// A map and its Jacobian at one point. It has no use for lanes, but for the fused multiply-add that is an instruction
+/// only in code for registers that have it.
+struct Derivative<'a, M> {
+    map: &'a M,
+    place: [f64; 2],
+}
+
+impl<M: SectionMap> Kernel for Derivative<'_, M> {
+    type Output = ([f64; 2], [[f64; 2]; 2]);
+
+    #[inline(always)]
+    fn run<V: Pack>(self) -> Self::Output {
+        let [first, second] = self.place;
+        let mut z: [Dual<f64, 2>; 2] = [Dual::variable(first, 0), Dual::variable(second, 1)];
+        self.map.take(&mut z);
+        ([z[0].re, z[1].re], [z[0].eps, z[1].eps])
     }
 }
 

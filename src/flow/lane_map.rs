@@ -38,30 +38,49 @@ pub(super) fn step<S: Scalar>(map: &impl LaneMap, z: &mut [S]) {
 /// The root mean square distance of images from those of pairs.
 pub(super) fn error_on(map: &impl LaneMap, pairs: &Pairs) -> f64 {
     let dim = map.dim();
-    let rows = pairs.input().par_chunks_exact(dim).zip(pairs.output().par_chunks_exact(dim));
-    let squares: Vec<f64> = rows
-        .map(|(z, expected)| {
-            let mut image = z.to_vec();
-            step(map, &mut image);
-            image.iter().zip(expected).map(|(a, b)| (a - b) * (a - b)).sum()
-        })
-        .collect();
-    libm::sqrt(squares.iter().sum::<f64>() / pairs.len() as f64)
+    let request = Rollout { steps: 1, every: 1 };
+    let images = rollout(map, pairs.input(), request).expect("pairs of as many coordinates");
+    let images = images[pairs.input().len()..].chunks_exact(dim);
+    let square = |(image, expected): (&[f64], &[f64])| -> f64 {
+        image.iter().zip(expected).map(|(a, b)| (a - b) * (a - b)).sum()
+    };
+    let squares: f64 = images.zip(pairs.output().chunks_exact(dim)).map(square).sum();
+    libm::sqrt(squares / pairs.len() as f64)
 }
 
 /// The Jacobian at a point: 2n × 2n numbers, row by row.
 pub(super) fn jacobian(map: &impl LaneMap, z: &[f64]) -> Vec<f64> {
-    let dim = map.dim();
-    let mut out = vec![0.0; dim * dim];
-    for column in 0..dim {
-        let along = |(k, &v)| Dual::<f64, 1>::variable(v, usize::from(k != column));
-        let mut lifted: Vec<Dual<f64, 1>> = z.iter().enumerate().map(along).collect();
-        step(map, &mut lifted);
-        for (row, value) in lifted.iter().enumerate() {
-            out[row * dim + column] = value.eps[0];
+    on_independent_lanes(Derivatives { map, z })
+}
+
+/// The Jacobian at a point, by duals. It has no use for lanes, but for the fused multiply-add that is an instruction
+/// only in code for registers that have it.
+struct Derivatives<'a, M> {
+    map: &'a M,
+    z: &'a [f64],
+}
+
+impl<M: LaneMap> Kernel for Derivatives<'_, M> {
+    type Output = Vec<f64>;
+
+    #[inline(always)]
+    fn run<V: Pack>(self) -> Vec<f64> {
+        let Self { map, z } = self;
+        let dim = map.dim();
+        let mut out = vec![0.0; dim * dim];
+        let mut lifted = vec![Dual::<f64, 1>::constant(0.0); dim];
+        let mut space = vec![[Dual::constant(0.0)]; map.space()];
+        for column in 0..dim {
+            for k in 0..dim {
+                lifted[k] = Dual::variable(z[k], usize::from(k != column));
+            }
+            map.move_together::<Dual<f64, 1>, 0, 1>(&mut space, &mut lifted);
+            for row in 0..dim {
+                out[row * dim + column] = lifted[row].eps[0];
+            }
         }
+        out
     }
-    out
 }
 
 /// The states of an orbit of each initial point, as a network's [`rollout`](crate::network::rollout) gives them:

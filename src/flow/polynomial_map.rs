@@ -119,6 +119,9 @@ impl PolynomialMap {
     }
 
     /// The root mean square distance of its images from those of pairs.
+    ///
+    /// # Panics
+    /// When the pairs are of other degrees of freedom.
     pub fn error_on(&self, pairs: &Pairs) -> f64 {
         lane_map::error_on(self, pairs)
     }

@@ -77,6 +77,13 @@ impl ProductBasis {
         Ok(Self { dim, degree, centre, factors, runs: runs(dim, degree) })
     }
 
+    /// Without the terms that are odd in the first coordinates together, so many that others follow them.
+    pub(super) fn even(mut self, first: usize) -> Self {
+        assert!(first < self.dim);
+        self.runs.retain(|run| run.degrees[..first].iter().sum::<usize>().is_multiple_of(2));
+        self
+    }
+
     /// The middle of its box.
     pub(super) fn centre(&self) -> &[f64] {
         &self.centre
@@ -123,30 +130,35 @@ impl ProductBasis {
         }
     }
 
-    /// T_k and its derivative by the coordinate, in two tables one after another, k up to the degree.
+    /// T_k of a coordinate of G points and its first derivatives by that coordinate, in as many tables as there are, one
+    /// after another, k up to the degree.
     #[inline(always)]
-    pub(super) fn fill_with_slopes<S: Scalar, const G: usize>(
+    pub(super) fn fill_with_derivatives<S: Scalar, const G: usize>(
         &self,
         axis: usize,
         value: &[S; G],
         tables: &mut [[S; G]],
     ) {
-        let (table, slopes) = tables.split_at_mut(self.count());
-        self.fill(axis, value, table);
+        let count = self.count();
+        self.fill(axis, value, &mut tables[..count]);
         let s = self.scaled(axis, value);
-        let factor = S::from_f64(self.factors[axis]);
-        // T′_{k+1} = 2 T_k + 2 s T′_k − T′_{k−1}
-        let mut last = [[S::zero(); G], [factor; G]];
-        for (k, slope) in slopes.iter_mut().enumerate() {
-            *slope = last[0];
-            let mut next = last[1];
-            if k + 1 < table.len() {
-                for g in 0..G {
-                    let inner = table[k + 1][g].mul_add(factor, s[g] * last[1][g]);
-                    next[g] = inner + inner - last[0][g];
+        // D^m T_{k+1} = 2m D^{m−1} T_k + 2 s D^m T_k − D^m T_{k−1}, in units of half the box.
+        for order in 1..tables.len() / count {
+            let factor = S::from_f64(order as f64 * self.factors[axis]);
+            let (lower, higher) = tables[(order - 1) * count..].split_at_mut(count);
+            let first = if order == 1 { factor } else { S::zero() };
+            let mut last = [[S::zero(); G], [first; G]];
+            for (k, entry) in higher[..count].iter_mut().enumerate() {
+                *entry = last[0];
+                let mut next = last[1];
+                if k + 1 < count {
+                    for g in 0..G {
+                        let inner = lower[k + 1][g].mul_add(factor, s[g] * last[1][g]);
+                        next[g] = inner + inner - last[0][g];
+                    }
                 }
+                last = [last[1], next];
             }
-            last = [last[1], next];
         }
     }
 
@@ -155,7 +167,7 @@ impl ProductBasis {
         let count = self.count();
         let mut tables = vec![[0.0]; 2 * self.dim * count];
         for (axis, tables) in tables.chunks_exact_mut(2 * count).enumerate() {
-            self.fill_with_slopes(axis, &[z[axis]], tables);
+            self.fill_with_derivatives(axis, &[z[axis]], tables);
         }
         let of = |axis: usize, k: usize| {
             tables[(2 * axis + usize::from(along == Some(axis))) * count + k][0]

@@ -5,8 +5,9 @@ use super::polynomial_map::MOST_NUMBERS;
 use super::product_basis::{DIM, ProductBasis, Run, least_squares, terms};
 use super::{Pairs, PolynomialMap};
 use crate::error::Error;
+use crate::layer::Reversor;
 use crate::network::Rollout;
-use crate::phase::inverse_of_symplectic;
+use crate::phase::{Half, inverse_of_symplectic};
 use crate::scalar::{Scalar, max_or_nan};
 use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore;
@@ -14,44 +15,54 @@ use rayon::prelude::*;
 
 /// A symplectic map whose generating function is a polynomial, fitted to pairs by linear least squares.
 ///
-/// z′ = c′ + M·N(z − c), where M is a symplectic matrix near the linear part of the map, and N: (q, p) ↦ (Q, P) is near
-/// the identity:
+/// z′ = c′ + M·N(z − c), where M is a symplectic matrix near the linear part of the map, and N: u ↦ v is near the
+/// identity, by Poincaré's generating function S of the midpoint:
 ///
-/// p = P + ∂F/∂q(q, P),  Q = q + ∂F/∂P(q, P).
+/// v = u + Ω∇S(½(u + v)), Ω(q, p) = (p, −q).
 ///
-/// F is a sum of products of Chebyshev polynomials of a total degree over the box of the pairs' (q, P). A step solves
-/// the first equation for P by Newton's method, from a polynomial that is near it, with a fixed number of iterations,
-/// which brings all pairs to rounding. The map is symplectic for every F, to the error of this solution.
+/// S is a sum of products of Chebyshev polynomials of a total degree over the box of the midpoints of the pairs. A step
+/// solves w = u + ½Ω∇S(w) for the midpoint w by Newton's method, from a polynomial that is near it, with a fixed number
+/// of iterations, which brings all pairs to rounding; then v = 2w − u. The map is symplectic for every S, to the error
+/// of this solution.
 ///
-/// Source: Goldstein, Poole and Safko, Classical Mechanics, 3rd edition, §9.1, for generating functions of mixed
-/// variables; Erdélyi and Berz, <https://doi.org/10.1103/PhysRevLett.87.114302>, for maps of accelerators that are made
-/// symplectic by them.
+/// Where a [`Reversor`] R conjugates the map to its inverse, z′ = c + L·N(L(z − c)) with L² in place of M, RLR = L⁻¹ and
+/// Rc = c, and S is even, S∘R = S: it has about half the coefficients, and RPR = P⁻¹ for all of them.
+///
+/// Source: Hairer, Lubich and Wanner, Geometric Numerical Integration, <https://doi.org/10.1007/3-540-30666-8>, §VI.5,
+/// for the generating function; Erdélyi and Berz, <https://doi.org/10.1103/PhysRevLett.87.114302>, for maps of
+/// accelerators that are made symplectic, and for how much depends on the choice of the generating function.
 #[derive(Clone, Debug)]
 pub struct SymplecticPolynomial {
     dof: usize,
-    /// c.
-    from: Vec<f64>,
-    /// c′.
-    to: Vec<f64>,
-    /// M, row by row.
-    linear: Vec<f64>,
-    /// Of (q, P).
+    frame: Frame,
+    /// Of w.
     basis: ProductBasis,
-    /// Of F.
+    /// Of S.
     coefficients: Vec<f64>,
     start: Start,
     iterations: usize,
 }
 
-/// Where Newton's method begins: P as polynomials of z − c.
+/// u = K(z − c) and z′ = c′ + M·v.
+#[derive(Clone, Debug)]
+struct Frame {
+    /// c.
+    from: Vec<f64>,
+    /// K, row by row; None of the identity.
+    entry: Option<Vec<f64>>,
+    /// c′.
+    to: Vec<f64>,
+    /// M, row by row.
+    exit: Vec<f64>,
+}
+
+/// Where Newton's method begins: w as polynomials of u.
 #[derive(Clone, Debug)]
 struct Start {
     basis: ProductBasis,
     coefficients: Vec<f64>,
 }
 
-/// A map is of no more degrees of freedom.
-const DOF: usize = DIM / 2;
 /// A solution takes no more iterations.
 const MOST_ITERATIONS: usize = 12;
 /// Of Newton's method, a change by this share is the last but for rounding, as errors are squared.
@@ -69,11 +80,26 @@ impl SymplecticPolynomial {
     /// or they are of a map whose linear part is not near a symplectic matrix; [`Error::NoConvergence`] when
     /// Newton's method does not find the images of all pairs.
     pub fn fit(pairs: &Pairs, degree: usize) -> Result<Self, Error> {
+        Self::fit_with(pairs, degree, None)
+    }
+
+    /// The same for a map that this reflection conjugates to its inverse; the fit is so for all pairs, and errs where
+    /// they are of another map.
+    ///
+    /// # Errors
+    /// Those of [`SymplecticPolynomial::fit`]; when the linear part turns a plane by half a turn.
+    pub fn fit_reversible(pairs: &Pairs, degree: usize, reversor: Reversor) -> Result<Self, Error> {
+        Self::fit_with(pairs, degree, Some(reversor))
+    }
+
+    fn fit_with(pairs: &Pairs, degree: usize, reversor: Option<Reversor>) -> Result<Self, Error> {
         let (dof, dim) = (pairs.dof(), 2 * pairs.dof());
         Error::check_count_range("degree of a generating function", degree, 2, usize::MAX)?;
         let numbers = pairs.len() * dim;
+        // Of a reversible map about half of the terms are there.
+        let a_term = if reversor.is_some() { NUMBERS_A_TERM / 2 } else { NUMBERS_A_TERM };
         let sound = |count: &usize| {
-            count * NUMBERS_A_TERM <= numbers
+            count * a_term <= numbers
                 && count.checked_mul(numbers).is_some_and(|all| all <= MOST_NUMBERS)
         };
         if terms(dim, degree).filter(sound).is_none() {
@@ -81,39 +107,25 @@ impl SymplecticPolynomial {
             let expected = "a lower one: there are two numbers for each term";
             return Err(Error::invalid("degree of a generating function", found, expected));
         }
-        let affine = PolynomialMap::fit(pairs, 1)?;
-        let around = ProductBasis::around(pairs.input(), dim, 1)?;
-        let from = around.centre().to_vec();
-        let mut to = from.clone();
-        affine.step(&mut to);
-        // In units in which q and p of each plane are of one size, which are symplectic ones.
-        let unit = |k: usize| libm::sqrt(around.factors[(k + dof) % dim] / around.factors[k]);
-        let in_units = |matrix: &[f64], sign: f64| -> Vec<f64> {
-            let factor = |k: usize| libm::pow(unit(k % dim) / unit(k / dim), sign);
-            matrix.iter().enumerate().map(|(k, entry)| entry * factor(k)).collect()
-        };
-        let linear = in_units(&affine.jacobian(&from), 1.0);
-        let linear = in_units(&symplectic_factor(&linear, dof)?, -1.0);
-        let back = inverse_of_symplectic(&linear, dof);
-        let before: Vec<f64> = pairs
-            .input()
-            .chunks_exact(dim)
-            .flat_map(|z| z.iter().zip(&from).map(|(z, c)| z - c))
-            .collect();
+        let frame = Frame::of(pairs, reversor)?;
+        let before: Vec<f64> =
+            pairs.input().chunks_exact(dim).flat_map(|z| frame.enter(z)).collect();
+        let back = inverse_of_symplectic(&frame.exit, dof);
         let after: Vec<f64> = pairs
             .output()
             .chunks_exact(dim)
-            .flat_map(|z| {
-                let off: Vec<f64> = z.iter().zip(&to).map(|(z, c)| z - c).collect();
-                apply(&back, &off)
-            })
+            .flat_map(|z| apply(&back, &difference(z, &frame.to)))
             .collect();
-        let rows = || before.chunks_exact(dim).zip(after.chunks_exact(dim));
-        let mixed: Vec<f64> =
-            rows().flat_map(|(u, v)| u[..dof].iter().chain(&v[dof..]).copied()).collect();
-        let basis = ProductBasis::around(&mixed, dim, degree)?;
-        let coefficients = generator(&basis, &mixed, &before, &after)?;
-        let momenta: Vec<f64> = rows().flat_map(|(_, v)| v[dof..].iter().copied()).collect();
+        let middles: Vec<f64> = before.iter().zip(&after).map(|(u, v)| 0.5 * (u + v)).collect();
+        let basis = match reversor {
+            None => ProductBasis::around(&middles, dim, degree)?,
+            // Its frame has the coordinates that are reflected first.
+            Some(_) => {
+                let mirrored = reflected(&middles, dim, Half::Position);
+                ProductBasis::around(&[&middles[..], &mirrored].concat(), dim, degree)?.even(dof)
+            }
+        };
+        let coefficients = generator(&basis, &middles, &before, &after)?;
         let count = coefficients.len();
         let mut best: Option<(usize, Self)> = None;
         let mut change = f64::NAN;
@@ -121,12 +133,10 @@ impl SymplecticPolynomial {
             let Some(of_start) = terms(dim, start).filter(|count| 2 * count <= pairs.len()) else {
                 break;
             };
-            let start = Start::fit(&before, &momenta, dim, start)?;
+            let start = Start::fit(&before, &middles, dim, start)?;
             let mut fitted = Self {
                 dof,
-                from: from.clone(),
-                to: to.clone(),
-                linear: linear.clone(),
+                frame: frame.clone(),
                 basis: basis.clone(),
                 coefficients: coefficients.clone(),
                 start,
@@ -136,8 +146,9 @@ impl SymplecticPolynomial {
             change = found.1;
             let Some(iterations) = found.0 else { continue };
             fitted.iterations = iterations;
-            // In products of a coefficient: a term and its slope in each iteration, and a slope after them.
-            let cost = dof * of_start + (2 * iterations + 1) * count;
+            // In products: those of the start, and each iteration's along the last coordinate and across the others.
+            let entries = dim * (dim + 3) / 2;
+            let cost = dim * of_start + iterations * (3 * count + entries * basis.runs.len());
             if best.as_ref().is_none_or(|(least, _)| cost < *least) {
                 best = Some((cost, fitted));
             }
@@ -156,8 +167,8 @@ impl SymplecticPolynomial {
 
     /// The first number of iterations whose last change is one of rounding for all points; and the last change.
     fn iterations_needed(&self, before: &[f64]) -> (Option<usize>, f64) {
-        let (dof, dim) = (self.dof, 2 * self.dof);
-        let factors = &self.basis.factors[dof..];
+        let dim = 2 * self.dof;
+        let factors = &self.basis.factors;
         let mut largest = f64::NAN;
         for iterations in 1..=MOST_ITERATIONS {
             let changes = before.par_chunks_exact(dim).map(|u| {
@@ -166,7 +177,7 @@ impl SymplecticPolynomial {
                     *here = [*u];
                 }
                 let mut space = vec![[0.0]; self.space()];
-                let (_, change) = self.solve::<f64, 0, 1>(&here, &mut space, iterations);
+                let (_, change) = self.midpoint::<f64, 0, 1>(&here, &mut space, iterations);
                 change.iter().zip(factors).map(|(c, f)| (c[0] * f).abs()).fold(0.0, max_or_nan)
             });
             largest = changes.reduce(|| 0.0, max_or_nan);
@@ -187,6 +198,11 @@ impl SymplecticPolynomial {
         self.coefficients.len() - 1
     }
 
+    /// The coefficients of its generating function, without the constant.
+    pub fn coefficients(&self) -> &[f64] {
+        &self.coefficients[1..]
+    }
+
     /// How many iterations of Newton's method a step takes.
     pub fn iterations(&self) -> usize {
         self.iterations
@@ -202,6 +218,9 @@ impl SymplecticPolynomial {
     }
 
     /// The root mean square distance of its images from those of pairs.
+    ///
+    /// # Panics
+    /// When the pairs are of other degrees of freedom.
     pub fn error_on(&self, pairs: &Pairs) -> f64 {
         lane_map::error_on(self, pairs)
     }
@@ -220,76 +239,75 @@ impl SymplecticPolynomial {
         lane_map::rollout(self, initial, request)
     }
 
-    /// P of (q, p) at G points, and the last change of each of its components. `space` then has the tables of q and
-    /// those of P before this change.
+    /// w of u at G points, and the last change of each of its components.
     #[inline(always)]
-    fn solve<S: Scalar, const D: usize, const G: usize>(
+    fn midpoint<S: Scalar, const D: usize, const G: usize>(
         &self,
         here: &[[S; G]; DIM],
         space: &mut [[S; G]],
         iterations: usize,
-    ) -> ([[S; G]; DOF], [[S; G]; DOF]) {
-        let dof = if D > 0 { D / 2 } else { self.dof };
-        let count = self.basis.count();
-        let mut begin = [[S::zero(); G]; DIM];
+    ) -> ([[S; G]; DIM], [[S; G]; DIM]) {
+        let dim = if D > 0 { D } else { 2 * self.dof };
+        let dof = dim / 2;
+        let half = S::from_f64(0.5);
+        let tables = TABLES * self.basis.count();
+        let mut middle = [[S::zero(); G]; DIM];
         let Start { basis, coefficients } = &self.start;
-        basis.values(2 * dof, dof, coefficients, here, space, &mut begin);
-        let mut momenta = [[S::zero(); G]; DOF];
-        momenta[..dof].copy_from_slice(&begin[..dof]);
-        let mut change = [[S::zero(); G]; DOF];
-        for axis in 0..dof {
-            let tables = &mut space[2 * axis * count..][..2 * count];
-            self.basis.fill_with_slopes(axis, &here[axis], tables);
-        }
+        basis.values(dim, dim, coefficients, here, space, &mut middle);
+        let mut change = [[S::zero(); G]; DIM];
         for _ in 0..iterations {
-            self.fill_momenta(dof, &momenta, space);
-            let (mut rest, mut matrix) = self.kicks(dof, space);
+            for axis in 0..dim {
+                let tables = &mut space[axis * tables..][..tables];
+                self.basis.fill_with_derivatives(axis, &middle[axis], tables);
+            }
+            let (gradient, hessian) = self.derivatives(dim, space);
+            // (1 − ½ΩH) δ = w − u − ½Ω∇S
+            let mut matrix = [[[S::zero(); G]; DIM]; DIM];
+            let mut rest = [[S::zero(); G]; DIM];
             for i in 0..dof {
                 for g in 0..G {
-                    rest[i][g] += momenta[i][g] - here[dof + i][g];
+                    rest[i][g] = (middle[i][g] - here[i][g]) - half * gradient[dof + i][g];
+                    rest[dof + i][g] =
+                        half.mul_add(gradient[i][g], middle[dof + i][g] - here[dof + i][g]);
+                    for k in 0..dim {
+                        matrix[i][k][g] = -(half * hessian[dof + i][k][g]);
+                        matrix[dof + i][k][g] = half * hessian[i][k][g];
+                    }
+                }
+            }
+            for i in 0..dim {
+                for g in 0..G {
                     matrix[i][i][g] += S::from_f64(1.0);
                 }
             }
-            change = solved(dof, &mut matrix, rest);
-            for i in 0..dof {
+            change = solved(dim, &mut matrix, rest);
+            for i in 0..dim {
                 for g in 0..G {
-                    momenta[i][g] -= change[i][g];
+                    middle[i][g] -= change[i][g];
                 }
             }
         }
-        (momenta, change)
+        (middle, change)
     }
 
-    #[inline(always)]
-    fn fill_momenta<S: Scalar, const G: usize>(
-        &self,
-        dof: usize,
-        momenta: &[[S; G]; DOF],
-        space: &mut [[S; G]],
-    ) {
-        let count = self.basis.count();
-        for axis in 0..dof {
-            let tables = &mut space[2 * (dof + axis) * count..][..2 * count];
-            self.basis.fill_with_slopes(dof + axis, &momenta[axis], tables);
-        }
-    }
-
-    /// The sum over terms that differ in their degree in the last coordinate, of the term and of its derivative by it.
+    /// The sum over terms that differ in their degree in the last coordinate, of the term and of its first and second
+    /// derivative by it.
     #[inline(always)]
     fn along_last<S: Scalar, const G: usize>(
         &self,
-        dof: usize,
+        dim: usize,
         own: &[f64],
         space: &[[S; G]],
-    ) -> [[S; G]; 2] {
+    ) -> [[S; G]; TABLES] {
         let count = self.basis.count();
-        let tables = &space[2 * (2 * dof - 1) * count..][..2 * count];
-        let mut out = [[S::zero(); G]; 2];
+        let tables = &space[TABLES * (dim - 1) * count..][..TABLES * count];
+        let mut out = [[S::zero(); G]; TABLES];
         for (k, c) in own.iter().enumerate() {
             let c = S::from_f64(*c);
-            for g in 0..G {
-                out[0][g] = tables[k][g].mul_add(c, out[0][g]);
-                out[1][g] = tables[count + k][g].mul_add(c, out[1][g]);
+            for order in 0..TABLES {
+                for g in 0..G {
+                    out[order][g] = tables[order * count + k][g].mul_add(c, out[order][g]);
+                }
             }
         }
         out
@@ -306,8 +324,8 @@ impl SymplecticPolynomial {
         let count = self.basis.count();
         let mut out = [S::from_f64(1.0); G];
         for (axis, k) in run.degrees.iter().enumerate() {
-            let slope = usize::from(along[0] == axis || along[1] == axis);
-            let table = &space[(2 * axis + slope) * count..][..count];
+            let order = usize::from(along[0] == axis) + usize::from(along[1] == axis);
+            let table = &space[(TABLES * axis + order) * count..][..count];
             for g in 0..G {
                 out[g] *= table[*k][g];
             }
@@ -315,74 +333,62 @@ impl SymplecticPolynomial {
         out
     }
 
-    /// ∂F/∂q, and ∂²F/∂q∂P row by row.
+    /// ∇S and its Hessian H.
     #[inline(always)]
-    fn kicks<S: Scalar, const G: usize>(
+    fn derivatives<S: Scalar, const G: usize>(
         &self,
-        dof: usize,
+        dim: usize,
         space: &[[S; G]],
-    ) -> ([[S; G]; DOF], [[[S; G]; DOF]; DOF]) {
-        let mut gradient = [[S::zero(); G]; DOF];
-        let mut hessian = [[[S::zero(); G]; DOF]; DOF];
-        let (last, mut first) = (dof - 1, 0);
+    ) -> ([[S; G]; DIM], [[[S; G]; DIM]; DIM]) {
+        let mut gradient = [[S::zero(); G]; DIM];
+        let mut hessian = [[[S::zero(); G]; DIM]; DIM];
+        let (last, mut first) = (dim - 1, 0);
         for run in &self.basis.runs {
             let own = &self.coefficients[first..=first + run.left];
             first += own.len();
-            let [value, slope] = self.along_last(dof, own, space);
-            for i in 0..dof {
+            let [value, slope, curvature] = self.along_last(dim, own, space);
+            let factor = self.before_last(run, [NONE; 2], space);
+            for g in 0..G {
+                gradient[last][g] = factor[g].mul_add(slope[g], gradient[last][g]);
+                hessian[last][last][g] = factor[g].mul_add(curvature[g], hessian[last][last][g]);
+            }
+            for i in 0..last {
                 let factor = self.before_last(run, [i, NONE], space);
                 for g in 0..G {
                     gradient[i][g] = factor[g].mul_add(value[g], gradient[i][g]);
-                    hessian[i][last][g] = factor[g].mul_add(slope[g], hessian[i][last][g]);
+                    hessian[last][i][g] = factor[g].mul_add(slope[g], hessian[last][i][g]);
                 }
-                for j in 0..last {
-                    let factor = self.before_last(run, [i, dof + j], space);
+                for j in 0..=i {
+                    let factor = self.before_last(run, [i, j], space);
                     for g in 0..G {
                         hessian[i][j][g] = factor[g].mul_add(value[g], hessian[i][j][g]);
                     }
                 }
             }
         }
-        (gradient, hessian)
-    }
-
-    /// ∂F/∂P.
-    #[inline(always)]
-    fn drifts<S: Scalar, const G: usize>(&self, dof: usize, space: &[[S; G]]) -> [[S; G]; DOF] {
-        let mut out = [[S::zero(); G]; DOF];
-        let (last, mut first) = (dof - 1, 0);
-        for run in &self.basis.runs {
-            let own = &self.coefficients[first..=first + run.left];
-            first += own.len();
-            let [value, slope] = self.along_last(dof, own, space);
-            let factor = self.before_last(run, [NONE; 2], space);
-            for g in 0..G {
-                out[last][g] = factor[g].mul_add(slope[g], out[last][g]);
-            }
-            for j in 0..last {
-                let factor = self.before_last(run, [dof + j, NONE], space);
-                for g in 0..G {
-                    out[j][g] = factor[g].mul_add(value[g], out[j][g]);
-                }
+        for i in 0..dim {
+            for j in i + 1..dim {
+                hessian[i][j] = hessian[j][i];
             }
         }
-        out
+        (gradient, hessian)
     }
 }
 
+/// Of a polynomial of one coordinate: it and its first two derivatives.
+const TABLES: usize = 3;
 /// Along no coordinate.
 const NONE: usize = usize::MAX;
 
 impl LaneMap for SymplecticPolynomial {
-    const FOUR: bool = false;
+    const FOUR: bool = true;
 
     fn dim(&self) -> usize {
         2 * self.dof
     }
 
-    /// For two tables of each coordinate.
     fn space(&self) -> usize {
-        4 * self.dof * self.basis.count()
+        TABLES * 2 * self.dof * self.basis.count()
     }
 
     #[inline(always)]
@@ -391,47 +397,59 @@ impl LaneMap for SymplecticPolynomial {
         space: &mut [[S; G]],
         z: &mut [S],
     ) {
-        let dof = if D > 0 { D / 2 } else { self.dof };
-        let dim = 2 * dof;
+        let dim = if D > 0 { D } else { 2 * self.dof };
+        let Frame { from, entry, to, exit } = &self.frame;
         let mut here = [[S::zero(); G]; DIM];
         for g in 0..G {
             for k in 0..dim {
-                here[k][g] = z[g * dim + k] - S::from_f64(self.from[k]);
+                here[k][g] = z[g * dim + k] - S::from_f64(from[k]);
             }
         }
-        let (momenta, _) = self.solve::<S, D, G>(&here, space, self.iterations);
-        self.fill_momenta(dof, &momenta, space);
-        let drifts = self.drifts(dof, space);
-        for i in 0..dof {
-            for g in 0..G {
-                here[i][g] += drifts[i][g];
-            }
-            here[dof + i] = momenta[i];
-        }
-        for g in 0..G {
+        if let Some(entry) = entry {
+            let off = here;
             for row in 0..dim {
-                let mut sum = S::from_f64(self.to[row]);
-                for k in 0..dim {
-                    sum = here[k][g].mul_add(S::from_f64(self.linear[row * dim + k]), sum);
-                }
-                z[g * dim + row] = sum;
+                here[row] = along_row(&entry[row * dim..][..dim], &off, 0.0);
+            }
+        }
+        let (middle, _) = self.midpoint::<S, D, G>(&here, space, self.iterations);
+        for i in 0..dim {
+            for g in 0..G {
+                here[i][g] = middle[i][g] + (middle[i][g] - here[i][g]);
+            }
+        }
+        for row in 0..dim {
+            let sum = along_row(&exit[row * dim..][..dim], &here, to[row]);
+            for g in 0..G {
+                z[g * dim + row] = sum[g];
             }
         }
     }
 }
 
-/// The solution of n equations by elimination. The matrix is near the identity.
+/// A row of a matrix times the coordinates of G points, and a constant.
+#[inline(always)]
+fn along_row<S: Scalar, const G: usize>(row: &[f64], z: &[[S; G]; DIM], constant: f64) -> [S; G] {
+    let mut sum = [S::from_f64(constant); G];
+    for (k, entry) in row.iter().enumerate() {
+        for g in 0..G {
+            sum[g] = z[k][g].mul_add(S::from_f64(*entry), sum[g]);
+        }
+    }
+    sum
+}
+
+/// The solution of `dim` equations by elimination. The matrix is near the identity.
 #[inline(always)]
 fn solved<S: Scalar, const G: usize>(
-    dof: usize,
-    matrix: &mut [[[S; G]; DOF]; DOF],
-    mut right: [[S; G]; DOF],
-) -> [[S; G]; DOF] {
-    for column in 0..dof {
-        for row in column + 1..dof {
+    dim: usize,
+    matrix: &mut [[[S; G]; DIM]; DIM],
+    mut right: [[S; G]; DIM],
+) -> [[S; G]; DIM] {
+    for column in 0..dim {
+        for row in column + 1..dim {
             for g in 0..G {
                 let factor = matrix[row][column][g] / matrix[column][column][g];
-                for k in column + 1..dof {
+                for k in column + 1..dim {
                     let above = matrix[column][k][g];
                     matrix[row][k][g] -= factor * above;
                 }
@@ -440,9 +458,9 @@ fn solved<S: Scalar, const G: usize>(
             }
         }
     }
-    for row in (0..dof).rev() {
+    for row in (0..dim).rev() {
         for g in 0..G {
-            for k in row + 1..dof {
+            for k in row + 1..dim {
                 let known = right[k][g];
                 right[row][g] -= matrix[row][k][g] * known;
             }
@@ -453,26 +471,24 @@ fn solved<S: Scalar, const G: usize>(
 }
 
 impl Start {
-    fn fit(before: &[f64], momenta: &[f64], dim: usize, degree: usize) -> Result<Self, Error> {
+    fn fit(before: &[f64], middles: &[f64], dim: usize, degree: usize) -> Result<Self, Error> {
         let basis = ProductBasis::around(before, dim, degree)?;
         let rows: Vec<Vec<f64>> =
             before.par_chunks_exact(dim).map(|u| basis.products(u, None)).collect();
-        let dof = dim / 2;
         let coefficients = least_squares(
             NAME,
-            [rows.len(), rows[0].len(), dof],
+            [rows.len(), rows[0].len(), dim],
             |i, k| rows[i][k],
-            |i, k| momenta[i * dof + k],
+            |i, k| middles[i * dim + k],
         )?;
         Ok(Self { basis, coefficients })
     }
 }
 
-/// The coefficients of F: from p − P at each (q, P) its slope along q, and from Q − q that along P, in units of the
-/// box.
+/// The coefficients of S: from v − u at each midpoint its slopes, in units of the box.
 fn generator(
     basis: &ProductBasis,
-    mixed: &[f64],
+    middles: &[f64],
     before: &[f64],
     after: &[f64],
 ) -> Result<Vec<f64>, Error> {
@@ -480,13 +496,13 @@ fn generator(
     let dof = dim / 2;
     let pair = |k: usize| (k + dof) % dim;
     let scale = |axis: usize| basis.factors[pair(axis)];
-    let number = mixed.len();
+    let number = middles.len();
     let row = |index: usize| (index / dim, index % dim);
     let rows: Vec<Vec<f64>> = (0..number)
         .into_par_iter()
         .map(|index| {
             let (point, axis) = row(index);
-            basis.products(&mixed[point * dim..][..dim], Some(axis))
+            basis.products(&middles[point * dim..][..dim], Some(axis))
         })
         .collect();
     let count = rows[0].len();
@@ -504,25 +520,91 @@ fn generator(
     Ok([0.0].into_iter().chain(coefficients).collect())
 }
 
+impl Frame {
+    fn of(pairs: &Pairs, reversor: Option<Reversor>) -> Result<Self, Error> {
+        let (dof, dim) = (pairs.dof(), 2 * pairs.dof());
+        let affine = PolynomialMap::fit(pairs, 1)?;
+        let points = match reversor {
+            None => pairs.input().to_vec(),
+            // Of the inverse they are pairs too.
+            Some(reversor) => {
+                let own = [pairs.input(), pairs.output()].concat();
+                [&own[..], &reflected(&own, dim, reversor.half())].concat()
+            }
+        };
+        let around = ProductBasis::around(&points, dim, 1)?;
+        let from = around.centre().to_vec();
+        // In units in which q and p of each plane are of one size, which are symplectic ones.
+        let unit = |k: usize| libm::sqrt(around.factors[(k + dof) % dim] / around.factors[k]);
+        let in_units = |matrix: &[f64], sign: f64| -> Vec<f64> {
+            let factor = |k: usize| libm::pow(unit(k % dim) / unit(k / dim), sign);
+            matrix.iter().enumerate().map(|(k, entry)| entry * factor(k)).collect()
+        };
+        let linear = symplectic_factor(&in_units(&affine.jacobian(&from), 1.0), dof)?;
+        let Some(reversor) = reversor else {
+            let mut to = from.clone();
+            affine.step(&mut to);
+            return Ok(Self { from, entry: None, to, exit: in_units(&linear, -1.0) });
+        };
+        let half = reversor.half();
+        // Of a reversible M, RM is its own inverse.
+        let involution = sign(&rows_reflected(&linear, dim, half), dim)?;
+        let linear = rows_reflected(&involution, dim, half);
+        let root = in_units(&square_root(&linear, dim)?, -1.0);
+        // Reflected coordinates come first: (q, p) ↦ (p, −q) where these are the momenta.
+        let (mut entry, mut exit) = (root.clone(), root);
+        if half == Half::Momentum {
+            entry.rotate_left(dof * dim);
+            entry[dof * dim..].iter_mut().for_each(|v| *v = -*v);
+            for row in exit.chunks_exact_mut(dim) {
+                row.rotate_left(dof);
+                row[dof..].iter_mut().for_each(|v| *v = -*v);
+            }
+        }
+        Ok(Self { to: from.clone(), from, entry: Some(entry), exit })
+    }
+
+    /// u.
+    fn enter(&self, z: &[f64]) -> Vec<f64> {
+        let off = difference(z, &self.from);
+        self.entry.as_ref().map_or_else(|| off.clone(), |entry| apply(entry, &off))
+    }
+}
+
+fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
+}
+
+/// Points with a half of their coordinates reflected.
+fn reflected(points: &[f64], dim: usize, half: Half) -> Vec<f64> {
+    let is_own = |k: usize| (k % dim < dim / 2) == (half == Half::Position);
+    points.iter().enumerate().map(|(k, v)| if is_own(k) { -*v } else { *v }).collect()
+}
+
+/// R times a matrix.
+fn rows_reflected(matrix: &[f64], dim: usize, half: Half) -> Vec<f64> {
+    let is_own = |row: usize| (row < dim / 2) == (half == Half::Position);
+    matrix.iter().enumerate().map(|(k, v)| if is_own(k / dim) { -*v } else { *v }).collect()
+}
+
+fn inverted(matrix: &[f64], dim: usize) -> Vec<f64> {
+    let inverse = Mat::from_fn(dim, dim, |i, k| matrix[i * dim + k]).partial_piv_lu().inverse();
+    (0..dim * dim).map(|k| inverse[(k / dim, k % dim)]).collect()
+}
+
 /// The matrix times a vector.
 fn apply(matrix: &[f64], vector: &[f64]) -> Vec<f64> {
     let rows = matrix.chunks_exact(vector.len());
     rows.map(|row| row.iter().zip(vector).map(|(a, b)| a * b).sum()).collect()
 }
 
-/// The symplectic factor S of a matrix A = S·B, by A ← ½(A + ΩA⁻ᵀΩᵀ), which converges as Newton's method does.
-///
-/// Source: Higham, Mackey, Mackey and Tisseur, <https://doi.org/10.1137/S0895479803426644>, of such factors.
-fn symplectic_factor(matrix: &[f64], dof: usize) -> Result<Vec<f64>, Error> {
+/// The limit of A ← ½(A + f(A)), if it comes to rest.
+fn limit(matrix: &[f64], other: impl Fn(&[f64]) -> Vec<f64>) -> Option<Vec<f64>> {
     const ITERATIONS: usize = 50;
-    let dim = 2 * dof;
     let mut here = matrix.to_vec();
     for _ in 0..ITERATIONS {
-        let inverted = Mat::from_fn(dim, dim, |i, k| here[i * dim + k]).partial_piv_lu().inverse();
-        let inverted: Vec<f64> = (0..dim * dim).map(|k| inverted[(k / dim, k % dim)]).collect();
-        // Of a symplectic matrix the inverse of its inverse by the form is itself.
-        let other = inverse_of_symplectic(&inverted, dof);
         let (mut change, mut size) = (0.0, 0.0);
+        let other = other(&here);
         for (own, other) in here.iter_mut().zip(other) {
             let next = 0.5 * (*own + other);
             change = max_or_nan(change, (next - *own).abs());
@@ -530,9 +612,42 @@ fn symplectic_factor(matrix: &[f64], dof: usize) -> Result<Vec<f64>, Error> {
             *own = next;
         }
         if change <= LAST_CHANGE * size {
-            return Ok(here);
+            return Some(here);
         }
     }
+    None
+}
+
+/// The symplectic factor S of a matrix A = S·B, by A ← ½(A + ΩA⁻ᵀΩᵀ), which converges as Newton's method does.
+///
+/// Source: Higham, Mackey, Mackey and Tisseur, <https://doi.org/10.1137/S0895479803426644>, of such factors.
+fn symplectic_factor(matrix: &[f64], dof: usize) -> Result<Vec<f64>, Error> {
+    // Of a symplectic matrix the inverse of its inverse by the form is itself.
+    let other = |here: &[f64]| inverse_of_symplectic(&inverted(here, 2 * dof), dof);
     let what = "the linear part of a map";
-    Err(Error::invalid(what, "one far from symplectic", "one near a symplectic matrix"))
+    let unlike = || Error::invalid(what, "one far from symplectic", "one near a symplectic matrix");
+    limit(matrix, other).ok_or_else(unlike)
+}
+
+/// The sign of a matrix, which is its own inverse, by A ← ½(A + A⁻¹).
+///
+/// Source: Higham, Functions of Matrices, <https://doi.org/10.1137/1.9780898717778>, chapter 5.
+fn sign(matrix: &[f64], dim: usize) -> Result<Vec<f64>, Error> {
+    let what = "the linear part of a reversible map";
+    let unlike = || {
+        Error::invalid(what, "one with no square root", "one that turns no plane by half a turn")
+    };
+    limit(matrix, |here| inverted(here, dim)).ok_or_else(unlike)
+}
+
+/// The square root of a matrix near the identity, from the sign of (0, A; 1, 0).
+fn square_root(matrix: &[f64], dim: usize) -> Result<Vec<f64>, Error> {
+    let block = |row: usize, column: usize| match (row < dim, column < dim) {
+        (true, false) => matrix[row * dim + column - dim],
+        (false, true) if row - dim == column => 1.0,
+        _ => 0.0,
+    };
+    let whole: Vec<f64> = (0..4 * dim * dim).map(|k| block(k / (2 * dim), k % (2 * dim))).collect();
+    let sign = sign(&whole, 2 * dim)?;
+    Ok((0..dim).flat_map(|row| sign[row * 2 * dim + dim..][..dim].to_vec()).collect())
 }

@@ -50,6 +50,9 @@ const AT_REST: f64 = 1e-13;
 /// What does not come to rest at that has found an orbit where it misses by no more, over 1 + |z|: rounding along
 /// an orbit that is far from stable.
 const FOUND: f64 = 1e-9;
+/// Where an orbit is found, steps that shrink by less than this are of rounding: Newton's method squares them, or
+/// halves them towards an orbit that is about to vanish.
+const SHRINKS: f64 = 0.75;
 
 /// What leads a point round: its image after `period` maps, the Jacobian there, and the points.
 fn round(map: WithJacobian<'_>, z: &[f64], period: usize) -> Result<PeriodicOrbit, Error> {
@@ -95,8 +98,9 @@ pub fn periodic_orbit(
             here.multiplier_matrix[i * dim + k] - if i == k { 1.0 } else { 0.0 }
         });
         let step = matrix.partial_piv_lu().solve(&right);
+        let before = change;
         change = (0..dim).map(|k| step[(k, 0)].abs()).fold(0.0, max_or_nan);
-        if !change.is_finite() {
+        if !change.is_finite() || (here.missed <= FOUND * size && change > SHRINKS * before) {
             break;
         }
         let mut share = 1.0;

@@ -5,6 +5,8 @@ mod circles;
 mod controls;
 mod lines;
 mod orbits;
+mod outside;
+mod polynomials;
 mod proofs;
 mod runs;
 mod trained;
@@ -22,7 +24,8 @@ use crate::phase::Direction;
 use crate::scalar::{Grid, GridNumbers};
 use crate::scene::{own_invariance_fault, render};
 use arrays::{Points, Rows, array, points_of};
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
+use numpy::{PyArray1, PyArrayDyn};
+use outside::{Outside, box_of, survived};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use rayon::prelude::*;
@@ -355,13 +358,11 @@ impl Model {
         let grid = grid.map(|own| Grid::new(bits(own)?, numbers)).transpose()?;
         let course = Course { direction, grid };
         Error::check_count_range("every", every, 1, steps)?;
-        if !["warn", "stop", "ignore"].contains(&outside) {
-            return Err(Error::invalid("outside", outside, "warn, stop or ignore").into());
-        }
+        let outside = Outside::of(outside)?;
         let has_polynomials = self.stored.model.architecture().has_polynomials();
-        if outside == "stop" && !has_polynomials && self.stored.provenance.region.is_none() {
+        if outside == Outside::Stop && !has_polynomials && self.stored.provenance.region.is_none() {
             let expected = "a model that knows the box of its training points";
-            return Err(Error::invalid("outside", outside, expected).into());
+            return Err(Error::invalid("outside", "stop", expected).into());
         }
         let points = self.points(&points)?;
         let initial = &points.values;
@@ -378,21 +379,12 @@ impl Model {
         }
         let (dim, region) = (2 * self.dof(), self.stored.provenance.region.as_ref());
         let count = initial.len() / dim;
-        if outside != "ignore" {
-            let told = py.detach(|| {
-                let left = region.and_then(|region| {
-                    Some(region.left_by(&states, count, every)?.describe(region))
-                });
-                let beyond = self.stored.leaves_polynomials(&states, count, every);
-                [left, beyond.map(|beyond| beyond.describe())]
-            });
-            for told in told.into_iter().flatten() {
-                if outside == "stop" {
-                    return Err(exception::Error::new_err(told));
-                }
-                warn(py, &told)?;
-            }
-        }
+        outside.report(py, || {
+            let left = region
+                .and_then(|region| Some(region.left_by(&states, count, every)?.describe(region)));
+            let beyond = self.stored.leaves_polynomials(&states, count, every);
+            [left, beyond.map(|beyond| beyond.describe())]
+        })?;
         array(py, states, points.shape(&[request.kept()], &[dim]))
     }
 
@@ -461,25 +453,9 @@ impl Model {
         high: Option<Vec<f64>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
         let points = self.points(&points)?;
-        let unknown = || Error::invalid("survival", "no box", "low and high: the model has none");
-        let own = self.stored.provenance.region.clone();
-        let region = match (low, high, own) {
-            (Some(low), Some(high), _) => Region { low, high },
-            (low, high, own) => {
-                let own = own.ok_or_else(unknown)?;
-                Region { low: low.unwrap_or(own.low), high: high.unwrap_or(own.high) }
-            }
-        };
-        for (name, corner) in [("low", &region.low), ("high", &region.high)] {
-            Error::check_count(name, 2 * self.dof(), corner.len())?;
-        }
-        region.check("box", self.dof())?;
-        Error::check_count_range("steps", steps, 1, i64::MAX as usize - 1)?;
-        let found = py.detach(|| self.stored.maps_survived(&points.values, steps, &region))?;
-        let last = |lost: Option<usize>| lost.unwrap_or(steps + 1) as i64;
-        let found: Vec<i64> = found.into_iter().map(last).collect();
-        let flat = PyArray1::from_vec(py, found);
-        flat.reshape(points.shape(&[], &[]))
+        let own = self.stored.provenance.region.as_ref();
+        let region = box_of([low, high], own, self.dof())?;
+        survived(py, &points, steps, || self.stored.maps_survived(&points.values, steps, &region))
     }
 
     /// The distinct orbits of exactly `period` steps that Newton's method with exact Jacobians finds from `guesses`,
@@ -833,6 +809,8 @@ mod _native {
     use super::lines::FieldLines;
     #[pymodule_export]
     use super::orbits::{PyInvariantCircle, rotation_number, tunes};
+    #[pymodule_export]
+    use super::polynomials::PySymplecticPolynomial;
     #[pymodule_export]
     use super::proofs::{check_proof, prove};
     #[pymodule_export]

@@ -313,8 +313,11 @@ impl CoilField {
     pub fn at<S: Elementary>(&self, place: [S; 3]) -> [S; 3] {
         let mut field = [S::zero(); 3];
         for Element { at, current } in &self.elements {
-            let [x, y, z] = std::array::from_fn(|k| place[k] - S::from_f64(at[k]));
-            let [a, b, c] = current.map(S::from_f64);
+            let x = place[0] - S::from_f64(at[0]);
+            let y = place[1] - S::from_f64(at[1]);
+            let z = place[2] - S::from_f64(at[2]);
+            let [a, b, c] =
+                [S::from_f64(current[0]), S::from_f64(current[1]), S::from_f64(current[2])];
             let square = x.mul_add(x, y.mul_add(y, z * z));
             let inverse = S::from_f64(1.0) / (square * square.sqrt());
             let cross = [b * z - c * y, c * x - a * z, a * y - b * x];

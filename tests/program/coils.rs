@@ -37,6 +37,7 @@ orbits = 20
 rounds = 1
 polynomials = [6]
 symplectic_polynomials = [8]
+reversible_polynomials = [9]
 planes = [{{ fewer = 2, degree = 6 }}]
 tracing = [2, 1]
 [[models]]
@@ -83,6 +84,7 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     let said = text(&succeeds(path, &["run", "lines.toml", "--out", "a"]).stdout);
     for words in [
         "symplectic polynomial of degree 8",
+        "reversible polynomial of degree 9",
         "polynomial of degree 6",
         "planes of degree 6",
         "coils, 8 steps",
@@ -120,6 +122,15 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     // A symplectic polynomial is off by its error, and not by more as time goes on.
     let [first, last] = off("symplectic polynomial of degree 8");
     assert!(first > 0.0 && last < 1.5 * first && first < 1e-4, "{first} {last}");
+    // So is one that is reversible, with fewer numbers.
+    let [first, last] = off("reversible polynomial of degree 9");
+    assert!(first > 0.0 && last < 1.5 * first && first < 1e-4, "{first} {last}");
+    let numbers = |name: &str| {
+        let of = methods.iter().find(|one| one["name"] == name).expect("a method");
+        of["parameters"].as_u64().expect("a number")
+    };
+    let [whole, even] = ["symplectic polynomial of degree 8", "reversible polynomial of degree 9"];
+    assert!((numbers(whole), numbers(even)) == (44, 29), "{found}");
     // What the reference is known to stands beside it.
     assert!(error("planes of degree 6, 8 steps") > error("coils, 16 steps"), "{found}");
     for figure in ["poincare.svg", "rotation.csv", "off-surface.svg"] {
@@ -303,6 +314,7 @@ fn bad_machines_are_refused_before_anything_is_written() {
     refused(&sound.replace("[6]", "[40]"), &[], &["degree", "pairs to train with"]);
     refused(&sound.replace("[8]", "[1]"), &[], &["symplectic_polynomials"]);
     refused(&sound.replace("[8]", "[40]"), &[], &["degree", "pairs to train with"]);
+    refused(&sound.replace("[9]", "[1]"), &[], &["reversible_polynomials"]);
     refused(&sound, &["--axis", "3.9"], &["--axis", "two numbers"]);
     refused(
         &sound,

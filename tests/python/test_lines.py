@@ -147,3 +147,28 @@ def test_bad_lines_are_refused(lines, tmp_path):
     assert np.isnan(lines.trace([3.9 + 0.975, 0.0], 2)[1:]).all()
     with pytest.raises(gyroceptron.Error, match="states"):
         gyroceptron.InvariantCircle(np.zeros((10, 2)), 0.1)
+
+
+def test_a_symplectic_polynomial_is_fitted_in_the_chart_of_a_section(lines, tmp_path):
+    start = lines.starts(12)
+    states = lines.trace(start, 40)
+    section = tmp_path / "section.npz"
+    lines.write_section(section, states)
+    before, after = states[:-1].reshape(-1, 2), states[1:].reshape(-1, 2)
+    # The polynomial that ignores the area form cannot follow, the other does; its reflection is that of Z.
+    plain = gyroceptron.SymplecticPolynomial(before, after, 9)
+    own = gyroceptron.SymplecticPolynomial(before, after, 9, section=section)
+    even = gyroceptron.SymplecticPolynomial(before, after, 9, "positions", section)
+    assert own.error(before, after) < 1e-6 and even.error(before, after) < 2e-6
+    assert plain.error(before, after) > 30 * own.error(before, after)
+    assert len(even.parameters) == 29 and len(own.parameters) == 54
+    assert np.abs(own.predict(start, 40) - states).max() < 1e-4
+    # The Jacobian in R and Z, by differences, and its determinant: the ratio of both densities.
+    h = 1e-6
+    ends = [own.predict(start[3] + [step, 0])[-1] for step in (h, -h)]
+    assert np.abs((ends[0] - ends[1]) / (2 * h) - own.jacobian(start[3])[:, 0]).max() < 1e-7
+    assert np.abs(own.jacobian(start[3]) - lines.jacobian(start[3])).max() < 1e-3
+    with pytest.raises(gyroceptron.Error, match="points of the section"):
+        own.predict([1.0, 0.0])
+    with pytest.raises(gyroceptron.Error, match="missing.npz"):
+        gyroceptron.SymplecticPolynomial(before, after, 9, section=tmp_path / "missing.npz")

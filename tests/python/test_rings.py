@@ -8,13 +8,18 @@ import gyroceptron
 TURNS = 0.2114
 
 
+def turned(z, turns):
+    """Each plane turned from p towards q."""
+    (q, p), angles = (z[..., :2], z[..., 2:]), 2 * np.pi * turns
+    return np.concatenate([np.cos(angles) * q + np.sin(angles) * p, -np.sin(angles) * q + np.cos(angles) * p], -1)
+
+
 def henon(z):
     """A turn of q and p after a kick by the square of q, in each of two planes that know of each other."""
     q, p = z[..., :2], z[..., 2:]
     kick = np.stack([q[..., 0] ** 2 - 0.1 * q[..., 1] ** 2, -0.2 * q[..., 0] * q[..., 1]], -1)
     p = p - kick
-    turns = 2 * np.pi * np.array([TURNS, 0.31])
-    return np.concatenate([np.cos(turns) * q + np.sin(turns) * p, -np.sin(turns) * q + np.cos(turns) * p], -1)
+    return turned(np.concatenate([q, p], -1), np.array([TURNS, 0.31]))
 
 
 @pytest.fixture(scope="module")
@@ -63,3 +68,60 @@ def test_orbits_survive_until_they_leave(model):
     assert (model.survival(starts, 300) <= found.ravel()).all()
     with pytest.raises(gyroceptron.Error, match="low"):
         model.survival(starts, 10, [-1.0], [1.0])
+
+
+def test_a_symplectic_polynomial_is_fitted_without_training(model):
+    z = np.random.default_rng(3).uniform(-0.3, 0.3, (600, 4))
+    own = gyroceptron.SymplecticPolynomial(z, henon(z), 3)
+    # A kick by a cubic function between linear maps is a cubic generating function.
+    assert (own.degree, len(own.parameters)) == (3, 34) and own.error(z, henon(z)) < 1e-14
+    assert "degree 3" in repr(own)
+    assert gyroceptron.SymplecticPolynomial(z, henon(z), 2).error(z, henon(z)) > 1e-3
+    low, high = own.region
+    assert np.allclose(low, np.minimum(z, henon(z)).min(axis=0)) and np.all(np.array(high) > low)
+    starts = np.array([[[0.05, 0.02, 0.0, 0.0], [0.2, 0.1, 0.0, 0.0]]])
+    states, here = own.predict(starts, 20, 5), starts
+    assert states.shape == (5, 1, 2, 4) and (states[0] == starts).all()
+    for kept in states[1:]:
+        for _ in range(5):
+            here = henon(here)
+        assert np.abs(kept - here).max() < 1e-13
+    # Omega by the literal definition, and derivatives by differences.
+    jacobian = own.jacobian(starts)
+    form = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.eye(2), np.zeros((2, 2))]])
+    assert jacobian.shape == (1, 2, 4, 4)
+    assert np.abs(np.swapaxes(jacobian, -1, -2) @ form @ jacobian - form).max() < 1e-14
+    step = np.eye(4)[1] * 1e-5
+    ends = [own.predict(starts[0, 1] + sign * step)[1] for sign in (1, -1)]
+    assert np.abs((ends[0] - ends[1]) / 2e-5 - jacobian[0, 1, :, 1]).max() < 1e-9
+    # Orbits that leave are lost when those of the map are, well within the pairs.
+    radii = np.linspace(0.01, 0.3, 30)
+    rays = np.stack([radii, 0.1 * radii, 0 * radii, 0 * radii], -1)
+    assert (own.survival(rays, 200, [-0.1] * 4, [0.1] * 4) == model.survival(rays, 200, [-0.1] * 4, [0.1] * 4)).all()
+    assert (own.survival(rays[:3], 200) == 201).all()
+    with pytest.warns(UserWarning, match="training points"):
+        own.predict([0.6, 0.0, 0.0, 0.0])
+    with pytest.raises(gyroceptron.Error, match="training points"):
+        own.predict([0.6, 0.0, 0.0, 0.0], outside="stop")
+    own.predict([0.6, 0.0, 0.0, 0.0], outside="ignore")
+    # A turn on either side of the kick by half the angle: reversible by the reflection of the momenta.
+    half = lambda z: turned(z, 0.5 * np.array([TURNS, 0.31]))  # noqa: E731
+    both = lambda z: half(turned(henon(half(z)), -np.array([TURNS, 0.31])))  # noqa: E731
+    even = gyroceptron.SymplecticPolynomial(z, both(z), 3, reversor="momenta")
+    assert even.error(z, both(z)) < 1e-14 and len(even.parameters) == 18
+    mirror = [1, 1, -1, -1]
+    back = mirror * even.predict(mirror * even.predict(z, outside="ignore")[1], outside="ignore")[1]
+    assert np.abs(back - z).max() < 1e-13
+    assert gyroceptron.SymplecticPolynomial(z, henon(z), 3, reversor="momenta").error(z, henon(z)) > 1e-3
+    for asked, words in [
+        (lambda: gyroceptron.SymplecticPolynomial(z, henon(z), 3, reversor="both"), "reversor"),
+        (lambda: gyroceptron.SymplecticPolynomial(z[:20], henon(z)[:20], 8), "degree of a generating function"),
+        (lambda: gyroceptron.SymplecticPolynomial(z, henon(z)[:-1], 3), "600"),
+        (lambda: gyroceptron.SymplecticPolynomial(z[:, :3], henon(z), 3), "input"),
+        (lambda: gyroceptron.SymplecticPolynomial(z, z * [1, 1, -1, -1], 3), "symplectic"),
+        (lambda: own.predict(starts, outside="never"), "outside"),
+        (lambda: own.predict(starts, 0), "steps"),
+        (lambda: own.predict(z[:, :2]), "columns"),
+    ]:
+        with pytest.raises(gyroceptron.Error, match=words):
+            asked()

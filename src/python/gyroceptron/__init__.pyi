@@ -14,6 +14,7 @@ __all__ = [
     "Model",
     "ProgressBar",
     "Report",
+    "SymplecticPolynomial",
     "__version__",
     "check_proof",
     "load",
@@ -24,6 +25,7 @@ __all__ = [
     "run",
     "run_job",
     "train",
+    "tunes",
 ]
 
 __version__: str
@@ -236,6 +238,47 @@ class InvariantCircle:
         """`count` points of the curve at equal distances of the angle: (count, 2)."""
     def distances(self, points: ArrayLike) -> NDArray[np.float64]:
         """The distances of points (..., 2) from the curve: (...)."""
+
+class SymplecticPolynomial:
+    """A symplectic map whose generating function is a polynomial of least squares, fitted to pairs (N, 2n)."""
+
+    def __init__(
+        self,
+        input: ArrayLike,
+        output: ArrayLike,
+        degree: int,
+        reversor: Literal["positions", "momenta"] | None = None,
+        section: str | PathLike[str] | None = None,
+    ) -> None: ...
+    @property
+    def degree(self) -> int:
+        """The total degree of the generating function."""
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """The coefficients of the generating function, without the constant."""
+    @property
+    def region(self) -> tuple[list[float], list[float]]:
+        """The box of the pairs: the lowest and the highest of each coordinate."""
+    def error(self, input: ArrayLike, output: ArrayLike) -> float:
+        """The root mean square distance of the images of input from output, both (N, 2n)."""
+    def predict(
+        self,
+        points: ArrayLike,
+        steps: int = 1,
+        every: int = 1,
+        outside: Literal["warn", "stop", "ignore"] = "warn",
+    ) -> NDArray[np.float64]:
+        """The states of trajectories from points (..., 2n), one in `every`: (steps/every + 1, ..., 2n)."""
+    def jacobian(self, points: ArrayLike) -> NDArray[np.float64]:
+        """The Jacobians at points (..., 2n): (..., 2n, 2n)."""
+    def survival(
+        self,
+        points: ArrayLike,
+        steps: int,
+        low: Sequence[float] | None = None,
+        high: Sequence[float] | None = None,
+    ) -> NDArray[np.int64]:
+        """The number of steps after which each orbit is outside of a box, steps + 1 for those that stay."""
 
 class FieldLines:
     """Field lines of coils, and the map of a section along them: points are (..., 2), R and Z in metres."""

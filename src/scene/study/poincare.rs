@@ -7,8 +7,9 @@ use super::section_maps::{
 use super::shared::{Study, finite};
 use super::work_precision::MOST_ROUNDS;
 use crate::error::Error;
-use crate::flow::{PolynomialMap, SymplecticPolynomial, TabulatedLines, Trajectories};
+use crate::flow::{PolynomialMap, PolynomialOnSection, TabulatedLines, Trajectories};
 use crate::io::{Provenance, StoredModel};
+use crate::layer::Reversor;
 use crate::measure::{
     orbits::{InvariantCircle, rotation_numbers},
     timing::{Comparison, Method, TrajectoryMethods, break_even, root_mean_square_distance},
@@ -71,6 +72,9 @@ pub struct PoincareOptions {
     /// Degrees of polynomial generating functions of least squares, as symplectic rivals.
     #[serde(default)]
     pub symplectic_polynomials: Vec<usize>,
+    /// Degrees of even ones, for sections that are mapped to themselves by the reflection of Z.
+    #[serde(default)]
+    pub reversible_polynomials: Vec<usize>,
     /// Tabulated planes, as rivals.
     #[serde(default)]
     pub planes: Vec<Planes>,
@@ -138,8 +142,13 @@ impl Study for PoincareOptions {
         for &degree in &self.polynomials {
             Error::check_count_range("polynomials", degree, 1, MOST_DEGREE)?;
         }
-        for &degree in &self.symplectic_polynomials {
-            Error::check_count_range("symplectic_polynomials", degree, 2, MOST_DEGREE)?;
+        for (name, degrees) in [
+            ("symplectic_polynomials", &self.symplectic_polynomials),
+            ("reversible_polynomials", &self.reversible_polynomials),
+        ] {
+            for &degree in degrees {
+                Error::check_count_range(name, degree, 2, MOST_DEGREE)?;
+            }
         }
         self.planes.iter().try_for_each(|planes| planes.check("planes"))?;
         self.reference_planes.iter().try_for_each(|planes| planes.check("reference_planes"))?;
@@ -161,8 +170,9 @@ impl Study for PoincareOptions {
             let kept = lines.lines as f64 * (1.0 - data.validation);
             let pairs = kept * data.orbit as f64;
             let of_planes = self.planes.iter().chain(&self.reference_planes);
-            let polynomials = self.polynomials.iter().chain(&self.symplectic_polynomials);
-            let degrees = of_planes.map(|planes| planes.degree).chain(polynomials.copied());
+            let symplectic = self.symplectic().map(|(degree, _)| degree);
+            let polynomials = self.polynomials.iter().copied().chain(symplectic);
+            let degrees = of_planes.map(|planes| planes.degree).chain(polynomials);
             for degree in degrees {
                 let least = 2 * terms_of(degree);
                 if pairs < least as f64 {
@@ -186,7 +196,7 @@ impl Study for PoincareOptions {
 
     fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
         let mut cited = vec![DORMAND_PRINCE, MAP_METHODS, BIRKHOFF_AVERAGES, RESIDUES];
-        cited.extend((!self.symplectic_polynomials.is_empty()).then_some(SYMPLECTIC_MAPS));
+        cited.extend(self.symplectic().next().map(|_| SYMPLECTIC_MAPS));
         cited
     }
 
@@ -217,17 +227,15 @@ impl Study for PoincareOptions {
             let (parameters, setting) = (Some(map.parameters()), Some(degree));
             rivals.push(NamedMap { name, setting, parameters, map: SectionMap::Polynomial(map) });
         }
-        for &degree in &self.symplectic_polynomials {
-            let name = format!("symplectic polynomial of degree {degree}");
+        for (degree, reversor) in self.symplectic() {
+            let kind = if reversor.is_some() { "reversible" } else { "symplectic" };
+            let name = format!("{kind} polynomial of degree {degree}");
             let map = context.stage(&name, |_| {
-                let canonical = lines.training.transformed("field lines", |_, points| {
-                    lines.chart.to_canonical(points);
-                    Ok(())
-                })?;
-                SymplecticPolynomial::fit(&canonical, degree)
+                let chart = Some(lines.chart.clone());
+                PolynomialOnSection::fit(&lines.training, degree, reversor, chart)
             })?;
-            let (parameters, setting) = (Some(map.parameters()), Some(degree));
-            let map = SectionMap::Generating(Box::new(map), &lines.chart);
+            let (parameters, setting) = (Some(map.map().parameters()), Some(degree));
+            let map = SectionMap::Generating(Box::new(map));
             rivals.push(NamedMap { name, setting, parameters, map });
         }
         for planes in &self.planes {
@@ -364,6 +372,14 @@ impl Planes {
 }
 
 impl PoincareOptions {
+    /// The degrees of its symplectic polynomials; of those that are even, with the reflection of Z, the position of the
+    /// chart.
+    fn symplectic(&self) -> impl Iterator<Item = (usize, Option<Reversor>)> {
+        let plain = self.symplectic_polynomials.iter().map(|degree| (*degree, None));
+        let even = self.reversible_polynomials.iter();
+        plain.chain(even.map(|degree| (*degree, Some(Reversor::Positions))))
+    }
+
     /// What follows the lines of the reference over many maps.
     fn reference<'a>(&self, lines: &'a TracedLines) -> Result<SectionMap<'a>, Error> {
         match self.reference_planes {

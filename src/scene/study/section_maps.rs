@@ -1,7 +1,7 @@
 //! Maps of a section of field lines, in metres: networks and their rivals, and what is asked of each.
 
 use crate::error::Error;
-use crate::flow::{LineMap, PolynomialMap, SymplecticPolynomial, TabulatedLines, Trajectories};
+use crate::flow::{LineMap, PolynomialMap, PolynomialOnSection, TabulatedLines, Trajectories};
 use crate::io::StoredModel;
 use crate::measure::{
     orbits::{InvariantCircle, PeriodicOrbit, RotationNumber, periodic_orbits, rotation_numbers},
@@ -9,7 +9,6 @@ use crate::measure::{
     trajectories::{LockedInterval, locked_interval, winding_numbers},
 };
 use crate::network::Rollout;
-use crate::phase::Section;
 use crate::scalar::max_or_nan;
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -21,7 +20,7 @@ pub(super) enum SectionMap<'a> {
     /// Polynomials of least squares.
     Polynomial(PolynomialMap),
     /// A polynomial generating function of least squares in the chart of the section.
-    Generating(Box<SymplecticPolynomial>, &'a Section),
+    Generating(Box<PolynomialOnSection>),
     /// Lines through tabulated planes.
     Tabulated(TabulatedLines),
     /// Lines in the field of the coils.
@@ -40,14 +39,7 @@ impl SectionMap<'_> {
                 })),
             },
             Self::Polynomial(map) => map.rollout(initial, request),
-            Self::Generating(map, chart) => {
-                let mut canonical = initial.to_vec();
-                chart.to_canonical(&mut canonical);
-                let mut states = map.rollout(&canonical, request)?;
-                chart.to_data(&mut states);
-                states[..initial.len()].copy_from_slice(initial);
-                Ok(states)
-            }
+            Self::Generating(map) => map.rollout(initial, request),
             Self::Tabulated(lines) => lines.rollout(initial, request),
             Self::Coils(map) => {
                 let moved = map.trajectories(initial, request.steps)?;
@@ -72,15 +64,7 @@ impl SectionMap<'_> {
                 map.step(&mut image);
                 Ok((image, map.jacobian(z)))
             }
-            Self::Generating(map, chart) => {
-                let mut image = z.to_vec();
-                chart.to_canonical(&mut image);
-                let mut jacobian = map.jacobian(&image);
-                map.step(&mut image);
-                chart.to_data(&mut image);
-                chart.jacobian_of_data(&mut jacobian, z, &image);
-                Ok((image, jacobian))
-            }
+            Self::Generating(map) => Ok(map.with_jacobian(z)),
             Self::Tabulated(lines) => Ok(of_lines(lines.with_jacobian([z[0], z[1]]))),
             Self::Coils(map) => Ok(of_lines(map.with_jacobian([z[0], z[1]]))),
         }

@@ -1,0 +1,83 @@
+//! Symplectic polynomials in the chart of a section.
+
+use super::{Pairs, SymplecticPolynomial};
+use crate::error::Error;
+use crate::layer::Reversor;
+use crate::network::Rollout;
+use crate::phase::Section;
+
+/// A [`SymplecticPolynomial`] in the chart of a [`Section`], if there is one: points are those of the data, (x, y) where
+/// the area form of a plane is not dq∧dp.
+#[derive(Clone, Debug)]
+pub struct PolynomialOnSection {
+    map: SymplecticPolynomial,
+    section: Option<Section>,
+}
+
+impl PolynomialOnSection {
+    /// The fit to pairs of data, which with a reversor is [reversible](SymplecticPolynomial::fit_reversible) in the
+    /// chart.
+    ///
+    /// # Errors
+    /// Those of [`SymplecticPolynomial::fit`]; when the section is of other degrees of freedom, or a point is not on it.
+    pub fn fit(
+        pairs: &Pairs,
+        degree: usize,
+        reversor: Option<Reversor>,
+        section: Option<Section>,
+    ) -> Result<Self, Error> {
+        if let Some(section) = &section {
+            section.check(pairs.dof())?;
+            section.check_points("input", pairs.input())?;
+            section.check_points("output", pairs.output())?;
+        }
+        let canonical = pairs.transformed("pairs", |_, points| {
+            section.iter().for_each(|section| section.to_canonical(points));
+            Ok(())
+        })?;
+        let map = match reversor {
+            None => SymplecticPolynomial::fit(&canonical, degree)?,
+            Some(reversor) => SymplecticPolynomial::fit_reversible(&canonical, degree, reversor)?,
+        };
+        Ok(Self { map, section })
+    }
+
+    /// The map in the chart.
+    pub fn map(&self) -> &SymplecticPolynomial {
+        &self.map
+    }
+
+    /// Fails at the first of these points that is not on the section.
+    ///
+    /// # Errors
+    /// With the row and the point.
+    pub fn check_points(&self, place: &str, points: &[f64]) -> Result<(), Error> {
+        self.section.as_ref().map_or(Ok(()), |section| section.check_points(place, points))
+    }
+
+    /// As [`SymplecticPolynomial::rollout`]; NaN from where an orbit leaves the section.
+    ///
+    /// # Errors
+    /// Those of [`SymplecticPolynomial::rollout`].
+    pub fn rollout(&self, initial: &[f64], request: Rollout) -> Result<Vec<f64>, Error> {
+        let mut canonical = initial.to_vec();
+        self.section.iter().for_each(|section| section.to_canonical(&mut canonical));
+        let mut states = self.map.rollout(&canonical, request)?;
+        self.section.iter().for_each(|section| section.to_data(&mut states));
+        states[..initial.len()].copy_from_slice(initial);
+        Ok(states)
+    }
+
+    /// The image of a point, and the Jacobian there: 2n × 2n numbers, row by row.
+    pub fn with_jacobian(&self, z: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let mut image = z.to_vec();
+        self.section.iter().for_each(|section| section.to_canonical(&mut image));
+        let mut jacobian = self.map.jacobian(&image);
+        self.map.step(&mut image);
+        if let Some(section) = &self.section {
+            section.to_data(&mut image);
+            section.jacobian_of_data(&mut jacobian, z, &image);
+        }
+        (image, jacobian)
+    }
+}

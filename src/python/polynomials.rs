@@ -1,0 +1,179 @@
+//! Symplectic polynomials in Python.
+
+use super::arrays::{Points, Rows, array, dof_of, points_of, rows_of};
+use super::outside::{Outside, box_of, survived};
+use super::{by_parts, interruptible};
+use crate::error::Error;
+use crate::flow::{Pairs, PolynomialOnSection, Region};
+use crate::io::read_section;
+use crate::layer::Reversor;
+use crate::measure::orbits::maps_survived;
+use crate::measure::timing::root_mean_square_distance;
+use crate::network::Rollout;
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use std::path::PathBuf;
+
+/// A symplectic map whose generating function is a polynomial of total degree `degree`, fitted to pairs by linear least
+/// squares: `input` and `output` are (N, 2n), q1 ... qn, p1 ... pn, of one map with up to four degrees of freedom. It
+/// needs no training, and is symplectic whatever the pairs are; a step solves an implicit equation for the midpoint.
+/// With `reversor`, "positions" or "momenta", it is also conjugated to its inverse by the reflection of these, and has
+/// about half the parameters. `section` is that of `train`, a file of the density of the area form, and the reflection
+/// one of its canonical coordinates. Raises Error when the pairs are too few for the degree, of other shapes, or of a map whose linear part is not near a
+/// symplectic one, and when the equation has no solution near some pair.
+#[pyclass(frozen, module = "gyroceptron", name = "SymplecticPolynomial")]
+pub(super) struct PySymplecticPolynomial {
+    map: PolynomialOnSection,
+    dof: usize,
+    region: Region,
+}
+
+/// What the pairs are called in errors.
+const PAIRS: &str = "pairs";
+
+fn pairs_of(input: &Rows<'_>, output: &Rows<'_>, dof: usize) -> PyResult<Pairs> {
+    let [input, output] = [rows_of("input", input, dof)?, rows_of("output", output, dof)?];
+    Ok(Pairs::new(PAIRS, dof, input, output)?)
+}
+
+impl PySymplecticPolynomial {
+    fn points(&self, points: &Rows<'_>) -> PyResult<Points> {
+        let points = points_of("points", points, self.dof)?;
+        self.map.check_points("points", &points.values)?;
+        Ok(points)
+    }
+}
+
+#[pymethods]
+impl PySymplecticPolynomial {
+    #[new]
+    #[pyo3(signature = (input, output, degree, reversor=None, section=None))]
+    fn new(
+        py: Python<'_>,
+        input: Rows<'_>,
+        output: Rows<'_>,
+        degree: usize,
+        reversor: Option<&str>,
+        section: Option<PathBuf>,
+    ) -> PyResult<Self> {
+        let reversor = reversor.map(Reversor::find).transpose()?;
+        let dof = dof_of("input", &input)?;
+        let pairs = pairs_of(&input, &output, dof)?;
+        let unknown = || Error::invalid(PAIRS, "none", "at least one");
+        let region = pairs.region().ok_or_else(unknown)?;
+        let section = section.as_deref().map(read_section).transpose()?;
+        let map = py.detach(|| PolynomialOnSection::fit(&pairs, degree, reversor, section))?;
+        Ok(Self { map, dof, region })
+    }
+
+    /// The total degree of the generating function.
+    #[getter]
+    fn degree(&self) -> usize {
+        self.map.map().degree()
+    }
+
+    /// The coefficients of the generating function, without the constant.
+    #[getter]
+    fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        array(py, self.map.map().coefficients().to_vec(), vec![self.map.map().parameters()])
+    }
+
+    /// The box of the pairs: the lowest and the highest of each coordinate.
+    #[getter]
+    fn region(&self) -> (Vec<f64>, Vec<f64>) {
+        (self.region.low.clone(), self.region.high.clone())
+    }
+
+    /// The root mean square distance of the images of `input` from `output`, both (N, 2n).
+    fn error(&self, py: Python<'_>, input: Rows<'_>, output: Rows<'_>) -> PyResult<f64> {
+        let pairs = pairs_of(&input, &output, self.dof)?;
+        Ok(py.detach(|| {
+            let images = self.map.rollout(pairs.input(), Rollout { steps: 1, every: 1 })?;
+            let images = &images[pairs.input().len()..];
+            Ok::<_, Error>(root_mean_square_distance(images, pairs.output(), 2 * self.dof))
+        })?)
+    }
+
+    /// The states of the trajectories from `points`, (..., 2n), with one in `every` kept: (steps/every + 1, ..., 2n),
+    /// the points themselves first. `outside` says what to do when a trajectory leaves the box of the pairs by more
+    /// than a hundredth of its width, beyond which polynomials grow without a bound: "warn" (UserWarning), "stop" (an
+    /// Error) or "ignore".
+    #[pyo3(signature = (points, steps=1, every=1, outside="warn"))]
+    fn predict<'py>(
+        &self,
+        py: Python<'py>,
+        points: Rows<'py>,
+        steps: usize,
+        every: usize,
+        outside: &str,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let points = self.points(&points)?;
+        Error::check_count_range("steps", steps, 1, usize::MAX)?;
+        Error::check_count_range("every", every, 1, steps)?;
+        let outside = Outside::of(outside)?;
+        let row = points.values.len();
+        let count = row / (2 * self.dof);
+        let states = interruptible(py, |pace| {
+            let mut states = points.values.clone();
+            while states.len() / row <= steps / every {
+                let left = steps / every + 1 - states.len() / row;
+                let kept = pace.part(count * every).min(left);
+                let here = &states[states.len() - row..];
+                let moved = self.map.rollout(here, Rollout { steps: kept * every, every })?;
+                states.extend_from_slice(&moved[row..]);
+                pace.pause("trajectories", kept * every * count)?;
+            }
+            Ok(states)
+        })?;
+        outside.report(py, || {
+            [self.region.left_by(&states, count, every).map(|left| left.describe(&self.region))]
+        })?;
+        array(py, states, points.shape(&[steps / every + 1], &[2 * self.dof]))
+    }
+
+    /// The Jacobians at `points`, (..., 2n), by dual numbers: (..., 2n, 2n).
+    fn jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        points: Rows<'py>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let points = self.points(&points)?;
+        let dim = 2 * self.dof;
+        let values = by_parts(py, "Jacobians", dim, &points.values, |part| {
+            Ok(part.chunks_exact(dim).flat_map(|z| self.map.with_jacobian(z).1).collect())
+        })?;
+        array(py, values, points.shape(&[], &[dim, dim]))
+    }
+
+    /// As `Model.survival`: the number of steps after which each orbit from `points`, (..., 2n), is outside of the box
+    /// from `low` to `high` for the first time, or `steps` + 1 if it stays inside: (...), integers.
+    #[pyo3(signature = (points, steps, low=None, high=None))]
+    fn survival<'py>(
+        &self,
+        py: Python<'py>,
+        points: Rows<'py>,
+        steps: usize,
+        low: Option<Vec<f64>>,
+        high: Option<Vec<f64>>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
+        let points = self.points(&points)?;
+        let region = box_of([low, high], Some(&self.region), self.dof)?;
+        survived(py, &points, steps, || {
+            let follow = |starts: &[f64], maps: usize| {
+                let request = Rollout { steps: maps, every: 1 };
+                Ok(self.map.rollout(starts, request)?.split_off(starts.len()))
+            };
+            let stays = |z: &[f64]| region.first_outside(z).is_none();
+            maps_survived(&follow, &points.values, 2 * self.dof, steps, &stays)
+        })
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<gyroceptron.SymplecticPolynomial: degree {}, {} parameters, {} degrees of freedom>",
+            self.map.map().degree(),
+            self.map.map().parameters(),
+            self.dof
+        )
+    }
+}
