@@ -4,8 +4,8 @@
 use faer::MatRef;
 use gyroceptron::Error;
 use gyroceptron::flow::{
-    FormDefect, LineMap, LineRequest, LineSection, Pairs, PolynomialMap, SymplecticPolynomial,
-    TabulatedLines, Trajectories, Window, sample,
+    FormDefect, LineMap, LineRequest, LineSection, Pairs, PolynomialMap, PolynomialOnSection,
+    SymplecticPolynomial, TabulatedLines, Trajectories, Window, sample,
 };
 use gyroceptron::io::parse_coils;
 use gyroceptron::layer::Reversor;
@@ -15,7 +15,7 @@ use gyroceptron::measure::orbits::{
     rotation_numbers, smaller_alignment_index,
 };
 use gyroceptron::measure::ratios::symplecticity_defect;
-use gyroceptron::network::Rollout;
+use gyroceptron::network::{Pace, Rollout};
 use gyroceptron::phase::{AreaDensity, Section};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Dual, max_or_nan};
@@ -778,6 +778,62 @@ fn has_the_same_bits_on_any_lanes(fitted: &SymplecticPolynomial, pairs: &Pairs) 
     }
 }
 
+/// Parts of any size lead to the same bits, with a section too, and a roll-out ends between two of them when it is
+/// asked to.
+#[test]
+fn polynomials_on_a_section_can_be_stopped_and_do_not_depend_on_the_pace() {
+    let density = |x: f64, y: f64| 1.0 + 0.3 * x + 0.1 * y * y;
+    let density = AreaDensity::of_function(density, [-2.0, -2.0], [2.0, 2.0], 1.0);
+    let section = Section::of_plane(density.expect("a density"));
+    let canonical = pairs_of(1, 400, 0.5, kick_and_turn);
+    let [mut input, mut output] = [canonical.input().to_vec(), canonical.output().to_vec()];
+    section.to_data(&mut input);
+    section.to_data(&mut output);
+    let pairs = Pairs::new("pairs", 1, input, output).expect("pairs");
+    let of = |section| PolynomialOnSection::fit(&pairs, 14, None, section).expect("a map");
+    let (own, plain) = (of(Some(section.clone())), of(None));
+    assert!(own.map().error_on(&canonical) < 1e-9 && plain.map().error_on(&pairs) > 1e-4);
+    let start = &[0.1, 0.05, -0.15, 0.1, 0.0, -0.2];
+    for (steps, every) in [(3000, 1), (9000, 9000), (9000, 4500)] {
+        let request = Rollout { steps, every };
+        for map in [&own, &plain] {
+            let whole = map.rollout(start, request).expect("orbits");
+            assert!(whole.iter().all(|v| v.is_finite()));
+            let mut asked = 0;
+            let mut go_on = || {
+                asked += 1;
+                true
+            };
+            let parts = map.rollout_at_pace(start, request, &mut Pace::asking(&mut go_on));
+            assert_eq!(parts.expect("orbits"), whole);
+            assert!(asked > 1, "{asked}");
+        }
+        let mut stop = || false;
+        let stopped = own.rollout_at_pace(start, request, &mut Pace::asking(&mut stop));
+        assert!(matches!(stopped, Err(Error::Stopped { .. })));
+    }
+    // The Jacobian is that of the map of data, by differences.
+    let z = [0.2, 0.1];
+    let (image, jacobian) = own.with_jacobian(&z);
+    for column in 0..2 {
+        let at = |step: f64| {
+            let mut z = z;
+            z[column] += step;
+            own.with_jacobian(&z).0
+        };
+        let (up, down) = (at(1e-6), at(-1e-6));
+        for row in 0..2 {
+            let slope = (up[row] - down[row]) / 2e-6;
+            assert!((slope - jacobian[2 * row + column]).abs() < 1e-8, "{slope} {jacobian:?}");
+        }
+    }
+    let moved = own.rollout(&z, Rollout { steps: 1, every: 1 }).expect("an image");
+    assert_eq!(moved[2..], image[..]);
+    let outside = Pairs::new("pairs", 1, vec![3.0, 0.0], vec![0.0, 0.0]).expect("a pair");
+    let message = PolynomialOnSection::fit(&outside, 2, None, Some(section));
+    assert!(message.expect_err("outside").to_string().contains("points of the section"));
+}
+
 /// Over a long time a polynomial map drifts away from the curve of an orbit, a symplectic one does not.
 #[test]
 fn symplectic_polynomials_stay_on_curves() {
@@ -815,7 +871,7 @@ fn symplectic_polynomials_refuse_what_keeps_no_area() {
     let message = SymplecticPolynomial::fit(&mirrored, 4).expect_err("no such map").to_string();
     assert!(message.contains("symplectic"), "{message}");
     let pairs = pairs_of(1, 40, 0.5, kick_and_turn);
-    for degree in [0, 1, 9] {
+    for degree in [0, 1, 9, usize::MAX] {
         let message = SymplecticPolynomial::fit(&pairs, degree).expect_err("refused").to_string();
         assert!(message.contains("degree of a generating function"), "{message}");
     }

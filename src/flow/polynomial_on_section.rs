@@ -3,7 +3,7 @@
 use super::{Pairs, SymplecticPolynomial};
 use crate::error::Error;
 use crate::layer::Reversor;
-use crate::network::Rollout;
+use crate::network::{Pace, Rollout};
 use crate::phase::Section;
 
 /// A [`SymplecticPolynomial`] in the chart of a [`Section`], if there is one: points are those of the data, (x, y) where
@@ -13,6 +13,9 @@ pub struct PolynomialOnSection {
     map: SymplecticPolynomial,
     section: Option<Section>,
 }
+
+/// Of a roll-out, in errors.
+const NAME: &str = "trajectories";
 
 impl PolynomialOnSection {
     /// The fit to pairs of data, which with a reversor is [reversible](SymplecticPolynomial::fit_reversible) in the
@@ -60,9 +63,48 @@ impl PolynomialOnSection {
     /// # Errors
     /// Those of [`SymplecticPolynomial::rollout`].
     pub fn rollout(&self, initial: &[f64], request: Rollout) -> Result<Vec<f64>, Error> {
-        let mut canonical = initial.to_vec();
-        self.section.iter().for_each(|section| section.to_canonical(&mut canonical));
-        let mut states = self.map.rollout(&canonical, request)?;
+        self.rollout_at_pace(initial, request, &mut Pace::unbroken())
+    }
+
+    /// The same, which can be stopped between its parts.
+    ///
+    /// # Errors
+    /// Those of [`SymplecticPolynomial::rollout`]; [`Error::Stopped`].
+    pub fn rollout_at_pace(
+        &self,
+        initial: &[f64],
+        request: Rollout,
+        pace: &mut Pace<'_>,
+    ) -> Result<Vec<f64>, Error> {
+        let every = request.every;
+        Error::check_count_range("every", every, 1, usize::MAX)?;
+        let points = initial.len() / (2 * self.map.dof());
+        let mut here = initial.to_vec();
+        self.section.iter().for_each(|section| section.to_canonical(&mut here));
+        let mut states = here.clone();
+        let mut kept = request.steps / every;
+        while kept > 0 {
+            let steps = pace.part(points);
+            let whole = (steps / every).min(kept);
+            if whole > 0 {
+                let request = Rollout { steps: whole * every, every };
+                states.extend_from_slice(&self.map.rollout(&here, request)?[here.len()..]);
+                here.copy_from_slice(&states[states.len() - initial.len()..]);
+                pace.pause(NAME, request.steps.saturating_mul(points))?;
+                kept -= whole;
+                continue;
+            }
+            let mut left = every;
+            while left > 0 {
+                let part = pace.part(points).min(left);
+                let moved = self.map.rollout(&here, Rollout { steps: part, every: part })?;
+                here.copy_from_slice(&moved[initial.len()..]);
+                pace.pause(NAME, part.saturating_mul(points))?;
+                left -= part;
+            }
+            states.extend_from_slice(&here);
+            kept -= 1;
+        }
         self.section.iter().for_each(|section| section.to_data(&mut states));
         states[..initial.len()].copy_from_slice(initial);
         Ok(states)

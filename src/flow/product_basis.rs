@@ -36,7 +36,7 @@ pub(super) const DIM: usize = 8;
 pub(super) fn terms(dim: usize, degree: usize) -> Option<usize> {
     let mut count = 1usize;
     for k in 1..=dim {
-        count = count.checked_mul(degree + k)? / k;
+        count = count.checked_mul(degree.checked_add(k)?)? / k;
     }
     (count <= MOST_TERMS && dim <= DIM).then_some(count)
 }

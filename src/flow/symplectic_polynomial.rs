@@ -188,6 +188,11 @@ impl SymplecticPolynomial {
         (None, largest)
     }
 
+    /// n, its degrees of freedom.
+    pub fn dof(&self) -> usize {
+        self.dof
+    }
+
     /// The total degree of its generating function.
     pub fn degree(&self) -> usize {
         self.basis.degree

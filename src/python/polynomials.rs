@@ -111,20 +111,10 @@ impl PySymplecticPolynomial {
         Error::check_count_range("steps", steps, 1, usize::MAX)?;
         Error::check_count_range("every", every, 1, steps)?;
         let outside = Outside::of(outside)?;
-        let row = points.values.len();
-        let count = row / (2 * self.dof);
-        let states = interruptible(py, |pace| {
-            let mut states = points.values.clone();
-            while states.len() / row <= steps / every {
-                let left = steps / every + 1 - states.len() / row;
-                let kept = pace.part(count * every).min(left);
-                let here = &states[states.len() - row..];
-                let moved = self.map.rollout(here, Rollout { steps: kept * every, every })?;
-                states.extend_from_slice(&moved[row..]);
-                pace.pause("trajectories", kept * every * count)?;
-            }
-            Ok(states)
-        })?;
+        let count = points.values.len() / (2 * self.dof);
+        let request = Rollout { steps, every };
+        let states =
+            interruptible(py, |pace| self.map.rollout_at_pace(&points.values, request, pace))?;
         outside.report(py, || {
             [self.region.left_by(&states, count, every).map(|left| left.describe(&self.region))]
         })?;
