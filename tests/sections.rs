@@ -875,6 +875,9 @@ fn symplectic_polynomials_refuse_what_keeps_no_area() {
         let message = SymplecticPolynomial::fit(&pairs, degree).expect_err("refused").to_string();
         assert!(message.contains("degree of a generating function"), "{message}");
     }
+    let pairs = pairs_of(5, 400, 0.5, |z: &mut [f64]| z[5] -= z[0]);
+    let message = SymplecticPolynomial::fit(&pairs, 2).expect_err("too many").to_string();
+    assert!(message.contains("degrees of freedom: expected 1 to 4, found 5"), "{message}");
     // Points of the pairs share their midpoint: there is no function of it.
     let folded = |z: &mut [f64]| {
         z[1] += (4.0 * z[0]).sin();

@@ -6,9 +6,9 @@ use super::product_basis::{DIM, ProductBasis, Run, least_squares, terms};
 use super::{Pairs, PolynomialMap};
 use crate::error::Error;
 use crate::layer::Reversor;
-use crate::network::Rollout;
+use crate::network::{Rollout, load_groups, store_groups};
 use crate::phase::{Half, inverse_of_symplectic};
-use crate::scalar::{Scalar, max_or_nan};
+use crate::scalar::{Kernel, Pack, Scalar, max_or_nan, on_independent_lanes};
 use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore;
 use rayon::prelude::*;
@@ -94,6 +94,7 @@ impl SymplecticPolynomial {
 
     fn fit_with(pairs: &Pairs, degree: usize, reversor: Option<Reversor>) -> Result<Self, Error> {
         let (dof, dim) = (pairs.dof(), 2 * pairs.dof());
+        Error::check_count_range("degrees of freedom", dof, 1, DIM / 2)?;
         Error::check_count_range("degree of a generating function", degree, 2, usize::MAX)?;
         let numbers = pairs.len() * dim;
         // Of a reversible map about half of the terms are there.
@@ -167,19 +168,11 @@ impl SymplecticPolynomial {
 
     /// The first number of iterations whose last change is one of rounding for all points; and the last change.
     fn iterations_needed(&self, before: &[f64]) -> (Option<usize>, f64) {
-        let dim = 2 * self.dof;
-        let factors = &self.basis.factors;
+        const BLOCK: usize = 256;
         let mut largest = f64::NAN;
         for iterations in 1..=MOST_ITERATIONS {
-            let changes = before.par_chunks_exact(dim).map(|u| {
-                let mut here = [[0.0]; DIM];
-                for (here, u) in here.iter_mut().zip(u) {
-                    *here = [*u];
-                }
-                let mut space = vec![[0.0]; self.space()];
-                let (_, change) = self.midpoint::<f64, 0, 1>(&here, &mut space, iterations);
-                change.iter().zip(factors).map(|(c, f)| (c[0] * f).abs()).fold(0.0, max_or_nan)
-            });
+            let of = |points| on_independent_lanes(Changes { map: self, points, iterations });
+            let changes = before.par_chunks(BLOCK * 2 * self.dof).map(of);
             largest = changes.reduce(|| 0.0, max_or_nan);
             if largest <= LAST_CHANGE {
                 return (Some(iterations), largest);
@@ -382,6 +375,43 @@ impl SymplecticPolynomial {
 
 /// Of a polynomial of one coordinate: it and its first two derivatives.
 const TABLES: usize = 3;
+/// The largest last change of Newton's method for some u, as a share of the box.
+struct Changes<'a> {
+    map: &'a SymplecticPolynomial,
+    points: &'a [f64],
+    iterations: usize,
+}
+
+impl Kernel for Changes<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<V: Pack>(self) -> f64 {
+        let Self { map, points, iterations } = self;
+        let dim = 2 * map.dof;
+        let mut lanes = vec![V::zero(); dim];
+        let mut shown = vec![0.0; V::LANES * dim];
+        let mut space = vec![[V::zero()]; map.space()];
+        let mut here = [[V::zero()]; DIM];
+        let mut largest = 0.0;
+        for group in points.chunks(V::LANES * dim) {
+            load_groups(group, dim, &mut lanes);
+            for k in 0..dim {
+                here[k] = [lanes[k]];
+            }
+            let (_, change) = map.midpoint::<V, 0, 1>(&here, &mut space, iterations);
+            for k in 0..dim {
+                lanes[k] = change[k][0];
+            }
+            store_groups(&lanes, dim, &mut shown[..group.len()]);
+            for (k, change) in shown[..group.len()].iter().enumerate() {
+                largest = max_or_nan(largest, (change * map.basis.factors[k % dim]).abs());
+            }
+        }
+        largest
+    }
+}
+
 /// Along no coordinate.
 const NONE: usize = usize::MAX;
 
