@@ -38,8 +38,9 @@ pub(super) fn step<S: Scalar>(map: &impl LaneMap, z: &mut [S]) {
 /// The root mean square distance of images from those of pairs.
 pub(super) fn error_on(map: &impl LaneMap, pairs: &Pairs) -> f64 {
     let dim = map.dim();
+    assert!(2 * pairs.dof() == dim);
     let request = Rollout { steps: 1, every: 1 };
-    let images = rollout(map, pairs.input(), request).expect("pairs of as many coordinates");
+    let images = rollout(map, pairs.input(), request).expect("whole points");
     let images = images[pairs.input().len()..].chunks_exact(dim);
     let square = |(image, expected): (&[f64], &[f64])| -> f64 {
         image.iter().zip(expected).map(|(a, b)| (a - b) * (a - b)).sum()
@@ -50,6 +51,7 @@ pub(super) fn error_on(map: &impl LaneMap, pairs: &Pairs) -> f64 {
 
 /// The Jacobian at a point: 2n × 2n numbers, row by row.
 pub(super) fn jacobian(map: &impl LaneMap, z: &[f64]) -> Vec<f64> {
+    assert!(z.len() == map.dim());
     on_independent_lanes(Derivatives { map, z })
 }
 

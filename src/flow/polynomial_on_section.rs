@@ -6,8 +6,8 @@ use crate::layer::Reversor;
 use crate::network::{Pace, Rollout};
 use crate::phase::Section;
 
-/// A [`SymplecticPolynomial`] in the chart of a [`Section`], if there is one: points are those of the data, (x, y) where
-/// the area form of a plane is not dq∧dp.
+/// A [`SymplecticPolynomial`] in the chart of a [`Section`], if there is one: points are those of the data, (x, y)
+/// where the area form of a plane is not dq∧dp.
 #[derive(Clone, Debug)]
 pub struct PolynomialOnSection {
     map: SymplecticPolynomial,
@@ -58,7 +58,7 @@ impl PolynomialOnSection {
         self.section.as_ref().map_or(Ok(()), |section| section.check_points(place, points))
     }
 
-    /// As [`SymplecticPolynomial::rollout`]; NaN from where an orbit leaves the section.
+    /// As [`SymplecticPolynomial::rollout`]; NaN from the first kept state on that is not on the section.
     ///
     /// # Errors
     /// Those of [`SymplecticPolynomial::rollout`].
@@ -78,6 +78,7 @@ impl PolynomialOnSection {
     ) -> Result<Vec<f64>, Error> {
         let every = request.every;
         Error::check_count_range("every", every, 1, usize::MAX)?;
+        Error::check_rows("initial points", initial.len(), 2 * self.map.dof())?;
         let points = initial.len() / (2 * self.map.dof());
         let mut here = initial.to_vec();
         self.section.iter().for_each(|section| section.to_canonical(&mut here));
@@ -105,7 +106,17 @@ impl PolynomialOnSection {
             states.extend_from_slice(&here);
             kept -= 1;
         }
-        self.section.iter().for_each(|section| section.to_data(&mut states));
+        if let Some(section) = &self.section {
+            section.to_data(&mut states);
+            // What has left the section once is lost, whatever the map makes of it.
+            let dim = 2 * self.map.dof();
+            for k in (initial.len()..states.len()).step_by(dim) {
+                let is_lost = |z: &[f64]| z.iter().any(|v| v.is_nan());
+                if is_lost(&states[k - initial.len()..][..dim]) || is_lost(&states[k..][..dim]) {
+                    states[k..][..dim].fill(f64::NAN);
+                }
+            }
+        }
         states[..initial.len()].copy_from_slice(initial);
         Ok(states)
     }

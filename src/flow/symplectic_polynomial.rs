@@ -25,8 +25,9 @@ use rayon::prelude::*;
 /// of iterations, which brings all pairs to rounding; then v = 2w − u. The map is symplectic for every S, to the error
 /// of this solution.
 ///
-/// Where a [`Reversor`] R conjugates the map to its inverse, z′ = c + L·N(L(z − c)) with L² in place of M, RLR = L⁻¹ and
-/// Rc = c, and S is even, S∘R = S: it has about half the coefficients, and RPR = P⁻¹ for all of them.
+/// Where a [`Reversor`] R conjugates the map to its inverse, z′ = c + L·N(L(z − c)) with L² in place of M, RLR = L⁻¹
+/// and Rc = c, and S is even, S∘R = S: it has about half the coefficients, and RPR = P⁻¹ for all of them, to the error
+/// of the solution.
 ///
 /// Source: Hairer, Lubich and Wanner, Geometric Numerical Integration, <https://doi.org/10.1007/3-540-30666-8>, §VI.5,
 /// for the generating function; Erdélyi and Berz, <https://doi.org/10.1103/PhysRevLett.87.114302>, for maps of
@@ -127,6 +128,14 @@ impl SymplecticPolynomial {
             }
         };
         let coefficients = generator(&basis, &middles, &before, &after)?;
+        // Of the inverse, mirrored, they are pairs too: the start and the iterations have to do for these as well.
+        let (before, middles) = match reversor {
+            None => (before, middles),
+            Some(_) => {
+                let mirrored = |points: &[f64]| reflected(points, dim, Half::Position);
+                ([before, mirrored(&after)].concat(), [&middles[..], &mirrored(&middles)].concat())
+            }
+        };
         let count = coefficients.len();
         let mut best: Option<(usize, Self)> = None;
         let mut change = f64::NAN;
@@ -646,7 +655,7 @@ fn limit(matrix: &[f64], other: impl Fn(&[f64]) -> Vec<f64>) -> Option<Vec<f64>>
             size = max_or_nan(size, next.abs());
             *own = next;
         }
-        if change <= LAST_CHANGE * size {
+        if size.is_finite() && change <= LAST_CHANGE * size {
             return Some(here);
         }
     }

@@ -50,9 +50,12 @@ const AT_REST: f64 = 1e-13;
 /// What does not come to rest at that has found an orbit where it misses by no more, over 1 + |z|: rounding along
 /// an orbit that is far from stable.
 const FOUND: f64 = 1e-9;
-/// Where an orbit is found, steps that shrink by less than this are of rounding: Newton's method squares them, or
-/// halves them towards an orbit that is about to vanish.
+/// Where an orbit is found, several steps one after another that each shrink by less than this are of rounding:
+/// Newton's method squares them, or halves them towards an orbit that is about to vanish.
 const SHRINKS: f64 = 0.75;
+/// So many: on the curve of a thin chain of islands, where all points nearly close, a few are large before it
+/// converges.
+const IDLE: usize = 6;
 
 /// What leads a point round: its image after `period` maps, the Jacobian there, and the points.
 fn round(map: WithJacobian<'_>, z: &[f64], period: usize) -> Result<PeriodicOrbit, Error> {
@@ -89,7 +92,7 @@ pub fn periodic_orbit(
     let dim = guess.len();
     let mut place = guess.to_vec();
     let mut here = round(map, &place, period)?;
-    let mut change = f64::NAN;
+    let (mut change, mut idle) = (f64::NAN, 0);
     for _ in 0..STEPS {
         let size = 1.0 + place.iter().map(|v| v.abs()).fold(0.0, max_or_nan);
         let end = &here.points[period];
@@ -100,7 +103,8 @@ pub fn periodic_orbit(
         let step = matrix.partial_piv_lu().solve(&right);
         let before = change;
         change = (0..dim).map(|k| step[(k, 0)].abs()).fold(0.0, max_or_nan);
-        if !change.is_finite() || (here.missed <= FOUND * size && change > SHRINKS * before) {
+        idle = if here.missed <= FOUND * size && change > SHRINKS * before { idle + 1 } else { 0 };
+        if !change.is_finite() || idle == IDLE {
             break;
         }
         let mut share = 1.0;

@@ -18,8 +18,8 @@ use std::path::PathBuf;
 /// squares: `input` and `output` are (N, 2n), q1 ... qn, p1 ... pn, of one map with up to four degrees of freedom. It
 /// needs no training, and is symplectic whatever the pairs are; a step solves an implicit equation for the midpoint.
 /// With `reversor`, "positions" or "momenta", it is also conjugated to its inverse by the reflection of these, and has
-/// about half the parameters. `section` is that of `train`, a file of the density of the area form, and the reflection
-/// one of its canonical coordinates. Raises Error when the pairs are too few for the degree, of other shapes, or of a map whose linear part is not near a
+/// about half the parameters. `section` is that of `train`, a file of the density of the area form; the reflection is
+/// then one of the canonical coordinates, of which q is y. Raises Error when the pairs are too few for the degree, of other shapes, or of a map whose linear part is not near a
 /// symplectic one, and when the equation has no solution near some pair.
 #[pyclass(frozen, module = "gyroceptron", name = "SymplecticPolynomial")]
 pub(super) struct PySymplecticPolynomial {
@@ -87,6 +87,8 @@ impl PySymplecticPolynomial {
     /// The root mean square distance of the images of `input` from `output`, both (N, 2n).
     fn error(&self, py: Python<'_>, input: Rows<'_>, output: Rows<'_>) -> PyResult<f64> {
         let pairs = pairs_of(&input, &output, self.dof)?;
+        self.map.check_points("input", pairs.input())?;
+        self.map.check_points("output", pairs.output())?;
         Ok(py.detach(|| {
             let images = self.map.rollout(pairs.input(), Rollout { steps: 1, every: 1 })?;
             let images = &images[pairs.input().len()..];

@@ -10,6 +10,7 @@ use super::study::shared::Study;
 use super::study::training::TrainingStudy;
 use super::study::trust::TrustStudy;
 use crate::error::Error;
+use crate::layer::Reversor;
 use crate::train::{TrainingOptions, TrainingStage};
 use std::any::Any;
 use std::collections::BTreeSet;
@@ -287,11 +288,16 @@ impl Scene {
             (Some(lines), Some(reversor)) => lines.check_reversor(reversor).is_ok(),
             _ => true,
         };
+        let no_mirror =
+            lines.is_some_and(|lines| lines.check_reversor(Reversor::Positions).is_err());
         let (kept, left): (Vec<_>, Vec<_>) = self.setup.models.iter().cloned().partition(fits);
         let mut names = Vec::new();
         if !kept.is_empty() {
             names.extend(left.into_iter().map(|model| model.name));
             self.setup.models = kept;
+        }
+        if no_mirror {
+            names.extend(self.studies.iter_mut().flat_map(|any| any.study_mut().without_mirror()));
         }
         let with = |part: Self| {
             let (part, of_part) = part.without_models_that_need_a_mirror();

@@ -175,6 +175,8 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     let as_run = std::fs::read_to_string(path.join("b/as-run.toml")).expect("a scene");
     assert!(as_run.contains("coils.dat") && as_run.contains("stellarator_symmetric = false"));
     assert!(as_run.contains("jolts") && !as_run.contains("reversor"), "{as_run}");
+    assert!(said.contains("reversible polynomial of degree 9 is left out"), "{said}");
+    assert!(!as_run.contains("reversible_polynomials = [9]"), "{as_run}");
 
     // In a scene of your own it is a mistake that is said.
     let between = both.replace("lines = 24,", "section = 0.25, lines = 24,");
@@ -315,6 +317,8 @@ fn bad_machines_are_refused_before_anything_is_written() {
     refused(&sound.replace("[8]", "[1]"), &[], &["symplectic_polynomials"]);
     refused(&sound.replace("[8]", "[40]"), &[], &["degree", "pairs to train with"]);
     refused(&sound.replace("[9]", "[1]"), &[], &["reversible_polynomials"]);
+    let between = sound.replace("lines = 24,", "section = 0.25, lines = 24,");
+    refused(&between, &[], &["reversible_polynomials", "mirrored"]);
     refused(&sound, &["--axis", "3.9"], &["--axis", "two numbers"]);
     refused(
         &sound,

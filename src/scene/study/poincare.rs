@@ -72,7 +72,8 @@ pub struct PoincareOptions {
     /// Degrees of polynomial generating functions of least squares, as symplectic rivals.
     #[serde(default)]
     pub symplectic_polynomials: Vec<usize>,
-    /// Degrees of even ones, for sections that are mapped to themselves by the reflection of Z.
+    /// Degrees of even ones, for sections that the reflection of Z maps to
+    /// themselves, where lines run backwards in the mirror.
     #[serde(default)]
     pub reversible_polynomials: Vec<usize>,
     /// Tabulated planes, as rivals.
@@ -156,6 +157,12 @@ impl Study for PoincareOptions {
             Error::check_count_range("tracing", fewer, 1, 1024)?;
         }
         let data = scene.setup.data.as_ref();
+        if let Some(lines) = data.and_then(|data| data.lines.as_ref())
+            && !self.reversible_polynomials.is_empty()
+        {
+            let checked = lines.check_reversor(Reversor::Positions);
+            checked.map_err(|error| error.with_place("reversible_polynomials"))?;
+        }
         if let Some(data) = data
             && data.lines.is_none()
         {
@@ -201,6 +208,11 @@ impl Study for PoincareOptions {
     }
 
     /// Less of all.
+    fn without_mirror(&mut self) -> Vec<String> {
+        let degrees = std::mem::take(&mut self.reversible_polynomials);
+        degrees.iter().map(|degree| format!("reversible polynomial of degree {degree}")).collect()
+    }
+
     fn shorten(&mut self) {
         const LONGEST: usize = 10_000;
         self.counts.retain(|count| *count <= LONGEST);

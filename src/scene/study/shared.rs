@@ -67,6 +67,11 @@ pub(in crate::scene) trait Study: Any {
     /// Makes a study that takes long a short one.
     fn shorten(&mut self) {}
 
+    /// Leaves out rivals that are reversible by the reflection of Z, for a section that is not mirrored; their names.
+    fn without_mirror(&mut self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// The figures that it can draw of this scene.
     fn figures(&self, scene: &Declared<'_>) -> Vec<&'static str> {
         let _ = scene;
