@@ -656,6 +656,22 @@ fn symplectic_polynomials_are_symplectic_at_every_degree() {
     least.for_each(|defect| assert!(defect < 1e-13, "{defect:e}"));
 }
 
+/// On the curve of a chain that is thinner than what counts as closed, orbits are found all the same: Newton's steps
+/// −tan θ may hardly shrink at first.
+#[test]
+fn orbits_of_a_thin_chain_are_found() {
+    const EPSILON: f64 = 5e-10;
+    let thin = |z: &[f64]| {
+        let (s, c) = (EPSILON * z[0].sin(), EPSILON * z[0].cos());
+        let p = z[1] + s;
+        Ok((vec![z[0] + p, p], vec![1.0 + c, 1.0, c, 1.0]))
+    };
+    for start in [0.3, 1.0, 1.16, 1.3, 1.5] {
+        let found = periodic_orbit(&thin, &[start, 0.0], 1).expect("an orbit");
+        assert!(found.points[0][0].sin().abs() < 1e-4, "{start} {:?}", found.points);
+    }
+}
+
 /// A kick between two turns by half the angle, of each plane: R∘P∘R = P⁻¹ for the reflection R of the momenta.
 fn half_turns_and_kick(z: &mut [f64]) {
     let dof = z.len() / 2;
