@@ -8,10 +8,11 @@ Makes a virtual environment of its own in target/peers (accelerator-toolbox, Num
 as it stands), takes the hybrid multi-bend cell that accelerator-toolbox ships, 32 of which are a ring of 844 m, and lets
 `gyroceptron.train` learn the map of a cell in the two transverse planes from pairs that tracking makes: x, y, p_x, p_y on
 momentum in a ball of the normalised coordinates, of 11 mm along x. Beside it polynomials of least squares on the same
-pairs, and maps that are symplectic by a polynomial generating function. Compared are a cell of pairs that neither has seen, tunes with amplitude, the dynamic aperture by angle, and the
-time of a turn of one thread. Then a family: the cell at relative momenta that are a control of the map, its error between
-them, and the chromaticities. Then a frequency map: a scene on the pairs of the cell, tunes and their changes over a grid
-of particles, and the same by tracking.
+pairs, and maps that are symplectic by a polynomial generating function. Compared are a cell of pairs that none has
+seen, tunes with amplitude, the dynamic aperture by angle, and the time of a turn of one thread. Then a family: the
+cell at relative momenta that are a control of the map, its error between them, and the chromaticities. Then a
+frequency map: a scene on the pairs of the cell, tunes and their changes over a grid of particles, and the same by
+tracking.
 
 Tracking takes most of the time: seven minutes for 300 turns of 1,430 particles.
 """
