@@ -672,7 +672,8 @@ fn orbits_of_a_thin_chain_are_found() {
     }
 }
 
-/// A kick between two turns by half the angle, of each plane: R∘P∘R = P⁻¹ for the reflection R of the momenta.
+/// Half a turn by an angle in each plane, a kick, a shear of the positions, the same kick, and the other half turn: a
+/// palindrome, so that R∘P∘R = P⁻¹ for the reflection R of the momenta.
 fn half_turns_and_kick(z: &mut [f64]) {
     let dof = z.len() / 2;
     let half_turns = |z: &mut [f64]| {
@@ -686,7 +687,6 @@ fn half_turns_and_kick(z: &mut [f64]) {
     for k in 0..dof {
         z[dof + k] -= 0.3 * sum.sin() + 0.2 * z[k].powi(2);
     }
-    // A second kick, of the positions, on both sides of which the first would stand twice: no single shear.
     let moved: f64 = z[dof..].iter().sum();
     (0..dof).for_each(|k| z[k] += 0.1 * moved.sin());
     let sum: f64 = z[..dof].iter().sum();

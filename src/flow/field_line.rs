@@ -182,8 +182,8 @@ pub(super) trait SectionMap: Sync {
     }
 }
 
-/// A map and its Jacobian at one point. It has no use for lanes, but for the fused multiply-add that is an instruction
-/// only in code for registers that have it.
+/// A map and its Jacobian at one point. It is a kernel so that fused multiply-adds are instructions of the
+/// processor; it does not use the lanes.
 struct Derivative<'a, M> {
     map: &'a M,
     place: [f64; 2],

@@ -55,8 +55,8 @@ pub(super) fn jacobian(map: &impl LaneMap, z: &[f64]) -> Vec<f64> {
     on_independent_lanes(Derivatives { map, z })
 }
 
-/// The Jacobian at a point, by duals. It has no use for lanes, but for the fused multiply-add that is an instruction
-/// only in code for registers that have it.
+/// The Jacobian at a point, by duals. It is a kernel so that fused multiply-adds are instructions of the
+/// processor; it does not use the lanes.
 struct Derivatives<'a, M> {
     map: &'a M,
     z: &'a [f64],

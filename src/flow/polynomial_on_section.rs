@@ -22,7 +22,8 @@ impl PolynomialOnSection {
     /// chart.
     ///
     /// # Errors
-    /// Those of [`SymplecticPolynomial::fit`]; when the section is of other degrees of freedom, or a point is not on it.
+    /// Those of [`SymplecticPolynomial::fit`]; when the section is of other degrees of freedom, or a point is not on
+    /// it.
     pub fn fit(
         pairs: &Pairs,
         degree: usize,

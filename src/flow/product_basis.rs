@@ -77,7 +77,8 @@ impl ProductBasis {
         Ok(Self { dim, degree, centre, factors, runs: runs(dim, degree) })
     }
 
-    /// Without the terms that are odd in the first coordinates together, so many that others follow them.
+    /// Without the terms whose degrees in the first `first` coordinates have an odd sum. At least one coordinate follows
+    /// these.
     pub(super) fn even(mut self, first: usize) -> Self {
         assert!(first < self.dim);
         self.runs.retain(|run| run.degrees[..first].iter().sum::<usize>().is_multiple_of(2));
@@ -130,8 +131,8 @@ impl ProductBasis {
         }
     }
 
-    /// T_k of a coordinate of G points and its first derivatives by that coordinate, in as many tables as there are, one
-    /// after another, k up to the degree.
+    /// T_k of a coordinate of G points, and its derivatives of order 1, 2, … by that coordinate: one table of k up to the
+    /// degree for each order, as many as `tables` holds.
     #[inline(always)]
     pub(super) fn fill_with_derivatives<S: Scalar, const G: usize>(
         &self,

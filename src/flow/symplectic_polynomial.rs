@@ -384,7 +384,7 @@ impl SymplecticPolynomial {
 
 /// Of a polynomial of one coordinate: it and its first two derivatives.
 const TABLES: usize = 3;
-/// The largest last change of Newton's method for some u, as a share of the box.
+/// The largest last change of Newton's method for some u, in units of half the box.
 struct Changes<'a> {
     map: &'a SymplecticPolynomial,
     points: &'a [f64],
@@ -684,7 +684,7 @@ fn sign(matrix: &[f64], dim: usize) -> Result<Vec<f64>, Error> {
     limit(matrix, |here| inverted(here, dim)).ok_or_else(unlike)
 }
 
-/// The square root of a matrix near the identity, from the sign of (0, A; 1, 0).
+/// The square root of a matrix without negative real eigenvalues, from the sign of (0, A; 1, 0).
 fn square_root(matrix: &[f64], dim: usize) -> Result<Vec<f64>, Error> {
     let block = |row: usize, column: usize| match (row < dim, column < dim) {
         (true, false) => matrix[row * dim + column - dim],

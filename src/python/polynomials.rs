@@ -14,13 +14,14 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
-/// A symplectic map whose generating function is a polynomial of total degree `degree`, fitted to pairs by linear least
-/// squares: `input` and `output` are (N, 2n), q1 ... qn, p1 ... pn, of one map with up to four degrees of freedom. It
-/// needs no training, and is symplectic whatever the pairs are; a step solves an implicit equation for the midpoint.
-/// With `reversor`, "positions" or "momenta", it is also conjugated to its inverse by the reflection of these, and has
-/// about half the parameters. `section` is that of `train`, a file of the density of the area form; the reflection is
-/// then one of the canonical coordinates, of which q is y. Raises Error when the pairs are too few for the degree, of other shapes, or of a map whose linear part is not near a
-/// symplectic one, and when the equation has no solution near some pair.
+/// A symplectic map whose generating function is a polynomial of total degree `degree`, fitted to pairs by linear
+/// least squares: `input` and `output` are (N, 2n), q1 ... qn, p1 ... pn, of one map with up to four degrees of
+/// freedom. It needs no training, and is symplectic whatever the pairs are; a step solves an implicit equation for the
+/// midpoint. With `reversor`, "positions" or "momenta", it is also conjugated to its inverse by the reflection of
+/// these, and has about half the parameters. `section` is that of `train`, a file of the density of the area form; the
+/// reflection is then one of the canonical coordinates, of which q is y. Raises Error when the pairs are too few for
+/// the degree, of other shapes, or of a map whose linear part is not near a symplectic one, and when the equation has
+/// no solution near some pair.
 #[pyclass(frozen, module = "gyroceptron", name = "SymplecticPolynomial")]
 pub(super) struct PySymplecticPolynomial {
     map: PolynomialOnSection,

@@ -240,7 +240,11 @@ class InvariantCircle:
         """The distances of points (..., 2) from the curve: (...)."""
 
 class SymplecticPolynomial:
-    """A symplectic map whose generating function is a polynomial of least squares, fitted to pairs (N, 2n)."""
+    """A symplectic map whose generating function is a polynomial of least squares, fitted to pairs (N, 2n).
+
+    With reversor, the reflection of "positions" or "momenta" turns it into its inverse. section is a file of the density
+    of the area form, as for train.
+    """
 
     def __init__(
         self,
