@@ -740,6 +740,32 @@ fn reversible_polynomials_are_reversible_at_every_degree() {
             assert!(wrong.is_err() || wrong.is_ok_and(|map| !(map.error_on(pairs) < 1e-3)));
         }
     }
+    // Images of pairs from one side alone, as of a part of a line: it is reversible where they are not, too.
+    let [mut input, mut output] = [Vec::new(), Vec::new()];
+    let pairs = pairs_of(1, 3000, 0.4, half_turns_and_kick);
+    for (from, to) in pairs.input().chunks(2).zip(pairs.output().chunks(2)) {
+        if from[0] > 0.1 && from[1] > 0.0 {
+            input.extend_from_slice(from);
+            output.extend_from_slice(to);
+        }
+    }
+    let part = Pairs::new("pairs", 1, input, output).expect("pairs");
+    let even = SymplecticPolynomial::fit_reversible(&part, 10, Reversor::Momenta).expect("a map");
+    for z in part.input().chunks(2) {
+        let mut back = z.to_vec();
+        for _ in 0..2 {
+            even.step(&mut back);
+            back[1] = -back[1];
+        }
+        let off = (back[0] - z[0]).abs().max((back[1] - z[1]).abs());
+        assert!(off < 1e-13, "{off:e}");
+    }
+    for few in [3, 5] {
+        let pairs = pairs_of(1, few, 0.5, half_turns_and_kick);
+        let refused = SymplecticPolynomial::fit_reversible(&pairs, 2, Reversor::Momenta);
+        let message = refused.expect_err("too few").to_string();
+        assert!(message.contains("degree of a generating function"), "{message}");
+    }
     // A turn by half a turn has no square root that is near the identity.
     let opposite = pairs_of(1, 200, 0.5, |z: &mut [f64]| (z[0], z[1]) = (-z[0], -z[1]));
     let refused = SymplecticPolynomial::fit_reversible(&opposite, 4, Reversor::Momenta);
@@ -845,6 +871,25 @@ fn polynomials_on_a_section_can_be_stopped_and_do_not_depend_on_the_pace() {
     }
     let moved = own.rollout(&z, Rollout { steps: 1, every: 1 }).expect("an image");
     assert_eq!(moved[2..], image[..]);
+    // An orbit that has left the section is lost, though the map, here a turn, brings it back to the box.
+    let turned = pairs_of(1, 100, 0.3, |z: &mut [f64]| {
+        let (s, c) = 0.7_f64.sin_cos();
+        (z[0], z[1]) = (c * z[0] + s * z[1], c * z[1] - s * z[0]);
+    });
+    let [mut input, mut output] = [turned.input().to_vec(), turned.output().to_vec()];
+    section.to_data(&mut input);
+    section.to_data(&mut output);
+    let turned = Pairs::new("pairs", 1, input, output).expect("pairs");
+    let turn = PolynomialOnSection::fit(&turned, 2, None, Some(section.clone())).expect("a map");
+    let request = Rollout { steps: 60, every: 1 };
+    let far = turn.rollout(&[1.9, 1.9], request).expect("an orbit");
+    let first = far.chunks(2).position(|z| z[0].is_nan()).expect("it leaves");
+    assert!(far[2 * first..].iter().all(|v| v.is_nan()), "{far:?}");
+    let mut inner = [1.9, 1.9];
+    section.to_canonical(&mut inner);
+    let mut inside = turn.map().rollout(&inner, request).expect("an orbit");
+    section.to_data(&mut inside);
+    assert!(inside[2 * first..].iter().any(|v| v.is_finite()), "it stays away: {inside:?}");
     let outside = Pairs::new("pairs", 1, vec![3.0, 0.0], vec![0.0, 0.0]).expect("a pair");
     let message = PolynomialOnSection::fit(&outside, 2, None, Some(section));
     assert!(message.expect_err("outside").to_string().contains("points of the section"));

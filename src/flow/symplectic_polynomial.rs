@@ -70,6 +70,7 @@ const MOST_ITERATIONS: usize = 12;
 const LAST_CHANGE: f64 = 3e-9;
 /// In errors.
 const NAME: &str = "a generating function";
+const REVERSIBLE: &str = "the linear part of a reversible map";
 /// A fit has so many numbers for each coefficient, at least.
 const NUMBERS_A_TERM: usize = 2;
 
@@ -101,12 +102,14 @@ impl SymplecticPolynomial {
         // Of a reversible map about half of the terms are there.
         let a_term = if reversor.is_some() { NUMBERS_A_TERM / 2 } else { NUMBERS_A_TERM };
         let sound = |count: &usize| {
+            // Its linear part is a polynomial of degree 1.
             count * a_term <= numbers
+                && 2 * (dim + 1) <= pairs.len()
                 && count.checked_mul(numbers).is_some_and(|all| all <= MOST_NUMBERS)
         };
         if terms(dim, degree).filter(sound).is_none() {
             let found = format!("{degree} for {} pairs of {dof} degrees of freedom", pairs.len());
-            let expected = "a lower one: there are two numbers for each term";
+            let expected = "a lower one, with fewer terms, or more pairs";
             return Err(Error::invalid("degree of a generating function", found, expected));
         }
         let frame = Frame::of(pairs, reversor)?;
@@ -143,6 +146,10 @@ impl SymplecticPolynomial {
             let Some(of_start) = terms(dim, start).filter(|count| 2 * count <= pairs.len()) else {
                 break;
             };
+            // Starts of higher degrees cost more than all of the best.
+            if best.as_ref().is_some_and(|(least, _)| dim * of_start >= *least) {
+                break;
+            }
             let start = Start::fit(&before, &middles, dim, start)?;
             let mut fitted = Self {
                 dof,
@@ -592,9 +599,17 @@ impl Frame {
         };
         let half = reversor.half();
         // Of a reversible M, RM is its own inverse.
-        let involution = sign(&rows_reflected(&linear, dim, half), dim)?;
+        let unlike = || {
+            let found = "one that the reflection does not turn into its inverse";
+            Error::invalid(REVERSIBLE, found, "pairs of a reversible map")
+        };
+        let involution = sign(&rows_reflected(&linear, dim, half), dim).ok_or_else(unlike)?;
         let linear = rows_reflected(&involution, dim, half);
-        let root = in_units(&square_root(&linear, dim)?, -1.0);
+        let unlike = || {
+            let found = "one with no square root";
+            Error::invalid(REVERSIBLE, found, "one that turns no plane by half a turn")
+        };
+        let root = in_units(&square_root(&linear, dim).ok_or_else(unlike)?, -1.0);
         // Reflected coordinates come first: (q, p) ↦ (p, −q) where these are the momenta.
         let (mut entry, mut exit) = (root.clone(), root);
         if half == Half::Momentum {
@@ -676,16 +691,12 @@ fn symplectic_factor(matrix: &[f64], dof: usize) -> Result<Vec<f64>, Error> {
 /// The sign of a matrix, which is its own inverse, by A ← ½(A + A⁻¹).
 ///
 /// Source: Higham, Functions of Matrices, <https://doi.org/10.1137/1.9780898717778>, chapter 5.
-fn sign(matrix: &[f64], dim: usize) -> Result<Vec<f64>, Error> {
-    let what = "the linear part of a reversible map";
-    let unlike = || {
-        Error::invalid(what, "one with no square root", "one that turns no plane by half a turn")
-    };
-    limit(matrix, |here| inverted(here, dim)).ok_or_else(unlike)
+fn sign(matrix: &[f64], dim: usize) -> Option<Vec<f64>> {
+    limit(matrix, |here| inverted(here, dim))
 }
 
 /// The square root of a matrix without negative real eigenvalues, from the sign of (0, A; 1, 0).
-fn square_root(matrix: &[f64], dim: usize) -> Result<Vec<f64>, Error> {
+fn square_root(matrix: &[f64], dim: usize) -> Option<Vec<f64>> {
     let block = |row: usize, column: usize| match (row < dim, column < dim) {
         (true, false) => matrix[row * dim + column - dim],
         (false, true) if row - dim == column => 1.0,
@@ -693,5 +704,5 @@ fn square_root(matrix: &[f64], dim: usize) -> Result<Vec<f64>, Error> {
     };
     let whole: Vec<f64> = (0..4 * dim * dim).map(|k| block(k / (2 * dim), k % (2 * dim))).collect();
     let sign = sign(&whole, 2 * dim)?;
-    Ok((0..dim).flat_map(|row| sign[row * 2 * dim + dim..][..dim].to_vec()).collect())
+    Some((0..dim).flat_map(|row| sign[row * 2 * dim + dim..][..dim].to_vec()).collect())
 }
