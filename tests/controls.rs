@@ -384,6 +384,47 @@ fn orbits_respond_to_controls_as_differences_say() {
     assert!(found >= 1 && turned >= 1, "{found} orbits, {turned} of which others turn about");
 }
 
+/// Of an orbit of several points M is the Jacobian of all its maps. A fixed point, gone round twice, stands for one.
+#[test]
+fn the_trace_of_several_maps_responds_to_controls_as_differences_say() {
+    let (values, h) = ([0.4, 0.7], 1e-3);
+    let mut found = 0;
+    for model in models() {
+        let plain = StoredModel { units: None, section: None, ..stored(&model) };
+        let at = |control: usize, by: f64| {
+            let mut moved = values;
+            moved[control] += by;
+            plain.at_controls(&moved).expect("two values")
+        };
+        let twice = |once: &PeriodicOrbit| {
+            let m = &once.multiplier_matrix;
+            let row = |i: usize, j: usize| m[2 * i] * m[j] + m[2 * i + 1] * m[2 + j];
+            PeriodicOrbit {
+                points: [once.points[0].clone(), once.points[0].clone()].into(),
+                multiplier_matrix: [row(0, 0), row(0, 1), row(1, 0), row(1, 1)].into(),
+                missed: once.missed,
+            }
+        };
+        let guesses = (0..49).map(|k| [f64::from(k % 7 - 3) / 4.0, f64::from(k / 7 - 3) / 4.0]);
+        let mut orbits = guesses.filter_map(|guess| at(0, 0.0).periodic_orbit(&guess, 1).ok());
+        let Some(orbit) = orbits.next() else { continue };
+        found += 1;
+        let of_network = AtControls::new(&model, &values).expect("two values");
+        let response = of_network.orbit_response(&twice(&orbit)).expect("it moves");
+        for control in 0..2 {
+            let there =
+                |by: f64| at(control, by).periodic_orbit(&orbit.points[0], 1).expect("near");
+            for k in 0..2 {
+                let by_differences = slope(|by| there(by).points[0][k], h);
+                close(response.moved[2 * k + control], by_differences, 1e-8, "a point");
+            }
+            let by_differences = slope(|by| twice(&there(by)).trace(), h);
+            close(response.traces[control], by_differences, 1e-8, "Tr M²");
+        }
+    }
+    assert!(found >= 1, "no fixed point");
+}
+
 /// The chart is that of the density at the controls, which is linear in them.
 #[test]
 fn a_section_follows_its_controls() {

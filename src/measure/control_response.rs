@@ -12,14 +12,14 @@ use faer::linalg::solvers::Solve;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
+/// A number and its derivative by one variable.
+type Once = Dual<f64, 1>;
 /// A number, its derivative by one variable inside, by another outside, and by both.
-type Twice = Dual<Dual<f64, 1>, 1>;
+type Twice = Dual<Once, 1>;
 
 /// A number with these derivatives inside and outside.
 fn twice(value: f64, inner: f64, outer: f64) -> Twice {
-    let mut out = Twice::constant(Dual { re: value, eps: [inner] });
-    out.eps[0] = Dual::constant(outer);
-    out
+    Twice { re: Once { re: value, eps: [inner] }, eps: [Once::constant(outer)] }
 }
 
 /// A network with controls, at given values of the controls.
@@ -46,12 +46,13 @@ impl<'a> AtControls<'a> {
         2 * self.model.composition().dof()
     }
 
-    /// The network whose outer variable is this control; none of them where there is none of this number.
-    fn along(&self, control: Option<usize>) -> Result<Model<Twice>, Error> {
-        let outer = |number| if Some(number) == control { 1.0 } else { 0.0 };
-        let values: Vec<Twice> =
-            self.values.iter().enumerate().map(|(k, value)| twice(*value, 0.0, outer(k))).collect();
-        self.model.lift::<Twice>().at_controls(&values)
+    /// The network whose parameters have derivatives by this control.
+    fn along(&self, control: usize) -> Result<Model<Once>, Error> {
+        let slope = |number| if number == control { 1.0 } else { 0.0 };
+        let numbers = self.values.iter().enumerate();
+        let values: Vec<Once> =
+            numbers.map(|(number, value)| Once { re: *value, eps: [slope(number)] }).collect();
+        self.model.at_controls(&values)
     }
 
     /// ∂P/∂λ at each point of 2n numbers: a matrix of 2n × controls numbers for each point, row by row.
@@ -63,12 +64,12 @@ impl<'a> AtControls<'a> {
         Error::check_rows("points", points.len(), dim)?;
         let mut out = vec![0.0; points.len() * count];
         for control in 0..count {
-            let map = self.along(Some(control))?;
+            let map = self.along(control)?;
             out.par_chunks_mut(dim * count).zip(points.par_chunks(dim)).for_each(|(out, point)| {
-                let mut z: Vec<Twice> = point.iter().map(|v| twice(*v, 0.0, 0.0)).collect();
+                let mut z: Vec<Once> = point.iter().map(|v| Once::constant(*v)).collect();
                 map.forward(&mut z);
                 for (row, moved) in z.iter().enumerate() {
-                    out[row * count + control] = moved.eps[0].re;
+                    out[row * count + control] = moved.eps[0];
                 }
             });
         }
@@ -76,7 +77,7 @@ impl<'a> AtControls<'a> {
     }
 
     /// The derivatives of a periodic orbit and of Tr M with respect to the controls. z* = Pᵏ(z*; λ) gives
-    /// dz*/dλ = (1 − M)⁻¹ ∂Pᵏ/∂λ, and with it dTr M/dλ = Σ_j ∂²Pᵏ_j/∂z_j∂λ + Σ_i ∂²Pᵏ_j/∂z_j∂z_i dz*_i/dλ.
+    /// dz*/dλ = (1 − M)⁻¹ ∂Pᵏ/∂λ; and dTr M/dλ = Σ_j d/dλ ∂Pᵏ_j/∂z_j, where the point moves with the control by dz*/dλ.
     ///
     /// # Errors
     /// Where M has the eigenvalue 1: [`Error::Invalid`].
@@ -84,33 +85,25 @@ impl<'a> AtControls<'a> {
         let (dim, count) = (self.dim(), self.values.len());
         let start = &orbit.points[0];
         Error::check_count("coordinates of an orbit", dim, start.len())?;
-        // The image by so many maps, with the inner variable z_j and the outer one z_i or a control.
-        let round = |map: &Model<Twice>, inner: usize, outer: Option<usize>| -> Vec<Twice> {
-            let one = |k: usize, of: Option<usize>| if of == Some(k) { 1.0 } else { 0.0 };
-            let coordinate = |(k, v): (usize, &f64)| twice(*v, one(k, Some(inner)), one(k, outer));
-            let mut z: Vec<Twice> = start.iter().enumerate().map(coordinate).collect();
-            (0..orbit.period()).for_each(|_| map.forward(&mut z));
-            z
-        };
-        let fixed = self.along(None)?;
-        // ∂Tr M/∂z_i.
-        let gradient: Vec<f64> = (0..dim)
-            .map(|i| (0..dim).map(|j| round(&fixed, j, Some(i))[j].eps[0].eps[0]).sum())
-            .collect();
-        let matrix = &orbit.multiplier_matrix;
         let one = |i: usize, k: usize| if i == k { 1.0 } else { 0.0 };
+        let matrix = &orbit.multiplier_matrix;
         let left = Mat::from_fn(dim, dim, |i, k| one(i, k) - matrix[i * dim + k]);
         let (mut moved, mut traces) = (vec![0.0; dim * count], Vec::with_capacity(count));
         for control in 0..count {
-            let map = self.along(Some(control))?;
-            let images: Vec<Vec<Twice>> = (0..dim).map(|j| round(&map, j, None)).collect();
-            let right = Mat::from_fn(dim, 1, |i, _| images[0][i].eps[0].re);
+            let map = self.along(control)?;
+            let mut image: Vec<Once> = start.iter().map(|v| Once::constant(*v)).collect();
+            (0..orbit.period()).for_each(|_| map.forward(&mut image));
+            let right = Mat::from_fn(dim, 1, |i, _| image[i].eps[0]);
             let step = left.partial_piv_lu().solve(&right);
-            let mut trace: f64 = (0..dim).map(|j| images[j][j].eps[0].eps[0]).sum();
-            for i in 0..dim {
-                moved[i * count + control] = step[(i, 0)];
-                trace = gradient[i].mul_add(step[(i, 0)], trace);
-            }
+            (0..dim).for_each(|i| moved[i * count + control] = step[(i, 0)]);
+            // The inner variable is the control, with which the point moves; the outer one is z_j.
+            let slope = |j: usize| {
+                let mut z: Vec<Twice> =
+                    (0..dim).map(|k| twice(start[k], step[(k, 0)], one(k, j))).collect();
+                (0..orbit.period()).for_each(|_| map.forward(&mut z));
+                z[j].eps[0].eps[0]
+            };
+            let trace: f64 = (0..dim).map(slope).sum();
             if !trace.is_finite() {
                 let found = format!("an orbit through {start:?}");
                 let expected = "one whose M has no eigenvalue 1: it moves with the controls";
@@ -142,8 +135,8 @@ impl<'a> AtControls<'a> {
         let count = self.values.len();
         Error::check_count("changes of the first point", 2 * count, start_moved.len())?;
         let follow = |control: usize| -> Result<(f64, f64), Error> {
-            let map = self.along(Some(control))?;
-            let first = |k: usize| twice(start[k], 0.0, start_moved[k * count + control]);
+            let map = self.along(control)?;
+            let first = |k: usize| Once { re: start[k], eps: [start_moved[k * count + control]] };
             let mut z = [first(0), first(1)];
             let (mut growths, mut changes) = (Vec::new(), Vec::new());
             let mut before = angle_and_change(&z, centre);
@@ -174,10 +167,10 @@ impl<'a> AtControls<'a> {
     }
 }
 
-/// The angle of a point about a centre, and its derivative by the outer variable.
-fn angle_and_change(z: &[Twice; 2], centre: [f64; 2]) -> (f64, f64) {
-    let [x, y] = [0, 1].map(|k| z[k].re.re - centre[k]);
-    let [dx, dy] = [0, 1].map(|k| z[k].eps[0].re);
+/// The angle of a point about a centre, and its derivative.
+fn angle_and_change(z: &[Once; 2], centre: [f64; 2]) -> (f64, f64) {
+    let [x, y] = [0, 1].map(|k| z[k].re - centre[k]);
+    let [dx, dy] = [0, 1].map(|k| z[k].eps[0]);
     (libm::atan2(y, x), (x * dy - y * dx) / (x * x + y * y))
 }
 

@@ -333,6 +333,16 @@ impl<P: Scalar> Composition<P> {
         epsilon: Q,
     ) -> Result<Composition<Q>, Error> {
         Error::check_count("parameters", self.parameters.len(), parameters.len())?;
+        Ok(self.over(parameters, epsilon, self.controls.clone()))
+    }
+
+    /// The same steps with these parameters, of any number type.
+    fn over<Q: Real>(
+        &self,
+        parameters: Vec<Q>,
+        epsilon: Q,
+        controls: Option<Arc<Controls>>,
+    ) -> Composition<Q> {
         let (mut steps, mut turns) = (self.steps.clone(), Vec::new());
         for step in &mut steps {
             let (own, begins) = (&parameters[step.parameters.clone()], step.kind.angles().to_vec());
@@ -343,8 +353,7 @@ impl<P: Scalar> Composition<P> {
                 }
             }
         }
-        let controls = self.controls.clone();
-        Ok(Composition { dof: self.dof, steps, parameters, epsilon, turns, controls })
+        Composition { dof: self.dof, steps, parameters, epsilon, turns, controls }
     }
 
     /// The member of its family of maps at another ε and at `time` times its flow time: the angles of its circles and
@@ -375,7 +384,7 @@ impl<P: Scalar> Composition<P> {
     /// Those of [`Composition::at_controls`].
     pub fn member(&self, epsilon: P, time: P, controls: &[P]) -> Result<Self, Error>
     where
-        P: Real,
+        P: Real + Over<P>,
     {
         match self.controls.is_none() || controls.is_empty() {
             true => Ok(self.at(epsilon, time)),
@@ -411,32 +420,29 @@ impl<P: Scalar> Composition<P> {
     }
 
     /// The parameters at these [products of controls](Controls::products).
-    pub(super) fn parameters_of(&self, products: &[P]) -> Vec<P> {
+    pub(super) fn parameters_of<Q: Over<P>>(&self, products: &[Q]) -> Vec<Q> {
         let size = self.parameters.len() / products.len();
         let (constant, rest) = self.parameters.split_at(size);
-        let mut out = constant.to_vec();
+        let mut out: Vec<Q> = constant.iter().map(|parameter| Q::embed(*parameter)).collect();
         for (product, of_term) in products[1..].iter().zip(rest.chunks_exact(size.max(1))) {
             for (sum, parameter) in out.iter_mut().zip(of_term) {
-                *sum = product.mul_add(*parameter, *sum);
+                *sum = product.mul_add_parameter(*parameter, *sum);
             }
         }
         out
     }
 
-    /// The map at these values of its controls, as a map without controls: its parameters are θ(λ).
+    /// The map at these values of its controls, as a map without controls: its parameters are θ(λ), of the number
+    /// type of the values. Of [dual numbers](crate::scalar::Dual) they have derivatives with respect to λ.
     ///
     /// # Errors
     /// When there is not one value for each control.
-    pub fn at_controls(&self, values: &[P]) -> Result<Self, Error>
-    where
-        P: Real,
-    {
+    pub fn at_controls<Q: Real + Over<P>>(&self, values: &[Q]) -> Result<Composition<Q>, Error> {
         let count = self.controls().map_or(0, |controls| controls.ranges.len());
         Error::check_count("values of controls", count, values.len())?;
-        let Some(controls) = &self.controls else { return Ok(self.clone()) };
-        let parameters = self.parameters_of(&controls.products(values));
-        let plain = Self { controls: None, parameters: parameters.clone(), ..self.clone() };
-        plain.with_parameters(parameters, self.epsilon)
+        let products =
+            self.controls().map_or_else(|| vec![Q::from_f64(1.0)], |of| of.products(values));
+        Ok(self.over(self.parameters_of(&products), Q::embed(self.epsilon), None))
     }
 
     /// The steps, in the order of application.

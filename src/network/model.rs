@@ -312,15 +312,15 @@ impl<P: Scalar> Model<P> {
 }
 
 impl<P: Real> Model<P> {
-    /// The network at these values of its controls: one without controls, whose parameters are θ(λ).
-    /// Over [dual numbers](crate::scalar::Dual) it has the derivatives with respect to λ.
+    /// The network at these values of its controls: one without controls, whose parameters are θ(λ), of the number
+    /// type of the values. Of [dual numbers](crate::scalar::Dual) they have derivatives with respect to λ.
     ///
     /// # Errors
     /// When there is not one value for each control.
-    pub fn at_controls(&self, values: &[P]) -> Result<Self, Error> {
+    pub fn at_controls<Q: Real + Over<P>>(&self, values: &[Q]) -> Result<Model<Q>, Error> {
         let composition = self.composition.at_controls(values)?;
         let architecture = self.architecture.clone().with_controls(None);
-        Ok(Self { architecture, composition })
+        Ok(Model { architecture, composition })
     }
 
     /// This network at another ε.

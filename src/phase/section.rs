@@ -256,27 +256,38 @@ impl AreaDensity {
             return Ok(self.clone());
         }
         Error::check_count("controls of a section", self.changes.len(), offsets.len())?;
-        let mut out = Self { changes: Vec::new(), ..self.clone() };
+        let mut coefficients = self.coefficients.clone();
         for (offset, change) in offsets.iter().zip(&self.changes) {
-            for (sum, c) in out.coefficients.iter_mut().zip(change) {
+            for (sum, c) in coefficients.iter_mut().zip(change) {
                 *sum = offset.mul_add(*c, *sum);
             }
         }
-        Ok(out)
+        Ok(self.with_coefficients(coefficients))
+    }
+
+    /// The chart of the same box with another density, which depends on no controls.
+    fn with_coefficients(&self, coefficients: Vec<f64>) -> Self {
+        let Self { low, high, scale, degrees, error, .. } = *self;
+        Self { low, high, scale, degrees, coefficients, changes: Vec::new(), error }
     }
 
     /// ∂p/∂λ at (x, y) for the control with this number, from 0; 0 for a density that does not
     /// depend on it.
     pub fn by_control(&self, number: usize, [x, y]: [f64; 2]) -> f64 {
         let Some(change) = self.changes.get(number) else { return 0.0 };
-        let coefficients = change.clone();
-        let alone = Self { coefficients, changes: Vec::new(), ..self.clone() };
-        let [_, p] = alone.to_canonical([x, y]);
+        let [_, p] = self.with_coefficients(change.clone()).to_canonical([x, y]);
         p
     }
 
     /// Fails unless ρ is positive on a grid finer than its degrees.
     fn check_positive(&self) -> Result<(), Error> {
+        // |T_j| ≤ 1: a constant that outweighs all other coefficients needs no grid. The sum of these may be too small
+        // by its rounding.
+        let (constant, others) = (self.coefficients[0], &self.coefficients[1..]);
+        let most: f64 = others.iter().map(|c| c.abs()).sum();
+        if constant > (1.0 + 1e-10) * most && constant <= f64::MAX {
+            return Ok(());
+        }
         let [across, along] = self.degrees.map(|degree| 2 * degree + 2);
         for k in 0..=along {
             for j in 0..=across {

@@ -283,6 +283,26 @@ impl<S: Over<f64>, const N: usize> Over<f64> for Dual<S, N> {
     }
 }
 
+/// Weights with derivatives by variables that those of a point are not: of a control, say.
+impl<S: Elementary, const M: usize, const N: usize> Over<Dual<S, M>> for Dual<Dual<S, M>, N> {
+    #[inline(always)]
+    fn embed(parameter: Dual<S, M>) -> Self {
+        Self::constant(parameter)
+    }
+    #[inline(always)]
+    fn mul_add_parameter(self, parameter: Dual<S, M>, addend: Self) -> Self {
+        self.zip(addend, self.re.mul_add(parameter, addend.re), |a, b| a.mul_add(parameter, b))
+    }
+    #[inline(always)]
+    fn times(self, parameter: Dual<S, M>) -> Self {
+        let mut eps = self.eps;
+        for e in &mut eps {
+            *e = *e * parameter;
+        }
+        Self { re: self.re * parameter, eps }
+    }
+}
+
 /// The real parts.
 #[inline(always)]
 fn values<S: Scalar, const K: usize, const N: usize>(x: [Dual<S, N>; K]) -> [S; K] {
