@@ -11,7 +11,7 @@ pub use grid::grid;
 use arbitrary::Unstructured;
 use gyroceptron::io::{
     Provenance, StoredModel, WeightsFormat, assemble_weights, model_text, parse_model, parse_pairs,
-    parse_points, parse_tensors,
+    parse_points, parse_polynomial, parse_tensors, polynomial_text,
 };
 use gyroceptron::layer::{CircleAction, HenonLayer, TorusAction, layer_parameter_count};
 use gyroceptron::measure::{Measurable, fuzz, ratios::differing_components};
@@ -294,6 +294,12 @@ pub fn coupling_gyroceptron(data: &[u8]) -> Result<Outcome, String> {
 pub fn model(data: &[u8]) -> Result<Outcome, String> {
     let u = &mut Unstructured::new(data);
     if data.first().is_some_and(|b| b.is_ascii()) {
+        if let Ok(read) = parse_polynomial("map.json", data) {
+            let text = polynomial_text(&read).map_err(|e| e.to_string())?;
+            let again = parse_polynomial("map.json", text.as_bytes()).map_err(|e| e.to_string())?;
+            let same = polynomial_text(&again).map_err(|e| e.to_string())? == text;
+            return if same { Ok(Outcome::Accepted) } else { Err("another polynomial".into()) };
+        }
         return match parse_model("model.json", data) {
             Err(_) => Ok(Outcome::Refused),
             Ok(stored) => same_again(&stored),

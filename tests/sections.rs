@@ -7,7 +7,9 @@ use gyroceptron::flow::{
     FormDefect, LineMap, LineRequest, LineSection, Pairs, PolynomialMap, PolynomialOnSection,
     SymplecticPolynomial, TabulatedLines, Trajectories, Window, sample,
 };
-use gyroceptron::io::parse_coils;
+use gyroceptron::io::{
+    load_polynomial, parse_coils, parse_polynomial, polynomial_text, save_polynomial,
+};
 use gyroceptron::layer::Reversor;
 use gyroceptron::measure::adiabatic::log_slope;
 use gyroceptron::measure::orbits::{
@@ -893,6 +895,70 @@ fn polynomials_on_a_section_can_be_stopped_and_do_not_depend_on_the_pace() {
     let outside = Pairs::new("pairs", 1, vec![3.0, 0.0], vec![0.0, 0.0]).expect("a pair");
     let message = PolynomialOnSection::fit(&outside, 2, None, Some(section));
     assert!(message.expect_err("outside").to_string().contains("points of the section"));
+}
+
+/// A polynomial comes back from its file with the same bits, and from no other bytes than it wrote.
+#[test]
+fn polynomials_come_back_from_their_files() {
+    let density = |x: f64, y: f64| 1.0 + 0.3 * x + 0.1 * y * y;
+    let density = AreaDensity::of_function(density, [-2.0, -2.0], [2.0, 2.0], 1.0);
+    let section = Section::of_plane(density.expect("a density"));
+    let plane = pairs_of(1, 200, 0.5, kick_and_turn);
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut texts = Vec::new();
+    for (reversor, section) in
+        [(None, None), (Some(Reversor::Positions), None), (Some(Reversor::Momenta), Some(section))]
+    {
+        let map = PolynomialOnSection::fit(&plane, 6, reversor, section).expect("a map");
+        let path = folder.path().join("map.json");
+        save_polynomial(&path, &map).expect("written");
+        let back = load_polynomial(&path).expect("read");
+        let (start, request) = ([0.2, 0.1, -0.1, 0.3], Rollout { steps: 50, every: 10 });
+        let states = |map: &PolynomialOnSection| map.rollout(&start, request).expect("orbits");
+        assert_eq!(states(&back), states(&map));
+        assert_eq!(back.with_jacobian(&start[..2]), map.with_jacobian(&start[..2]));
+        assert_eq!(back.region(), map.region());
+        let text = polynomial_text(&map).expect("text");
+        assert_eq!(text, polynomial_text(&back).expect("text"));
+        texts.push(text);
+    }
+    let refused = |text: &str| match parse_polynomial("map.json", text.as_bytes()) {
+        Ok(_) => panic!("it was read"),
+        Err(reason) => reason.to_string(),
+    };
+    let text = &texts[1];
+    for at in (0..text.len()).step_by(37) {
+        let mut bytes = text.clone().into_bytes();
+        bytes[at] = if bytes[at] == b'7' { b'1' } else { b'7' };
+        let Ok(read) = parse_polynomial("map.json", &bytes) else { continue };
+        // What has not changed is a number beyond its last digit that counts.
+        assert_eq!(&polynomial_text(&read).expect("text"), text, "byte {at}");
+    }
+    type Change = fn(&mut serde_json::Value);
+    let changes: [(&str, Change); 14] = [
+        ("digest", |of| of["map"]["coefficients"][3] = 0.5.into()),
+        ("dof", |of| of["map"]["dof"] = 0.into()),
+        ("dof", |of| of["map"]["dof"] = 5.into()),
+        ("from", |of| of["map"]["dof"] = 2.into()),
+        ("iterations", |of| of["map"]["iterations"] = 0.into()),
+        ("iterations", |of| of["map"]["iterations"] = 10_000_000.into()),
+        ("symplectic matrix", |of| of["map"]["frame"]["exit"][1] = 0.7.into()),
+        ("symplectic matrix", |of| of["map"]["frame"]["entry"][2] = 1e300.into()),
+        ("coefficients", |of| of["map"]["coefficients"] = serde_json::json!([0.0, 1.0])),
+        ("start: coefficients", |of| of["map"]["start"]["basis"]["degree"] = 0.into()),
+        ("degree", |of| of["map"]["basis"]["degree"] = u64::MAX.into()),
+        ("even_in", |of| of["map"]["basis"]["even_in"] = 2.into()),
+        ("factor", |of| of["map"]["basis"]["factors"][0] = 0.0.into()),
+        ("region", |of| of["region"]["low"][0] = 9.0.into()),
+    ];
+    for (part, change) in changes {
+        let mut value: serde_json::Value = serde_json::from_str(text).expect("JSON");
+        change(&mut value["polynomial"]);
+        let reason = refused(&value.to_string());
+        assert!(reason.contains("map.json") && reason.contains(part), "{part}: {reason}");
+    }
+    assert!(refused(&text.replace("\"version\": 1", "\"version\": 2")).contains("version"));
+    assert!(refused("{\"format\": \"gyroceptron-model\"}").contains("gyroceptron-polynomial"));
 }
 
 /// Over a long time a polynomial map drifts away from the curve of an orbit, a symplectic one does not.

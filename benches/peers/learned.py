@@ -1,19 +1,22 @@
 #!/usr/bin/env python3
 """Other ways to learn a flow map from the same pairs, on the same cores, and the table of their errors and times.
 
-    python3 benches/peers/learned.py [oscillators] [field-lines] [--seeds N] [--iterations N] [--kinds mlp generating field]
+    python3 benches/peers/learned.py [oscillators] [field-lines] [straight-field-lines] [--seeds N] [--iterations N] [--kinds mlp generating field]
 
 Makes a virtual environment of its own in target/peers (JAX, NumPy and SciPy from PyPI), builds the program, makes
 pairs and reference orbits, lets `gyroceptron train` learn them, and trains beside it, in JAX by the same kind of
 optimiser (Levenberg-Marquardt) with as many parameters or more:
 
-- a multilayer perceptron for what the rotation of the limit leaves, which keeps nothing;
+- a multilayer perceptron for what the rotation leaves, which keeps nothing;
 - a network for the generating function of the midpoint, symplectic and implicit (Chen and Tao, arXiv:2103.05632,
   in the form that a rotation leaves near the identity);
 - a network for the vector field whose flow over one step, by four Runge-Kutta steps, is what the rotation leaves
   (a learnt averaged field, after Bouchereau, Chartier, Lemou and Mehats, arXiv:2208.09222);
-- on field lines, a Gaussian process for the generating function (Rath, Albert, Bischl and von Toussaint,
-  doi:10.1063/5.0048129), NumPy and SciPy.
+- on field lines, Gaussian processes for the generating function: F(theta, P), as in Rath, Albert, Bischl and
+  von Toussaint (doi:10.1063/5.0048129), and that of the midpoint; hyperparameters by L-BFGS from three starts.
+
+The rotation is that of the limit; on field lines, where it depends on the radius, a polynomial of the action that is
+fitted to the angles of the pairs, as in the program. All rivals are given it.
 
 Errors are root mean squares; times of a step are of 64 trajectories together on one core, training of two cores.
 """
@@ -53,16 +56,12 @@ class Oscillators:
     def __init__(self, np):
         random = np.random.default_rng(1)
         self.points = random.uniform(-1.2, 1.2, (10_000, 4))
-        self.rotation = self.turn(np, 1.0)
-        self.half = self.turn(np, 0.5)
         self.initial = np.tile([[1.0, 0.15, 0.0, 0.0], [0.8, 0.4, 0.3, 0.0], [0.5, 0.9, 0.0, 0.2], [1.1, -0.5, 0.2, 0.3]], (16, 1))
 
-    def turn(self, np, share):
+    def turned(self, np, z, share):
+        """One point after so much of the rotation of a step."""
         c, s = np.cos(share * self.time), np.sin(share * self.time)
-        turn = np.eye(4)
-        turn[0, 0] = turn[2, 2] = c
-        turn[0, 2], turn[2, 0] = s, -s
-        return turn
+        return np.stack([c * z[0] + s * z[2], z[1], c * z[2] - s * z[0], z[3]])
 
     def flow(self, np, z, steps=1):
         """Columns q1, q2, p1, p2; errs by 1e-13."""
@@ -111,17 +110,34 @@ class FieldLines:
         for _ in range(94):
             orbits.append(self.flow(np, orbits[-1]))
         self.orbits = np.array(orbits)
-        # The mean rotation of a turn, of what has one at the axis.
-        angle = self.iota * self.time
-        self.rotation = self.turn(np, angle)
-        self.half = self.turn(np, angle / 2)
+        self.twist = self.fitted_twist(np)
         radii = np.linspace(0.15, 0.85, 16)
         self.initial = np.repeat(self.canonical(np, np.stack([radii, 0 * radii], axis=1)), 4, axis=0)
 
+    def fitted_twist(self, np):
+        """The angle of a turn as a polynomial of the action, highest power first; angles are followed outwards."""
+        (before, action), (after, _) = (self.angle_and_action(np, z) for z in self.pairs(np))
+        order = np.argsort(action)
+        gone, action = np.mod(after - before, 2 * np.pi)[order], action[order]
+        # That of the innermost pairs is within half a turn of the rotation at the axis.
+        mean = self.iota * self.time
+        for k in range(len(gone)):
+            gone[k] += 2 * np.pi * np.round((mean - gone[k]) / (2 * np.pi))
+            mean = 0.98 * mean + 0.02 * gone[k]
+        fitted = np.polynomial.Chebyshev.fit(action, gone, 10)
+        return fitted.convert(kind=np.polynomial.Polynomial).coef[::-1]
+
     @staticmethod
-    def turn(np, angle):
-        c, s = np.cos(angle), np.sin(angle)
-        return np.array([[c, s], [-s, c]])
+    def angle_and_action(np, z):
+        return np.arctan2(z[:, 0], z[:, 1]), 0.5 * (z**2).sum(axis=1)
+
+    def turned(self, np, z, share):
+        """One point after so much of the rotation of a step."""
+        action, angle = 0.5 * (z[0] ** 2 + z[1] ** 2), 0.0
+        for c in self.twist:
+            angle = angle * action + c
+        c, s = np.cos(share * angle), np.sin(share * angle)
+        return np.stack([c * z[0] + s * z[1], c * z[1] - s * z[0]])
 
     def canonical(self, np, x):
         length = x[:, 0] * np.sqrt(1 - 2 / 3 * x[:, 0] / self.aspect * np.cos(x[:, 1]))
@@ -162,6 +178,25 @@ class FieldLines:
         return self.orbits[:-1].reshape(-1, 2), self.orbits[1:].reshape(-1, 2)
 
 
+class StraightFieldLines(FieldLines):
+    """The same lines in coordinates in which those of eps = 0 turn evenly about the origin: J = r^2/2 and the angle
+    Theta = theta - (r/aspect) sin(theta), which have a closed form here."""
+
+    name = "straight-field-lines"
+
+    def canonical(self, np, x):
+        angle = x[:, 1] - x[:, 0] / self.aspect * np.sin(x[:, 1])
+        return np.stack([x[:, 0] * np.sin(angle), x[:, 0] * np.cos(angle)], axis=1)
+
+    def polar(self, np, z):
+        r, angle = np.hypot(z[:, 0], z[:, 1]), np.arctan2(z[:, 0], z[:, 1])
+        theta = angle.copy()
+        for _ in range(30):
+            shift = r / self.aspect
+            theta = theta - (theta - shift * np.sin(theta) - angle) / (1 - shift * np.cos(theta))
+        return np.stack([r, theta], axis=1)
+
+
 def mlp_shape(inputs, outputs, parameters):
     """Two hidden layers of one width, with as many parameters or a few more."""
     width = 1
@@ -189,7 +224,6 @@ class Learned:
         # The last layer begins small: the map is then the rotation, nearly.
         flat[-2] *= 0.1
         self.flat = jnp.asarray(np.concatenate(flat))
-        self.rotation, self.half = jnp.asarray(case.rotation), jnp.asarray(case.half)
         self.activations = sum(columns for _, columns in self.shape[:-1])
         n = case.dof
         omega = np.zeros((dim, dim))
@@ -215,9 +249,9 @@ class Learned:
 
     def step(self, flat, z):
         """One point."""
-        jnp = self.jnp
+        turned = lambda z, share: self.case.turned(self.jnp, z, share)
         if self.kind == "mlp":
-            return self.rotation @ z + self.network(flat, z)
+            return turned(z, 1.0) + self.network(flat, z)
         if self.kind == "field":
             w, h = z, 0.25
             for _ in range(4):
@@ -226,23 +260,27 @@ class Learned:
                 k3 = self.network(flat, w + h / 2 * k2)
                 k4 = self.network(flat, w + h * k3)
                 w = w + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-            return self.rotation @ w
-        # w' = w + Omega grad S((w + w')/2) between two half rotations, by iterations to rounding.
-        w = self.half @ z
-        moved = w
-        for _ in range(ITERATIONS_OF_IMPLICIT):
-            moved = w + self.field(flat, 0.5 * (w + moved))
-        return self.half @ moved
+            return turned(w, 1.0)
+        return between_half_rotations(self.jnp, self.case, lambda w: self.field(flat, w), z)
 
     def residual(self, flat, z, target):
         if self.kind != "generating":
             return self.step(flat, z) - target
         # Of pairs the midpoint is known: nothing is implicit.
-        w, moved = self.half @ z, self.half.T @ target
+        w, moved = self.case.turned(self.jnp, z, 0.5), self.case.turned(self.jnp, target, -0.5)
         return moved - w - self.field(flat, 0.5 * (w + moved))
 
 
 ITERATIONS_OF_IMPLICIT = 30
+
+
+def between_half_rotations(jnp, case, field, z):
+    """w' = w + Omega grad S((w + w')/2) between two half rotations, by iterations to rounding."""
+    w = case.turned(jnp, z, 0.5)
+    moved = w
+    for _ in range(ITERATIONS_OF_IMPLICIT):
+        moved = w + field(0.5 * (w + moved))
+    return case.turned(jnp, moved, 0.5)
 
 
 def levenberg_marquardt(model, inputs, outputs, iterations):
@@ -323,66 +361,103 @@ def invariant_drift(np, case, orbits):
     return f"{np.median(worst):.1e}, {max(worst):.1e}"
 
 
-def gaussian_process(np, case, inputs, outputs):
-    """F(q, P) with p = P + dF/dq, Q = q + dF/dP, q = theta and p = p_theta, from derivatives at pairs."""
-    from scipy.linalg import cho_factor, cho_solve
-    from scipy.optimize import minimize
+class GaussianProcess:
+    """A generating function on the plane whose gradients at some points are known, as the mean of a Gaussian process.
 
-    def coordinates(z):
-        return np.arctan2(z[:, 0], z[:, 1]), 0.5 * (z**2).sum(axis=1)
+    Of kind "midpoint" that of w' = w + Omega grad S((w + w')/2) between two half rotations, with a kernel that falls
+    with the square of the distance; of kind "angle-action" what F(theta, P) has beside that of the rotation, where
+    p = P + dF/dtheta and theta' = theta + dF/dP, with a kernel of sin((theta - theta')/2) and of P - P'.
+    """
 
-    (q, p), (big_q, big_p) = coordinates(inputs), coordinates(outputs)
-    turn = case.iota * case.time
-    # The angle gone, counted through whole turns by the nearest to that of the surface at rest.
-    gone = big_q - q
-    guess = turn * (1 - 2 * p)
-    gone += 2 * np.pi * np.round((guess - gone) / (2 * np.pi))
-    centre, size = p.mean(), p.std()
+    def __init__(self, np, case, kind, inputs, outputs):
+        import jax
+        import jax.numpy as jnp
+        import jax.scipy.linalg as linalg
+        from scipy.optimize import minimize
 
-    def kernel(q1, p1, q2, p2, lq, lp):
-        """Blocks of second derivatives d1 d2 of exp(-sin^2((q1-q2)/2)/(2 lq^2)) exp(-(p1-p2)^2/(2 lp^2))."""
-        d, e = q1[:, None] - q2[None, :], (p1[:, None] - p2[None, :]) / lp
-        k = np.exp(-np.sin(d / 2) ** 2 / (2 * lq**2) - e**2 / 2)
-        a = np.sin(d) / (4 * lq**2)
-        qq = (np.cos(d) / (4 * lq**2) - a**2) * k
-        pp = (1 - e**2) / lp**2 * k
-        qp = -a * e / lp * k
-        return np.block([[qq, qp], [qp, pp]])
+        self.case, self.kind, self.jnp = case, kind, jnp
+        if kind == "midpoint":
+            w = np.stack([case.turned(np, z, 0.5) for z in inputs])
+            moved = np.stack([case.turned(np, z, -0.5) for z in outputs])
+            places, change = 0.5 * (w + moved), moved - w
+            slopes = np.stack([-change[:, 1], change[:, 0]], axis=1)
+        else:
+            (q, p), (big_q, big_p) = case.angle_and_action(np, inputs), case.angle_and_action(np, outputs)
+            turn = np.polyval(case.twist, big_p)
+            gone = big_q - q - turn
+            gone -= 2 * np.pi * np.round(gone / (2 * np.pi))
+            places, slopes = np.stack([q, big_p], axis=1), np.stack([p - big_p, gone], axis=1)
+        self.places, count = jnp.asarray(places), len(places)
+        y = jnp.asarray(slopes.reshape(-1))
 
-    y = np.concatenate([p - big_p, gone])
-    mean = np.concatenate([np.zeros(len(q)), np.full(len(q), y[len(q) :].mean())])
+        def kernel(x, y, lengths):
+            d = x - y
+            if kind == "midpoint":
+                return jnp.exp(-0.5 * jnp.sum((d / lengths) ** 2))
+            return jnp.exp(-0.5 * (2 * jnp.sin(d[0] / 2) / lengths[0]) ** 2 - 0.5 * (d[1] / lengths[1]) ** 2)
 
-    def factor_of(log):
-        lq, lp, amplitude, noise = np.exp(log)
-        k = amplitude * kernel(q, big_p, q, big_p, lq, lp)
-        return cho_factor(k + noise * np.eye(len(k)), lower=True), (lq, lp, amplitude)
+        self.kernel = kernel
+        block = jax.jacfwd(jax.grad(kernel, argnums=0), argnums=1)
+        blocks = jax.vmap(jax.vmap(block, in_axes=(None, 0, None)), in_axes=(0, None, None))
 
-    def likelihood(log):
-        try:
-            factor, _ = factor_of(log)
-        except np.linalg.LinAlgError:
-            return 1e25
-        return 0.5 * (y - mean) @ cho_solve(factor, y - mean) + np.log(np.diag(factor[0])).sum()
+        def covariance(log):
+            k = blocks(self.places, self.places, jnp.exp(log[:2])).transpose(0, 2, 1, 3).reshape(2 * count, 2 * count)
+            return jnp.exp(log[2]) * (k + jnp.exp(log[3]) * jnp.diag(jnp.diag(k)))
 
-    start = np.log([0.7, 2 * size, 1.0, 1e-8])
-    found = minimize(likelihood, start, method="Nelder-Mead", options={"maxiter": 60})
-    factor, (lq, lp, amplitude) = factor_of(found.x)
-    weights = amplitude * cho_solve(factor, y - mean)
+        @jax.jit
+        @jax.value_and_grad
+        def likelihood(log):
+            factor = jnp.linalg.cholesky(covariance(log))
+            return 0.5 * y @ linalg.cho_solve((factor, True), y) + jnp.log(jnp.diag(factor)).sum()
 
-    def step(z):
-        at, before = coordinates(z)
-        new = before.copy()
-        for _ in range(12):
-            h = 1e-6
-            f = lambda x: kernel(at, x, q, big_p, lq, lp)[: len(at)] @ weights
-            value = new + f(new) - before
-            slope = 1 + (f(new + h) - f(new - h)) / (2 * h)
-            new = np.clip(new - value / slope, 1e-6, 0.6)
-        moved = kernel(at, new, q, big_p, lq, lp)[len(at) :] @ weights + mean[-1]
-        r = np.sqrt(2 * new)
-        return np.stack([r * np.sin(at + moved), r * np.cos(at + moved)], axis=1)
+        def value_and_slope(log):
+            value, slope = likelihood(log)
+            if not np.isfinite(value):
+                return 1e25, np.zeros(4)
+            return float(value), np.asarray(slope)
 
-    return step, centre
+        # Below 1e-13 of the diagonal no factor is found.
+        bounds = [(-5.0, 3.0), (-5.0, 3.0), (-40.0, 20.0), (np.log(1e-13), 0.0)]
+        across = np.log(places.std(axis=0))
+        starts = [np.array([*(across + shift), np.log(slopes.var()), np.log(1e-8)]) for shift in (-0.7, 0.3, 1.0)]
+        tried = [
+            minimize(value_and_slope, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60})
+            for start in starts
+        ]
+        best = min(tried, key=lambda found: found.fun)
+        factor = jnp.linalg.cholesky(covariance(best.x))
+        self.lengths = jnp.exp(best.x[:2])
+        self.weights = jnp.exp(best.x[2]) * linalg.cho_solve((factor, True), y).reshape(count, 2)
+        # What is learnt is the gradient of this.
+        each = jax.vmap(
+            lambda x, place, weight: jax.jvp(lambda at: kernel(x, at, self.lengths), (place,), (weight,))[1],
+            in_axes=(None, 0, 0),
+        )
+        self.slope = jax.grad(lambda x: each(x, self.places, self.weights).sum())
+
+    def step(self, z):
+        """One point."""
+        import jax
+
+        jnp = self.jnp
+        if self.kind == "midpoint":
+            def field(w):
+                by_q, by_p = self.slope(w)
+                return jnp.stack([by_p, -by_q])
+
+            return between_half_rotations(jnp, self.case, field, z)
+        q, p = jnp.arctan2(z[0], z[1]), 0.5 * (z**2).sum()
+
+        def off(new):
+            return new + self.slope(jnp.stack([q, new]))[0] - p
+
+        new = p
+        for _ in range(8):
+            value, slope = jax.jvp(off, (new,), (jnp.ones(()),))
+            new = jnp.clip(new - value / slope, 1e-6, 0.6)
+        moved = q + self.slope(jnp.stack([q, new]))[1] + jnp.polyval(jnp.asarray(self.case.twist), new)
+        r = jnp.sqrt(2 * new)
+        return jnp.stack([r * jnp.sin(moved), r * jnp.cos(moved)])
 
 
 def program(case, name, options, folder, np):
@@ -440,7 +515,7 @@ def run(case, options, np):
         reference.append(case.flow(np, reference[-1]))
     reference = np.array(reference)
     case.surfaces = reference
-    drift = "surface, median and largest" if case.name == "field-lines" else "energy at the end"
+    drift = "surface, median and largest" if case.dof == 1 else "energy at the end"
     lengths = " | ".join(f"{steps:,} steps" for steps in case.long_steps)
     print(f"\n{case.name}: {len(inputs) - held:,} pairs of a step of time {case.time:.4g}\n")
     print(f"| learnt | parameters | one step | {lengths} | {drift} | seconds of training | µs a step |")
@@ -460,6 +535,23 @@ def run(case, options, np):
     import jax
     import jax.numpy as jnp
 
+    def followed(name, parameters, step, seconds):
+        """A map of one point in JAX, its orbits and how long a step of them takes."""
+        steps = jax.vmap(step)
+
+        def body(w, _):
+            w = steps(w)
+            return w, w
+
+        compiled = jax.jit(lambda z: jax.lax.scan(body, z, None, length=case.long_steps[-1])[1])
+        begins = jnp.asarray(case.initial)
+        compiled(begins).block_until_ready()
+        start = time.perf_counter()
+        found = compiled(begins).block_until_ready()
+        micro = 1e6 * (time.perf_counter() - start) / (case.long_steps[-1] * 64)
+        orbits = np.concatenate([case.initial[None], np.asarray(found)])
+        row(name, parameters, np.asarray(jax.jit(steps)(jnp.asarray(inputs[:held]))), orbits, seconds, micro)
+
     names = {"mlp": "perceptron", "generating": "generating function", "field": "averaged field"}
     for kind in options.kinds:
         name = names[kind]
@@ -470,39 +562,16 @@ def run(case, options, np):
             iterations = options.iterations // 4 if kind == "field" else options.iterations
             levenberg_marquardt(model, inputs[held:], outputs[held:], iterations)
             seconds = time.perf_counter() - start
-            steps = jax.vmap(model.step, in_axes=(None, 0))
+            followed(f"{name} (JAX), seed {seed}", len(model.flat), lambda z: model.step(model.flat, z), seconds)
 
-            def orbits_of(flat, z):
-                def body(w, _):
-                    w = steps(flat, w)
-                    return w, w
-
-                return jax.lax.scan(body, z, None, length=case.long_steps[-1])[1]
-
-            compiled = jax.jit(orbits_of)
-            found = compiled(model.flat, jnp.asarray(case.initial)).block_until_ready()
+    if case.dof == 1:
+        kinds = {"angle-action": "F(theta, P)", "midpoint": "the midpoint's"}
+        for kind, count in ((kind, count) for kind in kinds for count in (250, 1000)):
             start = time.perf_counter()
-            found = compiled(model.flat, jnp.asarray(case.initial)).block_until_ready()
-            micro = 1e6 * (time.perf_counter() - start) / (case.long_steps[-1] * 64)
-            orbits = np.concatenate([case.initial[None], np.asarray(found)])
-            step = np.asarray(jax.jit(steps)(model.flat, jnp.asarray(inputs[:held])))
-            row(f"{name} (JAX), seed {seed}", len(model.flat), step, orbits, seconds, micro)
-
-    if case.name == "field-lines":
-        for count in (500, 1000):
-            start = time.perf_counter()
-            step, _ = gaussian_process(np, case, inputs[held : held + count], outputs[held : held + count])
+            process = GaussianProcess(np, case, kind, inputs[held : held + count], outputs[held : held + count])
             seconds = time.perf_counter() - start
-            few = case.long_steps[0]
-            z, orbits = case.initial, [case.initial]
-            start = time.perf_counter()
-            for _ in range(few):
-                z = step(z)
-                orbits.append(z)
-            micro = 1e6 * (time.perf_counter() - start) / (few * 64)
-            # Its orbits are too slow for more.
-            orbits = np.array(orbits + [np.full_like(z, np.nan)] * (case.long_steps[-1] - few))
-            row(f"Gaussian process of {count} pairs (NumPy)", f"{2 * count} weights", step(inputs[:held]), orbits, seconds, micro)
+            name = f"Gaussian process, {kinds[kind]}, {count} pairs (JAX)"
+            followed(name, f"{2 * count} weights", process.step, seconds)
 
 
 def main():
@@ -510,18 +579,20 @@ def main():
     parser.add_argument("--seeds", type=int, default=1, help="initial weights of each network in JAX")
     parser.add_argument("--iterations", type=int, default=200, help="of Levenberg-Marquardt in JAX")
     parser.add_argument("--kinds", nargs="+", default=["mlp", "generating", "field"], choices=["mlp", "generating", "field"])
-    parser.add_argument("cases", nargs="*", help="oscillators, field-lines; all, where none is named")
+    cases = (Oscillators, FieldLines, StraightFieldLines)
+    names = ", ".join(case.name for case in cases)
+    parser.add_argument("cases", nargs="*", help=f"{names}; all, where none is named")
     options = parser.parse_args()
-    unknown = set(options.cases) - {Oscillators.name, FieldLines.name}
+    unknown = set(options.cases) - {case.name for case in cases}
     if unknown:
-        parser.error(f"expected {Oscillators.name} or {FieldLines.name}, found {', '.join(sorted(unknown))}")
+        parser.error(f"expected some of {names}, found {', '.join(sorted(unknown))}")
     import jax
 
     jax.config.update("jax_enable_x64", True)
     import numpy as np
 
     subprocess.run(["cargo", "build", "--release", "--quiet", "--locked"], check=True, cwd=ROOT)
-    for case in (Oscillators, FieldLines):
+    for case in cases:
         if not options.cases or case.name in options.cases:
             run(case(np), options, np)
     return 0

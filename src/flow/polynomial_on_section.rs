@@ -1,17 +1,21 @@
 //! Symplectic polynomials in the chart of a section.
 
-use super::{Pairs, SymplecticPolynomial};
+use super::{Pairs, Region, SymplecticPolynomial};
 use crate::error::Error;
 use crate::layer::Reversor;
 use crate::network::{Pace, Rollout};
 use crate::phase::Section;
+use serde::{Deserialize, Serialize};
 
 /// A [`SymplecticPolynomial`] in the chart of a [`Section`], if there is one: points are those of the data, (x, y)
 /// where the area form of a plane is not dq∧dp.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct PolynomialOnSection {
     map: SymplecticPolynomial,
     section: Option<Section>,
+    /// Of the pairs.
+    region: Region,
 }
 
 /// Of a roll-out, in errors.
@@ -22,14 +26,16 @@ impl PolynomialOnSection {
     /// chart.
     ///
     /// # Errors
-    /// Those of [`SymplecticPolynomial::fit`]; when the section is of other degrees of freedom, or a point is not on
-    /// it.
+    /// Those of [`SymplecticPolynomial::fit`]; when there are no pairs, the section is of other degrees of freedom, or a
+    /// point is not on it.
     pub fn fit(
         pairs: &Pairs,
         degree: usize,
         reversor: Option<Reversor>,
         section: Option<Section>,
     ) -> Result<Self, Error> {
+        let region =
+            pairs.region().ok_or_else(|| Error::invalid("pairs", "none", "at least one"))?;
         if let Some(section) = &section {
             section.check(pairs.dof())?;
             section.check_points("input", pairs.input())?;
@@ -43,7 +49,22 @@ impl PolynomialOnSection {
             None => SymplecticPolynomial::fit(&canonical, degree)?,
             Some(reversor) => SymplecticPolynomial::fit_reversible(&canonical, degree, reversor)?,
         };
-        Ok(Self { map, section })
+        Ok(Self { map, section, region })
+    }
+
+    /// Fails unless it is a map; for maps that are read from files.
+    ///
+    /// # Errors
+    /// With the part that is not as it should be.
+    pub fn check(&self) -> Result<(), Error> {
+        self.map.check()?;
+        self.region.check("region", self.map.dof())?;
+        self.section.as_ref().map_or(Ok(()), |section| section.check(self.map.dof()))
+    }
+
+    /// The box of the pairs.
+    pub fn region(&self) -> &Region {
+        &self.region
     }
 
     /// The map in the chart.

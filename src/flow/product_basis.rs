@@ -5,15 +5,19 @@ use crate::error::Error;
 use crate::scalar::{Scalar, max_or_nan};
 use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
+use serde::{Deserialize, Serialize};
 
 /// Products of Chebyshev polynomials over a box, of a total degree at most.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(try_from = "Kept", into = "Kept")]
 pub(super) struct ProductBasis {
     pub(super) dim: usize,
     pub(super) degree: usize,
     centre: Vec<f64>,
     /// One over half the extent of the box along each coordinate.
     pub(super) factors: Vec<f64>,
+    /// The degrees in so many of the first coordinates have an even sum: all of them where it is 0.
+    even_in: usize,
     /// Terms in the last coordinate from degree 0 on, run after run.
     pub(super) runs: Vec<Run>,
 }
@@ -25,6 +29,44 @@ pub(super) struct Run {
     pub(super) degrees: Vec<usize>,
     /// The highest degree in the last one.
     pub(super) left: usize,
+}
+
+/// What files keep of a basis.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Kept {
+    degree: usize,
+    even_in: usize,
+    centre: Vec<f64>,
+    factors: Vec<f64>,
+}
+
+impl From<ProductBasis> for Kept {
+    fn from(basis: ProductBasis) -> Self {
+        let ProductBasis { degree, centre, factors, even_in, .. } = basis;
+        Self { degree, even_in, centre, factors }
+    }
+}
+
+impl TryFrom<Kept> for ProductBasis {
+    type Error = Error;
+
+    fn try_from(kept: Kept) -> Result<Self, Error> {
+        let Kept { degree, even_in, centre, factors } = kept;
+        let dim = centre.len();
+        Error::check_count_range("coordinates", dim, 1, DIM)?;
+        Error::check_count("factors", dim, factors.len())?;
+        Error::check_count_range("even_in", even_in, 0, dim - 1)?;
+        if terms(dim, degree).is_none() {
+            let expected = format!("one of {MOST_TERMS} terms at most");
+            return Err(Error::invalid("degree", degree, expected));
+        }
+        centre.iter().try_for_each(|c| Error::check_finite("centre", *c))?;
+        factors
+            .iter()
+            .try_for_each(|f| Error::check_range("factor", *f, Error::LEAST_POSITIVE, f64::MAX))?;
+        Ok(Self { dim, degree, centre, factors, even_in: 0, runs: runs(dim, degree) }.even(even_in))
+    }
 }
 
 /// A basis has no more terms.
@@ -74,15 +116,21 @@ impl ProductBasis {
             centre.push(0.5 * (low + high));
             factors.push(2.0 / (high - low));
         }
-        Ok(Self { dim, degree, centre, factors, runs: runs(dim, degree) })
+        Ok(Self { dim, degree, centre, factors, even_in: 0, runs: runs(dim, degree) })
     }
 
     /// Without the terms whose degrees in the first `first` coordinates have an odd sum. At least one coordinate follows
     /// these.
     pub(super) fn even(mut self, first: usize) -> Self {
         assert!(first < self.dim);
+        self.even_in = first;
         self.runs.retain(|run| run.degrees[..first].iter().sum::<usize>().is_multiple_of(2));
         self
+    }
+
+    /// How many terms there are.
+    pub(super) fn terms(&self) -> usize {
+        self.runs.iter().map(|run| run.left + 1).sum()
     }
 
     /// The middle of its box.

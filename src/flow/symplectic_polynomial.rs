@@ -12,6 +12,7 @@ use crate::scalar::{Kernel, Pack, Scalar, max_or_nan, on_independent_lanes};
 use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// A symplectic map whose generating function is a polynomial, fitted to pairs by linear least squares.
 ///
@@ -32,7 +33,8 @@ use rayon::prelude::*;
 /// Source: Hairer, Lubich and Wanner, Geometric Numerical Integration, <https://doi.org/10.1007/3-540-30666-8>, §VI.5,
 /// for the generating function; Erdélyi and Berz, <https://doi.org/10.1103/PhysRevLett.87.114302>, for maps of
 /// accelerators that are made symplectic, and for how much depends on the choice of the generating function.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SymplecticPolynomial {
     dof: usize,
     frame: Frame,
@@ -45,7 +47,8 @@ pub struct SymplecticPolynomial {
 }
 
 /// u = K(z − c) and z′ = c′ + M·v.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Frame {
     /// c.
     from: Vec<f64>,
@@ -58,7 +61,8 @@ struct Frame {
 }
 
 /// Where Newton's method begins: w as polynomials of u.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Start {
     basis: ProductBasis,
     coefficients: Vec<f64>,
@@ -68,6 +72,8 @@ struct Start {
 const MOST_ITERATIONS: usize = 12;
 /// Of Newton's method, a change by this share is the last but for rounding, as errors are squared.
 const LAST_CHANGE: f64 = 3e-9;
+/// A matrix of a file is symplectic to this, over the sums of the sizes of the products that this compares.
+const NEARLY: f64 = 1e-10;
 /// In errors.
 const NAME: &str = "a generating function";
 const REVERSIBLE: &str = "the linear part of a reversible map";
@@ -195,6 +201,26 @@ impl SymplecticPolynomial {
             }
         }
         (None, largest)
+    }
+
+    /// Fails unless it is a map; for maps that are read from files.
+    ///
+    /// # Errors
+    /// With the part that is not as it should be.
+    pub fn check(&self) -> Result<(), Error> {
+        Error::check_count_range("dof", self.dof, 1, DIM / 2)?;
+        let dim = 2 * self.dof;
+        self.frame.check(dim)?;
+        Error::check_count_range("iterations", self.iterations, 1, MOST_ITERATIONS)?;
+        for (place, basis, coefficients, each) in [
+            ("coefficients", &self.basis, &self.coefficients, 1),
+            ("start: coefficients", &self.start.basis, &self.start.coefficients, dim),
+        ] {
+            Error::check_count("coordinates of a basis", dim, basis.dim)?;
+            Error::check_count(place, each * basis.terms(), coefficients.len())?;
+            coefficients.iter().try_for_each(|c| Error::check_finite(place, *c))?;
+        }
+        Ok(())
     }
 
     /// n, its degrees of freedom.
@@ -621,6 +647,32 @@ impl Frame {
             }
         }
         Ok(Self { to: from.clone(), from, entry: Some(entry), exit })
+    }
+
+    /// Fails unless its vectors and matrices are of `dim` numbers and rows, and the matrices symplectic.
+    fn check(&self, dim: usize) -> Result<(), Error> {
+        for (place, numbers) in [("from", &self.from), ("to", &self.to)] {
+            Error::check_count(place, dim, numbers.len())?;
+            numbers.iter().try_for_each(|v| Error::check_finite(place, *v))?;
+        }
+        let entry = self.entry.as_ref().map(|entry| ("entry", entry));
+        for (place, matrix) in entry.into_iter().chain([("exit", &self.exit)]) {
+            Error::check_count(place, dim * dim, matrix.len())?;
+            let back = inverse_of_symplectic(matrix, dim / 2);
+            for (i, row) in back.chunks_exact(dim).enumerate() {
+                for k in 0..dim {
+                    let products = || row.iter().zip(matrix[k..].iter().step_by(dim));
+                    let found: f64 = products().map(|(a, b)| a * b).sum();
+                    let size: f64 = products().map(|(a, b)| (a * b).abs()).sum();
+                    let off = (found - if i == k { 1.0 } else { 0.0 }).abs();
+                    if !(off <= NEARLY * size) {
+                        let found = format!("a matrix that is off by {off:e}");
+                        return Err(Error::invalid(place, found, "a symplectic matrix"));
+                    }
+                }
+            }
+        }
+        Ok(())
     }
 
     /// u.

@@ -10,6 +10,7 @@ mod coils;
 mod json;
 mod legacy;
 mod npy;
+mod polynomials;
 #[cfg(feature = "proofs")]
 mod proofs;
 mod stored_controls;
@@ -28,6 +29,7 @@ pub use json::{
     MODEL_VERSION, Provenance, RolledOut, StoredModel, earlier_checkpoint, load_checkpoint,
     load_model, model_text, parse_model, save_checkpoint, save_model,
 };
+pub use polynomials::{load_polynomial, parse_polynomial, polynomial_text, save_polynomial};
 #[cfg(feature = "proofs")]
 pub use proofs::{ABOUT as ABOUT_PROOFS, Nested, ProofFile, ProofRequest, Proofs};
 pub use tensor::Tensor;

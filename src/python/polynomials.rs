@@ -4,8 +4,8 @@ use super::arrays::{Points, Rows, array, dof_of, points_of, rows_of};
 use super::outside::{Outside, box_of, survived};
 use super::{by_parts, interruptible};
 use crate::error::Error;
-use crate::flow::{Pairs, PolynomialOnSection, Region};
-use crate::io::read_section;
+use crate::flow::{Pairs, PolynomialOnSection};
+use crate::io::{load_polynomial, read_section, save_polynomial};
 use crate::layer::Reversor;
 use crate::measure::orbits::maps_survived;
 use crate::measure::timing::root_mean_square_distance;
@@ -26,7 +26,6 @@ use std::path::PathBuf;
 pub(super) struct PySymplecticPolynomial {
     map: PolynomialOnSection,
     dof: usize,
-    region: Region,
 }
 
 /// What the pairs are called in errors.
@@ -60,11 +59,26 @@ impl PySymplecticPolynomial {
         let reversor = reversor.map(Reversor::find).transpose()?;
         let dof = dof_of("input", &input)?;
         let pairs = pairs_of(&input, &output, dof)?;
-        let unknown = || Error::invalid(PAIRS, "none", "at least one");
-        let region = pairs.region().ok_or_else(unknown)?;
         let section = section.as_deref().map(read_section).transpose()?;
         let map = py.detach(|| PolynomialOnSection::fit(&pairs, degree, reversor, section))?;
-        Ok(Self { map, dof, region })
+        Ok(Self { map, dof })
+    }
+
+    /// The polynomial of a file that `save` wrote. Raises Error when it is missing, corrupt, or of another kind.
+    #[staticmethod]
+    fn load(path: PathBuf) -> PyResult<Self> {
+        let map = load_polynomial(&path)?;
+        Ok(Self { dof: map.map().dof(), map })
+    }
+
+    /// Writes a file, which `load` reads. Raises Error when there is a file of that name, unless `overwrite`, or it
+    /// cannot be written.
+    #[pyo3(signature = (path, overwrite=false))]
+    fn save(&self, path: PathBuf, overwrite: bool) -> PyResult<()> {
+        if path.exists() && !overwrite {
+            return Err(Error::FileExists { path }.into());
+        }
+        Ok(save_polynomial(&path, &self.map)?)
     }
 
     /// The total degree of the generating function.
@@ -82,7 +96,7 @@ impl PySymplecticPolynomial {
     /// The box of the pairs: the lowest and the highest of each coordinate.
     #[getter]
     fn region(&self) -> (Vec<f64>, Vec<f64>) {
-        (self.region.low.clone(), self.region.high.clone())
+        (self.map.region().low.clone(), self.map.region().high.clone())
     }
 
     /// The root mean square distance of the images of `input` from `output`, both (N, 2n).
@@ -119,7 +133,8 @@ impl PySymplecticPolynomial {
         let states =
             interruptible(py, |pace| self.map.rollout_at_pace(&points.values, request, pace))?;
         outside.report(py, || {
-            [self.region.left_by(&states, count, every).map(|left| left.describe(&self.region))]
+            let region = self.map.region();
+            [region.left_by(&states, count, every).map(|left| left.describe(region))]
         })?;
         array(py, states, points.shape(&[steps / every + 1], &[2 * self.dof]))
     }
@@ -150,7 +165,7 @@ impl PySymplecticPolynomial {
         high: Option<Vec<f64>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
         let points = self.points(&points)?;
-        let region = box_of([low, high], Some(&self.region), self.dof)?;
+        let region = box_of([low, high], Some(self.map.region()), self.dof)?;
         survived(py, &points, steps, || {
             let follow = |starts: &[f64], maps: usize| {
                 let request = Rollout { steps: maps, every: 1 };

@@ -297,7 +297,7 @@ impl<S: Elementary, const M: usize, const N: usize> Over<Dual<S, M>> for Dual<Du
     fn times(self, parameter: Dual<S, M>) -> Self {
         let mut eps = self.eps;
         for e in &mut eps {
-            *e = *e * parameter;
+            *e *= parameter;
         }
         Self { re: self.re * parameter, eps }
     }

@@ -168,6 +168,20 @@ def test_a_symplectic_polynomial_is_fitted_in_the_chart_of_a_section(lines, tmp_
     ends = [own.predict(start[3] + [step, 0])[-1] for step in (h, -h)]
     assert np.abs((ends[0] - ends[1]) / (2 * h) - own.jacobian(start[3])[:, 0]).max() < 1e-7
     assert np.abs(own.jacobian(start[3]) - lines.jacobian(start[3])).max() < 1e-3
+    path = tmp_path / "map.json"
+    even.save(path)
+    back = gyroceptron.SymplecticPolynomial.load(path)
+    assert (back.predict(start, 40) == even.predict(start, 40)).all()
+    assert back.region == even.region and (back.parameters == even.parameters).all()
+    with pytest.raises(gyroceptron.Error, match="map.json"):
+        own.save(path)
+    own.save(path, overwrite=True)
+    assert len(gyroceptron.SymplecticPolynomial.load(path).parameters) == 54
+    with pytest.raises(gyroceptron.Error, match="gyroceptron-model"):
+        gyroceptron.load(path)
+    path.write_text(path.read_text().replace('"degree": 9', '"degree": 8'))
+    with pytest.raises(gyroceptron.Error, match="coefficients"):
+        gyroceptron.SymplecticPolynomial.load(path)
     with pytest.raises(gyroceptron.Error, match="points of the section"):
         own.predict([1.0, 0.0])
     with pytest.raises(gyroceptron.Error, match="missing.npz"):

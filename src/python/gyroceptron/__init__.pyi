@@ -254,6 +254,11 @@ class SymplecticPolynomial:
         reversor: Literal["positions", "momenta"] | None = None,
         section: str | PathLike[str] | None = None,
     ) -> None: ...
+    @staticmethod
+    def load(path: str | PathLike[str]) -> SymplecticPolynomial:
+        """The polynomial of a file that save wrote."""
+    def save(self, path: str | PathLike[str], overwrite: bool = False) -> None:
+        """Writes a file, which load reads."""
     @property
     def degree(self) -> int:
         """The total degree of the generating function."""

@@ -816,8 +816,7 @@ impl Results<'_> {
                         continue;
                     };
                     out.push_str(&format!(
-                        "- `{}` at flow time {}, trained from {} initial weights, beside the fastest rival that \
-                         errs no more: {} ({what}).\n",
+                        "- `{}` at flow time {}, trained from {} initial weights, {what}: {}.\n",
                         of.network,
                         at.flow_time,
                         errors.len(),

@@ -115,12 +115,15 @@ impl SeedGains {
         Some(Self { gains })
     }
 
-    /// `in the median it takes 9.7 × as long, in the worst case it takes 8.5 × as long`.
+    /// `in the median the fastest rival that errs no more takes 9.7 × as long as the map, in the worst case …`.
     pub(super) fn words(&self) -> String {
         let words = |gain: f64| match gain {
             0.0 => "the map has lost the points".to_owned(),
-            gain if gain.is_infinite() => "none was found".to_owned(),
-            gain => format!("it takes {} as long", Format::Factor.number(gain)),
+            gain if gain.is_infinite() => "no rival errs as little".to_owned(),
+            gain => {
+                let factor = Format::Factor.number(gain);
+                format!("the fastest rival that errs no more takes {factor} as long as the map")
+            }
         };
         let least = self.gains.first().copied().unwrap_or(f64::NAN);
         // The smaller of two in the middle.
