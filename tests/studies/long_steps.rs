@@ -227,9 +227,12 @@ fn other_initial_weights_have_errors_and_gains() {
     let timings = std::fs::read_to_string(folder.path().join("timings.json")).expect("timings");
     assert!(timings.contains("\"seeds\""));
     let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
-    for words in
-        ["one step of 10, rms: median", "trained from 3 initial weights", "in the worst case"]
-    {
+    for words in [
+        "one step of 10, rms: median",
+        "trained from 3 initial weights, for one step: in the median ",
+        ", in the worst case ",
+        " as long as the map",
+    ] {
         assert!(text.contains(words), "{words}: {text}");
     }
     // Untrained maps of large weights lose the trajectories, from each of their initial weights.
@@ -243,8 +246,8 @@ fn other_initial_weights_have_errors_and_gains() {
     let lost = |error: &&Value| error.as_f64().is_none_or(|error| !(error <= 0.5 * size));
     assert_eq!(errors.iter().filter(lost).count(), 3, "{errors:?} {size}");
     let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
-    let said = "in the median the map has lost the points, in the worst case the map has lost the \
-                points (over trajectories)";
+    let said = "over trajectories: in the median the map has lost the points, in the worst case the \
+                map has lost the points";
     assert!(text.contains(said) && text.contains("| – | – | 3 |"), "{text}");
 }
 
