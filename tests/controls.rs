@@ -576,6 +576,14 @@ fn what_controls_cannot_be_is_refused() {
     assert!(AtControls::new(&plain, &[]).is_err());
     // An orbit has no angle about where it begins.
     let at = AtControls::new(model, &[0.0, 0.0]).expect("two values");
+    // Of an orbit with the eigenvalue 1 nothing says where it moves.
+    let still = PeriodicOrbit {
+        points: vec![vec![0.1, 0.2]],
+        multiplier_matrix: vec![1.0, 0.0, 0.0, 1.0],
+        missed: 0.0,
+    };
+    let reason = at.orbit_response(&still).expect_err("it has the eigenvalue 1").to_string();
+    assert!(reason.contains("eigenvalue 1"), "{reason}");
     let at_centre = at.rotation_response([0.1, 0.2], &[0.0; 4], [0.1, 0.2], 100);
     assert!(at_centre.expect_err("no angle").to_string().contains("centre"));
     let values = two().values([("b", 0.25)]).expect("a name");

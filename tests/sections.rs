@@ -935,7 +935,7 @@ fn polynomials_come_back_from_their_files() {
         assert_eq!(&polynomial_text(&read).expect("text"), text, "byte {at}");
     }
     type Change = fn(&mut serde_json::Value);
-    let changes: [(&str, Change); 14] = [
+    let changes: [(&str, Change); 17] = [
         ("digest", |of| of["map"]["coefficients"][3] = 0.5.into()),
         ("dof", |of| of["map"]["dof"] = 0.into()),
         ("dof", |of| of["map"]["dof"] = 5.into()),
@@ -944,6 +944,16 @@ fn polynomials_come_back_from_their_files() {
         ("iterations", |of| of["map"]["iterations"] = 10_000_000.into()),
         ("symplectic matrix", |of| of["map"]["frame"]["exit"][1] = 0.7.into()),
         ("symplectic matrix", |of| of["map"]["frame"]["entry"][2] = 1e300.into()),
+        ("symplectic matrix", |of| {
+            of["map"]["frame"]["exit"] = serde_json::json!([1e200, 0.0, 0.0, 1e200]);
+        }),
+        ("symplectic matrix", |of| {
+            of["map"]["frame"]["exit"] = serde_json::json!([1e8, 1e8, 1e8, 1e8]);
+        }),
+        ("start: degree", |of| {
+            of["map"]["start"]["basis"]["degree"] = 9.into();
+            of["map"]["start"]["coefficients"] = vec![0.0; 110].into();
+        }),
         ("coefficients", |of| of["map"]["coefficients"] = serde_json::json!([0.0, 1.0])),
         ("start: coefficients", |of| of["map"]["start"]["basis"]["degree"] = 0.into()),
         ("degree", |of| of["map"]["basis"]["degree"] = u64::MAX.into()),

@@ -417,7 +417,7 @@ class GaussianProcess:
 
         def value_and_slope(log):
             value, slope = likelihood(log)
-            if not np.isfinite(value):
+            if not (np.isfinite(value) and np.isfinite(slope).all()):
                 return 1e25, np.zeros(4)
             return float(value), np.asarray(slope)
 
@@ -430,6 +430,8 @@ class GaussianProcess:
             for start in starts
         ]
         best = min(tried, key=lambda found: found.fun)
+        if not best.fun < 1e25:
+            sys.exit(f"{case.name}: no hyperparameters of a Gaussian process were found")
         factor = jnp.linalg.cholesky(covariance(best.x))
         self.lengths = jnp.exp(best.x[:2])
         self.weights = jnp.exp(best.x[2]) * linalg.cho_solve((factor, True), y).reshape(count, 2)
@@ -562,7 +564,7 @@ def run(case, options, np):
         for seed in range(options.seeds):
             model = Learned(case, kind, most, seed)
             start = time.perf_counter()
-            # Sixteen evaluations of its network a step: as long for a quarter of the iterations.
+            # Sixteen evaluations of its network a step: a quarter of the iterations take four times as long.
             iterations = options.iterations // 4 if kind == "field" else options.iterations
             levenberg_marquardt(model, inputs[held:], outputs[held:], iterations)
             seconds = time.perf_counter() - start

@@ -18,6 +18,15 @@ pub struct PolynomialOnSection {
     region: Region,
 }
 
+/// A polynomial has no controls.
+fn check_section(section: &Section, dof: usize) -> Result<(), Error> {
+    section.check(dof)?;
+    match section.depends_on_controls() {
+        false => Ok(()),
+        true => Err(Error::invalid("section", "a density that depends on controls", "one of none")),
+    }
+}
+
 /// Of a roll-out, in errors.
 const NAME: &str = "trajectories";
 
@@ -37,7 +46,7 @@ impl PolynomialOnSection {
         let region =
             pairs.region().ok_or_else(|| Error::invalid("pairs", "none", "at least one"))?;
         if let Some(section) = &section {
-            section.check(pairs.dof())?;
+            check_section(section, pairs.dof())?;
             section.check_points("input", pairs.input())?;
             section.check_points("output", pairs.output())?;
         }
@@ -52,14 +61,14 @@ impl PolynomialOnSection {
         Ok(Self { map, section, region })
     }
 
-    /// Fails unless it is a map; for maps that are read from files.
+    /// As [`SymplecticPolynomial::check`].
     ///
     /// # Errors
     /// With the part that is not as it should be.
     pub fn check(&self) -> Result<(), Error> {
         self.map.check()?;
         self.region.check("region", self.map.dof())?;
-        self.section.as_ref().map_or(Ok(()), |section| section.check(self.map.dof()))
+        self.section.as_ref().map_or(Ok(()), |section| check_section(section, self.map.dof()))
     }
 
     /// The box of the pairs.

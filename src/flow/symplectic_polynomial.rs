@@ -74,6 +74,8 @@ const MOST_ITERATIONS: usize = 12;
 const LAST_CHANGE: f64 = 3e-9;
 /// A matrix of a file is symplectic to this, over the sums of the sizes of the products that this compares.
 const NEARLY: f64 = 1e-10;
+/// And what its inverse times it has on the diagonal is 1 to this.
+const ON_DIAGONAL: f64 = 1e-6;
 /// In errors.
 const NAME: &str = "a generating function";
 const REVERSIBLE: &str = "the linear part of a reversible map";
@@ -203,7 +205,8 @@ impl SymplecticPolynomial {
         (None, largest)
     }
 
-    /// Fails unless it is a map; for maps that are read from files.
+    /// Fails unless its parts are of one size, finite and symplectic; for maps that are read from files. Whether Newton's
+    /// method converges, as it did for the pairs of a fit, is not looked at.
     ///
     /// # Errors
     /// With the part that is not as it should be.
@@ -220,7 +223,8 @@ impl SymplecticPolynomial {
             Error::check_count(place, each * basis.terms(), coefficients.len())?;
             coefficients.iter().try_for_each(|c| Error::check_finite(place, *c))?;
         }
-        Ok(())
+        // The work space of a step is for the degree of S.
+        Error::check_count_range("start: degree", self.start.basis.degree, 0, self.basis.degree)
     }
 
     /// n, its degrees of freedom.
@@ -665,7 +669,9 @@ impl Frame {
                     let found: f64 = products().map(|(a, b)| a * b).sum();
                     let size: f64 = products().map(|(a, b)| (a * b).abs()).sum();
                     let off = (found - if i == k { 1.0 } else { 0.0 }).abs();
-                    if !(off <= NEARLY * size) {
+                    // Of products that cancel, what is left on the diagonal is 1.
+                    let most = if i == k { ON_DIAGONAL } else { f64::MAX };
+                    if !(off <= most.min(NEARLY * size) && size.is_finite()) {
                         let found = format!("a matrix that is off by {off:e}");
                         return Err(Error::invalid(place, found, "a symplectic matrix"));
                     }

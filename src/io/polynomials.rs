@@ -30,8 +30,9 @@ fn digest_of(polynomial: &PolynomialOnSection) -> Result<String, Error> {
 /// The text of the file of a symplectic polynomial. Numbers are the shortest decimals that read back as the same bits.
 ///
 /// # Errors
-/// When a number is not finite, which JSON cannot hold.
+/// Those of [`PolynomialOnSection::check`], as of a number that is not finite, which JSON cannot hold.
 pub fn polynomial_text(polynomial: &PolynomialOnSection) -> Result<String, Error> {
+    polynomial.check()?;
     let file = PolynomialFile {
         format: FORMAT.into(),
         version: VERSION,

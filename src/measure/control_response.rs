@@ -104,7 +104,7 @@ impl<'a> AtControls<'a> {
                 z[j].eps[0].eps[0]
             };
             let trace: f64 = (0..dim).map(slope).sum();
-            if !trace.is_finite() {
+            if !(trace.is_finite() && (0..dim).all(|i| step[(i, 0)].is_finite())) {
                 let found = format!("an orbit through {start:?}");
                 let expected = "one whose M has no eigenvalue 1: it moves with the controls";
                 return Err(Error::invalid("periodic orbit", found, expected));

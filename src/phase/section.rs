@@ -285,7 +285,7 @@ impl AreaDensity {
         // by its rounding.
         let (constant, others) = (self.coefficients[0], &self.coefficients[1..]);
         let most: f64 = others.iter().map(|c| c.abs()).sum();
-        if constant > (1.0 + 1e-10) * most && constant <= f64::MAX {
+        if constant > (1.0 + 1e-10) * most && constant <= 0.25 * f64::MAX {
             return Ok(());
         }
         let [across, along] = self.degrees.map(|degree| 2 * degree + 2);
@@ -569,6 +569,11 @@ impl Section {
     /// The degrees of freedom n.
     pub fn dof(&self) -> usize {
         self.planes.len()
+    }
+
+    /// Whether some density depends on controls.
+    pub fn depends_on_controls(&self) -> bool {
+        self.planes.iter().flatten().any(|plane| !plane.changes.is_empty())
     }
 
     /// The chart of each plane.
