@@ -329,6 +329,11 @@ fn derivatives_by_controls_are_those_of_differences() {
     }
 }
 
+/// Where fixed points are looked for.
+fn guesses() -> impl Iterator<Item = [f64; 2]> {
+    (0..49).map(|k| [f64::from(k % 7 - 3) / 4.0, f64::from(k / 7 - 3) / 4.0])
+}
+
 /// A fixed point and how fast an orbit turns about it, their derivatives against differences.
 #[test]
 fn orbits_respond_to_controls_as_differences_say() {
@@ -343,10 +348,9 @@ fn orbits_respond_to_controls_as_differences_say() {
             stored.at_controls(&moved).expect("two values")
         };
         // A map of no circle need not have one.
-        let guesses = (0..49).map(|k| [f64::from(k % 7 - 3) / 4.0, f64::from(k / 7 - 3) / 4.0]);
         let near = |guess: [f64; 2]| at(0, 0.0).periodic_orbit(&guess, 1).ok();
         let turned_about = |orbit: &PeriodicOrbit| orbit.trace().abs() < 1.9;
-        let mut orbits: Vec<PeriodicOrbit> = guesses.filter_map(near).collect();
+        let mut orbits: Vec<PeriodicOrbit> = guesses().filter_map(near).collect();
         orbits.sort_by_key(|orbit| !turned_about(orbit));
         let Some(orbit) = orbits.into_iter().next() else { continue };
         let trace = orbit.trace();
@@ -405,8 +409,7 @@ fn the_trace_of_several_maps_responds_to_controls_as_differences_say() {
                 missed: once.missed,
             }
         };
-        let guesses = (0..49).map(|k| [f64::from(k % 7 - 3) / 4.0, f64::from(k / 7 - 3) / 4.0]);
-        let mut orbits = guesses.filter_map(|guess| at(0, 0.0).periodic_orbit(&guess, 1).ok());
+        let mut orbits = guesses().filter_map(|guess| at(0, 0.0).periodic_orbit(&guess, 1).ok());
         let Some(orbit) = orbits.next() else { continue };
         found += 1;
         let of_network = AtControls::new(&model, &values).expect("two values");
@@ -574,16 +577,21 @@ fn what_controls_cannot_be_is_refused() {
     assert!(AtControls::new(model, &[0.0]).is_err());
     let plain = model.at_controls(&[0.0, 0.0]).expect("two values");
     assert!(AtControls::new(&plain, &[]).is_err());
-    // An orbit has no angle about where it begins.
     let at = AtControls::new(model, &[0.0, 0.0]).expect("two values");
-    // Of an orbit with the eigenvalue 1 nothing says where it moves.
+    // Of an orbit with the eigenvalue 1 nothing says where it moves, even where Tr M does not depend on it.
+    let turn = Architecture::new(1).on_circle(CircleAction::new([1])).with_controls(Some(two()));
+    let turn = drawn(&turn, 3);
     let still = PeriodicOrbit {
         points: vec![vec![0.1, 0.2]],
         multiplier_matrix: vec![1.0, 0.0, 0.0, 1.0],
         missed: 0.0,
     };
-    let reason = at.orbit_response(&still).expect_err("it has the eigenvalue 1").to_string();
-    assert!(reason.contains("eigenvalue 1"), "{reason}");
+    let of_turn = AtControls::new(&turn, &[0.0, 0.0]).expect("two values");
+    for at in [at, of_turn] {
+        let reason = at.orbit_response(&still).expect_err("it has the eigenvalue 1").to_string();
+        assert!(reason.contains("eigenvalue 1"), "{reason}");
+    }
+    // An orbit has no angle about where it begins.
     let at_centre = at.rotation_response([0.1, 0.2], &[0.0; 4], [0.1, 0.2], 100);
     assert!(at_centre.expect_err("no angle").to_string().contains("centre"));
     let values = two().values([("b", 0.25)]).expect("a name");

@@ -893,8 +893,12 @@ fn polynomials_on_a_section_can_be_stopped_and_do_not_depend_on_the_pace() {
     section.to_data(&mut inside);
     assert!(inside[2 * first..].iter().any(|v| v.is_finite()), "it stays away: {inside:?}");
     let outside = Pairs::new("pairs", 1, vec![3.0, 0.0], vec![0.0, 0.0]).expect("a pair");
-    let message = PolynomialOnSection::fit(&outside, 2, None, Some(section));
+    let message = PolynomialOnSection::fit(&outside, 2, None, Some(section.clone()));
     assert!(message.expect_err("outside").to_string().contains("points of the section"));
+    let density = section.planes()[0].clone().expect("a density");
+    let changed = density.with_changes(&[(&|x, _| 0.1 * x, 1.0)]).expect("positive");
+    let refused = PolynomialOnSection::fit(&pairs, 2, None, Some(Section::of_plane(changed)));
+    assert!(refused.expect_err("controls").to_string().contains("depends on controls"));
 }
 
 /// A polynomial comes back from its file with the same bits, and from no other bytes than it wrote.

@@ -671,7 +671,7 @@ impl Frame {
                     let off = (found - if i == k { 1.0 } else { 0.0 }).abs();
                     // Of products that cancel, what is left on the diagonal is 1.
                     let most = if i == k { ON_DIAGONAL } else { f64::MAX };
-                    if !(off <= most.min(NEARLY * size) && size.is_finite()) {
+                    if !(off <= most.min(NEARLY * size)) {
                         let found = format!("a matrix that is off by {off:e}");
                         return Err(Error::invalid(place, found, "a symplectic matrix"));
                     }

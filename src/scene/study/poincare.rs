@@ -72,8 +72,7 @@ pub struct PoincareOptions {
     /// Degrees of polynomial generating functions of least squares, as symplectic rivals.
     #[serde(default)]
     pub symplectic_polynomials: Vec<usize>,
-    /// Degrees of even ones, for sections that the reflection of Z maps to
-    /// themselves, where lines run backwards in the mirror.
+    /// Degrees of even ones, for sections that the reflection of Z maps to themselves with lines that run backwards.
     #[serde(default)]
     pub reversible_polynomials: Vec<usize>,
     /// Tabulated planes, as rivals.
@@ -207,12 +206,12 @@ impl Study for PoincareOptions {
         cited
     }
 
-    /// Less of all.
     fn without_mirror(&mut self) -> Vec<String> {
         let degrees = std::mem::take(&mut self.reversible_polynomials);
         degrees.iter().map(|degree| format!("reversible polynomial of degree {degree}")).collect()
     }
 
+    /// Less of all.
     fn shorten(&mut self) {
         const LONGEST: usize = 10_000;
         self.counts.retain(|count| *count <= LONGEST);
