@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Other ways to learn a flow map from the same pairs, on the same cores, and the table of their errors and times.
 
-    python3 benches/peers/learned.py [oscillators] [field-lines] [straight-field-lines] [--seeds N] [--iterations N] [--kinds mlp generating field]
+    python3 benches/peers/learned.py [oscillators] [field-lines] [straight-field-lines] [--seeds N] [--iterations N]
+        [--kinds mlp generating field]
 
 Makes a virtual environment of its own in target/peers (JAX, NumPy and SciPy from PyPI), builds the program, makes
 pairs and reference orbits, lets `gyroceptron train` learn them, and trains beside it, in JAX by the same kind of
