@@ -5,7 +5,7 @@ use faer::MatRef;
 use gyroceptron::Error;
 use gyroceptron::flow::{
     FormDefect, LineMap, LineRequest, LineSection, Pairs, PolynomialMap, PolynomialOnSection,
-    SymplecticPolynomial, TabulatedLines, Trajectories, Window, sample,
+    Symmetries, SymplecticPolynomial, TabulatedLines, Trajectories, Window, sample,
 };
 use gyroceptron::io::{
     load_polynomial, parse_coils, parse_polynomial, polynomial_text, save_polynomial,
@@ -775,6 +775,105 @@ fn reversible_polynomials_are_reversible_at_every_degree() {
     assert!(message.contains("half a turn"), "{message}");
 }
 
+/// A coupling of two planes whose potential is even in q₂, after and before turns of each: the map commutes with the
+/// reflection of the second plane, and is its own inverse after one of the momenta.
+fn coupled_evenly(z: &mut [f64]) {
+    half_turn_of_each(z);
+    let (a, b) = (z[0], z[1]);
+    z[2] -= 0.4 * a.sin() + 0.3 * b * b * (1.0 + a);
+    z[3] -= 0.2 * b.sin() + 0.6 * b * (a + 0.5 * a * a);
+    half_turn_of_each(z);
+}
+
+fn half_turn_of_each(z: &mut [f64]) {
+    for k in 0..2 {
+        let (s, c) = (0.35 + 0.2 * k as f64).sin_cos();
+        (z[k], z[2 + k]) = (c * z[k] + s * z[2 + k], c * z[2 + k] - s * z[k]);
+    }
+}
+
+/// With a mirror there are about half of the coefficients, with a reversor too a quarter, the error stays, and the map
+/// has these symmetries for all coefficients, also where all pairs are on one side.
+#[test]
+fn mirrored_polynomials_commute_with_the_mirror_at_every_degree() {
+    let all = pairs_of(2, 3000, 0.4, coupled_evenly);
+    let (mut input, mut output) = (Vec::new(), Vec::new());
+    for (from, to) in all.input().chunks(4).zip(all.output().chunks(4)) {
+        if from[1] > 0.0 {
+            input.extend_from_slice(from);
+            output.extend_from_slice(to);
+        }
+    }
+    let one_sided = Pairs::new("pairs", 2, input, output).expect("pairs");
+    let mirror = |z: &[f64]| vec![z[0], -z[1], z[2], -z[3]];
+    let off =
+        |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+    for degree in [3, 6, 7] {
+        let whole = SymplecticPolynomial::fit(&all, degree).expect("a map");
+        let mut counts = vec![whole.parameters()];
+        for (pairs, reversor) in [
+            (&all, None),
+            (&one_sided, None),
+            (&all, Some(Reversor::Momenta)),
+            (&one_sided, Some(Reversor::Momenta)),
+        ] {
+            let symmetries = Symmetries { reversor, mirrored: vec![1] };
+            let even = SymplecticPolynomial::fit_symmetric(pairs, degree, &symmetries);
+            let even = even.expect("a map");
+            counts.push(even.parameters());
+            let [error, own] = [&whole, &even].map(|map| map.error_on(&all));
+            assert!(own < 2.0 * error && error < 1e-2, "{degree} {error:e} {own:e}");
+            for z in all.input().chunks(4).take(100) {
+                let image = |z: &[f64]| {
+                    let mut image = z.to_vec();
+                    even.step(&mut image);
+                    image
+                };
+                let apart = off(&image(&mirror(z)), &mirror(&image(z)));
+                assert!(apart < 1e-14, "{degree} {apart:e}");
+                let defect = form_defect(&even.jacobian(z), 2);
+                assert!(defect < 1e-13, "{degree} {defect:e}");
+                if reversor.is_some() {
+                    let reverse = |z: &[f64]| vec![z[0], z[1], -z[2], -z[3]];
+                    let apart = off(&reverse(&image(&reverse(&image(z)))), z);
+                    assert!(apart < 1e-13, "{degree} {apart:e}");
+                }
+            }
+        }
+        // S of two planes has terms of four coordinates; even are those whose degrees in two of them have an even sum.
+        let count = |is_term: fn([usize; 4]) -> bool| {
+            let digits = |n: usize| [n / 512, n / 64 % 8, n / 8 % 8, n % 8];
+            let terms = (1..4096).map(digits).filter(|t| t.iter().sum::<usize>() <= degree);
+            terms.filter(|t| is_term(*t)).count()
+        };
+        let mirrored = count(|[_, b, _, d]| (b + d) % 2 == 0);
+        let both = count(|[a, b, _, d]| (b + d) % 2 == 0 && (a + b) % 2 == 0);
+        assert_eq!(counts, [count(|_| true), mirrored, mirrored, both, both]);
+    }
+    // Of another map a fit with the mirror errs.
+    let skew = pairs_of(2, 1000, 0.4, kick_and_turn);
+    let mirrored = |planes: &[usize]| Symmetries { mirrored: planes.to_vec(), reversor: None };
+    let wrong = SymplecticPolynomial::fit_symmetric(&skew, 4, &mirrored(&[1])).expect("a map");
+    let right = SymplecticPolynomial::fit(&skew, 4).expect("a map");
+    assert!(wrong.error_on(&skew) > 1e-2 && right.error_on(&skew) < 1e-3);
+    // An odd map of one plane, which has the constant and the terms of even degrees.
+    let odd = pairs_of(1, 500, 0.5, |z: &mut [f64]| {
+        z[1] -= z[0].sin();
+        (z[0], z[1]) = (0.6 * z[0] + 0.8 * z[1], 0.6 * z[1] - 0.8 * z[0]);
+    });
+    let fitted = SymplecticPolynomial::fit_symmetric(&odd, 10, &mirrored(&[0])).expect("a map");
+    assert_eq!(fitted.parameters(), 3 + 5 + 7 + 9 + 11);
+    assert!(fitted.error_on(&odd) < 1e-7, "{:e}", fitted.error_on(&odd));
+    let mut centre = [0.0, 0.0];
+    fitted.step(&mut centre);
+    assert_eq!(centre, [0.0, 0.0]);
+    for (planes, said) in [(vec![2], "mirrored plane"), (vec![1, 1], "each once")] {
+        let refused = SymplecticPolynomial::fit_symmetric(&skew, 4, &mirrored(&planes));
+        let message = refused.expect_err("refused").to_string();
+        assert!(message.contains(said), "{message}");
+    }
+}
+
 /// The units of the pairs do not matter, however far those of q are from those of p.
 #[test]
 fn symplectic_polynomials_do_not_depend_on_units() {
@@ -834,7 +933,8 @@ fn polynomials_on_a_section_can_be_stopped_and_do_not_depend_on_the_pace() {
     section.to_data(&mut input);
     section.to_data(&mut output);
     let pairs = Pairs::new("pairs", 1, input, output).expect("pairs");
-    let of = |section| PolynomialOnSection::fit(&pairs, 14, None, section).expect("a map");
+    let none = Symmetries::default();
+    let of = |section| PolynomialOnSection::fit(&pairs, 14, &none, section).expect("a map");
     let (own, plain) = (of(Some(section.clone())), of(None));
     assert!(own.map().error_on(&canonical) < 1e-9 && plain.map().error_on(&pairs) > 1e-4);
     let start = &[0.1, 0.05, -0.15, 0.1, 0.0, -0.2];
@@ -882,7 +982,7 @@ fn polynomials_on_a_section_can_be_stopped_and_do_not_depend_on_the_pace() {
     section.to_data(&mut input);
     section.to_data(&mut output);
     let turned = Pairs::new("pairs", 1, input, output).expect("pairs");
-    let turn = PolynomialOnSection::fit(&turned, 2, None, Some(section.clone())).expect("a map");
+    let turn = PolynomialOnSection::fit(&turned, 2, &none, Some(section.clone())).expect("a map");
     let request = Rollout { steps: 60, every: 1 };
     let far = turn.rollout(&[1.9, 1.9], request).expect("an orbit");
     let first = far.chunks(2).position(|z| z[0].is_nan()).expect("it leaves");
@@ -893,11 +993,11 @@ fn polynomials_on_a_section_can_be_stopped_and_do_not_depend_on_the_pace() {
     section.to_data(&mut inside);
     assert!(inside[2 * first..].iter().any(|v| v.is_finite()), "it stays away: {inside:?}");
     let outside = Pairs::new("pairs", 1, vec![3.0, 0.0], vec![0.0, 0.0]).expect("a pair");
-    let message = PolynomialOnSection::fit(&outside, 2, None, Some(section.clone()));
+    let message = PolynomialOnSection::fit(&outside, 2, &none, Some(section.clone()));
     assert!(message.expect_err("outside").to_string().contains("points of the section"));
     let density = section.planes()[0].clone().expect("a density");
     let changed = density.with_changes(&[(&|x, _| 0.1 * x, 1.0)]).expect("positive");
-    let refused = PolynomialOnSection::fit(&pairs, 2, None, Some(Section::of_plane(changed)));
+    let refused = PolynomialOnSection::fit(&pairs, 2, &none, Some(Section::of_plane(changed)));
     assert!(refused.expect_err("controls").to_string().contains("depends on controls"));
 }
 
@@ -913,7 +1013,8 @@ fn polynomials_come_back_from_their_files() {
     for (reversor, section) in
         [(None, None), (Some(Reversor::Positions), None), (Some(Reversor::Momenta), Some(section))]
     {
-        let map = PolynomialOnSection::fit(&plane, 6, reversor, section).expect("a map");
+        let symmetries = Symmetries { reversor, ..Symmetries::default() };
+        let map = PolynomialOnSection::fit(&plane, 6, &symmetries, section).expect("a map");
         let path = folder.path().join("map.json");
         save_polynomial(&path, &map).expect("written");
         let back = load_polynomial(&path).expect("read");
@@ -939,7 +1040,7 @@ fn polynomials_come_back_from_their_files() {
         assert_eq!(&polynomial_text(&read).expect("text"), text, "byte {at}");
     }
     type Change = fn(&mut serde_json::Value);
-    let changes: [(&str, Change); 17] = [
+    let changes: [(&str, Change); 19] = [
         ("digest", |of| of["map"]["coefficients"][3] = 0.5.into()),
         ("dof", |of| of["map"]["dof"] = 0.into()),
         ("dof", |of| of["map"]["dof"] = 5.into()),
@@ -961,7 +1062,9 @@ fn polynomials_come_back_from_their_files() {
         ("coefficients", |of| of["map"]["coefficients"] = serde_json::json!([0.0, 1.0])),
         ("start: coefficients", |of| of["map"]["start"]["basis"]["degree"] = 0.into()),
         ("degree", |of| of["map"]["basis"]["degree"] = u64::MAX.into()),
-        ("even_in", |of| of["map"]["basis"]["even_in"] = 2.into()),
+        ("even", |of| of["map"]["basis"]["even"] = serde_json::json!([[0, 2]])),
+        ("coordinates that are even", |of| of["map"]["basis"]["even"] = serde_json::json!([[]])),
+        ("coefficients", |of| of["map"]["basis"]["even"] = serde_json::json!([])),
         ("factor", |of| of["map"]["basis"]["factors"][0] = 0.0.into()),
         ("region", |of| of["region"]["low"][0] = 9.0.into()),
     ];

@@ -49,7 +49,7 @@ pub use runge_kutta::{natural_runge_kutta_4, runge_kutta_4};
 pub use splitting::{Splitting, SplittingSteps};
 pub use step_table::{FlowOfPoints, StepTable, TableKind};
 pub use stroboscopic::Stroboscopic;
-pub use symplectic_polynomial::SymplecticPolynomial;
+pub use symplectic_polynomial::{Symmetries, SymplecticPolynomial};
 pub use tableau::Tableau;
 pub use tabulated_lines::TabulatedLines;
 pub use trajectories::{ReferenceTrajectories, Trajectories};

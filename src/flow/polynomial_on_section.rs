@@ -1,8 +1,7 @@
 //! Symplectic polynomials in the chart of a section.
 
-use super::{Pairs, Region, SymplecticPolynomial};
+use super::{Pairs, Region, Symmetries, SymplecticPolynomial};
 use crate::error::Error;
-use crate::layer::Reversor;
 use crate::network::{Pace, Rollout};
 use crate::phase::Section;
 use serde::{Deserialize, Serialize};
@@ -31,16 +30,15 @@ fn check_section(section: &Section, dof: usize) -> Result<(), Error> {
 const NAME: &str = "trajectories";
 
 impl PolynomialOnSection {
-    /// The fit to pairs of data, which with a reversor is [reversible](SymplecticPolynomial::fit_reversible) in the
-    /// chart.
+    /// The fit to pairs of data, with these symmetries in the chart.
     ///
     /// # Errors
-    /// Those of [`SymplecticPolynomial::fit`]; when there are no pairs, the section is of other degrees of freedom, or a
+    /// Those of [`SymplecticPolynomial::fit_symmetric`]; when there are no pairs, the section is of other degrees of freedom, or a
     /// point is not on it.
     pub fn fit(
         pairs: &Pairs,
         degree: usize,
-        reversor: Option<Reversor>,
+        symmetries: &Symmetries,
         section: Option<Section>,
     ) -> Result<Self, Error> {
         let region =
@@ -54,10 +52,7 @@ impl PolynomialOnSection {
             section.iter().for_each(|section| section.to_canonical(points));
             Ok(())
         })?;
-        let map = match reversor {
-            None => SymplecticPolynomial::fit(&canonical, degree)?,
-            Some(reversor) => SymplecticPolynomial::fit_reversible(&canonical, degree, reversor)?,
-        };
+        let map = SymplecticPolynomial::fit_symmetric(&canonical, degree, symmetries)?;
         Ok(Self { map, section, region })
     }
 

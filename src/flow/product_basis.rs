@@ -16,9 +16,9 @@ pub(super) struct ProductBasis {
     centre: Vec<f64>,
     /// One over half the extent of the box along each coordinate.
     pub(super) factors: Vec<f64>,
-    /// The degrees in so many of the first coordinates have an even sum: all of them where it is 0.
-    even_in: usize,
-    /// Terms in the last coordinate from degree 0 on, run after run.
+    /// Of each of these lists of coordinates the degrees have an even sum.
+    even: Vec<Vec<usize>>,
+    /// Terms in the last coordinate, run after run.
     pub(super) runs: Vec<Run>,
 }
 
@@ -27,8 +27,14 @@ pub(super) struct ProductBasis {
 pub(super) struct Run {
     /// The degrees in all coordinates but the last.
     pub(super) degrees: Vec<usize>,
-    /// The highest degree in the last one.
-    pub(super) left: usize,
+    /// The lowest degree in the last one.
+    pub(super) lowest: usize,
+    /// By how much degrees in the last one differ.
+    pub(super) stride: usize,
+    /// How many there are.
+    pub(super) terms: usize,
+    /// The first coordinate whose degree differs in the next run; 0 in the last run.
+    pub(super) closes: usize,
 }
 
 /// What files keep of a basis.
@@ -36,15 +42,15 @@ pub(super) struct Run {
 #[serde(deny_unknown_fields)]
 struct Kept {
     degree: usize,
-    even_in: usize,
+    even: Vec<Vec<usize>>,
     centre: Vec<f64>,
     factors: Vec<f64>,
 }
 
 impl From<ProductBasis> for Kept {
     fn from(basis: ProductBasis) -> Self {
-        let ProductBasis { degree, centre, factors, even_in, .. } = basis;
-        Self { degree, even_in, centre, factors }
+        let ProductBasis { degree, centre, factors, even, .. } = basis;
+        Self { degree, even, centre, factors }
     }
 }
 
@@ -52,11 +58,15 @@ impl TryFrom<Kept> for ProductBasis {
     type Error = Error;
 
     fn try_from(kept: Kept) -> Result<Self, Error> {
-        let Kept { degree, even_in, centre, factors } = kept;
+        let Kept { degree, even, centre, factors } = kept;
         let dim = centre.len();
         Error::check_count_range("coordinates", dim, 1, DIM)?;
         Error::check_count("factors", dim, factors.len())?;
-        Error::check_count_range("even_in", even_in, 0, dim - 1)?;
+        Error::check_count_range("even", even.len(), 0, dim)?;
+        for list in &even {
+            Error::check_count_range("coordinates that are even", list.len(), 1, dim)?;
+            list.iter().try_for_each(|axis| Error::check_count_range("even", *axis, 0, dim - 1))?;
+        }
         if terms(dim, degree).is_none() {
             let expected = format!("one of {MOST_TERMS} terms at most");
             return Err(Error::invalid("degree", degree, expected));
@@ -65,7 +75,7 @@ impl TryFrom<Kept> for ProductBasis {
         factors
             .iter()
             .try_for_each(|f| Error::check_range("factor", *f, Error::LEAST_POSITIVE, f64::MAX))?;
-        Ok(Self { dim, degree, centre, factors, even_in: 0, runs: runs(dim, degree) }.even(even_in))
+        Ok(Self { dim, degree, centre, factors, runs: runs(dim, degree, &even), even })
     }
 }
 
@@ -83,20 +93,39 @@ pub(super) fn terms(dim: usize, degree: usize) -> Option<usize> {
     (count <= MOST_TERMS && dim <= DIM).then_some(count)
 }
 
-/// All runs that leave a degree of at least 0 for the last coordinate.
-fn runs(dim: usize, degree: usize) -> Vec<Run> {
-    let mut out = vec![Run { degrees: Vec::new(), left: degree }];
+/// All runs, of the terms whose degrees in each of these lists of coordinates have an even sum.
+fn runs(dim: usize, degree: usize, even: &[Vec<usize>]) -> Vec<Run> {
+    let mut all = vec![Vec::new()];
     for _ in 1..dim {
-        let longer = |run: &Run| -> Vec<Run> {
-            let of = |k: usize| Run {
-                degrees: run.degrees.iter().copied().chain([k]).collect(),
-                left: run.left - k,
-            };
-            (0..=run.left).map(of).collect()
+        let longer = |degrees: &Vec<usize>| -> Vec<Vec<usize>> {
+            let left = degree - degrees.iter().sum::<usize>();
+            (0..=left).map(|k| degrees.iter().copied().chain([k]).collect()).collect()
         };
-        out = out.iter().flat_map(longer).collect();
+        all = all.iter().flat_map(longer).collect();
     }
-    out
+    let last = dim - 1;
+    let mut runs: Vec<Run> = all
+        .into_iter()
+        .filter_map(|degrees| {
+            let left = degree - degrees.iter().sum::<usize>();
+            let is_term = |k: &usize| {
+                even.iter().all(|list| {
+                    let of = |axis: &usize| if *axis == last { *k } else { degrees[*axis] };
+                    list.iter().map(of).sum::<usize>().is_multiple_of(2)
+                })
+            };
+            let own: Vec<usize> = (0..=left).filter(is_term).collect();
+            // All of them, or those of one parity.
+            let lowest = *own.first()?;
+            let stride = own.get(1).map_or(1, |next| next - lowest);
+            Some(Run { degrees, lowest, stride, terms: own.len(), closes: 0 })
+        })
+        .collect();
+    for k in 1..runs.len() {
+        let differs = runs[k - 1].degrees.iter().zip(&runs[k].degrees).position(|(a, b)| a != b);
+        runs[k - 1].closes = differs.expect("runs differ in their degrees");
+    }
+    runs
 }
 
 impl ProductBasis {
@@ -116,21 +145,17 @@ impl ProductBasis {
             centre.push(0.5 * (low + high));
             factors.push(2.0 / (high - low));
         }
-        Ok(Self { dim, degree, centre, factors, even_in: 0, runs: runs(dim, degree) })
+        Ok(Self { dim, degree, centre, factors, even: Vec::new(), runs: runs(dim, degree, &[]) })
     }
 
-    /// Without the terms whose degrees in the first `first` coordinates have an odd sum. At least one coordinate follows
-    /// these.
-    pub(super) fn even(mut self, first: usize) -> Self {
-        assert!(first < self.dim);
-        self.even_in = first;
-        self.runs.retain(|run| run.degrees[..first].iter().sum::<usize>().is_multiple_of(2));
-        self
+    /// Without the terms whose degrees in some of these lists of coordinates have an odd sum.
+    pub(super) fn even(self, even: Vec<Vec<usize>>) -> Self {
+        Self { runs: runs(self.dim, self.degree, &even), even, ..self }
     }
 
     /// How many terms there are.
     pub(super) fn terms(&self) -> usize {
-        self.runs.iter().map(|run| run.left + 1).sum()
+        self.runs.iter().map(|run| run.terms).sum()
     }
 
     /// The middle of its box.
@@ -222,9 +247,9 @@ impl ProductBasis {
             tables[(2 * axis + usize::from(along == Some(axis))) * count + k][0]
         };
         let (last, mut out) = (self.dim - 1, Vec::new());
-        for Run { degrees, left } in &self.runs {
+        for Run { degrees, lowest, stride, terms, .. } in &self.runs {
             let first: f64 = degrees.iter().enumerate().map(|(axis, k)| of(axis, *k)).product();
-            out.extend((0..=*left).map(|k| first * of(last, k)));
+            out.extend((0..*terms).map(|k| first * of(last, lowest + k * stride)));
         }
         out
     }
@@ -249,9 +274,10 @@ impl ProductBasis {
             out[k] = [S::zero(); G];
         }
         let mut terms = coefficients.chunks_exact(outputs);
-        for Run { degrees, left } in &self.runs {
+        for run in &self.runs {
             let mut inner = [[S::zero(); G]; DIM];
-            for (power, term) in tables[(dim - 1) * count..][..=*left].iter().zip(&mut terms) {
+            let powers = tables[(dim - 1) * count + run.lowest..].iter().step_by(run.stride);
+            for (power, term) in powers.take(run.terms).zip(&mut terms) {
                 for k in 0..outputs {
                     let c = S::from_f64(term[k]);
                     for g in 0..G {
@@ -260,7 +286,7 @@ impl ProductBasis {
                 }
             }
             let mut first = [S::from_f64(1.0); G];
-            for (axis, k) in degrees.iter().enumerate() {
+            for (axis, k) in run.degrees.iter().enumerate() {
                 for g in 0..G {
                     first[g] *= tables[axis * count + k][g];
                 }

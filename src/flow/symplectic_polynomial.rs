@@ -28,7 +28,8 @@ use serde::{Deserialize, Serialize};
 ///
 /// Where a [`Reversor`] R conjugates the map to its inverse, z′ = c + L·N(L(z − c)) with L² in place of M, RLR = L⁻¹
 /// and Rc = c, and S is even, S∘R = S: it has about half the coefficients, and RPR = P⁻¹ for all of them, to the error
-/// of the solution.
+/// of the solution. Where the map commutes with a reflection of some planes, (q_j, p_j) ↦ (−q_j, −p_j), S is even in
+/// these, which halves the coefficients too ([`Symmetries`]).
 ///
 /// Source: Hairer, Lubich and Wanner, Geometric Numerical Integration, <https://doi.org/10.1007/3-540-30666-8>, §VI.5,
 /// for the generating function; Erdélyi and Berz, <https://doi.org/10.1103/PhysRevLett.87.114302>, for maps of
@@ -44,6 +45,73 @@ pub struct SymplecticPolynomial {
     coefficients: Vec<f64>,
     start: Start,
     iterations: usize,
+}
+
+/// What a map has in common with its images under reflections.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Symmetries {
+    /// A reflection R that conjugates the map P to its inverse, RPR = P⁻¹.
+    pub reversor: Option<Reversor>,
+    /// The planes j whose reflection, (q_j, p_j) ↦ (−q_j, −p_j) of all of these together, commutes with the map; none
+    /// where it is empty. Of a ring it is the vertical plane where no field is skew.
+    pub mirrored: Vec<usize>,
+}
+
+impl Symmetries {
+    /// Fails unless the planes are of so many degrees of freedom, each once.
+    ///
+    /// # Errors
+    /// With the plane.
+    pub fn check(&self, dof: usize) -> Result<(), Error> {
+        for (k, plane) in self.mirrored.iter().enumerate() {
+            Error::check_count_range("mirrored plane", *plane, 0, dof - 1)?;
+            if self.mirrored[..k].contains(plane) {
+                return Err(Error::invalid("mirrored plane", plane, "each once"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Which of 2n coordinates the mirror turns around.
+    fn is_mirrored(&self, coordinate: usize, dof: usize) -> bool {
+        self.mirrored.contains(&(coordinate % dof))
+    }
+
+    /// About so many times as many terms as of S there would be without them.
+    fn saving(&self) -> usize {
+        (1 + usize::from(self.reversor.is_some())) * (1 + usize::from(!self.mirrored.is_empty()))
+    }
+
+    /// Points and their mirror images, if there is a mirror.
+    fn with_images(&self, points: Vec<f64>, dof: usize) -> Vec<f64> {
+        if self.mirrored.is_empty() {
+            return points;
+        }
+        let turned =
+            |(k, v): (usize, &f64)| if self.is_mirrored(k % (2 * dof), dof) { -v } else { *v };
+        let images: Vec<f64> = points.iter().enumerate().map(turned).collect();
+        [points, images].concat()
+    }
+
+    /// The lists of coordinates in which S is even, those that the reversor turns around being the first half.
+    fn even(&self, dof: usize) -> Vec<Vec<usize>> {
+        let reversed = self.reversor.map(|_| (0..dof).collect());
+        let mirrored = || (0..2 * dof).filter(|k| self.is_mirrored(*k, dof)).collect();
+        let mirrored = (!self.mirrored.is_empty()).then(mirrored);
+        reversed.into_iter().chain(mirrored).collect()
+    }
+
+    /// Sets to 0 what a matrix that commutes with the mirror does not have.
+    fn clear(&self, matrix: &mut [f64], dof: usize) {
+        let turned = |k: usize| self.is_mirrored(k, dof);
+        for (row, entries) in matrix.chunks_exact_mut(2 * dof).enumerate() {
+            for (column, entry) in entries.iter_mut().enumerate() {
+                if turned(row) != turned(column) {
+                    *entry = 0.0;
+                }
+            }
+        }
+    }
 }
 
 /// u = K(z − c) and z′ = c′ + M·v.
@@ -90,7 +158,7 @@ impl SymplecticPolynomial {
     /// or they are of a map whose linear part is not near a symplectic matrix; [`Error::NoConvergence`] when
     /// Newton's method does not find the images of all pairs.
     pub fn fit(pairs: &Pairs, degree: usize) -> Result<Self, Error> {
-        Self::fit_with(pairs, degree, None)
+        Self::fit_symmetric(pairs, degree, &Symmetries::default())
     }
 
     /// The same for a map that this reflection conjugates to its inverse; the fit is so for all pairs, and errs where
@@ -99,19 +167,29 @@ impl SymplecticPolynomial {
     /// # Errors
     /// Those of [`SymplecticPolynomial::fit`]; when the linear part turns a plane by half a turn.
     pub fn fit_reversible(pairs: &Pairs, degree: usize, reversor: Reversor) -> Result<Self, Error> {
-        Self::fit_with(pairs, degree, Some(reversor))
+        let reversor = Some(reversor);
+        Self::fit_symmetric(pairs, degree, &Symmetries { reversor, ..Symmetries::default() })
     }
 
-    fn fit_with(pairs: &Pairs, degree: usize, reversor: Option<Reversor>) -> Result<Self, Error> {
+    /// The same for a map with these symmetries, which the fit has for all pairs; it errs where they are of another map.
+    ///
+    /// # Errors
+    /// Those of [`SymplecticPolynomial::fit_reversible`], and of [`Symmetries::check`].
+    pub fn fit_symmetric(
+        pairs: &Pairs,
+        degree: usize,
+        symmetries: &Symmetries,
+    ) -> Result<Self, Error> {
         let (dof, dim) = (pairs.dof(), 2 * pairs.dof());
         Error::check_count_range("degrees of freedom", dof, 1, DIM / 2)?;
+        symmetries.check(dof)?;
+        let reversor = symmetries.reversor;
         Error::check_count_range("degree of a generating function", degree, 2, usize::MAX)?;
         let numbers = pairs.len() * dim;
-        // Of a reversible map about half of the terms are there.
-        let a_term = if reversor.is_some() { NUMBERS_A_TERM / 2 } else { NUMBERS_A_TERM };
         let sound = |count: &usize| {
+            let count = count.div_ceil(symmetries.saving());
             // Its linear part is a polynomial of degree 1.
-            count * a_term <= numbers
+            count * NUMBERS_A_TERM <= numbers
                 && 2 * (dim + 1) <= pairs.len()
                 && count.checked_mul(numbers).is_some_and(|all| all <= MOST_NUMBERS)
         };
@@ -120,7 +198,7 @@ impl SymplecticPolynomial {
             let expected = "a lower one, with fewer terms, or more pairs";
             return Err(Error::invalid("degree of a generating function", found, expected));
         }
-        let frame = Frame::of(pairs, reversor)?;
+        let frame = Frame::of(pairs, symmetries)?;
         let before: Vec<f64> =
             pairs.input().chunks_exact(dim).flat_map(|z| frame.enter(z)).collect();
         let back = inverse_of_symplectic(&frame.exit, dof);
@@ -130,24 +208,26 @@ impl SymplecticPolynomial {
             .flat_map(|z| apply(&back, &difference(z, &frame.to)))
             .collect();
         let middles: Vec<f64> = before.iter().zip(&after).map(|(u, v)| 0.5 * (u + v)).collect();
-        let basis = match reversor {
-            None => ProductBasis::around(&middles, dim, degree)?,
-            // Its frame has the coordinates that are reflected first.
-            Some(_) => {
-                let mirrored = reflected(&middles, dim, Half::Position);
-                ProductBasis::around(&[&middles[..], &mirrored].concat(), dim, degree)?.even(dof)
-            }
+        // The frame of a reversible map has the coordinates that are reflected first.
+        let reverse = |points: &[f64]| reflected(points, dim, Half::Position);
+        let both = match reversor {
+            None => middles.clone(),
+            Some(_) => [&middles[..], &reverse(&middles)].concat(),
         };
+        let both = symmetries.with_images(both, dof);
+        let basis = ProductBasis::around(&both, dim, degree)?.even(symmetries.even(dof));
         let coefficients = generator(&basis, &middles, &before, &after)?;
-        // Of the inverse, mirrored, they are pairs too: the start and the iterations have to do for these as well.
-        let (before, middles) = match reversor {
-            None => (before, middles),
-            Some(_) => {
-                let mirrored = |points: &[f64]| reflected(points, dim, Half::Position);
-                ([before, mirrored(&after)].concat(), [&middles[..], &mirrored(&middles)].concat())
-            }
+        // Of the map's images by its symmetries they are pairs too, and the start and the iterations have to do for them.
+        let before = match reversor {
+            None => before,
+            Some(_) => [before, reverse(&after)].concat(),
         };
+        let (before, middles) = (symmetries.with_images(before, dof), both);
         let count = coefficients.len();
+        // The cost of a step in products: those of the start, and each iteration's along the last coordinate and of sums
+        // with the coordinates before it.
+        let of_run = |closes| (closes..dim - 1).map(|axis| jet(dim - axis)).sum::<usize>();
+        let folds: usize = basis.runs.iter().map(|run| of_run(run.closes)).sum();
         let mut best: Option<(usize, Self)> = None;
         let mut change = f64::NAN;
         for start in 1..=degree {
@@ -171,9 +251,7 @@ impl SymplecticPolynomial {
             change = found.1;
             let Some(iterations) = found.0 else { continue };
             fitted.iterations = iterations;
-            // In products: those of the start, and each iteration's along the last coordinate and across the others.
-            let entries = dim * (dim + 3) / 2;
-            let cost = dim * of_start + iterations * (3 * count + entries * basis.runs.len());
+            let cost = dim * of_start + iterations * (TABLES * count + folds);
             if best.as_ref().is_none_or(|(least, _)| cost < *least) {
                 best = Some((cost, fitted));
             }
@@ -340,6 +418,7 @@ impl SymplecticPolynomial {
     fn along_last<S: Scalar, const G: usize>(
         &self,
         dim: usize,
+        run: &Run,
         own: &[f64],
         space: &[[S; G]],
     ) -> [[S; G]; TABLES] {
@@ -348,74 +427,128 @@ impl SymplecticPolynomial {
         let mut out = [[S::zero(); G]; TABLES];
         for (k, c) in own.iter().enumerate() {
             let c = S::from_f64(*c);
+            let power = run.lowest + k * run.stride;
             for order in 0..TABLES {
                 for g in 0..G {
-                    out[order][g] = tables[order * count + k][g].mul_add(c, out[order][g]);
+                    out[order][g] = tables[order * count + power][g].mul_add(c, out[order][g]);
                 }
             }
         }
         out
     }
 
-    /// The product of a run's polynomials of all coordinates but the last, or of their derivatives along some.
-    #[inline(always)]
-    fn before_last<S: Scalar, const G: usize>(
-        &self,
-        run: &Run,
-        along: [usize; 2],
-        space: &[[S; G]],
-    ) -> [S; G] {
-        let count = self.basis.count();
-        let mut out = [S::from_f64(1.0); G];
-        for (axis, k) in run.degrees.iter().enumerate() {
-            let order = usize::from(along[0] == axis) + usize::from(along[1] == axis);
-            let table = &space[(TABLES * axis + order) * count..][..count];
-            for g in 0..G {
-                out[g] *= table[*k][g];
-            }
-        }
-        out
-    }
-
-    /// ∇S and its Hessian H.
+    /// ∇S and its Hessian H, the entries on and below its diagonal. Sums over the terms of like degrees in the first
+    /// coordinates are made from the last coordinate to the first, so that each is multiplied once for all terms in it.
     #[inline(always)]
     fn derivatives<S: Scalar, const G: usize>(
         &self,
         dim: usize,
-        space: &[[S; G]],
+        space: &mut [[S; G]],
     ) -> ([[S; G]; DIM], [[[S; G]; DIM]; DIM]) {
-        let mut gradient = [[S::zero(); G]; DIM];
-        let mut hessian = [[[S::zero(); G]; DIM]; DIM];
-        let (last, mut first) = (dim - 1, 0);
+        let count = self.basis.count();
+        let (space, sums) = space.split_at_mut(TABLES * dim * count);
+        for sum in sums.iter_mut() {
+            *sum = [S::zero(); G];
+        }
+        let mut first = 0;
         for run in &self.basis.runs {
-            let own = &self.coefficients[first..=first + run.left];
+            let own = &self.coefficients[first..first + run.terms];
             first += own.len();
-            let [value, slope, curvature] = self.along_last(dim, own, space);
-            let factor = self.before_last(run, [NONE; 2], space);
-            for g in 0..G {
-                gradient[last][g] = factor[g].mul_add(slope[g], gradient[last][g]);
-                hessian[last][last][g] = factor[g].mul_add(curvature[g], hessian[last][last][g]);
-            }
-            for i in 0..last {
-                let factor = self.before_last(run, [i, NONE], space);
-                for g in 0..G {
-                    gradient[i][g] = factor[g].mul_add(value[g], gradient[i][g]);
-                    hessian[last][i][g] = factor[g].mul_add(slope[g], hessian[last][i][g]);
-                }
-                for j in 0..=i {
-                    let factor = self.before_last(run, [i, j], space);
-                    for g in 0..G {
-                        hessian[i][j][g] = factor[g].mul_add(value[g], hessian[i][j][g]);
-                    }
+            let inner = self.along_last(dim, run, own, space);
+            let factor = entries_of(space, count, dim - 2, run.degrees[dim - 2]);
+            fold(1, factor, &inner, &mut sums[jets_before(dim, dim - 2)..]);
+            for axis in (run.closes..dim - 2).rev() {
+                let (own, inner) = sums[jets_before(dim, axis)..].split_at_mut(jet(dim - axis));
+                let inner = &mut inner[..jet(dim - axis - 1)];
+                let factor = entries_of(space, count, axis, run.degrees[axis]);
+                fold(dim - axis - 1, factor, inner, own);
+                for sum in inner {
+                    *sum = [S::zero(); G];
                 }
             }
         }
+        let mut gradient = [[S::zero(); G]; DIM];
+        let mut hessian = [[[S::zero(); G]; DIM]; DIM];
         for i in 0..dim {
-            for j in i + 1..dim {
-                hessian[i][j] = hessian[j][i];
+            gradient[i] = sums[slope(i)];
+            for j in 0..=i {
+                hessian[i][j] = sums[curvature(dim, i, j)];
+                hessian[j][i] = hessian[i][j];
             }
         }
         (gradient, hessian)
+    }
+}
+
+/// How many numbers the value of a function of so many coordinates and its derivatives of orders 1 and 2 are.
+const fn jet(coordinates: usize) -> usize {
+    (coordinates + 1) * (coordinates + 2) / 2
+}
+
+/// Where in these the derivative by a coordinate is.
+const fn slope(i: usize) -> usize {
+    1 + i
+}
+
+/// Where the one by coordinates i and j ≤ i is.
+const fn curvature(coordinates: usize, i: usize, j: usize) -> usize {
+    1 + coordinates + i * (i + 1) / 2 + j
+}
+
+/// The numbers of the sums over all coordinates, over all from the second on, and so on, before those from one on.
+const fn jets_before(dim: usize, axis: usize) -> usize {
+    let (mut before, mut k) = (0, 0);
+    while k < axis {
+        before += jet(dim - k);
+        k += 1;
+    }
+    before
+}
+
+/// A polynomial of one coordinate and its first two derivatives.
+#[inline(always)]
+fn entries_of<S: Scalar, const G: usize>(
+    space: &[[S; G]],
+    count: usize,
+    axis: usize,
+    degree: usize,
+) -> [[S; G]; TABLES] {
+    let mut out = [[S::zero(); G]; TABLES];
+    for order in 0..TABLES {
+        out[order] = space[(TABLES * axis + order) * count + degree];
+    }
+    out
+}
+
+/// Adds a function of one coordinate times a function of `others` coordinates that follow it, with their derivatives,
+/// to a sum of such products.
+#[inline(always)]
+fn fold<S: Scalar, const G: usize>(
+    others: usize,
+    first: [[S; G]; TABLES],
+    inner: &[[S; G]],
+    sums: &mut [[S; G]],
+) {
+    let all = others + 1;
+    let [value, along, twice] = [0, slope(0), curvature(all, 0, 0)];
+    for g in 0..G {
+        for order in 0..TABLES {
+            let to = [value, along, twice][order];
+            sums[to][g] = first[order][g].mul_add(inner[0][g], sums[to][g]);
+        }
+    }
+    for i in 0..others {
+        let (own, mixed) = (slope(i + 1), curvature(all, i + 1, 0));
+        for g in 0..G {
+            sums[own][g] = first[0][g].mul_add(inner[slope(i)][g], sums[own][g]);
+            sums[mixed][g] = first[1][g].mul_add(inner[slope(i)][g], sums[mixed][g]);
+        }
+        for j in 0..=i {
+            let (from, to) = (curvature(others, i, j), curvature(all, i + 1, j + 1));
+            for g in 0..G {
+                sums[to][g] = first[0][g].mul_add(inner[from][g], sums[to][g]);
+            }
+        }
     }
 }
 
@@ -458,9 +591,6 @@ impl Kernel for Changes<'_> {
     }
 }
 
-/// Along no coordinate.
-const NONE: usize = usize::MAX;
-
 impl LaneMap for SymplecticPolynomial {
     const FOUR: bool = true;
 
@@ -469,7 +599,8 @@ impl LaneMap for SymplecticPolynomial {
     }
 
     fn space(&self) -> usize {
-        TABLES * 2 * self.dof * self.basis.count()
+        let dim = 2 * self.dof;
+        TABLES * dim * self.basis.count() + jets_before(dim, dim - 1)
     }
 
     #[inline(always)]
@@ -602,8 +733,9 @@ fn generator(
 }
 
 impl Frame {
-    fn of(pairs: &Pairs, reversor: Option<Reversor>) -> Result<Self, Error> {
+    fn of(pairs: &Pairs, symmetries: &Symmetries) -> Result<Self, Error> {
         let (dof, dim) = (pairs.dof(), 2 * pairs.dof());
+        let reversor = symmetries.reversor;
         let affine = PolynomialMap::fit(pairs, 1)?;
         let points = match reversor {
             None => pairs.input().to_vec(),
@@ -613,7 +745,7 @@ impl Frame {
                 [&own[..], &reflected(&own, dim, reversor.half())].concat()
             }
         };
-        let around = ProductBasis::around(&points, dim, 1)?;
+        let around = ProductBasis::around(&symmetries.with_images(points, dof), dim, 1)?;
         let from = around.centre().to_vec();
         // In units in which q and p of each plane are of one size, which are symplectic ones.
         let unit = |k: usize| libm::sqrt(around.factors[(k + dof) % dim] / around.factors[k]);
@@ -621,11 +753,18 @@ impl Frame {
             let factor = |k: usize| libm::pow(unit(k % dim) / unit(k / dim), sign);
             matrix.iter().enumerate().map(|(k, entry)| entry * factor(k)).collect()
         };
-        let linear = symplectic_factor(&in_units(&affine.jacobian(&from), 1.0), dof)?;
+        let mut linear = affine.jacobian(&from);
+        symmetries.clear(&mut linear, dof);
+        let linear = symplectic_factor(&in_units(&linear, 1.0), dof)?;
         let Some(reversor) = reversor else {
             let mut to = from.clone();
             affine.step(&mut to);
-            return Ok(Self { from, entry: None, to, exit: in_units(&linear, -1.0) });
+            for k in (0..dim).filter(|k| symmetries.is_mirrored(*k, dof)) {
+                to[k] = 0.0;
+            }
+            let mut exit = in_units(&linear, -1.0);
+            symmetries.clear(&mut exit, dof);
+            return Ok(Self { from, entry: None, to, exit });
         };
         let half = reversor.half();
         // Of a reversible M, RM is its own inverse.
@@ -650,6 +789,8 @@ impl Frame {
                 row[dof..].iter_mut().for_each(|v| *v = -*v);
             }
         }
+        symmetries.clear(&mut entry, dof);
+        symmetries.clear(&mut exit, dof);
         Ok(Self { to: from.clone(), from, entry: Some(entry), exit })
     }
 

@@ -4,7 +4,7 @@ use super::arrays::{Points, Rows, array, dof_of, points_of, rows_of};
 use super::outside::{Outside, box_of, survived};
 use super::{by_parts, interruptible};
 use crate::error::Error;
-use crate::flow::{Pairs, PolynomialOnSection};
+use crate::flow::{Pairs, PolynomialOnSection, Symmetries};
 use crate::io::{load_polynomial, read_section, save_polynomial};
 use crate::layer::Reversor;
 use crate::measure::orbits::maps_survived;
@@ -18,7 +18,9 @@ use std::path::PathBuf;
 /// least squares: `input` and `output` are (N, 2n), q1 ... qn, p1 ... pn, of one map with up to four degrees of
 /// freedom. It needs no training, and is symplectic whatever the pairs are; a step solves an implicit equation for the
 /// midpoint. With `reversor`, "positions" or "momenta", it is also conjugated to its inverse by the reflection of
-/// these, and has about half the parameters. `section` is that of `train`, a file of the density of the area form; the
+/// these, and has about half the parameters; so it has with `mirrored`, the planes, from 0 on, whose reflection
+/// (q, p) ↦ (-q, -p) of all of them together commutes with the map, as that of the vertical plane does with the map of
+/// a ring without skew fields. `section` is that of `train`, a file of the density of the area form; the
 /// reflection is then one of the canonical coordinates, of which q is y. Raises Error when the pairs are too few for
 /// the degree, of other shapes, or of a map whose linear part is not near a symplectic one, and when the equation has
 /// no solution near some pair.
@@ -47,7 +49,7 @@ impl PySymplecticPolynomial {
 #[pymethods]
 impl PySymplecticPolynomial {
     #[new]
-    #[pyo3(signature = (input, output, degree, reversor=None, section=None))]
+    #[pyo3(signature = (input, output, degree, reversor=None, section=None, mirrored=Vec::new()))]
     fn new(
         py: Python<'_>,
         input: Rows<'_>,
@@ -55,12 +57,14 @@ impl PySymplecticPolynomial {
         degree: usize,
         reversor: Option<&str>,
         section: Option<PathBuf>,
+        mirrored: Vec<usize>,
     ) -> PyResult<Self> {
         let reversor = reversor.map(Reversor::find).transpose()?;
+        let symmetries = Symmetries { reversor, mirrored };
         let dof = dof_of("input", &input)?;
         let pairs = pairs_of(&input, &output, dof)?;
         let section = section.as_deref().map(read_section).transpose()?;
-        let map = py.detach(|| PolynomialOnSection::fit(&pairs, degree, reversor, section))?;
+        let map = py.detach(|| PolynomialOnSection::fit(&pairs, degree, &symmetries, section))?;
         Ok(Self { map, dof })
     }
 

@@ -242,8 +242,9 @@ class InvariantCircle:
 class SymplecticPolynomial:
     """A symplectic map whose generating function is a polynomial of least squares, fitted to pairs (N, 2n).
 
-    With reversor, the reflection of "positions" or "momenta" turns it into its inverse. section is a file of the density
-    of the area form, as for train.
+    With reversor, the reflection of "positions" or "momenta" turns it into its inverse; with mirrored, it commutes with
+    the reflection of these planes, 0 being that of q1 and p1. section is a file of the density of the area form, as for
+    train.
     """
 
     def __init__(
@@ -253,6 +254,7 @@ class SymplecticPolynomial:
         degree: int,
         reversor: Literal["positions", "momenta"] | None = None,
         section: str | PathLike[str] | None = None,
+        mirrored: Sequence[int] = ...,
     ) -> None: ...
     @staticmethod
     def load(path: str | PathLike[str]) -> SymplecticPolynomial:

@@ -7,7 +7,7 @@ use super::section_maps::{
 use super::shared::{Study, finite};
 use super::work_precision::MOST_ROUNDS;
 use crate::error::Error;
-use crate::flow::{PolynomialMap, PolynomialOnSection, TabulatedLines, Trajectories};
+use crate::flow::{PolynomialMap, PolynomialOnSection, Symmetries, TabulatedLines, Trajectories};
 use crate::io::{Provenance, StoredModel};
 use crate::layer::Reversor;
 use crate::measure::{
@@ -243,7 +243,8 @@ impl Study for PoincareOptions {
             let name = format!("{kind} polynomial of degree {degree}");
             let map = context.stage(&name, |_| {
                 let chart = Some(lines.chart.clone());
-                PolynomialOnSection::fit(&lines.training, degree, reversor, chart)
+                let symmetries = Symmetries { reversor, ..Symmetries::default() };
+                PolynomialOnSection::fit(&lines.training, degree, &symmetries, chart)
             })?;
             let (parameters, setting) = (Some(map.map().parameters()), Some(degree));
             let map = SectionMap::Generating(Box::new(map));
