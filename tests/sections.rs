@@ -817,7 +817,7 @@ fn mirrored_polynomials_commute_with_the_mirror_at_every_degree() {
             (&all, Some(Reversor::Momenta)),
             (&one_sided, Some(Reversor::Momenta)),
         ] {
-            let symmetries = Symmetries { reversor, mirrored: vec![1] };
+            let symmetries = Symmetries { reversor, mirrored: vec![2] };
             let even = SymplecticPolynomial::fit_symmetric(pairs, degree, &symmetries);
             let even = even.expect("a map");
             counts.push(even.parameters());
@@ -853,7 +853,7 @@ fn mirrored_polynomials_commute_with_the_mirror_at_every_degree() {
     // Of another map a fit with the mirror errs.
     let skew = pairs_of(2, 1000, 0.4, kick_and_turn);
     let mirrored = |planes: &[usize]| Symmetries { mirrored: planes.to_vec(), reversor: None };
-    let wrong = SymplecticPolynomial::fit_symmetric(&skew, 4, &mirrored(&[1])).expect("a map");
+    let wrong = SymplecticPolynomial::fit_symmetric(&skew, 4, &mirrored(&[2])).expect("a map");
     let right = SymplecticPolynomial::fit(&skew, 4).expect("a map");
     assert!(wrong.error_on(&skew) > 1e-2 && right.error_on(&skew) < 1e-3);
     // An odd map of one plane, which has the constant and the terms of even degrees.
@@ -861,16 +861,67 @@ fn mirrored_polynomials_commute_with_the_mirror_at_every_degree() {
         z[1] -= z[0].sin();
         (z[0], z[1]) = (0.6 * z[0] + 0.8 * z[1], 0.6 * z[1] - 0.8 * z[0]);
     });
-    let fitted = SymplecticPolynomial::fit_symmetric(&odd, 10, &mirrored(&[0])).expect("a map");
+    let fitted = SymplecticPolynomial::fit_symmetric(&odd, 10, &mirrored(&[1])).expect("a map");
     assert_eq!(fitted.parameters(), 3 + 5 + 7 + 9 + 11);
     assert!(fitted.error_on(&odd) < 1e-7, "{:e}", fitted.error_on(&odd));
     let mut centre = [0.0, 0.0];
     fitted.step(&mut centre);
     assert_eq!(centre, [0.0, 0.0]);
-    for (planes, said) in [(vec![2], "mirrored plane"), (vec![1, 1], "each once")] {
+    for (planes, said) in
+        [(vec![3], "mirrored plane"), (vec![0], "mirrored plane"), (vec![1, 1], "each once")]
+    {
         let refused = SymplecticPolynomial::fit_symmetric(&skew, 4, &mirrored(&planes));
         let message = refused.expect_err("refused").to_string();
         assert!(message.contains(said), "{message}");
+    }
+}
+
+/// The inverse of the inverse is the map; both lead back to rounding, at points of the box that no pair has, and both are
+/// symplectic.
+#[test]
+fn symplectic_polynomials_are_undone_by_their_inverses() {
+    let one = pairs_of(1, 800, 0.5, kick_and_turn);
+    let two = pairs_of(2, 2000, 0.4, kick_and_turn);
+    let reversible = pairs_of(2, 2000, 0.4, half_turns_and_kick);
+    let mirrored = pairs_of(2, 2000, 0.4, coupled_evenly);
+    let of = |reversor, planes: &[usize]| Symmetries { reversor, mirrored: planes.to_vec() };
+    let cases = [
+        (&one, 12, of(None, &[])),
+        (&two, 4, of(None, &[])),
+        (&two, 7, of(None, &[])),
+        (&reversible, 6, of(Some(Reversor::Momenta), &[])),
+        (&mirrored, 6, of(None, &[2])),
+        (&mirrored, 6, of(Some(Reversor::Momenta), &[2])),
+    ];
+    for (pairs, degree, symmetries) in cases {
+        let dof = pairs.dof();
+        let map = SymplecticPolynomial::fit_symmetric(pairs, degree, &symmetries).expect("a map");
+        let back = map.inverse();
+        let mut stream = Stream::new(9, "new points");
+        let mut moved = 0.0;
+        for _ in 0..200 {
+            let start: Vec<f64> = (0..2 * dof).map(|_| stream.uniform(-0.3, 0.3)).collect();
+            for (first, second) in [(&map, &back), (&back, &map)] {
+                let mut z = start.clone();
+                first.step(&mut z);
+                moved += z.iter().zip(&start).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+                second.step(&mut z);
+                let off = z.iter().zip(&start).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+                assert!(off < 2e-15, "{dof} {degree} {off:e}");
+            }
+            let defect = form_defect(&back.jacobian(&start), dof);
+            assert!(defect < 1e-13, "{dof} {degree} {defect:e}");
+            let (mut own, mut again) = (start.clone(), start);
+            map.step(&mut own);
+            back.inverse().step(&mut again);
+            assert_eq!(own, again);
+        }
+        assert!(moved > 10.0, "{moved}");
+        // A generating function that is not that of the inverse does not lead back.
+        let mut wrong = pairs.input()[..2 * dof].to_vec();
+        map.step(&mut wrong);
+        map.step(&mut wrong);
+        assert!((wrong[0] - pairs.input()[0]).abs() > 1e-3);
     }
 }
 
@@ -1022,6 +1073,7 @@ fn polynomials_come_back_from_their_files() {
         let states = |map: &PolynomialOnSection| map.rollout(&start, request).expect("orbits");
         assert_eq!(states(&back), states(&map));
         assert_eq!(back.with_jacobian(&start[..2]), map.with_jacobian(&start[..2]));
+        assert_eq!(states(&back.inverse()), states(&map.inverse()));
         assert_eq!(back.region(), map.region());
         let text = polynomial_text(&map).expect("text");
         assert_eq!(text, polynomial_text(&back).expect("text"));
@@ -1045,8 +1097,8 @@ fn polynomials_come_back_from_their_files() {
         ("dof", |of| of["map"]["dof"] = 0.into()),
         ("dof", |of| of["map"]["dof"] = 5.into()),
         ("from", |of| of["map"]["dof"] = 2.into()),
-        ("iterations", |of| of["map"]["iterations"] = 0.into()),
-        ("iterations", |of| of["map"]["iterations"] = 10_000_000.into()),
+        ("iterations", |of| of["map"]["forward"]["iterations"] = 0.into()),
+        ("iterations", |of| of["map"]["backward"]["iterations"] = 10_000_000.into()),
         ("symplectic matrix", |of| of["map"]["frame"]["exit"][1] = 0.7.into()),
         ("symplectic matrix", |of| of["map"]["frame"]["entry"][2] = 1e300.into()),
         ("symplectic matrix", |of| {
@@ -1056,11 +1108,11 @@ fn polynomials_come_back_from_their_files() {
             of["map"]["frame"]["exit"] = serde_json::json!([1e8, 1e8, 1e8, 1e8]);
         }),
         ("start: degree", |of| {
-            of["map"]["start"]["basis"]["degree"] = 9.into();
-            of["map"]["start"]["coefficients"] = vec![0.0; 110].into();
+            of["map"]["backward"]["start"]["basis"]["degree"] = 9.into();
+            of["map"]["backward"]["start"]["coefficients"] = vec![0.0; 110].into();
         }),
         ("coefficients", |of| of["map"]["coefficients"] = serde_json::json!([0.0, 1.0])),
-        ("start: coefficients", |of| of["map"]["start"]["basis"]["degree"] = 0.into()),
+        ("start: coefficients", |of| of["map"]["forward"]["start"]["basis"]["degree"] = 0.into()),
         ("degree", |of| of["map"]["basis"]["degree"] = u64::MAX.into()),
         ("even", |of| of["map"]["basis"]["even"] = serde_json::json!([[0, 2]])),
         ("coordinates that are even", |of| of["map"]["basis"]["even"] = serde_json::json!([[]])),

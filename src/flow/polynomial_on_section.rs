@@ -66,6 +66,11 @@ impl PolynomialOnSection {
         self.section.as_ref().map_or(Ok(()), |section| check_section(section, self.map.dof()))
     }
 
+    /// The inverse of the map, whose inverse is this one, bit for bit.
+    pub fn inverse(&self) -> Self {
+        Self { map: self.map.inverse(), section: self.section.clone(), region: self.region.clone() }
+    }
+
     /// The box of the pairs.
     pub fn region(&self) -> &Region {
         &self.region
@@ -82,6 +87,21 @@ impl PolynomialOnSection {
     /// With the row and the point.
     pub fn check_points(&self, place: &str, points: &[f64]) -> Result<(), Error> {
         self.section.as_ref().map_or(Ok(()), |section| section.check_points(place, points))
+    }
+
+    /// The root mean square distance of its images from those of pairs of data; NaN where one is not on the section.
+    ///
+    /// # Errors
+    /// When the pairs are of other degrees of freedom, or one is not on the section.
+    pub fn error_on(&self, pairs: &Pairs) -> Result<f64, Error> {
+        let dim = 2 * self.map.dof();
+        Error::check_count("degrees of freedom", self.map.dof(), pairs.dof())?;
+        self.check_points("input", pairs.input())?;
+        self.check_points("output", pairs.output())?;
+        let images = self.rollout(pairs.input(), Rollout { steps: 1, every: 1 })?;
+        let apart = images[pairs.input().len()..].iter().zip(pairs.output());
+        let squares: f64 = apart.map(|(a, b)| (a - b) * (a - b)).sum();
+        Ok(libm::sqrt(squares / (pairs.output().len() / dim) as f64))
     }
 
     /// As [`SymplecticPolynomial::rollout`]; NaN from the first kept state on that is not on the section.

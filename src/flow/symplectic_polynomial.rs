@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 /// S is a sum of products of Chebyshev polynomials of a total degree over the box of the midpoints of the pairs. A step
 /// solves w = u + ½Ω∇S(w) for the midpoint w by Newton's method, from a polynomial that is near it, with a fixed number
 /// of iterations, which brings all pairs to rounding; then v = 2w − u. The map is symplectic for every S, to the error
-/// of this solution.
+/// of this solution. Its inverse has −S for S, and a start and a number of iterations of its own.
 ///
 /// Where a [`Reversor`] R conjugates the map to its inverse, z′ = c + L·N(L(z − c)) with L² in place of M, RLR = L⁻¹
 /// and Rc = c, and S is even, S∘R = S: it has about half the coefficients, and RPR = P⁻¹ for all of them, to the error
@@ -43,6 +43,15 @@ pub struct SymplecticPolynomial {
     basis: ProductBasis,
     /// Of S.
     coefficients: Vec<f64>,
+    forward: Solution,
+    /// Of the inverse.
+    backward: Solution,
+}
+
+/// How w is found.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Solution {
     start: Start,
     iterations: usize,
 }
@@ -52,8 +61,8 @@ pub struct SymplecticPolynomial {
 pub struct Symmetries {
     /// A reflection R that conjugates the map P to its inverse, RPR = P⁻¹.
     pub reversor: Option<Reversor>,
-    /// The planes j whose reflection, (q_j, p_j) ↦ (−q_j, −p_j) of all of these together, commutes with the map; none
-    /// where it is empty. Of a ring it is the vertical plane where no field is skew.
+    /// The planes j, from 1 to n, whose reflection, (q_j, p_j) ↦ (−q_j, −p_j) of all of these together, commutes with
+    /// the map; none where it is empty. Of a ring it is the vertical plane where no field is skew.
     pub mirrored: Vec<usize>,
 }
 
@@ -64,7 +73,7 @@ impl Symmetries {
     /// With the plane.
     pub fn check(&self, dof: usize) -> Result<(), Error> {
         for (k, plane) in self.mirrored.iter().enumerate() {
-            Error::check_count_range("mirrored plane", *plane, 0, dof - 1)?;
+            Error::check_count_range("mirrored plane", *plane, 1, dof)?;
             if self.mirrored[..k].contains(plane) {
                 return Err(Error::invalid("mirrored plane", plane, "each once"));
             }
@@ -74,7 +83,7 @@ impl Symmetries {
 
     /// Which of 2n coordinates the mirror turns around.
     fn is_mirrored(&self, coordinate: usize, dof: usize) -> bool {
-        self.mirrored.contains(&(coordinate % dof))
+        self.mirrored.contains(&(coordinate % dof + 1))
     }
 
     /// About so many times as many terms as of S there would be without them.
@@ -124,8 +133,8 @@ struct Frame {
     entry: Option<Vec<f64>>,
     /// c′.
     to: Vec<f64>,
-    /// M, row by row.
-    exit: Vec<f64>,
+    /// M, row by row; None of the identity.
+    exit: Option<Vec<f64>>,
 }
 
 /// Where Newton's method begins: w as polynomials of u.
@@ -181,19 +190,9 @@ impl SymplecticPolynomial {
         symmetries: &Symmetries,
     ) -> Result<Self, Error> {
         let (dof, dim) = (pairs.dof(), 2 * pairs.dof());
-        Error::check_count_range("degrees of freedom", dof, 1, DIM / 2)?;
-        symmetries.check(dof)?;
-        let reversor = symmetries.reversor;
         Error::check_count_range("degree of a generating function", degree, 2, usize::MAX)?;
-        let numbers = pairs.len() * dim;
-        let sound = |count: &usize| {
-            let count = count.div_ceil(symmetries.saving());
-            // Its linear part is a polynomial of degree 1.
-            count * NUMBERS_A_TERM <= numbers
-                && 2 * (dim + 1) <= pairs.len()
-                && count.checked_mul(numbers).is_some_and(|all| all <= MOST_NUMBERS)
-        };
-        if terms(dim, degree).filter(sound).is_none() {
+        let reversor = symmetries.reversor;
+        if !Self::has_enough(pairs, degree, symmetries)? {
             let found = format!("{degree} for {} pairs of {dof} degrees of freedom", pairs.len());
             let expected = "a lower one, with fewer terms, or more pairs";
             return Err(Error::invalid("degree of a generating function", found, expected));
@@ -201,12 +200,9 @@ impl SymplecticPolynomial {
         let frame = Frame::of(pairs, symmetries)?;
         let before: Vec<f64> =
             pairs.input().chunks_exact(dim).flat_map(|z| frame.enter(z)).collect();
-        let back = inverse_of_symplectic(&frame.exit, dof);
-        let after: Vec<f64> = pairs
-            .output()
-            .chunks_exact(dim)
-            .flat_map(|z| apply(&back, &difference(z, &frame.to)))
-            .collect();
+        let back = frame.inverse(dof);
+        let after: Vec<f64> =
+            pairs.output().chunks_exact(dim).flat_map(|z| back.enter(z)).collect();
         let middles: Vec<f64> = before.iter().zip(&after).map(|(u, v)| 0.5 * (u + v)).collect();
         // The frame of a reversible map has the coordinates that are reflected first.
         let reverse = |points: &[f64]| reflected(points, dim, Half::Position);
@@ -218,49 +214,77 @@ impl SymplecticPolynomial {
         let basis = ProductBasis::around(&both, dim, degree)?.even(symmetries.even(dof));
         let coefficients = generator(&basis, &middles, &before, &after)?;
         // Of the map's images by its symmetries they are pairs too, and the start and the iterations have to do for them.
-        let before = match reversor {
-            None => before,
-            Some(_) => [before, reverse(&after)].concat(),
+        let (before, after) = match reversor {
+            None => (before, after),
+            Some(_) => {
+                ([&before[..], &reverse(&after)].concat(), [&after[..], &reverse(&before)].concat())
+            }
         };
-        let (before, middles) = (symmetries.with_images(before, dof), both);
-        let count = coefficients.len();
+        let [before, after] = [before, after].map(|points| symmetries.with_images(points, dof));
+        let none = Solution { start: Start::fit(&before, &both, dim, 1)?, iterations: 0 };
+        let (forward, backward) = (none.clone(), none);
+        let map = Self { dof, frame, basis, coefficients, forward, backward };
+        let map = map.with_solution(&before, &both)?.inverse();
+        Ok(map.with_solution(&after, &both)?.inverse())
+    }
+
+    /// Whether there are enough pairs for a fit of this degree, and not more terms than a fit can have.
+    ///
+    /// # Errors
+    /// When the pairs are of more than four degrees of freedom; those of [`Symmetries::check`].
+    pub fn has_enough(
+        pairs: &Pairs,
+        degree: usize,
+        symmetries: &Symmetries,
+    ) -> Result<bool, Error> {
+        let (dof, dim) = (pairs.dof(), 2 * pairs.dof());
+        Error::check_count_range("degrees of freedom", dof, 1, DIM / 2)?;
+        symmetries.check(dof)?;
+        let numbers = pairs.len() * dim;
+        let sound = |count: &usize| {
+            let count = count.div_ceil(symmetries.saving());
+            // Its linear part is a polynomial of degree 1.
+            count * NUMBERS_A_TERM <= numbers
+                && 2 * (dim + 1) <= pairs.len()
+                && count.checked_mul(numbers).is_some_and(|all| all <= MOST_NUMBERS)
+        };
+        Ok(terms(dim, degree).filter(sound).is_some())
+    }
+
+    /// The map with the start and the number of iterations that cost least, of those that find the midpoints of these
+    /// points.
+    fn with_solution(mut self, points: &[f64], middles: &[f64]) -> Result<Self, Error> {
+        let (dim, count, degree) = (2 * self.dof, self.coefficients.len(), self.basis.degree);
         // The cost of a step in products: those of the start, and each iteration's along the last coordinate and of sums
         // with the coordinates before it.
         let of_run = |closes| (closes..dim - 1).map(|axis| jet(dim - axis)).sum::<usize>();
-        let folds: usize = basis.runs.iter().map(|run| of_run(run.closes)).sum();
-        let mut best: Option<(usize, Self)> = None;
+        let folds: usize = self.basis.runs.iter().map(|run| of_run(run.closes)).sum();
+        let mut best: Option<(usize, Solution)> = None;
         let mut change = f64::NAN;
         for start in 1..=degree {
-            let Some(of_start) = terms(dim, start).filter(|count| 2 * count <= pairs.len()) else {
+            let Some(of_start) = terms(dim, start).filter(|count| 2 * dim * count <= points.len())
+            else {
                 break;
             };
             // Starts of higher degrees cost more than all of the best.
             if best.as_ref().is_some_and(|(least, _)| dim * of_start >= *least) {
                 break;
             }
-            let start = Start::fit(&before, &middles, dim, start)?;
-            let mut fitted = Self {
-                dof,
-                frame: frame.clone(),
-                basis: basis.clone(),
-                coefficients: coefficients.clone(),
-                start,
-                iterations: 0,
-            };
-            let found = fitted.iterations_needed(&before);
+            self.forward.start = Start::fit(points, middles, dim, start)?;
+            let found = self.iterations_needed(points);
             change = found.1;
             let Some(iterations) = found.0 else { continue };
-            fitted.iterations = iterations;
+            self.forward.iterations = iterations;
             let cost = dim * of_start + iterations * (TABLES * count + folds);
             if best.as_ref().is_none_or(|(least, _)| cost < *least) {
-                best = Some((cost, fitted));
+                best = Some((cost, self.forward.clone()));
             }
             if iterations == 1 {
                 break;
             }
         }
         match best {
-            Some((_, fitted)) => Ok(fitted),
+            Some((_, forward)) => Ok(Self { forward, ..self }),
             None => {
                 let what = "the images of a generating function".to_owned();
                 Err(Error::NoConvergence { what, iterations: MOST_ITERATIONS, change })
@@ -292,17 +316,31 @@ impl SymplecticPolynomial {
         Error::check_count_range("dof", self.dof, 1, DIM / 2)?;
         let dim = 2 * self.dof;
         self.frame.check(dim)?;
-        Error::check_count_range("iterations", self.iterations, 1, MOST_ITERATIONS)?;
-        for (place, basis, coefficients, each) in [
-            ("coefficients", &self.basis, &self.coefficients, 1),
-            ("start: coefficients", &self.start.basis, &self.start.coefficients, dim),
-        ] {
+        let check = |place: &str, basis: &ProductBasis, coefficients: &[f64], each: usize| {
             Error::check_count("coordinates of a basis", dim, basis.dim)?;
             Error::check_count(place, each * basis.terms(), coefficients.len())?;
-            coefficients.iter().try_for_each(|c| Error::check_finite(place, *c))?;
+            coefficients.iter().try_for_each(|c| Error::check_finite(place, *c))
+        };
+        check("coefficients", &self.basis, &self.coefficients, 1)?;
+        for Solution { start, iterations } in [&self.forward, &self.backward] {
+            Error::check_count_range("iterations", *iterations, 1, MOST_ITERATIONS)?;
+            check("start: coefficients", &start.basis, &start.coefficients, dim)?;
+            // The work space of a step is for the degree of S.
+            Error::check_count_range("start: degree", start.basis.degree, 0, self.basis.degree)?;
         }
-        // The work space of a step is for the degree of S.
-        Error::check_count_range("start: degree", self.start.basis.degree, 0, self.basis.degree)
+        Ok(())
+    }
+
+    /// The inverse of the map, whose inverse is this one, bit for bit.
+    pub fn inverse(&self) -> Self {
+        Self {
+            dof: self.dof,
+            frame: self.frame.inverse(self.dof),
+            basis: self.basis.clone(),
+            coefficients: self.coefficients.iter().map(|c| -c).collect(),
+            forward: self.backward.clone(),
+            backward: self.forward.clone(),
+        }
     }
 
     /// n, its degrees of freedom.
@@ -327,7 +365,7 @@ impl SymplecticPolynomial {
 
     /// How many iterations of Newton's method a step takes.
     pub fn iterations(&self) -> usize {
-        self.iterations
+        self.forward.iterations
     }
 
     /// z ← its image.
@@ -374,7 +412,7 @@ impl SymplecticPolynomial {
         let half = S::from_f64(0.5);
         let tables = TABLES * self.basis.count();
         let mut middle = [[S::zero(); G]; DIM];
-        let Start { basis, coefficients } = &self.start;
+        let Start { basis, coefficients } = &self.forward.start;
         basis.values(dim, dim, coefficients, here, space, &mut middle);
         let mut change = [[S::zero(); G]; DIM];
         for _ in 0..iterations {
@@ -623,14 +661,22 @@ impl LaneMap for SymplecticPolynomial {
                 here[row] = along_row(&entry[row * dim..][..dim], &off, 0.0);
             }
         }
-        let (middle, _) = self.midpoint::<S, D, G>(&here, space, self.iterations);
+        let (middle, _) = self.midpoint::<S, D, G>(&here, space, self.forward.iterations);
         for i in 0..dim {
             for g in 0..G {
                 here[i][g] = middle[i][g] + (middle[i][g] - here[i][g]);
             }
         }
         for row in 0..dim {
-            let sum = along_row(&exit[row * dim..][..dim], &here, to[row]);
+            let mut sum = here[row];
+            match exit {
+                Some(exit) => sum = along_row(&exit[row * dim..][..dim], &here, to[row]),
+                None => {
+                    for g in 0..G {
+                        sum[g] += S::from_f64(to[row]);
+                    }
+                }
+            }
             for g in 0..G {
                 z[g * dim + row] = sum[g];
             }
@@ -764,7 +810,7 @@ impl Frame {
             }
             let mut exit = in_units(&linear, -1.0);
             symmetries.clear(&mut exit, dof);
-            return Ok(Self { from, entry: None, to, exit });
+            return Ok(Self { from, entry: None, to, exit: Some(exit) });
         };
         let half = reversor.half();
         // Of a reversible M, RM is its own inverse.
@@ -791,7 +837,7 @@ impl Frame {
         }
         symmetries.clear(&mut entry, dof);
         symmetries.clear(&mut exit, dof);
-        Ok(Self { to: from.clone(), from, entry: Some(entry), exit })
+        Ok(Self { to: from.clone(), from, entry: Some(entry), exit: Some(exit) })
     }
 
     /// Fails unless its vectors and matrices are of `dim` numbers and rows, and the matrices symplectic.
@@ -800,8 +846,10 @@ impl Frame {
             Error::check_count(place, dim, numbers.len())?;
             numbers.iter().try_for_each(|v| Error::check_finite(place, *v))?;
         }
-        let entry = self.entry.as_ref().map(|entry| ("entry", entry));
-        for (place, matrix) in entry.into_iter().chain([("exit", &self.exit)]) {
+        let both = [("entry", &self.entry), ("exit", &self.exit)];
+        for (place, matrix) in
+            both.into_iter().filter_map(|(place, of)| Some((place, of.as_ref()?)))
+        {
             Error::check_count(place, dim * dim, matrix.len())?;
             let back = inverse_of_symplectic(matrix, dim / 2);
             for (i, row) in back.chunks_exact(dim).enumerate() {
@@ -820,6 +868,19 @@ impl Frame {
             }
         }
         Ok(())
+    }
+
+    /// v = M⁻¹(z′ − c′) and z = c + K⁻¹·u.
+    fn inverse(&self, dof: usize) -> Self {
+        let inverted = |matrix: &Option<Vec<f64>>| {
+            matrix.as_ref().map(|matrix| inverse_of_symplectic(matrix, dof))
+        };
+        Self {
+            from: self.to.clone(),
+            entry: inverted(&self.exit),
+            to: self.from.clone(),
+            exit: inverted(&self.entry),
+        }
     }
 
     /// u.

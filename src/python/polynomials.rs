@@ -8,7 +8,6 @@ use crate::flow::{Pairs, PolynomialOnSection, Symmetries};
 use crate::io::{load_polynomial, read_section, save_polynomial};
 use crate::layer::Reversor;
 use crate::measure::orbits::maps_survived;
-use crate::measure::timing::root_mean_square_distance;
 use crate::network::Rollout;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
@@ -18,7 +17,7 @@ use std::path::PathBuf;
 /// least squares: `input` and `output` are (N, 2n), q1 ... qn, p1 ... pn, of one map with up to four degrees of
 /// freedom. It needs no training, and is symplectic whatever the pairs are; a step solves an implicit equation for the
 /// midpoint. With `reversor`, "positions" or "momenta", it is also conjugated to its inverse by the reflection of
-/// these, and has about half the parameters; so it has with `mirrored`, the planes, from 0 on, whose reflection
+/// these, and has about half the parameters; so it has with `mirrored`, the planes, from 1 to n, whose reflection
 /// (q, p) ↦ (-q, -p) of all of them together commutes with the map, as that of the vertical plane does with the map of
 /// a ring without skew fields. `section` is that of `train`, a file of the density of the area form; the
 /// reflection is then one of the canonical coordinates, of which q is y. Raises Error when the pairs are too few for
@@ -106,17 +105,11 @@ impl PySymplecticPolynomial {
     /// The root mean square distance of the images of `input` from `output`, both (N, 2n).
     fn error(&self, py: Python<'_>, input: Rows<'_>, output: Rows<'_>) -> PyResult<f64> {
         let pairs = pairs_of(&input, &output, self.dof)?;
-        self.map.check_points("input", pairs.input())?;
-        self.map.check_points("output", pairs.output())?;
-        Ok(py.detach(|| {
-            let images = self.map.rollout(pairs.input(), Rollout { steps: 1, every: 1 })?;
-            let images = &images[pairs.input().len()..];
-            Ok::<_, Error>(root_mean_square_distance(images, pairs.output(), 2 * self.dof))
-        })?)
+        Ok(py.detach(|| self.map.error_on(&pairs))?)
     }
 
-    /// The states of the trajectories from `points`, (..., 2n), with one in `every` kept: (steps/every + 1, ..., 2n),
-    /// the points themselves first. `outside` says what to do when a trajectory leaves the box of the pairs by more
+    /// The states of the trajectories from `points`, (..., 2n), with one in `every` kept: (abs(steps) // every + 1, ...,
+    /// 2n), the points themselves first. Negative `steps` apply the inverse map. `outside` says what to do when a trajectory leaves the box of the pairs by more
     /// than a hundredth of its width, beyond which polynomials grow without a bound: "warn" (UserWarning), "stop" (an
     /// Error) or "ignore".
     #[pyo3(signature = (points, steps=1, every=1, outside="warn"))]
@@ -124,23 +117,39 @@ impl PySymplecticPolynomial {
         &self,
         py: Python<'py>,
         points: Rows<'py>,
-        steps: usize,
+        steps: isize,
         every: usize,
         outside: &str,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let points = self.points(&points)?;
+        let inverse = (steps < 0).then(|| self.map.inverse());
+        let (map, steps) = (inverse.as_ref().unwrap_or(&self.map), steps.unsigned_abs());
         Error::check_count_range("steps", steps, 1, usize::MAX)?;
         Error::check_count_range("every", every, 1, steps)?;
         let outside = Outside::of(outside)?;
         let count = points.values.len() / (2 * self.dof);
         let request = Rollout { steps, every };
-        let states =
-            interruptible(py, |pace| self.map.rollout_at_pace(&points.values, request, pace))?;
+        let states = interruptible(py, |pace| map.rollout_at_pace(&points.values, request, pace))?;
         outside.report(py, || {
             let region = self.map.region();
             [region.left_by(&states, count, every).map(|left| left.describe(region))]
         })?;
         array(py, states, points.shape(&[steps / every + 1], &[2 * self.dof]))
+    }
+
+    /// The preimages of `points`, (..., 2n), under one step: an array of the same shape.
+    fn inverse<'py>(
+        &self,
+        py: Python<'py>,
+        points: Rows<'py>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let points = self.points(&points)?;
+        let (dim, back) = (2 * self.dof, self.map.inverse());
+        let values = by_parts(py, "inverse", dim, &points.values, |part| {
+            let request = Rollout { steps: 1, every: 1 };
+            Ok(back.rollout(part, request)?.split_off(part.len()))
+        })?;
+        array(py, values, points.shape(&[], &[dim]))
     }
 
     /// The Jacobians at `points`, (..., 2n), by dual numbers: (..., 2n, 2n).

@@ -243,7 +243,7 @@ class SymplecticPolynomial:
     """A symplectic map whose generating function is a polynomial of least squares, fitted to pairs (N, 2n).
 
     With reversor, the reflection of "positions" or "momenta" turns it into its inverse; with mirrored, it commutes with
-    the reflection of these planes, 0 being that of q1 and p1. section is a file of the density of the area form, as for
+    the reflection of these planes, 1 being that of q1 and p1. section is a file of the density of the area form, as for
     train.
     """
 
@@ -279,7 +279,9 @@ class SymplecticPolynomial:
         every: int = 1,
         outside: Literal["warn", "stop", "ignore"] = "warn",
     ) -> NDArray[np.float64]:
-        """The states of trajectories from points (..., 2n), one in `every`: (steps/every + 1, ..., 2n)."""
+        """The states of trajectories from points (..., 2n): (abs(steps) // every + 1, ..., 2n); steps < 0 go back."""
+    def inverse(self, points: ArrayLike) -> NDArray[np.float64]:
+        """The preimages of points (..., 2n)."""
     def jacobian(self, points: ArrayLike) -> NDArray[np.float64]:
         """The Jacobians at points (..., 2n): (..., 2n, 2n)."""
     def survival(
