@@ -4,6 +4,7 @@ mod frequencies;
 mod numbers;
 mod rivals;
 mod sections;
+mod symplectic_polynomials;
 mod systems;
 mod trajectories;
 mod work_precision;

@@ -8,7 +8,8 @@ use gyroceptron::flow::{
     Symmetries, SymplecticPolynomial, TabulatedLines, Trajectories, Window, sample,
 };
 use gyroceptron::io::{
-    load_polynomial, parse_coils, parse_polynomial, polynomial_text, save_polynomial,
+    Provenance, StoredPolynomial, load_polynomial, parse_coils, parse_polynomial, polynomial_text,
+    save_polynomial,
 };
 use gyroceptron::layer::Reversor;
 use gyroceptron::measure::adiabatic::log_slope;
@@ -896,7 +897,7 @@ fn symplectic_polynomials_are_undone_by_their_inverses() {
     for (pairs, degree, symmetries) in cases {
         let dof = pairs.dof();
         let map = SymplecticPolynomial::fit_symmetric(pairs, degree, &symmetries).expect("a map");
-        let back = map.inverse();
+        let back = map.inverted();
         let mut stream = Stream::new(9, "new points");
         let mut moved = 0.0;
         for _ in 0..200 {
@@ -913,7 +914,7 @@ fn symplectic_polynomials_are_undone_by_their_inverses() {
             assert!(defect < 1e-13, "{dof} {degree} {defect:e}");
             let (mut own, mut again) = (start.clone(), start);
             map.step(&mut own);
-            back.inverse().step(&mut again);
+            back.inverted().step(&mut again);
             assert_eq!(own, again);
         }
         assert!(moved > 10.0, "{moved}");
@@ -1067,16 +1068,20 @@ fn polynomials_come_back_from_their_files() {
         let symmetries = Symmetries { reversor, ..Symmetries::default() };
         let map = PolynomialOnSection::fit(&plane, 6, &symmetries, section).expect("a map");
         let path = folder.path().join("map.json");
-        save_polynomial(&path, &map).expect("written");
-        let back = load_polynomial(&path).expect("read");
+        let provenance = Provenance { data: Some("digest".into()), ..Provenance::of("fit") };
+        let stored = StoredPolynomial { map: map.clone(), provenance };
+        save_polynomial(&path, &stored).expect("written");
+        let stored_back = load_polynomial(&path).expect("read");
+        assert_eq!(stored_back.provenance, stored.provenance);
+        let back = stored_back.map.clone();
         let (start, request) = ([0.2, 0.1, -0.1, 0.3], Rollout { steps: 50, every: 10 });
         let states = |map: &PolynomialOnSection| map.rollout(&start, request).expect("orbits");
         assert_eq!(states(&back), states(&map));
         assert_eq!(back.with_jacobian(&start[..2]), map.with_jacobian(&start[..2]));
-        assert_eq!(states(&back.inverse()), states(&map.inverse()));
+        assert_eq!(states(&back.inverted()), states(&map.inverted()));
         assert_eq!(back.region(), map.region());
-        let text = polynomial_text(&map).expect("text");
-        assert_eq!(text, polynomial_text(&back).expect("text"));
+        let text = polynomial_text(&stored).expect("text");
+        assert_eq!(text, polynomial_text(&stored_back).expect("text"));
         texts.push(text);
     }
     let refused = |text: &str| match parse_polynomial("map.json", text.as_bytes()) {

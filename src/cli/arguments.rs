@@ -42,6 +42,8 @@ pub enum Command {
     CheckProof(CheckProof),
     /// Train a network on your own pairs.
     Train(Box<Train>),
+    /// Fit a symplectic polynomial to your own pairs, without training.
+    Fit(Fit),
     /// Roll a model out from given points.
     Predict(Predict),
     /// Make a model of weights trained elsewhere.
@@ -458,6 +460,42 @@ pub fn option_of(key: &str) -> String {
     format!("--{}", key.replace('_', "-"))
 }
 
+#[derive(Debug, Args)]
+pub struct Fit {
+    /// An .npz with `input` and `output`, both (N, 2n) float64, columns q1 … qn, p1 … pn, of one map with n ≤ 4.
+    #[arg(long, value_name = "FILE.npz")]
+    pub data: PathBuf,
+    /// The total degree of the generating function [default: the one of the least error on held-out pairs, of
+    /// degrees that are raised from 2 on].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub degree: Option<i64>,
+    /// The map is reversible, S∘P∘S = P⁻¹, where S changes the signs of the `positions` or of the `momenta`: about half
+    /// the coefficients.
+    #[arg(long, value_name = "HALF")]
+    pub reversor: Option<String>,
+    /// The map commutes with the reflection of these planes, 2 being that of q2 and p2, as that of a ring does with the
+    /// one of its vertical plane where no field is skew: about half the coefficients.
+    #[arg(long, value_name = "PLANE,…", value_delimiter = ',', allow_negative_numbers = true)]
+    pub mirrored: Vec<i64>,
+    /// Of pairs of one degree of freedom whose columns x, y have the area form ρ dx∧dy: the file of ρ, as for `train`.
+    #[arg(long, value_name = "FILE.npz")]
+    pub section: Option<PathBuf>,
+    /// The share of the pairs to hold out.
+    #[arg(long, default_value_t = 0.1, allow_negative_numbers = true)]
+    pub validation: f64,
+    /// The seed of the held-out choice.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// The file to write, a model for `predict`.
+    #[arg(long, value_name = "FILE.json")]
+    pub output: PathBuf,
+    /// Replace an existing file.
+    #[arg(long)]
+    pub overwrite: bool,
+    #[command(flatten)]
+    pub common: Common,
+}
+
 /// What to do with trajectories that leave the box of the training points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Outside {
@@ -489,7 +527,7 @@ impl From<GridKind> for GridNumbers {
 
 #[derive(Debug, Args)]
 pub struct Predict {
-    /// The model.
+    /// The model, or the polynomial of `fit`.
     #[arg(long, value_name = "FILE.json")]
     pub model: PathBuf,
     /// Initial points, an .npy of (M, 2n) float64.
@@ -684,7 +722,6 @@ pub fn ramp(name: &str, text: &str) -> Result<Vec<RampStage>, Error> {
         .collect()
 }
 
-/// A count that must be at least 1.
 /// The rows of block K of N, of so many rows: all that follow one another, and no two blocks differ by more than a row.
 pub fn block(text: &str, rows: usize) -> Result<Range<usize>, Error> {
     let invalid = |expected: &str| Error::invalid("--block", text, expected);
@@ -701,6 +738,7 @@ pub fn block(text: &str, rows: usize) -> Result<Range<usize>, Error> {
     Ok(start(number - 1)..start(number))
 }
 
+/// A count that must be at least 1.
 pub fn positive(name: &str, value: i64) -> Result<usize, Error> {
     usize::try_from(value)
         .ok()

@@ -1,39 +1,36 @@
 //! The commands.
 
 use super::arguments::{
-    Arguments, CoilArguments, Command, Export, ExportFormat, Import, Outside, Predict, Run, Verify,
-    block, circle_action, positive,
+    Arguments, CoilArguments, Command, Export, ExportFormat, Import, Run, Verify, circle_action,
+    positive,
 };
+use super::controls::at_controls;
+use super::fit::fit;
 use super::guards::{check_ending, guard_output, use_threads};
 use super::output::{json, out, status_of, typed_words, width};
+use super::predict::predict;
 use super::progress::{Progress, line};
 use super::prove::{check_proof, prove};
 use super::train::train_pairs;
 use super::{Status, about, cite, jobs};
 use clap::ValueEnum;
 use gyroceptron::Error;
-use gyroceptron::flow::{PolynomialExit, Trajectories};
 use gyroceptron::io::{
-    Provenance, SourceCode, SourceLanguage, StoredModel, assemble_architecture, assemble_weights,
-    export_weights, file_digest, load_model, read_architecture, read_points, read_tensors,
-    read_trajectories, save_model, take_units, write_atomically, write_points,
+    Provenance, SourceCode, SourceLanguage, StoredMap, StoredModel, assemble_architecture,
+    assemble_weights, export_weights, file_digest, load_map, load_model, read_architecture,
+    read_tensors, save_model, take_units, write_atomically,
 };
 use gyroceptron::layer::CircleAction;
-use gyroceptron::measure::certificate::{CertificateOptions, certify, certify_all};
-use gyroceptron::measure::timing::root_mean_square_distance;
-use gyroceptron::network::{
-    Architecture, Course, GyroceptronShape, InitialWeights, Model, Pace, Rollout,
+use gyroceptron::measure::certificate::{
+    CertificateOptions, certify, certify_all, certify_polynomial,
 };
-use gyroceptron::phase::Direction;
+use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model};
 use gyroceptron::random::Stream;
-use gyroceptron::scalar::{Grid, GridNumbers, max_or_nan};
 use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{
     CoilFile, Coils, Folder, LineData, Note, Scene, bibtex, catalogue, certificate_table,
     command_line, default_scene, find, own_invariance_fault, run, without_page,
 };
-use rayon::prelude::*;
-use serde::Serialize;
 use serde_json::json;
 use std::path::Path;
 
@@ -45,6 +42,7 @@ pub fn dispatch(arguments: Arguments) -> Result<Status, Error> {
         Command::Prove(arguments) => prove(&arguments),
         Command::CheckProof(arguments) => check_proof(&arguments),
         Command::Train(arguments) => train_pairs(&arguments),
+        Command::Fit(arguments) => fit(&arguments),
         Command::Predict(arguments) => predict(&arguments),
         Command::Import(arguments) => import(&arguments),
         Command::Export(arguments) => export(&arguments),
@@ -200,14 +198,25 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
     }
     let (mut own_units, mut notes) = (None, Vec::new());
     let (target, result) = match &arguments.model {
-        Some(path) => {
-            let (stored, told) = at_controls(load_model(path)?, &arguments.at)?;
-            notes.extend(told.iter().map(ToString::to_string));
-            own_units.clone_from(&stored.units);
-            notes.extend(own_invariance_fault(&stored, &options).iter().map(ToString::to_string));
-            notes.iter().for_each(|text| line(&format!("note: {text}")));
-            (path.display().to_string(), certify(&stored.model, options))
-        }
+        Some(path) => match load_map(path)? {
+            StoredMap::Polynomial(stored) => {
+                if let Some(found) = arguments.at.first() {
+                    let expected = "none: the model depends on no controls";
+                    return Err(Error::invalid("--at", found, expected));
+                }
+                (path.display().to_string(), certify_polynomial(stored.map.map(), options)?)
+            }
+            StoredMap::Network(stored) => {
+                let (stored, told) = at_controls(*stored, &arguments.at)?;
+                notes.extend(told.iter().map(ToString::to_string));
+                own_units.clone_from(&stored.units);
+                notes.extend(
+                    own_invariance_fault(&stored, &options).iter().map(ToString::to_string),
+                );
+                notes.iter().for_each(|text| line(&format!("note: {text}")));
+                (path.display().to_string(), certify(&stored.model, options))
+            }
+        },
         None => {
             let count = positive("--random", arguments.random.unwrap_or(10))?;
             if count > MOST_RANDOM {
@@ -246,10 +255,10 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
         }))?;
     } else {
         out(&format!(
-            "{target}: {}\nsampled: {} points each, uniform in |z_i| ≤ {}, seed {}{}; other points are not tested\n{}",
+            "{target}: {}\nsampled: {} points each, uniform in {}, seed {}{}; other points are not tested\n{}",
             result.summary(),
             options.samples,
-            result.options.radius,
+            result.sampled_box(),
             options.seed,
             if own_units.is_some() { ", z in the units of the network" } else { "" },
             terminal::table(&certificate_table(&result.rows), width()),
@@ -259,254 +268,6 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
         }
     }
     Ok(status_of(result.holds()))
-}
-
-/// What is said of the values of controls.
-enum ControlsNote {
-    /// None were given, and these are used.
-    Nominal(String),
-    /// One is outside of its range.
-    Outside(String),
-}
-
-impl ControlsNote {
-    fn is_outside(&self) -> bool {
-        matches!(self, Self::Outside(_))
-    }
-}
-
-impl std::fmt::Display for ControlsNote {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let (Self::Nominal(text) | Self::Outside(text)) = self;
-        f.write_str(text)
-    }
-}
-
-/// A model at the values of its controls that an option has, and what is to be said of them.
-fn at_controls(
-    stored: StoredModel,
-    given: &[String],
-) -> Result<(StoredModel, Option<ControlsNote>), Error> {
-    let Some(controls) = stored.model.architecture().controls.clone() else {
-        return match given.first() {
-            None => Ok((stored, None)),
-            Some(found) => {
-                let expected = "none: the model depends on no controls";
-                Err(Error::invalid("--at", found, expected))
-            }
-        };
-    };
-    let pair = |text: &String| -> Result<(String, f64), Error> {
-        let expected = "NAME=VALUE, such as planar=0.02";
-        let wrong = || Error::invalid("--at", text, expected);
-        let (name, value) = text.split_once('=').ok_or_else(wrong)?;
-        Ok((name.trim().to_owned(), value.trim().parse().map_err(|_| wrong())?))
-    };
-    let pairs: Vec<(String, f64)> = given.iter().map(pair).collect::<Result<_, _>>()?;
-    let values = controls.values(pairs.iter().map(|(name, value)| (&**name, *value)));
-    let values = values.map_err(|e| e.with_place("--at"))?;
-    let names = controls.ranges.iter().map(|range| &range.name);
-    let words: Vec<String> =
-        names.zip(&values).map(|(name, value)| format!("{name}={value}")).collect();
-    let note = match controls.first_outside(&values) {
-        Some((range, value)) => Some(ControlsNote::Outside(range.outside(value))),
-        None if given.is_empty() => Some(ControlsNote::Nominal(format!(
-            "at the middle of the controls, {}; --at takes others",
-            words.join(", ")
-        ))),
-        None => None,
-    };
-    let at = stored.at_controls(&values)?;
-    if let Some(section) = &at.section {
-        section.check(section.dof()).map_err(|e| e.with_place("--at"))?;
-    }
-    Ok((at, note))
-}
-
-fn predict(arguments: &Predict) -> Result<Status, Error> {
-    use_threads(&arguments.common)?;
-    let direction = if arguments.steps < 0 { Direction::Inverse } else { Direction::Forward };
-    let steps = usize::try_from(arguments.steps.unsigned_abs()).ok().filter(|steps| *steps > 0);
-    let expected = "at least 1, or at most -1 for steps back";
-    let steps = steps.ok_or_else(|| Error::invalid("--steps", arguments.steps, expected))?;
-    let request = Rollout { steps, every: positive("--every", arguments.every)? };
-    let grid = arguments.grid.map(|bits| {
-        // What is no count is none of bits, and no grid has so many.
-        let numbers = GridNumbers::from(arguments.grid_numbers);
-        let expected = || format!("0 to {} bits", numbers.most_bits());
-        let bits = u32::try_from(bits).map_err(|_| Error::invalid("--grid", bits, expected()))?;
-        Grid::new(bits, numbers).map_err(|e| e.with_place("--grid"))
-    });
-    let course = Course { direction, grid: grid.transpose()? };
-    if request.every > request.steps {
-        let expected = format!("at most {} steps, so that one is taken", request.steps);
-        return Err(Error::invalid("--every", request.every, expected));
-    }
-    let inputs = [arguments.model.as_path(), arguments.input.as_path()];
-    check_ending("--output", &arguments.output, "npy")?;
-    if let Some(invariant) = &arguments.invariant {
-        check_ending("--invariant", invariant, "npy")?;
-    }
-    let loaded = load_model(&arguments.model)?;
-    let (stored, of_controls) = at_controls(loaded, &arguments.at)?;
-    let stored = stored.member(arguments.epsilon, arguments.flow_time)?;
-    let asked = arguments.outside != Outside::Ignore;
-    let of_controls = of_controls.filter(|note| asked || !note.is_outside());
-    guard_output("--output", &arguments.output, arguments.overwrite, &inputs)?;
-    if let Some(invariant) = &arguments.invariant {
-        if stored.invariant().is_none() {
-            let expected = "an option of symplectic gyroceptrons: other networks own no invariant";
-            return Err(Error::invalid("--invariant", invariant.display(), expected));
-        }
-        let taken = [inputs[0], inputs[1], &arguments.output];
-        guard_output("--invariant", invariant, arguments.overwrite, &taken)?;
-        // Neither may exist yet.
-        let place = |path: &Path| {
-            let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-            let folder = std::fs::canonicalize(folder.unwrap_or(Path::new("."))).ok();
-            folder.map(|folder| (folder, path.file_name().map(ToOwned::to_owned)))
-        };
-        if place(invariant) == place(&arguments.output) {
-            let expected = "another file than --output";
-            return Err(Error::invalid("--invariant", invariant.display(), expected));
-        }
-    }
-    let has_polynomials = stored.model.architecture().has_polynomials();
-    let has_box = has_polynomials || stored.provenance.region.is_some();
-    if arguments.outside == Outside::Stop && !has_box {
-        let expected = "a model that knows the box of its training points";
-        return Err(Error::invalid("--outside", "stop", expected));
-    }
-    let dof = stored.model.composition().dof();
-    let dim = 2 * dof;
-    let file = read_points(&arguments.input, dof)?;
-    if file.single_precision {
-        line(&format!("{}: {}", arguments.input.display(), Note::SinglePrecision));
-    }
-    let mut initial = file.points;
-    if let Some(block) = &arguments.block {
-        let rows = self::block(block, initial.len() / dim)?;
-        initial = initial[rows.start * dim..rows.end * dim].to_vec();
-    }
-    let points = initial.len() / dim;
-    let others = arguments.compare.as_deref().map(|file| {
-        let others = read_trajectories(file, dof)?;
-        let counts = [
-            ("states of each trajectory", request.kept(), others.states()),
-            ("trajectories", points, others.count()),
-        ];
-        for (what, expected, found) in counts {
-            if expected != found {
-                let name = format!("{}: {what}", file.display());
-                return Err(Error::WrongCount { name, expected, found });
-            }
-        }
-        Ok::<_, Error>(others)
-    });
-    let others = others.transpose()?;
-    let rolled = stored
-        .rollout_along(course, &initial, request, &mut Pace::unbroken())
-        .map_err(|e| e.with_place(arguments.model.display()))?;
-    let values = rolled.states;
-    // In units of the data.
-    let apart = initial.iter().zip(&values).map(|(a, b)| (a - b).abs());
-    let moved = apart.fold(0.0, max_or_nan);
-    let rounded = course.grid.filter(|_| !rolled.is_exact).map(|grid| {
-        format!(
-            "a state at the end is rounded in the file, since a grid of {} bits is finer than its numbers are there: \
-             --steps {}{} from the file ends near the first state, not at it",
-            grid.bits(),
-            if direction == Direction::Forward { "-" } else { "" },
-            request.steps / request.every * request.every
-        )
-    });
-    rounded.iter().for_each(|text| line(&format!("note: {text}")));
-    let region = stored.provenance.region.as_ref().filter(|_| arguments.outside != Outside::Ignore);
-    let left = region.and_then(|region| region.left_by(&values, points, request.every));
-    let beyond = asked.then(|| stored.leaves_polynomials(&values, points, request.every)).flatten();
-    let told = left.iter().zip(region).map(|(left, region)| left.describe(region));
-    let told: Vec<String> = told.chain(beyond.iter().map(PolynomialExit::describe)).collect();
-    told.iter().for_each(|text| line(&format!("note: {text}")));
-    of_controls.iter().for_each(|text| line(&format!("note: {text}")));
-    let beyond_range = of_controls.as_ref().is_some_and(ControlsNote::is_outside);
-    if (beyond_range || !told.is_empty()) && arguments.outside == Outside::Stop {
-        line("nothing is written");
-        if arguments.common.json {
-            let left = json!({
-                "output": null,
-                "outside": left,
-                "outside_polynomials": beyond,
-                "outside_controls": beyond_range,
-            });
-            json(&left)?;
-        }
-        return Ok(Status::CheckFailed);
-    }
-    let shape = [request.kept() as u64, points as u64, dim as u64];
-    write_points(&arguments.output, &shape, &values)?;
-    let apart = others.as_ref().map(|others| distances(&values, others, request.every));
-    if let (Some(file), Some(invariant)) = (&arguments.invariant, stored.invariant()) {
-        let along: Vec<f64> = values.par_chunks_exact(dim).map(invariant).collect();
-        write_points(file, &shape[..2], &along)?;
-    }
-    if arguments.common.json {
-        json(&json!({
-            "output": arguments.output.display().to_string(),
-            "shape": shape,
-            "block": arguments.block,
-            "compared": apart,
-            "invariant": arguments.invariant.as_ref().map(|file| file.display().to_string()),
-            "outside": left,
-            "outside_polynomials": beyond,
-            "outside_controls": beyond_range,
-            "grid": course.grid.map(|grid| json!({
-                "bits": grid.bits(),
-                "numbers": grid.numbers().name(),
-                "first_state_moved_by": moved,
-                "leads_back": rolled.is_exact,
-            })),
-        }))?;
-    } else {
-        out(&format!(
-            "{}: {} states of {points} trajectories of {dim} numbers\n",
-            arguments.output.display(),
-            request.kept()
-        ))?;
-        if let (Some(apart), Some(file)) = (&apart, &arguments.compare) {
-            out(&format!("distance from {}:\n", file.display()))?;
-            // The first steps, then each twice as far as the one before, and the last.
-            let all = apart.len();
-            for (index, at) in apart.iter().enumerate().skip(1) {
-                if index.is_power_of_two() || index + 1 == all {
-                    let Distance { steps, rms, largest } = at;
-                    out(&format!(
-                        "  after {steps} steps {rms:.2e} (rms), {largest:.2e} at most\n"
-                    ))?;
-                }
-            }
-        }
-    }
-    Ok(Status::Done)
-}
-
-/// How far trajectories are from others after so many steps, in units of the data.
-#[derive(Serialize)]
-struct Distance {
-    steps: usize,
-    /// Over all trajectories.
-    rms: f64,
-    largest: f64,
-}
-
-fn distances(values: &[f64], others: &Trajectories, every: usize) -> Vec<Distance> {
-    let (dim, row) = (others.dim(), others.dim() * others.count());
-    let states = values.chunks_exact(row).zip(others.values().chunks_exact(row)).enumerate();
-    let of = |(index, (own, other)): (usize, (&[f64], &[f64]))| {
-        let both = own.chunks_exact(dim).zip(other.chunks_exact(dim));
-        let largest = both.map(|(a, b)| root_mean_square_distance(a, b, dim)).fold(0.0, max_or_nan);
-        Distance { steps: index * every, rms: root_mean_square_distance(own, other, dim), largest }
-    };
-    states.map(of).collect()
 }
 
 fn describe(model: &Model, path: &Path, as_json: bool) -> Result<Status, Error> {

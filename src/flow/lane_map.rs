@@ -41,11 +41,15 @@ pub(super) fn error_on(map: &impl LaneMap, pairs: &Pairs) -> f64 {
     assert!(2 * pairs.dof() == dim);
     let request = Rollout { steps: 1, every: 1 };
     let images = rollout(map, pairs.input(), request).expect("whole points");
-    let images = images[pairs.input().len()..].chunks_exact(dim);
+    distance(images[pairs.input().len()..].chunks_exact(dim), pairs)
+}
+
+/// The root mean square distance of these images from those of pairs.
+pub(super) fn distance<'a>(images: impl Iterator<Item = &'a [f64]>, pairs: &Pairs) -> f64 {
     let square = |(image, expected): (&[f64], &[f64])| -> f64 {
         image.iter().zip(expected).map(|(a, b)| (a - b) * (a - b)).sum()
     };
-    let squares: f64 = images.zip(pairs.output().chunks_exact(dim)).map(square).sum();
+    let squares: f64 = images.zip(pairs.output().chunks_exact(2 * pairs.dof())).map(square).sum();
     libm::sqrt(squares / pairs.len() as f64)
 }
 

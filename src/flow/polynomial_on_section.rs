@@ -1,5 +1,6 @@
 //! Symplectic polynomials in the chart of a section.
 
+use super::lane_map;
 use super::{Pairs, Region, Symmetries, SymplecticPolynomial};
 use crate::error::Error;
 use crate::network::{Pace, Rollout};
@@ -67,13 +68,22 @@ impl PolynomialOnSection {
     }
 
     /// The inverse of the map, whose inverse is this one, bit for bit.
-    pub fn inverse(&self) -> Self {
-        Self { map: self.map.inverse(), section: self.section.clone(), region: self.region.clone() }
+    pub fn inverted(&self) -> Self {
+        Self {
+            map: self.map.inverted(),
+            section: self.section.clone(),
+            region: self.region.clone(),
+        }
     }
 
     /// The box of the pairs.
     pub fn region(&self) -> &Region {
         &self.region
+    }
+
+    /// Whether it is in the chart of a section.
+    pub fn has_section(&self) -> bool {
+        self.section.is_some()
     }
 
     /// The map in the chart.
@@ -99,9 +109,8 @@ impl PolynomialOnSection {
         self.check_points("input", pairs.input())?;
         self.check_points("output", pairs.output())?;
         let images = self.rollout(pairs.input(), Rollout { steps: 1, every: 1 })?;
-        let apart = images[pairs.input().len()..].iter().zip(pairs.output());
-        let squares: f64 = apart.map(|(a, b)| (a - b) * (a - b)).sum();
-        Ok(libm::sqrt(squares / (pairs.output().len() / dim) as f64))
+        let images = images[pairs.input().len()..].chunks_exact(dim);
+        Ok(lane_map::distance(images, pairs))
     }
 
     /// As [`SymplecticPolynomial::rollout`]; NaN from the first kept state on that is not on the section.

@@ -153,6 +153,11 @@ impl ProductBasis {
         Self { runs: runs(self.dim, self.degree, &even), even, ..self }
     }
 
+    /// Of each of these lists of coordinates the degrees have an even sum.
+    pub(super) fn even_lists(&self) -> &[Vec<usize>] {
+        &self.even
+    }
+
     /// How many terms there are.
     pub(super) fn terms(&self) -> usize {
         self.runs.iter().map(|run| run.terms).sum()

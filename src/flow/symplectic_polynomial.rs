@@ -3,11 +3,11 @@
 use super::lane_map::{self, LaneMap};
 use super::polynomial_map::MOST_NUMBERS;
 use super::product_basis::{DIM, ProductBasis, Run, least_squares, terms};
-use super::{Pairs, PolynomialMap};
+use super::{Pairs, PolynomialMap, Region};
 use crate::error::Error;
 use crate::layer::Reversor;
 use crate::network::{Rollout, load_groups, store_groups};
-use crate::phase::{Half, inverse_of_symplectic};
+use crate::phase::{Half, Map, inverse_of_symplectic};
 use crate::scalar::{Kernel, Pack, Scalar, max_or_nan, on_independent_lanes};
 use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore;
@@ -38,6 +38,9 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct SymplecticPolynomial {
     dof: usize,
+    symmetries: Symmetries,
+    /// The box of the pairs, in canonical coordinates.
+    region: Region,
     frame: Frame,
     /// Of w.
     basis: ProductBasis,
@@ -57,7 +60,8 @@ struct Solution {
 }
 
 /// What a map has in common with its images under reflections.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Symmetries {
     /// A reflection R that conjugates the map P to its inverse, RPR = P⁻¹.
     pub reversor: Option<Reversor>,
@@ -223,9 +227,12 @@ impl SymplecticPolynomial {
         let [before, after] = [before, after].map(|points| symmetries.with_images(points, dof));
         let none = Solution { start: Start::fit(&before, &both, dim, 1)?, iterations: 0 };
         let (forward, backward) = (none.clone(), none);
-        let map = Self { dof, frame, basis, coefficients, forward, backward };
-        let map = map.with_solution(&before, &both)?.inverse();
-        Ok(map.with_solution(&after, &both)?.inverse())
+        let region =
+            pairs.region().ok_or_else(|| Error::invalid("pairs", "none", "at least one"))?;
+        let symmetries = symmetries.clone();
+        let map = Self { dof, symmetries, region, frame, basis, coefficients, forward, backward };
+        let map = map.with_solution(&before, &both)?.inverted();
+        Ok(map.with_solution(&after, &both)?.inverted())
     }
 
     /// Whether there are enough pairs for a fit of this degree, and not more terms than a fit can have.
@@ -315,7 +322,15 @@ impl SymplecticPolynomial {
     pub fn check(&self) -> Result<(), Error> {
         Error::check_count_range("dof", self.dof, 1, DIM / 2)?;
         let dim = 2 * self.dof;
+        self.symmetries.check(self.dof)?;
+        self.region.check("region", self.dof)?;
         self.frame.check(dim)?;
+        let expected = self.symmetries.even(self.dof);
+        if self.basis.even_lists() != expected {
+            let found = format!("{:?}", self.basis.even_lists());
+            let expected = format!("{expected:?} of these symmetries");
+            return Err(Error::invalid("coordinates that are even", found, expected));
+        }
         let check = |place: &str, basis: &ProductBasis, coefficients: &[f64], each: usize| {
             Error::check_count("coordinates of a basis", dim, basis.dim)?;
             Error::check_count(place, each * basis.terms(), coefficients.len())?;
@@ -332,9 +347,11 @@ impl SymplecticPolynomial {
     }
 
     /// The inverse of the map, whose inverse is this one, bit for bit.
-    pub fn inverse(&self) -> Self {
+    pub fn inverted(&self) -> Self {
         Self {
             dof: self.dof,
+            symmetries: self.symmetries.clone(),
+            region: self.region.clone(),
             frame: self.frame.inverse(self.dof),
             basis: self.basis.clone(),
             coefficients: self.coefficients.iter().map(|c| -c).collect(),
@@ -346,6 +363,16 @@ impl SymplecticPolynomial {
     /// n, its degrees of freedom.
     pub fn dof(&self) -> usize {
         self.dof
+    }
+
+    /// The symmetries that it was fitted with.
+    pub fn symmetries(&self) -> &Symmetries {
+        &self.symmetries
+    }
+
+    /// The box around its pairs, in canonical coordinates.
+    pub fn region(&self) -> &Region {
+        &self.region
     }
 
     /// The total degree of its generating function.
@@ -417,6 +444,10 @@ impl SymplecticPolynomial {
         let mut change = [[S::zero(); G]; DIM];
         for _ in 0..iterations {
             for axis in 0..dim {
+                // What the midpoint is in error by goes with the iteration.
+                for g in 0..G {
+                    middle[axis][g] = middle[axis][g].without_bound();
+                }
                 let tables = &mut space[axis * tables..][..tables];
                 self.basis.fill_with_derivatives(axis, &middle[axis], tables);
             }
@@ -626,6 +657,18 @@ impl Kernel for Changes<'_> {
             }
         }
         largest
+    }
+}
+
+impl<S: Scalar> Map<S> for SymplecticPolynomial {
+    fn dof(&self) -> usize {
+        self.dof
+    }
+    fn forward(&self, z: &mut [S]) {
+        self.step(z);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        self.inverted().step(z);
     }
 }
 

@@ -208,22 +208,9 @@ impl StoredModel {
         if course.grid.is_none() {
             states[..initial.len()].copy_from_slice(initial);
         }
-        let Some(index) = states.iter().position(|v| !v.is_finite()) else {
-            return Ok(RolledOut { states, is_exact });
-        };
-        let (row, state) = (index % initial.len(), index / initial.len());
-        let what = match self.section {
-            None => "roll-out",
-            Some(_) => "roll-out, or left the box of its section",
-        };
-        Err(Error::Diverged {
-            what: what.into(),
-            place: format!(
-                "row {} of the input, at the latest after {} steps",
-                row / (2 * self.model.composition().dof()),
-                state * request.every
-            ),
-        })
+        let (dim, has_section) = (2 * self.model.composition().dof(), self.section.is_some());
+        refuse_divergence(&states, initial.len(), dim, request.every, has_section)?;
+        Ok(RolledOut { states, is_exact })
     }
 
     /// The number of maps after which each orbit from these points of the data is outside of a region for the first
@@ -426,6 +413,35 @@ fn parse_document<T: DeserializeOwned>(
 }
 
 /// A document and its version.
+/// Fails at the first state that is not of finite numbers: `row` of them are kept for each time.
+pub(super) fn refuse_divergence(
+    states: &[f64],
+    row: usize,
+    dim: usize,
+    every: usize,
+    has_section: bool,
+) -> Result<(), Error> {
+    let Some(index) = states.iter().position(|v| !v.is_finite()) else { return Ok(()) };
+    let what = if has_section { "roll-out, or left the box of its section" } else { "roll-out" };
+    Err(Error::Diverged {
+        what: what.into(),
+        place: format!(
+            "row {} of the input, at the latest after {} steps",
+            index % row / dim,
+            index / row * every
+        ),
+    })
+}
+
+/// What a file says that it is, if it is JSON and says it.
+pub(super) fn format_of(bytes: &[u8]) -> Option<String> {
+    #[derive(Deserialize)]
+    struct Header {
+        format: String,
+    }
+    serde_json::from_slice::<Header>(bytes).ok().map(|header| header.format)
+}
+
 pub(super) fn parse_header(
     place: &str,
     bytes: &[u8],

@@ -29,7 +29,10 @@ pub use json::{
     MODEL_VERSION, Provenance, RolledOut, StoredModel, earlier_checkpoint, load_checkpoint,
     load_model, model_text, parse_model, save_checkpoint, save_model,
 };
-pub use polynomials::{load_polynomial, parse_polynomial, polynomial_text, save_polynomial};
+pub use polynomials::{
+    StoredMap, StoredPolynomial, load_map, load_polynomial, parse_polynomial, polynomial_text,
+    save_polynomial,
+};
 #[cfg(feature = "proofs")]
 pub use proofs::{ABOUT as ABOUT_PROOFS, Nested, ProofFile, ProofRequest, Proofs};
 pub use tensor::Tensor;

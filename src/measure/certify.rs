@@ -9,8 +9,10 @@ use super::tally::{COUNT_LIMIT, RATIO_LIMIT, Row, Tally, Verdict, merged};
 use super::{
     coordinate::Coordinate,
     equivariance::NormalFormed,
-    measurable::{Measurable, NearlyPeriodic},
+    measurable::{Measurable, NearlyPeriodic, OneStep, WithDomain},
 };
+use crate::error::Error;
+use crate::flow::{Region, SymplecticPolynomial};
 use crate::layer::Reversor;
 use crate::network::{Block, Layers, Model, Part, Structure};
 use crate::phase::{Direction, Map};
@@ -34,6 +36,18 @@ impl Certificate {
     fn of(options: CertificateOptions, tallies: impl IntoIterator<Item = Tally>) -> Self {
         let rows = merged(tallies).iter().map(Tally::row).collect();
         Self { options, domain: Vec::new(), rows }
+    }
+
+    /// Where the samples are, in words: `|z_i| ≤ 1.6`, or the interval or the circle of each coordinate.
+    pub fn sampled_box(&self) -> String {
+        if self.domain.is_empty() {
+            return format!("|z_i| ≤ {}", self.options.radius);
+        }
+        let of = |coordinate: &Coordinate| {
+            let (low, high) = coordinate.range(self.options.radius);
+            format!("[{low:.3e}, {high:.3e}]")
+        };
+        self.domain.iter().map(of).collect::<Vec<_>>().join(" × ")
     }
 
     /// With the domain of the map.
@@ -370,6 +384,31 @@ pub fn certify_map(map: &dyn Measurable, options: CertificateOptions) -> Certifi
     let symplecticity = laws::symplecticity_of_any(map, samples.points());
     let tallies = of_map_with(symplecticity, map, &samples);
     Certificate::of(options, tallies).within(map)
+}
+
+/// Tests the laws of a symplectic polynomial, [`certify_map`] or [`certify_reversible`], by the steps that it takes in
+/// roll-outs. Points are uniform in the box of its pairs, drawn in about its middle by √(2n), so that they are among the
+/// pairs where these fill the ellipsoid in the box: beyond the pairs Newton's method need not converge. The radius of the
+/// options is not used.
+///
+/// # Errors
+/// When the box of the pairs has no extent.
+pub fn certify_polynomial(
+    map: &SymplecticPolynomial,
+    options: CertificateOptions,
+) -> Result<Certificate, Error> {
+    let share = 1.0 / libm::sqrt(2.0 * map.dof() as f64);
+    let Region { low, high } = map.region();
+    let inner = |(low, high): (&f64, &f64)| {
+        let (middle, half) = (0.5 * (low + high), 0.5 * share * (high - low));
+        Coordinate::Between(middle - half, middle + half)
+    };
+    let domain = low.iter().zip(high).map(inner).collect();
+    let map_in_box = WithDomain::new(OneStep(map), domain)?;
+    Ok(match map.symmetries().reversor {
+        None => certify_map(&map_in_box, options),
+        Some(reversor) => certify_reversible(&map_in_box, reversor, options),
+    })
 }
 
 /// Tests the laws of a reversible map, S∘P∘S = P⁻¹: those of [`certify_map`], and

@@ -110,7 +110,7 @@ pub mod timing {
 pub mod certificate {
     pub use super::certify::{
         Certificate, certify, certify_all, certify_family, certify_map, certify_nearly_periodic,
-        certify_normal_form, certify_reversible, certify_unless_stopped,
+        certify_normal_form, certify_polynomial, certify_reversible, certify_unless_stopped,
     };
     pub use super::samples::CertificateOptions;
     pub use super::tally::{

@@ -2,19 +2,23 @@
 
 use super::arrays::{Points, Rows, array, dof_of, points_of, rows_of};
 use super::outside::{Outside, box_of, survived};
-use super::{by_parts, interruptible};
+use super::trained::warn;
+use super::{PyCertificate, by_parts, interruptible};
 use crate::error::Error;
 use crate::flow::{Pairs, PolynomialOnSection, Symmetries};
-use crate::io::{load_polynomial, read_section, save_polynomial};
+use crate::io::{Provenance, StoredPolynomial, load_polynomial, read_section, save_polynomial};
 use crate::layer::Reversor;
+use crate::measure::certificate::{CertificateOptions, certify_polynomial};
 use crate::measure::orbits::maps_survived;
 use crate::network::Rollout;
+use crate::train::{Control, FitNote, PolynomialFit, PolynomialTrial};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
 /// A symplectic map whose generating function is a polynomial of total degree `degree`, fitted to pairs by linear
-/// least squares: `input` and `output` are (N, 2n), q1 ... qn, p1 ... pn, of one map with up to four degrees of
+/// least squares; without a degree that of the least error on pairs that are held out, a share `validation` of them
+/// chosen by `seed`, of degrees that are raised until it falls no more: `input` and `output` are (N, 2n), q1 ... qn, p1 ... pn, of one map with up to four degrees of
 /// freedom. It needs no training, and is symplectic whatever the pairs are; a step solves an implicit equation for the
 /// midpoint. With `reversor`, "positions" or "momenta", it is also conjugated to its inverse by the reflection of
 /// these, and has about half the parameters; so it has with `mirrored`, the planes, from 1 to n, whose reflection
@@ -27,6 +31,7 @@ use std::path::PathBuf;
 pub(super) struct PySymplecticPolynomial {
     map: PolynomialOnSection,
     dof: usize,
+    provenance: Provenance,
 }
 
 /// What the pairs are called in errors.
@@ -48,30 +53,57 @@ impl PySymplecticPolynomial {
 #[pymethods]
 impl PySymplecticPolynomial {
     #[new]
-    #[pyo3(signature = (input, output, degree, reversor=None, section=None, mirrored=Vec::new()))]
+    #[pyo3(signature = (
+        input, output, degree=None, reversor=None, section=None, mirrored=Vec::new(), validation=0.1, seed=0
+    ))]
+    #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python<'_>,
         input: Rows<'_>,
         output: Rows<'_>,
-        degree: usize,
+        degree: Option<usize>,
         reversor: Option<&str>,
         section: Option<PathBuf>,
         mirrored: Vec<usize>,
+        validation: f64,
+        seed: u64,
     ) -> PyResult<Self> {
         let reversor = reversor.map(Reversor::find).transpose()?;
         let symmetries = Symmetries { reversor, mirrored };
         let dof = dof_of("input", &input)?;
         let pairs = pairs_of(&input, &output, dof)?;
         let section = section.as_deref().map(read_section).transpose()?;
+        let Some(degree) = degree else {
+            let fit = PolynomialFit { degree, symmetries, section, validation, seed };
+            let mut raised = None;
+            let mut go_on = |_: &PolynomialTrial| {
+                raised = Python::attach(|py| py.check_signals()).err();
+                Ok(if raised.is_none() { Control::Continue } else { Control::Interrupt })
+            };
+            let fitted = py.detach(|| fit.run(pairs, &mut go_on));
+            if let Some(raised) = raised {
+                return Err(raised);
+            }
+            let fitted = fitted?;
+            for note in &fitted.notes {
+                match note {
+                    FitNote::Section(_) => {}
+                    _ => warn(py, &note.to_string())?,
+                }
+            }
+            let StoredPolynomial { map, provenance } = StoredPolynomial::of_fit(&fitted, seed);
+            return Ok(Self { map, dof, provenance });
+        };
+        let provenance = Provenance { data: Some(pairs.digest()), ..Provenance::of("fit") };
         let map = py.detach(|| PolynomialOnSection::fit(&pairs, degree, &symmetries, section))?;
-        Ok(Self { map, dof })
+        Ok(Self { map, dof, provenance })
     }
 
     /// The polynomial of a file that `save` wrote. Raises Error when it is missing, corrupt, or of another kind.
     #[staticmethod]
     fn load(path: PathBuf) -> PyResult<Self> {
-        let map = load_polynomial(&path)?;
-        Ok(Self { dof: map.map().dof(), map })
+        let StoredPolynomial { map, provenance } = load_polynomial(&path)?;
+        Ok(Self { dof: map.map().dof(), map, provenance })
     }
 
     /// Writes a file, which `load` reads. Raises Error when there is a file of that name, unless `overwrite`, or it
@@ -81,7 +113,8 @@ impl PySymplecticPolynomial {
         if path.exists() && !overwrite {
             return Err(Error::FileExists { path }.into());
         }
-        Ok(save_polynomial(&path, &self.map)?)
+        let provenance = self.provenance.clone();
+        Ok(save_polynomial(&path, &StoredPolynomial { map: self.map.clone(), provenance })?)
     }
 
     /// The total degree of the generating function.
@@ -122,7 +155,7 @@ impl PySymplecticPolynomial {
         outside: &str,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let points = self.points(&points)?;
-        let inverse = (steps < 0).then(|| self.map.inverse());
+        let inverse = (steps < 0).then(|| self.map.inverted());
         let (map, steps) = (inverse.as_ref().unwrap_or(&self.map), steps.unsigned_abs());
         Error::check_count_range("steps", steps, 1, usize::MAX)?;
         Error::check_count_range("every", every, 1, steps)?;
@@ -144,7 +177,7 @@ impl PySymplecticPolynomial {
         points: Rows<'py>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let points = self.points(&points)?;
-        let (dim, back) = (2 * self.dof, self.map.inverse());
+        let (dim, back) = (2 * self.dof, self.map.inverted());
         let values = by_parts(py, "inverse", dim, &points.values, |part| {
             let request = Rollout { steps: 1, every: 1 };
             Ok(back.rollout(part, request)?.split_off(part.len()))
@@ -164,6 +197,17 @@ impl PySymplecticPolynomial {
             Ok(part.chunks_exact(dim).flat_map(|z| self.map.with_jacobian(z).1).collect())
         })?;
         array(py, values, points.shape(&[], &[dim, dim]))
+    }
+
+    /// Tests at `samples` points in the middle of the box of the pairs whether the map is symplectic, undone by its
+    /// inverse, and reversible where it was fitted so, each to rounding: a `Certificate`. Raises Error when there are no
+    /// samples.
+    #[pyo3(signature = (samples=200, seed=0))]
+    fn verify(&self, py: Python<'_>, samples: usize, seed: u64) -> PyResult<PyCertificate> {
+        let options = CertificateOptions { samples, seed, ..CertificateOptions::default() };
+        options.check()?;
+        let inner = py.detach(|| certify_polynomial(self.map.map(), options))?;
+        Ok(PyCertificate { inner, notes: Vec::new() })
     }
 
     /// As `Model.survival`: the number of steps after which each orbit from `points`, (..., 2n), is outside of the box

@@ -161,6 +161,14 @@ impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
         (tanh, sech2)
     }
     #[inline(always)]
+    fn without_bound(self) -> Self {
+        let mut eps = self.eps;
+        for k in 0..N {
+            eps[k] = eps[k].without_bound();
+        }
+        Self { re: self.re.without_bound(), eps }
+    }
+    #[inline(always)]
     fn abs(self) -> Self {
         // |x| = x·(|x|/x): the derivative follows the sign of the real part.
         let magnitude = self.re.abs();

@@ -120,6 +120,12 @@ pub trait Scalar:
         None
     }
 
+    /// self as if it were exact: for numbers with an error bound, without it.
+    #[inline(always)]
+    fn without_bound(self) -> Self {
+        self
+    }
+
     /// Absolute value.
     fn abs(self) -> Self;
 

@@ -106,6 +106,9 @@ impl Scalar for Tracked {
         let sech2 = Self { value: s, bound: 2.0 * t.abs() * s * self.bound + 5.0 * s };
         (tanh, sech2)
     }
+    fn without_bound(self) -> Self {
+        Self::exact(self.value)
+    }
     fn abs(self) -> Self {
         Self { value: self.value.abs(), ..self }
     }

@@ -187,7 +187,7 @@ impl fmt::Display for FitNote {
             Self::Form(defect, charted) => write!(
                 f,
                 "These pairs do not keep {} by {:.1e} in the median, as a polynomial map of degree {} fitted to \
-                 them has it; two such fits differ by {:.1e}. The network keeps it whatever its weights: {}?",
+                 them has it; two such fits differ by {:.1e}. A symplectic map keeps it: {}?",
                 if *charted { "the area of the section" } else { "dq∧dp" },
                 defect.median,
                 defect.degree,

@@ -12,6 +12,7 @@
 //! - `prepare`, `reading`, `action_fit`, `action_trial`, `rotation_fit`, `units_fit`: the circle action, θ and the
 //!   units of data for which they are not known.
 //! - `fit`: from pairs to a model.
+//! - `polynomial_fit`: from pairs to a symplectic polynomial, without training.
 
 mod action_fit;
 mod action_trial;
@@ -27,6 +28,7 @@ mod loss;
 mod minimise;
 mod normal_equations;
 mod options;
+mod polynomial_fit;
 mod prepare;
 mod reading;
 mod record;
@@ -50,6 +52,7 @@ pub use levenberg_marquardt::LevenbergMarquardtOptions;
 pub use loss::{Loss, Objective};
 pub use normal_equations::NormalEquations;
 pub use options::{Optimiser, Plateau, TrainingOptions};
+pub use polynomial_fit::{FittedPolynomial, PolynomialFit, PolynomialTrial};
 pub use prepare::{Preparation, Prepared};
 pub use reading::Reading;
 pub use record::{Stop, TrainingRecord};

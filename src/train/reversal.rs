@@ -72,12 +72,22 @@ impl ReversalDefect {
         fits: &TwoFits,
         architecture: &Architecture,
     ) -> Option<Self> {
-        if let Some(reversor) = architecture.reversor {
-            return Self::of(pairs, fits, reversor).filter(Self::is_seen);
-        }
         let gives_up_nothing =
             matches!(architecture.structure(), Structure::Plain | Structure::NearlyIntegrable);
-        if !gives_up_nothing {
+        Self::of_model(pairs, fits, architecture.reversor, gives_up_nothing)
+    }
+
+    /// A defect worth reporting for what has this reversor, or has none and could have one.
+    pub(super) fn of_model(
+        pairs: &Pairs,
+        fits: &TwoFits,
+        reversor: Option<Reversor>,
+        could_have: bool,
+    ) -> Option<Self> {
+        if let Some(reversor) = reversor {
+            return Self::of(pairs, fits, reversor).filter(Self::is_seen);
+        }
+        if !could_have {
             return None;
         }
         let is_theirs = |of: &Self| !of.is_seen() && of.resolution <= Self::KNOWN;
@@ -93,14 +103,15 @@ impl fmt::Display for ReversalDefect {
                 f,
                 "These pairs are of no map that is reversible by {}: mirrored, they are off its inverse by \
                  {median:.1e} of the motion in the median, as a polynomial map fitted to them has it; two such fits \
-                 differ by {resolution:.1e}. The network is reversible whatever its weights: is S the right \
-                 reflection?",
+                 differ by {resolution:.1e}. What is fitted to them with this reversor is reversible all the same: is S \
+                 the right reflection?",
                 reversor.equation()
             ),
             false => write!(
                 f,
                 "These pairs are of a map that is reversible by {}, to within {:.1e} of the motion. With the reversor \
-                 \"{}\" a network is so for all weights, and uses each of its kicks twice",
+                 \"{}\" a network is so for all weights, and uses each of its kicks twice; a polynomial has half the \
+                 coefficients",
                 reversor.equation(),
                 median.max(*resolution),
                 reversor.name()

@@ -5,6 +5,7 @@ mod about;
 mod architectures;
 mod coils;
 mod controls;
+mod fit;
 mod grid;
 mod guide;
 mod helpers;

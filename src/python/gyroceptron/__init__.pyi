@@ -242,6 +242,7 @@ class InvariantCircle:
 class SymplecticPolynomial:
     """A symplectic map whose generating function is a polynomial of least squares, fitted to pairs (N, 2n).
 
+    Without a degree it is that of the least error on the share `validation` of the pairs, which is held out.
     With reversor, the reflection of "positions" or "momenta" turns it into its inverse; with mirrored, it commutes with
     the reflection of these planes, 1 being that of q1 and p1. section is a file of the density of the area form, as for
     train.
@@ -251,10 +252,12 @@ class SymplecticPolynomial:
         self,
         input: ArrayLike,
         output: ArrayLike,
-        degree: int,
+        degree: int | None = None,
         reversor: Literal["positions", "momenta"] | None = None,
         section: str | PathLike[str] | None = None,
         mirrored: Sequence[int] = ...,
+        validation: float = 0.1,
+        seed: int = 0,
     ) -> None: ...
     @staticmethod
     def load(path: str | PathLike[str]) -> SymplecticPolynomial:
@@ -284,6 +287,8 @@ class SymplecticPolynomial:
         """The preimages of points (..., 2n)."""
     def jacobian(self, points: ArrayLike) -> NDArray[np.float64]:
         """The Jacobians at points (..., 2n): (..., 2n, 2n)."""
+    def verify(self, samples: int = 200, seed: int = 0) -> Certificate:
+        """Tests the structure of the map in the middle of the box of its pairs."""
     def survival(
         self,
         points: ArrayLike,

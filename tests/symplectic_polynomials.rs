@@ -1,0 +1,228 @@
+//! Fits of symplectic polynomials whose degree is found, and their certificates.
+
+use gyroceptron::Error;
+use gyroceptron::flow::{Pairs, Symmetries, SymplecticPolynomial};
+use gyroceptron::layer::Reversor;
+use gyroceptron::measure::certificate::{
+    CertificateOptions, Verdict, certify_map, certify_polynomial,
+};
+use gyroceptron::measure::{Coordinate, OneStep, WithDomain};
+use gyroceptron::phase::Map;
+use gyroceptron::random::Stream;
+use gyroceptron::scalar::{Over, Scalar};
+use gyroceptron::train::{Control, FitNote, FittedPolynomial, PolynomialFit, PolynomialTrial};
+
+/// A turn of each plane before and after a kick by a function of all q that is even in q₂: reversible, and the same
+/// after a reflection of the second plane.
+fn kicked(z: &mut [f64]) {
+    turned(z);
+    let dof = z.len() / 2;
+    let sum: f64 = 0.4 * z[0] + z[1..dof].iter().map(|q| 0.5 * q * q).sum::<f64>();
+    z[dof] -= 0.16 * sum.sin() + 0.2 * z[0] * z[0];
+    for k in 1..dof {
+        z[dof + k] -= 0.4 * z[k] * sum.sin();
+    }
+    turned(z);
+}
+
+fn turned(z: &mut [f64]) {
+    let dof = z.len() / 2;
+    for k in 0..dof {
+        let (s, c) = (0.4 + 0.2 * k as f64).sin_cos();
+        (z[k], z[dof + k]) = (c * z[k] + s * z[dof + k], c * z[dof + k] - s * z[k]);
+    }
+}
+
+fn pairs_of(dof: usize, count: usize, map: impl Fn(&mut [f64])) -> Pairs {
+    let mut stream = Stream::new(8, "points");
+    let input: Vec<f64> = (0..count * 2 * dof).map(|_| stream.uniform(-0.6, 0.6)).collect();
+    let mut output = input.clone();
+    output.chunks_mut(2 * dof).for_each(map);
+    Pairs::new("pairs", dof, input, output).expect("pairs")
+}
+
+fn run(fit: &PolynomialFit, pairs: Pairs) -> FittedPolynomial {
+    fit.run(pairs, &mut |_| Ok(Control::Continue)).expect("a map")
+}
+
+/// The degree is raised until the error is one of rounding, or falls no more.
+#[test]
+fn degrees_are_raised_until_the_error_falls_no_more() {
+    let mut seen = Vec::new();
+    let fit = PolynomialFit::default();
+    let fitted = fit.run(pairs_of(1, 1000, kicked), &mut |trial| {
+        seen.push(trial.clone());
+        Ok(Control::Continue)
+    });
+    let fitted = fitted.expect("a map");
+    assert_eq!(seen, fitted.trials);
+    let degrees: Vec<usize> = seen.iter().map(|trial| trial.degree).collect();
+    assert_eq!(degrees, (2..2 + seen.len()).collect::<Vec<_>>());
+    assert_eq!(fitted.chosen(), seen.last().expect("trials"));
+    assert!(fitted.chosen().held_out.expect("held out") < 1e-15 && seen[0].error > 1e-4);
+    assert_eq!((fitted.pairs, fitted.held_out), (900, 100));
+    assert!((0.2..0.8).contains(&fitted.spread), "{}", fitted.spread);
+    // Of pairs with noise it stays at that of the noise, and says so for pairs that it has not seen.
+    let noise = 1e-5;
+    let mut stream = Stream::new(3, "noise");
+    let of = pairs_of(1, 1000, kicked);
+    let output = of.output().iter().map(|v| v + stream.uniform(-noise, noise)).collect();
+    let noisy = Pairs::new("pairs", 1, of.input().to_vec(), output).expect("pairs");
+    let fitted = run(&fit, noisy.clone());
+    let (chosen, last) = (fitted.chosen(), fitted.trials.last().expect("trials"));
+    assert!((4..8).contains(&chosen.degree), "{}", chosen.degree);
+    assert_eq!(last.degree, chosen.degree + PolynomialFit::PATIENCE);
+    // The root mean square of two uniform numbers.
+    let expected = noise * (2.0_f64 / 3.0).sqrt();
+    let ratio = chosen.held_out.expect("held out") / expected;
+    assert!((0.8..1.25).contains(&ratio), "{ratio}");
+    // Another choice of held-out pairs, and the same one.
+    let other = run(&PolynomialFit { seed: 1, ..fit.clone() }, noisy.clone());
+    assert!(other.chosen().held_out != chosen.held_out);
+    assert_eq!(run(&fit, noisy).chosen(), chosen);
+    // Few pairs end the search.
+    let few = run(&fit, pairs_of(1, 40, kicked));
+    let trial = few.trials.last().expect("trials");
+    assert!(trial.parameters * 2 <= 72 && few.trials.len() < 8, "{}", few.trials.len());
+}
+
+#[test]
+fn a_degree_is_taken_as_it_is_given() {
+    let fit = PolynomialFit { degree: Some(4), validation: 0.0, ..PolynomialFit::default() };
+    let pairs = pairs_of(2, 400, kicked);
+    let fitted = run(&fit, pairs.clone());
+    let plain = SymplecticPolynomial::fit(&pairs, 4).expect("a map");
+    assert_eq!(fitted.map.map().coefficients(), plain.coefficients());
+    assert_eq!((fitted.trials.len(), fitted.held_out), (1, 0));
+    assert_eq!(fitted.chosen().error, plain.error_on(&pairs));
+    assert_eq!(fitted.digest, pairs.digest());
+    let symmetries = Symmetries { reversor: Some(Reversor::Momenta), mirrored: vec![2] };
+    let even = run(&PolynomialFit { symmetries, ..fit }, pairs.clone());
+    assert!(even.chosen().parameters < 25 && fitted.chosen().parameters == 69);
+    assert!(even.chosen().error < 1.5 * fitted.chosen().error);
+}
+
+#[test]
+fn pairs_of_no_symplectic_map_are_said() {
+    let said = |pairs: Pairs, symmetries: Symmetries| {
+        let fit = PolynomialFit { degree: Some(4), symmetries, ..PolynomialFit::default() };
+        run(&fit, pairs).notes.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    let none = Symmetries::default();
+    let of = |reversor| Symmetries { reversor: Some(reversor), ..none.clone() };
+    let rubbed = |z: &mut [f64]| {
+        kicked(z);
+        z[1] *= 0.99;
+    };
+    let notes = said(pairs_of(1, 800, rubbed), none.clone());
+    assert!(notes.len() == 1 && notes[0].contains("dq∧dp by 1.0e-2"), "{notes:?}");
+    let notes = said(pairs_of(1, 800, kicked), none.clone());
+    assert!(notes.len() == 1 && notes[0].contains("half the coefficients"), "{notes:?}");
+    let fit = PolynomialFit { degree: Some(4), ..PolynomialFit::default() };
+    let notes = run(&fit, pairs_of(1, 800, kicked)).notes;
+    assert!(
+        matches!(&notes[..], [FitNote::Reversal(defect)] if defect.reversor == Reversor::Momenta)
+    );
+    assert!(said(pairs_of(1, 800, kicked), of(Reversor::Momenta)).is_empty());
+    let notes = said(pairs_of(1, 800, kicked), of(Reversor::Positions));
+    assert!(notes.len() == 1 && notes[0].contains("right reflection"), "{notes:?}");
+}
+
+#[test]
+fn fits_that_cannot_be_are_refused() {
+    let pairs = || pairs_of(1, 100, kicked);
+    let refused = |fit: &PolynomialFit, pairs: Pairs| {
+        let mut go_on = |_: &PolynomialTrial| Ok(Control::Continue);
+        fit.run(pairs, &mut go_on).expect_err("refused").to_string()
+    };
+    let fit = PolynomialFit::default;
+    for validation in [-0.1, 1.0, f64::NAN] {
+        let message = refused(&PolynomialFit { validation, ..fit() }, pairs());
+        assert!(message.contains("validation"), "{message}");
+    }
+    let message = refused(&PolynomialFit { validation: 0.0, ..fit() }, pairs());
+    assert!(message.contains("choose the degree"), "{message}");
+    for degree in [1, 50, usize::MAX] {
+        let message = refused(&PolynomialFit { degree: Some(degree), ..fit() }, pairs());
+        assert!(message.contains("degree of a generating function"), "{message}");
+    }
+    assert!(refused(&fit(), pairs_of(1, 5, kicked)).contains("degree of a generating function"));
+    let mirrored = Symmetries { mirrored: vec![2], ..Symmetries::default() };
+    let message = refused(&PolynomialFit { symmetries: mirrored, ..fit() }, pairs());
+    assert!(message.contains("mirrored plane"), "{message}");
+    let mut calls = 0;
+    let stopped = fit().run(pairs(), &mut |_| {
+        calls += 1;
+        Ok(if calls < 3 { Control::Continue } else { Control::Interrupt })
+    });
+    assert!(matches!(stopped, Err(Error::Stopped { .. })) && calls == 3);
+}
+
+/// Steps with one and with several iterations of Newton's method are certified, and none of the laws is vacuous.
+#[test]
+fn polynomials_are_certified_and_their_mutants_rejected() {
+    let options = CertificateOptions { samples: 60, ..CertificateOptions::default() };
+    let both = Symmetries { reversor: Some(Reversor::Momenta), mirrored: vec![2] };
+    let none = Symmetries::default();
+    let mut iterations = Vec::new();
+    for (dof, degree, symmetries) in
+        [(1, 4, &none), (1, 12, &none), (2, 3, &none), (2, 7, &none), (2, 6, &both), (3, 3, &none)]
+    {
+        let pairs = pairs_of(dof, 1500, kicked);
+        let map = SymplecticPolynomial::fit_symmetric(&pairs, degree, symmetries).expect("a map");
+        iterations.push(map.iterations());
+        for map in [&map, &map.inverted()] {
+            let certificate = certify_polynomial(map, options).expect("a box");
+            assert!(certificate.holds(), "{dof} {degree} {}", certificate.summary());
+            let laws: Vec<&str> = certificate.rows.iter().map(|row| &*row.law).collect();
+            let is_there = laws.iter().any(|law| law.contains("reversib"));
+            assert_eq!(is_there, symmetries.reversor.is_some(), "{laws:?}");
+            assert!(certificate.sampled_box().contains(" × "), "{}", certificate.sampled_box());
+        }
+    }
+    iterations.sort_unstable();
+    assert!(iterations[0] == 1 && iterations[iterations.len() - 1] >= 2, "{iterations:?}");
+    let map = SymplecticPolynomial::fit(&pairs_of(2, 1500, kicked), 6).expect("a map");
+    let domain = vec![Coordinate::Between(-0.2, 0.2); 4];
+    let rejects = |mutant: Mutant<'_>, law: &str| {
+        let map = WithDomain::new(OneStep(mutant), domain.clone()).expect("a domain");
+        let certificate = certify_map(&map, options);
+        let violated =
+            |row: &&gyroceptron::measure::certificate::Row| row.verdict == Verdict::Violated;
+        let laws: Vec<&str> =
+            certificate.rows.iter().filter(violated).map(|row| &*row.law).collect();
+        assert!(laws.iter().any(|found| found.contains(law)), "{law}: {laws:?}");
+    };
+    rejects(Mutant { map: &map, friction: 1e-12, has_wrong_inverse: false }, "symplecticity");
+    rejects(Mutant { map: &map, friction: 0.0, has_wrong_inverse: true }, "inversion");
+}
+
+/// A polynomial with friction after each step, or with the map itself, of a reflected point, in place of its inverse.
+struct Mutant<'a> {
+    map: &'a SymplecticPolynomial,
+    friction: f64,
+    has_wrong_inverse: bool,
+}
+
+impl<S: Scalar + Over<f64>> Map<S> for Mutant<'_> {
+    fn dof(&self) -> usize {
+        Map::<S>::dof(self.map)
+    }
+    fn forward(&self, z: &mut [S]) {
+        self.map.forward(z);
+        z[3] = z[3].times(1.0 - self.friction);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        if self.has_wrong_inverse {
+            // The momenta of a reversible map, but for a small part.
+            z[2] = -z[2];
+            z[3] = -z[3];
+            self.map.forward(z);
+            z[2] = -z[2];
+            z[3] = z[3].times(-1.0 - 1e-12);
+        } else {
+            z[3] = z[3].times(1.0 / (1.0 - self.friction));
+            self.map.inverse(z);
+        }
+    }
+}
