@@ -1097,11 +1097,12 @@ fn polynomials_come_back_from_their_files() {
         assert_eq!(&polynomial_text(&read).expect("text"), text, "byte {at}");
     }
     type Change = fn(&mut serde_json::Value);
-    let changes: [(&str, Change); 19] = [
+    let changes: [(&str, Change); 22] = [
         ("digest", |of| of["map"]["coefficients"][3] = 0.5.into()),
         ("dof", |of| of["map"]["dof"] = 0.into()),
         ("dof", |of| of["map"]["dof"] = 5.into()),
-        ("from", |of| of["map"]["dof"] = 2.into()),
+        ("region", |of| of["map"]["dof"] = 2.into()),
+        ("from", |of| of["map"]["frame"]["from"] = serde_json::json!([0.0])),
         ("iterations", |of| of["map"]["forward"]["iterations"] = 0.into()),
         ("iterations", |of| of["map"]["backward"]["iterations"] = 10_000_000.into()),
         ("symplectic matrix", |of| of["map"]["frame"]["exit"][1] = 0.7.into()),
@@ -1121,7 +1122,9 @@ fn polynomials_come_back_from_their_files() {
         ("degree", |of| of["map"]["basis"]["degree"] = u64::MAX.into()),
         ("even", |of| of["map"]["basis"]["even"] = serde_json::json!([[0, 2]])),
         ("coordinates that are even", |of| of["map"]["basis"]["even"] = serde_json::json!([[]])),
-        ("coefficients", |of| of["map"]["basis"]["even"] = serde_json::json!([])),
+        ("of these symmetries", |of| of["map"]["basis"]["even"] = serde_json::json!([])),
+        ("of these symmetries", |of| of["map"]["symmetries"]["mirrored"] = serde_json::json!([1])),
+        ("mirrored plane", |of| of["map"]["symmetries"]["mirrored"] = serde_json::json!([2])),
         ("factor", |of| of["map"]["basis"]["factors"][0] = 0.0.into()),
         ("region", |of| of["region"]["low"][0] = 9.0.into()),
     ];
