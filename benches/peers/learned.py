@@ -17,12 +17,14 @@ optimiser (Levenberg-Marquardt) with as many parameters or more:
   von Toussaint (doi:10.1063/5.0048129), and that of the midpoint; hyperparameters by L-BFGS from three starts.
 
 The rotation is that of the limit; on field lines, where it depends on the radius, a polynomial of the action that is
-fitted to the angles of the pairs, as in the program. All rivals are given it.
+fitted to the angles of the pairs, as in the program. All rivals are given it. Implicit steps take as many iterations
+as their pairs need.
 
-Errors are root mean squares; times of a step are of 64 trajectories together on one core, training of two cores.
+Errors are root mean squares; times of a step are of 64 trajectories together on one core, training of all cores.
 """
 
 import argparse
+import contextlib
 import json
 import os
 import pathlib
@@ -89,6 +91,9 @@ class Oscillators:
     def pairs(self, np):
         return self.points, self.flow(np, self.points)
 
+    def fit_twist(self, np, inputs, outputs):
+        """The rotation is known."""
+
 
 class FieldLines:
     """H = iota (r^2/2 - r^4/4)(1 + eps cos(2 phi - 3 theta)) around a circular axis, a turn."""
@@ -111,13 +116,12 @@ class FieldLines:
         for _ in range(94):
             orbits.append(self.flow(np, orbits[-1]))
         self.orbits = np.array(orbits)
-        self.twist = self.fitted_twist(np)
         radii = np.linspace(0.15, 0.85, 16)
         self.initial = np.repeat(self.canonical(np, np.stack([radii, 0 * radii], axis=1)), 4, axis=0)
 
-    def fitted_twist(self, np):
+    def fit_twist(self, np, inputs, outputs):
         """The angle of a turn as a polynomial of the action, highest power first; angles are followed outwards."""
-        (before, action), (after, _) = (self.angle_and_action(np, z) for z in self.pairs(np))
+        (before, action), (after, _) = (self.angle_and_action(np, z) for z in (inputs, outputs))
         order = np.argsort(action)
         gone, action = np.mod(after - before, 2 * np.pi)[order], action[order]
         # That of the innermost pairs is within half a turn of the rotation at the axis.
@@ -126,7 +130,7 @@ class FieldLines:
             gone[k] += 2 * np.pi * np.round((mean - gone[k]) / (2 * np.pi))
             mean = 0.98 * mean + 0.02 * gone[k]
         fitted = np.polynomial.Chebyshev.fit(action, gone, 10)
-        return fitted.convert(kind=np.polynomial.Polynomial).coef[::-1]
+        self.twist = fitted.convert(kind=np.polynomial.Polynomial).coef[::-1]
 
     @staticmethod
     def angle_and_action(np, z):
@@ -262,7 +266,13 @@ class Learned:
                 k4 = self.network(flat, w + h * k3)
                 w = w + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
             return turned(w, 1.0)
-        return between_half_rotations(self.jnp, self.case, lambda w: self.field(flat, w), z)
+        return between_half_rotations(self.jnp, self.case, lambda w: self.field(flat, w), z, self.iterations)
+
+    def settle(self, points):
+        """Takes as many iterations in each step as these points need."""
+        if self.kind == "generating":
+            field = lambda w: self.field(self.flat, w)
+            self.iterations = iterations_needed(self.jnp, self.case, field, points)
 
     def residual(self, flat, z, target):
         if self.kind != "generating":
@@ -272,16 +282,31 @@ class Learned:
         return moved - w - self.field(flat, 0.5 * (w + moved))
 
 
-ITERATIONS_OF_IMPLICIT = 30
+# The last change of an implicit step; and the most iterations.
+LAST_CHANGE, MOST_ITERATIONS = 1e-13, 100
 
 
-def between_half_rotations(jnp, case, field, z):
+def between_half_rotations(jnp, case, field, z, iterations):
     """w' = w + Omega grad S((w + w')/2) between two half rotations, by iterations to rounding."""
     w = case.turned(jnp, z, 0.5)
     moved = w
-    for _ in range(ITERATIONS_OF_IMPLICIT):
+    for _ in range(iterations):
         moved = w + field(0.5 * (w + moved))
     return case.turned(jnp, moved, 0.5)
+
+
+def iterations_needed(jnp, case, field, points):
+    """How many iterations bring the last change of all these points below LAST_CHANGE."""
+    import jax
+
+    w = jax.vmap(lambda z: case.turned(jnp, z, 0.5))(jnp.asarray(points))
+    fields = jax.jit(jax.vmap(field))
+    moved = w
+    for count in range(1, MOST_ITERATIONS + 1):
+        before, moved = moved, w + fields(0.5 * (w + moved))
+        if float(jnp.abs(moved - before).max()) <= LAST_CHANGE:
+            return count
+    return MOST_ITERATIONS
 
 
 def levenberg_marquardt(model, inputs, outputs, iterations):
@@ -290,10 +315,9 @@ def levenberg_marquardt(model, inputs, outputs, iterations):
     import jax.numpy as jnp
     import jax.scipy.linalg as linalg
 
-    chunk = 500
-    used = len(inputs) // chunk * chunk
-    parts = jnp.asarray(inputs[:used].reshape(-1, chunk, inputs.shape[1]))
-    targets = jnp.asarray(outputs[:used].reshape(-1, chunk, inputs.shape[1]))
+    chunk = max(size for size in range(1, 501) if len(inputs) % size == 0)
+    parts = jnp.asarray(inputs.reshape(-1, chunk, inputs.shape[1]))
+    targets = jnp.asarray(outputs.reshape(-1, chunk, inputs.shape[1]))
     one = jax.vmap(model.residual, in_axes=(None, 0, 0))
     slopes = jax.vmap(jax.jacrev(model.residual), in_axes=(None, 0, 0))
 
@@ -329,6 +353,27 @@ def levenberg_marquardt(model, inputs, outputs, iterations):
         else:
             break
     model.flat = flat
+
+
+@contextlib.contextmanager
+def one_core():
+    """All threads of the process on one core, where the system can do that."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    threads = {int(thread): os.sched_getaffinity(int(thread)) for thread in os.listdir("/proc/self/task")}
+
+    def settle(of):
+        for thread in threads:
+            with contextlib.suppress(ProcessLookupError):
+                os.sched_setaffinity(thread, of(thread))
+
+    first = min(threads[os.getpid()])
+    settle(lambda _: {first})
+    try:
+        yield
+    finally:
+        settle(lambda thread: threads[thread])
 
 
 def rms(np, difference):
@@ -442,27 +487,51 @@ class GaussianProcess:
             in_axes=(None, 0, 0),
         )
         self.slope = jax.grad(lambda x: each(x, self.places, self.weights).sum())
+        if kind == "midpoint":
+            self.iterations = iterations_needed(jnp, case, self.field, inputs)
+        else:
+            self.iterations = self.newton_needed(inputs)
 
-    def step(self, z):
-        """One point."""
+    def field(self, w):
+        """Omega times the gradient of the generating function of the midpoint."""
+        by_q, by_p = self.slope(w)
+        return self.jnp.stack([by_p, -by_q])
+
+    def newton(self, z, iterations):
+        """The angle q, the new action P of q and p, and the last change of Newton's method."""
         import jax
 
         jnp = self.jnp
-        if self.kind == "midpoint":
-            def field(w):
-                by_q, by_p = self.slope(w)
-                return jnp.stack([by_p, -by_q])
-
-            return between_half_rotations(jnp, self.case, field, z)
         q, p = jnp.arctan2(z[0], z[1]), 0.5 * (z**2).sum()
 
         def off(new):
             return new + self.slope(jnp.stack([q, new]))[0] - p
 
-        new = p
-        for _ in range(8):
+        new, change = p, 0.0
+        for _ in range(iterations):
             value, slope = jax.jvp(off, (new,), (jnp.ones(()),))
-            new = jnp.clip(new - value / slope, 1e-6, 0.6)
+            before, new = new, jnp.clip(new - value / slope, 1e-6, 0.6)
+            change = jnp.abs(new - before)
+        return q, new, change
+
+    def newton_needed(self, points):
+        """How many iterations bring the last change of nearly all these points below LAST_CHANGE."""
+        import jax
+
+        points = self.jnp.asarray(points)
+        for count in range(1, 9):
+            changes = jax.jit(jax.vmap(lambda z, count=count: self.newton(z, count)[2]))(points)
+            # Across the section there may be no solution for some.
+            if float(self.jnp.quantile(changes, 0.99)) <= LAST_CHANGE:
+                return count
+        return 8
+
+    def step(self, z):
+        """One point."""
+        jnp = self.jnp
+        if self.kind == "midpoint":
+            return between_half_rotations(jnp, self.case, self.field, z, self.iterations)
+        q, new, _ = self.newton(z, self.iterations)
         moved = q + self.slope(jnp.stack([q, new]))[1] + jnp.polyval(jnp.asarray(self.case.twist), new)
         r = jnp.sqrt(2 * new)
         return jnp.stack([r * jnp.sin(moved), r * jnp.cos(moved)])
@@ -515,6 +584,7 @@ def run(case, options, np):
     order = np.random.default_rng(2).permutation(len(inputs))
     inputs, outputs = inputs[order], outputs[order]
     held = len(inputs) // 10
+    case.fit_twist(np, inputs[held:], outputs[held:])
     np.savez(folder / "pairs.npz", input=inputs[held:], output=outputs[held:])
     np.save(folder / "held-out.npy", inputs[:held])
     np.save(folder / "initial.npy", case.initial)
@@ -553,8 +623,9 @@ def run(case, options, np):
 
         begins = jnp.asarray(case.initial)
         compiled = jax.jit(lambda z: jax.lax.scan(body, z, None, length=count)[1]).lower(begins).compile()
-        start = time.perf_counter()
-        found = compiled(begins).block_until_ready()
+        with one_core():
+            start = time.perf_counter()
+            found = compiled(begins).block_until_ready()
         micro = 1e6 * (time.perf_counter() - start) / (count * 64)
         orbits = np.concatenate([case.initial[None], np.asarray(found)])
         row(name, parameters, np.asarray(jax.jit(steps)(jnp.asarray(inputs[:held]))), orbits, seconds, micro)
@@ -569,6 +640,7 @@ def run(case, options, np):
             iterations = options.iterations // 4 if kind == "field" else options.iterations
             levenberg_marquardt(model, inputs[held:], outputs[held:], iterations)
             seconds = time.perf_counter() - start
+            model.settle(inputs[held:])
             followed(f"{name} (JAX), seed {seed}", len(model.flat), lambda z: model.step(model.flat, z), seconds)
 
     if case.dof == 1:

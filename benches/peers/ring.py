@@ -7,14 +7,15 @@
 Makes a virtual environment of its own in target/peers (accelerator-toolbox, NumPy and SciPy from PyPI, and this package
 as it stands), takes the hybrid multi-bend cell that accelerator-toolbox ships, 32 of which are a ring of 844 m, and lets
 `gyroceptron.train` learn the map of a cell in the two transverse planes from pairs that tracking makes: x, y, p_x, p_y on
-momentum in a ball of the normalised coordinates, of 11 mm along x. Beside it polynomials of least squares on the same
-pairs, and maps that are symplectic by a polynomial generating function. Compared are a cell of pairs that none has
+momentum in a ball of the normalised coordinates, of 11 mm along x, denser towards its middle. Beside it polynomials of
+least squares on the same pairs, and maps that are symplectic by a polynomial generating function, without and with the
+mirror symmetry of the midplane. Compared are a cell of pairs that none has
 seen, tunes with amplitude, the dynamic aperture by angle, and the time of a turn of one thread. Then a family: the
 cell at relative momenta that are a control of the map, its error between them, and the chromaticities. Then a
 frequency map: a scene on the pairs of the cell, tunes and their changes over a grid of particles, and the same by
 tracking.
 
-Tracking takes most of the time: seven minutes for 300 turns of 1,430 particles.
+Tracking takes most of the time: eight minutes of one core for 300 turns of 1,430 particles.
 """
 
 import argparse
@@ -75,17 +76,30 @@ class Cell:
             states.append(columns(z))
         return np.array(states)
 
-    def ball(self, count, seed, radius=RADIUS):
-        """Points that are uniform in a ball of the normalised coordinates."""
+    def ball(self, count, seed, radius=RADIUS, power=0.25):
+        """Points in a ball of the normalised coordinates: uniform, or with other radii r, of which r^(1/power) is."""
         g = np.random.default_rng(seed)
         v = g.normal(size=(count, 4))
-        v *= radius / np.sqrt(self.beta[0]) * g.uniform(size=(count, 1)) ** 0.25 / np.linalg.norm(v, axis=1)[:, None]
+        v *= radius / np.sqrt(self.beta[0]) * g.uniform(size=(count, 1)) ** power / np.linalg.norm(v, axis=1)[:, None]
         return v * np.concatenate([np.sqrt(self.beta), 1 / np.sqrt(self.beta)])
 
     def distance(self, a, b):
         """Root mean square distance in the normalised coordinates, in metres of x."""
         apart = (a - b) / np.concatenate([np.sqrt(self.beta), 1 / np.sqrt(self.beta)])
         return np.sqrt((apart**2).sum(axis=1).mean() * self.beta[0])
+
+    def form_defect(self, x):
+        """The largest entry of the matrix that J^T Omega J misses, in normalised coordinates, at x and a third of it in
+        y: by differences of order eight."""
+        weights = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
+        units = np.concatenate([np.sqrt(self.beta), 1 / np.sqrt(self.beta)])
+        steps = 4e-5 * units / units[0]
+        ways = np.concatenate([np.arange(1, 5), -np.arange(1, 5)])
+        points = np.array([x, x / 3, 0, 0]) + ways[:, None, None] * np.diag(steps)
+        image = self.track(points.reshape(-1, 4)).reshape(points.shape)
+        slopes = np.tensordot(weights, image[:4] - image[4:], 1).T / steps
+        form = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.eye(2), np.zeros((2, 2))]])
+        return np.abs((slopes.T @ form @ slopes - form) * np.outer(units, units)).max()
 
     def rays(self, count):
         """Points along rays in the plane of x and y, of as many radii; the radii."""
@@ -138,7 +152,7 @@ def aperture(survived, steps, radii):
 def on_momentum(cell, options):
     starts = 1 if options.short else 3
     network = dict(kicks=(8, 4, 8), twists=(1, 8, 5), perturbation=(10, 4, 8), starts=starts, validation=0.1)
-    before = cell.ball(options.pairs, 1)
+    before = cell.ball(options.pairs, 1, power=0.5)
     after, making = seconds(lambda: cell.track(before))
     unseen = cell.ball(2000, 2)
     truth = cell.track(unseen)
@@ -147,10 +161,13 @@ def on_momentum(cell, options):
     )
     print(f"{len(before)} pairs in {making:.1f} s, training in {training:.1f} s", flush=True)
     maps = [("map of jolts", len(model.parameters), model)]
-    for degree in [5, 7] if options.short else [5, 7, 9, 11]:
-        one, fitting = seconds(lambda degree=degree: gyroceptron.SymplecticPolynomial(before, after, degree))
-        print(f"symplectic polynomial of degree {degree} in {fitting:.1f} s", flush=True)
-        maps.append((f"symplectic polynomial of degree {degree}", len(one.parameters), one))
+    plain, mirrored = ([5], [7]) if options.short else ([7, 11], [7, 9, 11, 13, 15])
+    for degree, planes in [(degree, []) for degree in plain] + [(degree, [2]) for degree in mirrored]:
+        fit = lambda: gyroceptron.SymplecticPolynomial(before, after, degree, mirrored=planes)  # noqa: B023, E731
+        one, fitting = seconds(fit)
+        name = f"{'mirrored' if planes else 'symplectic'} polynomial of degree {degree}"
+        print(f"{name} in {fitting:.1f} s", flush=True)
+        maps.append((name, len(one.parameters), one))
     polynomials = [Polynomial(degree, before, after) for degree in ([4, 6] if options.short else [4, 6, 8, 10])]
     maps += [(f"polynomial of degree {one.degree}", one.coefficients.size, one) for one in polynomials]
     points, radii = cell.rays(options.rays)
@@ -161,7 +178,7 @@ def on_momentum(cell, options):
     # A fifth of the aperture and more, along x with a little y.
     starts = np.array([[part * RADIUS, 0.1 * part * RADIUS, 0, 0] for part in (0.02, 0.1, 0.2, 0.3, 0.4, 0.5)])
     count = 512 if options.short else 1024
-    tunes, _ = gyroceptron.tunes(cell.track(starts, CELLS * count, every=CELLS))
+    tunes, changes = gyroceptron.tunes(cell.track(starts, CELLS * count, every=CELLS))
     rows = []
     together = np.repeat(starts[:2], 32, axis=0)
     turn = {}
@@ -194,18 +211,23 @@ def on_momentum(cell, options):
         change = np.abs(found / own - 1)
         row += [f"{100 * change.mean():.1f} %, {100 * change.max():.1f} %", f"{spent:.1f} s", f"{tracking / spent:.0f} ×"]
         rows.append([*row, f"{1e6 * turn[name]:.2f} µs" if name in turn else ""])
-    rows.append(["tracking", "", "", "", f"{1e3 * own.min():.2f} … {1e3 * own.max():.2f} mm", f"{tracking:.0f} s", "", ""])
+    own_changes = ", ".join(f"{v:.1e}" for v in np.abs(changes).max(axis=1))
+    bounds = f"{1e3 * own.min():.2f} … {1e3 * own.max():.2f} mm"
+    rows.append(["tracking: from the first half of the turns to the second", "", "", own_changes, bounds, f"{tracking:.0f} s", "", ""])
     head = ["", "numbers", "a cell, rms", "tunes differ at 0.2, 1.1, 2.2, 3.3, 4.4 and 5.5 mm by"]
     head += [f"aperture of {options.turns} turns, mean and largest", "time", "as fast", "a turn of one of 64"]
     table(head, rows)
     _, of_ring = seconds(lambda: cell.track(together, CELLS * 20))
-    own_turn, of_ring = turn["map of jolts"], of_ring / (64 * 20)
+    of_map, of_ring = turn["map of jolts"], of_ring / (64 * 20)
     print(
-        f"a turn of one of 64 particles, one thread: {1e6 * own_turn:.2f} µs by the map, {1e6 * of_ring:.0f} µs by "
-        f"tracking, {of_ring / own_turn:.0f} times as long; data and training pay after "
+        f"a turn of one of 64 particles, one thread: {1e6 * of_map:.2f} µs by the map of jolts, {1e6 * of_ring:.0f} µs by "
+        f"tracking, {of_ring / of_map:.0f} times as long; data and training pay after "
         f"{(making + training) / of_ring:.0f} turns of particles\n",
         flush=True,
     )
+    print("Jacobians of tracking through a cell, by differences, are symplectic to")
+    amplitudes = (1.1, 2.2, 3.3, 4.4, 5.5)
+    print(", ".join(f"{cell.form_defect(1e-3 * a):.1e} at {a} mm" for a in amplitudes) + "\n", flush=True)
 
 
 def off_momentum(cell, options):

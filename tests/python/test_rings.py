@@ -113,7 +113,26 @@ def test_a_symplectic_polynomial_is_fitted_without_training(model):
     back = mirror * even.predict(mirror * even.predict(z, outside="ignore")[1], outside="ignore")[1]
     assert np.abs(back - z).max() < 1e-13
     assert gyroceptron.SymplecticPolynomial(z, henon(z), 3, reversor="momenta").error(z, henon(z)) > 1e-3
+    # The inverse, as a step back and by itself.
+    ends = own.predict(starts, 20, 20)[1]
+    assert np.abs(own.predict(ends, -20, 20)[1] - starts).max() < 1e-13
+    assert np.abs(own.inverse(own.predict(z, outside="ignore")[1]) - z).max() < 1e-14
+    # A kick by the cube of each q changes its sign with all coordinates, and so does the whole map.
+    odd = lambda z: turned(z - [0, 0, 0.1, 0.2] * z[..., [0, 1, 0, 1]] ** 3, np.array([TURNS, 0.31]))  # noqa: E731
+    mirrored = gyroceptron.SymplecticPolynomial(z, odd(z), 4, mirrored=[1, 2])
+    assert len(mirrored.parameters) == 45 and mirrored.error(z, odd(z)) < 1e-14
+    assert np.abs(mirrored.predict(-z)[1] + mirrored.predict(z)[1]).max() < 1e-14
+    # Without a degree one is found on held-out pairs, as by the program.
+    found = gyroceptron.SymplecticPolynomial(z, henon(z))
+    assert found.degree == 3 and found.error(z, henon(z)) < 1e-14
+    for polynomial in [own, even, mirrored]:
+        certificate = polynomial.verify(samples=20)
+        assert certificate.holds, certificate.summary
+    with pytest.warns(UserWarning, match="do not keep"):
+        gyroceptron.SymplecticPolynomial(z, henon(z) * [1, 1, 1, 0.999], validation=0.2, seed=3)
     for asked, words in [
+        (lambda: gyroceptron.SymplecticPolynomial(z, henon(z), 3, mirrored=[3]), "mirrored plane"),
+        (lambda: gyroceptron.SymplecticPolynomial(z, henon(z), validation=0.0), "choose the degree"),
         (lambda: gyroceptron.SymplecticPolynomial(z, henon(z), 3, reversor="both"), "reversor"),
         (lambda: gyroceptron.SymplecticPolynomial(z[:20], henon(z)[:20], 8), "degree of a generating function"),
         (lambda: gyroceptron.SymplecticPolynomial(z, henon(z)[:-1], 3), "600"),
