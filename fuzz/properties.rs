@@ -295,7 +295,8 @@ pub fn model(data: &[u8]) -> Result<Outcome, String> {
     let u = &mut Unstructured::new(data);
     if data.first().is_some_and(|b| b.is_ascii()) {
         if let Ok(read) = parse_polynomial("map.json", data) {
-            let _ = read.with_jacobian(&vec![0.1; 2 * read.map().dof()]);
+            let point = vec![0.1; 2 * read.map.map().dof()];
+            let _ = (read.map.with_jacobian(&point), read.map.inverted().with_jacobian(&point));
             let text = polynomial_text(&read).map_err(|e| e.to_string())?;
             let again = parse_polynomial("map.json", text.as_bytes()).map_err(|e| e.to_string())?;
             let same = polynomial_text(&again).map_err(|e| e.to_string())? == text;

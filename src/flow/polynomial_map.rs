@@ -206,7 +206,8 @@ pub struct FormDefect {
     /// The median over points of the largest entry of |JᵀΩJ − Ω|, with J the Jacobian of the fit; for one degree of
     /// freedom this is |det J − 1|.
     pub median: f64,
-    /// The same median for the difference of two fits, of this degree and of two less: it limits what is resolved.
+    /// The same median for the difference of two fits, of this degree and of two less or more: it limits what is
+    /// resolved.
     pub resolution: f64,
     /// The degree of the fit.
     pub degree: usize,
@@ -233,11 +234,19 @@ impl TwoFits {
         let most = (1..=MOST_DEGREE).take_while(small).last()?;
         let pairs = pairs.thinned(PAIRS);
         let (best, _) = PolynomialMap::fit_best(&pairs, most).ok()?;
-        let other = PolynomialMap::fit(&pairs, best.degree().checked_sub(2)?.max(1)).ok()?;
+        // Below a low degree that is that of the map there is nothing that is near it.
+        const LOW: usize = 4;
+        let degree = best.degree();
+        let higher = (degree < LOW).then(|| PolynomialMap::fit(&pairs, degree + 2).ok()).flatten();
+        let other = match higher {
+            Some(other) => other,
+            None => PolynomialMap::fit(&pairs, degree.checked_sub(2)?.max(1)).ok()?,
+        };
         Some(Self { best, other })
     }
 
-    /// The fit of the least error, and one of two degrees less.
+    /// The fit of the least error, and one of two degrees less, or of two more where its degree is below four and the
+    /// pairs suffice.
     pub fn maps(&self) -> [&PolynomialMap; 2] {
         [&self.best, &self.other]
     }

@@ -7,6 +7,7 @@
 //! | the program: training on your pairs, predictions, scenes, file formats | [`program`] |
 //! | the module for Python | [`python`] |
 //! | which options to choose | [`choosing`] |
+//! | symplectic maps by least squares, without training | [`polynomials`] |
 //! | your own map under the laws, on a grid, and under fuzzing | [`own_map`] |
 //! | what holds for all weights, what does not, exact inversion on a grid | [`guarantees`] |
 //! | theorems about a model: curves that no orbit crosses | [`proofs`] |
@@ -43,7 +44,7 @@ macro_rules! chapters {
 }
 
 chapters! {
-    concepts library program python choosing own_map guarantees proofs many_machines source_code weights source
+    concepts library program python choosing polynomials own_map guarantees proofs many_machines source_code weights source
     paper long_steps family field_lines coils particle two_modes dissipation stiff noise
     invariant_worth figures
 }

@@ -3,7 +3,9 @@
 use crate::controls;
 use crate::helpers::{call, folder, last_numbers, succeeds, text, with_model, write_data};
 use crate::proofs;
-use gyroceptron::io::write_points;
+use gyroceptron::flow::Pairs;
+use gyroceptron::io::{write_pairs, write_points};
+use gyroceptron::random::Stream;
 use gyroceptron::scene::find;
 use std::path::Path;
 
@@ -120,6 +122,24 @@ fn write_machine(path: &Path) {
     succeeds(path, &train);
 }
 
+/// Pairs of a map that polynomials fit, and points.
+fn write_polynomials(path: &Path) {
+    let mut stream = Stream::new(2, "points");
+    let input: Vec<f64> = (0..1600).map(|_| stream.uniform(-0.5, 0.5)).collect();
+    let mut output = input.clone();
+    for z in output.chunks_mut(4) {
+        let kick = 0.2 * (z[0] + z[1]).sin();
+        for (k, angle) in [0.7_f64, 1.1].into_iter().enumerate() {
+            let ((s, c), q, p) = (angle.sin_cos(), z[k], z[2 + k] - kick);
+            (z[k], z[2 + k]) = (c * q + s * p, c * p - s * q);
+        }
+    }
+    let pairs = Pairs::new("pairs", 2, input.clone(), output).expect("pairs");
+    write_pairs(&path.join("pairs.npz"), &pairs).expect("written");
+    let start: Vec<f64> = input[..32].iter().map(|v| 0.02 * v).collect();
+    write_points(&path.join("z.npy"), &[8, 4], &start).expect("written");
+}
+
 #[test]
 fn the_short_commands_of_the_guide_run() {
     let guide = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/guide");
@@ -149,7 +169,8 @@ fn the_short_commands_of_the_guide_run() {
     };
     let (ran, folders) = (
         [
-            ("program", 14, &program as &dyn Fn(&Path)),
+            ("program", 15, &program as &dyn Fn(&Path)),
+            ("polynomials", 4, &write_polynomials),
             ("coils", 2, &write_machine),
             ("many_machines", 2, &z),
             ("proofs", 2, &|path| write_plane(path, "model.json")),
