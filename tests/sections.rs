@@ -885,6 +885,13 @@ fn symplectic_polynomials_are_undone_by_their_inverses() {
     let two = pairs_of(2, 2000, 0.4, kick_and_turn);
     let reversible = pairs_of(2, 2000, 0.4, half_turns_and_kick);
     let mirrored = pairs_of(2, 2000, 0.4, coupled_evenly);
+    // The same map in the coordinates (p, −q), and one of four planes.
+    let exchanged = |points: &[f64]| -> Vec<f64> {
+        points.chunks(4).flat_map(|z| [z[2], z[3], -z[0], -z[1]]).collect()
+    };
+    let [input, output] = [mirrored.input(), mirrored.output()].map(exchanged);
+    let exchanged = Pairs::new("pairs", 2, input, output).expect("pairs");
+    let four = pairs_of(4, 2000, 0.3, kick_and_turn);
     let of = |reversor, planes: &[usize]| Symmetries { reversor, mirrored: planes.to_vec() };
     let cases = [
         (&one, 12, of(None, &[])),
@@ -893,6 +900,8 @@ fn symplectic_polynomials_are_undone_by_their_inverses() {
         (&reversible, 6, of(Some(Reversor::Momenta), &[])),
         (&mirrored, 6, of(None, &[2])),
         (&mirrored, 6, of(Some(Reversor::Momenta), &[2])),
+        (&exchanged, 6, of(Some(Reversor::Positions), &[2])),
+        (&four, 3, of(None, &[])),
     ];
     for (pairs, degree, symmetries) in cases {
         let dof = pairs.dof();
@@ -919,10 +928,17 @@ fn symplectic_polynomials_are_undone_by_their_inverses() {
         }
         assert!(moved > 10.0, "{moved}");
         // A generating function that is not that of the inverse does not lead back.
-        let mut wrong = pairs.input()[..2 * dof].to_vec();
-        map.step(&mut wrong);
-        map.step(&mut wrong);
-        assert!((wrong[0] - pairs.input()[0]).abs() > 1e-3);
+        let mut wrong = serde_json::to_value(&back).expect("JSON");
+        for c in wrong["coefficients"].as_array_mut().expect("numbers") {
+            *c = (-c.as_f64().expect("a number")).into();
+        }
+        let wrong: SymplecticPolynomial = serde_json::from_value(wrong).expect("a polynomial");
+        let start = &pairs.input()[..2 * dof];
+        let mut z = start.to_vec();
+        map.step(&mut z);
+        wrong.step(&mut z);
+        let off = z.iter().zip(start).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+        assert!(off > 1e-4, "{off:e}");
     }
 }
 
@@ -952,7 +968,9 @@ fn symplectic_polynomials_have_the_same_bits_on_any_lanes() {
         let pairs = pairs_of(dof, 600, 0.4, kick_and_turn);
         let plain = SymplecticPolynomial::fit(&pairs, degree).expect("a map");
         let even = SymplecticPolynomial::fit_reversible(&pairs, degree, Reversor::Momenta);
-        for fitted in [plain, even.expect("a map")] {
+        let mirrored = Symmetries { mirrored: (1..=dof).collect(), ..Symmetries::default() };
+        let mirrored = SymplecticPolynomial::fit_symmetric(&pairs, degree, &mirrored);
+        for fitted in [plain, even.expect("a map"), mirrored.expect("a map")] {
             has_the_same_bits_on_any_lanes(&fitted, &pairs);
         }
     }
@@ -1097,11 +1115,11 @@ fn polynomials_come_back_from_their_files() {
         assert_eq!(&polynomial_text(&read).expect("text"), text, "byte {at}");
     }
     type Change = fn(&mut serde_json::Value);
-    let changes: [(&str, Change); 22] = [
+    let changes: [(&str, Change); 26] = [
         ("digest", |of| of["map"]["coefficients"][3] = 0.5.into()),
         ("dof", |of| of["map"]["dof"] = 0.into()),
         ("dof", |of| of["map"]["dof"] = 5.into()),
-        ("region", |of| of["map"]["dof"] = 2.into()),
+        ("from", |of| of["map"]["dof"] = 2.into()),
         ("from", |of| of["map"]["frame"]["from"] = serde_json::json!([0.0])),
         ("iterations", |of| of["map"]["forward"]["iterations"] = 0.into()),
         ("iterations", |of| of["map"]["backward"]["iterations"] = 10_000_000.into()),
@@ -1122,6 +1140,12 @@ fn polynomials_come_back_from_their_files() {
         ("degree", |of| of["map"]["basis"]["degree"] = u64::MAX.into()),
         ("even", |of| of["map"]["basis"]["even"] = serde_json::json!([[0, 2]])),
         ("coordinates that are even", |of| of["map"]["basis"]["even"] = serde_json::json!([[]])),
+        ("box that is not about 0", |of| of["map"]["basis"]["centre"][0] = 0.1.into()),
+        ("off the reflection", |of| of["map"]["frame"]["from"][0] = 0.1.into()),
+        ("off the reflection", |of| of["map"]["frame"]["to"][1] = 0.1.into()),
+        ("reflection does not exchange", |of| {
+            of["map"]["frame"]["exit"] = serde_json::json!([1.0, 0.0, 0.0, 1.0]);
+        }),
         ("of these symmetries", |of| of["map"]["basis"]["even"] = serde_json::json!([])),
         ("of these symmetries", |of| of["map"]["symmetries"]["mirrored"] = serde_json::json!([1])),
         ("mirrored plane", |of| of["map"]["symmetries"]["mirrored"] = serde_json::json!([2])),

@@ -56,12 +56,14 @@ fn degrees_are_raised_until_the_error_falls_no_more() {
     });
     let fitted = fitted.expect("a map");
     assert_eq!(seen, fitted.trials);
+    // Each coefficient is one that the last degree did not have.
+    assert!(seen.windows(2).all(|pair| pair[0].parameters < pair[1].parameters));
     let degrees: Vec<usize> = seen.iter().map(|trial| trial.degree).collect();
     assert_eq!(degrees, (2..2 + seen.len()).collect::<Vec<_>>());
     assert_eq!(fitted.chosen(), seen.last().expect("trials"));
     assert!(fitted.chosen().held_out.expect("held out") < 1e-15 && seen[0].error > 1e-4);
     assert_eq!((fitted.pairs, fitted.held_out), (900, 100));
-    assert!((0.2..0.8).contains(&fitted.spread), "{}", fitted.spread);
+    assert!(fitted.chosen().share < 2e-15 && seen[0].share > 1e-4, "{}", seen[0].share);
     // Of pairs with noise it stays at that of the noise, and says so for pairs that it has not seen.
     let noise = 1e-5;
     let mut stream = Stream::new(3, "noise");
@@ -80,6 +82,19 @@ fn degrees_are_raised_until_the_error_falls_no_more() {
     let other = run(&PolynomialFit { seed: 1, ..fit.clone() }, noisy.clone());
     assert!(other.chosen().held_out != chosen.held_out);
     assert_eq!(run(&fit, noisy).chosen(), chosen);
+    // The plane that errs most, by its own spread, is what the search goes by, however small it is.
+    let mut stream = Stream::new(8, "points");
+    let size = [1.0, 1e-4];
+    let input: Vec<f64> = (0..8000).map(|k| size[k % 2] * stream.uniform(-0.6, 0.6)).collect();
+    let mut output = input.clone();
+    for z in output.chunks_mut(4) {
+        turned(z);
+        z[2] -= 0.3 * z[0].sin();
+        z[3] -= 0.1 * size[1] * (2.0 * z[1] / size[1]).sin();
+    }
+    let uneven = Pairs::new("pairs", 2, input, output).expect("pairs");
+    let uneven = run(&PolynomialFit { validation: 0.2, ..fit.clone() }, uneven);
+    assert!(uneven.chosen().share < 1e-12, "{:e}", uneven.chosen().share);
     // Few pairs end the search.
     let few = run(&fit, pairs_of(1, 40, kicked));
     let trial = few.trials.last().expect("trials");
@@ -100,6 +115,66 @@ fn a_degree_is_taken_as_it_is_given() {
     let even = run(&PolynomialFit { symmetries, ..fit }, pairs.clone());
     assert!(even.chosen().parameters < 25 && fitted.chosen().parameters == 69);
     assert!(even.chosen().error < 1.5 * fitted.chosen().error);
+}
+
+/// The linear part of a map of a large plane and a small one is found with what each does to the other: nothing of it is
+/// left for the generating function.
+#[test]
+fn planes_of_different_sizes_are_coupled_as_they_are() {
+    for size in [1.0, 1e-3] {
+        let mut stream = Stream::new(2, "points");
+        let own = [1.0, size, 1.0, size];
+        let input: Vec<f64> = (0..4000).map(|k| own[k % 4] * stream.uniform(-1.0, 1.0)).collect();
+        let mut output = input.clone();
+        for z in output.chunks_mut(4) {
+            turned(z);
+            (z[2], z[3]) = (z[2] - 0.5 * size * z[1], z[3] - 0.5 * size * z[0]);
+            turned(z);
+        }
+        let pairs = Pairs::new("pairs", 2, input, output).expect("pairs");
+        let map = SymplecticPolynomial::fit(&pairs, 2).expect("a map");
+        let largest = map.coefficients().iter().fold(0.0_f64, |largest, c| largest.max(c.abs()));
+        assert!(largest < 1e-14, "{size} {largest:e}");
+        assert!(map.error_on(&pairs) < 1e-14);
+    }
+}
+
+/// Degrees that add no terms are passed over: of an odd map those that are odd.
+#[test]
+fn degrees_that_add_nothing_are_passed_over() {
+    let odd = |z: &mut [f64]| {
+        turned(z);
+        z[1] -= 0.4 * z[0].sin();
+        turned(z);
+    };
+    let symmetries = Symmetries { reversor: None, mirrored: vec![1] };
+    let fitted =
+        run(&PolynomialFit { symmetries, ..PolynomialFit::default() }, pairs_of(1, 600, odd));
+    let degrees: Vec<usize> = fitted.trials.iter().map(|trial| trial.degree).collect();
+    assert!(
+        degrees.starts_with(&[2, 4, 6, 8]) && degrees.iter().all(|d| d % 2 == 0),
+        "{degrees:?}"
+    );
+    assert!(fitted.chosen().share < 1e-14, "{:e}", fitted.chosen().share);
+}
+
+/// A degree whose equations cannot be solved ends the search, and what was found before stays.
+#[test]
+fn what_is_found_is_kept() {
+    let two = |z: &mut [f64]| {
+        for k in 0..2 {
+            let (s, c) = (0.4 + 0.3 * k as f64).sin_cos();
+            (z[k], z[2 + k]) = (c * z[k] + s * z[2 + k], c * z[2 + k] - s * z[k]);
+        }
+    };
+    let mut stream = Stream::new(1, "points");
+    let size = |k: usize| if k % 2 == 0 { 1.0 } else { 1e-12 };
+    let input: Vec<f64> = (0..4000).map(|k| size(k) * stream.uniform(-1.0, 1.0)).collect();
+    let mut output = input.clone();
+    output.chunks_mut(4).for_each(two);
+    let pairs = Pairs::new("pairs", 2, input, output).expect("pairs");
+    let fitted = run(&PolynomialFit::default(), pairs);
+    assert!(fitted.chosen().share < 1e-6, "{:e}", fitted.chosen().share);
 }
 
 #[test]
@@ -146,7 +221,8 @@ fn fits_that_cannot_be_are_refused() {
         let message = refused(&PolynomialFit { degree: Some(degree), ..fit() }, pairs());
         assert!(message.contains("degree of a generating function"), "{message}");
     }
-    assert!(refused(&fit(), pairs_of(1, 5, kicked)).contains("degree of a generating function"));
+    assert!(refused(&fit(), pairs_of(1, 5, kicked)).contains("more pairs"));
+    assert!(refused(&fit(), pairs_of(1, 1, kicked)).contains("0.1 of 1 pairs"));
     let mirrored = Symmetries { mirrored: vec![2], ..Symmetries::default() };
     let message = refused(&PolynomialFit { symmetries: mirrored, ..fit() }, pairs());
     assert!(message.contains("mirrored plane"), "{message}");
@@ -165,9 +241,15 @@ fn polynomials_are_certified_and_their_mutants_rejected() {
     let both = Symmetries { reversor: Some(Reversor::Momenta), mirrored: vec![2] };
     let none = Symmetries::default();
     let mut iterations = Vec::new();
-    for (dof, degree, symmetries) in
-        [(1, 4, &none), (1, 12, &none), (2, 3, &none), (2, 7, &none), (2, 6, &both), (3, 3, &none)]
-    {
+    for (dof, degree, symmetries) in [
+        (1, 4, &none),
+        (1, 12, &none),
+        (2, 3, &none),
+        (2, 7, &none),
+        (2, 6, &both),
+        (3, 3, &none),
+        (4, 2, &none),
+    ] {
         let pairs = pairs_of(dof, 1500, kicked);
         let map = SymplecticPolynomial::fit_symmetric(&pairs, degree, symmetries).expect("a map");
         iterations.push(map.iterations());
@@ -175,13 +257,43 @@ fn polynomials_are_certified_and_their_mutants_rejected() {
             let certificate = certify_polynomial(map, options).expect("a box");
             assert!(certificate.holds(), "{dof} {degree} {}", certificate.summary());
             let laws: Vec<&str> = certificate.rows.iter().map(|row| &*row.law).collect();
-            let is_there = laws.iter().any(|law| law.contains("reversib"));
-            assert_eq!(is_there, symmetries.reversor.is_some(), "{laws:?}");
+            for (law, claimed) in [
+                ("reversibility", symmetries.reversor.is_some()),
+                ("mirror", !symmetries.mirrored.is_empty()),
+            ] {
+                assert_eq!(laws.contains(&law), claimed, "{laws:?}");
+            }
             assert!(certificate.sampled_box().contains(" × "), "{}", certificate.sampled_box());
         }
     }
     iterations.sort_unstable();
     assert!(iterations[0] == 1 && iterations[iterations.len() - 1] >= 2, "{iterations:?}");
+    // Images far from where the points are, and strong shears.
+    for far in [
+        pairs_of(1, 1500, |z| (z[0], z[1]) = (z[0] + 4.0, z[1] + 3.0 - z[0].sin())),
+        pairs_of(1, 1500, |z| z[1] -= (3.0 * z[0]).sin()),
+    ] {
+        let fitted = run(&PolynomialFit::default(), far);
+        let certificate = certify_polynomial(fitted.map.map(), options).expect("points");
+        assert!(certificate.holds(), "{}", certificate.summary());
+        assert!(fitted.chosen().share < 1e-12, "{:e}", fitted.chosen().share);
+    }
+    // Symmetries that the coefficients do not have.
+    let skew = |z: &mut [f64]| {
+        kicked(z);
+        z[2] -= 0.3 * z[0] * z[1];
+        z[3] -= 0.15 * z[0] * z[0];
+    };
+    let plain = SymplecticPolynomial::fit(&pairs_of(2, 1500, skew), 4).expect("a map");
+    let mut claims = serde_json::to_value(&plain).expect("JSON");
+    claims["symmetries"] = serde_json::json!({ "reversor": "momenta", "mirrored": [2] });
+    let claims: SymplecticPolynomial = serde_json::from_value(claims).expect("a polynomial");
+    assert!(claims.check().is_err());
+    let certificate = certify_polynomial(&claims, options).expect("points");
+    for law in ["reversibility", "mirror"] {
+        let row = certificate.rows.iter().find(|row| row.law == law).expect("a row");
+        assert_eq!(row.verdict, Verdict::Violated, "{law}");
+    }
     let map = SymplecticPolynomial::fit(&pairs_of(2, 1500, kicked), 6).expect("a map");
     let domain = vec![Coordinate::Between(-0.2, 0.2); 4];
     let rejects = |mutant: Mutant<'_>, law: &str| {

@@ -183,7 +183,7 @@ pub struct Verify {
     /// Points for each model.
     #[arg(long, value_name = "N", default_value_t = 200, allow_negative_numbers = true)]
     pub samples: i64,
-    /// Points are uniform in |z_i| ≤ RADIUS.
+    /// Points are uniform in |z_i| ≤ RADIUS; of a polynomial they are among its pairs.
     #[arg(long, default_value_t = 1.6, allow_negative_numbers = true)]
     pub radius: f64,
     /// The seed of points, angles and random weights.
@@ -465,16 +465,16 @@ pub struct Fit {
     /// An .npz with `input` and `output`, both (N, 2n) float64, columns q1 … qn, p1 … pn, of one map with n ≤ 4.
     #[arg(long, value_name = "FILE.npz")]
     pub data: PathBuf,
-    /// The total degree of the generating function [default: the one of the least error on held-out pairs, of
-    /// degrees that are raised from 2 on].
+    /// The total degree of the generating function [default: raised from 2 on until the error on held-out pairs falls
+    /// no more by a tenth].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub degree: Option<i64>,
     /// The map is reversible, S∘P∘S = P⁻¹, where S changes the signs of the `positions` or of the `momenta`: about half
     /// the coefficients.
     #[arg(long, value_name = "HALF")]
     pub reversor: Option<String>,
-    /// The map commutes with the reflection of these planes, 2 being that of q2 and p2, as that of a ring does with the
-    /// one of its vertical plane where no field is skew: about half the coefficients.
+    /// The map commutes with the reflection (q, p) ↦ (−q, −p) of these planes, 2 being that of q2 and p2: about half
+    /// the coefficients. So does the map of a ring without skew fields, with its vertical plane.
     #[arg(long, value_name = "PLANE,…", value_delimiter = ',', allow_negative_numbers = true)]
     pub mirrored: Vec<i64>,
     /// Of pairs of one degree of freedom whose columns x, y have the area form ρ dx∧dy: the file of ρ, as for `train`.

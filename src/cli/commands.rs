@@ -197,6 +197,7 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
         guard_output("--report", page, arguments.overwrite, &models)?;
     }
     let (mut own_units, mut notes) = (None, Vec::new());
+    let mut coordinates = "";
     let (target, result) = match &arguments.model {
         Some(path) => match load_map(path)? {
             StoredMap::Polynomial(stored) => {
@@ -204,12 +205,18 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
                     let expected = "none: the model depends on no controls";
                     return Err(Error::invalid("--at", found, expected));
                 }
+                if stored.map.has_section() {
+                    coordinates = ", z in the canonical coordinates of its section";
+                }
                 (path.display().to_string(), certify_polynomial(stored.map.map(), options)?)
             }
             StoredMap::Network(stored) => {
                 let (stored, told) = at_controls(*stored, &arguments.at)?;
                 notes.extend(told.iter().map(ToString::to_string));
                 own_units.clone_from(&stored.units);
+                if own_units.is_some() {
+                    coordinates = ", z in the units of the network";
+                }
                 notes.extend(
                     own_invariance_fault(&stored, &options).iter().map(ToString::to_string),
                 );
@@ -255,12 +262,12 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
         }))?;
     } else {
         out(&format!(
-            "{target}: {}\nsampled: {} points each, uniform in {}, seed {}{}; other points are not tested\n{}",
+            "{target}: {}\nsampled: {} points each, {}, seed {}{}; other points are not tested\n{}",
             result.summary(),
             options.samples,
             result.sampled_box(),
             options.seed,
-            if own_units.is_some() { ", z in the units of the network" } else { "" },
+            coordinates,
             terminal::table(&certificate_table(&result.rows), width()),
         ))?;
         for line in result.advice() {

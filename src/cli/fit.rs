@@ -36,6 +36,7 @@ pub fn fit(arguments: &Fit) -> Result<Status, Error> {
     if !file.unused.is_empty() {
         line(&format!("{place}: {}", Note::Unused(&file.unused)));
     }
+    fit.symmetries.check(file.pairs.dof()).map_err(|e| e.with_place("--mirrored"))?;
     let mut observe = |trial: &PolynomialTrial| {
         line(&said(trial));
         Ok(Control::Continue)
@@ -53,7 +54,7 @@ pub fn fit(arguments: &Fit) -> Result<Status, Error> {
             "trials": fitted.trials,
             "pairs": fitted.pairs,
             "held_out": fitted.held_out,
-            "spread": fitted.spread,
+            "share": chosen.share,
         }))?;
         return Ok(Status::Done);
     }
@@ -80,15 +81,15 @@ fn said(trial: &PolynomialTrial) -> String {
 
 /// What the error is, and of what.
 fn error_of(fitted: &FittedPolynomial) -> String {
-    let FittedPolynomial { pairs, held_out, spread, .. } = fitted;
+    let FittedPolynomial { pairs, held_out, .. } = fitted;
     let chosen = fitted.chosen();
     let (error, of) = match chosen.held_out {
         Some(error) => (error, format!("{held_out} held-out pairs")),
         None => (chosen.error, "the pairs it was fitted to: none were held out".to_owned()),
     };
     format!(
-        "fitted to {pairs} pairs\nA step errs by {error:.2e} in units of the data (rms over {of}), {:.2e} of how far \
-         the images are spread",
-        error / spread
+        "fitted to {pairs} pairs\nA step errs by {error:.2e} in units of the data (rms over {of}), the coordinate that \
+         errs most by {:.2e} of its spread",
+        chosen.share
     )
 }

@@ -233,6 +233,10 @@ fn asked_map(arguments: &Predict) -> Result<(StoredMap, Option<ControlsNote>), E
                 ("--epsilon", arguments.epsilon.map(|value| value.to_string())),
                 ("--flow-time", arguments.flow_time.map(|value| value.to_string())),
                 ("--grid", arguments.grid.map(|value| value.to_string())),
+                (
+                    "--invariant",
+                    arguments.invariant.as_ref().map(|file| file.display().to_string()),
+                ),
             ];
             for (option, found) in given {
                 if let Some(found) = found {

@@ -67,6 +67,15 @@ impl PolynomialOnSection {
         self.section.as_ref().map_or(Ok(()), |section| check_section(section, self.map.dof()))
     }
 
+    /// The same map with this box, in place of that of the pairs that it was fitted to.
+    ///
+    /// # Errors
+    /// When the box is of another dimension.
+    pub fn with_region(self, region: Region) -> Result<Self, Error> {
+        region.check("region", self.map.dof())?;
+        Ok(Self { region, ..self })
+    }
+
     /// The inverse of the map, whose inverse is this one, bit for bit.
     pub fn inverted(&self) -> Self {
         Self {
@@ -99,10 +108,10 @@ impl PolynomialOnSection {
         self.section.as_ref().map_or(Ok(()), |section| section.check_points(place, points))
     }
 
-    /// The root mean square distance of its images from those of pairs of data; NaN where one is not on the section.
+    /// The root mean square distance of its images from those of pairs of data; NaN where an image is not on the section.
     ///
     /// # Errors
-    /// When the pairs are of other degrees of freedom, or one is not on the section.
+    /// When the pairs are of other degrees of freedom, or a point of them is not on the section.
     pub fn error_on(&self, pairs: &Pairs) -> Result<f64, Error> {
         let dim = 2 * self.map.dof();
         Error::check_count("degrees of freedom", self.map.dof(), pairs.dof())?;

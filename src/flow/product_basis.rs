@@ -93,6 +93,11 @@ pub(super) fn terms(dim: usize, degree: usize) -> Option<usize> {
     (count <= MOST_TERMS && dim <= DIM).then_some(count)
 }
 
+/// How many of the terms of a total degree have even sums of degrees in these lists of coordinates.
+pub(super) fn even_terms(dim: usize, degree: usize, even: &[Vec<usize>]) -> usize {
+    runs(dim, degree, even).iter().map(|run| run.terms).sum()
+}
+
 /// All runs, of the terms whose degrees in each of these lists of coordinates have an even sum.
 fn runs(dim: usize, degree: usize, even: &[Vec<usize>]) -> Vec<Run> {
     let mut all = vec![Vec::new()];
@@ -316,11 +321,24 @@ pub(super) fn least_squares(
     term: impl Fn(usize, usize) -> f64,
     value: impl Fn(usize, usize) -> f64,
 ) -> Result<Vec<f64>, Error> {
-    let matrix = Mat::from_fn(equations, terms, term);
+    let mut matrix = Mat::from_fn(equations, terms, term);
     let right = Mat::from_fn(equations, outputs, value);
+    // Columns of one size, by powers of two, which change no digit of the solution.
+    let mut scales = Vec::with_capacity(terms);
+    for k in 0..terms {
+        let sizes = (0..equations).map(|i| matrix[(i, k)].abs());
+        let largest = sizes.fold(0.0, max_or_nan);
+        let scale = match largest.is_normal() {
+            true => libm::scalbn(1.0, -libm::ilogb(largest)),
+            false => 1.0,
+        };
+        (0..equations).for_each(|i| matrix[(i, k)] *= scale);
+        scales.push(scale);
+    }
     let solution = matrix.qr().solve_lstsq(&right);
-    let coefficients: Vec<f64> =
-        (0..terms * outputs).map(|k| solution[(k / outputs, k % outputs)]).collect();
+    let coefficients: Vec<f64> = (0..terms * outputs)
+        .map(|k| solution[(k / outputs, k % outputs)] * scales[k / outputs])
+        .collect();
     if let Some(bad) = coefficients.iter().find(|c| !c.is_finite()) {
         return Err(Error::invalid(&format!("coefficient of {what}"), bad, "a finite number"));
     }

@@ -2,12 +2,13 @@
 
 use super::lane_map::{self, LaneMap};
 use super::polynomial_map::MOST_NUMBERS;
-use super::product_basis::{DIM, ProductBasis, Run, least_squares, terms};
-use super::{Pairs, PolynomialMap, Region};
+use super::product_basis::{DIM, ProductBasis, Run, even_terms, least_squares, terms};
+use super::{Pairs, PolynomialMap};
 use crate::error::Error;
 use crate::layer::Reversor;
 use crate::network::{Rollout, load_groups, store_groups};
 use crate::phase::{Half, Map, inverse_of_symplectic};
+use crate::random::Stream;
 use crate::scalar::{Kernel, Pack, Scalar, max_or_nan, on_independent_lanes};
 use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore;
@@ -29,7 +30,7 @@ use serde::{Deserialize, Serialize};
 /// Where a [`Reversor`] R conjugates the map to its inverse, z′ = c + L·N(L(z − c)) with L² in place of M, RLR = L⁻¹
 /// and Rc = c, and S is even, S∘R = S: it has about half the coefficients, and RPR = P⁻¹ for all of them, to the error
 /// of the solution. Where the map commutes with a reflection of some planes, (q_j, p_j) ↦ (−q_j, −p_j), S is even in
-/// these, which halves the coefficients too ([`Symmetries`]).
+/// these, which halves the coefficients too, and the map has it to the error of the solution ([`Symmetries`]).
 ///
 /// Source: Hairer, Lubich and Wanner, Geometric Numerical Integration, <https://doi.org/10.1007/3-540-30666-8>, §VI.5,
 /// for the generating function; Erdélyi and Berz, <https://doi.org/10.1103/PhysRevLett.87.114302>, for maps of
@@ -39,8 +40,6 @@ use serde::{Deserialize, Serialize};
 pub struct SymplecticPolynomial {
     dof: usize,
     symmetries: Symmetries,
-    /// The box of the pairs, in canonical coordinates.
-    region: Region,
     frame: Frame,
     /// Of w.
     basis: ProductBasis,
@@ -88,11 +87,6 @@ impl Symmetries {
     /// Which of 2n coordinates the mirror turns around.
     fn is_mirrored(&self, coordinate: usize, dof: usize) -> bool {
         self.mirrored.contains(&(coordinate % dof + 1))
-    }
-
-    /// About so many times as many terms as of S there would be without them.
-    fn saving(&self) -> usize {
-        (1 + usize::from(self.reversor.is_some())) * (1 + usize::from(!self.mirrored.is_empty()))
     }
 
     /// Points and their mirror images, if there is a mirror.
@@ -198,7 +192,7 @@ impl SymplecticPolynomial {
         let reversor = symmetries.reversor;
         if !Self::has_enough(pairs, degree, symmetries)? {
             let found = format!("{degree} for {} pairs of {dof} degrees of freedom", pairs.len());
-            let expected = "a lower one, with fewer terms, or more pairs";
+            let expected = "fewer terms of it, or more pairs";
             return Err(Error::invalid("degree of a generating function", found, expected));
         }
         let frame = Frame::of(pairs, symmetries)?;
@@ -227,10 +221,8 @@ impl SymplecticPolynomial {
         let [before, after] = [before, after].map(|points| symmetries.with_images(points, dof));
         let none = Solution { start: Start::fit(&before, &both, dim, 1)?, iterations: 0 };
         let (forward, backward) = (none.clone(), none);
-        let region =
-            pairs.region().ok_or_else(|| Error::invalid("pairs", "none", "at least one"))?;
         let symmetries = symmetries.clone();
-        let map = Self { dof, symmetries, region, frame, basis, coefficients, forward, backward };
+        let map = Self { dof, symmetries, frame, basis, coefficients, forward, backward };
         let map = map.with_solution(&before, &both)?.inverted();
         Ok(map.with_solution(&after, &both)?.inverted())
     }
@@ -249,13 +241,17 @@ impl SymplecticPolynomial {
         symmetries.check(dof)?;
         let numbers = pairs.len() * dim;
         let sound = |count: &usize| {
-            let count = count.div_ceil(symmetries.saving());
             // Its linear part is a polynomial of degree 1.
             count * NUMBERS_A_TERM <= numbers
                 && 2 * (dim + 1) <= pairs.len()
                 && count.checked_mul(numbers).is_some_and(|all| all <= MOST_NUMBERS)
         };
-        Ok(terms(dim, degree).filter(sound).is_some())
+        Ok(Self::terms(dof, degree, symmetries).filter(sound).is_some())
+    }
+
+    /// How many terms a generating function of this degree has with these symmetries; None of too many.
+    pub fn terms(dof: usize, degree: usize, symmetries: &Symmetries) -> Option<usize> {
+        terms(2 * dof, degree).map(|_| even_terms(2 * dof, degree, &symmetries.even(dof)))
     }
 
     /// The map with the start and the number of iterations that cost least, of those that find the midpoints of these
@@ -273,8 +269,11 @@ impl SymplecticPolynomial {
             else {
                 break;
             };
-            // Starts of higher degrees cost more than all of the best.
-            if best.as_ref().is_some_and(|(least, _)| dim * of_start >= *least) {
+            // With an iteration, starts of higher degrees cost more than all of the best.
+            let iteration = TABLES * count + folds;
+            if best.as_ref().is_some_and(|(least, _)| dim * of_start + iteration >= *least)
+                || of_start * points.len() / dim > MOST_NUMBERS
+            {
                 break;
             }
             self.forward.start = Start::fit(points, middles, dim, start)?;
@@ -282,7 +281,7 @@ impl SymplecticPolynomial {
             change = found.1;
             let Some(iterations) = found.0 else { continue };
             self.forward.iterations = iterations;
-            let cost = dim * of_start + iterations * (TABLES * count + folds);
+            let cost = dim * of_start + iterations * iteration;
             if best.as_ref().is_none_or(|(least, _)| cost < *least) {
                 best = Some((cost, self.forward.clone()));
             }
@@ -323,7 +322,6 @@ impl SymplecticPolynomial {
         Error::check_count_range("dof", self.dof, 1, DIM / 2)?;
         let dim = 2 * self.dof;
         self.symmetries.check(self.dof)?;
-        self.region.check("region", self.dof)?;
         self.frame.check(dim)?;
         let expected = self.symmetries.even(self.dof);
         if self.basis.even_lists() != expected {
@@ -331,6 +329,7 @@ impl SymplecticPolynomial {
             let expected = format!("{expected:?} of these symmetries");
             return Err(Error::invalid("coordinates that are even", found, expected));
         }
+        self.check_symmetries()?;
         let check = |place: &str, basis: &ProductBasis, coefficients: &[f64], each: usize| {
             Error::check_count("coordinates of a basis", dim, basis.dim)?;
             Error::check_count(place, each * basis.terms(), coefficients.len())?;
@@ -346,12 +345,91 @@ impl SymplecticPolynomial {
         Ok(())
     }
 
+    /// Fails unless box and frame have the symmetries that S has.
+    fn check_symmetries(&self) -> Result<(), Error> {
+        let (dof, dim) = (self.dof, 2 * self.dof);
+        let Self { symmetries, frame: Frame { from, entry, to, exit }, .. } = self;
+        let fail = |found: &str| Err(Error::invalid("frame", found, "one with these symmetries"));
+        for list in self.basis.even_lists() {
+            if list.iter().any(|axis| self.basis.centre()[*axis] != 0.0) {
+                return fail("a box that is not about 0");
+            }
+        }
+        let turned = |k: usize| symmetries.is_mirrored(k, dof);
+        if (0..dim).any(|k| turned(k) && (from[k] != 0.0 || to[k] != 0.0)) {
+            return fail("a centre off the mirror");
+        }
+        for matrix in [entry, exit].into_iter().flatten() {
+            let mixed = |k: usize| turned(k / dim) != turned(k % dim) && matrix[k] != 0.0;
+            if (0..dim * dim).any(mixed) {
+                return fail("a matrix that mixes planes on either side of the mirror");
+            }
+        }
+        let Some(reversor) = symmetries.reversor else { return Ok(()) };
+        if from != to || reflected(from, dim, reversor.half()) != *from {
+            return fail("a centre off the reflection");
+        }
+        // R after the map and before it is R₀ about N, which has the first half of the coordinates.
+        let one: Vec<f64> =
+            (0..dim * dim).map(|k| f64::from(u8::from(k / dim == k % dim))).collect();
+        let [entry, exit] = [entry, exit].map(|of| of.as_ref().unwrap_or(&one));
+        let exit = rows_reflected(exit, dim, reversor.half());
+        for k in 0..dim * dim {
+            let (row, column) = (k / dim, k % dim);
+            let products = || (0..dim).map(|i| entry[row * dim + i] * exit[i * dim + column]);
+            let expected = match (row == column, row < dof) {
+                (false, _) => 0.0,
+                (true, true) => -1.0,
+                (true, false) => 1.0,
+            };
+            let (found, size): (f64, f64) = (products().sum(), products().map(f64::abs).sum());
+            if !((found - expected).abs() <= NEARLY * size.max(1.0)) {
+                return fail("matrices that the reflection does not exchange");
+            }
+        }
+        Ok(())
+    }
+
+    /// Points among the pairs: uniform in their box in the frame, shrunk by 1/√(2n) about its middle, and with images in
+    /// that of the images.
+    ///
+    /// # Errors
+    /// When nearly no points have such images.
+    pub(crate) fn sample(&self, count: usize, stream: &mut Stream) -> Result<Vec<f64>, Error> {
+        /// So many are drawn for each that is wanted.
+        const TRIES: usize = 100;
+        let (dim, box_of) = (2 * self.dof, &self.forward.start.basis);
+        let leave = Frame { to: self.frame.from.clone(), ..self.frame.inverse(self.dof) };
+        let back = self.frame.inverse(self.dof);
+        let share = 1.0 / libm::sqrt(dim as f64);
+        let mut out = Vec::with_capacity(count * dim);
+        for _ in 0..count.saturating_mul(TRIES) {
+            let u: Vec<f64> = (0..dim)
+                .map(|k| box_of.centre()[k] + stream.uniform(-share, share) / box_of.factors[k])
+                .collect();
+            let mut z = match &leave.exit {
+                Some(exit) => apply(exit, &u),
+                None => u,
+            };
+            z.iter_mut().zip(&leave.to).for_each(|(z, c)| *z += c);
+            let mut image = z.clone();
+            self.step(&mut image);
+            if self.backward.start.basis.is_inside(&back.enter(&image)) {
+                out.extend(z);
+            }
+            if out.len() == count * dim {
+                return Ok(out);
+            }
+        }
+        let found = format!("{} of {count} points", out.len() / dim);
+        Err(Error::invalid("images in the box of the pairs", found, "all of them"))
+    }
+
     /// The inverse of the map, whose inverse is this one, bit for bit.
     pub fn inverted(&self) -> Self {
         Self {
             dof: self.dof,
             symmetries: self.symmetries.clone(),
-            region: self.region.clone(),
             frame: self.frame.inverse(self.dof),
             basis: self.basis.clone(),
             coefficients: self.coefficients.iter().map(|c| -c).collect(),
@@ -368,11 +446,6 @@ impl SymplecticPolynomial {
     /// The symmetries that it was fitted with.
     pub fn symmetries(&self) -> &Symmetries {
         &self.symmetries
-    }
-
-    /// The box around its pairs, in canonical coordinates.
-    pub fn region(&self) -> &Region {
-        &self.region
     }
 
     /// The total degree of its generating function.
@@ -844,7 +917,12 @@ impl Frame {
         };
         let mut linear = affine.jacobian(&from);
         symmetries.clear(&mut linear, dof);
-        let linear = symplectic_factor(&in_units(&linear, 1.0), dof)?;
+        let mut linear = in_units(&linear, 1.0);
+        let sizes: Vec<f64> = (0..dof)
+            .map(|j| 1.0 / libm::sqrt(around.factors[j] * around.factors[dof + j]))
+            .collect();
+        couple(&mut linear, &sizes);
+        let linear = symplectic_factor(&linear, dof)?;
         let Some(reversor) = reversor else {
             let mut to = from.clone();
             affine.step(&mut to);
@@ -978,6 +1056,43 @@ fn limit(matrix: &[f64], other: impl Fn(&[f64]) -> Vec<f64>) -> Option<Vec<f64>>
         }
     }
     None
+}
+
+/// Replaces what small planes do to far larger ones in a linear part, by what it is in a symplectic matrix of which the
+/// rest is known. A fit knows the block from a small plane to a large one to as many digits as others, and these are
+/// too few: a symplectic matrix has the same numbers in the block from the large plane to the small one.
+fn couple(linear: &mut [f64], sizes: &[f64]) {
+    /// Planes of sizes that differ by less are fitted as well as each other.
+    const FAR: f64 = 3.0;
+    type Block = [[f64; 2]; 2];
+    let (dof, dim) = (sizes.len(), 2 * sizes.len());
+    let product = |a: Block, b: Block| -> Block {
+        [0, 1].map(|i| [0, 1].map(|k| a[i][0] * b[0][k] + a[i][1] * b[1][k]))
+    };
+    let transposed = |a: Block| -> Block { [[a[0][0], a[1][0]], [a[0][1], a[1][1]]] };
+    const FORM: Block = [[0.0, 1.0], [-1.0, 0.0]];
+    for (large, small) in (0..dof).flat_map(|i| (0..dof).map(move |j| (i, j))) {
+        if !(sizes[large] > FAR * sizes[small]) {
+            continue;
+        }
+        let place = |i: usize, j: usize, a: usize, b: usize| (i + a * dof) * dim + j + b * dof;
+        let block = |i, j| -> Block { [0, 1].map(|a| [0, 1].map(|b| linear[place(i, j, a, b)])) };
+        let own = block(large, large);
+        let determinant = own[0][0] * own[1][1] - own[0][1] * own[1][0];
+        // (M_iiᵀ)⁻¹
+        let inverse: Block = [[own[1][1], -own[1][0]], [-own[0][1], own[0][0]]]
+            .map(|row| row.map(|v| v / determinant));
+        let known = product(product(transposed(block(small, large)), FORM), block(small, small));
+        // M_iiᵀΩM_ij + M_jiᵀΩM_jj = 0
+        let coupled = product(FORM, product(inverse, known));
+        if coupled.iter().flatten().all(|v| v.is_finite()) {
+            for (a, row) in coupled.iter().enumerate() {
+                for (b, value) in row.iter().enumerate() {
+                    linear[place(large, small, a, b)] = *value;
+                }
+            }
+        }
+    }
 }
 
 /// The symplectic factor S of a matrix A = S·B, by A ← ½(A + ΩA⁻ᵀΩᵀ), which converges as Newton's method does.

@@ -412,7 +412,6 @@ fn parse_document<T: DeserializeOwned>(
     parse_content(place, value, format)
 }
 
-/// A document and its version.
 /// Fails at the first state that is not of finite numbers: `row` of them are kept for each time.
 pub(super) fn refuse_divergence(
     states: &[f64],
@@ -442,6 +441,7 @@ pub(super) fn format_of(bytes: &[u8]) -> Option<String> {
     serde_json::from_slice::<Header>(bytes).ok().map(|header| header.format)
 }
 
+/// A document and its version.
 pub(super) fn parse_header(
     place: &str,
     bytes: &[u8],

@@ -19,7 +19,7 @@ const VERSION: u64 = 1;
 pub struct StoredPolynomial {
     /// The map.
     pub map: PolynomialOnSection,
-    /// Where it comes from. Its region is that of the map.
+    /// Where it comes from; the held-out error is in units of the data. The box of the pairs is kept by the map.
     pub provenance: Provenance,
 }
 

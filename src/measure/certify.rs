@@ -9,10 +9,8 @@ use super::tally::{COUNT_LIMIT, RATIO_LIMIT, Row, Tally, Verdict, merged};
 use super::{
     coordinate::Coordinate,
     equivariance::NormalFormed,
-    measurable::{Measurable, NearlyPeriodic, OneStep, WithDomain},
+    measurable::{Measurable, NearlyPeriodic},
 };
-use crate::error::Error;
-use crate::flow::{Region, SymplecticPolynomial};
 use crate::layer::Reversor;
 use crate::network::{Block, Layers, Model, Part, Structure};
 use crate::phase::{Direction, Map};
@@ -33,26 +31,33 @@ pub struct Certificate {
 }
 
 impl Certificate {
-    fn of(options: CertificateOptions, tallies: impl IntoIterator<Item = Tally>) -> Self {
+    pub(super) fn of(
+        options: CertificateOptions,
+        tallies: impl IntoIterator<Item = Tally>,
+    ) -> Self {
         let rows = merged(tallies).iter().map(Tally::row).collect();
         Self { options, domain: Vec::new(), rows }
     }
 
-    /// Where the samples are, in words: `|z_i| ≤ 1.6`, or the interval or the circle of each coordinate.
+    /// Where the samples are, in words: `uniform in |z_i| ≤ 1.6`, or the interval of each coordinate.
     pub fn sampled_box(&self) -> String {
         if self.domain.is_empty() {
-            return format!("|z_i| ≤ {}", self.options.radius);
+            return format!("uniform in |z_i| ≤ {}", self.options.radius);
         }
         let of = |coordinate: &Coordinate| {
             let (low, high) = coordinate.range(self.options.radius);
             format!("[{low:.3e}, {high:.3e}]")
         };
-        self.domain.iter().map(of).collect::<Vec<_>>().join(" × ")
+        format!("within {}", self.domain.iter().map(of).collect::<Vec<_>>().join(" × "))
     }
 
     /// With the domain of the map.
     fn within(self, map: &(impl Measurable + ?Sized)) -> Self {
-        Self { domain: map.domain(), ..self }
+        self.with_domain(map.domain())
+    }
+
+    pub(super) fn with_domain(self, domain: Vec<Coordinate>) -> Self {
+        Self { domain, ..self }
     }
 
     /// Whether every law holds or is reported for information only, and there is at least one law.
@@ -386,31 +391,6 @@ pub fn certify_map(map: &dyn Measurable, options: CertificateOptions) -> Certifi
     Certificate::of(options, tallies).within(map)
 }
 
-/// Tests the laws of a symplectic polynomial, [`certify_map`] or [`certify_reversible`], by the steps that it takes in
-/// roll-outs. Points are uniform in the box of its pairs, drawn in about its middle by √(2n), so that they are among the
-/// pairs where these fill the ellipsoid in the box: beyond the pairs Newton's method need not converge. The radius of the
-/// options is not used.
-///
-/// # Errors
-/// When the box of the pairs has no extent.
-pub fn certify_polynomial(
-    map: &SymplecticPolynomial,
-    options: CertificateOptions,
-) -> Result<Certificate, Error> {
-    let share = 1.0 / libm::sqrt(2.0 * map.dof() as f64);
-    let Region { low, high } = map.region();
-    let inner = |(low, high): (&f64, &f64)| {
-        let (middle, half) = (0.5 * (low + high), 0.5 * share * (high - low));
-        Coordinate::Between(middle - half, middle + half)
-    };
-    let domain = low.iter().zip(high).map(inner).collect();
-    let map_in_box = WithDomain::new(OneStep(map), domain)?;
-    Ok(match map.symmetries().reversor {
-        None => certify_map(&map_in_box, options),
-        Some(reversor) => certify_reversible(&map_in_box, reversor, options),
-    })
-}
-
 /// Tests the laws of a reversible map, S∘P∘S = P⁻¹: those of [`certify_map`], and
 /// [`laws::reversibility`].
 pub fn certify_reversible(
@@ -451,7 +431,7 @@ pub fn certify_normal_form(map: &dyn NormalFormed, options: CertificateOptions) 
 }
 
 /// [`laws::reversibility`], which says what S is.
-fn reversibility(map: &dyn Measurable, reversor: Reversor, points: &[f64]) -> Tally {
+pub(super) fn reversibility(map: &dyn Measurable, reversor: Reversor, points: &[f64]) -> Tally {
     let equation = format!("S∘P∘S∘P = Id, {}", reversor.equation());
     laws::reversibility(map, reversor, points).stating(&equation)
 }

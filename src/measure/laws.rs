@@ -91,7 +91,7 @@ impl Samples {
 }
 
 /// The points, 2n numbers each, until the measurement is to end.
-fn each_point(points: &[f64], dim: usize) -> impl Iterator<Item = &[f64]> {
+pub(super) fn each_point(points: &[f64], dim: usize) -> impl Iterator<Item = &[f64]> {
     until_stopped(points.chunks_exact(dim))
 }
 

@@ -10,6 +10,7 @@ mod accuracy;
 mod adjoint;
 mod averaging;
 mod certify;
+mod certify_polynomial;
 mod circle_axioms;
 mod control_response;
 mod coordinate;
@@ -110,8 +111,9 @@ pub mod timing {
 pub mod certificate {
     pub use super::certify::{
         Certificate, certify, certify_all, certify_family, certify_map, certify_nearly_periodic,
-        certify_normal_form, certify_polynomial, certify_reversible, certify_unless_stopped,
+        certify_normal_form, certify_reversible, certify_unless_stopped,
     };
+    pub use super::certify_polynomial::certify_polynomial;
     pub use super::samples::CertificateOptions;
     pub use super::tally::{
         COUNT_LIMIT, RATIO_LIMIT, RESOLUTION, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_DEVIATION,

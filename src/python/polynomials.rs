@@ -11,22 +11,27 @@ use crate::layer::Reversor;
 use crate::measure::certificate::{CertificateOptions, certify_polynomial};
 use crate::measure::orbits::maps_survived;
 use crate::network::Rollout;
-use crate::train::{Control, FitNote, PolynomialFit, PolynomialTrial};
+use crate::train::{Control, PolynomialFit, PolynomialTrial};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
 /// A symplectic map whose generating function is a polynomial of total degree `degree`, fitted to pairs by linear
-/// least squares; without a degree that of the least error on pairs that are held out, a share `validation` of them
-/// chosen by `seed`, of degrees that are raised until it falls no more: `input` and `output` are (N, 2n), q1 ... qn, p1 ... pn, of one map with up to four degrees of
+/// least squares: `input` and `output` are (N, 2n), q1 ... qn, p1 ... pn, of one map with up to four degrees of
 /// freedom. It needs no training, and is symplectic whatever the pairs are; a step solves an implicit equation for the
-/// midpoint. With `reversor`, "positions" or "momenta", it is also conjugated to its inverse by the reflection of
-/// these, and has about half the parameters; so it has with `mirrored`, the planes, from 1 to n, whose reflection
-/// (q, p) ↦ (-q, -p) of all of them together commutes with the map, as that of the vertical plane does with the map of
-/// a ring without skew fields. `section` is that of `train`, a file of the density of the area form; the
-/// reflection is then one of the canonical coordinates, of which q is y. Raises Error when the pairs are too few for
-/// the degree, of other shapes, or of a map whose linear part is not near a symplectic one, and when the equation has
-/// no solution near some pair.
+/// midpoint. Without a degree, degrees are raised until the error on held-out pairs falls no more by a tenth: a share
+/// `validation` of the pairs, 0.1 unless given, chosen by `seed`. With a degree none are held out unless `validation`
+/// says so.
+///
+/// With `reversor`, "positions" or "momenta", it is also conjugated to its inverse by the reflection of these, and has
+/// about half the parameters. So it has with `mirrored`, the planes, from 1 to n, whose reflection (q, p) -> (-q, -p),
+/// of all of them together, commutes with the map; the vertical plane of a ring without skew fields is one. `section`
+/// is that of `train`, a file of the density of the area form; reflections are then those of the canonical coordinates,
+/// of which q is y.
+///
+/// Warns (UserWarning) where the pairs are of no symplectic map, or of another symmetry. Raises Error when the pairs
+/// are too few for the degree, of other shapes, or of a map whose linear part is not near a symplectic one, and when
+/// the equation has no solution near some pair.
 #[pyclass(frozen, module = "gyroceptron", name = "SymplecticPolynomial")]
 pub(super) struct PySymplecticPolynomial {
     map: PolynomialOnSection,
@@ -34,6 +39,8 @@ pub(super) struct PySymplecticPolynomial {
     provenance: Provenance,
 }
 
+/// The share of the pairs that is held out where the degree is to be found.
+const HELD_OUT: f64 = 0.1;
 /// What the pairs are called in errors.
 const PAIRS: &str = "pairs";
 
@@ -54,7 +61,7 @@ impl PySymplecticPolynomial {
 impl PySymplecticPolynomial {
     #[new]
     #[pyo3(signature = (
-        input, output, degree=None, reversor=None, section=None, mirrored=Vec::new(), validation=0.1, seed=0
+        input, output, degree=None, reversor=None, section=None, mirrored=Vec::new(), validation=None, seed=0
     ))]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -65,7 +72,7 @@ impl PySymplecticPolynomial {
         reversor: Option<&str>,
         section: Option<PathBuf>,
         mirrored: Vec<usize>,
-        validation: f64,
+        validation: Option<f64>,
         seed: u64,
     ) -> PyResult<Self> {
         let reversor = reversor.map(Reversor::find).transpose()?;
@@ -73,29 +80,20 @@ impl PySymplecticPolynomial {
         let dof = dof_of("input", &input)?;
         let pairs = pairs_of(&input, &output, dof)?;
         let section = section.as_deref().map(read_section).transpose()?;
-        let Some(degree) = degree else {
-            let fit = PolynomialFit { degree, symmetries, section, validation, seed };
-            let mut raised = None;
-            let mut go_on = |_: &PolynomialTrial| {
-                raised = Python::attach(|py| py.check_signals()).err();
-                Ok(if raised.is_none() { Control::Continue } else { Control::Interrupt })
-            };
-            let fitted = py.detach(|| fit.run(pairs, &mut go_on));
-            if let Some(raised) = raised {
-                return Err(raised);
-            }
-            let fitted = fitted?;
-            for note in &fitted.notes {
-                match note {
-                    FitNote::Section(_) => {}
-                    _ => warn(py, &note.to_string())?,
-                }
-            }
-            let StoredPolynomial { map, provenance } = StoredPolynomial::of_fit(&fitted, seed);
-            return Ok(Self { map, dof, provenance });
+        let validation = validation.unwrap_or(if degree.is_some() { 0.0 } else { HELD_OUT });
+        let fit = PolynomialFit { degree, symmetries, section, validation, seed };
+        let mut raised = None;
+        let mut go_on = |_: &PolynomialTrial| {
+            raised = Python::attach(|py| py.check_signals()).err();
+            Ok(if raised.is_none() { Control::Continue } else { Control::Interrupt })
         };
-        let provenance = Provenance { data: Some(pairs.digest()), ..Provenance::of("fit") };
-        let map = py.detach(|| PolynomialOnSection::fit(&pairs, degree, &symmetries, section))?;
+        let fitted = py.detach(|| fit.run(pairs, &mut go_on));
+        if let Some(raised) = raised {
+            return Err(raised);
+        }
+        let fitted = fitted?;
+        fitted.notes.iter().try_for_each(|note| warn(py, &note.to_string()))?;
+        let StoredPolynomial { map, provenance } = StoredPolynomial::of_fit(&fitted, seed);
         Ok(Self { map, dof, provenance })
     }
 
@@ -142,9 +140,9 @@ impl PySymplecticPolynomial {
     }
 
     /// The states of the trajectories from `points`, (..., 2n), with one in `every` kept: (abs(steps) // every + 1, ...,
-    /// 2n), the points themselves first. Negative `steps` apply the inverse map. `outside` says what to do when a trajectory leaves the box of the pairs by more
-    /// than a hundredth of its width, beyond which polynomials grow without a bound: "warn" (UserWarning), "stop" (an
-    /// Error) or "ignore".
+    /// 2n), the points themselves first. Negative `steps` apply the inverse map. `outside` says what to do when a
+    /// trajectory leaves the box of the pairs by more than a hundredth of its width, beyond which polynomials grow
+    /// without a bound: "warn" (UserWarning), "stop" (an Error) or "ignore".
     #[pyo3(signature = (points, steps=1, every=1, outside="warn"))]
     fn predict<'py>(
         &self,

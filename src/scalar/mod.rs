@@ -120,7 +120,8 @@ pub trait Scalar:
         None
     }
 
-    /// self as if it were exact: for numbers with an error bound, without it.
+    /// self as if it were exact: for numbers with an error bound, without it. This is sound where what follows forgets
+    /// the error of self, as an iteration of Newton's method does to first order.
     #[inline(always)]
     fn without_bound(self) -> Self {
         self

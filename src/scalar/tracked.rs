@@ -4,8 +4,8 @@ use super::chebyshev::scales;
 use super::{Elementary, Over, Real, Scalar, Series, assigning, over_itself};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A number with a first-order bound on the rounding errors made so far, in
-/// units of u: Wilkinson's running error analysis.
+/// A number with a first-order bound on the rounding errors made so far, or since the last
+/// [`Scalar::without_bound`], in units of u: Wilkinson's running error analysis.
 ///
 /// |computed − exact| ≤ u·`bound` up to terms of order u². The bound assumes
 /// the worst at every step: it is rigorous and pessimistic. `Dual<Tracked, N>`

@@ -3,15 +3,18 @@
 use super::{Control, FitNote, ReversalDefect};
 use crate::error::Error;
 use crate::flow::{Pairs, PolynomialOnSection, Symmetries, SymplecticPolynomial, TwoFits};
+use crate::network::Rollout;
 use crate::phase::Section;
 use crate::random::Stream;
+use crate::scalar::max_or_nan;
 use serde::Serialize;
 
 /// What is asked for of a [`SymplecticPolynomial`] that is fitted to pairs of a file.
 ///
 /// Nothing is trained: for each degree the fit is one of linear least squares. Where no degree is given, degrees are
 /// raised from 2 on, until the error on held-out pairs is one of rounding, or has not fallen by a tenth in
-/// [`PolynomialFit::PATIENCE`] of them, or the pairs are too few; the last one that made it fall is taken.
+/// [`PolynomialFit::PATIENCE`] fits, or the pairs are too few; the last one that made it fall by a tenth is taken. What
+/// falls is the largest over coordinates of their error over their own spread.
 ///
 /// ```
 /// use gyroceptron::flow::Pairs;
@@ -61,6 +64,9 @@ pub struct PolynomialTrial {
     pub error: f64,
     /// The same for held-out pairs.
     pub held_out: Option<f64>,
+    /// Of the coordinate that errs most, its root mean square error over its own spread among the images, on held-out
+    /// pairs where there are some.
+    pub share: f64,
 }
 
 /// A polynomial that was fitted.
@@ -74,8 +80,6 @@ pub struct FittedPolynomial {
     pub pairs: usize,
     /// How many were held out.
     pub held_out: usize,
-    /// The root mean square distance of the images of all pairs from their mean, in units of the data.
-    pub spread: f64,
     /// SHA-256 of the pairs.
     pub digest: String,
     /// What is to be said of the pairs.
@@ -94,7 +98,7 @@ impl FittedPolynomial {
 impl PolynomialFit {
     /// So many degrees are tried without an improvement.
     pub const PATIENCE: usize = 3;
-    /// An error of this share of the spread of the images is one of rounding.
+    /// An error of this share of the spread is one of rounding.
     const ROUNDING: f64 = 10.0 * f64::EPSILON;
     /// An error that falls by less than this factor is no improvement.
     const BETTER: f64 = 0.9;
@@ -113,18 +117,24 @@ impl PolynomialFit {
             let expected = "at least 0 and below 1";
             return Err(Error::invalid("validation", self.validation, expected));
         }
-        let (digest, spread) = (pairs.digest(), spread(&pairs));
-        let notes = self.notes(&pairs)?;
+        let (digest, region, count) = (pairs.digest(), pairs.region(), pairs.len());
+        let region = region.ok_or_else(|| Error::invalid("pairs", "none", "at least one"))?;
+        let spreads = spreads(&pairs);
+        let all = pairs.clone();
         let mut stream = Stream::new(self.seed, "validation");
         let (pairs, held_out) = pairs.split(self.validation, &mut stream);
         if let (None, None) = (self.degree, &held_out) {
-            let expected = "a share of the pairs that is not none, by which to choose the degree";
-            return Err(Error::invalid("validation", self.validation, expected));
+            let found = format!("{} of {count} pairs", self.validation);
+            let expected = "a share that is at least one pair, by which to choose the degree";
+            return Err(Error::invalid("validation", found, expected));
         }
+        let judged = |map: &PolynomialOnSection, pairs: &Pairs| -> Result<(f64, f64), Error> {
+            Ok((map.error_on(pairs)?, largest_share(map, pairs, &spreads)?))
+        };
+        let terms = |degree| SymplecticPolynomial::terms(pairs.dof(), degree, &self.symmetries);
         let least = self.degree.unwrap_or(2);
-        let (mut trials, mut best) = (Vec::new(), None::<(f64, PolynomialOnSection)>);
-        let (mut last_better, mut failure) = (least, None);
-        let mut degree = least;
+        let (mut trials, mut best) = (Vec::<PolynomialTrial>::new(), None::<(f64, _)>);
+        let (mut degree, mut in_vain, mut failure) = (least, 0, None);
         loop {
             let is_first = degree == least;
             if !is_first && !SymplecticPolynomial::has_enough(&pairs, degree, &self.symmetries)? {
@@ -133,47 +143,59 @@ impl PolynomialFit {
             let section = self.section.clone();
             match PolynomialOnSection::fit(&pairs, degree, &self.symmetries, section) {
                 Ok(map) => {
-                    let held_out =
-                        held_out.as_ref().map(|pairs| map.error_on(pairs)).transpose()?;
+                    let (error, share) = judged(&map, &pairs)?;
+                    let of_others =
+                        held_out.as_ref().map(|pairs| judged(&map, pairs)).transpose()?;
+                    let share = of_others.map_or(share, |(_, share)| share);
                     let trial = PolynomialTrial {
                         degree,
                         parameters: map.map().parameters(),
                         iterations: map.map().iterations(),
-                        error: map.error_on(&pairs)?,
-                        held_out,
+                        error,
+                        held_out: of_others.map(|(error, _)| error),
+                        share,
                     };
                     if observe(&trial)? == Control::Interrupt {
                         return Err(Error::Stopped { what: "the fit of a polynomial".into() });
                     }
-                    let error = held_out.unwrap_or(trial.error);
                     trials.push(trial);
                     let is_better = |least: f64| {
-                        error < Self::BETTER * least || least.is_nan() && !error.is_nan()
+                        share < Self::BETTER * least || least.is_nan() && !share.is_nan()
                     };
                     if best.as_ref().is_none_or(|(least, _)| is_better(*least)) {
-                        best = Some((error, map));
-                        last_better = degree;
+                        best = Some((share, map));
+                        in_vain = 0;
+                    } else {
+                        in_vain += 1;
                     }
                 }
-                Err(reason @ Error::NoConvergence { .. }) => failure = Some(reason),
+                Err(reason @ Error::NoConvergence { .. }) => {
+                    in_vain += usize::from(best.is_some());
+                    failure = Some(reason);
+                }
+                // What is found already is kept.
+                Err(_) if best.is_some() => break,
                 Err(reason) => return Err(reason),
             }
-            let is_rounding =
-                best.as_ref().is_some_and(|(error, _)| *error <= Self::ROUNDING * spread);
-            if self.degree.is_some() || is_rounding || degree - last_better >= Self::PATIENCE {
+            let is_rounding = best.as_ref().is_some_and(|(share, _)| *share <= Self::ROUNDING);
+            if self.degree.is_some() || is_rounding || in_vain >= Self::PATIENCE {
                 break;
             }
+            // Degrees that add no term are passed over.
+            let own = terms(degree);
             degree += 1;
+            while own.is_some() && terms(degree) == own {
+                degree += 1;
+            }
         }
         match (best, failure) {
             (Some((_, map)), _) => Ok(FittedPolynomial {
-                map,
+                map: map.with_region(region)?,
                 trials,
                 pairs: pairs.len(),
                 held_out: held_out.as_ref().map_or(0, Pairs::len),
-                spread,
                 digest,
-                notes,
+                notes: self.notes(&all)?,
             }),
             (None, Some(reason)) => Err(reason),
             (None, None) => unreachable!("the first degree is tried"),
@@ -185,16 +207,10 @@ impl PolynomialFit {
         let mut notes = Vec::new();
         let canonical = match &self.section {
             None => pairs.clone(),
-            Some(section) => {
-                section.check(pairs.dof())?;
-                section.check_points("input", pairs.input())?;
-                section.check_points("output", pairs.output())?;
-                notes.push(FitNote::Section(section.clone()));
-                pairs.transformed("pairs", |_, points| {
-                    section.to_canonical(points);
-                    Ok(())
-                })?
-            }
+            Some(section) => pairs.transformed("pairs", |_, points| {
+                section.to_canonical(points);
+                Ok(())
+            })?,
         };
         let Some(fits) = TwoFits::of(&canonical) else { return Ok(notes) };
         let defect = fits.form_defect(&canonical);
@@ -209,14 +225,26 @@ impl PolynomialFit {
     }
 }
 
-/// The root mean square distance of images from their mean.
-fn spread(pairs: &Pairs) -> f64 {
-    let dim = 2 * pairs.dof();
-    let count = pairs.len() as f64;
+/// The root mean square distance of each coordinate of the images from its mean.
+fn spreads(pairs: &Pairs) -> Vec<f64> {
+    let (dim, count) = (2 * pairs.dof(), pairs.len() as f64);
     let of = |k: usize| {
         let column = || pairs.output().iter().skip(k).step_by(dim);
         let mean = column().sum::<f64>() / count;
-        column().map(|v| (v - mean) * (v - mean)).sum::<f64>() / count
+        libm::sqrt(column().map(|v| (v - mean) * (v - mean)).sum::<f64>() / count)
     };
-    libm::sqrt((0..dim).map(of).sum::<f64>())
+    (0..dim).map(of).collect()
+}
+
+/// The largest over coordinates of their root mean square error over their spread.
+fn largest_share(map: &PolynomialOnSection, pairs: &Pairs, spreads: &[f64]) -> Result<f64, Error> {
+    let (dim, count) = (spreads.len(), pairs.len() as f64);
+    let images = map.rollout(pairs.input(), Rollout { steps: 1, every: 1 })?;
+    let apart = images[pairs.input().len()..].iter().zip(pairs.output()).map(|(a, b)| a - b);
+    let mut squares = vec![0.0; dim];
+    for (k, off) in apart.enumerate() {
+        squares[k % dim] += off * off;
+    }
+    let shares = squares.iter().zip(spreads).map(|(sum, spread)| libm::sqrt(sum / count) / spread);
+    Ok(shares.fold(0.0, max_or_nan))
 }

@@ -101,7 +101,7 @@ impl fmt::Display for ReversalDefect {
         match self.is_seen() {
             true => write!(
                 f,
-                "These pairs are of no map that is reversible by {}: mirrored, they are off its inverse by \
+                "These pairs are of no map that is reversible by {}: reflected, they are off its inverse by \
                  {median:.1e} of the motion in the median, as a polynomial map fitted to them has it; two such fits \
                  differ by {resolution:.1e}. What is fitted to them with this reversor is reversible all the same: is S \
                  the right reflection?",

@@ -98,6 +98,29 @@ fn a_section_is_charted_and_its_points_are_predicted() {
     );
     succeeds(folder, &["verify", "--model", "model.json", "--samples", "20"]);
 
+    // A polynomial in the same chart, without training; without the chart it errs.
+    let fit = ["fit", "--data", "pairs.npz", "--degree", "6", "--output"];
+    let charted = [&fit[..], &["polynomial.json", "--section", "section.npz"]].concat();
+    let said = text(&succeeds(folder, &charted).stderr);
+    assert!(!said.contains("do not keep") && !said.contains("network"), "{said}");
+    let said = text(&succeeds(folder, &[&fit[..], &["plain.json"]].concat()).stderr);
+    assert!(said.contains("do not keep dq∧dp"), "{said}");
+    let error_of = |model: &str| {
+        let words = ["predict", "--model", model, "--input", "z.npy", "--steps", "3"];
+        succeeds(folder, &[&words[..], &["--output", "p.npy", "--overwrite"]].concat());
+        let states = read_trajectories(&folder.join("p.npy"), 1).expect("states");
+        let places = (1..4).flat_map(|t| [0, 1].map(|m| (t, m)));
+        let both = places.flat_map(|(t, m)| {
+            let (own, other) = (states.state(t, m).to_vec(), expected(t, m).to_vec());
+            own.into_iter().zip(other).map(|(a, b)| (a - b).abs()).collect::<Vec<_>>()
+        });
+        both.fold(0.0, max_or_nan)
+    };
+    let [own, plain] = ["polynomial.json", "plain.json"].map(error_of);
+    assert!(own < 1e-5 && plain > 10.0 * own, "{own:e} {plain:e}");
+    let verified = succeeds(folder, &["verify", "--model", "polynomial.json"]);
+    assert!(text(&verified.stdout).contains("canonical coordinates of its section"));
+
     // Of the model itself: there and back, exact derivatives, the flux.
     let stored = load_model(&folder.join("model.json")).expect("a model");
     let chart = stored.section.as_ref().expect("a section").planes()[0].as_ref().expect("a chart");

@@ -120,7 +120,7 @@ pub fn certificate(
         }
         (of_laws(certificate, notes))
         p.note {
-            (options.samples) " points each, uniform in " (certificate.sampled_box()) ", seed " (options.seed)
+            (options.samples) " points each, " (certificate.sampled_box()) ", seed " (options.seed)
             "; other points are not tested. A ratio is an error over the rounding scale of the computation that made it."
         }
         (to_repeat(html! {

@@ -1,0 +1,152 @@
+//! The structure certificate of a symplectic polynomial.
+
+use super::certify::{Certificate, reversibility};
+use super::coordinate::Coordinate;
+use super::inversion::ThereAndBack;
+use super::laws;
+use super::measurable::Measurable;
+use super::measured_step::{MeasuredStep, MeasuredSteps, TrackedStep};
+use super::samples::CertificateOptions;
+use super::tally::Tally;
+use crate::error::Error;
+use crate::flow::{Region, SymplecticPolynomial};
+use crate::network::Rollout;
+use crate::phase::{Direction, Map};
+use crate::random::Stream;
+use crate::scalar::Scalar;
+
+/// Tests the laws of a symplectic polynomial, by the steps that it takes in roll-outs: that it is symplectic, that it
+/// and its inverse undo each other, and that it has its [symmetries](crate::flow::Symmetries).
+///
+/// Points are uniform in the box of its pairs in the frame of the map, shrunk by 1/√(2n) about its middle, so that they
+/// are among the pairs where these fill the ellipsoid in the box; those whose images are outside of the box of the
+/// images of the pairs are left out, since beyond the pairs Newton's method need not converge. The inverse is tested at
+/// their images. The radius of the options is not used.
+///
+/// # Errors
+/// Those of [`CertificateOptions::check`]; when nearly no points have images in the box.
+pub fn certify_polynomial(
+    map: &SymplecticPolynomial,
+    options: CertificateOptions,
+) -> Result<Certificate, Error> {
+    options.check()?;
+    let dim = 2 * Map::<f64>::dof(map);
+    let mut stream = Stream::new(options.seed, "certificate/polynomial");
+    let starts = map.sample(options.samples, &mut stream)?;
+    let request = Rollout { steps: 1, every: 1 };
+    let ends = map.rollout(&starts, request)?.split_off(starts.len());
+    let there = Both { forward: map.clone(), backward: map.inverted() };
+    let back = Both { forward: map.inverted(), backward: map.clone() };
+    let mut tallies = vec![
+        laws::symplecticity_of_any(&there, &starts),
+        laws::inversion("inversion of P", "P⁻¹∘P = Id", &there, Direction::Forward, &starts),
+        laws::inversion("inversion of P", "P∘P⁻¹ = Id", &back, Direction::Forward, &ends),
+        laws::evaluation(&OneWay(&there), &starts),
+        laws::evaluation(&OneWay(&back), &ends),
+    ];
+    if let Some(reversor) = map.symmetries().reversor {
+        tallies.push(reversibility(&there, reversor, &starts));
+    }
+    if !map.symmetries().mirrored.is_empty() {
+        tallies.push(commutation(&there, &map.symmetries().mirrored, &starts));
+    }
+    tallies.push(laws::determinant(&there, &starts));
+    let region = Region::around(dim, [&starts[..]]);
+    let region = region.ok_or_else(|| Error::invalid("samples", 0, "at least one"))?;
+    let between = |(low, high): (&f64, &f64)| Coordinate::Between(*low, *high);
+    let domain = region.low.iter().zip(&region.high).map(between).collect();
+    Ok(Certificate::of(options, tallies).with_domain(domain))
+}
+
+/// A polynomial and its inverse.
+struct Both {
+    forward: SymplecticPolynomial,
+    backward: SymplecticPolynomial,
+}
+
+impl<S: Scalar> Map<S> for Both {
+    fn dof(&self) -> usize {
+        Map::<S>::dof(&self.forward)
+    }
+    fn forward(&self, z: &mut [S]) {
+        self.forward.step(z);
+    }
+    fn inverse(&self, z: &mut [S]) {
+        self.backward.step(z);
+    }
+}
+
+impl Measurable for Both {
+    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
+        vec![Box::new(TrackedStep { map: self, direction })]
+    }
+    fn move_points(&self, direction: Direction, points: &mut [f64]) {
+        let map = match direction {
+            Direction::Forward => &self.forward,
+            Direction::Inverse => &self.backward,
+        };
+        let states = map.rollout(points, Rollout { steps: 1, every: 1 }).expect("whole points");
+        points.copy_from_slice(&states[points.len()..]);
+    }
+}
+
+/// A map of which only the way forward is asked for.
+struct OneWay<'a>(&'a Both);
+
+impl<S: Scalar> Map<S> for OneWay<'_> {
+    fn dof(&self) -> usize {
+        Map::<S>::dof(self.0)
+    }
+    fn forward(&self, z: &mut [S]) {
+        self.0.forward(z);
+    }
+    fn has_inverse(&self) -> bool {
+        false
+    }
+}
+
+impl Measurable for OneWay<'_> {
+    fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
+        self.0.measured_steps(direction)
+    }
+    fn move_points(&self, direction: Direction, points: &mut [f64]) {
+        self.0.move_points(direction, points);
+    }
+}
+
+/// The reflection (q_j, p_j) ↦ (−q_j, −p_j) of some planes.
+struct Mirror<'a> {
+    dof: usize,
+    planes: &'a [usize],
+}
+
+impl<S: Scalar> Map<S> for Mirror<'_> {
+    fn dof(&self) -> usize {
+        self.dof
+    }
+    fn forward(&self, z: &mut [S]) {
+        for plane in self.planes {
+            for k in [plane - 1, self.dof + plane - 1] {
+                z[k] = -z[k];
+            }
+        }
+    }
+    fn inverse(&self, z: &mut [S]) {
+        self.forward(z);
+    }
+}
+
+/// M∘P⁻¹∘M∘P = Id, with the mirror M.
+fn commutation(map: &Both, planes: &[usize], points: &[f64]) -> Tally {
+    let dof = Map::<f64>::dof(map);
+    let mirror = || -> Box<dyn MeasuredStep> {
+        let map = Mirror { dof, planes };
+        Box::new(TrackedStep { map, direction: Direction::Forward })
+    };
+    let mut back = vec![mirror()];
+    back.extend(map.measured_steps(Direction::Inverse));
+    back.push(mirror());
+    let both = ThereAndBack::new(map.measured_steps(Direction::Forward), back);
+    let results = laws::each_point(points, 2 * dof).map(|z| both.ratio(z));
+    Tally::of_ratios("mirror", "M∘P⁻¹∘M∘P = Id").extend_at(points, 2 * dof, results)
+}
