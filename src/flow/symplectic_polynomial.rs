@@ -737,11 +737,13 @@ impl<S: Scalar> Map<S> for SymplecticPolynomial {
     fn dof(&self) -> usize {
         self.dof
     }
+    // Once for each number type: laws call it from many places.
+    #[inline(never)]
     fn forward(&self, z: &mut [S]) {
         self.step(z);
     }
     fn inverse(&self, z: &mut [S]) {
-        self.inverted().step(z);
+        self.inverted().forward(z);
     }
 }
 

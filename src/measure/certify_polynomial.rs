@@ -69,10 +69,10 @@ impl<S: Scalar> Map<S> for Both {
         Map::<S>::dof(&self.forward)
     }
     fn forward(&self, z: &mut [S]) {
-        self.forward.step(z);
+        self.forward.forward(z);
     }
     fn inverse(&self, z: &mut [S]) {
-        self.backward.step(z);
+        self.backward.forward(z);
     }
 }
 

@@ -5,13 +5,14 @@ use gyroceptron::io::file_digest;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 11] = [
+const COMMANDS: [&str; 12] = [
     "run",
     "scenes",
     "verify",
     "prove",
     "check-proof",
     "train",
+    "fit",
     "predict",
     "import",
     "export",
@@ -66,7 +67,7 @@ fn each_command_has_a_manual_page() {
     let folder = folder();
     let path = folder.path();
     let said = text(&succeeds(path, &["manual", "man1"]).stdout);
-    assert!(said.contains("13 manual pages"), "{said}");
+    assert!(said.contains("14 manual pages"), "{said}");
     let read = |name: &str| std::fs::read_to_string(path.join("man1").join(name)).expect("a page");
     assert!(read("gyroceptron.1").contains("check\\-proof"));
     for command in COMMANDS {
