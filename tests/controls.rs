@@ -281,10 +281,12 @@ fn stored(model: &Model) -> StoredModel {
         AreaDensity::of_function(|x, y| 1.0 + 0.2 * x + 0.1 * y * y, [-2.0; 2], [2.0; 2], 1.3);
     let changes: [Change<'_>; 2] = [(&|x, y| 0.05 * x * y, 2.0), (&|x, _| 0.03 + 0.02 * x, 0.5)];
     let density = density.and_then(|density| density.with_changes(&changes)).expect("positive");
+    let nominal = model.composition().controls().expect("controls").nominal();
+    let section = Section::of_plane(density).with_origin(&nominal).expect("two values");
     StoredModel {
         model: model.clone(),
         units: Some(Units::new(vec![0.1, -0.05], vec![0.5, 2.0]).expect("units")),
-        section: Some(Section::of_plane(density)),
+        section: Some(section),
         provenance: Provenance::of("test"),
     }
 }

@@ -1343,6 +1343,24 @@ fn invariant_circles_are_fitted_to_orbits() {
         })
         .sum();
     assert!((circle.area() / area - 1.0).abs() < 1e-6, "{} {area}", circle.area());
+    // A density that is uniform, and the integral of one that is not by strips across the curve (Green's theorem).
+    let low_high = ([1.5, -0.7], [4.5, 0.7]);
+    let charted = |density: &dyn Fn(f64, f64) -> f64| {
+        AreaDensity::of_function(density, low_high.0, low_high.1, 1.7).expect("positive")
+    };
+    let uniform = circle.flux(&charted(&|_, _| 2.0));
+    assert!((uniform / circle.area() - 2.0).abs() < 1e-13, "{uniform}");
+    let primitive = |x: f64, y: f64| x * (1.0 + 0.3 * y * y) + 0.1 * x * x;
+    let flux: f64 = (0..polygon.len())
+        .map(|k| {
+            let ([a, b], [c, d]) = (polygon[k], polygon[(k + 1) % polygon.len()]);
+            0.5 * (primitive(a, b) + primitive(c, d)) * (d - b)
+        })
+        .sum();
+    let found = circle.flux(&charted(&|x, y| 1.0 + 0.2 * x + 0.3 * y * y));
+    assert!((found / flux - 1.0).abs() < 1e-6, "{found} {flux}");
+    let small = AreaDensity::of_function(|_, _| 1.0, [2.5, -0.7], [4.5, 0.7], 1.0);
+    assert!(circle.flux(&small.expect("positive")).is_nan(), "outside of the box");
     // Off the curve along its normal.
     let h = 1e-6;
     let places: Vec<f64> = (0..40)

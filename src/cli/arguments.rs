@@ -414,8 +414,9 @@ pub struct Train {
     #[arg(long, value_enum, default_value_t = UnitsOf::Fitted)]
     pub units: UnitsOf,
     /// Of pairs of one degree of freedom whose columns x, y have the area form ρ dx∧dy, such as R, Z of a magnetic
-    /// field with ρ = B_φ: an .npz file of ρ on a grid, with arrays x, y and density (a row for each y). The
-    /// model is trained in canonical coordinates, keeps the chart, and predicts x, y.
+    /// field with ρ = B_φ: an .npz file of ρ on a grid, with arrays x, y and density (a row for each y); of a ρ that
+    /// depends on controls, linearly, with a grid for each row of an array lambda. The model is trained in canonical
+    /// coordinates, keeps the chart, and predicts x, y.
     #[arg(long, value_name = "FILE.npz")]
     pub section: Option<PathBuf>,
     /// The names of the controls that the pairs depend on, whose values are the columns of the array `lambda`

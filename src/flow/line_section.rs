@@ -205,7 +205,7 @@ impl LineSection {
         controls: &[(Vec<Coil>, f64)],
     ) -> Result<Section, Error> {
         let [r, z] = self.axis;
-        let sign = self.toroidal(&self.field, r, z).signum();
+        let sign = self.toroidal_field(r, z).signum();
         let field = |(coils, _): &(Vec<Coil>, f64)| CoilField::new(coils, self.points);
         let fields: Vec<CoilField> = controls.iter().map(field).collect::<Result<_, _>>()?;
         let densities: Vec<_> = fields
@@ -219,7 +219,12 @@ impl LineSection {
         Ok(Section::of_plane(self.density(points)?.with_changes(&changes)?))
     }
 
-    /// B_φ on the section.
+    /// B_φ at (R, Z) of the section, in tesla.
+    pub fn toroidal_field(&self, r: f64, z: f64) -> f64 {
+        self.toroidal(&self.field, r, z)
+    }
+
+    /// B_φ of a field on the section.
     fn toroidal(&self, field: &CoilField, r: f64, z: f64) -> f64 {
         field.cylindrical(r, self.request.phi, z)[1]
     }
@@ -230,8 +235,8 @@ impl LineSection {
         Error::check_rows("points of a section", points.len(), 2)?;
         let none = || Error::invalid("points of a section", "none", "at least one");
         let Region { low, high } = Region::around(2, [points]).ok_or_else(none)?.widened(WIDER);
-        let at_axis = self.toroidal(&self.field, self.axis[0], self.axis[1]);
-        let density = |r: f64, z: f64| at_axis.signum() * self.toroidal(&self.field, r, z);
+        let at_axis = self.toroidal_field(self.axis[0], self.axis[1]);
+        let density = |r: f64, z: f64| at_axis.signum() * self.toroidal_field(r, z);
         let (low, high) = ([low[0], low[1]], [high[0], high[1]]);
         AreaDensity::of_function(density, low, high, at_axis.abs())
     }

@@ -184,19 +184,20 @@ pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
 /// and `density` (B, A), the values of ρ on this grid. The optional `scale`, one number, is what ∫ρ dx is divided by;
 /// it is 1 by default.
 ///
+/// A density that depends on controls, linearly, is given at several of their values: `lambda` (L) or (L, controls),
+/// and `density` (L, B, A).
+///
 /// # Errors
-/// When the file is missing or corrupt, an array is missing or of another shape; those of [`AreaDensity::of_grid`].
+/// When the file is missing or corrupt, an array is missing or of another shape; those of [`AreaDensity::of_grid`] and
+/// [`AreaDensity::of_grids`].
 pub fn read_section(path: &Path) -> Result<Section, Error> {
     let place = path.display().to_string();
     let mut archive = Archive::open(&place, read_bytes(path)?)?;
     let [x, y, density] = ["x", "y", "density"].map(|name| archive.array(name));
-    let (x, y, density) = (x?, y?, density?);
-    let shape = density.matrix_shape(&format!("{place}: density"))?;
-    if shape != (y.values.len(), x.values.len()) {
-        let expected = format!("shape ({}, {}), a row for each y", y.values.len(), x.values.len());
-        return Err(Error::content(format!("{place}: density"), expected, format!("{shape:?}")));
-    }
-    let scale = match archive.names().iter().any(|name| name == "scale") {
+    let (x, y, density) = (x?.values, y?.values, density?);
+    let has = |name: &str| archive.names().iter().any(|found| found == name);
+    let (has_scale, has_controls) = (has("scale"), has("lambda"));
+    let scale = match has_scale {
         false => 1.0,
         true => {
             let values = archive.array("scale")?.values;
@@ -204,32 +205,81 @@ pub fn read_section(path: &Path) -> Result<Section, Error> {
             values[0]
         }
     };
-    let chart = AreaDensity::of_grid(&x.values, &y.values, &density.values, scale);
-    Ok(Section::of_plane(chart.map_err(|e| e.with_place(&place))?))
+    let (rows, columns) = (y.len(), x.len());
+    let check_shape = |wanted: &[usize], text: String| match density.shape == wanted {
+        true => Ok(()),
+        false => {
+            let found = format!("{:?}", density.shape);
+            Err(Error::content(format!("{place}: density"), text, found))
+        }
+    };
+    if !has_controls {
+        check_shape(&[rows, columns], format!("shape ({rows}, {columns}), a row for each y"))?;
+        let chart = AreaDensity::of_grid(&x, &y, &density.values, scale);
+        return Ok(Section::of_plane(chart.map_err(|e| e.with_place(&place))?));
+    }
+    let lambda = archive.array("lambda")?;
+    let (machines, controls) = match lambda.shape[..] {
+        [machines] => (machines, 1),
+        [machines, controls] => (machines, controls),
+        _ => {
+            let expected = "shape (L) or (L, controls)";
+            let found = format!("{:?}", lambda.shape);
+            return Err(Error::content(format!("{place}: lambda"), expected, found));
+        }
+    };
+    check_shape(
+        &[machines, rows, columns],
+        format!(
+            "shape ({machines}, {rows}, {columns}), a grid for each value of `lambda`, with a row for each y"
+        ),
+    )?;
+    let origin: Vec<f64> = (0..controls)
+        .map(|of| {
+            let column = || lambda.values.iter().skip(of).step_by(controls.max(1)).copied();
+            // no NaN: the chart checks that all are finite
+            let low = column().fold(f64::INFINITY, f64::min);
+            // no NaN: as above
+            let high = column().fold(f64::NEG_INFINITY, f64::max);
+            0.5f64.mul_add(high - low, low)
+        })
+        .collect();
+    let chart = AreaDensity::of_grids(&x, &y, &density.values, scale, &lambda.values, &origin);
+    let section = Section::of_plane(chart.map_err(|e| e.with_place(&place))?);
+    section.with_origin(&origin).map_err(|e| e.with_place(&place))
 }
 
-/// Writes what [`read_section`] reads.
+/// Writes what [`read_section`] reads: a grid for each row of values of `controls`, one after another, or one grid
+/// where there are no controls.
 ///
 /// # Errors
-/// [`Error::Write`]; [`Error::WrongCount`] unless there is one density for each pair of coordinates.
+/// [`Error::Write`]; [`Error::WrongCount`] unless there is one density for each pair of coordinates and each row, or
+/// when rows are of different lengths.
 pub fn write_section(
     path: &Path,
     x: &[f64],
     y: &[f64],
     density: &[f64],
     scale: f64,
+    controls: &[&[f64]],
 ) -> Result<(), Error> {
-    Error::check_count("density: numbers", x.len() * y.len(), density.len())?;
-    let sizes = [x.len() as u64, y.len() as u64];
-    write_archive(
-        path,
-        &[
-            ("x", &sizes[..1], x),
-            ("y", &sizes[1..], y),
-            ("density", &[sizes[1], sizes[0]], density),
-            ("scale", &[1], &[scale]),
-        ],
-    )
+    let grids = controls.len().max(1);
+    Error::check_count("density: numbers", grids * x.len() * y.len(), density.len())?;
+    let count = controls.first().map_or(0, |row| row.len());
+    controls.iter().try_for_each(|row| Error::check_count("controls", count, row.len()))?;
+    let of_controls = [controls.len() as u64, count as u64];
+    let sizes = [of_controls[0], y.len() as u64, x.len() as u64];
+    let lambda = controls.concat();
+    let mut arrays = vec![
+        ("x", &sizes[2..], x),
+        ("y", &sizes[1..2], y),
+        ("density", if controls.is_empty() { &sizes[1..] } else { &sizes[..] }, density),
+        ("scale", &[1][..], std::slice::from_ref(&scale)),
+    ];
+    if !controls.is_empty() {
+        arrays.push(("lambda", &of_controls[..], &lambda));
+    }
+    write_archive(path, &arrays)
 }
 
 /// Points read from a file, and whether they were in single precision.

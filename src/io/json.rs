@@ -571,10 +571,14 @@ pub fn parse_model(place: &str, bytes: &[u8]) -> Result<StoredModel, Error> {
     if let Some(units) = &file.units {
         units.check(&format!("{place}: units"), model.composition().dof())?;
     }
-    if let Some(section) = &file.section {
-        section.check(model.composition().dof()).map_err(|e| e.with_place(place))?;
+    let (units, mut section) = (file.units, file.section);
+    if let Some(section) = &mut section {
+        let controls =
+            model.composition().controls().map(|controls| controls.nominal()).unwrap_or_default();
+        section
+            .check_of_controls(model.composition().dof(), controls)
+            .map_err(|e| e.with_place(place))?;
     }
-    let (units, section) = (file.units, file.section);
     Ok(StoredModel { model, units, section, provenance: file.provenance })
 }
 

@@ -3,7 +3,7 @@
 use super::StoredModel;
 use crate::error::Error;
 use crate::measure::orbits::{AtControls, OrbitResponse, PeriodicOrbit, periodic_orbit};
-use crate::network::{Controls, map_jacobians, map_points};
+use crate::network::{map_jacobians, map_points};
 use crate::phase::{Direction, Map};
 
 impl StoredModel {
@@ -16,21 +16,10 @@ impl StoredModel {
     pub fn at_controls(&self, values: &[f64]) -> Result<Self, Error> {
         values.iter().try_for_each(|value| Error::check_finite("control", *value))?;
         let model = self.model.at_controls(values)?;
-        let offsets = self.offsets(values);
-        let section = self.section.as_ref().map(|section| section.at(&offsets)).transpose()?;
+        let section = self.section.as_ref().map(|section| section.at(values)).transpose()?;
         let mut out = Self { model, section, ..self.clone() };
         out.provenance.validation = None;
         Ok(out)
-    }
-
-    /// How far values of controls are from the middle of their ranges.
-    fn offsets(&self, values: &[f64]) -> Vec<f64> {
-        let nominal = self.model.composition().controls().map(Controls::nominal);
-        values
-            .iter()
-            .zip(nominal.unwrap_or_default())
-            .map(|(value, middle)| value - middle)
-            .collect()
     }
 
     /// The derivatives of the map by its controls at points of the data, at these values: 2n × controls numbers for

@@ -1,6 +1,7 @@
 //! Invariant circles of maps of a plane, by Fourier series.
 
 use crate::error::Error;
+use crate::phase::AreaDensity;
 use crate::scalar::{Elementary, max_or_nan};
 use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
@@ -82,8 +83,11 @@ impl InvariantCircle {
                     below += along * along;
                 }
             }
-            if below > 0.0 {
-                out.turns += above / below;
+            let more = if below > 0.0 { above / below } else { 0.0 };
+            out.turns += more;
+            // Rounding of a turn over all states.
+            if more.abs() * seen as f64 <= f64::EPSILON {
+                break;
             }
         }
         let missed = (seen..orbit.len() / 2).map(|n| {
@@ -126,6 +130,19 @@ impl InvariantCircle {
             (k + 1) as f64 * (c[0] * s[1] - c[1] * s[0])
         };
         0.5 * TAU * self.modes[1..].chunks_exact(2).enumerate().map(of).sum::<f64>()
+    }
+
+    /// ∫∫ρ dx dy within the curve, with the sign of its direction, by the trapezoidal rule for ∮(∫ρ dx) dy, whose error
+    /// falls faster than any power of the number of points; NaN where the curve leaves the box of the density. With R, Z
+    /// and ρ = B_φ in tesla it is the toroidal flux within a magnetic surface, in webers.
+    pub fn flux(&self, density: &AreaDensity) -> f64 {
+        let count = 8 * self.modes() + 8;
+        let of = |k: usize| {
+            let (point, slope) = self.at(k as f64 / count as f64);
+            let [_, p] = density.to_canonical(point);
+            p * slope[1]
+        };
+        density.scale() * (0..count).map(of).sum::<f64>() / count as f64
     }
 
     /// The distance of each point, two numbers each, from the curve; NaN for a point that is not finite.

@@ -171,17 +171,7 @@ impl AreaDensity {
             let (degrees, changes) = ([degree; 2], Vec::new());
             Self { low, high, scale, degrees, coefficients, changes, error: f64::NAN }
         };
-        let judged = |of: &Self| {
-            let mut error = 0.0;
-            for (y, row) in y.iter().zip(values.chunks_exact(x.len())) {
-                let (series, _) = of.along_x(*y);
-                for (x, value) in x.iter().zip(row) {
-                    let found = chebyshev(&series, of.unit(0, *x));
-                    error = max_or_nan(error, (found - value).abs());
-                }
-            }
-            error / size
-        };
+        let judged = |of: &Self| of.largest_difference(x, y, values) / size;
         // Between nodes at equal distances a polynomial of too high a degree swings: the others show it.
         let most = x.len().min(y.len()).div_ceil(2) - 1;
         let mut best: Option<(usize, f64)> = None;
@@ -204,6 +194,86 @@ impl AreaDensity {
         out.error = max_or_nan(error, judged(&out));
         out.check_positive()?;
         Ok(out)
+    }
+
+    /// The chart for densities on a grid at several values of controls, on which they depend linearly: the density at
+    /// `origin` and its changes, by least squares at each node, and [`AreaDensity::of_grid`] of them. `values` has the
+    /// grid of one row of `controls` after another. The error is the largest on any of them.
+    ///
+    /// # Errors
+    /// Those of [`AreaDensity::of_grid`]; when the rows of `controls` are not as long as `origin`, or too few or too
+    /// similar for the changes to be known.
+    pub fn of_grids(
+        x: &[f64],
+        y: &[f64],
+        values: &[f64],
+        scale: f64,
+        controls: &[f64],
+        origin: &[f64],
+    ) -> Result<Self, Error> {
+        let (count, nodes) = (origin.len(), x.len() * y.len());
+        Error::check_count_range("section: controls", count, 1, 64)?;
+        Error::check_rows("section: lambda", controls.len(), count)?;
+        let rows = controls.len() / count;
+        Error::check_count("section: density: numbers", rows * nodes, values.len())?;
+        controls.iter().try_for_each(|v| Error::check_finite("section: lambda", *v))?;
+        let bad = values.iter().position(|v| !(*v > 0.0 && v.is_finite()));
+        if let Some(index) = bad {
+            let (row, node) = (index / nodes, index % nodes);
+            let place = [x[node % x.len()], y[node / x.len()]];
+            return Err(positive_expected(values[index], place, &format!("of grid {row}")));
+        }
+        let offset = |row: usize, of: usize| controls[row * count + of] - origin[of];
+        // Columns of the size of one: controls may have units of any size.
+        let sizes: Vec<f64> = (0..count)
+            .map(|of| (0..rows).map(|row| offset(row, of).abs()).fold(0.0, max_or_nan))
+            .collect();
+        let matrix = Mat::from_fn(rows, count + 1, |row, of| match of {
+            0 => 1.0,
+            of => offset(row, of - 1) / sizes[of - 1],
+        });
+        /// Below this ratio to the largest singular value controls have not been varied independently.
+        const DEPENDENT: f64 = 1e-8;
+        let singular = matrix.singular_values().unwrap_or_default();
+        let known =
+            rows > count && matches!(singular[..], [first, .., last] if last > DEPENDENT * first);
+        if !known {
+            let found = format!("{rows} rows for {count} controls");
+            let expected =
+                "values of the controls from which a constant and a slope by each follow";
+            return Err(Error::invalid("section: lambda", found, expected));
+        }
+        let right = Mat::from_fn(rows, nodes, |row, node| values[row * nodes + node]);
+        let solution = matrix.qr().solve_lstsq(&right);
+        let grid = |of: usize| (0..nodes).map(|node| solution[(of, node)]).collect::<Vec<f64>>();
+        let mut out = Self::of_grid(x, y, &grid(0), scale)?;
+        let [degree, _] = out.degrees;
+        for (of, size) in sizes.iter().enumerate() {
+            let change: Vec<f64> = grid(of + 1).iter().map(|value| value / size).collect();
+            out.changes.push(grid_coefficients(x, y, &change, out.low, out.high, degree));
+        }
+        let size = values.iter().copied().fold(0.0, max_or_nan);
+        for row in 0..rows {
+            let offsets: Vec<f64> = (0..count).map(|of| offset(row, of)).collect();
+            let there = out.at(&offsets)?;
+            there.check_positive()?;
+            let given = &values[row * nodes..(row + 1) * nodes];
+            out.error = max_or_nan(out.error, there.largest_difference(x, y, given) / size);
+        }
+        Ok(out)
+    }
+
+    /// The largest difference from values on a grid, with x varying fastest.
+    fn largest_difference(&self, x: &[f64], y: &[f64], values: &[f64]) -> f64 {
+        let mut largest = 0.0;
+        for (y, row) in y.iter().zip(values.chunks_exact(x.len())) {
+            let (series, _) = self.along_x(*y);
+            for (x, value) in x.iter().zip(row) {
+                let found = chebyshev(&series, self.unit(0, *x));
+                largest = max_or_nan(largest, (found - value).abs());
+            }
+        }
+        largest
     }
 
     /// Fails unless the chart is valid; for charts that are read from files.
@@ -497,6 +567,9 @@ fn grid_coefficients(
 pub struct Section {
     /// The chart of each plane (x_j, y_j); none where its columns are q_j and p_j.
     planes: Vec<Option<AreaDensity>>,
+    /// The values of the controls that the densities are for; empty where they depend on none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    origin: Vec<f64>,
 }
 
 impl Section {
@@ -506,14 +579,32 @@ impl Section {
     /// When there is no chart, one is not valid, or the scales differ, where a plane without a chart has scale 1: Ω
     /// would then not be the canonical form.
     pub fn new(planes: Vec<Option<AreaDensity>>) -> Result<Self, Error> {
-        let out = Self { planes };
+        let out = Self { planes, origin: Vec::new() };
         out.check(out.planes.len())?;
         Ok(out)
     }
 
     /// The section of one plane with this chart.
     pub fn of_plane(density: AreaDensity) -> Self {
-        Self { planes: vec![Some(density)] }
+        Self { planes: vec![Some(density)], origin: Vec::new() }
+    }
+
+    /// The same section, whose densities are for these values of the controls.
+    ///
+    /// # Errors
+    /// [`Error::WrongCount`] unless there is one value for each control; [`Error::OutOfRange`] of one that is not
+    /// finite.
+    pub fn with_origin(self, values: &[f64]) -> Result<Self, Error> {
+        let out = Self { origin: values.to_vec(), ..self };
+        out.check_origin()?;
+        Ok(out)
+    }
+
+    fn check_origin(&self) -> Result<(), Error> {
+        for plane in self.planes.iter().flatten().filter(|plane| !plane.changes.is_empty()) {
+            Error::check_count("controls of a section", self.origin.len(), plane.changes.len())?;
+        }
+        self.origin.iter().try_for_each(|value| Error::check_finite("control", *value))
     }
 
     /// Fails like [`Section::new`], or if the degrees of freedom are not `dof`.
@@ -526,6 +617,7 @@ impl Section {
             return Err(Error::invalid("section", "no density", "that of a plane at least"));
         }
         self.planes.iter().flatten().try_for_each(AreaDensity::check)?;
+        self.check_origin()?;
         let scale = |plane: &Option<AreaDensity>| plane.as_ref().map_or(1.0, AreaDensity::scale);
         let first = scale(&self.planes[0]);
         match self.planes.iter().map(scale).find(|other| *other != first) {
@@ -537,14 +629,32 @@ impl Section {
         }
     }
 
+    /// Fails like [`Section::check`], or where densities depend on other controls than these; for sections of files.
+    /// Older files do not say what values of the controls densities are for: the middle of their ranges, `nominal`.
+    pub(crate) fn check_of_controls(&mut self, dof: usize, nominal: Vec<f64>) -> Result<(), Error> {
+        if self.depends_on_controls() {
+            if self.origin.is_empty() {
+                self.origin = nominal;
+            } else {
+                Error::check_count("controls of a section", nominal.len(), self.origin.len())?;
+            }
+        }
+        self.check(dof)
+    }
+
     /// The section in words, for a reader of a report.
     pub fn describe(&self) -> String {
         let planes =
             self.planes.iter().enumerate().filter_map(|(j, plane)| Some((j + 1, plane.as_ref()?)));
         let words = planes.map(|(j, plane)| {
             let ([a, b], [c, d]) = (plane.low, plane.high);
+            let controls = match plane.changes.len() {
+                0 => "",
+                1 => ", linear in the control,",
+                _ => ", linear in the controls,",
+            };
             format!(
-                "plane {j}: x from {a:.6} to {c:.6}, y from {b:.6} to {d:.6}, a density of degrees {} and {} \
+                "plane {j}: x from {a:.6} to {c:.6}, y from {b:.6} to {d:.6}, a density of degrees {} and {}{controls} \
                  that errs by {:.1e}",
                 plane.degrees[0], plane.degrees[1], plane.error
             )
@@ -556,14 +666,21 @@ impl Section {
         )
     }
 
-    /// The charts at these offsets of the controls from the values that they are for.
+    /// The charts at these values of the controls; the same where the densities depend on none.
     ///
     /// # Errors
-    /// Those of [`AreaDensity::at`].
-    pub fn at(&self, offsets: &[f64]) -> Result<Self, Error> {
-        let of =
-            |plane: &Option<AreaDensity>| plane.as_ref().map(|plane| plane.at(offsets)).transpose();
-        Ok(Self { planes: self.planes.iter().map(of).collect::<Result<_, _>>()? })
+    /// When there is not one value for each control. Whether the densities are positive there [`Section::check`] says.
+    pub fn at(&self, values: &[f64]) -> Result<Self, Error> {
+        if !self.depends_on_controls() {
+            return Ok(self.clone());
+        }
+        Error::check_count("controls of a section", self.origin.len(), values.len())?;
+        let offsets: Vec<f64> = values.iter().zip(&self.origin).map(|(a, b)| a - b).collect();
+        let of = |plane: &Option<AreaDensity>| {
+            plane.as_ref().map(|plane| plane.at(&offsets)).transpose()
+        };
+        let planes = self.planes.iter().map(of).collect::<Result<_, _>>()?;
+        Ok(Self { planes, origin: Vec::new() })
     }
 
     /// The degrees of freedom n.

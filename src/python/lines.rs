@@ -141,6 +141,22 @@ impl FieldLines {
         array(py, values, points.shape(&[], &[2, 2]))
     }
 
+    /// The toroidal field |B_phi| at `points`, (..., 2), in tesla: (...).
+    fn density<'py>(
+        &self,
+        py: Python<'py>,
+        points: Rows<'py>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let points = points_of("points", &points, 1)?;
+        let values = super::by_parts(py, "field", 2, &points.values, |part| {
+            Ok(part
+                .chunks_exact(2)
+                .map(|z| self.section.toroidal_field(z[0], z[1]).abs())
+                .collect())
+        })?;
+        array(py, values, points.shape(&[], &[]))
+    }
+
     /// Writes B_phi, divided by its value on the axis, on a grid of a box a little wider than that of `points`,
     /// (..., 2): a file that `train` takes as its `section`. An existing file is kept unless `overwrite`.
     #[pyo3(signature = (path, points, overwrite=false))]
@@ -160,7 +176,7 @@ impl FieldLines {
         let (x, y) = (grid(0), grid(1));
         let values: Vec<f64> =
             y.iter().flat_map(|y| x.iter().map(|x| density.density(*x, *y))).collect();
-        Ok(write_section(&path, &x, &y, &values, density.scale())?)
+        Ok(write_section(&path, &x, &y, &values, density.scale(), &[])?)
     }
 
     fn __repr__(&self) -> String {

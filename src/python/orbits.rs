@@ -3,7 +3,7 @@
 use super::arrays::{Rows, array, point_of, points_of, read, rows_of};
 use crate::error::Error;
 use crate::flow::Trajectories;
-use crate::io::StoredModel;
+use crate::io::{StoredModel, read_section};
 use crate::measure::orbits::{
     Branch, InvariantCircle, PeriodicOrbit, WithJacobian, manifold, periodic_orbit,
     periodic_orbits, rotation_numbers, tunes as tunes_of,
@@ -13,6 +13,7 @@ use crate::phase::Direction;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
+use std::path::PathBuf;
 
 /// An image in units of the data, with the Jacobian there.
 pub(super) fn with_jacobian(
@@ -173,6 +174,20 @@ impl PyInvariantCircle {
     #[getter]
     fn area(&self) -> f64 {
         self.0.area()
+    }
+
+    /// The integral of rho over the inside of the curve, with the sign of its direction; `section` is a file of rho, as
+    /// for train. Of points R, Z in metres and rho = B_phi in tesla it is the toroidal flux in webers. It is NaN where
+    /// the curve leaves the box of the file.
+    fn flux(&self, section: PathBuf) -> PyResult<f64> {
+        let section = read_section(&section)?;
+        if section.depends_on_controls() {
+            let expected = "one of no controls";
+            let found = "a density that depends on controls";
+            return Err(Error::invalid("section", found, expected).into());
+        }
+        let density = section.planes()[0].as_ref();
+        Ok(density.map_or(f64::NAN, |density| self.0.flux(density)))
     }
 
     /// `count` points of the curve at equal distances of the angle: (count, 2).

@@ -533,9 +533,9 @@ impl TracedLines {
                 let coils: Vec<_> = both.map(coils).collect::<Result<_, _>>()?;
                 let chart = section.chart_by_controls(&points, &coils)?;
                 let middle = lines.nominal()?;
+                let chart = chart.with_origin(&middle)?;
                 for at in &controls.values {
-                    let offsets: Vec<f64> = at.iter().zip(&middle).map(|(a, b)| a - b).collect();
-                    let there = chart.at(&offsets).and_then(|there| there.check(1));
+                    let there = chart.at(at).and_then(|there| there.check(1));
                     there.map_err(|e| e.with_place(format!("controls {at:?}")))?;
                 }
                 chart
@@ -555,12 +555,5 @@ impl TracedLines {
             controls,
             error,
         }))
-    }
-
-    /// The chart at these values of the controls.
-    pub(super) fn chart_at(&self, values: &[f64]) -> Result<Section, Error> {
-        let nominal = self.controls.as_ref().map(Controls::nominal).unwrap_or_default();
-        let offsets: Vec<f64> = values.iter().zip(nominal).map(|(a, b)| a - b).collect();
-        self.chart.at(&offsets)
     }
 }

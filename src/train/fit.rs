@@ -212,6 +212,17 @@ impl FitNote {
     }
 }
 
+/// By how much the first and the last map of a family with controls keep no area, where that is seen in one of them.
+fn form_defect_of_ends(pairs: &Pairs, known: f64) -> Option<FormDefect> {
+    let runs = pairs.runs();
+    let ends = [runs.first()?, runs.last()?];
+    ends.into_iter().find_map(|(condition, input, output)| {
+        condition.filter(|condition| !condition.controls.is_empty())?;
+        let alone = Pairs::new("pairs", pairs.dof(), input.to_vec(), output.to_vec()).ok()?;
+        FormDefect::of(&alone).filter(|defect| defect.is_seen(known))
+    })
+}
+
 /// Whether some pairs are at these values of controls.
 fn is_learnt(pairs: &Pairs, values: &[f64]) -> bool {
     pairs.conditions().iter().any(|condition| condition.controls == values)
@@ -433,8 +444,12 @@ impl Fit {
         }
         let known = self.section.as_ref().map_or(0.0, Section::error);
         let fits = TwoFits::of(&data.pairs);
-        let defect = fits.as_ref().map(|fits| fits.form_defect(&data.pairs));
-        let defect = defect.filter(|defect| defect.is_seen(known));
+        let defect = match &fits {
+            Some(fits) => {
+                Some(fits.form_defect(&data.pairs)).filter(|defect| defect.is_seen(known))
+            }
+            None => form_defect_of_ends(&data.pairs, known),
+        };
         notes.extend(defect.map(|defect| FitNote::Form(defect, self.section.is_some())));
         let action = self.circles(&data, &mut notes, watch)?;
         notes.extend(self.better_reading(&data, &action, watch)?.map(FitNote::Reading));
@@ -543,8 +558,20 @@ impl Fit {
         for (name, points) in ["input", "output"].into_iter().zip(pairs.points()) {
             section.check_points(&format!("{}: {name}", self.place), points)?;
         }
-        pairs.transformed(&self.place, |_, points| {
-            section.to_canonical(points);
+        let depends = section.depends_on_controls();
+        pairs.transformed(&self.place, |condition, points| {
+            if !depends {
+                section.to_canonical(points);
+                return Ok(());
+            }
+            let values = condition.map_or(&[][..], |condition| &condition.controls);
+            let there = section.at(values).and_then(|there| {
+                there.check(pairs.dof())?;
+                Ok(there)
+            });
+            there
+                .map_err(|e| e.with_place(format!("section at controls {values:?}")))?
+                .to_canonical(points);
             Ok(())
         })
     }

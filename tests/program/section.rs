@@ -3,9 +3,11 @@
 use crate::helpers::{folder, refuses, succeeds, text};
 use gyroceptron::flow::{LineMap, Pairs};
 use gyroceptron::io::{
-    load_model, read_points, read_trajectories, write_pairs, write_points, write_section,
+    load_model, read_points, read_section, read_trajectories, write_pairs, write_points,
+    write_section,
 };
-use gyroceptron::scalar::max_or_nan;
+use gyroceptron::phase::AreaDensity;
+use gyroceptron::scalar::{Elementary, max_or_nan};
 use gyroceptron::system::{CoilField, Torsatron};
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -38,9 +40,9 @@ fn write_files(folder: &Path) -> Pairs {
     let toroidal = |(x, y): (f64, f64)| field.cylindrical(x, 0.0, y)[1];
     let density: Vec<f64> = y.iter().flat_map(|y| at(*y)).map(toroidal).collect();
     let scale = density[density.len() / 2];
-    write_section(&folder.join("section.npz"), &x, &y, &density, scale).expect("written");
+    write_section(&folder.join("section.npz"), &x, &y, &density, scale, &[]).expect("written");
     let ones = vec![1.0; density.len()];
-    write_section(&folder.join("uniform.npz"), &x, &y, &ones, 1.0).expect("written");
+    write_section(&folder.join("uniform.npz"), &x, &y, &ones, 1.0, &[]).expect("written");
     write_points(&folder.join("z.npy"), &[2, 2], &pairs.input()[..4]).expect("written");
     pairs
 }
@@ -215,12 +217,117 @@ fn bad_sections_are_refused() {
     refuses(folder, &with("pairs.npz"), &["pairs.npz: x", "input"]);
     let axis: Vec<f64> = (0..10).map(f64::from).collect();
     let mut density = vec![1.0; 100];
-    write_section(&folder.join("elsewhere.npz"), &axis, &axis, &density, 1.0).expect("written");
+    write_section(&folder.join("elsewhere.npz"), &axis, &axis, &density, 1.0, &[])
+        .expect("written");
     let z = pairs.input().chunks(2).find(|z| z[1] < 0.0).expect("below the middle");
     refuses(folder, &with("elsewhere.npz"), &["pairs.npz: input", &z[1].to_string()]);
     density[42] = 0.0;
-    write_section(&folder.join("zero.npz"), &axis, &axis, &density, 1.0).expect("written");
+    write_section(&folder.join("zero.npz"), &axis, &axis, &density, 1.0, &[]).expect("written");
     refuses(folder, &with("zero.npz"), &["zero.npz", "(2, 4)", "positive"]);
-    write_section(&folder.join("scale.npz"), &axis, &axis, &[1.0; 100], -1.0).expect("written");
+    write_section(&folder.join("scale.npz"), &axis, &axis, &[1.0; 100], -1.0, &[])
+        .expect("written");
     refuses(folder, &with("scale.npz"), &["scale.npz", "scale"]);
+}
+
+/// ρ at a value of the control, linear in it.
+fn density_at(control: f64, x: f64, y: f64) -> f64 {
+    1.0 + 0.3 * x + 0.2 * y * y + control * (0.2 * x * y + 0.15 * y)
+}
+
+/// Turns in the chart of that density, faster outside: pairs of data and their images.
+fn turns(control: f64, points: &[f64]) -> Vec<f64> {
+    let chart = |x: f64, y: f64| density_at(control, x, y);
+    let chart = AreaDensity::of_function(chart, [-1.0; 2], [1.0; 2], 1.0).expect("positive");
+    let image = |z: &[f64]| {
+        let [q, p] = chart.to_canonical([z[0], z[1]]);
+        let angle = 1.4 + 0.1 * control + 0.3 * (q * q + p * p);
+        let (s, c) = Elementary::sin_cos(angle);
+        chart.to_data([c * q + s * p, c * p - s * q])
+    };
+    points.chunks_exact(2).flat_map(image).collect()
+}
+
+/// A density at several values of a control, in one file: pairs at these values keep its area, and predictions between
+/// them are right; a density that is the same at all values is found out.
+#[test]
+fn a_density_may_depend_on_controls() {
+    let folder = folder();
+    let folder = folder.path();
+    let (values, count) = ([-1.0, -0.5, 0.0, 0.5, 1.0], 80);
+    let mut stream = gyroceptron::random::Stream::new(1, "points");
+    let mut draw = |count: usize| -> Vec<f64> {
+        (0..2 * count).map(|_| stream.uniform(-0.45, 0.45)).collect()
+    };
+    let inputs: Vec<Vec<f64>> = values.iter().map(|_| draw(count)).collect();
+    let both = values.iter().zip(&inputs);
+    let outputs: Vec<f64> = both.flat_map(|(control, points)| turns(*control, points)).collect();
+    let rows: Vec<f64> = values.iter().flat_map(|value| vec![*value; count]).collect();
+    let ones = vec![1.0; rows.len()];
+    let pairs = Pairs::new("turns", 1, inputs.concat(), outputs).expect("pairs");
+    let pairs = pairs.under_controls(&ones, &ones, &rows).expect("values");
+    write_pairs(&folder.join("pairs.npz"), &pairs).expect("written");
+
+    let axis: Vec<f64> = (0..17).map(|k| f64::from(k) / 8.0 - 1.0).collect();
+    let grid = |control: f64| -> Vec<f64> {
+        let row = |y: f64| axis.iter().map(move |x| density_at(control, *x, y));
+        axis.iter().flat_map(|y| row(*y)).collect()
+    };
+    let write = |name: &str, density: &[f64], controls: &[&[f64]]| {
+        write_section(&folder.join(name), &axis, &axis, density, 1.0, controls).expect("written");
+    };
+    // Other values than those of the pairs, in no order.
+    let table = [grid(1.0), grid(-0.2), grid(0.6)].concat();
+    write("section.npz", &table, &[&[1.0], &[-0.2], &[0.6]]);
+    write("one.npz", &grid(0.0), &[]);
+    let read = read_section(&folder.join("section.npz")).expect("read");
+    assert!(read.error() < 1e-13, "{}", read.error());
+    let there = read.at(&[-0.7]).expect("one control");
+    let there = there.planes()[0].as_ref().expect("a chart");
+    assert!((there.density(0.3, 0.8) - density_at(-0.7, 0.3, 0.8)).abs() < 1e-13);
+
+    let named = |section: &'static str, model: &'static str| {
+        let more = ["--controls", "a", "--section", section, "--output", model];
+        text(&succeeds(folder, &train(&more)).stderr)
+    };
+    let said = named("section.npz", "model.json");
+    assert!(said.contains("linear in the control") && !said.contains("do not keep"), "{said}");
+    let said = named("one.npz", "one.json");
+    assert!(said.contains("do not keep the area"), "{said}");
+
+    let start = draw(20);
+    write_points(&folder.join("start.npy"), &[20, 2], &start).expect("written");
+    let mut expected = start.clone();
+    (0..3).for_each(|_| expected = turns(0.25, &expected));
+    let error_of = |model: &str| {
+        let words = ["predict", "--model", model, "--at", "a=0.25", "--input", "start.npy"];
+        let more = ["--steps", "3", "--output", "end.npy", "--overwrite"];
+        succeeds(folder, &[&words[..], &more[..]].concat());
+        let found = read_trajectories(&folder.join("end.npy"), 1).expect("states");
+        let last = &found.values()[3 * 40..];
+        last.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
+    };
+    let [own, other] = ["model.json", "one.json"].map(error_of);
+    assert!(own < 1e-5 && other > 100.0 * own, "{own:e} {other:e}");
+
+    // What is wrong with a file of several densities is said.
+    let with =
+        |file: &'static str| train(&["--controls", "a", "--section", file, "--output", "no.json"]);
+    write("same.npz", &[grid(0.5), grid(0.5)].concat(), &[&[0.5], &[0.5]]);
+    refuses(folder, &with("same.npz"), &["same.npz", "lambda", "slope"]);
+    write(
+        "two.npz",
+        &[grid(0.0), grid(1.0), grid(0.5)].concat(),
+        &[&[0.0, 1.0], &[1.0, 0.0], &[0.5, 0.7]],
+    );
+    refuses(folder, &with("two.npz"), &["controls of a section", "2", "1"]);
+    let mut bad = table.clone();
+    bad[17 * 17 + 3] = -1.0;
+    write("bad.npz", &bad, &[&[1.0], &[-0.2], &[0.6]]);
+    refuses(folder, &with("bad.npz"), &["bad.npz", "(-0.625, -1)", "of grid 1", "positive"]);
+    // A density of other pairs, which have no controls.
+    let plain = Pairs::new("turns", 1, inputs[2].clone(), turns(0.0, &inputs[2])).expect("pairs");
+    write_pairs(&folder.join("pairs.npz"), &plain).expect("written");
+    let words = train(&["--section", "section.npz", "--output", "no.json"]);
+    refuses(folder, &words, &["controls of a section", "1", "0"]);
+    assert!(!folder.join("no.json").exists());
 }

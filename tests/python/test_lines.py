@@ -67,6 +67,22 @@ def test_rotation_and_curves_are_found():
     assert "InvariantCircle" in repr(circle)
 
 
+def test_the_flux_within_a_curve(tmp_path):
+    u = 2 * np.pi * (5**0.5 - 1) / 2 * np.arange(400)
+    circle = gyroceptron.InvariantCircle(np.stack([2 + 0.5 * np.cos(u), 0.5 * np.sin(u)], 1), 0.618)
+    x, y = np.linspace(1, 3, 17), np.linspace(-1, 1, 17)
+    density = 1 + 0.3 * x[None, :] + 0.2 * y[:, None] ** 2
+    np.savez(tmp_path / "rho.npz", x=x, y=y, density=density, scale=np.array([2.5]))
+    expected = np.pi / 4 * (1.6 + 0.2 / 16)
+    assert circle.flux(tmp_path / "rho.npz") == pytest.approx(expected, rel=1e-12)
+    np.savez(tmp_path / "both.npz", x=x, y=y, density=[density, 2 * density], **{"lambda": [0.0, 1.0]})
+    with pytest.raises(gyroceptron.Error, match="controls"):
+        circle.flux(tmp_path / "both.npz")
+    lines = gyroceptron.FieldLines(reach=0.05, error=1e-7)
+    assert lines.density(lines.starts(3)).shape == (3,)
+    assert lines.density(lines.axis) > 0.1
+
+
 def test_manifolds_and_chaos_of_a_model():
     """A pendulum that is kicked: z -> (q + p', p + K sin q), learnt by one HenonNet of polynomials."""
     rng = np.random.default_rng(3)

@@ -234,6 +234,8 @@ class InvariantCircle:
     @property
     def area(self) -> float:
         """The area inside the curve, with the sign of its direction."""
+    def flux(self, section: str | PathLike[str]) -> float:
+        """The integral of rho over the inside, of a file of rho; of R, Z and B_phi in tesla the toroidal flux in webers."""
     def points(self, count: int) -> NDArray[np.float64]:
         """`count` points of the curve at equal distances of the angle: (count, 2)."""
     def distances(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -329,6 +331,8 @@ class FieldLines:
         """The points of lines, map after map: (maps + 1, ..., 2); NaN for a line that is lost."""
     def jacobian(self, points: ArrayLike) -> NDArray[np.float64]:
         """The Jacobians of a map at points (..., 2): (..., 2, 2)."""
+    def density(self, points: ArrayLike) -> NDArray[np.float64]:
+        """The toroidal field |B_phi| at points (..., 2), in tesla: (...)."""
     def write_section(
         self, path: str | PathLike[str], points: ArrayLike, overwrite: bool = False
     ) -> None:

@@ -11,7 +11,7 @@ use crate::flow::{PolynomialMap, PolynomialOnSection, Symmetries, TabulatedLines
 use crate::io::{Provenance, StoredModel};
 use crate::layer::Reversor;
 use crate::measure::{
-    orbits::{InvariantCircle, rotation_numbers},
+    orbits::{InvariantCircle, RotationNumber, rotation_numbers},
     timing::{Comparison, Method, TrajectoryMethods, break_even, root_mean_square_distance},
 };
 use crate::network::Rollout;
@@ -333,13 +333,23 @@ impl Study for PoincareOptions {
             Block::Text(results.words_of_times(&timed, &paid)),
             Block::Table(results.times(&timed, &paid)),
         ];
-        let circles = judge.circles.iter();
+        let circles = judge.circles.iter().zip(&judge.flux);
         let circles: Vec<_> = circles
-            .map(|circle| {
+            .map(|(circle, flux)| {
                 circle.as_ref().map(|one| {
                     let (modes, area) = (one.modes(), one.area());
-                    json!({ "modes": modes, "error": one.error, "turns": one.turns, "area": area })
+                    json!({
+                        "modes": modes, "error": one.error, "turns": one.turns, "area": area, "flux": flux,
+                    })
                 })
+            })
+            .collect();
+        let profile =
+            judge.profile.chunks_exact(2).zip(&judge.rotation).zip(&judge.flux_of_profile);
+        let profile: Vec<_> = profile
+            .map(|((z, rotation), flux)| {
+                let RotationNumber { turns, error } = rotation;
+                json!({ "at": z, "turns": turns, "error": error, "flux": flux })
             })
             .collect();
         Ok(Findings {
@@ -351,6 +361,7 @@ impl Study for PoincareOptions {
                     "lost": lines.lost,
                     "reference_error": lines.section.error(),
                     "curves": circles,
+                    "profile": profile,
                     "off_curves": judge.curves,
                     "methods": found,
                     "orbits": fixed,
@@ -428,6 +439,8 @@ impl PoincareOptions {
             initial,
             early,
             circles: Vec::new(),
+            flux: Vec::new(),
+            density: lines.chart.planes()[0].as_ref(),
             curves: 0.0,
             planes: f64::NAN,
             after: Vec::new(),
@@ -435,6 +448,7 @@ impl PoincareOptions {
             maps: self.reference,
             near,
             rotation: Vec::new(),
+            flux_of_profile: Vec::new(),
             counts: &self.counts,
             last: self.last,
         };
@@ -445,23 +459,22 @@ impl PoincareOptions {
         }
         let profile = followed(reference, &judge.profile, self.reference)?;
         judge.rotation = rotation_numbers(&profile, near, judge.angle());
+        let flux_in =
+            |circle: &Option<InvariantCircle>| circle.as_ref().and_then(|one| judge.flux_in(one));
+        let flux_of_profile = judge.curves_of(&profile)?.iter().map(flux_in).collect();
         let orbits = followed(reference, &judge.initial, self.reference)?;
+        let circles = judge.curves_of(&orbits)?;
+        let flux = circles.iter().map(flux_in).collect();
+        (judge.flux, judge.flux_of_profile) = (flux, flux_of_profile);
         judge.after = orbits.values()[2 * self.lines * self.reference..].to_vec();
-        let turns = rotation_numbers(&orbits, near, judge.angle());
-        for (m, turns) in turns.iter().enumerate() {
+        for (m, circle) in circles.iter().enumerate() {
+            let Some(circle) = circle else { continue };
             let orbit: Vec<f64> = orbits.orbit(m).flatten().copied().collect();
-            let circle = match orbit.iter().all(|v| v.is_finite()) {
-                true => Some(InvariantCircle::of_orbit(&orbit, turns.turns)?),
-                false => None,
-            };
-            let circle = circle.filter(|circle| circle.error <= SMOOTH);
-            if let Some(circle) = &circle {
-                let unseen = &orbit[2 * (self.reference / 2)..];
-                let off = circle.distances(unseen).into_iter().fold(0.0, max_or_nan);
-                judge.curves = max_or_nan(judge.curves, off);
-            }
-            judge.circles.push(circle);
+            let unseen = &orbit[2 * (self.reference / 2)..];
+            let off = circle.distances(unseen).into_iter().fold(0.0, max_or_nan);
+            judge.curves = max_or_nan(judge.curves, off);
         }
+        judge.circles = circles;
         Ok(judge)
     }
 
@@ -628,9 +641,6 @@ impl TimedLines {
     }
 }
 
-/// A curve that misses points of its own line by more is none, in metres.
-const SMOOTH: f64 = 1e-6;
-
 /// The point of an orbit that is furthest from the axis outwards along R.
 fn outermost(orbit: &OrbitFound, axis: [f64; 2]) -> Vec<f64> {
     let off = |point: &&Vec<f64>| (libm::atan2(point[1] - axis[1], point[0] - axis[0])).abs();
@@ -665,12 +675,25 @@ fn rotation_figure(lines: &TracedLines, judge: &Judge<'_>, found: &[Judged]) -> 
         errors.push(Series { name: one.name.clone(), color, style: Style::Line, points });
     }
     let x_label = "distance from the axis at the start [m]";
+    let sure = judge.rotation.iter().zip(&judge.flux_of_profile);
+    let sure = sure.filter(|(found, _)| found.error <= SURE);
+    let by_flux: Vec<_> =
+        sure.filter_map(|(found, flux)| Some(((*flux)?, found.turns.abs() * per_turn))).collect();
+    let by_flux =
+        Series { name: "reference".into(), color: 0, style: Style::Marked, points: by_flux };
     let panels = vec![
         Panel {
             title: "ι".into(),
             x_label: x_label.into(),
             y_label: "|ι|".into(),
             series: profile,
+            ..Panel::default()
+        },
+        Panel {
+            title: "ι on surfaces".into(),
+            x_label: "toroidal flux within [Wb]".into(),
+            y_label: "|ι|".into(),
+            series: vec![by_flux],
             ..Panel::default()
         },
         Panel {
@@ -849,6 +872,16 @@ impl Results<'_> {
                 )
             }
         };
+        let within = self.judge.flux.iter().flatten().copied().filter(|flux| flux.is_finite());
+        // no NaN: filtered
+        let flux = match within.reduce(f64::max) {
+            None => String::new(),
+            Some(flux) => format!(
+                " The toroidal flux within the widest of these curves is {flux:.6} Wb; flux off by: the largest \
+                 difference of the flux within curves through the points of a method, as a share, none where one of \
+                 its lines is on no smooth curve."
+            ),
+        };
         let lost = match self.lines.lost.len() {
             0 => String::new(),
             some => format!(" {some} lines are lost and left out."),
@@ -859,7 +892,7 @@ impl Results<'_> {
              largest distance on held-out lines. Early: root mean square over {early} maps of {count} lines. The \
              reference is followed over {reference} maps{through}: {} of these lines are on smooth curves, off which \
              their later points are by {worst:.1e} m, and from which the last {last} points before each number of \
-             maps are measured. {profile} Lengths are in metres.",
+             maps are measured. {profile}{flux} Lengths are in metres.",
             request.phi,
             self.lines.periods,
             self.lines.of_machine,
@@ -880,6 +913,7 @@ impl Results<'_> {
             ("early", Format::Exponent(1)),
             ("|Δι|, median", Format::Exponent(1)),
             ("largest", Format::Exponent(1)),
+            ("flux off by", Format::Exponent(1)),
         ]);
         let per_turn = self.lines.maps_a_turn();
         for of in self.found {
@@ -891,6 +925,7 @@ impl Results<'_> {
                 finite(of.early).into(),
             ];
             row.extend(of.turns.map(|turns| finite(turns * per_turn).into()));
+            row.push(of.flux.and_then(finite).into());
             table.push(row);
         }
         table

@@ -9,7 +9,9 @@ use crate::measure::{
     trajectories::{LockedInterval, locked_interval, winding_numbers},
 };
 use crate::network::Rollout;
+use crate::phase::AreaDensity;
 use crate::scalar::max_or_nan;
+use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
@@ -144,6 +146,9 @@ pub(super) struct Judge<'a> {
     pub(super) early: Trajectories,
     /// The curve that each line is on; none of a line that is on no smooth one.
     pub(super) circles: Vec<Option<InvariantCircle>>,
+    /// The flux within each of these curves by this density, in webers.
+    pub(super) flux: Vec<Option<f64>>,
+    pub(super) density: Option<&'a AreaDensity>,
     /// The largest distance of a point of the reference, of those that the fits have not seen, from its curve.
     pub(super) curves: f64,
     /// What planes that the reference goes through err by in a map, root mean square on held-out lines.
@@ -158,6 +163,9 @@ pub(super) struct Judge<'a> {
     pub(super) near: f64,
     /// The rotation of the reference.
     pub(super) rotation: Vec<RotationNumber>,
+    /// The flux within the surfaces of the reference that lines of the profile are on; none of a line that is on no
+    /// smooth one.
+    pub(super) flux_of_profile: Vec<Option<f64>>,
     /// Numbers of maps, ascending, before each of which points are compared with the curves.
     pub(super) counts: &'a [usize],
     /// How many points.
@@ -181,6 +189,9 @@ pub(super) struct Judged {
     pub(super) early: f64,
     /// Number of maps, and the largest distance from the curve of each line; none of a line that is on no smooth one.
     pub(super) off: Vec<OffCurves>,
+    /// The largest difference of the flux within a curve of its own from that within the curve of the reference, as a
+    /// share of the latter; none where no line of the reference is on a smooth curve, NaN where one of the map's is not.
+    pub(super) flux: Option<f64>,
     /// The rotation of each line of the profile, in turns a map, and its error.
     pub(super) rotation: Vec<RotationTurns>,
     /// Median and largest difference from those of the reference, where it is sure of them, in turns a map.
@@ -202,6 +213,9 @@ impl Judged {
         off.iter().flatten().copied().reduce(max_or_nan)
     }
 }
+
+/// A curve that misses points of its own line by more is none, in metres.
+const SMOOTH: f64 = 1e-6;
 
 /// Rotation is sure where the averages over both halves differ by no more, in turns a map.
 pub(super) const SURE: f64 = 1e-9;
@@ -227,6 +241,10 @@ impl Judge<'_> {
             true => self.off(&named.map)?,
             false => Vec::new(),
         };
+        let flux = match named.is_fast() {
+            true => self.flux_of(&named.map)?,
+            false => None,
+        };
         let rotation = self.rotation_of(&named.map)?;
         let turns = self.differences(&rotation);
         Ok(Judged {
@@ -237,12 +255,51 @@ impl Judge<'_> {
             one: [root_mean_square_distance(&image, output, 2), largest],
             early,
             off,
+            flux,
             rotation: rotation
                 .iter()
                 .map(|found| RotationTurns { turns: found.turns, error: found.error })
                 .collect(),
             turns,
         })
+    }
+
+    fn flux_of(&self, map: &SectionMap<'_>) -> Result<Option<f64>, Error> {
+        let states = map.rollout(&self.initial, Rollout { steps: self.maps, every: 1 })?;
+        let orbits = Trajectories::new(states, 2, self.initial.len() / 2)?;
+        let curves = self.curves_of(&orbits)?;
+        let both = self.flux.iter().zip(curves);
+        let off = both.filter_map(|(own, curve)| {
+            let own = (*own)?;
+            Some(
+                curve
+                    .and_then(|curve| self.flux_in(&curve))
+                    .map_or(f64::NAN, |flux| (flux / own - 1.0).abs()),
+            )
+        });
+        Ok(off.reduce(max_or_nan))
+    }
+
+    /// The flux within a curve, in webers.
+    pub(super) fn flux_in(&self, curve: &InvariantCircle) -> Option<f64> {
+        Some(curve.flux(self.density?).abs())
+    }
+
+    /// The smooth curve that each line is on; none of a line that is on no such one.
+    pub(super) fn curves_of(
+        &self,
+        orbits: &Trajectories,
+    ) -> Result<Vec<Option<InvariantCircle>>, Error> {
+        let turns = rotation_numbers(orbits, self.near, self.angle());
+        let of = |(m, turns): (usize, &RotationNumber)| {
+            let orbit: Vec<f64> = orbits.orbit(m).flatten().copied().collect();
+            let circle = match orbit.iter().all(|v| v.is_finite()) {
+                true => Some(InvariantCircle::of_orbit(&orbit, turns.turns)?),
+                false => None,
+            };
+            Ok(circle.filter(|circle| circle.error <= SMOOTH))
+        };
+        turns.par_iter().enumerate().map(of).collect()
     }
 
     /// The rotation of the lines of the profile; none by coils, which take too long.
