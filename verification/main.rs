@@ -16,6 +16,7 @@ mod determinant;
 mod evaluation;
 mod exact_relations;
 mod extremes;
+mod fitted;
 mod gradients;
 mod inversion;
 mod mutants;

@@ -2,8 +2,8 @@
 //! law has to reject one.
 
 use crate::{
-    adiabatic, blocks, coupling, gradients, nearly_integrable, normal_form, on_grid, polynomials,
-    precision, reversible, suite, symp_net, tanh, tolerances, torus,
+    adiabatic, blocks, coupling, fitted, gradients, nearly_integrable, normal_form, on_grid,
+    polynomials, precision, reversible, suite, symp_net, tanh, tolerances, torus,
 };
 use gyroceptron::layer::{
     CircleAction, HenonLayer, HenonMap, Kick, KickForm, Potential, TanhPotential,
@@ -131,6 +131,14 @@ pub enum Fault {
     ShearBehind,
     /// A reversible map that claims to be so by the other reflection.
     OtherReversor,
+    /// The last momentum loses 1e-11 of itself after a step of a symplectic polynomial.
+    FittedFriction,
+    /// A symplectic polynomial whose inverse is that of another fit, to pairs with twice the noise of 1e-6.
+    FittedInverse,
+    /// A symplectic polynomial that claims symmetries without which it was fitted.
+    FittedClaims,
+    /// The first position off by a unit in the last place where a symplectic polynomial moves many points.
+    FittedBatch,
     /// The result of a shear is rounded to a grid, not its increment.
     GridRoundsResult,
     /// Increments are rounded down to a grid: the inverse does not subtract what was added.
@@ -142,7 +150,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    const ALL: [Self; 57] = [
+    const ALL: [Self; 61] = [
         Self::MissingTranspose,
         Self::OwnHalf,
         Self::OuterWeights,
@@ -196,6 +204,10 @@ impl Fault {
         Self::OtherChart,
         Self::ShearBehind,
         Self::OtherReversor,
+        Self::FittedFriction,
+        Self::FittedInverse,
+        Self::FittedClaims,
+        Self::FittedBatch,
         Self::GridRoundsResult,
         Self::GridRoundsDown,
         Self::GridTooCoarse,
@@ -815,6 +827,9 @@ fn rows_of(fault: Fault) -> Vec<Row> {
             rows
         }
         Fault::ShearBehind | Fault::OtherReversor => reversible::rows_of_mutant(fault),
+        Fault::FittedFriction | Fault::FittedInverse | Fault::FittedClaims | Fault::FittedBatch => {
+            fitted::rows_of_mutant(fault)
+        }
         Fault::GridRoundsResult
         | Fault::GridRoundsDown
         | Fault::GridTooCoarse

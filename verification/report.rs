@@ -1,7 +1,7 @@
 //! The table of all laws: the snapshot, and its copy in `README.md` beside.
 
 use crate::{
-    adiabatic, blocks, circle_action, coupling, determinant, evaluation, exact_relations,
+    adiabatic, blocks, circle_action, coupling, determinant, evaluation, exact_relations, fitted,
     gradients, inversion, near_identity, near_periodicity, nearly_integrable, normal_form, on_grid,
     polynomials, precision, reversible, suite, symp_net, symplecticity, tanh, tolerances, torus,
 };
@@ -16,7 +16,7 @@ pub struct Law {
     pub stated: usize,
 }
 
-pub const LAWS: [Law; 21] = [
+pub const LAWS: [Law; 22] = [
     Law { file: "symplecticity", rows: symplecticity::rows, stated: symplecticity::STATED },
     Law { file: "inversion", rows: inversion::rows, stated: inversion::STATED },
     Law { file: "near_identity", rows: near_identity::rows, stated: near_identity::STATED },
@@ -42,6 +42,7 @@ pub const LAWS: [Law; 21] = [
     Law { file: "blocks", rows: blocks::rows, stated: blocks::STATED },
     Law { file: "polynomials", rows: polynomials::rows, stated: polynomials::STATED },
     Law { file: "reversible", rows: reversible::rows, stated: reversible::STATED },
+    Law { file: "fitted", rows: fitted::rows, stated: fitted::STATED },
     Law { file: "on_grid", rows: on_grid::rows, stated: on_grid::STATED },
     Law { file: "coupling", rows: coupling::rows, stated: coupling::STATED },
     Law { file: "tanh", rows: tanh::rows, stated: tanh::STATED },
@@ -103,4 +104,19 @@ fn all_laws_hold_and_all_ratios_are_below_the_limit() {
             assert!(row.largest.expect("measured") < tolerances::RATIO, "{row:?}");
         }
     }
+}
+
+/// The extensive run is not made with each change; its snapshot has to know all laws and nothing else.
+#[test]
+fn both_snapshots_have_the_same_laws() {
+    let laws = |name: &str| -> Vec<String> {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/verification/snapshots");
+        let path = format!("{folder}/verification__report__{name}.snap");
+        let text = std::fs::read_to_string(path).expect("a snapshot");
+        let rows = text.lines().filter(|line| line.starts_with("| "));
+        rows.map(|row| row.split(" | ").take(2).collect::<Vec<_>>().join(": ")).collect()
+    };
+    let laws_of_tests = laws("laws");
+    assert!(laws_of_tests.len() > LAWS.len(), "{}", laws_of_tests.len());
+    assert_eq!(laws_of_tests, laws("laws_extensive"));
 }

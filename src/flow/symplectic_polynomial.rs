@@ -24,8 +24,9 @@ use serde::{Deserialize, Serialize};
 ///
 /// S is a sum of products of Chebyshev polynomials of a total degree over the box of the midpoints of the pairs. A step
 /// solves w = u + ½Ω∇S(w) for the midpoint w by Newton's method, from a polynomial that is near it, with a fixed number
-/// of iterations, which brings all pairs to rounding; then v = 2w − u. The map is symplectic for every S, to the error
-/// of this solution. Its inverse has −S for S, and a start and a number of iterations of its own.
+/// of iterations, which brings all pairs to rounding, and points among them where these have a midpoint; then v = 2w −
+/// u. The map is symplectic for every S, to the error of this solution. Its inverse has −S for S, and a start and a
+/// number of iterations of its own.
 ///
 /// Where a [`Reversor`] R conjugates the map to its inverse, z′ = c + L·N(L(z − c)) with L² in place of M, RLR = L⁻¹
 /// and Rc = c, and S is even, S∘R = S: it has about half the coefficients, and RPR = P⁻¹ for all of them, to the error
@@ -255,9 +256,10 @@ impl SymplecticPolynomial {
     }
 
     /// The map with the start and the number of iterations that cost least, of those that find the midpoints of these
-    /// points.
+    /// points, and of points among them if these have any.
     fn with_solution(mut self, points: &[f64], middles: &[f64]) -> Result<Self, Error> {
         let (dim, count, degree) = (2 * self.dof, self.coefficients.len(), self.basis.degree);
+        let among = among(&ProductBasis::around(points, dim, 1)?);
         // The cost of a step in products: those of the start, and each iteration's along the last coordinate and of sums
         // with the coordinates before it.
         let of_run = |closes| (closes..dim - 1).map(|axis| jet(dim - axis)).sum::<usize>();
@@ -279,7 +281,11 @@ impl SymplecticPolynomial {
             self.forward.start = Start::fit(points, middles, dim, start)?;
             let found = self.iterations_needed(points);
             change = found.1;
-            let Some(iterations) = found.0 else { continue };
+            let Some(of_points) = found.0 else { continue };
+            let iterations = match self.iterations_needed(&among) {
+                (Some(of_others), _) if of_others > of_points => of_others,
+                _ => of_points,
+            };
             self.forward.iterations = iterations;
             let cost = dim * of_start + iterations * iteration;
             if best.as_ref().is_none_or(|(least, _)| cost < *least) {
@@ -394,10 +400,11 @@ impl SymplecticPolynomial {
     /// that of the images.
     ///
     /// # Errors
-    /// When nearly no points have such images.
-    pub(crate) fn sample(&self, count: usize, stream: &mut Stream) -> Result<Vec<f64>, Error> {
+    /// [`Error::CountOutOfRange`] of no points or too many; [`Error::Invalid`] when nearly no points have such images.
+    pub fn sample(&self, count: usize, stream: &mut Stream) -> Result<Vec<f64>, Error> {
         /// So many are drawn for each that is wanted.
         const TRIES: usize = 100;
+        Error::check_count_range("points", count, 1, 1 << 24)?;
         let (dim, box_of) = (2 * self.dof, &self.forward.start.basis);
         let leave = Frame { to: self.frame.from.clone(), ..self.frame.inverse(self.dof) };
         let back = self.frame.inverse(self.dof);
@@ -692,6 +699,16 @@ fn fold<S: Scalar, const G: usize>(
             }
         }
     }
+}
+
+/// Points of the box of others, shrunk by 1/√(2n) about its middle.
+fn among(box_of: &ProductBasis) -> Vec<f64> {
+    const POINTS: usize = 512;
+    let mut stream = Stream::new(0, "symplectic polynomial/among the pairs");
+    let dim = box_of.factors.len();
+    let share = 1.0 / libm::sqrt(dim as f64);
+    let of = |k: usize| box_of.centre()[k] + stream.uniform(-share, share) / box_of.factors[k];
+    (0..POINTS * dim).map(|k| k % dim).map(of).collect()
 }
 
 /// Of a polynomial of one coordinate: it and its first two derivatives.

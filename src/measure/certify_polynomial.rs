@@ -1,6 +1,6 @@
 //! The structure certificate of a symplectic polynomial.
 
-use super::certify::{Certificate, reversibility};
+use super::certify::Certificate;
 use super::coordinate::Coordinate;
 use super::inversion::ThereAndBack;
 use super::laws;
@@ -9,7 +9,7 @@ use super::measured_step::{MeasuredStep, MeasuredSteps, TrackedStep};
 use super::samples::CertificateOptions;
 use super::tally::Tally;
 use crate::error::Error;
-use crate::flow::{Region, SymplecticPolynomial};
+use crate::flow::{Region, Symmetries, SymplecticPolynomial};
 use crate::network::Rollout;
 use crate::phase::{Direction, Map};
 use crate::random::Stream;
@@ -35,22 +35,14 @@ pub fn certify_polynomial(
     let starts = map.sample(options.samples, &mut stream)?;
     let request = Rollout { steps: 1, every: 1 };
     let ends = map.rollout(&starts, request)?.split_off(starts.len());
-    let there = Both { forward: map.clone(), backward: map.inverted() };
-    let back = Both { forward: map.inverted(), backward: map.clone() };
-    let mut tallies = vec![
-        laws::symplecticity_of_any(&there, &starts),
-        laws::inversion("inversion of P", "P⁻¹∘P = Id", &there, Direction::Forward, &starts),
-        laws::inversion("inversion of P", "P∘P⁻¹ = Id", &back, Direction::Forward, &ends),
-        laws::evaluation(&OneWay(&there), &starts),
-        laws::evaluation(&OneWay(&back), &ends),
-    ];
+    let there = PolynomialAndInverse::new(map.clone());
+    let back = there.clone().exchanged();
+    let mut tallies = polynomial_laws(&there, &back, map.symmetries(), [&starts, &ends]);
     if let Some(reversor) = map.symmetries().reversor {
-        tallies.push(reversibility(&there, reversor, &starts));
+        let plain = "S∘P∘S∘P = Id";
+        let stated = format!("{plain}, {}", reversor.equation());
+        tallies = tallies.into_iter().map(|tally| tally.restating(plain, &stated)).collect();
     }
-    if !map.symmetries().mirrored.is_empty() {
-        tallies.push(commutation(&there, &map.symmetries().mirrored, &starts));
-    }
-    tallies.push(laws::determinant(&there, &starts));
     let region = Region::around(dim, [&starts[..]]);
     let region = region.ok_or_else(|| Error::invalid("samples", 0, "at least one"))?;
     let between = |(low, high): (&f64, &f64)| Coordinate::Between(*low, *high);
@@ -58,13 +50,58 @@ pub fn certify_polynomial(
     Ok(Certificate::of(options, tallies).with_domain(domain))
 }
 
-/// A polynomial and its inverse.
-struct Both {
+/// The laws of a map by a polynomial and of its inverse `back`, at points `starts` and at their images `ends`: that both
+/// are symplectic, undo each other and give the same bits on vector registers, and that `there` has these symmetries.
+pub fn polynomial_laws(
+    there: &dyn Measurable,
+    back: &dyn Measurable,
+    symmetries: &Symmetries,
+    [starts, ends]: [&[f64]; 2],
+) -> Vec<Tally> {
+    let forward = Direction::Forward;
+    let mut tallies = vec![
+        laws::symplecticity_of_any(there, starts),
+        laws::inversion("inversion of P", "P⁻¹∘P = Id", there, forward, starts),
+        laws::inversion("inversion of P", "P∘P⁻¹ = Id", back, forward, ends),
+        laws::evaluation(&OneWay(there), starts),
+        laws::evaluation(&OneWay(back), ends),
+    ];
+    if let Some(reversor) = symmetries.reversor {
+        tallies.push(laws::reversibility(there, reversor, starts));
+    }
+    if !symmetries.mirrored.is_empty() {
+        tallies.push(commutation(there, &symmetries.mirrored, starts));
+    }
+    tallies.push(laws::determinant(there, starts));
+    tallies
+}
+
+/// A symplectic polynomial and another as its inverse, each by the steps that it takes in roll-outs.
+#[derive(Clone)]
+pub struct PolynomialAndInverse {
     forward: SymplecticPolynomial,
     backward: SymplecticPolynomial,
 }
 
-impl<S: Scalar> Map<S> for Both {
+impl PolynomialAndInverse {
+    /// A polynomial and its inverse.
+    pub fn new(forward: SymplecticPolynomial) -> Self {
+        let backward = forward.inverted();
+        Self { forward, backward }
+    }
+
+    /// A polynomial, and one that is said to be its inverse.
+    pub fn claimed(forward: SymplecticPolynomial, backward: SymplecticPolynomial) -> Self {
+        Self { forward, backward }
+    }
+
+    /// The other way round.
+    pub fn exchanged(self) -> Self {
+        Self { forward: self.backward, backward: self.forward }
+    }
+}
+
+impl<S: Scalar> Map<S> for PolynomialAndInverse {
     fn dof(&self) -> usize {
         Map::<S>::dof(&self.forward)
     }
@@ -76,7 +113,7 @@ impl<S: Scalar> Map<S> for Both {
     }
 }
 
-impl Measurable for Both {
+impl Measurable for PolynomialAndInverse {
     fn measured_steps(&self, direction: Direction) -> MeasuredSteps<'_> {
         vec![Box::new(TrackedStep { map: self, direction })]
     }
@@ -91,13 +128,13 @@ impl Measurable for Both {
 }
 
 /// A map of which only the way forward is asked for.
-struct OneWay<'a>(&'a Both);
+struct OneWay<'a>(&'a dyn Measurable);
 
-impl<S: Scalar> Map<S> for OneWay<'_> {
+impl Map<f64> for OneWay<'_> {
     fn dof(&self) -> usize {
-        Map::<S>::dof(self.0)
+        self.0.dof()
     }
-    fn forward(&self, z: &mut [S]) {
+    fn forward(&self, z: &mut [f64]) {
         self.0.forward(z);
     }
     fn has_inverse(&self) -> bool {
@@ -137,8 +174,8 @@ impl<S: Scalar> Map<S> for Mirror<'_> {
 }
 
 /// M∘P⁻¹∘M∘P = Id, with the mirror M.
-fn commutation(map: &Both, planes: &[usize], points: &[f64]) -> Tally {
-    let dof = Map::<f64>::dof(map);
+fn commutation(map: &dyn Measurable, planes: &[usize], points: &[f64]) -> Tally {
+    let dof = map.dof();
     let mirror = || -> Box<dyn MeasuredStep> {
         let map = Mirror { dof, planes };
         Box::new(TrackedStep { map, direction: Direction::Forward })

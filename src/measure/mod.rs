@@ -113,7 +113,9 @@ pub mod certificate {
         Certificate, certify, certify_all, certify_family, certify_map, certify_nearly_periodic,
         certify_normal_form, certify_reversible, certify_unless_stopped,
     };
-    pub use super::certify_polynomial::certify_polynomial;
+    pub use super::certify_polynomial::{
+        PolynomialAndInverse, certify_polynomial, polynomial_laws,
+    };
     pub use super::samples::CertificateOptions;
     pub use super::tally::{
         COUNT_LIMIT, RATIO_LIMIT, RESOLUTION, Row, SLOPE_LIMIT, SOUND_DECILE, SOUND_DEVIATION,
