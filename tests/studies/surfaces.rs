@@ -216,3 +216,35 @@ fn islands_of_whole_turns_are_seen() {
         assert!((action / expected - 1.0).abs() < 0.25, "{action} for {expected}");
     }
 }
+
+/// Several initial weights have a row of medians and worst cases, of what each of them comes to.
+#[test]
+fn surfaces_of_several_initial_weights_are_ranked() {
+    let folder = temporary();
+    let (before, rest) = SURFACES.split_once("[[surfaces.integrators]]").expect("integrators");
+    let (_, models) = rest.split_once("[[models]]").expect("a network");
+    let models = models.replace("name = \"integrable\"", "name = \"integrable\"\nseeds = 3");
+    let before = before.replace("rounds = 1", "rounds = 1\nintegrators = []");
+    let scene = parse("lines", &format!("{before}[[models]]{models}")).expect("a scene");
+    let report = run_in(folder.path(), &scene);
+    let found = render::json(&report)["studies"]["surfaces"].clone();
+    let seeds = found["seeds"][0]["found"].as_array().expect("seeds");
+    assert_eq!((seeds.len(), &seeds[0]), (3, &found["methods"][0]));
+    let number = |value: &Value| value.as_f64().expect("a number");
+    let mut early: Vec<f64> = seeds.iter().map(|one| number(&one["early"])).collect();
+    early.sort_by(f64::total_cmp);
+    assert!(early[0] < early[1] && early[1] < early[2], "{early:?}");
+    let largest = |one: &Value| -> f64 {
+        let lines = one["surfaces"].as_array().expect("lines").iter();
+        lines.map(|line| number(&line[1])).fold(0.0, gyroceptron::scalar::max_or_nan)
+    };
+    let mut furthest: Vec<f64> = seeds.iter().map(largest).collect();
+    furthest.sort_by(f64::total_cmp);
+    let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    // The first such row, of the training, has other columns.
+    let of_network = |line: &&str| line.starts_with("| `integrable` | 3 |");
+    let row = text.lines().rfind(of_network).expect("a row");
+    // None of them has an island.
+    let numbers = [early[1], early[2], furthest[1], furthest[2]].map(|v| format!("{v:.2e}"));
+    assert_eq!(row, format!("| `integrable` | 3 | {} | 100 % | 100 % |", numbers.join(" | ")));
+}

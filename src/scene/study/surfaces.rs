@@ -1,13 +1,13 @@
 //! Surfaces of field lines over many turns: networks and integrators beside the reference.
 
 use super::rollout::orbit_color;
-use super::shared::Study;
+use super::shared::{Study, finite};
 use super::step_tables::{MadeTable, TableCost, TableSizes, citations_of, make, named};
 use super::work_precision::{Compared, HOW, MOST_ROUNDS, citations};
 use crate::error::Error;
 use crate::flow::{Integrator, Reference, Tableau, Trajectories};
 use crate::measure::{
-    timing::{AtError, Comparison, root_mean_square_distance},
+    timing::{AtError, Comparison, Spread, root_mean_square_distance},
     trajectories::{LockedInterval, distances_to_set, locked_interval, winding_numbers},
 };
 use crate::network::{Model, Rollout};
@@ -17,6 +17,7 @@ use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, SameAxes, Series, Style};
 use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};
+use crate::scene::learning::BySeed;
 use crate::scene::setup::{MOST, Need};
 use crate::scene::trained::Trained;
 use crate::system::{FieldLines, Hamiltonian, System};
@@ -145,6 +146,7 @@ impl Study for SurfacesOptions {
                 return Err(RunError::Interrupted);
             }
         }
+        let seeds = self.of_seeds(context, &judge, &found)?;
         for entry in &self.integrators {
             for &steps in &entry.steps {
                 let name = entry.integrator.name();
@@ -161,7 +163,7 @@ impl Study for SurfacesOptions {
                 found.push(match one {
                     // Steps that are too long for it say as much of a method as large errors do.
                     Err(Error::Diverged { .. } | Error::NoConvergence { .. }) => {
-                        judge.lost(&name, steps)
+                        judge.lost(&name, Some(steps))
                     }
                     other => other?,
                 });
@@ -190,7 +192,7 @@ impl Study for SurfacesOptions {
             let stage = format!("surfaces of {name}, {nodes} nodes");
             found.push(context.stage(&stage, |_| match by(&initial.concat(), self.steps) {
                 Ok(orbits) => Ok(judge.of(name, Some(nodes), &orbits, judge.island(&by)?)),
-                Err(_) => Ok::<_, Error>(judge.lost(name, nodes)),
+                Err(_) => Ok::<_, Error>(judge.lost(name, Some(nodes))),
             })?);
             if context.interrupted() {
                 return Err(RunError::Interrupted);
@@ -204,16 +206,21 @@ impl Study for SurfacesOptions {
         if context.draws(SECTION) {
             figures.push(self.figure(system, &judge, &models, &rolled));
         }
-        let results = Results { options: self, island, found, reference: &judge };
+        let results = Results { options: self, island, found, seeds, reference: &judge };
         let words = results.words(reference.error);
         let data = json!({
             "island": island.map(|locked| [locked.low, locked.high]),
             "reference_error": reference.error,
             "reference_oscillation": results.reference.oscillation(&reference.trajectories),
             "methods": results.found,
+            "seeds": results.seeds,
             "early": comparison.without_seconds(),
         });
-        let summary = vec![Block::Text(words), Block::Table(results.table())];
+        let mut summary = vec![Block::Text(words), Block::Table(results.table())];
+        if let Some(table) = results.table_of_seeds() {
+            summary.push(Block::Text("Each network from several initial weights:".into()));
+            summary.push(Block::Table(table));
+        }
         let costs: Vec<TableCost> = tables.iter().map(MadeTable::cost).collect();
         let mut times = vec![Block::Text(results.words_of_times())];
         times.extend(TableCost::words(&costs));
@@ -271,7 +278,7 @@ fn repeated(
 }
 
 /// What a method came to.
-#[derive(Serialize)]
+#[derive(Clone, Serialize)]
 struct Found {
     name: String,
     /// Steps of an integrator in the flow time, or nodes of a table along each axis.
@@ -328,11 +335,11 @@ impl Judge<'_> {
     }
 
     /// What has no orbits.
-    fn lost(&self, name: &str, steps: usize) -> Found {
+    fn lost(&self, name: &str, steps: Option<usize>) -> Found {
         let lines = self.reference.count();
         Found {
             name: name.to_owned(),
-            steps: Some(steps),
+            steps,
             early: f64::NAN,
             early_of_lines: vec![f64::NAN; lines],
             surfaces: vec![[f64::NAN; 2]; lines],
@@ -404,7 +411,48 @@ impl Judge<'_> {
     }
 }
 
+/// What a network came to from each of its initial weights.
+#[derive(Serialize)]
+struct OfSeeds {
+    network: String,
+    found: Vec<Found>,
+}
+
 impl SurfacesOptions {
+    /// Networks that are trained more than once; `first` has what was found of the first weights of each.
+    fn of_seeds(
+        &self,
+        context: &mut Context<'_>,
+        judge: &Judge<'_>,
+        first: &[Found],
+    ) -> Result<Vec<OfSeeds>, RunError> {
+        let initial = self.initial(judge.system).concat();
+        let mut out = Vec::new();
+        for (BySeed { network, seeds }, first) in context.by_network()?.into_iter().zip(first) {
+            if seeds.len() < 2 {
+                continue;
+            }
+            let mut found = vec![first.clone()];
+            for trained in &seeds[1..] {
+                let name = &trained.spec.name;
+                let by = |points: &[f64], steps: usize| of_model(trained.model(), points, steps);
+                let one = context.stage(&format!("surfaces of {name}"), |_| {
+                    let orbits = by(&initial, self.steps)?;
+                    Ok(judge.of(name, None, &orbits, judge.island(&by)?))
+                });
+                found.push(match one {
+                    Err(Error::Diverged { .. }) => judge.lost(name, None),
+                    other => other?,
+                });
+                if context.interrupted() {
+                    return Err(RunError::Interrupted);
+                }
+            }
+            out.push(OfSeeds { network, found });
+        }
+        Ok(out)
+    }
+
     fn initial(&self, system: &FieldLines) -> Vec<Vec<f64>> {
         self.radii.iter().map(|radius| system.point(*radius, self.theta).to_vec()).collect()
     }
@@ -474,6 +522,7 @@ struct Results<'a> {
     options: &'a SurfacesOptions,
     island: Option<LockedInterval>,
     found: Vec<Found>,
+    seeds: Vec<OfSeeds>,
     reference: &'a Judge<'a>,
 }
 
@@ -524,7 +573,7 @@ impl Results<'_> {
         ]);
         for of in &self.found {
             let width = of.island.map(|[low, high]| high - low);
-            let differs = self.island.map(|own| (width.unwrap_or(0.0) / own.width() - 1.0).abs());
+            let differs = self.island_differs(of);
             let name = if of.steps.is_some() { of.name.clone() } else { format!("`{}`", of.name) };
             table.push([
                 name.into(),
@@ -538,6 +587,50 @@ impl Results<'_> {
             ]);
         }
         table
+    }
+
+    /// By how much the width of an island differs from that of the reference, as a share of that; 1 without one.
+    fn island_differs(&self, of: &Found) -> Option<f64> {
+        let width = of.island.map_or(0.0, |[low, high]| high - low);
+        self.island.map(|own| (width / own.width() - 1.0).abs())
+    }
+
+    /// None where each network was trained once.
+    fn table_of_seeds(&self) -> Option<Table> {
+        let mut table = Table::new([
+            ("network", Format::Exact),
+            ("seeds", Format::Exact),
+            ("one by one, median", Format::Exponent(2)),
+            ("worst", Format::Exponent(2)),
+            ("from the surface, furthest line, median", Format::Exponent(2)),
+            ("worst", Format::Exponent(2)),
+            ("island differs by, median", Format::Percent),
+            ("worst", Format::Percent),
+        ]);
+        for OfSeeds { network, found } in &self.seeds {
+            let mut row = vec![format!("`{network}`").into(), found.len().into()];
+            let early = found.iter().map(|one| Some(one.early));
+            let furthest = found.iter().map(|one| Some(one.largest()));
+            let islands = found.iter().map(|one| self.island_differs(one));
+            let all: [Vec<Option<f64>>; 3] =
+                [early.collect(), furthest.collect(), islands.collect()];
+            for values in all {
+                // What is lost is the worst.
+                let or_lost = |value: f64| if value.is_nan() { f64::INFINITY } else { value };
+                let ranked: Option<Vec<f64>> =
+                    values.into_iter().map(|value| value.map(or_lost)).collect();
+                let (median, worst) = match &ranked {
+                    None => (None, None),
+                    Some(ranked) => (
+                        Spread::of(ranked.clone()).map(|spread| spread.median),
+                        ranked.iter().copied().reduce(max_or_nan),
+                    ),
+                };
+                row.extend([median.and_then(finite).into(), worst.and_then(finite).into()]);
+            }
+            table.push(row);
+        }
+        (!self.seeds.is_empty()).then_some(table)
     }
 
     fn words_of_times(&self) -> String {
