@@ -282,7 +282,7 @@ fn stored(model: &Model) -> StoredModel {
     let changes: [Change<'_>; 2] = [(&|x, y| 0.05 * x * y, 2.0), (&|x, _| 0.03 + 0.02 * x, 0.5)];
     let density = density.and_then(|density| density.with_changes(&changes)).expect("positive");
     let nominal = model.composition().controls().expect("controls").nominal();
-    let section = Section::of_plane(density).with_origin(&nominal).expect("two values");
+    let section = Section::of_controls(vec![Some(density)], &nominal).expect("two values");
     StoredModel {
         model: model.clone(),
         units: Some(Units::new(vec![0.1, -0.05], vec![0.5, 2.0]).expect("units")),

@@ -204,6 +204,53 @@ fn pairs_of_no_symplectic_map_are_said() {
     assert!(notes.len() == 1 && notes[0].contains("right reflection"), "{notes:?}");
 }
 
+/// A kick by x³/3 − xy² commutes with the reflection of the second plane, and not with that of the first.
+#[test]
+fn planes_of_mirrors_are_recommended_and_wrong_ones_said() {
+    let sextupole = |z: &mut [f64]| {
+        let (x, y) = (z[0], z[1]);
+        z[2] -= 0.4 * (x * x - y * y);
+        z[3] += 0.8 * x * y;
+        for (j, angle) in [(0, 0.9_f64), (1, 1.3)] {
+            let (s, c) = angle.sin_cos();
+            (z[j], z[2 + j]) = (c * z[j] + s * z[2 + j], c * z[2 + j] - s * z[j]);
+        }
+    };
+    let pairs = || pairs_of(2, 1500, sextupole);
+    let of = |mirrored: Vec<usize>| {
+        let symmetries = Symmetries { reversor: None, mirrored };
+        run(&PolynomialFit { degree: Some(4), symmetries, ..PolynomialFit::default() }, pairs())
+    };
+    let mirror = |notes: &[FitNote]| {
+        notes.iter().find_map(|note| match note {
+            FitNote::Mirror(defect) => Some((defect.clone(), note.to_string())),
+            _ => None,
+        })
+    };
+    let (defect, text) = mirror(&of(Vec::new()).notes).expect("a recommendation");
+    assert!(defect.planes == [2] && !defect.is_seen() && defect.median < 1e-9, "{defect:?}");
+    assert!(text.contains("(q2, p2)") && text.contains("half the coefficients"), "{text}");
+    assert_eq!(mirror(&of(vec![2]).notes), None);
+    let (defect, text) = mirror(&of(vec![1]).notes).expect("a warning");
+    // By the literal definition, of the map itself: reflected, its kick has another sign.
+    let pairs = pairs();
+    let mut off: Vec<f64> = Vec::new();
+    let mut motion = 0.0;
+    for (z, w) in pairs.input().chunks(4).zip(pairs.output().chunks(4)) {
+        let mut image = [-z[0], z[1], -z[2], z[3]];
+        sextupole(&mut image);
+        let expected = [-w[0], w[1], -w[2], w[3]];
+        let apart =
+            |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum() };
+        off.push(apart(&image, &expected).sqrt());
+        motion += apart(z, w);
+    }
+    off.sort_by(f64::total_cmp);
+    let expected = off[off.len() / 2] / (motion / off.len() as f64).sqrt();
+    assert!(defect.is_seen() && (defect.median / expected - 1.0).abs() < 0.1, "{defect:?}");
+    assert!(text.contains("(q1, p1)") && text.contains("right planes"), "{text}");
+}
+
 #[test]
 fn fits_that_cannot_be_are_refused() {
     let pairs = || pairs_of(1, 100, kicked);

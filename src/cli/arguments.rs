@@ -415,8 +415,8 @@ pub struct Train {
     pub units: UnitsOf,
     /// Of pairs of one degree of freedom whose columns x, y have the area form ρ dx∧dy, such as R, Z of a magnetic
     /// field with ρ = B_φ: an .npz file of ρ on a grid, with arrays x, y and density (a row for each y); of a ρ that
-    /// depends on controls, linearly, with a grid for each row of an array lambda. The model is trained in canonical
-    /// coordinates, keeps the chart, and predicts x, y.
+    /// depends on controls, linearly, with a grid for each row of an array lambda, whose columns are those of
+    /// --controls. The model is trained in canonical coordinates, keeps the chart, and predicts x, y.
     #[arg(long, value_name = "FILE.npz")]
     pub section: Option<PathBuf>,
     /// The names of the controls that the pairs depend on, whose values are the columns of the array `lambda`
@@ -478,7 +478,8 @@ pub struct Fit {
     /// the coefficients. So does the map of a ring without skew fields, with its vertical plane.
     #[arg(long, value_name = "PLANE,…", value_delimiter = ',', allow_negative_numbers = true)]
     pub mirrored: Vec<i64>,
-    /// Of pairs of one degree of freedom whose columns x, y have the area form ρ dx∧dy: the file of ρ, as for `train`.
+    /// Of pairs of one degree of freedom whose columns x, y have the area form ρ dx∧dy: the file of ρ, as for `train`, without
+    /// controls.
     #[arg(long, value_name = "FILE.npz")]
     pub section: Option<PathBuf>,
     /// The share of the pairs to hold out.

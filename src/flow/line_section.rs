@@ -185,8 +185,8 @@ impl LineSection {
         starts(self.axis, self.request.reach, lines)
     }
 
-    /// The canonical chart of a box slightly wider than these points, for the area density ρ = |B_φ| divided by its
-    /// value on the axis: x = R, y = Z.
+    /// The canonical chart of a box slightly wider than these points, for the area density ρ = |B_φ| in tesla: x = R, y =
+    /// Z. Its scale is the value on the axis.
     ///
     /// # Errors
     /// Those of [`AreaDensity::of_function`]: where B_φ vanishes in the box.
@@ -194,15 +194,17 @@ impl LineSection {
         Ok(Section::of_plane(self.density(points)?))
     }
 
-    /// [`LineSection::chart`] for a field that depends on controls. Each entry of `controls` has the coils with the
-    /// currents that one unit of the control adds, and the largest change of the control.
+    /// [`LineSection::chart`] for a field that depends on controls, whose values here are `origin`. Each entry of
+    /// `controls` has the coils with the currents that one unit of the control adds, and the largest change of the
+    /// control.
     ///
     /// # Errors
-    /// Those of [`LineSection::chart`] and [`CoilField::new`].
+    /// Those of [`LineSection::chart`], [`CoilField::new`] and [`Section::of_controls`].
     pub fn chart_by_controls(
         &self,
         points: &[f64],
         controls: &[(Vec<Coil>, f64)],
+        origin: &[f64],
     ) -> Result<Section, Error> {
         let [r, z] = self.axis;
         let sign = self.toroidal_field(r, z).signum();
@@ -216,7 +218,7 @@ impl LineSection {
         let changes: Vec<Change<'_>> = both
             .map(|(density, (_, furthest))| (density as &dyn Fn(f64, f64) -> f64, *furthest))
             .collect();
-        Ok(Section::of_plane(self.density(points)?.with_changes(&changes)?))
+        Section::of_controls(vec![Some(self.density(points)?.with_changes(&changes)?)], origin)
     }
 
     /// B_φ at (R, Z) of the section, in tesla.

@@ -214,7 +214,12 @@ pub fn read_section(path: &Path) -> Result<Section, Error> {
         }
     };
     if !has_controls {
-        check_shape(&[rows, columns], format!("shape ({rows}, {columns}), a row for each y"))?;
+        check_shape(
+            &[rows, columns],
+            format!(
+                "shape ({rows}, {columns}), a row for each y, or an array `lambda` of controls"
+            ),
+        )?;
         let chart = AreaDensity::of_grid(&x, &y, &density.values, scale);
         return Ok(Section::of_plane(chart.map_err(|e| e.with_place(&place))?));
     }
@@ -234,19 +239,15 @@ pub fn read_section(path: &Path) -> Result<Section, Error> {
             "shape ({machines}, {rows}, {columns}), a grid for each value of `lambda`, with a row for each y"
         ),
     )?;
-    let origin: Vec<f64> = (0..controls)
-        .map(|of| {
-            let column = || lambda.values.iter().skip(of).step_by(controls.max(1)).copied();
-            // no NaN: the chart checks that all are finite
-            let low = column().fold(f64::INFINITY, f64::min);
-            // no NaN: as above
-            let high = column().fold(f64::NEG_INFINITY, f64::max);
-            0.5f64.mul_add(high - low, low)
-        })
-        .collect();
+    Error::check_count_range(&format!("{place}: lambda: controls"), controls, 1, Controls::MOST)?;
+    Error::check_count_range(&format!("{place}: lambda: rows"), machines, 1, usize::MAX)?;
+    // Where a density that is linear is positive if it is so at all rows.
+    let mean =
+        |of: usize| lambda.values.iter().skip(of).step_by(controls).sum::<f64>() / machines as f64;
+    let origin: Vec<f64> = (0..controls).map(mean).collect();
     let chart = AreaDensity::of_grids(&x, &y, &density.values, scale, &lambda.values, &origin);
-    let section = Section::of_plane(chart.map_err(|e| e.with_place(&place))?);
-    section.with_origin(&origin).map_err(|e| e.with_place(&place))
+    let planes = vec![Some(chart.map_err(|e| e.with_place(&place))?)];
+    Section::of_controls(planes, &origin).map_err(|e| e.with_place(&place))
 }
 
 /// Writes what [`read_section`] reads: a grid for each row of values of `controls`, one after another, or one grid
@@ -266,6 +267,8 @@ pub fn write_section(
     let grids = controls.len().max(1);
     Error::check_count("density: numbers", grids * x.len() * y.len(), density.len())?;
     let count = controls.first().map_or(0, |row| row.len());
+    let least = usize::from(!controls.is_empty());
+    Error::check_count_range("controls", count, least, Controls::MOST)?;
     controls.iter().try_for_each(|row| Error::check_count("controls", count, row.len()))?;
     let of_controls = [controls.len() as u64, count as u64];
     let sizes = [of_controls[0], y.len() as u64, x.len() as u64];

@@ -571,14 +571,12 @@ pub fn parse_model(place: &str, bytes: &[u8]) -> Result<StoredModel, Error> {
     if let Some(units) = &file.units {
         units.check(&format!("{place}: units"), model.composition().dof())?;
     }
-    let (units, mut section) = (file.units, file.section);
-    if let Some(section) = &mut section {
-        let controls =
-            model.composition().controls().map(|controls| controls.nominal()).unwrap_or_default();
-        section
-            .check_of_controls(model.composition().dof(), controls)
-            .map_err(|e| e.with_place(place))?;
-    }
+    let nominal = model.composition().controls().map(|controls| controls.nominal());
+    let of_network = |section: Section| {
+        section.of_network(model.composition().dof(), &nominal.unwrap_or_default())
+    };
+    let section = file.section.map(of_network).transpose().map_err(|e| e.with_place(place))?;
+    let units = file.units;
     Ok(StoredModel { model, units, section, provenance: file.provenance })
 }
 

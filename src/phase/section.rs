@@ -43,6 +43,8 @@ const DEGREES: [usize; 7] = [6, 12, 18, 24, 36, 48, MOST_DEGREE];
 const AS_GOOD: f64 = 2e-14;
 /// How many higher degrees are tried after the best so far.
 const PATIENCE: usize = 6;
+/// The most controls that a density depends on.
+const MOST_CONTROLS: usize = 64;
 /// Newton steps for x, bisections among them.
 pub(crate) const STEPS: usize = 80;
 
@@ -144,25 +146,29 @@ impl AreaDensity {
     /// When coordinates do not increase, there are fewer than eight along an axis or not one value for each pair of
     /// them, the scale is not positive, or ρ is not positive and finite somewhere, with the place.
     pub fn of_grid(x: &[f64], y: &[f64], values: &[f64], scale: f64) -> Result<Self, Error> {
-        for (name, axis) in [("section: x", x), ("section: y", y)] {
-            Error::check_count_range(&format!("{name}: numbers"), axis.len(), 8, 1 << 10)?;
-            axis.iter().try_for_each(|v| Error::check_finite(name, *v))?;
-            if let Some(pair) = axis.windows(2).find(|pair| !(pair[0] < pair[1])) {
-                let found = format!("{} after {}", pair[1], pair[0]);
-                return Err(Error::invalid(name, found, "numbers that grow"));
-            }
-        }
+        check_axes(x, y)?;
         Error::check_count("section: density: numbers", x.len() * y.len(), values.len())?;
         let bad = values.iter().position(|v| !(*v > 0.0 && v.is_finite()));
         if let Some(index) = bad {
             let place = [x[index % x.len()], y[index / x.len()]];
             return Err(positive_expected(values[index], place, "of the grid"));
         }
-        let low = [x[0], y[0]];
-        let high = [x[x.len() - 1], y[y.len() - 1]];
+        let (low, high) = ends_of(x, y);
         check_box(low, high, scale)?;
+        let mut out = Self::of_best_degree(x, y, values, scale)?;
         let size = values.iter().copied().fold(0.0, max_or_nan);
-        let fitted = |degree: usize, stride: usize| {
+        // That of the fit to a quarter of them bounds that of the fit to all.
+        out.error = max_or_nan(out.error, out.largest_difference(x, y, values) / size);
+        out.check_positive()?;
+        Ok(out)
+    }
+
+    /// A fit to the first of some grids, one after another in `values`, at the degree for which fits of every other
+    /// node have the smallest error on all nodes of the grid that is worst; with that error over the largest value.
+    fn of_best_degree(x: &[f64], y: &[f64], values: &[f64], scale: f64) -> Result<Self, Error> {
+        let (low, high) = ends_of(x, y);
+        let size = values.iter().copied().fold(0.0, max_or_nan);
+        let fitted = |values: &[f64], degree: usize, stride: usize| {
             let thin = |axis: &[f64]| axis.iter().step_by(stride).copied().collect::<Vec<f64>>();
             let (xs, ys) = (thin(x), thin(y));
             let rows = values.chunks_exact(x.len()).step_by(stride);
@@ -171,12 +177,13 @@ impl AreaDensity {
             let (degrees, changes) = ([degree; 2], Vec::new());
             Self { low, high, scale, degrees, coefficients, changes, error: f64::NAN }
         };
-        let judged = |of: &Self| of.largest_difference(x, y, values) / size;
         // Between nodes at equal distances a polynomial of too high a degree swings: the others show it.
         let most = x.len().min(y.len()).div_ceil(2) - 1;
+        let grids = || values.chunks_exact(x.len() * y.len());
         let mut best: Option<(usize, f64)> = None;
         for degree in 2..=most.min(MOST_DEGREE) {
-            let error = judged(&fitted(degree, 2));
+            let of = |grid: &[f64]| fitted(grid, degree, 2).largest_difference(x, y, grid);
+            let error = grids().map(of).fold(0.0, max_or_nan) / size;
             match best {
                 Some((found, least)) if !(error < least) => {
                     if degree > found + PATIENCE {
@@ -186,19 +193,17 @@ impl AreaDensity {
                 _ => best = Some((degree, error)),
             }
         }
-        let (degree, error) = best.ok_or_else(|| {
-            Error::invalid("section: density", "a grid", "one that a polynomial fits")
-        })?;
-        let mut out = fitted(degree, 1);
-        // That of the fit to a quarter of them bounds that of the fit to all.
-        out.error = max_or_nan(error, judged(&out));
-        out.check_positive()?;
-        Ok(out)
+        let first = grids().next();
+        let (Some((degree, error)), Some(first)) = (best, first) else {
+            return Err(Error::invalid("section: density", "a grid", "one that a polynomial fits"));
+        };
+        Ok(Self { error, ..fitted(first, degree, 1) })
     }
 
     /// The chart for densities on a grid at several values of controls, on which they depend linearly: the density at
-    /// `origin` and its changes, by least squares at each node, and [`AreaDensity::of_grid`] of them. `values` has the
-    /// grid of one row of `controls` after another. The error is the largest on any of them.
+    /// `origin` and its changes, by least squares at each node, with the degree that [`AreaDensity::of_grid`] finds for
+    /// the worst of the grids. `values` has the grid of one row of `controls` after another. The error is the largest on
+    /// any of them.
     ///
     /// # Errors
     /// Those of [`AreaDensity::of_grid`]; when the rows of `controls` are not as long as `origin`, or too few or too
@@ -211,17 +216,21 @@ impl AreaDensity {
         controls: &[f64],
         origin: &[f64],
     ) -> Result<Self, Error> {
+        check_axes(x, y)?;
+        let (low, high) = ends_of(x, y);
+        check_box(low, high, scale)?;
         let (count, nodes) = (origin.len(), x.len() * y.len());
-        Error::check_count_range("section: controls", count, 1, 64)?;
+        Error::check_count_range("section: controls", count, 1, MOST_CONTROLS)?;
         Error::check_rows("section: lambda", controls.len(), count)?;
         let rows = controls.len() / count;
         Error::check_count("section: density: numbers", rows * nodes, values.len())?;
         controls.iter().try_for_each(|v| Error::check_finite("section: lambda", *v))?;
+        let of_row = |row: usize| format!("of grid {row} (counted from 0)");
         let bad = values.iter().position(|v| !(*v > 0.0 && v.is_finite()));
         if let Some(index) = bad {
             let (row, node) = (index / nodes, index % nodes);
             let place = [x[node % x.len()], y[node / x.len()]];
-            return Err(positive_expected(values[index], place, &format!("of grid {row}")));
+            return Err(positive_expected(values[index], place, &of_row(row)));
         }
         let offset = |row: usize, of: usize| controls[row * count + of] - origin[of];
         // Columns of the size of one: controls may have units of any size.
@@ -246,8 +255,9 @@ impl AreaDensity {
         let right = Mat::from_fn(rows, nodes, |row, node| values[row * nodes + node]);
         let solution = matrix.qr().solve_lstsq(&right);
         let grid = |of: usize| (0..nodes).map(|node| solution[(of, node)]).collect::<Vec<f64>>();
-        let mut out = Self::of_grid(x, y, &grid(0), scale)?;
+        let mut out = Self::of_best_degree(x, y, values, scale)?;
         let [degree, _] = out.degrees;
+        out.coefficients = grid_coefficients(x, y, &grid(0), out.low, out.high, degree);
         for (of, size) in sizes.iter().enumerate() {
             let change: Vec<f64> = grid(of + 1).iter().map(|value| value / size).collect();
             out.changes.push(grid_coefficients(x, y, &change, out.low, out.high, degree));
@@ -256,10 +266,11 @@ impl AreaDensity {
         for row in 0..rows {
             let offsets: Vec<f64> = (0..count).map(|of| offset(row, of)).collect();
             let there = out.at(&offsets)?;
-            there.check_positive()?;
+            there.check_positive().map_err(|e| e.with_place(format!("density {}", of_row(row))))?;
             let given = &values[row * nodes..(row + 1) * nodes];
             out.error = max_or_nan(out.error, there.largest_difference(x, y, given) / size);
         }
+        out.check_positive().map_err(|e| e.with_place("density at the origin of the controls"))?;
         Ok(out)
     }
 
@@ -510,6 +521,24 @@ fn positive_expected(found: f64, [x, y]: [f64; 2], of: &str) -> Error {
         .with_place(format!("(x, y) = ({x}, {y}) {of}"))
 }
 
+/// The box of a grid.
+fn ends_of(x: &[f64], y: &[f64]) -> ([f64; 2], [f64; 2]) {
+    ([x[0], y[0]], [x[x.len() - 1], y[y.len() - 1]])
+}
+
+/// Fails unless both axes of a grid have enough coordinates, in increasing order.
+fn check_axes(x: &[f64], y: &[f64]) -> Result<(), Error> {
+    for (name, axis) in [("section: x", x), ("section: y", y)] {
+        Error::check_count_range(&format!("{name}: numbers"), axis.len(), 8, 1 << 10)?;
+        axis.iter().try_for_each(|v| Error::check_finite(name, *v))?;
+        if let Some(pair) = axis.windows(2).find(|pair| !(pair[0] < pair[1])) {
+            let found = format!("{} after {}", pair[1], pair[0]);
+            return Err(Error::invalid(name, found, "numbers that grow"));
+        }
+    }
+    Ok(())
+}
+
 fn check_box(low: [f64; 2], high: [f64; 2], scale: f64) -> Result<(), Error> {
     Error::check_range("section: scale", scale, Error::LEAST_POSITIVE, f64::MAX)?;
     for (axis, name) in ["section: x", "section: y"].into_iter().enumerate() {
@@ -579,30 +608,47 @@ impl Section {
     /// When there is no chart, one is not valid, or the scales differ, where a plane without a chart has scale 1: Ω
     /// would then not be the canonical form.
     pub fn new(planes: Vec<Option<AreaDensity>>) -> Result<Self, Error> {
-        let out = Self { planes, origin: Vec::new() };
+        Self::of_controls(planes, &[])
+    }
+
+    /// The section of charts whose densities depend on controls, and are for these values of them.
+    ///
+    /// # Errors
+    /// Those of [`Section::new`]; when there is not one finite value for each control.
+    pub fn of_controls(planes: Vec<Option<AreaDensity>>, origin: &[f64]) -> Result<Self, Error> {
+        let out = Self { planes, origin: origin.to_vec() };
         out.check(out.planes.len())?;
         Ok(out)
     }
 
-    /// The section of one plane with this chart.
+    /// The section of one plane with this chart, whose density depends on no controls.
     pub fn of_plane(density: AreaDensity) -> Self {
         Self { planes: vec![Some(density)], origin: Vec::new() }
     }
 
-    /// The same section, whose densities are for these values of the controls.
+    /// The same section, whose densities are given at these values of the controls, in place of those that it was made
+    /// with; the same where they depend on none.
     ///
     /// # Errors
-    /// [`Error::WrongCount`] unless there is one value for each control; [`Error::OutOfRange`] of one that is not
-    /// finite.
-    pub fn with_origin(self, values: &[f64]) -> Result<Self, Error> {
-        let out = Self { origin: values.to_vec(), ..self };
-        out.check_origin()?;
+    /// Those of [`Section::at`].
+    pub fn about(&self, values: &[f64]) -> Result<Self, Error> {
+        if !self.depends_on_controls() {
+            return Ok(self.clone());
+        }
+        let mut out = self.at(values)?;
+        for (plane, own) in out.planes.iter_mut().zip(&self.planes) {
+            if let (Some(plane), Some(own)) = (plane, own) {
+                plane.changes.clone_from(&own.changes);
+            }
+        }
+        out.origin = values.to_vec();
         Ok(out)
     }
 
     fn check_origin(&self) -> Result<(), Error> {
         for plane in self.planes.iter().flatten().filter(|plane| !plane.changes.is_empty()) {
-            Error::check_count("controls of a section", self.origin.len(), plane.changes.len())?;
+            let what = "values of the controls that the densities of a section are for";
+            Error::check_count(what, plane.changes.len(), self.origin.len())?;
         }
         self.origin.iter().try_for_each(|value| Error::check_finite("control", *value))
     }
@@ -629,17 +675,22 @@ impl Section {
         }
     }
 
-    /// Fails like [`Section::check`], or where densities depend on other controls than these; for sections of files.
-    /// Older files do not say what values of the controls densities are for: the middle of their ranges, `nominal`.
-    pub(crate) fn check_of_controls(&mut self, dof: usize, nominal: Vec<f64>) -> Result<(), Error> {
+    /// This section of a file, about the middle `nominal` of the ranges of the controls of its network. Older files do
+    /// not say what values of the controls densities are for: these.
+    ///
+    /// # Errors
+    /// Those of [`Section::check`]; when the densities depend on other controls than the network.
+    #[cfg(feature = "files")]
+    pub(crate) fn of_network(mut self, dof: usize, nominal: &[f64]) -> Result<Self, Error> {
         if self.depends_on_controls() {
             if self.origin.is_empty() {
-                self.origin = nominal;
-            } else {
-                Error::check_count("controls of a section", nominal.len(), self.origin.len())?;
+                self.origin = nominal.to_vec();
             }
+            self.check(dof)?;
+            self = self.about(nominal)?;
         }
-        self.check(dof)
+        self.check(dof)?;
+        Ok(self)
     }
 
     /// The section in words, for a reader of a report.

@@ -157,8 +157,8 @@ impl FieldLines {
         array(py, values, points.shape(&[], &[]))
     }
 
-    /// Writes B_phi, divided by its value on the axis, on a grid of a box a little wider than that of `points`,
-    /// (..., 2): a file that `train` takes as its `section`. An existing file is kept unless `overwrite`.
+    /// Writes |B_phi| in tesla, with its value on the axis as `scale`, on a grid of a box a little wider than that of
+    /// `points`, (..., 2): a file that `train` takes as its `section`. An existing file is kept unless `overwrite`.
     #[pyo3(signature = (path, points, overwrite=false))]
     fn write_section(&self, path: PathBuf, points: Rows<'_>, overwrite: bool) -> PyResult<()> {
         /// Nodes of the grid along each axis: with them the density is known to some 1e-12.

@@ -177,16 +177,19 @@ impl PyInvariantCircle {
     }
 
     /// The integral of rho over the inside of the curve, with the sign of its direction; `section` is a file of rho, as
-    /// for train. Of points R, Z in metres and rho = B_phi in tesla it is the toroidal flux in webers. It is NaN where
-    /// the curve leaves the box of the file.
-    fn flux(&self, section: PathBuf) -> PyResult<f64> {
+    /// for train, and `controls` are the values of the controls, in the order of its lambda, where it has any. Of points
+    /// R, Z in metres and rho = B_phi in tesla it is the toroidal flux in webers. It is NaN where the curve leaves the
+    /// box of the file.
+    #[pyo3(signature = (section, controls=None))]
+    fn flux(&self, section: PathBuf, controls: Option<Vec<f64>>) -> PyResult<f64> {
         let section = read_section(&section)?;
-        if section.depends_on_controls() {
-            let expected = "one of no controls";
-            let found = "a density that depends on controls";
-            return Err(Error::invalid("section", found, expected).into());
+        if let (Some(values), false) = (&controls, section.depends_on_controls()) {
+            let expected = "None: the density depends on no controls";
+            return Err(Error::invalid("controls", format!("{values:?}"), expected).into());
         }
-        let density = section.planes()[0].as_ref();
+        let there = section.at(&controls.unwrap_or_default())?;
+        there.check(1)?;
+        let density = there.planes()[0].as_ref();
         Ok(density.map_or(f64::NAN, |density| self.0.flux(density)))
     }
 

@@ -203,8 +203,8 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// of these polynomials; unless given, the highest up to 4 with fewer terms than values to learn.
 /// section: for pairs (x, y) of one degree of freedom with the area form rho dx dy, an .npz file of rho on a grid:
 /// arrays x, y and density, (len(y), len(x)), and optionally scale, one number, 1 by default. A density that depends on
-/// controls, linearly, has an array lambda, (L,) or (L, controls), and is (L, len(y), len(x)). The model then takes and
-/// gives x, y.
+/// controls, linearly, has an array lambda, (L,) or (L, controls), with their values in the order of `controls`, and is
+/// (L, len(y), len(x)). The model then takes and gives x, y.
 /// units: "fitted", in which pairs are of order one and turn in circles, or those of the "data".
 /// validation: the share of the pairs that is held out. seed: the seed of the weights and of that choice.
 /// report: a folder for a report with plots, which says whether to trust the model.

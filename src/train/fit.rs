@@ -2,7 +2,7 @@
 
 use super::{
     ActionFit, ActionTrial, Control, ControlOptions, Judgement, LevenbergMarquardtOptions, Loss,
-    Optimiser, Outcome, Plateau, Preparation, Prepared, Progress, RampStage, Reading,
+    MirrorDefect, Optimiser, Outcome, Plateau, Preparation, Prepared, Progress, RampStage, Reading,
     ReversalDefect, Rings, Scheduled, StageData, Starts, TrainingObserver, TrainingOptions,
     TrainingStage, train_schedule,
 };
@@ -154,6 +154,8 @@ pub enum FitNote {
     /// The pairs are reversible by a reflection that the network could have, or not by the one that
     /// it has.
     Reversal(ReversalDefect),
+    /// The pairs commute with a reflection of planes that a polynomial could have, or not with the one that it has.
+    Mirror(MirrorDefect),
     /// The network depends on these controls; all pairs at this number of their values are held
     /// out.
     Controls(Controls, usize),
@@ -193,11 +195,13 @@ impl fmt::Display for FitNote {
                 defect.degree,
                 defect.resolution,
                 match charted {
-                    true => "is this the right density",
+                    true =>
+                        "is this the right density, at each value of the controls if there are any",
                     false => "are q and p canonical, and is there no friction",
                 }
             ),
             Self::Reversal(defect) => write!(f, "{defect}"),
+            Self::Mirror(defect) => write!(f, "{defect}"),
             Self::Recommended(text) => f.write_str(text),
         }
     }
@@ -519,6 +523,11 @@ impl Fit {
             let held_out = held_out.len();
             notes.push(FitNote::Controls(controls.clone(), held_out));
         }
+        // A model is asked in the middle of the ranges where no values are given.
+        let section = match (&self.section, &controls) {
+            (Some(section), Some(controls)) => Some(section.about(&controls.nominal())?),
+            _ => self.section.clone(),
+        };
         let loss = self.training.loss.for_pairs(&action, &nearest, &pairs)?;
         let training = TrainingOptions { loss, ..self.training.clone() };
         let architecture = network
@@ -542,7 +551,7 @@ impl Fit {
             pairs,
             held_out,
             units,
-            section: self.section.clone(),
+            section,
             region,
             flow_time: family.time,
             digest: String::new(),

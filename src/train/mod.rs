@@ -56,7 +56,7 @@ pub use polynomial_fit::{FittedPolynomial, PolynomialFit, PolynomialTrial};
 pub use prepare::{Preparation, Prepared};
 pub use reading::Reading;
 pub use record::{Stop, TrainingRecord};
-pub use reversal::ReversalDefect;
+pub use reversal::{MirrorDefect, ReversalDefect};
 pub use ring_fit::Rings;
 pub use rotation_fit::{fit_rotation, slow_time};
 pub use run::{Control, Outcome, Progress, train};

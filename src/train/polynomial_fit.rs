@@ -1,6 +1,6 @@
 //! From pairs to a symplectic polynomial.
 
-use super::{Control, FitNote, ReversalDefect};
+use super::{Control, FitNote, MirrorDefect, ReversalDefect};
 use crate::error::Error;
 use crate::flow::{Pairs, PolynomialOnSection, Symmetries, SymplecticPolynomial, TwoFits};
 use crate::network::Rollout;
@@ -221,6 +221,8 @@ impl PolynomialFit {
         notes.extend(
             ReversalDefect::of_model(&canonical, &fits, reversor, true).map(FitNote::Reversal),
         );
+        let mirror = MirrorDefect::worth_saying(&canonical, &fits, &self.symmetries.mirrored);
+        notes.extend(mirror.map(FitNote::Mirror));
         Ok(notes)
     }
 }

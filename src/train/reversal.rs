@@ -1,10 +1,15 @@
-//! Whether pairs are those of a reversible map.
+//! Whether pairs are those of a map with a symmetry: reversible, or mirrored.
 
 use crate::flow::{Pairs, TwoFits};
 use crate::layer::Reversor;
 use crate::network::{Architecture, Structure};
 use crate::scalar::median_or_nan;
 use std::fmt;
+
+/// A defect is seen if it is this many times the difference of two fits.
+const ABOVE: f64 = 5.0;
+/// Fits that differ by more than this know too little to recommend anything.
+const KNOWN: f64 = 1e-3;
 
 /// How far pairs (z, w) are from those of a reversible map F, F(Sw) = Sz, measured by polynomial maps that are fitted
 /// to them.
@@ -19,50 +24,22 @@ pub struct ReversalDefect {
 }
 
 impl ReversalDefect {
-    /// A defect is seen if it is this many times the difference of two fits.
-    const ABOVE: f64 = 5.0;
-    /// Fits that differ by more than this know too little to recommend anything.
-    const KNOWN: f64 = 1e-3;
-    /// The smallest number of mirrored points that have to lie where the pairs are.
-    const POINTS: usize = 64;
-
     /// The defect of pairs of one map, by fits to them. None where too few mirrored points are in
     /// their box.
     pub fn of(pairs: &Pairs, fits: &TwoFits, reversor: Reversor) -> Option<Self> {
-        const SAMPLE: usize = 1024;
-        let dim = 2 * pairs.dof();
-        let sample = pairs.thinned(SAMPLE);
-        let [best, other] = fits.maps();
-        let distance = |a: &[f64], b: &[f64]| {
-            a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
-        };
-        let (mut defects, mut differences, mut squares) = (Vec::new(), Vec::new(), 0.0);
-        for (z, w) in sample.input().chunks_exact(dim).zip(sample.output().chunks_exact(dim)) {
-            squares += distance(z, w).powi(2);
+        let backwards = |z: &[f64], w: &[f64]| {
             let [mut start, mut end] = [w, z].map(<[f64]>::to_vec);
             reversor.apply(&mut start);
             reversor.apply(&mut end);
-            if !best.is_inside(&start) {
-                continue;
-            }
-            let [mut one, mut two] = [start.clone(), start];
-            best.step(&mut one);
-            other.step(&mut two);
-            defects.push(distance(&one, &end));
-            differences.push(distance(&one, &two));
-        }
-        if defects.len() < Self::POINTS {
-            return None;
-        }
-        let motion = (squares / sample.len() as f64).sqrt();
-        let [median, resolution] =
-            [defects, differences].map(|of: Vec<f64>| median_or_nan(of) / motion);
+            [start, end]
+        };
+        let [median, resolution] = off(pairs, fits, backwards)?;
         Some(Self { reversor, median, resolution })
     }
 
     /// Whether the pairs are visibly not those of a map that is reversible by S. A NaN counts as visible.
     pub fn is_seen(&self) -> bool {
-        !(self.median <= Self::ABOVE * self.resolution)
+        !(self.median <= ABOVE * self.resolution)
     }
 
     /// A defect worth reporting for a network of this architecture, if any: either its reversor is not that of the
@@ -90,7 +67,7 @@ impl ReversalDefect {
         if !could_have {
             return None;
         }
-        let is_theirs = |of: &Self| !of.is_seen() && of.resolution <= Self::KNOWN;
+        let is_theirs = |of: &Self| !of.is_seen() && of.resolution <= KNOWN;
         Reversor::ALL.into_iter().filter_map(|s| Self::of(pairs, fits, s)).find(is_theirs)
     }
 }
@@ -118,4 +95,111 @@ impl fmt::Display for ReversalDefect {
             ),
         }
     }
+}
+
+/// How far pairs (z, w) are from those of a map F that commutes with the reflection M of some planes, F(Mz) = Mw,
+/// measured by polynomial maps that are fitted to them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MirrorDefect {
+    /// The reflected planes, from 1 to n.
+    pub planes: Vec<usize>,
+    /// The median of |F(Mz) − Mw| over pairs, in units of the root mean square motion |w − z|.
+    pub median: f64,
+    /// The same for the difference of two fits at Mz: a smaller defect is not resolved.
+    pub resolution: f64,
+}
+
+impl MirrorDefect {
+    /// The defect of pairs of one map, by fits to them; planes are from 1 to n. None where too few mirrored points are in
+    /// their box.
+    pub(super) fn of(pairs: &Pairs, fits: &TwoFits, planes: &[usize]) -> Option<Self> {
+        let dof = pairs.dof();
+        let mirrored = |z: &[f64]| {
+            let mut out = z.to_vec();
+            for plane in planes {
+                for k in [plane - 1, dof + plane - 1] {
+                    out[k] = -out[k];
+                }
+            }
+            out
+        };
+        let [median, resolution] = off(pairs, fits, |z, w| [mirrored(z), mirrored(w)])?;
+        Some(Self { planes: planes.to_vec(), median, resolution })
+    }
+
+    /// Whether the pairs are visibly not those of a map that commutes with M. A NaN counts as visible.
+    pub fn is_seen(&self) -> bool {
+        !(self.median <= ABOVE * self.resolution)
+    }
+
+    /// A defect worth reporting: of the planes that are claimed, or, where none is, a plane of several that could be.
+    pub(super) fn worth_saying(pairs: &Pairs, fits: &TwoFits, claimed: &[usize]) -> Option<Self> {
+        if !claimed.is_empty() {
+            return Self::of(pairs, fits, claimed).filter(Self::is_seen);
+        }
+        let is_theirs = |of: &Self| !of.is_seen() && of.resolution <= KNOWN;
+        let planes = (1..=pairs.dof()).filter(|_| pairs.dof() > 1);
+        planes.filter_map(|plane| Self::of(pairs, fits, &[plane])).find(is_theirs)
+    }
+}
+
+impl fmt::Display for MirrorDefect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { planes, median, resolution } = self;
+        let names: Vec<String> = planes.iter().map(|j| format!("(q{j}, p{j})")).collect();
+        let names = names.join(", ");
+        match self.is_seen() {
+            true => write!(
+                f,
+                "These pairs are of no map that commutes with the reflection of {names}: reflected, they are off by \
+                 {median:.1e} of the motion in the median, as a polynomial map fitted to them has it; two such fits \
+                 differ by {resolution:.1e}. What is fitted to them commutes with it all the same: are these the right \
+                 planes?"
+            ),
+            false => write!(
+                f,
+                "These pairs are of a map that commutes with the reflection of {names}, to within {:.1e} of the motion. \
+                 A polynomial with this plane mirrored (`mirrored`: {}) does so exactly, with about half the \
+                 coefficients",
+                median.max(*resolution),
+                planes.iter().map(usize::to_string).collect::<Vec<_>>().join(",")
+            ),
+        }
+    }
+}
+
+/// The median distance of images of a fit from where a symmetry expects them, and of those of two fits from each other,
+/// in units of the root mean square motion. `expected` gives a point and its image from a pair. None where too few such
+/// points are in the box of the pairs.
+fn off(
+    pairs: &Pairs,
+    fits: &TwoFits,
+    expected: impl Fn(&[f64], &[f64]) -> [Vec<f64>; 2],
+) -> Option<[f64; 2]> {
+    const SAMPLE: usize = 1024;
+    /// The smallest number of such points.
+    const POINTS: usize = 64;
+    let dim = 2 * pairs.dof();
+    let sample = pairs.thinned(SAMPLE);
+    let [best, other] = fits.maps();
+    let distance =
+        |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
+    let (mut defects, mut differences, mut squares) = (Vec::new(), Vec::new(), 0.0);
+    for (z, w) in sample.input().chunks_exact(dim).zip(sample.output().chunks_exact(dim)) {
+        squares += distance(z, w).powi(2);
+        let [start, end] = expected(z, w);
+        if !best.is_inside(&start) {
+            continue;
+        }
+        let [mut one, mut two] = [start.clone(), start];
+        best.step(&mut one);
+        other.step(&mut two);
+        defects.push(distance(&one, &end));
+        differences.push(distance(&one, &two));
+    }
+    if defects.len() < POINTS {
+        return None;
+    }
+    let motion = (squares / sample.len() as f64).sqrt();
+    Some([defects, differences].map(|of: Vec<f64>| median_or_nan(of) / motion))
 }

@@ -306,8 +306,28 @@ fn a_density_may_depend_on_controls() {
         let last = &found.values()[3 * 40..];
         last.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
     };
+    // Without values a model is asked in the middle of the ranges, in the chart there.
+    let stored = load_model(&folder.join("model.json")).expect("a model");
+    let request = gyroceptron::network::Rollout { steps: 2, every: 1 };
+    let middle = stored.at_controls(&[0.0]).expect("one control");
+    assert_eq!(
+        stored.rollout(&start, request).expect("states"),
+        middle.rollout(&start, request).expect("states")
+    );
     let [own, other] = ["model.json", "one.json"].map(error_of);
     assert!(own < 1e-5 && other > 100.0 * own, "{own:e} {other:e}");
+
+    // The degree is that of the changes, not of the density between them, which is 1 here.
+    let waves = |control: f64| -> Vec<f64> {
+        let row = |_: &f64| axis.iter().map(move |x| 1.0 + 0.1 * control * (4.0 * x).cos());
+        axis.iter().flat_map(row).collect()
+    };
+    write("waves.npz", &[waves(-1.0), waves(1.0)].concat(), &[&[-1.0], &[1.0]]);
+    let read = read_section(&folder.join("waves.npz")).expect("read");
+    let there = read.at(&[0.5]).expect("one control").planes()[0].clone().expect("a chart");
+    let expected = 1.0 + 0.05 * 1.2_f64.cos();
+    assert!(read.error() < 1e-3, "{}", read.error());
+    assert!((there.density(0.3, 0.8) - expected).abs() < 2.0 * read.error(), "{}", read.error());
 
     // What is wrong with a file of several densities is said.
     let with =
@@ -323,11 +343,17 @@ fn a_density_may_depend_on_controls() {
     let mut bad = table.clone();
     bad[17 * 17 + 3] = -1.0;
     write("bad.npz", &bad, &[&[1.0], &[-0.2], &[0.6]]);
-    refuses(folder, &with("bad.npz"), &["bad.npz", "(-0.625, -1)", "of grid 1", "positive"]);
+    refuses(
+        folder,
+        &with("bad.npz"),
+        &["bad.npz", "(-0.625, -1)", "of grid 1 (counted from 0)", "positive"],
+    );
     // A density of other pairs, which have no controls.
     let plain = Pairs::new("turns", 1, inputs[2].clone(), turns(0.0, &inputs[2])).expect("pairs");
     write_pairs(&folder.join("pairs.npz"), &plain).expect("written");
     let words = train(&["--section", "section.npz", "--output", "no.json"]);
     refuses(folder, &words, &["controls of a section", "1", "0"]);
+    let none: [&[f64]; 1] = [&[]];
+    assert!(write_section(&folder.join("no.npz"), &axis, &axis, &grid(0.0), 1.0, &none).is_err());
     assert!(!folder.join("no.json").exists());
 }

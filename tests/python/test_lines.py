@@ -76,8 +76,14 @@ def test_the_flux_within_a_curve(tmp_path):
     expected = np.pi / 4 * (1.6 + 0.2 / 16)
     assert circle.flux(tmp_path / "rho.npz") == pytest.approx(expected, rel=1e-12)
     np.savez(tmp_path / "both.npz", x=x, y=y, density=[density, 2 * density], **{"lambda": [0.0, 1.0]})
-    with pytest.raises(gyroceptron.Error, match="controls"):
-        circle.flux(tmp_path / "both.npz")
+    assert circle.flux(tmp_path / "both.npz", [0.5]) == pytest.approx(1.5 * expected, rel=1e-12)
+    for section, controls in [("both.npz", None), ("both.npz", [0.5, 1.0]), ("rho.npz", [0.5])]:
+        with pytest.raises(gyroceptron.Error, match="controls"):
+            circle.flux(tmp_path / section, controls)
+    none = {"density": np.zeros((0, 17, 17)), "lambda": np.zeros((0, 2**50))}
+    np.savez(tmp_path / "none.npz", x=x, y=y, **none)
+    with pytest.raises(gyroceptron.Error, match="lambda: controls"):
+        circle.flux(tmp_path / "none.npz", [0.5])
     lines = gyroceptron.FieldLines(reach=0.05, error=1e-7)
     assert lines.density(lines.starts(3)).shape == (3,)
     assert lines.density(lines.axis) > 0.1

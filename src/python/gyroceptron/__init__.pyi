@@ -234,7 +234,9 @@ class InvariantCircle:
     @property
     def area(self) -> float:
         """The area inside the curve, with the sign of its direction."""
-    def flux(self, section: str | PathLike[str]) -> float:
+    def flux(
+        self, section: str | PathLike[str], controls: Sequence[float] | None = None
+    ) -> float:
         """The integral of rho over the inside, of a file of rho; of R, Z and B_phi in tesla the toroidal flux in webers."""
     def points(self, count: int) -> NDArray[np.float64]:
         """`count` points of the curve at equal distances of the angle: (count, 2)."""
@@ -247,7 +249,7 @@ class SymplecticPolynomial:
     Without a degree it is raised until the error on held-out pairs, a share `validation` of all, falls no more by a tenth.
     With reversor, the reflection of "positions" or "momenta" turns it into its inverse; with mirrored, it commutes with
     the reflection of these planes, 1 being that of q1 and p1. section is a file of the density of the area form, as for
-    train.
+    train, without controls.
     """
 
     def __init__(

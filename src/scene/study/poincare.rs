@@ -872,14 +872,13 @@ impl Results<'_> {
                 )
             }
         };
-        let within = self.judge.flux.iter().flatten().copied().filter(|flux| flux.is_finite());
-        // no NaN: filtered
-        let flux = match within.reduce(f64::max) {
+        // no NaN: a flux is finite
+        let flux = match self.judge.flux.iter().flatten().copied().reduce(f64::max) {
             None => String::new(),
             Some(flux) => format!(
                 " The toroidal flux within the widest of these curves is {flux:.6} Wb; flux off by: the largest \
-                 difference of the flux within curves through the points of a method, as a share, none where one of \
-                 its lines is on no smooth curve."
+                 difference of the flux within curves through the points of a method, as a share; not measured of \
+                 tracing, and empty where a line of the method is on no smooth curve."
             ),
         };
         let lost = match self.lines.lost.len() {

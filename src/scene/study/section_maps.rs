@@ -190,7 +190,8 @@ pub(super) struct Judged {
     /// Number of maps, and the largest distance from the curve of each line; none of a line that is on no smooth one.
     pub(super) off: Vec<OffCurves>,
     /// The largest difference of the flux within a curve of its own from that within the curve of the reference, as a
-    /// share of the latter; none where no line of the reference is on a smooth curve, NaN where one of the map's is not.
+    /// share of the latter; none of tracing and where no line of the reference is on a smooth curve, NaN where one of the
+    /// map's is on none or leaves the box of the density.
     pub(super) flux: Option<f64>,
     /// The rotation of each line of the profile, in turns a map, and its error.
     pub(super) rotation: Vec<RotationTurns>,
@@ -280,9 +281,9 @@ impl Judge<'_> {
         Ok(off.reduce(max_or_nan))
     }
 
-    /// The flux within a curve, in webers.
+    /// The flux within a curve, in webers; none of one that leaves the box of the density.
     pub(super) fn flux_in(&self, curve: &InvariantCircle) -> Option<f64> {
-        Some(curve.flux(self.density?).abs())
+        Some(curve.flux(self.density?).abs()).filter(|flux| flux.is_finite())
     }
 
     /// The smooth curve that each line is on; none of a line that is on no such one.
