@@ -216,7 +216,7 @@ fn planes_of_mirrors_are_recommended_and_wrong_ones_said() {
             (z[j], z[2 + j]) = (c * z[j] + s * z[2 + j], c * z[2 + j] - s * z[j]);
         }
     };
-    let pairs = || pairs_of(2, 1500, sextupole);
+    let pairs = || pairs_of(2, 600, sextupole);
     let of = |mirrored: Vec<usize>| {
         let symmetries = Symmetries { reversor: None, mirrored };
         run(&PolynomialFit { degree: Some(4), symmetries, ..PolynomialFit::default() }, pairs())
