@@ -21,7 +21,7 @@ const ADAPTORS: [&str; 10] = [
     "TwistPart",
     "&M",
 ];
-/// Of symplectic polynomials, which the law `fitted` runs with their inverses, as `PolynomialAndInverse`, and its mirror.
+/// Of symplectic polynomials, which the law `fitted` runs with their inverses, as `PolynomialAndInverse`, and a mirror.
 const FITTED: [&str; 2] = ["SymplecticPolynomial", "Mirror"];
 /// The number types that a law runs on, or a test of `tests/` covers.
 const NUMBERS: [(&str, &str); 11] = [

@@ -478,8 +478,8 @@ pub struct Fit {
     /// the coefficients. So does the map of a ring without skew fields, with its vertical plane.
     #[arg(long, value_name = "PLANE,…", value_delimiter = ',', allow_negative_numbers = true)]
     pub mirrored: Vec<i64>,
-    /// Of pairs of one degree of freedom whose columns x, y have the area form ρ dx∧dy: the file of ρ, as for `train`, without
-    /// controls.
+    /// Of pairs of one degree of freedom whose columns x, y have the area form ρ dx∧dy: the file of ρ, as for
+    /// `train`, without controls.
     #[arg(long, value_name = "FILE.npz")]
     pub section: Option<PathBuf>,
     /// The share of the pairs to hold out.

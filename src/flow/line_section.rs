@@ -185,8 +185,8 @@ impl LineSection {
         starts(self.axis, self.request.reach, lines)
     }
 
-    /// The canonical chart of a box slightly wider than these points, for the area density ρ = |B_φ| in tesla: x = R, y =
-    /// Z. Its scale is the value on the axis.
+    /// The canonical chart of a box slightly wider than these points, for the area density ρ = |B_φ| in tesla: x = R,
+    /// y = Z. Its scale is the value on the axis.
     ///
     /// # Errors
     /// Those of [`AreaDensity::of_function`]: where B_φ vanishes in the box.

@@ -133,8 +133,8 @@ impl InvariantCircle {
     }
 
     /// ∫∫ρ dx dy within the curve, with the sign of its direction, by the trapezoidal rule for ∮(∫ρ dx) dy, whose error
-    /// falls faster than any power of the number of points; NaN where the curve leaves the box of the density. With R, Z
-    /// and ρ = B_φ in tesla it is the toroidal flux within a magnetic surface, in webers.
+    /// falls faster than any power of the number of points; NaN where the curve leaves the box of the density. With R,
+    /// Z and ρ = B_φ in tesla it is the toroidal flux within a magnetic surface, in webers.
     pub fn flux(&self, density: &AreaDensity) -> f64 {
         let count = 8 * self.modes() + 8;
         let of = |k: usize| {

@@ -202,8 +202,8 @@ impl AreaDensity {
 
     /// The chart for densities on a grid at several values of controls, on which they depend linearly: the density at
     /// `origin` and its changes, by least squares at each node, with the degree that [`AreaDensity::of_grid`] finds for
-    /// the worst of the grids. `values` has the grid of one row of `controls` after another. The error is the largest on
-    /// any of them.
+    /// the worst of the grids. `values` has the grid of one row of `controls` after another. The error is the largest
+    /// on any of them.
     ///
     /// # Errors
     /// Those of [`AreaDensity::of_grid`]; when the rows of `controls` are not as long as `origin`, or too few or too

@@ -26,8 +26,8 @@ use std::path::PathBuf;
 /// With `reversor`, "positions" or "momenta", it is also conjugated to its inverse by the reflection of these, and has
 /// about half the parameters. So it has with `mirrored`, the planes, from 1 to n, whose reflection (q, p) -> (-q, -p),
 /// of all of them together, commutes with the map; the vertical plane of a ring without skew fields is one. `section`
-/// is that of `train`, a file of the density of the area form, without controls; reflections are then those of the canonical coordinates,
-/// of which q is y.
+/// is that of `train`, a file of the density of the area form, without controls; reflections are then those of the
+/// canonical coordinates, of which q is y.
 ///
 /// Warns (UserWarning) where the pairs are of no symplectic map, or of another symmetry. Raises Error when the pairs
 /// are too few for the degree, of other shapes, or of a map whose linear part is not near a symplectic one, and when

@@ -110,8 +110,8 @@ pub struct MirrorDefect {
 }
 
 impl MirrorDefect {
-    /// The defect of pairs of one map, by fits to them; planes are from 1 to n. None where too few mirrored points are in
-    /// their box.
+    /// The defect of pairs of one map, by fits to them; planes are from 1 to n. None where too few mirrored points are
+    /// in their box.
     pub(super) fn of(pairs: &Pairs, fits: &TwoFits, planes: &[usize]) -> Option<Self> {
         let dof = pairs.dof();
         let mirrored = |z: &[f64]| {

@@ -190,8 +190,8 @@ pub(super) struct Judged {
     /// Number of maps, and the largest distance from the curve of each line; none of a line that is on no smooth one.
     pub(super) off: Vec<OffCurves>,
     /// The largest difference of the flux within a curve of its own from that within the curve of the reference, as a
-    /// share of the latter; none of tracing and where no line of the reference is on a smooth curve, NaN where one of the
-    /// map's is on none or leaves the box of the density.
+    /// share of the latter; none of tracing and where no line of the reference is on a smooth curve, NaN where one of
+    /// the map's is on none or leaves the box of the density.
     pub(super) flux: Option<f64>,
     /// The rotation of each line of the profile, in turns a map, and its error.
     pub(super) rotation: Vec<RotationTurns>,
