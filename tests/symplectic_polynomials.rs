@@ -7,6 +7,7 @@ use gyroceptron::measure::certificate::{
     CertificateOptions, Verdict, certify_map, certify_polynomial,
 };
 use gyroceptron::measure::{Coordinate, OneStep, WithDomain};
+use gyroceptron::network::Rollout;
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Over, Scalar, max_or_nan};
@@ -202,6 +203,35 @@ fn pairs_of_no_symplectic_map_are_said() {
     assert!(said(pairs_of(1, 800, kicked), of(Reversor::Momenta)).is_empty());
     let notes = said(pairs_of(1, 800, kicked), of(Reversor::Positions));
     assert!(notes.len() == 1 && notes[0].contains("right reflection"), "{notes:?}");
+}
+
+/// Few pairs of a map that is far from all with the reversor: those that count need an iteration less than points among
+/// them, where the step would not be symplectic.
+#[test]
+fn points_among_the_pairs_need_iterations_too() {
+    let mut stream = Stream::new(119, "pairs 0");
+    let (sin, cos) = stream.uniform(0.3, 1.4).sin_cos();
+    let [along, kick, _] = [0; 3].map(|_| stream.uniform(-1.0, 1.0));
+    let input: Vec<f64> = (0..720).map(|_| stream.uniform(-1.0, 1.0)).collect();
+    let mut output = input.clone();
+    for z in output.chunks_exact_mut(2) {
+        z[1] -= 0.3 * ((along * z[0]).powi(2) * along + kick);
+        (z[0], z[1]) = (cos * z[0] + sin * z[1], cos * z[1] - sin * z[0]);
+    }
+    let pairs = Pairs::new("pairs", 1, input, output).expect("pairs");
+    let symmetries = Symmetries { reversor: Some(Reversor::Momenta), mirrored: Vec::new() };
+    let map = SymplecticPolynomial::fit_symmetric(&pairs, 9, &symmetries).expect("a map");
+    let mut fewer = serde_json::to_value(&map).expect("JSON");
+    fewer["forward"]["iterations"] = (map.iterations() - 1).into();
+    let fewer: SymplecticPolynomial = serde_json::from_value(fewer).expect("a polynomial");
+    let starts = map.sample(512, &mut Stream::new(7, "samples")).expect("points");
+    let request = Rollout { steps: 1, every: 1 };
+    let [whole, less] = [&map, &fewer].map(|map| map.rollout(&starts, request).expect("states"));
+    let missed = whole.iter().zip(&less).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+    assert!(missed > 1e-12, "{missed:e}");
+    let options = CertificateOptions { samples: 200, ..CertificateOptions::default() };
+    let certificate = certify_polynomial(&map, options).expect("points");
+    assert!(certificate.holds(), "{}", certificate.summary());
 }
 
 /// A kick by x³/3 − xy² commutes with the reflection of the second plane, and not with that of the first.
